@@ -1,0 +1,131 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Back-projection and labels of depth images, measured or rendered."""
+
+import warp as wp
+
+from warpvis.kernels.pinhole import PinholeCamera, Window, back_project_pixel
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+EMPTY = wp.constant(wp.uint8(0))
+GROUND = wp.constant(wp.uint8(1))
+OBSTACLE = wp.constant(wp.uint8(2))
+
+
+@wp.struct
+class Spheres:
+    """Objects as the paper gives them: a centre and a size each, and the label of what they are."""
+
+    center: wp.array[wp.vec3]
+    size: wp.array[float]
+    label: wp.array[wp.uint8]
+
+
+@wp.struct
+class Ground:
+    """The floor: a height range along the world's vertical axis."""
+
+    up: int
+    height: float
+    sigma: float
+
+
+@wp.func
+def nearest_sphere(spheres: Spheres, point: wp.vec3) -> int:
+    """Index of the sphere that holds the point, by ``||C_obj - P|| < size/2``; the deepest of several; -1 of none."""
+    best = int(-1)
+    best_ratio = float(1.0)
+    for i in range(spheres.center.shape[0]):
+        ratio = wp.length(point - spheres.center[i]) / (0.5 * spheres.size[i])
+        if ratio < best_ratio:
+            best_ratio = ratio
+            best = i
+    return best
+
+
+@wp.func
+def has_depth(depth: float, max_range: float) -> bool:
+    """False for all ways to say "nothing measured": NaN, infinities, zero, beyond the maximum range."""
+    return wp.isfinite(depth) and depth > 0.0 and depth <= max_range
+
+
+@wp.kernel
+def back_project(
+    # Cameras:
+    camera: PinholeCamera,
+    camera_to_world: wp.array[wp.transform],
+    window: Window,
+    # In:
+    depth_in: wp.array3d[float],
+    # Out:
+    points_out: wp.array3d[wp.vec3],
+):
+    """World points of depth images, equations (3) to (6)."""
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+    points_out[view, y, x] = back_project_pixel(camera, camera_to_world[view], y, x, depth_in[view, y, x])
+
+
+@wp.kernel
+def classify_depth(
+    # Cameras:
+    camera: PinholeCamera,
+    camera_to_world: wp.array[wp.transform],
+    window: Window,
+    # In:
+    depth_in: wp.array3d[float],
+    max_range: float,
+    ground: Ground,
+    spheres: Spheres,
+    # Out:
+    labels_out: wp.array3d[wp.uint8],
+    spheres_out: wp.array3d[wp.int32],
+):
+    """The paper's cases for every pixel: empty, ground, part of an object; and an obstacle where it is none of these."""
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+
+    depth = depth_in[view, y, x]
+    label = EMPTY
+    sphere = int(-1)
+    if has_depth(depth, max_range):
+        point = back_project_pixel(camera, camera_to_world[view], y, x, depth)
+        if point[ground.up] - ground.height < ground.sigma:
+            label = GROUND
+        else:
+            label = OBSTACLE
+            sphere = nearest_sphere(spheres, point)
+            if sphere >= 0:
+                label = spheres.label[sphere]
+
+    labels_out[view, y, x] = label
+    if spheres_out:
+        spheres_out[view, y, x] = sphere
+
+
+@wp.kernel
+def label_objects(
+    # Scene:
+    object_label: wp.array[wp.uint8],
+    # Cameras:
+    window: Window,
+    # In:
+    depth_in: wp.array3d[float],
+    objects_in: wp.array3d[wp.int32],
+    max_range: float,
+    # Out:
+    labels_out: wp.array3d[wp.uint8],
+):
+    """Labels of rendered images, whose every pixel knows its object; an index of no object is empty."""
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+
+    index = objects_in[view, y, x]
+    label = EMPTY
+    if has_depth(depth_in[view, y, x], max_range) and index >= 0 and index < object_label.shape[0]:
+        label = object_label[index]
+    labels_out[view, y, x] = label

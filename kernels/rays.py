@@ -1,0 +1,107 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The ``rays`` caster: one thread a pixel, one ``wp.mesh_query_ray`` a thread; the reference on both devices.
+
+The tree only finds the triangle. Its depth comes from the triangle's plane in double precision, because single
+precision loses up to a millimetre where a large triangle is seen at a grazing angle.
+"""
+
+import warp as wp
+
+from warpvis.kernels.pinhole import PinholeCamera, Window, pixel_ray, pose_origin, pose_rotation
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+
+@wp.struct
+class TriangleScene:
+    """All triangles of a scene in the world frame, and what each belongs to."""
+
+    mesh: wp.uint64
+    triangle_object: wp.array[wp.int32]
+    object_label: wp.array[wp.uint8]
+
+
+@wp.func
+def corner(mesh: wp.uint64, triangle: int, k: int) -> wp.vec3d:
+    return wp.vec3d(wp.mesh_get_point(mesh, triangle * 3 + k))
+
+
+@wp.func
+def plane_depth(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, direction: wp.vec3d, forward: wp.vec3d) -> wp.float64:
+    """Depth at which a ray from the origin meets a triangle that it is known to hit.
+
+    A point of a triangle is nowhere nearer than its nearest corner or farther than its farthest: the bound keeps the
+    quotient sane where the triangle is seen edge-on.
+    """
+    normal = wp.cross(b - a, c - a)
+    za, zb, zc = wp.dot(a, forward), wp.dot(b, forward), wp.dot(c, forward)
+    nearest = wp.min(za, wp.min(zb, zc))
+    farthest = wp.max(za, wp.max(zb, zc))
+    steepness = wp.dot(normal, direction)
+    if steepness == wp.float64(0.0):
+        return nearest
+    return wp.clamp(wp.dot(normal, a) / steepness, nearest, farthest)
+
+
+@wp.kernel
+def cast_rays(
+    # Scene:
+    scene: TriangleScene,
+    # Cameras:
+    camera: PinholeCamera,
+    camera_to_world: wp.array[wp.transform],
+    window: Window,
+    # Out:
+    depth_out: wp.array3d[float],
+    points_out: wp.array3d[wp.vec3],
+    normals_out: wp.array3d[wp.vec3],
+    labels_out: wp.array3d[wp.uint8],
+    objects_out: wp.array3d[wp.int32],
+):
+    """Write the asked-for images (an output that is None is skipped) of every view."""
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+
+    pose = camera_to_world[view]
+    origin = pose_origin(pose)
+    rotation = pose_rotation(pose)
+    direction = wp.quat_rotate(rotation, pixel_ray(camera, y, x))
+    forward = wp.quat_rotate(rotation, wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0)))
+
+    depth = wp.inf
+    point = wp.vec3(wp.nan, wp.nan, wp.nan)
+    normal = wp.vec3(wp.nan, wp.nan, wp.nan)
+    index = int(-1)
+    label = wp.uint8(0)
+
+    # A whole-range query: what lies beyond `far` is sorted out below, by the exact depth.
+    hit = wp.mesh_query_ray(scene.mesh, wp.vec3(origin), wp.vec3(direction), 3.0e38)
+    if hit.result:
+        a = corner(scene.mesh, hit.face, 0) - origin
+        b = corner(scene.mesh, hit.face, 1) - origin
+        c = corner(scene.mesh, hit.face, 2) - origin
+        z = plane_depth(a, b, c, direction, forward)
+        if z < camera.near:
+            depth = -wp.inf
+        elif z <= camera.far:
+            depth = float(z)
+            point = wp.vec3(origin + z * direction)
+            facing = wp.cross(b - a, c - a)
+            if wp.dot(facing, direction) > wp.float64(0.0):
+                facing = -facing
+            normal = wp.vec3(wp.normalize(facing))
+            index = scene.triangle_object[hit.face]
+            label = scene.object_label[index]
+
+    if depth_out:
+        depth_out[view, y, x] = depth
+    if points_out:
+        points_out[view, y, x] = point
+    if normals_out:
+        normals_out[view, y, x] = normal
+    if labels_out:
+        labels_out[view, y, x] = label
+    if objects_out:
+        objects_out[view, y, x] = index

@@ -1,0 +1,142 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The paper's four experiments: what a robot's depth camera sees past a low and a high obstacle.
+
+The robot's camera is higher than the low obstacle and lower than the high one. The floor is 4.0 m x 4.0 m.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.camera import Camera
+from warpvis.classification import Sphere
+from warpvis.labels import Label
+from warpvis.pose import look_at
+from warpvis.scene import Scene
+from warpvis.scenes import shapes
+from warpvis.scenes.preset import ScenePreset
+
+FLOOR_SIZE = 4.0
+ROBOT_AT = (-1.8, 0.0)
+ROBOT_RADIUS = 0.2
+CAMERA_HEIGHT = 0.7
+CAMERA_PITCH = np.radians(10.0)
+LOW_OBSTACLE = (0.2, 0.8, 0.35)
+HIGH_OBSTACLE = (0.2, 0.8, 1.4)
+BALL_DIAMETER = 0.2
+PERSON_HEIGHT = 1.7
+
+# The test ||C_obj - P|| < size/2 is strict and a ball's points lie on its surface: sizes are given with a margin.
+_SIZE_MARGIN = 1.1
+
+
+@dataclass(frozen=True)
+class Experiment(ScenePreset):
+    """One experiment and what it has to show."""
+
+    shows: str = ""
+    """What it demonstrates."""
+    visible: tuple[bool, bool] = (True, True)
+    """Whether the camera sees the ball and the person."""
+    plan_visible: tuple[bool, bool] = (True, True)
+    """Whether a 2D line of sight on the floor plan says so."""
+    spheres: tuple[Sphere, ...] = ()
+    """The ball and the person as the paper's test takes them."""
+
+
+def _camera_pose(count: int) -> NDArray[np.float64]:
+    eye = np.array([ROBOT_AT[0] + 0.03, ROBOT_AT[1], CAMERA_HEIGHT])
+    pose = look_at(eye, eye + [np.cos(CAMERA_PITCH), 0.0, -np.sin(CAMERA_PITCH)])
+    return np.tile(pose, (count, 1))
+
+
+def _experiment(
+    number: int,
+    title: str,
+    shows: str,
+    *,
+    low: tuple[float, float],
+    high: tuple[float, float],
+    ball: tuple[float, float],
+    person: tuple[float, float],
+    visible: tuple[bool, bool],
+    plan_visible: tuple[bool, bool],
+) -> Experiment:
+    def add_objects(scene: Scene) -> None:
+        scene.add(shapes.floor(FLOOR_SIZE, FLOOR_SIZE), name="floor", label=Label.GROUND)
+        scene.add(shapes.standing_box(LOW_OBSTACLE, *low), name="low obstacle", label=Label.OBSTACLE)
+        scene.add(shapes.standing_box(HIGH_OBSTACLE, *high), name="high obstacle", label=Label.OBSTACLE)
+        scene.add(shapes.ball(BALL_DIAMETER, *ball), name="ball", label=Label.OBJECT)
+        scene.add(shapes.person(PERSON_HEIGHT, *person), name="person", label=Label.HUMAN)
+        scene.add(shapes.robot(CAMERA_HEIGHT, *ROBOT_AT), name="robot", label=Label.ROBOT)
+
+    size = _SIZE_MARGIN * BALL_DIAMETER
+    person_size = PERSON_HEIGHT / 3
+    spheres = (
+        Sphere((*ball, BALL_DIAMETER / 2), size, Label.OBJECT),
+        *(Sphere((*person, (i + 0.5) * person_size), _SIZE_MARGIN * person_size, Label.HUMAN) for i in range(3)),
+    )
+    return Experiment(
+        name=f"experiment_{number}",
+        title=title,
+        add_objects=add_objects,
+        camera=Camera.kinect(),
+        pose_rows=_camera_pose,
+        shows=shows,
+        visible=visible,
+        plan_visible=plan_visible,
+        spheres=spheres,
+    )
+
+
+EXPERIMENTS: tuple[Experiment, ...] = (
+    _experiment(
+        1,
+        "Nothing in the way",
+        "ball and person are both in plain view",
+        low=(-0.1, -1.0),
+        high=(0.2, 1.0),
+        ball=(0.3, 0.1),
+        person=(1.3, 0.35),
+        visible=(True, True),
+        plan_visible=(True, True),
+    ),
+    _experiment(
+        2,
+        "Occlusion",
+        "the high obstacle hides the ball",
+        low=(-0.1, -1.0),
+        high=(-0.2, 0.45),
+        ball=(0.5, 0.6),
+        person=(1.2, -0.45),
+        visible=(False, True),
+        plan_visible=(False, True),
+    ),
+    _experiment(
+        3,
+        "Seeing over an obstacle",
+        "the ball is seen over the low obstacle, though the floor plan hides it",
+        low=(-0.6, -0.4),
+        high=(-0.1, 0.55),
+        ball=(1.1, -0.8),
+        person=(0.8, 0.75),
+        visible=(True, False),
+        plan_visible=(False, False),
+    ),
+    _experiment(
+        4,
+        "Tall enough to be seen",
+        "the low obstacle hides the ball, but not the person behind it, nor its own top",
+        low=(0.1, -0.2),
+        high=(0.4, 0.9),
+        ball=(0.45, -0.2),
+        person=(1.3, -0.3),
+        visible=(False, True),
+        plan_visible=(False, False),
+    ),
+)
+"""The four experiments, in order."""

@@ -1,0 +1,224 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Pinhole cameras: intrinsics, image size and depth range."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+from warpvis.errors import CameraError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True)
+class Camera:
+    """An ideal pinhole camera with OpenCV axes: x right, y down, z forward.
+
+    Pixel ``(x, y)`` covers the square from ``(x, y)`` to ``(x + 1, y + 1)``; its ray goes through the centre at +0.5.
+    Depth is planar: the z coordinate in the camera frame, in metres.
+    """
+
+    width: int
+    """Image width [px]."""
+    height: int
+    """Image height [px]."""
+    fx: float
+    """Horizontal focal length [px]."""
+    fy: float
+    """Vertical focal length [px]."""
+    cx: float
+    """Principal point from the image's left edge [px]."""
+    cy: float
+    """Principal point from the image's top edge [px]."""
+    near: float = 0.0
+    """Least depth the camera measures [m]; what is nearer reads -inf and still occludes."""
+    far: float = math.inf
+    """Greatest depth the camera measures [m]; what is farther reads +inf."""
+
+    def __post_init__(self) -> None:
+        for name in ("width", "height"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or int(value) != value or value < 1:
+                raise CameraError(f"{name} must be a whole number of pixels from 1 up, got {value!r}")
+            object.__setattr__(self, name, int(value))
+        for name in ("fx", "fy", "cx", "cy", "near", "far"):
+            value = float(getattr(self, name))
+            if math.isnan(value) or (math.isinf(value) and name != "far"):
+                raise CameraError(f"{name} must be a finite number, got {value}")
+            object.__setattr__(self, name, value)
+        if self.fx <= 0 or self.fy <= 0:
+            raise CameraError(f"focal lengths must be positive, got fx={self.fx}, fy={self.fy}")
+        if self.near < 0 or self.far <= self.near:
+            raise CameraError(f"the depth range needs 0 <= near < far, got near={self.near}, far={self.far}")
+
+    @classmethod
+    def from_fov(
+        cls,
+        width: int,
+        height: int,
+        *,
+        hfov: float | None = None,
+        vfov: float | None = None,
+        near: float = 0.0,
+        far: float = math.inf,
+        vertical: Literal["square", "linear"] = "square",
+    ) -> Camera:
+        """Camera with its principal point in the image's centre.
+
+        Args:
+            width: Image width [px].
+            height: Image height [px].
+            hfov: Horizontal field of view [rad]. Give this or `vfov`.
+            vfov: Vertical field of view [rad].
+            near: Least depth [m].
+            far: Greatest depth [m].
+            vertical: ``"square"`` pixels have one focal length, ``tan(ay/2) = tan(ax/2) Iv/Iu``; ``"linear"`` takes
+                the paper's ``ay = ax Iv/Iu`` in equation (4), and needs `hfov`.
+
+        Raises:
+            CameraError: The field of view is missing, given twice, or outside (0, pi).
+        """
+        if (hfov is None) == (vfov is None):
+            raise CameraError("give either hfov or vfov, in radians")
+        if vertical not in ("square", "linear"):
+            raise CameraError(f'vertical must be "square" or "linear", got {vertical!r}')
+        if vertical == "linear" and hfov is None:
+            raise CameraError('vertical="linear" derives the vertical field of view, so give hfov')
+        _check_size(width, height)
+        size, name, fov = (width, "hfov", hfov) if hfov is not None else (height, "vfov", vfov)
+        focal = _focal_length(size, fov, name)
+        fy = focal if vertical == "square" else _focal_length(height, hfov * height / width, "vfov")
+        return cls(width, height, focal, fy, width / 2, height / 2, near, far)
+
+    @classmethod
+    def from_K(  # noqa: N802 - K is the field's name for the matrix
+        cls,
+        K: ArrayLike,  # noqa: N803
+        width: int,
+        height: int,
+        *,
+        pixel_center: float = 0.5,
+        near: float = 0.0,
+        far: float = math.inf,
+    ) -> Camera:
+        """Camera from an intrinsic matrix.
+
+        Args:
+            K: Intrinsics ``[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`` [px], shape ``(3, 3)``.
+            width: Image width [px].
+            height: Image height [px].
+            pixel_center: Coordinate of a pixel's centre in the convention `K` comes from: 0.5 where ``cx = width / 2``
+                is the middle (MuJoCo, COLMAP, nerfstudio, Open3D), 0.0 for OpenCV, ROS and BOP.
+            near: Least depth [m].
+            far: Greatest depth [m].
+
+        Raises:
+            CameraError: `K` has another shape, skew, or a last row other than 0 0 1.
+        """
+        import numpy as np
+
+        try:
+            matrix = np.asarray(K, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise CameraError(f"K must be a (3, 3) matrix of numbers, got {K!r}") from None
+        if matrix.shape != (3, 3):
+            raise CameraError(f"K must have shape (3, 3), got {matrix.shape}")
+        if np.any(matrix[[0, 1, 2, 2], [1, 0, 0, 1]] != 0) or matrix[2, 2] != 1:
+            raise CameraError(
+                f"K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] without skew, got {matrix.tolist()}; "
+                "undistort and rectify the image first"
+            )
+        shift = 0.5 - _check_pixel_center(pixel_center)
+        fx, fy, cx, cy = matrix[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
+        return cls(width, height, fx, fy, cx + shift, cy + shift, near, far)
+
+    @classmethod
+    def kinect(cls, *, vertical: Literal["square", "linear"] = "square") -> Camera:
+        """The paper's camera: a Kinect, 320x240, ``ax`` = 0.994837 rad (57 degrees), 0.3 to 4.5 m."""
+        return cls.from_fov(320, 240, hfov=0.994837, near=0.3, far=4.5, vertical=vertical)
+
+    def to_K(self, *, pixel_center: float = 0.5) -> NDArray[np.float64]:  # noqa: N802
+        """Intrinsic matrix, shape ``(3, 3)`` [px], for a convention of pixel centres (0.0: OpenCV, ROS, BOP)."""
+        import numpy as np
+
+        shift = _check_pixel_center(pixel_center) - 0.5
+        return np.array([[self.fx, 0, self.cx + shift], [0, self.fy, self.cy + shift], [0, 0, 1]])
+
+    @property
+    def hfov(self) -> float:
+        """Horizontal field of view [rad]."""
+        return math.atan2(self.cx, self.fx) + math.atan2(self.width - self.cx, self.fx)
+
+    @property
+    def vfov(self) -> float:
+        """Vertical field of view [rad]."""
+        return math.atan2(self.cy, self.fy) + math.atan2(self.height - self.cy, self.fy)
+
+    def project(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Image coordinates of camera-frame points.
+
+        Args:
+            points: Points in the camera frame [m], shape ``(..., 3)``.
+
+        Returns:
+            Coordinates ``(x, y)`` [px] from the image's top left corner, shape ``(..., 2)``; NaN where z <= 0.
+        """
+        import numpy as np
+
+        points = np.asarray(points, dtype=np.float64)
+        if points.shape[-1:] != (3,):
+            raise CameraError(f"points must have shape (..., 3), got {points.shape}")
+        z = np.where(points[..., 2] > 0, points[..., 2], np.nan)
+        return np.stack([self.fx * points[..., 0] / z + self.cx, self.fy * points[..., 1] / z + self.cy], axis=-1)
+
+    def back_project(self, pixels: ArrayLike, depth: ArrayLike) -> NDArray[np.float64]:
+        """Camera-frame points of image coordinates and their depth, equations (3) to (5).
+
+        Args:
+            pixels: Coordinates ``(x, y)`` [px], shape ``(..., 2)``; a pixel's centre is its index + 0.5.
+            depth: Planar depth [m], shape ``(...)``.
+
+        Returns:
+            Points [m], shape ``(..., 3)``.
+        """
+        import numpy as np
+
+        pixels, depth = np.asarray(pixels, dtype=np.float64), np.asarray(depth, dtype=np.float64)
+        if pixels.shape[-1:] != (2,):
+            raise CameraError(f"pixels must have shape (..., 2), got {pixels.shape}")
+        x = depth * (pixels[..., 0] - self.cx) / self.fx
+        y = depth * (pixels[..., 1] - self.cy) / self.fy
+        return np.stack(np.broadcast_arrays(x, y, depth), axis=-1)
+
+    def device_struct(self) -> Any:
+        """The camera as the kernels take it (a `warpvis.kernels.pinhole.PinholeCamera`)."""
+        from warpvis.kernels.pinhole import PinholeCamera
+
+        camera = PinholeCamera()
+        camera.fx, camera.fy, camera.cx, camera.cy = self.fx, self.fy, self.cx, self.cy
+        camera.near, camera.far = self.near, self.far
+        return camera
+
+
+def _check_size(width: int, height: int) -> None:
+    for name, value in (("width", width), ("height", height)):
+        if not value >= 1:
+            raise CameraError(f"{name} must be a whole number of pixels from 1 up, got {value!r}")
+
+
+def _focal_length(size: int, fov: float, name: str) -> float:
+    if not 0 < fov < math.pi:
+        hint = "; fields of view are in radians" if fov >= math.pi else ""
+        raise CameraError(f"{name} must be between 0 and pi radians, got {fov}{hint}")
+    return size / 2 / math.tan(fov / 2)
+
+
+def _check_pixel_center(pixel_center: float) -> float:
+    if pixel_center not in (0.0, 0.5):
+        raise CameraError(f"pixel_center must be 0.5 or 0.0, got {pixel_center!r}")
+    return pixel_center

@@ -1,0 +1,173 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The command line: ``warpvis demo``, ``warpvis render``, ``warpvis info``.
+
+Nothing heavy is imported until a command runs, so that ``--help`` answers at once.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from warpvis.errors import WarpvisError
+
+if TYPE_CHECKING:
+    from warpvis.renderer import Renderer
+
+_VIEWS_AT_A_TIME = 16
+
+
+@dataclass(frozen=True)
+class Demo:
+    """Run the paper's four experiments: a picture each, a table, and summary.json."""
+
+    out: Path = Path("demo")
+    """Folder for the pictures and summary.json."""
+    device: str = "cpu"
+    """Where to compute: cpu, cuda:0, ..."""
+
+    def run(self) -> None:
+        """Run the command."""
+        from warpvis.demo import run_demo
+
+        run_demo(self.out, device=self.device)
+
+
+@dataclass(frozen=True)
+class Render:
+    """Render depth images of a mesh file: OUT/depth.npz in metres, OUT/depth/*.png in millimetres (16 bit, 0: none)."""
+
+    file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE")]
+    """Mesh file: OBJ, STL, PLY, GLB, ..."""
+    poses: Path
+    """Camera poses, camera to world, a line each: timestamp tx ty tz qx qy qz qw (TUM)."""
+    out: Path
+    """Folder to write to."""
+    camera: str = "kinect"
+    """kinect, or a JSON file with width, height, hfov (radians) or K, near and far (metres)."""
+    convention: Literal["opencv", "opengl", "ros"] = "opencv"
+    """Axes of the camera frame of the poses."""
+    scale: float = 1.0
+    """Metres in a unit of the file (0.001 for millimetres)."""
+    up: Literal["z", "y"] = "z"
+    """The world's vertical axis."""
+    file_up: Literal["z", "y"] | None = None
+    """The file's vertical axis; y for glTF and the world's for other formats by default."""
+    device: str = "cpu"
+    """Where to compute: cpu, cuda:0, ..."""
+    quiet: bool = False
+    """No progress bar and no summary."""
+
+    def run(self) -> None:
+        """Run the command."""
+        from warpvis.camera import Camera
+        from warpvis.io.camera_files import load_camera
+        from warpvis.io.tum import read_poses
+        from warpvis.renderer import Renderer
+        from warpvis.scene import Scene
+
+        camera: Camera = load_camera(self.camera)
+        times, rows = read_poses(self.poses)
+        scene = Scene.load(self.file, device=self.device, up=self.up, file_up=self.file_up, scale=self.scale)
+        _make_folder(self.out / "depth")
+        renderer = Renderer(scene, camera, outputs=("depth",))
+        too_far = self._write(renderer, times, rows)
+        if too_far:
+            print(
+                f"warning: {too_far} pixels are farther than 65.535 m, which 16 bits of millimetres cannot hold: "
+                "they are 0 in the PNG files and right in depth.npz",
+                file=sys.stderr,
+            )
+        if not self.quiet:
+            print(f"{len(rows)} views of {scene!r}: {self.out / 'depth.npz'}, {self.out / 'depth'}/*.png")
+
+    def _write(self, renderer: Renderer, times: object, rows: object) -> int:
+        """Render and write all views, some at a time; the number of pixels that millimetres cannot hold."""
+        import numpy as np
+        from tqdm import tqdm
+
+        from warpvis.io.depth_files import DepthArchive, save_depth_png, too_far_for_millimetres
+        from warpvis.pose import poses_to_opencv
+
+        poses = poses_to_opencv(np.asarray(rows), self.convention, name=str(self.poses)).astype(np.float32)
+        camera = renderer.camera
+        beside = {"K": camera.to_K(), "camera_to_world": poses, "timestamp": np.asarray(times)}
+        too_far = 0
+        with (
+            DepthArchive(self.out / "depth.npz", (len(poses), camera.height, camera.width), **beside) as archive,
+            tqdm(total=len(poses), unit="view", disable=self.quiet or not sys.stderr.isatty()) as progress,
+        ):
+            for start in range(0, len(poses), _VIEWS_AT_A_TIME):
+                depth = renderer.render(poses[start : start + _VIEWS_AT_A_TIME]).depth.numpy()
+                archive.append(depth)
+                too_far += too_far_for_millimetres(depth)
+                for index, image in enumerate(depth, start=start):
+                    save_depth_png(image, self.out / "depth" / f"{index:06d}.png")
+                    progress.update()
+        return too_far
+
+
+@dataclass(frozen=True)
+class Info:
+    """Print versions, devices and cores."""
+
+    def run(self) -> None:
+        """Run the command."""
+        import platform
+        from importlib.metadata import version
+
+        import warp as wp
+
+        import warpvis
+        from warpvis.threads import core_count
+
+        print(f"warpvis {warpvis.__version__}")
+        print(f"python  {platform.python_version()} on {platform.platform()}")
+        for package in ("warp-lang", "numpy", "trimesh", "mujoco"):
+            print(f"{package} {version(package)}")
+        print(f"cores   {core_count()}")
+        for device in wp.get_devices():
+            print(f"device  {device.alias}: {device.name}")
+
+
+def main() -> None:
+    """Entry point: bad input ends with one sentence and exit code 2."""
+    command = tyro.cli(Demo | Render | Info, prog="warpvis", description=_DESCRIPTION)
+    try:
+        _quiet_warp()
+        command.run()
+    except WarpvisError as error:
+        print(f"warpvis: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except BrokenPipeError:
+        sys.exit(1)
+
+
+_DESCRIPTION = "What a camera at a pose sees: depth images and 3D visibility, on CPU or CUDA."
+
+
+def _quiet_warp() -> None:
+    """No start-up banner and no line for every kernel module loaded."""
+    import warp as wp
+
+    wp.config.log_level = wp.LOG_WARNING
+
+
+def _make_folder(path: Path) -> None:
+    from warpvis.errors import FileFormatError
+
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be made a folder: {error.strerror}") from None
+
+
+if __name__ == "__main__":
+    main()

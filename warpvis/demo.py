@@ -1,0 +1,162 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The paper's four experiments, end to end: what ``warpvis demo`` runs."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpvis.classification import classify
+from warpvis.errors import FileFormatError
+from warpvis.floor_plan import plan_visibility
+from warpvis.renderer import Renderer, Views
+from warpvis.scene import Scene
+from warpvis.scenes import EXPERIMENTS, Experiment
+from warpvis.scenes.experiments import ROBOT_AT, ROBOT_RADIUS
+from warpvis.visibility import FloorMap, visibility_map
+from warpvis.viz import save_overview
+
+_TARGETS = ("ball", "person")
+_EYE, _TARGET = (-4.3, -3.7, 3.4), (0.0, -0.15, 0.2)
+_VIEWS_TIMED = 32
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """What one experiment says of one object."""
+
+    experiment: int
+    object: str
+    visible: bool
+    """Whether the depth image shows it."""
+    pixels: int
+    """Pixels that show it, by the exact object index."""
+    pixels_by_sphere: int
+    """Pixels within its spheres, by the paper's test on the depth image alone."""
+    visible_on_plan: bool
+    """Whether a 2D line of sight on the floor plan reaches it."""
+
+    @property
+    def plan_differs(self) -> bool:
+        """Whether the floor plan gives the wrong answer."""
+        return self.visible != self.visible_on_plan
+
+
+@dataclass(frozen=True)
+class ExperimentResult:
+    """One experiment's images and findings."""
+
+    experiment: Experiment
+    scene: Scene
+    views: Views
+    floor_map: FloorMap
+    sightings: tuple[Sighting, ...]
+
+
+def run_experiment(number: int, *, device: Any = "cpu") -> ExperimentResult:
+    """Render, classify and map one experiment.
+
+    Args:
+        number: 1 to 4.
+        device: Where to compute.
+    """
+    experiment = EXPERIMENTS[number - 1]
+    scene = experiment.build(device)
+    poses = experiment.poses()
+    views = Renderer(scene, experiment.camera).render(poses)
+    sphere = wp.empty(views.depth.shape, dtype=wp.int32, device=scene.device)
+    classify(views.depth, experiment.camera, poses, spheres=experiment.spheres, spheres_out=sphere)
+    floor_map = visibility_map(
+        views.points, views.labels, bounds=scene.bounds, robots=[(*ROBOT_AT, ROBOT_RADIUS)]
+    )
+
+    pixels = np.bincount(views.objects.numpy().ravel() + 1, minlength=len(scene) + 1)[1:]
+    in_sphere = np.bincount(sphere.numpy().ravel() + 1, minlength=len(experiment.spheres) + 1)[1:]
+    labels = [item.label for item in experiment.spheres]
+    on_plan = plan_visibility(scene, experiment.camera, poses, exclude=("robot",)).visible[0]
+    sightings = []
+    for name in _TARGETS:
+        index = scene.index(name)
+        by_sphere = sum(in_sphere[i] for i, label in enumerate(labels) if label == scene[name].label)
+        count = int(pixels[index])
+        sightings.append(Sighting(number, name, count > 0, count, int(by_sphere), bool(on_plan[index])))
+    return ExperimentResult(experiment, scene, views, floor_map, tuple(sightings))
+
+
+def run_demo(out: Path, *, device: Any = "cpu") -> dict[str, Any]:
+    """Run the four experiments, write a picture of each and ``summary.json``, and print a table.
+
+    Args:
+        out: Folder to write to, made if it is not there.
+        device: Where to compute.
+
+    Returns:
+        What ``summary.json`` holds.
+
+    Raises:
+        FileFormatError: The folder cannot be written.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileFormatError(f"{out}: cannot be made a folder: {error.strerror}") from None
+    results = [run_experiment(number, device=device) for number in range(1, len(EXPERIMENTS) + 1)]
+    for result in results:
+        experiment = result.experiment
+        save_overview(
+            result.scene,
+            experiment.camera,
+            experiment.poses()[0],
+            result.views,
+            result.floor_map,
+            out / f"{experiment.name}.png",
+            title=f"Experiment {experiment.name[-1]}. {experiment.title}: {experiment.shows}",
+            eye=_EYE,
+            target=_TARGET,
+        )
+    sightings = [sighting for result in results for sighting in result.sightings]
+    summary = {
+        "device": str(results[0].scene.device),
+        "frames_per_second": round(measure_fps(results[0]), 1),
+        "sightings": [asdict(sighting) | {"plan_differs": sighting.plan_differs} for sighting in sightings],
+    }
+    try:
+        (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+    except OSError as error:
+        raise FileFormatError(f"{out / 'summary.json'}: cannot be written: {error.strerror}") from None
+    print(format_table(sightings))
+    print(f"\n{summary['frames_per_second']:.0f} frames per second (320x240, depth + points + labels + objects) on ", end="")
+    print(f"{summary['device']}\npictures and summary.json: {out}")
+    return summary
+
+
+def format_table(sightings: list[Sighting]) -> str:
+    """The findings as text, a line each; a star marks where the floor plan is wrong."""
+    lines = ["experiment  object  visible  pixels  2D answer"]
+    for item in sightings:
+        plan = ("visible" if item.visible_on_plan else "hidden") + ("  *" if item.plan_differs else "")
+        visible = "yes" if item.visible else "no"
+        lines.append(f"{item.experiment:<12}{item.object:<8}{visible:<9}{item.pixels:>6}  {plan}")
+    return "\n".join([*lines, "* the 2D line of sight on the floor plan differs from the depth image"])
+
+
+def measure_fps(result: ExperimentResult) -> float:
+    """Frames per second of the experiment's view with all default outputs: the median of five runs, after one."""
+    renderer = Renderer(result.scene, result.experiment.camera)
+    poses = result.experiment.poses(_VIEWS_TIMED)
+    views = renderer.render(poses)
+    seconds = []
+    for _ in range(5):
+        wp.synchronize_device(result.scene.device)
+        start = time.perf_counter()
+        renderer.render(poses, out=views)
+        wp.synchronize_device(result.scene.device)
+        seconds.append(time.perf_counter() - start)
+    return _VIEWS_TIMED / float(np.median(seconds))

@@ -1,0 +1,160 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Rendering: depth, world points, normals, labels and objects of many views."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import warp as wp
+
+from warpvis.arrays import check_out, empty
+from warpvis.camera import Camera
+from warpvis.errors import ArrayError, CameraError, SceneError
+from warpvis.pose import Convention, parse_poses
+from warpvis.scene import Scene
+from warpvis.threads import check_threads, launch_images
+
+Output = Literal["depth", "points", "normals", "labels", "objects"]
+
+OUTPUTS: dict[str, Any] = {
+    "depth": wp.float32,
+    "points": wp.vec3,
+    "normals": wp.vec3,
+    "labels": wp.uint8,
+    "objects": wp.int32,
+}
+"""The images that can be rendered and the dtypes of their pixels."""
+
+DEFAULT_OUTPUTS: tuple[Output, ...] = ("depth", "points", "labels", "objects")
+
+
+@dataclass
+class Views:
+    """Images of V views, indexed ``[view, y, x]``; those not asked for are None.
+
+    Every image says the same of a pixel: where depth is not finite, point and normal are NaN, the label is
+    `Label.EMPTY` and the object is -1.
+    """
+
+    depth: wp.array | None = None
+    """Planar depth [m], ``(V, H, W)`` float32: +inf where nothing is hit or it lies beyond the camera's `far`, -inf
+    where something is nearer than its `near` (REP 117)."""
+    points: wp.array | None = None
+    """Seen points in the world frame [m], ``(V, H, W)`` vec3."""
+    normals: wp.array | None = None
+    """Unit normals of the seen triangles in the world frame, towards the camera, ``(V, H, W)`` vec3."""
+    labels: wp.array | None = None
+    """`Label` values, ``(V, H, W)`` uint8."""
+    objects: wp.array | None = None
+    """Indices into the scene's objects, ``(V, H, W)`` int32."""
+
+
+class Renderer:
+    """Renders views of one scene through one camera, again and again.
+
+    Example:
+        >>> renderer = Renderer(scene, Camera.kinect(), outputs=("depth", "labels"))
+        >>> views = renderer.render(camera_to_world)
+        >>> views = renderer.render(other_poses, out=views)  # into the same memory
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        camera: Camera,
+        *,
+        outputs: Sequence[Output] = DEFAULT_OUTPUTS,
+        threads: int | None = None,
+    ) -> None:
+        """Prepare to render.
+
+        Args:
+            scene: What is seen. What is added to it later is seen too.
+            camera: Intrinsics, image size and depth range of all views.
+            outputs: The images to make, of ``"depth"``, ``"points"``, ``"normals"``, ``"labels"``, ``"objects"``.
+            threads: CPU threads to use; all cores of this process by default.
+
+        Raises:
+            WarpvisError: An argument is not what it has to be.
+        """
+        if not isinstance(scene, Scene):
+            raise SceneError(f"scene must be a warpvis.Scene, got {type(scene).__name__}")
+        if not isinstance(camera, Camera):
+            raise CameraError(f"camera must be a warpvis.Camera, got {type(camera).__name__}")
+        if isinstance(outputs, str):
+            outputs = (outputs,)
+        unknown = [name for name in outputs if name not in OUTPUTS]
+        if unknown or not outputs:
+            raise ArrayError(f"outputs must be some of {', '.join(OUTPUTS)}, got {', '.join(map(str, unknown)) or 'none'}")
+        self.scene = scene
+        self.camera = camera
+        self.outputs = tuple(dict.fromkeys(outputs))
+        self.threads = check_threads(threads)
+
+    def render(
+        self, camera_to_world: Any, *, convention: Convention = "opencv", out: Views | None = None
+    ) -> Views:
+        """Render one image of each output for every pose.
+
+        On CUDA the work is queued on the device's current stream and not waited for.
+
+        Args:
+            camera_to_world: Poses, rows ``x y z qx qy qz qw`` of shape ``(V, 7)`` or matrices of shape
+                ``(V, 4, 4)``; one pose without the leading axis is one view.
+            convention: Axes of the camera frame of the poses: ``"opencv"``, ``"opengl"`` or ``"ros"``.
+            out: Images of an earlier call to write into, of the same number of views.
+
+        Returns:
+            The images, on the scene's device; `out` if it was given.
+
+        Raises:
+            PoseError: The poses are malformed; the first few offending views are named.
+            ArrayError: `out` does not fit.
+            SceneError: The scene is empty.
+        """
+        from warpvis.kernels.rays import cast_rays
+
+        device = self.scene.device
+        triangles = self.scene.on_device()
+        poses = parse_poses(camera_to_world, convention=convention, device=device)
+        shape = (len(poses), self.camera.height, self.camera.width)
+        views = self._allocate(shape) if out is None else self._check(out, shape)
+        images = [getattr(views, name) if name in self.outputs else None for name in OUTPUTS]
+        camera = self.camera.device_struct()
+        launch_images(
+            cast_rays,
+            shape,
+            lambda window: [triangles.struct, camera, poses, window, *images],
+            device=device,
+            threads=self.threads,
+        )
+        return views
+
+    def _allocate(self, shape: tuple[int, int, int]) -> Views:
+        device = self.scene.device
+        return Views(**{name: empty(shape, OUTPUTS[name], name=name, device=device) for name in self.outputs})
+
+    def _check(self, out: Views, shape: tuple[int, int, int]) -> Views:
+        if not isinstance(out, Views):
+            raise ArrayError(f"out must be warpvis.Views, got {type(out).__name__}")
+        for name in self.outputs:
+            check_out(getattr(out, name), OUTPUTS[name], shape, name=f"out.{name}", device=self.scene.device)
+        return out
+
+
+def render(
+    scene: Scene,
+    camera: Camera,
+    camera_to_world: Any,
+    *,
+    outputs: Sequence[Output] = DEFAULT_OUTPUTS,
+    convention: Convention = "opencv",
+    threads: int | None = None,
+    out: Views | None = None,
+) -> Views:
+    """Render views of a scene once; see `Renderer` for the arguments, and for rendering again and again."""
+    renderer = Renderer(scene, camera, outputs=outputs, threads=threads)
+    return renderer.render(camera_to_world, convention=convention, out=out)

@@ -1,0 +1,121 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""CPU work over all cores: Warp runs a CPU kernel on the calling thread, so each thread launches its own views."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from threading import Lock
+from typing import Any
+
+import warp as wp
+
+from warpvis.errors import ArrayError
+from warpvis.kernels.pinhole import Window
+
+# Pieces a thread gets on average: enough to even out views of different cost, few enough that the 0.1 ms of Python
+# that a launch costs does not show.
+_PIECES_PER_THREAD = 4
+_LEAST_PIXELS = 4096
+
+_pools: dict[int, ThreadPoolExecutor] = {}
+_pools_lock = Lock()
+_load_lock = Lock()
+
+
+def core_count() -> int:
+    """Cores this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def launch_images(
+    kernel: Any,
+    shape: tuple[int, int, int],
+    arguments: Callable[[Window], list[Any]],
+    *,
+    device: wp.Device,
+    threads: int | None = None,
+    split_views: bool = True,
+) -> None:
+    """Launch a kernel over all pixels: at once on CUDA, in pieces over the pool's threads on the CPU.
+
+    Args:
+        kernel: A kernel with the thread index ``view, y, x`` that adds a `Window` to it.
+        shape: ``(views, height, width)``.
+        arguments: The kernel's arguments for a window.
+        device: Where to launch.
+        threads: CPU threads, all cores by default.
+        split_views: Whether several threads may share one view.
+
+    Raises:
+        ArrayError: `threads` is not a whole number from 1 up.
+    """
+    views, height, width = shape
+    threads = check_threads(threads)
+    if 0 in shape:
+        return
+    if not device.is_cpu:
+        wp.launch(kernel, dim=shape, inputs=arguments(_window(0, 0)), device=device)
+        return
+
+    with _load_lock:  # two threads must not compile or load a module at the same time
+        wp.load_module(kernel.module, device)
+
+    def launch(piece: tuple[int, int, int, int]) -> None:
+        view, view_count, row, row_count = piece
+        dim = (view_count, row_count, width)
+        wp.launch(kernel, dim=dim, inputs=arguments(_window(view, row)), device=device)
+
+    pieces = _split(views, height, width, threads, split_views)
+    if threads == 1 or len(pieces) == 1:
+        for piece in pieces:
+            launch(piece)
+    else:
+        list(_pool(threads).map(launch, pieces))
+
+
+def check_threads(threads: int | None) -> int:
+    """The number of threads to use; all cores for None."""
+    if threads is None:
+        return core_count()
+    if isinstance(threads, bool) or int(threads) != threads or threads < 1:
+        raise ArrayError(f"threads must be a whole number from 1 up, got {threads!r}")
+    return int(threads)
+
+
+def _split(views: int, height: int, width: int, threads: int, split_views: bool) -> list[tuple[int, int, int, int]]:
+    """Pieces ``(view, view_count, row, row_count)`` of about equal size that cover all rows of all views."""
+    if threads == 1:
+        return [(0, views, 0, height)]
+    pixels = max(views * height * width // (threads * _PIECES_PER_THREAD), _LEAST_PIXELS)
+    if not split_views or pixels >= height * width:
+        step = max(1, pixels // (height * width))
+        return [(view, min(step, views - view), 0, height) for view in range(0, views, step)]
+    rows = max(1, pixels // width)
+    return [(view, 1, row, min(rows, height - row)) for view in range(views) for row in range(0, height, rows)]
+
+
+def _window(view: int, row: int) -> Window:
+    window = Window()
+    window.first_view, window.first_row = view, row
+    return window
+
+
+def _pool(threads: int) -> ThreadPoolExecutor:
+    with _pools_lock:
+        if threads not in _pools:
+            _pools[threads] = ThreadPoolExecutor(threads, thread_name_prefix="warpvis")
+        return _pools[threads]
+
+
+def _forget_pools() -> None:
+    """A forked child has the pool's object but none of its threads."""
+    global _pools_lock, _load_lock
+    _pools.clear()
+    _pools_lock, _load_lock = Lock(), Lock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget_pools)
