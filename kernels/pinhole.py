@@ -16,8 +16,8 @@ class PinholeCamera:
     fy: wp.float64
     cx: wp.float64
     cy: wp.float64
-    near: wp.float64
-    far: wp.float64
+    near: float
+    far: float
 
 
 @wp.struct

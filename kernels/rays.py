@@ -83,10 +83,12 @@ def cast_rays(
         b = corner(scene.mesh, hit.face, 1) - origin
         c = corner(scene.mesh, hit.face, 2) - origin
         z = plane_depth(a, b, c, direction, forward)
-        if z < camera.near:
+        depth = float(z)
+        if depth < camera.near:
             depth = -wp.inf
-        elif z <= camera.far:
-            depth = float(z)
+        elif depth > camera.far:
+            depth = wp.inf
+        else:
             point = wp.vec3(origin + z * direction)
             facing = wp.cross(b - a, c - a)
             if wp.dot(facing, direction) > wp.float64(0.0):

@@ -91,29 +91,29 @@ def poses_to_matrices(poses: ArrayLike) -> NDArray[np.float64]:
     return matrices
 
 
-def look_at(eye: ArrayLike, target: ArrayLike, *, up: Literal["z", "y"] = "z") -> NDArray[np.float64]:
-    """Pose of an OpenCV camera at `eye` that looks at `target` with the image upright.
+def look_at(eye: ArrayLike, target: ArrayLike, *, up: str | ArrayLike = "z") -> NDArray[np.float64]:
+    """Pose of an OpenCV camera at `eye` that looks at `target`.
 
     Args:
         eye: Camera position in the world [m], shape ``(3,)``.
         target: A point in the middle of the image [m], shape ``(3,)``.
-        up: The world axis that points up in the image.
+        up: What points up in the image: ``"z"``, ``"y"``, or a world direction of shape ``(3,)``.
 
     Returns:
         Row ``x y z qx qy qz qw``, camera to world, shape ``(7,)``.
 
     Raises:
-        PoseError: `eye` and `target` coincide, or lie above one another, where upright means nothing.
+        PoseError: `eye` and `target` coincide, or lie along `up`, which then points nowhere in the image.
     """
-    eye, target = as_numpy(eye, name="eye").astype(np.float64), as_numpy(target, name="target").astype(np.float64)
-    for name, value in (("eye", eye), ("target", target)):
-        if value.shape != (3,) or not np.isfinite(value).all():
-            raise PoseError(f"{name} must be three finite numbers, got {value.tolist()}")
-    vertical = np.eye(3)[check_up(up)]
+    eye, target = _check_point(eye, "eye"), _check_point(target, "target")
+    vertical = np.eye(3)[check_up(up)] if isinstance(up, str) else _check_point(up, "up")
     forward = target - eye
     right = np.cross(forward, vertical)
-    if np.linalg.norm(right) <= 1e-9 * max(np.linalg.norm(forward), 1e-300):
-        raise PoseError(f"eye {eye.tolist()} and target {target.tolist()} must not coincide or lie above one another")
+    if np.linalg.norm(right) <= 1e-9 * np.linalg.norm(forward) * np.linalg.norm(vertical):
+        raise PoseError(
+            f"eye {eye.tolist()} and target {target.tolist()} must be apart and not along up, {vertical.tolist()}; "
+            "give another up for a camera that looks straight down"
+        )
     axes = np.stack([right, np.cross(forward, right), forward], axis=1)
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = axes / np.linalg.norm(axes, axis=0), eye
@@ -140,6 +140,13 @@ def quaternion_product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArra
         ],
         axis=-1,
     )
+
+
+def _check_point(value: ArrayLike, name: str) -> NDArray[np.float64]:
+    point = as_numpy(value, name=name).astype(np.float64)
+    if point.shape != (3,) or not np.isfinite(point).all():
+        raise PoseError(f"{name} must be three finite numbers, got {point.tolist()}")
+    return point
 
 
 def _check_rows(rows: NDArray[np.float64], name: str) -> NDArray[np.float64]:

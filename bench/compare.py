@@ -1,0 +1,253 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Frames per second of warpvis and its peers on the same views, side by side in one run: one Markdown table.
+
+Methods take turns, so that whatever else the machine does meets all of them alike, and medians are shown. Every
+method's depth is checked against warpvis's first: all of them make the same picture.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import json
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+import warp as wp
+from machine import describe
+from numpy.typing import NDArray
+from peers import BASELINE, METHODS, Method, Prepared, Work
+
+import warpvis as wv
+
+BEGIN, END = "<!-- bench:begin -->", "<!-- bench:end -->"
+
+TOLERANCE = 1e-3
+
+# Scenes from this size on are rendered from a quarter of the views: they take long enough.
+_LARGE = 500_000
+
+# Fast methods make the views several times a round, for a time that can be measured.
+_LEAST_SECONDS = 0.1
+
+# The threads of a library may keep spinning for a while after their work is done; they must not disturb the next one.
+_PAUSE = 0.05
+
+
+@dataclass
+class Result:
+    """What one method did with one scene."""
+
+    method: str
+    scene: str
+    views: int = 0
+    agreement: float = 0.0
+    """Share of pixels whose depth is warpvis's."""
+    missing: str = ""
+    """Why it could not run, if it could not."""
+    seconds: list[float] = field(default_factory=list)
+    """Time for all views, one a round."""
+
+    @property
+    def fps(self) -> float:
+        """Frames per second, by the median round."""
+        return self.views / float(np.median(self.seconds)) if self.seconds else 0.0
+
+
+@dataclass
+class Runner:
+    """A method that is ready to be timed."""
+
+    prepared: Prepared
+    result: Result
+    repeats: int = 1
+
+    def time(self) -> float:
+        """Seconds for all views once."""
+        run = self.prepared[0]
+        start = time.perf_counter()
+        for _ in range(self.repeats):
+            run()
+        return (time.perf_counter() - start) / self.repeats
+
+
+def compare(preset: wv.scenes.ScenePreset, views: int, rounds: int) -> list[Result]:
+    """Measure all methods on one scene."""
+    scene = preset.build()
+    views = views if scene.triangle_count < _LARGE else max(1, views // 4)
+    work = Work(scene, preset.camera, preset.poses(views))
+    truth = wv.render(scene, preset.camera, work.poses, outputs=("depth",)).depth.numpy()
+    results, runners = [], []
+    for method in METHODS:
+        result = Result(method.title, preset.name)
+        results.append(result)
+        try:
+            runners.append(_start(method, work, truth, result))
+        except Exception as error:  # a peer that fails, however it does, is a cell of the table
+            result.missing = _reason(error)
+        _say(_progress(result))
+    _time(runners, rounds)
+    return results
+
+
+def _start(method: Method, work: Work, truth: NDArray, result: Result) -> Runner:
+    part = work.first(method.most_views)
+    prepared = method.prepare(part)
+    run, to_depth = prepared
+    depth = to_depth(run())  # the warm-up
+    result.views = len(part.poses)
+    result.agreement = agreement(depth, truth[: result.views], part.camera)
+    runner = Runner(prepared, result)
+    runner.repeats = max(1, round(_LEAST_SECONDS / runner.time()))
+    return runner
+
+
+def _time(runners: list[Runner], rounds: int) -> None:
+    gc.collect()
+    gc.disable()
+    for number in range(rounds):
+        for runner in runners[:: -1 if number % 2 else 1]:
+            time.sleep(_PAUSE)
+            runner.result.seconds.append(runner.time())
+    gc.enable()
+
+
+def agreement(depth: NDArray, truth: NDArray, camera: wv.Camera) -> float:
+    """Share of pixels that are the same within `TOLERANCE`, with what lies out of the camera's range marked alike."""
+    depth = np.where(depth < camera.near, -np.inf, np.where(depth > camera.far, np.inf, depth))
+    with np.errstate(invalid="ignore"):  # inf - inf
+        return float(np.mean((depth == truth) | (np.abs(depth - truth) <= TOLERANCE)))
+
+
+def markdown(results: list[Result], rounds: int) -> str:
+    """The table, with what it was measured on above and how to read it below."""
+    scenes = list(dict.fromkeys(result.scene for result in results))
+    cells = {(result.method, result.scene): result for result in results}
+    packages = dict.fromkeys(package for method in METHODS for package in method.packages)
+    lines = [describe(packages) + time.strftime("; %Y-%m-%d."), "", _row(["Frames per second", *scenes, "Same depth"])]
+    lines.append(_row(["---", *["---:"] * (len(scenes) + 1)]))
+    for method in METHODS:
+        row = [cells[method.title, scene] for scene in scenes]
+        ran = [result.agreement for result in row if not result.missing]
+        missing = "; ".join(dict.fromkeys(result.missing for result in row if result.missing))
+        title = f"{method.title} (missing: {missing})" if missing else method.title
+        columns = [_cell(result, cells[BASELINE, result.scene]) for result in row]
+        lines.append(_row([title, *columns, _percent(min(ran)) if ran else "-"]))
+    return "\n".join([*lines, "", _caption(scenes, cells, rounds)])
+
+
+def _caption(scenes: list[str], cells: dict[tuple[str, str], Result], rounds: int) -> str:
+    camera = wv.scenes.PRESETS[scenes[0]].camera
+    views = ", ".join(f"{scene} {cells[BASELINE, scene].views}" for scene in scenes)
+    few = ", ".join(f"{method.title} {method.most_views}" for method in METHODS if method.most_views < sys.maxsize)
+    return (
+        f"Depth images of {camera.width}x{camera.height} pixels on all cores, or on one thread where it says so. "
+        f"Views a round: {views} (at most: {few}). Medians of {rounds} rounds in turn; in brackets, times the first row. "
+        "Same depth: pixels within 1 mm of warpvis's, in the scene with the fewest."
+    )
+
+
+def _cell(result: Result, baseline: Result) -> str:
+    if result.missing:
+        return "-"
+    return f"{_number(result.fps)} ({_number(result.fps / baseline.fps)}x)" if baseline.fps else _number(result.fps)
+
+
+def _number(value: float) -> str:
+    return f"{value:,.0f}" if value >= 10 else f"{value:.1f}" if value >= 1 else f"{value:.2g}"
+
+
+def _percent(share: float) -> str:
+    """Rounded down: only all of them are 100 %."""
+    return f"{np.floor(share * 1e5) / 1e3:g} %"
+
+
+def _row(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _reason(error: Exception) -> str:
+    """One short clause."""
+    if isinstance(error, ModuleNotFoundError):
+        return f"{error.name} is not installed"
+    text = (str(error).strip() or type(error).__name__).splitlines()[0].rstrip(".").replace("|", "/")
+    return text if len(text) <= 90 else text[:87] + "..."
+
+
+def _progress(result: Result) -> str:
+    state = f"missing: {result.missing}" if result.missing else f"{_percent(result.agreement)} of pixels agree"
+    return f"{result.scene}: {result.method}: {state}"
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
+
+
+def split_readme(path: Path) -> tuple[str, str]:
+    """What comes before and after the table, marks included.
+
+    Raises:
+        ValueError: The file does not have both marks, the end after the beginning.
+    """
+    head, begin, rest = path.read_text(encoding="utf-8").partition(BEGIN)
+    _, end, tail = rest.partition(END)
+    if not (begin and end):
+        raise ValueError(f"{path} must contain {BEGIN} and, after it, {END}")
+    return head + begin, end + tail
+
+
+def write_json(path: Path, results: list[Result]) -> None:
+    """All results with the time of every round."""
+    packages = dict.fromkeys(package for method in METHODS for package in method.packages)
+    rows = [{**asdict(result), "fps": result.fps} for result in results]
+    path.write_text(json.dumps({"machine": describe(packages), "results": rows}, indent=2) + "\n", encoding="utf-8")
+
+
+def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
+    def count(text: str) -> int:
+        if int(text) < 1:
+            raise argparse.ArgumentTypeError(f"must be 1 or more, got {text}")
+        return int(text)
+
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    names = [preset.name for preset in wv.scenes.BENCHMARK_SCENES]
+    parser.add_argument(
+        "--scenes", nargs="+", choices=wv.scenes.PRESETS, default=names, metavar="SCENE", help="presets' names"
+    )
+    parser.add_argument("--views", type=count, default=64, help="views a round; large scenes take a quarter")
+    parser.add_argument("--rounds", type=count, default=5)
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write all times there")
+    parser.add_argument("--readme", type=Path, metavar="FILE", help=f"put the table there, between {BEGIN} and {END}")
+    return parser.parse_args(arguments)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the comparison; the table goes to standard output."""
+    options = _parse(arguments)
+    if options.readme:
+        try:
+            split_readme(options.readme)
+        except (OSError, ValueError) as error:
+            _say(f"compare.py: {error}")
+            return 2
+    wp.config.log_level = wp.LOG_WARNING
+    results = [
+        result for name in options.scenes for result in compare(wv.scenes.PRESETS[name], options.views, options.rounds)
+    ]
+    table = markdown(results, options.rounds)
+    print(table)
+    if options.json:
+        write_json(options.json, results)
+    if options.readme:
+        head, tail = split_readme(options.readme)
+        options.readme.write_text(f"{head}\n{table}\n{tail}", encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,277 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Methods of making depth images of the same views: warpvis and its peers, behind one interface.
+
+A method is a function of the work to do. It builds its trees, rays and buffers, which is not timed, and returns what
+is: a callable that makes all the views, in whatever form the library gives them. A second callable turns that form
+into depth images, so that the pictures can be compared. Every peer is used in the fastest way that its users have;
+a method that cannot run raises.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from glob import glob
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import warpvis as wv
+from warpvis.pose import poses_to_matrices
+from warpvis.threads import core_count
+
+Prepared = tuple[Callable[[], Any], Callable[[Any], NDArray]]
+"""What is timed, and what makes depth images ``(V, H, W)`` of its result: planar, in metres, +inf where nothing is."""
+
+_LLVM_FOLDERS = (
+    "/usr/lib/*-linux-gnu",
+    "/usr/lib/llvm*/lib",
+    "/usr/lib64",
+    "/usr/lib64/llvm*/lib",
+    "/usr/lib",
+    "/usr/local/lib",
+    "/usr/local/opt/llvm/lib",
+    "/opt/homebrew/opt/llvm/lib",
+)
+
+# The least distance that OpenGL draws. It has to be nearer than anything in view, for what is cut off hides nothing.
+_GL_NEAR = 1e-3
+
+
+@dataclass(frozen=True)
+class Work:
+    """Views of a scene that every method has to make."""
+
+    scene: wv.Scene
+    camera: wv.Camera
+    poses: NDArray[np.float32]
+    """Camera to world, rows ``x y z qx qy qz qw``, shape ``(V, 7)``."""
+
+    def first(self, count: int) -> Work:
+        """The first views of them."""
+        return self if count >= len(self.poses) else Work(self.scene, self.camera, self.poses[:count])
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Views, height and width."""
+        return len(self.poses), self.camera.height, self.camera.width
+
+    @cached_property
+    def matrices(self) -> NDArray[np.float64]:
+        """Camera to world, shape ``(V, 4, 4)``."""
+        return poses_to_matrices(self.poses)
+
+    @cached_property
+    def directions(self) -> NDArray[np.float32]:
+        """Rays of all pixels, row by row, 1 long along the optical axis so that length is depth, ``(V, H * W, 3)``."""
+        y, x = np.indices(self.shape[1:]).reshape(2, -1)
+        pixels = self.camera.back_project(np.stack([x, y], axis=-1) + 0.5, np.ones(len(x)))
+        return (pixels @ self.matrices[:, :3, :3].transpose(0, 2, 1)).astype(np.float32)
+
+    @property
+    def origins(self) -> NDArray[np.float32]:
+        """Where those rays start, ``(V, H * W, 3)``, without memory of its own."""
+        return np.broadcast_to(self.poses[:, None, :3], self.directions.shape)
+
+    def as_images(self, depth: NDArray) -> NDArray:
+        """Depth of all rays as images."""
+        return depth.reshape(self.shape)
+
+
+@dataclass(frozen=True)
+class Method:
+    """One row of the table."""
+
+    title: str
+    prepare: Callable[[Work], Prepared]
+    packages: tuple[str, ...]
+    """Whose versions matter."""
+    most_views: int = sys.maxsize
+    """How many views a round may have; slow methods are measured on the first few."""
+
+
+def warpvis_rays(work: Work, outputs: Sequence[Any], threads: int | None) -> Prepared:
+    """This library's `rays` caster."""
+    renderer = wv.Renderer(work.scene, work.camera, outputs=outputs, threads=threads)
+    views = renderer.render(work.poses)
+    return lambda: renderer.render(work.poses, out=views), lambda result: result.depth.numpy()
+
+
+def open3d(work: Work) -> Prepared:
+    """Open3D's RaycastingScene: Embree, one ray at a time, on all cores."""
+    import open3d as o3d
+
+    caster = o3d.t.geometry.RaycastingScene(nthreads=core_count())
+    for item in work.scene:
+        caster.add_triangles(item.vertices, item.faces.astype(np.uint32))
+    rays = o3d.core.Tensor(np.concatenate([work.origins, work.directions], axis=-1))
+    return lambda: caster.cast_rays(rays), lambda result: work.as_images(result["t_hit"].numpy())
+
+
+def embreex(work: Work) -> Prepared:
+    """Embree, one ray at a time, on one core, without the conversions that trimesh's `RayMeshIntersector` adds."""
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
+    scene = EmbreeScene()
+    for item in work.scene:
+        TriangleMesh(scene, item.vertices, item.faces)
+    origins = np.ascontiguousarray(work.origins).reshape(-1, 3)
+    directions = work.directions.reshape(-1, 3)
+
+    return (
+        lambda: scene.run(origins, directions, query="DISTANCE"),
+        lambda length: work.as_images(np.where(length < 1e30, length, np.inf)),
+    )
+
+
+def mitsuba(work: Work) -> Prepared:
+    """Mitsuba's LLVM variant: Embree's packets of 16 coherent rays, on all cores.
+
+    Packets of 4x4 pixels are a quarter faster than rows of 16. Putting those pixels back in order is not timed.
+    """
+    mi, dr = _import_mitsuba()
+    dr.set_thread_count(core_count())
+    scene = mi.load_dict({"type": "scene", **{f"m{i}": _mitsuba_mesh(mi, o) for i, o in enumerate(work.scene)}})
+    y, x = np.indices(work.shape[1:]).reshape(2, -1)
+    order = np.lexsort((x % 4, y % 4, x // 4, y // 4))
+    origins, directions = (array[:, order].reshape(-1, 3).T for array in (work.origins, work.directions))
+    rays = mi.Ray3f(mi.Point3f(origins), mi.Vector3f(directions))
+    dr.eval(rays)
+
+    def run() -> Any:
+        length = scene.ray_intersect_preliminary(rays, coherent=True).t
+        dr.eval(length)
+        dr.sync_thread()
+        return length
+
+    def depth(length: Any) -> NDArray:
+        ordered = np.empty(work.directions.shape[:2], dtype=np.float32)
+        ordered[:, order] = np.array(length).reshape(ordered.shape)
+        return work.as_images(ordered)
+
+    return run, depth
+
+
+def mujoco_rays(work: Work) -> Prepared:
+    """MuJoCo's mj_multiRay: double precision, on one core."""
+    mujoco, model, data = _load_mujoco(work)
+    origins = work.matrices[:, :3, 3]
+    directions = work.directions.astype(np.float64).reshape(len(origins), -1)
+    lengths = np.empty(work.directions.shape[:2])
+    geoms = np.empty(lengths.shape[1], dtype=np.int32)
+
+    def run() -> NDArray:
+        for origin, rays, out in zip(origins, directions, lengths, strict=True):
+            mujoco.mj_multiRay(model, data, origin, rays, None, True, -1, geoms, out, None, len(out), mujoco.mjMAXVAL)
+        return lengths
+
+    return run, lambda result: work.as_images(np.where(result < 0, np.inf, result))
+
+
+def mujoco_renderer(work: Work) -> Prepared:
+    """MuJoCo's Renderer: OpenGL, on a machine without a GPU by Mesa's llvmpipe on all cores."""
+    mujoco, model, data = _load_mujoco(work)
+    far = 2 * float(np.linalg.norm(work.scene.bounds)) + 2 * float(np.abs(work.poses[:, :3]).max())
+    model.vis.map.znear, model.vis.map.zfar = _GL_NEAR / model.stat.extent, far / model.stat.extent
+    renderer = mujoco.Renderer(model, work.camera.height, work.camera.width)
+    renderer.enable_depth_rendering()
+    renderer.scene.flags[mujoco.mjtRndFlag.mjRND_CULL_FACE] = False  # two-sided, as all others are
+    to_opengl = np.diag([1.0, -1.0, -1.0])
+    rotations = (work.matrices[:, :3, :3] @ to_opengl).reshape(-1, 9)
+    images = np.empty(work.shape, dtype=np.float32)
+
+    def run() -> NDArray:
+        for pose, rotation, out in zip(work.poses, rotations, images, strict=True):
+            data.cam_xpos[0], data.cam_xmat[0] = pose[:3], rotation
+            renderer.update_scene(data, camera=0)
+            renderer.render(out=out)
+        return images
+
+    return run, lambda result: np.where(result < 0.999 * far, result, np.inf)
+
+
+def find_llvm() -> str | None:
+    """The newest LLVM shared library in the usual folders, which Dr.Jit does not look for by Debian's name."""
+    found = {}
+    for folder in _LLVM_FOLDERS:
+        for path in glob(f"{folder}/libLLVM[-.]*"):
+            name = re.fullmatch(r"libLLVM[-.](?:so\.|dylib\.)?(\d+).*|libLLVM\.dylib", Path(path).resolve().name)
+            if name:
+                found[path] = int(name[1] or 0)
+    return max(found, key=found.__getitem__, default=None)
+
+
+def _import_mitsuba() -> tuple[Any, Any]:
+    llvm = find_llvm()
+    if llvm:
+        os.environ.setdefault("DRJIT_LIBLLVM_PATH", llvm)
+    import drjit
+    import mitsuba
+
+    try:
+        mitsuba.set_variant("llvm_ad_rgb")
+    except ImportError:
+        raise RuntimeError("no LLVM shared library; set DRJIT_LIBLLVM_PATH") from None
+    return mitsuba, drjit
+
+
+def _mitsuba_mesh(mi: Any, item: wv.SceneObject) -> Any:
+    mesh = mi.Mesh(item.name, len(item.vertices), len(item.faces))
+    parameters = mi.traverse(mesh)
+    parameters["vertex_positions"] = item.vertices.ravel()
+    parameters["faces"] = item.faces.astype(np.uint32).ravel()
+    parameters.update()
+    return mesh
+
+
+def _load_mujoco(work: Work) -> tuple[Any, Any, Any]:
+    """MuJoCo, and the scene as its model: a mesh geom for every object, and one camera."""
+    if sys.platform == "linux":
+        os.environ.setdefault("MUJOCO_GL", "egl")  # read when mujoco is imported
+    import mujoco
+
+    camera = work.camera
+    spec = mujoco.MjSpec()
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = camera.width, camera.height
+    spec.visual.quality.offsamples = 0  # samples of a pixel would be averaged, and depths in between are nowhere
+    for i, item in enumerate(work.scene):
+        spec.add_mesh(
+            name=f"m{i}",
+            uservert=item.vertices.astype(np.float64).ravel(),
+            userface=item.faces.ravel(),
+            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+        )
+        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"m{i}", contype=0, conaffinity=0)
+    spec.worldbody.add_camera(fovy=np.degrees(camera.vfov))
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return mujoco, model, data
+
+
+BASELINE = "**warpvis** `rays`, depth"
+"""The row that others are compared with."""
+
+METHODS = (
+    Method(BASELINE, lambda work: warpvis_rays(work, ("depth",), None), ("warpvis", "warp-lang")),
+    Method(f"{BASELINE}, 1 thread", lambda work: warpvis_rays(work, ("depth",), 1), ("warpvis", "warp-lang")),
+    Method(
+        "**warpvis** `rays`, depth, points, labels and objects",
+        lambda work: warpvis_rays(work, ("depth", "points", "labels", "objects"), None),
+        ("warpvis", "warp-lang"),
+    ),
+    Method("Mitsuba `llvm_ad_rgb`, Embree's coherent packets", mitsuba, ("mitsuba", "drjit")),
+    Method("Open3D `RaycastingScene`, Embree", open3d, ("open3d",)),
+    Method("embreex, 1 thread", embreex, ("embreex",)),
+    Method("`mujoco.Renderer`, OpenGL", mujoco_renderer, ("mujoco",), most_views=16),
+    Method("MuJoCo `mj_multiRay`, 1 thread", mujoco_rays, ("mujoco",), most_views=4),
+)
+"""All rows, in order."""

@@ -1,0 +1,55 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What counts as right: section 6 of the design, as assertions."""
+
+from __future__ import annotations
+
+import numpy as np
+import reference
+
+from warpvis import Camera, Scene, Views
+
+
+def assert_matches_reference(views: Views, scene: Scene, camera: Camera, poses: np.ndarray) -> None:
+    """Every view agrees with the float64 reference in every image it has.
+
+    Depth within ``1e-5 * max(1, z)`` on 99.99 % of the pixels, and on the rest a ray passes within 1e-4 px of an edge.
+    Points within that distance and the rounding of their coordinates; objects and labels equal.
+    """
+    for view, pose in enumerate(poses):
+        expected = reference.cast_rays(scene, camera, pose)
+        wrong = wrong_depth(views.depth.numpy()[view], expected.depth)
+        if views.objects is not None:
+            # Where two objects' surfaces coincide, either may be the one that is seen.
+            wrong |= (views.objects.numpy()[view] != expected.objects) & (expected.gap > 1e-5)
+        assert wrong.mean() <= 1e-4, f"view {view}: {wrong.sum()} of {wrong.size} pixels differ"
+        pixels = np.argwhere(wrong)
+        if len(pixels):
+            distance = reference.edge_distance(scene, camera, pose, pixels)
+            assert distance.max() <= 1e-4, f"view {view}: pixel {pixels[distance.argmax()]} is not at an edge"
+
+        same = ~wrong & (expected.gap > 1e-5)
+        hit = same & np.isfinite(expected.depth)
+        if views.labels is not None:
+            assert (views.labels.numpy()[view][same] == expected.labels[same]).all()
+        if views.points is not None:
+            points = views.points.numpy()[view].astype(np.float64)
+            assert np.isnan(points[~np.isfinite(views.depth.numpy()[view])]).all()
+            error = np.linalg.norm(points[hit] - expected.points[hit], axis=-1)
+            rounding = 1.2e-7 * np.abs(expected.points[hit]).max(axis=-1, initial=0)
+            ray_length = np.linalg.norm(reference.pixel_rays(camera)[hit], axis=-1)
+            assert (error <= 1e-5 * np.maximum(1, expected.depth[hit]) * ray_length + rounding).all()
+        if views.normals is not None:
+            normals = views.normals.numpy()[view]
+            assert np.isnan(normals[~np.isfinite(views.depth.numpy()[view])]).all()
+            # Neighbouring triangles of one object meet at edges: there, either normal is right.
+            apart = np.abs(normals[hit] - expected.normals[hit]).max(axis=-1) > 1e-4
+            assert apart.mean() <= 1e-3 if apart.size else True
+
+
+def wrong_depth(depth: np.ndarray, expected: np.ndarray) -> np.ndarray:
+    """Where depth is not within ``1e-5 * max(1, z)`` of the expected, or not the same infinity."""
+    assert not np.isnan(depth).any()
+    with np.errstate(invalid="ignore"):
+        close = np.abs(depth.astype(np.float64) - expected) <= 1e-5 * np.maximum(1, np.abs(expected))
+    return ~np.where(np.isfinite(expected) & np.isfinite(depth), close, depth == expected)

@@ -1,0 +1,245 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Twins of every kernel in float64 NumPy, written for clarity: no tree, every ray against every triangle.
+
+Each function has the name of its kernel. Arguments are plain arrays; poses are rows ``x y z qx qy qz qw``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis import Camera, Label, Scene, Sphere
+from warpvis.pose import poses_to_matrices, quaternion_product
+
+# Blocks that fit a core's cache.
+_TRIANGLES_AT_A_TIME = 64
+_RAYS_AT_A_TIME = 512
+
+
+@dataclass
+class Images:
+    """What `cast_rays` sees of one view, and how far behind it the nearest surface of another object is."""
+
+    depth: NDArray[np.float64]
+    points: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    labels: NDArray[np.uint8]
+    objects: NDArray[np.int64]
+    gap: NDArray[np.float64]
+
+
+def pixel_rays(camera: Camera) -> NDArray[np.float64]:
+    """Camera-frame rays of all pixels with z = 1, shape (H, W, 3)."""
+    y, x = np.mgrid[: camera.height, : camera.width] + 0.5
+    return np.stack([(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, np.ones_like(x)], axis=-1)
+
+
+def triangles_in_camera(scene: Scene, pose: NDArray) -> tuple[NDArray, NDArray]:
+    """Corners of all triangles in the camera frame, shape (T, 3, 3), and their objects, shape (T,)."""
+    matrix = poses_to_matrices(np.asarray(pose, dtype=np.float32))
+    corners = np.concatenate([item.vertices.astype(np.float64)[item.faces] for item in scene.objects])
+    owner = np.repeat(np.arange(len(scene)), [len(item.faces) for item in scene.objects])
+    return (corners - matrix[:3, 3]) @ matrix[:3, :3], owner
+
+
+def cast_rays(scene: Scene, camera: Camera, pose: NDArray) -> Images:
+    rays = pixel_rays(camera).reshape(-1, 3)
+    corners, owner = triangles_in_camera(scene, pose)
+    nearest_of, triangle_of = np.full((len(scene), len(rays)), np.inf), np.full((len(scene), len(rays)), -1)
+    for index in range(len(scene)):
+        first = np.flatnonzero(owner == index)[0]
+        for start in range(0, len(rays), _RAYS_AT_A_TIME):
+            part = slice(start, start + _RAYS_AT_A_TIME)
+            nearest_of[index, part], nearest = _nearest_triangle(rays[part], corners[owner == index])
+            triangle_of[index, part] = first + nearest
+    seen = nearest_of.argmin(axis=0)
+    depth, triangle = nearest_of.min(axis=0), triangle_of[seen, np.arange(len(rays))]
+    ordered = np.sort(nearest_of, axis=0)
+    gap = np.full(len(rays), np.inf)
+    if len(scene) > 1:
+        both = np.isfinite(ordered[1])
+        gap[both] = ordered[1, both] - ordered[0, both]
+    hit = np.isfinite(depth)
+    rounded = depth.astype(np.float32)
+    too_near, too_far = hit & (rounded < np.float32(camera.near)), hit & (rounded > np.float32(camera.far))
+    depth[too_near], depth[too_far] = -np.inf, np.inf
+    hit &= ~(too_near | too_far)
+
+    matrix = poses_to_matrices(np.asarray(pose, dtype=np.float32))
+    points, normals = np.full((len(rays), 3), np.nan), np.full((len(rays), 3), np.nan)
+    points[hit] = (depth[hit, None] * rays[hit]) @ matrix[:3, :3].T + matrix[:3, 3]
+    a, b, c = corners[triangle[hit]].swapaxes(0, 1)
+    facing = np.cross(b - a, c - a)
+    facing *= -np.sign((facing * rays[hit]).sum(axis=1, keepdims=True))
+    normals[hit] = facing / np.linalg.norm(facing, axis=1, keepdims=True) @ matrix[:3, :3].T
+    objects = np.where(hit, owner[triangle], -1)
+    label_of = np.array([item.label for item in scene.objects])
+    labels = np.where(hit, label_of[objects], Label.EMPTY)
+    shape = (camera.height, camera.width)
+    return Images(
+        depth.reshape(shape),
+        points.reshape(*shape, 3),
+        normals.reshape(*shape, 3),
+        labels.reshape(shape).astype(np.uint8),
+        objects.reshape(shape),
+        gap.reshape(shape),
+    )
+
+
+def _nearest_triangle(rays: NDArray, corners: NDArray) -> tuple[NDArray, NDArray]:
+    """Least depth of every ray over the triangles, +inf where it misses them all, and which triangle that is."""
+    depth, triangle = np.full(len(rays), np.inf), np.zeros(len(rays), dtype=np.int64)
+    for start in range(0, len(corners), _TRIANGLES_AT_A_TIME):
+        z = _depth_of_triangles(rays, corners[start : start + _TRIANGLES_AT_A_TIME])
+        first = z.argmin(axis=1)
+        z = z[np.arange(len(rays)), first]
+        nearer = z < depth
+        depth[nearer], triangle[nearer] = z[nearer], start + first[nearer]
+    return depth, triangle
+
+
+def _depth_of_triangles(rays: NDArray, corners: NDArray) -> NDArray:
+    """Planar depth of every ray (N) on every triangle (T), +inf where it misses, shape (N, T).
+
+    A ray d meets the triangle a b c where d . (b x c), d . (c x a) and d . (a x b) have one sign, at the depth
+    a . n / d . n of its plane.
+    """
+    a, b, c = corners.swapaxes(0, 1)
+    sides = [rays @ np.cross(p, q).T for p, q in ((b, c), (c, a), (a, b))]
+    normal = np.cross(b - a, c - a)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        z = (normal * a).sum(axis=1) / (rays @ normal.T)
+    least, greatest = np.minimum.reduce(sides), np.maximum.reduce(sides)
+    hit = ((least >= 0) | (greatest <= 0)) & (least < greatest) & (z > 0)
+    return np.where(hit, z, np.inf)
+
+
+def edge_distance(scene: Scene, camera: Camera, pose: NDArray, pixels: NDArray) -> NDArray[np.float64]:
+    """Distance [px] of pixel centres from the nearest edge of any triangle in the image; pixels are rows (y, x)."""
+    corners, _ = triangles_in_camera(scene, pose)
+    pairs = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+    pairs = pairs[(pairs[..., 2] > 0).any(axis=1)]
+    behind = pairs[..., 2] < 1e-9
+    for end in (0, 1):  # cut edges that cross the camera plane
+        cut = behind[:, end]
+        p, q = pairs[cut, end], pairs[cut, 1 - end]
+        pairs[cut, end] = p + (q - p) * ((1e-9 - p[:, 2:]) / (q[:, 2:] - p[:, 2:]))
+    a, b = camera.project(pairs).swapaxes(0, 1)
+    distance = np.empty(len(pixels))
+    for i, (y, x) in enumerate(pixels):
+        p = np.array([x + 0.5, y + 0.5])
+        ab = b - a
+        t = ((p - a) * ab).sum(axis=1) / np.maximum((ab * ab).sum(axis=1), 1e-300)
+        distance[i] = np.linalg.norm(a + np.clip(t, 0, 1)[:, None] * ab - p, axis=1).min()
+    return distance
+
+
+def back_project(camera: Camera, pose: NDArray, depth: NDArray) -> NDArray[np.float64]:
+    matrix = poses_to_matrices(np.asarray(pose, dtype=np.float32))
+    with np.errstate(invalid="ignore"):
+        local = pixel_rays(camera) * np.asarray(depth, dtype=np.float64)[..., None]
+        points = local @ matrix[:3, :3].T + matrix[:3, 3]
+    return np.where(np.isfinite(depth)[..., None], points, np.nan)
+
+
+def _has_depth(depth: NDArray, max_range: float) -> NDArray[np.bool_]:
+    with np.errstate(invalid="ignore"):
+        return np.isfinite(depth) & (depth > 0) & (depth <= max_range)
+
+
+def classify_depth(
+    camera: Camera,
+    pose: NDArray,
+    depth: NDArray,
+    spheres: tuple[Sphere, ...] = (),
+    *,
+    sigma: float = 0.01,
+    ground_height: float = 0.0,
+    up: int = 2,
+    max_range: float | None = None,
+) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.float64]]:
+    """Labels, spheres, and how far each pixel is from changing its label [m]."""
+    valid = _has_depth(depth, camera.far if max_range is None else max_range)
+    points = back_project(camera, pose, np.where(valid, depth, np.nan))
+    height = points[..., up] - ground_height
+    margin = np.abs(height - sigma)
+    ratio = np.full((len(spheres) + 1, *depth.shape), np.inf)
+    ratio[-1] = 1.0  # the outside
+    for i, sphere in enumerate(spheres):
+        distance = np.linalg.norm(points - np.array(sphere.center), axis=-1)
+        ratio[i] = distance / (sphere.size / 2)
+        margin = np.minimum(margin, np.abs(distance - sphere.size / 2))
+    sphere = np.argmin(np.where(np.isnan(ratio), np.inf, ratio), axis=0)
+    sphere = np.where(sphere == len(spheres), -1, sphere)
+    with np.errstate(invalid="ignore"):
+        ground = height < sigma
+    sphere = np.where(valid & ~ground, sphere, -1)
+    label_of = np.array([*(item.label for item in spheres), Label.OBSTACLE])
+    labels = np.where(ground, Label.GROUND, label_of[sphere])
+    return np.where(valid, labels, Label.EMPTY).astype(np.uint8), sphere, np.where(valid, margin, np.inf)
+
+
+def label_objects(object_label: NDArray, depth: NDArray, objects: NDArray, max_range: float) -> NDArray[np.uint8]:
+    known = (objects >= 0) & (objects < len(object_label)) & _has_depth(depth, max_range)
+    return np.where(known, object_label[np.where(known, objects, 0)], Label.EMPTY).astype(np.uint8)
+
+
+def mark_cells(
+    points: NDArray, labels: NDArray, low: NDArray, cell: float, shape: tuple[int, int], sigma: float
+) -> NDArray[np.int64]:
+    """Cells of one view's map, z up, by the definition: points first, then level quadrilaterals of four pixels."""
+    cells = np.zeros(shape, dtype=np.int64)
+    at = (points[..., :2].astype(np.float64) - low) / cell
+
+    def mark(row: int, column: int, label: int) -> None:
+        if 0 <= row < shape[0] and 0 <= column < shape[1]:
+            cells[row, column] = max(cells[row, column], label)
+
+    def in_triangle(a: NDArray, b: NDArray, c: NDArray, p: NDArray) -> bool:
+        sides = [(q - o)[0] * (p - o)[1] - (q - o)[1] * (p - o)[0] for o, q in ((a, b), (b, c), (c, a))]
+        return min(sides) >= 0 or max(sides) <= 0
+
+    for y, x in np.argwhere((labels != Label.EMPTY) & np.isfinite(points).all(axis=-1)):
+        label = labels[y, x]
+        mark(*np.floor(at[y, x, ::-1]).astype(int), label)
+        quad = [(y, x), (y, x + 1), (y + 1, x + 1), (y + 1, x)]
+        if y + 1 >= labels.shape[0] or x + 1 >= labels.shape[1] or any(labels[q] != label for q in quad):
+            continue
+        heights = np.array([points[q][2] for q in quad])
+        level = label == Label.GROUND or (np.abs(heights - heights[0]) < sigma).all()
+        if not level or not np.isfinite([points[q] for q in quad]).all():
+            continue
+        a, b, c, d = (at[q] for q in quad)
+        low_cell = np.maximum(np.floor(np.min([a, b, c, d], axis=0)), 0).astype(int)
+        high_cell = np.minimum(np.floor(np.max([a, b, c, d], axis=0)) + 1, shape[::-1]).astype(int)
+        for row in range(low_cell[1], high_cell[1]):
+            for column in range(low_cell[0], high_cell[0]):
+                center = np.array([column + 0.5, row + 0.5])
+                if in_triangle(a, b, c, center) or in_triangle(a, c, d, center):
+                    mark(row, column, label)
+    return cells
+
+
+def finish_map(cells: NDArray, low: NDArray, cell: float, robots: NDArray) -> NDArray[np.uint8]:
+    rows, columns = np.indices(cells.shape)
+    centers = low + cell * np.stack([columns + 0.5, rows + 0.5], axis=-1)
+    out = cells.copy()
+    for x, y, radius in robots:
+        out[np.linalg.norm(centers - [x, y], axis=-1) <= radius] = Label.ROBOT
+    return out.astype(np.uint8)
+
+
+def poses_to_opencv(poses: NDArray, opencv_to_given: NDArray) -> NDArray[np.float64]:
+    rows = np.asarray(poses, dtype=np.float64)
+    unit = rows[:, 3:] / np.linalg.norm(rows[:, 3:], axis=1, keepdims=True)
+    return np.concatenate([rows[:, :3], quaternion_product(unit, opencv_to_given)], axis=1)
+
+
+def poses_from_matrices(matrices: NDArray, opencv_to_given: NDArray) -> NDArray[np.float64]:
+    """Matrices of the OpenCV frame, shape (V, 4, 4): quaternions are compared through them, since q and -q are one."""
+    turn = poses_to_matrices(np.concatenate([np.zeros(3), opencv_to_given]))
+    return np.asarray(matrices, dtype=np.float64) @ turn

@@ -1,0 +1,75 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Intrinsics: the conventions of fields of view and pixel centres, and projection against back-projection."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from warpvis import Camera
+
+fields = st.floats(0.05, 3.0)
+sizes = st.integers(1, 4000)
+
+
+def test_the_kinect_is_the_papers():
+    camera = Camera.kinect()
+    assert (camera.width, camera.height, camera.near, camera.far) == (320, 240, 0.3, 4.5)
+    assert camera.hfov == pytest.approx(0.994837, abs=1e-12)
+    assert (camera.cx, camera.cy) == (160, 120)
+    assert camera.fx == camera.fy == pytest.approx(160 / math.tan(0.994837 / 2))
+
+
+def test_the_papers_linear_vertical_field_of_view():
+    """ay = ax Iv/Iu makes the image 4 % taller in space than square pixels do, for its camera."""
+    square, linear = Camera.kinect(), Camera.kinect(vertical="linear")
+    assert linear.fx == square.fx
+    assert linear.vfov == pytest.approx(0.994837 * 240 / 320, abs=1e-12)
+    assert linear.fy == pytest.approx(120 / math.tan(0.994837 * 0.75 / 2))
+    assert square.fy / linear.fy == pytest.approx(1.04, abs=0.01) or linear.fy / square.fy == pytest.approx(
+        1.04, abs=0.01
+    )
+
+
+def test_the_papers_equations():
+    """(3) xc = 2 d (u - cu) tan(ax/2) / Iu, (4) yc = 2 d (v - cv) tan(ay/2) / Iv, (5) zc = d."""
+    camera, u, v, d = Camera.kinect(vertical="linear"), 40.5, 200.5, 2.5
+    ax, ay = 0.994837, 0.994837 * 240 / 320
+    expected = (2 * d * (u - 160) * math.tan(ax / 2) / 320, 2 * d * (v - 120) * math.tan(ay / 2) / 240, d)
+    np.testing.assert_allclose(camera.back_project((u, v), d), expected, rtol=1e-14)
+
+
+@given(sizes, sizes, fields)
+def test_fields_of_view_come_back(width, height, fov):
+    assert Camera.from_fov(width, height, hfov=fov).hfov == pytest.approx(fov)
+    assert Camera.from_fov(width, height, vfov=fov).vfov == pytest.approx(fov)
+
+
+@given(st.sampled_from([0.0, 0.5]), st.floats(1, 5000), st.floats(1, 5000), st.floats(-100, 4000), st.floats(-100, 4000))
+def test_intrinsic_matrices_come_back(pixel_center, fx, fy, cx, cy):
+    matrix = [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]
+    camera = Camera.from_K(matrix, 640, 480, pixel_center=pixel_center)
+    np.testing.assert_allclose(camera.to_K(pixel_center=pixel_center), matrix, rtol=0, atol=1e-9)
+
+
+def test_pixel_centres_of_the_two_camps():
+    """OpenCV's middle of 640 pixels is 319.5, which is 320 where pixel centres are at +0.5."""
+    camera = Camera.from_K([[500, 0, 319.5], [0, 500, 239.5], [0, 0, 1]], 640, 480, pixel_center=0.0)
+    assert (camera.cx, camera.cy) == (320, 240)
+    assert camera.to_K(pixel_center=0.0)[0, 2] == 319.5
+    assert camera.to_K()[0, 2] == 320
+
+
+@given(fields, st.floats(0.01, 100), st.floats(-1000, 1000), st.floats(-1000, 1000))
+def test_projection_undoes_back_projection(fov, depth, x, y):
+    camera = Camera.from_fov(640, 480, hfov=fov)
+    point = camera.back_project((x, y), depth)
+    assert point[2] == depth
+    np.testing.assert_allclose(camera.project(point), (x, y), atol=1e-8)
+
+
+def test_points_behind_the_camera_have_no_image():
+    assert np.isnan(Camera.kinect().project([[0, 0, -1.0], [0.1, 0.2, 0]])).all()

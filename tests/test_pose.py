@@ -1,0 +1,112 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Poses: the three conventions, matrices and quaternions, on the host and on the device."""
+
+import numpy as np
+import pytest
+import reference
+import warp as wp
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+import warpvis as wv
+from warpvis.pose import _OPENCV_TO, poses_to_matrices, poses_to_opencv
+
+rows = arrays(np.float64, (3, 7), elements=st.floats(-10, 10)).filter(
+    lambda poses: (np.linalg.norm(poses[:, 3:], axis=1) > 0.1).all()
+)
+
+# Axes of each camera frame, in OpenCV's: x right, y down, z forward.
+AXES = {
+    "opencv": np.eye(3),
+    "opengl": np.array([[1, 0, 0], [0, -1, 0], [0, 0, -1]]),  # right, up, backward
+    "ros": np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]]),  # forward, left, up
+}
+
+
+@pytest.mark.parametrize("convention", AXES)
+@given(rows)
+def test_conventions_turn_axes_into_opencvs(convention, poses):
+    given_frame = poses_to_matrices(poses)[:, :3, :3]
+    opencv = poses_to_matrices(poses_to_opencv(poses, convention))[:, :3, :3]
+    # Column k of a rotation is axis k of the camera in the world.
+    np.testing.assert_allclose(given_frame, opencv @ AXES[convention].T, atol=1e-12)
+
+
+@given(rows)
+def test_matrices_and_rows_are_the_same_poses(poses):
+    matrices = poses_to_matrices(poses)
+    np.testing.assert_allclose(poses_to_matrices(poses_to_opencv(matrices)), matrices, atol=1e-12)
+
+
+@pytest.mark.parametrize("quaternion", [*np.eye(4), *(np.eye(4)[[0, 1, 2, 3]] + np.eye(4)[[1, 2, 3, 0]])])
+def test_half_turns_survive_matrices(quaternion):
+    """Rotations whose quaternion has zeros, where the naive conversion divides by nothing."""
+    pose = np.array([1.0, 2, 3, *quaternion / np.linalg.norm(quaternion)])
+    matrix = poses_to_matrices(pose)
+    np.testing.assert_allclose(poses_to_matrices(poses_to_opencv(matrix)[0]), matrix, atol=1e-15)
+
+
+def test_one_pose_is_one_view():
+    pose = wv.look_at((0, 0, 1), (1, 0, 1))
+    assert wv.parse_poses(pose).shape == (1,)
+    assert wv.parse_poses(poses_to_matrices(pose)).shape == (1,)
+
+
+def test_quaternions_are_normalised():
+    stored = wv.parse_poses([[0, 0, 0, 0, 0, 0, 5.0]]).numpy()
+    np.testing.assert_array_equal(stored, [[0, 0, 0, 0, 0, 0, 1]])
+
+
+def test_look_at_is_upright():
+    rotation = poses_to_matrices(wv.look_at((1, 2, 3), (4, 1, 2)))[:3, :3]
+    forward = np.array([3.0, -1, -1]) / np.sqrt(11)
+    np.testing.assert_allclose(rotation[:, 2], forward, atol=1e-12)
+    assert rotation[2, 0] == pytest.approx(0)  # the image's x axis is level
+    assert rotation[2, 1] < 0  # its y axis points down
+
+
+def test_look_at_straight_down_with_another_up():
+    rotation = poses_to_matrices(wv.look_at((0, 0, 2), (0, 0, 0), up=(1, 0, 0)))[:3, :3]
+    np.testing.assert_allclose(rotation.T, [[0, -1, 0], [-1, 0, 0], [0, 0, -1]], atol=1e-12)
+
+
+@pytest.mark.parametrize("convention", AXES)
+def test_kernels_match_their_twins(convention, device):
+    """The kernels that turn poses on the device, against NumPy."""
+    from warpvis.kernels import poses as kernels
+
+    rng = np.random.default_rng(0)
+    poses = rng.normal(size=(20, 7)).astype(np.float32)
+    poses[:, 3:] /= np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
+    matrices = poses_to_matrices(poses).astype(np.float32)
+    turn = np.array(_OPENCV_TO[convention])
+    out = wp.empty(20, dtype=wp.transform, device=device)
+
+    given_poses = wp.array(poses, dtype=wp.transform, device=device)
+    wp.launch(kernels.poses_to_opencv, dim=20, inputs=[given_poses, wp.quat(*turn), out], device=device)
+    expected = poses_to_matrices(reference.poses_to_opencv(poses, turn))
+    np.testing.assert_allclose(poses_to_matrices(out.numpy()), expected, atol=2e-6)
+
+    given_matrices = wp.array(matrices, dtype=wp.mat44, device=device)
+    wp.launch(kernels.poses_from_matrices, dim=20, inputs=[given_matrices, wp.quat(*turn), out], device=device)
+    expected = reference.poses_from_matrices(matrices, turn)
+    np.testing.assert_allclose(poses_to_matrices(out.numpy()), expected, atol=2e-6)
+
+
+@pytest.mark.parametrize("convention", AXES)
+@pytest.mark.parametrize("form", ["rows", "transforms", "matrices"])
+def test_device_arrays_are_poses_too(convention, form, device):
+    """Warp arrays of every form give what the same poses on the host give."""
+    poses = np.random.default_rng(1).normal(size=(5, 7)).astype(np.float32)
+    poses[:, 3:] /= np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
+    expected = poses_to_matrices(wv.parse_poses(poses, convention=convention).numpy())
+    given = {
+        "rows": lambda: wp.array(poses, dtype=wp.float32, device=device),
+        "transforms": lambda: wp.array(poses, dtype=wp.transform, device=device),
+        "matrices": lambda: wp.array(poses_to_matrices(poses).astype(np.float32), dtype=wp.mat44, device=device),
+    }[form]()
+    parsed = wv.parse_poses(given, convention=convention, device=device)
+    assert parsed.device == wp.get_device(device)
+    np.testing.assert_allclose(poses_to_matrices(parsed.numpy()), expected, atol=2e-6)
