@@ -146,9 +146,9 @@ def _caption(scenes: list[str], cells: dict[tuple[str, str], Result], rounds: in
     views = ", ".join(f"{scene} {cells[BASELINE, scene].views}" for scene in scenes)
     few = ", ".join(f"{method.title} {method.most_views}" for method in METHODS if method.most_views < sys.maxsize)
     return (
-        f"Depth images of {camera.width}x{camera.height} pixels on all cores, or on one thread where it says so. "
-        f"Views a round: {views} (at most: {few}). Medians of {rounds} rounds in turn; in brackets, times the first row. "
-        "Same depth: pixels within 1 mm of warpvis's, in the scene with the fewest."
+        f"Depth images of {camera.width}x{camera.height} pixels on all cores, or on one thread where it says so; "
+        f"views a round: {views} (at most: {few}). Medians of {rounds} rounds in turn; in brackets, times the first "
+        "row. Same depth: pixels within 1 mm of warpvis's, in the scene with the fewest."
     )
 
 

@@ -20,7 +20,6 @@ with mujoco.Renderer(model, 8, 8) as renderer:
     renderer.update_scene(mujoco.MjData(model))
     renderer.render()
 """
-_NO_GL: list[str] = []
 
 
 def _probe_gl() -> str:
@@ -30,25 +29,31 @@ def _probe_gl() -> str:
     return "" if result.returncode == 0 else (result.stderr.strip().splitlines() or ["it crashed"])[-1]
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skip tests that need GL where there is none, unless it is required: then they run, and fail."""
-    needing = [item for item in items if item.get_closest_marker("gl")]
-    if not needing:
-        return
-    reason = _probe_gl()
-    if not reason or os.environ.get("WARPVIS_REQUIRE_GL") == "1":
-        os.environ["MUJOCO_GL"] = "egl"  # before anything imports mujoco
-        return
-    _NO_GL.append(f"{len(needing)} tests that compare with mujoco.Renderer were SKIPPED: no EGL here ({reason}).")
-    for item in needing:
-        item.add_marker(pytest.mark.skip(reason=f"no EGL: {reason}"))
+# Before any test module imports mujoco, which reads the variable once.
+_NO_GL = _probe_gl()
+if not _NO_GL:
+    os.environ["MUJOCO_GL"] = "egl"
+_skipped: list[str] = []
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip tests that need GL where there is none, or fail them where it is required."""
+    if item.get_closest_marker("gl") and _NO_GL:
+        if os.environ.get("WARPVIS_REQUIRE_GL") == "1":
+            pytest.fail(f"WARPVIS_REQUIRE_GL=1, but mujoco.Renderer does not work here: {_NO_GL}", pytrace=False)
+        _skipped.append(item.nodeid)
+        pytest.skip(f"no EGL: {_NO_GL}")
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Say loudly what was left out."""
-    for line in _NO_GL:
+    if _skipped:
         terminalreporter.section("NO OPENGL", yellow=True, bold=True)
-        terminalreporter.line(line, yellow=True, bold=True)
+        terminalreporter.line(
+            f"{len(_skipped)} tests that compare with mujoco.Renderer were SKIPPED: no EGL here ({_NO_GL}).",
+            yellow=True,
+            bold=True,
+        )
         terminalreporter.line("On Debian and Ubuntu: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri", yellow=True)
 
 

@@ -1,0 +1,118 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""All benchmarks: measured, kept, compared with this machine's last run, and then side by side with the peers.
+
+Results are kept in `.benchmarks/<machine>/`, one file a commit. What became slower is listed at the end of its part.
+Arguments that are not named here are compare.py's (``--scenes room --views 8``).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from machine import machine_id
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# A benchmark counts as slower from here on. Medians of two runs of the same code differ by some per cent.
+TOLERATED = 0.15
+
+
+def commit_name() -> str:
+    """The commit that is measured, and whether there is more than it; "unversioned" without git."""
+    commit = _git("rev-parse", "--short", "HEAD")
+    if commit is None:
+        return "unversioned"
+    return f"{commit}-dirty" if _git("status", "--porcelain") else commit
+
+
+def _git(*arguments: str) -> str | None:
+    try:
+        done = subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return done.stdout.strip()
+
+
+def last_run(storage: Path) -> Path | None:
+    """The newest file of results."""
+    # pytest-benchmark keeps a folder for every Python.
+    return max(storage.glob("*/*.json"), key=lambda path: path.stat().st_mtime_ns, default=None)
+
+
+def run_benchmarks(storage: Path, name: str, last: Path | None) -> int:
+    """Run pytest-benchmark and return its exit code."""
+    command = [sys.executable, "-m", "pytest", "bench", "-o", "python_files=bench_*.py", "--benchmark-only"]
+    command += ["--benchmark-sort=name", "--benchmark-columns=median,iqr,rounds", "-q"]
+    command += [f"--benchmark-storage=file://{storage}", f"--benchmark-save={name}"]
+    if last:
+        command.append(f"--benchmark-compare={last}")
+    return subprocess.call(command, cwd=ROOT)
+
+
+def report(new: Path, last: Path | None) -> list[str]:
+    """Print all figures beside those of the last run, then what became slower, which is returned."""
+    now, before = _load(new), _load(last) if last else {}
+    slower = []
+    print(f"\n{'median':>12} {'fps':>10} {'time':>8}  benchmark")
+    for name, bench in now.items():
+        change = _seconds(bench) / _seconds(before[name]) - 1 if name in before else None
+        fps = f"{bench['extra_info']['fps']:,.0f}" if "fps" in bench["extra_info"] else ""
+        shown = "new" if change is None else f"{change:+.0%}"
+        print(f"{bench['stats']['median'] * 1e3:9.2f} ms {fps:>10} {shown:>8}  {name}")
+        if change is not None and change > TOLERATED:
+            slower.append(f"{name}: takes {change:.0%} more time")
+    if last is None:
+        print("\nThis is the first run of this machine.")
+    elif slower:
+        print(f"\nSLOWER than {last.name} by more than {TOLERATED:.0%}:", *slower, sep="\n  ")
+    else:
+        print(f"\nNothing is slower than {last.name} by more than {TOLERATED:.0%}.")
+    return slower
+
+
+def _load(path: Path) -> dict[str, Any]:
+    return {bench["fullname"]: bench for bench in json.loads(path.read_text(encoding="utf-8"))["benchmarks"]}
+
+
+def _seconds(bench: dict[str, Any]) -> float:
+    """Time of one view, which stays comparable when the number of views is changed."""
+    return bench["stats"]["median"] / bench["extra_info"].get("views", 1)
+
+
+def run_comparison(arguments: Sequence[str], readme: bool) -> int:
+    """Run compare.py and return its exit code."""
+    command = [sys.executable, str(ROOT / "bench" / "compare.py"), *arguments]
+    return subprocess.call([*command, "--readme", "README.md"] if readme else command, cwd=ROOT)
+
+
+def main() -> int:
+    """Run everything; the exit code is 0 unless something fails."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--fail", action="store_true", help="exit with 1 if a benchmark became slower")
+    parser.add_argument("--readme", action="store_true", help="put the table of the peers into README.md")
+    options, for_compare = parser.parse_known_args()
+
+    storage, name = ROOT / ".benchmarks" / machine_id(), commit_name()
+    last = last_run(storage)
+    code = run_benchmarks(storage, name, last)
+    new = last_run(storage)
+    if code != 0 or new is None or new == last:
+        if new != last:
+            new.unlink()  # of a run that failed, and not to be compared with
+        return code or 1
+    slower = report(new, last)
+    for older in set(storage.glob(f"*/*_{name}.json")) - {new}:
+        older.unlink()
+    code = run_comparison(for_compare, options.readme)
+    return 1 if options.fail and slower else code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,137 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Back-projection and the paper's cases against their twins, on rendered and on spoiled depth images."""
+
+import numpy as np
+import pytest
+import reference
+import warp as wp
+
+import warpvis as wv
+from warpvis import Label, Sphere, scenes
+
+EXPERIMENT = scenes.EXPERIMENTS[0]
+CAMERA = EXPERIMENT.camera
+
+
+@pytest.fixture(scope="module")
+def depth():
+    """A depth image as a sensor gives it: noisy, with holes in every way sensors say "nothing"."""
+    rng = np.random.default_rng(0)
+    image = wv.render(EXPERIMENT.build(), CAMERA, EXPERIMENT.poses()).depth.numpy().copy()
+    image += np.where(np.isfinite(image), rng.normal(0, 0.005, image.shape), 0).astype(np.float32)
+    for value in (np.nan, np.inf, -np.inf, 0.0, -1.0, 4.6, 100.0):
+        image[0, rng.integers(0, 240, 50), rng.integers(0, 320, 50)] = value
+    return image
+
+
+def test_back_projection_matches_its_twin(depth, device):
+    points = wv.back_project(depth, CAMERA, EXPERIMENT.poses(), device=device).numpy()[0]
+    expected = reference.back_project(CAMERA, EXPERIMENT.poses()[0], depth[0])
+    assert (np.isnan(points) == np.isnan(expected)).all()
+    hit = np.isfinite(expected)
+    np.testing.assert_allclose(points[hit], expected[hit], rtol=2e-7, atol=2e-7)
+
+
+def test_back_projection_of_a_rendered_image_gives_its_points(device):
+    views = wv.render(EXPERIMENT.build(device), CAMERA, EXPERIMENT.poses())
+    points = wv.back_project(views.depth, CAMERA, EXPERIMENT.poses())
+    np.testing.assert_allclose(points.numpy(), views.points.numpy(), atol=1e-6)
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.01, 0.3])
+@pytest.mark.parametrize("max_range", [None, 2.5])
+def test_classes_match_their_twin(depth, sigma, max_range, device):
+    spheres = (*EXPERIMENT.spheres, Sphere((1.3, 0.35, 1.0), 0.9, Label.ROBOT))  # spheres that overlap
+    owner = wp.empty(depth.shape, dtype=wp.int32, device=device)
+    labels = wv.classify(
+        depth, CAMERA, EXPERIMENT.poses(), spheres=spheres, sigma=sigma, max_range=max_range, device=device,
+        spheres_out=owner,
+    )  # fmt: skip
+    expected, sphere, margin = reference.classify_depth(
+        CAMERA, EXPERIMENT.poses()[0], depth[0], spheres, sigma=sigma, max_range=max_range
+    )
+    clear = margin > 1e-5
+    assert clear.mean() > 0.99
+    np.testing.assert_array_equal(labels.numpy()[0][clear], expected[clear])
+    apart = clear & (labels.numpy()[0] == expected)
+    assert (owner.numpy()[0][apart] == sphere[apart]).mean() > 0.9999
+    assert labels.dtype == wp.uint8
+
+
+def test_every_way_to_say_nothing_is_empty(device):
+    camera = wv.Camera(7, 1, 10, 10, 3.5, 0.5, near=0.3, far=4.5)
+    depth = np.array([[[np.nan, np.inf, -np.inf, 0.0, -1.0, 4.51, 4.5]]], dtype=np.float32)
+    pose = wv.look_at((0, 0, 1), (1, 0, 1))
+    labels = wv.classify(depth, camera, pose, device=device).numpy()[0, 0]
+    assert labels.tolist() == [Label.EMPTY] * 6 + [Label.OBSTACLE]
+
+
+def test_ground_is_below_sigma_over_the_floor(device):
+    """An eye 1 m above the floor looks down through pixels whose depth puts points at chosen heights."""
+    camera = wv.Camera(4, 1, 1e6, 1e6, 2, 0.5)
+    down = wv.look_at((0, 0, 1), (0, 0, 0), up=(1, 0, 0))
+    depth = np.array([[1.2, 0.995, 0.985, 0.2]], dtype=np.float32)
+    ground, obstacle = Label.GROUND, Label.OBSTACLE
+    assert wv.classify(depth, camera, down, device=device).numpy()[0, 0].tolist() == [ground, ground, obstacle, obstacle]
+    wider = wv.classify(depth, camera, down, sigma=0.02, device=device).numpy()[0, 0]
+    assert wider.tolist() == [ground, ground, ground, obstacle]
+    higher = wv.classify(depth, camera, down, ground_height=0.7, device=device).numpy()[0, 0]
+    assert higher.tolist() == [ground] * 3 + [obstacle]
+
+
+def test_up_may_be_y(device):
+    camera = wv.Camera(1, 1, 1e6, 1e6, 0.5, 0.5)
+    down = wv.look_at((0, 1, 0), (0, 0, 0), up=(1, 0, 0))
+    depth = np.array([[1.0]], dtype=np.float32)
+    assert wv.classify(depth, camera, down, up="y", device=device).numpy().item() == Label.GROUND
+    assert wv.classify(depth, camera, down, up="z", device=device).numpy().item() == Label.GROUND
+    low = np.array([[0.5]], dtype=np.float32)
+    assert wv.classify(low, camera, down, up="y", device=device).numpy().item() == Label.OBSTACLE
+    assert wv.classify(low, camera, down, up="z", device=device).numpy().item() == Label.GROUND
+
+
+def test_spheres_are_rows_or_objects():
+    depth = wv.render(EXPERIMENT.build(), CAMERA, EXPERIMENT.poses()).depth
+    ball = EXPERIMENT.spheres[0]
+    one = wv.classify(depth, CAMERA, EXPERIMENT.poses(), spheres=[ball]).numpy()
+    other = wv.classify(depth, CAMERA, EXPERIMENT.poses(), spheres=np.array([[*ball.center, ball.size]])).numpy()
+    np.testing.assert_array_equal(one, other)
+    assert (one == Label.OBJECT).any()
+
+
+def test_rendered_images_are_labelled_by_their_objects(device):
+    scene = EXPERIMENT.build(device)
+    views = wv.render(scene, CAMERA, EXPERIMENT.poses())
+    labels = wv.classify_rendered(views.depth, views.objects, scene)
+    np.testing.assert_array_equal(labels.numpy(), views.labels.numpy())
+
+    near = wv.classify_rendered(views.depth, views.objects, scene, max_range=2.0).numpy()[0]
+    label_of = np.array([item.label for item in scene])
+    expected = reference.label_objects(label_of, views.depth.numpy()[0], views.objects.numpy()[0], 2.0)
+    np.testing.assert_array_equal(near, expected)
+    assert (near != labels.numpy()[0]).any()
+
+
+def test_the_spheres_agree_with_the_exact_objects():
+    """The paper's test, on the depth image alone, finds ball and person where the renderer knows them to be."""
+    for experiment in scenes.EXPERIMENTS:
+        scene = experiment.build()
+        views = wv.render(scene, CAMERA, experiment.poses())
+        labels = wv.classify(views.depth, CAMERA, experiment.poses(), spheres=experiment.spheres).numpy()
+        exact = views.labels.numpy()
+        for label in (Label.OBJECT, Label.HUMAN):
+            found, there = labels == label, exact == label
+            assert found.any() == there.any()
+            # Feet and the ball's lowest millimetres are below sigma; everything else agrees.
+            assert (found & there).sum() >= 0.95 * there.sum()
+            assert (found & ~there).sum() <= 0.02 * max(there.sum(), 1)
+
+
+def test_out_arrays_are_used(device):
+    views = wv.render(EXPERIMENT.build(device), CAMERA, EXPERIMENT.poses())
+    labels = wp.zeros(views.depth.shape, dtype=wp.uint8, device=device)
+    points = wp.zeros(views.depth.shape, dtype=wp.vec3, device=device)
+    assert wv.classify(views.depth, CAMERA, EXPERIMENT.poses(), out=labels) is labels
+    assert wv.back_project(views.depth, CAMERA, EXPERIMENT.poses(), out=points) is points
+    assert wv.classify_rendered(views.depth, views.objects, EXPERIMENT.build(device), out=labels) is labels

@@ -1,0 +1,122 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The paper's four experiments show what they have to show."""
+
+import numpy as np
+import pytest
+import trimesh
+
+import warpvis as wv
+from warpvis import scenes
+from warpvis.demo import run_experiment
+from warpvis.scenes import experiments
+
+# Experiment: whether ball and person are visible, and whether the floor plan calls them so.
+TABLE = {
+    1: {"ball": (True, True), "person": (True, True)},
+    2: {"ball": (False, False), "person": (True, True)},
+    3: {"ball": (True, False), "person": (False, False)},
+    4: {"ball": (False, False), "person": (True, False)},
+}
+
+
+@pytest.fixture(scope="module", params=sorted(TABLE))
+def result(request):
+    return run_experiment(request.param)
+
+
+def number_of(result):
+    return int(result.experiment.name[-1])
+
+
+def test_the_table(result):
+    for sighting in result.sightings:
+        assert (sighting.visible, sighting.visible_on_plan) == TABLE[sighting.experiment][sighting.object]
+        assert (sighting.pixels_by_sphere > 0) == sighting.visible
+
+
+def test_the_presets_state_the_table():
+    for number, experiment in enumerate(scenes.EXPERIMENTS, start=1):
+        rows = TABLE[number]["ball"], TABLE[number]["person"]
+        assert tuple(zip(experiment.visible, experiment.plan_visible, strict=True)) == rows
+
+
+def test_what_is_visible_is_plainly_so(result):
+    """Hidden means not one pixel; visible means hundreds."""
+    for sighting in result.sightings:
+        assert sighting.pixels == 0 or sighting.pixels > 300
+
+
+def test_the_camera_is_between_the_obstacles(result):
+    eye = result.experiment.poses()[0, 2]
+    tops = [result.scene[name].bounds[1, 2] for name in ("low obstacle", "high obstacle")]
+    assert tops[0] < eye < tops[1]
+    floor = result.scene["floor"]
+    np.testing.assert_allclose(np.ptp(floor.bounds, axis=0)[:2], 4.0)
+
+
+def test_tops_of_obstacles(result):
+    """Where it is in view, the low obstacle's top is seen; the high one's never is."""
+    points, objects = result.views.points.numpy()[0], result.views.objects.numpy()[0]
+
+    def pixels_on_top(name):
+        item = result.scene[name]
+        heights = points[objects == result.scene.index(name)][:, 2]
+        return int((heights > item.bounds[1, 2] - 1e-4).sum())
+
+    assert pixels_on_top("high obstacle") == 0
+    assert pixels_on_top("low obstacle") > 100
+    # And so it is on the map: cells inside the low obstacle's outline are brown.
+    cells = result.floor_map.cells.numpy()[0]
+    rows, columns = np.nonzero(cells == wv.Label.OBSTACLE)
+    left, _, bottom, _ = result.floor_map.bounds
+    x, y = left + (columns + 0.5) * result.floor_map.cell, bottom + (rows + 0.5) * result.floor_map.cell
+
+    def covered(name):
+        low, high = result.scene[name].bounds[:, :2]
+        return ((x > low[0] + 0.04) & (x < high[0] - 0.04) & (y > low[1] + 0.04) & (y < high[1] - 0.04)).sum()
+
+    assert covered("high obstacle") == 0
+    assert covered("low obstacle") > 50
+
+
+def test_hidden_things_have_no_colour_on_the_map(result):
+    cells = result.floor_map.cells.numpy()[0]
+    ball, person = result.sightings
+    assert (cells == wv.Label.OBJECT).any() == ball.visible
+    assert (cells == wv.Label.HUMAN).any() == person.visible
+    assert (cells == wv.Label.ROBOT).any()
+
+
+def test_nothing_stands_inside_something_else():
+    for experiment in scenes.EXPERIMENTS:
+        boxes = {item.name: item.bounds for item in experiment.build() if item.name != "floor"}
+        for name, (low, high) in boxes.items():
+            assert low[2] >= 0
+            assert (np.abs([low[:2], high[:2]]) <= experiments.FLOOR_SIZE / 2).all()
+            for other, (low_other, high_other) in boxes.items():
+                assert name == other or (low > high_other).any() or (high < low_other).any()
+
+
+def test_a_wall_hides_on_the_plan_what_it_hides():
+    """The plan's answer for a world in which it is right: a wall, a thing before, one behind, one beside."""
+    scene = wv.Scene()
+    for name, place in {"before": (1, 0), "behind": (3, 0), "beside": (3, 1.2)}.items():
+        scene.add(trimesh.creation.box((0.2, 0.2, 0.2)), name=name, pose=(*place, 0.1, 0, 0, 0, 1))
+    scene.add(trimesh.creation.box((0.1, 1, 0.01)), name="wall", pose=(2, 0, 0, 0, 0, 0, 1))
+    plan = wv.plan_visibility(scene, wv.Camera.kinect(), wv.look_at((0, 0, 1), (3, 0, 0.5)))
+    visible = dict(zip((item.name for item in scene), plan.visible[0].tolist(), strict=True))
+    assert visible == {"before": True, "behind": False, "beside": True, "wall": True}
+    assert (plan.first <= plan.alone).all()
+    without = wv.plan_visibility(
+        scene, wv.Camera.kinect(), wv.look_at((0, 0, 1), (3, 0, 0.5)), exclude=("wall", "before")
+    )
+    assert without.visible[0].tolist() == [False, True, True, False]
+
+
+def test_the_plan_knows_the_range():
+    scene = wv.Scene()
+    scene.add(trimesh.creation.box((0.2, 0.2, 0.2)), name="far", pose=(4.7, 0, 0.1, 0, 0, 0, 1))
+    pose = wv.look_at((0, 0, 1), (3, 0, 1))
+    assert not wv.plan_visibility(scene, wv.Camera.kinect(), pose).visible[0, 0]
+    assert wv.plan_visibility(scene, wv.Camera.from_fov(320, 240, hfov=0.99, far=5), pose).visible[0, 0]

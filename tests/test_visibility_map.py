@@ -1,0 +1,106 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The floor map against its twin, and what its cells have to mean."""
+
+import numpy as np
+import pytest
+import reference
+
+import warpvis as wv
+from warpvis import Label, scenes
+from warpvis.scenes.experiments import ROBOT_AT, ROBOT_RADIUS
+
+ROBOT = [(*ROBOT_AT, ROBOT_RADIUS)]
+
+
+@pytest.mark.parametrize("number", [1, 3])
+def test_maps_match_their_twin(number, device):
+    experiment = scenes.EXPERIMENTS[number - 1]
+    scene = experiment.build(device)
+    camera = wv.Camera.from_fov(96, 72, hfov=0.994837, near=0.3, far=4.5)
+    views = wv.render(scene, camera, experiment.poses())
+    # Faces of the scene's boxes lie on round numbers: off them, no point is on the border of two cells.
+    low = np.array([-2.013, -1.987])
+    floor_map = wv.visibility_map(views.points, views.labels, bounds=(low, (2, 2)), cell=0.05, robots=ROBOT)
+    marks = reference.mark_cells(
+        views.points.numpy()[0], views.labels.numpy()[0], low, 0.05, floor_map.cells.shape[1:], 0.01
+    )
+    expected = reference.finish_map(marks, low, 0.05, np.array(ROBOT))
+    # Cells whose centre a quadrilateral's edge touches may fall either way in single precision.
+    assert (floor_map.cells.numpy()[0] != expected).mean() < 2e-3
+    assert set(np.unique(expected)) > {Label.EMPTY, Label.GROUND, Label.OBSTACLE, Label.ROBOT}
+
+
+def test_every_seen_point_marks_its_cell(device):
+    """No point inside the map is lost, and no cell is marked whose neighbourhood shows nothing."""
+    experiment = scenes.EXPERIMENTS[0]
+    scene = experiment.build(device)
+    views = wv.render(scene, experiment.camera, experiment.poses())
+    floor_map = wv.visibility_map(views.points, views.labels, bounds=((-2, -2), (2, 2)), cell=0.02)
+    assert floor_map.cells.shape == (1, 200, 200)
+    cells = floor_map.cells.numpy()[0]
+    labels, points = views.labels.numpy()[0], views.points.numpy()[0]
+    seen = labels != Label.EMPTY
+    column, row = np.floor((points[seen][:, :2] + 2) / 0.02).astype(int).T
+    inside = (column >= 0) & (column < 200) & (row >= 0) & (row < 200)
+    assert (cells[row[inside], column[inside]] >= labels[seen][inside]).all()
+
+
+def test_seen_ground_has_no_gaps_between_pixels(device):
+    """A camera over an empty floor sees one connected patch, though far pixels fall many cells apart."""
+    scene = wv.Scene(device=device)
+    import trimesh
+
+    scene.add(trimesh.creation.box((8, 8, 0.02)), name="floor", label="ground", pose=(0, 0, -0.01, 0, 0, 0, 1))
+    pose = wv.look_at((-3.5, 0, 1), (0, 0, 0))
+    camera = wv.Camera.from_fov(40, 30, hfov=0.9, far=6)
+    views = wv.render(scene, camera, pose)
+    cells = wv.visibility_map(views.points, views.labels, bounds=scene.bounds, cell=0.02).cells.numpy()[0]
+    assert (cells == Label.GROUND).mean() > 0.2
+    for row in cells == Label.GROUND:
+        steps = np.diff(np.flatnonzero(row))
+        assert (steps[1:-1] == 1).all()  # at the ends, a pixel's own cell may stick out
+
+
+def test_the_higher_label_wins_and_the_robot_covers_all(device):
+    points = np.zeros((1, 1, 3, 3), dtype=np.float32)
+    labels = np.array([[[Label.HUMAN, Label.OBSTACLE, Label.OBJECT]]], dtype=np.uint8)
+    bounds = ((-1, -1), (1, 1))
+    cells = wv.visibility_map(points, labels, bounds=bounds, cell=1.0).cells.numpy()[0]
+    assert cells.tolist() == [[0, 0], [0, Label.HUMAN]]
+    cells = wv.visibility_map(points, labels, bounds=bounds, cell=1.0, robots=[(0.5, 0.5, 0.1)]).cells.numpy()[0]
+    assert cells.tolist() == [[0, 0], [0, Label.ROBOT]]
+
+
+def test_maps_of_several_views_are_their_own(device):
+    experiment = scenes.EXPERIMENTS[2]
+    scene = experiment.build(device)
+    poses = np.concatenate([experiment.poses(), wv.look_at((1.9, 0, 0.7), (0, 0, 0.3))[None]]).astype(np.float32)
+    both = wv.render(scene, experiment.camera, poses)
+    maps = wv.visibility_map(both.points, both.labels, bounds=scene.bounds, threads=2).cells.numpy()
+    for view in range(2):
+        one = wv.render(scene, experiment.camera, poses[view])
+        alone = wv.visibility_map(one.points, one.labels, bounds=scene.bounds).cells.numpy()[0]
+        np.testing.assert_array_equal(maps[view], alone)
+    assert (maps[0] != maps[1]).any()
+
+
+def test_legend_colours_and_areas():
+    points = np.zeros((1, 1, 1, 3), dtype=np.float32)
+    floor_map = wv.visibility_map(points, np.array([[[1]]], dtype=np.uint8), bounds=((0, 0), (1, 2)), cell=0.5)
+    assert floor_map.bounds == (0, 1, 0, 2)
+    assert floor_map.area("ground").tolist() == [0.25]
+    assert floor_map.rgb().shape == (1, 4, 2, 3)
+    colors = {label: color for label, (_, color) in floor_map.legend.items()}
+    assert tuple(floor_map.rgb()[0, 0, 0]) == colors[Label.GROUND]
+    assert tuple(floor_map.rgb()[0, 3, 1]) == colors[Label.EMPTY] == (0, 0, 0)
+    assert set(floor_map.legend) == set(Label)
+
+
+def test_worlds_with_y_up():
+    """The map's axes are z and x, which keeps it a view from above."""
+    points = np.array([[[[3.0, 0.0, 1.0]]]], dtype=np.float32)
+    floor_map = wv.visibility_map(points, np.array([[[1]]]), bounds=((0, 0, 0), (4, 1, 2)), cell=1.0, up="y")
+    assert floor_map.axes == ("z", "x")
+    assert floor_map.cells.shape == (1, 4, 2)
+    assert floor_map.cells.numpy()[0, 3, 1] == Label.GROUND
