@@ -83,7 +83,7 @@ def classify_depth(
     labels_out: wp.array3d[wp.uint8],
     spheres_out: wp.array3d[wp.int32],
 ):
-    """The paper's cases for every pixel: empty, ground, part of an object; and an obstacle where it is none of these."""
+    """The paper's cases for every pixel: empty, ground, part of an object; an obstacle where it is none of these."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row

@@ -31,7 +31,8 @@ def _orbit(count: int) -> NDArray[np.float64]:
 
 def _add_room(scene: Scene) -> None:
     """A floor, two obstacles, a ball and a capsule as high as a person: 5,412 triangles, most of them far smaller
-    than the floor's two."""
+    than the floor's two.
+    """
     scene.add(shapes.floor(4, 4), name="floor", label=Label.GROUND)
     scene.add(shapes.standing_box((0.2, 0.6, 0.5), 0.5, 0.4), name="low obstacle")
     scene.add(shapes.standing_box((0.2, 0.6, 0.9), 0.5, -0.6), name="high obstacle")

@@ -5,9 +5,10 @@
 from __future__ import annotations
 
 import numpy as np
-import reference
 
 from warpvis import Camera, Scene, Views
+
+import reference
 
 
 def assert_matches_reference(views: Views, scene: Scene, camera: Camera, poses: np.ndarray) -> None:

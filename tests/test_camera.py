@@ -46,7 +46,9 @@ def test_fields_of_view_come_back(width, height, fov):
     assert Camera.from_fov(width, height, vfov=fov).vfov == pytest.approx(fov)
 
 
-@given(st.sampled_from([0.0, 0.5]), st.floats(1, 5000), st.floats(1, 5000), st.floats(-100, 4000), st.floats(-100, 4000))
+@given(
+    st.sampled_from([0.0, 0.5]), st.floats(1, 5000), st.floats(1, 5000), st.floats(-100, 4000), st.floats(-100, 4000)
+)
 def test_intrinsic_matrices_come_back(pixel_center, fx, fy, cx, cy):
     matrix = [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]
     camera = Camera.from_K(matrix, 640, 480, pixel_center=pixel_center)

@@ -4,11 +4,12 @@
 
 import numpy as np
 import pytest
-import reference
 import warp as wp
 
 import warpvis as wv
 from warpvis import Label, Sphere, scenes
+
+import reference
 
 EXPERIMENT = scenes.EXPERIMENTS[0]
 CAMERA = EXPERIMENT.camera
@@ -73,7 +74,12 @@ def test_ground_is_below_sigma_over_the_floor(device):
     down = wv.look_at((0, 0, 1), (0, 0, 0), up=(1, 0, 0))
     depth = np.array([[1.2, 0.995, 0.985, 0.2]], dtype=np.float32)
     ground, obstacle = Label.GROUND, Label.OBSTACLE
-    assert wv.classify(depth, camera, down, device=device).numpy()[0, 0].tolist() == [ground, ground, obstacle, obstacle]
+    assert wv.classify(depth, camera, down, device=device).numpy()[0, 0].tolist() == [
+        ground,
+        ground,
+        obstacle,
+        obstacle,
+    ]
     wider = wv.classify(depth, camera, down, sigma=0.02, device=device).numpy()[0, 0]
     assert wider.tolist() == [ground, ground, ground, obstacle]
     higher = wv.classify(depth, camera, down, ground_height=0.7, device=device).numpy()[0, 0]

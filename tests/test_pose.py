@@ -4,7 +4,6 @@
 
 import numpy as np
 import pytest
-import reference
 import warp as wp
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,6 +11,8 @@ from hypothesis.extra.numpy import arrays
 
 import warpvis as wv
 from warpvis.pose import _OPENCV_TO, poses_to_matrices, poses_to_opencv
+
+import reference
 
 rows = arrays(np.float64, (3, 7), elements=st.floats(-10, 10)).filter(
     lambda poses: (np.linalg.norm(poses[:, 3:], axis=1) > 0.1).all()

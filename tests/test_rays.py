@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 import trimesh
 import warp as wp
-from compare import assert_matches_reference
 
 import warpvis as wv
 from warpvis import scenes
+
+from compare import assert_matches_reference
 
 ALL = ("depth", "points", "normals", "labels", "objects")
 SMALL = wv.Camera.from_fov(120, 90, hfov=0.994837, near=0.05, far=100.0)
@@ -160,7 +161,9 @@ def test_degenerate_triangles_change_nothing(device):
     points = np.array([[0.0, 0, 0.5], [1, 0, 0.5], [2, 0, 0.5], [0, 0, 0.5]])
     spoiled.add((points, [[0, 1, 2], [0, 0, 0], [0, 3, 1]]), name="slivers")
     for name in ALL:
-        one, other = (getattr(wv.render(s, SMALL, preset.poses(3), outputs=ALL), name).numpy() for s in (plain, spoiled))
+        one, other = (
+            getattr(wv.render(s, SMALL, preset.poses(3), outputs=ALL), name).numpy() for s in (plain, spoiled)
+        )
         np.testing.assert_array_equal(one, other)
 
 

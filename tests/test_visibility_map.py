@@ -4,11 +4,12 @@
 
 import numpy as np
 import pytest
-import reference
 
 import warpvis as wv
 from warpvis import Label, scenes
 from warpvis.scenes.experiments import ROBOT_AT, ROBOT_RADIUS
+
+import reference
 
 ROBOT = [(*ROBOT_AT, ROBOT_RADIUS)]
 

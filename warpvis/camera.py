@@ -87,13 +87,17 @@ class Camera:
             raise CameraError("give either hfov or vfov, in radians")
         if vertical not in ("square", "linear"):
             raise CameraError(f'vertical must be "square" or "linear", got {vertical!r}')
-        if vertical == "linear" and hfov is None:
-            raise CameraError('vertical="linear" derives the vertical field of view, so give hfov')
         _check_size(width, height)
-        size, name, fov = (width, "hfov", hfov) if hfov is not None else (height, "vfov", vfov)
-        focal = _focal_length(size, fov, name)
-        fy = focal if vertical == "square" else _focal_length(height, hfov * height / width, "vfov")
-        return cls(width, height, focal, fy, width / 2, height / 2, near, far)
+        if hfov is not None:
+            fx = fy = _focal_length(width, hfov, "hfov")
+            if vertical == "linear":
+                fy = _focal_length(height, hfov * height / width, "vfov")
+        else:
+            if vertical == "linear":
+                raise CameraError('vertical="linear" derives the vertical field of view, so give hfov')
+            assert vfov is not None  # for type checkers: one of the two is given
+            fx = fy = _focal_length(height, vfov, "vfov")
+        return cls(width, height, fx, fy, width / 2, height / 2, near, far)
 
     @classmethod
     def from_K(  # noqa: N802 - K is the field's name for the matrix
@@ -188,12 +192,13 @@ class Camera:
         """
         import numpy as np
 
-        pixels, depth = np.asarray(pixels, dtype=np.float64), np.asarray(depth, dtype=np.float64)
+        pixels = np.asarray(pixels, dtype=np.float64)
+        z = np.asarray(depth, dtype=np.float64)
         if pixels.shape[-1:] != (2,):
             raise CameraError(f"pixels must have shape (..., 2), got {pixels.shape}")
-        x = depth * (pixels[..., 0] - self.cx) / self.fx
-        y = depth * (pixels[..., 1] - self.cy) / self.fy
-        return np.stack(np.broadcast_arrays(x, y, depth), axis=-1)
+        x = z * (pixels[..., 0] - self.cx) / self.fx
+        y = z * (pixels[..., 1] - self.cy) / self.fy
+        return np.stack(np.broadcast_arrays(x, y, z), axis=-1)
 
     def device_struct(self) -> Any:
         """The camera as the kernels take it (a `warpvis.kernels.pinhole.PinholeCamera`)."""

@@ -208,9 +208,7 @@ def _read_images(
     if not isinstance(depth, wp.array) and device.is_cpu:
         depth = as_numpy(depth, name="depth")
         if depth.dtype.kind != "f":
-            raise ArrayError(
-                f"depth must be in metres, a float array, got {depth.dtype}; divide a depth image in millimetres by 1000"
-            )
+            raise ArrayError(f"depth must be in metres, a float array, got {depth.dtype}; divide millimetres by 1000")
     if getattr(depth, "ndim", 0) == 2:
         depth = depth.reshape((1, *depth.shape))
     depth = as_warp(depth, wp.float32, ("V", camera.height, camera.width), name="depth", device=device)
@@ -229,15 +227,19 @@ def _device_of(array: Any) -> str:
 def _device_spheres(spheres: Sequence[Sphere] | ArrayLike, device: wp.Device) -> Any:
     from warpvis.kernels.classify import Spheres
 
-    if not (isinstance(spheres, Sequence) and all(isinstance(item, Sphere) for item in spheres)):
+    if isinstance(spheres, Sequence) and all(isinstance(item, Sphere) for item in spheres):
+        balls: list[Any] = list(spheres)
+    else:
         rows = as_numpy(spheres, name="spheres")
         if rows.ndim != 2 or rows.shape[1] != 4:
-            raise ArrayError(f"spheres must be warpvis.Sphere objects or have shape (S, 4), x y z size, got {rows.shape}")
-        spheres = [Sphere(tuple(row[:3]), float(row[3])) for row in rows]
+            raise ArrayError(
+                f"spheres must be warpvis.Sphere objects or have shape (S, 4), x y z size, got {rows.shape}"
+            )
+        balls = [Sphere(tuple(row[:3]), float(row[3])) for row in rows]
     struct = Spheres()
-    struct.center = wp.array([item.center for item in spheres], dtype=wp.vec3, device=device, shape=(len(spheres),))
-    struct.size = wp.array([item.size for item in spheres], dtype=wp.float32, device=device)
-    struct.label = wp.array([int(item.label) for item in spheres], dtype=wp.uint8, device=device)
+    struct.center = wp.array([ball.center for ball in balls], dtype=wp.vec3, device=device, shape=(len(balls),))
+    struct.size = wp.array([ball.size for ball in balls], dtype=wp.float32, device=device)
+    struct.label = wp.array([int(ball.label) for ball in balls], dtype=wp.uint8, device=device)
     return struct
 
 

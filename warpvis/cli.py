@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
@@ -86,7 +86,7 @@ class Render:
         if not self.quiet:
             print(f"{len(rows)} views of {scene!r}: {self.out / 'depth.npz'}, {self.out / 'depth'}/*.png")
 
-    def _write(self, renderer: Renderer, times: object, rows: object) -> int:
+    def _write(self, renderer: Renderer, times: Any, rows: Any) -> int:
         """Render and write all views, some at a time; the number of pixels that millimetres cannot hold."""
         import numpy as np
         from tqdm import tqdm
@@ -94,9 +94,9 @@ class Render:
         from warpvis.io.depth_files import DepthArchive, save_depth_png, too_far_for_millimetres
         from warpvis.pose import poses_to_opencv
 
-        poses = poses_to_opencv(np.asarray(rows), self.convention, name=str(self.poses)).astype(np.float32)
+        poses = poses_to_opencv(rows, self.convention, name=str(self.poses)).astype(np.float32)
         camera = renderer.camera
-        beside = {"K": camera.to_K(), "camera_to_world": poses, "timestamp": np.asarray(times)}
+        beside: dict[str, Any] = {"K": camera.to_K(), "camera_to_world": poses, "timestamp": times}
         too_far = 0
         with (
             DepthArchive(self.out / "depth.npz", (len(poses), camera.height, camera.width), **beside) as archive,

@@ -73,9 +73,7 @@ def run_experiment(number: int, *, device: Any = "cpu") -> ExperimentResult:
     views = Renderer(scene, experiment.camera).render(poses)
     sphere = wp.empty(views.depth.shape, dtype=wp.int32, device=scene.device)
     classify(views.depth, experiment.camera, poses, spheres=experiment.spheres, spheres_out=sphere)
-    floor_map = visibility_map(
-        views.points, views.labels, bounds=scene.bounds, robots=[(*ROBOT_AT, ROBOT_RADIUS)]
-    )
+    floor_map = visibility_map(views.points, views.labels, bounds=scene.bounds, robots=[(*ROBOT_AT, ROBOT_RADIUS)])
 
     pixels = np.bincount(views.objects.numpy().ravel() + 1, minlength=len(scene) + 1)[1:]
     in_sphere = np.bincount(sphere.numpy().ravel() + 1, minlength=len(experiment.spheres) + 1)[1:]
@@ -132,8 +130,9 @@ def run_demo(out: Path, *, device: Any = "cpu") -> dict[str, Any]:
     except OSError as error:
         raise FileFormatError(f"{out / 'summary.json'}: cannot be written: {error.strerror}") from None
     print(format_table(sightings))
-    print(f"\n{summary['frames_per_second']:.0f} frames per second (320x240, depth + points + labels + objects) on ", end="")
-    print(f"{summary['device']}\npictures and summary.json: {out}")
+    speed = f"{summary['frames_per_second']:.0f} frames per second"
+    print(f"\n{speed} (320x240, depth + points + labels + objects) on {summary['device']}")
+    print(f"pictures and summary.json: {out}")
     return summary
 
 

@@ -60,9 +60,7 @@ def parse_poses(
     return wp.array(rows.astype(np.float32), dtype=wp.transform, device=device)
 
 
-def poses_to_opencv(
-    poses: ArrayLike, convention: Convention = "opencv", *, name: str = "poses"
-) -> NDArray[np.float64]:
+def poses_to_opencv(poses: ArrayLike, convention: Convention = "opencv", *, name: str = "poses") -> NDArray[np.float64]:
     """Poses of the host as checked, normalised rows of the OpenCV camera frame, shape ``(V, 7)``."""
     array = as_numpy(poses, name=name).astype(np.float64)
     if array.shape in ((7,), (4, 4)):
@@ -180,7 +178,8 @@ def _quaternions(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
     return rows / np.linalg.norm(rows, axis=1, keepdims=True)
 
 
-def _refuse(name: str, bad: NDArray[np.bool_], wanted: str) -> None:
+def _refuse(name: str, bad: ArrayLike, wanted: str) -> None:
+    bad = np.asarray(bad)
     if bad.any():
         indices = np.flatnonzero(bad)
         first = ", ".join(map(str, indices[:5])) + (", ..." if len(indices) > 5 else "")

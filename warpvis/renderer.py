@@ -33,22 +33,22 @@ DEFAULT_OUTPUTS: tuple[Output, ...] = ("depth", "points", "labels", "objects")
 
 @dataclass
 class Views:
-    """Images of V views, indexed ``[view, y, x]``; those not asked for are None.
+    """Images of V views, `wp.array`s indexed ``[view, y, x]``; those not asked for are None.
 
     Every image says the same of a pixel: where depth is not finite, point and normal are NaN, the label is
     `Label.EMPTY` and the object is -1.
     """
 
-    depth: wp.array | None = None
+    depth: Any = None
     """Planar depth [m], ``(V, H, W)`` float32: +inf where nothing is hit or it lies beyond the camera's `far`, -inf
     where something is nearer than its `near` (REP 117)."""
-    points: wp.array | None = None
+    points: Any = None
     """Seen points in the world frame [m], ``(V, H, W)`` vec3."""
-    normals: wp.array | None = None
+    normals: Any = None
     """Unit normals of the seen triangles in the world frame, towards the camera, ``(V, H, W)`` vec3."""
-    labels: wp.array | None = None
+    labels: Any = None
     """`Label` values, ``(V, H, W)`` uint8."""
-    objects: wp.array | None = None
+    objects: Any = None
     """Indices into the scene's objects, ``(V, H, W)`` int32."""
 
 
@@ -84,19 +84,16 @@ class Renderer:
             raise SceneError(f"scene must be a warpvis.Scene, got {type(scene).__name__}")
         if not isinstance(camera, Camera):
             raise CameraError(f"camera must be a warpvis.Camera, got {type(camera).__name__}")
-        if isinstance(outputs, str):
-            outputs = (outputs,)
-        unknown = [name for name in outputs if name not in OUTPUTS]
-        if unknown or not outputs:
-            raise ArrayError(f"outputs must be some of {', '.join(OUTPUTS)}, got {', '.join(map(str, unknown)) or 'none'}")
+        names: tuple[str, ...] = (outputs,) if isinstance(outputs, str) else tuple(outputs)
+        unknown = [str(name) for name in names if name not in OUTPUTS]
+        if unknown or not names:
+            raise ArrayError(f"outputs must be some of {', '.join(OUTPUTS)}, got {', '.join(unknown) or 'none'}")
         self.scene = scene
         self.camera = camera
-        self.outputs = tuple(dict.fromkeys(outputs))
+        self.outputs = tuple(dict.fromkeys(names))
         self.threads = check_threads(threads)
 
-    def render(
-        self, camera_to_world: Any, *, convention: Convention = "opencv", out: Views | None = None
-    ) -> Views:
+    def render(self, camera_to_world: Any, *, convention: Convention = "opencv", out: Views | None = None) -> Views:
         """Render one image of each output for every pose.
 
         On CUDA the work is queued on the device's current stream and not waited for.

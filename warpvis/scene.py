@@ -259,10 +259,9 @@ def _check_mesh(mesh: Any, name: str) -> tuple[NDArray[np.float64], NDArray[np.i
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if len(bad):
         raise SceneError(f"vertices of {name!r} must be finite: {len(bad)} are not, the first at {bad[0]}")
-    if faces.min() < 0 or faces.max() >= len(vertices):
-        raise SceneError(
-            f"faces of {name!r} must index its {len(vertices)} vertices, got indices from {faces.min()} to {faces.max()}"
-        )
+    low, high = faces.min(), faces.max()
+    if low < 0 or high >= len(vertices):
+        raise SceneError(f"faces of {name!r} must index its {len(vertices)} vertices, got indices from {low} to {high}")
     return vertices, faces.astype(np.int32)
 
 

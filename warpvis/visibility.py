@@ -153,7 +153,8 @@ def _check_bounds(bounds: ArrayLike, up: str) -> tuple[NDArray[np.float64], NDAr
         corners = corners[:, _FLOOR_AXES[up]]
     if corners.shape != (2, 2) or not np.isfinite(corners).all() or (corners[1] <= corners[0]).any():
         raise ArrayError(
-            f"bounds must be the least and the greatest corner of the map, shape (2, 2) or (2, 3), got {corners.tolist()}"
+            "bounds must be the least and the greatest corner of the map, shape (2, 2) or (2, 3), "
+            f"got {corners.tolist()}"
         )
     return corners[0], corners[1]
 

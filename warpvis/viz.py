@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.arrays import as_numpy, check_shape
 from warpvis.camera import Camera
-from warpvis.errors import FileFormatError
+from warpvis.errors import ArrayError, FileFormatError
 from warpvis.labels import Label
 from warpvis.pose import look_at, poses_to_matrices, poses_to_opencv
 from warpvis.renderer import Views, render
@@ -146,7 +146,7 @@ def _seen_from(
     camera_to_world: ArrayLike,
     views: Views,
 ) -> NDArray[np.bool_]:
-    """Whether points show up in a camera's image: in a pixel at or beside theirs, of their object and at their depth."""
+    """Whether points show up in a camera's image: at or beside their pixel, at their depth and of their object."""
     matrix = poses_to_matrices(poses_to_opencv(camera_to_world))[0]
     local = (points.astype(np.float64) - matrix[:3, 3]) @ matrix[:3, :3]
     z = local[..., 2]
@@ -200,9 +200,7 @@ def _frustum(camera: Camera, camera_to_world: ArrayLike, reach: float) -> list[N
     return [np.stack([matrix[:3, 3], corner]) for corner in corners] + [corners[[0, 1, 2, 3, 0]]]
 
 
-def _draw_depth(
-    axes: Axes, depth: NDArray[np.float32], title: str, depth_range: tuple[float, float] | None
-) -> None:
+def _draw_depth(axes: Axes, depth: NDArray[np.float32], title: str, depth_range: tuple[float, float] | None) -> None:
     import matplotlib
 
     check_shape(depth.shape, ("H", "W"), name="depth")
@@ -219,6 +217,8 @@ def _draw_depth(
 
 
 def _draw_map(axes: Axes, floor_map: FloorMap, view: int, title: str) -> None:
+    if view not in range(len(floor_map.cells)):
+        raise ArrayError(f"view must be one of the map's {len(floor_map.cells)}, counted from 0, got {view!r}")
     axes.imshow(floor_map.rgb()[view], origin="lower", extent=floor_map.bounds, interpolation="nearest")
     first, second = floor_map.axes
     axes.set(title=title, xlabel=f"{first} [m]", ylabel=f"{second} [m]")

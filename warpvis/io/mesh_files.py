@@ -59,7 +59,9 @@ def load_scene(
         raise SceneError(f"{path}: holds no triangles")
     if unused:
         names = ", ".join(repr(item.name) for item in scene.objects[:10])
-        raise SceneError(f"labels for {', '.join(map(repr, sorted(unused)))} fit no object of {path}, which has {names}")
+        raise SceneError(
+            f"labels for {', '.join(map(repr, sorted(unused)))} fit no object of {path}, which has {names}"
+        )
     return scene
 
 

@@ -1,0 +1,40 @@
+# `make demo` and `make test` work on a fresh Debian or Ubuntu with Python 3.11 or later: each first makes .venv from
+# constraints.txt.
+
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/installed
+
+.PHONY: demo test lint bench format clean
+
+demo: $(STAMP)
+	$(BIN)/warpvis demo --out demo
+
+test: $(STAMP)
+	-@./scripts/ensure_egl.sh
+	$(BIN)/python -m pytest
+
+lint: $(STAMP)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/python scripts/typecheck.py
+
+format: $(STAMP)
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+# The peers are large, and some have no wheel for some machines: those that are missing are named in the table.
+bench: $(STAMP)
+	-@./scripts/ensure_egl.sh
+	-@for peer in open3d mitsuba; do \
+		$(BIN)/python -c "import importlib.util as u, sys; sys.exit(u.find_spec('$$peer') is None)" || \
+		$(BIN)/python -m pip install --quiet -c constraints.txt $$peer; done
+	$(BIN)/python bench/run.py --readme
+
+$(STAMP): pyproject.toml constraints.txt scripts/make_venv.sh
+	./scripts/make_venv.sh $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,lint]'
+	touch $@
+
+clean:
+	rm -rf $(VENV) build dist demo *.egg-info

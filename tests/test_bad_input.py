@@ -1,0 +1,368 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Bad input gets one sentence that says what was given and what is wanted: every public call, and the CLI."""
+
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import trimesh
+import warp as wp
+
+import warpvis as wv
+from warpvis import Camera, Label, Scene, Sphere
+from warpvis.io.depth_files import DepthArchive, depth_to_millimetres, save_depth_png
+from warpvis.io.tum import read_poses
+
+KINECT = Camera.kinect()
+POSE = np.array([0.0, 0, 1, 0, 0, 0, 1])
+BOX = trimesh.creation.box()
+K = [[500.0, 0, 320], [0, 500, 240], [0, 0, 1]]
+VERTICES, FACES = np.eye(3), np.array([[0, 1, 2]])
+DEPTH = np.ones((1, 240, 320), dtype=np.float32)
+POINTS = np.zeros((1, 2, 2, 3), dtype=np.float32)
+LABELS = np.ones((1, 2, 2), dtype=np.uint8)
+SQUARE = ((0, 0), (1, 1))
+
+
+def box_scene():
+    scene = Scene()
+    scene.add(BOX, name="box")
+    return scene
+
+
+def poses_with(value, *views):
+    poses = np.tile(POSE, (8, 1))
+    poses[list(views), 3:] = value
+    return poses
+
+
+def scaled_matrix(factor):
+    return np.diag([factor, factor, factor, 1.0])
+
+
+CASES = {
+    # Cameras
+    "zero width": (lambda: Camera.from_fov(0, 240, hfov=1), "width must be a whole number of pixels"),
+    "half a pixel": (lambda: Camera(1.5, 2, 1, 1, 1, 1), "width must be a whole number of pixels from 1 up, got 1.5"),
+    "no field of view": (lambda: Camera.from_fov(320, 240), "give either hfov or vfov"),
+    "two fields of view": (lambda: Camera.from_fov(320, 240, hfov=1, vfov=1), "give either hfov or vfov"),
+    "degrees": (lambda: Camera.from_fov(320, 240, hfov=57), "radians, got 57; fields of view are in radians"),
+    "NaN field of view": (lambda: Camera.from_fov(320, 240, hfov=math.nan), "hfov must be between 0 and pi"),
+    "unknown vertical": (lambda: Camera.from_fov(3, 2, hfov=1, vertical="x"), "vertical must be"),
+    "linear from vfov": (lambda: Camera.from_fov(3, 2, vfov=1, vertical="linear"), "so give hfov"),
+    "far before near": (lambda: Camera.from_fov(3, 2, hfov=1, near=2, far=1), "0 <= near < far, got near=2.0, far=1.0"),
+    "negative near": (lambda: Camera.from_fov(3, 2, hfov=1, near=-1), "0 <= near < far"),
+    "infinite focal length": (lambda: Camera(3, 2, math.inf, 1, 1, 1), "fx must be a finite number"),
+    "negative focal length": (lambda: Camera(3, 2, -5, 1, 1, 1), "focal lengths must be positive"),
+    "K of another shape": (lambda: Camera.from_K(np.eye(4), 3, 2), r"K must have shape \(3, 3\), got \(4, 4\)"),
+    "K with skew": (lambda: Camera.from_K([[1, 0.1, 0], [0, 1, 0], [0, 0, 1]], 3, 2), "without skew"),
+    "K of words": (lambda: Camera.from_K("K", 3, 2), "matrix of numbers"),
+    "unknown pixel centre": (lambda: Camera.from_K(K, 3, 2, pixel_center=1), "pixel_center must be 0.5 or 0.0, got 1"),
+    "points of two": (lambda: KINECT.project([1, 2]), r"points must have shape \(..., 3\), got \(2,\)"),
+    "pixels of three": (lambda: KINECT.back_project([1, 2, 3], 1), r"pixels must have shape \(..., 2\)"),
+    # Poses
+    "poses of six": (lambda: wv.parse_poses(np.zeros((5, 6))), r"\(V, 7\).*got \(5, 6\)"),
+    "poses of words": (lambda: wv.parse_poses([["a"] * 7]), "camera_to_world must be an array of numbers"),
+    "no poses": (lambda: wv.parse_poses(None), "camera_to_world must be an array of numbers"),
+    "ragged poses": (lambda: wv.parse_poses([[1, 2], [3]]), "camera_to_world must be an array of numbers"),
+    "NaN poses": (lambda: wv.parse_poses(poses_with(np.nan, 1, 5)), "must be finite: wrong in 2 of 8, at index 1, 5"),
+    "zero quaternions": (
+        lambda: wv.parse_poses(poses_with(0, *range(7))),
+        "zero-length.* 7 of 8, at index 0, .*4, ...",
+    ),
+    "scaled matrices": (lambda: wv.parse_poses(scaled_matrix(2)), "rotations without scale"),
+    "mirroring matrices": (lambda: wv.parse_poses(np.diag([1, 1, -1, 1])), "rotations without scale"),
+    "projective matrices": (lambda: wv.parse_poses(np.ones((4, 4))), "last row 0 0 0 1"),
+    "unknown convention": (
+        lambda: wv.parse_poses(POSE, convention="blender"),
+        "'opencv', 'opengl', 'ros', got 'blender'",
+    ),
+    "unknown device": (lambda: wv.parse_poses(POSE, device="gpu"), "device 'gpu' is not on this machine"),
+    "look at itself": (lambda: wv.look_at((1, 2, 3), (1, 2, 3)), "must be apart"),
+    "look straight down": (lambda: wv.look_at((0, 0, 1), (0, 0, 0)), "give another up"),
+    "look at NaN": (lambda: wv.look_at((0, 0, 0), (1, 0, np.nan)), "target must be three finite numbers"),
+    "up is x": (lambda: wv.look_at((0, 0, 0), (1, 0, 0), up="x"), 'up must be "z" or "y", got \'x\''),
+    # Scenes
+    "scene on no device": (lambda: Scene(device="cuda:99"), "device 'cuda:99' is not on this machine, which has: cpu"),
+    "scene up x": (lambda: Scene(up="x"), 'up must be "z" or "y"'),
+    "not a mesh": (lambda: Scene().add("box"), "must be a trimesh.Trimesh or a pair"),
+    "vertices of two": (
+        lambda: Scene().add((np.zeros((3, 2)), FACES)),
+        r"vertices of 'object_0' must have shape \(n, 3\)",
+    ),
+    "no triangles": (
+        lambda: Scene().add((VERTICES, np.zeros((0, 3), int)), name="ball"),
+        "mesh of 'ball' must have tri",
+    ),
+    "float faces": (lambda: Scene().add((VERTICES, FACES * 1.0)), "faces of 'object_0' must be integers"),
+    "faces out of range": (lambda: Scene().add((VERTICES, FACES + 1)), "index its 3 vertices, got indices from 1 to 3"),
+    "negative faces": (lambda: Scene().add((VERTICES, FACES - 1)), "got indices from -1 to 1"),
+    "NaN vertices": (
+        lambda: Scene().add((VERTICES * np.nan, FACES)),
+        "vertices of 'object_0' must be finite: 3 are not",
+    ),
+    "vast vertices": (lambda: Scene().add((VERTICES * 1e30, FACES)), "within 1e18 m"),
+    "vertices of words": (lambda: Scene().add(([["a"] * 3], FACES)), "must hold arrays of numbers"),
+    "taken name": (lambda: box_scene().add(BOX, name="box"), "already has an object named 'box'"),
+    "unknown label": (lambda: Scene().add(BOX, label="cat"), r"EMPTY \(0\).*got 'cat'"),
+    "label out of range": (lambda: Scene().add(BOX, label=9), "got 9"),
+    "two poses": (lambda: Scene().add(BOX, pose=np.tile(POSE, (2, 1))), "must be one pose, got 2"),
+    "object pose NaN": (lambda: Scene().add(BOX, name="b", pose=POSE * np.nan), "pose of 'b' must be finite"),
+    "negative scale": (lambda: Scene().add(BOX, scale=-1), "scale of 'object_0' must be one or three positive"),
+    "unknown object": (lambda: box_scene()["ball"], "no object 'ball'; it has 'box'"),
+    "bounds of nothing": (lambda: Scene().bounds, "the scene has no objects"),
+    "export of nothing": (lambda: Scene().export("x.glb"), "the scene has no objects"),
+    "export as OBJ": (lambda: box_scene().export("x.obj"), "must end in .glb"),
+    "export to nowhere": (lambda: box_scene().export("/nonexistent/x.glb"), "cannot be written: No such file"),
+    # Rendering
+    "render nothing": (lambda: wv.render(Scene(), KINECT, POSE), "the scene has no objects"),
+    "render a mesh": (lambda: wv.render(BOX, KINECT, POSE), "scene must be a warpvis.Scene, got Trimesh"),
+    "render through K": (lambda: wv.render(box_scene(), K, POSE), "camera must be a warpvis.Camera, got list"),
+    "unknown output": (lambda: wv.render(box_scene(), KINECT, POSE, outputs=("rgb",)), "depth, points, .*got rgb"),
+    "no outputs": (lambda: wv.render(box_scene(), KINECT, POSE, outputs=()), "got none"),
+    "no threads": (lambda: wv.render(box_scene(), KINECT, POSE, threads=0), "threads must be .* got 0"),
+    "half a thread": (lambda: wv.render(box_scene(), KINECT, POSE, threads=0.5), "threads must be .* got 0.5"),
+    "out of another kind": (lambda: wv.render(box_scene(), KINECT, POSE, out=DEPTH), "out must be warpvis.Views"),
+    "out of another size": (
+        lambda: wv.render(box_scene(), KINECT, [POSE] * 2, out=wv.render(box_scene(), KINECT, POSE)),
+        r"out.depth must have shape \(2, 240, 320\), got \(1, 240, 320\)",
+    ),
+    "out lacks an output": (
+        lambda: wv.render(box_scene(), KINECT, POSE, out=wv.render(box_scene(), KINECT, POSE, outputs="depth")),
+        "out.points must be a wp.array",
+    ),
+    "more than memory": (
+        lambda: wv.render(box_scene(), Camera.from_fov(20000, 20000, hfov=1), np.tile(POSE, (100_000, 1))),
+        "depth of shape .* needs 160000.0 GB on cpu, .*; render fewer views at a time",
+    ),
+    # Classification
+    "depth of millimetres": (lambda: wv.classify(DEPTH.astype(np.uint16), KINECT, POSE), "in metres.*divide"),
+    "depth of another size": (lambda: wv.classify(DEPTH[:, :9], KINECT, POSE), r"\(V, 240, 320\), got \(1, 9, 320\)"),
+    "depth of no image": (lambda: wv.classify(None, KINECT, POSE), "depth must be an array of numbers"),
+    "more poses than depth": (lambda: wv.classify(DEPTH, KINECT, [POSE] * 3), "depth has 1 views and camera.* has 3"),
+    "spheres of three": (lambda: wv.classify(DEPTH, KINECT, POSE, spheres=[[1, 2, 3]]), r"shape \(S, 4\)"),
+    "negative sigma": (lambda: wv.classify(DEPTH, KINECT, POSE, sigma=-1), "sigma must be zero or more metres, got -1"),
+    "NaN ground": (lambda: wv.classify(DEPTH, KINECT, POSE, ground_height=np.nan), "ground_height must be a finite"),
+    "negative range": (lambda: wv.classify(DEPTH, KINECT, POSE, max_range=-1), "max_range must be zero or more"),
+    "NumPy out": (lambda: wv.classify(DEPTH, KINECT, POSE, out=LABELS), "out must be a wp.array .* got ndarray"),
+    "out of another dtype": (
+        lambda: wv.classify(DEPTH, KINECT, POSE, out=wp.zeros(DEPTH.shape, dtype=wp.int32)),
+        "out must have dtype uint8, got int32",
+    ),
+    "camera of no kind": (lambda: wv.back_project(DEPTH, None, POSE), "camera must be a warpvis.Camera"),
+    "sphere without size": (lambda: Sphere((0, 0, 0), 0), "size of a sphere must be a positive number"),
+    "sphere at NaN": (lambda: Sphere((0, np.nan, 0), 1), "center of a sphere must be three finite numbers"),
+    "objects of floats": (
+        lambda: wv.classify_rendered(DEPTH, DEPTH, box_scene()),
+        "objects must be int32, got float32",
+    ),
+    "objects of another size": (
+        lambda: wv.classify_rendered(DEPTH, np.zeros((1, 2, 2), int), box_scene()),
+        r"objects must have shape \(1, 240, 320\), got \(1, 2, 2\)",
+    ),
+    "classified scene": (lambda: wv.classify_rendered(DEPTH, DEPTH, None), "scene must be a warpvis.Scene"),
+    # Maps
+    "map of depth": (lambda: wv.visibility_map(DEPTH, LABELS, bounds=SQUARE), r"points must have shape \(V, H, W, 3\)"),
+    "labels of another size": (
+        lambda: wv.visibility_map(POINTS, np.ones((1, 3, 2), int), bounds=SQUARE),
+        r"labels must have shape \(1, 2, 2\), got \(1, 3, 2\)",
+    ),
+    "labels beyond bytes": (lambda: wv.visibility_map(POINTS, LABELS + 300.0, bounds=SQUARE), "labels must be uint8"),
+    "large labels": (lambda: wv.visibility_map(POINTS, LABELS * np.int64(300), bounds=SQUARE), "must fit uint8"),
+    "empty bounds": (lambda: wv.visibility_map(POINTS, LABELS, bounds=((0, 0), (0, 1))), "bounds must be the least"),
+    "bounds of one": (lambda: wv.visibility_map(POINTS, LABELS, bounds=(1, 2)), "bounds must be the least"),
+    "no cell": (lambda: wv.visibility_map(POINTS, LABELS, bounds=SQUARE, cell=0), "cell must be a positive number"),
+    "tiny cells": (
+        lambda: wv.visibility_map(POINTS, LABELS, bounds=SQUARE, cell=1e-9),
+        "too large; give a larger cell",
+    ),
+    "robots of two": (
+        lambda: wv.visibility_map(POINTS, LABELS, bounds=SQUARE, robots=[(0, 1)]),
+        "robots must be finite",
+    ),
+    "map sigma": (lambda: wv.visibility_map(POINTS, LABELS, bounds=SQUARE, sigma=-1), "sigma must be zero or more"),
+    "picture of no kind": (
+        lambda: wv.visibility_map(POINTS, LABELS, bounds=SQUARE).save("map.xyz"),
+        "map.xyz: Format 'xyz' is not supported",
+    ),
+    "picture in no folder": (
+        lambda: wv.visibility_map(POINTS, LABELS, bounds=SQUARE).save("/nonexistent/map.png"),
+        "/nonexistent/map.png: cannot be written",
+    ),
+    "picture of no view": (
+        lambda: wv.visibility_map(POINTS, LABELS, bounds=SQUARE).save("map.png", view=1),
+        "view must be one of the map's 1, counted from 0, got 1",
+    ),
+    # The floor plan
+    "plan of a mesh": (lambda: wv.plan_visibility(BOX, KINECT, POSE), "scene must be a warpvis.Scene"),
+    "plan through K": (lambda: wv.plan_visibility(box_scene(), K, POSE), "camera must be a warpvis.Camera"),
+    "plan from above": (
+        lambda: wv.plan_visibility(box_scene(), KINECT, wv.look_at((0, 0, 1), (0, 0, 0), up=(1, 0, 0))),
+        "must not look straight up or down on a floor plan: view 0 does",
+    ),
+    "plan without nobody": (lambda: wv.plan_visibility(box_scene(), KINECT, POSE, exclude=("me",)), "no object 'me'"),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_bad_input_gets_a_sentence(case):
+    call, message = CASES[case]
+    with pytest.raises(wv.WarpvisError, match=message) as caught:
+        call()
+    assert isinstance(caught.value, ValueError)
+    assert "\n" not in str(caught.value)
+
+
+def test_arrays_of_another_device_are_refused(device):
+    if device == "cpu":
+        pytest.skip("needs two devices")
+    with pytest.raises(wv.WarpvisError, match=r"camera_to_world must be on device cpu, got cuda:0"):
+        wv.render(box_scene(), KINECT, wp.array([POSE], dtype=wp.transform, device=device))
+    with pytest.raises(wv.WarpvisError, match="objects must be on device cpu, got cuda:0"):
+        wv.classify_rendered(DEPTH, wp.zeros(DEPTH.shape, dtype=wp.int32, device=device), box_scene())
+    with pytest.raises(wv.WarpvisError, match=r"contiguous float32 of shape \(V, 7\)"):
+        wv.parse_poses(wp.zeros((3, 6), dtype=wp.float32, device=device), device=device)
+
+
+FILES = {
+    "missing": ("box.obj", None, r"box.obj: no such file"),
+    "no mesh": ("box.txt", b"hello", r"box.txt: '.txt' is not a mesh format; trimesh reads .*glb"),
+    "without triangles": ("box.obj", b"hello", r"box.obj: holds no triangles"),
+    "broken PLY": ("box.ply", b"ply\nformat ascii 1.0\nelement vertex 3\n", r"box.ply: does not read as PLY"),
+    "broken GLB": ("box.glb", b"junk", r"box.glb: does not read as GLB"),
+    "broken STL": ("box.stl", b"solid x", r"box.stl: "),
+    "empty": ("box.obj", b"", r"box.obj: "),
+}
+
+
+@pytest.mark.parametrize("case", FILES)
+def test_files_that_are_no_meshes(tmp_path, case):
+    name, content, message = FILES[case]
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(wv.WarpvisError, match=message):
+        Scene.load(tmp_path / name)
+
+
+def test_labels_that_fit_no_object(tmp_path):
+    BOX.export(tmp_path / "box.stl")
+    with pytest.raises(wv.SceneError, match=r"labels for .wall_\*. fit no object of .*box.stl, which has 'box'"):
+        Scene.load(tmp_path / "box.stl", labels={"wall_*": "obstacle"})
+
+
+TRAJECTORIES = {
+    "words": ("0 0 0 0 0 0 0 1\n# fine\n1 2 3 4 5 6 seven 8\n", r"poses.txt:3: expected the 8 numbers 'timestamp tx"),
+    "too few": ("0 0 0 0 0 0 1\n", r"poses.txt:1: expected the 8 numbers .*, got 7 words"),
+    "not finite": ("0 0 0 nan 0 0 0 1\n", r"poses.txt:1: numbers must be finite"),
+    "zero quaternion": ("\n0 0 0 0 0 0 0 0\n", r"poses.txt:2: the quaternion qx qy qz qw must not have zero length"),
+    "empty": ("# nothing\n", r"poses.txt: holds no lines"),
+    "binary": (b"\xff\xfe\x00", r"poses.txt: is not a text file"),
+    "missing": (None, r"poses.txt: cannot be read: No such file"),
+}
+
+
+@pytest.mark.parametrize("case", TRAJECTORIES)
+def test_trajectories_that_are_none(tmp_path, case):
+    text, message = TRAJECTORIES[case]
+    if text is not None:
+        (tmp_path / "poses.txt").write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(wv.FileFormatError, match=message):
+        read_poses(tmp_path / "poses.txt")
+
+
+def test_depth_files(tmp_path):
+    with pytest.raises(wv.ArrayError, match=r"depth must have shape \(H, W\)"):
+        save_depth_png(DEPTH, tmp_path / "depth.png")
+    with pytest.raises(wv.FileFormatError, match="cannot be written"):
+        save_depth_png(DEPTH[0], tmp_path / "nowhere" / "depth.png")
+    with pytest.raises(wv.FileFormatError, match="cannot be written"):
+        DepthArchive(tmp_path / "nowhere" / "depth.npz", (1, 2, 2))
+    with pytest.raises(wv.ArrayError, match="0 of 2 views were written"), DepthArchive(tmp_path / "a.npz", (2, 2, 2)):
+        pass
+    with (
+        pytest.raises(wv.ArrayError, match="does not continue 0 views"),
+        DepthArchive(tmp_path / "a.npz", (1, 2, 2)) as archive,
+    ):
+        archive.append(DEPTH)
+    assert os.listdir(tmp_path) == []
+
+
+def test_nothing_is_clamped_into_millimetres():
+    depth = [0.0004, 0.001, 65.535, 65.536, np.inf, -np.inf, np.nan, -1.0]
+    assert depth_to_millimetres(depth).tolist() == [0, 1, 65535, 0, 0, 0, 0, 0]
+
+
+def run_cli(*arguments, cwd):
+    command = [sys.executable, "-m", "warpvis.cli", *map(str, arguments)]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True)
+
+
+@pytest.fixture
+def workspace(tmp_path):
+    BOX.export(tmp_path / "box.stl")
+    (tmp_path / "poses.txt").write_text("0 -3 0 0 0.5 -0.5 0.5 -0.5\n")
+    (tmp_path / "broken.txt").write_text("0 1 2\n")
+    (tmp_path / "list.json").write_text("[]")
+    (tmp_path / "broken.json").write_text('{"width": 3,\n')
+    (tmp_path / "odd.json").write_text(json.dumps({"width": 3, "height": 2, "hfov": 1, "fov": 1}))
+    (tmp_path / "words.json").write_text(json.dumps({"width": 3, "height": 2, "hfov": "wide"}))
+    (tmp_path / "small.json").write_text(json.dumps({"width": 3, "height": 2, "hfov": 1, "near": 2, "far": 1}))
+    (tmp_path / "half.json").write_text(json.dumps({"width": 3, "hfov": 1}))
+    (tmp_path / "file").write_text("in the way")
+    return tmp_path
+
+
+COMMANDS = {
+    "no mesh": ("render none.obj --poses poses.txt --out o", "warpvis: none.obj: no such file"),
+    "no poses": ("render box.stl --poses none.txt --out o", "warpvis: none.txt: cannot be read: No such file"),
+    "broken poses": ("render box.stl --poses broken.txt --out o", "warpvis: broken.txt:1: expected the 8 numbers"),
+    "no camera": ("render box.stl --poses poses.txt --out o --camera c", 'a camera is "kinect" or a JSON file'),
+    "broken camera": ("render box.stl --poses poses.txt --out o --camera broken.json", "broken.json:2: is not JSON"),
+    "camera list": ("render box.stl --poses poses.txt --out o --camera list.json", "holds one JSON object, got list"),
+    "odd camera": (
+        "render box.stl --poses poses.txt --out o --camera odd.json",
+        "odd.json: unknown fov; a camera file",
+    ),
+    "half a camera": ("render box.stl --poses poses.txt --out o --camera half.json", "half.json: missing height"),
+    "camera of words": (
+        "render box.stl --poses poses.txt --out o --camera words.json",
+        "words.json: .*must be numbers",
+    ),
+    "small camera": ("render box.stl --poses poses.txt --out o --camera small.json", "small.json: the depth range"),
+    "no device": ("render box.stl --poses poses.txt --out o --device cuda:9", "device 'cuda:9' is not on this machine"),
+    "a file for a folder": (
+        "render box.stl --poses poses.txt --out file",
+        "warpvis: file/depth: cannot be made a folder",
+    ),
+    "demo on no device": ("demo --out o --device tpu", "device 'tpu' is not on this machine"),
+    "demo into a file": ("demo --out file", "warpvis: file: cannot be made a folder"),
+    "negative scale": ("render box.stl --poses poses.txt --out o --scale -1", "scale of 'box' must be"),
+}
+
+
+@pytest.mark.parametrize("case", COMMANDS)
+def test_the_cli_prints_the_sentence_and_exits_2(workspace, case):
+    arguments, message = COMMANDS[case]
+    result = run_cli(*arguments.split(), cwd=workspace)
+    assert result.returncode == 2
+    assert "Traceback" not in result.stderr
+    lines = [line for line in result.stderr.splitlines() if line.startswith("warpvis: ")]
+    assert len(lines) == 1
+    assert re.search(message, lines[0])
+
+
+@pytest.mark.parametrize("arguments", ["", "paint", "render", "render box.stl --poses poses.txt", "demo --color red"])
+def test_unknown_arguments_exit_2(workspace, arguments):
+    result = run_cli(*arguments.split(), cwd=workspace)
+    assert result.returncode == 2
+    assert "Traceback" not in result.stderr
+
+
+def test_labels_parse_in_every_form():
+    assert Label.parse("human") is Label.parse(4) is Label.parse(Label.HUMAN) is Label.HUMAN

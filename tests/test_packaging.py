@@ -1,0 +1,108 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The wheel holds the whole package and works from another folder; names, versions and lists agree."""
+
+import importlib
+import os
+import pkgutil
+import re
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import warpvis
+
+ROOT = Path(__file__).parent.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+
+_SMOKE = """
+import pathlib, sys
+import warpvis as wv
+from warpvis import kernels, scenes
+from warpvis.kernels import rays
+place = pathlib.Path(wv.__file__).resolve()
+assert place.is_relative_to(pathlib.Path(sys.argv[1]).resolve()), place
+assert (place.parent / "py.typed").is_file()
+preset = scenes.PRESETS["experiment_1"]
+views = wv.render(preset.build(), wv.Camera.from_fov(32, 24, hfov=1), preset.poses())
+print(views.depth.shape)
+"""
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    """A wheel built from a copy, with this environment's setuptools: no network, and nothing left in the checkout."""
+    copy = tmp_path_factory.mktemp("source")
+    for name in ("warpvis", "kernels", "scenes", "pyproject.toml", "README.md", "LICENSE"):
+        subprocess.run(["cp", "-r", str(ROOT / name), str(copy)], check=True)
+    out = tmp_path_factory.mktemp("wheel")
+    command = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(out), str(copy)]
+    result = subprocess.run(command, capture_output=True, text=True)
+    assert result.returncode == 0, result.stdout + result.stderr
+    return next(out.glob("warpvis-*.whl"))
+
+
+def test_the_wheel_holds_every_module(wheel):
+    names = set(zipfile.ZipFile(wheel).namelist())
+    for folder, package in PROJECT["tool"]["setuptools"]["package-dir"].items():
+        for path in (ROOT / package).rglob("*.py"):
+            assert f"{folder.replace('.', '/')}/{path.relative_to(ROOT / package)}" in names
+    assert "warpvis/py.typed" in names
+    assert any(name.endswith("licenses/LICENSE") for name in names)
+    assert not [name for name in names if name.startswith(("tests/", "bench/", "kernels/", "scenes/"))]
+
+
+def test_the_wheel_works_from_another_folder(wheel, tmp_path):
+    target = tmp_path / "site"
+    zipfile.ZipFile(wheel).extractall(target)
+    environment = {**os.environ, "PYTHONPATH": str(target)}
+    command = [sys.executable, "-c", _SMOKE, str(target)]
+    result = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    assert "(1, 24, 32)" in result.stdout
+
+
+def test_every_subpackage_is_listed():
+    listed = set(PROJECT["tool"]["setuptools"]["packages"])
+    folders = {"warpvis", "warpvis.kernels", "warpvis.scenes"}
+    for folder in (ROOT / "warpvis").rglob("__init__.py"):
+        folders.add(".".join(folder.parent.relative_to(ROOT).parts))
+    assert listed == folders
+
+
+def test_every_module_imports():
+    for package in ("warpvis", "warpvis.io", "warpvis.kernels", "warpvis.scenes"):
+        module = importlib.import_module(package)
+        paths = [path for path in module.__path__ if Path(path) != ROOT]
+        for info in pkgutil.iter_modules(paths, prefix=f"{package}."):
+            importlib.import_module(info.name)
+
+
+def test_every_public_name_is_there():
+    for name in warpvis.__all__:
+        assert getattr(warpvis, name) is not None
+    assert set(warpvis.__all__) == set(warpvis._HOME) | {"__version__"}
+    assert callable(warpvis.render) and callable(warpvis.classify)
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = warpvis.nothing
+
+
+def test_versions_agree():
+    assert PROJECT["project"]["version"] == warpvis.__version__
+    assert f"## {warpvis.__version__}" in (ROOT / "CHANGELOG.md").read_text()
+
+
+def test_constraints_hold_names_and_versions_only():
+    lines = (ROOT / "constraints.txt").read_text().splitlines()
+    pins = {}
+    for line in lines:
+        if line and not line.startswith("#"):
+            match = re.fullmatch(r"([A-Za-z0-9._-]+)==([A-Za-z0-9.]+)", line)
+            assert match, line
+            pins[match[1].lower().replace("_", "-")] = match[2]
+    for requirement in PROJECT["project"]["dependencies"] + PROJECT["project"]["optional-dependencies"]["test"]:
+        assert re.match(r"[A-Za-z0-9-]+", requirement)[0].lower() in pins, requirement
