@@ -24,7 +24,7 @@ from warpvis.visibility import FloorMap, visibility_map
 from warpvis.viz import save_overview
 
 _TARGETS = ("ball", "person")
-_EYE, _TARGET = (-4.3, -3.7, 3.4), (0.0, -0.15, 0.2)
+_EYE, _TARGET = (-4.3, -3.7, 3.4), (-0.3, -0.4, 0.1)
 _VIEWS_TIMED = 32
 
 

@@ -180,7 +180,7 @@ def _draw_outside(
     eye: Sequence[float],
     target: Sequence[float],
 ) -> None:
-    outside = Camera.from_fov(640, 480, hfov=0.82)
+    outside = Camera.from_fov(640, 480, hfov=0.88)
     pose = look_at(eye, target, up=scene.up)
     axes.imshow(view_from_outside(scene, outside, pose, camera, camera_to_world, views))
     to_outside = np.linalg.inv(poses_to_matrices(pose))
