@@ -66,7 +66,7 @@ def test_every_pixel_agrees_with_mj_ray(name, device):
     # MuJoCo stores compiled meshes about their own centre in single precision: silhouettes move by that much.
     assert (np.isfinite(got) != hits).mean() <= 1e-3
     both = hits & np.isfinite(got)
-    error = np.abs(got - depth)[both]
+    error = np.abs(got[both] - depth[both])
     assert np.median(error) < 1e-6
     assert (error > 1e-5 * np.maximum(1, depth[both])).mean() <= 1e-3
     assert (views.objects.numpy()[0] != geom).mean() <= 1e-3
