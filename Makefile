@@ -23,12 +23,9 @@ format: $(STAMP)
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-# The peers are large, and some have no wheel for some machines: those that are missing are named in the table.
 bench: $(STAMP)
 	-@./scripts/ensure_egl.sh
-	-@for peer in open3d mitsuba; do \
-		$(BIN)/python -c "import importlib.util as u, sys; sys.exit(u.find_spec('$$peer') is None)" || \
-		$(BIN)/python -m pip install --quiet -c constraints.txt $$peer; done
+	-@./scripts/ensure_peers.sh $(BIN)/python
 	$(BIN)/python bench/run.py --readme
 
 $(STAMP): pyproject.toml constraints.txt scripts/make_venv.sh

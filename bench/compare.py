@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import warp as wp
-from machine import describe
+from machine import OtherWork, describe
 from numpy.typing import NDArray
 from peers import BASELINE, METHODS, Method, Prepared, Work
 
@@ -29,8 +29,9 @@ BEGIN, END = "<!-- bench:begin -->", "<!-- bench:end -->"
 
 TOLERANCE = 1e-3
 
-# Scenes from this size on are rendered from a quarter of the views: they take long enough.
-_LARGE = 500_000
+# Scenes from this size on are rendered from a quarter of the views. They take long enough, and the more often methods
+# take turns, the more alike are their conditions.
+_LARGE = 50_000
 
 # Fast methods make the views several times a round, for a time that can be measured.
 _LEAST_SECONDS = 0.1
@@ -144,11 +145,12 @@ def markdown(results: list[Result], rounds: int) -> str:
 def _caption(scenes: list[str], cells: dict[tuple[str, str], Result], rounds: int) -> str:
     camera = wv.scenes.PRESETS[scenes[0]].camera
     views = ", ".join(f"{scene} {cells[BASELINE, scene].views}" for scene in scenes)
-    few = ", ".join(f"{method.title} {method.most_views}" for method in METHODS if method.most_views < sys.maxsize)
+    slow = [method for method in METHODS if method.most_views < sys.maxsize]
+    few = " and ".join(f"{method.title.partition(',')[0]} at most {method.most_views}" for method in slow)
     return (
-        f"Depth images of {camera.width}x{camera.height} pixels on all cores, or on one thread where it says so; "
-        f"views a round: {views} (at most: {few}). Medians of {rounds} rounds in turn; in brackets, times the first "
-        "row. Same depth: pixels within 1 mm of warpvis's, in the scene with the fewest."
+        f"Depth images of {camera.width}x{camera.height} pixels, on all cores, or on one thread where it says so. "
+        f"Views: {views}; of these, {few}. The median of {rounds} rounds, in which the methods take turns; in "
+        "brackets, times the first row. Same depth: pixels within 1 mm of warpvis's, in the scene with the fewest."
     )
 
 
@@ -159,7 +161,7 @@ def _cell(result: Result, baseline: Result) -> str:
 
 
 def _number(value: float) -> str:
-    return f"{value:,.0f}" if value >= 10 else f"{value:.1f}" if value >= 1 else f"{value:.2g}"
+    return f"{value:,.0f}" if value >= 10 else f"{value:.1f}" if value >= 0.995 else f"{value:.2g}"
 
 
 def _percent(share: float) -> str:
@@ -174,8 +176,9 @@ def _row(cells: Sequence[str]) -> str:
 def _reason(error: Exception) -> str:
     """One short clause."""
     if isinstance(error, ModuleNotFoundError):
-        return f"{error.name} is not installed"
-    text = (str(error).strip() or type(error).__name__).splitlines()[0].rstrip(".").replace("|", "/")
+        return f"{str(error.name).partition('.')[0]} is not installed"
+    line = (str(error).strip() or type(error).__name__).splitlines()[0]
+    text = line.partition(". ")[0].rstrip(".").replace("|", "/")
     return text if len(text) <= 90 else text[:87] + "..."
 
 
@@ -220,7 +223,7 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--scenes", nargs="+", choices=wv.scenes.PRESETS, default=names, metavar="SCENE", help="presets' names"
     )
     parser.add_argument("--views", type=count, default=64, help="views a round; large scenes take a quarter")
-    parser.add_argument("--rounds", type=count, default=5)
+    parser.add_argument("--rounds", type=count, default=9)
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all times there")
     parser.add_argument("--readme", type=Path, metavar="FILE", help=f"put the table there, between {BEGIN} and {END}")
     return parser.parse_args(arguments)
@@ -236,11 +239,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
             _say(f"compare.py: {error}")
             return 2
     wp.config.log_level = wp.LOG_WARNING
+    others = OtherWork()
     results = [
         result for name in options.scenes for result in compare(wv.scenes.PRESETS[name], options.views, options.rounds)
     ]
     table = markdown(results, options.rounds)
-    print(table)
+    print(table, flush=True)
+    if others.warning():
+        _say(others.warning())
     if options.json:
         write_json(options.json, results)
     if options.readme:

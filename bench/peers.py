@@ -179,6 +179,8 @@ def mujoco_rays(work: Work) -> Prepared:
 def mujoco_renderer(work: Work) -> Prepared:
     """MuJoCo's Renderer: OpenGL, on a machine without a GPU by Mesa's llvmpipe on all cores."""
     mujoco, model, data = _load_mujoco(work)
+    if not hasattr(mujoco, "GLContext"):
+        raise RuntimeError("no OpenGL library")
     far = 2 * float(np.linalg.norm(work.scene.bounds)) + 2 * float(np.abs(work.poses[:, :3]).max())
     model.vis.map.znear, model.vis.map.zfar = _GL_NEAR / model.stat.extent, far / model.stat.extent
     renderer = mujoco.Renderer(model, work.camera.height, work.camera.width)
@@ -232,13 +234,20 @@ def _mitsuba_mesh(mi: Any, item: wv.SceneObject) -> Any:
     return mesh
 
 
-def _load_mujoco(work: Work) -> tuple[Any, Any, Any]:
-    """MuJoCo, and the scene as its model: a mesh geom for every object, and one camera."""
+def _import_mujoco() -> Any:
     if sys.platform == "linux":
         os.environ.setdefault("MUJOCO_GL", "egl")  # read when mujoco is imported
-    import mujoco
+    try:
+        import mujoco
+    except AttributeError:  # PyOpenGL without a library to load; rays need none
+        os.environ["MUJOCO_GL"] = "disable"
+        import mujoco
+    return mujoco
 
-    camera = work.camera
+
+def _load_mujoco(work: Work) -> tuple[Any, Any, Any]:
+    """MuJoCo, and the scene as its model: a mesh geom for every object, and one camera."""
+    mujoco, camera = _import_mujoco(), work.camera
     spec = mujoco.MjSpec()
     spec.visual.global_.offwidth, spec.visual.global_.offheight = camera.width, camera.height
     spec.visual.quality.offsamples = 0  # samples of a pixel would be averaged, and depths in between are nowhere

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from machine import machine_id
+from machine import OtherWork, machine_id
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -100,7 +100,7 @@ def main() -> int:
     options, for_compare = parser.parse_known_args()
 
     storage, name = ROOT / ".benchmarks" / machine_id(), commit_name()
-    last = last_run(storage)
+    last, others = last_run(storage), OtherWork()
     code = run_benchmarks(storage, name, last)
     new = last_run(storage)
     if code != 0 or new is None or new == last:
@@ -108,6 +108,7 @@ def main() -> int:
             new.unlink()  # of a run that failed, and not to be compared with
         return code or 1
     slower = report(new, last)
+    print(others.warning(), flush=True)
     for older in set(storage.glob(f"*/*_{name}.json")) - {new}:
         older.unlink()
     code = run_comparison(for_compare, options.readme)

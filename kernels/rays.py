@@ -65,10 +65,8 @@ def cast_rays(
     y += window.first_row
 
     pose = camera_to_world[view]
-    origin = pose_origin(pose)
-    rotation = pose_rotation(pose)
-    direction = wp.quat_rotate(rotation, pixel_ray(camera, y, x))
-    forward = wp.quat_rotate(rotation, wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0)))
+    origin = wp.transform_get_translation(pose)
+    direction = wp.quat_rotate(wp.quat(pose_rotation(pose)), wp.vec3(pixel_ray(camera, y, x)))
 
     depth = wp.inf
     point = wp.vec3(wp.nan, wp.nan, wp.nan)
@@ -77,21 +75,25 @@ def cast_rays(
     label = wp.uint8(0)
 
     # A whole-range query: what lies beyond `far` is sorted out below, by the exact depth.
-    hit = wp.mesh_query_ray(scene.mesh, wp.vec3(origin), wp.vec3(direction), 3.0e38)
+    hit = wp.mesh_query_ray(scene.mesh, origin, direction, 3.0e38)
     if hit.result:
-        a = corner(scene.mesh, hit.face, 0) - origin
-        b = corner(scene.mesh, hit.face, 1) - origin
-        c = corner(scene.mesh, hit.face, 2) - origin
-        z = plane_depth(a, b, c, direction, forward)
+        exact_origin = pose_origin(pose)
+        rotation = pose_rotation(pose)
+        exact_direction = wp.quat_rotate(rotation, pixel_ray(camera, y, x))
+        forward = wp.quat_rotate(rotation, wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0)))
+        a = corner(scene.mesh, hit.face, 0) - exact_origin
+        b = corner(scene.mesh, hit.face, 1) - exact_origin
+        c = corner(scene.mesh, hit.face, 2) - exact_origin
+        z = plane_depth(a, b, c, exact_direction, forward)
         depth = float(z)
         if depth < camera.near:
             depth = -wp.inf
         elif depth > camera.far:
             depth = wp.inf
         else:
-            point = wp.vec3(origin + z * direction)
+            point = wp.vec3(exact_origin + z * exact_direction)
             facing = wp.cross(b - a, c - a)
-            if wp.dot(facing, direction) > wp.float64(0.0):
+            if wp.dot(facing, exact_direction) > wp.float64(0.0):
                 facing = -facing
             normal = wp.vec3(wp.normalize(facing))
             index = scene.triangle_object[hit.face]

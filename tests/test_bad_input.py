@@ -152,7 +152,7 @@ CASES = {
     "negative range": (lambda: wv.classify(DEPTH, KINECT, POSE, max_range=-1), "max_range must be zero or more"),
     "NumPy out": (lambda: wv.classify(DEPTH, KINECT, POSE, out=LABELS), "out must be a wp.array .* got ndarray"),
     "out of another dtype": (
-        lambda: wv.classify(DEPTH, KINECT, POSE, out=wp.zeros(DEPTH.shape, dtype=wp.int32)),
+        lambda: wv.classify(DEPTH, KINECT, POSE, out=wp.zeros(DEPTH.shape, dtype=wp.int32, device="cpu")),
         "out must have dtype uint8, got int32",
     ),
     "camera of no kind": (lambda: wv.back_project(DEPTH, None, POSE), "camera must be a warpvis.Camera"),
