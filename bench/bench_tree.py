@@ -9,12 +9,12 @@ import warpvis as wv
 
 @pytest.mark.benchmark(group="tree")
 @pytest.mark.parametrize("name", ["experiment_3", "room", "blobs_77k", "blobs_1m"])
-def test_on_device(benchmark, scene_of, name):
+def test_triangles(benchmark, scene_of, name):
     scene = scene_of(name)
 
     def without_tree():
         return (scene.to(scene.device),), {}
 
     rounds = 5 if scene.triangle_count > 500_000 else 50
-    benchmark.pedantic(wv.Scene.on_device, setup=without_tree, rounds=rounds, warmup_rounds=1)
+    benchmark.pedantic(wv.Scene.triangles, setup=without_tree, rounds=rounds, warmup_rounds=1)
     benchmark.extra_info["triangles"] = scene.triangle_count

@@ -44,6 +44,17 @@ def plane_depth(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, direction: wp.vec3d, forw
     return wp.clamp(wp.dot(normal, a) / steepness, nearest, farthest)
 
 
+@wp.func
+def first_front_face(mesh: wp.uint64, origin: wp.vec3, direction: wp.vec3, nearest: wp.MeshQueryRay) -> wp.MeshQueryRay:
+    """The first hit whose triangle faces the camera: past every back face the ray goes on from just behind it."""
+    hit = nearest
+    passed = float(0.0)
+    while hit.result and wp.dot(wp.mesh_eval_face_normal(mesh, hit.face), direction) >= 0.0:
+        passed += wp.max(hit.t, 0.0) + 1.0e-6 * wp.max(1.0, passed)
+        hit = wp.mesh_query_ray(mesh, origin + passed * direction, direction, 3.0e38)
+    return hit
+
+
 @wp.kernel
 def cast_rays(
     # Scene:
@@ -52,6 +63,8 @@ def cast_rays(
     camera: PinholeCamera,
     camera_to_world: wp.array[wp.transform],
     window: Window,
+    # In:
+    cull_backfaces: bool,
     # Out:
     depth_out: wp.array3d[float],
     points_out: wp.array3d[wp.vec3],
@@ -76,6 +89,8 @@ def cast_rays(
 
     # A whole-range query: what lies beyond `far` is sorted out below, by the exact depth.
     hit = wp.mesh_query_ray(scene.mesh, origin, direction, 3.0e38)
+    if cull_backfaces:
+        hit = first_front_face(scene.mesh, origin, direction, hit)
     if hit.result:
         exact_origin = pose_origin(pose)
         rotation = pose_rotation(pose)

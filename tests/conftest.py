@@ -63,3 +63,11 @@ def device(request: pytest.FixtureRequest) -> str:
     if request.param != "cpu" and not wp.is_cuda_available():
         pytest.skip("no CUDA device")
     return request.param
+
+
+@pytest.fixture(params=["rays", "packets"])
+def caster(request: pytest.FixtureRequest, device: str) -> str:
+    """Every caster that the device has."""
+    if request.param == "packets" and device != "cpu":
+        pytest.skip("packets run on the CPU")
+    return request.param

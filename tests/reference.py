@@ -90,6 +90,10 @@ def cast_rays(scene: Scene, camera: Camera, pose: NDArray) -> Images:
     )
 
 
+# What an image shows does not depend on how it is cast.
+cast_packets = cast_rays
+
+
 def _nearest_triangle(rays: NDArray, corners: NDArray) -> tuple[NDArray, NDArray]:
     """Least depth of every ray over the triangles, +inf where it misses them all, and which triangle that is."""
     depth, triangle = np.full(len(rays), np.inf), np.zeros(len(rays), dtype=np.int64)
@@ -243,3 +247,65 @@ def poses_from_matrices(matrices: NDArray, opencv_to_given: NDArray) -> NDArray[
     """Matrices of the OpenCV frame, shape (V, 4, 4): quaternions are compared through them, since q and -q are one."""
     turn = poses_to_matrices(np.concatenate([np.zeros(3), opencv_to_given]))
     return np.asarray(matrices, dtype=np.float64) @ turn
+
+
+def load_items(vertices: NDArray, faces: NDArray) -> NDArray[np.float64]:
+    """Boxes of the triangles: rows min x y z, max x y z."""
+    corners = np.asarray(vertices, dtype=np.float64)[faces]
+    return np.concatenate([corners.min(axis=1), corners.max(axis=1)], axis=1)
+
+
+def box_area(boxes: NDArray) -> float:
+    """Half the surface area of the box around boxes, rows as `load_items` makes them."""
+    x, y, z = boxes[:, 3:].max(axis=0) - boxes[:, :3].min(axis=0)
+    return x * y + y * z + z * x
+
+
+def split_cost(left: NDArray, right: NDArray) -> float:
+    """Cost of two children by the surface area heuristic, each with leaves of 16 boxes."""
+    return sum(box_area(boxes) * -(-len(boxes) // 16) for boxes in (left, right))
+
+
+def split_range(boxes: NDArray) -> float:
+    """Least cost of any split of boxes in the order of their centres along an axis."""
+    centres = boxes[:, :3] + boxes[:, 3:]
+    orders = [np.argsort(centres[:, axis], kind="stable") for axis in range(3)]
+    return min(split_cost(boxes[o[:i]], boxes[o[i:]]) for o in orders for i in range(1, len(boxes)))
+
+
+def collapse_tree(splits: dict[int, tuple], root: int) -> float:
+    """Least area of all nodes but the root, over all trees of nodes with at most 16 children.
+
+    `splits` holds the binary tree: ``(left, right, left area, right area)``, where 0 stands for a leaf.
+    """
+    memory: dict[tuple[int, int], float] = {}
+
+    def as_parts(split: int, most: int) -> float:
+        left, right, *areas = splits[split]
+        return min(subtree(left, areas[0], k) + subtree(right, areas[1], most - k) for k in range(1, most))
+
+    def subtree(split: int, area: float, most: int) -> float:
+        if split == 0:
+            return 0.0
+        if (split, most) not in memory:
+            as_node = area + as_parts(split, 16)
+            memory[split, most] = as_node if most == 1 else min(as_node, as_parts(split, most))
+        return memory[split, most]
+
+    return as_parts(root, 16) if root else 0.0
+
+
+def fill_leaves(vertices: NDArray, faces: NDArray, triangles: NDArray) -> NDArray[np.float32]:
+    """Rows ax ay az bx by bz cx cy cz of the leaves, shape (L, 9, 16); `triangles` has shape (L, 16)."""
+    lanes = np.where(triangles >= 0, triangles, triangles[:, :1])
+    corners = vertices[faces[lanes]]
+    corners[triangles < 0] = corners[triangles < 0][:, :1]
+    return corners.reshape(len(triangles), 16, 9).swapaxes(1, 2)
+
+
+def fit_nodes(vertices: NDArray, faces: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What bounds must hold: the triangles' corners, shape (n, 3, 3), and unit normals, NaN where there is no area."""
+    corners = np.asarray(vertices, dtype=np.float64)[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1)
+    return corners, normals / np.where(lengths > 0, lengths, np.nan)[:, None]

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from warpvis.errors import ArrayError
 
 Shape = tuple[int | str, ...]
 """An expected shape: numbers are required, names stand for any size and are used in messages."""
+
+_CACHE_LINE = 64
 
 _KINDS = {wp.float32: "fiu", wp.int32: "iu", wp.uint8: "iu"}
 
@@ -89,13 +92,24 @@ def check_shape(got: tuple[int, ...], wanted: Shape, *, name: str) -> None:
 def empty(shape: tuple[int, ...], dtype: Any, *, name: str, device: wp.Device) -> wp.array:
     """A new array, or a sentence that says how much memory there would have to be."""
     try:
-        return wp.empty(shape, dtype=dtype, device=device)
+        return _empty_on_cpu(shape, dtype) if device.is_cpu else wp.empty(shape, dtype=dtype, device=device)
     except (MemoryError, RuntimeError, ValueError) as error:
         gigabytes = np.prod(shape, dtype=np.float64) * wp.types.type_size_in_bytes(dtype) / 1e9
         raise ArrayError(
             f"{name} of shape {shape} needs {gigabytes:.1f} GB on {device}, which could not be had ({error}); "
             "render fewer views at a time"
         ) from None
+
+
+def _empty_on_cpu(shape: tuple[int, ...], dtype: Any) -> wp.array:
+    """Memory that begins at a cache line, of large pages where it is large: NumPy asks the system for them."""
+    components = getattr(dtype, "_shape_", ())
+    scalar = np.dtype(wp.dtype_to_numpy(getattr(dtype, "_wp_scalar_type_", dtype)))
+    size = math.prod((*shape, *components)) * scalar.itemsize
+    memory = np.empty(size + _CACHE_LINE, dtype=np.uint8)
+    start = -memory.ctypes.data % _CACHE_LINE
+    host = memory[start : start + size].view(scalar).reshape(*shape, *components)
+    return wp.array(host, dtype=dtype, shape=shape, device="cpu", copy=False)
 
 
 def check_out(out: Any, dtype: Any, shape: tuple[int, ...], *, name: str, device: wp.Device) -> wp.array:

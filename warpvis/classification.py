@@ -185,7 +185,7 @@ def classify_rendered(
     objects = as_warp(objects, wp.int32, depth.shape, name="objects", device=scene.device)
     reach = _check_length(max_range, "max_range")
     labels = _allocate(out, wp.uint8, depth, "out")
-    object_label = scene.on_device().struct.object_label
+    object_label = scene.object_labels()
     launch_images(
         kernels.label_objects,
         depth.shape,

@@ -64,8 +64,7 @@ def launch_images(
         wp.launch(kernel, dim=shape, inputs=inputs, device=device, block_dim=_CUDA_BLOCK)
         return
 
-    with _load_lock:  # two threads must not compile or load a module at the same time
-        wp.load_module(kernel.module, device)
+    load_module(kernel)
 
     def launch(piece: tuple[int, int, int, int]) -> None:
         view, view_count, row, row_count = piece
@@ -78,6 +77,20 @@ def launch_images(
             launch(piece)
     else:
         list(_pool(threads).map(launch, pieces))
+
+
+def load_module(kernel: Any) -> None:
+    """Compile and load a kernel's module for the CPU: two threads must not do it at the same time."""
+    with _load_lock:
+        wp.load_module(kernel.module, "cpu")
+
+
+def run_together(work: Callable[[int], None], workers: int) -> None:
+    """Call ``work(0)``, ``work(1)``, ... at the same time: the first here, the others on the pool's threads."""
+    others = [_pool(workers - 1).submit(work, worker) for worker in range(1, workers)]
+    work(0)
+    for other in others:
+        other.result()
 
 
 def check_threads(threads: int | None) -> int:

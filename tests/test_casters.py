@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The rays caster against the float64 reference: exactness, ranges, and no leak through edges or vertices."""
+"""Both casters against the float64 reference: exactness, ranges, and no leak through edges or vertices."""
 
 import numpy as np
 import pytest
@@ -17,41 +17,41 @@ SMALL = wv.Camera.from_fov(120, 90, hfov=0.994837, near=0.05, far=100.0)
 
 
 @pytest.mark.parametrize("name", [preset.name for preset in scenes.EXPERIMENTS])
-def test_experiments_match_the_reference(name, device):
+def test_experiments_match_the_reference(name, device, caster):
     preset = scenes.PRESETS[name]
     scene = preset.build(device)
     camera = wv.Camera.from_fov(128, 96, hfov=0.994837, near=0.3, far=4.5)
-    views = wv.render(scene, camera, preset.poses(), outputs=ALL)
+    views = wv.render(scene, camera, preset.poses(), outputs=ALL, caster=caster)
     assert_matches_reference(views, scene, camera, preset.poses())
 
 
-def test_the_room_matches_the_reference_from_many_sides(device):
+def test_the_room_matches_the_reference_from_many_sides(device, caster):
     preset = scenes.PRESETS["room"]
     scene = preset.build(device)
-    views = wv.render(scene, SMALL, preset.poses(3), outputs=ALL)
+    views = wv.render(scene, SMALL, preset.poses(3), outputs=ALL, caster=caster)
     assert_matches_reference(views, scene, SMALL, preset.poses(3))
 
 
-def test_linear_vertical_pixels_match_the_reference(device):
+def test_linear_vertical_pixels_match_the_reference(device, caster):
     preset = scenes.EXPERIMENTS[0]
     scene = preset.build(device)
     camera = wv.Camera.from_fov(96, 72, hfov=0.994837, vertical="linear")
-    views = wv.render(scene, camera, preset.poses(), outputs=ALL)
+    views = wv.render(scene, camera, preset.poses(), outputs=ALL, caster=caster)
     assert_matches_reference(views, scene, camera, preset.poses())
 
 
 @pytest.mark.parametrize("size", [(1, 1), (7, 5), (3, 64)])
-def test_odd_image_sizes(size, device):
+def test_odd_image_sizes(size, device, caster):
     preset = scenes.PRESETS["room"]
     scene = preset.build(device)
     camera = wv.Camera.from_fov(*size, hfov=0.8)
-    views = wv.render(scene, camera, preset.poses(2), outputs=ALL)
+    views = wv.render(scene, camera, preset.poses(2), outputs=ALL, caster=caster)
     assert views.depth.shape == (2, size[1], size[0])
     assert_matches_reference(views, scene, camera, preset.poses(2))
 
 
 @pytest.mark.parametrize(("scale", "offset"), [(1e-3, 0.0), (1.0, 0.0), (1e3, 0.0), (1.0, 1e4), (1e3, 1e4)])
-def test_scales_and_places_match_the_reference(scale, offset, device):
+def test_scales_and_places_match_the_reference(scale, offset, device, caster):
     """A ball of a millimetre to a kilometre, at the origin and 10 km from it."""
     ball = trimesh.creation.icosphere(subdivisions=3, radius=scale)
     place = offset * np.array([1.0, -0.7, 0.4])
@@ -59,35 +59,35 @@ def test_scales_and_places_match_the_reference(scale, offset, device):
     scene.add(ball, name="ball", pose=(*place, 0, 0, 0, 1))
     camera = wv.Camera.from_fov(120, 90, hfov=0.994837)
     pose = wv.look_at(place + scale * np.array([2.0, 1.0, 0.5]), place)[None].astype(np.float32)
-    views = wv.render(scene, camera, pose, outputs=ALL)
+    views = wv.render(scene, camera, pose, outputs=ALL, caster=caster)
     assert np.isfinite(views.depth.numpy()).mean() > 0.2
     assert_matches_reference(views, scene, camera, pose)
 
 
-def test_a_floor_seen_at_a_grazing_angle(device):
+def test_a_floor_seen_at_a_grazing_angle(device, caster):
     """An eye 2 cm above a floor of 200 m: single precision alone loses millimetres here."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((200, 200, 1)), name="floor", pose=(0, 0, -0.5, 0, 0, 0, 1))
     pose = wv.look_at((0, 0, 0.02), (1, 0.1, 0.0199))[None].astype(np.float32)
-    views = wv.render(scene, SMALL, pose, outputs=ALL)
+    views = wv.render(scene, SMALL, pose, outputs=ALL, caster=caster)
     assert_matches_reference(views, scene, SMALL, pose)
 
 
-def test_a_wall_has_one_planar_depth(device):
+def test_a_wall_has_one_planar_depth(device, caster):
     """Depth is z, not the length of the ray."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((1, 20, 20)), pose=(3.5, 0, 0, 0, 0, 0, 1))
-    depth = wv.render(scene, SMALL, wv.look_at((0, 0, 0), (1, 0, 0))).depth.numpy()
+    depth = wv.render(scene, SMALL, wv.look_at((0, 0, 0), (1, 0, 0)), caster=caster).depth.numpy()
     np.testing.assert_allclose(depth, 3.0, rtol=2e-7)
 
 
-def test_ranges_follow_rep_117(device):
+def test_ranges_follow_rep_117(device, caster):
     """Beyond far is +inf; nearer than near is -inf and still hides what is behind; both are empty, of no object."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((0.1, 6, 6)), name="wall", pose=(5.05, 0, 0, 0, 0, 0, 1))
     scene.add(trimesh.creation.box((0.1, 0.02, 4)), name="pole", pose=(0.25, 0, 0, 0, 0, 0, 1))
     pose = wv.look_at((0, 0, 0), (1, 0, 0))
-    seen = wv.render(scene, wv.Camera.from_fov(64, 48, hfov=0.9, near=0.3, far=5.0), pose, outputs=ALL)
+    seen = wv.render(scene, wv.Camera.from_fov(64, 48, hfov=0.9, near=0.3, far=5.0), pose, outputs=ALL, caster=caster)
     depth = seen.depth.numpy()[0]
     assert depth[24, 32] == -np.inf
     assert depth[24, 2] == 5.0  # exactly at far is in range
@@ -97,12 +97,12 @@ def test_ranges_follow_rep_117(device):
     assert np.isnan(seen.points.numpy()[0][hidden]).all()
     assert np.isnan(seen.normals.numpy()[0][hidden]).all()
     assert (seen.objects.numpy()[0][~hidden] == scene.index("wall")).all()
-    farther = wv.render(scene, wv.Camera.from_fov(64, 48, hfov=0.9, far=4.99), pose).depth.numpy()[0]
+    farther = wv.render(scene, wv.Camera.from_fov(64, 48, hfov=0.9, far=4.99), pose, caster=caster).depth.numpy()[0]
     assert farther[24, 2] == np.inf
     assert farther[24, 32] == pytest.approx(0.2, abs=1e-6)
 
 
-def test_no_ray_leaves_a_closed_mesh(device):
+def test_no_ray_leaves_a_closed_mesh(device, caster):
     """From inside closed meshes every ray hits, in all directions, near the origin and 10 km from it."""
     camera = wv.Camera.from_fov(256, 256, hfov=np.pi / 2)
     directions = np.concatenate([np.eye(3), -np.eye(3), [[1, 1, 1], [-1, 1, 0.3]]]) + [1e-3, 0, 1e-3]
@@ -111,11 +111,11 @@ def test_no_ray_leaves_a_closed_mesh(device):
             scene = wv.Scene(device=device)
             scene.add(mesh, pose=(*place, 0, 0, 0, 1))
             poses = np.array([wv.look_at(place, place + direction) for direction in directions])
-            depth = wv.render(scene, camera, poses, outputs=("depth",)).depth.numpy()
+            depth = wv.render(scene, camera, poses, outputs=("depth",), caster=caster).depth.numpy()
             assert np.isfinite(depth).all()
 
 
-def test_rays_through_vertices_and_edges_hit(device):
+def test_rays_through_vertices_and_edges_hit(device, caster):
     """A fan of triangles whose vertices lie exactly on pixel centres, seen along an axis."""
     n = 33
     camera = wv.Camera(n, n, 32.0, 32.0, n / 2, n / 2)
@@ -127,70 +127,71 @@ def test_rays_through_vertices_and_edges_hit(device):
     )
     scene = wv.Scene(device=device)
     scene.add((vertices, faces))
-    depth = wv.render(scene, camera, (0, 0, 0, 0, 0, 0, 1)).depth.numpy()
+    depth = wv.render(scene, camera, (0, 0, 0, 0, 0, 0, 1), caster=caster).depth.numpy()
     assert (depth[0, 1:-1, 1:-1] == 1.0).all()
 
 
-def test_axis_aligned_rays_on_box_faces_and_slabs(device):
+def test_axis_aligned_rays_on_box_faces_and_slabs(device, caster):
     """The middle ray of an odd image runs along an axis; the origin lies in the plane of other boxes' faces."""
     camera = wv.Camera(5, 5, 100.0, 100.0, 2.5, 2.5)
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((1, 1, 1)), pose=(5, 0, 0, 0, 0, 0, 1))
     scene.add(trimesh.creation.box((1, 1, 1)), pose=(0, 3, 0, 0, 0, 0, 1))
     scene.add(trimesh.creation.box((0.5, 0.5, 0.5)), pose=(2, 0.25, 0.25, 0, 0, 0, 1))  # two faces through the axis
-    depth = wv.render(scene, camera, wv.look_at((0, 0, 0), (1, 0, 0))).depth.numpy()[0]
+    depth = wv.render(scene, camera, wv.look_at((0, 0, 0), (1, 0, 0)), caster=caster).depth.numpy()[0]
     assert depth[2, 2] == pytest.approx(1.75, abs=1e-6)
     assert np.isfinite(depth).all()
 
 
-def test_back_faces_are_seen(device):
+def test_back_faces_are_seen(device, caster):
     """Surfaces are two-sided, and normals point to the camera on either side."""
     triangle = (np.array([[2.0, -1, -1], [2, 1, -1], [2, 0, 1]]), np.array([[0, 1, 2]]))
     scene = wv.Scene(device=device)
     scene.add(triangle)
     poses = np.array([wv.look_at((0, 0, 0), (1, 0, 0)), wv.look_at((4, 0, 0), (3, 0, 0))])
-    views = wv.render(scene, wv.Camera.from_fov(9, 9, hfov=0.2), poses, outputs=("depth", "normals"))
+    views = wv.render(scene, wv.Camera.from_fov(9, 9, hfov=0.2), poses, outputs=("depth", "normals"), caster=caster)
     np.testing.assert_allclose(views.depth.numpy(), 2.0, rtol=1e-6)
     np.testing.assert_allclose(views.normals.numpy()[0, ..., 0], -1.0, atol=1e-6)
     np.testing.assert_allclose(views.normals.numpy()[1, ..., 0], 1.0, atol=1e-6)
 
 
-def test_degenerate_triangles_change_nothing(device):
+def test_degenerate_triangles_change_nothing(device, caster):
     preset = scenes.PRESETS["room"]
     plain, spoiled = preset.build(device), preset.build(device)
     points = np.array([[0.0, 0, 0.5], [1, 0, 0.5], [2, 0, 0.5], [0, 0, 0.5]])
     spoiled.add((points, [[0, 1, 2], [0, 0, 0], [0, 3, 1]]), name="slivers")
     for name in ALL:
         one, other = (
-            getattr(wv.render(s, SMALL, preset.poses(3), outputs=ALL), name).numpy() for s in (plain, spoiled)
+            getattr(wv.render(s, SMALL, preset.poses(3), outputs=ALL, caster=caster), name).numpy()
+            for s in (plain, spoiled)
         )
         np.testing.assert_array_equal(one, other)
 
 
-def test_runs_are_bit_identical_whatever_the_threads(device):
+def test_runs_are_bit_identical_whatever_the_threads(device, caster):
     preset = scenes.PRESETS["room"]
     scene = preset.build(device)
-    first = wv.render(scene, SMALL, preset.poses(5), outputs=ALL, threads=1)
+    first = wv.render(scene, SMALL, preset.poses(5), outputs=ALL, threads=1, caster=caster)
     for threads in (1, 2, 3, 7):
-        again = wv.render(scene, SMALL, preset.poses(5), outputs=ALL, threads=threads)
+        again = wv.render(scene, SMALL, preset.poses(5), outputs=ALL, threads=threads, caster=caster)
         for name in ALL:
             assert getattr(again, name).numpy().tobytes() == getattr(first, name).numpy().tobytes()
 
 
-def test_only_what_is_asked_for_is_made(device):
+def test_only_what_is_asked_for_is_made(device, caster):
     preset = scenes.PRESETS["room"]
     scene = preset.build(device)
-    views = wv.render(scene, SMALL, preset.poses(1), outputs=("labels",))
+    views = wv.render(scene, SMALL, preset.poses(1), outputs=("labels",), caster=caster)
     assert views.depth is None and views.points is None and views.normals is None and views.objects is None
-    whole = wv.render(scene, SMALL, preset.poses(1))
+    whole = wv.render(scene, SMALL, preset.poses(1), caster=caster)
     np.testing.assert_array_equal(views.labels.numpy(), whole.labels.numpy())
     assert whole.normals is None
     assert (whole.labels.dtype, whole.objects.dtype, whole.points.dtype) == (wp.uint8, wp.int32, wp.vec3)
 
 
-def test_out_is_written_in_place(device):
+def test_out_is_written_in_place(device, caster):
     preset = scenes.PRESETS["room"]
-    renderer = wv.Renderer(preset.build(device), SMALL, outputs=("depth", "objects"))
+    renderer = wv.Renderer(preset.build(device), SMALL, outputs=("depth", "objects"), caster=caster)
     views = renderer.render(preset.poses(4)[:2])
     memory = views.depth.ptr
     expected = renderer.render(preset.poses(4)[2:]).depth.numpy()
@@ -199,15 +200,15 @@ def test_out_is_written_in_place(device):
     np.testing.assert_array_equal(views.depth.numpy(), expected)
 
 
-def test_no_views_give_empty_images(device):
-    views = wv.render(scenes.PRESETS["room"].build(device), SMALL, np.zeros((0, 7)))
+def test_no_views_give_empty_images(device, caster):
+    views = wv.render(scenes.PRESETS["room"].build(device), SMALL, np.zeros((0, 7)), caster=caster)
     assert views.depth.shape == (0, 90, 120)
 
 
-def test_objects_added_later_are_seen(device):
+def test_objects_added_later_are_seen(device, caster):
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((1, 1, 1)), name="far", pose=(5, 0, 0, 0, 0, 0, 1))
-    renderer = wv.Renderer(scene, SMALL, outputs=("objects",))
+    renderer = wv.Renderer(scene, SMALL, outputs=("objects",), caster=caster)
     pose = wv.look_at((0, 0, 0), (1, 0, 0))
     assert renderer.render(pose).objects.numpy()[0, 45, 60] == 0
     scene.add(trimesh.creation.box((1, 1, 1)), name="near", pose=(3, 0, 0, 0, 0, 0, 1))

@@ -1,0 +1,229 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The packet caster on CPU cores: all rays of a view, or of a strip of it, walk the cluster tree together.
+//
+// Space is the camera's, with x and y scaled by the focal lengths: the ray of a pixel is (u, v, 1), where u and v are
+// its distances in pixels from the principal point. Three things are then linear in u and v: on which side of a
+// triangle's edge the ray passes, w = 1 / z of the triangle's plane, and nothing else is needed. The image keeps the
+// greatest w of every pixel, in blocks of 4 x 4 pixels, one to a register, in tiles of 4 x 4 blocks.
+//
+// The same expressions in the same order give the value of an edge at a pixel wherever it is needed: two triangles
+// that share an edge get exactly opposite values there, so that no ray slips between them.
+
+struct Image {
+    int width, height;      // of this strip, in pixels
+    int first_row;          // of the strip in the view; a multiple of 16
+    int view_height;
+    int tiles_x, tiles_y;
+    int* last_size;         // width, height and kind of the image that lay here before
+    float* w;               // [tile][block][pixel]: greatest 1 / z so far
+    int* id;                // the same for the triangle or object that it belongs to; null if nobody asks
+    float* rows;            // four rows of w on their way out
+    int* id_rows;
+    float* block_least;     // [tile][block]: least w of a block, as far as it is known
+    float* tile_least;      // [tile]
+    unsigned char* block_stale;
+    unsigned char* tile_stale;
+
+    // The index of a pixel is the sum of a part for its column and a part for its row.
+    static inline int column_part(int x) { return ((x >> 4) << 8) + (((x >> 2) & 3) << 4) + (x & 3); }
+    inline int row_part(int y) const { return (((y >> 4) * tiles_x) << 8) + (((y >> 2) & 3) << 6) + ((y & 3) << 2); }
+
+    inline void touch(int block) const {
+        block_stale[block] = 1;
+        tile_stale[block >> 4] = 1;
+    }
+    inline float least_of_block(int block) const {
+        if (block_stale[block]) {
+            block_least[block] = Lanes::least_of(Lanes::load(w + block * 16));
+            block_stale[block] = 0;
+        }
+        return block_least[block];
+    }
+    inline float least_of_tile(int tile) const {
+        if (tile_stale[tile]) {
+            for (int block = tile * 16; block < tile * 16 + 16; ++block) least_of_block(block);
+            tile_least[tile] = Lanes::least_of(Lanes::load(block_least + tile * 16));
+            tile_stale[tile] = 0;
+        }
+        return tile_least[tile];
+    }
+
+    // Whether everything in a rectangle of pixels is nearer than w. A large one is judged by whole tiles.
+    inline bool hides(int x0, int y0, int x1, int y1, float nearest_w) const {
+        const int bx0 = x0 >> 2, bx1 = x1 >> 2, by0 = y0 >> 2, by1 = y1 >> 2;
+        if ((bx1 - bx0 + 1) * (by1 - by0 + 1) > 32) return tiles_hide(x0 >> 4, y0 >> 4, x1 >> 4, y1 >> 4, nearest_w);
+        for (int by = by0; by <= by1; ++by)
+            for (int bx = bx0; bx <= bx1; ++bx)
+                if (least_of_block((((by >> 2) * tiles_x + (bx >> 2)) << 4) + ((by & 3) << 2) + (bx & 3)) <= nearest_w)
+                    return false;
+        return true;
+    }
+    inline bool tiles_hide(int tx0, int ty0, int tx1, int ty1, float nearest_w) const {
+        for (int ty = ty0; ty <= ty1; ++ty)
+            for (int tx = tx0; tx <= tx1; ++tx)
+                if (least_of_tile(ty * tiles_x + tx) <= nearest_w) return false;
+        return true;
+    }
+
+    // Nothing seen yet.
+    inline void begin(bool with_id) const {
+        const int tiles = tiles_x * tiles_y;
+        __builtin_memset(block_least, 0, tiles * 16 * sizeof(float));
+        __builtin_memset(tile_least, 0, tiles * sizeof(float));
+        __builtin_memset(block_stale, 0, tiles * 16);
+        __builtin_memset(tile_stale, 0, tiles);
+        const bool whole = width == tiles_x * 16 && height == tiles_y * 16;
+        const bool same = last_size[0] == width && last_size[1] == height && last_size[2] == 1 + with_id;
+        if (whole && same) return;
+        for (int block = 0; block < tiles * 16; ++block) Lanes::store(w + block * 16, Lanes::all(0.0f));
+        if (!whole) hide_outside();
+        last_size[0] = width;
+        last_size[1] = height;
+        last_size[2] = 1 + with_id;
+    }
+
+    // What lies outside the image counts as infinitely near, so that it hides and never shows.
+    inline void hide_outside() const {
+        for (int y = 0; y < tiles_y * 16; ++y)
+            for (int x = y < height ? width : 0; x < tiles_x * 16; ++x) {
+                const int pixel = column_part(x) + row_part(y);
+                w[pixel] = 3e38f;
+                touch(pixel >> 4);
+            }
+    }
+};
+
+typedef float Row[3];
+typedef double ExactRow[3];
+
+// Where the camera is and how the world turns into its space.
+struct Eye {
+    float origin[3];
+    float to_camera[3][3];       // rows: x scaled by fx, y scaled by fy, z
+    double exact_origin[3];
+    double exact_to_camera[3][3];  // rows: u = x / z needs N . right / fx, so rows are divided by the focal lengths
+    float first_u, first_v;      // u and v of pixel (0, 0) of the view
+    float far;
+    bool skip_back_faces;        // of objects that are closed, since the camera is outside them all
+    bool cull_back_faces;        // of all objects, because the caller wants it
+
+    static inline Points relative(const Eye& eye, Floats x, Floats y, Floats z) {
+        return Points{x - eye.origin[0], y - eye.origin[1], z - eye.origin[2]};
+    }
+    static inline Points turn(const Eye& eye, Points p) {
+        const Row* m = eye.to_camera;
+        return Points{m[0][0] * p.x + (m[0][1] * p.y + m[0][2] * p.z), m[1][0] * p.x + (m[1][1] * p.y + m[1][2] * p.z),
+                      m[2][0] * p.x + (m[2][1] * p.y + m[2][2] * p.z)};
+    }
+};
+
+// A value that is linear in u and v, of sixteen triangles.
+struct Linear {
+    Floats u, v, one;
+
+    inline Floats row(Floats at_v) const { return v * at_v + one; }
+    inline Floats at(Floats at_u, Floats row) const { return u * at_u + row; }
+};
+
+// Sixteen triangles, set up for the image.
+struct Cluster {
+    const float* corners;   // [9][16] in the world
+    int first_id;
+    const int* owners;
+    Linear edge[3];         // positive inside
+    Linear w;
+    Floats least_w, most_w;  // at the corners: no point of a triangle is nearer or farther
+    Ints shown;             // lanes that may cover a pixel
+    Ints x0, x1, y0, y1;    // pixels of the strip whose centres may be inside
+    Ints view_y0, view_y1;  // the same rows in the whole view, counted from the view's first
+};
+
+struct Setup {
+    // cross(a - b, a + b) is 2 a x b, and exactly its negative when a and b change places.
+    static inline Linear edge(Points a, Points b, Floats sign) {
+        const Points product = Points::cross(Points::minus(a, b), Points::plus(a, b));
+        return Linear{product.x * sign, product.y * sign, product.z * sign};
+    }
+
+    // False if no lane can show: all face away, or none reaches a pixel's centre.
+    static inline bool cluster(const Eye& eye, const Image& image, float center_x, float center_y, Cluster& out) {
+        const float* p = out.corners;
+        Points c[3];
+        for (int k = 0; k < 3; ++k)
+            c[k] = Eye::turn(eye, Eye::relative(eye, Lanes::load(p + 48 * k), Lanes::load(p + 48 * k + 16),
+                                                Lanes::load(p + 48 * k + 32)));
+        const Points normal = Points::cross(Points::minus(c[1], c[0]), Points::minus(c[2], c[0]));
+        const Floats volume = Points::dot(normal, c[0]);  // negative where the camera sees the front
+        Ints shown = volume != Lanes::all(0.0f);
+        if (eye.cull_back_faces)
+            shown &= volume < Lanes::all(0.0f);
+        else if (eye.skip_back_faces)
+            shown &= (volume < Lanes::all(0.0f)) | (Lanes::load(out.owners) >= Lanes::all_ints(0));
+        if (!Lanes::any(shown)) return false;
+
+        const Floats zmin = Lanes::least(c[0].z, c[1].z, c[2].z), zmax = Lanes::most(c[0].z, c[1].z, c[2].z);
+        const Floats one = Lanes::all(1.0f), none = Lanes::all(0.0f);
+        const Floats i0 = one / c[0].z, i1 = one / c[1].z, i2 = one / c[2].z;
+        const Floats px0 = c[0].x * i0, px1 = c[1].x * i1, px2 = c[2].x * i2;
+        const Floats py0 = c[0].y * i0, py1 = c[1].y * i1, py2 = c[2].y * i2;
+        // Triangles that reach behind the camera may be anywhere in the image.
+        const Ints crossing = zmin <= 1e-6f * zmax + Lanes::all(1e-30f);
+        // Bounds in pixels, a little wider than rounding can be wrong.
+        const float slack = 0.004f + 2e-6f * (float)(image.width + image.height);
+        const Floats wide = Lanes::all((float)image.width), tall = Lanes::all((float)image.height);
+        Floats left = Lanes::least(px0, px1, px2) + (center_x - 0.5f - slack);
+        Floats right = Lanes::most(px0, px1, px2) + (center_x - 0.5f + slack);
+        Floats top = Lanes::least(py0, py1, py2) + (center_y - 0.5f - slack);
+        Floats bottom = Lanes::most(py0, py1, py2) + (center_y - 0.5f + slack);
+        left = Lanes::most(crossing ? none : __builtin_elementwise_ceil(left), none);
+        const float first = (float)image.first_row, last = (float)(image.view_height - 1);
+        const Floats view_top = Lanes::most(crossing ? none : __builtin_elementwise_ceil(top) + first, none);
+        const Floats view_bottom = Lanes::least(crossing ? Lanes::all(last) : __builtin_elementwise_floor(bottom) + first,
+                                                Lanes::all(last));
+        top = Lanes::most(view_top - first, none);
+        right = Lanes::least(crossing ? wide : __builtin_elementwise_floor(right), wide - one);
+        bottom = Lanes::least(view_bottom - first, tall - one);
+        shown &= (zmax > none) & (left <= right) & (top <= bottom);
+        if (!Lanes::any(shown)) return false;
+
+        out.shown = shown;
+        out.x0 = __builtin_convertvector(shown ? left : none, Ints);
+        out.x1 = __builtin_convertvector(shown ? right : -one, Ints);
+        out.y0 = __builtin_convertvector(shown ? top : none, Ints);
+        out.y1 = __builtin_convertvector(shown ? bottom : -one, Ints);
+        out.view_y0 = __builtin_convertvector(shown ? view_top : none, Ints);
+        out.view_y1 = __builtin_convertvector(shown ? view_bottom : -one, Ints);
+        const Floats sign = volume < none ? -one : one;
+        out.edge[0] = edge(c[1], c[2], sign);
+        out.edge[1] = edge(c[2], c[0], sign);
+        out.edge[2] = edge(c[0], c[1], sign);
+        const Floats scale = one / volume;
+        out.w = Linear{normal.x * scale, normal.y * scale, normal.z * scale};
+        out.least_w = crossing ? one / zmax : Lanes::least(i0, i1, i2);
+        out.most_w = crossing ? Lanes::all(3e37f) : Lanes::most(i0, i1, i2);
+        return true;
+    }
+};
+
+// The plane of one triangle in double precision. In single precision, w loses its digits where a plane is seen at a
+// grazing angle: it is a small difference of large terms.
+struct ExactPlane {
+    double u, v, one;
+
+    static inline ExactPlane of(const Eye& eye, const float* corners, int lane) {
+        double a[3], ab[3], ac[3];
+        for (int k = 0; k < 3; ++k) {
+            a[k] = corners[k * 16 + lane] - eye.exact_origin[k];
+            ab[k] = (double)corners[(k + 3) * 16 + lane] - corners[k * 16 + lane];
+            ac[k] = (double)corners[(k + 6) * 16 + lane] - corners[k * 16 + lane];
+        }
+        const double n[3] = {ab[1] * ac[2] - ab[2] * ac[1], ab[2] * ac[0] - ab[0] * ac[2], ab[0] * ac[1] - ab[1] * ac[0]};
+        const double scale = 1.0 / (n[0] * a[0] + n[1] * a[1] + n[2] * a[2]);
+        const ExactRow* m = eye.exact_to_camera;
+        return ExactPlane{(n[0] * m[0][0] + n[1] * m[0][1] + n[2] * m[0][2]) * scale,
+                          (n[0] * m[1][0] + n[1] * m[1][1] + n[2] * m[1][2]) * scale,
+                          (n[0] * m[2][0] + n[1] * m[2][1] + n[2] * m[2][2]) * scale};
+    }
+};

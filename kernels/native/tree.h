@@ -1,0 +1,276 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The builder of the cluster tree: leaves of 16 triangles, nodes of 16 children.
+//
+// Warp pastes this text into the body of a function, without the standard library: hence local structs of static
+// functions, and constants as enums. kernels/tree.py holds the kernels that call them, in this order: Items::load and
+// Splitter::split_all here, Collapser::collapse in tree_collapse.h, Leaves::fill and Nodes::fit in tree_bounds.h.
+
+typedef float v4 __attribute__((ext_vector_type(4)));
+typedef float v8 __attribute__((ext_vector_type(8)));
+typedef float v16 __attribute__((ext_vector_type(16)));
+typedef double d16 __attribute__((ext_vector_type(16)));
+typedef int i4 __attribute__((ext_vector_type(4)));
+typedef int i16 __attribute__((ext_vector_type(16)));
+typedef decltype((d16)(0.0) < (d16)(0.0)) l16;  // a d16's truth values
+
+enum {
+    LANES = 16,      // triangles of a leaf, children of a node
+    BINS = 16,       // of one axis, where a range is too large to sort
+    SMALL = 64,      // ranges of at most this many items are sorted: a multiple of LANES, at most 64
+    DEEPEST = 64,    // from this depth on ranges are halved, so that no input makes a deep tree
+    LEAF_ROWS = 9,   // ax ay az bx by bz cx cy cz
+    NODE_ROWS = 10,  // min x y z, max x y z, cone axis x y z, cone cutoff
+};
+
+// A box is its lower corner and its negated upper corner, so that the union of two is one minimum. Lanes 3 and 7 are
+// free; an item is a triangle's box with the triangle's index there, as two floats that hold 16 bits each.
+struct Box {
+    static v8 empty() { return (v8)(3e38f); }
+
+    // One instruction, where __builtin_elementwise_min takes care of NaNs, which there are none of.
+    static v8 unite(v8 a, v8 b) { return a < b ? a : b; }
+
+    static float half_area(v8 box) {
+        v4 size = -(box.lo + box.hi);
+        return size.x * size.y + size.y * size.z + size.z * size.x;
+    }
+
+    static v8 of_items(const v8* items, int begin, int end) {
+        v8 box = empty();
+        for (int i = begin; i < end; ++i) box = unite(box, items[i]);
+        return box;
+    }
+
+    // Twice the centre: lower plus upper corner.
+    static v4 centre(v8 item) { return item.lo - item.hi; }
+
+    static v8 of_point(v4 p) { return __builtin_shufflevector(p, -p, 0, 1, 2, 3, 4, 5, 6, 7); }
+
+    static v8 of_centres(const v8* items, int begin, int end) {
+        v8 box = empty();
+        for (int i = begin; i < end; ++i) box = unite(box, of_point(centre(items[i])));
+        return box;
+    }
+};
+
+struct Items {
+    static int triangle(v8 item) { return ((int)item.s7 << 16) | (int)item.s3; }
+
+    static void load(const float* vertices, const int* faces, int triangle, v8* items) {
+        const float* a = vertices + 3 * (long long)faces[3 * (long long)triangle];
+        const float* b = vertices + 3 * (long long)faces[3 * (long long)triangle + 1];
+        const float* c = vertices + 3 * (long long)faces[3 * (long long)triangle + 2];
+        v4 pa = {a[0], a[1], a[2], 0.0f}, pb = {b[0], b[1], b[2], 0.0f}, pc = {c[0], c[1], c[2], 0.0f};
+        v8 item = Box::unite(Box::of_point(pa), Box::unite(Box::of_point(pb), Box::of_point(pc)));
+        item.s3 = (float)(triangle & 0xffff);
+        item.s7 = (float)(triangle >> 16);
+        items[triangle] = item;
+    }
+};
+
+// The binary tree. A node's items are a range; the position where it is split names it, for no other node is split
+// there. So threads that work on disjoint ranges write disjoint splits. Slot 0 is above the root: its child[0] is the
+// root's split.
+struct Split {
+    int child[2];   // the children's splits, 0 where the child is a leaf
+    float area[2];  // half the surface area of the children's boxes
+};
+
+struct Choice {
+    int axis, bin, left_count;
+    float cost, left_area, right_area;
+};
+
+struct Splitter {
+    // The cost of a child in the surface area heuristic, in leaves: a leaf costs the same however few triangles it has.
+    // Where boxes have no area, the fewest leaves are best.
+    static float cost(float area, int count, float per_item) {
+        return (area + 1e-30f) * ((float)((count + LANES - 1) / LANES) * per_item);
+    }
+
+    struct Grid {
+        v4 origin, scale;
+
+        static Grid of(v8 centres) {
+            v4 size = -(centres.lo + centres.hi);
+            Grid grid;
+            grid.origin = centres.lo;
+            for (int axis = 0; axis < 4; ++axis) grid.scale[axis] = size[axis] > 1e-30f ? BINS / size[axis] : 0.0f;
+            return grid;
+        }
+
+        i4 cells(v4 centre) const {
+            v4 x = (centre - origin) * scale;
+            x = __builtin_elementwise_min(__builtin_elementwise_max(x, (v4)(0.0f)), (v4)(BINS - 1.0f));
+            return __builtin_convertvector(x, i4);
+        }
+    };
+
+    struct Bins {
+        v8 box[3][BINS];
+        int count[3][BINS];
+
+        void fill(const v8* items, int begin, int end, Grid grid) {
+            for (int axis = 0; axis < 3; ++axis)
+                for (int k = 0; k < BINS; ++k) box[axis][k] = Box::empty(), count[axis][k] = 0;
+            for (int i = begin; i < end; ++i) {
+                const v8 item = items[i];
+                const i4 cell = grid.cells(Box::centre(item));
+                add(0, cell.x, item), add(1, cell.y, item), add(2, cell.z, item);
+            }
+        }
+
+        void add(int axis, int k, v8 item) {
+            box[axis][k] = Box::unite(box[axis][k], item);
+            ++count[axis][k];
+        }
+
+        void choose(int axis, int total, Choice& best) const {
+            float right_area[BINS];
+            v8 right = Box::empty();
+            for (int k = BINS - 1; k > 0; --k) {
+                right = Box::unite(right, box[axis][k]);
+                right_area[k] = Box::half_area(right);
+            }
+            v8 left = Box::empty();
+            int left_count = 0;
+            for (int k = 1; k < BINS; ++k) {
+                left = Box::unite(left, box[axis][k - 1]);
+                left_count += count[axis][k - 1];
+                if (left_count == 0 || left_count == total) continue;
+                const float left_area = Box::half_area(left), per_item = 1.0f / total;
+                const float c = cost(left_area, left_count, per_item) +
+                                cost(right_area[k], total - left_count, per_item);
+                if (c < best.cost) best = Choice{axis, k, left_count, c, left_area, right_area[k]};
+            }
+        }
+    };
+
+    // Moves the items left of the bin to the front. Without a branch: every item is swapped with the first that
+    // belongs to the right, and that border moves on if the item was one of the left's.
+    static void partition(v8* items, int begin, int end, Grid grid, Choice choice, v8& left_centres,
+                          v8& right_centres) {
+        const int axis = choice.axis;
+        const float origin = grid.origin[axis], scale = grid.scale[axis], bound = (float)choice.bin;
+        v8 left = Box::empty(), right = Box::empty();
+        int border = begin;
+        for (int i = begin; i < end; ++i) {
+            const float* corner = (const float*)(items + i);
+            const bool is_left = (corner[axis] - corner[4 + axis] - origin) * scale < bound;
+            const v8 item = items[i], centre = Box::of_point(Box::centre(item));
+            items[i] = items[border];
+            items[border] = item;
+            border += is_left;
+            left = Box::unite(left, is_left ? centre : Box::empty());
+            right = Box::unite(right, is_left ? Box::empty() : centre);
+        }
+        left_centres = left;
+        right_centres = right;
+    }
+
+    // The items' order along an axis. The keys differ, for they end in the items' places: so an item's rank is the
+    // number of smaller keys, which takes no branch.
+    static void sort(const v8* items, int count, int axis, float low, float high, int* order) {
+        i16 key[SMALL / LANES], rank[SMALL / LANES];
+        const int blocks = (count + LANES - 1) / LANES;
+        const float scale = high - low > 1e-30f ? 16777215.0f / (high - low) : 0.0f;
+        for (int i = 0; i < blocks * LANES; ++i) {
+            const float* corner = (const float*)(items + (i < count ? i : 0));
+            const float x = (corner[axis] - corner[4 + axis] - low) * scale;
+            const int place = (int)__builtin_fminf(__builtin_fmaxf(x, 0.0f), 16777215.0f);
+            ((int*)key)[i] = (i < count ? place : 1 << 24) * 64 + i;
+        }
+        for (int b = 0; b < blocks; ++b) {
+            rank[b] = (i16)(0);
+            for (int j = 0; j < count; ++j) rank[b] -= (i16)(((const int*)key)[j]) < key[b];
+        }
+        for (int i = 0; i < count; ++i) order[((const int*)rank)[i]] = i;
+    }
+
+    // Splits a small range where it is cheapest of all places along the three axes; sorts the items along that axis.
+    static Choice split_sorted(v8* items, int count) {
+        const v8 centres = Box::of_centres(items, 0, count);
+        const float per_item = 1.0f / count;
+        int orders[3][SMALL];
+        float right_area[SMALL];
+        Choice best = {0, 0, 0, __builtin_inff(), 0.0f, 0.0f};
+        for (int axis = 0; axis < 3; ++axis) {
+            int* order = orders[axis];
+            sort(items, count, axis, centres[axis], -centres[4 + axis], order);
+            v8 right = Box::empty();
+            for (int i = count - 1; i > 0; --i) {
+                right = Box::unite(right, items[order[i]]);
+                right_area[i] = Box::half_area(right);
+            }
+            v8 left = Box::empty();
+            for (int i = 1; i < count; ++i) {
+                left = Box::unite(left, items[order[i - 1]]);
+                const float area = Box::half_area(left);
+                const float c = cost(area, i, per_item) + cost(right_area[i], count - i, per_item);
+                if (c < best.cost) best = Choice{axis, 0, i, c, area, right_area[i]};
+            }
+        }
+        v8 sorted[SMALL];
+        for (int i = 0; i < count; ++i) sorted[i] = items[orders[best.axis][i]];
+        for (int i = 0; i < count; ++i) items[i] = sorted[i];
+        return best;
+    }
+
+    // Splits after a whole number of leaves, near the middle.
+    static Choice halve(const v8* items, int begin, int end) {
+        const int half = ((end - begin) / 2 + LANES - 1) / LANES * LANES, middle = begin + half;
+        return Choice{0, 0, half, 0.0f, Box::half_area(Box::of_items(items, begin, middle)),
+                      Box::half_area(Box::of_items(items, middle, end))};
+    }
+
+    struct Range {
+        int begin, end;
+        int link;  // 2 * split + side of the parent
+        int depth;
+        v8 centres;  // their bounds, of large ranges only
+
+        int count() const { return end - begin; }
+    };
+
+    static Choice split(v8* items, const Range& range, v8& left_centres, v8& right_centres) {
+        left_centres = right_centres = range.centres;
+        if (range.depth >= DEEPEST) return halve(items, range.begin, range.end);
+        if (range.count() <= SMALL) return split_sorted(items + range.begin, range.count());
+        const Grid grid = Grid::of(range.centres);
+        Bins bins;
+        bins.fill(items, range.begin, range.end, grid);
+        Choice best = {0, 0, 0, __builtin_inff(), 0.0f, 0.0f};
+        for (int axis = 0; axis < 3; ++axis) bins.choose(axis, range.count(), best);
+        if (best.left_count == 0) return halve(items, range.begin, range.end);  // all centres coincide
+        partition(items, range.begin, range.end, grid, best, left_centres, right_centres);
+        return best;
+    }
+
+    // Splits a range, its parts and so on until all are leaves, or just `most_splits` times. The smaller part comes
+    // first, so that the parts that wait are at most as many as the count has bits.
+    static void split_all(v8* items, Split* splits, int begin, int end, int link, int depth, int most_splits) {
+        Range stack[64];
+        int waiting = 0;
+        stack[waiting++] = Range{begin, end, link, depth, Box::of_centres(items, begin, end)};
+        while (waiting > 0) {
+            const Range range = stack[--waiting];
+            int& name = splits[range.link / 2].child[range.link % 2];
+            name = 0;
+            if (range.count() <= LANES || most_splits == 0) continue;
+            --most_splits;
+            v8 left_centres, right_centres;
+            const Choice choice = split(items, range, left_centres, right_centres);
+            const int middle = range.begin + choice.left_count;
+            name = middle;
+            splits[middle].area[0] = choice.left_area;
+            splits[middle].area[1] = choice.right_area;
+            const Range left = {range.begin, middle, 2 * middle, range.depth + 1, left_centres};
+            const Range right = {middle, range.end, 2 * middle + 1, range.depth + 1, right_centres};
+            const bool left_is_smaller = left.count() < right.count();
+            stack[waiting++] = left_is_smaller ? right : left;
+            stack[waiting++] = left_is_smaller ? left : right;
+        }
+    }
+};

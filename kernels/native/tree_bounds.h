@@ -1,0 +1,128 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Goes after tree.h.
+
+// What a node holds of a child: a box, and a cone that holds all its normals. A cone is an axis and a cutoff, the sine
+// of its half angle and a little more; or NEVER, where it says nothing about which way the triangles face.
+struct Bounds {
+    static constexpr float never() { return 2.0f; }
+    static constexpr double least_cosine() { return 0.0872; }  // of 85 degrees
+    static constexpr double margin() { return 1e-3; }
+
+    static float cutoff(double cosine) {
+        if (!(cosine > least_cosine())) return never();
+        const double sine_squared = 1.0 - cosine * cosine;
+        const double result = __builtin_sqrt(sine_squared > 0.0 ? sine_squared : 0.0) + margin();
+        return result < 1.0 ? (float)result : never();
+    }
+
+    // The normalised sum of the vectors, rounded to single precision as it is stored.
+    static bool mean_axis(d16 x, d16 y, d16 z, float* axis) {
+        double sx = 0.0, sy = 0.0, sz = 0.0;
+        for (int k = 0; k < LANES; ++k) sx += x[k], sy += y[k], sz += z[k];
+        const double length = __builtin_sqrt(sx * sx + sy * sy + sz * sz);
+        if (!(length > 1e-6)) return false;
+        axis[0] = (float)(sx / length), axis[1] = (float)(sy / length), axis[2] = (float)(sz / length);
+        return true;
+    }
+
+    static d16 root(d16 x) { return __builtin_elementwise_sqrt(__builtin_elementwise_max(x, (d16)(0.0))); }
+
+    static double least(d16 x) {
+        double result = x[0];
+        for (int k = 1; k < LANES; ++k) result = x[k] < result ? x[k] : result;
+        return result;
+    }
+
+    // NODE_ROWS numbers of a leaf. Its normals are computed in double precision: a sliver's may be far off in single.
+    static void of_leaf(const float* leaf, bool closed, float* bounds) {
+        v16 row[LEAF_ROWS];
+        __builtin_memcpy(row, leaf, sizeof(row));
+        for (int axis = 0; axis < 3; ++axis) {
+            const v16 a = row[axis], b = row[3 + axis], c = row[6 + axis];
+            bounds[axis] = __builtin_reduce_min(__builtin_elementwise_min(a, __builtin_elementwise_min(b, c)));
+            bounds[3 + axis] = __builtin_reduce_max(__builtin_elementwise_max(a, __builtin_elementwise_max(b, c)));
+        }
+        bounds[6] = bounds[7] = bounds[8] = 0.0f;
+        bounds[9] = never();
+        if (!closed) return;
+        d16 corner[LEAF_ROWS];
+        for (int r = 0; r < LEAF_ROWS; ++r) corner[r] = __builtin_convertvector(row[r], d16);
+        const d16 ux = corner[3] - corner[0], uy = corner[4] - corner[1], uz = corner[5] - corner[2];
+        const d16 vx = corner[6] - corner[0], vy = corner[7] - corner[1], vz = corner[8] - corner[2];
+        d16 nx = uy * vz - uz * vy, ny = uz * vx - ux * vz, nz = ux * vy - uy * vx;
+        const d16 squared = nx * nx + ny * ny + nz * nz;
+        const l16 flat = !(squared > (d16)(1e-300));
+        const d16 scale = flat ? (d16)(0.0) : 1.0 / __builtin_elementwise_sqrt(squared);
+        nx *= scale, ny *= scale, nz *= scale;
+        if (!mean_axis(nx, ny, nz, bounds + 6)) return;
+        const d16 cosine = nx * (double)bounds[6] + ny * (double)bounds[7] + nz * (double)bounds[8];
+        bounds[9] = cutoff(least(flat ? (d16)(1.0) : cosine));
+    }
+
+    // The same of a node, from its rows. The angle between the axes and a child's own half angle add up.
+    static void of_node(const float* node, const int* children, float* bounds) {
+        v16 row[NODE_ROWS];
+        __builtin_memcpy(row, node, sizeof(row));
+        for (int axis = 0; axis < 3; ++axis) {
+            bounds[axis] = __builtin_reduce_min(row[axis]);
+            bounds[3 + axis] = __builtin_reduce_max(row[3 + axis]);
+        }
+        bounds[6] = bounds[7] = bounds[8] = 0.0f;
+        bounds[9] = never();
+        i16 used;
+        __builtin_memcpy(&used, children, sizeof(used));
+        used = used != 0;
+        if (__builtin_reduce_max(used ? row[9] : (v16)(0.0f)) >= 1.0f) return;
+        const d16 x = __builtin_convertvector(used ? row[6] : (v16)(0.0f), d16);
+        const d16 y = __builtin_convertvector(used ? row[7] : (v16)(0.0f), d16);
+        const d16 z = __builtin_convertvector(used ? row[8] : (v16)(0.0f), d16);
+        if (!mean_axis(x, y, z, bounds + 6)) return;
+        const d16 between = __builtin_elementwise_min(
+            x * (double)bounds[6] + y * (double)bounds[7] + z * (double)bounds[8], (d16)(1.0));
+        const d16 sine = __builtin_convertvector(row[9], d16);
+        const d16 cosine = between * root(1.0 - sine * sine) - root(1.0 - between * between) * sine;
+        bounds[9] = cutoff(least(__builtin_convertvector(used, l16) ? cosine : (d16)(1.0)));
+    }
+};
+
+struct Leaves {
+    static void fill(const float* vertices, const int* faces, const int* owner, const unsigned char* closed,
+                     const v8* items, const int* range, long long leaf, float* leaves, int* triangles, int* owners,
+                     float* bounds) {
+        const int begin = range[2 * leaf], count = range[2 * leaf + 1] - begin;
+        float* rows = leaves + leaf * LEAF_ROWS * LANES;
+        bool all_closed = true;
+        for (int k = 0; k < LANES; ++k) {
+            const int triangle = Items::triangle(items[begin + (k < count ? k : 0)]);
+            triangles[leaf * LANES + k] = k < count ? triangle : -1;
+            owners[leaf * LANES + k] = owner[triangle];
+            all_closed &= closed[owner[triangle]] != 0;
+            for (int corner = 0; corner < 3; ++corner) {
+                const float* p = vertices + 3 * (long long)faces[3 * (long long)triangle + (k < count ? corner : 0)];
+                for (int axis = 0; axis < 3; ++axis) rows[(3 * corner + axis) * LANES + k] = p[axis];
+            }
+        }
+        Bounds::of_leaf(rows, all_closed, bounds + leaf * NODE_ROWS);
+    }
+};
+
+struct Nodes {
+    // From the last node to the first: a node's children come after it.
+    static void fit(const int* children, const float* leaf_bounds, int count, float* nodes) {
+        for (long long node = count - 1; node >= 0; --node) {
+            float* rows = nodes + node * NODE_ROWS * LANES;
+            for (int k = 0; k < LANES; ++k) {
+                const int child = children[node * LANES + k];
+                float bounds[NODE_ROWS] = {3e38f, 3e38f, 3e38f, -3e38f, -3e38f, -3e38f, 0.0f, 0.0f, 0.0f,
+                                           Bounds::never()};
+                if (child < 0) __builtin_memcpy(bounds, leaf_bounds + (long long)~child * NODE_ROWS, sizeof(bounds));
+                if (child > 0)
+                    Bounds::of_node(nodes + (long long)child * NODE_ROWS * LANES, children + (long long)child * LANES,
+                                    bounds);
+                for (int r = 0; r < NODE_ROWS; ++r) rows[r * LANES + k] = bounds[r];
+            }
+        }
+    }
+};

@@ -1,0 +1,141 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Goes after tree.h.
+
+// Makes nodes of 16 children of the binary tree's nodes of two, so that the boxes of all nodes together have the least
+// surface area, and a random ray visits the fewest nodes (Ylitie, Karras and Laine 2017, section 3.1).
+struct Collapser {
+    // A node of the binary tree. cost[i]: the least area of the nodes that its subtree takes as at most i + 1 parts,
+    // each a node or a leaf.
+    struct Binary {
+        int begin, split, end;
+        int child[2];  // -1 for a leaf
+        float area;
+        float cost[LANES];
+    };
+
+    // A subtree that becomes at most `most` parts.
+    struct Part {
+        int binary;  // -1 for a leaf
+        int begin, end;
+        int most;
+    };
+
+    struct Pending {
+        int binary;
+        int slot;  // of `children`, to name the node in
+        int level;
+    };
+
+    static float cost(const Binary* tree, int binary, int most) {
+        return binary < 0 ? 0.0f : tree[binary].cost[most - 1];
+    }
+
+    // All nodes of the binary tree; children come after their parent.
+    static int list(const Split* splits, int item_count, Binary* tree) {
+        struct Item {
+            int parent, side, split, begin, end;
+            float area;
+        };
+        Item stack[256];
+        int waiting = 0, count = 0;
+        stack[waiting++] = Item{-1, 0, splits[0].child[0], 0, item_count, 0.0f};
+        while (waiting > 0) {
+            const Item item = stack[--waiting];
+            if (item.split == 0) continue;
+            const int binary = count++;
+            if (item.parent >= 0) tree[item.parent].child[item.side] = binary;
+            tree[binary].begin = item.begin, tree[binary].split = item.split, tree[binary].end = item.end;
+            tree[binary].child[0] = tree[binary].child[1] = -1;
+            tree[binary].area = item.area;
+            const Split& split = splits[item.split];
+            stack[waiting++] = Item{binary, 1, split.child[1], item.split, item.end, split.area[1]};
+            stack[waiting++] = Item{binary, 0, split.child[0], item.begin, item.split, split.area[0]};
+        }
+        return count;
+    }
+
+    // The left child's share of `most` parts.
+    static int share(const Binary* tree, const Binary& node, int most, float& least) {
+        int best = 1;
+        least = __builtin_inff();
+        for (int k = 1; k < most; ++k) {
+            const float c = cost(tree, node.child[0], k) + cost(tree, node.child[1], most - k);
+            if (c < least) least = c, best = k;
+        }
+        return best;
+    }
+
+    static void find_costs(Binary* tree, int count) {
+        for (int binary = count - 1; binary >= 0; --binary) {
+            Binary& node = tree[binary];
+            share(tree, node, LANES, node.cost[0]);
+            node.cost[0] += node.area + 1e-30f;  // fewest nodes where nothing has an area
+            for (int most = 2; most <= LANES; ++most) {
+                float open;
+                share(tree, node, most, open);
+                node.cost[most - 1] = open < node.cost[most - 2] ? open : node.cost[most - 2];
+            }
+        }
+    }
+
+    // The children of a node, in the items' order.
+    static int open(const Binary* tree, int binary, Part* children) {
+        Part stack[2 * LANES];
+        int waiting = 0, count = 0;
+        push(tree, tree[binary], LANES, stack, waiting);
+        while (waiting > 0) {
+            Part part = stack[--waiting];
+            if (part.binary >= 0) {
+                const Binary& node = tree[part.binary];
+                while (part.most > 1 && node.cost[part.most - 2] == node.cost[part.most - 1]) --part.most;
+                if (part.most > 1) {
+                    push(tree, node, part.most, stack, waiting);
+                    continue;
+                }
+            }
+            children[count++] = part;
+        }
+        return count;
+    }
+
+    static void push(const Binary* tree, const Binary& node, int most, Part* stack, int& waiting) {
+        float least;
+        const int left = share(tree, node, most, least);
+        stack[waiting++] = Part{node.child[1], node.split, node.end, most - left};
+        stack[waiting++] = Part{node.child[0], node.begin, node.split, left};
+    }
+
+    // counts: nodes, leaves, levels. Nodes come before the nodes below them.
+    static void collapse(const Split* splits, int item_count, Binary* tree, int* children, int* leaf_ranges,
+                         int* counts) {
+        const int binaries = list(splits, item_count, tree);
+        find_costs(tree, binaries);
+        Pending stack[4096];  // 15 siblings on each of at most 64 + 31 levels
+        int waiting = 0, nodes = 0, leaves = 0, levels = 0;
+        stack[waiting++] = Pending{binaries > 0 ? 0 : -1, -1, 1};
+        while (waiting > 0) {
+            const Pending pending = stack[--waiting];
+            const int node = nodes++;
+            if (pending.slot >= 0) children[pending.slot] = node;
+            if (pending.level > levels) levels = pending.level;
+            Part parts[LANES] = {Part{-1, 0, item_count, 1}};
+            const int count = pending.binary < 0 ? 1 : open(tree, pending.binary, parts);
+            int* child = children + (long long)node * LANES;
+            for (int k = 0; k < LANES; ++k) {
+                child[k] = 0;
+                if (k >= count || parts[k].binary >= 0) continue;
+                leaf_ranges[2 * leaves] = parts[k].begin;
+                leaf_ranges[2 * leaves + 1] = parts[k].end;
+                child[k] = ~leaves++;
+            }
+            for (int k = count - 1; k >= 0; --k)
+                if (parts[k].binary >= 0)
+                    stack[waiting++] = Pending{parts[k].binary, node * LANES + k, pending.level + 1};
+        }
+        counts[0] = nodes;
+        counts[1] = leaves;
+        counts[2] = levels;
+    }
+};

@@ -1,0 +1,141 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Down the cluster tree, nearest first, past what is outside the view or hidden behind what has been drawn.
+
+struct Tree {
+    const float* leaves;   // [leaf][9][16]: corners a, b, c of sixteen triangles
+    const int* owners;     // [leaf][16]: object of a triangle; its complement where the object is closed
+    const float* nodes;    // [node][10][16]: least and greatest corner, axis and cutoff of the normals' cone
+    const int* children;   // [node][16]: a node, or the complement of a leaf
+};
+
+// A node or leaf to visit: where it is in the image, and how near it may be.
+struct Visit {
+    int child;
+    float nearest_w;
+    int x0, y0, x1, y1;
+};
+
+// The view's pyramid: a point is inside where all five are positive.
+struct Pyramid {
+    float plane[5][3];
+};
+
+struct Walk {
+    static inline Floats farthest_along(const float* plane, Points low, Points high) {
+        return Lanes::most(plane[0] * low.x, plane[0] * high.x) +
+               (Lanes::most(plane[1] * low.y, plane[1] * high.y) + Lanes::most(plane[2] * low.z, plane[2] * high.z));
+    }
+
+    // All triangles of the child face away: the directions from the camera to anywhere in its box make less than a right
+    // angle with every normal in the cone.
+    static inline Ints faces_away(const float* node, Points low, Points high) {
+        const Points to_center = Points{0.5f * (low.x + high.x), 0.5f * (low.y + high.y), 0.5f * (low.z + high.z)};
+        const Points half = Points{0.5f * (high.x - low.x), 0.5f * (high.y - low.y), 0.5f * (high.z - low.z)};
+        const Points axis = Points{Lanes::load(node + 96), Lanes::load(node + 112), Lanes::load(node + 128)};
+        const Floats distance = __builtin_elementwise_sqrt(Points::dot(to_center, to_center));
+        const Floats radius = __builtin_elementwise_sqrt(Points::dot(half, half));
+        return Points::dot(to_center, axis) >= Lanes::load(node + 144) * distance + 1.0001f * radius;
+    }
+
+    // The children of a node that may be seen, as visits, the nearest last; returns how many.
+    static inline int open(const Tree& tree, const Eye& eye, const Pyramid& pyramid, const Image& image, float center_x,
+                           float center_y, int index, Visit* out) {
+        const float* node = tree.nodes + (long long)index * 160;
+        const Floats low_x = Lanes::load(node), high_x = Lanes::load(node + 48);
+        const Points low = Eye::relative(eye, low_x, Lanes::load(node + 16), Lanes::load(node + 32));
+        const Points high = Eye::relative(eye, high_x, Lanes::load(node + 64), Lanes::load(node + 80));
+        Ints shown = low_x <= high_x;
+        for (int p = 0; p < 5; ++p) shown &= farthest_along(pyramid.plane[p], low, high) >= Lanes::all(0.0f);
+        if (eye.skip_back_faces) shown &= ~faces_away(node, low, high);
+        if (!Lanes::any(shown)) return 0;
+
+        // The eight corners in camera space, as sums of one term an axis.
+        Points term[3][2];
+        for (int k = 0; k < 2; ++k) {
+            const Points corner = k ? high : low;
+            const Row* m = eye.to_camera;
+            term[0][k] = Points{m[0][0] * corner.x, m[1][0] * corner.x, m[2][0] * corner.x};
+            term[1][k] = Points{m[0][1] * corner.y, m[1][1] * corner.y, m[2][1] * corner.y};
+            term[2][k] = Points{m[0][2] * corner.z, m[1][2] * corner.z, m[2][2] * corner.z};
+        }
+        Floats zmin = Lanes::all(0.0f), size = Lanes::all(0.0f);
+        for (int axis = 0; axis < 3; ++axis) {
+            zmin += Lanes::least(term[axis][0].z, term[axis][1].z);
+            size += Lanes::most(__builtin_elementwise_abs(term[axis][0].z), __builtin_elementwise_abs(term[axis][1].z));
+        }
+        shown &= zmin <= Lanes::all(eye.far);
+        const Ints crossing = zmin <= 0.01f * size;
+
+        Floats left = Lanes::all(3e38f), right = -left, top = left, bottom = -left;
+        for (int corner = 0; corner < 8; ++corner) {
+            const Points p = Points::plus(Points::plus(term[0][corner & 1], term[1][(corner >> 1) & 1]), term[2][corner >> 2]);
+            const Floats inverse = 1.0f / (crossing ? Lanes::all(1.0f) : p.z);
+            const Floats x = p.x * inverse, y = p.y * inverse;
+            left = Lanes::least(left, x);
+            right = Lanes::most(right, x);
+            top = Lanes::least(top, y);
+            bottom = Lanes::most(bottom, y);
+        }
+        // Bounds in pixels, wider than rounding can be wrong; boxes that reach behind the camera may be anywhere.
+        const float slack = 0.1f + 2e-4f * (float)(image.width + image.height);
+        const Floats none = Lanes::all(0.0f), wide = Lanes::all((float)(image.width - 1)),
+                     tall = Lanes::all((float)(image.height - 1));
+        left = Lanes::most(crossing ? none : left + (center_x - slack), none);
+        top = Lanes::most(crossing ? none : top + (center_y - slack), none);
+        right = crossing ? wide : right + (center_x + slack);
+        bottom = crossing ? tall : bottom + (center_y + slack);
+        shown &= (left < wide + 1.0f) & (top < tall + 1.0f) & (right >= none) & (bottom >= none);
+        left = Lanes::least(left, wide);
+        top = Lanes::least(top, tall);
+        right = Lanes::least(right, wide);
+        bottom = Lanes::least(bottom, tall);
+
+        float near[16];
+        int x0[16], y0[16], x1[16], y1[16];
+        Lanes::store(near, crossing ? Lanes::all(3e38f) : 1.00001f / zmin);
+        Lanes::store(x0, __builtin_convertvector(shown ? left : none, Ints));
+        Lanes::store(y0, __builtin_convertvector(shown ? top : none, Ints));
+        Lanes::store(x1, __builtin_convertvector(shown ? right : none, Ints));
+        Lanes::store(y1, __builtin_convertvector(shown ? bottom : none, Ints));
+        int count = 0;
+        for (unsigned left_over = Lanes::bits(shown); left_over; left_over &= left_over - 1) {
+            const int k = Lanes::first_lane(left_over);
+            int at = count++;
+            for (; at > 0 && out[at - 1].nearest_w > near[k]; --at) out[at] = out[at - 1];
+            out[at] = Visit{tree.children[index * 16 + k], near[k], x0[k], y0[k], x1[k], y1[k]};
+        }
+        return count;
+    }
+
+    // Ask for the next leaf's memory while this one is at work.
+    static inline void fetch(const Tree& tree, int child) {
+        if (child >= 0) return;
+        const char* leaf = (const char*)(tree.leaves + (long long)~child * 144);
+        for (int line = 0; line < 9; ++line) __builtin_prefetch(leaf + line * 64);
+        __builtin_prefetch(tree.owners + (long long)~child * 16);
+    }
+
+    // Draw all that is seen. `stack` has room for every level of the tree at its widest.
+    static inline void draw(const Tree& tree, const Eye& eye, const Pyramid& pyramid, const Image& image, float center_x,
+                            float center_y, Visit* stack, bool with_id, bool owner_id) {
+        int depth = open(tree, eye, pyramid, image, center_x, center_y, 0, stack);
+        while (depth > 0) {
+            const Visit visit = stack[--depth];
+            if (depth > 0) fetch(tree, stack[depth - 1].child);
+            if (image.hides(visit.x0, visit.y0, visit.x1, visit.y1, visit.nearest_w)) continue;
+            if (visit.child >= 0) {
+                depth += open(tree, eye, pyramid, image, center_x, center_y, visit.child, stack + depth);
+                continue;
+            }
+            const long long leaf = ~visit.child;
+            Cluster cluster;
+            cluster.corners = tree.leaves + leaf * 144;
+            cluster.owners = tree.owners + leaf * 16;
+            cluster.first_id = (int)leaf * 16;
+            if (Setup::cluster(eye, image, center_x, center_y, cluster))
+                Raster::draw(eye, image, cluster, with_id, owner_id);
+        }
+    }
+};

@@ -1,0 +1,92 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The ``packets`` caster on CPU cores: views, or strips of them, walk a cluster tree of sixteen lanes.
+
+The C++ is in ``kernels/native/``; Warp's own Clang compiles it. It holds structs of static functions only, because a
+native function's text goes into a function's body.
+"""
+
+import warp as wp
+
+from warpvis.kernels.native_source import read_native
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+
+@wp.struct
+class ClusterScene:
+    """A cluster tree, the labels of the objects, and the boxes of those that are closed."""
+
+    leaves: wp.array[float]
+    owners: wp.array[wp.int32]
+    nodes: wp.array[float]
+    children: wp.array[wp.int32]
+    object_label: wp.array[wp.uint8]
+    closed_boxes: wp.array[float]
+    closed_count: int
+
+
+@wp.struct
+class PacketJob:
+    """Images to make, in units of strips that threads take from a common counter."""
+
+    views: int
+    height: int
+    width: int
+    strips: int
+    strip_height: int
+    focal_x: wp.float64
+    focal_y: wp.float64
+    center_x: wp.float64
+    center_y: wp.float64
+    near: float
+    far: float
+    cull_backfaces: int
+    counter: wp.array[wp.int32]
+    scratch: wp.array2d[float]
+
+
+_CAST = """
+const Tree tree = {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data};
+const Job shape = {job.views, job.height, job.width, job.strips, job.strip_height, job.near, job.far};
+const Outputs out = {depth.data, (float*)points.data, (float*)normals.data, labels.data, objects.data,
+                     scene.object_label.data};
+const double focal[2] = {job.focal_x, job.focal_y}, center[2] = {job.center_x, job.center_y};
+float* scratch = (float*)((char*)job.scratch.data + (long long)worker * job.scratch.strides[0]);
+Packets::run(tree, shape, out, (const float*)poses.data, focal, center, scene.closed_boxes.data, scene.closed_count,
+             job.cull_backfaces != 0, scratch, job.counter.data);
+"""
+
+
+@wp.func_native(read_native("lanes.h", "setup.h", "raster.h", "walk.h", "packets.h") + _CAST)
+def cast_units(
+    scene: ClusterScene,
+    job: PacketJob,
+    worker: int,
+    poses: wp.array[wp.transform],
+    depth: wp.array3d[float],
+    points: wp.array3d[wp.vec3],
+    normals: wp.array3d[wp.vec3],
+    labels: wp.array3d[wp.uint8],
+    objects: wp.array3d[wp.int32],
+): ...
+
+
+@wp.kernel
+def cast_packets(
+    # Scene:
+    scene: ClusterScene,
+    # Cameras:
+    job: PacketJob,
+    camera_to_world: wp.array[wp.transform],
+    first_worker: int,
+    # Out:
+    depth_out: wp.array3d[float],
+    points_out: wp.array3d[wp.vec3],
+    normals_out: wp.array3d[wp.vec3],
+    labels_out: wp.array3d[wp.uint8],
+    objects_out: wp.array3d[wp.int32],
+):
+    """Write the asked-for images (an output that is None is skipped); a thread takes units until none are left."""
+    worker = wp.tid() + first_worker
+    cast_units(scene, job, worker, camera_to_world, depth_out, points_out, normals_out, labels_out, objects_out)

@@ -1,0 +1,163 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The cluster tree's builder, for the CPU: see ``native/tree.h`` and `warpvis.cluster_tree`.
+
+Items are 8 floats a triangle, and splits 4 numbers of 32 bits for every place where the items are split.
+"""
+
+import warp as wp
+
+from warpvis.kernels.native_source import read_native
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+_TREE = read_native("tree.h")
+_COLLAPSE = read_native("tree.h", "tree_collapse.h")
+_BOUNDS = read_native("tree.h", "tree_bounds.h")
+
+
+@wp.func_native(_TREE + "Items::load((const float*)vertices, (const int*)faces, triangle, (v8*)items);")
+def load_item_native(vertices: wp.uint64, faces: wp.uint64, triangle: int, items: wp.uint64): ...
+
+
+@wp.func_native(
+    _TREE + "Splitter::split_all((v8*)items, (Split*)splits, begin, end, link, depth, most_splits);",
+)
+def split_range_native(
+    items: wp.uint64, splits: wp.uint64, begin: int, end: int, link: int, depth: int, most_splits: int
+): ...
+
+
+@wp.func_native(
+    _COLLAPSE + "Collapser::collapse((const Split*)splits, item_count, (Collapser::Binary*)binaries, (int*)children, "
+    "(int*)leaf_ranges, (int*)counts);",
+)
+def collapse_native(
+    splits: wp.uint64,
+    item_count: int,
+    binaries: wp.uint64,
+    children: wp.uint64,
+    leaf_ranges: wp.uint64,
+    counts: wp.uint64,
+): ...
+
+
+@wp.func_native(
+    _BOUNDS
+    + """
+    Leaves::fill((const float*)vertices, (const int*)faces, (const int*)owner, (const unsigned char*)closed,
+                 (const v8*)items, (const int*)leaf_ranges, leaf, (float*)leaves, (int*)triangles, (int*)owners,
+                 (float*)leaf_bounds);
+    """
+)
+def fill_leaf_native(
+    vertices: wp.uint64,
+    faces: wp.uint64,
+    owner: wp.uint64,
+    closed: wp.uint64,
+    items: wp.uint64,
+    leaf_ranges: wp.uint64,
+    leaf: int,
+    leaves: wp.uint64,
+    triangles: wp.uint64,
+    owners: wp.uint64,
+    leaf_bounds: wp.uint64,
+): ...
+
+
+@wp.func_native(_BOUNDS + "Nodes::fit((const int*)children, (const float*)leaf_bounds, node_count, (float*)nodes);")
+def fit_nodes_native(children: wp.uint64, leaf_bounds: wp.uint64, node_count: int, nodes: wp.uint64): ...
+
+
+@wp.kernel
+def load_items(
+    # Scene:
+    vertices: wp.array[float],
+    faces: wp.array[wp.int32],
+    # In:
+    first_triangle: int,
+    # Out:
+    items_out: wp.array[float],
+):
+    triangle = wp.tid() + first_triangle
+    load_item_native(vertices.ptr, faces.ptr, triangle, items_out.ptr)
+
+
+@wp.kernel
+def split_range(
+    # In:
+    begin: int,
+    end: int,
+    link: int,
+    depth: int,
+    most_splits: int,
+    # Out:
+    items_out: wp.array[float],
+    splits_out: wp.array[wp.int32],
+):
+    """One thread: split a range of the items until all parts are leaves, or `most_splits` times."""
+    _ = wp.tid()
+    split_range_native(items_out.ptr, splits_out.ptr, begin, end, link, depth, most_splits)
+
+
+@wp.kernel
+def collapse_tree(
+    # In:
+    splits: wp.array[wp.int32],
+    item_count: int,
+    # Out:
+    binaries_out: wp.array[wp.int32],
+    children_out: wp.array[wp.int32],
+    leaf_ranges_out: wp.array[wp.int32],
+    counts_out: wp.array[wp.int32],
+):
+    """One thread: name the tree's nodes and leaves, and count nodes, leaves and levels; `binaries_out` is scratch."""
+    _ = wp.tid()
+    collapse_native(splits.ptr, item_count, binaries_out.ptr, children_out.ptr, leaf_ranges_out.ptr, counts_out.ptr)
+
+
+@wp.kernel
+def fill_leaves(
+    # Scene:
+    vertices: wp.array[float],
+    faces: wp.array[wp.int32],
+    owner: wp.array[wp.int32],
+    closed: wp.array[wp.uint8],
+    # In:
+    items: wp.array[float],
+    leaf_ranges: wp.array[wp.int32],
+    first_leaf: int,
+    # Out:
+    leaves_out: wp.array[float],
+    triangles_out: wp.array[wp.int32],
+    owners_out: wp.array[wp.int32],
+    leaf_bounds_out: wp.array[float],
+):
+    leaf = wp.tid() + first_leaf
+    fill_leaf_native(
+        vertices.ptr,
+        faces.ptr,
+        owner.ptr,
+        closed.ptr,
+        items.ptr,
+        leaf_ranges.ptr,
+        leaf,
+        leaves_out.ptr,
+        triangles_out.ptr,
+        owners_out.ptr,
+        leaf_bounds_out.ptr,
+    )
+
+
+@wp.kernel
+def fit_nodes(
+    # In:
+    children: wp.array[wp.int32],
+    leaf_bounds: wp.array[float],
+    node_count: int,
+    # Out:
+    nodes_out: wp.array[float],
+):
+    """One thread: the boxes and cones of all nodes' children, from the leaves up."""
+    _ = wp.tid()
+    fit_nodes_native(children.ptr, leaf_bounds.ptr, node_count, nodes_out.ptr)

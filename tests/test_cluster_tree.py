@@ -1,0 +1,320 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The cluster tree holds every triangle once, its bounds hold what is below, and it is the same for any threads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import pytest
+import trimesh
+import warp as wp
+
+from warpvis.closed import provably_closed
+from warpvis.cluster_tree import ClusterTree, build_cluster_tree
+from warpvis.scenes import PRESETS, shapes
+
+import reference
+
+ARRAYS = ("leaves", "triangles", "owners", "nodes", "children")
+
+
+@dataclass
+class Input:
+    vertices: np.ndarray
+    faces: np.ndarray
+    owner: np.ndarray
+    closed: np.ndarray
+
+    def build(self, threads=None) -> ClusterTree:
+        return build_cluster_tree(self.vertices, self.faces, self.owner, self.closed, threads=threads)
+
+
+def soup(corners, closed=True) -> Input:
+    corners = np.asarray(corners, dtype=np.float32)
+    faces = np.arange(len(corners) * 3, dtype=np.int32).reshape(-1, 3)
+    return Input(corners.reshape(-1, 3), faces, np.zeros(len(faces), np.int32), np.array([closed]))
+
+
+@cache
+def preset(name) -> Input:
+    objects = PRESETS[name].build().objects
+    first = np.cumsum([0] + [len(item.vertices) for item in objects])
+    faces = np.concatenate([item.faces + start for item, start in zip(objects, first, strict=False)])
+    owner = np.repeat(np.arange(len(objects), dtype=np.int32), [len(item.faces) for item in objects])
+    closed = np.arange(len(objects)) % 5 != 3
+    return Input(np.concatenate([item.vertices for item in objects]), faces.astype(np.int32), owner, closed)
+
+
+def random_triangles(count, seed=0):
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-3, 3, (count, 1, 3)) + rng.normal(0, 0.1, (count, 3, 3))
+
+
+def powers(count):
+    """Triangles at ever smaller distances: each split by bins takes few of them away."""
+    return random_triangles(count)[:, :, :] * 0.7 ** (np.arange(count) % 200)[:, None, None]
+
+
+CASES = {
+    "one": lambda: soup(random_triangles(1)),
+    "16": lambda: soup(random_triangles(16)),
+    "17": lambda: soup(random_triangles(17)),
+    "64": lambda: soup(random_triangles(64)),
+    "65": lambda: soup(random_triangles(65)),
+    "soup": lambda: soup(random_triangles(3000)),
+    "identical": lambda: soup(np.repeat(random_triangles(1), 100_000, axis=0)),
+    "points": lambda: soup(np.zeros((1000, 3, 3))),
+    "lines": lambda: soup(random_triangles(1000)[:, [0, 1, 1]]),
+    "tiny": lambda: soup(random_triangles(1000) * 1e-22),
+    "huge": lambda: soup(random_triangles(1000) * 3e17),
+    "far": lambda: soup(random_triangles(1000) + 1e5),
+    "powers": lambda: soup(powers(5000)),
+    "row": lambda: soup(random_triangles(1)[0] + np.arange(2000)[:, None, None] * [1.0, 0.0, 0.0]),
+    "room": lambda: preset("room"),
+    "blobs_77k": lambda: preset("blobs_77k"),
+}
+
+
+@pytest.fixture(scope="module", params=CASES)
+def case(request):
+    given = CASES[request.param]()
+    return given, given.build()
+
+
+def subtrees(tree: ClusterTree):
+    """``(node, lane, triangles below, level)`` of every child, children after those below them."""
+    children = tree.children.numpy().reshape(-1, 16)
+    triangles = tree.triangles.numpy().reshape(-1, 16)
+    found = []
+    below = [None] * tree.node_count
+    levels = [0] * tree.node_count
+    for node in reversed(range(tree.node_count)):
+        parts = []
+        for lane in np.flatnonzero(children[node]):
+            child = children[node, lane]
+            assert child > node or child < 0
+            part = triangles[~child][triangles[~child] >= 0] if child < 0 else below[child]
+            levels[node] = max(levels[node], 1 if child < 0 else 1 + levels[child])
+            found.append((node, lane, part))
+            parts.append(part)
+        below[node] = np.concatenate(parts)
+    assert levels[0] == tree.depth
+    return found, below[0]
+
+
+def test_every_triangle_is_there_once_and_unchanged(case):
+    given, tree = case
+    triangles = tree.triangles.numpy().reshape(-1, 16)
+    assert tree.leaf_count == len(triangles)
+    np.testing.assert_array_equal(np.sort(triangles[triangles >= 0]), np.arange(len(given.faces)))
+    assert (triangles[:, 0] >= 0).all()
+    _, below_root = subtrees(tree)
+    np.testing.assert_array_equal(np.sort(below_root), np.arange(len(given.faces)))
+    expected = reference.fill_leaves(given.vertices, given.faces, triangles)
+    leaves = tree.leaves.numpy().reshape(-1, 9, 16)
+    np.testing.assert_array_equal(leaves.view(np.uint32), np.ascontiguousarray(expected).view(np.uint32))
+    owners = given.owner[np.where(triangles >= 0, triangles, triangles[:, :1])]
+    np.testing.assert_array_equal(tree.owners.numpy().reshape(-1, 16), owners)
+
+
+def test_boxes_and_cones_hold_what_is_below(case):
+    given, tree = case
+    nodes = tree.nodes.numpy().reshape(-1, 10, 16)
+    unused = tree.children.numpy().reshape(-1, 16) == 0
+    assert (nodes.swapaxes(1, 2)[unused][:, :3] == np.float32(3e38)).all()
+    assert (nodes.swapaxes(1, 2)[unused][:, 3:6] == np.float32(-3e38)).all()
+    assert (nodes[:, 9][unused] == 2).all()
+    corners, normals = reference.fit_nodes(given.vertices, given.faces)
+    lows, highs = corners.min(axis=1), corners.max(axis=1)
+    for node, lane, triangles in subtrees(tree)[0]:
+        low, high, axis, cutoff = np.split(nodes[node, :, lane].astype(np.float64), [3, 6, 9])
+        assert (lows[triangles].min(axis=0) == low).all()
+        assert (highs[triangles].max(axis=0) == high).all()
+        if not given.closed[given.owner[triangles]].all():
+            assert cutoff == 2
+        if cutoff < 2:
+            assert cutoff < 1
+            assert abs(np.linalg.norm(axis) - 1) < 1e-6
+            assert not (normals[triangles] @ axis < np.sqrt(1 - (cutoff - 5e-4) ** 2)).any()  # NaN holds nothing
+
+
+def test_culled_children_face_away():
+    given = preset("blobs_77k")
+    tree = given.build()
+    nodes = tree.nodes.numpy().reshape(-1, 10, 16).astype(np.float64)
+    culled = 0
+    for camera in np.random.default_rng(3).uniform(-4, 4, (3, 3)):
+        for node, lane, triangles in subtrees(tree)[0]:
+            low, high, axis, cutoff = np.split(nodes[node, :, lane], [3, 6, 9])
+            offset, radius = (low + high) / 2 - camera, np.linalg.norm(high - low) / 2
+            if offset @ axis >= cutoff * np.linalg.norm(offset) + radius:
+                culled += len(triangles)
+                a, b, c = given.vertices[given.faces[triangles]].astype(np.float64).swapaxes(0, 1)
+                assert (((a - camera) * np.cross(b - a, c - a)).sum(axis=1) > 0).all()
+    assert culled > len(given.faces) / 2
+
+
+def test_cones_of_flat_leaves_are_narrow():
+    rng = np.random.default_rng(0)
+    corners = rng.uniform(0, 1, (40, 3, 3)) * [1, 1, 0]
+    turned = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] < 0
+    corners[turned] = corners[turned][:, ::-1]
+    nodes = soup(corners).build().nodes.numpy().reshape(-1, 10, 16)
+    np.testing.assert_allclose(nodes[0, 6:, :2].T, [[0, 0, 1, 1e-3]] * 2, atol=1e-6)
+
+
+def test_leaves_are_filled_and_the_tree_is_small(case):
+    given, tree = case
+    assert tree.depth <= 40
+    if len(given.faces) >= 1000:
+        assert len(given.faces) / tree.leaf_count >= 0.65 * 16
+        assert tree.bytes_per_triangle < 100
+    assert all(getattr(tree, name).ptr % 64 == 0 for name in ARRAYS)
+
+
+@pytest.mark.parametrize("name", ["blobs_77k", "identical", "soup"])
+def test_the_tree_is_the_same_for_any_number_of_threads(name):
+    given = CASES[name]()
+    first = given.build(threads=1)
+    for threads in (2, 5):
+        other = given.build(threads=threads)
+        for array in ARRAYS:
+            assert getattr(first, array).numpy().tobytes() == getattr(other, array).numpy().tobytes()
+
+
+def split_natively(given: Input, most_splits: int):
+    """The items' boxes in their new order, and the splits."""
+    from warpvis.kernels import tree
+
+    count = len(given.faces)
+    vertices, faces = wp.array(given.vertices.ravel(), device="cpu"), wp.array(given.faces.ravel(), device="cpu")
+    # As tree.py wants it: at a multiple of 32 bytes.
+    memory = np.zeros(count * 8 + 16, dtype=np.float32)
+    start = -memory.ctypes.data % 64 // 4
+    items = wp.array(memory[start : start + count * 8], copy=False, device="cpu")
+    splits = wp.zeros(count * 4, dtype=wp.int32, device="cpu")
+    wp.launch(tree.load_items, dim=count, inputs=[vertices, faces, 0, items], device="cpu")
+    loaded = items.numpy().reshape(-1, 8).copy()
+    wp.launch(tree.split_range, dim=1, inputs=[0, count, 0, 0, most_splits, items, splits], device="cpu")
+    rows = items.numpy().reshape(-1, 8)
+    return loaded, np.concatenate([rows[:, :3], -rows[:, 4:7]], axis=1), splits.numpy().reshape(-1, 4)
+
+
+def test_items_are_boxes_and_indices():
+    given = soup(random_triangles(70_000))
+    rows, _, _ = split_natively(given, 0)
+    boxes = np.concatenate([rows[:, :3], -rows[:, 4:7]], axis=1)
+    np.testing.assert_array_equal(boxes, reference.load_items(given.vertices, given.faces))
+    np.testing.assert_array_equal(rows[:, 7] * 65536 + rows[:, 3], np.arange(70_000))
+
+
+@pytest.mark.parametrize("count", [17, 40, 64])
+def test_small_ranges_are_split_at_the_best_place(count):
+    given = soup(random_triangles(count, seed=count))
+    _, boxes, splits = split_natively(given, 1)
+    at = splits[0, 0]
+    best = reference.split_range(reference.load_items(given.vertices, given.faces))
+    assert reference.split_cost(boxes[:at], boxes[at:]) == pytest.approx(best, rel=1e-5)
+
+
+def test_large_ranges_are_split_well():
+    """16 bins an axis come within a few per cent of the best of all places."""
+    given = soup(random_triangles(500))
+    _, boxes, splits = split_natively(given, 1)
+    best = reference.split_range(reference.load_items(given.vertices, given.faces))
+    assert reference.split_cost(boxes[: splits[0, 0]], boxes[splits[0, 0] :]) < 1.1 * best
+
+
+def test_nodes_have_the_least_area():
+    given = soup(random_triangles(1500))
+    _, _, splits = split_natively(given, -1)
+    areas = splits[:, 2:].view(np.float32)
+    binary = {split: (*splits[split, :2].tolist(), *areas[split].tolist()) for split in range(1, 1500)}
+    tree = given.build()
+    nodes = tree.nodes.numpy().reshape(-1, 10, 16).astype(np.float64)
+    inner = tree.children.numpy().reshape(-1, 16) > 0
+    boxes = nodes[:, :6].swapaxes(1, 2)[inner]
+    total = sum(reference.box_area(box[None]) for box in boxes)
+    assert total == pytest.approx(reference.collapse_tree(binary, int(splits[0, 0])), rel=1e-4)
+
+
+def dented_ball(depth=0.02):
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=0.3)
+    ball.vertices += depth * np.sin(20 * ball.vertices[:, [1, 2, 0]])
+    ball.vertices += [1.0, 2.0, 3.0]
+    return ball
+
+
+def unmerged(mesh):
+    return trimesh.Trimesh(mesh.triangles.reshape(-1, 3), np.arange(len(mesh.faces) * 3).reshape(-1, 3), process=False)
+
+
+def with_flat_triangles(mesh):
+    flat = mesh.faces[:5][:, [0, 1, 1]]
+    return trimesh.Trimesh(mesh.vertices, np.concatenate([mesh.faces, flat]), process=False)
+
+
+def inverted(mesh):
+    return trimesh.Trimesh(mesh.vertices, mesh.faces[:, ::-1], process=False)
+
+
+def without(mesh, *faces):
+    return trimesh.Trimesh(mesh.vertices, np.delete(mesh.faces, faces, axis=0), process=False)
+
+
+def flipped(mesh, face):
+    faces = mesh.faces.copy()
+    faces[face] = faces[face][::-1]
+    return trimesh.Trimesh(mesh.vertices, faces, process=False)
+
+
+def moved(mesh, offset):
+    return trimesh.Trimesh(mesh.vertices + offset, mesh.faces, process=False)
+
+
+BOX, BALL = trimesh.creation.box((0.2, 0.6, 0.5)), trimesh.creation.icosphere(subdivisions=3, radius=0.1)
+
+MESHES = {
+    "box": (BOX, True),
+    "floor": (shapes.floor(8, 8), True),
+    "ball": (BALL, True),
+    "capsule": (trimesh.creation.capsule(height=1.4, radius=0.2), True),
+    "cylinder": (trimesh.creation.cylinder(radius=0.2, height=0.3), True),
+    "dented ball": (dented_ball(), True),
+    "unmerged box": (unmerged(BOX), True),
+    "unmerged dented ball": (unmerged(dented_ball()), True),
+    "with flat triangles": (with_flat_triangles(BALL), True),
+    "far away": (moved(BALL, [1e3, -1e3, 10.0]), True),
+    "deeply dented ball": (dented_ball(0.2), False),
+    "open box": (without(BOX, 3), False),
+    "box without a side": (without(BOX, 0, 1), False),
+    "inverted box": (inverted(BOX), False),
+    "one face inverted": (flipped(BALL, 7), False),
+    "two faces inverted": (flipped(flipped(BALL, 7), 500), False),
+    "the same ball twice": (trimesh.util.concatenate([BALL, BALL]), False),
+    "ball in a ball": (trimesh.util.concatenate([BALL, trimesh.creation.icosphere(radius=0.2)]), False),
+    "ball in an inverted ball": (trimesh.util.concatenate([BALL, inverted(trimesh.creation.icosphere())]), False),
+    "overlapping balls": (trimesh.util.concatenate([BALL, moved(BALL, [0.05, 0.0, 0.0])]), False),
+    "torus": (trimesh.creation.torus(0.5, 0.1), False),
+    "one triangle": (trimesh.Trimesh(np.eye(3), [[0, 1, 2]]), False),
+    "two-sided triangle": (trimesh.Trimesh(np.eye(3), [[0, 1, 2], [2, 1, 0]], process=False), False),
+    "all flat": (trimesh.Trimesh(np.eye(3), [[0, 1, 1]], process=False), False),
+}
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_closed_star_shaped_meshes_are_found(name):
+    mesh, expected = MESHES[name]
+    assert provably_closed(mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32)) is expected
+
+
+def test_minus_zero_is_zero():
+    vertices = unmerged(BOX).vertices.astype(np.float32) + np.float32([0.1, 0.3, 0.25])
+    vertices[np.abs(vertices) < 1e-6] = 0.0
+    zeros = np.argwhere(vertices == 0)
+    vertices[tuple(zeros[::2].T)] = -0.0
+    assert len(zeros) > 4
+    assert provably_closed(vertices, np.arange(36, dtype=np.int32).reshape(-1, 3))

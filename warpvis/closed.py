@@ -1,0 +1,103 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Which meshes can be drawn without their back faces."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+# The total solid angle of a closed surface is a multiple of 4 pi.
+_SOLID_ANGLE_TOLERANCE = 1e-6
+# Of the signed volume a . (b x c), relative to |a| |b| |c|: far above the rounding of its computation.
+_VOLUME_TOLERANCE = 1e-12
+_SEED = np.uint64(0x9E3779B97F4A7C15)
+
+
+def provably_closed(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> bool:
+    """Whether it is certain that the mesh's back faces are hidden by its front faces, seen from outside of its bounds.
+
+    It is for star-shaped meshes, such as boxes, balls and capsules, and so are most convex ones:
+
+    1. The mesh has no boundary: each edge is run through as often in the one direction as in the other.
+    2. All triangles that have an area face away from one point c: the signed volumes of the tetrahedra that they make
+       with c are positive. So the central projection from c to the unit sphere turns none of them over, and with 1. it
+       covers each direction the same number of times.
+    3. The triangles' solid angles as seen from c add up to 4 pi (Van Oosterom and Strackee 1983): that number is one.
+
+    So every ray from c meets the surface exactly once: the surface does not intersect itself, bounds a solid, and its
+    normals point out of it. A ray from outside enters that solid through a front face before it meets a back face.
+
+    False says nothing: the mesh may be closed all the same.
+
+    Args:
+        vertices: Corners, shape ``(n, 3)``; corners at the same place count as one.
+        faces: Corner indices of the triangles, shape ``(m, 3)``.
+    """
+    return _has_no_boundary(vertices, faces) and any(
+        _is_star_shaped(vertices, faces, centre) for centre in _centres(vertices)
+    )
+
+
+def _has_no_boundary(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> bool:
+    """Whether the sum over all directed edges is zero, each a number of 64 bits that its opposite has negated.
+
+    The numbers are hashes of where the ends are, zero for an edge of no length. A boundary's edges add up to zero by
+    chance about once in 2^60.
+    """
+    place = _hash_places(vertices)
+    ends = [np.take(place, faces[:, corner]) for corner in range(3)]
+    total = 0
+    for start, end in ((0, 1), (1, 2), (2, 0)):
+        number = _mix(ends[start] + ends[end])
+        number *= ends[start] - ends[end]
+        total += int(number.sum(dtype=np.uint64))
+    return total % 2**64 == 0
+
+
+def _hash_places(vertices: NDArray[np.float32]) -> NDArray[np.uint64]:
+    words = (np.asarray(vertices, dtype=np.float32) + np.float32(0.0)).view(np.uint32)  # -0.0 + 0.0 is 0.0
+    result = np.full(len(words), _SEED)
+    for axis in range(3):
+        result = _mix(result + words[:, axis])
+    return result
+
+
+def _mix(x: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """One step of splitmix64, in place: every bit of the input changes half the bits of the result."""
+    x += _SEED
+    x ^= x >> np.uint64(30)
+    x *= np.uint64(0xBF58476D1CE4E5B9)
+    x ^= x >> np.uint64(27)
+    x *= np.uint64(0x94D049BB133111EB)
+    x ^= x >> np.uint64(31)
+    return x
+
+
+def _centres(vertices: NDArray[np.float32]) -> list[NDArray[np.float64]]:
+    points = np.asarray(vertices, dtype=np.float64)
+    return [points.mean(axis=0), (points.min(axis=0) + points.max(axis=0)) / 2]
+
+
+def _is_star_shaped(vertices: NDArray[np.float32], faces: NDArray[np.int32], centre: NDArray[np.float64]) -> bool:
+    points = np.ascontiguousarray((vertices - centre).T)  # coordinates apart: each is gathered and used as a whole
+    lengths = np.sqrt((points * points).sum(axis=0))
+    indices = [np.ascontiguousarray(faces[:, corner]) for corner in range(3)]
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = ([np.take(axis, index) for axis in points] for index in indices)
+    a, b, c = (np.take(lengths, index) for index in indices)
+    nx, ny, nz = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
+    volume = ax * nx + ay * ny + az * nz
+    product = a * b * c
+    outward = volume > _VOLUME_TOLERANCE * product
+    if not outward.all() and _have_area(vertices, faces[~outward]).any():
+        return False
+    # tan(angle / 2) of a triangle's solid angle
+    divisor = product + (ax * bx + ay * by + az * bz) * c + (bx * cx + by * cy + bz * cz) * a
+    divisor += (cx * ax + cy * ay + cz * az) * b
+    total = 2 * np.arctan2(np.maximum(volume, 0.0), divisor)[outward].sum()
+    return bool(abs(total - 4 * np.pi) < _SOLID_ANGLE_TOLERANCE)
+
+
+def _have_area(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.bool_]:
+    a, b, c = np.asarray(vertices, dtype=np.float64)[faces.T]
+    return (np.cross(b - a, c - a) != 0).any(axis=1)

@@ -1,0 +1,177 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The cluster tree: leaves of 16 triangles and nodes of 16 children, for casters that test 16 of them at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis import threads as pools
+
+LANES = 16
+"""Triangles of a leaf and children of a node."""
+LEAF_ROWS = 9
+"""Numbers a triangle: its corners' coordinates."""
+NODE_ROWS = 10
+"""Numbers a child: its box, and the axis and cutoff of its normal cone."""
+
+# Ranges of fewer triangles are not worth a launch of their own.
+_LEAST_RANGE = 16384
+# Ranges a thread gets on average, so that they end at about the same time. The tree does not depend on it.
+_RANGES_PER_THREAD = 8
+# Words of a Collapser::Binary.
+_BINARY_SIZE = 22
+# No limit to the number of splits.
+_ALL = -1
+
+
+@dataclass(frozen=True)
+class ClusterTree:
+    """Triangles in clusters of 16, and the tree above them, on the CPU. Node 0 is the root.
+
+    Arrays are flat, start at a multiple of 64 bytes, and hold 16 lanes a row.
+    """
+
+    leaves: wp.array = field(repr=False)
+    """float32, 9 rows a leaf: ax ay az bx by bz cx cy cz. Lanes without a triangle repeat lane 0's first corner."""
+    triangles: wp.array = field(repr=False)
+    """int32, one row a leaf: the lane's triangle among the faces, -1 for none."""
+    owners: wp.array = field(repr=False)
+    """int32, one row a leaf: the object that the lane's triangle belongs to; lane 0's for none."""
+    nodes: wp.array = field(repr=False)
+    """float32, 10 rows a node: the children's min x y z, max x y z, and their normal cones' axis x y z and cutoff.
+
+    All triangles below a child face away from a camera if ``dot(m - camera, axis) >= cutoff * |m - camera| + r``, where
+    m and r are the middle and the half diagonal of the child's box. The cutoff is 2 where the cone says nothing, or a
+    triangle's object is not closed. Without a child, min is 3e38 and max is -3e38.
+    """
+    children: wp.array = field(repr=False)
+    """int32, one row a node: a node, or a leaf as its one's complement (negative); 0 for none."""
+    depth: int
+    """Levels of nodes."""
+    leaf_count: int
+    """Leaves."""
+    node_count: int
+    """Nodes."""
+    triangle_count: int
+    """Triangles."""
+
+    @property
+    def bytes_per_triangle(self) -> float:
+        """Memory of all arrays together, for each triangle."""
+        arrays = (self.leaves, self.triangles, self.owners, self.nodes, self.children)
+        return sum(array.size * 4 for array in arrays) / self.triangle_count
+
+
+def build_cluster_tree(
+    vertices: NDArray[np.float32],
+    faces: NDArray[np.int32],
+    owner: NDArray[np.int32],
+    closed: NDArray[np.bool_],
+    *,
+    threads: int | None = None,
+) -> ClusterTree:
+    """Build the tree by the surface area heuristic, with a leaf's cost the same however few triangles it has.
+
+    Args:
+        vertices: Corners, shape ``(n, 3)``.
+        faces: Corner indices of the triangles, shape ``(m, 3)``, m from 1 up.
+        owner: The triangles' objects, shape ``(m,)``.
+        closed: Whether an object's back faces can be left out when it is seen from outside, shape ``(objects,)``.
+        threads: CPU threads, all cores by default. The tree is the same for any number.
+    """
+    from warpvis.kernels import tree
+
+    threads = pools.check_threads(threads) if len(faces) > 2 * _LEAST_RANGE else 1
+    with pools._load_lock:
+        wp.load_module(tree.load_items.module, "cpu")
+    count = len(faces)
+    scene = [
+        _wrap(np.ascontiguousarray(vertices, dtype=np.float32).ravel()),
+        _wrap(np.ascontiguousarray(faces, dtype=np.int32).ravel()),
+        _wrap(np.ascontiguousarray(owner, dtype=np.int32)),
+        _wrap(np.ascontiguousarray(closed, dtype=np.uint8)),
+    ]
+
+    items = _empty(count * 8, np.float32)
+    _launch_parts(tree.load_items, count, lambda first: [*scene[:2], first, items], threads)
+    splits = _empty(count * 4, np.int32)
+    _split(tree.split_range, count, items, splits, threads)
+
+    # As large as for leaves of one triangle: what is not written takes no memory.
+    sizes = (count * _BINARY_SIZE, count * LANES, count * 2, 3)
+    binaries, children, leaf_ranges, counts = (_empty(size, np.int32) for size in sizes)
+    _launch(tree.collapse_tree, [splits, count, binaries, children, leaf_ranges, counts])
+    node_count, leaf_count, depth = counts.numpy().tolist()
+    kept = _empty(node_count * LANES, np.int32)
+    kept.numpy()[:] = children.numpy()[: node_count * LANES]
+
+    leaves = _empty(leaf_count * LEAF_ROWS * LANES, np.float32)
+    triangles, owners = (_empty(leaf_count * LANES, np.int32) for _ in range(2))
+    bounds = _empty(leaf_count * NODE_ROWS, np.float32)
+    _launch_parts(
+        tree.fill_leaves,
+        leaf_count,
+        lambda first: [*scene, items, leaf_ranges, first, leaves, triangles, owners, bounds],
+        threads,
+    )
+    nodes = _empty(node_count * NODE_ROWS * LANES, np.float32)
+    _launch(tree.fit_nodes, [kept, bounds, node_count, nodes])
+    return ClusterTree(leaves, triangles, owners, nodes, kept, depth, leaf_count, node_count, count)
+
+
+def _split(kernel: Any, count: int, items: wp.array, splits: wp.array, threads: int) -> None:
+    """Split the items into a binary tree: large ranges once at a time until there are enough, then each to its leaves.
+
+    A range is ``(begin, end, link, depth)``; its link is where its split is found: twice its parent's, and 1 more on
+    the right.
+    """
+    links = splits.numpy().reshape(-1, 4)[:, :2]
+    large = max(_LEAST_RANGE, count // (threads * _RANGES_PER_THREAD)) if threads > 1 else count
+    pending, ready = [(0, count, 0, 0)], []
+    while pending:
+        _each(lambda part: _launch(kernel, [*part, 1, items, splits]), pending, threads)
+        parts = []
+        for begin, end, link, depth in pending:
+            middle = int(links[link // 2, link % 2])
+            if middle:
+                parts += [(begin, middle, 2 * middle, depth + 1), (middle, end, 2 * middle + 1, depth + 1)]
+        pending = [part for part in parts if part[1] - part[0] > large]
+        ready += [part for part in parts if part[1] - part[0] <= large]
+    ready.sort(key=lambda part: part[0] - part[1])
+    _each(lambda part: _launch(kernel, [*part, _ALL, items, splits]), ready, threads)
+
+
+def _launch_parts(kernel: Any, count: int, arguments: Callable[[int], list[Any]], threads: int) -> None:
+    """Launch a kernel over `count` thread indices in parts; `arguments` takes the first of a part."""
+    step = max(1024, -(-count // (4 * threads)))
+    _each(lambda first: _launch(kernel, arguments(first), min(step, count - first)), range(0, count, step), threads)
+
+
+def _launch(kernel: Any, arguments: list[Any], count: int = 1) -> None:
+    wp.launch(kernel, dim=count, inputs=arguments, device="cpu")
+
+
+def _each(work: Callable[[Any], None], parts: Any, threads: int) -> None:
+    if threads == 1 or len(parts) == 1:
+        for part in parts:
+            work(part)
+    else:
+        list(pools._pool(threads).map(work, parts))
+
+
+def _empty(size: int, dtype: Any) -> wp.array:
+    """An array that starts at a multiple of 64 bytes, so that a row of 16 lanes lies in one cache line."""
+    memory = np.empty(size * 4 + 64, dtype=np.uint8)
+    start = -memory.ctypes.data % 64
+    return _wrap(memory[start : start + size * 4].view(dtype))
+
+
+def _wrap(array: NDArray[Any]) -> wp.array:
+    return wp.array(array, copy=False, device="cpu")
