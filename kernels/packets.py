@@ -28,7 +28,11 @@ class ClusterScene:
 
 @wp.struct
 class PacketJob:
-    """Images to make, in units of strips that threads take from a common counter."""
+    """Images to make, in units of strips that threads take from a common counter.
+
+    With `points`, rays go through that many points of every view, at x y x y ... [px], instead of its pixels' centres;
+    the outputs' shape is then (views, 1, points).
+    """
 
     views: int
     height: int
@@ -42,13 +46,18 @@ class PacketJob:
     near: float
     far: float
     cull_backfaces: int
+    points: int
+    at: wp.array[float]
     counter: wp.array[wp.int32]
     scratch: wp.array2d[float]
 
 
+_HEADERS = ("lanes.h", "setup.h", "raster.h", "output.h", "sparse.h", "walk.h", "packets.h")
+
 _CAST = """
 const Tree tree = {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data};
-const Job shape = {job.views, job.height, job.width, job.strips, job.strip_height, job.near, job.far};
+const Job shape = {job.views, job.height, job.width, job.strips, job.strip_height, job.near, job.far,
+                   job.points, job.at.data};
 const Outputs out = {depth.data, (float*)points.data, (float*)normals.data, labels.data, objects.data,
                      scene.object_label.data};
 const double focal[2] = {job.focal_x, job.focal_y}, center[2] = {job.center_x, job.center_y};
@@ -58,7 +67,7 @@ Packets::run(tree, shape, out, (const float*)poses.data, focal, center, scene.cl
 """
 
 
-@wp.func_native(read_native("lanes.h", "setup.h", "raster.h", "walk.h", "packets.h") + _CAST)
+@wp.func_native(read_native(*_HEADERS) + _CAST)
 def cast_units(
     scene: ClusterScene,
     job: PacketJob,

@@ -10,8 +10,10 @@ import warp as wp
 
 @wp.struct
 class PinholeCamera:
-    """Intrinsics [px] and depth range [m] of a pinhole camera."""
+    """Image size [px], intrinsics [px] and depth range [m] of a pinhole camera."""
 
+    width: float
+    height: float
     fx: wp.float64
     fy: wp.float64
     cx: wp.float64
@@ -36,6 +38,14 @@ def pixel_ray(camera: PinholeCamera, y: int, x: int) -> wp.vec3d:
         (wp.float64(x) + half - camera.cx) / camera.fx,
         (wp.float64(y) + half - camera.cy) / camera.fy,
         wp.float64(1.0),
+    )
+
+
+@wp.func
+def image_ray(camera: PinholeCamera, at: wp.vec2) -> wp.vec3d:
+    """Camera-frame direction through any point of the image [px] with z = 1."""
+    return wp.vec3d(
+        (wp.float64(at[0]) - camera.cx) / camera.fx, (wp.float64(at[1]) - camera.cy) / camera.fy, wp.float64(1.0)
     )
 
 

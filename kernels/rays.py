@@ -8,7 +8,7 @@ precision loses up to a millimetre where a large triangle is seen at a grazing a
 
 import warp as wp
 
-from warpvis.kernels.pinhole import PinholeCamera, Window, pixel_ray, pose_origin, pose_rotation
+from warpvis.kernels.pinhole import PinholeCamera, Window, image_ray, pixel_ray, pose_origin, pose_rotation
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -55,6 +55,64 @@ def first_front_face(mesh: wp.uint64, origin: wp.vec3, direction: wp.vec3, neare
     return hit
 
 
+@wp.struct
+class Seen:
+    """What a ray meets."""
+
+    depth: float
+    point: wp.vec3
+    normal: wp.vec3
+    index: int
+    label: wp.uint8
+
+
+@wp.func
+def nothing() -> Seen:
+    seen = Seen()
+    seen.depth = wp.inf
+    seen.point = wp.vec3(wp.nan, wp.nan, wp.nan)
+    seen.normal = wp.vec3(wp.nan, wp.nan, wp.nan)
+    seen.index = -1
+    seen.label = wp.uint8(0)
+    return seen
+
+
+@wp.func
+def look(scene: TriangleScene, camera: PinholeCamera, pose: wp.transform, ray: wp.vec3d, cull_backfaces: bool) -> Seen:
+    """What a camera at a pose sees along a ray, given in the camera's frame with z = 1."""
+    origin = wp.transform_get_translation(pose)
+    direction = wp.quat_rotate(wp.quat(pose_rotation(pose)), wp.vec3(ray))
+
+    seen = nothing()
+    # A whole-range query: what lies beyond `far` is sorted out below, by the exact depth.
+    hit = wp.mesh_query_ray(scene.mesh, origin, direction, 3.0e38)
+    if cull_backfaces:
+        hit = first_front_face(scene.mesh, origin, direction, hit)
+    if hit.result:
+        exact_origin = pose_origin(pose)
+        rotation = pose_rotation(pose)
+        exact_direction = wp.quat_rotate(rotation, ray)
+        forward = wp.quat_rotate(rotation, wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0)))
+        a = corner(scene.mesh, hit.face, 0) - exact_origin
+        b = corner(scene.mesh, hit.face, 1) - exact_origin
+        c = corner(scene.mesh, hit.face, 2) - exact_origin
+        z = plane_depth(a, b, c, exact_direction, forward)
+        seen.depth = float(z)
+        if seen.depth < camera.near:
+            seen.depth = -wp.inf
+        elif seen.depth > camera.far:
+            seen.depth = wp.inf
+        else:
+            seen.point = wp.vec3(exact_origin + z * exact_direction)
+            facing = wp.cross(b - a, c - a)
+            if wp.dot(facing, exact_direction) > wp.float64(0.0):
+                facing = -facing
+            seen.normal = wp.vec3(wp.normalize(facing))
+            seen.index = scene.triangle_object[hit.face]
+            seen.label = scene.object_label[seen.index]
+    return seen
+
+
 @wp.kernel
 def cast_rays(
     # Scene:
@@ -77,50 +135,53 @@ def cast_rays(
     view += window.first_view
     y += window.first_row
 
-    pose = camera_to_world[view]
-    origin = wp.transform_get_translation(pose)
-    direction = wp.quat_rotate(wp.quat(pose_rotation(pose)), wp.vec3(pixel_ray(camera, y, x)))
-
-    depth = wp.inf
-    point = wp.vec3(wp.nan, wp.nan, wp.nan)
-    normal = wp.vec3(wp.nan, wp.nan, wp.nan)
-    index = int(-1)
-    label = wp.uint8(0)
-
-    # A whole-range query: what lies beyond `far` is sorted out below, by the exact depth.
-    hit = wp.mesh_query_ray(scene.mesh, origin, direction, 3.0e38)
-    if cull_backfaces:
-        hit = first_front_face(scene.mesh, origin, direction, hit)
-    if hit.result:
-        exact_origin = pose_origin(pose)
-        rotation = pose_rotation(pose)
-        exact_direction = wp.quat_rotate(rotation, pixel_ray(camera, y, x))
-        forward = wp.quat_rotate(rotation, wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0)))
-        a = corner(scene.mesh, hit.face, 0) - exact_origin
-        b = corner(scene.mesh, hit.face, 1) - exact_origin
-        c = corner(scene.mesh, hit.face, 2) - exact_origin
-        z = plane_depth(a, b, c, exact_direction, forward)
-        depth = float(z)
-        if depth < camera.near:
-            depth = -wp.inf
-        elif depth > camera.far:
-            depth = wp.inf
-        else:
-            point = wp.vec3(exact_origin + z * exact_direction)
-            facing = wp.cross(b - a, c - a)
-            if wp.dot(facing, exact_direction) > wp.float64(0.0):
-                facing = -facing
-            normal = wp.vec3(wp.normalize(facing))
-            index = scene.triangle_object[hit.face]
-            label = scene.object_label[index]
-
+    seen = look(scene, camera, camera_to_world[view], pixel_ray(camera, y, x), cull_backfaces)
     if depth_out:
-        depth_out[view, y, x] = depth
+        depth_out[view, y, x] = seen.depth
     if points_out:
-        points_out[view, y, x] = point
+        points_out[view, y, x] = seen.point
     if normals_out:
-        normals_out[view, y, x] = normal
+        normals_out[view, y, x] = seen.normal
     if labels_out:
-        labels_out[view, y, x] = label
+        labels_out[view, y, x] = seen.label
     if objects_out:
-        objects_out[view, y, x] = index
+        objects_out[view, y, x] = seen.index
+
+
+@wp.kernel
+def cast_rays_at(
+    # Scene:
+    scene: TriangleScene,
+    # Cameras:
+    camera: PinholeCamera,
+    camera_to_world: wp.array[wp.transform],
+    window: Window,
+    # In:
+    pixels_in: wp.array3d[wp.vec2],
+    cull_backfaces: bool,
+    # Out:
+    depth_out: wp.array3d[float],
+    points_out: wp.array3d[wp.vec3],
+    normals_out: wp.array3d[wp.vec3],
+    labels_out: wp.array3d[wp.uint8],
+    objects_out: wp.array3d[wp.int32],
+):
+    """The same through any points of the image; all arrays are (view, 1, point). Outside the image nothing is seen."""
+    view, row, point = wp.tid()
+    view += window.first_view
+    row += window.first_row
+
+    at = pixels_in[view, row, point]
+    seen = nothing()
+    if at[0] >= 0.0 and at[0] < camera.width and at[1] >= 0.0 and at[1] < camera.height:
+        seen = look(scene, camera, camera_to_world[view], image_ray(camera, at), cull_backfaces)
+    if depth_out:
+        depth_out[view, row, point] = seen.depth
+    if points_out:
+        points_out[view, row, point] = seen.point
+    if normals_out:
+        normals_out[view, row, point] = seen.normal
+    if labels_out:
+        labels_out[view, row, point] = seen.label
+    if objects_out:
+        objects_out[view, row, point] = seen.index

@@ -139,7 +139,7 @@ def _check_warp(array: wp.array, dtype: Any, shape: Shape, *, name: str, device:
 
 
 def _dtype_name(dtype: Any) -> str:
-    return {wp.vec3: "wp.vec3", wp.vec4: "wp.vec4", wp.transform: "wp.transform"}.get(dtype, dtype.__name__)
+    return {wp.vec2: "wp.vec2", wp.vec3: "wp.vec3", wp.vec4: "wp.vec4", wp.transform: "wp.transform"}.get(dtype, dtype.__name__)
 
 
 def _fits(host: np.ndarray, target: np.dtype) -> bool:

@@ -205,6 +205,7 @@ class Camera:
         from warpvis.kernels.pinhole import PinholeCamera
 
         camera = PinholeCamera()
+        camera.width, camera.height = self.width, self.height
         camera.fx, camera.fy, camera.cx, camera.cy = self.fx, self.fy, self.cx, self.cy
         camera.near, camera.far = self.near, self.far
         return camera

@@ -34,11 +34,27 @@ class RaysCaster:
         """Write depth, points, normals, labels and objects of all poses; None is not made."""
         from warpvis.kernels.rays import cast_rays
 
+        self._launch(cast_rays, (len(poses), self._camera.height, self._camera.width), poses, [], images)
+
+    def cast_at(self, poses: wp.array, pixels: wp.array, images: list[wp.array | None]) -> None:
+        """The same through image points, shape ``(V, 1, N)`` vec2, as are the images'."""
+        from warpvis.kernels.rays import cast_rays_at
+
+        self._launch(cast_rays_at, pixels.shape, poses, [pixels], images)
+
+    def _launch(
+        self,
+        kernel: Any,
+        shape: tuple[int, int, int],
+        poses: wp.array,
+        pixels: list[wp.array],
+        images: list[wp.array | None],
+    ) -> None:
         triangles, camera = self._scene.triangles(), self._camera.device_struct()
         launch_images(
-            cast_rays,
-            (len(poses), self._camera.height, self._camera.width),
-            lambda window: [triangles.struct, camera, poses, window, self._cull_backfaces, *images],
+            kernel,
+            shape,
+            lambda window: [triangles.struct, camera, poses, window, *pixels, self._cull_backfaces, *images],
             device=self._scene.device,
             threads=self._threads,
         )
@@ -66,17 +82,27 @@ class PacketsCaster:
 
     def cast(self, poses: wp.array, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels and objects of all poses; None is not made."""
+        self._run(poses, None, images)
+
+    def cast_at(self, poses: wp.array, pixels: wp.array, images: list[wp.array | None]) -> None:
+        """The same through image points, shape ``(V, 1, N)`` vec2, as are the images'."""
+        if pixels.size:
+            self._run(poses, pixels, images)
+
+    def _run(self, poses: wp.array, pixels: wp.array | None, images: list[wp.array | None]) -> None:
         from warpvis.kernels import packets
 
         views = len(poses)
         if views == 0:
             return
+        points = 0 if pixels is None else pixels.shape[2]
         load_module(packets.cast_packets)
         clusters = self._scene.clusters()
         strips, strip_height = split_rows(views, self._camera.height, self._threads)
         workers = min(self._threads, views * strips)
-        place = self._take(views, strips, strip_height, workers, clusters.depth)
+        place = self._take(views, strips, strip_height, workers, clusters.depth, points)
         place.counter[0] = 0
+        place.job.at = pixels if pixels is None else pixels.flatten().view(wp.float32).flatten()
 
         def work(worker: int) -> None:
             inputs = [clusters.struct, place.job, poses, worker, *images]
@@ -85,9 +111,11 @@ class PacketsCaster:
         run_together(work, workers)
         self._idle.append(place)
 
-    def _take(self, views: int, strips: int, strip_height: int, workers: int, depth: int) -> _Workplace:
+    def _take(
+        self, views: int, strips: int, strip_height: int, workers: int, depth: int, points: int
+    ) -> _Workplace:
         """A workplace that nobody uses: callers on several threads each have their own."""
-        key = (views, strips, workers, depth)
+        key = (views, strips, workers, depth, points)
         while self._idle:
             try:
                 place = self._idle.pop()
@@ -95,9 +123,11 @@ class PacketsCaster:
                 break
             if place.key == key:
                 return place
-        return _Workplace(key, *self._make_job(views, strips, strip_height, workers, depth))
+        return _Workplace(key, *self._make_job(views, strips, strip_height, workers, depth, points))
 
-    def _make_job(self, views: int, strips: int, strip_height: int, workers: int, depth: int) -> tuple[Any, np.ndarray]:
+    def _make_job(
+        self, views: int, strips: int, strip_height: int, workers: int, depth: int, points: int
+    ) -> tuple[Any, np.ndarray]:
         from warpvis.kernels.packets import PacketJob
 
         camera, job = self._camera, PacketJob()
@@ -113,6 +143,10 @@ class PacketsCaster:
         # As `Scratch` in kernels/native/packets.h carves it: w and id of every pixel, what is known of blocks and
         # tiles, four rows of each, and a stack with room for all children of a node on every level.
         words = tiles_x * tiles_y * (2 * 256 + 16 + 1 + 4 + 1) + tiles_x * 128 + (depth + 1) * 16 * _VISIT_WORDS + 64
+        if points:  # their cells and packets, as `Scratch` carves them
+            cells = tiles_x * tiles_y * 16
+            words += cells + 32 + 5 * (points + 15 * min(cells, points) + 16)
+        job.points = points
         job.scratch = wp.zeros((workers, words), dtype=wp.float32, device="cpu")
         return job, counter
 

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import warp as wp
 
-from warpvis.arrays import check_out, empty
+from warpvis.arrays import as_warp, check_out, empty
 from warpvis.camera import Camera
 from warpvis.casters import PacketsCaster, RaysCaster
 from warpvis.errors import ArrayError, CameraError, SceneError
@@ -130,16 +130,49 @@ class Renderer:
         self._caster.cast(poses, [getattr(views, name) if name in self.outputs else None for name in OUTPUTS])
         return views
 
-    def _allocate(self, shape: tuple[int, int, int]) -> Views:
+    def render_at(
+        self, camera_to_world: Any, pixels: Any, *, convention: Convention = "opencv", out: Views | None = None
+    ) -> Views:
+        """What is seen at any points of the image, instead of at its pixels' centres.
+
+        Args:
+            camera_to_world: Poses, as for `render`.
+            pixels: Coordinates ``(x, y)`` [px] from the image's top left corner, N for every view, shape ``(V, N, 2)``;
+                a pixel's centre is its index + 0.5. Outside the image, and where a coordinate is NaN, nothing is seen.
+            convention: Axes of the camera frame of the poses.
+            out: Results of an earlier call to write into, of the same shape.
+
+        Returns:
+            The outputs, of shape ``(V, N)``, with the meaning they have in images.
+
+        Raises:
+            WarpvisError: As `render`; or `pixels` is malformed.
+        """
+        self.scene.require_objects()
+        device = self.scene.device
+        poses = parse_poses(camera_to_world, convention=convention, device=device)
+        points = as_warp(pixels, wp.vec2, (len(poses), "N"), name="pixels", device=device)
+        views = self._allocate(points.shape) if out is None else self._check(out, points.shape)
+        images = [getattr(views, name) if name in self.outputs else None for name in OUTPUTS]
+        rows = [image if image is None else _as_rows(image) for image in images]
+        self._caster.cast_at(poses, _as_rows(points), rows)
+        return views
+
+    def _allocate(self, shape: tuple[int, ...]) -> Views:
         device = self.scene.device
         return Views(**{name: empty(shape, OUTPUTS[name], name=name, device=device) for name in self.outputs})
 
-    def _check(self, out: Views, shape: tuple[int, int, int]) -> Views:
+    def _check(self, out: Views, shape: tuple[int, ...]) -> Views:
         if not isinstance(out, Views):
             raise ArrayError(f"out must be warpvis.Views, got {type(out).__name__}")
         for name in self.outputs:
             check_out(getattr(out, name), OUTPUTS[name], shape, name=f"out.{name}", device=self.scene.device)
         return out
+
+
+def _as_rows(array: wp.array) -> wp.array:
+    """``(V, N)`` as ``(V, 1, N)``: an image of one row, in the same memory."""
+    return array.reshape((array.shape[0], 1, array.shape[1]))
 
 
 def _choose_caster(caster: Caster, scene: Scene) -> Literal["packets", "rays"]:

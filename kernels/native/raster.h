@@ -102,8 +102,8 @@ struct Raster {
     // A triangle of a few blocks.
     static inline void draw_medium(const Eye& eye, const Image& image, const Cluster& t, int k, bool with_id,
                                    bool owner_id) {
-        const Linear e0 = of_lane(t.edge[0], k), e1 = of_lane(t.edge[1], k), e2 = of_lane(t.edge[2], k);
-        const Linear plane = of_lane(t.w, k);
+        const Linear e0 = Linear::of_lane(t.edge[0], k), e1 = Linear::of_lane(t.edge[1], k), e2 = Linear::of_lane(t.edge[2], k);
+        const Linear plane = Linear::of_lane(t.w, k);
         const Floats least_w = Lanes::all(t.least_w[k]), most_w = Lanes::all(t.most_w[k]);
         const int id = with_id ? id_of(t, k, owner_id) : 0;
         const int bx0 = t.x0[k] >> 2, bx1 = t.x1[k] >> 2, by0 = t.y0[k] >> 2, by1 = t.y1[k] >> 2;
@@ -115,7 +115,7 @@ struct Raster {
                 const Floats w = Lanes::most(Lanes::least(plane.at(u, row_w), most_w), least_w);
                 const Ints inside = Lanes::least(e0.at(u, row0), e1.at(u, row1), e2.at(u, row2)) >= Lanes::all(0.0f);
                 const int block = (((by >> 2) * image.tiles_x + (bx >> 2)) << 4) + ((by & 3) << 2) + (bx & 3);
-                blend(image, block, inside, w, id, with_id);
+                blend(image, block, block, inside, w, id, with_id);
             }
         }
     }
@@ -124,16 +124,16 @@ struct Raster {
     static inline Floats pixel_column() { return Floats{0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3}; }
     static inline Floats pixel_row() { return Floats{0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3}; }
 
-    // Keep the nearer surface in each pixel of a block.
-    static inline void blend(const Image& image, int block, Ints inside, Floats w, int id, bool with_id) {
-        float* at = image.w + block * 16;
+    // Keep the nearer surface in each pixel of a block, or in each point of a packet in it.
+    static inline void blend(const Image& image, int packet, int block, Ints inside, Floats w, int id, bool with_id) {
+        float* at = image.w + packet * 16;
         const Floats old = Lanes::load(at);
         if (!with_id) {
             const Ints hit = inside & (w > old);
             if (!Lanes::any(hit)) return;
             Lanes::store(at, hit ? w : old);
         } else {
-            int* id_at = image.id + block * 16;
+            int* id_at = image.id + packet * 16;
             const Ints old_id = Lanes::load(id_at), new_id = Lanes::all_ints(id);
             const Ints hit = inside & ((w > old) | ((w == old) & (new_id < old_id)));
             if (!Lanes::any(hit)) return;
@@ -152,14 +152,10 @@ struct Raster {
         int id;
     };
 
-    static inline Linear of_lane(const Linear& all, int k) {
-        return Linear{Lanes::all(all.u[k]), Lanes::all(all.v[k]), Lanes::all(all.one[k])};
-    }
-
     static inline void draw_large(const Eye& eye, const Image& image, const Cluster& t, int k, bool with_id,
                                   bool owner_id) {
         Large one;
-        for (int e = 0; e < 3; ++e) one.edge[e] = of_lane(t.edge[e], k);
+        for (int e = 0; e < 3; ++e) one.edge[e] = Linear::of_lane(t.edge[e], k);
         one.plane = ExactPlane::of(eye, t.corners, k);
         one.slope = (float)one.plane.u * pixel_column() + (float)one.plane.v * pixel_row();
         one.least_w = t.least_w[k];
@@ -221,6 +217,6 @@ struct Raster {
             inside = Lanes::least(e[0].at(u, e[0].row(v)), e[1].at(u, e[1].row(v)), e[2].at(u, e[2].row(v))) >=
                      Lanes::all(0.0f);
         }
-        blend(image, block, inside, w, t.id, with_id);
+        blend(image, block, block, inside, w, t.id, with_id);
     }
 };

@@ -11,6 +11,13 @@
 // The same expressions in the same order give the value of an edge at a pixel wherever it is needed: two triangles
 // that share an edge get exactly opposite values there, so that no ray slips between them.
 
+struct Tree {
+    const float* leaves;   // [leaf][9][16]: corners a, b, c of sixteen triangles
+    const int* owners;     // [leaf][16]: object of a triangle; its complement where the object is closed
+    const float* nodes;    // [node][10][16]: least and greatest corner, axis and cutoff of the normals' cone
+    const int* children;   // [node][16]: a node, or the complement of a leaf
+};
+
 struct Image {
     int width, height;      // of this strip, in pixels
     int first_row;          // of the strip in the view; a multiple of 16
@@ -19,6 +26,10 @@ struct Image {
     int* last_size;         // width, height and kind of the image that lay here before
     float* w;               // [tile][block][pixel]: greatest 1 / z so far
     int* id;                // the same for the triangle or object that it belongs to; null if nobody asks
+    int* first_packet;      // [block]: first of the packets of points in it, and one more; null for pixels
+    int* point_index;       // [packet][lane]: which point, -1 for none
+    float* point_u;         // [packet][lane]
+    float* point_v;
     float* rows;            // four rows of w on their way out
     int* id_rows;
     float* block_least;     // [tile][block]: least w of a block, as far as it is known
@@ -36,10 +47,16 @@ struct Image {
     }
     inline float least_of_block(int block) const {
         if (block_stale[block]) {
-            block_least[block] = Lanes::least_of(Lanes::load(w + block * 16));
+            block_least[block] = first_packet ? least_of_packets(block) : Lanes::least_of(Lanes::load(w + block * 16));
             block_stale[block] = 0;
         }
         return block_least[block];
+    }
+    inline float least_of_packets(int block) const {
+        Floats least = Lanes::all(3e38f);
+        for (int packet = first_packet[block]; packet < first_packet[block + 1]; ++packet)
+            least = Lanes::least(least, Lanes::load(w + packet * 16));
+        return Lanes::least_of(least);
     }
     inline float least_of_tile(int tile) const {
         if (tile_stale[tile]) {
@@ -125,6 +142,9 @@ struct Linear {
 
     inline Floats row(Floats at_v) const { return v * at_v + one; }
     inline Floats at(Floats at_u, Floats row) const { return u * at_u + row; }
+    static inline Linear of_lane(const Linear& all, int k) {
+        return Linear{Lanes::all(all.u[k]), Lanes::all(all.v[k]), Lanes::all(all.one[k])};
+    }
 };
 
 // Sixteen triangles, set up for the image.
@@ -177,6 +197,13 @@ struct Setup {
         Floats right = Lanes::most(px0, px1, px2) + (center_x - 0.5f + slack);
         Floats top = Lanes::least(py0, py1, py2) + (center_y - 0.5f - slack);
         Floats bottom = Lanes::most(py0, py1, py2) + (center_y - 0.5f + slack);
+        // Pixels whose centres may be inside; for points anywhere, all that may be touched.
+        if (image.first_packet) {
+            left = __builtin_elementwise_floor(left + 0.5f);
+            top = __builtin_elementwise_floor(top + 0.5f);
+            right += 0.5f;
+            bottom += 0.5f;
+        }
         left = Lanes::most(crossing ? none : __builtin_elementwise_ceil(left), none);
         const float first = (float)image.first_row, last = (float)(image.view_height - 1);
         const Floats view_top = Lanes::most(crossing ? none : __builtin_elementwise_ceil(top) + first, none);

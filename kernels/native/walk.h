@@ -3,13 +3,6 @@
 //
 // Down the cluster tree, nearest first, past what is outside the view or hidden behind what has been drawn.
 
-struct Tree {
-    const float* leaves;   // [leaf][9][16]: corners a, b, c of sixteen triangles
-    const int* owners;     // [leaf][16]: object of a triangle; its complement where the object is closed
-    const float* nodes;    // [node][10][16]: least and greatest corner, axis and cutoff of the normals' cone
-    const int* children;   // [node][16]: a node, or the complement of a leaf
-};
-
 // A node or leaf to visit: where it is in the image, and how near it may be.
 struct Visit {
     int child;
@@ -134,7 +127,10 @@ struct Walk {
             cluster.corners = tree.leaves + leaf * 144;
             cluster.owners = tree.owners + leaf * 16;
             cluster.first_id = (int)leaf * 16;
-            if (Setup::cluster(eye, image, center_x, center_y, cluster))
+            if (!Setup::cluster(eye, image, center_x, center_y, cluster)) continue;
+            if (image.first_packet)
+                Sparse::draw(eye, image, cluster, Raster::loses_digits(eye, cluster), owner_id);
+            else
                 Raster::draw(eye, image, cluster, with_id, owner_id);
         }
     }

@@ -1,0 +1,39 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Timing calls in turns, so that whatever else the machine does meets all of them alike."""
+
+from __future__ import annotations
+
+import gc
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+# Fast calls are made several times a round, for a time that can be measured.
+_LEAST_SECONDS = 0.1
+
+# The threads of a library may keep spinning for a while after their work is done; they must not disturb the next one.
+_PAUSE = 0.05
+
+
+def take_turns(calls: Sequence[Callable[[], Any]], rounds: int) -> list[list[float]]:
+    """Seconds of each call, one a round. The calls must have been made once, to be warm."""
+    repeats = [max(1, round(_LEAST_SECONDS / _seconds(call, 1))) for call in calls]
+    times: list[list[float]] = [[] for _ in calls]
+    gc.collect()
+    gc.disable()
+    try:
+        for number in range(rounds):
+            for i in range(len(calls))[:: -1 if number % 2 else 1]:
+                time.sleep(_PAUSE)
+                times[i].append(_seconds(calls[i], repeats[i]))
+    finally:
+        gc.enable()
+    return times
+
+
+def _seconds(call: Callable[[], Any], repeats: int) -> float:
+    start = time.perf_counter()
+    for _ in range(repeats):
+        call()
+    return (time.perf_counter() - start) / repeats

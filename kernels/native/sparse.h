@@ -1,0 +1,140 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Rays through any points of the image instead of the pixels' centres. The image's blocks of 4 x 4 pixels become cells
+// that hold the points inside them, in packets of sixteen: each lane has its own u and v. A cell without points hides
+// everything, so that the walk passes over what no point can see.
+
+struct Sparse {
+    // Sort the points of a strip into cells: count, sum up, place. `at` is x y x y ... in pixels of the view.
+    static inline void place(const Image& image, const float* at, int count, double center_x, double center_y) {
+        const int cells = image.tiles_x * image.tiles_y * 16;
+        for (int c = 0; c <= cells; ++c) image.first_packet[c] = 0;
+        for (int i = 0; i < count; ++i) {
+            const int cell = cell_of(image, at + 2 * i);
+            if (cell >= 0) image.first_packet[cell + 1] += 1;
+        }
+        for (int c = 0; c < cells; ++c)
+            image.first_packet[c + 1] = image.first_packet[c] + ((image.first_packet[c + 1] + 15) >> 4);
+        const int lanes = image.first_packet[cells] * 16;
+        for (int i = 0; i < lanes; ++i) {
+            image.point_index[i] = -1;
+            image.w[i] = 3e38f;  // a lane without a point hides, and never shows
+            image.point_u[i] = image.point_v[i] = 0.0f;
+        }
+        for (int i = 0; i < count; ++i) {
+            const int cell = cell_of(image, at + 2 * i);
+            if (cell < 0) continue;
+            int lane = image.first_packet[cell] * 16;
+            if (image.point_index[lane] >= 0) lane = next_lane(image, lane);
+            image.point_index[lane] = i;
+            image.point_u[lane] = (float)(at[2 * i] - center_x);
+            image.point_v[lane] = (float)(at[2 * i + 1] - center_y);
+            image.w[lane] = 0.0f;
+        }
+        for (int c = 0; c < cells; ++c) image.block_least[c] = image.first_packet[c] < image.first_packet[c + 1] ? 0.0f : 3e38f;
+        for (int tile = 0; tile < cells / 16; ++tile) {
+            image.tile_least[tile] = Lanes::least_of(Lanes::load(image.block_least + tile * 16));
+            image.tile_stale[tile] = 0;
+        }
+        __builtin_memset(image.block_stale, 0, cells);
+    }
+
+    // The first lane of a cell counts those that are taken, in its id, which nobody needs before drawing begins.
+    static inline int next_lane(const Image& image, int first) {
+        image.id[first] = image.w[first + 1] == 3e38f ? 1 : image.id[first] + 1;
+        return first + image.id[first];
+    }
+
+    // -1 for points outside the strip, and for those that are no numbers.
+    static inline int cell_of(const Image& image, const float* at) {
+        const float x = at[0], y = at[1] - (float)image.first_row;
+        if (!(x >= 0.0f && x < (float)image.width && y >= 0.0f && y < (float)image.height)) return -1;
+        return (Image::column_part((int)x) + image.row_part((int)y)) >> 4;
+    }
+
+    static inline void draw(const Eye& eye, const Image& image, const Cluster& cluster, Ints inexact, bool owner_id) {
+        const unsigned rounded = Lanes::bits(inexact);
+        for (unsigned left = Lanes::bits(cluster.shown); left; left &= left - 1) {
+            const int k = Lanes::first_lane(left);
+            Linear edge[3];
+            for (int e = 0; e < 3; ++e) edge[e] = Linear::of_lane(cluster.edge[e], k);
+            for (int ty = cluster.y0[k] >> 4; ty <= cluster.y1[k] >> 4; ++ty)
+                for (int tx = cluster.x0[k] >> 4; tx <= cluster.x1[k] >> 4; ++tx)
+                    if (image.least_of_tile(ty * image.tiles_x + tx) <= cluster.most_w[k])
+                        draw_tile(eye, image, cluster, edge, k, tx, ty, (rounded >> k) & 1, owner_id);
+        }
+    }
+
+    // The cells of a tile that the triangle touches: an edge's value is greatest at one of a cell's corners.
+    static inline void draw_tile(const Eye& eye, const Image& image, const Cluster& t, const Linear* edge, int k, int tx,
+                                 int ty, bool rounded, bool owner_id) {
+        const Floats cell_x = {0, 4, 8, 12, 0, 4, 8, 12, 0, 4, 8, 12, 0, 4, 8, 12};
+        const Floats cell_y = {0, 0, 0, 0, 4, 4, 4, 4, 8, 8, 8, 8, 12, 12, 12, 12};
+        const Floats u0 = (cell_x + (float)(tx * 16)) + (eye.first_u - 0.501f), u1 = u0 + 4.002f;
+        const Floats v0 = (cell_y + (float)(ty * 16 + image.first_row)) + (eye.first_v - 0.501f), v1 = v0 + 4.002f;
+        const int tile = ty * image.tiles_x + tx;
+        Ints touched = Lanes::load(image.block_least + tile * 16) <= Lanes::all(t.most_w[k]);
+        for (int e = 0; e < 3; ++e) {
+            const Floats u = edge[e].u >= Lanes::all(0.0f) ? u1 : u0, v = edge[e].v >= Lanes::all(0.0f) ? v1 : v0;
+            touched &= edge[e].at(u, edge[e].row(v)) >= Lanes::all(0.0f);
+        }
+        for (unsigned left = Lanes::bits(touched); left; left &= left - 1) {
+            const int cell = tile * 16 + Lanes::first_lane(left);
+            for (int packet = image.first_packet[cell]; packet < image.first_packet[cell + 1]; ++packet)
+                draw_packet(eye, image, t, edge, k, cell, packet, rounded, owner_id);
+        }
+    }
+
+    static inline void draw_packet(const Eye& eye, const Image& image, const Cluster& t, const Linear* e, int k, int cell,
+                                   int packet, bool rounded, bool owner_id) {
+        const Floats u = Lanes::load(image.point_u + packet * 16), v = Lanes::load(image.point_v + packet * 16);
+        const Ints inside = Lanes::least(e[0].at(u, e[0].row(v)), e[1].at(u, e[1].row(v)), e[2].at(u, e[2].row(v))) >=
+                            Lanes::all(0.0f);
+        if (!Lanes::any(inside)) return;
+        const Linear plane = Linear::of_lane(t.w, k);
+        Floats w = plane.at(u, plane.row(v));
+        if (rounded)
+            for (unsigned left = Lanes::bits(inside); left; left &= left - 1) {
+                const int lane = Lanes::first_lane(left);
+                w[lane] = Raster::exact_w(eye, t, k, u[lane], v[lane]);
+            }
+        w = Lanes::most(Lanes::least(w, Lanes::all(t.most_w[k])), Lanes::all(t.least_w[k]));
+        Raster::blend(image, packet, cell, inside, w, Raster::id_of(t, k, owner_id), true);
+    }
+
+    // Each point's results, to its place among the view's.
+    static inline void write(const Tree& tree, const Eye& eye, const Rays& rays, const Image& image, const Job& job,
+                             const Outputs& out, long long view, bool owner_id) {
+        const int lanes = image.first_packet[image.tiles_x * image.tiles_y * 16] * 16;
+        for (int i = 0; i < lanes; ++i)
+            if (image.point_index[i] >= 0)
+                write_point(tree, eye, rays, job, out, view * job.points + image.point_index[i], image.w[i], image.id[i],
+                            image.point_u[i], image.point_v[i], owner_id);
+        if (image.first_row > 0) return;
+        // Points outside the image belong to no strip; the first one answers for them.
+        const float* at = job.at + view * job.points * 2;
+        for (int i = 0; i < job.points; ++i)
+            if (!(at[2 * i] >= 0.0f && at[2 * i] < (float)job.width && at[2 * i + 1] >= 0.0f &&
+                  at[2 * i + 1] < (float)job.height))
+                write_point(tree, eye, rays, job, out, view * job.points + i, 0.0f, -1, 0.0f, 0.0f, owner_id);
+    }
+
+    static inline void write_point(const Tree& tree, const Eye& eye, const Rays& rays, const Job& job, const Outputs& out,
+                                   long long place, float w, int id, float u, float v, bool owner_id) {
+        const float z = 1.0f / w, nothing = __builtin_nanf("");
+        const bool near = w > 0.0f && z < job.near, seen = w > 0.0f && !near && z <= job.far;
+        if (out.depth) out.depth[place] = seen ? z : near ? -__builtin_inff() : __builtin_inff();
+        for (int c = 0; c < 3 && out.points; ++c)
+            out.points[place * 3 + c] =
+                seen ? z * (u * rays.right[c] + (v * rays.down[c] + rays.forward[c])) + eye.origin[c] : nothing;
+        if (out.normals) {
+            float normal[3] = {nothing, nothing, nothing};
+            if (seen) Strip::normal_of(tree, eye, id, normal);
+            for (int c = 0; c < 3; ++c) out.normals[place * 3 + c] = normal[c];
+        }
+        const int object = !seen ? -1 : owner_id ? id : Strip::owner_of(tree, id);
+        if (out.objects) out.objects[place] = object;
+        if (out.labels) out.labels[place] = object < 0 ? 0 : out.object_label[object];
+    }
+};
