@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 
-.PHONY: demo test lint bench format clean
+.PHONY: demo test test-lanes lint bench format clean
 
 demo: $(STAMP)
 	$(BIN)/warpvis demo --out demo
@@ -13,6 +13,11 @@ demo: $(STAMP)
 test: $(STAMP)
 	-@./scripts/ensure_egl.sh
 	$(BIN)/python -m pytest
+
+# The casters' tests again, compiled for AVX2 alone and for any x86-64.
+test-lanes: $(STAMP)
+	WARPVIS_CPU_FLAGS="-target-cpu haswell" $(BIN)/python -m pytest -q tests/test_casters.py tests/test_packets.py
+	WARPVIS_CPU_FLAGS="" $(BIN)/python -m pytest -q tests/test_casters.py tests/test_packets.py
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -15,7 +15,7 @@ MOST_VIEWS = 200
 @pytest.fixture(scope="module")
 def images():
     """Views of the experiment, the input of the stages that come after casting."""
-    return wv.render(PRESET.build(), PRESET.camera, PRESET.poses(MOST_VIEWS))
+    return wv.render(PRESET.build(), PRESET.camera, PRESET.poses(MOST_VIEWS), caster="packets")
 
 
 def count(per_thread, threads):
@@ -24,11 +24,8 @@ def count(per_thread, threads):
 
 @pytest.mark.benchmark(group="stages")
 @pytest.mark.parametrize("outputs", [("depth",), ("depth", "points", "labels", "objects")], ids=["depth", "default"])
-def test_cast(measure, scene_of, views_per_thread, threads, outputs):
-    poses = PRESET.poses(views_per_thread(PRESET.name) * threads)
-    renderer = wv.Renderer(scene_of(PRESET.name), PRESET.camera, outputs=outputs, threads=threads)
-    views = renderer.render(poses)
-    measure(lambda: renderer.render(poses, out=views), len(poses))
+def test_cast(measure_casting, outputs):
+    measure_casting(PRESET.name, outputs)
 
 
 @pytest.mark.benchmark(group="stages")
@@ -60,10 +57,10 @@ def test_visibility_map(measure, scene_of, images, threads):
 
 @pytest.mark.benchmark(group="whole path")
 @pytest.mark.parametrize("name", [preset.name for preset in wv.scenes.EXPERIMENTS])
-def test_experiment(measure, scene_of, views_per_thread, threads, name):
+def test_experiment(measure, scene_of, threads, name):
     preset, scene = wv.scenes.PRESETS[name], scene_of(name)
-    poses = preset.poses(views_per_thread(name) * threads)
-    renderer = wv.Renderer(scene, preset.camera, threads=threads)
+    poses = preset.poses(count(10, threads))
+    renderer = wv.Renderer(scene, preset.camera, caster="packets", threads=threads)
     views = renderer.render(poses)
     labels = wv.classify(views.depth, preset.camera, poses, spheres=preset.spheres)
 

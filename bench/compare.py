@@ -1,27 +1,30 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Frames per second of warpvis and its peers on the same views, side by side in one run: one Markdown table.
+"""Frames per second of warpvis and its peers on the same views, side by side in one run: a Markdown table.
 
 Methods take turns, so that whatever else the machine does meets all of them alike, and medians are shown. Every
-method's depth is checked against warpvis's first: all of them make the same picture.
+method's depth is checked first against that of warpvis's reference, the `rays` caster: all of them make the same
+picture. A second table has what batches do not show (see more.py).
 """
 
 from __future__ import annotations
 
 import argparse
-import gc
 import json
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import warp as wp
 from machine import OtherWork, describe
+from more import Figure, compared, measure_more, more_markdown, number, row
 from numpy.typing import NDArray
-from peers import BASELINE, METHODS, Method, Prepared, Work
+from peers import BASELINE, METHODS, Method, Work
+from timing import take_turns
 
 import warpvis as wv
 
@@ -33,12 +36,6 @@ TOLERANCE = 1e-3
 # take turns, the more alike are their conditions.
 _LARGE = 50_000
 
-# Fast methods make the views several times a round, for a time that can be measured.
-_LEAST_SECONDS = 0.1
-
-# The threads of a library may keep spinning for a while after their work is done; they must not disturb the next one.
-_PAUSE = 0.05
-
 
 @dataclass
 class Result:
@@ -48,7 +45,7 @@ class Result:
     scene: str
     views: int = 0
     agreement: float = 0.0
-    """Share of pixels whose depth is warpvis's."""
+    """Share of pixels whose depth is the reference's."""
     missing: str = ""
     """Why it could not run, if it could not."""
     seconds: list[float] = field(default_factory=list)
@@ -60,62 +57,35 @@ class Result:
         return self.views / float(np.median(self.seconds)) if self.seconds else 0.0
 
 
-@dataclass
-class Runner:
-    """A method that is ready to be timed."""
-
-    prepared: Prepared
-    result: Result
-    repeats: int = 1
-
-    def time(self) -> float:
-        """Seconds for all views once."""
-        run = self.prepared[0]
-        start = time.perf_counter()
-        for _ in range(self.repeats):
-            run()
-        return (time.perf_counter() - start) / self.repeats
-
-
 def compare(preset: wv.scenes.ScenePreset, views: int, rounds: int) -> list[Result]:
     """Measure all methods on one scene."""
     scene = preset.build()
     views = views if scene.triangle_count < _LARGE else max(1, views // 4)
     work = Work(scene, preset.camera, preset.poses(views))
-    truth = wv.render(scene, preset.camera, work.poses, outputs=("depth",)).depth.numpy()
-    results, runners = [], []
+    truth = wv.render(scene, preset.camera, work.poses, outputs=("depth",), caster="rays").depth.numpy()
+    results, calls = [], {}
     for method in METHODS:
         result = Result(method.title, preset.name)
         results.append(result)
         try:
-            runners.append(_start(method, work, truth, result))
+            calls[method.title] = _start(method, work, truth, result)
         except Exception as error:  # a peer that fails, however it does, is a cell of the table
             result.missing = _reason(error)
         _say(_progress(result))
-    _time(runners, rounds)
+    times = dict(zip(calls, take_turns(list(calls.values()), rounds), strict=True))
+    for result in results:
+        result.seconds = times.get(result.method, [])
     return results
 
 
-def _start(method: Method, work: Work, truth: NDArray, result: Result) -> Runner:
+def _start(method: Method, work: Work, truth: NDArray, result: Result) -> Callable[[], Any]:
+    """What makes a method's views, after it has made them once and they were found right."""
     part = work.first(method.most_views)
-    prepared = method.prepare(part)
-    run, to_depth = prepared
-    depth = to_depth(run())  # the warm-up
+    run, to_depth = method.prepare(part)
+    depth = to_depth(run())
     result.views = len(part.poses)
     result.agreement = agreement(depth, truth[: result.views], part.camera)
-    runner = Runner(prepared, result)
-    runner.repeats = max(1, round(_LEAST_SECONDS / runner.time()))
-    return runner
-
-
-def _time(runners: list[Runner], rounds: int) -> None:
-    gc.collect()
-    gc.disable()
-    for number in range(rounds):
-        for runner in runners[:: -1 if number % 2 else 1]:
-            time.sleep(_PAUSE)
-            runner.result.seconds.append(runner.time())
-    gc.enable()
+    return run
 
 
 def agreement(depth: NDArray, truth: NDArray, camera: wv.Camera) -> float:
@@ -130,15 +100,15 @@ def markdown(results: list[Result], rounds: int) -> str:
     scenes = list(dict.fromkeys(result.scene for result in results))
     cells = {(result.method, result.scene): result for result in results}
     packages = dict.fromkeys(package for method in METHODS for package in method.packages)
-    lines = [describe(packages) + time.strftime("; %Y-%m-%d."), "", _row(["Frames per second", *scenes, "Same depth"])]
-    lines.append(_row(["---", *["---:"] * (len(scenes) + 1)]))
+    lines = [describe(packages) + time.strftime("; %Y-%m-%d."), "", row(["Frames per second", *scenes, "Same depth"])]
+    lines.append(row(["---", *["---:"] * (len(scenes) + 1)]))
     for method in METHODS:
-        row = [cells[method.title, scene] for scene in scenes]
-        ran = [result.agreement for result in row if not result.missing]
-        missing = "; ".join(dict.fromkeys(result.missing for result in row if result.missing))
+        found = [cells[method.title, scene] for scene in scenes]
+        ran = [result.agreement for result in found if not result.missing]
+        missing = "; ".join(dict.fromkeys(result.missing for result in found if result.missing))
         title = f"{method.title} (missing: {missing})" if missing else method.title
-        columns = [_cell(result, cells[BASELINE, result.scene]) for result in row]
-        lines.append(_row([title, *columns, _percent(min(ran)) if ran else "-"]))
+        columns = [_cell(result, cells[BASELINE, result.scene]) for result in found]
+        lines.append(row([title, *columns, _percent(min(ran)) if ran else "-"]))
     return "\n".join([*lines, "", _caption(scenes, cells, rounds)])
 
 
@@ -146,31 +116,26 @@ def _caption(scenes: list[str], cells: dict[tuple[str, str], Result], rounds: in
     camera = wv.scenes.PRESETS[scenes[0]].camera
     views = ", ".join(f"{scene} {cells[BASELINE, scene].views}" for scene in scenes)
     slow = [method for method in METHODS if method.most_views < sys.maxsize]
-    few = " and ".join(f"{method.title.partition(',')[0]} at most {method.most_views}" for method in slow)
+    few = ", ".join(f"{method.title.partition(',')[0]} at most {method.most_views}" for method in slow)
     return (
         f"Depth images of {camera.width}x{camera.height} pixels, on all cores, or on one thread where it says so. "
         f"Views: {views}; of these, {few}. The median of {rounds} rounds, in which the methods take turns; in "
-        "brackets, times the first row. Same depth: pixels within 1 mm of warpvis's, in the scene with the fewest."
+        "brackets, how many times slower than the first row. Same depth: pixels within 1 mm of the `rays` caster's, in "
+        "the scene with the fewest."
     )
 
 
 def _cell(result: Result, baseline: Result) -> str:
     if result.missing:
         return "-"
-    return f"{_number(result.fps)} ({_number(result.fps / baseline.fps)}x)" if baseline.fps else _number(result.fps)
-
-
-def _number(value: float) -> str:
-    return f"{value:,.0f}" if value >= 10 else f"{value:.1f}" if value >= 0.995 else f"{value:.2g}"
+    if result is baseline or not baseline.fps:
+        return number(result.fps)
+    return f"{number(result.fps)} ({compared(baseline.fps / result.fps)})"
 
 
 def _percent(share: float) -> str:
     """Rounded down: only all of them are 100 %."""
     return f"{np.floor(share * 1e5) / 1e3:g} %"
-
-
-def _row(cells: Sequence[str]) -> str:
-    return f"| {' | '.join(cells)} |"
 
 
 def _reason(error: Exception) -> str:
@@ -204,11 +169,12 @@ def split_readme(path: Path) -> tuple[str, str]:
     return head + begin, end + tail
 
 
-def write_json(path: Path, results: list[Result]) -> None:
-    """All results with the time of every round."""
+def write_json(path: Path, results: list[Result], more: list[Figure]) -> None:
+    """All results with the time of every round, and the second table's."""
     packages = dict.fromkeys(package for method in METHODS for package in method.packages)
     rows = [{**asdict(result), "fps": result.fps} for result in results]
-    path.write_text(json.dumps({"machine": describe(packages), "results": rows}, indent=2) + "\n", encoding="utf-8")
+    content = {"machine": describe(packages), "results": rows, "more": [asdict(figure) for figure in more]}
+    path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -224,13 +190,14 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     )
     parser.add_argument("--views", type=count, default=64, help="views a round; large scenes take a quarter")
     parser.add_argument("--rounds", type=count, default=9)
+    parser.add_argument("--skip-more", action="store_true", help="leave out the second table")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all times there")
-    parser.add_argument("--readme", type=Path, metavar="FILE", help=f"put the table there, between {BEGIN} and {END}")
+    parser.add_argument("--readme", type=Path, metavar="FILE", help=f"put the tables there, between {BEGIN} and {END}")
     return parser.parse_args(arguments)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the comparison; the table goes to standard output."""
+    """Run the comparison; the tables go to standard output."""
     options = _parse(arguments)
     if options.readme:
         try:
@@ -243,15 +210,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     results = [
         result for name in options.scenes for result in compare(wv.scenes.PRESETS[name], options.views, options.rounds)
     ]
-    table = markdown(results, options.rounds)
-    print(table, flush=True)
+    more = [] if options.skip_more else measure_more(options.scenes, options.rounds)
+    tables = "\n\n".join([markdown(results, options.rounds), *([more_markdown(more)] if more else [])])
+    print(tables, flush=True)
     if others.warning():
         _say(others.warning())
     if options.json:
-        write_json(options.json, results)
+        write_json(options.json, results, more)
     if options.readme:
         head, tail = split_readme(options.readme)
-        options.readme.write_text(f"{head}\n{table}\n{tail}", encoding="utf-8")
+        options.readme.write_text(f"{head}\n{tables}\n{tail}", encoding="utf-8")
     return 0
 
 

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
@@ -15,10 +15,14 @@ from warpvis.threads import core_count
 
 ROUNDS = 7
 
-# Views that a thread gets in a round of casting: some 0.2 s for the `rays` caster on one core of 2026. The numbers are
-# fixed, and do not depend on what was measured, so that rounds of different runs are the same work.
-_VIEWS_PER_THREAD = {"room": 20, "blobs_77k": 4, "blobs_1m": 3}
-_EXPERIMENT_VIEWS_PER_THREAD = 10
+# How often a thread is given how many views in a round of casting: some 0.1 to 0.2 s on one core of 2026. The numbers
+# are fixed, and do not depend on what was measured, so that rounds of different runs are the same work. Packets render
+# the same few views again and again: as many views at once would be more memory than work.
+_CALLS = {
+    "rays": {"room": (1, 20), "blobs_77k": (1, 4), "blobs_1m": (1, 3)},
+    "packets": {"room": (40, 32), "blobs_77k": (10, 32), "blobs_1m": (3, 32)},
+}
+_EXPERIMENT_CALLS = {"rays": (1, 10), "packets": (60, 32)}
 
 
 @cache
@@ -32,10 +36,10 @@ def scene_of() -> Callable[[str], wv.Scene]:
     return _build
 
 
-@pytest.fixture
-def views_per_thread() -> Callable[[str], int]:
-    """How many views of a preset make a round of casting with one thread."""
-    return lambda name: _VIEWS_PER_THREAD.get(name, _EXPERIMENT_VIEWS_PER_THREAD)
+@pytest.fixture(params=["packets", "rays"])
+def caster(request: pytest.FixtureRequest) -> str:
+    """The casters that CPU cores have."""
+    return request.param
 
 
 @pytest.fixture(params=["one_thread", "all_cores"])
@@ -45,13 +49,28 @@ def threads(request: pytest.FixtureRequest) -> int:
 
 
 @pytest.fixture
-def measure(benchmark: Any) -> Callable[[Callable[[], Any], int], None]:
+def measure(benchmark: Any) -> Callable[..., None]:
     """Measures a call that does some number of views, and notes frames per second."""
 
-    def run(call: Callable[[], Any], views: int) -> None:
-        benchmark.pedantic(call, rounds=ROUNDS, iterations=1, warmup_rounds=1)
+    def run(call: Callable[[], Any], views: int, calls: int = 1) -> None:
+        benchmark.pedantic(call, rounds=ROUNDS, iterations=calls, warmup_rounds=1)
         benchmark.extra_info["views"] = views
         if benchmark.stats:  # there are none with --benchmark-disable
             benchmark.extra_info["fps"] = views / benchmark.stats.stats.median
+
+    return run
+
+
+@pytest.fixture
+def measure_casting(measure: Any, scene_of: Any, caster: str, threads: int) -> Callable[..., None]:
+    """Measures a caster on a preset."""
+
+    def run(name: str, outputs: Sequence[Any]) -> None:
+        preset = wv.scenes.PRESETS[name]
+        calls, views_per_thread = _CALLS[caster].get(name, _EXPERIMENT_CALLS[caster])
+        poses = preset.poses(views_per_thread * threads)
+        renderer = wv.Renderer(scene_of(name), preset.camera, outputs=outputs, caster=caster, threads=threads)
+        views = renderer.render(poses)
+        measure(lambda: renderer.render(poses, out=views), len(poses), calls)
 
     return run

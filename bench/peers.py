@@ -13,9 +13,9 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from glob import glob
 from pathlib import Path
 from typing import Any
@@ -97,9 +97,9 @@ class Method:
     """How many views a round may have; slow methods are measured on the first few."""
 
 
-def warpvis_rays(work: Work, outputs: Sequence[Any], threads: int | None) -> Prepared:
-    """This library's `rays` caster."""
-    renderer = wv.Renderer(work.scene, work.camera, outputs=outputs, threads=threads)
+def warpvis(work: Work, *outputs: Any, caster: Any = "packets", **options: Any) -> Prepared:
+    """This library; depth, unless told otherwise."""
+    renderer = wv.Renderer(work.scene, work.camera, outputs=outputs or ("depth",), caster=caster, **options)
     views = renderer.render(work.poses)
     return lambda: renderer.render(work.poses, out=views), lambda result: result.depth.numpy()
 
@@ -266,17 +266,21 @@ def _load_mujoco(work: Work) -> tuple[Any, Any, Any]:
     return mujoco, model, data
 
 
-BASELINE = "**warpvis** `rays`, depth"
+BASELINE = "**warpvis** `packets`, depth"
 """The row that others are compared with."""
 
+_OWN = ("warpvis", "warp-lang")
+
 METHODS = (
-    Method(BASELINE, lambda work: warpvis_rays(work, ("depth",), None), ("warpvis", "warp-lang")),
-    Method(f"{BASELINE}, 1 thread", lambda work: warpvis_rays(work, ("depth",), 1), ("warpvis", "warp-lang")),
+    Method(BASELINE, warpvis, _OWN),
+    Method(f"{BASELINE}, 1 thread", partial(warpvis, threads=1), _OWN),
+    Method(f"{BASELINE}, back faces culled", partial(warpvis, cull_backfaces=True), _OWN),
     Method(
-        "**warpvis** `rays`, depth, points, labels and objects",
-        lambda work: warpvis_rays(work, ("depth", "points", "labels", "objects"), None),
-        ("warpvis", "warp-lang"),
+        f"{BASELINE}, points, labels and objects",
+        lambda work: warpvis(work, "depth", "points", "labels", "objects"),
+        _OWN,
     ),
+    Method("**warpvis** `rays`, depth", partial(warpvis, caster="rays"), _OWN, most_views=16),
     Method("Mitsuba `llvm_ad_rgb`, Embree's coherent packets", mitsuba, ("mitsuba", "drjit")),
     Method("Open3D `RaycastingScene`, Embree", open3d, ("open3d",)),
     Method("embreex, 1 thread", embreex, ("embreex",)),

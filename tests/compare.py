@@ -11,14 +11,16 @@ from warpvis import Camera, Scene, Views
 import reference
 
 
-def assert_matches_reference(views: Views, scene: Scene, camera: Camera, poses: np.ndarray) -> None:
+def assert_matches_reference(
+    views: Views, scene: Scene, camera: Camera, poses: np.ndarray, *, cull_backfaces: bool = False
+) -> None:
     """Every view agrees with the float64 reference in every image it has.
 
     Depth within ``1e-5 * max(1, z)`` on 99.99 % of the pixels, and on the rest a ray passes within 1e-4 px of an edge.
     Points within that distance and the rounding of their coordinates; objects and labels equal.
     """
     for view, pose in enumerate(poses):
-        expected = reference.cast_rays(scene, camera, pose)
+        expected = reference.cast_rays(scene, camera, pose, cull_backfaces=cull_backfaces)
         wrong = wrong_depth(views.depth.numpy()[view], expected.depth)
         if views.objects is not None:
             # Where two objects' surfaces coincide, either may be the one that is seen.

@@ -12,6 +12,8 @@ import pytest
 import warp as wp
 
 wp.config.log_level = wp.LOG_WARNING
+if "WARPVIS_CPU_FLAGS" in os.environ:  # "-target-cpu haswell" for AVX2 alone, "" for any x86-64
+    wp.config.cpu_compiler_flags = os.environ["WARPVIS_CPU_FLAGS"]
 
 _PROBE = """
 import mujoco

@@ -46,16 +46,34 @@ def triangles_in_camera(scene: Scene, pose: NDArray) -> tuple[NDArray, NDArray]:
     return (corners - matrix[:3, 3]) @ matrix[:3, :3], owner
 
 
-def cast_rays(scene: Scene, camera: Camera, pose: NDArray) -> Images:
-    rays = pixel_rays(camera).reshape(-1, 3)
+def cast_rays(scene: Scene, camera: Camera, pose: NDArray, *, cull_backfaces: bool = False) -> Images:
+    return _cast(scene, camera, pose, pixel_rays(camera), cull_backfaces)
+
+
+def cast_rays_at(
+    scene: Scene, camera: Camera, pose: NDArray, pixels: NDArray, *, cull_backfaces: bool = False
+) -> Images:
+    inside = ((pixels >= 0) & (pixels < [camera.width, camera.height])).all(axis=-1)
+    pixels = np.where(inside[..., None], pixels.astype(np.float64), np.nan)
+    return _cast(scene, camera, pose, camera.back_project(pixels, np.ones(pixels.shape[:-1])), cull_backfaces)
+
+
+# What an image shows does not depend on how it is cast.
+cast_packets = cast_rays
+
+
+def _cast(scene: Scene, camera: Camera, pose: NDArray, rays: NDArray, cull_backfaces: bool) -> Images:
+    """What is seen along rays of the camera frame with z = 1, shape (..., 3)."""
+    shape = rays.shape[:-1]
+    rays = rays.reshape(-1, 3)
     corners, owner = triangles_in_camera(scene, pose)
     nearest_of, triangle_of = np.full((len(scene), len(rays)), np.inf), np.full((len(scene), len(rays)), -1)
     for index in range(len(scene)):
         first = np.flatnonzero(owner == index)[0]
         for start in range(0, len(rays), _RAYS_AT_A_TIME):
             part = slice(start, start + _RAYS_AT_A_TIME)
-            nearest_of[index, part], nearest = _nearest_triangle(rays[part], corners[owner == index])
-            triangle_of[index, part] = first + nearest
+            found = _nearest_triangle(rays[part], corners[owner == index], cull_backfaces)
+            nearest_of[index, part], triangle_of[index, part] = found[0], first + found[1]
     seen = nearest_of.argmin(axis=0)
     depth, triangle = nearest_of.min(axis=0), triangle_of[seen, np.arange(len(rays))]
     ordered = np.sort(nearest_of, axis=0)
@@ -79,7 +97,6 @@ def cast_rays(scene: Scene, camera: Camera, pose: NDArray) -> Images:
     objects = np.where(hit, owner[triangle], -1)
     label_of = np.array([item.label for item in scene.objects])
     labels = np.where(hit, label_of[objects], Label.EMPTY)
-    shape = (camera.height, camera.width)
     return Images(
         depth.reshape(shape),
         points.reshape(*shape, 3),
@@ -90,15 +107,11 @@ def cast_rays(scene: Scene, camera: Camera, pose: NDArray) -> Images:
     )
 
 
-# What an image shows does not depend on how it is cast.
-cast_packets = cast_rays
-
-
-def _nearest_triangle(rays: NDArray, corners: NDArray) -> tuple[NDArray, NDArray]:
+def _nearest_triangle(rays: NDArray, corners: NDArray, cull_backfaces: bool) -> tuple[NDArray, NDArray]:
     """Least depth of every ray over the triangles, +inf where it misses them all, and which triangle that is."""
     depth, triangle = np.full(len(rays), np.inf), np.zeros(len(rays), dtype=np.int64)
     for start in range(0, len(corners), _TRIANGLES_AT_A_TIME):
-        z = _depth_of_triangles(rays, corners[start : start + _TRIANGLES_AT_A_TIME])
+        z = _depth_of_triangles(rays, corners[start : start + _TRIANGLES_AT_A_TIME], cull_backfaces)
         first = z.argmin(axis=1)
         z = z[np.arange(len(rays)), first]
         nearer = z < depth
@@ -106,7 +119,7 @@ def _nearest_triangle(rays: NDArray, corners: NDArray) -> tuple[NDArray, NDArray
     return depth, triangle
 
 
-def _depth_of_triangles(rays: NDArray, corners: NDArray) -> NDArray:
+def _depth_of_triangles(rays: NDArray, corners: NDArray, cull_backfaces: bool) -> NDArray:
     """Planar depth of every ray (N) on every triangle (T), +inf where it misses, shape (N, T).
 
     A ray d meets the triangle a b c where d . (b x c), d . (c x a) and d . (a x b) have one sign, at the depth
@@ -119,6 +132,8 @@ def _depth_of_triangles(rays: NDArray, corners: NDArray) -> NDArray:
         z = (normal * a).sum(axis=1) / (rays @ normal.T)
     least, greatest = np.minimum.reduce(sides), np.maximum.reduce(sides)
     hit = ((least >= 0) | (greatest <= 0)) & (least < greatest) & (z > 0)
+    if cull_backfaces:
+        hit &= (normal * a).sum(axis=1) < 0
     return np.where(hit, z, np.inf)
 
 

@@ -65,7 +65,7 @@ CASES = {
     "K of words": (lambda: Camera.from_K("K", 3, 2), "matrix of numbers"),
     "unknown pixel centre": (lambda: Camera.from_K(K, 3, 2, pixel_center=1), "pixel_center must be 0.5 or 0.0, got 1"),
     "points of two": (lambda: KINECT.project([1, 2]), r"points must have shape \(..., 3\), got \(2,\)"),
-    "pixels of three": (lambda: KINECT.back_project([1, 2, 3], 1), r"pixels must have shape \(..., 2\)"),
+    "image points of three": (lambda: KINECT.back_project([1, 2, 3], 1), r"pixels must have shape \(..., 2\)"),
     # Poses
     "poses of six": (lambda: wv.parse_poses(np.zeros((5, 6))), r"\(V, 7\).*got \(5, 6\)"),
     "poses of words": (lambda: wv.parse_poses([["a"] * 7]), "camera_to_world must be an array of numbers"),
@@ -136,6 +136,24 @@ CASES = {
     "out lacks an output": (
         lambda: wv.render(box_scene(), KINECT, POSE, out=wv.render(box_scene(), KINECT, POSE, outputs="depth")),
         "out.points must be a wp.array",
+    ),
+    "unknown caster": (
+        lambda: wv.render(box_scene(), KINECT, POSE, caster="fast"),
+        '"auto", "packets" or "rays", got \'fast\'',
+    ),
+    "out with gaps": (
+        lambda: wv.render(
+            box_scene(), KINECT, POSE, outputs="depth", out=wv.Views(wp.zeros((1, 240, 640), device="cpu")[:, :, ::2])
+        ),
+        "out.depth must be contiguous, got strides",
+    ),
+    "pixels of three": (
+        lambda: wv.Renderer(box_scene(), KINECT).render_at(POSE, np.zeros((1, 5, 3))),
+        r"pixels must have shape \(1, N, 2\), got \(1, 5, 3\)",
+    ),
+    "pixels of more views": (
+        lambda: wv.Renderer(box_scene(), KINECT).render_at(POSE, np.zeros((2, 5, 2))),
+        r"pixels must have shape \(1, N, 2\), got \(2, 5, 2\)",
     ),
     "more than memory": (
         lambda: wv.render(box_scene(), Camera.from_fov(20000, 20000, hfov=1), np.tile(POSE, (100_000, 1))),
@@ -222,6 +240,8 @@ def test_bad_input_gets_a_sentence(case):
 def test_arrays_of_another_device_are_refused(device):
     if device == "cpu":
         pytest.skip("needs two devices")
+    with pytest.raises(wv.WarpvisError, match='caster="packets" runs on the CPU, and the scene is on cuda:0'):
+        wv.Renderer(box_scene().to(device), KINECT, caster="packets")
     with pytest.raises(wv.WarpvisError, match=r"camera_to_world must be on device cpu, got cuda:0"):
         wv.render(box_scene(), KINECT, wp.array([POSE], dtype=wp.transform, device=device))
     with pytest.raises(wv.WarpvisError, match="objects must be on device cpu, got cuda:0"):

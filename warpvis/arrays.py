@@ -63,7 +63,9 @@ def as_warp(value: Any, dtype: Any, shape: Shape, *, name: str, device: wp.Devic
     target = wp.dtype_to_numpy(scalar)
     if host.dtype.kind in "iu" and host.size and not _fits(host, target):
         raise ArrayError(f"{name} must fit {scalar.__name__}, got values from {host.min()} to {host.max()}")
-    return wp.array(np.ascontiguousarray(host, dtype=target), dtype=dtype, device=device, copy=not device.is_cpu)
+    # NumPy calls any stride of an axis of length 1 contiguous, Warp does not: flattening settles it.
+    host = np.ascontiguousarray(host, dtype=target).reshape(-1).reshape(host.shape)
+    return wp.array(host, dtype=dtype, device=device, copy=not device.is_cpu)
 
 
 def as_numpy(value: Any, *, name: str) -> np.ndarray:
@@ -135,11 +137,14 @@ def _check_warp(array: wp.array, dtype: Any, shape: Shape, *, name: str, device:
     if not wp.types.types_equal(array.dtype, dtype):
         raise ArrayError(f"{name} must have dtype {_dtype_name(dtype)}, got {_dtype_name(array.dtype)}")
     check_shape(array.shape, shape, name=name)
+    if not array.is_contiguous:
+        raise ArrayError(f"{name} must be contiguous, got strides {array.strides} for shape {array.shape}")
     return array
 
 
 def _dtype_name(dtype: Any) -> str:
-    return {wp.vec2: "wp.vec2", wp.vec3: "wp.vec3", wp.vec4: "wp.vec4", wp.transform: "wp.transform"}.get(dtype, dtype.__name__)
+    vectors = {wp.vec2: "wp.vec2", wp.vec3: "wp.vec3", wp.vec4: "wp.vec4", wp.transform: "wp.transform"}
+    return vectors.get(dtype, dtype.__name__)
 
 
 def _fits(host: np.ndarray, target: np.dtype) -> bool:

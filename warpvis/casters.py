@@ -111,9 +111,7 @@ class PacketsCaster:
         run_together(work, workers)
         self._idle.append(place)
 
-    def _take(
-        self, views: int, strips: int, strip_height: int, workers: int, depth: int, points: int
-    ) -> _Workplace:
+    def _take(self, views: int, strips: int, strip_height: int, workers: int, depth: int, points: int) -> _Workplace:
         """A workplace that nobody uses: callers on several threads each have their own."""
         key = (views, strips, workers, depth, points)
         while self._idle:

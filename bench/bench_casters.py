@@ -1,0 +1,13 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Both casters: depth of every preset, 320x240."""
+
+import pytest
+
+import warpvis as wv
+
+
+@pytest.mark.benchmark(group="casters, depth")
+@pytest.mark.parametrize("name", wv.scenes.PRESETS)
+def test_depth(measure_casting, name):
+    measure_casting(name, ("depth",))

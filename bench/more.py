@@ -1,0 +1,186 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What frames per second of batches do not say: single views, more threads, building a tree, and narrower lanes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+from peers import Work, open3d, warpvis
+from targets import NATIVE, compare_targets
+from timing import take_turns
+
+import warpvis as wv
+from warpvis.threads import core_count
+
+_BATCH = 64
+_BUILDS = 5
+
+# One view alone is measured on several, one call each: some show more than others.
+_SINGLE_VIEWS = 8
+
+_SINGLE, _LARGEST, _COMPILED = "room", "blobs_1m", ("room", "blobs_77k")
+
+# Lines of the table.
+_ONE = "One view of 640x480, `packets`, depth"
+_ONE_ALONE = f"{_ONE}, 1 thread"
+_ONE_OPEN3D = "One view of 640x480, Open3D"
+_BATCH_OF_TWO = f"{_BATCH} views on 2 threads, times as fast as on 1"
+_ONE_OF_TWO = "One view of 640x480 on 2 threads, times as fast as on 1"
+_CLUSTERS = "Building `Scene.clusters()`"
+_MESH = 'Building `wp.Mesh`, `bvh_constructor="sah"`'
+_MEMORY = "Memory of the clusters, bytes per triangle"
+_NARROW = "`packets` compiled for {}, of native speed"
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One cell of the table."""
+
+    title: str
+    scene: str
+    value: float | None
+    shown: str
+    """The cell's text; why there is no value, if there is none."""
+
+
+def measure_more(scenes: Sequence[str], rounds: int) -> list[Figure]:
+    """All of it, as far as it is about one of the scenes and runs on this machine."""
+    figures = []
+    if _SINGLE in scenes:
+        figures += _attempt(_ONE, _SINGLE, lambda: _single_view(wv.scenes.PRESETS[_SINGLE], rounds))
+    for name in scenes:
+        figures += _attempt(_BATCH_OF_TWO, name, lambda name=name: _two_threads(wv.scenes.PRESETS[name], rounds))
+    if _LARGEST in scenes:
+        figures += _attempt(_CLUSTERS, _LARGEST, lambda: _building(wv.scenes.PRESETS[_LARGEST]))
+    compiled = [name for name in _COMPILED if name in scenes]
+    if compiled:
+        figures += _attempt(_NARROW.format("less"), compiled[0], lambda: _narrow(compiled))
+    return figures
+
+
+def _attempt(title: str, scene: str, measure: Callable[[], Iterator[Figure]]) -> list[Figure]:
+    try:
+        return list(measure())
+    except Exception as error:  # what fails, however it does, is a cell of the table
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        return [Figure(title, scene, None, f"missing: {reason}".replace("|", "/"))]
+
+
+def _single_view(preset: wv.scenes.ScenePreset, rounds: int) -> Iterator[Figure]:
+    """Milliseconds a view."""
+    camera = wv.Camera.from_fov(640, 480, hfov=preset.camera.hfov, near=preset.camera.near, far=preset.camera.far)
+    scene = preset.build()
+    works = [Work(scene, camera, pose[None]) for pose in preset.poses(_SINGLE_VIEWS)]
+    kinds: dict[str, Callable[[Work], Any]] = {
+        _ONE: warpvis,
+        _ONE_ALONE: lambda work: warpvis(work, threads=1),
+        _ONE_OPEN3D: open3d,
+        _ONE_OF_TWO: lambda work: warpvis(work, threads=2),
+    }
+    if core_count() < 2:
+        del kinds[_ONE_OF_TWO]
+    runs = [_one_by_one([prepare(work)[0] for work in works]) for prepare in kinds.values()]
+    seconds = dict(zip(kinds, _medians(runs, rounds), strict=True))
+    for title, value in seconds.items():
+        if title == _ONE_OF_TWO:
+            yield _times(title, preset.name, seconds[_ONE_ALONE] / value)
+        else:
+            milliseconds = value / len(works) * 1e3
+            yield Figure(title, preset.name, milliseconds, f"{milliseconds:.3g} ms{_beside(value, seconds[_ONE])}")
+
+
+def _one_by_one(runs: list[Callable[[], Any]]) -> Callable[[], None]:
+    def run_all() -> None:
+        for run in runs:
+            run()
+
+    return run_all
+
+
+def _two_threads(preset: wv.scenes.ScenePreset, rounds: int) -> Iterator[Figure]:
+    """How many times as fast two threads are as one."""
+    if core_count() < 2:
+        raise RuntimeError("there is only 1 core")
+    work = Work(preset.build(), preset.camera, preset.poses(_BATCH))
+    one, two = _medians([warpvis(work, threads=threads)[0] for threads in (1, 2)], rounds)
+    yield _times(_BATCH_OF_TWO, preset.name, one / two)
+
+
+def _building(preset: wv.scenes.ScenePreset) -> Iterator[Figure]:
+    """Seconds for the cluster tree and for Warp's tree of the same triangles."""
+    scene = preset.build()
+    first = np.cumsum([0] + [len(item.vertices) for item in scene])
+    vertices = np.concatenate([item.vertices for item in scene])
+    faces = np.concatenate([item.faces + start for item, start in zip(scene, first, strict=False)])
+
+    def mesh() -> wp.Mesh:
+        points = wp.array(vertices, dtype=wp.vec3, device="cpu")
+        return wp.Mesh(points, wp.array(faces.ravel(), dtype=wp.int32, device="cpu"), bvh_constructor="sah")
+
+    mesh()  # warm, as the clusters are
+    clusters, other = _medians([lambda: scene.to(scene.device).clusters(), mesh], _BUILDS)
+    yield Figure(_CLUSTERS, preset.name, clusters, f"{clusters:.2f} s")
+    yield Figure(_MESH, preset.name, other, f"{other:.2f} s{_beside(other, clusters)}")
+    memory = scene.clusters().bytes_per_triangle
+    yield Figure(_MEMORY, preset.name, memory, f"{memory:.0f}")
+
+
+def _narrow(names: Sequence[str]) -> Iterator[Figure]:
+    """Speed when compiled for less, as a share of native speed."""
+    found = compare_targets(names)
+    for target in found:
+        for name in names if target != NATIVE else ():
+            share = found[target][name] / found[NATIVE][name]
+            yield Figure(_NARROW.format(target), name, share, f"{share * 100:.0f} %")
+
+
+def _medians(calls: Sequence[Callable[[], Any]], rounds: int) -> list[float]:
+    for call in calls:
+        call()
+    return [float(np.median(times)) for times in take_turns(calls, rounds)]
+
+
+def _times(title: str, scene: str, ratio: float) -> Figure:
+    return Figure(title, scene, ratio, f"{ratio:.2f}x")
+
+
+def _beside(seconds: float, baseline: float) -> str:
+    return "" if seconds == baseline else f" ({compared(seconds / baseline)})"
+
+
+def compared(ratio: float) -> str:
+    """How something that takes that many times the time of another compares with it."""
+    slower = ratio >= 1
+    return f"{number(ratio if slower else 1 / ratio)}x {'slower' if slower else 'faster'}"
+
+
+def number(value: float) -> str:
+    """Two digits or all that are before the point."""
+    return f"{value:,.0f}" if value >= 10 else f"{value:.1f}" if value >= 0.995 else f"{value:.2g}"
+
+
+def row(cells: Sequence[str]) -> str:
+    """One line of a Markdown table."""
+    return f"| {' | '.join(cells)} |"
+
+
+def more_markdown(figures: Sequence[Figure]) -> str:
+    """The table, and how to read it below."""
+    scenes = list(dict.fromkeys(figure.scene for figure in figures))
+    cells = {(figure.title, figure.scene): figure.shown for figure in figures}
+    lines = [row(["`packets` beyond batches", *scenes]), row(["---", *["---:"] * len(scenes)])]
+    for title in dict.fromkeys(figure.title for figure in figures):
+        lines.append(row([title, *(cells.get((title, scene), "") for scene in scenes)]))
+    return "\n".join([*lines, "", _CAPTION])
+
+
+_CAPTION = (
+    "On all cores where it does not say how many threads; `wp.Mesh` builds on one. One view: a call for each, the mean "
+    f"of {_SINGLE_VIEWS}. Compiled for less: Warp's `cpu_compiler_flags` is `-target-cpu haswell` for AVX2 and empty "
+    "for AVX, the least that Warp compiles for on x86-64; each in processes of its own, in turns."
+)

@@ -1,0 +1,263 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The packet caster where it differs in kind: trees, strips, back faces, sparse points, memory, instruction sets."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import trimesh
+import warp as wp
+
+import warpvis as wv
+from warpvis import scenes
+from warpvis.casters import split_rows
+
+import reference
+from compare import assert_matches_reference, wrong_depth
+
+ALL = ("depth", "points", "normals", "labels", "objects")
+SMALL = wv.Camera.from_fov(120, 90, hfov=0.994837, near=0.05, far=100.0)
+LEVEL = (0, 0, 0, 0.5, -0.5, 0.5, -0.5)  # at the origin, looking along -x
+
+
+def assert_same(one, other):
+    """Two renderings agree within the bounds that each of them has against the reference."""
+    assert wrong_depth(one.depth.numpy(), other.depth.numpy().astype(np.float64)).mean() <= 1e-5
+    if one.objects is not None:
+        assert (one.objects.numpy() != other.objects.numpy()).mean() <= 1e-5
+
+
+@pytest.mark.parametrize("name", ["blobs_77k", "blobs_1m"])
+def test_large_scenes_agree_with_rays(name):
+    preset = scenes.PRESETS[name]
+    scene = preset.build()
+    packets, rays = (wv.render(scene, preset.camera, preset.poses(3), caster=caster) for caster in ("packets", "rays"))
+    assert_same(packets, rays)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_triangles_all_around_the_camera(seed):
+    """A soup through which the camera looks: triangles before it, behind it, and through its plane."""
+    rng = np.random.default_rng(seed)
+    size = 10.0 ** rng.uniform(-1.5, 0.7, (300, 1, 1))
+    corners = rng.normal(0, 2, (300, 1, 3)) + size * rng.normal(0, 1, (300, 3, 3))
+    scene = wv.Scene()
+    scene.add((corners.reshape(-1, 3), np.arange(900).reshape(-1, 3)), name="soup")
+    camera = wv.Camera.from_fov(96, 72, hfov=1.8)
+    poses = np.array([wv.look_at((0, 0, 0), rng.normal(size=3)) for _ in range(3)]).astype(np.float32)
+    assert_matches_reference(wv.render(scene, camera, poses, outputs=ALL), scene, camera, poses)
+    culled = wv.render(scene, camera, poses, outputs=ALL, cull_backfaces=True)
+    assert_matches_reference(culled, scene, camera, poses, cull_backfaces=True)
+
+
+def test_culling_sees_through_back_faces(device, caster):
+    """A camera inside a ball, with another ball beyond: culled, the first one is not there."""
+    scene = wv.Scene(device=device)
+    scene.add(trimesh.creation.icosphere(radius=1.0), name="around")
+    scene.add(trimesh.creation.icosphere(radius=0.5), name="beyond", pose=(3, 0, 0, 0, 0, 0, 1))
+    pose = wv.look_at((0, 0, 0), (1, 0, 0))[None].astype(np.float32)
+    both = wv.render(scene, SMALL, pose, outputs=ALL, caster=caster)
+    assert (both.objects.numpy() == 0).all()
+    culled = wv.render(scene, SMALL, pose, outputs=ALL, caster=caster, cull_backfaces=True)
+    assert set(np.unique(culled.objects.numpy())) == {-1, 1}
+    assert_matches_reference(culled, scene, SMALL, pose, cull_backfaces=True)
+
+
+def test_leaving_out_back_faces_changes_nothing(monkeypatch):
+    """Bit for bit: from outside of closed meshes, from inside, from inside their boxes, and through each other."""
+
+    def build():
+        scene = scenes.PRESETS["room"].build()
+        dented = trimesh.creation.icosphere(subdivisions=4, radius=0.3)
+        dented.vertices += 0.03 * np.sin(20 * dented.vertices[:, [1, 2, 0]])
+        scene.add(dented, name="dented", pose=(0.9, 0.1, 0.4, 0, 0, 0, 1))
+        open_box = trimesh.creation.box((0.4, 0.4, 0.4))
+        scene.add((open_box.vertices, open_box.faces[2:]), name="open", pose=(-0.5, 0, 0.6, 0.1, 0.2, 0.3, 0.9))
+        return scene
+
+    poses = np.concatenate([scenes.PRESETS["room"].poses(8), np.zeros((3, 7), dtype=np.float32)])
+    eyes = [(0.9, 0.1, 0.4), (0.9 + 0.29, 0.1 + 0.29, 0.4 + 0.29), (1.5, 0.5, 1.0)]
+    poses[8:] = [wv.look_at(eye, (0, 0, 0.3)) for eye in eyes]
+    scene = build()
+    assert scene.clusters().struct.closed_count == 6  # all but the open box
+    lean = wv.render(scene, SMALL, poses, outputs=ALL)
+    monkeypatch.setattr("warpvis.closed.provably_closed", lambda vertices, faces: False)
+    scene = build()
+    assert scene.clusters().struct.closed_count == 0
+    whole = wv.render(scene, SMALL, poses, outputs=ALL)
+    for name in ALL:
+        np.testing.assert_array_equal(getattr(lean, name).numpy(), getattr(whole, name).numpy())
+
+
+def test_a_million_triangles_in_one_pixel(tmp_path):
+    """A finely meshed ball that is far smaller than a pixel, and right on its centre."""
+    ball = trimesh.creation.icosphere(subdivisions=8, radius=0.1)
+    assert len(ball.faces) > 1_000_000
+    scene = wv.Scene()
+    scene.add(ball, pose=(1000, 0, 0, 0, 0, 0, 1))
+    camera = wv.Camera.from_fov(65, 49, hfov=0.99)
+    depth = wv.render(scene, camera, wv.look_at((0, 0, 0), (1, 0, 0))).depth.numpy()[0]
+    assert depth[24, 32] == pytest.approx(999.9, abs=1e-3)
+    assert np.isinf(np.delete(depth.ravel(), 24 * 65 + 32)).all()
+
+
+def test_a_large_image_of_large_triangles():
+    """4096 x 4096 pixels of the room agree with rays."""
+    preset = scenes.PRESETS["room"]
+    camera = wv.Camera.from_fov(4096, 4096, hfov=0.994837, near=0.05, far=100.0)
+    packets, rays = (
+        wv.render(preset.build(), camera, preset.poses(1), caster=caster, outputs=("depth", "objects"))
+        for caster in ("packets", "rays")
+    )
+    assert_same(packets, rays)
+
+
+def test_one_triangle_over_the_whole_image():
+    scene = wv.Scene()
+    scene.add((np.array([[5, -1e4, -1e4], [5, 1e4, -1e4], [5, 0, 1e4]]), np.array([[0, 1, 2]])))
+    depth = wv.render(scene, wv.Camera.from_fov(333, 217, hfov=1.0), wv.look_at((0, 0, 0), (1, 0, 0))).depth.numpy()
+    np.testing.assert_allclose(depth, 5.0, rtol=3e-7)
+
+
+def test_deep_trees_do_not_overflow():
+    """Triangles whose size and distance double: their tree is as deep as it can be."""
+    size = 2.0 ** np.linspace(-30, 30, 20_000)[:, None, None]
+    corners = size * np.array([[[1, -0.1, -0.1], [1, 0.1, -0.1], [1, 0, 0.1]]])
+    scene = wv.Scene()
+    scene.add((corners.reshape(-1, 3), np.arange(60_000).reshape(-1, 3)))
+    pose = wv.look_at((0, 0, 0), (1, 0, 0))
+    camera = wv.Camera.from_fov(64, 48, hfov=0.4)
+    packets, rays = (wv.render(scene, camera, pose, caster=caster) for caster in ("packets", "rays"))
+    assert np.isfinite(packets.depth.numpy()).any()
+    assert_same(packets, rays)
+
+
+def test_one_view_in_strips_is_bit_identical():
+    preset = scenes.PRESETS["room"]
+    scene = preset.build()
+    for size in ((640, 480), (123, 77)):
+        camera = wv.Camera.from_fov(*size, hfov=0.994837, near=0.05, far=100.0)
+        first = wv.render(scene, camera, preset.poses(1), outputs=ALL, threads=1)
+        for threads in (2, 3, 7):
+            again = wv.render(scene, camera, preset.poses(1), outputs=ALL, threads=threads)
+            for name in ALL:
+                assert getattr(again, name).numpy().tobytes() == getattr(first, name).numpy().tobytes()
+
+
+@pytest.mark.parametrize("shape", [(1, 480), (1, 1), (3, 240), (100, 240), (1, 17)])
+@pytest.mark.parametrize("threads", [1, 2, 8])
+def test_strips_cover_the_image(shape, threads):
+    views, height = shape
+    strips, strip_height = split_rows(views, height, threads)
+    assert strip_height % 16 == 0
+    assert (strips - 1) * strip_height < height <= strips * strip_height
+    assert views * strips >= min(threads, -(-height // 16))
+
+
+def test_memory_of_the_caller_may_start_anywhere():
+    """Images at odd addresses, of odd widths: what is asked for is written, and nothing beside it."""
+    preset = scenes.PRESETS["room"]
+    scene = preset.build()
+    for width in (77, 80):
+        camera = wv.Camera.from_fov(width, 33, hfov=0.99)
+        expected = wv.render(scene, camera, preset.poses(2), outputs=ALL)
+        memory, images = {}, {}
+        for name in ALL:
+            array = getattr(expected, name)
+            size = array.numpy().nbytes
+            item = array.numpy().dtype.itemsize
+            memory[name] = np.full(size + 64 + 4 * item, 0xA5, dtype=np.uint8)
+            start = -memory[name].ctypes.data % 64 + item  # one element past a cache line
+            host = memory[name][start : start + size].view(array.numpy().dtype).reshape(array.numpy().shape)
+            images[name] = wp.array(host, dtype=array.dtype, shape=array.shape, device="cpu", copy=False)
+        wv.Renderer(scene, camera, outputs=ALL).render(preset.poses(2), out=wv.Views(**images))
+        for name in ALL:
+            np.testing.assert_array_equal(images[name].numpy(), getattr(expected, name).numpy())
+            written = memory[name].size - images[name].numpy().nbytes
+            assert (memory[name] == 0xA5).sum() >= written
+            assert (memory[name][-3 * images[name].numpy().dtype.itemsize - 1 :] == 0xA5).all()
+
+
+@pytest.mark.parametrize("name", ["experiment_3", "room"])
+@pytest.mark.parametrize("cull_backfaces", [False, True])
+def test_points_of_the_image_match_their_twin(name, cull_backfaces, device, caster):
+    preset = scenes.PRESETS[name]
+    scene = preset.build(device)
+    camera = wv.Camera.from_fov(160, 120, hfov=0.994837, near=0.3, far=4.5)
+    rng = np.random.default_rng(0)
+    pixels = rng.uniform((-4, -4), (164, 124), (2, 3000, 2)).astype(np.float32)
+    pixels[:, 0] = np.nan
+    pixels[:, 1:500] = pixels[:, 500:501]  # many at one place
+    renderer = wv.Renderer(scene, camera, outputs=ALL, caster=caster, cull_backfaces=cull_backfaces)
+    views = renderer.render_at(preset.poses(2), pixels)
+    assert views.depth.shape == (2, 3000)
+    for view, pose in enumerate(preset.poses(2)):
+        expected = reference.cast_rays_at(scene, camera, pose, pixels[view], cull_backfaces=cull_backfaces)
+        wrong = wrong_depth(views.depth.numpy()[view], expected.depth)
+        assert wrong.mean() <= 1e-3
+        right = ~wrong & (expected.gap > 1e-5)
+        np.testing.assert_array_equal(views.objects.numpy()[view][right], expected.objects[right])
+        np.testing.assert_array_equal(views.labels.numpy()[view][right], expected.labels[right])
+        np.testing.assert_allclose(views.points.numpy()[view][right], expected.points[right], atol=1e-4)
+        apart = np.abs(views.normals.numpy()[view][right] - expected.normals[right]).max(axis=-1) > 1e-4
+        assert apart.mean() < 1e-2
+
+
+def test_points_at_pixel_centres_see_what_the_pixels_see():
+    preset = scenes.PRESETS["blobs_77k"]
+    renderer = wv.Renderer(preset.build(), SMALL, outputs=("depth", "objects"))
+    y, x = np.mgrid[:90, :120] + 0.5
+    pixels = np.tile(np.stack([x, y], axis=-1).reshape(1, -1, 2), (2, 1, 1))
+    image, points = renderer.render(preset.poses(2)), renderer.render_at(preset.poses(2), pixels)
+    assert wrong_depth(points.depth.numpy(), image.depth.numpy().reshape(2, -1).astype(np.float64)).mean() <= 1e-4
+    assert (points.objects.numpy() != image.objects.numpy().reshape(2, -1)).mean() <= 1e-4
+
+
+def test_points_do_not_depend_on_threads_or_order():
+    preset = scenes.PRESETS["room"]
+    pixels = np.random.default_rng(1).uniform((0, 0), (120, 90), (1, 5000, 2)).astype(np.float32)
+    order = np.random.default_rng(2).permutation(5000)
+    scene = preset.build()
+    first = wv.Renderer(scene, SMALL, threads=1).render_at(preset.poses(1), pixels)
+    for threads in (2, 5):
+        again = wv.Renderer(scene, SMALL, threads=threads).render_at(preset.poses(1), pixels[:, order])
+        assert again.depth.numpy().tobytes() == first.depth.numpy()[:, order].tobytes()
+        assert again.objects.numpy().tobytes() == first.objects.numpy()[:, order].tobytes()
+
+
+def test_auto_takes_packets_on_the_cpu_and_rays_elsewhere(device):
+    renderer = wv.Renderer(scenes.PRESETS["room"].build(device), SMALL)
+    assert renderer.caster == ("packets" if device == "cpu" else "rays")
+
+
+_ELSEWHERE = """
+import sys
+import numpy as np, warp as wp
+wp.config.cpu_compiler_flags = sys.argv[1]
+import warpvis as wv
+from warpvis import scenes
+camera = wv.Camera.from_fov(120, 90, hfov=0.994837, near=0.05, far=100.0)
+images = {}
+for name in ("experiment_3", "room", "blobs_77k"):
+    preset = scenes.PRESETS[name]
+    views = wv.render(preset.build(), camera, preset.poses(2))
+    images |= {f"{name}_depth": views.depth.numpy(), f"{name}_objects": views.objects.numpy()}
+np.savez(sys.argv[2], **images)
+"""
+
+
+@pytest.mark.skipif(os.uname().machine != "x86_64", reason="names x86-64's instruction sets")
+@pytest.mark.parametrize("flags", ["-target-cpu haswell", ""], ids=["AVX2", "plain"])
+def test_narrower_lanes_make_the_same_images(flags, tmp_path):
+    """Compiled for AVX2 alone, and for any x86-64; `make test-lanes` runs all tests of the casters that way."""
+    path = tmp_path / "images.npz"
+    subprocess.run([sys.executable, "-c", _ELSEWHERE, flags, str(path)], check=True, capture_output=True)
+    stored = np.load(path)
+    for name in ("experiment_3", "room", "blobs_77k"):
+        preset = scenes.PRESETS[name]
+        views = wv.render(preset.build(), SMALL, preset.poses(2), caster="rays")
+        assert wrong_depth(stored[f"{name}_depth"], views.depth.numpy().astype(np.float64)).mean() <= 1e-4
+        assert (stored[f"{name}_objects"] != views.objects.numpy()).mean() <= 1e-4
