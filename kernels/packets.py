@@ -28,7 +28,7 @@ class ClusterScene:
 
 @wp.struct
 class PacketJob:
-    """Images to make, in units of strips that threads take from a common counter.
+    """Images to make, in units of strips. Counters, from 0: the next unit, and the next worker.
 
     With `points`, rays go through that many points of every view, at x y x y ... [px], instead of its pixels' centres;
     the outputs' shape is then (views, 1, points).
@@ -61,6 +61,7 @@ const Job shape = {job.views, job.height, job.width, job.strips, job.strip_heigh
 const Outputs out = {depth.data, (float*)points.data, (float*)normals.data, labels.data, objects.data,
                      scene.object_label.data};
 const double focal[2] = {job.focal_x, job.focal_y}, center[2] = {job.center_x, job.center_y};
+const int worker = __atomic_fetch_add(job.counter.data + 1, 1, __ATOMIC_RELAXED);
 float* scratch = (float*)((char*)job.scratch.data + (long long)worker * job.scratch.strides[0]);
 Packets::run(tree, shape, out, (const float*)poses.data, focal, center, scene.closed_boxes.data, scene.closed_count,
              job.cull_backfaces != 0, scratch, job.counter.data);
@@ -71,7 +72,6 @@ Packets::run(tree, shape, out, (const float*)poses.data, focal, center, scene.cl
 def cast_units(
     scene: ClusterScene,
     job: PacketJob,
-    worker: int,
     poses: wp.array[wp.transform],
     depth: wp.array3d[float],
     points: wp.array3d[wp.vec3],
@@ -88,7 +88,6 @@ def cast_packets(
     # Cameras:
     job: PacketJob,
     camera_to_world: wp.array[wp.transform],
-    first_worker: int,
     # Out:
     depth_out: wp.array3d[float],
     points_out: wp.array3d[wp.vec3],
@@ -96,6 +95,10 @@ def cast_packets(
     labels_out: wp.array3d[wp.uint8],
     objects_out: wp.array3d[wp.int32],
 ):
-    """Write the asked-for images (an output that is None is skipped); a thread takes units until none are left."""
-    worker = wp.tid() + first_worker
-    cast_units(scene, job, worker, camera_to_world, depth_out, points_out, normals_out, labels_out, objects_out)
+    """Write the asked-for images (an output that is None is skipped).
+
+    Every worker launches this with the same arguments. The job's counters tell it which one it is, and the next unit
+    of work, until none is left.
+    """
+    _ = wp.tid()
+    cast_units(scene, job, camera_to_world, depth_out, points_out, normals_out, labels_out, objects_out)

@@ -101,14 +101,12 @@ class PacketsCaster:
         strips, strip_height = split_rows(views, self._camera.height, self._threads)
         workers = min(self._threads, views * strips)
         place = self._take(views, strips, strip_height, workers, clusters.depth, points)
-        place.counter[0] = 0
+        place.counter[:] = 0
         place.job.at = pixels if pixels is None else pixels.flatten().view(wp.float32).flatten()
-
-        def work(worker: int) -> None:
-            inputs = [clusters.struct, place.job, poses, worker, *images]
-            wp.launch(packets.cast_packets, dim=1, inputs=inputs, device="cpu")
-
-        run_together(work, workers)
+        inputs = [clusters.struct, place.job, poses, *images]
+        # Recorded once: packing the arguments takes longer than many a strip.
+        launch = wp.launch(packets.cast_packets, dim=1, inputs=inputs, device="cpu", record_cmd=True)
+        run_together(launch.launch, workers)
         self._idle.append(place)
 
     def _take(self, views: int, strips: int, strip_height: int, workers: int, depth: int, points: int) -> _Workplace:
@@ -135,7 +133,7 @@ class PacketsCaster:
         job.center_x, job.center_y = camera.cx, camera.cy
         job.near, job.far = camera.near, camera.far
         job.cull_backfaces = int(self._cull_backfaces)
-        counter = np.zeros(1, dtype=np.int32)
+        counter = np.zeros(2, dtype=np.int32)
         job.counter = wp.array(counter, dtype=wp.int32, device="cpu", copy=False)
         tiles_x, tiles_y = -(-camera.width // _TILE), -(-strip_height // _TILE)
         # As `Scratch` in kernels/native/packets.h carves it: w and id of every pixel, what is known of blocks and

@@ -26,6 +26,9 @@ _OPENCV_TO: dict[str, tuple[float, float, float, float]] = {
 # How far from orthonormal a rotation may be: matrices printed with four decimals pass, scaled ones do not.
 _ROTATION_TOLERANCE = 1e-3
 
+# A quaternion shorter than this has no direction.
+_LEAST_LENGTH = 1e-6
+
 
 def parse_poses(
     poses: Any, *, convention: Convention = "opencv", device: Any = "cpu", name: str = "camera_to_world"
@@ -67,6 +70,8 @@ def poses_to_opencv(poses: ArrayLike, convention: Convention = "opencv", *, name
         array = array[None]
     if array.ndim == 2 and array.shape[1] == 7:
         rows = _check_rows(array, name)
+        if convention == "opencv":
+            return rows
     elif array.ndim == 3 and array.shape[1:] == (4, 4):
         rows = _rows_from_matrices(array, name)
     else:
@@ -148,10 +153,14 @@ def _check_point(value: ArrayLike, name: str) -> NDArray[np.float64]:
 
 
 def _check_rows(rows: NDArray[np.float64], name: str) -> NDArray[np.float64]:
-    _refuse(name, ~np.isfinite(rows).all(axis=1), "must be finite")
-    length = np.linalg.norm(rows[:, 3:], axis=1)
-    _refuse(name, length < 1e-6, "must not have a zero-length quaternion")
-    return np.concatenate([rows[:, :3], rows[:, 3:] / length[:, None]], axis=1)
+    length = np.sqrt(np.einsum("ij,ij->i", rows[:, 3:], rows[:, 3:]))
+    # A sum is finite only if its terms are: one look, since every frame passes here, and a closer one if it fails.
+    if not (np.isfinite(rows.sum()) and length.min(initial=1.0) >= _LEAST_LENGTH):
+        _refuse(name, ~np.isfinite(rows).all(axis=1), "must be finite")
+        _refuse(name, length < _LEAST_LENGTH, "must not have a zero-length quaternion")
+    rows = rows.copy()
+    rows[:, 3:] /= length[:, None]
+    return rows
 
 
 def _rows_from_matrices(matrices: NDArray[np.float64], name: str) -> NDArray[np.float64]:

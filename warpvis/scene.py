@@ -83,7 +83,8 @@ class Scene:
         self.up: Literal["z", "y"] = up
         self._objects: list[SceneObject] = []
         self._index: dict[str, int] = {}
-        self._forget()
+        self._triangles: Triangles | None = None
+        self._clusters: Clusters | None = None
         self._lock = Lock()
 
     @classmethod
@@ -258,8 +259,7 @@ class Scene:
         return wp.array([int(item.label) for item in self.require_objects()], dtype=wp.uint8, device=self.device)
 
     def _forget(self) -> None:
-        self._triangles: Triangles | None = None
-        self._clusters: Clusters | None = None
+        self._triangles = self._clusters = None
 
     def require_objects(self) -> list[SceneObject]:
         """The objects; a `SceneError` if there are none."""

@@ -85,10 +85,10 @@ def load_module(kernel: Any) -> None:
         wp.load_module(kernel.module, "cpu")
 
 
-def run_together(work: Callable[[int], None], workers: int) -> None:
-    """Call ``work(0)``, ``work(1)``, ... at the same time: the first here, the others on the pool's threads."""
-    others = [_pool(workers - 1).submit(work, worker) for worker in range(1, workers)]
-    work(0)
+def run_together(work: Callable[[], None], workers: int) -> None:
+    """Call `work` as many times at the same time: once here, and on the pool's threads."""
+    others = [_pool(workers - 1).submit(work) for _ in range(1, workers)]
+    work()
     for other in others:
         other.result()
 
