@@ -23,7 +23,8 @@ _BUILDS = 5
 # One view alone is measured on several, one call each: some show more than others.
 _SINGLE_VIEWS = 8
 
-_SINGLE, _LARGEST, _COMPILED = "room", "blobs_1m", ("room", "blobs_77k")
+# What is measured on some scenes only: elsewhere it takes long and tells little more.
+_WITH_OPEN3D, _BUILT, _COMPILED = "room", "blobs_1m", ("room", "blobs_77k")
 
 # Lines of the table.
 _ONE = "One view of 640x480, `packets`, depth"
@@ -51,12 +52,12 @@ class Figure:
 def measure_more(scenes: Sequence[str], rounds: int) -> list[Figure]:
     """All of it, as far as it is about one of the scenes and runs on this machine."""
     figures = []
-    if _SINGLE in scenes:
-        figures += _attempt(_ONE, _SINGLE, lambda: _single_view(wv.scenes.PRESETS[_SINGLE], rounds))
+    for name in scenes:
+        figures += _attempt(_ONE, name, lambda name=name: _single_view(wv.scenes.PRESETS[name], rounds))
     for name in scenes:
         figures += _attempt(_BATCH_OF_TWO, name, lambda name=name: _two_threads(wv.scenes.PRESETS[name], rounds))
-    if _LARGEST in scenes:
-        figures += _attempt(_CLUSTERS, _LARGEST, lambda: _building(wv.scenes.PRESETS[_LARGEST]))
+    if _BUILT in scenes:
+        figures += _attempt(_CLUSTERS, _BUILT, lambda: _building(wv.scenes.PRESETS[_BUILT]))
     compiled = [name for name in _COMPILED if name in scenes]
     if compiled:
         figures += _attempt(_NARROW.format("less"), compiled[0], lambda: _narrow(compiled))
@@ -84,6 +85,8 @@ def _single_view(preset: wv.scenes.ScenePreset, rounds: int) -> Iterator[Figure]
     }
     if core_count() < 2:
         del kinds[_ONE_OF_TWO]
+    if preset.name != _WITH_OPEN3D:
+        del kinds[_ONE_OPEN3D]
     runs = [_one_by_one([prepare(work)[0] for work in works]) for prepare in kinds.values()]
     seconds = dict(zip(kinds, _medians(runs, rounds), strict=True))
     for title, value in seconds.items():

@@ -95,6 +95,8 @@ class Method:
     """Whose versions matter."""
     most_views: int = sys.maxsize
     """How many views a round may have; slow methods are measured on the first few."""
+    culls: bool = False
+    """Whether it sees through triangles from behind, which is another picture where a camera is inside a mesh."""
 
 
 def warpvis(work: Work, *outputs: Any, caster: Any = "packets", **options: Any) -> Prepared:
@@ -274,7 +276,7 @@ _OWN = ("warpvis", "warp-lang")
 METHODS = (
     Method(BASELINE, warpvis, _OWN),
     Method(f"{BASELINE}, 1 thread", partial(warpvis, threads=1), _OWN),
-    Method(f"{BASELINE}, back faces culled", partial(warpvis, cull_backfaces=True), _OWN),
+    Method(f"{BASELINE}, back faces culled", partial(warpvis, cull_backfaces=True), _OWN, culls=True),
     Method(
         f"{BASELINE}, points, labels and objects",
         lambda work: warpvis(work, "depth", "points", "labels", "objects"),
