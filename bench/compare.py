@@ -125,8 +125,8 @@ def _caption(scenes: list[str], cells: dict[tuple[str, str], Result], rounds: in
     return (
         f"Depth images of {camera.width}x{camera.height} pixels, on all cores, or on one thread where it says so. "
         f"Views: {views}; of these, {few}. The median of {rounds} rounds, in which the methods take turns; in "
-        "brackets, how many times slower than the first row. Same depth: pixels within 1 mm of the `rays` caster's (which "
-        "culls where the row does), in the scene with the fewest."
+        "brackets, how many times slower than the first row. Same depth: pixels within 1 mm of the `rays` caster's "
+        "(which culls where the row does), in the scene with the fewest."
     )
 
 

@@ -28,7 +28,8 @@ class ClusterScene:
 
 @wp.struct
 class PacketJob:
-    """Images to make, in units of strips. Counters, from 0: the next unit, and the next worker.
+    """Images to make, in units of strips. Counters, from 0: the next unit, the workers that
+    entered, and those that finished.
 
     With `points`, rays go through that many points of every view, at x y x y ... [px], instead of its pixels' centres;
     the outputs' shape is then (views, 1, points).
@@ -38,7 +39,8 @@ class PacketJob:
     height: int
     width: int
     strips: int
-    strip_height: int
+    most_rows: int
+    strip_rows: wp.array[wp.int32]
     focal_x: wp.float64
     focal_y: wp.float64
     center_x: wp.float64
@@ -56,12 +58,12 @@ _HEADERS = ("lanes.h", "setup.h", "raster.h", "output.h", "sparse.h", "walk.h", 
 
 _CAST = """
 const Tree tree = {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data};
-const Job shape = {job.views, job.height, job.width, job.strips, job.strip_height, job.near, job.far,
+const Job shape = {job.views, job.height, job.width, job.strips, job.strip_rows.data, job.most_rows, job.near, job.far,
                    job.points, job.at.data};
 const Outputs out = {depth.data, (float*)points.data, (float*)normals.data, labels.data, objects.data,
                      scene.object_label.data};
 const double focal[2] = {job.focal_x, job.focal_y}, center[2] = {job.center_x, job.center_y};
-const int worker = __atomic_fetch_add(job.counter.data + 1, 1, __ATOMIC_RELAXED);
+const int worker = __atomic_fetch_add(job.counter.data + Packets::entered, 1, __ATOMIC_SEQ_CST);
 float* scratch = (float*)((char*)job.scratch.data + (long long)worker * job.scratch.strides[0]);
 Packets::run(tree, shape, out, (const float*)poses.data, focal, center, scene.closed_boxes.data, scene.closed_count,
              job.cull_backfaces != 0, scratch, job.counter.data);

@@ -151,10 +151,11 @@ def test_one_view_in_strips_is_bit_identical():
 @pytest.mark.parametrize("threads", [1, 2, 8])
 def test_strips_cover_the_image(shape, threads):
     views, height = shape
-    strips, strip_height = split_rows(views, height, threads)
-    assert strip_height % 16 == 0
-    assert (strips - 1) * strip_height < height <= strips * strip_height
-    assert views * strips >= min(threads, -(-height // 16))
+    rows = split_rows(views, height, threads)
+    assert rows[0] == 0 and rows[-1] == height
+    assert (np.diff(rows) > 0).all()
+    assert (rows[:-1] % 16 == 0).all()
+    assert views * (len(rows) - 1) >= min(threads, -(-height // 16))
 
 
 def test_memory_of_the_caller_may_start_anywhere():

@@ -4,20 +4,24 @@
 
 from __future__ import annotations
 
+import operator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from warpvis.camera import Camera
+from warpvis.pose import Convention, host_poses, parse_poses
 from warpvis.scene import Scene
 from warpvis.threads import launch_images, load_module, run_together
 
-# Strips a thread gets when there are few views: enough that one with much to draw does not keep the others waiting.
-_STRIPS_PER_THREAD = 4
+# A strip is a thread's part of the rows that are left, divided by this.
+_SHARES_PER_THREAD = 2
 _TILE = 16
 _VISIT_WORDS = 6
+_FINISHED = 2  # of a job's counters
 
 
 class RaysCaster:
@@ -29,6 +33,10 @@ class RaysCaster:
         self._camera = camera
         self._cull_backfaces = cull_backfaces
         self._threads = threads
+
+    def parse_poses(self, poses: Any, convention: Convention) -> wp.array:
+        """Poses as this caster takes them, checked."""
+        return parse_poses(poses, convention=convention, device=self._scene.device)
 
     def cast(self, poses: wp.array, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels and objects of all poses; None is not made."""
@@ -67,6 +75,10 @@ class _Workplace:
     key: tuple[int, ...]
     job: Any
     counter: np.ndarray
+    poses: wp.array
+    pose_rows: np.ndarray
+    arguments: list[Any]
+    launch: Any = None
 
 
 class PacketsCaster:
@@ -79,39 +91,49 @@ class PacketsCaster:
         self._cull_backfaces = cull_backfaces
         self._threads = threads
         self._idle: list[_Workplace] = []
+        self._loaded = False
 
-    def cast(self, poses: wp.array, images: list[wp.array | None]) -> None:
+    def parse_poses(self, poses: Any, convention: Convention) -> np.ndarray:
+        """Poses as this caster takes them, checked."""
+        return host_poses(poses, convention=convention)
+
+    def cast(self, poses: np.ndarray, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels and objects of all poses; None is not made."""
         self._run(poses, None, images)
 
-    def cast_at(self, poses: wp.array, pixels: wp.array, images: list[wp.array | None]) -> None:
+    def cast_at(self, poses: np.ndarray, pixels: wp.array, images: list[wp.array | None]) -> None:
         """The same through image points, shape ``(V, 1, N)`` vec2, as are the images'."""
         if pixels.size:
             self._run(poses, pixels, images)
 
-    def _run(self, poses: wp.array, pixels: wp.array | None, images: list[wp.array | None]) -> None:
+    def _run(self, poses: np.ndarray, pixels: wp.array | None, images: list[wp.array | None]) -> None:
         from warpvis.kernels import packets
 
         views = len(poses)
         if views == 0:
             return
-        points = 0 if pixels is None else pixels.shape[2]
-        load_module(packets.cast_packets)
+        if not self._loaded:
+            load_module(packets.cast_packets)
+            self._loaded = True
         clusters = self._scene.clusters()
-        strips, strip_height = split_rows(views, self._camera.height, self._threads)
-        workers = min(self._threads, views * strips)
-        place = self._take(views, strips, strip_height, workers, clusters.depth, points)
+        points = 0 if pixels is None else pixels.shape[2]
+        place = self._take(views, clusters.depth, points)
+        workers = min(self._threads, views * place.job.strips)
         place.counter[:] = 0
-        place.job.at = pixels if pixels is None else pixels.flatten().view(wp.float32).flatten()
-        inputs = [clusters.struct, place.job, poses, *images]
-        # Recorded once: packing the arguments takes longer than many a strip.
-        launch = wp.launch(packets.cast_packets, dim=1, inputs=inputs, device="cpu", record_cmd=True)
-        run_together(launch.launch, workers)
+        place.pose_rows[:] = poses
+        if pixels is not None:
+            place.job.at = pixels.flatten().view(wp.float32).flatten()
+        arguments = [clusters.struct, place.job, place.poses, *images]
+        # Packing arguments takes longer than many a strip: where they are those of the last time, it need not be done.
+        if pixels is not None or not all(map(operator.is_, arguments, place.arguments)):
+            place.launch = wp.launch(packets.cast_packets, dim=1, inputs=arguments, device="cpu", record_cmd=True)
+            place.arguments = arguments
+        run_together(place.launch.launch, workers, lambda: bool(place.counter[_FINISHED] == workers))
         self._idle.append(place)
 
-    def _take(self, views: int, strips: int, strip_height: int, workers: int, depth: int, points: int) -> _Workplace:
+    def _take(self, views: int, depth: int, points: int) -> _Workplace:
         """A workplace that nobody uses: callers on several threads each have their own."""
-        key = (views, strips, workers, depth, points)
+        key = (views, depth, points)
         while self._idle:
             try:
                 place = self._idle.pop()
@@ -119,23 +141,26 @@ class PacketsCaster:
                 break
             if place.key == key:
                 return place
-        return _Workplace(key, *self._make_job(views, strips, strip_height, workers, depth, points))
+        job, counter = self._make_job(views, depth, points)
+        rows = np.empty((views, 7), dtype=np.float32)
+        poses = wp.array(rows, dtype=wp.transform, device="cpu", copy=False)
+        return _Workplace(key, job, counter, poses, rows, [None] * 8)
 
-    def _make_job(
-        self, views: int, strips: int, strip_height: int, workers: int, depth: int, points: int
-    ) -> tuple[Any, np.ndarray]:
+    def _make_job(self, views: int, depth: int, points: int) -> tuple[Any, np.ndarray]:
         from warpvis.kernels.packets import PacketJob
 
         camera, job = self._camera, PacketJob()
         job.views, job.height, job.width = views, camera.height, camera.width
-        job.strips, job.strip_height = strips, strip_height
+        strip_rows = split_rows(views, camera.height, self._threads)
+        job.strips, job.most_rows = len(strip_rows) - 1, int(np.diff(strip_rows).max())
+        job.strip_rows = wp.array(strip_rows, dtype=wp.int32, device="cpu")
         job.focal_x, job.focal_y = camera.fx, camera.fy
         job.center_x, job.center_y = camera.cx, camera.cy
         job.near, job.far = camera.near, camera.far
         job.cull_backfaces = int(self._cull_backfaces)
-        counter = np.zeros(2, dtype=np.int32)
+        counter = np.zeros(3, dtype=np.int32)
         job.counter = wp.array(counter, dtype=wp.int32, device="cpu", copy=False)
-        tiles_x, tiles_y = -(-camera.width // _TILE), -(-strip_height // _TILE)
+        tiles_x, tiles_y = -(-camera.width // _TILE), -(-job.most_rows // _TILE)
         # As `Scratch` in kernels/native/packets.h carves it: w and id of every pixel, what is known of blocks and
         # tiles, four rows of each, and a stack with room for all children of a node on every level.
         words = tiles_x * tiles_y * (2 * 256 + 16 + 1 + 4 + 1) + tiles_x * 128 + (depth + 1) * 16 * _VISIT_WORDS + 64
@@ -143,16 +168,20 @@ class PacketsCaster:
             cells = tiles_x * tiles_y * 16
             words += cells + 32 + 5 * (points + 15 * min(cells, points) + 16)
         job.points = points
-        job.scratch = wp.zeros((workers, words), dtype=wp.float32, device="cpu")
+        job.scratch = wp.zeros((self._threads, words), dtype=wp.float32, device="cpu")
         return job, counter
 
 
-def split_rows(views: int, height: int, threads: int) -> tuple[int, int]:
-    """Strips of a view and their height, a multiple of 16: one, unless there are too few views for all threads."""
-    if threads == 1 or views >= threads * _STRIPS_PER_THREAD:
-        wanted = 1
-    else:
-        wanted = -(-threads * _STRIPS_PER_THREAD // views)
-    tiles = -(-height // _TILE)
-    strip_height = -(-tiles // min(wanted, tiles)) * _TILE
-    return -(-height // strip_height), strip_height
+def split_rows(views: int, height: int, threads: int) -> NDArray[np.int32]:
+    """Where the strips of a view begin, multiples of 16, and where the last one ends.
+
+    With views for all threads, a view is one strip. Else each strip is a share of the rows that are left, so that the
+    last ones are small and threads end at about the same time (guided self-scheduling: Polychronopoulos and Kuck 1987).
+    """
+    shares = 1 if threads == 1 or views >= 4 * threads else -(-_SHARES_PER_THREAD * threads // views)
+    rows, starts = 0, [0]
+    while rows < height:
+        tiles = -(-(height - rows) // _TILE)
+        rows = min(rows + -(-tiles // shares) * _TILE, height)
+        starts.append(rows)
+    return np.array(starts, dtype=np.int32)

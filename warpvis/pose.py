@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Literal
 
 import numpy as np
@@ -61,6 +62,20 @@ def parse_poses(
         return _parse_on_device(_from_foreign(poses, name), convention, device, name)
     rows = poses_to_opencv(poses.numpy() if isinstance(poses, wp.array) else poses, convention, name=name)
     return wp.array(rows.astype(np.float32), dtype=wp.transform, device=device)
+
+
+def host_poses(poses: Any, *, convention: Convention = "opencv", name: str = "camera_to_world") -> NDArray[np.float32]:
+    """Poses for a caster on the CPU: what `parse_poses` gives, as rows ``(V, 7)``, at the least cost.
+
+    Rows that are well, as they mostly are, pass after two looks. They are not normalised: casters do that themselves.
+    """
+    if type(poses) is np.ndarray and poses.dtype == np.float32 and poses.ndim == 2 and poses.shape[1] == 7:
+        squared = np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:])
+        # A sum is finite only if its terms are.
+        well = math.isfinite(poses.sum()) and squared.min(initial=1.0) > 0.5 and squared.max(initial=1.0) < 2.0
+        if well and convention == "opencv":
+            return poses
+    return parse_poses(poses, convention=convention, device="cpu", name=name).numpy().view(np.float32).reshape(-1, 7)
 
 
 def poses_to_opencv(poses: ArrayLike, convention: Convention = "opencv", *, name: str = "poses") -> NDArray[np.float64]:

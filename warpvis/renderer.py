@@ -14,7 +14,7 @@ from warpvis.arrays import as_warp, check_out, empty
 from warpvis.camera import Camera
 from warpvis.casters import PacketsCaster, RaysCaster
 from warpvis.errors import ArrayError, CameraError, SceneError
-from warpvis.pose import Convention, parse_poses
+from warpvis.pose import Convention
 from warpvis.scene import Scene
 from warpvis.threads import check_threads
 
@@ -124,7 +124,7 @@ class Renderer:
             SceneError: The scene is empty.
         """
         self.scene.require_objects()
-        poses = parse_poses(camera_to_world, convention=convention, device=self.scene.device)
+        poses = self._caster.parse_poses(camera_to_world, convention)
         shape = (len(poses), self.camera.height, self.camera.width)
         views = self._allocate(shape) if out is None else self._check(out, shape)
         self._caster.cast(poses, [getattr(views, name) if name in self.outputs else None for name in OUTPUTS])
@@ -150,7 +150,7 @@ class Renderer:
         """
         self.scene.require_objects()
         device = self.scene.device
-        poses = parse_poses(camera_to_world, convention=convention, device=device)
+        poses = self._caster.parse_poses(camera_to_world, convention)
         points = as_warp(pixels, wp.vec2, (len(poses), "N"), name="pixels", device=device)
         views = self._allocate(points.shape) if out is None else self._check(out, points.shape)
         images = [getattr(views, name) if name in self.outputs else None for name in OUTPUTS]

@@ -85,12 +85,22 @@ def load_module(kernel: Any) -> None:
         wp.load_module(kernel.module, "cpu")
 
 
-def run_together(work: Callable[[], None], workers: int) -> None:
-    """Call `work` as many times at the same time: once here, and on the pool's threads."""
+def run_together(work: Callable[[], None], workers: int, all_finished: Callable[[], bool]) -> None:
+    """Call `work` as many times at the same time: once here, and on the pool's threads.
+
+    Args:
+        work: Shares out what there is to do; a call that comes late finds nothing left.
+        workers: How many calls.
+        all_finished: Whether every call is known to have done its work: then nobody waits for its thread to say so,
+            which takes longer than many a frame.
+    """
     others = [_pool(workers - 1).submit(work) for _ in range(1, workers)]
     work()
+    if all_finished():
+        return
     for other in others:
-        other.result()
+        if not other.cancel():
+            other.result()
 
 
 def check_threads(threads: int | None) -> int:

@@ -14,8 +14,9 @@ struct Outputs {
 
 struct Job {
     int views, height, width;
-    int strips;        // of a view; their heights are multiples of 16
-    int strip_height;
+    int strips;             // of a view
+    const int* strip_rows;  // where they begin, and where the last one ends; multiples of 16, but for that
+    int most_rows;          // of a strip
     float near, far;
     int points;        // of a view, where rays go through points instead of pixels, or 0
     const float* at;   // [view][point]: x and y in pixels

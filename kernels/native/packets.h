@@ -81,20 +81,20 @@ struct View {
 };
 
 struct Scratch {
-    // The image and the stack of one thread in one piece of memory, given in units of four bytes. Writing an image out
-    // leaves it empty, so that it need not be cleared where the next one is of the same size.
-    static inline Image carve(float* memory, int width, int height, int first_row, int view_height,
-                              bool with_id, int points, Visit** stack) {
+    // The image and the stack of one thread in one piece of memory, given in units of four bytes. Everything has its
+    // place there whatever the height of a strip, so that what one leaves empty is empty for the next.
+    static inline Image carve(float* memory, const Job& job, int strip, bool with_id, Visit** stack) {
         Image image;
-        image.width = width;
-        image.height = height;
-        image.first_row = first_row;
-        image.view_height = view_height;
-        image.tiles_x = (width + 15) >> 4;
-        image.tiles_y = (height + 15) >> 4;
-        const long long tiles = (long long)image.tiles_x * image.tiles_y;
+        image.width = job.width;
+        image.first_row = job.strip_rows[strip];
+        image.height = job.strip_rows[strip + 1] - image.first_row;
+        image.view_height = job.height;
+        image.tiles_x = (image.width + 15) >> 4;
+        image.tiles_y = (image.height + 15) >> 4;
+        const int points = job.points;
+        const long long tiles = (long long)image.tiles_x * ((job.most_rows + 15) >> 4);
         memory += (-(unsigned long long)memory & 63) / 4;  // a register's worth must not straddle two cache lines
-        image.last_size = (int*)memory;
+        image.empty = (int*)memory;
         memory += 16;
         image.rows = memory;
         image.id_rows = (int*)(memory + image.tiles_x * 64);
@@ -139,21 +139,18 @@ struct Packets {
     static inline void unit(const Tree& tree, const Job& job, const Outputs& out, const float* pose_rows,
                             const double* focal, const double* center, const float* closed_boxes, int closed_count,
                             bool cull, float* scratch, int unit, bool with_id, bool owner_id) {
-        const int view = unit / job.strips, first_row = (unit % job.strips) * job.strip_height;
-        const int left = job.height - first_row;
-        if (left <= 0) return;
+        const int view = unit / job.strips;
         Visit* stack;
-        const Image image = Scratch::carve(scratch, job.width, left < job.strip_height ? left : job.strip_height,
-                                           first_row, job.height, with_id, job.points, &stack);
+        const Image image = Scratch::carve(scratch, job, unit % job.strips, with_id, &stack);
         if (job.points)
             Sparse::place(image, job.at + (long long)view * job.points * 2, job.points, center[0], center[1]);
         else
-            image.begin(with_id);
+            image.begin();
         const Pose pose = Pose::from(pose_rows + (long long)view * 7);
         Eye eye = View::eye(pose, focal, center, job);
         eye.cull_back_faces = cull;
         eye.skip_back_faces = View::outside_all(closed_boxes, closed_count, pose);
-        const float center_x = (float)center[0], center_y = (float)(center[1] - first_row);
+        const float center_x = (float)center[0], center_y = (float)(center[1] - image.first_row);
         const Pyramid pyramid = View::pyramid(eye, image, center_x, center_y);
         Walk::draw(tree, eye, pyramid, image, center_x, center_y, stack, with_id, owner_id);
         const Rays rays = View::rays(pose, focal);
@@ -161,6 +158,19 @@ struct Packets {
             Sparse::write(tree, eye, rays, image, job, out, view, owner_id);
         else
             Strip::write(tree, eye, rays, image, job, out, view, with_id, owner_id);
+    }
+
+    // Counters that the workers of a job share.
+    enum { next_unit, entered, finished };
+
+    // Wait for the other workers that have begun, but not for long: one may have lost its core. Whoever launched them
+    // sees by `finished` whether all are done.
+    static inline void await_others(int* counter) {
+        __atomic_thread_fence(__ATOMIC_SEQ_CST);  // what was written past the caches has to be there
+        __atomic_fetch_add(counter + finished, 1, __ATOMIC_SEQ_CST);
+        for (int spin = 0; spin < 100000; ++spin)
+            if (__atomic_load_n(counter + finished, __ATOMIC_ACQUIRE) >= __atomic_load_n(counter + entered, __ATOMIC_ACQUIRE))
+                return;
     }
 
     // Take units of work, strips of views, until none are left; other threads take from the same counter.
@@ -171,13 +181,14 @@ struct Packets {
         const bool owner_id = !out.normals;
         const bool with_id = out.normals || out.objects || out.labels || job.points;
         for (;;) {
-            const int next = __atomic_fetch_add(counter, 1, __ATOMIC_RELAXED);
-            if (next >= units) return;
+            const int next = __atomic_fetch_add(counter + next_unit, 1, __ATOMIC_RELAXED);
+            if (next >= units) break;
             // Two copies of the code: one that knows that nobody asks for objects, and is faster.
             if (with_id)
                 unit(tree, job, out, pose_rows, focal, center, closed_boxes, closed_count, cull, scratch, next, true, owner_id);
             else
                 unit(tree, job, out, pose_rows, focal, center, closed_boxes, closed_count, cull, scratch, next, false, true);
         }
+        await_others(counter);
     }
 };

@@ -23,7 +23,7 @@ struct Image {
     int first_row;          // of the strip in the view; a multiple of 16
     int view_height;
     int tiles_x, tiles_y;
-    int* last_size;         // width, height and kind of the image that lay here before
+    int* empty;             // whether w is zero everywhere
     float* w;               // [tile][block][pixel]: greatest 1 / z so far
     int* id;                // the same for the triangle or object that it belongs to; null if nobody asks
     int* first_packet;      // [block]: first of the packets of points in it, and one more; null for pixels
@@ -85,20 +85,17 @@ struct Image {
     }
 
     // Nothing seen yet.
-    inline void begin(bool with_id) const {
+    inline void begin() const {
         const int tiles = tiles_x * tiles_y;
         __builtin_memset(block_least, 0, tiles * 16 * sizeof(float));
         __builtin_memset(tile_least, 0, tiles * sizeof(float));
         __builtin_memset(block_stale, 0, tiles * 16);
         __builtin_memset(tile_stale, 0, tiles);
-        const bool whole = width == tiles_x * 16 && height == tiles_y * 16;
-        const bool same = last_size[0] == width && last_size[1] == height && last_size[2] == 1 + with_id;
-        if (whole && same) return;
-        for (int block = 0; block < tiles * 16; ++block) Lanes::store(w + block * 16, Lanes::all(0.0f));
-        if (!whole) hide_outside();
-        last_size[0] = width;
-        last_size[1] = height;
-        last_size[2] = 1 + with_id;
+        // Writing an image out leaves it empty, but for what was put outside of it.
+        if (!*empty)
+            for (int block = 0; block < tiles * 16; ++block) Lanes::store(w + block * 16, Lanes::all(0.0f));
+        *empty = width == tiles_x * 16 && height == tiles_y * 16;
+        if (!*empty) hide_outside();
     }
 
     // What lies outside the image counts as infinitely near, so that it hides and never shows.
