@@ -113,6 +113,31 @@ def look(scene: TriangleScene, camera: PinholeCamera, pose: wp.transform, ray: w
     return seen
 
 
+@wp.func
+def write(
+    seen: Seen,
+    view: int,
+    y: int,
+    x: int,
+    depth_out: wp.array3d[float],
+    points_out: wp.array3d[wp.vec3],
+    normals_out: wp.array3d[wp.vec3],
+    labels_out: wp.array3d[wp.uint8],
+    objects_out: wp.array3d[wp.int32],
+):
+    """Write to the images that were asked for; the others are None."""
+    if depth_out:
+        depth_out[view, y, x] = seen.depth
+    if points_out:
+        points_out[view, y, x] = seen.point
+    if normals_out:
+        normals_out[view, y, x] = seen.normal
+    if labels_out:
+        labels_out[view, y, x] = seen.label
+    if objects_out:
+        objects_out[view, y, x] = seen.index
+
+
 @wp.kernel
 def cast_rays(
     # Scene:
@@ -136,16 +161,7 @@ def cast_rays(
     y += window.first_row
 
     seen = look(scene, camera, camera_to_world[view], pixel_ray(camera, y, x), cull_backfaces)
-    if depth_out:
-        depth_out[view, y, x] = seen.depth
-    if points_out:
-        points_out[view, y, x] = seen.point
-    if normals_out:
-        normals_out[view, y, x] = seen.normal
-    if labels_out:
-        labels_out[view, y, x] = seen.label
-    if objects_out:
-        objects_out[view, y, x] = seen.index
+    write(seen, view, y, x, depth_out, points_out, normals_out, labels_out, objects_out)
 
 
 @wp.kernel
@@ -175,13 +191,4 @@ def cast_rays_at(
     seen = nothing()
     if at[0] >= 0.0 and at[0] < camera.width and at[1] >= 0.0 and at[1] < camera.height:
         seen = look(scene, camera, camera_to_world[view], image_ray(camera, at), cull_backfaces)
-    if depth_out:
-        depth_out[view, row, point] = seen.depth
-    if points_out:
-        points_out[view, row, point] = seen.point
-    if normals_out:
-        normals_out[view, row, point] = seen.normal
-    if labels_out:
-        labels_out[view, row, point] = seen.label
-    if objects_out:
-        objects_out[view, row, point] = seen.index
+    write(seen, view, row, point, depth_out, points_out, normals_out, labels_out, objects_out)
