@@ -24,6 +24,7 @@ class ClusterScene:
     object_label: wp.array[wp.uint8]
     closed_boxes: wp.array[float]
     closed_count: int
+    all_closed: int
 
 
 @wp.struct
@@ -57,7 +58,8 @@ class PacketJob:
 _HEADERS = ("lanes.h", "setup.h", "raster.h", "output.h", "sparse.h", "walk.h", "packets.h")
 
 _CAST = """
-const Tree tree = {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data};
+const Tree tree = {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data,
+                   scene.all_closed != 0};
 const Job shape = {job.views, job.height, job.width, job.strips, job.strip_rows.data, job.most_rows, job.near, job.far,
                    job.points, job.at.data};
 const Outputs out = {depth.data, (float*)points.data, (float*)normals.data, labels.data, objects.data,

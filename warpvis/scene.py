@@ -347,5 +347,5 @@ def _build_clusters(objects: list[SceneObject]) -> Clusters:
     struct.nodes, struct.children = tree.nodes, tree.children
     struct.object_label = wp.array([int(item.label) for item in objects], dtype=wp.uint8, device="cpu")
     struct.closed_boxes = wp.array(boxes.ravel(), dtype=wp.float32, device="cpu")
-    struct.closed_count = len(boxes)
+    struct.closed_count, struct.all_closed = len(boxes), int(closed.all())
     return Clusters(struct, tree.depth, tree.bytes_per_triangle)

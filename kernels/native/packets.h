@@ -148,8 +148,9 @@ struct Packets {
             image.begin();
         const Pose pose = Pose::from(pose_rows + (long long)view * 7);
         Eye eye = View::eye(pose, focal, center, job);
-        eye.cull_back_faces = cull;
         eye.skip_back_faces = View::outside_all(closed_boxes, closed_count, pose);
+        // Where that means all back faces, it need not be looked up whose they are.
+        eye.cull_back_faces = cull || (eye.skip_back_faces && tree.all_closed);
         const float center_x = (float)center[0], center_y = (float)(center[1] - image.first_row);
         const Pyramid pyramid = View::pyramid(eye, image, center_x, center_y);
         Walk::draw(tree, eye, pyramid, image, center_x, center_y, stack, with_id, owner_id);

@@ -16,6 +16,7 @@ struct Tree {
     const int* owners;     // [leaf][16]: object of a triangle; its complement where the object is closed
     const float* nodes;    // [node][10][16]: least and greatest corner, axis and cutoff of the normals' cone
     const int* children;   // [node][16]: a node, or the complement of a leaf
+    bool all_closed;       // whether every object is
 };
 
 struct Image {
