@@ -32,10 +32,6 @@ BEGIN, END = "<!-- bench:begin -->", "<!-- bench:end -->"
 
 TOLERANCE = 1e-3
 
-# Scenes from this size on are rendered from a quarter of the views. They take long enough, and the more often methods
-# take turns, the more alike are their conditions.
-_LARGE = 50_000
-
 
 @dataclass
 class Result:
@@ -60,7 +56,6 @@ class Result:
 def compare(preset: wv.scenes.ScenePreset, views: int, rounds: int) -> list[Result]:
     """Measure all methods on one scene."""
     scene = preset.build()
-    views = views if scene.triangle_count < _LARGE else max(1, views // 4)
     work = Work(scene, preset.camera, preset.poses(views))
     truths = {culls: _reference(work, culls) for culls in (False, True)}
     results, calls = [], {}
@@ -193,7 +188,7 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--scenes", nargs="+", choices=wv.scenes.PRESETS, default=names, metavar="SCENE", help="presets' names"
     )
-    parser.add_argument("--views", type=count, default=64, help="views a round; large scenes take a quarter")
+    parser.add_argument("--views", type=count, default=64, help="views a round")
     parser.add_argument("--rounds", type=count, default=9)
     parser.add_argument("--skip-more", action="store_true", help="leave out the second table")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all times there")
