@@ -14,7 +14,7 @@ test: $(STAMP)
 	-@./scripts/ensure_egl.sh
 	$(BIN)/python -m pytest
 
-# The casters' tests again, compiled for AVX2 alone and for any x86-64.
+# The casters' tests again, compiled for AVX2 alone and for Warp's generic x86-64, which has AVX.
 test-lanes: $(STAMP)
 	WARPVIS_CPU_FLAGS="-target-cpu haswell" $(BIN)/python -m pytest -q tests/test_casters.py tests/test_packets.py
 	WARPVIS_CPU_FLAGS="" $(BIN)/python -m pytest -q tests/test_casters.py tests/test_packets.py

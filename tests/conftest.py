@@ -12,7 +12,7 @@ import pytest
 import warp as wp
 
 wp.config.log_level = wp.LOG_WARNING
-if "WARPVIS_CPU_FLAGS" in os.environ:  # "-target-cpu haswell" for AVX2 alone, "" for any x86-64
+if "WARPVIS_CPU_FLAGS" in os.environ:  # "-target-cpu haswell" for AVX2 alone, "" for Warp's generic target
     wp.config.cpu_compiler_flags = os.environ["WARPVIS_CPU_FLAGS"]
 
 _PROBE = """
