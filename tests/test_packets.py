@@ -253,7 +253,7 @@ np.savez(sys.argv[2], **images)
 @pytest.mark.skipif(os.uname().machine != "x86_64", reason="names x86-64's instruction sets")
 @pytest.mark.parametrize("flags", ["-target-cpu haswell", ""], ids=["AVX2", "generic"])
 def test_narrower_lanes_make_the_same_images(flags, tmp_path):
-    """For AVX2 alone, and for Warp's generic x86-64, which has AVX; `make test-lanes` runs all the casters' tests so."""
+    """For AVX2 alone, and for Warp's generic x86-64, which has AVX; `make test-lanes` runs all casters' tests so."""
     path = tmp_path / "images.npz"
     subprocess.run([sys.executable, "-c", _ELSEWHERE, flags, str(path)], check=True, capture_output=True)
     stored = np.load(path)
