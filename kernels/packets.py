@@ -60,15 +60,15 @@ _HEADERS = ("lanes.h", "setup.h", "raster.h", "output.h", "sparse.h", "walk.h", 
 _CAST = """
 const Tree tree = {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data,
                    scene.all_closed != 0};
-const Job shape = {job.views, job.height, job.width, job.strips, job.strip_rows.data, job.most_rows, job.near, job.far,
+const Job shape = {job.views, job.height, job.width, job.strips, job.strip_rows.data, job.most_rows,
+                   {job.focal_x, job.focal_y}, {job.center_x, job.center_y}, job.near, job.far,
+                   job.cull_backfaces != 0, (const float*)poses.data, scene.closed_boxes.data, scene.closed_count,
                    job.points, job.at.data};
 const Outputs out = {depth.data, (float*)points.data, (float*)normals.data, labels.data, objects.data,
                      scene.object_label.data};
-const double focal[2] = {job.focal_x, job.focal_y}, center[2] = {job.center_x, job.center_y};
 const int worker = __atomic_fetch_add(job.counter.data + Packets::entered, 1, __ATOMIC_SEQ_CST);
 float* scratch = (float*)((char*)job.scratch.data + (long long)worker * job.scratch.strides[0]);
-Packets::run(tree, shape, out, (const float*)poses.data, focal, center, scene.closed_boxes.data, scene.closed_count,
-             job.cull_backfaces != 0, scratch, job.counter.data);
+Packets::run(tree, shape, out, scratch, job.counter.data);
 """
 
 

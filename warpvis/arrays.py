@@ -94,7 +94,7 @@ def check_shape(got: tuple[int, ...], wanted: Shape, *, name: str) -> None:
 def empty(shape: tuple[int, ...], dtype: Any, *, name: str, device: wp.Device) -> wp.array:
     """A new array, or a sentence that says how much memory there would have to be."""
     try:
-        return _empty_on_cpu(shape, dtype) if device.is_cpu else wp.empty(shape, dtype=dtype, device=device)
+        return aligned_empty(shape, dtype) if device.is_cpu else wp.empty(shape, dtype=dtype, device=device)
     except (MemoryError, RuntimeError, ValueError) as error:
         gigabytes = np.prod(shape, dtype=np.float64) * wp.types.type_size_in_bytes(dtype) / 1e9
         raise ArrayError(
@@ -103,8 +103,8 @@ def empty(shape: tuple[int, ...], dtype: Any, *, name: str, device: wp.Device) -
         ) from None
 
 
-def _empty_on_cpu(shape: tuple[int, ...], dtype: Any) -> wp.array:
-    """Memory that begins at a cache line, of large pages where it is large: NumPy asks the system for them."""
+def aligned_empty(shape: tuple[int, ...], dtype: Any) -> wp.array:
+    """CPU memory that begins at a cache line, of large pages where it is large: NumPy asks the system for them."""
     components = getattr(dtype, "_shape_", ())
     scalar = np.dtype(wp.dtype_to_numpy(getattr(dtype, "_wp_scalar_type_", dtype)))
     size = math.prod((*shape, *components)) * scalar.itemsize
@@ -123,6 +123,13 @@ def check_out(out: Any, dtype: Any, shape: tuple[int, ...], *, name: str, device
     if not isinstance(out, wp.array):
         raise ArrayError(f"{name} must be a wp.array to be written to, got {type(out).__name__}")
     return _check_warp(out, dtype, shape, name=name, device=device)
+
+
+def check_length(value: float, name: str) -> float:
+    """`value` if it is a length: zero or more metres."""
+    if not value >= 0:
+        raise ArrayError(f"{name} must be zero or more metres, got {value}")
+    return float(value)
 
 
 def format_shape(shape: Shape, dtype: Any = None) -> str:

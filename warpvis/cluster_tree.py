@@ -12,7 +12,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis import threads as pools
+from warpvis.arrays import aligned_empty
+from warpvis.threads import check_threads, load_module, run_each
 
 LANES = 16
 """Triangles of a leaf and children of a node."""
@@ -88,9 +89,8 @@ def build_cluster_tree(
     """
     from warpvis.kernels import tree
 
-    threads = pools.check_threads(threads) if len(faces) > 2 * _LEAST_RANGE else 1
-    with pools._load_lock:
-        wp.load_module(tree.load_items.module, "cpu")
+    threads = check_threads(threads) if len(faces) > 2 * _LEAST_RANGE else 1
+    load_module(tree.load_items)
     count = len(faces)
     scene = [
         _wrap(np.ascontiguousarray(vertices, dtype=np.float32).ravel()),
@@ -99,29 +99,29 @@ def build_cluster_tree(
         _wrap(np.ascontiguousarray(closed, dtype=np.uint8)),
     ]
 
-    items = _empty(count * 8, np.float32)
+    items = aligned_empty((count * 8,), wp.float32)
     _launch_parts(tree.load_items, count, lambda first: [*scene[:2], first, items], threads)
-    splits = _empty(count * 4, np.int32)
+    splits = aligned_empty((count * 4,), wp.int32)
     _split(tree.split_range, count, items, splits, threads)
 
     # As large as for leaves of one triangle: what is not written takes no memory.
     sizes = (count * _BINARY_SIZE, count * LANES, count * 2, 3)
-    binaries, children, leaf_ranges, counts = (_empty(size, np.int32) for size in sizes)
+    binaries, children, leaf_ranges, counts = (aligned_empty((size,), wp.int32) for size in sizes)
     _launch(tree.collapse_tree, [splits, count, binaries, children, leaf_ranges, counts])
     node_count, leaf_count, depth = counts.numpy().tolist()
-    kept = _empty(node_count * LANES, np.int32)
+    kept = aligned_empty((node_count * LANES,), wp.int32)
     kept.numpy()[:] = children.numpy()[: node_count * LANES]
 
-    leaves = _empty(leaf_count * LEAF_ROWS * LANES, np.float32)
-    triangles, owners = (_empty(leaf_count * LANES, np.int32) for _ in range(2))
-    bounds = _empty(leaf_count * NODE_ROWS, np.float32)
+    leaves = aligned_empty((leaf_count * LEAF_ROWS * LANES,), wp.float32)
+    triangles, owners = (aligned_empty((leaf_count * LANES,), wp.int32) for _ in range(2))
+    bounds = aligned_empty((leaf_count * NODE_ROWS,), wp.float32)
     _launch_parts(
         tree.fill_leaves,
         leaf_count,
         lambda first: [*scene, items, leaf_ranges, first, leaves, triangles, owners, bounds],
         threads,
     )
-    nodes = _empty(node_count * NODE_ROWS * LANES, np.float32)
+    nodes = aligned_empty((node_count * NODE_ROWS * LANES,), wp.float32)
     _launch(tree.fit_nodes, [kept, bounds, node_count, nodes])
     return ClusterTree(leaves, triangles, owners, nodes, kept, depth, leaf_count, node_count, count)
 
@@ -136,7 +136,7 @@ def _split(kernel: Any, count: int, items: wp.array, splits: wp.array, threads: 
     large = max(_LEAST_RANGE, count // (threads * _RANGES_PER_THREAD)) if threads > 1 else count
     pending, ready = [(0, count, 0, 0)], []
     while pending:
-        _each(lambda part: _launch(kernel, [*part, 1, items, splits]), pending, threads)
+        run_each(lambda part: _launch(kernel, [*part, 1, items, splits]), pending, threads)
         parts = []
         for begin, end, link, depth in pending:
             middle = int(links[link // 2, link % 2])
@@ -145,32 +145,17 @@ def _split(kernel: Any, count: int, items: wp.array, splits: wp.array, threads: 
         pending = [part for part in parts if part[1] - part[0] > large]
         ready += [part for part in parts if part[1] - part[0] <= large]
     ready.sort(key=lambda part: part[0] - part[1])
-    _each(lambda part: _launch(kernel, [*part, _ALL, items, splits]), ready, threads)
+    run_each(lambda part: _launch(kernel, [*part, _ALL, items, splits]), ready, threads)
 
 
 def _launch_parts(kernel: Any, count: int, arguments: Callable[[int], list[Any]], threads: int) -> None:
     """Launch a kernel over `count` thread indices in parts; `arguments` takes the first of a part."""
     step = max(1024, -(-count // (4 * threads)))
-    _each(lambda first: _launch(kernel, arguments(first), min(step, count - first)), range(0, count, step), threads)
+    run_each(lambda first: _launch(kernel, arguments(first), min(step, count - first)), range(0, count, step), threads)
 
 
 def _launch(kernel: Any, arguments: list[Any], count: int = 1) -> None:
     wp.launch(kernel, dim=count, inputs=arguments, device="cpu")
-
-
-def _each(work: Callable[[Any], None], parts: Any, threads: int) -> None:
-    if threads == 1 or len(parts) == 1:
-        for part in parts:
-            work(part)
-    else:
-        list(pools._pool(threads).map(work, parts))
-
-
-def _empty(size: int, dtype: Any) -> wp.array:
-    """An array that starts at a multiple of 64 bytes, so that a row of 16 lanes lies in one cache line."""
-    memory = np.empty(size * 4 + 64, dtype=np.uint8)
-    start = -memory.ctypes.data % 64
-    return _wrap(memory[start : start + size * 4].view(dtype))
 
 
 def _wrap(array: NDArray[Any]) -> wp.array:

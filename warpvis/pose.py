@@ -70,9 +70,11 @@ def host_poses(poses: Any, *, convention: Convention = "opencv", name: str = "ca
     Rows that are well, as they mostly are, pass after two looks. They are not normalised: casters do that themselves.
     """
     if type(poses) is np.ndarray and poses.dtype == np.float32 and poses.ndim == 2 and poses.shape[1] == 7:
-        squared = np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:])
+        with np.errstate(invalid="ignore", over="ignore"):  # what is not well is named below
+            squared = np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:])
+            total = poses.sum()
         # A sum is finite only if its terms are.
-        well = math.isfinite(poses.sum()) and squared.min(initial=1.0) > 0.5 and squared.max(initial=1.0) < 2.0
+        well = math.isfinite(total) and squared.min(initial=1.0) > 0.5 and squared.max(initial=1.0) < 2.0
         if well and convention == "opencv":
             return poses
     return parse_poses(poses, convention=convention, device="cpu", name=name).numpy().view(np.float32).reshape(-1, 7)
@@ -168,14 +170,10 @@ def _check_point(value: ArrayLike, name: str) -> NDArray[np.float64]:
 
 
 def _check_rows(rows: NDArray[np.float64], name: str) -> NDArray[np.float64]:
-    length = np.sqrt(np.einsum("ij,ij->i", rows[:, 3:], rows[:, 3:]))
-    # A sum is finite only if its terms are: one look, since every frame passes here, and a closer one if it fails.
-    if not (np.isfinite(rows.sum()) and length.min(initial=1.0) >= _LEAST_LENGTH):
-        _refuse(name, ~np.isfinite(rows).all(axis=1), "must be finite")
-        _refuse(name, length < _LEAST_LENGTH, "must not have a zero-length quaternion")
-    rows = rows.copy()
-    rows[:, 3:] /= length[:, None]
-    return rows
+    _refuse(name, ~np.isfinite(rows).all(axis=1), "must be finite")
+    length = np.linalg.norm(rows[:, 3:], axis=1)
+    _refuse(name, length < _LEAST_LENGTH, "must not have a zero-length quaternion")
+    return np.concatenate([rows[:, :3], rows[:, 3:] / length[:, None]], axis=1)
 
 
 def _rows_from_matrices(matrices: NDArray[np.float64], name: str) -> NDArray[np.float64]:

@@ -127,7 +127,7 @@ class Renderer:
         poses = self._caster.parse_poses(camera_to_world, convention)
         shape = (len(poses), self.camera.height, self.camera.width)
         views = self._allocate(shape) if out is None else self._check(out, shape)
-        self._caster.cast(poses, [getattr(views, name) if name in self.outputs else None for name in OUTPUTS])
+        self._caster.cast(poses, self._asked_for(views))
         return views
 
     def render_at(
@@ -153,14 +153,17 @@ class Renderer:
         poses = self._caster.parse_poses(camera_to_world, convention)
         points = as_warp(pixels, wp.vec2, (len(poses), "N"), name="pixels", device=device)
         views = self._allocate(points.shape) if out is None else self._check(out, points.shape)
-        images = [getattr(views, name) if name in self.outputs else None for name in OUTPUTS]
-        rows = [image if image is None else _as_rows(image) for image in images]
+        rows = [image if image is None else _as_rows(image) for image in self._asked_for(views)]
         self._caster.cast_at(poses, _as_rows(points), rows)
         return views
 
     def _allocate(self, shape: tuple[int, ...]) -> Views:
         device = self.scene.device
         return Views(**{name: empty(shape, OUTPUTS[name], name=name, device=device) for name in self.outputs})
+
+    def _asked_for(self, views: Views) -> list[wp.array | None]:
+        """The images in the casters' order; None for those that nobody asked for, though `views` may have them."""
+        return [getattr(views, name) if name in self.outputs else None for name in OUTPUTS]
 
     def _check(self, out: Views, shape: tuple[int, ...]) -> Views:
         if not isinstance(out, Views):

@@ -256,7 +256,7 @@ class Scene:
 
     def object_labels(self) -> wp.array:
         """Labels of the objects on the scene's device, shape ``(objects,)`` uint8."""
-        return wp.array([int(item.label) for item in self.require_objects()], dtype=wp.uint8, device=self.device)
+        return _label_array(self.require_objects(), self.device)
 
     def _forget(self) -> None:
         self._triangles = self._clusters = None
@@ -312,6 +312,10 @@ def _flatten(objects: list[SceneObject]) -> tuple[NDArray[np.float32], NDArray[n
     return vertices, faces.astype(np.int32), owner
 
 
+def _label_array(objects: list[SceneObject], device: wp.Device) -> wp.array:
+    return wp.array([int(item.label) for item in objects], dtype=wp.uint8, device=device)
+
+
 def _build_triangles(objects: list[SceneObject], device: wp.Device) -> Triangles:
     from warpvis.kernels.rays import TriangleScene
 
@@ -326,7 +330,7 @@ def _build_triangles(objects: list[SceneObject], device: wp.Device) -> Triangles
     struct = TriangleScene()
     struct.mesh = mesh.id
     struct.triangle_object = wp.array(owner, dtype=wp.int32, device=device)
-    struct.object_label = wp.array([int(item.label) for item in objects], dtype=wp.uint8, device=device)
+    struct.object_label = _label_array(objects, device)
     return Triangles(struct, mesh)
 
 
@@ -345,7 +349,7 @@ def _build_clusters(objects: list[SceneObject]) -> Clusters:
     struct = ClusterScene()
     struct.leaves, struct.owners = tree.leaves, tree.owners
     struct.nodes, struct.children = tree.nodes, tree.children
-    struct.object_label = wp.array([int(item.label) for item in objects], dtype=wp.uint8, device="cpu")
+    struct.object_label = _label_array(objects, get_device("cpu"))
     struct.closed_boxes = wp.array(boxes.ravel(), dtype=wp.float32, device="cpu")
     struct.closed_count, struct.all_closed = len(boxes), int(closed.all())
     return Clusters(struct, tree.depth, tree.bytes_per_triangle)

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from threading import Lock
 from typing import Any
@@ -72,18 +72,22 @@ def launch_images(
         dim = (view_count, row_count, width)
         wp.launch(kernel, dim=dim, inputs=arguments(_window(view, row)), device=device)
 
-    pieces = _split(views, height, width, threads, split_views)
-    if threads == 1 or len(pieces) == 1:
-        for piece in pieces:
-            launch(piece)
-    else:
-        list(_pool(threads).map(launch, pieces))
+    run_each(launch, _split(views, height, width, threads, split_views), threads)
 
 
 def load_module(kernel: Any) -> None:
     """Compile and load a kernel's module for the CPU: two threads must not do it at the same time."""
     with _load_lock:
         wp.load_module(kernel.module, "cpu")
+
+
+def run_each(work: Callable[[Any], None], parts: Sequence[Any], threads: int) -> None:
+    """Call `work` for each part, on the pool's threads if there is more than one of both."""
+    if threads == 1 or len(parts) == 1:
+        for part in parts:
+            work(part)
+    else:
+        list(_pool(threads).map(work, parts))
 
 
 def run_together(work: Callable[[], None], workers: int, all_finished: Callable[[], bool]) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.arrays import as_numpy, as_warp, empty, get_device
+from warpvis.arrays import as_numpy, as_warp, check_length, empty, get_device
 from warpvis.errors import ArrayError
 from warpvis.labels import Label
 from warpvis.pose import check_up
@@ -113,15 +113,13 @@ def visibility_map(
     device = points.device if isinstance(points, wp.array) else get_device("cpu")
     points = as_warp(points, wp.vec3, ("V", "H", "W"), name="points", device=device)
     labels = as_warp(labels, wp.uint8, points.shape, name="labels", device=device)
-    if not sigma >= 0:
-        raise ArrayError(f"sigma must be zero or more metres, got {sigma}")
     low, high = _check_bounds(bounds, up)
     columns, rows = _check_cells(high - low, cell)
 
     grid = kernels.Grid()
     grid.first_axis, grid.second_axis = _FLOOR_AXES[up]
     grid.up_axis = check_up(up)
-    grid.origin, grid.cell, grid.level = wp.vec2(*low), cell, sigma
+    grid.origin, grid.cell, grid.level = wp.vec2(*low), cell, check_length(sigma, "sigma")
     discs = _check_robots(robots, device)
 
     shape = (len(points), rows, columns)

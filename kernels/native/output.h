@@ -17,7 +17,12 @@ struct Job {
     int strips;             // of a view
     const int* strip_rows;  // where they begin, and where the last one ends; multiples of 16, but for that
     int most_rows;          // of a strip
+    double focal[2], center[2];
     float near, far;
+    bool cull_back_faces;
+    const float* poses;         // [view]: x y z qx qy qz qw
+    const float* closed_boxes;  // of closed objects: least and greatest corner
+    int closed_count;
     int points;        // of a view, where rays go through points instead of pixels, or 0
     const float* at;   // [view][point]: x and y in pixels
 };
@@ -100,15 +105,9 @@ struct Rays {
 struct Strip {
     // Normal of a triangle, towards the camera; the lanes of a block mostly share one.
     static inline void normal_of(const Tree& tree, const Eye& eye, int id, float* n) {
-        const float* p = tree.leaves + (long long)(id >> 4) * 144 + (id & 15);
-        double a[3], ab[3], ac[3];
-        for (int k = 0; k < 3; ++k) {
-            a[k] = p[k * 16] - eye.exact_origin[k];
-            ab[k] = (double)p[(k + 3) * 16] - p[k * 16];
-            ac[k] = (double)p[(k + 6) * 16] - p[k * 16];
-        }
-        double c[3] = {ab[1] * ac[2] - ab[2] * ac[1], ab[2] * ac[0] - ab[0] * ac[2], ab[0] * ac[1] - ab[1] * ac[0]};
-        const double towards = c[0] * a[0] + c[1] * a[1] + c[2] * a[2] > 0 ? -1.0 : 1.0;
+        const ExactTriangle t = ExactTriangle::of(eye, tree.leaves + (long long)(id >> 4) * 144, id & 15);
+        const double* c = t.normal;
+        const double towards = t.volume() > 0 ? -1.0 : 1.0;
         const double length = __builtin_sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]);
         for (int k = 0; k < 3; ++k) n[k] = (float)(c[k] * towards / length);
     }
@@ -125,11 +124,6 @@ struct Strip {
         return Points{Lanes::load(n[0]), Lanes::load(n[1]), Lanes::load(n[2])};
     }
 
-    static inline int owner_of(const Tree& tree, int id) {
-        const int owner = tree.owners[id];
-        return owner < 0 ? ~owner : owner;
-    }
-
     // Objects of a block's pixels, -1 where nothing is seen; `id` holds triangles or already objects.
     static inline Ints objects(const Tree& tree, Ints id, Ints seen, bool owner_id) {
         if (owner_id) return seen ? id : Lanes::all_ints(-1);
@@ -137,7 +131,7 @@ struct Strip {
         Lanes::store(of, id);
         for (unsigned left = Lanes::bits(seen); left; left &= left - 1) {
             const int k = Lanes::first_lane(left);
-            of[k] = owner_of(tree, of[k]);
+            of[k] = Tree::object_of(tree.owners[of[k]]);
         }
         return seen ? Lanes::load(of) : Lanes::all_ints(-1);
     }

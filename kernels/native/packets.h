@@ -27,19 +27,19 @@ struct Pose {
 };
 
 struct View {
-    static inline Eye eye(const Pose& pose, const double* focal, const double* center, const Job& job) {
+    static inline Eye eye(const Pose& pose, const Job& job) {
         Eye eye;
         for (int k = 0; k < 3; ++k) {
             eye.exact_origin[k] = pose.position[k];
             eye.origin[k] = (float)pose.position[k];
             for (int i = 0; i < 3; ++i) {
-                const double f = i < 2 ? focal[i] : 1.0;
+                const double f = i < 2 ? job.focal[i] : 1.0;
                 eye.to_camera[i][k] = (float)(pose.axis[i][k] * f);
                 eye.exact_to_camera[i][k] = pose.axis[i][k] / f;
             }
         }
-        eye.first_u = (float)(0.5 - center[0]);
-        eye.first_v = (float)(0.5 - center[1]);
+        eye.first_u = (float)(0.5 - job.center[0]);
+        eye.first_v = (float)(0.5 - job.center[1]);
         eye.far = job.far * 1.00001f;
         return eye;
     }
@@ -57,12 +57,12 @@ struct View {
         return pyramid;
     }
 
-    static inline Rays rays(const Pose& pose, const double* focal) {
+    static inline Rays rays(const Eye& eye) {
         Rays rays;
         for (int k = 0; k < 3; ++k) {
-            rays.right[k] = (float)(pose.axis[0][k] / focal[0]);
-            rays.down[k] = (float)(pose.axis[1][k] / focal[1]);
-            rays.forward[k] = (float)pose.axis[2][k];
+            rays.right[k] = (float)eye.exact_to_camera[0][k];
+            rays.down[k] = (float)eye.exact_to_camera[1][k];
+            rays.forward[k] = (float)eye.exact_to_camera[2][k];
         }
         return rays;
     }
@@ -136,29 +136,27 @@ struct Scratch {
 };
 
 struct Packets {
-    static inline void unit(const Tree& tree, const Job& job, const Outputs& out, const float* pose_rows,
-                            const double* focal, const double* center, const float* closed_boxes, int closed_count,
-                            bool cull, float* scratch, int unit, bool with_id, bool owner_id) {
+    static inline void unit(const Tree& tree, const Job& job, const Outputs& out, float* scratch, int unit, bool with_id,
+                            bool owner_id) {
         const int view = unit / job.strips;
         Visit* stack;
         const Image image = Scratch::carve(scratch, job, unit % job.strips, with_id, &stack);
         if (job.points)
-            Sparse::place(image, job.at + (long long)view * job.points * 2, job.points, center[0], center[1]);
+            Sparse::place(image, job.at + (long long)view * job.points * 2, job.points, job.center[0], job.center[1]);
         else
             image.begin();
-        const Pose pose = Pose::from(pose_rows + (long long)view * 7);
-        Eye eye = View::eye(pose, focal, center, job);
-        eye.skip_back_faces = View::outside_all(closed_boxes, closed_count, pose);
+        const Pose pose = Pose::from(job.poses + (long long)view * 7);
+        Eye eye = View::eye(pose, job);
+        eye.skip_back_faces = View::outside_all(job.closed_boxes, job.closed_count, pose);
         // Where that means all back faces, it need not be looked up whose they are.
-        eye.cull_back_faces = cull || (eye.skip_back_faces && tree.all_closed);
-        const float center_x = (float)center[0], center_y = (float)(center[1] - image.first_row);
+        eye.cull_back_faces = job.cull_back_faces || (eye.skip_back_faces && tree.all_closed);
+        const float center_x = (float)job.center[0], center_y = (float)(job.center[1] - image.first_row);
         const Pyramid pyramid = View::pyramid(eye, image, center_x, center_y);
         Walk::draw(tree, eye, pyramid, image, center_x, center_y, stack, with_id, owner_id);
-        const Rays rays = View::rays(pose, focal);
         if (job.points)
-            Sparse::write(tree, eye, rays, image, job, out, view, owner_id);
+            Sparse::write(tree, eye, View::rays(eye), image, job, out, view, owner_id);
         else
-            Strip::write(tree, eye, rays, image, job, out, view, with_id, owner_id);
+            Strip::write(tree, eye, View::rays(eye), image, job, out, view, with_id, owner_id);
     }
 
     // Counters that the workers of a job share.
@@ -175,9 +173,7 @@ struct Packets {
     }
 
     // Take units of work, strips of views, until none are left; other threads take from the same counter.
-    static inline void run(const Tree& tree, const Job& job, const Outputs& out, const float* pose_rows,
-                           const double* focal, const double* center, const float* closed_boxes, int closed_count,
-                           bool cull, float* scratch, int* counter) {
+    static inline void run(const Tree& tree, const Job& job, const Outputs& out, float* scratch, int* counter) {
         const int units = job.views * job.strips;
         const bool owner_id = !out.normals;
         const bool with_id = out.normals || out.objects || out.labels || job.points;
@@ -186,9 +182,9 @@ struct Packets {
             if (next >= units) break;
             // Two copies of the code: one that knows that nobody asks for objects, and is faster.
             if (with_id)
-                unit(tree, job, out, pose_rows, focal, center, closed_boxes, closed_count, cull, scratch, next, true, owner_id);
+                unit(tree, job, out, scratch, next, true, owner_id);
             else
-                unit(tree, job, out, pose_rows, focal, center, closed_boxes, closed_count, cull, scratch, next, false, true);
+                unit(tree, job, out, scratch, next, false, true);
         }
         await_others(counter);
     }

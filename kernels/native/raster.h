@@ -38,8 +38,7 @@ struct Raster {
 
     static inline int id_of(const Cluster& cluster, int lane, bool owner_id) {
         if (!owner_id) return cluster.first_id + lane;
-        const int owner = cluster.owners[lane];
-        return owner < 0 ? ~owner : owner;
+        return Tree::object_of(cluster.owners[lane]);
     }
 
     // Of two surfaces at one depth, that of the lesser id is seen, whichever comes first.
@@ -114,7 +113,7 @@ struct Raster {
                 const Floats u = (pixel_column() + (float)(bx * 4)) + eye.first_u;
                 const Floats w = Lanes::most(Lanes::least(plane.at(u, row_w), most_w), least_w);
                 const Ints inside = Lanes::least(e0.at(u, row0), e1.at(u, row1), e2.at(u, row2)) >= Lanes::all(0.0f);
-                const int block = (((by >> 2) * image.tiles_x + (bx >> 2)) << 4) + ((by & 3) << 2) + (bx & 3);
+                const int block = image.block_at(bx, by);
                 blend(image, block, block, inside, w, id, with_id);
             }
         }

@@ -4,9 +4,8 @@
 // The packet caster on CPU cores: all rays of a view, or of a strip of it, walk the cluster tree together.
 //
 // Space is the camera's, with x and y scaled by the focal lengths: the ray of a pixel is (u, v, 1), where u and v are
-// its distances in pixels from the principal point. Three things are then linear in u and v: on which side of a
-// triangle's edge the ray passes, w = 1 / z of the triangle's plane, and nothing else is needed. The image keeps the
-// greatest w of every pixel, in blocks of 4 x 4 pixels, one to a register, in tiles of 4 x 4 blocks.
+// its distances in pixels from the principal point. All that is needed is then linear in u and v: on which side of a
+// triangle's edge the ray passes, and w = 1 / z of the triangle's plane. The image keeps the greatest w of every pixel, in blocks of 4 x 4 pixels, one to a register, in tiles of 4 x 4 blocks.
 //
 // The same expressions in the same order give the value of an edge at a pixel wherever it is needed: two triangles
 // that share an edge get exactly opposite values there, so that no ray slips between them.
@@ -17,6 +16,8 @@ struct Tree {
     const float* nodes;    // [node][10][16]: least and greatest corner, axis and cutoff of the normals' cone
     const int* children;   // [node][16]: a node, or the complement of a leaf
     bool all_closed;       // whether every object is
+
+    static inline int object_of(int owner) { return owner < 0 ? ~owner : owner; }
 };
 
 struct Image {
@@ -41,6 +42,11 @@ struct Image {
     // The index of a pixel is the sum of a part for its column and a part for its row.
     static inline int column_part(int x) { return ((x >> 4) << 8) + (((x >> 2) & 3) << 4) + (x & 3); }
     inline int row_part(int y) const { return (((y >> 4) * tiles_x) << 8) + (((y >> 2) & 3) << 6) + ((y & 3) << 2); }
+
+    // The index of the block in a column and a row of blocks.
+    inline int block_at(int bx, int by) const {
+        return (((by >> 2) * tiles_x + (bx >> 2)) << 4) + ((by & 3) << 2) + (bx & 3);
+    }
 
     inline void touch(int block) const {
         block_stale[block] = 1;
@@ -74,8 +80,7 @@ struct Image {
         if ((bx1 - bx0 + 1) * (by1 - by0 + 1) > 32) return tiles_hide(x0 >> 4, y0 >> 4, x1 >> 4, y1 >> 4, nearest_w);
         for (int by = by0; by <= by1; ++by)
             for (int bx = bx0; bx <= bx1; ++bx)
-                if (least_of_block((((by >> 2) * tiles_x + (bx >> 2)) << 4) + ((by & 3) << 2) + (bx & 3)) <= nearest_w)
-                    return false;
+                if (least_of_block(block_at(bx, by)) <= nearest_w) return false;
         return true;
     }
     inline bool tiles_hide(int tx0, int ty0, int tx1, int ty1, float nearest_w) const {
@@ -118,7 +123,7 @@ struct Eye {
     float origin[3];
     float to_camera[3][3];       // rows: x scaled by fx, y scaled by fy, z
     double exact_origin[3];
-    double exact_to_camera[3][3];  // rows: u = x / z needs N . right / fx, so rows are divided by the focal lengths
+    double exact_to_camera[3][3];  // rows: x and y divided by the focal lengths, z: a ray is their sum by u, v and 1
     float first_u, first_v;      // u and v of pixel (0, 0) of the view
     float far;
     bool skip_back_faces;        // of objects that are closed, since the camera is outside them all
@@ -232,20 +237,36 @@ struct Setup {
     }
 };
 
+// One triangle in double precision: its first corner seen from the camera, and its normal, of any length.
+struct ExactTriangle {
+    double a[3], normal[3];
+
+    static inline ExactTriangle of(const Eye& eye, const float* corners, int lane) {
+        ExactTriangle t;
+        double ab[3], ac[3];
+        for (int k = 0; k < 3; ++k) {
+            t.a[k] = corners[k * 16 + lane] - eye.exact_origin[k];
+            ab[k] = (double)corners[(k + 3) * 16 + lane] - corners[k * 16 + lane];
+            ac[k] = (double)corners[(k + 6) * 16 + lane] - corners[k * 16 + lane];
+        }
+        t.normal[0] = ab[1] * ac[2] - ab[2] * ac[1];
+        t.normal[1] = ab[2] * ac[0] - ab[0] * ac[2];
+        t.normal[2] = ab[0] * ac[1] - ab[1] * ac[0];
+        return t;
+    }
+    // Negative where the camera sees the front.
+    inline double volume() const { return normal[0] * a[0] + normal[1] * a[1] + normal[2] * a[2]; }
+};
+
 // The plane of one triangle in double precision. In single precision, w loses its digits where a plane is seen at a
 // grazing angle: it is a small difference of large terms.
 struct ExactPlane {
     double u, v, one;
 
     static inline ExactPlane of(const Eye& eye, const float* corners, int lane) {
-        double a[3], ab[3], ac[3];
-        for (int k = 0; k < 3; ++k) {
-            a[k] = corners[k * 16 + lane] - eye.exact_origin[k];
-            ab[k] = (double)corners[(k + 3) * 16 + lane] - corners[k * 16 + lane];
-            ac[k] = (double)corners[(k + 6) * 16 + lane] - corners[k * 16 + lane];
-        }
-        const double n[3] = {ab[1] * ac[2] - ab[2] * ac[1], ab[2] * ac[0] - ab[0] * ac[2], ab[0] * ac[1] - ab[1] * ac[0]};
-        const double scale = 1.0 / (n[0] * a[0] + n[1] * a[1] + n[2] * a[2]);
+        const ExactTriangle t = ExactTriangle::of(eye, corners, lane);
+        const double* n = t.normal;
+        const double scale = 1.0 / t.volume();
         const ExactRow* m = eye.exact_to_camera;
         return ExactPlane{(n[0] * m[0][0] + n[1] * m[0][1] + n[2] * m[0][2]) * scale,
                           (n[0] * m[1][0] + n[1] * m[1][1] + n[2] * m[1][2]) * scale,

@@ -133,7 +133,7 @@ struct Sparse {
             if (seen) Strip::normal_of(tree, eye, id, normal);
             for (int c = 0; c < 3; ++c) out.normals[place * 3 + c] = normal[c];
         }
-        const int object = !seen ? -1 : owner_id ? id : Strip::owner_of(tree, id);
+        const int object = !seen ? -1 : owner_id ? id : Tree::object_of(tree.owners[id]);
         if (out.objects) out.objects[place] = object;
         if (out.labels) out.labels[place] = object < 0 ? 0 : out.object_label[object];
     }
