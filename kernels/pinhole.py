@@ -62,6 +62,14 @@ def pose_rotation(pose: wp.transform) -> wp.quatd:
 
 
 @wp.func
+def forward_axis(rotation: wp.quatd) -> wp.vec3d:
+    """Where a camera looks, in the world: the third column of its rotation matrix."""
+    x, y, z, w = rotation[0], rotation[1], rotation[2], rotation[3]
+    one, two = wp.float64(1.0), wp.float64(2.0)
+    return wp.vec3d(two * (x * z + y * w), two * (y * z - x * w), one - two * (x * x + y * y))
+
+
+@wp.func
 def back_project_pixel(camera: PinholeCamera, pose: wp.transform, y: int, x: int, depth: float) -> wp.vec3:
     """World point of a pixel and its depth: equations (3) to (6), and NaN where there is no depth."""
     if not wp.isfinite(depth):

@@ -11,30 +11,52 @@ from warpvis.kernels.native_source import read_native
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
+LANE_COUNTS = (16, 32)
+"""Triangles of a leaf and children of a node: what a tree can have. Kernels take it as `lanes`."""
+
 _TREE = read_native("tree.h")
 _COLLAPSE = read_native("tree.h", "tree_collapse.h")
 _BOUNDS = read_native("tree.h", "tree_bounds.h")
 
 
-@wp.func_native(_TREE + "Items::load((const float*)vertices, (const int*)faces, triangle, (v8*)items);")
+def _with_lanes(lanes: int, text: str) -> str:
+    return f"enum {{ LANES = {lanes} }};\n{text}"
+
+
+def _with_any_lanes(text: str) -> str:
+    """The text once for each number of lanes; that one runs that the function's parameter `lanes` asks for."""
+    return "".join(f"if (lanes == {lanes}) {{\n{_with_lanes(lanes, text)}\n}}\n" for lanes in LANE_COUNTS)
+
+
+# Items are the same for any number of lanes.
+@wp.func_native(
+    _with_lanes(16, _TREE + "Items::load((const float*)vertices, (const int*)faces, triangle, (v8*)items);")
+)
 def load_item_native(vertices: wp.uint64, faces: wp.uint64, triangle: int, items: wp.uint64): ...
 
 
 @wp.func_native(
-    _TREE + "Splitter::split_all((v8*)items, (Split*)splits, begin, end, link, depth, most_splits);",
+    _with_any_lanes(_TREE + "Splitter::split_all((v8*)items, (Split*)splits, begin, end, link, depth, most_splits);")
 )
 def split_range_native(
-    items: wp.uint64, splits: wp.uint64, begin: int, end: int, link: int, depth: int, most_splits: int
+    lanes: int, items: wp.uint64, splits: wp.uint64, begin: int, end: int, link: int, depth: int, most_splits: int
 ): ...
 
 
 @wp.func_native(
-    _COLLAPSE + "Collapser::collapse((const Split*)splits, item_count, (Collapser::Binary*)binaries, (int*)children, "
-    "(int*)leaf_ranges, (int*)counts);",
+    _with_any_lanes(
+        _COLLAPSE
+        + """
+        Collapser::collapse((const Split*)splits, item_count, evenly != 0, (Collapser::Binary*)binaries, (int*)children,
+                            (int*)leaf_ranges, (int*)counts);
+        """
+    )
 )
 def collapse_native(
+    lanes: int,
     splits: wp.uint64,
     item_count: int,
+    evenly: int,
     binaries: wp.uint64,
     children: wp.uint64,
     leaf_ranges: wp.uint64,
@@ -43,14 +65,17 @@ def collapse_native(
 
 
 @wp.func_native(
-    _BOUNDS
-    + """
-    Leaves::fill((const float*)vertices, (const int*)faces, (const int*)owner, (const unsigned char*)closed,
-                 (const v8*)items, (const int*)leaf_ranges, leaf, (float*)leaves, (int*)triangles, (int*)owners,
-                 (float*)leaf_bounds);
-    """
+    _with_any_lanes(
+        _BOUNDS
+        + """
+        Leaves::fill((const float*)vertices, (const int*)faces, (const int*)owner, (const unsigned char*)closed,
+                     (const v8*)items, (const int*)leaf_ranges, leaf, (float*)leaves, (int*)triangles, (int*)owners,
+                     (float*)leaf_bounds);
+        """
+    )
 )
 def fill_leaf_native(
+    lanes: int,
     vertices: wp.uint64,
     faces: wp.uint64,
     owner: wp.uint64,
@@ -65,8 +90,10 @@ def fill_leaf_native(
 ): ...
 
 
-@wp.func_native(_BOUNDS + "Nodes::fit((const int*)children, (const float*)leaf_bounds, node_count, (float*)nodes);")
-def fit_nodes_native(children: wp.uint64, leaf_bounds: wp.uint64, node_count: int, nodes: wp.uint64): ...
+@wp.func_native(
+    _with_any_lanes(_BOUNDS + "Nodes::fit((const int*)children, (const float*)leaf_bounds, node_count, (float*)nodes);")
+)
+def fit_nodes_native(lanes: int, children: wp.uint64, leaf_bounds: wp.uint64, node_count: int, nodes: wp.uint64): ...
 
 
 @wp.kernel
@@ -86,6 +113,7 @@ def load_items(
 @wp.kernel
 def split_range(
     # In:
+    lanes: int,
     begin: int,
     end: int,
     link: int,
@@ -97,23 +125,37 @@ def split_range(
 ):
     """One thread: split a range of the items until all parts are leaves, or `most_splits` times."""
     _ = wp.tid()
-    split_range_native(items_out.ptr, splits_out.ptr, begin, end, link, depth, most_splits)
+    split_range_native(lanes, items_out.ptr, splits_out.ptr, begin, end, link, depth, most_splits)
 
 
 @wp.kernel
 def collapse_tree(
     # In:
+    lanes: int,
     splits: wp.array[wp.int32],
     item_count: int,
+    evenly: int,
     # Out:
     binaries_out: wp.array[wp.int32],
     children_out: wp.array[wp.int32],
     leaf_ranges_out: wp.array[wp.int32],
     counts_out: wp.array[wp.int32],
 ):
-    """One thread: name the tree's nodes and leaves, and count nodes, leaves and levels; `binaries_out` is scratch."""
+    """One thread: name the tree's nodes and leaves, and count nodes, leaves and levels; `binaries_out` is scratch.
+
+    Boxes of nodes get the least area; or, with `evenly`, nodes hold log2(lanes) levels of the binary tree or more.
+    """
     _ = wp.tid()
-    collapse_native(splits.ptr, item_count, binaries_out.ptr, children_out.ptr, leaf_ranges_out.ptr, counts_out.ptr)
+    collapse_native(
+        lanes,
+        splits.ptr,
+        item_count,
+        evenly,
+        binaries_out.ptr,
+        children_out.ptr,
+        leaf_ranges_out.ptr,
+        counts_out.ptr,
+    )
 
 
 @wp.kernel
@@ -124,6 +166,7 @@ def fill_leaves(
     owner: wp.array[wp.int32],
     closed: wp.array[wp.uint8],
     # In:
+    lanes: int,
     items: wp.array[float],
     leaf_ranges: wp.array[wp.int32],
     first_leaf: int,
@@ -135,6 +178,7 @@ def fill_leaves(
 ):
     leaf = wp.tid() + first_leaf
     fill_leaf_native(
+        lanes,
         vertices.ptr,
         faces.ptr,
         owner.ptr,
@@ -152,6 +196,7 @@ def fill_leaves(
 @wp.kernel
 def fit_nodes(
     # In:
+    lanes: int,
     children: wp.array[wp.int32],
     leaf_bounds: wp.array[float],
     node_count: int,
@@ -160,4 +205,4 @@ def fit_nodes(
 ):
     """One thread: the boxes and cones of all nodes' children, from the leaves up."""
     _ = wp.tid()
-    fit_nodes_native(children.ptr, leaf_bounds.ptr, node_count, nodes_out.ptr)
+    fit_nodes_native(lanes, children.ptr, leaf_bounds.ptr, node_count, nodes_out.ptr)

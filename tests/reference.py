@@ -59,7 +59,7 @@ def cast_rays_at(
 
 
 # What an image shows does not depend on how it is cast.
-cast_packets = cast_rays
+cast_packets = cast_packets_cuda = cast_rays
 
 
 def _cast(scene: Scene, camera: Camera, pose: NDArray, rays: NDArray, cull_backfaces: bool) -> Images:
@@ -276,20 +276,20 @@ def box_area(boxes: NDArray) -> float:
     return x * y + y * z + z * x
 
 
-def split_cost(left: NDArray, right: NDArray) -> float:
-    """Cost of two children by the surface area heuristic, each with leaves of 16 boxes."""
-    return sum(box_area(boxes) * -(-len(boxes) // 16) for boxes in (left, right))
+def split_cost(left: NDArray, right: NDArray, lanes: int) -> float:
+    """Cost of two children by the surface area heuristic, each with leaves of `lanes` boxes."""
+    return sum(box_area(boxes) * -(-len(boxes) // lanes) for boxes in (left, right))
 
 
-def split_range(boxes: NDArray) -> float:
+def split_range(boxes: NDArray, lanes: int) -> float:
     """Least cost of any split of boxes in the order of their centres along an axis."""
     centres = boxes[:, :3] + boxes[:, 3:]
     orders = [np.argsort(centres[:, axis], kind="stable") for axis in range(3)]
-    return min(split_cost(boxes[o[:i]], boxes[o[i:]]) for o in orders for i in range(1, len(boxes)))
+    return min(split_cost(boxes[o[:i]], boxes[o[i:]], lanes) for o in orders for i in range(1, len(boxes)))
 
 
-def collapse_tree(splits: dict[int, tuple], root: int) -> float:
-    """Least area of all nodes but the root, over all trees of nodes with at most 16 children.
+def collapse_tree(splits: dict[int, tuple], root: int, lanes: int) -> float:
+    """Least area of all nodes but the root, over all trees of nodes with at most `lanes` children.
 
     `splits` holds the binary tree: ``(left, right, left area, right area)``, where 0 stands for a leaf.
     """
@@ -303,19 +303,19 @@ def collapse_tree(splits: dict[int, tuple], root: int) -> float:
         if split == 0:
             return 0.0
         if (split, most) not in memory:
-            as_node = area + as_parts(split, 16)
+            as_node = area + as_parts(split, lanes)
             memory[split, most] = as_node if most == 1 else min(as_node, as_parts(split, most))
         return memory[split, most]
 
-    return as_parts(root, 16) if root else 0.0
+    return as_parts(root, lanes) if root else 0.0
 
 
 def fill_leaves(vertices: NDArray, faces: NDArray, triangles: NDArray) -> NDArray[np.float32]:
-    """Rows ax ay az bx by bz cx cy cz of the leaves, shape (L, 9, 16); `triangles` has shape (L, 16)."""
-    lanes = np.where(triangles >= 0, triangles, triangles[:, :1])
-    corners = vertices[faces[lanes]]
+    """Rows ax ay az bx by bz cx cy cz of the leaves, shape (L, 9, lanes); `triangles` has shape (L, lanes)."""
+    used = np.where(triangles >= 0, triangles, triangles[:, :1])
+    corners = vertices[faces[used]]
     corners[triangles < 0] = corners[triangles < 0][:, :1]
-    return corners.reshape(len(triangles), 16, 9).swapaxes(1, 2)
+    return corners.reshape(*triangles.shape, 9).swapaxes(1, 2)
 
 
 def fit_nodes(vertices: NDArray, faces: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

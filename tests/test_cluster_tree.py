@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The cluster tree holds every triangle once, its bounds hold what is below, and it is the same for any threads."""
+"""The cluster tree holds every triangle once, its bounds hold what is below, and it is the same for any threads.
+
+And it is as shallow as asked, whatever the triangles.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +15,14 @@ import pytest
 import trimesh
 import warp as wp
 
+from warpvis import ArrayError, SceneError
 from warpvis.closed import provably_closed
 from warpvis.cluster_tree import ClusterTree, build_cluster_tree
 from warpvis.scenes import PRESETS, shapes
 
 import reference
 
+LANES = (16, 32)
 ARRAYS = ("leaves", "triangles", "owners", "nodes", "children")
 
 
@@ -28,8 +33,8 @@ class Input:
     owner: np.ndarray
     closed: np.ndarray
 
-    def build(self, threads=None) -> ClusterTree:
-        return build_cluster_tree(self.vertices, self.faces, self.owner, self.closed, threads=threads)
+    def build(self, **options) -> ClusterTree:
+        return build_cluster_tree(self.vertices, self.faces, self.owner, self.closed, **options)
 
 
 def soup(corners, closed=True) -> Input:
@@ -58,12 +63,26 @@ def powers(count):
     return random_triangles(count)[:, :, :] * 0.7 ** (np.arange(count) % 200)[:, None, None]
 
 
+def doubling(count):
+    """Triangles whose size and distance double again and again: the heuristic's tree is deep."""
+    return 2.0 ** np.linspace(-30, 30, count)[:, None, None] * [[1, -0.1, -0.1], [1, 0.1, -0.1], [1, 0, 0.1]]
+
+
+def slivers(count):
+    """Triangles of almost no area, in all directions."""
+    corners = random_triangles(count)
+    corners[:, 2] = corners[:, 1] + np.random.default_rng(1).normal(0, 1e-6, (count, 3))
+    return corners
+
+
 CASES = {
     "one": lambda: soup(random_triangles(1)),
     "16": lambda: soup(random_triangles(16)),
     "17": lambda: soup(random_triangles(17)),
+    "33": lambda: soup(random_triangles(33)),
     "64": lambda: soup(random_triangles(64)),
     "65": lambda: soup(random_triangles(65)),
+    "129": lambda: soup(random_triangles(129)),
     "soup": lambda: soup(random_triangles(3000)),
     "identical": lambda: soup(np.repeat(random_triangles(1), 100_000, axis=0)),
     "points": lambda: soup(np.zeros((1000, 3, 3))),
@@ -72,22 +91,33 @@ CASES = {
     "huge": lambda: soup(random_triangles(1000) * 3e17),
     "far": lambda: soup(random_triangles(1000) + 1e5),
     "powers": lambda: soup(powers(5000)),
+    "doubling": lambda: soup(doubling(20_000)),
+    "slivers": lambda: soup(slivers(20_000)),
     "row": lambda: soup(random_triangles(1)[0] + np.arange(2000)[:, None, None] * [1.0, 0.0, 0.0]),
     "room": lambda: preset("room"),
     "blobs_77k": lambda: preset("blobs_77k"),
 }
 
 
-@pytest.fixture(scope="module", params=CASES)
+def least_levels(count, lanes):
+    """Levels of a full tree of so many triangles."""
+    return next(levels for levels in range(1, 32) if count <= lanes ** (levels + 1))
+
+
+PAIRS = [(name, lanes) for name in CASES for lanes in LANES]
+
+
+@pytest.fixture(scope="module", params=PAIRS, ids=lambda pair: f"{pair[0]}-{pair[1]}")
 def case(request):
-    given = CASES[request.param]()
-    return given, given.build()
+    name, lanes = request.param
+    given = CASES[name]()
+    return given, given.build(lanes=lanes)
 
 
 def subtrees(tree: ClusterTree):
     """``(node, lane, triangles below, level)`` of every child, children after those below them."""
-    children = tree.children.numpy().reshape(-1, 16)
-    triangles = tree.triangles.numpy().reshape(-1, 16)
+    children = tree.children.numpy().reshape(-1, tree.lanes)
+    triangles = tree.triangles.numpy().reshape(-1, tree.lanes)
     found = []
     below = [None] * tree.node_count
     levels = [0] * tree.node_count
@@ -107,23 +137,23 @@ def subtrees(tree: ClusterTree):
 
 def test_every_triangle_is_there_once_and_unchanged(case):
     given, tree = case
-    triangles = tree.triangles.numpy().reshape(-1, 16)
+    triangles = tree.triangles.numpy().reshape(-1, tree.lanes)
     assert tree.leaf_count == len(triangles)
     np.testing.assert_array_equal(np.sort(triangles[triangles >= 0]), np.arange(len(given.faces)))
     assert (triangles[:, 0] >= 0).all()
     _, below_root = subtrees(tree)
     np.testing.assert_array_equal(np.sort(below_root), np.arange(len(given.faces)))
     expected = reference.fill_leaves(given.vertices, given.faces, triangles)
-    leaves = tree.leaves.numpy().reshape(-1, 9, 16)
+    leaves = tree.leaves.numpy().reshape(-1, 9, tree.lanes)
     np.testing.assert_array_equal(leaves.view(np.uint32), np.ascontiguousarray(expected).view(np.uint32))
     owners = given.owner[np.where(triangles >= 0, triangles, triangles[:, :1])]
-    np.testing.assert_array_equal(tree.owners.numpy().reshape(-1, 16), owners)
+    np.testing.assert_array_equal(tree.owners.numpy().reshape(-1, tree.lanes), owners)
 
 
 def test_boxes_and_cones_hold_what_is_below(case):
     given, tree = case
-    nodes = tree.nodes.numpy().reshape(-1, 10, 16)
-    unused = tree.children.numpy().reshape(-1, 16) == 0
+    nodes = tree.nodes.numpy().reshape(-1, 10, tree.lanes)
+    unused = tree.children.numpy().reshape(-1, tree.lanes) == 0
     assert (nodes.swapaxes(1, 2)[unused][:, :3] == np.float32(3e38)).all()
     assert (nodes.swapaxes(1, 2)[unused][:, 3:6] == np.float32(-3e38)).all()
     assert (nodes[:, 9][unused] == 2).all()
@@ -141,10 +171,11 @@ def test_boxes_and_cones_hold_what_is_below(case):
             assert not (normals[triangles] @ axis < np.sqrt(1 - (cutoff - 5e-4) ** 2)).any()  # NaN holds nothing
 
 
-def test_culled_children_face_away():
+@pytest.mark.parametrize("lanes", LANES)
+def test_culled_children_face_away(lanes):
     given = preset("blobs_77k")
-    tree = given.build()
-    nodes = tree.nodes.numpy().reshape(-1, 10, 16).astype(np.float64)
+    tree = given.build(lanes=lanes)
+    nodes = tree.nodes.numpy().reshape(-1, 10, lanes).astype(np.float64)
     culled = 0
     for camera in np.random.default_rng(3).uniform(-4, 4, (3, 3)):
         for node, lane, triangles in subtrees(tree)[0]:
@@ -154,15 +185,17 @@ def test_culled_children_face_away():
                 culled += len(triangles)
                 a, b, c = given.vertices[given.faces[triangles]].astype(np.float64).swapaxes(0, 1)
                 assert (((a - camera) * np.cross(b - a, c - a)).sum(axis=1) > 0).all()
-    assert culled > len(given.faces) / 2
+    # Wider cones of more triangles hold less often.
+    assert culled > len(given.faces) / {16: 2, 32: 3}[lanes]
 
 
-def test_cones_of_flat_leaves_are_narrow():
+@pytest.mark.parametrize("lanes", LANES)
+def test_cones_of_flat_leaves_are_narrow(lanes):
     rng = np.random.default_rng(0)
     corners = rng.uniform(0, 1, (40, 3, 3)) * [1, 1, 0]
     turned = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] < 0
     corners[turned] = corners[turned][:, ::-1]
-    nodes = soup(corners).build().nodes.numpy().reshape(-1, 10, 16)
+    nodes = soup(corners).build(lanes=lanes).nodes.numpy().reshape(-1, 10, lanes)
     np.testing.assert_allclose(nodes[0, 6:, :2].T, [[0, 0, 1, 1e-3]] * 2, atol=1e-6)
 
 
@@ -170,22 +203,67 @@ def test_leaves_are_filled_and_the_tree_is_small(case):
     given, tree = case
     assert tree.depth <= 40
     if len(given.faces) >= 1000:
-        assert len(given.faces) / tree.leaf_count >= 0.65 * 16
+        assert len(given.faces) / tree.leaf_count >= 0.65 * tree.lanes
         assert tree.bytes_per_triangle < 100
     assert all(getattr(tree, name).ptr % 64 == 0 for name in ARRAYS)
 
 
+def assert_equal(first: ClusterTree, other: ClusterTree):
+    for array in ARRAYS:
+        assert getattr(first, array).numpy().tobytes() == getattr(other, array).numpy().tobytes()
+
+
+@pytest.mark.parametrize("options", [{"lanes": 16}, {"lanes": 32}, {"lanes": 32, "most_levels": 3}], ids=str)
 @pytest.mark.parametrize("name", ["blobs_77k", "identical", "soup"])
-def test_the_tree_is_the_same_for_any_number_of_threads(name):
+def test_the_tree_is_the_same_for_any_number_of_threads(name, options):
     given = CASES[name]()
-    first = given.build(threads=1)
+    first = given.build(threads=1, **options)
     for threads in (2, 5):
-        other = given.build(threads=threads)
-        for array in ARRAYS:
-            assert getattr(first, array).numpy().tobytes() == getattr(other, array).numpy().tobytes()
+        assert_equal(first, given.build(threads=threads, **options))
 
 
-def split_natively(given: Input, most_splits: int):
+def test_no_triangles_make_a_tree_deeper_than_asked(case):
+    given, unlimited = case
+    for most_levels in range(least_levels(len(given.faces), unlimited.lanes), unlimited.depth):
+        tree = given.build(lanes=unlimited.lanes, most_levels=most_levels)
+        assert tree.depth <= most_levels
+        test_every_triangle_is_there_once_and_unchanged((given, tree))
+    assert_equal(unlimited, given.build(lanes=unlimited.lanes, most_levels=unlimited.depth))
+
+
+@pytest.mark.parametrize("lanes", LANES)
+@pytest.mark.parametrize("name", ["room", "doubling"])
+def test_bounds_of_shallow_trees_hold_what_is_below(name, lanes):
+    given = CASES[name]()
+    tree = given.build(lanes=lanes, most_levels=least_levels(len(given.faces), lanes))
+    assert tree.depth < given.build(lanes=lanes).depth
+    test_boxes_and_cones_hold_what_is_below((given, tree))
+
+
+def test_some_triangles_make_a_deep_tree():
+    assert CASES["doubling"]().build(lanes=32).depth > 12
+
+
+@pytest.mark.parametrize("lanes", LANES)
+@pytest.mark.parametrize("levels", [1, 2])
+def test_a_full_tree_is_the_most_that_levels_hold(lanes, levels):
+    count = lanes ** (levels + 1)
+    tree = soup(random_triangles(count)).build(lanes=lanes, most_levels=levels)
+    assert (tree.depth, tree.leaf_count) == (levels, count // lanes)
+    with pytest.raises(
+        SceneError, match=rf"{lanes} lanes and at most {levels} levels holds {count} .* got {count + 1}$"
+    ):
+        soup(random_triangles(count + 1)).build(lanes=lanes, most_levels=levels)
+
+
+def test_a_tree_has_levels_and_16_or_32_lanes():
+    with pytest.raises(SceneError, match=r"at most 0 levels holds 0 triangles, got 1$"):
+        soup(random_triangles(1)).build(most_levels=0)
+    with pytest.raises(ArrayError, match=r"^lanes must be 16 or 32, got 8$"):
+        soup(random_triangles(1)).build(lanes=8)
+
+
+def split_natively(given: Input, most_splits: int, lanes: int):
     """The items' boxes in their new order, and the splits."""
     from warpvis.kernels import tree
 
@@ -198,47 +276,49 @@ def split_natively(given: Input, most_splits: int):
     splits = wp.zeros(count * 4, dtype=wp.int32, device="cpu")
     wp.launch(tree.load_items, dim=count, inputs=[vertices, faces, 0, items], device="cpu")
     loaded = items.numpy().reshape(-1, 8).copy()
-    wp.launch(tree.split_range, dim=1, inputs=[0, count, 0, 0, most_splits, items, splits], device="cpu")
+    wp.launch(tree.split_range, dim=1, inputs=[lanes, 0, count, 0, 0, most_splits, items, splits], device="cpu")
     rows = items.numpy().reshape(-1, 8)
     return loaded, np.concatenate([rows[:, :3], -rows[:, 4:7]], axis=1), splits.numpy().reshape(-1, 4)
 
 
 def test_items_are_boxes_and_indices():
     given = soup(random_triangles(70_000))
-    rows, _, _ = split_natively(given, 0)
+    rows, _, _ = split_natively(given, 0, 16)
     boxes = np.concatenate([rows[:, :3], -rows[:, 4:7]], axis=1)
     np.testing.assert_array_equal(boxes, reference.load_items(given.vertices, given.faces))
     np.testing.assert_array_equal(rows[:, 7] * 65536 + rows[:, 3], np.arange(70_000))
 
 
-@pytest.mark.parametrize("count", [17, 40, 64])
-def test_small_ranges_are_split_at_the_best_place(count):
+@pytest.mark.parametrize(("lanes", "count"), [(16, 17), (16, 40), (16, 64), (32, 33), (32, 80), (32, 128)])
+def test_small_ranges_are_split_at_the_best_place(lanes, count):
     given = soup(random_triangles(count, seed=count))
-    _, boxes, splits = split_natively(given, 1)
+    _, boxes, splits = split_natively(given, 1, lanes)
     at = splits[0, 0]
-    best = reference.split_range(reference.load_items(given.vertices, given.faces))
-    assert reference.split_cost(boxes[:at], boxes[at:]) == pytest.approx(best, rel=1e-5)
+    best = reference.split_range(reference.load_items(given.vertices, given.faces), lanes)
+    assert reference.split_cost(boxes[:at], boxes[at:], lanes) == pytest.approx(best, rel=1e-5)
 
 
-def test_large_ranges_are_split_well():
+@pytest.mark.parametrize("lanes", LANES)
+def test_large_ranges_are_split_well(lanes):
     """16 bins an axis come within a few per cent of the best of all places."""
     given = soup(random_triangles(500))
-    _, boxes, splits = split_natively(given, 1)
-    best = reference.split_range(reference.load_items(given.vertices, given.faces))
-    assert reference.split_cost(boxes[: splits[0, 0]], boxes[splits[0, 0] :]) < 1.1 * best
+    _, boxes, splits = split_natively(given, 1, lanes)
+    best = reference.split_range(reference.load_items(given.vertices, given.faces), lanes)
+    assert reference.split_cost(boxes[: splits[0, 0]], boxes[splits[0, 0] :], lanes) < 1.1 * best
 
 
-def test_nodes_have_the_least_area():
+@pytest.mark.parametrize("lanes", LANES)
+def test_nodes_have_the_least_area(lanes):
     given = soup(random_triangles(1500))
-    _, _, splits = split_natively(given, -1)
+    _, _, splits = split_natively(given, -1, lanes)
     areas = splits[:, 2:].view(np.float32)
     binary = {split: (*splits[split, :2].tolist(), *areas[split].tolist()) for split in range(1, 1500)}
-    tree = given.build()
-    nodes = tree.nodes.numpy().reshape(-1, 10, 16).astype(np.float64)
-    inner = tree.children.numpy().reshape(-1, 16) > 0
+    tree = given.build(lanes=lanes)
+    nodes = tree.nodes.numpy().reshape(-1, 10, lanes).astype(np.float64)
+    inner = tree.children.numpy().reshape(-1, lanes) > 0
     boxes = nodes[:, :6].swapaxes(1, 2)[inner]
     total = sum(reference.box_area(box[None]) for box in boxes)
-    assert total == pytest.approx(reference.collapse_tree(binary, int(splits[0, 0])), rel=1e-4)
+    assert total == pytest.approx(reference.collapse_tree(binary, int(splits[0, 0]), lanes), rel=1e-4)
 
 
 def dented_ball(depth=0.02):

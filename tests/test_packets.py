@@ -31,20 +31,20 @@ def assert_same(one, other):
 
 
 @pytest.mark.parametrize("name", ["blobs_77k", "blobs_1m"])
-def test_large_scenes_agree_with_rays(name):
+def test_large_scenes_agree_with_rays(name, device):
     preset = scenes.PRESETS[name]
-    scene = preset.build()
+    scene = preset.build(device)
     packets, rays = (wv.render(scene, preset.camera, preset.poses(3), caster=caster) for caster in ("packets", "rays"))
     assert_same(packets, rays)
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_triangles_all_around_the_camera(seed):
+def test_triangles_all_around_the_camera(seed, device):
     """A soup through which the camera looks: triangles before it, behind it, and through its plane."""
     rng = np.random.default_rng(seed)
     size = 10.0 ** rng.uniform(-1.5, 0.7, (300, 1, 1))
     corners = rng.normal(0, 2, (300, 1, 3)) + size * rng.normal(0, 1, (300, 3, 3))
-    scene = wv.Scene()
+    scene = wv.Scene(device=device)
     scene.add((corners.reshape(-1, 3), np.arange(900).reshape(-1, 3)), name="soup")
     camera = wv.Camera.from_fov(96, 72, hfov=1.8)
     poses = np.array([wv.look_at((0, 0, 0), rng.normal(size=3)) for _ in range(3)]).astype(np.float32)
@@ -66,11 +66,11 @@ def test_culling_sees_through_back_faces(device, caster):
     assert_matches_reference(culled, scene, SMALL, pose, cull_backfaces=True)
 
 
-def test_leaving_out_back_faces_changes_nothing(monkeypatch):
+def test_leaving_out_back_faces_changes_nothing(monkeypatch, device):
     """Bit for bit: from outside of closed meshes, from inside, from inside their boxes, and through each other."""
 
     def build():
-        scene = scenes.PRESETS["room"].build()
+        scene = scenes.PRESETS["room"].build(device)
         dented = trimesh.creation.icosphere(subdivisions=4, radius=0.3)
         dented.vertices += 0.03 * np.sin(20 * dented.vertices[:, [1, 2, 0]])
         scene.add(dented, name="dented", pose=(0.9, 0.1, 0.4, 0, 0, 0, 1))
@@ -92,11 +92,11 @@ def test_leaving_out_back_faces_changes_nothing(monkeypatch):
         np.testing.assert_array_equal(getattr(lean, name).numpy(), getattr(whole, name).numpy())
 
 
-def test_a_million_triangles_in_one_pixel(tmp_path):
+def test_a_million_triangles_in_one_pixel(device):
     """A finely meshed ball that is far smaller than a pixel, and right on its centre."""
     ball = trimesh.creation.icosphere(subdivisions=8, radius=0.1)
     assert len(ball.faces) > 1_000_000
-    scene = wv.Scene()
+    scene = wv.Scene(device=device)
     scene.add(ball, pose=(1000, 0, 0, 0, 0, 0, 1))
     camera = wv.Camera.from_fov(65, 49, hfov=0.99)
     depth = wv.render(scene, camera, wv.look_at((0, 0, 0), (1, 0, 0))).depth.numpy()[0]
@@ -104,29 +104,29 @@ def test_a_million_triangles_in_one_pixel(tmp_path):
     assert np.isinf(np.delete(depth.ravel(), 24 * 65 + 32)).all()
 
 
-def test_a_large_image_of_large_triangles():
+def test_a_large_image_of_large_triangles(device):
     """4096 x 4096 pixels of the room agree with rays."""
     preset = scenes.PRESETS["room"]
     camera = wv.Camera.from_fov(4096, 4096, hfov=0.994837, near=0.05, far=100.0)
     packets, rays = (
-        wv.render(preset.build(), camera, preset.poses(1), caster=caster, outputs=("depth", "objects"))
+        wv.render(preset.build(device), camera, preset.poses(1), caster=caster, outputs=("depth", "objects"))
         for caster in ("packets", "rays")
     )
     assert_same(packets, rays)
 
 
-def test_one_triangle_over_the_whole_image():
-    scene = wv.Scene()
+def test_one_triangle_over_the_whole_image(device):
+    scene = wv.Scene(device=device)
     scene.add((np.array([[5, -1e4, -1e4], [5, 1e4, -1e4], [5, 0, 1e4]]), np.array([[0, 1, 2]])))
     depth = wv.render(scene, wv.Camera.from_fov(333, 217, hfov=1.0), wv.look_at((0, 0, 0), (1, 0, 0))).depth.numpy()
     np.testing.assert_allclose(depth, 5.0, rtol=3e-7)
 
 
-def test_deep_trees_do_not_overflow():
+def test_deep_trees_do_not_overflow(device):
     """Triangles whose size and distance double: their tree is as deep as it can be."""
     size = 2.0 ** np.linspace(-30, 30, 20_000)[:, None, None]
     corners = size * np.array([[[1, -0.1, -0.1], [1, 0.1, -0.1], [1, 0, 0.1]]])
-    scene = wv.Scene()
+    scene = wv.Scene(device=device)
     scene.add((corners.reshape(-1, 3), np.arange(60_000).reshape(-1, 3)))
     pose = wv.look_at((0, 0, 0), (1, 0, 0))
     camera = wv.Camera.from_fov(64, 48, hfov=0.4)
@@ -207,9 +207,9 @@ def test_points_of_the_image_match_their_twin(name, cull_backfaces, device, cast
         assert apart.mean() < 1e-2
 
 
-def test_points_at_pixel_centres_see_what_the_pixels_see():
+def test_points_at_pixel_centres_see_what_the_pixels_see(device):
     preset = scenes.PRESETS["blobs_77k"]
-    renderer = wv.Renderer(preset.build(), SMALL, outputs=("depth", "objects"))
+    renderer = wv.Renderer(preset.build(device), SMALL, outputs=("depth", "objects"))
     y, x = np.mgrid[:90, :120] + 0.5
     pixels = np.tile(np.stack([x, y], axis=-1).reshape(1, -1, 2), (2, 1, 1))
     image, points = renderer.render(preset.poses(2)), renderer.render_at(preset.poses(2), pixels)
@@ -229,9 +229,8 @@ def test_points_do_not_depend_on_threads_or_order():
         assert again.objects.numpy().tobytes() == first.objects.numpy()[:, order].tobytes()
 
 
-def test_auto_takes_packets_on_the_cpu_and_rays_elsewhere(device):
-    renderer = wv.Renderer(scenes.PRESETS["room"].build(device), SMALL)
-    assert renderer.caster == ("packets" if device == "cpu" else "rays")
+def test_auto_takes_packets(device):
+    assert wv.Renderer(scenes.PRESETS["room"].build(device), SMALL).caster == "packets"
 
 
 _ELSEWHERE = """

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -13,6 +14,7 @@ import warp as wp
 from warpvis.arrays import as_warp, check_out, empty
 from warpvis.camera import Camera
 from warpvis.casters import PacketsCaster, RaysCaster
+from warpvis.cuda_packets import CudaPacketsCaster
 from warpvis.errors import ArrayError, CameraError, SceneError
 from warpvis.pose import Convention
 from warpvis.scene import Scene
@@ -72,6 +74,7 @@ class Renderer:
         caster: Caster = "auto",
         cull_backfaces: bool = False,
         threads: int | None = None,
+        device_bytes: int | None = None,
     ) -> None:
         """Prepare to render.
 
@@ -79,11 +82,12 @@ class Renderer:
             scene: What is seen. What is added to it later is seen too.
             camera: Intrinsics, image size and depth range of all views.
             outputs: The images to make, of ``"depth"``, ``"points"``, ``"normals"``, ``"labels"``, ``"objects"``.
-            caster: ``"packets"``, for speed, on CPU cores; ``"rays"``, the reference, on every device; ``"auto"`` takes
-                packets where they are. Both give the same images.
+            caster: ``"packets"``, for speed; ``"rays"``, the reference; ``"auto"`` takes packets, which have been the
+                faster ones on every scene and device measured. Both give the same images.
             cull_backfaces: See through triangles from behind (where ``(b - a) x (c - a)`` points away from the
                 camera); by default surfaces are two-sided.
             threads: CPU threads to use; all cores of this process by default.
+            device_bytes: Most bytes of images that one call of `render` holds on a GPU; half of its memory by default.
 
         Raises:
             WarpvisError: An argument is not what it has to be.
@@ -100,14 +104,17 @@ class Renderer:
         self.camera = camera
         self.outputs = tuple(dict.fromkeys(names))
         self.threads = check_threads(threads)
-        self.caster = _choose_caster(caster, scene)
-        kind = PacketsCaster if self.caster == "packets" else RaysCaster
+        self.caster = _choose_caster(caster)
+        self.device_bytes = _check_device_bytes(device_bytes, scene.device)
+        kind = _caster_class(self.caster, scene.device)
         self._caster = kind(scene, camera, cull_backfaces=bool(cull_backfaces), threads=self.threads)
 
     def render(self, camera_to_world: Any, *, convention: Convention = "opencv", out: Views | None = None) -> Views:
         """Render one image of each output for every pose.
 
-        On CUDA the work is queued on the device's current stream and not waited for.
+        On CUDA the work is queued on the device's current stream and not waited for. Images of more than
+        `device_bytes` are made in parts there, copied to the host's memory one part after the other, and returned
+        there; so are images for an `out` that lies in the host's memory.
 
         Args:
             camera_to_world: Poses, rows ``x y z qx qy qz qw`` of shape ``(V, 7)`` or matrices of shape
@@ -116,7 +123,7 @@ class Renderer:
             out: Images of an earlier call to write into, of the same number of views.
 
         Returns:
-            The images, on the scene's device; `out` if it was given.
+            The images, on the scene's device or, if they are too large for it, on the host; `out` if it was given.
 
         Raises:
             PoseError: The poses are malformed; the first few offending views are named.
@@ -126,8 +133,13 @@ class Renderer:
         self.scene.require_objects()
         poses = self._caster.parse_poses(camera_to_world, convention)
         shape = (len(poses), self.camera.height, self.camera.width)
-        views = self._allocate(shape) if out is None else self._check(out, shape)
-        self._caster.cast(poses, self._asked_for(views))
+        on_host = self._on_host(shape, out)
+        device = wp.get_device("cpu") if on_host else self.scene.device
+        views = self._allocate(shape, device) if out is None else self._check(out, shape, device)
+        if on_host:
+            self._cast_in_parts(poses, self._asked_for(views))
+        else:
+            self._caster.cast(poses, self._asked_for(views))
         return views
 
     def render_at(
@@ -152,24 +164,49 @@ class Renderer:
         device = self.scene.device
         poses = self._caster.parse_poses(camera_to_world, convention)
         points = as_warp(pixels, wp.vec2, (len(poses), "N"), name="pixels", device=device)
-        views = self._allocate(points.shape) if out is None else self._check(out, points.shape)
+        views = self._allocate(points.shape, device) if out is None else self._check(out, points.shape, device)
         rows = [image if image is None else _as_rows(image) for image in self._asked_for(views)]
         self._caster.cast_at(poses, _as_rows(points), rows)
         return views
 
-    def _allocate(self, shape: tuple[int, ...]) -> Views:
-        device = self.scene.device
+    def _on_host(self, shape: tuple[int, ...], out: Views | None) -> bool:
+        """Whether the images of a GPU go to the host's memory."""
+        if self.scene.device.is_cpu:
+            return False
+        if out is None:
+            return math.prod(shape) * self._bytes_per_pixel() > self.device_bytes
+        images = [getattr(out, name, None) for name in self.outputs]
+        return all(isinstance(image, wp.array) and image.device.is_cpu for image in images)
+
+    def _bytes_per_pixel(self) -> int:
+        return sum(wp.types.type_size_in_bytes(OUTPUTS[name]) for name in self.outputs)
+
+    def _cast_in_parts(self, poses: wp.array, images: list[wp.array | None]) -> None:
+        """Cast as many views at a time as fit `device_bytes`, at least one, and copy them to the host's images."""
+        pixels = self.camera.height * self.camera.width
+        step = min(len(poses), max(1, self.device_bytes // (pixels * self._bytes_per_pixel())))
+        views = self._allocate((step, self.camera.height, self.camera.width), self.scene.device)
+        for first in range(0, len(poses), max(1, step)):
+            part = slice(first, min(first + step, len(poses)))
+            sources = [None if image is None else image[: part.stop - first] for image in self._asked_for(views)]
+            self._caster.cast(poses[part], sources)
+            for image, source in zip(images, sources, strict=True):
+                if image is not None:
+                    wp.copy(image[part], source)
+        wp.synchronize_stream(self.scene.device.stream)
+
+    def _allocate(self, shape: tuple[int, ...], device: wp.Device) -> Views:
         return Views(**{name: empty(shape, OUTPUTS[name], name=name, device=device) for name in self.outputs})
 
     def _asked_for(self, views: Views) -> list[wp.array | None]:
         """The images in the casters' order; None for those that nobody asked for, though `views` may have them."""
         return [getattr(views, name) if name in self.outputs else None for name in OUTPUTS]
 
-    def _check(self, out: Views, shape: tuple[int, ...]) -> Views:
+    def _check(self, out: Views, shape: tuple[int, ...], device: wp.Device) -> Views:
         if not isinstance(out, Views):
             raise ArrayError(f"out must be warpvis.Views, got {type(out).__name__}")
         for name in self.outputs:
-            check_out(getattr(out, name), OUTPUTS[name], shape, name=f"out.{name}", device=self.scene.device)
+            check_out(getattr(out, name), OUTPUTS[name], shape, name=f"out.{name}", device=device)
         return out
 
 
@@ -178,14 +215,24 @@ def _as_rows(array: wp.array) -> wp.array:
     return array.reshape((array.shape[0], 1, array.shape[1]))
 
 
-def _choose_caster(caster: Caster, scene: Scene) -> Literal["packets", "rays"]:
+def _choose_caster(caster: Caster) -> Literal["packets", "rays"]:
     if caster not in ("auto", "packets", "rays"):
         raise ArrayError(f'caster must be "auto", "packets" or "rays", got {caster!r}')
-    if caster == "packets" and not scene.device.is_cpu:
-        raise ArrayError(f'caster="packets" runs on the CPU, and the scene is on {scene.device}; take "auto" or "rays"')
-    if caster == "auto":
-        return "packets" if scene.device.is_cpu else "rays"
-    return caster
+    return "packets" if caster == "auto" else caster
+
+
+def _caster_class(caster: Literal["packets", "rays"], device: wp.Device) -> Any:
+    if caster == "rays":
+        return RaysCaster
+    return PacketsCaster if device.is_cpu else CudaPacketsCaster
+
+
+def _check_device_bytes(device_bytes: int | None, device: wp.Device) -> int:
+    if device_bytes is None:
+        return 0 if device.is_cpu else device.total_memory // 2
+    if isinstance(device_bytes, bool) or int(device_bytes) != device_bytes or device_bytes < 1:
+        raise ArrayError(f"device_bytes must be a whole number from 1 up, got {device_bytes!r}")
+    return int(device_bytes)
 
 
 def render(
@@ -198,8 +245,17 @@ def render(
     cull_backfaces: bool = False,
     convention: Convention = "opencv",
     threads: int | None = None,
+    device_bytes: int | None = None,
     out: Views | None = None,
 ) -> Views:
     """Render views of a scene once; see `Renderer` for the arguments, and for rendering again and again."""
-    renderer = Renderer(scene, camera, outputs=outputs, caster=caster, cull_backfaces=cull_backfaces, threads=threads)
+    renderer = Renderer(
+        scene,
+        camera,
+        outputs=outputs,
+        caster=caster,
+        cull_backfaces=cull_backfaces,
+        threads=threads,
+        device_bytes=device_bytes,
+    )
     return renderer.render(camera_to_world, convention=convention, out=out)

@@ -52,7 +52,7 @@ class Triangles:
 
 @dataclass(frozen=True)
 class Clusters:
-    """A scene's triangles in a cluster tree, as the ``packets`` caster takes them."""
+    """A scene's triangles in a cluster tree on its device, as the ``packets`` caster takes them."""
 
     struct: Any
     """A `warpvis.kernels.packets.ClusterScene`."""
@@ -251,7 +251,7 @@ class Scene:
         """
         with self._lock:
             if self._clusters is None:
-                self._clusters = _build_clusters(self.require_objects())
+                self._clusters = _build_clusters(self.require_objects(), self.device)
             return self._clusters
 
     def object_labels(self) -> wp.array:
@@ -334,22 +334,26 @@ def _build_triangles(objects: list[SceneObject], device: wp.Device) -> Triangles
     return Triangles(struct, mesh)
 
 
-def _build_clusters(objects: list[SceneObject]) -> Clusters:
+def _build_clusters(objects: list[SceneObject], device: wp.Device) -> Clusters:
     from warpvis.closed import provably_closed
     from warpvis.cluster_tree import build_cluster_tree
+    from warpvis.kernels import packets_cuda
     from warpvis.kernels.packets import ClusterScene
 
     vertices, faces, owner = _flatten(objects)
     closed = np.array([provably_closed(item.vertices, item.faces) for item in objects])
-    tree = build_cluster_tree(vertices, faces, owner, closed)
+    if device.is_cpu:
+        tree = build_cluster_tree(vertices, faces, owner, closed)
+    else:
+        tree = build_cluster_tree(vertices, faces, owner, closed, lanes=32, most_levels=packets_cuda.LEVELS)
     # The casters read an object's complement where its back faces can be left out.
     owners = tree.owners.numpy()
     np.bitwise_not(owners, out=owners, where=closed[owners])
     boxes = np.array([item.bounds for item, skip in zip(objects, closed, strict=True) if skip], dtype=np.float32)
     struct = ClusterScene()
-    struct.leaves, struct.owners = tree.leaves, tree.owners
-    struct.nodes, struct.children = tree.nodes, tree.children
-    struct.object_label = _label_array(objects, get_device("cpu"))
-    struct.closed_boxes = wp.array(boxes.ravel(), dtype=wp.float32, device="cpu")
+    struct.leaves, struct.owners = tree.leaves.to(device), tree.owners.to(device)
+    struct.nodes, struct.children = tree.nodes.to(device), tree.children.to(device)
+    struct.object_label = _label_array(objects, device)
+    struct.closed_boxes = wp.array(boxes.ravel(), dtype=wp.float32, device=device)
     struct.closed_count, struct.all_closed = len(boxes), int(closed.all())
     return Clusters(struct, tree.depth, tree.bytes_per_triangle)

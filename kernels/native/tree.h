@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The builder of the cluster tree: leaves of 16 triangles, nodes of 16 children.
+// The builder of the cluster tree: leaves of LANES triangles, nodes of LANES children. kernels/tree.py puts that
+// constant, 16 or 32, before this text.
 //
 // Warp pastes this text into the body of a function, without the standard library: hence local structs of static
 // functions, and constants as enums. kernels/tree.py holds the kernels that call them, in this order: Items::load and
@@ -9,19 +10,19 @@
 
 typedef float v4 __attribute__((ext_vector_type(4)));
 typedef float v8 __attribute__((ext_vector_type(8)));
-typedef float v16 __attribute__((ext_vector_type(16)));
-typedef double d16 __attribute__((ext_vector_type(16)));
 typedef int i4 __attribute__((ext_vector_type(4)));
-typedef int i16 __attribute__((ext_vector_type(16)));
-typedef decltype((d16)(0.0) < (d16)(0.0)) l16;  // a d16's truth values
+typedef float Floats __attribute__((ext_vector_type(LANES)));
+typedef double Doubles __attribute__((ext_vector_type(LANES)));
+typedef int Ints __attribute__((ext_vector_type(LANES)));
+typedef decltype((Doubles)(0.0) < (Doubles)(0.0)) Truths;  // of Doubles
 
 enum {
-    LANES = 16,      // triangles of a leaf, children of a node
-    BINS = 16,       // of one axis, where a range is too large to sort
-    SMALL = 64,      // ranges of at most this many items are sorted: a multiple of LANES, at most 64
-    DEEPEST = 64,    // from this depth on ranges are halved, so that no input makes a deep tree
-    LEAF_ROWS = 9,   // ax ay az bx by bz cx cy cz
-    NODE_ROWS = 10,  // min x y z, max x y z, cone axis x y z, cone cutoff
+    BINS = 16,                  // of one axis, where a range is too large to sort
+    SMALL = 4 * LANES,          // ranges of at most this many items are sorted
+    STEPS = (1 << 30) / SMALL,  // of one axis, to sort by: a step and an item's place fit 30 bits
+    DEEPEST = 64,               // from this depth on ranges are halved, so that no input makes a deep tree
+    LEAF_ROWS = 9,              // ax ay az bx by bz cx cy cz
+    NODE_ROWS = 10,             // min x y z, max x y z, cone axis x y z, cone cutoff
 };
 
 // A box is its lower corner and its negated upper corner, so that the union of two is one minimum. Lanes 3 and 7 are
@@ -173,18 +174,18 @@ struct Splitter {
     // The items' order along an axis. The keys differ, for they end in the items' places: so an item's rank is the
     // number of smaller keys, which takes no branch.
     static void sort(const v8* items, int count, int axis, float low, float high, int* order) {
-        i16 key[SMALL / LANES], rank[SMALL / LANES];
+        Ints key[SMALL / LANES], rank[SMALL / LANES];
         const int blocks = (count + LANES - 1) / LANES;
-        const float scale = high - low > 1e-30f ? 16777215.0f / (high - low) : 0.0f;
+        const float scale = high - low > 1e-30f ? (STEPS - 1.0f) / (high - low) : 0.0f;
         for (int i = 0; i < blocks * LANES; ++i) {
             const float* corner = (const float*)(items + (i < count ? i : 0));
             const float x = (corner[axis] - corner[4 + axis] - low) * scale;
-            const int place = (int)__builtin_fminf(__builtin_fmaxf(x, 0.0f), 16777215.0f);
-            ((int*)key)[i] = (i < count ? place : 1 << 24) * 64 + i;
+            const int step = (int)__builtin_fminf(__builtin_fmaxf(x, 0.0f), STEPS - 1.0f);
+            ((int*)key)[i] = (i < count ? step : STEPS) * SMALL + i;
         }
         for (int b = 0; b < blocks; ++b) {
-            rank[b] = (i16)(0);
-            for (int j = 0; j < count; ++j) rank[b] -= (i16)(((const int*)key)[j]) < key[b];
+            rank[b] = (Ints)(0);
+            for (int j = 0; j < count; ++j) rank[b] -= (Ints)(((const int*)key)[j]) < key[b];
         }
         for (int i = 0; i < count; ++i) order[((const int*)rank)[i]] = i;
     }

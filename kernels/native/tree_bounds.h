@@ -18,7 +18,7 @@ struct Bounds {
     }
 
     // The normalised sum of the vectors, rounded to single precision as it is stored.
-    static bool mean_axis(d16 x, d16 y, d16 z, float* axis) {
+    static bool mean_axis(Doubles x, Doubles y, Doubles z, float* axis) {
         double sx = 0.0, sy = 0.0, sz = 0.0;
         for (int k = 0; k < LANES; ++k) sx += x[k], sy += y[k], sz += z[k];
         const double length = __builtin_sqrt(sx * sx + sy * sy + sz * sz);
@@ -27,9 +27,9 @@ struct Bounds {
         return true;
     }
 
-    static d16 root(d16 x) { return __builtin_elementwise_sqrt(__builtin_elementwise_max(x, (d16)(0.0))); }
+    static Doubles root(Doubles x) { return __builtin_elementwise_sqrt(__builtin_elementwise_max(x, (Doubles)(0.0))); }
 
-    static double least(d16 x) {
+    static double least(Doubles x) {
         double result = x[0];
         for (int k = 1; k < LANES; ++k) result = x[k] < result ? x[k] : result;
         return result;
@@ -37,33 +37,33 @@ struct Bounds {
 
     // NODE_ROWS numbers of a leaf. Its normals are computed in double precision: a sliver's may be far off in single.
     static void of_leaf(const float* leaf, bool closed, float* bounds) {
-        v16 row[LEAF_ROWS];
+        Floats row[LEAF_ROWS];
         __builtin_memcpy(row, leaf, sizeof(row));
         for (int axis = 0; axis < 3; ++axis) {
-            const v16 a = row[axis], b = row[3 + axis], c = row[6 + axis];
+            const Floats a = row[axis], b = row[3 + axis], c = row[6 + axis];
             bounds[axis] = __builtin_reduce_min(__builtin_elementwise_min(a, __builtin_elementwise_min(b, c)));
             bounds[3 + axis] = __builtin_reduce_max(__builtin_elementwise_max(a, __builtin_elementwise_max(b, c)));
         }
         bounds[6] = bounds[7] = bounds[8] = 0.0f;
         bounds[9] = never();
         if (!closed) return;
-        d16 corner[LEAF_ROWS];
-        for (int r = 0; r < LEAF_ROWS; ++r) corner[r] = __builtin_convertvector(row[r], d16);
-        const d16 ux = corner[3] - corner[0], uy = corner[4] - corner[1], uz = corner[5] - corner[2];
-        const d16 vx = corner[6] - corner[0], vy = corner[7] - corner[1], vz = corner[8] - corner[2];
-        d16 nx = uy * vz - uz * vy, ny = uz * vx - ux * vz, nz = ux * vy - uy * vx;
-        const d16 squared = nx * nx + ny * ny + nz * nz;
-        const l16 flat = !(squared > (d16)(1e-300));
-        const d16 scale = flat ? (d16)(0.0) : 1.0 / __builtin_elementwise_sqrt(squared);
+        Doubles corner[LEAF_ROWS];
+        for (int r = 0; r < LEAF_ROWS; ++r) corner[r] = __builtin_convertvector(row[r], Doubles);
+        const Doubles ux = corner[3] - corner[0], uy = corner[4] - corner[1], uz = corner[5] - corner[2];
+        const Doubles vx = corner[6] - corner[0], vy = corner[7] - corner[1], vz = corner[8] - corner[2];
+        Doubles nx = uy * vz - uz * vy, ny = uz * vx - ux * vz, nz = ux * vy - uy * vx;
+        const Doubles squared = nx * nx + ny * ny + nz * nz;
+        const Truths flat = !(squared > (Doubles)(1e-300));
+        const Doubles scale = flat ? (Doubles)(0.0) : 1.0 / __builtin_elementwise_sqrt(squared);
         nx *= scale, ny *= scale, nz *= scale;
         if (!mean_axis(nx, ny, nz, bounds + 6)) return;
-        const d16 cosine = nx * (double)bounds[6] + ny * (double)bounds[7] + nz * (double)bounds[8];
-        bounds[9] = cutoff(least(flat ? (d16)(1.0) : cosine));
+        const Doubles cosine = nx * (double)bounds[6] + ny * (double)bounds[7] + nz * (double)bounds[8];
+        bounds[9] = cutoff(least(flat ? (Doubles)(1.0) : cosine));
     }
 
     // The same of a node, from its rows. The angle between the axes and a child's own half angle add up.
     static void of_node(const float* node, const int* children, float* bounds) {
-        v16 row[NODE_ROWS];
+        Floats row[NODE_ROWS];
         __builtin_memcpy(row, node, sizeof(row));
         for (int axis = 0; axis < 3; ++axis) {
             bounds[axis] = __builtin_reduce_min(row[axis]);
@@ -71,19 +71,19 @@ struct Bounds {
         }
         bounds[6] = bounds[7] = bounds[8] = 0.0f;
         bounds[9] = never();
-        i16 used;
+        Ints used;
         __builtin_memcpy(&used, children, sizeof(used));
         used = used != 0;
-        if (__builtin_reduce_max(used ? row[9] : (v16)(0.0f)) >= 1.0f) return;
-        const d16 x = __builtin_convertvector(used ? row[6] : (v16)(0.0f), d16);
-        const d16 y = __builtin_convertvector(used ? row[7] : (v16)(0.0f), d16);
-        const d16 z = __builtin_convertvector(used ? row[8] : (v16)(0.0f), d16);
+        if (__builtin_reduce_max(used ? row[9] : (Floats)(0.0f)) >= 1.0f) return;
+        const Doubles x = __builtin_convertvector(used ? row[6] : (Floats)(0.0f), Doubles);
+        const Doubles y = __builtin_convertvector(used ? row[7] : (Floats)(0.0f), Doubles);
+        const Doubles z = __builtin_convertvector(used ? row[8] : (Floats)(0.0f), Doubles);
         if (!mean_axis(x, y, z, bounds + 6)) return;
-        const d16 between = __builtin_elementwise_min(
-            x * (double)bounds[6] + y * (double)bounds[7] + z * (double)bounds[8], (d16)(1.0));
-        const d16 sine = __builtin_convertvector(row[9], d16);
-        const d16 cosine = between * root(1.0 - sine * sine) - root(1.0 - between * between) * sine;
-        bounds[9] = cutoff(least(__builtin_convertvector(used, l16) ? cosine : (d16)(1.0)));
+        const Doubles between = __builtin_elementwise_min(
+            x * (double)bounds[6] + y * (double)bounds[7] + z * (double)bounds[8], (Doubles)(1.0));
+        const Doubles sine = __builtin_convertvector(row[9], Doubles);
+        const Doubles cosine = between * root(1.0 - sine * sine) - root(1.0 - between * between) * sine;
+        bounds[9] = cutoff(least(__builtin_convertvector(used, Truths) ? cosine : (Doubles)(1.0)));
     }
 };
 

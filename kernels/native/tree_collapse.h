@@ -3,9 +3,11 @@
 //
 // Goes after tree.h.
 
-// Makes nodes of 16 children of the binary tree's nodes of two, so that the boxes of all nodes together have the least
-// surface area, and a random ray visits the fewest nodes (Ylitie, Karras and Laine 2017, section 3.1).
+// Makes nodes of LANES children of the binary tree's nodes of two, so that the boxes of all nodes together have the
+// least surface area, and a random ray visits the fewest nodes (Ylitie, Karras and Laine 2017, section 3.1).
 struct Collapser {
+    enum { MOST_LEVELS = DEEPEST + 31 };  // of the binary tree: from DEEPEST on, items are halved at most 31 times
+
     // A node of the binary tree. cost[i]: the least area of the nodes that its subtree takes as at most i + 1 parts,
     // each a node or a leaf.
     struct Binary {
@@ -24,8 +26,8 @@ struct Collapser {
 
     struct Pending {
         int binary;
-        int slot;  // of `children`, to name the node in
         int level;
+        long long slot;  // of `children`, to name the node in
     };
 
     static float cost(const Binary* tree, int binary, int most) {
@@ -38,7 +40,7 @@ struct Collapser {
             int parent, side, split, begin, end;
             float area;
         };
-        Item stack[256];
+        Item stack[MOST_LEVELS + 1];  // one sibling a level, and the last level's second
         int waiting = 0, count = 0;
         stack[waiting++] = Item{-1, 0, splits[0].child[0], 0, item_count, 0.0f};
         while (waiting > 0) {
@@ -80,6 +82,14 @@ struct Collapser {
         }
     }
 
+    // Costs that make `share` part evenly, but for leaves, which take one part each. So of a subtree with 2^j parts or
+    // more, either half is a leaf or has 2^(j - 1) parts or more: a node holds log2(LANES) levels of the binary tree or
+    // more, whatever its shape.
+    static void share_evenly(Binary* tree, int count) {
+        for (int binary = 0; binary < count; ++binary)
+            for (int most = 1; most <= LANES; ++most) tree[binary].cost[most - 1] = 1.0f / most;
+    }
+
     // The children of a node, in the items' order.
     static int open(const Binary* tree, int binary, Part* children) {
         Part stack[2 * LANES];
@@ -107,14 +117,18 @@ struct Collapser {
         stack[waiting++] = Part{node.child[0], node.begin, node.split, left};
     }
 
-    // counts: nodes, leaves, levels. Nodes come before the nodes below them.
-    static void collapse(const Split* splits, int item_count, Binary* tree, int* children, int* leaf_ranges,
-                         int* counts) {
+    // counts: nodes, leaves, levels. Nodes come before the nodes below them. `evenly` bounds the levels instead of
+    // minimising the area.
+    static void collapse(const Split* splits, int item_count, bool evenly, Binary* tree, int* children,
+                         int* leaf_ranges, int* counts) {
         const int binaries = list(splits, item_count, tree);
-        find_costs(tree, binaries);
-        Pending stack[4096];  // 15 siblings on each of at most 64 + 31 levels
+        if (evenly)
+            share_evenly(tree, binaries);
+        else
+            find_costs(tree, binaries);
+        Pending stack[LANES * MOST_LEVELS];  // a node's levels are no more than the binary tree's
         int waiting = 0, nodes = 0, leaves = 0, levels = 0;
-        stack[waiting++] = Pending{binaries > 0 ? 0 : -1, -1, 1};
+        stack[waiting++] = Pending{binaries > 0 ? 0 : -1, 1, -1};
         while (waiting > 0) {
             const Pending pending = stack[--waiting];
             const int node = nodes++;
@@ -132,7 +146,7 @@ struct Collapser {
             }
             for (int k = count - 1; k >= 0; --k)
                 if (parts[k].binary >= 0)
-                    stack[waiting++] = Pending{parts[k].binary, node * LANES + k, pending.level + 1};
+                    stack[waiting++] = Pending{parts[k].binary, pending.level + 1, (long long)node * LANES + k};
         }
         counts[0] = nodes;
         counts[1] = leaves;

@@ -1,0 +1,72 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// From a packet's pixels to depth, points, normals, labels and objects, a row at a time, each written once.
+
+struct Outputs {
+    float* depth;            // [view][y][x], and so the others; null where nobody asks
+    float* points;           // xyz
+    float* normals;          // xyz
+    unsigned char* labels;
+    int* objects;
+    const unsigned char* object_label;
+};
+
+struct Write {
+    enum { ROWS = LANES / PACKET_WIDTH };  // that all lanes together take at a time
+
+    static inline void vector(float* image, long long at, Vec value) {
+        image[3 * at] = value.x;
+        image[3 * at + 1] = value.y;
+        image[3 * at + 2] = value.z;
+    }
+
+    static inline Vec none() {
+        const float nan = __int_as_float(0x7fc00000);
+        return Vec{nan, nan, nan};
+    }
+
+    // Of a triangle, towards the camera.
+    static inline Vec normal(const Tree& tree, const Eye& eye, unsigned id) {
+        const ExactTriangle t = ExactTriangle::of(eye, tree.corners(id));
+        const double* n = t.normal;
+        const double towards = t.volume() > 0.0 ? -1.0 : 1.0;
+        const double scale = towards / sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+        return Vec{(float)(n[0] * scale), (float)(n[1] * scale), (float)(n[2] * scale)};
+    }
+
+    static inline Vec point(const Eye& eye, int x, int y, float z) {
+        const float u = (float)x + eye.first_u, v = (float)y + eye.first_v;
+        const double* right = eye.exact_rays[0];
+        const double* down = eye.exact_rays[1];
+        const double* forward = eye.exact_rays[2];
+        return Vec{__fmaf_rn(z, __fmaf_rn(u, (float)right[0], __fmaf_rn(v, (float)down[0], (float)forward[0])), eye.origin.x),
+                   __fmaf_rn(z, __fmaf_rn(u, (float)right[1], __fmaf_rn(v, (float)down[1], (float)forward[1])), eye.origin.y),
+                   __fmaf_rn(z, __fmaf_rn(u, (float)right[2], __fmaf_rn(v, (float)down[2], (float)forward[2])), eye.origin.z)};
+    }
+
+    static inline void images(const Tree& tree, const Eye& eye, const Packet& packet, const Outputs& out, int view,
+                              int width, int height, float near, float far) {
+        const float infinity = __int_as_float(0x7f800000);
+        const int column = Warp::lane() % PACKET_WIDTH;
+        const int x = packet.first_x + column;
+        for (int row = Warp::lane() / PACKET_WIDTH; row < PACKET_HEIGHT; row += ROWS) {
+            const int y = packet.first_y + row;
+            const bool here = x < width && y < height;
+            const Key key = packet.nearest[Packet::slot_at(column, row)];
+            const float w = __uint_as_float(Nearest::w_bits(key)), z = 1.0f / w;
+            const bool far_enough = z >= near, seen = far_enough && z <= far && w > 0.0f;
+            const long long at = ((long long)view * height + y) * width + x;
+            if (!here) continue;
+            if (out.depth) out.depth[at] = seen ? z : far_enough ? infinity : -infinity;
+            if (out.points) vector(out.points, at, seen ? point(eye, x, y, z) : none());
+            if (!Nearest::has_id) continue;
+            const unsigned id = Nearest::id(key);
+            if (out.normals) vector(out.normals, at, seen ? normal(tree, eye, id) : none());
+            if (!(out.objects || out.labels)) continue;
+            const int object = seen ? Tree::object_of(__ldg(tree.owners + id)) : -1;
+            if (out.objects) out.objects[at] = object;
+            if (out.labels) out.labels[at] = object < 0 ? 0 : __ldg(out.object_label + object);
+        }
+    }
+};

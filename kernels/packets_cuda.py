@@ -1,0 +1,95 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The ``packets`` caster on CUDA: a warp takes a block of pixels down a cluster tree of 32 lanes.
+
+The C++ is in ``kernels/native/cuda_*.h``. There is a kernel for every size of packet, and for those who ask for what
+objects are seen and those who do not.
+"""
+
+import warp as wp
+
+from warpvis.kernels.native_source import read_native
+from warpvis.kernels.packets import ClusterScene
+from warpvis.kernels.pinhole import PinholeCamera
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+LEVELS = 8
+"""Levels of nodes that a tree may have at most."""
+
+_HEADERS = ("cuda_setup.h", "cuda_raster.h", "cuda_walk.h", "cuda_output.h", "cuda_packets.h")
+
+_CAST = """
+__shared__ Workplace place;
+const Tree tree = {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data,
+                   scene.all_closed != 0};
+const View shape = {(int)camera.width, (int)camera.height, {camera.fx, camera.fy}, {camera.cx, camera.cy},
+                    camera.near, camera.far, (const float*)(poses.data + view)};
+const Outputs out = {depth.data, (float*)points.data, (float*)normals.data, labels.data, objects.data,
+                     scene.object_label.data};
+Packets::cast(tree, shape, out, scene.closed_boxes.data, scene.closed_count, cull_backfaces, view, packet_x, packet_y,
+              place);
+"""
+
+
+def make_packet_kernel(side: int, with_id: bool) -> wp.Kernel:
+    """A kernel for packets of `side` x `side` pixels.
+
+    Args:
+        side: 8, 16 or 32.
+        with_id: Whether normals, labels or objects may be asked for.
+    """
+    head = f"enum {{ PACKET_WIDTH = {side}, PACKET_HEIGHT = {side}, LEVELS = {LEVELS} }};\n"
+    kind = "cuda_depth_id.h" if with_id else "cuda_depth.h"
+
+    @wp.func_native(head + read_native("cuda_lanes.h", kind, *_HEADERS) + _CAST)
+    def cast_packet(
+        scene: ClusterScene,
+        camera: PinholeCamera,
+        poses: wp.array[wp.transform],
+        view: int,
+        packet_y: int,
+        packet_x: int,
+        cull_backfaces: bool,
+        depth: wp.array3d[float],
+        points: wp.array3d[wp.vec3],
+        normals: wp.array3d[wp.vec3],
+        labels: wp.array3d[wp.uint8],
+        objects: wp.array3d[wp.int32],
+    ): ...
+
+    # More registers than these leave too few warps on a multiprocessor.
+    @wp.kernel(module="unique", enable_backward=False, grid_stride=False, cuda_max_registers=80)
+    def cast_packets_cuda(
+        # Scene:
+        scene: ClusterScene,
+        # Cameras:
+        camera: PinholeCamera,
+        camera_to_world: wp.array[wp.transform],
+        # In:
+        cull_backfaces: bool,
+        # Out:
+        depth_out: wp.array3d[float],
+        points_out: wp.array3d[wp.vec3],
+        normals_out: wp.array3d[wp.vec3],
+        labels_out: wp.array3d[wp.uint8],
+        objects_out: wp.array3d[wp.int32],
+    ):
+        """Write the asked-for images (an output that is None is skipped); 32 threads a packet."""
+        view, packet_y, packet_x, _ = wp.tid()
+        cast_packet(
+            scene,
+            camera,
+            camera_to_world,
+            view,
+            packet_y,
+            packet_x,
+            cull_backfaces,
+            depth_out,
+            points_out,
+            normals_out,
+            labels_out,
+            objects_out,
+        )
+
+    return cast_packets_cuda

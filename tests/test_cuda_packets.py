@@ -1,0 +1,159 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The packet caster on CUDA where it differs in kind: sizes of packets, parts of a batch, streams and graphs."""
+
+import numpy as np
+import pytest
+import warp as wp
+
+import warpvis as wv
+from warpvis import scenes
+from warpvis.cuda_packets import packet_side
+
+from compare import assert_matches_reference
+
+ALL = ("depth", "points", "normals", "labels", "objects")
+
+
+@pytest.fixture
+def cuda():
+    if not wp.is_cuda_available():
+        pytest.skip("no CUDA device")
+    return "cuda:0"
+
+
+def assert_identical(one, other):
+    for name in ALL:
+        image = getattr(one, name)
+        if image is not None:
+            assert image.numpy().tobytes() == getattr(other, name).numpy().tobytes(), name
+
+
+def test_few_pixels_make_small_packets():
+    """Enough packets for every multiprocessor, and as large as that allows."""
+    assert packet_side(512, 320, 240, 132) == 32
+    assert packet_side(8192, 64, 64, 132) == 32
+    assert packet_side(1, 64, 64, 132) == 8
+    sides = [packet_side(views, 640, 480, 132) for views in range(1, 64)]
+    assert sides == sorted(sides)
+
+
+@pytest.mark.parametrize("name", ["room", "blobs_77k"])
+@pytest.mark.parametrize("outputs", [("depth",), ALL])
+def test_images_do_not_depend_on_the_packets_size(name, outputs, cuda, monkeypatch):
+    preset = scenes.PRESETS[name]
+    scene = preset.build(cuda)
+    camera = wv.Camera.from_fov(133, 77, hfov=0.994837, near=0.05, far=4.0)
+    images = []
+    for side in (32, 16, 8):
+        monkeypatch.setattr("warpvis.cuda_packets.packet_side", lambda *_, side=side: side)
+        images.append(wv.render(scene, camera, preset.poses(3), outputs=outputs))
+    for other in images[1:]:
+        assert_identical(images[0], other)
+
+
+def test_depth_does_not_depend_on_what_else_is_asked_for(cuda):
+    preset = scenes.PRESETS["blobs_77k"]
+    scene = preset.build(cuda)
+    alone = wv.render(scene, preset.camera, preset.poses(4), outputs="depth")
+    with_all = wv.render(scene, preset.camera, preset.poses(4), outputs=ALL)
+    assert alone.depth.numpy().tobytes() == with_all.depth.numpy().tobytes()
+    for name in ALL[1:]:
+        one = wv.render(scene, preset.camera, preset.poses(4), outputs=name)
+        assert getattr(one, name).numpy().tobytes() == getattr(with_all, name).numpy().tobytes()
+
+
+def test_runs_are_bit_identical(cuda):
+    preset = scenes.PRESETS["blobs_1m"]
+    renderer = wv.Renderer(preset.build(cuda), preset.camera, outputs=ALL)
+    first = renderer.render(preset.poses(16))
+    for _ in range(3):
+        assert_identical(first, renderer.render(preset.poses(16)))
+
+
+@pytest.mark.parametrize("size", [(1, 1), (7, 3), (33, 31), (640, 1)])
+def test_images_smaller_than_packets(size, cuda):
+    preset = scenes.PRESETS["room"]
+    scene = preset.build(cuda)
+    camera = wv.Camera.from_fov(*size, hfov=0.5, near=0.05, far=100.0)
+    views = wv.render(scene, camera, preset.poses(2), outputs=ALL)
+    assert_matches_reference(views, scene, camera, preset.poses(2))
+
+
+def test_telephoto_and_far_from_the_origin(cuda):
+    """Twenty thousand pixels of focal length, and a camera that is ten kilometres away from the origin."""
+    scene = wv.Scene(device=cuda)
+    room = scenes.PRESETS["room"].build()
+    for item in room:
+        scene.add((item.vertices + [10_000, -10_000, 0], item.faces), name=item.name, label=item.label)
+    eye = np.array([9_800, -10_000, 20])
+    pose = wv.look_at(eye, (10_000.8, -10_000, 0.4))[None].astype(np.float32)
+    camera = wv.Camera(96, 72, 4_000.0, 4_000.0, 48.0, 36.0, near=0.05, far=1000.0)
+    views = wv.render(scene, camera, pose, outputs=ALL)
+    assert (views.objects.numpy() >= 0).any()
+    assert_matches_reference(views, scene, camera, pose)
+
+
+@pytest.mark.parametrize("caster", ["packets", "rays"])
+def test_a_batch_in_parts_is_the_same(cuda, caster):
+    """Seven views, three at a time: the images come back on the host, and are those of one batch."""
+    preset = scenes.PRESETS["room"]
+    scene = preset.build(cuda)
+    whole = wv.Renderer(scene, preset.camera, outputs=ALL, caster=caster).render(preset.poses(7))
+    assert whole.depth.device.is_cuda
+    three_views = 3 * 320 * 240 * (4 + 12 + 12 + 1 + 4) + 1000
+    renderer = wv.Renderer(scene, preset.camera, outputs=ALL, caster=caster, device_bytes=three_views)
+    parts = renderer.render(preset.poses(7))
+    assert parts.depth.device.is_cpu
+    assert_identical(whole, parts)
+    again = renderer.render(preset.poses(14)[7:], out=parts)
+    assert again is parts
+    assert_identical(wv.render(scene, preset.camera, preset.poses(14)[7:], outputs=ALL, caster=caster), parts)
+
+
+def test_a_view_larger_than_the_bound_is_still_made(cuda):
+    preset = scenes.PRESETS["room"]
+    renderer = wv.Renderer(preset.build(cuda), preset.camera, device_bytes=1)
+    assert np.isfinite(renderer.render(preset.poses(2)).depth.numpy()).any()
+    assert renderer.render(np.zeros((0, 7), dtype=np.float32)).depth.shape == (0, 240, 320)
+
+
+def test_images_on_the_host_are_written_there(cuda):
+    preset = scenes.PRESETS["room"]
+    expected = wv.render(preset.build(cuda), preset.camera, preset.poses(2), outputs=("depth", "labels"))
+    out = wv.Views(
+        depth=wp.empty((2, 240, 320), dtype=wp.float32, device="cpu"),
+        labels=wp.empty((2, 240, 320), dtype=wp.uint8, device="cpu"),
+    )
+    wv.render(preset.build(cuda), preset.camera, preset.poses(2), outputs=("depth", "labels"), out=out)
+    assert_identical(expected, out)
+    out.labels = out.labels.to(cuda)
+    with pytest.raises(wv.ArrayError, match=r"out\.depth must be on device cuda:0, got cpu"):
+        wv.render(preset.build(cuda), preset.camera, preset.poses(2), outputs=("depth", "labels"), out=out)
+
+
+def test_work_goes_to_the_callers_stream(cuda):
+    preset = scenes.PRESETS["blobs_77k"]
+    renderer = wv.Renderer(preset.build(cuda), preset.camera, outputs="depth")
+    poses = wp.array(preset.poses(256), dtype=wp.transform, device=cuda)
+    expected = renderer.render(poses).depth.numpy()
+    out = wv.Views(depth=wp.zeros((256, 240, 320), dtype=wp.float32, device=cuda))
+    stream = wp.Stream(cuda)
+    with wp.ScopedStream(stream):
+        renderer.render(poses, out=out)
+        copied = wp.empty_like(out.depth)
+        wp.copy(copied, out.depth)
+    wp.synchronize_stream(stream)
+    np.testing.assert_array_equal(copied.numpy(), expected)
+
+
+def test_poses_that_are_no_poses_see_nothing(cuda):
+    """Poses on a GPU are not read back: those with NaNs or without a rotation must do no harm."""
+    preset = scenes.PRESETS["room"]
+    rows = preset.poses(4)
+    rows[1], rows[2, 3:], rows[3, 0] = np.nan, 0.0, np.inf
+    renderer = wv.Renderer(preset.build(cuda), preset.camera, outputs=ALL)
+    views = renderer.render(wp.array(rows, dtype=wp.transform, device=cuda))
+    assert np.isfinite(views.depth.numpy()[0]).any()
+    assert (views.objects.numpy()[1:] == -1).all()
+    assert np.isinf(views.depth.numpy()[1:]).all()
