@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 from machine import OtherWork, describe
+from marked import split_marked, write_marked
 from more import Figure, compared, measure_more, more_markdown, number, row
 from numpy.typing import NDArray
 from peers import BASELINE, METHODS, Method, Work, warpvis
@@ -28,7 +29,8 @@ from timing import take_turns
 
 import warpvis as wv
 
-BEGIN, END = "<!-- bench:begin -->", "<!-- bench:end -->"
+MARK = "bench"
+"""Of the tables in the README."""
 
 TOLERANCE = 1e-3
 
@@ -156,19 +158,6 @@ def _say(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
 
 
-def split_readme(path: Path) -> tuple[str, str]:
-    """What comes before and after the table, marks included.
-
-    Raises:
-        ValueError: The file does not have both marks, the end after the beginning.
-    """
-    head, begin, rest = path.read_text(encoding="utf-8").partition(BEGIN)
-    _, end, tail = rest.partition(END)
-    if not (begin and end):
-        raise ValueError(f"{path} must contain {BEGIN} and, after it, {END}")
-    return head + begin, end + tail
-
-
 def write_json(path: Path, results: list[Result], more: list[Figure]) -> None:
     """All results with the time of every round, and the second table's."""
     packages = dict.fromkeys(package for method in METHODS for package in method.packages)
@@ -192,7 +181,7 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--rounds", type=count, default=9)
     parser.add_argument("--skip-more", action="store_true", help="leave out the second table")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all times there")
-    parser.add_argument("--readme", type=Path, metavar="FILE", help=f"put the tables there, between {BEGIN} and {END}")
+    parser.add_argument("--readme", type=Path, metavar="FILE", help="put the tables there, between its marks")
     return parser.parse_args(arguments)
 
 
@@ -201,7 +190,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parse(arguments)
     if options.readme:
         try:
-            split_readme(options.readme)
+            split_marked(options.readme, MARK)
         except (OSError, ValueError) as error:
             _say(f"compare.py: {error}")
             return 2
@@ -218,8 +207,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.json:
         write_json(options.json, results, more)
     if options.readme:
-        head, tail = split_readme(options.readme)
-        options.readme.write_text(f"{head}\n{tables}\n{tail}", encoding="utf-8")
+        write_marked(options.readme, MARK, tables)
     return 0
 
 

@@ -1,0 +1,327 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Frames per second of warpvis and its peers on a GPU, side by side in one run: Markdown tables.
+
+Every method's depth is checked first against that of warpvis's reference, the `rays` caster. Then methods take turns.
+A method that fails, however it does, is a line. What is known is written to a JSON file all the time ($OUT/gpu.json, or
+--json), so that a run that is stopped loses little.
+
+  python bench/gpu.py                                       everything, within minutes
+  python bench/gpu.py --cases room-320 --peers bare newton  one case, and some peers
+  python bench/gpu.py --markdown docs/gpu.md                with the tables between that file's marks
+  python bench/gpu.py --device cpu --views 2 --rounds 1     whether all make the same picture, without a GPU
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import gpu_other_peers
+import gpu_peers
+import warp as wp
+from gpu_table import best, of_row, tables, write_json
+from gpu_timing import Run, enough_calls, wall_seconds
+from gpu_work import Case, Method, Prepared, Result, Subject, agreement
+from marked import split_marked, write_marked
+
+_MARK = "gpu"  # of the tables in docs/gpu.md
+
+# name: title, preset, width, height, views
+CASES = {
+    "room-320": ("room 320x240", "room", 320, 240, 512),
+    "room-64": ("room 64x64", "room", 64, 64, 8192),
+    "77k-320": ("77 k 320x240", "blobs_77k", 320, 240, 512),
+    "77k-64": ("77 k 64x64", "blobs_77k", 64, 64, 8192),
+    "1m-320": ("1.2 M 320x240", "blobs_1m", 320, 240, 512),
+    "1m-64": ("1.2 M 64x64", "blobs_1m", 64, 64, 8192),
+}
+
+# Of several ways to use a library, those that are slower than the fastest by more than this at first look are not
+# looked at again.
+_WORTH_A_LOOK = 1.25
+
+# A case takes at least so many rounds, whatever the time.
+_LEAST_ROUNDS = 3
+
+# What could end the process and everybody's figures with it has to show in another process that it does not, with this
+# case. (OptiX and nvdiffrast are not from Warp, and nvdiffrast may be compiled for another PyTorch.)
+_ON_TRIAL = ("optix", "nvdiffrast")
+_TRIAL = ("room", 64, 64, 2)
+_TRIAL_SECONDS = 90
+_COMPILING_SECONDS = 300
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """A method that takes part in the rounds."""
+
+    result: Result
+    prepared: Prepared
+    graph: Run | None
+    calls: int
+
+
+class Log:
+    """Where results go while they are made."""
+
+    def __init__(self, path: Path | None) -> None:
+        """Begin."""
+        self.results: list[Result] = []
+        self._path = path
+        self._start = time.monotonic()
+
+    @property
+    def seconds(self) -> float:
+        """Time since the beginning."""
+        return time.monotonic() - self._start
+
+    def say(self, line: str) -> None:
+        """One line, at once."""
+        print(f"[{self.seconds:5.0f} s] {line}", flush=True)
+
+    def save(self, state: str) -> None:
+        """Write all that is known."""
+        if self._path:
+            write_json(self._path, self.results, state)
+
+
+def all_methods() -> Iterator[Method]:
+    """Every row of the table, in order."""
+    yield from gpu_peers.methods()
+    yield from gpu_other_peers.methods()
+
+
+def measure(case: Case, name: str, methods: Sequence[Method], options: argparse.Namespace, log: Log) -> None:
+    """Measure all methods on one case."""
+    first_of_case = len(log.results)
+    contestants = []
+    for method in methods:
+        result = Result(method, name)
+        log.results.append(result)
+        try:
+            contestants.append(_enter(case, method, result))
+        except Exception as error:  # a peer that fails, however it does, is a line
+            result.missing = reason(error)
+        log.say(f"{name}: {_first_look(result)}")
+    log.save(f"{name}: first look")
+    of_case = log.results[first_of_case:]
+    contestants = [entry for entry in contestants if entry.result.missing == "" and _worth(entry.result, of_case)]
+    rounds, start = 0, time.monotonic()
+    while rounds < options.rounds and (rounds < _LEAST_ROUNDS or time.monotonic() - start < options.case_seconds):
+        _round(contestants[:: -1 if rounds % 2 else 1])
+        rounds += 1
+        log.save(f"{name}: {rounds} rounds")
+    log.say(f"{name}: {rounds} rounds of {len(contestants)} methods, {time.monotonic() - start:.0f} s")
+    for result in of_case:
+        if result.device_seconds:
+            log.say(f"{name}: {_figures(result)}")
+
+
+def _enter(case: Case, method: Method, result: Result) -> Contestant:
+    """Prepare a method, look at what it makes, and at what it takes."""
+    prepared = method.prepare(case)
+    result.views, result.note = prepared.views, prepared.note
+    if prepared.image is not None:
+        prepared.image.fill_(float("nan"))
+    prepared.run()
+    prepared.timer.synchronize()
+    count = min(case.checked, prepared.views)
+    result.agreement = agreement(prepared.depth(count), case.truths[method.culls][:count], case.camera)
+    result.first_seconds = prepared.timer.device_seconds(prepared.run, 1)
+    graph = _record(prepared, result)
+    return Contestant(result, prepared, graph, enough_calls(result.first_seconds))
+
+
+def _record(prepared: Prepared, result: Result) -> Run | None:
+    """The call as a CUDA graph, if it can be one."""
+    try:
+        graph = prepared.timer.record(prepared.run)
+        if graph is not None:
+            graph()
+            prepared.timer.synchronize()
+        return graph
+    except Exception as error:  # what cannot be recorded is measured without
+        result.graph_missing = reason(error)
+        return None
+
+
+def _worth(result: Result, results: Sequence[Result]) -> bool:
+    """Whether a way to use a library may be its best."""
+    if not result.right:
+        return False
+    rival = best(of_row(results, result.method.row))
+    return rival is None or result.first_seconds <= _WORTH_A_LOOK * rival.first_seconds
+
+
+def _round(contestants: Sequence[Contestant]) -> None:
+    """Each once."""
+    gc.collect()
+    for entry in contestants:
+        timer, run, result = entry.prepared.timer, entry.prepared.run, entry.result
+        try:
+            result.device_seconds.append(timer.device_seconds(run, entry.calls))
+            if entry.graph:
+                result.graph_seconds.append(timer.device_seconds(entry.graph, entry.calls))
+            result.wall_seconds.append(wall_seconds(timer, run))
+        except Exception as error:  # it worked once, and the others still do
+            result.missing = reason(error)
+
+
+def reason(error: Exception) -> str:
+    """One short clause."""
+    if isinstance(error, ModuleNotFoundError):
+        return f"{str(error.name).partition('.')[0]} is not installed"
+    line = (str(error).strip() or type(error).__name__).splitlines()[0]
+    text = line.rstrip(".").replace("|", "/")
+    return text if len(text) <= 160 else text[:157] + "..."
+
+
+def _first_look(result: Result) -> str:
+    if result.missing:
+        return f"{result.method.title}: not there: {result.missing}"
+    note = f" [{result.note}]" if result.note else ""
+    wrong = "" if result.right else "; ANOTHER PICTURE, not measured further"
+    graph = f"; no graph: {result.graph_missing}" if result.graph_missing else ""
+    speed = f"{result.views / result.first_seconds:,.0f} fps at first look"
+    return f"{result.method.title}{note}: {result.agreement}; {speed}{graph}{wrong}"
+
+
+def _figures(result: Result) -> str:
+    note = f" [{result.note}]" if result.note else ""
+    return f"{result.fps:>12,.0f} fps, {result.wall_fps:>12,.0f} fps by the clock  {result.method.title}{note}"
+
+
+def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
+    groups = list(dict.fromkeys(method.group for method in all_methods()))
+    out = os.environ.get("OUT")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cases", nargs="+", choices=CASES, default=list(CASES), metavar="CASE", help=", ".join(CASES))
+    parser.add_argument(
+        "--peers",
+        nargs="+",
+        choices=groups,
+        default=groups,
+        metavar="PEER",
+        help=f"{', '.join(groups)}; by default all",
+    )
+    parser.add_argument("--device", default="cuda:0", help="cpu shows that all make the same picture")
+    parser.add_argument("--views", type=int, help="views a call, instead of each case's own number")
+    parser.add_argument("--rounds", type=int, default=7)
+    parser.add_argument("--case-seconds", type=float, default=20, help="no further round of a case after that")
+    parser.add_argument("--limit", type=float, default=400, help="no further case after that many seconds")
+    parser.add_argument("--json", type=Path, default=Path(out) / "gpu.json" if out else None, metavar="FILE")
+    parser.add_argument("--markdown", type=Path, metavar="FILE", help="put the tables there, between its marks")
+    parser.add_argument("--trial", choices=groups, help=argparse.SUPPRESS)
+    return parser.parse_args(arguments)
+
+
+def _try_out(method: Method, options: argparse.Namespace) -> int:
+    """Use a method once, in a process that has nothing to lose."""
+    preset, width, height, views = _TRIAL
+    case = Case.of(Subject(preset, wp.get_device(options.device)), width, height, views)
+    _enter(case, method, Result(method, "trial"))
+    return 0
+
+
+def crashes(groups: Sequence[str], device: str, log: Log) -> dict[str, str]:
+    """Which libraries end the process that uses them, and how; those that merely fail are not among them."""
+    command = [sys.executable, __file__, "--device", device, "--trial"]
+    running = {
+        group: subprocess.Popen([*command, group], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        for group in groups
+    }
+    found = {}
+    for group, process in running.items():
+        try:
+            code = process.wait(_COMPILING_SECONDS if gpu_other_peers.COMPILE in os.environ else _TRIAL_SECONDS)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            found[group] = "it did not end when tried out"
+        else:
+            if code < 0:
+                found[group] = f"it ended the process when tried out, by signal {-code}"
+        log.say(f"{group}: {found.get(group, 'tried out')}")
+    return found
+
+
+def _subjects(names: Sequence[str]) -> list[tuple[str, list[str]]]:
+    """Cases by their preset, so that each is built once."""
+    presets = dict.fromkeys(CASES[name][1] for name in names)
+    return [(preset, [name for name in names if CASES[name][1] == preset]) for preset in presets]
+
+
+def _free() -> None:
+    """Give back memory that libraries keep for later."""
+    gc.collect()
+    if "torch" in sys.modules:
+        sys.modules["torch"].cuda.empty_cache()
+    if "drjit" in sys.modules:
+        sys.modules["drjit"].flush_malloc_cache()
+
+
+def _refuse(why: str) -> Callable[[Case], Prepared]:
+    def prepare(case: Case) -> Prepared:
+        raise RuntimeError(why)
+
+    return prepare
+
+
+def run(options: argparse.Namespace, log: Log) -> None:
+    """Measure all cases, as far as the time goes."""
+    device = wp.get_device(options.device)
+    crashing = crashes([group for group in _ON_TRIAL if group in options.peers], options.device, log)
+    methods = [
+        replace(method, prepare=_refuse(crashing[method.group])) if method.group in crashing else method
+        for method in all_methods()
+        if method.group in {"warpvis", *options.peers}
+    ]
+    for preset, names in _subjects(options.cases):
+        if log.seconds > options.limit:
+            log.say(f"{', '.join(names)}: left out, {options.limit:.0f} s have passed")
+            continue
+        log.say(f"{preset}: building the scene")
+        subject = Subject(preset, device)
+        for name in names:
+            _, _, width, height, views = CASES[name]
+            if log.seconds > options.limit:
+                log.say(f"{name}: left out, {options.limit:.0f} s have passed")
+                continue
+            measure(Case.of(subject, width, height, options.views or views), name, methods, options, log)
+            _free()
+        del subject
+        _free()
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the comparison; lines and, at the end, tables go to standard output."""
+    options = _parse(arguments)
+    wp.config.log_level = wp.LOG_WARNING
+    try:
+        device = wp.get_device(options.device)
+        if options.markdown:
+            split_marked(options.markdown, _MARK)
+    except (OSError, RuntimeError, ValueError) as error:
+        print(f"gpu.py: {error}", file=sys.stderr)
+        return 2
+    if options.trial:
+        return _try_out(next(method for method in all_methods() if method.group == options.trial), options)
+    log = Log(options.json)
+    run(options, log)
+    text = tables(log.results, {name: case[0] for name, case in CASES.items()}, options.rounds, device)
+    print(f"\n{text}", flush=True)
+    log.save("complete")
+    if options.markdown:
+        write_marked(options.markdown, _MARK, text)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

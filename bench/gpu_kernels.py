@@ -1,0 +1,59 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Device code of gpu.py: the plainest depth caster there is, and the rays that OptiX is given."""
+
+import warp as wp
+
+# As warpvis's own kernels are compiled.
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+
+@wp.func
+def pixel_direction(pose: wp.transform, intrinsics: wp.vec4, y: int, x: int) -> wp.vec3:
+    """A pixel's ray in the world, 1 long along the optical axis: its length at a hit is the depth."""
+    u = (float(x) + 0.5 - intrinsics[2]) / intrinsics[0]
+    v = (float(y) + 0.5 - intrinsics[3]) / intrinsics[1]
+    return wp.transform_vector(pose, wp.vec3(u, v, 1.0))
+
+
+@wp.kernel
+def query_depth(
+    # Scene:
+    mesh: wp.uint64,
+    # Cameras:
+    intrinsics: wp.vec4,  # fx, fy, cx, cy
+    far: float,
+    camera_to_world: wp.array[wp.transform],
+    # Out:
+    depth_out: wp.array3d[float],
+):
+    """One thread a pixel, one query a thread."""
+    view, y, x = wp.tid()
+    pose = camera_to_world[view]
+    hit = wp.mesh_query_ray(mesh, wp.transform_get_translation(pose), pixel_direction(pose, intrinsics, y, x), far)
+    depth = float(wp.inf)
+    if hit.result:
+        depth = hit.t
+    depth_out[view, y, x] = depth
+
+
+@wp.kernel
+def make_rays(
+    # Cameras:
+    intrinsics: wp.vec4,
+    camera_to_world: wp.array[wp.transform],
+    # In:
+    pixels: wp.array[wp.vec2i],  # (x, y) in the order in which the rays are wanted
+    # Out:
+    rays_out: wp.array2d[float],  # origin x, y, z, direction x, y, z of all rays, a row each
+):
+    """Rays as a structure of arrays."""
+    view, i = wp.tid()
+    pose = camera_to_world[view]
+    pixel = pixels[i]
+    origin = wp.transform_get_translation(pose)
+    direction = pixel_direction(pose, intrinsics, pixel[1], pixel[0])
+    ray = view * pixels.shape[0] + i
+    for k in range(3):
+        rays_out[k, ray] = origin[k]
+        rays_out[3 + k, ray] = direction[k]

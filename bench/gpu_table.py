@@ -1,0 +1,229 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What gpu.py prints and writes: its tables, its targets, and what they were measured on."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import warp as wp
+from gpu_peers import BASELINE, EVERYTHING
+from gpu_work import Result
+from machine import describe
+from more import compared, number, row
+
+import warpvis as wv
+
+
+@dataclass(frozen=True)
+class Target:
+    """How many times as fast one of this library's rows has to be as the best of some libraries' rows."""
+
+    title: str
+    own: str
+    groups: tuple[str, ...]
+    """The libraries; all others if there are none."""
+    wanted: dict[str, float]
+    """Case by case."""
+
+    def is_about(self, group: str) -> bool:
+        """Whether it compares with that library."""
+        return group in self.groups if self.groups else group != "warpvis"
+
+
+TARGETS = (
+    Target(
+        "depth, of Newton's best",
+        BASELINE,
+        ("newton",),
+        {"room-320": 6, "room-64": 3, "77k-320": 6, "77k-64": 3, "1m-320": 4},
+    ),
+    Target(
+        "depth, of mujoco-warp's best",
+        BASELINE,
+        ("mujoco-warp",),
+        {"room-320": 12, "room-64": 5, "77k-320": 12, "77k-64": 5},
+    ),
+    Target(
+        "depth, of the best of all others",
+        BASELINE,
+        (),
+        {"room-320": 3, "room-64": 1.5, "77k-320": 4, "77k-64": 1.8, "1m-320": 3},
+    ),
+    Target(
+        "depth, points, labels and objects, of `wp.mesh_query_ray`'s depth",
+        EVERYTHING,
+        ("bare",),
+        {"room-320": 1.5, "room-64": 1, "77k-320": 3, "77k-64": 1.2, "1m-320": 1.5},
+    ),
+    Target(
+        "depth, of `wp.mesh_query_ray`'s depth: nowhere slower",
+        BASELINE,
+        ("bare",),
+        dict.fromkeys(("room-320", "room-64", "77k-320", "77k-64", "1m-320", "1m-64"), 0.95),
+    ),
+)
+
+
+def best(results: Iterable[Result]) -> Result | None:
+    """The fastest of those that made the right picture."""
+    return max((result for result in results if result.right), key=lambda result: result.fps, default=None)
+
+
+def of_row(results: Iterable[Result], title: str) -> list[Result]:
+    """Results of one row's methods."""
+    return [result for result in results if result.method.row == title]
+
+
+def tables(results: Sequence[Result], titles: dict[str, str], rounds: int, device: wp.Device) -> str:
+    """All of them as Markdown, with what they were measured on above."""
+    cases = {name: [r for r in results if r.case == name] for name in titles if any(r.case == name for r in results)}
+    packages = dict.fromkeys(package for result in results for package in result.method.packages)
+    parts = [f"{machine(packages)}; {time.strftime('%Y-%m-%d')}."]
+    parts.append(_figures(cases, titles))
+    if device.is_cpu:
+        return "\n\n".join([*parts, "On the CPU: these figures only show that all make the same picture."])
+    parts.append(_caption(cases, titles, rounds))
+    parts.append(_targets(cases, titles))
+    parts.append(_calls(cases, titles))
+    return "\n\n".join(parts)
+
+
+def machine(packages: Iterable[str]) -> str:
+    """One line: the GPU, its driver, the processor, and the packages' versions."""
+    line = describe(packages)
+    if "warpvis " not in line:  # a checkout that is not installed
+        line += f", warpvis {wv.__version__}"
+    return f"{_gpu()}; {line}"
+
+
+def _gpu() -> str:
+    devices = wp.get_cuda_devices()
+    if not devices:
+        return "no GPU"
+    version = _driver_version()
+    memory = devices[0].total_memory / 2**30
+    return f"{devices[0].name}, {memory:.0f} GiB{f', driver {version}' if version else ''}"
+
+
+def _driver_version() -> str:
+    tool = shutil.which("nvidia-smi")
+    if tool:
+        command = [tool, "--query-gpu=driver_version", "--format=csv,noheader"]
+        done = subprocess.run(command, capture_output=True, text=True)
+        if done.returncode == 0 and done.stdout.strip():
+            return done.stdout.split()[0]
+    note = Path("/proc/driver/nvidia/version")
+    words = note.read_text().split() if note.is_file() else []
+    return next((word for word in words if word.count(".") == 2 and word.replace(".", "").isdigit()), "")
+
+
+def _figures(cases: dict[str, list[Result]], titles: dict[str, str]) -> str:
+    """Frames per second: a row for every way to look at a library, the best of its variants in every case."""
+    lines = [row(["Frames per second", *(titles[name] for name in cases), "Same depth"])]
+    lines.append(row(["---", *["---:"] * (len(cases) + 1)]))
+    for title in dict.fromkeys(result.method.row for results in cases.values() for result in results):
+        cells = [_cell(of_row(results, title), results) for results in cases.values()]
+        everything = [result for results in cases.values() for result in of_row(results, title)]
+        counted = [result for result in everything if result.right] or everything
+        shares = [result.agreement.same for result in counted if result.agreement]
+        missing = "; ".join(dict.fromkeys(result.missing for result in everything if result.missing))
+        shown = f"{title} (missing: {missing})" if missing and not any(shares) else title
+        lines.append(row([shown, *cells, _percent(min(shares)) if shares else "-"]))
+    return "\n".join(lines)
+
+
+def _cell(found: list[Result], of_case: list[Result]) -> str:
+    own, baseline = best(found), best(of_row(of_case, BASELINE))
+    if own is None:
+        return "another picture" if any(result.agreement for result in found) else "-"
+    if baseline is None or own is baseline:
+        return number(own.fps)
+    return f"{number(own.fps)} ({compared(baseline.fps / own.fps)})"
+
+
+def _caption(cases: dict[str, list[Result]], titles: dict[str, str], rounds: int) -> str:
+    views = ", ".join(f"{titles[name]} {max(r.views for r in results):,}" for name, results in cases.items())
+    return (
+        "Depth images of the same views, of one mesh, from poses that are on the GPU to images that stay there. "
+        f"Views a call: {views}; nvdiffrast as many as its memory takes. The device's time by events, of calls in a "
+        "row or of one CUDA graph replayed, whichever is faster; OptiX's is that of its kernels alone. The median "
+        f"of {rounds} rounds at most, in which the methods take turns; in brackets, compared with the first row. "
+        "Where a library can be used in several ways, the fastest in each case. Not timed: trees, OptiX's rays, "
+        "nvdiffrast's clip-space vertices and the depth of its z/w. Same depth: pixels within 1 mm of the `rays` "
+        "caster's (which culls where the row does), in the case and the way with the fewest."
+    )
+
+
+def _targets(cases: dict[str, list[Result]], titles: dict[str, str]) -> str:
+    """What was wanted and what was reached."""
+    lines = [row(["Times as fast: reached / wanted", *(titles[name] for name in cases)])]
+    lines.append(row(["---", *["---:"] * len(cases)]))
+    for target in TARGETS:
+        lines.append(row([target.title, *(_reached(target, name, results) for name, results in cases.items())]))
+    return "\n".join(lines)
+
+
+def _reached(target: Target, case: str, results: list[Result]) -> str:
+    own = best(of_row(results, target.own))
+    other = best(result for result in results if target.is_about(result.method.group))
+    wanted = target.wanted.get(case)
+    aim = f"{wanted:g}x" if wanted else "-"
+    if own is None or other is None:
+        return f"? / {aim}"
+    ratio = own.fps / other.fps
+    mark = "" if wanted is None else " reached" if ratio >= wanted else " NOT REACHED"
+    groups = dict.fromkeys(result.method.group for result in results if target.is_about(result.method.group))
+    absent = [group for group in groups if not any(r.right for r in results if r.method.group == group)]
+    without = f", without {' and '.join(absent)}" if absent else ""
+    return f"{ratio:.2f}x / {aim}{mark}{without}"
+
+
+def _calls(cases: dict[str, list[Result]], titles: dict[str, str]) -> str:
+    """One call from Python, the fastest way of every row, with which that was."""
+    head = ["One call: ms for who waits (device, as a graph)", *(titles[name] for name in cases)]
+    lines = [row(head), row(["---", *["---:"] * len(cases)])]
+    for title in dict.fromkeys(result.method.row for results in cases.values() for result in results):
+        found = [best(of_row(results, title)) for results in cases.values()]
+        if any(found):
+            lines.append(row([title, *(_call(result) if result else "-" for result in found)]))
+    return "\n".join(lines)
+
+
+def _call(result: Result) -> str:
+    wall, device, graph = (
+        f"{np.median(times) * 1e3:.2f}" if times else "-"
+        for times in (result.wall_seconds, result.device_seconds, result.graph_seconds)
+    )
+    way = ", ".join(filter(None, [result.method.variant, result.note]))
+    return f"{wall} ({device}, {graph}){f' {way}' if way else ''}"
+
+
+def _percent(share: float) -> str:
+    """Rounded down: only all of them are 100 %."""
+    return f"{np.floor(share * 1e5) / 1e3:g} %"
+
+
+def write_json(path: Path, results: Sequence[Result], state: str) -> None:
+    """Everything that was measured so far, at once or not at all."""
+    packages = dict.fromkeys(package for result in results for package in result.method.packages)
+    content = {"machine": machine(packages), "state": state, "results": [_as_dict(result) for result in results]}
+    part = path.with_suffix(".part")
+    part.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    os.replace(part, path)
+
+
+def _as_dict(result: Result) -> dict[str, Any]:
+    found = {key: value for key, value in vars(result).items() if key not in ("method", "agreement")}
+    method = {key: getattr(result.method, key) for key in ("group", "row", "variant")}
+    agreement = vars(result.agreement) if result.agreement else None
+    return {**method, **found, "agreement": agreement, "fps": result.fps, "wall_fps": result.wall_fps}
