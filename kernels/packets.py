@@ -9,22 +9,38 @@ native function's text goes into a function's body.
 import warp as wp
 
 from warpvis.kernels.native_source import read_native
+from warpvis.kernels.worlds import Worlds
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 
 @wp.struct
 class ClusterScene:
-    """A cluster tree, the labels of the objects, and the boxes of those that are closed."""
+    """Cluster trees in the same arrays: of all that stays, then of each mesh that moves.
+
+    Of a triangle that stays, ``owners`` holds the object, or its complement if that is closed; of one that moves, 0 or
+    its complement. Triangles are numbered by their places in leaves: first those that stay, then those of each movable
+    object, as if it had leaves of its own.
+    """
 
     leaves: wp.array[float]
     owners: wp.array[wp.int32]
     nodes: wp.array[float]
     children: wp.array[wp.int32]
     object_label: wp.array[wp.uint8]
-    closed_boxes: wp.array[float]
+    object_count: int
+    static_root: int  # -1 if nothing stays
+    closed_boxes: wp.array[float]  # of closed objects that stay
+    closed_object: wp.array[wp.int32]
     closed_count: int
-    all_closed: int
+    all_closed: int  # whether all that stay are
+    movable_count: int
+    movable_object: wp.array[wp.int32]
+    movable_root: wp.array[wp.int32]
+    movable_leaf: wp.array[wp.int32]  # the first leaf of its tree
+    movable_first_id: wp.array[wp.int32]  # the number of its first triangle
+    movable_closed: wp.array[wp.int32]
+    movable_boxes: wp.array[float]  # in its frame
 
 
 @wp.struct
@@ -55,20 +71,35 @@ class PacketJob:
     scratch: wp.array2d[float]
 
 
-_HEADERS = ("lanes.h", "setup.h", "raster.h", "output.h", "sparse.h", "walk.h", "packets.h")
+_HEADERS = (
+    "lanes.h",
+    "setup.h",
+    "raster.h",
+    "worlds.h",
+    "output.h",
+    "sparse.h",
+    "walk.h",
+    "movables.h",
+    "packets.h",
+)
 
 _CAST = """
 const Tree tree = {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data,
-                   scene.all_closed != 0};
+                   scene.static_root, scene.all_closed != 0};
+const Movables movables = {scene.movable_count, scene.movable_object.data, scene.movable_root.data,
+                           scene.movable_leaf.data, scene.movable_first_id.data, scene.movable_closed.data,
+                           scene.movable_boxes.data, (const float*)worlds.object_poses.data,
+                           worlds.object_poses.shape[0], worlds.world.data, worlds.excluded.data,
+                           worlds.excluded.shape[0], scene.object_count};
 const Job shape = {job.views, job.height, job.width, job.strips, job.strip_rows.data, job.most_rows,
                    {job.focal_x, job.focal_y}, {job.center_x, job.center_y}, job.near, job.far,
-                   job.cull_backfaces != 0, (const float*)poses.data, scene.closed_boxes.data, scene.closed_count,
-                   job.points, job.at.data};
+                   job.cull_backfaces != 0, (const float*)poses.data, scene.closed_boxes.data,
+                   scene.closed_object.data, scene.closed_count, job.points, job.at.data};
 const Outputs out = {depth.data, (float*)points.data, (float*)normals.data, labels.data, objects.data,
                      scene.object_label.data};
 const int worker = __atomic_fetch_add(job.counter.data + Packets::entered, 1, __ATOMIC_SEQ_CST);
 float* scratch = (float*)((char*)job.scratch.data + (long long)worker * job.scratch.strides[0]);
-Packets::run(tree, shape, out, scratch, job.counter.data);
+Packets::run(tree, movables, shape, out, scratch, job.counter.data);
 """
 
 
@@ -77,6 +108,7 @@ def cast_units(
     scene: ClusterScene,
     job: PacketJob,
     poses: wp.array[wp.transform],
+    worlds: Worlds,
     depth: wp.array3d[float],
     points: wp.array3d[wp.vec3],
     normals: wp.array3d[wp.vec3],
@@ -92,6 +124,8 @@ def cast_packets(
     # Cameras:
     job: PacketJob,
     camera_to_world: wp.array[wp.transform],
+    # In:
+    worlds: Worlds,
     # Out:
     depth_out: wp.array3d[float],
     points_out: wp.array3d[wp.vec3],
@@ -105,4 +139,4 @@ def cast_packets(
     of work, until none is left.
     """
     _ = wp.tid()
-    cast_units(scene, job, camera_to_world, depth_out, points_out, normals_out, labels_out, objects_out)
+    cast_units(scene, job, camera_to_world, worlds, depth_out, points_out, normals_out, labels_out, objects_out)

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The ``packets`` caster on CUDA: a warp takes a block of pixels down a cluster tree of 32 lanes.
 
-The C++ is in ``kernels/native/cuda_*.h``. There is a kernel for every size of packet, and for those who ask for what
-objects are seen and those who do not.
+The C++ is in ``kernels/native/cuda_*.h``. There is a kernel for every size of packet, with and without
+what tells objects apart, and with and without objects that move.
 """
 
 import warp as wp
@@ -11,35 +11,48 @@ import warp as wp
 from warpvis.kernels.native_source import read_native
 from warpvis.kernels.packets import ClusterScene
 from warpvis.kernels.pinhole import PinholeCamera
+from warpvis.kernels.worlds import Worlds
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 LEVELS = 8
 """Levels of nodes that a tree may have at most."""
 
-_HEADERS = ("cuda_setup.h", "cuda_raster.h", "cuda_walk.h", "cuda_output.h", "cuda_packets.h")
+_HEADERS = ("cuda_setup.h", "cuda_raster.h", "cuda_walk.h", "cuda_objects.h", "cuda_output.h", "cuda_packets.h")
 
 _CAST = """
 __shared__ Workplace place;
-const Tree tree = {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data,
-                   scene.all_closed != 0};
+const unsigned char* excluded = nullptr;
+const int excluded_row = min(view, worlds.excluded.shape[0] - 1);
+if (worlds.excluded.data) excluded = worlds.excluded.data + excluded_row * scene.object_count;
+const Tree tree = {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data, scene.static_root, 0,
+                   scene.all_closed != 0, excluded};
+const Still still = {scene.closed_boxes.data, scene.closed_object.data, scene.closed_count};
+const int world_count = worlds.object_poses.shape[0];
+const int world = worlds.world.data ? worlds.world.data[view] : world_count == 1 ? 0 : view;
+const float* object_poses = nullptr;
+if (world >= 0 && world < world_count)
+    object_poses = (const float*)worlds.object_poses.data + (long long)world * scene.movable_count * 7;
+const Movables movables = {MOVABLE ? scene.movable_count : 0, scene.movable_object.data, scene.movable_root.data,
+                           scene.movable_leaf.data, scene.movable_first_id.data, scene.movable_closed.data,
+                           scene.movable_boxes.data, object_poses, excluded};
 const View shape = {(int)camera.width, (int)camera.height, {camera.fx, camera.fy}, {camera.cx, camera.cy},
                     camera.near, camera.far, (const float*)(poses.data + view)};
 const Outputs out = {depth.data, (float*)points.data, (float*)normals.data, labels.data, objects.data,
                      scene.object_label.data};
-Packets::cast(tree, shape, out, scene.closed_boxes.data, scene.closed_count, cull_backfaces, view, packet_x, packet_y,
-              place);
+Packets::cast(tree, still, movables, shape, out, cull_backfaces, view, packet_x, packet_y, place);
 """
 
 
-def make_packet_kernel(side: int, with_id: bool) -> wp.Kernel:
+def make_packet_kernel(side: int, with_id: bool, movable: bool) -> wp.Kernel:
     """A kernel for packets of `side` x `side` pixels.
 
     Args:
         side: 8, 16 or 32.
         with_id: Whether normals, labels or objects may be asked for.
+        movable: Whether the scene may have movable objects.
     """
-    head = f"enum {{ PACKET_WIDTH = {side}, PACKET_HEIGHT = {side}, LEVELS = {LEVELS} }};\n"
+    head = f"enum {{ PACKET_WIDTH = {side}, PACKET_HEIGHT = {side}, LEVELS = {LEVELS}, MOVABLE = {int(movable)} }};\n"
     kind = "cuda_depth_id.h" if with_id else "cuda_depth.h"
 
     @wp.func_native(head + read_native("cuda_lanes.h", kind, *_HEADERS) + _CAST)
@@ -47,6 +60,7 @@ def make_packet_kernel(side: int, with_id: bool) -> wp.Kernel:
         scene: ClusterScene,
         camera: PinholeCamera,
         poses: wp.array[wp.transform],
+        worlds: Worlds,
         view: int,
         packet_y: int,
         packet_x: int,
@@ -58,8 +72,8 @@ def make_packet_kernel(side: int, with_id: bool) -> wp.Kernel:
         objects: wp.array3d[wp.int32],
     ): ...
 
-    # More registers than these leave too few warps on a multiprocessor.
-    @wp.kernel(module="unique", enable_backward=False, grid_stride=False, cuda_max_registers=80)
+    # More registers than these leave too few warps on a multiprocessor, fewer spill too much.
+    @wp.kernel(module="unique", enable_backward=False, grid_stride=False, cuda_max_registers=96 if movable else 80)
     def cast_packets_cuda(
         # Scene:
         scene: ClusterScene,
@@ -67,6 +81,7 @@ def make_packet_kernel(side: int, with_id: bool) -> wp.Kernel:
         camera: PinholeCamera,
         camera_to_world: wp.array[wp.transform],
         # In:
+        worlds: Worlds,
         cull_backfaces: bool,
         # Out:
         depth_out: wp.array3d[float],
@@ -81,6 +96,7 @@ def make_packet_kernel(side: int, with_id: bool) -> wp.Kernel:
             scene,
             camera,
             camera_to_world,
+            worlds,
             view,
             packet_y,
             packet_x,

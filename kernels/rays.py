@@ -17,6 +17,7 @@ from warpvis.kernels.pinhole import (
     pose_origin,
     pose_rotation,
 )
+from warpvis.kernels.worlds import Worlds, is_excluded, world_of
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -26,10 +27,13 @@ CUDA_REGISTERS = 64
 
 @wp.struct
 class TriangleScene:
-    """All triangles of a scene in the world frame, and what each belongs to."""
+    """Triangles in the world frame and what each belongs to, the meshes of movable objects, and all labels."""
 
-    mesh: wp.uint64
+    mesh: wp.uint64  # 0 if nothing stays
     triangle_object: wp.array[wp.int32]
+    movable_mesh: wp.array[wp.uint64]
+    movable_object: wp.array[wp.int32]
+    movable_count: int
     object_label: wp.array[wp.uint8]
 
 
@@ -55,14 +59,61 @@ def plane_depth(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, direction: wp.vec3d, forw
     return wp.clamp(wp.dot(normal, a) / steepness, nearest, farthest)
 
 
+@wp.struct
+class CameraFrame:
+    """A camera in the frame of a mesh: the world's, or that of an object that moves."""
+
+    origin: wp.vec3d
+    rotation: wp.quatd
+
+
 @wp.func
-def first_front_face(mesh: wp.uint64, origin: wp.vec3, direction: wp.vec3, nearest: wp.MeshQueryRay) -> wp.MeshQueryRay:
-    """The first hit whose triangle faces the camera: past every back face the ray goes on from just behind it."""
-    hit = nearest
+def camera_frame(pose: wp.transform) -> CameraFrame:
+    frame = CameraFrame()
+    frame.origin = pose_origin(pose)
+    frame.rotation = pose_rotation(pose)
+    return frame
+
+
+@wp.func
+def seen_from(camera: CameraFrame, place: wp.transform) -> CameraFrame:
+    """The same camera in the frame of an object at a place."""
+    turned_back = wp.quat_inverse(pose_rotation(place))
+    frame = CameraFrame()
+    frame.origin = wp.quat_rotate(turned_back, camera.origin - pose_origin(place))
+    frame.rotation = turned_back * camera.rotation
+    return frame
+
+
+@wp.func
+def passes(
+    scene: TriangleScene, worlds: Worlds, view: int, mesh: wp.uint64, face: int, direction: wp.vec3, cull: bool
+) -> bool:
+    """Whether a ray goes on through a triangle: a culled back face, or part of what the view must not see."""
+    if cull and wp.dot(wp.mesh_eval_face_normal(mesh, face), direction) >= 0.0:
+        return True
+    return mesh == scene.mesh and is_excluded(worlds, view, scene.triangle_object[face])
+
+
+@wp.func
+def first_hit(
+    scene: TriangleScene,
+    worlds: Worlds,
+    view: int,
+    mesh: wp.uint64,
+    origin: wp.vec3,
+    direction: wp.vec3,
+    most_t: float,
+    cull: bool,
+) -> wp.MeshQueryRay:
+    """The first hit that counts: past every other the ray goes on from just behind it. Its t is the depth."""
+    hit = wp.mesh_query_ray(mesh, origin, direction, most_t)
     passed = float(0.0)
-    while hit.result and wp.dot(wp.mesh_eval_face_normal(mesh, hit.face), direction) >= 0.0:
-        passed += wp.max(hit.t, 0.0) + 1.0e-6 * wp.max(1.0, passed)
-        hit = wp.mesh_query_ray(mesh, origin + passed * direction, direction, 3.0e38)
+    if cull or worlds.excluded:
+        while hit.result and passes(scene, worlds, view, mesh, hit.face, direction, cull):
+            passed += wp.max(hit.t, 0.0) + 1.0e-6 * wp.max(1.0, passed)
+            hit = wp.mesh_query_ray(mesh, origin + passed * direction, direction, most_t - passed)
+    hit.t += passed
     return hit
 
 
@@ -72,7 +123,8 @@ class Seen:
 
     depth: float
     face: int
-    direction: wp.vec3d
+    movable: int  # which movable object it belongs to; -1 for what stays
+    direction: wp.vec3d  # of the ray, in the world
 
 
 @wp.func
@@ -80,50 +132,103 @@ def nothing() -> Seen:
     seen = Seen()
     seen.depth = wp.inf
     seen.face = -1
+    seen.movable = -1
     return seen
 
 
 @wp.func
-def look(scene: TriangleScene, camera: PinholeCamera, pose: wp.transform, ray: wp.vec3d, cull_backfaces: bool) -> Seen:
+def look(
+    scene: TriangleScene,
+    camera: PinholeCamera,
+    pose: wp.transform,
+    worlds: Worlds,
+    view: int,
+    ray: wp.vec3d,
+    cull_backfaces: bool,
+) -> Seen:
     """What a camera at a pose sees along a ray, given in the camera's frame with z = 1."""
-    rotation = pose_rotation(pose)
+    in_world = camera_frame(pose)
     seen = nothing()
-    seen.direction = wp.quat_rotate(rotation, ray)
-    origin, direction = wp.transform_get_translation(pose), wp.vec3(seen.direction)
+    seen.direction = wp.quat_rotate(in_world.rotation, ray)
 
-    # A whole-range query: what lies beyond `far` is sorted out below, by the exact depth.
-    hit = wp.mesh_query_ray(scene.mesh, origin, direction, 3.0e38)
-    if cull_backfaces:
-        hit = first_front_face(scene.mesh, origin, direction, hit)
-    if hit.result:
-        exact_origin = pose_origin(pose)
-        a = corner(scene.mesh, hit.face, 0) - exact_origin
-        b = corner(scene.mesh, hit.face, 1) - exact_origin
-        c = corner(scene.mesh, hit.face, 2) - exact_origin
-        seen.depth = float(plane_depth(a, b, c, seen.direction, forward_axis(rotation)))
+    # Whole-range queries: what lies beyond `far` is sorted out below, by the exact depth.
+    nearest = float(3.0e38)
+    world = int(0)
+    if scene.movable_count > 0:
+        world = world_of(worlds, view)
+        if world < 0:
+            return seen
+    for movable in range(-1, scene.movable_count):  # -1: what stays
+        mesh = scene.mesh
+        frame = in_world
+        if movable >= 0:
+            mesh = scene.movable_mesh[movable]
+            if is_excluded(worlds, view, scene.movable_object[movable]):
+                mesh = wp.uint64(0)
+            frame = seen_from(in_world, worlds.object_poses[world, movable])
+        if mesh != wp.uint64(0):
+            direction = wp.vec3(wp.quat_rotate(frame.rotation, ray))
+            hit = first_hit(scene, worlds, view, mesh, wp.vec3(frame.origin), direction, nearest, cull_backfaces)
+            if hit.result and hit.t < nearest:
+                seen.face = hit.face
+                seen.movable = movable
+                nearest = hit.t
+
+    if seen.face >= 0:
+        frame = in_world
+        mesh = scene.mesh
+        if seen.movable >= 0:
+            frame = seen_from(in_world, worlds.object_poses[world, seen.movable])
+            mesh = scene.movable_mesh[seen.movable]
+        a = corner(mesh, seen.face, 0) - frame.origin
+        b = corner(mesh, seen.face, 1) - frame.origin
+        c = corner(mesh, seen.face, 2) - frame.origin
+        direction_there = wp.quat_rotate(frame.rotation, ray)
+        seen.depth = float(plane_depth(a, b, c, direction_there, forward_axis(frame.rotation)))
         if seen.depth < camera.near:
             seen.depth = -wp.inf
+            seen.face = -1
         elif seen.depth > camera.far:
             seen.depth = wp.inf
-        else:
-            seen.face = hit.face
+            seen.face = -1
     return seen
 
 
 @wp.func
-def normal_of(mesh: wp.uint64, face: int, direction: wp.vec3d) -> wp.vec3:
+def normal_of(mesh: wp.uint64, face: int, direction: wp.vec3d) -> wp.vec3d:
     """Unit normal of a triangle, against the direction from which it is seen."""
     a = corner(mesh, face, 0)
     facing = wp.cross(corner(mesh, face, 1) - a, corner(mesh, face, 2) - a)
     if wp.dot(facing, direction) > wp.float64(0.0):
         facing = -facing
-    return wp.vec3(wp.normalize(facing))
+    return wp.normalize(facing)
+
+
+@wp.func
+def normal_in_world(scene: TriangleScene, worlds: Worlds, view: int, seen: Seen) -> wp.vec3:
+    if seen.face < 0:
+        return wp.vec3(wp.nan, wp.nan, wp.nan)
+    if seen.movable < 0:
+        return wp.vec3(normal_of(scene.mesh, seen.face, seen.direction))
+    rotation = pose_rotation(worlds.object_poses[world_of(worlds, view), seen.movable])
+    direction = wp.quat_rotate_inv(rotation, seen.direction)
+    return wp.vec3(wp.quat_rotate(rotation, normal_of(scene.movable_mesh[seen.movable], seen.face, direction)))
+
+
+@wp.func
+def object_of(scene: TriangleScene, seen: Seen) -> int:
+    if seen.face < 0:
+        return -1
+    if seen.movable >= 0:
+        return scene.movable_object[seen.movable]
+    return scene.triangle_object[seen.face]
 
 
 @wp.func
 def write(
     scene: TriangleScene,
     pose: wp.transform,
+    worlds: Worlds,
     seen: Seen,
     view: int,
     y: int,
@@ -143,15 +248,11 @@ def write(
             point = wp.vec3(pose_origin(pose) + wp.float64(seen.depth) * seen.direction)
         points_out[view, y, x] = point
     if normals_out:
-        normal = wp.vec3(wp.nan, wp.nan, wp.nan)
-        if seen.face >= 0:
-            normal = normal_of(scene.mesh, seen.face, seen.direction)
-        normals_out[view, y, x] = normal
+        normals_out[view, y, x] = normal_in_world(scene, worlds, view, seen)
     if labels_out or objects_out:
-        index = int(-1)
+        index = object_of(scene, seen)
         label = wp.uint8(0)
-        if seen.face >= 0:
-            index = scene.triangle_object[seen.face]
+        if index >= 0:
             label = scene.object_label[index]
         if labels_out:
             labels_out[view, y, x] = label
@@ -168,6 +269,7 @@ def cast_rays(
     camera_to_world: wp.array[wp.transform],
     window: Window,
     # In:
+    worlds: Worlds,
     cull_backfaces: bool,
     # Out:
     depth_out: wp.array3d[float],
@@ -182,8 +284,8 @@ def cast_rays(
     y += window.first_row
 
     pose = camera_to_world[view]
-    seen = look(scene, camera, pose, pixel_ray(camera, y, x), cull_backfaces)
-    write(scene, pose, seen, view, y, x, depth_out, points_out, normals_out, labels_out, objects_out)
+    seen = look(scene, camera, pose, worlds, view, pixel_ray(camera, y, x), cull_backfaces)
+    write(scene, pose, worlds, seen, view, y, x, depth_out, points_out, normals_out, labels_out, objects_out)
 
 
 @wp.kernel(cuda_max_registers=CUDA_REGISTERS)
@@ -195,6 +297,7 @@ def cast_rays_at(
     camera_to_world: wp.array[wp.transform],
     window: Window,
     # In:
+    worlds: Worlds,
     pixels_in: wp.array3d[wp.vec2],
     cull_backfaces: bool,
     # Out:
@@ -213,5 +316,5 @@ def cast_rays_at(
     pose = camera_to_world[view]
     seen = nothing()
     if at[0] >= 0.0 and at[0] < camera.width and at[1] >= 0.0 and at[1] < camera.height:
-        seen = look(scene, camera, pose, image_ray(camera, at), cull_backfaces)
-    write(scene, pose, seen, view, row, point, depth_out, points_out, normals_out, labels_out, objects_out)
+        seen = look(scene, camera, pose, worlds, view, image_ray(camera, at), cull_backfaces)
+    write(scene, pose, worlds, seen, view, row, point, depth_out, points_out, normals_out, labels_out, objects_out)

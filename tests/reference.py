@@ -324,3 +324,45 @@ def fit_nodes(vertices: NDArray, faces: NDArray) -> tuple[NDArray[np.float64], N
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(normals, axis=1)
     return corners, normals / np.where(lengths > 0, lengths, np.nan)[:, None]
+
+
+def geom_transforms(geom_xpos: NDArray, geom_xmat: NDArray, worlds: NDArray, geoms: NDArray) -> NDArray[np.float64]:
+    """Geom to world of every pair of a world and a geom, matrices of shape (W, M, 4, 4)."""
+    return _matrices(geom_xpos, geom_xmat)[np.asarray(worlds)[:, None], np.asarray(geoms)]
+
+
+def camera_transforms(cam_xpos: NDArray, cam_xmat: NDArray, cameras: NDArray, worlds: NDArray) -> NDArray[np.float64]:
+    """OpenCV camera to world of every pair of a camera and a world, matrices of shape (C, W, 4, 4)."""
+    turn = np.diag([1.0, -1, -1, 1])
+    return _matrices(cam_xpos, cam_xmat)[np.asarray(worlds), np.asarray(cameras)[:, None]] @ turn
+
+
+def _matrices(position: NDArray, rotation: NDArray) -> NDArray[np.float64]:
+    matrices = np.zeros((*np.shape(position)[:2], 4, 4))
+    matrices[..., :3, :3] = np.reshape(rotation, (*np.shape(position), 3))
+    matrices[..., :3, 3], matrices[..., 3, 3] = position, 1
+    return matrices
+
+
+def geoms_of_objects(objects: NDArray, geom_ids: NDArray) -> NDArray[np.int32]:
+    return np.where(objects < 0, -1, np.asarray(geom_ids)[objects]).astype(np.int32)
+
+
+def refit_leaves(vertices: NDArray, leaf_vertices: NDArray) -> tuple[NDArray, NDArray]:
+    """Rows of the leaves, shape (L, 9, lanes), and their boxes, shape (L, 6); `leaf_vertices` is (L, 3, lanes)."""
+    corners = vertices[leaf_vertices]
+    boxes = np.concatenate([corners.min(axis=(1, 2)), corners.max(axis=(1, 2))], axis=1)
+    return corners.swapaxes(2, 3).reshape(len(leaf_vertices), 9, -1), boxes
+
+
+def refit_nodes(boxes: NDArray, children: NDArray) -> tuple[NDArray, NDArray]:
+    """Boxes of the children, shape (N, 6, lanes), and of the root, by the leaves' boxes; `children` is (N, lanes)."""
+    rows = np.empty((len(children), 6, children.shape[1]), dtype=boxes.dtype)
+    rows[:, :3], rows[:, 3:] = 3e38, -3e38
+    box = np.empty((len(children), 6), dtype=boxes.dtype)
+    for node in reversed(range(len(children))):
+        for lane in np.flatnonzero(children[node]):
+            child = children[node, lane]
+            rows[node, :, lane] = box[child] if child > 0 else boxes[~child]
+        box[node] = [*rows[node, :3].min(axis=1), *rows[node, 3:].max(axis=1)]
+    return rows, box[0]

@@ -36,6 +36,26 @@ def box_scene():
     return scene
 
 
+def moving_scene(*, movable=True):
+    """A floor that stays, and two boxes that move."""
+    scene = box_scene()
+    for name in ("left", "right"):
+        scene.add(BOX, name=name, movable=movable)
+    return scene
+
+
+def render_moved(views=2, *, movable=True, **arguments):
+    return wv.render(moving_scene(movable=movable), KINECT, np.tile(POSE, (views, 1)), **arguments)
+
+
+def moved(worlds, *, bad=(), value=np.nan):
+    """Poses of two objects in worlds, some of them without a rotation to speak of."""
+    rows = np.tile(POSE, (worlds, 2, 1))
+    for world, movable in bad:
+        rows[world, movable, 3:] = value
+    return rows
+
+
 def poses_with(value, *views):
     poses = np.tile(POSE, (8, 1))
     poses[list(views), 3:] = value
@@ -158,6 +178,58 @@ CASES = {
     "more than memory": (
         lambda: wv.render(box_scene(), Camera.from_fov(20000, 20000, hfov=1), np.tile(POSE, (100_000, 1))),
         "depth of shape .* needs 160000.0 GB on cpu, .*; render fewer views at a time",
+    ),
+    # Worlds
+    "poses of what stays": (
+        lambda: render_moved(movable=False, object_poses=moved(1)),
+        "no object of the scene is movable; add one with movable=True",
+    ),
+    "poses of three objects": (
+        lambda: render_moved(object_poses=np.zeros((2, 3, 7))),
+        r"object_poses must have shape \(W, 2, 7\), rows .* of the movable objects in W worlds, got \(2, 3, 7\)",
+    ),
+    "object matrices": (lambda: render_moved(object_poses=np.zeros((2, 2, 4, 4))), r"got \(2, 2, 4, 4\)"),
+    "object poses of one": (lambda: render_moved(object_poses=POSE), r"shape \(W, 2, 7\), .*got \(7,\)"),
+    "no worlds": (lambda: render_moved(object_poses=np.zeros((0, 2, 7))), r"got \(0, 2, 7\)"),
+    "object poses of words": (lambda: render_moved(object_poses="home"), "object_poses must be an array of numbers"),
+    "NaN object poses": (
+        lambda: render_moved(object_poses=moved(2, bad=[(0, 0), (1, 1)])),
+        "must be finite and have a rotation: 2 are not or have none, of 'left' in world 0, 'right' in world 1$",
+    ),
+    "infinite object places": (
+        lambda: render_moved(object_poses=moved(1) + [np.inf, 0, 0, 0, 0, 0, 0]),
+        "2 are not or have none, of 'left' in world 0, 'right' in world 0",
+    ),
+    "zero object quaternions": (
+        lambda: render_moved(object_poses=moved(3, bad=[(2, 0)], value=0), world=[0, 0]),
+        "1 are not or have none, of 'left' in world 2",
+    ),
+    "worlds and views": (
+        lambda: render_moved(object_poses=moved(3)),
+        "object_poses are of 3 worlds and there are 2 views; say world= of each view",
+    ),
+    "world out of range": (
+        lambda: render_moved(object_poses=moved(3), world=[0, 3]),
+        "world must be from 0 to 2, the worlds of object_poses, got 3 for view 1",
+    ),
+    "negative world": (
+        lambda: render_moved(world=[-1, 0]),
+        "from 0 to 0, the worlds of object_poses, got -1 for view 0",
+    ),
+    "worlds of three views": (lambda: render_moved(world=[0, 0, 0]), r"world must have shape \(2,\), got \(3,\)"),
+    "half a world": (lambda: render_moved(world=[0.5, 0]), "world must be int32, got float64"),
+    "exclude a stranger": (lambda: render_moved(exclude=["ball"]), "no object 'ball'; it has 'box', 'left', 'right'"),
+    "exclude a number too great": (lambda: render_moved(exclude=[3]), "objects from 0 to 2, got 3"),
+    "exclude a negative number": (lambda: render_moved(exclude=[-1]), "objects from 0 to 2, got -1"),
+    "exclude flags of two": (
+        lambda: render_moved(exclude=np.zeros((2, 2), dtype=bool)),
+        r"flags of shape \(2, 3\) or \(1, 3\), got shape \(2, 2\)",
+    ),
+    "exclude a number alone": (lambda: render_moved(exclude=2), r"exclude must be names or indices .*got shape \(\)"),
+    "exclude an unknown name": (lambda: render_moved(exclude="ball"), "no object 'ball'"),
+    "points of the image in no world": (
+        lambda: wv.Renderer(moving_scene(), KINECT).render_at(POSE, np.zeros((1, 5, 2)), world=[1]),
+        "world must be from 0 to 0",
     ),
     # Classification
     "depth of millimetres": (lambda: wv.classify(DEPTH.astype(np.uint16), KINECT, POSE), "in metres.*divide"),

@@ -75,7 +75,7 @@ def test_every_subpackage_is_listed():
 
 
 def test_every_module_imports():
-    for package in ("warpvis", "warpvis.io", "warpvis.kernels", "warpvis.scenes"):
+    for package in ("warpvis", "warpvis.io", "warpvis.kernels", "warpvis.mujoco", "warpvis.scenes"):
         module = importlib.import_module(package)
         paths = [path for path in module.__path__ if Path(path) != ROOT]
         for info in pkgutil.iter_modules(paths, prefix=f"{package}."):

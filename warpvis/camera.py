@@ -100,6 +100,25 @@ class Camera:
         return cls(width, height, fx, fy, width / 2, height / 2, near, far)
 
     @classmethod
+    def from_mujoco(
+        cls, model: Any, camera: int | str = -1, width: int | None = None, height: int | None = None
+    ) -> Camera:
+        """A MuJoCo model's camera; see `warpvis.mujoco.camera_from_mujoco`.
+
+        Args:
+            model: A `mujoco.MjModel`.
+            camera: Name or id; -1 for the free camera.
+            width: Image width [px]; the camera's own resolution by default.
+            height: Image height [px]; likewise.
+
+        Raises:
+            CameraError: The model has no such camera, or it is no pinhole.
+        """
+        from warpvis.mujoco import camera_from_mujoco
+
+        return camera_from_mujoco(model, camera, width, height)
+
+    @classmethod
     def from_K(  # noqa: N802 - K is the field's name for the matrix
         cls,
         K: ArrayLike,  # noqa: N803

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import operator
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +20,7 @@ from warpvis.threads import launch_images, load_module, run_together
 _SHARES_PER_THREAD = 2
 _TILE = 16
 _VISIT_WORDS = 6
+_NOTE_WORDS = 24 + _VISIT_WORDS + 1  # of a movable object: its frame, its visit, and its place in their order
 _FINISHED = 2  # of a job's counters
 
 
@@ -38,31 +38,31 @@ class RaysCaster:
         """Poses as this caster takes them, checked."""
         return parse_poses(poses, convention=convention, device=self._scene.device)
 
-    def cast(self, poses: wp.array, images: list[wp.array | None]) -> None:
+    def cast(self, poses: wp.array, worlds: Any, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels and objects of all poses; None is not made."""
         from warpvis.kernels.rays import cast_rays
 
-        self._launch(cast_rays, (len(poses), self._camera.height, self._camera.width), poses, [], images)
+        self._launch(cast_rays, (len(poses), self._camera.height, self._camera.width), poses, [worlds], images)
 
-    def cast_at(self, poses: wp.array, pixels: wp.array, images: list[wp.array | None]) -> None:
+    def cast_at(self, poses: wp.array, worlds: Any, pixels: wp.array, images: list[wp.array | None]) -> None:
         """The same through image points, shape ``(V, 1, N)`` vec2, as are the images'."""
         from warpvis.kernels.rays import cast_rays_at
 
-        self._launch(cast_rays_at, pixels.shape, poses, [pixels], images)
+        self._launch(cast_rays_at, pixels.shape, poses, [worlds, pixels], images)
 
     def _launch(
         self,
         kernel: Any,
         shape: tuple[int, int, int],
         poses: wp.array,
-        pixels: list[wp.array],
+        others: list[Any],
         images: list[wp.array | None],
     ) -> None:
         triangles, camera = self._scene.triangles(), self._camera.device_struct()
         launch_images(
             kernel,
             shape,
-            lambda window: [triangles.struct, camera, poses, window, *pixels, self._cull_backfaces, *images],
+            lambda window: [triangles.struct, camera, poses, window, *others, self._cull_backfaces, *images],
             device=self._scene.device,
             threads=self._threads,
         )
@@ -97,16 +97,16 @@ class PacketsCaster:
         """Poses as this caster takes them, checked."""
         return host_poses(poses, convention=convention)
 
-    def cast(self, poses: np.ndarray, images: list[wp.array | None]) -> None:
+    def cast(self, poses: np.ndarray, worlds: Any, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels and objects of all poses; None is not made."""
-        self._run(poses, None, images)
+        self._run(poses, worlds, None, images)
 
-    def cast_at(self, poses: np.ndarray, pixels: wp.array, images: list[wp.array | None]) -> None:
+    def cast_at(self, poses: np.ndarray, worlds: Any, pixels: wp.array, images: list[wp.array | None]) -> None:
         """The same through image points, shape ``(V, 1, N)`` vec2, as are the images'."""
         if pixels.size:
-            self._run(poses, pixels, images)
+            self._run(poses, worlds, pixels, images)
 
-    def _run(self, poses: np.ndarray, pixels: wp.array | None, images: list[wp.array | None]) -> None:
+    def _run(self, poses: np.ndarray, worlds: Any, pixels: wp.array | None, images: list[wp.array | None]) -> None:
         from warpvis.kernels import packets
 
         views = len(poses)
@@ -117,23 +117,33 @@ class PacketsCaster:
             self._loaded = True
         clusters = self._scene.clusters()
         points = 0 if pixels is None else pixels.shape[2]
-        place = self._take(views, clusters.depth, points)
+        place = self._take(views, clusters.depth, clusters.struct.movable_count, points)
         workers = min(self._threads, views * place.job.strips)
         place.counter[:] = 0
         place.pose_rows[:] = poses
         if pixels is not None:
             place.job.at = pixels.flatten().view(wp.float32).flatten()
-        arguments = [clusters.struct, place.job, place.poses, *images]
-        # Packing arguments takes longer than many a strip: where they are those of the last time, it need not be done.
-        if pixels is not None or not all(map(operator.is_, arguments, place.arguments)):
-            place.launch = wp.launch(packets.cast_packets, dim=1, inputs=arguments, device="cpu", record_cmd=True)
-            place.arguments = arguments
+        arguments = [clusters.struct, place.job, place.poses, worlds, *images]
+        self._pack(packets.cast_packets, place, arguments, pixels is not None)
         run_together(place.launch.launch, workers, lambda: bool(place.counter[_FINISHED] == workers))
         self._idle.append(place)
 
-    def _take(self, views: int, depth: int, points: int) -> _Workplace:
-        """A workplace that nobody uses: callers on several threads each have their own."""
-        key = (views, depth, points)
+    @staticmethod
+    def _pack(kernel: Any, place: _Workplace, arguments: list[Any], job_changed: bool) -> None:
+        """Make a launch of the arguments. It takes longer than many a strip: those of the last time stay packed."""
+        if place.launch is None:
+            place.launch = wp.launch(kernel, dim=1, inputs=arguments, device="cpu", record_cmd=True)
+        else:
+            for index, (value, last) in enumerate(zip(arguments, place.arguments, strict=True)):
+                if value is not last or (value is place.job and job_changed):
+                    place.launch.set_param_at_index(index, value)
+        place.arguments = arguments
+
+    def _take(self, *key: int) -> _Workplace:
+        """A workplace that nobody uses, for numbers of views, levels of the trees, movable objects, and points.
+
+        Callers on several threads each have their own.
+        """
         while self._idle:
             try:
                 place = self._idle.pop()
@@ -141,12 +151,12 @@ class PacketsCaster:
                 break
             if place.key == key:
                 return place
-        job, counter = self._make_job(views, depth, points)
-        rows = np.empty((views, 7), dtype=np.float32)
+        job, counter = self._make_job(*key)
+        rows = np.empty((key[0], 7), dtype=np.float32)
         poses = wp.array(rows, dtype=wp.transform, device="cpu", copy=False)
-        return _Workplace(key, job, counter, poses, rows, [None] * 8)
+        return _Workplace(key, job, counter, poses, rows, [])
 
-    def _make_job(self, views: int, depth: int, points: int) -> tuple[Any, np.ndarray]:
+    def _make_job(self, views: int, depth: int, movables: int, points: int) -> tuple[Any, np.ndarray]:
         from warpvis.kernels.packets import PacketJob
 
         camera, job = self._camera, PacketJob()
@@ -164,6 +174,7 @@ class PacketsCaster:
         # As `Scratch` in kernels/native/packets.h carves it: w and id of every pixel, what is known of blocks and
         # tiles, four rows of each, and a stack with room for all children of a node on every level.
         words = tiles_x * tiles_y * (2 * 256 + 16 + 1 + 4 + 1) + tiles_x * 128 + (depth + 1) * 16 * _VISIT_WORDS + 64
+        words += movables * _NOTE_WORDS
         if points:  # their cells and packets, as `Scratch` carves them
             cells = tiles_x * tiles_y * 16
             words += cells + 32 + 5 * (points + 15 * min(cells, points) + 16)

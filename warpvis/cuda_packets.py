@@ -17,7 +17,7 @@ _WARP = 32
 class CudaPacketsCaster(RaysCaster):
     """A warp a packet; points of the image are cast as rays."""
 
-    def cast(self, poses: wp.array, images: list[wp.array | None]) -> None:
+    def cast(self, poses: wp.array, worlds: Any, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels and objects of all poses; None is not made."""
         views, device = len(poses), self._scene.device
         if views == 0:
@@ -27,19 +27,19 @@ class CudaPacketsCaster(RaysCaster):
         side = packet_side(views, camera.width, camera.height, device.sm_count)
         with_id = any(image is not None for image in of_triangles)
         wp.launch(
-            _kernel(side, with_id),
+            _kernel(side, with_id, bool(clusters.struct.movable_count)),
             dim=(views, -(-camera.height // side), -(-camera.width // side), _WARP),
-            inputs=[clusters.struct, camera.device_struct(), poses, self._cull_backfaces, *images],
+            inputs=[clusters.struct, camera.device_struct(), poses, worlds, self._cull_backfaces, *images],
             device=device,
             block_dim=_WARP,
         )
 
 
 @cache
-def _kernel(side: int, with_id: bool) -> Any:
+def _kernel(side: int, with_id: bool, movable: bool) -> Any:
     from warpvis.kernels.packets_cuda import make_packet_kernel
 
-    return make_packet_kernel(side, with_id)
+    return make_packet_kernel(side, with_id, movable)
 
 
 def packet_side(views: int, width: int, height: int, processors: int) -> int:

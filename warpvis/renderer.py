@@ -19,6 +19,7 @@ from warpvis.errors import ArrayError, CameraError, SceneError
 from warpvis.pose import Convention
 from warpvis.scene import Scene
 from warpvis.threads import check_threads
+from warpvis.worlds import parse_worlds, part_of, still_world
 
 Output = Literal["depth", "points", "normals", "labels", "objects"]
 Caster = Literal["auto", "packets", "rays"]
@@ -109,7 +110,16 @@ class Renderer:
         kind = _caster_class(self.caster, scene.device)
         self._caster = kind(scene, camera, cull_backfaces=bool(cull_backfaces), threads=self.threads)
 
-    def render(self, camera_to_world: Any, *, convention: Convention = "opencv", out: Views | None = None) -> Views:
+    def render(
+        self,
+        camera_to_world: Any,
+        *,
+        object_poses: Any = None,
+        world: Any = None,
+        exclude: Any = None,
+        convention: Convention = "opencv",
+        out: Views | None = None,
+    ) -> Views:
         """Render one image of each output for every pose.
 
         On CUDA the work is queued on the device's current stream and not waited for. Images of more than
@@ -119,6 +129,13 @@ class Renderer:
         Args:
             camera_to_world: Poses, rows ``x y z qx qy qz qw`` of shape ``(V, 7)`` or matrices of shape
                 ``(V, 4, 4)``; one pose without the leading axis is one view.
+            object_poses: Where the movable objects (`Scene.movable`, M of them) are in each of W worlds: object to
+                world, rows ``x y z qx qy qz qw``, shape ``(W, M, 7)`` or ``(M, 7)``, or `wp.transform` of shape
+                ``(W, M)``. By default in one world, where they were added.
+            world: Index of every view's world, shape ``(V,)`` int32. By default all views are of the one world, or if
+                there are V of them, each of its own.
+            exclude: What is not seen: names or indices of objects, or for every view its own flags, shape
+                ``(V, objects)``. A robot's camera excludes the robot's body.
             convention: Axes of the camera frame of the poses: ``"opencv"``, ``"opengl"`` or ``"ros"``.
             out: Images of an earlier call to write into, of the same number of views.
 
@@ -127,23 +144,32 @@ class Renderer:
 
         Raises:
             PoseError: The poses are malformed; the first few offending views are named.
-            ArrayError: `out` does not fit.
-            SceneError: The scene is empty.
+            ArrayError: `out`, `world` or `exclude` does not fit.
+            SceneError: The scene is empty, or has no object that `exclude` names.
         """
         self.scene.require_objects()
         poses = self._caster.parse_poses(camera_to_world, convention)
+        worlds = self._parse_worlds(len(poses), object_poses, world, exclude)
         shape = (len(poses), self.camera.height, self.camera.width)
         on_host = self._on_host(shape, out)
         device = wp.get_device("cpu") if on_host else self.scene.device
         views = self._allocate(shape, device) if out is None else self._check(out, shape, device)
         if on_host:
-            self._cast_in_parts(poses, self._asked_for(views))
+            self._cast_in_parts(poses, worlds, self._asked_for(views))
         else:
-            self._caster.cast(poses, self._asked_for(views))
+            self._caster.cast(poses, worlds, self._asked_for(views))
         return views
 
     def render_at(
-        self, camera_to_world: Any, pixels: Any, *, convention: Convention = "opencv", out: Views | None = None
+        self,
+        camera_to_world: Any,
+        pixels: Any,
+        *,
+        object_poses: Any = None,
+        world: Any = None,
+        exclude: Any = None,
+        convention: Convention = "opencv",
+        out: Views | None = None,
     ) -> Views:
         """What is seen at any points of the image, instead of at its pixels' centres.
 
@@ -151,6 +177,9 @@ class Renderer:
             camera_to_world: Poses, as for `render`.
             pixels: Coordinates ``(x, y)`` [px] from the image's top left corner, N for every view, shape ``(V, N, 2)``;
                 a pixel's centre is its index + 0.5. Outside the image, and where a coordinate is NaN, nothing is seen.
+            object_poses: As for `render`.
+            world: As for `render`.
+            exclude: As for `render`.
             convention: Axes of the camera frame of the poses.
             out: Results of an earlier call to write into, of the same shape.
 
@@ -163,11 +192,17 @@ class Renderer:
         self.scene.require_objects()
         device = self.scene.device
         poses = self._caster.parse_poses(camera_to_world, convention)
+        worlds = self._parse_worlds(len(poses), object_poses, world, exclude)
         points = as_warp(pixels, wp.vec2, (len(poses), "N"), name="pixels", device=device)
         views = self._allocate(points.shape, device) if out is None else self._check(out, points.shape, device)
         rows = [image if image is None else _as_rows(image) for image in self._asked_for(views)]
-        self._caster.cast_at(poses, _as_rows(points), rows)
+        self._caster.cast_at(poses, worlds, _as_rows(points), rows)
         return views
+
+    def _parse_worlds(self, views: int, object_poses: Any, world: Any, exclude: Any) -> Any:
+        if object_poses is None and world is None and exclude is None and not self.scene.movable:
+            return still_world()
+        return parse_worlds(self.scene, views, object_poses, world, exclude)
 
     def _on_host(self, shape: tuple[int, ...], out: Views | None) -> bool:
         """Whether the images of a GPU go to the host's memory."""
@@ -181,7 +216,7 @@ class Renderer:
     def _bytes_per_pixel(self) -> int:
         return sum(wp.types.type_size_in_bytes(OUTPUTS[name]) for name in self.outputs)
 
-    def _cast_in_parts(self, poses: wp.array, images: list[wp.array | None]) -> None:
+    def _cast_in_parts(self, poses: wp.array, worlds: Any, images: list[wp.array | None]) -> None:
         """Cast as many views at a time as fit `device_bytes`, at least one, and copy them to the host's images."""
         pixels = self.camera.height * self.camera.width
         step = min(len(poses), max(1, self.device_bytes // (pixels * self._bytes_per_pixel())))
@@ -189,7 +224,7 @@ class Renderer:
         for first in range(0, len(poses), max(1, step)):
             part = slice(first, min(first + step, len(poses)))
             sources = [None if image is None else image[: part.stop - first] for image in self._asked_for(views)]
-            self._caster.cast(poses[part], sources)
+            self._caster.cast(poses[part], part_of(worlds, part), sources)
             for image, source in zip(images, sources, strict=True):
                 if image is not None:
                     wp.copy(image[part], source)
@@ -243,12 +278,15 @@ def render(
     outputs: Sequence[Output] = DEFAULT_OUTPUTS,
     caster: Caster = "auto",
     cull_backfaces: bool = False,
+    object_poses: Any = None,
+    world: Any = None,
+    exclude: Any = None,
     convention: Convention = "opencv",
     threads: int | None = None,
     device_bytes: int | None = None,
     out: Views | None = None,
 ) -> Views:
-    """Render views of a scene once; see `Renderer` for the arguments, and for rendering again and again."""
+    """Render views of a scene once; see `Renderer` and its `render` for the arguments, and for rendering again."""
     renderer = Renderer(
         scene,
         camera,
@@ -258,4 +296,6 @@ def render(
         threads=threads,
         device_bytes=device_bytes,
     )
-    return renderer.render(camera_to_world, convention=convention, out=out)
+    return renderer.render(
+        camera_to_world, object_poses=object_poses, world=world, exclude=exclude, convention=convention, out=out
+    )

@@ -16,50 +16,46 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.arrays import get_device
 from warpvis.errors import SceneError
+from warpvis.geometry import Clusters, Triangles, build_clusters, build_triangles, label_array
 from warpvis.labels import Label
 from warpvis.pose import check_up, poses_to_matrices, poses_to_opencv
 
 if TYPE_CHECKING:
     import trimesh
 
+FARTHEST = 1e18
+"""Coordinates are at most this [m]: their squares must stay finite in single precision."""
+
 
 @dataclass(frozen=True)
 class SceneObject:
-    """One object of a scene: a mesh in the world frame, a name and a label."""
+    """One object of a scene: a mesh, a name and a label."""
 
     name: str
     label: Label
     vertices: NDArray[np.float32] = field(repr=False)
-    """Corners in the world frame [m], shape ``(n, 3)``."""
+    """Corners in the world frame [m], shape ``(n, 3)``; of a movable object at its `pose`."""
     faces: NDArray[np.int32] = field(repr=False)
     """Corner indices of the triangles, shape ``(m, 3)``."""
+    mesh_vertices: NDArray[np.float32] | None = field(default=None, repr=False)
+    """Corners in the frame of a movable object [m], shape ``(n, 3)``; None if the object stays where it is."""
+    pose: NDArray[np.float32] | None = field(default=None, repr=False)
+    """Where a movable object is unless a call says otherwise, object to world, ``x y z qx qy qz qw``; else None."""
+
+    @property
+    def movable(self) -> bool:
+        """Whether the object may be in another place in every world."""
+        return self.pose is not None
+
+    @property
+    def points(self) -> wp.array | None:
+        """Where its vertices are on the scene's device, once `Scene.update_vertices` was told them; else None."""
+        return None
 
     @property
     def bounds(self) -> NDArray[np.float32]:
         """Least and greatest corner of the axis-aligned box [m], shape ``(2, 3)``."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
-
-
-@dataclass(frozen=True)
-class Triangles:
-    """A scene's triangles on its device, as the ``rays`` caster takes them."""
-
-    struct: Any
-    """A `warpvis.kernels.rays.TriangleScene`."""
-    mesh: wp.Mesh
-    """Owns the memory and the tree that `struct` refers to."""
-
-
-@dataclass(frozen=True)
-class Clusters:
-    """A scene's triangles in a cluster tree on its device, as the ``packets`` caster takes them."""
-
-    struct: Any
-    """A `warpvis.kernels.packets.ClusterScene`."""
-    depth: int
-    """Levels of nodes."""
-    bytes_per_triangle: float
-    """Memory of the tree."""
 
 
 class Scene:
@@ -83,6 +79,7 @@ class Scene:
         self.up: Literal["z", "y"] = up
         self._objects: list[SceneObject] = []
         self._index: dict[str, int] = {}
+        self._movable: list[int] = []
         self._triangles: Triangles | None = None
         self._clusters: Clusters | None = None
         self._lock = Lock()
@@ -128,6 +125,7 @@ class Scene:
         label: Label | int | str = Label.OBSTACLE,
         pose: ArrayLike | None = None,
         scale: float | ArrayLike = 1.0,
+        movable: bool = False,
     ) -> int:
         """Add an object.
 
@@ -138,6 +136,8 @@ class Scene:
             label: What its pixels are labelled.
             pose: Object to world, ``x y z qx qy qz qw`` or a 4x4 matrix; identity by default.
             scale: Factor of size, or three of them along the mesh's axes, applied before the pose.
+            movable: Whether `Renderer.render` may be told another pose of it for every world. Moving it then rebuilds
+                nothing, and objects of equal meshes share them. What stays where it is renders faster.
 
         Returns:
             The object's index, the value of its pixels in the object image.
@@ -152,22 +152,74 @@ class Scene:
             raise SceneError(f"the scene already has an object named {name!r}; give another name")
         vertices, faces = _check_mesh(mesh, name)
         vertices = vertices * _check_scale(scale, name)
+        row = np.array([0.0, 0, 0, 0, 0, 0, 1])
+        placed = vertices
         if pose is not None:
-            matrix = poses_to_matrices(poses_to_opencv(pose, name=f"pose of {name!r}"))
-            if len(matrix) != 1:
-                raise SceneError(f"pose of {name!r} must be one pose, got {len(matrix)}")
-            vertices = vertices @ matrix[0, :3, :3].T + matrix[0, :3, 3]
-        if np.abs(vertices).max() > 1e18:  # their squares must stay finite in single precision
+            rows = poses_to_opencv(pose, name=f"pose of {name!r}")
+            if len(rows) != 1:
+                raise SceneError(f"pose of {name!r} must be one pose, got {len(rows)}")
+            row, matrix = rows[0], poses_to_matrices(rows[0])
+            placed = vertices @ matrix[:3, :3].T + matrix[:3, 3]
+        if np.abs(placed).max() > FARTHEST:
             raise SceneError(f"vertices of {name!r} must lie within 1e18 m of the origin")
-        self._objects.append(SceneObject(name, Label.parse(label), vertices.astype(np.float32), faces))
+        frame = (vertices.astype(np.float32), row.astype(np.float32)) if movable else (None, None)
+        self._objects.append(SceneObject(name, Label.parse(label), placed.astype(np.float32), faces, *frame))
         self._index[name] = index
+        self._movable += [index] if movable else []
         self._forget()
         return index
+
+    def update_vertices(self, name: str, vertices: Any) -> None:
+        """Deform a movable object: its vertices are elsewhere from now on, its triangles stay.
+
+        The first call for an object gives it a tree of its own, of which no back faces are left out, and the scene's
+        trees are built again when it is next rendered. Later calls refit what has been built, on the scene's device,
+        which takes a fraction of the time. A tree keeps the structure of the shape that it was built for: where a mesh
+        is deformed beyond recognition, rendering slows down.
+
+        Vertices that are on the scene's GPU already are copied there and not read back, so their values are not
+        checked: they have to be finite. After one call and one rendering, such a call waits for nothing and allocates
+        nothing (`wp.Mesh.refit`, for the ``rays`` caster, borrows from Warp's memory pool): with `Renderer.render` it
+        records into a CUDA graph. That is void once trees are built again.
+
+        `SceneObject.vertices`, `bounds` and `export` give the newest vertices; they are copied from the device when
+        asked for.
+
+        Args:
+            name: The object's name. It must have been added with ``movable=True``.
+            vertices: Corners in the object's frame [m], as many as before, shape ``(n, 3)``: an array of the host or
+                of the scene's GPU; or `wp.vec3` of shape ``(n,)``. The scale that the object was added with is not
+                applied again.
+
+        Raises:
+            SceneError: There is no such object, it is not movable, or the vertices are malformed.
+        """
+        from warpvis.refit import DeformingObject, parse_vertices
+
+        index = self.index(name)
+        item = self._objects[index]
+        if not item.movable:
+            raise SceneError(f"object {name!r} is not movable, so its vertices stay; add it with movable=True")
+        given = parse_vertices(vertices, item, self.device)
+        with self._lock:
+            item = self._objects[index]
+            if item.points is None:
+                item = self._objects[index] = DeformingObject(item, self.device)
+                self._forget()
+            wp.copy(item.points, given)
+            for built in (self._clusters, self._triangles):
+                if built is not None:
+                    built.refits[index].refit()
 
     @property
     def objects(self) -> tuple[SceneObject, ...]:
         """The objects; an object image's values index this."""
         return tuple(self._objects)
+
+    @property
+    def movable(self) -> tuple[int, ...]:
+        """Indices of the movable objects, in the order of the columns of `object_poses`."""
+        return tuple(self._movable)
 
     @property
     def triangle_count(self) -> int:
@@ -208,7 +260,8 @@ class Scene:
     def to(self, device: Any) -> Scene:
         """The same scene for another device."""
         scene = Scene(device=device, up=self.up)
-        scene._objects, scene._index = list(self._objects), dict(self._index)
+        scene._objects = [_as_it_is(item) for item in self._objects]
+        scene._index, scene._movable = dict(self._index), list(self._movable)
         return scene
 
     def to_trimesh(self) -> trimesh.Scene:
@@ -240,7 +293,7 @@ class Scene:
         """
         with self._lock:
             if self._triangles is None:
-                self._triangles = _build_triangles(self.require_objects(), self.device)
+                self._triangles = build_triangles(self.require_objects(), self.device)
             return self._triangles
 
     def clusters(self) -> Clusters:
@@ -251,12 +304,12 @@ class Scene:
         """
         with self._lock:
             if self._clusters is None:
-                self._clusters = _build_clusters(self.require_objects(), self.device)
+                self._clusters = build_clusters(self.require_objects(), self.device)
             return self._clusters
 
     def object_labels(self) -> wp.array:
         """Labels of the objects on the scene's device, shape ``(objects,)`` uint8."""
-        return _label_array(self.require_objects(), self.device)
+        return label_array(self.require_objects(), self.device)
 
     def _forget(self) -> None:
         self._triangles = self._clusters = None
@@ -266,6 +319,13 @@ class Scene:
         if not self._objects:
             raise SceneError("the scene has no objects; add() one first")
         return self._objects
+
+
+def _as_it_is(item: SceneObject) -> SceneObject:
+    """The object with the vertices it has now, whatever becomes of them."""
+    if item.points is None:
+        return item
+    return SceneObject(item.name, item.label, item.vertices, item.faces, item.mesh_vertices, item.pose)
 
 
 def _check_mesh(mesh: Any, name: str) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
@@ -301,59 +361,3 @@ def _check_scale(scale: float | ArrayLike, name: str) -> NDArray[np.float64]:
     if factors.shape not in ((), (3,)) or not (np.isfinite(factors).all() and (factors > 0).all()):
         raise SceneError(f"scale of {name!r} must be one or three positive numbers, got {scale!r}")
     return factors
-
-
-def _flatten(objects: list[SceneObject]) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]:
-    """All vertices, all faces, and the faces' objects."""
-    first = np.cumsum([0] + [len(item.vertices) for item in objects])
-    vertices = np.concatenate([item.vertices for item in objects])
-    faces = np.concatenate([item.faces + start for item, start in zip(objects, first, strict=False)])
-    owner = np.repeat(np.arange(len(objects), dtype=np.int32), [len(item.faces) for item in objects])
-    return vertices, faces.astype(np.int32), owner
-
-
-def _label_array(objects: list[SceneObject], device: wp.Device) -> wp.array:
-    return wp.array([int(item.label) for item in objects], dtype=wp.uint8, device=device)
-
-
-def _build_triangles(objects: list[SceneObject], device: wp.Device) -> Triangles:
-    from warpvis.kernels.rays import TriangleScene
-
-    vertices, faces, owner = _flatten(objects)
-    mesh = wp.Mesh(
-        points=wp.array(vertices, dtype=wp.vec3, device=device),
-        indices=wp.array(faces.ravel(), dtype=wp.int32, device=device),
-        # The surface area heuristic traces fastest on both devices; leaves of 4 are 15 to 20 % faster on the CPU.
-        bvh_constructor="sah",
-        bvh_leaf_size=4 if device.is_cpu else None,
-    )
-    struct = TriangleScene()
-    struct.mesh = mesh.id
-    struct.triangle_object = wp.array(owner, dtype=wp.int32, device=device)
-    struct.object_label = _label_array(objects, device)
-    return Triangles(struct, mesh)
-
-
-def _build_clusters(objects: list[SceneObject], device: wp.Device) -> Clusters:
-    from warpvis.closed import provably_closed
-    from warpvis.cluster_tree import build_cluster_tree
-    from warpvis.kernels import packets_cuda
-    from warpvis.kernels.packets import ClusterScene
-
-    vertices, faces, owner = _flatten(objects)
-    closed = np.array([provably_closed(item.vertices, item.faces) for item in objects])
-    if device.is_cpu:
-        tree = build_cluster_tree(vertices, faces, owner, closed)
-    else:
-        tree = build_cluster_tree(vertices, faces, owner, closed, lanes=32, most_levels=packets_cuda.LEVELS)
-    # The casters read an object's complement where its back faces can be left out.
-    owners = tree.owners.numpy()
-    np.bitwise_not(owners, out=owners, where=closed[owners])
-    boxes = np.array([item.bounds for item, skip in zip(objects, closed, strict=True) if skip], dtype=np.float32)
-    struct = ClusterScene()
-    struct.leaves, struct.owners = tree.leaves.to(device), tree.owners.to(device)
-    struct.nodes, struct.children = tree.nodes.to(device), tree.children.to(device)
-    struct.object_label = _label_array(objects, device)
-    struct.closed_boxes = wp.array(boxes.ravel(), dtype=wp.float32, device=device)
-    struct.closed_count, struct.all_closed = len(boxes), int(closed.all())
-    return Clusters(struct, tree.depth, tree.bytes_per_triangle)

@@ -26,26 +26,37 @@ struct Write {
         return Vec{nan, nan, nan};
     }
 
-    // Of a triangle, towards the camera.
-    static inline Vec normal(const Tree& tree, const Eye& eye, unsigned id) {
-        const ExactTriangle t = ExactTriangle::of(eye, tree.corners(id));
-        const double* n = t.normal;
-        const double towards = t.volume() > 0.0 ? -1.0 : 1.0;
-        const double scale = towards / sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
-        return Vec{(float)(n[0] * scale), (float)(n[1] * scale), (float)(n[2] * scale)};
+    // Of a triangle, in the world, against the direction from which it is seen.
+    static inline Vec normal(const Tree& tree, const Eye& eye, const Movables& movables, unsigned id, int x, int y) {
+        const int m = Movables::owner_of(movables, id);
+        Exact n = Exact::normal(tree.corners(m < 0 ? id : id - Movables::first_of(movables, m)));
+        if (m >= 0) {
+            Exact axis[3];
+            Pose::axes(movables.poses + 7 * (long long)m, axis);
+            n = Pose::outside(axis, n);
+        }
+        const double u = (double)x + eye.first_u, v = (double)y + eye.first_v;
+        const double towards = u * Exact::dot(n, eye.exact_rays[0]) + v * Exact::dot(n, eye.exact_rays[1]) +
+                               Exact::dot(n, eye.exact_rays[2]);
+        return Exact::times(n, (towards > 0.0 ? -1.0 : 1.0) / sqrt(Exact::dot(n, n))).rounded();
+    }
+
+    static inline int object(const Tree& tree, const Movables& movables, unsigned id) {
+        const int m = Movables::owner_of(movables, id);
+        return m < 0 ? Tree::object_of(__ldg(tree.owners + id)) : __ldg(movables.object + m);
     }
 
     static inline Vec point(const Eye& eye, int x, int y, float z) {
         const float u = (float)x + eye.first_u, v = (float)y + eye.first_v;
-        const double* right = eye.exact_rays[0];
-        const double* down = eye.exact_rays[1];
-        const double* forward = eye.exact_rays[2];
-        return Vec{__fmaf_rn(z, __fmaf_rn(u, (float)right[0], __fmaf_rn(v, (float)down[0], (float)forward[0])), eye.origin.x),
-                   __fmaf_rn(z, __fmaf_rn(u, (float)right[1], __fmaf_rn(v, (float)down[1], (float)forward[1])), eye.origin.y),
-                   __fmaf_rn(z, __fmaf_rn(u, (float)right[2], __fmaf_rn(v, (float)down[2], (float)forward[2])), eye.origin.z)};
+        const Vec right = eye.exact_rays[0].rounded(), down = eye.exact_rays[1].rounded();
+        const Vec forward = eye.exact_rays[2].rounded();
+        return Vec{__fmaf_rn(z, __fmaf_rn(u, right.x, __fmaf_rn(v, down.x, forward.x)), eye.origin.x),
+                   __fmaf_rn(z, __fmaf_rn(u, right.y, __fmaf_rn(v, down.y, forward.y)), eye.origin.y),
+                   __fmaf_rn(z, __fmaf_rn(u, right.z, __fmaf_rn(v, down.z, forward.z)), eye.origin.z)};
     }
 
-    static inline void images(const Tree& tree, const Eye& eye, const Packet& packet, const Outputs& out, int view,
+    static inline void images(const Tree& tree, const Eye& eye, const Packet& packet, const Movables& movables,
+                              const Outputs& out, int view,
                               int width, int height, float near, float far) {
         const float infinity = __int_as_float(0x7f800000);
         const int column = Warp::lane() % PACKET_WIDTH;
@@ -62,11 +73,11 @@ struct Write {
             if (out.points) vector(out.points, at, seen ? point(eye, x, y, z) : none());
             if (!Nearest::has_id) continue;
             const unsigned id = Nearest::id(key);
-            if (out.normals) vector(out.normals, at, seen ? normal(tree, eye, id) : none());
+            if (out.normals) vector(out.normals, at, seen ? normal(tree, eye, movables, id, x, y) : none());
             if (!(out.objects || out.labels)) continue;
-            const int object = seen ? Tree::object_of(__ldg(tree.owners + id)) : -1;
-            if (out.objects) out.objects[at] = object;
-            if (out.labels) out.labels[at] = object < 0 ? 0 : __ldg(out.object_label + object);
+            const int index = seen ? object(tree, movables, id) : -1;
+            if (out.objects) out.objects[at] = index;
+            if (out.labels) out.labels[at] = index < 0 ? 0 : __ldg(out.object_label + index);
         }
     }
 };

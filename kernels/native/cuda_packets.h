@@ -10,31 +10,36 @@ struct View {
     const float* pose;  // x y z qx qy qz qw
 };
 
+// What stays, where its objects are that are closed, and what each is.
+struct Still {
+    const float* closed_boxes;
+    const int* closed_object;
+    int closed_count;
+};
+
 // A warp's shared memory.
 struct Workplace {
-    Eye eye;
+    Eye world;
     Triangle triangle;
     Walk::Level levels[LEVELS - 1];
+    unsigned queue[2 * LANES];
     Key nearest[BLOCKS * 32];
+    Eye moved[1];
+    unsigned visits[MOVABLE ? Objects::AT_A_TIME : 1];
 };
 
 struct Packets {
     static inline Eye eye(const View& view) {
-        double q[4], length = 0.0;
-        for (int k = 0; k < 4; ++k) length += (double)__ldg(view.pose + 3 + k) * __ldg(view.pose + 3 + k);
-        length = 1.0 / sqrt(length);
-        for (int k = 0; k < 4; ++k) q[k] = __ldg(view.pose + 3 + k) * length;
-        const double x = q[0], y = q[1], z = q[2], w = q[3];
-        // Right, down and forward in the world.
-        const double axis[3][3] = {{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)},
-                                   {2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)},
-                                   {2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)}};
+        Exact axis[3];  // right, down and forward in the world
+        Pose::axes(view.pose, axis);
         Eye eye;
-        eye.origin = Vec{__ldg(view.pose), __ldg(view.pose + 1), __ldg(view.pose + 2)};
+        eye.exact_origin = Pose::position(view.pose);
+        eye.origin = eye.exact_origin.rounded();
         for (int i = 0; i < 3; ++i) {
             const double f = i < 2 ? view.focal[i] : 1.0;
-            eye.to_camera[i] = Vec{(float)(axis[i][0] * f), (float)(axis[i][1] * f), (float)(axis[i][2] * f)};
-            for (int k = 0; k < 3; ++k) eye.exact_rays[i][k] = axis[i][k] / f;
+            eye.exact_rays[i] = Exact::times(axis[i], 1.0 / f);
+            eye.to_camera[i] = Exact::times(axis[i], f).rounded();
+            eye.focal_squared[i] = f * f;
         }
         eye.first_u = (float)(0.5 - view.center[0]);
         eye.first_v = (float)(0.5 - view.center[1]);
@@ -45,34 +50,41 @@ struct Packets {
         return eye;
     }
 
-    // Whether the camera is outside the boxes of all closed objects, so that their back faces are hidden behind their
-    // front faces.
-    static inline bool outside_all(const float* boxes, int count, const Vec& origin) {
+    // Whether the camera is outside the boxes of all closed objects that it sees, so that their back faces are hidden
+    // behind their front faces.
+    static inline bool outside_all(const Still& still, const unsigned char* excluded, const Vec& origin) {
         bool inside = false;
-        for (int i = Warp::lane(); i < count; i += LANES) {
-            const float* box = boxes + 6 * i;
+        for (int i = Warp::lane(); i < still.closed_count; i += LANES) {
+            const float* box = still.closed_boxes + 6 * i;
             inside |= origin.x >= __ldg(box) && origin.x <= __ldg(box + 3) && origin.y >= __ldg(box + 1) &&
-                      origin.y <= __ldg(box + 4) && origin.z >= __ldg(box + 2) && origin.z <= __ldg(box + 5);
+                      origin.y <= __ldg(box + 4) && origin.z >= __ldg(box + 2) && origin.z <= __ldg(box + 5) &&
+                      !(excluded && excluded[__ldg(still.closed_object + i)]);
         }
         return !Warp::any(inside);
     }
 
-    static inline void cast(const Tree& tree, const View& view, const Outputs& out, const float* closed_boxes,
-                            int closed_count, bool cull, int view_index, int packet_x, int packet_y, Workplace& place) {
+    // Where a view's world does not exist, `movables.poses` is null and nothing is seen.
+    static inline void cast(const Tree& tree, const Still& still, const Movables& movables, const View& view,
+                            const Outputs& out, bool cull, int view_index, int packet_x, int packet_y, Workplace& place) {
         {
             Eye eye = Packets::eye(view);
-            eye.skip_back_faces = outside_all(closed_boxes, closed_count, eye.origin);
+            eye.skip_back_faces = outside_all(still, tree.excluded, eye.origin);
             // Where that means all back faces, it need not be looked up whose they are.
             eye.cull_back_faces = cull || (eye.skip_back_faces && tree.all_closed);
-            if (Warp::lane() == 0) place.eye = eye;
+            if (Warp::lane() == 0) place.world = eye;
         }
         Packet packet;
         packet.nearest = place.nearest;
         packet.first_x = packet_x * PACKET_WIDTH;
         packet.first_y = packet_y * PACKET_HEIGHT;
         packet.begin(view.width - packet.first_x, view.height - packet.first_y);
-        Walk::draw(tree, place.eye, packet, place.levels, &place.triangle);
+        const bool exists = !MOVABLE || movables.poses;
+        const Queue queue = {place.queue, 0};
+        if (tree.root >= 0 && exists) Walk::draw(tree, place.world, packet, place.levels, queue, &place.triangle);
+        if (MOVABLE && exists)
+            Objects::draw(tree, place.world, packet, movables, cull, place.moved, place.visits, place.levels, queue,
+                          &place.triangle);
         Warp::sync();
-        Write::images(tree, place.eye, packet, out, view_index, view.width, view.height, view.near, view.far);
+        Write::images(tree, place.world, packet, movables, out, view_index, view.width, view.height, view.near, view.far);
     }
 };

@@ -47,40 +47,39 @@ struct Raster {
     // A triangle of at most this many pixels is drawn by its lane alone, if enough others are.
     enum { SMALL_AREA = 64, STEPS_PER_LANE = 5 };
 
-    static inline void draw(const Tree& tree, const Eye& eye, Packet& packet, const Triangle& t, int leaf, Triangle* slot) {
+    // Draw each lane's triangle, of the first so many lanes. `slot` has room for one.
+    static inline void draw(const Tree& tree, const Eye& eye, Packet& packet, const Triangle& t, int count, Triangle* slot) {
         const int lane = Warp::lane();
-        const int area = (t.x1 - t.x0 + 1) * (t.y1 - t.y0 + 1);
-        const bool small = t.shown && area <= SMALL_AREA;
-        unsigned lanes = Warp::lanes_where(t.shown);
+        const int area = lane < count ? (t.x1 - t.x0 + 1) * (t.y1 - t.y0 + 1) : 0;
+        const bool small = area > 0 && area <= SMALL_AREA;
+        unsigned larger = Warp::lanes_where(area > 0);
         const unsigned small_lanes = Warp::lanes_where(small);
         if (small_lanes) {
             const int steps = Warp::most(small ? area : 0);
             if (steps <= STEPS_PER_LANE * __popc(small_lanes)) {
-                draw_small(tree, eye, packet, t, leaf, small ? area : 0, steps);
-                lanes &= ~small_lanes;
+                draw_small(tree, eye, packet, t, small ? area : 0, steps);
+                larger &= ~small_lanes;
             }
         }
-        for (; lanes; lanes = Warp::without_first(lanes)) {
-            const int k = Warp::first_of(lanes);
-            if (lane == k) *slot = t;
+        for (; larger; larger = Warp::without_first(larger)) {
+            if (lane == Warp::first_of(larger)) *slot = t;
             Warp::sync();
-            draw_large(tree, eye, packet, *slot, leaf * LANES + k);
+            draw_large(tree, eye, packet, *slot);
             Warp::sync();
         }
+        packet.refresh();
     }
 
     // Each lane goes through the pixels of its own triangle's bounds, all lanes at the same time.
-    static inline void draw_small(const Tree& tree, const Eye& eye, Packet& packet, const Triangle& t, int leaf, int area,
-                                  int steps) {
-        const unsigned id = leaf * LANES + Warp::lane();
+    static inline void draw_small(const Tree& tree, const Eye& eye, Packet& packet, const Triangle& t, int area, int steps) {
         unsigned touched = 0;
         int x = t.x0, y = t.y0;
         for (int step = 0; step < steps; ++step) {
             if (step < area) {
                 const float u = (float)(packet.first_x + x) + eye.first_u, v = (float)(packet.first_y + y) + eye.first_v;
                 if (t.covers(u, v)) {
-                    const float w = t.exact ? t.clamp(ExactPlane::of(eye, tree.corners(id)).at(u, v)) : t.w_at(u, v);
-                    const Key key = Nearest::key(w, id);
+                    const float w = t.exact ? t.clamp(ExactPlane::of(eye, tree.corners(t.place)).at(u, v)) : t.w_at(u, v);
+                    const Key key = Nearest::key(w, t.place + tree.first_id);
                     Key* at = packet.nearest + Packet::slot_at(x, y);
                     if (key > *at) {
                         atomicMax(at, key);
@@ -98,7 +97,7 @@ struct Raster {
     }
 
     // All lanes on one triangle: first each on a block, to see which are touched, then each on a pixel of those.
-    static inline void draw_large(const Tree& tree, const Eye& eye, Packet& packet, const Triangle t, unsigned id) {
+    static inline void draw_large(const Tree& tree, const Eye& eye, Packet& packet, const Triangle t) {
         const int lane = Warp::lane();
         const int block_x = Packet::block_x(lane), block_y = Packet::block_y(lane);
         const float u0 = (float)(packet.first_x + block_x) + eye.first_u, u1 = (float)(packet.first_x + block_x + 7) + eye.first_u;
@@ -118,8 +117,9 @@ struct Raster {
         const unsigned blocks = Warp::lanes_where(touched);
         if (!blocks) return;
         packet.stale |= blocks;
+        const unsigned id = t.place + tree.first_id;
         if (t.exact) {
-            const ExactPlane plane = ExactPlane::of(eye, tree.corners(id));
+            const ExactPlane plane = ExactPlane::of(eye, tree.corners(t.place));
             for (unsigned left = blocks; left; left = Warp::without_first(left)) {
                 const int block = Warp::first_of(left);
                 float u, v;
@@ -147,5 +147,30 @@ struct Raster {
         Key* at = packet.nearest + Packet::slot(block, Warp::lane());
         const Key key = Nearest::key(w, id);
         if (inside && key > *at) *at = key;
+    }
+};
+
+// Triangles that wait until there are enough for all lanes. Of most leaves, only few are seen.
+struct Queue {
+    unsigned* places;  // two for a lane
+    int count;
+
+    inline void add(bool wanted, unsigned place) {
+        const unsigned lanes = Warp::lanes_where(wanted);
+        if (wanted) places[count + __popc(lanes & ((1u << Warp::lane()) - 1))] = place;
+        count += __popc(lanes);
+        Warp::sync();
+    }
+
+    // One for each lane, as far as there are; the others wait on.
+    inline int take(unsigned& place) {
+        const int lane = Warp::lane(), taken = min(count, (int)LANES);
+        place = places[min(lane, taken - 1)];
+        count -= taken;
+        const unsigned next = places[LANES + lane];
+        Warp::sync();
+        places[lane] = next;
+        Warp::sync();
+        return taken;
     }
 };

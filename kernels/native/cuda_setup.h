@@ -24,27 +24,15 @@ struct Tree {
     const int* owners;    // [leaf][32]: object of a triangle; its complement where the object is closed
     const float* nodes;   // [node][10][32]
     const int* children;  // [node][32]: a node, or the complement of a leaf
+    int root;
+    int first_id;         // what the number of a triangle is more than its place in the leaves
     bool all_closed;      // whether every object is
+    const unsigned char* excluded;  // [object]: whether the view must not see it; null where it sees them all
 
     static inline int object_of(int owner) { return owner < 0 ? ~owner : owner; }
-    // A triangle's nine coordinates, every 32nd number from here; its id is its leaf and its lane there.
-    inline const float* corners(unsigned id) const { return leaves + (long long)(id / LANES) * LEAF_WORDS + id % LANES; }
-};
-
-// Where the camera is and how the world turns into its space. In shared memory: all lanes read the same.
-struct Eye {
-    Vec origin;
-    Vec to_camera[3];     // rows: x scaled by fx, y scaled by fy, z
-    float first_u, first_v;  // u and v of the view's first pixel
-    float last_x, last_y;    // the view's last column and row
-    float far;
-    float blur;              // how far rounding may move a corner, in pixels
-    bool skip_back_faces;    // of objects that are closed, since the camera is outside them all
-    bool cull_back_faces;    // of all objects
-    double exact_rays[3][3]; // a ray is u times the first, plus v times the second, plus the third, in the world
-
-    static inline Vec turn(const Eye& eye, Vec p) {
-        return Vec{Vec::dot(eye.to_camera[0], p), Vec::dot(eye.to_camera[1], p), Vec::dot(eye.to_camera[2], p)};
+    // The nine coordinates of the triangle in a leaf's lane, every 32nd number from here.
+    inline const float* corners(unsigned place) const {
+        return leaves + (long long)(place / LANES) * LEAF_WORDS + place % LANES;
     }
 };
 
@@ -55,27 +43,44 @@ struct Linear {
     inline float at(float at_u, float at_v) const { return __fmaf_rn(u, at_u, __fmaf_rn(v, at_v, one)); }
 };
 
-// One triangle in double precision: its first corner seen from the camera, and its normal, of any length.
-struct ExactTriangle {
-    double a[3], normal[3];
+// Three coordinates in double precision.
+struct Exact {
+    double x, y, z;
 
-    static inline ExactTriangle of(const Eye& eye, const float* corners) {
-        ExactTriangle t;
-        const float* origin = &eye.origin.x;
-        double ab[3], ac[3];
-        for (int k = 0; k < 3; ++k) {
-            const double corner = corners[k * LANES];
-            t.a[k] = corner - origin[k];
-            ab[k] = corners[(k + 3) * LANES] - corner;
-            ac[k] = corners[(k + 6) * LANES] - corner;
-        }
-        t.normal[0] = ab[1] * ac[2] - ab[2] * ac[1];
-        t.normal[1] = ab[2] * ac[0] - ab[0] * ac[2];
-        t.normal[2] = ab[0] * ac[1] - ab[1] * ac[0];
-        return t;
+    static inline Exact of(const float* p, int stride) { return Exact{p[0], p[stride], p[2 * stride]}; }
+    static inline Exact minus(Exact a, Exact b) { return Exact{a.x - b.x, a.y - b.y, a.z - b.z}; }
+    static inline double dot(Exact a, Exact b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+    static inline Exact cross(Exact a, Exact b) {
+        return Exact{a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
     }
-    // Negative where the camera sees the front.
-    inline double volume() const { return normal[0] * a[0] + normal[1] * a[1] + normal[2] * a[2]; }
+    static inline Exact times(Exact a, double by) { return Exact{a.x * by, a.y * by, a.z * by}; }
+    inline Vec rounded() const { return Vec{(float)x, (float)y, (float)z}; }
+
+    // Of a triangle, of any length.
+    static inline Exact normal(const float* corners) {
+        const Exact a = of(corners, LANES);
+        return cross(minus(of(corners + 3 * LANES, LANES), a), minus(of(corners + 6 * LANES, LANES), a));
+    }
+};
+
+// Where the camera is, in the world or in the frame of an object that moves, and how that turns into its space. In shared
+// memory: all lanes read the same.
+struct Eye {
+    Vec origin;
+    Vec to_camera[3];     // rows: x scaled by fx, y scaled by fy, z
+    double focal_squared[3]; // rows of to_camera, divided by the exact rays
+    float first_u, first_v;  // u and v of the view's first pixel
+    float last_x, last_y;    // the view's last column and row
+    float far;
+    float blur;              // how far rounding may move a corner, in pixels
+    bool skip_back_faces;    // of objects that are closed, since the camera is outside them all
+    bool cull_back_faces;    // of all objects
+    Exact exact_origin;
+    Exact exact_rays[3];     // a ray is u times the first, plus v times the second, plus the third
+
+    static inline Vec turn(const Eye& eye, Vec p) {
+        return Vec{Vec::dot(eye.to_camera[0], p), Vec::dot(eye.to_camera[1], p), Vec::dot(eye.to_camera[2], p)};
+    }
 };
 
 // The plane of one triangle in double precision: w is linear in u and v.
@@ -83,13 +88,10 @@ struct ExactPlane {
     double u, v, one;
 
     static inline ExactPlane of(const Eye& eye, const float* corners) {
-        const ExactTriangle t = ExactTriangle::of(eye, corners);
-        const double scale = 1.0 / t.volume();
-        return ExactPlane{along(t, eye.exact_rays[0]) * scale, along(t, eye.exact_rays[1]) * scale,
-                          along(t, eye.exact_rays[2]) * scale};
-    }
-    static inline double along(const ExactTriangle& t, const double* ray) {
-        return t.normal[0] * ray[0] + t.normal[1] * ray[1] + t.normal[2] * ray[2];
+        const Exact normal = Exact::normal(corners);
+        const double scale = 1.0 / Exact::dot(normal, Exact::minus(Exact::of(corners, LANES), eye.exact_origin));
+        return ExactPlane{Exact::dot(normal, eye.exact_rays[0]) * scale, Exact::dot(normal, eye.exact_rays[1]) * scale,
+                          Exact::dot(normal, eye.exact_rays[2]) * scale};
     }
     inline float at(float at_u, float at_v) const { return (float)(u * at_u + (v * at_v + one)); }
 };
@@ -102,7 +104,7 @@ struct alignas(16) Triangle {
     float least_w, most_w;    // at the corners: no point of a triangle is nearer or farther
     int x0, x1, y0, y1;       // pixels of the packet whose centres may be inside
     bool exact;               // single precision is not enough for w
-    bool shown;               // may cover a pixel's centre
+    unsigned place;           // in the leaves
 
     inline bool covers(float at_u, float at_v) const {
         return Three::least(edge[0].at(at_u, at_v), edge[1].at(at_u, at_v), edge[2].at(at_u, at_v)) >= 0.0f;
@@ -114,11 +116,6 @@ struct alignas(16) Triangle {
 };
 
 struct Setup {
-    static inline Vec corner(const Eye& eye, const float* leaf, int k) {
-        const float* at = leaf + 3 * k * LANES + Warp::lane();
-        return Eye::turn(eye, Vec::minus(Vec{__ldg(at), __ldg(at + LANES), __ldg(at + 2 * LANES)}, eye.origin));
-    }
-
     // cross(a - b, a + b) is 2 a x b, and exactly its negative when a and b change places.
     static inline Linear edge(Vec a, Vec b, float sign) {
         const Vec product = Vec::cross(Vec::minus(a, b), Vec::plus(a, b));
@@ -138,8 +135,9 @@ struct Setup {
             p.zmax = Three::most(a.z, b.z, c.z);
             p.crossing = zmin <= 1e-6f * p.zmax + 1e-30f;
             p.w[0] = 1.0f / a.z, p.w[1] = __fdividef(1.0f, b.z), p.w[2] = __fdividef(1.0f, c.z);
-            p.u[0] = a.x * p.w[0], p.u[1] = b.x * p.w[1], p.u[2] = c.x * p.w[2];
-            p.v[0] = a.y * p.w[0], p.v[1] = b.y * p.w[1], p.v[2] = c.y * p.w[2];
+            // Rounded here, though the compiler would rather fuse them with what they are subtracted from.
+            p.u[0] = __fmul_rn(a.x, p.w[0]), p.u[1] = __fmul_rn(b.x, p.w[1]), p.u[2] = __fmul_rn(c.x, p.w[2]);
+            p.v[0] = __fmul_rn(a.y, p.w[0]), p.v[1] = __fmul_rn(b.y, p.w[1]), p.v[2] = __fmul_rn(c.y, p.w[2]);
             p.u0 = Three::least(p.u[0], p.u[1], p.u[2]), p.u1 = Three::most(p.u[0], p.u[1], p.u[2]);
             p.v0 = Three::least(p.v[0], p.v[1], p.v[2]), p.v1 = Three::most(p.v[0], p.v[1], p.v[2]);
             return p;
@@ -176,35 +174,61 @@ struct Setup {
     static inline bool loses_digits(const Eye& eye, const Projection& p, const Bounds& b, const Triangle& t, float scale) {
         const float du = fmaxf(fabsf(b.left + eye.first_u - t.u), fabsf(b.right + eye.first_u - t.u));
         const float dv = fmaxf(fabsf(b.top + eye.first_v - t.v), fabsf(b.bottom + eye.first_v - t.v));
-        const float change = fabsf(t.slope_u) * du + fabsf(t.slope_v) * dv;
+        const float change = __fmaf_rn(fabsf(t.slope_u), du, __fmul_rn(fabsf(t.slope_v), dv));
         const float sliver = eye.blur * ((p.u1 - p.u0) + (p.v1 - p.v0)) * (p.zmax * p.zmax * p.zmax) * fabsf(scale);
-        const float error = 2e-7f * (change + t.w) + eye.blur * (fabsf(t.slope_u) + fabsf(t.slope_v)) + sliver * change;
+        const float slopes = __fmul_rn(eye.blur, fabsf(t.slope_u) + fabsf(t.slope_v));
+        const float error = __fmaf_rn(2e-7f, change + t.w, __fmaf_rn(sliver, change, slopes));
         return p.crossing || !(error <= 6e-6f * t.least_w);
     }
 
-    // The triangle of this lane.
-    static inline Triangle triangle(const Tree& tree, const Eye& eye, int first_x, int first_y, int leaf) {
-        const float* corners = tree.leaves + (long long)leaf * LEAF_WORDS;
-        const Vec a = corner(eye, corners, 0), b = corner(eye, corners, 1), c = corner(eye, corners, 2);
-        const Vec normal = Vec::cross(Vec::minus(b, a), Vec::minus(c, a));
-        const float volume = Vec::dot(normal, a);  // negative where the camera sees the front
-        Triangle t;
-        t.shown = volume != 0.0f && fabsf(volume) <= 3e38f;
-        if (eye.cull_back_faces)
-            t.shown &= volume < 0.0f;
-        else if (eye.skip_back_faces)
-            t.shown &= volume < 0.0f || __ldg(tree.owners + (long long)leaf * LANES + Warp::lane()) >= 0;
-        const Projection p = Projection::of(a, b, c);
-        const Bounds bounds = Bounds::of(eye, p);
-        t.shown &= bounds.cut(first_x, first_y, t) && p.zmax > 0.0f;
-        if (!Warp::any(t.shown)) return t;
+    // A triangle in camera space.
+    struct Corners {
+        Vec a, b, c, normal;
+        float volume;  // negative where the camera sees the front
 
-        const float sign = volume < 0.0f ? -1.0f : 1.0f, scale = 1.0f / volume;
-        t.edge[0] = edge(b, c, sign);
-        t.edge[1] = edge(c, a, sign);
-        t.edge[2] = edge(a, b, sign);
-        t.slope_u = normal.x * scale;
-        t.slope_v = normal.y * scale;
+        static inline Corners of(const Eye& eye, const float* first) {
+            Corners t;
+            t.a = corner(eye, first), t.b = corner(eye, first + 3 * LANES), t.c = corner(eye, first + 6 * LANES);
+            t.normal = Vec::cross(Vec::minus(t.b, t.a), Vec::minus(t.c, t.a));
+            t.volume = Vec::dot(t.normal, t.a);
+            return t;
+        }
+        static inline Vec corner(const Eye& eye, const float* at) {
+            return Eye::turn(eye, Vec::minus(Vec{__ldg(at), __ldg(at + LANES), __ldg(at + 2 * LANES)}, eye.origin));
+        }
+    };
+
+    // Whether this lane's triangle of a leaf may cover a pixel's centre, and if so, of how many pixels its bounds are.
+    static inline int area(const Tree& tree, const Eye& eye, int first_x, int first_y, int leaf) {
+        const unsigned place = leaf * LANES + Warp::lane();
+        const Corners c = Corners::of(eye, tree.corners(place));
+        bool shown = c.volume != 0.0f && fabsf(c.volume) <= 3e38f;
+        if (eye.cull_back_faces)
+            shown &= c.volume < 0.0f;
+        else if (eye.skip_back_faces)
+            shown &= c.volume < 0.0f || __ldg(tree.owners + place) >= 0;
+        if (tree.excluded) shown &= !tree.excluded[Tree::object_of(__ldg(tree.owners + place))];
+        if (!Warp::any(shown)) return 0;
+        const Projection p = Projection::of(c.a, c.b, c.c);
+        Triangle t;
+        shown &= Bounds::of(eye, p).cut(first_x, first_y, t) && p.zmax > 0.0f;
+        return shown ? (t.x1 - t.x0 + 1) * (t.y1 - t.y0 + 1) : 0;
+    }
+
+    // A triangle that has an area.
+    static inline Triangle triangle(const Tree& tree, const Eye& eye, int first_x, int first_y, unsigned place) {
+        const Corners c = Corners::of(eye, tree.corners(place));
+        const Projection p = Projection::of(c.a, c.b, c.c);
+        const Bounds bounds = Bounds::of(eye, p);
+        const float sign = c.volume < 0.0f ? -1.0f : 1.0f, scale = 1.0f / c.volume;
+        Triangle t;
+        t.place = place;
+        bounds.cut(first_x, first_y, t);
+        t.edge[0] = edge(c.b, c.c, sign);
+        t.edge[1] = edge(c.c, c.a, sign);
+        t.edge[2] = edge(c.a, c.b, sign);
+        t.slope_u = c.normal.x * scale;
+        t.slope_v = c.normal.y * scale;
         t.u = p.u[0], t.v = p.v[0], t.w = p.w[0];
         t.least_w = p.crossing ? 1.0f / p.zmax : Three::least(p.w[0], p.w[1], p.w[2]);
         t.most_w = p.crossing ? 3e37f : Three::most(p.w[0], p.w[1], p.w[2]);

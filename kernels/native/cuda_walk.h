@@ -44,8 +44,8 @@ struct Walk {
     }
 
     // Whether a box reaches into the packet's pyramid, by its five planes.
-    static inline bool enters(const Eye& eye, const Packet& packet, Vec low, Vec high) {
-        const Vec x = eye.to_camera[0], y = eye.to_camera[1], z = eye.to_camera[2];
+    static inline bool enters(const Eye& eye, const Vec* to_camera, const Packet& packet, Vec low, Vec high) {
+        const Vec x = to_camera[0], y = to_camera[1], z = to_camera[2];
         const float u0 = (float)packet.first_x + eye.first_u - 0.5f, u1 = u0 + PACKET_WIDTH;
         const float v0 = (float)packet.first_y + eye.first_v - 0.5f, v1 = v0 + PACKET_HEIGHT;
         return farthest(z, low, high) >= 0.0f && farthest(combined(x, z, -u0, 1.0f), low, high) >= 0.0f &&
@@ -62,9 +62,8 @@ struct Walk {
         float zmin;
         bool crossing;  // comes so near to the camera, or behind it, that it may be anywhere
 
-        static inline Projection of(const Eye& eye, Vec low, Vec high) {
+        static inline Projection of(const Vec* m, Vec low, Vec high) {
             // The eight corners in camera space are sums of one term an axis.
-            const Vec* m = eye.to_camera;
             const Vec x[2] = {scaled(m, 0, low.x), scaled(m, 0, high.x)};
             const Vec y[2] = {scaled(m, 1, low.y), scaled(m, 1, high.y)};
             const Vec z[2] = {scaled(m, 2, low.z), scaled(m, 2, high.z)};
@@ -96,9 +95,13 @@ struct Walk {
         const Vec low = Vec::minus(least, eye.origin), high = Vec::minus(most, eye.origin);
         bool shown = least.x <= most.x;
         if (eye.skip_back_faces) shown = shown && !faces_away(node, low, high);
-        if (!Warp::any(shown)) return 0;
+        return visit(eye, eye.to_camera, packet, low, high, shown);
+    }
 
-        const Projection p = Projection::of(eye, low, high);
+    // The visit of a box, given from the camera in a frame that turns into the camera's by three rows.
+    static inline unsigned visit(const Eye& eye, const Vec* to_camera, const Packet& packet, Vec low, Vec high, bool shown) {
+        if (!Warp::any(shown)) return 0;
+        const Projection p = Projection::of(to_camera, low, high);
         // Pixels of the packet whose centres may be inside: more than rounding can be wrong.
         const float slack = 0.01f + 256.0f * eye.blur;
         const float to_x = eye.first_u + (float)packet.first_x, to_y = eye.first_v + (float)packet.first_y;
@@ -107,7 +110,7 @@ struct Walk {
         const float right = fminf(p.crossing ? PACKET_WIDTH : floorf(p.right - to_x + slack), PACKET_WIDTH - 1.0f);
         const float bottom = fminf(p.crossing ? PACKET_HEIGHT : floorf(p.bottom - to_y + slack), PACKET_HEIGHT - 1.0f);
         shown = shown && p.zmin <= eye.far && left <= right && top <= bottom;
-        if (shown && p.crossing) shown = enters(eye, packet, low, high);
+        if (shown && p.crossing) shown = enters(eye, to_camera, packet, low, high);
         const float near_w = p.crossing ? 3e38f : 1.00001f * __fdividef(1.0f, p.zmin);
         return shown ? Visit::of(near_w, (int)left, (int)top, (int)right, (int)bottom) : 0;
     }
@@ -117,19 +120,32 @@ struct Walk {
         return !Warp::any(Visit::touches(visit, Warp::lane()) && packet.block_least <= Visit::nearest(visit));
     }
 
-    // Draw all that is seen. `levels` has room for every level of the tree but the last.
-    static inline void draw(const Tree& tree, const Eye& eye, Packet& packet, Level* levels, Triangle* slot) {
+    // Draw all that is seen of a tree. `levels` has room for every level of it but the last, `queue` is empty.
+    static inline void draw(const Tree& tree, const Eye& eye, Packet& packet, Level* levels, Queue queue, Triangle* slot) {
         const int lane = Warp::lane();
         int level = 0;
-        unsigned visit = open(tree, eye, packet, 0);
-        int child = __ldg(tree.children + lane);
+        bool at_once = false;  // whether what is queued must not wait
+        unsigned visit = open(tree, eye, packet, tree.root);
+        int child = __ldg(tree.children + (long long)tree.root * LANES + lane);
         for (;;) {
+            if (queue.count >= LANES || (at_once && queue.count > 0)) {
+                unsigned place;
+                const int count = queue.take(place);
+                const Triangle t = Setup::triangle(tree, eye, packet.first_x, packet.first_y, place);
+                Raster::draw(tree, eye, packet, t, count, slot);
+                continue;
+            }
+            at_once = false;
             const unsigned next = Warp::most(visit);
             if (next == 0) {
-                if (level == 0) return;
-                --level;
-                visit = levels[level].visit[lane];
-                child = levels[level].child[lane];
+                if (level > 0) {
+                    --level;
+                    visit = levels[level].visit[lane];
+                    child = levels[level].child[lane];
+                    continue;
+                }
+                if (queue.count == 0) return;
+                at_once = true;
                 continue;
             }
             const int k = Warp::first_of(Warp::lanes_where(visit == next));
@@ -137,9 +153,9 @@ struct Walk {
             if (hidden(packet, next)) continue;
             const int index = Warp::from(child, k);
             if (index < 0) {
-                const Triangle t = Setup::triangle(tree, eye, packet.first_x, packet.first_y, ~index);
-                Raster::draw(tree, eye, packet, t, ~index, slot);
-                packet.refresh();
+                const int area = Setup::area(tree, eye, packet.first_x, packet.first_y, ~index);
+                queue.add(area > 0, ~index * LANES + lane);
+                at_once = Warp::any(area > Raster::SMALL_AREA);  // it may hide what comes next
             } else {
                 levels[level].visit[lane] = visit;
                 levels[level].child[lane] = child;

@@ -21,7 +21,8 @@ struct Job {
     float near, far;
     bool cull_back_faces;
     const float* poses;         // [view]: x y z qx qy qz qw
-    const float* closed_boxes;  // of closed objects: least and greatest corner
+    const float* closed_boxes;  // of closed objects that stay: least and greatest corner
+    const int* closed_object;   // which they are
     int closed_count;
     int points;        // of a view, where rays go through points instead of pixels, or 0
     const float* at;   // [view][point]: x and y in pixels
@@ -103,35 +104,27 @@ struct Rays {
 };
 
 struct Strip {
-    // Normal of a triangle, towards the camera; the lanes of a block mostly share one.
-    static inline void normal_of(const Tree& tree, const Eye& eye, int id, float* n) {
-        const ExactTriangle t = ExactTriangle::of(eye, tree.leaves + (long long)(id >> 4) * 144, id & 15);
-        const double* c = t.normal;
-        const double towards = t.volume() > 0 ? -1.0 : 1.0;
-        const double length = __builtin_sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]);
-        for (int k = 0; k < 3; ++k) n[k] = (float)(c[k] * towards / length);
-    }
-
-    static inline Points normals(const Tree& tree, const Eye& eye, Ints ids, unsigned seen) {
+    // Normals of the triangles that a row of pixels shows; neighbours mostly share one.
+    static inline Points normals(Lookup& lookup, Ints ids, unsigned seen) {
         int id[16], previous = -1;
         float n[3][16], last[3] = {0, 0, 0};
         Lanes::store(id, ids);
         for (int k = 0; k < 16; ++k) {
             const bool here = (seen >> k) & 1;
-            if (here && id[k] != previous) normal_of(tree, eye, previous = id[k], last);
+            if (here && id[k] != previous) lookup.normal_of(previous = id[k], last);
             for (int c = 0; c < 3; ++c) n[c][k] = here ? last[c] : __builtin_nanf("");
         }
         return Points{Lanes::load(n[0]), Lanes::load(n[1]), Lanes::load(n[2])};
     }
 
     // Objects of a block's pixels, -1 where nothing is seen; `id` holds triangles or already objects.
-    static inline Ints objects(const Tree& tree, Ints id, Ints seen, bool owner_id) {
+    static inline Ints objects(Lookup& lookup, Ints id, Ints seen, bool owner_id) {
         if (owner_id) return seen ? id : Lanes::all_ints(-1);
         int of[16];
         Lanes::store(of, id);
         for (unsigned left = Lanes::bits(seen); left; left &= left - 1) {
             const int k = Lanes::first_lane(left);
-            of[k] = Tree::object_of(tree.owners[of[k]]);
+            of[k] = lookup.object_of(of[k]);
         }
         return seen ? Lanes::load(of) : Lanes::all_ints(-1);
     }
@@ -148,7 +141,7 @@ struct Strip {
     }
 
     // Write sixteen pixels of a row, once, to each image that was asked for.
-    static inline void write_row(const Tree& tree, const Eye& eye, const Rays& rays, const Image& image, const Job& job,
+    static inline void write_row(Lookup& lookup, const Eye& eye, const Rays& rays, const Image& image, const Job& job,
                                  const Outputs& out, long long view, int x, int y, Floats w, Ints id, bool owner_id) {
         const Floats column = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
         const int count = image.width - x < 16 ? image.width - x : 16;
@@ -165,16 +158,16 @@ struct Strip {
                                   reach * ray.z + eye.origin[2]};
             Write::row(out.points + at * 3, point, count);
         }
-        if (out.normals) Write::row(out.normals + at * 3, normals(tree, eye, id, Lanes::bits(seen)), count);
+        if (out.normals) Write::row(out.normals + at * 3, normals(lookup, id, Lanes::bits(seen)), count);
         if (!(out.objects || out.labels)) return;
-        const Ints object = objects(tree, id, seen, owner_id);
+        const Ints object = objects(lookup, id, seen, owner_id);
         if (out.objects) Write::row(out.objects + at, object, count);
         if (out.labels) labels(out.labels + at, out.object_label, object, count);
     }
 
     // Four rows of pixels, out of a row of blocks, which are left empty. They wait in memory that stays in cache, so
     // that the images are written from beginning to end: four places at a time are twice as slow.
-    static inline void write(const Tree& tree, const Eye& eye, const Rays& rays, const Image& image, const Job& job,
+    static inline void write(Lookup& lookup, const Eye& eye, const Rays& rays, const Image& image, const Job& job,
                              const Outputs& out, long long view, bool with_id, bool owner_id) {
         const int stride = image.tiles_x * 16;
         for (int y = 0; y < image.height; y += 4) {
@@ -194,7 +187,7 @@ struct Strip {
                 for (int x = 0; x < image.width; x += 16) {
                     const int at = r * stride + x;
                     const Ints id = with_id ? Lanes::load(image.id_rows + at) : Lanes::all_ints(0);
-                    write_row(tree, eye, rays, image, job, out, view, x, y + r, Lanes::load(image.rows + at), id, owner_id);
+                    write_row(lookup, eye, rays, image, job, out, view, x, y + r, Lanes::load(image.rows + at), id, owner_id);
                 }
         }
     }

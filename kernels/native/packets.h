@@ -3,87 +3,10 @@
 //
 // Views and strips of views: what a thread takes from the work.
 
-struct Pose {
-    double position[3];
-    double axis[3][3];  // right, down, forward in the world
-
-    // From x y z qx qy qz qw.
-    static inline Pose from(const float* row) {
-        Pose pose;
-        double q[4];
-        double length = 0;
-        for (int k = 0; k < 4; ++k) length += (double)row[3 + k] * row[3 + k];
-        length = 1.0 / __builtin_sqrt(length);
-        for (int k = 0; k < 4; ++k) q[k] = row[3 + k] * length;
-        for (int k = 0; k < 3; ++k) pose.position[k] = row[k];
-        const double x = q[0], y = q[1], z = q[2], w = q[3];
-        const double axis[3][3] = {{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)},
-                                   {2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)},
-                                   {2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)}};
-        for (int i = 0; i < 3; ++i)
-            for (int k = 0; k < 3; ++k) pose.axis[i][k] = axis[i][k];
-        return pose;
-    }
-};
-
-struct View {
-    static inline Eye eye(const Pose& pose, const Job& job) {
-        Eye eye;
-        for (int k = 0; k < 3; ++k) {
-            eye.exact_origin[k] = pose.position[k];
-            eye.origin[k] = (float)pose.position[k];
-            for (int i = 0; i < 3; ++i) {
-                const double f = i < 2 ? job.focal[i] : 1.0;
-                eye.to_camera[i][k] = (float)(pose.axis[i][k] * f);
-                eye.exact_to_camera[i][k] = pose.axis[i][k] / f;
-            }
-        }
-        eye.first_u = (float)(0.5 - job.center[0]);
-        eye.first_v = (float)(0.5 - job.center[1]);
-        eye.far = job.far * 1.00001f;
-        return eye;
-    }
-
-    static inline Pyramid pyramid(const Eye& eye, const Image& image, float center_x, float center_y) {
-        Pyramid pyramid;
-        const Row* m = eye.to_camera;
-        for (int k = 0; k < 3; ++k) {
-            pyramid.plane[0][k] = m[2][k];
-            pyramid.plane[1][k] = m[0][k] + center_x * m[2][k];
-            pyramid.plane[2][k] = (image.width - center_x) * m[2][k] - m[0][k];
-            pyramid.plane[3][k] = m[1][k] + center_y * m[2][k];
-            pyramid.plane[4][k] = (image.height - center_y) * m[2][k] - m[1][k];
-        }
-        return pyramid;
-    }
-
-    static inline Rays rays(const Eye& eye) {
-        Rays rays;
-        for (int k = 0; k < 3; ++k) {
-            rays.right[k] = (float)eye.exact_to_camera[0][k];
-            rays.down[k] = (float)eye.exact_to_camera[1][k];
-            rays.forward[k] = (float)eye.exact_to_camera[2][k];
-        }
-        return rays;
-    }
-
-    // Whether the camera is outside the boxes of all closed objects, so that their back faces are hidden behind their
-    // front faces.
-    static inline bool outside_all(const float* boxes, int count, const Pose& pose) {
-        for (int i = 0; i < count; ++i) {
-            bool inside = true;
-            for (int k = 0; k < 3; ++k)
-                inside &= pose.position[k] >= boxes[i * 6 + k] && pose.position[k] <= boxes[i * 6 + 3 + k];
-            if (inside) return false;
-        }
-        return true;
-    }
-};
-
 struct Scratch {
-    // The image and the stack of one thread in one piece of memory, given in units of four bytes. Everything has its
+    // The image of one thread in a piece of memory, given in units of four bytes, and the rest of it. Everything has its
     // place there whatever the height of a strip, so that what one leaves empty is empty for the next.
-    static inline Image carve(float* memory, const Job& job, int strip, bool with_id, Visit** stack) {
+    static inline Image carve(float* memory, const Job& job, int strip, bool with_id, float** rest) {
         Image image;
         image.width = job.width;
         image.first_row = job.strip_rows[strip];
@@ -112,16 +35,16 @@ struct Scratch {
             image.w = memory;
             image.id = (int*)(memory + lanes);
             memory += 2 * lanes;
-            return carve_blocks(image, memory, tiles, stack);
+            return carve_blocks(image, memory, tiles, rest);
         }
         image.w = memory;
         memory += tiles * 256;
         image.id = with_id ? (int*)memory : nullptr;
         if (with_id) memory += tiles * 256;
-        return carve_blocks(image, memory, tiles, stack);
+        return carve_blocks(image, memory, tiles, rest);
     }
 
-    static inline Image carve_blocks(Image image, float* memory, long long tiles, Visit** stack) {
+    static inline Image carve_blocks(Image image, float* memory, long long tiles, float** rest) {
         image.block_least = memory;
         memory += tiles * 16;
         image.tile_least = memory;
@@ -130,33 +53,94 @@ struct Scratch {
         memory += tiles * 4;
         image.tile_stale = (unsigned char*)memory;
         memory += (tiles + 3) / 4;
-        *stack = (Visit*)memory;
+        *rest = memory;
         return image;
     }
 };
 
+// What a thread notes of movable objects, and the stack of its walks.
+struct Notes {
+    Frame* frames;  // [movable], of those that are drawn
+    Visit* visits;  // [movable]
+    int* order;     // [movable]
+    Visit* stack;
+
+    static inline Notes carve(float* memory, int movables) {
+        Notes notes;
+        memory += (-(unsigned long long)memory & 7) / 4;
+        notes.frames = (Frame*)memory;
+        notes.visits = (Visit*)(notes.frames + movables);
+        notes.order = (int*)(notes.visits + movables);
+        notes.stack = (Visit*)(notes.order + movables);
+        return notes;
+    }
+};
+
 struct Packets {
-    static inline void unit(const Tree& tree, const Job& job, const Outputs& out, float* scratch, int unit, bool with_id,
-                            bool owner_id) {
+    static inline void unit(const Tree& tree, const Movables& movables, const Job& job, const Outputs& out,
+                            float* scratch, int unit, bool with_id, bool owner_id) {
         const int view = unit / job.strips;
-        Visit* stack;
-        const Image image = Scratch::carve(scratch, job, unit % job.strips, with_id, &stack);
+        float* rest;
+        const Image image = Scratch::carve(scratch, job, unit % job.strips, with_id, &rest);
         if (job.points)
             Sparse::place(image, job.at + (long long)view * job.points * 2, job.points, job.center[0], job.center[1]);
         else
             image.begin();
+        const Notes notes = Notes::carve(rest, movables.count);
+        const World world = movables.of_view(view);
         const Pose pose = Pose::from(job.poses + (long long)view * 7);
-        Eye eye = View::eye(pose, job);
-        eye.skip_back_faces = View::outside_all(job.closed_boxes, job.closed_count, pose);
+        const Eye eye = View::eye(pose, job);
+        if (world.known) draw(tree, movables, world, job, pose, eye, image, notes, with_id, owner_id);
+        Lookup lookup = Lookup::of(tree, movables, notes.frames, eye.exact_origin);
+        if (job.points)
+            Sparse::write(lookup, eye, View::rays(eye), image, job, out, view, owner_id);
+        else
+            Strip::write(lookup, eye, View::rays(eye), image, job, out, view, with_id, owner_id);
+    }
+
+    // What stays where it is, then what moves: where much is hidden, that is much faster than the other way round, and
+    // elsewhere as fast.
+    static inline void draw(const Tree& tree, const Movables& movables, const World& world, const Job& job,
+                            const Pose& pose, const Eye& in_world, const Image& image, const Notes& notes, bool with_id,
+                            bool owner_id) {
+        const float center_x = (float)job.center[0], center_y = (float)(job.center[1] - image.first_row);
+        if (tree.root >= 0) {
+            Eye eye = in_world;
+            look_at_static(eye, tree, movables, world, job, pose);
+            Walk::draw(tree, Piece{tree.root, 0, tree.owners, 16}, eye, View::pyramid(eye, image, center_x, center_y), image,
+                       center_x, center_y, notes.stack, with_id, owner_id);
+        }
+        if (movables.count == 0) return;
+        Queue queue = {notes.visits, notes.order, 0};
+        queue.fill(movables, world, pose, in_world, image, job.focal, center_x, center_y);
+        for (int i = 0; i < queue.count; ++i) {
+            const Visit& visit = queue.visits[queue.order[i]];
+            if (image.hides(visit.x0, visit.y0, visit.x1, visit.y1, visit.nearest_w)) continue;
+            const Eye eye = look_at_movable(movables, world, visit.child, job, pose, notes.frames);
+            const Ints owner = Lanes::all_ints(movables.object[visit.child]);
+            Walk::draw(tree, movables.piece(visit.child, (const int*)&owner), eye,
+                       View::pyramid(eye, image, center_x, center_y), image, center_x, center_y, notes.stack, with_id, owner_id);
+        }
+    }
+
+    static inline void look_at_static(Eye& eye, const Tree& tree, const Movables& movables, const World& world,
+                                      const Job& job, const Pose& pose) {
+        eye.skip_back_faces = View::outside_all(job, world, pose);
         // Where that means all back faces, it need not be looked up whose they are.
         eye.cull_back_faces = job.cull_back_faces || (eye.skip_back_faces && tree.all_closed);
-        const float center_x = (float)job.center[0], center_y = (float)(job.center[1] - image.first_row);
-        const Pyramid pyramid = View::pyramid(eye, image, center_x, center_y);
-        Walk::draw(tree, eye, pyramid, image, center_x, center_y, stack, with_id, owner_id);
-        if (job.points)
-            Sparse::write(tree, eye, View::rays(eye), image, job, out, view, owner_id);
-        else
-            Strip::write(tree, eye, View::rays(eye), image, job, out, view, with_id, owner_id);
+        eye.excluded = movables.excludes_static(world) ? world.excluded : nullptr;
+    }
+
+    // The camera in the frame of an object, which is noted.
+    static inline Eye look_at_movable(const Movables& movables, const World& world, int movable, const Job& job,
+                                      const Pose& pose, Frame* frames) {
+        const Pose place = Pose::from(world.poses + (long long)movable * 7), there = pose.seen_from(place);
+        __builtin_memcpy(frames[movable].axis, place.axis, sizeof place.axis);
+        __builtin_memcpy(frames[movable].camera, there.position, sizeof there.position);
+        Eye eye = View::eye(there, job);
+        eye.skip_back_faces = movables.closed[movable] && !there.inside(movables.boxes + (long long)movable * 6);
+        eye.cull_back_faces = job.cull_back_faces || eye.skip_back_faces;
+        return eye;
     }
 
     // Counters that the workers of a job share.
@@ -173,7 +157,8 @@ struct Packets {
     }
 
     // Take units of work, strips of views, until none are left; other threads take from the same counter.
-    static inline void run(const Tree& tree, const Job& job, const Outputs& out, float* scratch, int* counter) {
+    static inline void run(const Tree& tree, const Movables& movables, const Job& job, const Outputs& out,
+                           float* scratch, int* counter) {
         const int units = job.views * job.strips;
         const bool owner_id = !out.normals;
         const bool with_id = out.normals || out.objects || out.labels || job.points;
@@ -182,9 +167,9 @@ struct Packets {
             if (next >= units) break;
             // Two copies of the code: one that knows that nobody asks for objects, and is faster.
             if (with_id)
-                unit(tree, job, out, scratch, next, true, owner_id);
+                unit(tree, movables, job, out, scratch, next, true, owner_id);
             else
-                unit(tree, job, out, scratch, next, false, true);
+                unit(tree, movables, job, out, scratch, next, false, true);
         }
         await_others(counter);
     }

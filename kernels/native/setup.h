@@ -15,7 +15,8 @@ struct Tree {
     const int* owners;     // [leaf][16]: object of a triangle; its complement where the object is closed
     const float* nodes;    // [node][10][16]: least and greatest corner, axis and cutoff of the normals' cone
     const int* children;   // [node][16]: a node, or the complement of a leaf
-    bool all_closed;       // whether every object is
+    int root;              // node of what stays where it is, -1 if nothing does
+    bool all_closed;       // whether every object that stays is
 
     static inline int object_of(int owner) { return owner < 0 ? ~owner : owner; }
 };
@@ -118,24 +119,28 @@ struct Image {
 typedef float Row[3];
 typedef double ExactRow[3];
 
-// Where the camera is and how the world turns into its space.
+// Where the camera is in the frame of a tree, the world's or an object's, and how that turns into its space.
 struct Eye {
     float origin[3];
     float to_camera[3][3];       // rows: x scaled by fx, y scaled by fy, z
     double exact_origin[3];
     double exact_to_camera[3][3];  // rows: x and y divided by the focal lengths, z: a ray is their sum by u, v and 1
+    float rest[3];               // what rounding took from the origin, in camera space: 0 in the world's frame
     float first_u, first_v;      // u and v of pixel (0, 0) of the view
     float far;
     bool skip_back_faces;        // of objects that are closed, since the camera is outside them all
     bool cull_back_faces;        // of all objects, because the caller wants it
+    const unsigned char* excluded;  // [object]: not 0 for what is not seen; null if all that is drawn may be
 
     static inline Points relative(const Eye& eye, Floats x, Floats y, Floats z) {
         return Points{x - eye.origin[0], y - eye.origin[1], z - eye.origin[2]};
     }
+    // Into camera space, from places relative to the rounded origin.
     static inline Points turn(const Eye& eye, Points p) {
         const Row* m = eye.to_camera;
-        return Points{m[0][0] * p.x + (m[0][1] * p.y + m[0][2] * p.z), m[1][0] * p.x + (m[1][1] * p.y + m[1][2] * p.z),
-                      m[2][0] * p.x + (m[2][1] * p.y + m[2][2] * p.z)};
+        return Points{m[0][0] * p.x + (m[0][1] * p.y + (m[0][2] * p.z - eye.rest[0])),
+                      m[1][0] * p.x + (m[1][1] * p.y + (m[1][2] * p.z - eye.rest[1])),
+                      m[2][0] * p.x + (m[2][1] * p.y + (m[2][2] * p.z - eye.rest[2]))};
     }
 };
 
@@ -152,7 +157,7 @@ struct Linear {
 
 // Sixteen triangles, set up for the image.
 struct Cluster {
-    const float* corners;   // [9][16] in the world
+    const float* corners;   // [9][16] in the frame of the tree
     int first_id;
     const int* owners;
     Linear edge[3];         // positive inside
@@ -170,6 +175,13 @@ struct Setup {
         return Linear{product.x * sign, product.y * sign, product.z * sign};
     }
 
+    // Triangles that the view must not see.
+    static inline Ints excluded_lanes(const unsigned char* excluded, const int* owners) {
+        Ints mask;
+        for (int k = 0; k < 16; ++k) mask[k] = excluded[Tree::object_of(owners[k])] ? -1 : 0;
+        return mask;
+    }
+
     // False if no lane can show: all face away, or none reaches a pixel's centre.
     static inline bool cluster(const Eye& eye, const Image& image, float center_x, float center_y, Cluster& out) {
         const float* p = out.corners;
@@ -184,6 +196,7 @@ struct Setup {
             shown &= volume < Lanes::all(0.0f);
         else if (eye.skip_back_faces)
             shown &= (volume < Lanes::all(0.0f)) | (Lanes::load(out.owners) >= Lanes::all_ints(0));
+        if (eye.excluded) shown &= ~excluded_lanes(eye.excluded, out.owners);
         if (!Lanes::any(shown)) return false;
 
         const Floats zmin = Lanes::least(c[0].z, c[1].z, c[2].z), zmax = Lanes::most(c[0].z, c[1].z, c[2].z);
@@ -241,11 +254,11 @@ struct Setup {
 struct ExactTriangle {
     double a[3], normal[3];
 
-    static inline ExactTriangle of(const Eye& eye, const float* corners, int lane) {
+    static inline ExactTriangle of(const double* eye, const float* corners, int lane) {
         ExactTriangle t;
         double ab[3], ac[3];
         for (int k = 0; k < 3; ++k) {
-            t.a[k] = corners[k * 16 + lane] - eye.exact_origin[k];
+            t.a[k] = corners[k * 16 + lane] - eye[k];
             ab[k] = (double)corners[(k + 3) * 16 + lane] - corners[k * 16 + lane];
             ac[k] = (double)corners[(k + 6) * 16 + lane] - corners[k * 16 + lane];
         }
@@ -264,7 +277,7 @@ struct ExactPlane {
     double u, v, one;
 
     static inline ExactPlane of(const Eye& eye, const float* corners, int lane) {
-        const ExactTriangle t = ExactTriangle::of(eye, corners, lane);
+        const ExactTriangle t = ExactTriangle::of(eye.exact_origin, corners, lane);
         const double* n = t.normal;
         const double scale = 1.0 / t.volume();
         const ExactRow* m = eye.exact_to_camera;

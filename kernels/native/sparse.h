@@ -104,12 +104,12 @@ struct Sparse {
     }
 
     // Each point's results, to its place among the view's.
-    static inline void write(const Tree& tree, const Eye& eye, const Rays& rays, const Image& image, const Job& job,
+    static inline void write(Lookup& lookup, const Eye& eye, const Rays& rays, const Image& image, const Job& job,
                              const Outputs& out, long long view, bool owner_id) {
         const int lanes = image.first_packet[image.tiles_x * image.tiles_y * 16] * 16;
         for (int i = 0; i < lanes; ++i)
             if (image.point_index[i] >= 0)
-                write_point(tree, eye, rays, job, out, view * job.points + image.point_index[i], image.w[i], image.id[i],
+                write_point(lookup, eye, rays, job, out, view * job.points + image.point_index[i], image.w[i], image.id[i],
                             image.point_u[i], image.point_v[i], owner_id);
         if (image.first_row > 0) return;
         // Points outside the image belong to no strip; the first one answers for them.
@@ -117,10 +117,10 @@ struct Sparse {
         for (int i = 0; i < job.points; ++i)
             if (!(at[2 * i] >= 0.0f && at[2 * i] < (float)job.width && at[2 * i + 1] >= 0.0f &&
                   at[2 * i + 1] < (float)job.height))
-                write_point(tree, eye, rays, job, out, view * job.points + i, 0.0f, -1, 0.0f, 0.0f, owner_id);
+                write_point(lookup, eye, rays, job, out, view * job.points + i, 0.0f, -1, 0.0f, 0.0f, owner_id);
     }
 
-    static inline void write_point(const Tree& tree, const Eye& eye, const Rays& rays, const Job& job, const Outputs& out,
+    static inline void write_point(Lookup& lookup, const Eye& eye, const Rays& rays, const Job& job, const Outputs& out,
                                    long long place, float w, int id, float u, float v, bool owner_id) {
         const float z = 1.0f / w, nothing = __builtin_nanf("");
         const bool near = w > 0.0f && z < job.near, seen = w > 0.0f && !near && z <= job.far;
@@ -130,10 +130,10 @@ struct Sparse {
                 seen ? z * (u * rays.right[c] + (v * rays.down[c] + rays.forward[c])) + eye.origin[c] : nothing;
         if (out.normals) {
             float normal[3] = {nothing, nothing, nothing};
-            if (seen) Strip::normal_of(tree, eye, id, normal);
+            if (seen) lookup.normal_of(id, normal);
             for (int c = 0; c < 3; ++c) out.normals[place * 3 + c] = normal[c];
         }
-        const int object = !seen ? -1 : owner_id ? id : Tree::object_of(tree.owners[id]);
+        const int object = !seen ? -1 : owner_id ? id : lookup.object_of(id);
         if (out.objects) out.objects[place] = object;
         if (out.labels) out.labels[place] = object < 0 ? 0 : out.object_label[object];
     }

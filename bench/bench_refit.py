@@ -1,0 +1,101 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Refitting a deforming mesh of 1.3 million triangles, for either caster: what `Scene.update_vertices` costs.
+
+``python bench/bench_refit.py --device cuda:0`` lets both take turns and says the best times: on a GPU of CUDA graphs
+replayed, by its own events.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import pytest
+import trimesh
+import warp as wp
+
+import warpvis as wv
+
+DEVICES = ["cpu", *map(str, wp.get_cuda_devices()[:1])]
+SUBDIVISIONS = 8
+MOST_TIMES = 2.0
+"""The cluster tree's refit takes at most this many times as long as that of `wp.Mesh`."""
+
+
+def begin(device: str) -> wv.Scene:
+    """A ball that has begun to deform, and no trees yet."""
+    scene = wv.Scene(device=device)
+    mesh = trimesh.creation.icosphere(subdivisions=SUBDIVISIONS)
+    scene.add(mesh, name="ball", movable=True)
+    scene.update_vertices("ball", mesh.vertices)
+    return scene
+
+
+build = cache(begin)
+
+
+def refit_of(built: Callable[[wv.Scene], Any], scene: wv.Scene) -> Callable[[], None]:
+    """The refit of what one caster reads."""
+    return built(scene).refits[0].refit
+
+
+@pytest.mark.benchmark(group="refit")
+@pytest.mark.parametrize("built", [wv.Scene.clusters, wv.Scene.triangles], ids=["clusters", "triangles"])
+@pytest.mark.parametrize("device", DEVICES)
+def test_refit(benchmark, device, built):
+    scene = build(device)
+    refit = refit_of(built, scene)
+
+    def refit_and_wait():
+        refit()
+        wp.synchronize_device(device)
+
+    benchmark.pedantic(refit_and_wait, rounds=20, warmup_rounds=2)
+    benchmark.extra_info["triangles"] = scene.triangle_count
+
+
+@pytest.mark.benchmark(group="refit")
+@pytest.mark.parametrize("device", DEVICES)
+def test_update(benchmark, device):
+    """All of a call, with vertices on the device, for the caster that is the faster one."""
+    scene = begin(device)
+    scene.clusters()
+    vertices = wp.clone(scene["ball"].points)
+
+    def update_and_wait():
+        scene.update_vertices("ball", vertices)
+        wp.synchronize_device(device)
+
+    benchmark.pedantic(update_and_wait, rounds=20, warmup_rounds=2)
+
+
+def compare(device: str, rounds: int) -> list[float]:
+    """Seconds of the refit of `Scene.clusters()`, and of `wp.Mesh`: the best of rounds in which they take turns."""
+    from gpu_timing import HostTimer, WarpTimer, enough_calls
+
+    scene = build(device)
+    timer = HostTimer() if scene.device.is_cpu else WarpTimer(scene.device)
+    runs = [refit_of(built, scene) for built in (wv.Scene.clusters, wv.Scene.triangles)]
+    runs = [timer.record(run) or run for run in runs]
+    calls = [enough_calls(timer.device_seconds(run, 2)) for run in runs]
+    times = [[timer.device_seconds(run, count) for run, count in zip(runs, calls, strict=True)] for _ in range(rounds)]
+    return [min(column) for column in zip(*times, strict=True)]
+
+
+def main() -> None:
+    """Print the times, and whether the cluster tree's is what it must be."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--device", default=DEVICES[-1])
+    parser.add_argument("--rounds", type=int, default=9)
+    arguments = parser.parse_args()
+    clusters, mesh = compare(arguments.device, arguments.rounds)
+    print(f"{build(arguments.device).triangle_count:,} triangles, {wp.get_device(arguments.device).name}")
+    print(f"Scene.clusters() {1e3 * clusters:.3f} ms, wp.Mesh {1e3 * mesh:.3f} ms: {clusters / mesh:.2f} times as long")
+    print(f"at most {MOST_TIMES:g} times: {'reached' if clusters <= MOST_TIMES * mesh else 'MISSED'}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,181 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Objects that move: where they are in a view's world, and which of them a triangle belongs to.
+
+struct Pose {
+    double position[3];
+    double axis[3][3];  // right, down, forward of a camera, or x, y, z of an object, in the world
+
+    // From x y z qx qy qz qw.
+    static inline Pose from(const float* row) {
+        Pose pose;
+        double q[4];
+        double length = 0;
+        for (int k = 0; k < 4; ++k) length += (double)row[3 + k] * row[3 + k];
+        length = 1.0 / __builtin_sqrt(length);
+        for (int k = 0; k < 4; ++k) q[k] = row[3 + k] * length;
+        for (int k = 0; k < 3; ++k) pose.position[k] = row[k];
+        const double x = q[0], y = q[1], z = q[2], w = q[3];
+        const double axis[3][3] = {{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)},
+                                   {2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)},
+                                   {2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)}};
+        for (int i = 0; i < 3; ++i)
+            for (int k = 0; k < 3; ++k) pose.axis[i][k] = axis[i][k];
+        return pose;
+    }
+
+    // A direction of the world, along this pose's axes.
+    inline void turn_into(const double* direction, double* turned) const {
+        for (int k = 0; k < 3; ++k)
+            turned[k] = axis[k][0] * direction[0] + axis[k][1] * direction[1] + axis[k][2] * direction[2];
+    }
+    // A place of the world, in this pose's frame.
+    inline void move_into(const double* place, double* moved) const {
+        const double from_here[3] = {place[0] - position[0], place[1] - position[1], place[2] - position[2]};
+        turn_into(from_here, moved);
+    }
+    // This pose in the frame of an object at a place.
+    inline Pose seen_from(const Pose& place) const {
+        Pose seen;
+        place.move_into(position, seen.position);
+        for (int i = 0; i < 3; ++i) place.turn_into(axis[i], seen.axis[i]);
+        return seen;
+    }
+    inline bool inside(const float* box) const {
+        bool inside = true;
+        for (int k = 0; k < 3; ++k) inside &= position[k] >= box[k] && position[k] <= box[3 + k];
+        return inside;
+    }
+};
+
+// A tree to draw, what stays where it is or one object that moves, and whose its triangles are.
+struct Piece {
+    int root;
+    int number;         // of a triangle, less its place in the leaves
+    const int* owners;  // of leaf 0
+    int owner_step;     // from the owners of a leaf to those of the next: 0 where there is but one
+};
+
+// An object's axes in the world, and the camera in its frame: what normals take of a pose.
+struct Frame {
+    double axis[3][3], camera[3];
+};
+
+// What one view sees: where movable objects are, and what is left out.
+struct World {
+    bool known;                     // if there is no such world, nothing is seen
+    const float* poses;             // [movable]: x y z qx qy qz qw, object to world
+    const unsigned char* excluded;  // [object]: not 0 for what is not seen; null if nothing is excluded
+
+    inline bool excludes(int object) const { return excluded && excluded[object]; }
+};
+
+struct Movables {
+    int count;
+    const int* object;      // [movable], and so the others: its index among all objects, ascending
+    const int* root;        // node
+    const int* first_leaf;  // of its tree
+    const int* first_id;    // number of its first triangle, ascending
+    const int* closed;      // whether its back faces are hidden from outside of its box
+    const float* boxes;     // [movable][6]: least and greatest corner in its frame
+    const float* poses;     // [world][movable][7]
+    int worlds;
+    const int* world;               // [view]; null: the one world, or if there are several, for each view its own
+    const unsigned char* excluded;  // [view or 1][object], or null
+    int excluded_views;
+    int objects;  // of the scene
+
+    inline World of_view(int view) const {
+        const int index = world ? world[view] : worlds == 1 ? 0 : view;
+        World result;
+        result.known = count == 0 || (index >= 0 && index < worlds);
+        result.poses = poses + (long long)(result.known ? index : 0) * count * 7;
+        const int row = view < excluded_views ? view : excluded_views - 1;
+        result.excluded = excluded ? excluded + (long long)row * objects : nullptr;
+        return result;
+    }
+
+    // Whether a view leaves out anything that stays where it is.
+    inline bool excludes_static(const World& world) const {
+        int movable = 0;
+        for (int i = 0; i < objects && world.excluded; ++i) {
+            if (movable < count && object[movable] == i)
+                ++movable;
+            else if (world.excluded[i])
+                return true;
+        }
+        return false;
+    }
+
+    // Its tree; `owner` is its index among all objects, sixteen times.
+    inline Piece piece(int movable, const int* owner) const {
+        return Piece{root[movable], first_id[movable] - first_leaf[movable] * 16, owner, 0};
+    }
+
+    // The object that a triangle belongs to, by the triangle's number; the first one also answers for lesser numbers.
+    inline int find(int id) const {
+        int low = 0;
+        for (int left = count; left > 1;) {
+            const int half = left >> 1;
+            low += first_id[low + half] <= id ? half : 0;
+            left -= half;
+        }
+        return low;
+    }
+};
+
+// Triangles by their numbers: whose they are, and how they face. Neighbouring pixels mostly ask for the same object.
+struct Lookup {
+    const Tree& tree;
+    const Movables& movables;
+    const Frame* frames;   // of movable objects that were drawn
+    const double* camera;  // in the world
+    int first_movable;     // numbers from here on are of movable objects
+    int first, end;        // numbers of the object found last
+    int movable;           // which that is
+
+    static inline Lookup of(const Tree& tree, const Movables& movables, const Frame* frames, const double* camera) {
+        const int first = movables.count > 0 ? movables.first_id[0] : 0x7fffffff;
+        return Lookup{tree, movables, frames, camera, first, 0, 0, 0};
+    }
+
+    inline void find(int id) {
+        if (id >= first && id < end) return;
+        movable = movables.find(id);
+        first = movables.first_id[movable];
+        end = movable + 1 < movables.count ? movables.first_id[movable + 1] : 0x7fffffff;
+    }
+
+    inline int object_of(int id) {
+        if (id < first_movable) return Tree::object_of(tree.owners[id]);
+        find(id);
+        return movables.object[movable];
+    }
+
+    // Unit normal in the world, towards the camera.
+    inline void normal_of(int id, float* n) {
+        if (id < first_movable)
+            normal_there(camera, id, n);
+        else
+            movable_normal(id, n);
+    }
+    // Not inline: the loop over pixels is faster without it.
+    __attribute__((noinline)) void movable_normal(int id, float* n) {
+        find(id);
+        const Frame& frame = frames[movable];
+        float there[3];
+        normal_there(frame.camera, id - first + movables.first_leaf[movable] * 16, there);
+        for (int k = 0; k < 3; ++k)
+            n[k] = (float)(there[0] * frame.axis[0][k] + there[1] * frame.axis[1][k] + there[2] * frame.axis[2][k]);
+    }
+
+    // In the frame of its tree, of the triangle at a place in the leaves.
+    inline void normal_there(const double* eye, int slot, float* n) const {
+        const ExactTriangle t = ExactTriangle::of(eye, tree.leaves + (long long)(slot >> 4) * 144, slot & 15);
+        const double* c = t.normal;
+        const double towards = t.volume() > 0 ? -1.0 : 1.0;
+        const double length = __builtin_sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]);
+        for (int k = 0; k < 3; ++k) n[k] = (float)(c[k] * towards / length);
+    }
+};

@@ -1,0 +1,127 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""A cluster tree follows its vertices: corners of the leaves, and boxes from the leaves up; see `warpvis.refit`.
+
+A leaf or a node is one thread's work on the CPU, and a warp's on CUDA, where each lane of it takes a lane: `parts` says
+how many threads share one. Slots are places among a tree's children, ``node * lanes + lane``.
+"""
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+# What a box of nothing has: as `ClusterTree.nodes`.
+NOWHERE = 3.0e38
+
+
+@wp.func_native(
+    """
+#if defined(__CUDA_ARCH__)
+    for (int other = 16; other; other >>= 1) {
+        const float theirs = __shfl_xor_sync(0xffffffffu, value, other);
+        value = theirs < value ? theirs : value;
+    }
+#endif
+    return value;
+    """
+)
+def least_of_parts(value: float) -> float: ...
+
+
+@wp.struct
+class Box:
+    """The least and the greatest corner."""
+
+    low: wp.vec3
+    high: wp.vec3
+
+
+@wp.func
+def no_box() -> Box:
+    box = Box()
+    box.low = wp.vec3(NOWHERE)
+    box.high = wp.vec3(-NOWHERE)
+    return box
+
+
+@wp.func
+def box_of_parts(box: Box) -> Box:
+    """The box around those of all threads that share a leaf or a node, for each of them."""
+    whole = Box()
+    low, high = box.low, box.high
+    whole.low = wp.vec3(least_of_parts(low[0]), least_of_parts(low[1]), least_of_parts(low[2]))
+    whole.high = -wp.vec3(least_of_parts(-high[0]), least_of_parts(-high[1]), least_of_parts(-high[2]))
+    return whole
+
+
+@wp.func
+def set_child_box(box: Box, slot: int, nodes_out: wp.array3d[float]):
+    lanes = nodes_out.shape[2]
+    for axis in range(3):
+        nodes_out[slot // lanes, axis, slot % lanes] = box.low[axis]
+        nodes_out[slot // lanes, 3 + axis, slot % lanes] = box.high[axis]
+
+
+@wp.kernel
+def refit_leaves(
+    # Scene:
+    vertices: wp.array[wp.vec3],
+    # In:
+    leaf_vertices: wp.array3d[wp.int32],
+    leaf_slots: wp.array[wp.int32],
+    first_leaf: int,
+    parts: int,
+    # Out:
+    leaves_out: wp.array3d[float],
+    nodes_out: wp.array3d[float],
+):
+    """Write the corners of a leaf's triangles, and their box into the leaf's slot."""
+    leaf, part = wp.tid()
+    leaf += first_leaf
+
+    box = no_box()
+    for lane in range(part, leaf_vertices.shape[2], parts):
+        for corner in range(3):
+            place = vertices[leaf_vertices[leaf, corner, lane]]
+            for axis in range(3):
+                leaves_out[leaf, 3 * corner + axis, lane] = place[axis]
+            box.low = wp.min(box.low, place)
+            box.high = wp.max(box.high, place)
+    box = box_of_parts(box)
+    if part == 0:
+        set_child_box(box, leaf_slots[leaf], nodes_out)
+
+
+@wp.kernel
+def refit_nodes(
+    # In:
+    order: wp.array[wp.int32],
+    node_slots: wp.array[wp.int32],
+    first: int,
+    parts: int,
+    # Out:
+    nodes_out: wp.array3d[float],
+    box_out: wp.array[float],
+):
+    """Write the boxes of some nodes into their slots, and the root's, which has none, into `box_out`.
+
+    The nodes are those of `order` from `first` on; none is above another, and what is below them is done.
+    """
+    place, part = wp.tid()
+    node = order[first + place]
+
+    box = no_box()
+    for lane in range(part, nodes_out.shape[2], parts):
+        box.low = wp.min(box.low, wp.vec3(nodes_out[node, 0, lane], nodes_out[node, 1, lane], nodes_out[node, 2, lane]))
+        box.high = wp.max(
+            box.high, wp.vec3(nodes_out[node, 3, lane], nodes_out[node, 4, lane], nodes_out[node, 5, lane])
+        )
+    box = box_of_parts(box)
+    if part == 0:
+        slot = node_slots[node]
+        if slot >= 0:
+            set_child_box(box, slot, nodes_out)
+        else:
+            for axis in range(3):
+                box_out[axis] = box.low[axis]
+                box_out[3 + axis] = box.high[axis]

@@ -1,0 +1,375 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""MuJoCo's geoms as triangles: their error is bounded as stated, and MuJoCo's rays see the same."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+import warp as wp
+from mujoco_models import SHAPES, shapes_model
+
+import warpvis as wv
+from warpvis.closed import provably_closed
+from warpvis.kernels import mujoco as kernels
+from warpvis.mujoco import (
+    MujocoScene,
+    WorldPoses,
+    camera_from_mujoco,
+    camera_poses,
+    geom_poses,
+    scene_from_mujoco,
+    tessellation,
+)
+from warpvis.pose import poses_to_matrices
+
+import reference
+
+
+def from_xml(body, head=""):
+    return mujoco.MjModel.from_xml_string(f"<mujoco>{head}<worldbody>{body}</worldbody></mujoco>")
+
+
+# Distance of points from the true surface: positive outside.
+def sphere_distance(points, radius):
+    return np.linalg.norm(points, axis=-1) - radius
+
+
+def capsule_distance(points, radius, half):
+    axis = np.zeros_like(points)
+    axis[..., 2] = points[..., 2].clip(-half, half)
+    return np.linalg.norm(points - axis, axis=-1) - radius
+
+
+def cylinder_distance(points, radius, half):
+    beyond = np.stack([np.linalg.norm(points[..., :2], axis=-1) - radius, np.abs(points[..., 2]) - half], axis=-1)
+    return np.linalg.norm(beyond.clip(0), axis=-1) + beyond.max(axis=-1).clip(max=0)
+
+
+def ellipsoid_distance(points, axes):
+    """The nearest point x of an ellipsoid is p a^2 / (a^2 + t) for the t that puts it there, by bisection."""
+    squares, points = np.square(axes), np.abs(points)
+    low = np.full(points.shape[:-1], -np.min(squares) + 1e-9)
+    high = np.linalg.norm(points * axes, axis=-1)
+    for _ in range(100):
+        middle = (low + high) / 2
+        outside = (np.square(points * axes / (squares + middle[..., None])).sum(axis=-1)) > 1
+        low, high = np.where(outside, middle, low), np.where(outside, high, middle)
+    nearest = points * squares / (squares + low[..., None])
+    return np.linalg.norm(points - nearest, axis=-1)
+
+
+ROUND = {
+    "sphere": (lambda tolerance: tessellation.sphere(0.3, tolerance), lambda p: sphere_distance(p, 0.3), 0.3),
+    "tiny sphere": (lambda tolerance: tessellation.sphere(1e-3, tolerance), lambda p: sphere_distance(p, 1e-3), 1e-3),
+    "huge sphere": (lambda tolerance: tessellation.sphere(40.0, tolerance), lambda p: sphere_distance(p, 40.0), 40.0),
+    "capsule": (lambda t: tessellation.capsule(0.1, 0.5, t), lambda p: capsule_distance(p, 0.1, 0.5), 0.1),
+    "cylinder": (lambda t: tessellation.cylinder(0.2, 0.1, t), lambda p: cylinder_distance(p, 0.2, 0.1), 0.2),
+    "ellipsoid": (
+        lambda t: tessellation.ellipsoid((0.2, 0.1, 0.05), t),
+        lambda p: ellipsoid_distance(p, (0.2, 0.1, 0.05)),
+        0.2,
+    ),
+}
+
+
+def points_on(vertices, faces, steps=5):
+    """A grid of points on every triangle, with its corners, edges and middle."""
+    grid = [(a, b, steps - a - b) for a in range(steps + 1) for b in range(steps + 1 - a)]
+    return np.einsum("gc,fcx->fgx", np.array(grid) / steps, vertices[faces]).reshape(-1, 3)
+
+
+@pytest.mark.parametrize("tolerance", [2e-3, 5e-4, 5e-5])
+@pytest.mark.parametrize("name", ROUND)
+def test_no_point_of_a_round_shape_is_farther_from_the_true_surface_than_the_tolerance(name, tolerance):
+    make, distance, radius = ROUND[name]
+    vertices, faces = make(tolerance)
+    most = tessellation.largest_error(tolerance, radius)
+    assert most == max(tolerance, 1e-4 * radius)
+    error = np.abs(distance(points_on(vertices, faces)))
+    assert error.max() <= most * (1 + 1e-6)
+    if most < 0.02 * radius:  # the fewest triangles are for a coarser shape
+        assert error.max() >= 0.5 * most
+
+
+@pytest.mark.parametrize("name", ROUND)
+def test_no_point_of_a_true_round_surface_is_farther_from_the_triangles_than_the_tolerance(name):
+    make, _, radius = ROUND[name]
+    tolerance = 0.02 * radius
+    vertices, faces = make(tolerance)
+    true = points_on(*make(1e-3 * radius), steps=2)[::7]  # so near the true surface that it makes no difference
+    found = trimesh.Trimesh(vertices, faces, process=False).ray.intersects_location
+    # Along rays from the middle the triangles are no nearer to each other than by the shortest way.
+    hits, rays, _ = found(np.zeros_like(true), true / np.linalg.norm(true, axis=1, keepdims=True), multiple_hits=False)
+    assert len(np.unique(rays)) == len(true)
+    gap = np.abs(np.linalg.norm(hits, axis=1) - np.linalg.norm(true[rays], axis=1))
+    steepest = 6 if name == "capsule" else 4  # the surface is that much closer than it is along the ray
+    assert gap.max() <= (tolerance + 1e-3 * radius) * steepest
+
+
+SOLIDS = {
+    **{name: make(1e-3) for name, (make, _, _) in ROUND.items()},
+    "box": tessellation.box((0.1, 0.2, 0.3)),
+    "plane": tessellation.plane(2.0, 3.0),
+    "hills": tessellation.height_field(np.random.default_rng(0).random((5, 7)), np.array([0.4, 0.3, 0.2, 0.05])),
+}
+VOLUMES = {
+    "sphere": 4 / 3 * math.pi * 0.3**3,
+    "capsule": math.pi * 0.1**2 * 1.0 + 4 / 3 * math.pi * 0.1**3,
+    "cylinder": math.pi * 0.2**2 * 0.2,
+    "ellipsoid": 4 / 3 * math.pi * 0.2 * 0.1 * 0.05,
+    "box": 8 * 0.1 * 0.2 * 0.3,
+}
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_shapes_are_closed_and_wound_outwards(name):
+    vertices, faces = SOLIDS[name]
+    assert vertices.dtype == np.float64 and faces.dtype == np.int32
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    assert mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0
+    assert provably_closed(vertices.astype(np.float32), faces) == (name != "hills")
+    if name in VOLUMES:
+        assert mesh.volume == pytest.approx(VOLUMES[name], rel=0.03)
+
+
+def test_a_height_field_has_mujocos_heights():
+    elevation = np.arange(12.0).reshape(3, 4) / 11
+    vertices, _ = tessellation.height_field(elevation, np.array([0.6, 0.2, 0.5, 0.1]))
+    assert vertices[0] == pytest.approx([-0.6, -0.2, 0])
+    assert vertices[3] == pytest.approx([0.6, -0.2, 0.5 * 3 / 11])
+    assert vertices[11] == pytest.approx([0.6, 0.2, 0.5])
+    assert vertices[:, 2].min() == pytest.approx(-0.1)
+
+
+def test_every_geom_that_mujoco_draws_is_an_object():
+    model, _ = shapes_model()
+    scene = scene_from_mujoco(model)
+    assert isinstance(scene, MujocoScene) and scene.model is model
+    left_out = {"hidden", "hidden_by_material", "no_colour", "collision"}
+    names = [model.geom(geom).name for geom in range(model.ngeom)]
+    assert scene.geom_ids.tolist() == [geom for geom, name in enumerate(names) if name not in left_out]
+    assert {int(model.geom_type[geom]) for geom in scene.geom_ids} == set(range(9))  # every type there is
+    for index, geom in enumerate(scene.geom_ids):
+        item = scene.objects[index]
+        assert item.name == (names[geom] or item.name)
+        assert item.label == (wv.Label.GROUND if names[geom] in ("the_floor", "shelf", "hills") else wv.Label.OBSTACLE)
+
+
+def test_objects_without_a_name_are_named_as_their_body():
+    model = from_xml("""
+      <geom size="1"/><geom size="1"/>
+      <body name="cup"><geom size="1"/><geom name="cup_1" size="1"/><geom size="1"/></body>
+      <body><geom size="1"/></body>""")
+    names = [item.name for item in scene_from_mujoco(model)]
+    assert names == ["world", "world_1", "cup", "cup_1", "cup_2", "body_2"]
+
+
+def test_groups_are_chosen():
+    model, _ = shapes_model()
+    assert "collision" in scene_from_mujoco(model, geom_groups=(3,))
+    assert len(scene_from_mujoco(model, geom_groups=(3,))) == 1
+    assert len(scene_from_mujoco(model, geom_groups=range(6))) == len(scene_from_mujoco(model)) + 1
+    assert len(scene_from_mujoco(model, geom_groups=())) == 0
+
+
+def test_labels_and_what_is_left_out_go_by_name_of_geom_or_body():
+    model, _ = shapes_model()
+    labels = {"*": "object", "hand": "robot", "the_*": "obstacle"}
+    scene = scene_from_mujoco(model, labels=labels, exclude=["ball", "hil*"])
+    assert scene["hand"].label == wv.Label.ROBOT
+    assert scene["the_floor"].label == wv.Label.OBSTACLE
+    assert scene["egg"].label == wv.Label.OBJECT
+    assert not {"ball", "ball_1", "ball_2", "hills"} & {item.name for item in scene}
+
+
+def test_what_moves():
+    model, _ = shapes_model()
+    scene = scene_from_mujoco(model)
+    moving = {scene.objects[index].name for index in scene.movable}
+    still = {"the_floor", "shelf", "hills", "fixed_box", "field", "own_colour"}
+    assert moving == {item.name for item in scene} - still
+    assert {"target", "under_target"} <= moving  # a mocap body and what hangs on it
+    assert scene.movable_geoms.tolist() == [scene.geom_ids[index] for index in scene.movable]
+    assert len(scene_from_mujoco(model, movable="all").movable) == len(scene)
+    assert {item.name for item in scene_from_mujoco(model, static=False)} == moving
+
+
+def test_geoms_of_one_shape_share_their_mesh():
+    model = from_xml(
+        """<body><freejoint/><geom type="mesh" mesh="tetra"/><geom type="mesh" mesh="tetra" pos="1 0 0"/>
+           <geom size=".1 .2 .3" type="box"/><geom size=".1 .2 .3" type="box" pos="0 1 0"/><geom size=".2"/></body>""",
+        '<asset><mesh name="tetra" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset>',
+    )
+    scene = scene_from_mujoco(model)
+    first, second, box, other_box, sphere = (item.mesh_vertices for item in scene)
+    assert np.array_equal(first, second) and np.array_equal(box, other_box)
+    assert not np.array_equal(box[: len(first)], first[: len(box)]) and len(sphere) > len(box)
+
+
+def test_another_device_has_the_same_scene(device):
+    model, _ = shapes_model()
+    scene = scene_from_mujoco(model, exclude=["egg"], labels={"hand": "robot"}).to(device)
+    assert isinstance(scene, MujocoScene) and str(scene.device) == device
+    assert "egg" not in scene and scene["hand"].label == wv.Label.ROBOT
+    assert len(scene.geom_ids) == len(scene)
+
+
+def place(data, rng):
+    """Random rotations and positions, all different."""
+    data.qpos[:] = rng.normal(size=len(data.qpos))
+    data.mocap_quat[:] = rng.normal(size=data.mocap_quat.shape)
+
+
+def test_poses_are_mujocos():
+    model, data = shapes_model()
+    scene = scene_from_mujoco(model)
+    rng = np.random.default_rng(2)
+    worlds = []
+    for _ in range(5):
+        place(data, rng)
+        mujoco.mj_forward(model, data)
+        worlds.append(WorldPoses.of([data]))
+        rows = geom_poses(data, scene)
+        assert rows.shape == (len(scene.movable), 7) and rows.dtype == np.float32
+        expected = reference.geom_transforms(data.geom_xpos[None], data.geom_xmat[None], [0], scene.movable_geoms)[0]
+        assert np.abs(poses_to_matrices(rows) - expected).max() < 1e-6
+        eyes = camera_poses(data, model, [0, 4])
+        expected = reference.camera_transforms(data.cam_xpos[None], data.cam_xmat[None], [0, 4], [0])[:, 0]
+        assert np.abs(poses_to_matrices(eyes) - expected).max() < 1e-6
+    # Many worlds at once, with rotations as rows of nine or as matrices.
+    xpos = np.concatenate([world.geom_xpos for world in worlds])
+    xmat = np.concatenate([world.geom_xmat for world in worlds])
+    rows = geom_poses(WorldPoses(xpos, xmat), scene)
+    assert rows.shape == (5, len(scene.movable), 7)
+    assert np.array_equal(rows, geom_poses(WorldPoses(xpos, xmat.reshape(5, -1, 3, 3)), scene))
+    assert np.array_equal(rows[3], geom_poses(worlds[3], scene)[0])
+
+
+def test_half_turns_keep_their_axes():
+    """Where a matrix's trace is least, a careless conversion loses all digits."""
+    model = from_xml('<body><freejoint/><geom size="1"/></body>')
+    scene, data = scene_from_mujoco(model), mujoco.MjData(model)
+    for quaternion in np.eye(4).tolist() + [[0, 1, 1, 0], [0, 0, 1, 1], [1e-4, 1, 0, 0], [0, 1, -1, 1]]:
+        data.qpos[3:] = quaternion
+        mujoco.mj_forward(model, data)
+        assert np.abs(poses_to_matrices(geom_poses(data, scene))[0, :3, :3].ravel() - data.geom_xmat[0]).max() < 1e-6
+
+
+def test_kernels_agree_with_their_twins(device):
+    rng = np.random.default_rng(3)
+    rotations = poses_to_matrices(rng.normal(size=(4, 6, 7)))[..., :3, :3].astype(np.float32)
+    positions = rng.normal(size=(4, 6, 3)).astype(np.float32)
+    xpos, xmat = wp.array(positions, dtype=wp.vec3, device=device), wp.array(rotations, dtype=wp.mat33, device=device)
+    rows, columns = wp.array([2, 0, 3], dtype=int, device=device), wp.array([5, 1], dtype=int, device=device)
+    for kernel in (kernels.geom_transforms, kernels.camera_transforms):
+        out = wp.zeros((3, 2), dtype=wp.transform, device=device)
+        first, second = (rows, columns) if kernel is kernels.geom_transforms else (columns, rows)
+        out = wp.zeros((len(first), len(second)), dtype=wp.transform, device=device)
+        wp.launch(kernel, dim=out.shape, inputs=[xpos, xmat, first, second, out], device=device)
+        expected = getattr(reference, kernel.key)(positions, rotations, first.numpy(), second.numpy())
+        assert np.abs(poses_to_matrices(out.numpy()) - expected).max() < 1e-6
+    objects = rng.integers(-1, 4, size=100).astype(np.int32)
+    out = wp.zeros(100, dtype=int, device=device)
+    ids = np.array([7, 3, 9, 1], dtype=np.int32)
+    inputs = [wp.array(objects, device=device), wp.array(ids, device=device), out]
+    wp.launch(kernels.geoms_of_objects, dim=100, inputs=inputs, device=device)
+    assert np.array_equal(out.numpy(), reference.geoms_of_objects(objects, ids))
+
+
+@pytest.mark.parametrize("camera", ["front", "side", "follower", "wrist", "lens"])
+def test_every_pixel_agrees_with_mj_ray(camera, device, caster, tolerance=2e-4):
+    model, data = shapes_model()
+    for name in ("field", "hidden", "hidden_by_material", "own_colour", "no_colour"):
+        model.geom(
+            name
+        ).group = 4  # of signed distance fields rays meet another surface; of colours they think otherwise
+    scene = scene_from_mujoco(model, tolerance=tolerance, device=device)
+    eye = camera_from_mujoco(model, camera, 64, 48)
+    pose = camera_poses(data, model, [model.camera(camera).id])[0]
+    renderer = wv.Renderer(scene, eye, outputs=("depth", "objects", "normals"), caster=caster)
+    views = renderer.render(pose, object_poses=geom_poses(data, scene))
+    depth, normals = views.depth.numpy()[0].astype(np.float64), views.normals.numpy()[0].astype(np.float64)
+    geoms = reference.geoms_of_objects(views.objects.numpy()[0], scene.geom_ids)
+
+    matrix = poses_to_matrices(pose)
+    rays = reference.pixel_rays(eye)
+    lengths = np.linalg.norm(rays, axis=-1)
+    rays = rays / lengths[..., None] @ matrix[:3, :3].T
+    expected, hit_geoms, hit = np.full(depth.shape, np.inf), np.full(depth.shape, -1), np.zeros(1, dtype=np.int32)
+    for pixel in np.ndindex(depth.shape):
+        groups = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
+        distance = mujoco.mj_ray(model, data, matrix[:3, 3].copy(), rays[pixel], groups, 1, -1, hit)
+        if 0 <= distance / lengths[pixel] <= eye.far:
+            expected[pixel], hit_geoms[pixel] = distance / lengths[pixel], hit[0]
+
+    assert (geoms != hit_geoms).mean() <= 4e-3  # silhouettes move by the tolerance
+    same = (geoms == hit_geoms) & np.isfinite(depth)
+    assert same.mean() > 0.5 and len(np.unique(geoms)) >= 6
+    # The tolerance is across the surface: a ray that meets it at a slant goes farther, most of all by an edge.
+    slant = np.abs((normals * rays).sum(axis=-1))[same]
+    allowed = tolerance / np.maximum(slant, 1e-3) / lengths[same] + 1e-5 * np.maximum(1, expected[same])
+    error = np.abs(depth[same] - expected[same])
+    assert (error <= allowed).mean() >= 0.998
+    flat = np.isin(model.geom_type[geoms[same]], [0, 1, 6, 7])
+    assert error[flat].max() <= 1e-4
+
+
+def test_a_sensor_camera_with_a_resolution_needs_no_size():
+    model, _ = shapes_model()
+    camera = camera_from_mujoco(model, "lens")
+    assert (camera.width, camera.height) == (200, 120)
+    assert (camera.fx, camera.fy) == pytest.approx((150, 125))  # of the sensor: 3 and 2.5 of 4 and 2.4 mm
+    # The principal point, in the sensor's y up: the axis is left of the middle by x and above it by y.
+    assert (camera.cx, camera.cy) == pytest.approx((100 - 25, 60 + 15))
+    assert (camera.near, camera.far) == pytest.approx((0.01, 40))
+
+
+def test_a_camera_by_field_of_view_has_square_pixels():
+    model, _ = shapes_model()
+    for camera in ("front", model.camera("front").id, np.int32(model.camera("front").id)):
+        got = camera_from_mujoco(model, camera, 320, 200)
+        expected = wv.Camera.from_fov(320, 200, vfov=math.radians(50), near=0.01, far=40)
+        for name in ("fx", "fy", "cx", "cy", "near", "far"):
+            assert getattr(got, name) == pytest.approx(getattr(expected, name), rel=1e-6)
+    free = camera_from_mujoco(model, -1, 320, 200)
+    assert free.vfov == pytest.approx(math.radians(model.vis.global_.fovy))
+
+
+MODEL = mujoco.MjModel.from_xml_string(SHAPES)
+SMALL = from_xml('<geom name="ball" size="1"/><camera name="eye"/>')
+
+BAD = {
+    "no model": (lambda: scene_from_mujoco("model.xml"), "model must be a mujoco.MjModel, got str"),
+    "bad tolerance": (lambda: scene_from_mujoco(SMALL, tolerance=0), "tolerance must be a positive number of metres"),
+    "NaN tolerance": (lambda: scene_from_mujoco(SMALL, tolerance=math.nan), "tolerance must be a positive number"),
+    "group 6": (lambda: scene_from_mujoco(SMALL, geom_groups=(0, 6)), r"geom_groups must be of 0 to 5, got \(0, 6\)"),
+    "bad movable": (lambda: scene_from_mujoco(SMALL, movable="none"), 'movable must be "bodies" or "all"'),
+    "no such geom": (lambda: scene_from_mujoco(SMALL, exclude=["bal"]), "'bal' in exclude fits no geom and no body"),
+    "no such label": (lambda: scene_from_mujoco(SMALL, labels={"x*": 1}), r"'x\*' in labels fits no geom and no body"),
+    "bad label": (lambda: scene_from_mujoco(SMALL, labels={"*": "wall"}), "label must be one of"),
+    "no such camera": (lambda: camera_from_mujoco(SMALL, "I", 8, 8), "camera 'I' is not in the model, which has 'eye'"),
+    "no such id": (lambda: camera_from_mujoco(SMALL, 1, 8, 8), "camera 1 is not in the model"),
+    "no size": (lambda: camera_from_mujoco(SMALL, "eye"), "no resolution of its own; give width and height"),
+    "half a size": (lambda: camera_from_mujoco(SMALL, "eye", 8), "give both width and height"),
+    "size 0": (lambda: camera_from_mujoco(SMALL, "eye", 8, 0), "from 1 up, got 8 and 0"),
+    "orthographic": (lambda: camera_from_mujoco(MODEL, "flat", 8, 8), "'flat' is orthographic; only perspective"),
+    "no poses": (lambda: geom_poses(3, scene_from_mujoco(MODEL)), "poses must come from a mujoco.MjData"),
+    "other model": (
+        lambda: geom_poses(mujoco.MjData(SMALL), scene_from_mujoco(MODEL)),
+        r"geom_xpos must have shape \(W, \d+\), got \(1, 1, 3\)|geom_xpos must have shape \(W, \d+, 3\)",
+    ),
+    "unequal worlds": (
+        lambda: geom_poses(WorldPoses(np.zeros((2, 1, 3)), np.zeros((1, 1, 9))), scene_from_mujoco(SMALL)),
+        "geom_xpos and geom_xmat must be of the same worlds, got 2 and 1",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_named(name):
+    call, message = BAD[name]
+    with pytest.raises(wv.WarpvisError, match=message):
+        call()

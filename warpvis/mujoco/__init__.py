@@ -1,0 +1,30 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Depth and segmentation of MuJoCo models, without OpenGL: one world or thousands.
+
+>>> from warpvis.mujoco import Renderer  # instead of: from mujoco import Renderer
+>>> with Renderer(model, 240, 320) as renderer:
+...     renderer.update_scene(data, camera="wrist")
+...     renderer.enable_depth_rendering()
+...     depth = renderer.render()
+"""
+
+from __future__ import annotations
+
+from warpvis.mujoco.batch import BatchRenderer
+from warpvis.mujoco.cameras import camera_from_mujoco
+from warpvis.mujoco.poses import Kinematics, WorldPoses, camera_poses, geom_poses
+from warpvis.mujoco.renderer import Renderer
+from warpvis.mujoco.scene import MujocoScene, scene_from_mujoco
+
+__all__ = [
+    "BatchRenderer",
+    "Kinematics",
+    "MujocoScene",
+    "Renderer",
+    "WorldPoses",
+    "camera_from_mujoco",
+    "camera_poses",
+    "geom_poses",
+    "scene_from_mujoco",
+]
