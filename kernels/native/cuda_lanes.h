@@ -51,3 +51,8 @@ struct Three {
     static inline float least(float a, float b, float c) { return fminf(a, fminf(b, c)); }
     static inline float most(float a, float b, float c) { return fmaxf(a, fmaxf(b, c)); }
 };
+
+// A whole number from 0 to 2^23 as a float: two cheap instructions, where a conversion takes as long as four.
+struct Whole {
+    static inline float of(int n) { return __int_as_float(0x4b000000 | n) - 8388608.0f; }
+};

@@ -74,9 +74,12 @@ struct Raster {
     static inline void draw_small(const Tree& tree, const Eye& eye, Packet& packet, const Triangle& t, int area, int steps) {
         unsigned touched = 0;
         int x = t.x0, y = t.y0;
+        // The same as floats, in the view: whole numbers, so that counting them up is exact.
+        const float first_x = Whole::of(packet.first_x + x);
+        float view_x = first_x, view_y = Whole::of(packet.first_y + y);
         for (int step = 0; step < steps; ++step) {
             if (step < area) {
-                const float u = (float)(packet.first_x + x) + eye.first_u, v = (float)(packet.first_y + y) + eye.first_v;
+                const float u = view_x + eye.first_u, v = view_y + eye.first_v;
                 if (t.covers(u, v)) {
                     const float w = t.exact ? t.clamp(ExactPlane::of(eye, tree.corners(t.place)).at(u, v)) : t.w_at(u, v);
                     const Key key = Nearest::key(w, t.place + tree.first_id);
@@ -86,9 +89,13 @@ struct Raster {
                         touched |= 1u << Packet::block_of(x, y);
                     }
                 }
-                if (++x > t.x1) {
+                ++x;
+                view_x += 1.0f;
+                if (x > t.x1) {
                     x = t.x0;
+                    view_x = first_x;
                     ++y;
+                    view_y += 1.0f;
                 }
             }
         }
@@ -100,8 +107,8 @@ struct Raster {
     static inline void draw_large(const Tree& tree, const Eye& eye, Packet& packet, const Triangle t) {
         const int lane = Warp::lane();
         const int block_x = Packet::block_x(lane), block_y = Packet::block_y(lane);
-        const float u0 = (float)(packet.first_x + block_x) + eye.first_u, u1 = (float)(packet.first_x + block_x + 7) + eye.first_u;
-        const float v0 = (float)(packet.first_y + block_y) + eye.first_v, v1 = (float)(packet.first_y + block_y + 3) + eye.first_v;
+        const float u0 = Whole::of(packet.first_x + block_x) + eye.first_u, u1 = Whole::of(packet.first_x + block_x + 7) + eye.first_u;
+        const float v0 = Whole::of(packet.first_y + block_y) + eye.first_v, v1 = Whole::of(packet.first_y + block_y + 3) + eye.first_v;
         bool touched = lane < BLOCKS && block_x + 7 >= t.x0 && block_x <= t.x1 && block_y + 3 >= t.y0 && block_y <= t.y1;
         bool covered = true;
         for (int e = 0; e < 3; ++e) {
@@ -139,8 +146,8 @@ struct Raster {
     // This lane's pixel of a block.
     static inline void pixel(const Eye& eye, const Packet& packet, int block, float& u, float& v) {
         const int lane = Warp::lane();
-        u = (float)(packet.first_x + Packet::block_x(block) + (lane & 7)) + eye.first_u;
-        v = (float)(packet.first_y + Packet::block_y(block) + (lane >> 3)) + eye.first_v;
+        u = Whole::of(packet.first_x + Packet::block_x(block) + (lane & 7)) + eye.first_u;
+        v = Whole::of(packet.first_y + Packet::block_y(block) + (lane >> 3)) + eye.first_v;
     }
 
     static inline void put(Packet& packet, int block, bool inside, float w, unsigned id) {

@@ -144,12 +144,15 @@ struct Setup {
         }
     };
 
-    // Pixels of the view whose centres may be inside a triangle: a little more than rounding can be wrong.
+    // How much wider than rounding can be wrong the bounds of a triangle are, in pixels.
+    static inline float slack_of(const Eye& eye) { return 0.002f + 4.0f * eye.blur; }
+
+    // Pixels of the view whose centres may be inside a triangle.
     struct Bounds {
         float left, right, top, bottom;
 
         static inline Bounds of(const Eye& eye, const Projection& p) {
-            const float slack = 0.002f + 4.0f * eye.blur;
+            const float slack = slack_of(eye);
             Bounds b;
             b.left = fmaxf(p.crossing ? 0.0f : ceilf(p.u0 - eye.first_u - slack), 0.0f);
             b.right = fminf(p.crossing ? eye.last_x : floorf(p.u1 - eye.first_u + slack), eye.last_x);
@@ -198,7 +201,8 @@ struct Setup {
         }
     };
 
-    // Whether this lane's triangle of a leaf may cover a pixel's centre, and if so, of how many pixels its bounds are.
+    // Whether this lane's triangle of a leaf may cover a pixel's centre of the packet that begins at a pixel, and if so, of
+    // how many pixels its bounds there are.
     static inline int area(const Tree& tree, const Eye& eye, int first_x, int first_y, int leaf) {
         const unsigned place = leaf * LANES + Warp::lane();
         const Corners c = Corners::of(eye, tree.corners(place));
@@ -210,9 +214,14 @@ struct Setup {
         if (tree.excluded) shown &= !tree.excluded[Tree::object_of(__ldg(tree.owners + place))];
         if (!Warp::any(shown)) return 0;
         const Projection p = Projection::of(c.a, c.b, c.c);
-        Triangle t;
-        shown &= Bounds::of(eye, p).cut(first_x, first_y, t) && p.zmax > 0.0f;
-        return shown ? (t.x1 - t.x0 + 1) * (t.y1 - t.y0 + 1) : 0;
+        if (!(p.zmax > 0.0f)) shown = false;
+        if (p.crossing) return shown ? PACKET_WIDTH * PACKET_HEIGHT : 0;
+        const float slack = slack_of(eye);
+        const float to_x = eye.first_u + (float)first_x, to_y = eye.first_v + (float)first_y;
+        const int x0 = max(__float2int_ru(p.u0 - to_x - slack), 0), y0 = max(__float2int_ru(p.v0 - to_y - slack), 0);
+        const int x1 = min(__float2int_rd(p.u1 - to_x + slack), PACKET_WIDTH - 1);
+        const int y1 = min(__float2int_rd(p.v1 - to_y + slack), PACKET_HEIGHT - 1);
+        return shown && x0 <= x1 && y0 <= y1 ? (x1 - x0 + 1) * (y1 - y0 + 1) : 0;
     }
 
     // A triangle that has an area.
