@@ -16,8 +16,8 @@ test: $(STAMP)
 
 # The casters' tests again, compiled for AVX2 alone and for Warp's generic x86-64, which has AVX.
 test-lanes: $(STAMP)
-	WARPVIS_CPU_FLAGS="-target-cpu haswell" $(BIN)/python -m pytest -q tests/test_casters.py tests/test_packets.py
-	WARPVIS_CPU_FLAGS="" $(BIN)/python -m pytest -q tests/test_casters.py tests/test_packets.py
+	WARPVIS_CPU_FLAGS="-target-cpu haswell" $(BIN)/python -m pytest -q tests/test_casters.py tests/test_packets.py tests/test_worlds.py
+	WARPVIS_CPU_FLAGS="" $(BIN)/python -m pytest -q tests/test_casters.py tests/test_packets.py tests/test_worlds.py
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

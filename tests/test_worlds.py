@@ -327,7 +327,7 @@ def test_far_from_the_world_s_origin_nothing_is_lost(device, caster):
 
 
 @pytest.mark.parametrize("offset", [100.0, 1e4])
-def test_a_mesh_far_from_its_own_origin(offset):
+def test_a_mesh_far_from_its_own_origin(offset, device):
     """A file's parts in coordinates of a site: their poses move them all the way back before the camera."""
     turn = np.array([0.1, 0.2, 0.3, 0.9]) / np.linalg.norm([0.1, 0.2, 0.3, 0.9])
     ball = trimesh.creation.icosphere(subdivisions=3)
@@ -335,7 +335,7 @@ def test_a_mesh_far_from_its_own_origin(offset):
     vertices = ball.vertices.astype(np.float32).astype(np.float64)
     matrix = poses_to_matrices(np.concatenate([np.zeros(3), turn]))[:3, :3]
     row = np.concatenate([-matrix @ vertices.mean(axis=0), turn]).astype(np.float32)
-    scene, twin = wv.Scene(), wv.Scene()
+    scene, twin = wv.Scene(device=device), wv.Scene()
     scene.add((vertices, ball.faces), movable=True)
     twin.add((vertices, ball.faces), pose=row.astype(np.float64))
     poses = wv.look_at((2, 1, 0.5), (0, 0, 0))[None].astype(np.float32)

@@ -66,8 +66,11 @@ struct Objects {
         const Vec rows[3] = {inside(axis, world.to_camera[0]), inside(axis, world.to_camera[1]),
                              inside(axis, world.to_camera[2])};
         const float* box = all.boxes + 6 * (long long)m;
-        const Vec low = Vec::minus(Vec{__ldg(box), __ldg(box + 1), __ldg(box + 2)}, origin);
-        const Vec high = Vec::minus(Vec{__ldg(box + 3), __ldg(box + 4), __ldg(box + 5)}, origin);
+        // As much wider as the origin may be wrong.
+        const float margin = 1e-6f * (fabsf(origin.x) + fabsf(origin.y) + fabsf(origin.z));
+        const Vec wider = {margin, margin, margin};
+        const Vec low = Vec::minus(Vec::minus(Vec{__ldg(box), __ldg(box + 1), __ldg(box + 2)}, origin), wider);
+        const Vec high = Vec::plus(Vec::minus(Vec{__ldg(box + 3), __ldg(box + 4), __ldg(box + 5)}, origin), wider);
         return Walk::visit(world, rows, packet, low, high, shown);
     }
     static inline Vec inside(const Vec* axis, Vec v) {
@@ -89,6 +92,7 @@ struct Objects {
             const double value = Exact::dot(along, Exact::minus(world.exact_origin, Pose::position(pose)));
             (&moved->exact_origin.x)[k] = value;
             (&moved->origin.x)[k] = (float)value;
+            (&moved->rest.x)[k] = (float)(value - (float)value);
         }
         Warp::sync();
         const float* box = all.boxes + 6 * (long long)m;

@@ -35,6 +35,7 @@ struct Packets {
         Eye eye;
         eye.exact_origin = Pose::position(view.pose);
         eye.origin = eye.exact_origin.rounded();
+        eye.rest = Vec{0.0f, 0.0f, 0.0f};
         for (int i = 0; i < 3; ++i) {
             const double f = i < 2 ? view.focal[i] : 1.0;
             eye.exact_rays[i] = Exact::times(axis[i], 1.0 / f);

@@ -66,7 +66,7 @@ struct Exact {
 // Where the camera is, in the world or in the frame of an object that moves, and how that turns into its space. In shared
 // memory: all lanes read the same.
 struct Eye {
-    Vec origin;
+    Vec origin, rest;     // their sum is the origin: in an object's frame, single precision need not be enough for it
     Vec to_camera[3];     // rows: x scaled by fx, y scaled by fy, z
     double focal_squared[3]; // rows of to_camera, divided by the exact rays
     float first_u, first_v;  // u and v of the view's first pixel
@@ -78,6 +78,10 @@ struct Eye {
     Exact exact_origin;
     Exact exact_rays[3];     // a ray is u times the first, plus v times the second, plus the third
 
+    static inline Vec relative(const Eye& eye, Vec p) {
+        const Vec from = Vec::minus(p, eye.origin);
+        return MOVABLE ? Vec::minus(from, eye.rest) : from;
+    }
     static inline Vec turn(const Eye& eye, Vec p) {
         return Vec{Vec::dot(eye.to_camera[0], p), Vec::dot(eye.to_camera[1], p), Vec::dot(eye.to_camera[2], p)};
     }
@@ -197,7 +201,7 @@ struct Setup {
             return t;
         }
         static inline Vec corner(const Eye& eye, const float* at) {
-            return Eye::turn(eye, Vec::minus(Vec{__ldg(at), __ldg(at + LANES), __ldg(at + 2 * LANES)}, eye.origin));
+            return Eye::turn(eye, Eye::relative(eye, Vec{__ldg(at), __ldg(at + LANES), __ldg(at + 2 * LANES)}));
         }
     };
 

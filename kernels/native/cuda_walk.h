@@ -92,7 +92,7 @@ struct Walk {
         const float* node = tree.nodes + (long long)index * NODE_WORDS + Warp::lane();
         const Vec least = {__ldg(node), __ldg(node + LANES), __ldg(node + 2 * LANES)};
         const Vec most = {__ldg(node + 3 * LANES), __ldg(node + 4 * LANES), __ldg(node + 5 * LANES)};
-        const Vec low = Vec::minus(least, eye.origin), high = Vec::minus(most, eye.origin);
+        const Vec low = Eye::relative(eye, least), high = Eye::relative(eye, most);
         bool shown = least.x <= most.x;
         if (eye.skip_back_faces) shown = shown && !faces_away(node, low, high);
         return visit(eye, eye.to_camera, packet, low, high, shown);

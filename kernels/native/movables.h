@@ -88,8 +88,9 @@ struct Queue {
         const Ints lane = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
         for (int first = 0; first < movables.count; first += 16) {
             const int last = movables.count - 1 - first;
-            const MovedBoxes boxes = MovedBoxes::of(movables.boxes + (long long)first * 6, world.poses + (long long)first * 7,
-                                                    last, camera, eye, focal);
+            const float* box = movables.boxes + (long long)first * 6;
+            const float* row = world.poses + (long long)first * 7;
+            const MovedBoxes boxes = MovedBoxes::of(box, row, last, camera, eye, focal);
             add(movables, world, first, boxes.bounds(eye, image, center_x, center_y, lane <= Lanes::all_ints(last)));
         }
         sort();

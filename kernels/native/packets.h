@@ -91,7 +91,16 @@ struct Packets {
         const Pose pose = Pose::from(job.poses + (long long)view * 7);
         const Eye eye = View::eye(pose, job);
         if (world.known) draw(tree, movables, world, job, pose, eye, image, notes, with_id, owner_id);
-        Lookup lookup = Lookup::of(tree, movables, notes.frames, eye.exact_origin);
+        // Two copies of the code again: one that knows that no triangle belongs to a movable object, and is faster.
+        const double* camera = eye.exact_origin;
+        if (movables.count > 0 && !owner_id)
+            write(Lookup::of(tree, movables, notes.frames, camera, true), eye, image, job, out, view, true, false);
+        else
+            write(Lookup::of(tree, movables, notes.frames, camera, false), eye, image, job, out, view, with_id, owner_id);
+    }
+
+    static inline void write(Lookup lookup, const Eye& eye, const Image& image, const Job& job, const Outputs& out,
+                             int view, bool with_id, bool owner_id) {
         if (job.points)
             Sparse::write(lookup, eye, View::rays(eye), image, job, out, view, owner_id);
         else
@@ -107,8 +116,9 @@ struct Packets {
         if (tree.root >= 0) {
             Eye eye = in_world;
             look_at_static(eye, tree, movables, world, job, pose);
-            Walk::draw(tree, Piece{tree.root, 0, tree.owners, 16}, eye, View::pyramid(eye, image, center_x, center_y), image,
-                       center_x, center_y, notes.stack, with_id, owner_id);
+            const Piece piece = {tree.root, 0, tree.owners, 16};
+            const Pyramid pyramid = View::pyramid(eye, image, center_x, center_y);
+            Walk::draw(tree, piece, eye, pyramid, image, center_x, center_y, notes.stack, with_id, owner_id);
         }
         if (movables.count == 0) return;
         Queue queue = {notes.visits, notes.order, 0};
@@ -118,8 +128,9 @@ struct Packets {
             if (image.hides(visit.x0, visit.y0, visit.x1, visit.y1, visit.nearest_w)) continue;
             const Eye eye = look_at_movable(movables, world, visit.child, job, pose, notes.frames);
             const Ints owner = Lanes::all_ints(movables.object[visit.child]);
-            Walk::draw(tree, movables.piece(visit.child, (const int*)&owner), eye,
-                       View::pyramid(eye, image, center_x, center_y), image, center_x, center_y, notes.stack, with_id, owner_id);
+            const Piece piece = movables.piece(visit.child, (const int*)&owner);
+            const Pyramid pyramid = View::pyramid(eye, image, center_x, center_y);
+            Walk::draw(tree, piece, eye, pyramid, image, center_x, center_y, notes.stack, with_id, owner_id);
         }
     }
 

@@ -134,10 +134,11 @@ struct Lookup {
     int first_movable;     // numbers from here on are of movable objects
     int first, end;        // numbers of the object found last
     int movable;           // which that is
+    bool moving;           // whether any can be; a constant, so that there is code that knows that none is
 
-    static inline Lookup of(const Tree& tree, const Movables& movables, const Frame* frames, const double* camera) {
-        const int first = movables.count > 0 ? movables.first_id[0] : 0x7fffffff;
-        return Lookup{tree, movables, frames, camera, first, 0, 0, 0};
+    static inline Lookup of(const Tree& tree, const Movables& movables, const Frame* frames, const double* camera,
+                            bool moving) {
+        return Lookup{tree, movables, frames, camera, moving ? movables.first_id[0] : 0, 0, 0, 0, moving};
     }
 
     inline void find(int id) {
@@ -148,20 +149,19 @@ struct Lookup {
     }
 
     inline int object_of(int id) {
-        if (id < first_movable) return Tree::object_of(tree.owners[id]);
+        if (!moving || id < first_movable) return Tree::object_of(tree.owners[id]);
         find(id);
         return movables.object[movable];
     }
 
     // Unit normal in the world, towards the camera.
     inline void normal_of(int id, float* n) {
-        if (id < first_movable)
+        if (!moving || id < first_movable)
             normal_there(camera, id, n);
         else
             movable_normal(id, n);
     }
-    // Not inline: the loop over pixels is faster without it.
-    __attribute__((noinline)) void movable_normal(int id, float* n) {
+    inline void movable_normal(int id, float* n) {
         find(id);
         const Frame& frame = frames[movable];
         float there[3];
