@@ -1,0 +1,31 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The example scripts run as they are, and say what their scenes show."""
+
+import importlib.util
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
+SAYS = {
+    "mujoco_depth.py": r"the bob shows on \d+ pixels, 2\.\d+ m away.*\nof 512 views the bob shows in 512",
+    "mujoco_rollout.py": r"160 depth images of 8 rollouts\nwhere the bob is in the first rollout, in columns: \[\d+, ",
+    "mujoco_warp_depth.py": r"the ball is seen in 64 of 64 worlds\nits top is in row 35 of the first, 0 of the last",
+}
+
+
+def test_there_are_no_others():
+    assert {path.name for path in EXAMPLES.glob("*.py")} == set(SAYS)
+
+
+@pytest.mark.parametrize("name", SAYS)
+def test_examples_run(name, tmp_path):
+    if "mujoco_warp" in name and importlib.util.find_spec("mujoco_warp") is None:
+        pytest.skip("mujoco-warp is not installed")
+    done = subprocess.run([sys.executable, EXAMPLES / name], capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert re.search(SAYS[name], done.stdout), done.stdout
