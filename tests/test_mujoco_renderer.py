@@ -456,7 +456,7 @@ BAD = {
     ),
     "out no views": (lambda: batch_of().render(worlds_of(2), out=3), "out must be warpvis.Views, got int"),
     "no objects": (lambda: depth_only().geom_ids(depth_only().render(worlds_of(1))), "views must have objects"),
-    "no geometry": (lambda: batch_of(geom_groups=(5,)).render(worlds_of(1)), "the scene has no objects"),
+    "no geometry": (lambda: batch_of(geom_groups=(5,)), r"the model has no geoms to render in groups \(5,\)"),
 }
 
 

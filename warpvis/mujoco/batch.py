@@ -17,11 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 import warpvis.renderer
 from warpvis.arrays import as_numpy, check_out, empty
 from warpvis.camera import Camera
-from warpvis.errors import ArrayError, CameraError
+from warpvis.errors import ArrayError, CameraError, SceneError
 from warpvis.labels import Label
 from warpvis.mujoco.cameras import camera_from_mujoco, camera_id
 from warpvis.mujoco.poses import Kinematics, WorldPoses, camera_transforms, object_transforms, world_count
-from warpvis.mujoco.scene import DEFAULT_GROUPS, DEFAULT_TOLERANCE, scene_from_mujoco
+from warpvis.mujoco.scene import DEFAULT_GROUPS, DEFAULT_TOLERANCE, check_groups, scene_from_mujoco
 from warpvis.renderer import OUTPUTS, Output, Views
 
 _Key = tuple[tuple[int, ...], bytes, Any]
@@ -93,7 +93,10 @@ class BatchRenderer:
         Camera(width, height, 1, 1, 0, 0)  # checks the size
         options: dict[str, Any] = {"tolerance": tolerance, "labels": labels, "exclude": exclude, "device": device}
         self.model = model
-        self.scene = scene_from_mujoco(model, geom_groups=geom_groups, **options)
+        groups = check_groups(geom_groups)
+        self.scene = scene_from_mujoco(model, geom_groups=groups, **options)
+        if not len(self.scene):
+            raise SceneError(f"the model has no geoms to render in groups {groups}; see geom_groups=")
         self.nworld, self.height, self.width = nworld, height, width
         self.kinematics = Kinematics(model, threads=threads)
         self._outputs: tuple[str, ...] = (outputs,) if isinstance(outputs, str) else tuple(outputs)
