@@ -35,7 +35,7 @@ def random_joints(model: mujoco.MjModel, worlds: int) -> NDArray[np.float32]:
     rng = np.random.default_rng(0)
     qpos = np.tile(model.qpos0, (worlds, 1))
     for joint in range(model.njnt):
-        if model.jnt_type[joint] not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
+        if int(model.jnt_type[joint]) not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
             continue
         low, high = model.jnt_range[joint] if model.jnt_limited[joint] else (-1.0, 1.0)
         middle, reach = (low + high) / 2, (high - low) / 4
