@@ -50,7 +50,7 @@ def as_warp(value: Any, dtype: Any, shape: Shape, *, name: str, device: wp.Devic
         raise ArrayError(f"{name} must be an array of shape {format_shape(shape, dtype)}, got None")
     if isinstance(value, wp.array):
         return _check_warp(value, dtype, shape, name=name, device=device)
-    if _on_gpu(value):
+    if on_gpu(value):
         try:
             return _check_warp(wp.from_dlpack(value, dtype=dtype), dtype, shape, name=name, device=device)
         except (RuntimeError, TypeError) as error:
@@ -161,7 +161,10 @@ def _fits(host: np.ndarray, target: np.dtype) -> bool:
     return bool(limits.min <= host.min() and host.max() <= limits.max)
 
 
-def _on_gpu(value: Any) -> bool:
+def on_gpu(value: Any) -> bool:
+    """Whether an array of whatever library lies on a GPU."""
+    if isinstance(value, wp.array):
+        return not value.device.is_cpu
     return hasattr(value, "__cuda_array_interface__") or (
         hasattr(value, "__dlpack_device__") and value.__dlpack_device__()[0] == 2  # kDLCUDA
     )

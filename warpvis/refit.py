@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.arrays import as_numpy, as_warp
+from warpvis.arrays import as_numpy, as_warp, on_gpu
 from warpvis.cluster_tree import LEAF_ROWS, NODE_ROWS
 from warpvis.errors import ArrayError, SceneError
 from warpvis.pose import poses_to_matrices
@@ -65,7 +65,7 @@ def parse_vertices(vertices: Any, item: SceneObject, device: wp.Device) -> wp.ar
     # Nothing is fetched from the device to count.
     name, count = item.name, len(item.vertices if item.points is None else item.points)
     try:
-        if _on_gpu(vertices):
+        if on_gpu(vertices):
             result = as_warp(_as_vectors(vertices), wp.vec3, ("n",), name=f"vertices of {name!r}", device=device)
         else:
             host = as_numpy(vertices, name=f"vertices of {name!r}")
@@ -89,14 +89,6 @@ def check_values(vertices: NDArray[Any], name: str) -> None:
         some = ", ".join(map(str, bad[:_NAMED])) + (", ..." if len(bad) > _NAMED else "")
         raise SceneError(f"vertices of {name!r} must be finite: {len(bad)} are not, at {some}")
     raise SceneError(f"vertices of {name!r} must lie within 1e18 m of the origin of its frame")
-
-
-def _on_gpu(value: Any) -> bool:
-    if isinstance(value, wp.array):
-        return not value.device.is_cpu
-    return hasattr(value, "__cuda_array_interface__") or (
-        hasattr(value, "__dlpack_device__") and value.__dlpack_device__()[0] == 2  # kDLCUDA
-    )
 
 
 def _as_vectors(value: Any) -> Any:

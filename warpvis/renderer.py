@@ -153,7 +153,7 @@ class Renderer:
         shape = (len(poses), self.camera.height, self.camera.width)
         on_host = self._on_host(shape, out)
         device = wp.get_device("cpu") if on_host else self.scene.device
-        views = self._allocate(shape, device) if out is None else self._check(out, shape, device)
+        views = views_for(self.outputs, shape, device, out)
         if on_host:
             self._cast_in_parts(poses, worlds, self._asked_for(views))
         else:
@@ -194,7 +194,7 @@ class Renderer:
         poses = self._caster.parse_poses(camera_to_world, convention)
         worlds = self._parse_worlds(len(poses), object_poses, world, exclude)
         points = as_warp(pixels, wp.vec2, (len(poses), "N"), name="pixels", device=device)
-        views = self._allocate(points.shape, device) if out is None else self._check(out, points.shape, device)
+        views = views_for(self.outputs, points.shape, device, out)
         rows = [image if image is None else _as_rows(image) for image in self._asked_for(views)]
         self._caster.cast_at(poses, worlds, _as_rows(points), rows)
         return views
@@ -220,7 +220,7 @@ class Renderer:
         """Cast as many views at a time as fit `device_bytes`, at least one, and copy them to the host's images."""
         pixels = self.camera.height * self.camera.width
         step = min(len(poses), max(1, self.device_bytes // (pixels * self._bytes_per_pixel())))
-        views = self._allocate((step, self.camera.height, self.camera.width), self.scene.device)
+        views = views_for(self.outputs, (step, self.camera.height, self.camera.width), self.scene.device)
         for first in range(0, len(poses), max(1, step)):
             part = slice(first, min(first + step, len(poses)))
             sources = [None if image is None else image[: part.stop - first] for image in self._asked_for(views)]
@@ -230,19 +230,24 @@ class Renderer:
                     wp.copy(image[part], source)
         wp.synchronize_stream(self.scene.device.stream)
 
-    def _allocate(self, shape: tuple[int, ...], device: wp.Device) -> Views:
-        return Views(**{name: empty(shape, OUTPUTS[name], name=name, device=device) for name in self.outputs})
-
     def _asked_for(self, views: Views) -> list[wp.array | None]:
         """The images in the casters' order; None for those that nobody asked for, though `views` may have them."""
         return [getattr(views, name) if name in self.outputs else None for name in OUTPUTS]
 
-    def _check(self, out: Views, shape: tuple[int, ...], device: wp.Device) -> Views:
-        if not isinstance(out, Views):
-            raise ArrayError(f"out must be warpvis.Views, got {type(out).__name__}")
-        for name in self.outputs:
-            check_out(getattr(out, name), OUTPUTS[name], shape, name=f"out.{name}", device=device)
-        return out
+
+def views_for(outputs: Sequence[str], shape: tuple[int, ...], device: wp.Device, out: Views | None = None) -> Views:
+    """New images of these outputs, or `out` if that is there and fits.
+
+    Raises:
+        ArrayError: `out` does not fit, or memory could not be had.
+    """
+    if out is None:
+        return Views(**{name: empty(shape, OUTPUTS[name], name=name, device=device) for name in outputs})
+    if not isinstance(out, Views):
+        raise ArrayError(f"out must be warpvis.Views, got {type(out).__name__}")
+    for name in outputs:
+        check_out(getattr(out, name), OUTPUTS[name], shape, name=f"out.{name}", device=device)
+    return out
 
 
 def _as_rows(array: wp.array) -> wp.array:

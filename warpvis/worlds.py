@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.arrays import as_numpy, as_warp
+from warpvis.arrays import as_numpy, as_warp, on_gpu
 from warpvis.errors import ArrayError, PoseError
 
 if TYPE_CHECKING:
@@ -79,8 +79,7 @@ def _parse_object_poses(scene: Scene, poses: Any) -> wp.array:
         raise PoseError("object_poses were given, but no object of the scene is movable; add one with movable=True")
     if isinstance(poses, wp.array) and poses.dtype == wp.transform and poses.ndim == 1:
         poses = poses.reshape((1, poses.shape[0]))
-    on_gpu = (isinstance(poses, wp.array) and not poses.device.is_cpu) or hasattr(poses, "__cuda_array_interface__")
-    if on_gpu:
+    if on_gpu(poses):
         return _check_device_poses(poses, len(movable), scene.device)
     rows = as_numpy(poses.numpy() if isinstance(poses, wp.array) else poses, name="object_poses")
     if rows.ndim == 2:
@@ -126,7 +125,7 @@ def _check_device_poses(poses: Any, count: int, device: wp.Device) -> wp.array:
 
 def _parse_world(world: Any, views: int, count: int, device: wp.Device) -> wp.array:
     result = as_warp(world, wp.int32, (views,), name="world", device=device)
-    if (isinstance(world, wp.array) and not world.device.is_cpu) or hasattr(world, "__cuda_array_interface__"):
+    if on_gpu(world):
         return result
     host = as_numpy(world.numpy() if isinstance(world, wp.array) else world, name="world")
     bad = np.flatnonzero((host < 0) | (host >= count))
@@ -144,7 +143,7 @@ def _parse_exclude(scene: Scene, views: int, exclude: Any) -> wp.array:
         flags = np.zeros((1, count), dtype=np.uint8)
         flags[0, [_index(scene, item) for item in exclude]] = 1
         return wp.array(flags, dtype=wp.uint8, device=scene.device)
-    if (isinstance(exclude, wp.array) and not exclude.device.is_cpu) or hasattr(exclude, "__cuda_array_interface__"):
+    if on_gpu(exclude):
         return as_warp(exclude, wp.uint8, ("V", count), name="exclude", device=scene.device)
     flags = as_numpy(exclude.numpy() if isinstance(exclude, wp.array) else exclude, name="exclude")
     if flags.shape not in ((views, count), (1, count)):

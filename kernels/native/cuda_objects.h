@@ -95,10 +95,7 @@ struct Objects {
             (&moved->rest.x)[k] = (float)(value - (float)value);
         }
         Warp::sync();
-        const float* box = all.boxes + 6 * (long long)m;
-        const Vec o = moved->origin;
-        const bool inside = o.x >= __ldg(box) && o.x <= __ldg(box + 3) && o.y >= __ldg(box + 1) && o.y <= __ldg(box + 4) &&
-                            o.z >= __ldg(box + 2) && o.z <= __ldg(box + 5);
+        const bool inside = Box::holds(all.boxes + 6 * (long long)m, moved->origin);
         if (lane == 0) {
             moved->skip_back_faces = __ldg(all.closed + m) && !inside;
             moved->cull_back_faces = cull || moved->skip_back_faces;

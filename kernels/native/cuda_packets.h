@@ -55,12 +55,9 @@ struct Packets {
     // behind their front faces.
     static inline bool outside_all(const Still& still, const unsigned char* excluded, const Vec& origin) {
         bool inside = false;
-        for (int i = Warp::lane(); i < still.closed_count; i += LANES) {
-            const float* box = still.closed_boxes + 6 * i;
-            inside |= origin.x >= __ldg(box) && origin.x <= __ldg(box + 3) && origin.y >= __ldg(box + 1) &&
-                      origin.y <= __ldg(box + 4) && origin.z >= __ldg(box + 2) && origin.z <= __ldg(box + 5) &&
+        for (int i = Warp::lane(); i < still.closed_count; i += LANES)
+            inside |= Box::holds(still.closed_boxes + 6 * i, origin) &&
                       !(excluded && excluded[__ldg(still.closed_object + i)]);
-        }
         return !Warp::any(inside);
     }
 

@@ -36,6 +36,14 @@ struct Tree {
     }
 };
 
+struct Box {
+    // Whether a place is in a box: least and greatest corner.
+    static inline bool holds(const float* box, Vec p) {
+        return p.x >= __ldg(box) && p.x <= __ldg(box + 3) && p.y >= __ldg(box + 1) && p.y <= __ldg(box + 4) &&
+               p.z >= __ldg(box + 2) && p.z <= __ldg(box + 5);
+    }
+};
+
 // A value that is linear in u and v.
 struct Linear {
     float u, v, one;

@@ -22,7 +22,7 @@ from warpvis.labels import Label
 from warpvis.mujoco.cameras import camera_from_mujoco, camera_id
 from warpvis.mujoco.poses import Kinematics, WorldPoses, camera_transforms, object_transforms, world_count
 from warpvis.mujoco.scene import DEFAULT_GROUPS, DEFAULT_TOLERANCE, check_groups, scene_from_mujoco
-from warpvis.renderer import OUTPUTS, Output, Views
+from warpvis.renderer import Output, Views, views_for
 
 _Key = tuple[tuple[int, ...], bytes, Any]
 
@@ -153,7 +153,7 @@ class BatchRenderer:
         runs = [(camera, len(list(run))) for camera, run in groupby(chosen, key=self._camera)]
         if len(runs) == 1:
             return self._cast(runs[0][0], place, slice(0, shape[0]), out)
-        views = self._allocate(shape) if out is None else self._check(out, shape)
+        views = views_for(self._outputs, shape, device, out)
         first = 0
         for camera, cameras in runs:
             images = slice(first * count, (first + cameras) * count)
@@ -248,17 +248,6 @@ class BatchRenderer:
             poses = self.kinematics.from_qpos(joints if worlds is None else joints[chosen])
             chosen = np.arange(len(chosen), dtype=np.int32)
         return poses, chosen
-
-    def _allocate(self, shape: tuple[int, ...]) -> Views:
-        device = self.scene.device
-        return Views(**{name: empty(shape, OUTPUTS[name], name=name, device=device) for name in self._outputs})
-
-    def _check(self, out: Views, shape: tuple[int, ...]) -> Views:
-        if not isinstance(out, Views):
-            raise ArrayError(f"out must be warpvis.Views, got {type(out).__name__}")
-        for name in self._outputs:
-            check_out(getattr(out, name), OUTPUTS[name], shape, name=f"out.{name}", device=self.scene.device)
-        return out
 
 
 def _check_worlds(worlds: ArrayLike | None, count: int) -> NDArray[np.int32]:
