@@ -18,7 +18,7 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 class ClusterScene:
     """Cluster trees in the same arrays: of all that stays, then of each mesh that moves.
 
-    Of a triangle that stays, ``owners`` holds the object, or its complement if that is closed; of one that moves, 0 or
+    Of a triangle, ``owners`` holds the object, or its complement if that is closed; of one that moves, and alone, 0 or
     its complement. Triangles are numbered by their places in leaves: first those that stay, then those of each movable
     object, as if it had leaves of its own.
     """
@@ -30,17 +30,20 @@ class ClusterScene:
     object_label: wp.array[wp.uint8]
     object_count: int
     static_root: int  # -1 if nothing stays
+    static_object: wp.array[wp.int32]  # those that stay
     closed_boxes: wp.array[float]  # of closed objects that stay
     closed_object: wp.array[wp.int32]
     closed_count: int
     all_closed: int  # whether all that stay are
     movable_count: int
-    movable_object: wp.array[wp.int32]
+    movable_object: wp.array[wp.int32]  # -1 where several move together: then owners tell
     movable_root: wp.array[wp.int32]
     movable_leaf: wp.array[wp.int32]  # the first leaf of its tree
     movable_first_id: wp.array[wp.int32]  # the number of its first triangle
     movable_closed: wp.array[wp.int32]
-    movable_boxes: wp.array[float]  # in its frame
+    movable_boxes: wp.array[float]  # in its frame, of its triangles
+    movable_solid: wp.array[wp.int32]  # a `warpvis.solids.SolidKind`
+    movable_size: wp.array[wp.vec4]  # of a solid: factors along x, y and z [m], and half length before them
 
 
 @wp.struct
@@ -75,6 +78,7 @@ _HEADERS = (
     "lanes.h",
     "setup.h",
     "raster.h",
+    "solids.h",
     "worlds.h",
     "output.h",
     "sparse.h",
@@ -88,9 +92,11 @@ const Tree tree = {scene.leaves.data, scene.owners.data, scene.nodes.data, scene
                    scene.static_root, scene.all_closed != 0};
 const Movables movables = {scene.movable_count, scene.movable_object.data, scene.movable_root.data,
                            scene.movable_leaf.data, scene.movable_first_id.data, scene.movable_closed.data,
-                           scene.movable_boxes.data, (const float*)worlds.object_poses.data,
+                           scene.movable_boxes.data, scene.movable_solid.data,
+                           (const float*)scene.movable_size.data, (const float*)worlds.object_poses.data,
                            worlds.object_poses.shape[0], worlds.world.data, worlds.excluded.data,
-                           worlds.excluded.shape[0], scene.object_count};
+                           worlds.excluded.shape[0], scene.object_count, scene.static_object.data,
+                           scene.static_object.shape[0]};
 const Job shape = {job.views, job.height, job.width, job.strips, job.strip_rows.data, job.most_rows,
                    {job.focal_x, job.focal_y}, {job.center_x, job.center_y}, job.near, job.far,
                    job.cull_backfaces != 0, (const float*)poses.data, scene.closed_boxes.data,

@@ -18,7 +18,15 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 LEVELS = 8
 """Levels of nodes that a tree may have at most."""
 
-_HEADERS = ("cuda_setup.h", "cuda_raster.h", "cuda_walk.h", "cuda_objects.h", "cuda_output.h", "cuda_packets.h")
+_HEADERS = (
+    "cuda_setup.h",
+    "cuda_raster.h",
+    "cuda_walk.h",
+    "cuda_solids.h",
+    "cuda_objects.h",
+    "cuda_output.h",
+    "cuda_packets.h",
+)
 
 _CAST = """
 __shared__ Workplace place;
@@ -35,7 +43,8 @@ if (world >= 0 && world < world_count)
     object_poses = (const float*)worlds.object_poses.data + (long long)world * scene.movable_count * 7;
 const Movables movables = {MOVABLE ? scene.movable_count : 0, scene.movable_object.data, scene.movable_root.data,
                            scene.movable_leaf.data, scene.movable_first_id.data, scene.movable_closed.data,
-                           scene.movable_boxes.data, object_poses, excluded};
+                           scene.movable_boxes.data, scene.movable_solid.data, (const float*)scene.movable_size.data,
+                           object_poses, excluded};
 const View shape = {(int)camera.width, (int)camera.height, {camera.fx, camera.fy}, {camera.cx, camera.cy},
                     camera.near, camera.far, (const float*)(poses.data + view)};
 const Outputs out = {depth.data, (float*)points.data, (float*)normals.data, labels.data, objects.data,

@@ -17,6 +17,7 @@ from warpvis.kernels.pinhole import (
     pose_origin,
     pose_rotation,
 )
+from warpvis.kernels.solids import SolidHit, is_outside, meet_solid, normal_of_solid, to_shape
 from warpvis.kernels.worlds import Worlds, is_excluded, world_of
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
@@ -30,10 +31,13 @@ class TriangleScene:
     """Triangles in the world frame and what each belongs to, the meshes of movable objects, and all labels."""
 
     mesh: wp.uint64  # 0 if nothing stays
-    triangle_object: wp.array[wp.int32]
+    triangle_object: wp.array[wp.int32]  # of what stays, then of each mesh that is of several objects
     movable_mesh: wp.array[wp.uint64]
-    movable_object: wp.array[wp.int32]
+    movable_object: wp.array[wp.int32]  # -1 where it is of several
+    movable_first_face: wp.array[wp.int32]  # where its triangles' objects begin, if it is of several
     movable_count: int
+    movable_solid: wp.array[wp.int32]  # a `warpvis.solids.SolidKind`
+    movable_size: wp.array[wp.vec4]  # of a solid: factors along x, y and z [m], and half length before them
     object_label: wp.array[wp.uint8]
 
 
@@ -86,13 +90,31 @@ def seen_from(camera: CameraFrame, place: wp.transform) -> CameraFrame:
 
 
 @wp.func
+def mesh_of(scene: TriangleScene, movable: int) -> wp.uint64:
+    """A movable object's mesh, or that of what stays (-1)."""
+    if movable < 0:
+        return scene.mesh
+    return scene.movable_mesh[movable]
+
+
+@wp.func
+def object_of(scene: TriangleScene, movable: int, face: int) -> int:
+    """Whose a triangle is: of a movable object's mesh, or of what stays (-1)."""
+    if movable < 0:
+        return scene.triangle_object[face]
+    if scene.movable_object[movable] >= 0:
+        return scene.movable_object[movable]
+    return scene.triangle_object[scene.movable_first_face[movable] + face]
+
+
+@wp.func
 def passes(
-    scene: TriangleScene, worlds: Worlds, view: int, mesh: wp.uint64, face: int, direction: wp.vec3, cull: bool
+    scene: TriangleScene, worlds: Worlds, view: int, movable: int, face: int, direction: wp.vec3, cull: bool
 ) -> bool:
     """Whether a ray goes on through a triangle: a culled back face, or part of what the view must not see."""
-    if cull and wp.dot(wp.mesh_eval_face_normal(mesh, face), direction) >= 0.0:
+    if cull and wp.dot(wp.mesh_eval_face_normal(mesh_of(scene, movable), face), direction) >= 0.0:
         return True
-    return mesh == scene.mesh and is_excluded(worlds, view, scene.triangle_object[face])
+    return is_excluded(worlds, view, object_of(scene, movable, face))
 
 
 @wp.func
@@ -100,17 +122,18 @@ def first_hit(
     scene: TriangleScene,
     worlds: Worlds,
     view: int,
-    mesh: wp.uint64,
+    movable: int,
     origin: wp.vec3,
     direction: wp.vec3,
     most_t: float,
     cull: bool,
 ) -> wp.MeshQueryRay:
     """The first hit that counts: past every other the ray goes on from just behind it. Its t is the depth."""
+    mesh = mesh_of(scene, movable)
     hit = wp.mesh_query_ray(mesh, origin, direction, most_t)
     passed = float(0.0)
     if cull or worlds.excluded:
-        while hit.result and passes(scene, worlds, view, mesh, hit.face, direction, cull):
+        while hit.result and passes(scene, worlds, view, movable, hit.face, direction, cull):
             passed += wp.max(hit.t, 0.0) + 1.0e-6 * wp.max(1.0, passed)
             hit = wp.mesh_query_ray(mesh, origin + passed * direction, direction, most_t - passed)
     hit.t += passed
@@ -122,8 +145,9 @@ class Seen:
     """What a ray meets: depth, and the triangle where it lies between near and far, -1 elsewhere."""
 
     depth: float
-    face: int
+    face: int  # of a solid's true surface, which part of it
     movable: int  # which movable object it belongs to; -1 for what stays
+    round: bool  # whether it is a solid's true surface
     direction: wp.vec3d  # of the ray, in the world
 
 
@@ -134,6 +158,21 @@ def nothing() -> Seen:
     seen.face = -1
     seen.movable = -1
     return seen
+
+
+@wp.func
+def shows_solid(scene: TriangleScene, origin: wp.vec3d, movable: int) -> bool:
+    """Whether a camera at a place of an object's frame sees its true surface: a solid, from outside."""
+    kind, size = scene.movable_solid[movable], scene.movable_size[movable]
+    return kind != 0 and is_outside(kind, wp.float64(size[3]), to_shape(origin, size))
+
+
+@wp.func
+def solid_hit(scene: TriangleScene, frame: CameraFrame, ray: wp.vec3d, movable: int) -> SolidHit:
+    """Where a ray meets a solid's surface."""
+    size = scene.movable_size[movable]
+    direction = to_shape(wp.quat_rotate(frame.rotation, ray), size)
+    return meet_solid(scene.movable_solid[movable], wp.float64(size[3]), to_shape(frame.origin, size), direction)
 
 
 @wp.func
@@ -159,38 +198,46 @@ def look(
         if world < 0:
             return seen
     for movable in range(-1, scene.movable_count):  # -1: what stays
-        mesh = scene.mesh
+        shown = scene.mesh != wp.uint64(0)
         frame = in_world
         if movable >= 0:
-            mesh = scene.movable_mesh[movable]
-            if is_excluded(worlds, view, scene.movable_object[movable]):
-                mesh = wp.uint64(0)
+            index = scene.movable_object[movable]
+            shown = index < 0 or not is_excluded(worlds, view, index)
             frame = seen_from(in_world, worlds.object_poses[world, movable])
-        if mesh != wp.uint64(0):
+        if shown and movable >= 0 and shows_solid(scene, frame.origin, movable):
+            met = solid_hit(scene, frame, ray, movable)
+            if met.w * wp.float64(nearest) > wp.float64(1.0):
+                seen.face = met.part
+                seen.movable = movable
+                seen.round = True
+                nearest = float(wp.float64(1.0) / met.w)
+        elif shown:
             direction = wp.vec3(wp.quat_rotate(frame.rotation, ray))
-            hit = first_hit(scene, worlds, view, mesh, wp.vec3(frame.origin), direction, nearest, cull_backfaces)
+            hit = first_hit(scene, worlds, view, movable, wp.vec3(frame.origin), direction, nearest, cull_backfaces)
             if hit.result and hit.t < nearest:
                 seen.face = hit.face
                 seen.movable = movable
+                seen.round = False
                 nearest = hit.t
 
     if seen.face >= 0:
+        seen.depth = nearest
+    if seen.face >= 0 and not seen.round:
         frame = in_world
-        mesh = scene.mesh
+        mesh = mesh_of(scene, seen.movable)
         if seen.movable >= 0:
             frame = seen_from(in_world, worlds.object_poses[world, seen.movable])
-            mesh = scene.movable_mesh[seen.movable]
         a = corner(mesh, seen.face, 0) - frame.origin
         b = corner(mesh, seen.face, 1) - frame.origin
         c = corner(mesh, seen.face, 2) - frame.origin
         direction_there = wp.quat_rotate(frame.rotation, ray)
         seen.depth = float(plane_depth(a, b, c, direction_there, forward_axis(frame.rotation)))
-        if seen.depth < camera.near:
-            seen.depth = -wp.inf
-            seen.face = -1
-        elif seen.depth > camera.far:
-            seen.depth = wp.inf
-            seen.face = -1
+    if seen.face >= 0 and seen.depth < camera.near:
+        seen.depth = -wp.inf
+        seen.face = -1
+    elif seen.face >= 0 and seen.depth > camera.far:
+        seen.depth = wp.inf
+        seen.face = -1
     return seen
 
 
@@ -205,23 +252,26 @@ def normal_of(mesh: wp.uint64, face: int, direction: wp.vec3d) -> wp.vec3d:
 
 
 @wp.func
-def normal_in_world(scene: TriangleScene, worlds: Worlds, view: int, seen: Seen) -> wp.vec3:
+def solid_normal(scene: TriangleScene, pose: wp.transform, worlds: Worlds, view: int, seen: Seen) -> wp.vec3:
+    """Unit normal in the world of the true surface that a ray meets."""
+    place = worlds.object_poses[world_of(worlds, view), seen.movable]
+    kind, size = scene.movable_solid[seen.movable], scene.movable_size[seen.movable]
+    point = pose_origin(pose) + wp.float64(seen.depth) * seen.direction - pose_origin(place)
+    there = to_shape(wp.quat_rotate_inv(pose_rotation(place), point), size)
+    return wp.vec3(wp.quat_rotate(pose_rotation(place), normal_of_solid(kind, size, seen.face, there)))
+
+
+@wp.func
+def normal_in_world(scene: TriangleScene, pose: wp.transform, worlds: Worlds, view: int, seen: Seen) -> wp.vec3:
     if seen.face < 0:
         return wp.vec3(wp.nan, wp.nan, wp.nan)
     if seen.movable < 0:
         return wp.vec3(normal_of(scene.mesh, seen.face, seen.direction))
+    if seen.round:
+        return solid_normal(scene, pose, worlds, view, seen)
     rotation = pose_rotation(worlds.object_poses[world_of(worlds, view), seen.movable])
     direction = wp.quat_rotate_inv(rotation, seen.direction)
     return wp.vec3(wp.quat_rotate(rotation, normal_of(scene.movable_mesh[seen.movable], seen.face, direction)))
-
-
-@wp.func
-def object_of(scene: TriangleScene, seen: Seen) -> int:
-    if seen.face < 0:
-        return -1
-    if seen.movable >= 0:
-        return scene.movable_object[seen.movable]
-    return scene.triangle_object[seen.face]
 
 
 @wp.func
@@ -248,11 +298,12 @@ def write(
             point = wp.vec3(pose_origin(pose) + wp.float64(seen.depth) * seen.direction)
         points_out[view, y, x] = point
     if normals_out:
-        normals_out[view, y, x] = normal_in_world(scene, worlds, view, seen)
+        normals_out[view, y, x] = normal_in_world(scene, pose, worlds, view, seen)
     if labels_out or objects_out:
-        index = object_of(scene, seen)
+        index = int(-1)
         label = wp.uint8(0)
-        if index >= 0:
+        if seen.face >= 0:
+            index = object_of(scene, seen.movable, seen.face)
             label = scene.object_label[index]
         if labels_out:
             labels_out[view, y, x] = label

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis import Camera, Label, Scene, Sphere
+from warpvis import Camera, Label, Scene, SceneObject, Sphere
 from warpvis.pose import poses_to_matrices, quaternion_product
+from warpvis.solids import SolidKind
 
 # Blocks that fit a core's cache.
 _TRIANGLES_AT_A_TIME = 64
@@ -67,9 +68,14 @@ def _cast(scene: Scene, camera: Camera, pose: NDArray, rays: NDArray, cull_backf
     shape = rays.shape[:-1]
     rays = rays.reshape(-1, 3)
     corners, owner = triangles_in_camera(scene, pose)
+    round_normals: dict[int, NDArray] = {}
     nearest_of, triangle_of = np.full((len(scene), len(rays)), np.inf), np.full((len(scene), len(rays)), -1)
     for index in range(len(scene)):
         first = np.flatnonzero(owner == index)[0]
+        round_surface = _meet_solid(scene.objects[index], pose, rays)
+        if round_surface is not None:
+            nearest_of[index], round_normals[index] = round_surface
+            continue
         for start in range(0, len(rays), _RAYS_AT_A_TIME):
             part = slice(start, start + _RAYS_AT_A_TIME)
             found = _nearest_triangle(rays[part], corners[owner == index], cull_backfaces)
@@ -94,7 +100,9 @@ def _cast(scene: Scene, camera: Camera, pose: NDArray, rays: NDArray, cull_backf
     facing = np.cross(b - a, c - a)
     facing *= -np.sign((facing * rays[hit]).sum(axis=1, keepdims=True))
     normals[hit] = facing / np.linalg.norm(facing, axis=1, keepdims=True) @ matrix[:3, :3].T
-    objects = np.where(hit, owner[triangle], -1)
+    for index, of_solid in round_normals.items():
+        normals[hit & (seen == index)] = of_solid[hit & (seen == index)]
+    objects = np.where(hit, seen, -1)
     label_of = np.array([item.label for item in scene.objects])
     labels = np.where(hit, label_of[objects], Label.EMPTY)
     return Images(
@@ -105,6 +113,65 @@ def _cast(scene: Scene, camera: Camera, pose: NDArray, rays: NDArray, cull_backf
         objects.reshape(shape),
         gap.reshape(shape),
     )
+
+
+def _meet_solid(item: SceneObject, pose: NDArray, rays: NDArray) -> tuple[NDArray, NDArray] | None:
+    """Depth of every ray on a solid's true surface, +inf where it misses, and the normals there in the world.
+
+    None if the object is no solid, or the camera is not outside of it: then its triangles are seen.
+    """
+    if item.solid is None:
+        return None
+    camera, place = (poses_to_matrices(np.asarray(row, dtype=np.float32)) for row in (pose, item.pose))
+    radii, half = item.solid.radii.astype(np.float32).astype(np.float64), float(np.float32(item.solid.half))
+    into = place[:3, :3].T / radii[:, None]
+    o = into @ (camera[:3, 3] - place[:3, 3])
+    d = rays @ camera[:3, :3].T @ into.T
+    middle = np.array([0, 0, np.clip(o[2], -half, half)])
+    flat = item.solid.kind == SolidKind.CYLINDER
+    if (np.hypot(o[0], o[1]) <= 1 and abs(o[2]) <= half) if flat else np.linalg.norm(o - middle) <= 1:
+        return None
+    upright = np.array([1.0, 1.0, 0.0])
+    parts = []  # depth, and the slope of the surface where that is
+    if item.solid.kind != SolidKind.BALL:
+        z = _first_root(o * upright, d * upright)
+        with np.errstate(invalid="ignore"):
+            p = o + z[:, None] * d
+            parts.append((np.where(np.abs(p[:, 2]) <= half, z, np.inf), p * upright))
+    for end in (0.0,) if item.solid.kind == SolidKind.BALL else (half, -half):
+        center = np.array([0, 0, end])
+        if flat:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                z = (end - o[2]) / d[:, 2]
+                p = o + z[:, None] * d
+                parts.append((np.where((z > 0) & (np.hypot(p[:, 0], p[:, 1]) <= 1), z, np.inf), center + 0 * p))
+        else:
+            z = _first_root(o - center, d)
+            parts.append((z, o + z[:, None] * d - center))
+    depths = np.array([depth for depth, _ in parts])
+    first = depths.argmin(axis=0)
+    with np.errstate(invalid="ignore"):
+        slopes = np.array([slope for _, slope in parts])[first, np.arange(len(rays))] / radii
+        normals = slopes / np.linalg.norm(slopes, axis=1, keepdims=True) @ place[:3, :3].T
+    return depths.min(axis=0), normals
+
+
+def _first_root(o: NDArray, d: NDArray) -> NDArray:
+    """Where rays ``o + z d`` first come as near to the origin as 1, from farther away; +inf where they do not."""
+    a, b, c = (d * d).sum(axis=1), d @ o, o @ o - 1
+    with np.errstate(divide="ignore", invalid="ignore"):
+        z = c / (np.sqrt(b * b - a * c) - b)
+    return np.where((z > 0) & (c > 0) & (b < 0), z, np.inf)
+
+
+def near_silhouette(scene: Scene, camera: Camera, pose: NDArray, pixels: NDArray, distance: float) -> NDArray[np.bool_]:
+    """Whether another object, or none, is seen within a distance [px] of pixel centres; pixels are rows (y, x)."""
+    turns = 2 * np.pi * np.arange(8) / 8
+    around = distance * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
+    at = pixels[:, None, ::-1] + 0.5 + np.concatenate([[[0.0, 0.0]], around])
+    rays = camera.back_project(at, np.ones(at.shape[:-1]))
+    objects = _cast(scene, camera, pose, rays, False).objects
+    return (objects != objects[:, :1]).any(axis=1)
 
 
 def _nearest_triangle(rays: NDArray, corners: NDArray, cull_backfaces: bool) -> tuple[NDArray, NDArray]:

@@ -12,6 +12,7 @@ import warp as wp
 from mujoco_models import SHAPES, shapes_model
 
 import warpvis as wv
+from warpvis import solids
 from warpvis.closed import provably_closed
 from warpvis.kernels import mujoco as kernels
 from warpvis.mujoco import (
@@ -62,17 +63,21 @@ def ellipsoid_distance(points, axes):
 
 
 ROUND = {
-    "sphere": (lambda tolerance: tessellation.sphere(0.3, tolerance), lambda p: sphere_distance(p, 0.3), 0.3),
-    "tiny sphere": (lambda tolerance: tessellation.sphere(1e-3, tolerance), lambda p: sphere_distance(p, 1e-3), 1e-3),
-    "huge sphere": (lambda tolerance: tessellation.sphere(40.0, tolerance), lambda p: sphere_distance(p, 40.0), 40.0),
-    "capsule": (lambda t: tessellation.capsule(0.1, 0.5, t), lambda p: capsule_distance(p, 0.1, 0.5), 0.1),
-    "cylinder": (lambda t: tessellation.cylinder(0.2, 0.1, t), lambda p: cylinder_distance(p, 0.2, 0.1), 0.2),
+    "sphere": (lambda t: solids.sphere(0.3, tolerance=t), lambda p: sphere_distance(p, 0.3), 0.3),
+    "tiny sphere": (lambda t: solids.sphere(1e-3, tolerance=t), lambda p: sphere_distance(p, 1e-3), 1e-3),
+    "huge sphere": (lambda t: solids.sphere(40.0, tolerance=t), lambda p: sphere_distance(p, 40.0), 40.0),
+    "capsule": (lambda t: solids.capsule(0.1, 0.5, tolerance=t), lambda p: capsule_distance(p, 0.1, 0.5), 0.1),
+    "cylinder": (lambda t: solids.cylinder(0.2, 0.1, tolerance=t), lambda p: cylinder_distance(p, 0.2, 0.1), 0.2),
     "ellipsoid": (
-        lambda t: tessellation.ellipsoid((0.2, 0.1, 0.05), t),
+        lambda t: solids.ellipsoid((0.2, 0.1, 0.05), tolerance=t),
         lambda p: ellipsoid_distance(p, (0.2, 0.1, 0.05)),
         0.2,
     ),
 }
+
+
+def triangles_of(solid):
+    return solid.vertices, solid.faces
 
 
 def points_on(vertices, faces, steps=5):
@@ -85,8 +90,8 @@ def points_on(vertices, faces, steps=5):
 @pytest.mark.parametrize("name", ROUND)
 def test_no_point_of_a_round_shape_is_farther_from_the_true_surface_than_the_tolerance(name, tolerance):
     make, distance, radius = ROUND[name]
-    vertices, faces = make(tolerance)
-    most = tessellation.largest_error(tolerance, radius)
+    vertices, faces = triangles_of(make(tolerance))
+    most = solids.largest_error(tolerance, radius)
     assert most == max(tolerance, 1e-4 * radius)
     error = np.abs(distance(points_on(vertices, faces)))
     assert error.max() <= most * (1 + 1e-6)
@@ -98,8 +103,9 @@ def test_no_point_of_a_round_shape_is_farther_from_the_true_surface_than_the_tol
 def test_no_point_of_a_true_round_surface_is_farther_from_the_triangles_than_the_tolerance(name):
     make, _, radius = ROUND[name]
     tolerance = 0.02 * radius
-    vertices, faces = make(tolerance)
-    true = points_on(*make(1e-3 * radius), steps=2)[::7]  # so near the true surface that it makes no difference
+    vertices, faces = triangles_of(make(tolerance))
+    finer = make(1e-3 * radius)  # so near the true surface that it makes no difference
+    true = points_on(finer.vertices, finer.faces, steps=2)[::7]
     found = trimesh.Trimesh(vertices, faces, process=False).ray.intersects_location
     # Along rays from the middle the triangles are no nearer to each other than by the shortest way.
     hits, rays, _ = found(np.zeros_like(true), true / np.linalg.norm(true, axis=1, keepdims=True), multiple_hits=False)
@@ -110,7 +116,7 @@ def test_no_point_of_a_true_round_surface_is_farther_from_the_triangles_than_the
 
 
 SOLIDS = {
-    **{name: make(1e-3) for name, (make, _, _) in ROUND.items()},
+    **{name: triangles_of(make(1e-3)) for name, (make, _, _) in ROUND.items()},
     "box": tessellation.box((0.1, 0.2, 0.3)),
     "plane": tessellation.plane(2.0, 3.0),
     "hills": tessellation.height_field(np.random.default_rng(0).random((5, 7)), np.array([0.4, 0.3, 0.2, 0.05])),
@@ -188,13 +194,38 @@ def test_labels_and_what_is_left_out_go_by_name_of_geom_or_body():
 def test_what_moves():
     model, _ = shapes_model()
     scene = scene_from_mujoco(model)
-    moving = {scene.objects[index].name for index in scene.movable}
-    still = {"the_floor", "shelf", "hills", "fixed_box", "field", "own_colour"}
+    moving = {item.name for item in scene if item.movable}
+    still = {"the_floor", "shelf", "hills", "fixed_box", "field"}
     assert moving == {item.name for item in scene} - still
+    assert "own_colour" in moving and scene["own_colour"].solid  # the true surface is seen of what has a pose
     assert {"target", "under_target"} <= moving  # a mocap body and what hangs on it
     assert scene.movable_geoms.tolist() == [scene.geom_ids[index] for index in scene.movable]
     assert len(scene_from_mujoco(model, movable="all").movable) == len(scene)
-    assert {item.name for item in scene_from_mujoco(model, static=False)} == moving
+    assert {item.name for item in scene_from_mujoco(model, static=False)} == moving - {"own_colour"}
+
+
+def test_what_moves_together_shares_a_pose():
+    """Of a body, and of bodies that are welded to it; round shapes have poses of their own."""
+    model = from_xml(
+        """<geom type="box" size="1 1 .1"/>
+           <body name="a"><freejoint/><geom type="box" size=".1 .2 .3"/><geom size=".1" pos="1 0 0"/>
+             <body name="b" pos="0 0 1"><geom type="box" size=".3 .2 .1" euler="30 0 0"/></body>
+             <body name="c" pos="0 1 0"><joint/><geom type="box" size=".3 .2 .1"/></body></body>
+           <body name="m" mocap="true"><geom type="box" size=".1 .1 .1"/><geom type="box" size=".2 .1 .1"/></body>"""
+    )
+    scene = scene_from_mujoco(model)
+    carriers = [None if item.carrier is None else scene.objects[item.carrier].name for item in scene]
+    assert [item.name for item in scene] == ["world", "a", "a_1", "b", "c", "m", "m_1"]
+    assert carriers == [None, None, None, "a", None, None, "m"]
+    assert scene.movable_geoms.tolist() == [1, 2, 4, 5]
+    data = mujoco.MjData(model)
+    data.qpos[:7] = [0.3, 0.2, 0.5, 0.5, 0.5, 0.5, 0.5]
+    mujoco.mj_kinematics(model, data)
+    place = poses_to_matrices(geom_poses(data, scene)[0].astype(np.float64))
+    corners = scene["b"].mesh_vertices @ place[:3, :3].T + place[:3, 3]
+    true = tessellation.box((0.3, 0.2, 0.1))[0] @ data.geom_xmat[3].reshape(3, 3).T + data.geom_xpos[3]
+    np.testing.assert_allclose(corners, true, atol=1e-6)
+    assert all(item.carrier is None for item in scene_from_mujoco(model, movable="all"))
 
 
 def test_geoms_of_one_shape_share_their_mesh():
@@ -203,7 +234,7 @@ def test_geoms_of_one_shape_share_their_mesh():
            <geom size=".1 .2 .3" type="box"/><geom size=".1 .2 .3" type="box" pos="0 1 0"/><geom size=".2"/></body>""",
         '<asset><mesh name="tetra" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset>',
     )
-    scene = scene_from_mujoco(model)
+    scene = scene_from_mujoco(model, movable="all")
     first, second, box, other_box, sphere = (item.mesh_vertices for item in scene)
     assert np.array_equal(first, second) and np.array_equal(box, other_box)
     assert not np.array_equal(box[: len(first)], first[: len(box)]) and len(sphere) > len(box)

@@ -64,7 +64,7 @@ _HOME = {
     "visibility_map": "visibility",
 }
 
-_SUBPACKAGES = ("io", "mujoco", "scenes", "viz")
+_SUBPACKAGES = ("io", "mujoco", "scenes", "solids", "viz")
 
 __all__ = [
     "ArrayError",

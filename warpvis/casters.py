@@ -20,7 +20,7 @@ from warpvis.threads import launch_images, load_module, run_together
 _SHARES_PER_THREAD = 2
 _TILE = 16
 _VISIT_WORDS = 6
-_NOTE_WORDS = 24 + _VISIT_WORDS + 1  # of a movable object: its frame, its visit, and its place in their order
+_NOTE_WORDS = 58 + _VISIT_WORDS + 1  # of a movable object: its frame, its visit, and its place in their order
 _FINISHED = 2  # of a job's counters
 
 

@@ -63,6 +63,8 @@ class _Mesh:
     movables: list[int] = field(default_factory=list)
     points: wp.array | None = None
     """The vertices on the device, if they change; only one object has the mesh then."""
+    owner: NDArray[np.int32] | None = None
+    """The triangles' objects, if they are of several that move together; only these have the mesh then."""
 
 
 def label_array(objects: Sequence[SceneObject], device: wp.Device) -> wp.array:
@@ -77,21 +79,28 @@ def build_triangles(objects: Sequence[SceneObject], device: wp.Device) -> Triang
     static, movable = _part(objects)
     struct = TriangleScene()
     meshes = []
-    vertices, faces, owner = _flatten(objects, static)
+    vertices, faces, owner = _flatten([objects[index].vertices for index in static], objects, static)
     if static:
         meshes.append(_make_mesh(vertices, faces, device))
         struct.mesh = meshes[0].id
-    struct.triangle_object = wp.array(owner, dtype=wp.int32, device=device)
+    owners, first_face = [owner], np.full(len(movable), -1, dtype=np.int32)
     ids = np.zeros(len(movable), dtype=np.uint64)
     refits = {}
-    for shared in _share_meshes(objects, movable):
+    shared_meshes = _share_meshes(objects, movable)
+    for shared in shared_meshes:
         meshes.append(_make_mesh(shared.vertices, shared.faces, device, shared.points))
         ids[shared.movables] = int(meshes[-1].id)
         if shared.points is not None:
             refits[movable[shared.movables[0]]] = meshes[-1]
+        if shared.owner is not None:
+            first_face[shared.movables] = sum(map(len, owners))
+            owners.append(shared.owner)
+    struct.triangle_object = wp.array(np.concatenate(owners), dtype=wp.int32, device=device)
+    struct.movable_first_face = wp.array(first_face, dtype=wp.int32, device=device)
     struct.movable_mesh = wp.array(ids, dtype=wp.uint64, device=device)
-    struct.movable_object = wp.array(movable, dtype=wp.int32, device=device)
+    struct.movable_object = _one_object(movable, shared_meshes, device)
     struct.movable_count = len(movable)
+    struct.movable_solid, struct.movable_size = _solids(objects, movable, device)
     struct.object_label = label_array(objects, device)
     return Triangles(struct, meshes, refits)
 
@@ -107,10 +116,9 @@ def build_clusters(objects: Sequence[SceneObject], device: wp.Device) -> Cluster
     closed = np.zeros(len(objects), dtype=bool)
     if static:
         closed[static] = [provably_closed(objects[i].vertices, objects[i].faces) for i in static]
-        trees.append(_build_tree(*_flatten(objects, static), closed, device))
-        # The casters read an object's complement where its back faces can be left out.
-        owner = trees[0].owners.numpy()
-        owners.append(np.where(closed[owner], ~owner, owner))
+        vertices = [objects[i].vertices for i in static]
+        trees.append(_build_tree(*_flatten(vertices, objects, static), closed, device))
+        owners.append(_marked(trees[0], closed))
     boxes = [objects[i].bounds for i in static if closed[i]]
     struct = ClusterScene()
     struct.closed_boxes = _floats(boxes, device)
@@ -120,11 +128,10 @@ def build_clusters(objects: Sequence[SceneObject], device: wp.Device) -> Cluster
     tree_of = np.zeros(len(movable), dtype=np.int64)
     mesh_closed = np.zeros(len(movable), dtype=np.int32)
     for mesh in shared:
-        is_closed = mesh.points is None and provably_closed(mesh.vertices, mesh.faces)
-        tree_of[mesh.movables], mesh_closed[mesh.movables] = len(trees), is_closed
-        nobody = np.zeros(len(mesh.faces), dtype=np.int32)
-        trees.append(_build_tree(mesh.vertices, mesh.faces, nobody, np.array([is_closed]), device))
-        owners.append(~trees[-1].owners.numpy() if is_closed else trees[-1].owners.numpy())
+        owner, part_closed = _owners(mesh, objects)
+        tree_of[mesh.movables], mesh_closed[mesh.movables] = len(trees), part_closed[owner].all()
+        trees.append(_build_tree(mesh.vertices, mesh.faces, owner, part_closed, device))
+        owners.append(_marked(trees[-1], part_closed))
     _concatenate(struct, trees, owners, device)
 
     slots = np.array([tree.leaf_count * tree.lanes for tree in trees])
@@ -133,14 +140,15 @@ def build_clusters(objects: Sequence[SceneObject], device: wp.Device) -> Cluster
     if len(ends) and ends[-1] >= 2**31:
         raise SceneError(f"all objects together must have fewer than 2^31 triangles, got {ends[-1]}, leaves filled up")
     struct.static_root = 0 if static else -1
+    struct.static_object = wp.array(static, dtype=wp.int32, device=device)
     struct.movable_count = len(movable)
-    struct.movable_object = wp.array(movable, dtype=wp.int32, device=device)
+    struct.movable_object = _one_object(movable, shared, device)
     struct.movable_root = wp.array(_first_nodes(trees)[tree_of], dtype=wp.int32, device=device)
     struct.movable_leaf = wp.array(_first_leaves(trees)[tree_of], dtype=wp.int32, device=device)
     struct.movable_first_id = wp.array(ends - slots[tree_of], dtype=wp.int32, device=device)
     struct.movable_closed = wp.array(mesh_closed, dtype=wp.int32, device=device)
-    boxes_of = {position: _box(mesh.vertices) for mesh in shared for position in mesh.movables}
-    struct.movable_boxes = _floats([boxes_of[position] for position in range(len(movable))], device)
+    struct.movable_solid, struct.movable_size = _solids(objects, movable, device)
+    struct.movable_boxes = _floats([_box(objects, piece) for piece in _pieces(objects).values()], device)
     struct.object_label = label_array(objects, device)
     struct.object_count = len(objects)
     size = sum(tree.bytes_per_triangle * tree.triangle_count for tree in trees)
@@ -149,9 +157,46 @@ def build_clusters(objects: Sequence[SceneObject], device: wp.Device) -> Cluster
 
 
 def _part(objects: Sequence[SceneObject]) -> tuple[list[int], list[int]]:
-    """Indices of the objects that stay, and of those that move."""
-    movable = [index for index, item in enumerate(objects) if item.movable]
-    return [index for index, item in enumerate(objects) if not item.movable], movable
+    """Indices of the objects that stay, and of those that have a pose in every world."""
+    static = [index for index, item in enumerate(objects) if not item.movable]
+    return static, [index for index, item in enumerate(objects) if item.pose is not None]
+
+
+def _pieces(objects: Sequence[SceneObject]) -> dict[int, list[int]]:
+    """What moves together, by the object that has the pose: itself, and what is attached to it."""
+    pieces = {index: [index] for index, item in enumerate(objects) if item.pose is not None}
+    for index, item in enumerate(objects):
+        if item.carrier is not None:
+            pieces[item.carrier].append(index)
+    return pieces
+
+
+def _one_object(movable: Sequence[int], meshes: Sequence[_Mesh], device: wp.Device) -> wp.array:
+    """The objects that have a pose, shape ``(M,)`` int32; -1 for those of which the triangles know whose they are."""
+    objects = np.array(movable, dtype=np.int32)
+    for mesh in meshes:
+        if mesh.owner is not None:
+            objects[mesh.movables] = -1
+    return wp.array(objects, dtype=wp.int32, device=device)
+
+
+def _owners(mesh: _Mesh, objects: Sequence[SceneObject]) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+    """Of a mesh that moves, whose the triangles are, 0 if it is of one object, and which owners are closed."""
+    from warpvis.closed import provably_closed
+
+    if mesh.owner is None:
+        closed = mesh.points is None and provably_closed(mesh.vertices, mesh.faces)
+        return np.zeros(len(mesh.faces), dtype=np.int32), np.array([closed])
+    flags = np.zeros(len(objects), dtype=bool)
+    for part in np.unique(mesh.owner):
+        flags[part] = provably_closed(_mesh_vertices(objects[part]), objects[part].faces)
+    return mesh.owner, flags
+
+
+def _marked(tree: ClusterTree, closed: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """A tree's owners, an object's complement where its back faces can be left out: casters read them like this."""
+    owners = tree.owners.numpy()
+    return np.where(closed[owners], ~owners, owners)
 
 
 def _share_meshes(objects: Sequence[SceneObject], movable: Sequence[int]) -> list[_Mesh]:
@@ -159,10 +204,14 @@ def _share_meshes(objects: Sequence[SceneObject], movable: Sequence[int]) -> lis
     from warpvis.refit import check_values
 
     meshes: dict[Any, _Mesh] = {}
+    pieces = _pieces(objects)
     for position, index in enumerate(movable):
-        item = objects[index]
-        vertices, faces = item.mesh_vertices, item.faces
-        assert vertices is not None
+        item, piece = objects[index], pieces[index]
+        if len(piece) > 1:
+            flat = _flatten([_mesh_vertices(objects[part]) for part in piece], objects, piece)
+            meshes[index] = _Mesh(*flat[:2], [position], owner=flat[2])
+            continue
+        vertices, faces = _mesh_vertices(item), item.faces
         if item.points is not None:
             check_values(vertices, item.name)  # those of a GPU have not been: building must not meet a NaN
             meshes[index] = _Mesh(vertices, faces, [position], item.points)
@@ -170,6 +219,16 @@ def _share_meshes(objects: Sequence[SceneObject], movable: Sequence[int]) -> lis
         mesh = meshes.setdefault((vertices.tobytes(), faces.tobytes()), _Mesh(vertices, faces))
         mesh.movables.append(position)
     return list(meshes.values())
+
+
+def _solids(objects: Sequence[SceneObject], movable: Sequence[int], device: wp.Device) -> tuple[wp.array, wp.array]:
+    """Of movable objects: the kind of solid, ``(M,)`` int32, and its radii and half length, ``(M,)`` vec4."""
+    kinds, sizes = np.zeros(len(movable), dtype=np.int32), np.ones((len(movable), 4), dtype=np.float32)
+    for position, index in enumerate(movable):
+        solid = objects[index].solid
+        if solid is not None:
+            kinds[position], sizes[position] = solid.kind, [*solid.radii, solid.half]
+    return wp.array(kinds, dtype=wp.int32, device=device), wp.array(sizes, dtype=wp.vec4, device=device)
 
 
 def _make_refits(
@@ -199,15 +258,14 @@ def _make_refits(
 
 
 def _flatten(
-    objects: Sequence[SceneObject], static: Sequence[int]
+    vertices: Sequence[NDArray[np.float32]], objects: Sequence[SceneObject], indices: Sequence[int]
 ) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]:
-    """All vertices of what stays, all faces, and the faces' objects."""
-    items = [objects[index] for index in static]
-    first = np.cumsum([0] + [len(item.vertices) for item in items])
-    vertices = np.concatenate([np.zeros((0, 3), dtype=np.float32)] + [item.vertices for item in items])
-    faces = [item.faces + start for item, start in zip(items, first, strict=False)]
-    owner = np.repeat(np.array(static, dtype=np.int32), [len(item.faces) for item in items])
-    return vertices, np.concatenate([np.zeros((0, 3), dtype=np.int32), *faces]).astype(np.int32), owner
+    """All vertices of some objects, given in one frame, all their faces, and the faces' objects."""
+    first = np.cumsum([0] + [len(part) for part in vertices])
+    faces = [objects[index].faces + start for index, start in zip(indices, first, strict=False)]
+    owner = np.repeat(np.array(indices, dtype=np.int32), [len(part) for part in faces])
+    joined = np.concatenate([np.zeros((0, 3), dtype=np.float32), *vertices])
+    return joined, np.concatenate([np.zeros((0, 3), dtype=np.int32), *faces]).astype(np.int32), owner
 
 
 def _make_mesh(
@@ -275,9 +333,20 @@ def _join(parts: Sequence[NDArray[Any]], dtype: Any, device: wp.Device) -> wp.ar
     return joined.to(device)
 
 
-def _box(vertices: NDArray[np.float32] | None) -> NDArray[np.float32]:
-    assert vertices is not None
-    return np.stack([vertices.min(axis=0), vertices.max(axis=0)])
+def _mesh_vertices(item: SceneObject) -> NDArray[np.float32]:
+    assert item.mesh_vertices is not None
+    return item.mesh_vertices
+
+
+def _box(objects: Sequence[SceneObject], piece: Sequence[int]) -> NDArray[np.float32]:
+    """Least and greatest corner of what moves together: of the triangles, and of a solid that they stand for."""
+    vertices = [_mesh_vertices(objects[part]) for part in piece]
+    solid = objects[piece[0]].solid
+    if solid is not None:
+        corner = np.nextafter(solid.extent, np.inf, dtype=np.float32)
+        vertices += [-corner[None], corner[None]]
+    rows = np.concatenate(vertices)
+    return np.stack([rows.min(axis=0), rows.max(axis=0)])
 
 
 def _floats(boxes: Sequence[NDArray[np.float32]], device: wp.Device) -> wp.array:

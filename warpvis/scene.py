@@ -19,6 +19,7 @@ from warpvis.errors import SceneError
 from warpvis.geometry import Clusters, Triangles, build_clusters, build_triangles, label_array
 from warpvis.labels import Label
 from warpvis.pose import check_up, poses_to_matrices, poses_to_opencv
+from warpvis.solids import Solid
 
 if TYPE_CHECKING:
     import trimesh
@@ -38,14 +39,19 @@ class SceneObject:
     faces: NDArray[np.int32] = field(repr=False)
     """Corner indices of the triangles, shape ``(m, 3)``."""
     mesh_vertices: NDArray[np.float32] | None = field(default=None, repr=False)
-    """Corners in the frame of a movable object [m], shape ``(n, 3)``; None if the object stays where it is."""
+    """Corners in the frame of a movable object, or of the one it is attached to [m], shape ``(n, 3)``; else None."""
     pose: NDArray[np.float32] | None = field(default=None, repr=False)
-    """Where a movable object is unless a call says otherwise, object to world, ``x y z qx qy qz qw``; else None."""
+    """Where a movable object is unless a call says otherwise, object to world, ``x y z qx qy qz qw``; None if it stays,
+    or moves with another one."""
+    carrier: int | None = None
+    """Index of the movable object that it was attached to; None for most."""
+    solid: Solid | None = None
+    """What rays meet of a movable object in place of its triangles, if it was added as a `warpvis.solids.Solid`."""
 
     @property
     def movable(self) -> bool:
         """Whether the object may be in another place in every world."""
-        return self.pose is not None
+        return self.pose is not None or self.carrier is not None
 
     @property
     def points(self) -> wp.array | None:
@@ -126,24 +132,28 @@ class Scene:
         pose: ArrayLike | None = None,
         scale: float | ArrayLike = 1.0,
         movable: bool = False,
+        attach_to: str | None = None,
     ) -> int:
         """Add an object.
 
         Args:
             mesh: A `trimesh.Trimesh`, anything else with `vertices` and `faces`, or the pair ``(vertices, faces)``:
-                vertices [m] of shape ``(n, 3)``, corner indices of shape ``(m, 3)``.
+                vertices [m] of shape ``(n, 3)``, corner indices of shape ``(m, 3)``. Of a `warpvis.solids.Solid` that
+                is movable, rays meet the true round surface, from outside; elsewhere its triangles stand for it.
             name: A name that no other object has; ``object_0``, ``object_1``, ... by default.
             label: What its pixels are labelled.
             pose: Object to world, ``x y z qx qy qz qw`` or a 4x4 matrix; identity by default.
             scale: Factor of size, or three of them along the mesh's axes, applied before the pose.
             movable: Whether `Renderer.render` may be told another pose of it for every world. Moving it then rebuilds
                 nothing, and objects of equal meshes share them. What stays where it is renders faster.
+            attach_to: Name of a movable object that this one moves with, as if both were of one piece from here on. It
+                has no pose of its own in a world, and both render faster than if it had. Meshes only, not solids.
 
         Returns:
             The object's index, the value of its pixels in the object image.
 
         Raises:
-            SceneError: The mesh is empty or malformed, or the name is taken.
+            SceneError: The mesh is empty or malformed, the name is taken, or the object cannot be attached to that.
             PoseError: The pose is not a pose.
         """
         index = len(self._objects)
@@ -151,7 +161,8 @@ class Scene:
         if name in self._index:
             raise SceneError(f"the scene already has an object named {name!r}; give another name")
         vertices, faces = _check_mesh(mesh, name)
-        vertices = vertices * _check_scale(scale, name)
+        factors = _check_scale(scale, name)
+        vertices = vertices * factors
         row = np.array([0.0, 0, 0, 0, 0, 0, 1])
         placed = vertices
         if pose is not None:
@@ -162,17 +173,38 @@ class Scene:
             placed = vertices @ matrix[:3, :3].T + matrix[:3, 3]
         if np.abs(placed).max() > FARTHEST:
             raise SceneError(f"vertices of {name!r} must lie within 1e18 m of the origin")
-        frame = (vertices.astype(np.float32), row.astype(np.float32)) if movable else (None, None)
-        self._objects.append(SceneObject(name, Label.parse(label), placed.astype(np.float32), faces, *frame))
+        frame: dict[str, Any] = {}
+        if attach_to is not None:
+            frame = self._attach(attach_to, mesh, name, placed)
+        elif movable:
+            solid = mesh.scaled(factors) if isinstance(mesh, Solid) else None
+            frame = {"mesh_vertices": vertices.astype(np.float32), "pose": row.astype(np.float32), "solid": solid}
+        self._objects.append(SceneObject(name, Label.parse(label), placed.astype(np.float32), faces, **frame))
         self._index[name] = index
-        self._movable += [index] if movable else []
+        self._movable += [index] if movable and attach_to is None else []
         self._forget()
         return index
+
+    def _attach(self, attach_to: str, mesh: Any, name: str, placed: NDArray[np.float64]) -> dict[str, Any]:
+        """What an object knows of the one that it is attached to, from its vertices in the world."""
+        index = self.index(attach_to)
+        item = self._objects[index]
+        if item.pose is None:
+            why = "which moves with another one" if item.movable else "which stays; add it with movable=True"
+            raise SceneError(f"{name!r} cannot be attached to {attach_to!r}, {why}")
+        if isinstance(mesh, Solid) or item.solid is not None or item.points is not None:
+            alone = f"{name!r} is a solid" if isinstance(mesh, Solid) else f"{attach_to!r} is a solid"
+            alone = alone if item.points is None else f"{attach_to!r} is deforming"
+            raise SceneError(f"{name!r} cannot be attached to {attach_to!r}: {alone}, and moves alone")
+        place = poses_to_matrices(item.pose)
+        inside = (placed - place[:3, 3]) @ place[:3, :3]
+        return {"mesh_vertices": inside.astype(np.float32), "carrier": index}
 
     def update_vertices(self, name: str, vertices: Any) -> None:
         """Deform a movable object: its vertices are elsewhere from now on, its triangles stay.
 
-        The first call for an object gives it a tree of its own, of which no back faces are left out, and the scene's
+        The first call for an object gives it a tree of its own, of which no back faces are left out, makes triangles of
+        a round solid, and the scene's
         trees are built again when it is next rendered. Later calls refit what has been built, on the scene's device,
         which takes a fraction of the time. A tree keeps the structure of the shape that it was built for: where a mesh
         is deformed beyond recognition, rendering slows down.
@@ -200,6 +232,10 @@ class Scene:
         item = self._objects[index]
         if not item.movable:
             raise SceneError(f"object {name!r} is not movable, so its vertices stay; add it with movable=True")
+        attached = [other.name for other in self._objects if other.carrier == index]
+        if item.carrier is not None or attached:
+            others = ", ".join(map(repr, attached)) or repr(self._objects[item.carrier or 0].name)
+            raise SceneError(f"object {name!r} is of one piece with {others}, so its vertices stay; do not attach them")
         given = parse_vertices(vertices, item, self.device)
         with self._lock:
             item = self._objects[index]
@@ -218,7 +254,7 @@ class Scene:
 
     @property
     def movable(self) -> tuple[int, ...]:
-        """Indices of the movable objects, in the order of the columns of `object_poses`."""
+        """Indices of the movable objects that have poses of their own: the columns of `object_poses`."""
         return tuple(self._movable)
 
     @property

@@ -4,32 +4,17 @@
 // Objects that move: each is a tree in its own frame, drawn by a camera that is moved into that frame. Depth and pixels
 // are the same there.
 
-struct Pose {
-    // The axes of a pose x y z qx qy qz qw, in double precision: what its x, y and z axis are outside of its frame.
-    static inline void axes(const float* pose, Exact* axis) {
-        const double x = __ldg(pose + 3), y = __ldg(pose + 4), z = __ldg(pose + 5), w = __ldg(pose + 6);
-        const double two = 2.0 / (x * x + y * y + z * z + w * w);  // which normalises the quaternion
-        axis[0] = Exact{1 - two * (y * y + z * z), two * (x * y + z * w), two * (x * z - y * w)};
-        axis[1] = Exact{two * (x * y - z * w), 1 - two * (x * x + z * z), two * (y * z + x * w)};
-        axis[2] = Exact{two * (x * z + y * w), two * (y * z - x * w), 1 - two * (x * x + y * y)};
-    }
-    static inline Exact position(const float* pose) { return Exact{__ldg(pose), __ldg(pose + 1), __ldg(pose + 2)}; }
-    // A direction out of its frame.
-    static inline Exact outside(const Exact* axis, Exact v) {
-        return Exact{axis[0].x * v.x + axis[1].x * v.y + axis[2].x * v.z, axis[0].y * v.x + axis[1].y * v.y + axis[2].y * v.z,
-                     axis[0].z * v.x + axis[1].z * v.y + axis[2].z * v.z};
-    }
-};
-
 // The movable objects of one view's world.
 struct Movables {
     int count;
-    const int* object;
+    const int* object;     // -1 where several objects move together: then the owners of triangles tell
     const int* root;       // of the tree in the nodes
     const int* leaf;       // the first leaf of the tree
     const int* first_id;   // the number of the first triangle, ascending
     const int* closed;
     const float* boxes;    // in the objects' frames
+    const int* solid;      // which kind of Shape they are
+    const float* size;     // of a shape: three sizes, and half its length
     const float* poses;    // object to world
     const unsigned char* excluded;  // by object; null for none
 
@@ -50,12 +35,21 @@ struct Movables {
 };
 
 struct Objects {
-    enum { AT_A_TIME = 256 };
+    enum {
+        AT_A_TIME = MOVABLE ? 256 : 1,
+        SOLIDS = (int)((LEVELS - 1) * sizeof(Walk::Level) / sizeof(Solid)),  // that have room where levels are
+    };
+    // What is to be drawn yet.
+    struct List {
+        unsigned visits[AT_A_TIME];
+        unsigned round[(AT_A_TIME + 31) / 32];  // which are solids, a bit each
+    };
 
     // In single precision, which is enough for a box: one lane an object.
     static inline unsigned visit(const Eye& world, const Packet& packet, const Movables& all, int m) {
         const float* pose = all.poses + 7 * (long long)m;
-        const bool shown = !(all.excluded && all.excluded[__ldg(all.object + m)]);
+        const int object = __ldg(all.object + m);
+        const bool shown = !(all.excluded && object >= 0 && all.excluded[object]);
         float x = __ldg(pose + 3), y = __ldg(pose + 4), z = __ldg(pose + 5), w = __ldg(pose + 6);
         const float scale = 1.0f / sqrtf(x * x + y * y + z * z + w * w);
         x *= scale, y *= scale, z *= scale, w *= scale;
@@ -103,36 +97,94 @@ struct Objects {
         Warp::sync();
     }
 
-    // Draw all that is seen of the objects, the nearest first. `visits` has room for AT_A_TIME, `eye` for one.
+    // Draw all that is seen of the objects, the nearest first. `eye` and `list` are room for one each, `solids` for SOLIDS;
+    // `levels` may be in the same place.
     static inline void draw(Tree tree, const Eye& world, Packet& packet, const Movables& all, bool cull, Eye* eye,
-                            unsigned* visits, Walk::Level* levels, Queue queue, Triangle* slot) {
-        const int lane = Warp::lane();
-        tree.excluded = nullptr;
-        if (lane == 0) *eye = world;
+                            List* list, Solid* solids, Walk::Level* levels, Queue queue, Triangle* slot) {
+        const unsigned char* excluded = tree.excluded;
+        if (Warp::lane() == 0) *eye = world;
         Warp::sync();
         for (int first = 0; first < all.count; first += AT_A_TIME) {
             const int count = min(all.count - first, (int)AT_A_TIME);
-            for (int i = lane; i < (count + 31) / 32 * 32; i += 32) {
-                const unsigned found = visit(world, packet, all, first + min(i, count - 1));
-                visits[i] = i < count ? found : 0;
-            }
+            look(world, packet, all, first, count, *list);
             for (;;) {
-                unsigned best = 0;
-                int at = 0;
-                for (int i = lane; i < count; i += 32)
-                    if (visits[i] > best) best = visits[i], at = i;
-                const unsigned next = Warp::most(best);
-                if (next == 0) break;
-                const int k = Warp::first_of(Warp::lanes_where(best == next));
-                if (lane == k) visits[at] = 0;
-                if (Walk::hidden(packet, next)) continue;
-                const int m = first + Warp::from(at, k);
+                int at;
+                unsigned visit;
+                const int taken = take(*list, count, at, visit);
+                if (taken == 0) break;
+                if (taken > 0) {
+                    draw_solids(world, packet, all, first, at, visit, taken, *list, solids);
+                    continue;
+                }
+                if (Walk::hidden(packet, visit)) continue;
+                const int m = first + at;
                 move(world, all, m, cull, eye);
                 tree.root = __ldg(all.root + m);
                 tree.first_id = Movables::first_of(all, m);
+                tree.excluded = __ldg(all.object + m) < 0 ? excluded : nullptr;
                 Walk::draw(tree, *eye, packet, levels, queue, slot);
                 Warp::sync();
             }
         }
+    }
+
+    static inline void look(const Eye& world, const Packet& packet, const Movables& all, int first, int count, List& list) {
+        const int lane = Warp::lane();
+        Warp::sync();
+        for (int i = lane; i < (count + 31) / 32 * 32; i += 32) {
+            const int m = first + min(i, count - 1);
+            const unsigned found = visit(world, packet, all, m), round = Warp::lanes_where(__ldg(all.solid + m) != 0);
+            list.visits[i] = i < count ? found : 0;
+            if (lane == 0) list.round[i / 32] = round;
+        }
+        Warp::sync();
+    }
+
+    // The next objects of a list, the nearest first, each a lane's: as many solids as there is room for, or, if that comes
+    // first, one to be drawn by its triangles, which all lanes get. How many solids; -1 for the other.
+    static inline int take(List& list, int count, int& mine, unsigned& my_visit) {
+        const int lane = Warp::lane();
+        int taken = 0;
+        mine = 0, my_visit = 0;
+        while (taken < SOLIDS) {
+            unsigned best = 0;
+            int at = 0;
+            for (int i = lane; i < count; i += 32)
+                if (list.visits[i] > best) best = list.visits[i], at = i;
+            const unsigned next = Warp::most(best);
+            if (next == 0) break;
+            const int k = Warp::first_of(Warp::lanes_where(best == next));
+            const int found = Warp::from(at, k);
+            const bool round = list.round[found / 32] >> (found % 32) & 1;
+            if (!round && taken > 0) break;
+            if (lane == k) list.visits[at] = 0;
+            if (lane == taken || !round) mine = found, my_visit = next;
+            if (!round) return -1;
+            ++taken;
+        }
+        return taken;
+    }
+
+    // Each of the first lanes sets up a solid, then all draw one after the other.
+    static inline void draw_solids(const Eye& world, Packet& packet, const Movables& all, int first, int at, unsigned visit,
+                                   int taken, List& list, Solid* solids) {
+        const int lane = Warp::lane(), m = first + at;
+        bool outside = false;
+        Warp::sync();
+        if (lane < taken) {
+            outside = solids[lane].set_up(world, all.poses + 7 * (long long)m, __ldg(all.solid + m),
+                                          all.size + 4 * (long long)m, __ldg(all.first_id + m));
+            if (!outside) {  // it is triangles that are seen, and it is still to be drawn
+                list.visits[at] = visit;
+                atomicAnd(list.round + at / 32, ~(1u << at % 32));
+            }
+        }
+        Warp::sync();
+        for (unsigned left = Warp::lanes_where(outside); left; left = Warp::without_first(left)) {
+            const int k = Warp::first_of(left);
+            const unsigned blocks = Walk::open_blocks(packet, Warp::from(visit, k));
+            if (blocks) solids[k].draw(packet, blocks);
+        }
+        Warp::sync();
     }
 };

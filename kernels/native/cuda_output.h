@@ -26,24 +26,43 @@ struct Write {
         return Vec{nan, nan, nan};
     }
 
-    // Of a triangle, in the world, against the direction from which it is seen.
+    // Of a triangle or a solid, in the world, against the direction from which it is seen.
     static inline Vec normal(const Tree& tree, const Eye& eye, const Movables& movables, unsigned id, int x, int y) {
-        const int m = Movables::owner_of(movables, id);
-        Exact n = Exact::normal(tree.corners(m < 0 ? id : id - Movables::first_of(movables, m)));
-        if (m >= 0) {
-            Exact axis[3];
-            Pose::axes(movables.poses + 7 * (long long)m, axis);
-            n = Pose::outside(axis, n);
-        }
         const double u = (double)x + eye.first_u, v = (double)y + eye.first_v;
-        const double towards = u * Exact::dot(n, eye.exact_rays[0]) + v * Exact::dot(n, eye.exact_rays[1]) +
-                               Exact::dot(n, eye.exact_rays[2]);
+        const Exact ray = {u * eye.exact_rays[0].x + v * eye.exact_rays[1].x + eye.exact_rays[2].x,
+                           u * eye.exact_rays[0].y + v * eye.exact_rays[1].y + eye.exact_rays[2].y,
+                           u * eye.exact_rays[0].z + v * eye.exact_rays[1].z + eye.exact_rays[2].z};
+        const int m = Movables::owner_of(movables, id);
+        const Exact n = m < 0 ? Exact::normal(tree.corners(id)) : moved_normal(tree, eye, movables, m, id, ray);
+        const double towards = Exact::dot(n, ray);
         return Exact::times(n, (towards > 0.0 ? -1.0 : 1.0) / sqrt(Exact::dot(n, n))).rounded();
+    }
+
+    // Of a movable object, in the world, of any length.
+    static inline Exact moved_normal(const Tree& tree, const Eye& eye, const Movables& movables, int m, unsigned id,
+                                     Exact ray) {
+        const float* pose = movables.poses + 7 * (long long)m;
+        const int kind = __ldg(movables.solid + m);
+        Exact axis[3];
+        if (kind) {
+            const float* size = movables.size + 4 * (long long)m;
+            const double half = __ldg(size + 3);
+            Shape::axes(pose, size, axis);
+            const Exact o = Shape::inside(axis, Exact::minus(eye.exact_origin, Pose::position(pose)));
+            if (Shape::outside(kind, half, o)) {
+                const int part = id - __ldg(movables.first_id + m);
+                return Pose::outside(axis, Shape::gradient(kind, half, o, Shape::inside(axis, ray), part));
+            }
+        }
+        Pose::axes(pose, axis);
+        return Pose::outside(axis, Exact::normal(tree.corners(id - Movables::first_of(movables, m))));
     }
 
     static inline int object(const Tree& tree, const Movables& movables, unsigned id) {
         const int m = Movables::owner_of(movables, id);
-        return m < 0 ? Tree::object_of(__ldg(tree.owners + id)) : __ldg(movables.object + m);
+        const int alone = m < 0 ? -1 : __ldg(movables.object + m);
+        if (alone >= 0) return alone;
+        return Tree::object_of(__ldg(tree.owners + (m < 0 ? id : id - Movables::first_of(movables, m))));
     }
 
     static inline Vec point(const Eye& eye, int x, int y, float z) {

@@ -21,11 +21,14 @@ struct Still {
 struct Workplace {
     Eye world;
     Triangle triangle;
-    Walk::Level levels[LEVELS - 1];
+    union {  // of a tree, or of solids
+        Walk::Level levels[LEVELS - 1];
+        Solid solids[Objects::SOLIDS];
+    };
     unsigned queue[2 * LANES];
     Key nearest[BLOCKS * 32];
     Eye moved[1];
-    unsigned visits[MOVABLE ? Objects::AT_A_TIME : 1];
+    Objects::List list;
 };
 
 struct Packets {
@@ -80,8 +83,8 @@ struct Packets {
         const Queue queue = {place.queue, 0};
         if (tree.root >= 0 && exists) Walk::draw(tree, place.world, packet, place.levels, queue, &place.triangle);
         if (MOVABLE && exists)
-            Objects::draw(tree, place.world, packet, movables, cull, place.moved, place.visits, place.levels, queue,
-                          &place.triangle);
+            Objects::draw(tree, place.world, packet, movables, cull, place.moved, &place.list,
+                          place.solids, place.levels, queue, &place.triangle);
         Warp::sync();
         Write::images(tree, place.world, packet, movables, out, view_index, view.width, view.height, view.near, view.far);
     }

@@ -71,6 +71,23 @@ struct Exact {
     }
 };
 
+struct Pose {
+    // The axes of a pose x y z qx qy qz qw, in double precision: what its x, y and z axis are outside of its frame.
+    static inline void axes(const float* pose, Exact* axis) {
+        const double x = __ldg(pose + 3), y = __ldg(pose + 4), z = __ldg(pose + 5), w = __ldg(pose + 6);
+        const double two = 2.0 / (x * x + y * y + z * z + w * w);  // which normalises the quaternion
+        axis[0] = Exact{1 - two * (y * y + z * z), two * (x * y + z * w), two * (x * z - y * w)};
+        axis[1] = Exact{two * (x * y - z * w), 1 - two * (x * x + z * z), two * (y * z + x * w)};
+        axis[2] = Exact{two * (x * z + y * w), two * (y * z - x * w), 1 - two * (x * x + y * y)};
+    }
+    static inline Exact position(const float* pose) { return Exact{__ldg(pose), __ldg(pose + 1), __ldg(pose + 2)}; }
+    // A direction out of its frame.
+    static inline Exact outside(const Exact* axis, Exact v) {
+        return Exact{axis[0].x * v.x + axis[1].x * v.y + axis[2].x * v.z, axis[0].y * v.x + axis[1].y * v.y + axis[2].y * v.z,
+                     axis[0].z * v.x + axis[1].z * v.y + axis[2].z * v.z};
+    }
+};
+
 // Where the camera is, in the world or in the frame of an object that moves, and how that turns into its space. In shared
 // memory: all lanes read the same.
 struct Eye {
@@ -140,6 +157,15 @@ struct Setup {
         float u0, u1, v0, v1;  // bounds
         float zmax;
         bool crossing;         // reaches behind the camera: it may be anywhere in the image
+
+        // Its area, in pixels.
+        inline float area() const {
+            return 0.5f * fabsf((u[1] - u[0]) * (v[2] - v[0]) - (u[2] - u[0]) * (v[1] - v[0]));
+        }
+        // About how many are inside of so many in its bounds.
+        inline int cover(int bounds) const {
+            return crossing || !(area() < (float)bounds) ? bounds : min(bounds, (int)area() + 1);
+        }
 
         static inline Projection of(Vec a, Vec b, Vec c) {
             Projection p;
@@ -213,8 +239,8 @@ struct Setup {
         }
     };
 
-    // Whether this lane's triangle of a leaf may cover a pixel's centre of the packet that begins at a pixel, and if so, of
-    // how many pixels its bounds there are.
+    // Whether this lane's triangle of a leaf may cover a pixel's centre of the packet that begins at a pixel, and if so,
+    // about how many.
     static inline int area(const Tree& tree, const Eye& eye, int first_x, int first_y, int leaf) {
         const unsigned place = leaf * LANES + Warp::lane();
         const Corners c = Corners::of(eye, tree.corners(place));
@@ -233,7 +259,7 @@ struct Setup {
         const int x0 = max(__float2int_ru(p.u0 - to_x - slack), 0), y0 = max(__float2int_ru(p.v0 - to_y - slack), 0);
         const int x1 = min(__float2int_rd(p.u1 - to_x + slack), PACKET_WIDTH - 1);
         const int y1 = min(__float2int_rd(p.v1 - to_y + slack), PACKET_HEIGHT - 1);
-        return shown && x0 <= x1 && y0 <= y1 ? (x1 - x0 + 1) * (y1 - y0 + 1) : 0;
+        return shown && x0 <= x1 && y0 <= y1 ? p.cover((x1 - x0 + 1) * (y1 - y0 + 1)) : 0;
     }
 
     // A triangle that has an area.

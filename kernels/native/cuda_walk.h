@@ -115,10 +115,14 @@ struct Walk {
         return shown ? Visit::of(near_w, (int)left, (int)top, (int)right, (int)bottom) : 0;
     }
 
-    // Whether all that the child may cover has been drawn nearer.
-    static inline bool hidden(const Packet& packet, unsigned visit) {
-        return !Warp::any(Visit::touches(visit, Warp::lane()) && packet.block_least <= Visit::nearest(visit));
+    // Blocks that the child may cover and that have not been drawn nearer.
+    static inline bool open_block(const Packet& packet, unsigned visit) {
+        return Visit::touches(visit, Warp::lane()) && packet.block_least <= Visit::nearest(visit);
     }
+    static inline unsigned open_blocks(const Packet& packet, unsigned visit) {
+        return Warp::lanes_where(open_block(packet, visit));
+    }
+    static inline bool hidden(const Packet& packet, unsigned visit) { return !Warp::any(open_block(packet, visit)); }
 
     // Draw all that is seen of a tree. `levels` has room for every level of it but the last, `queue` is empty.
     static inline void draw(const Tree& tree, const Eye& eye, Packet& packet, Level* levels, Queue queue, Triangle* slot) {

@@ -4,8 +4,6 @@
 // The objects of a view's world that it may see. Each has a tree in its own frame, into which the camera is moved:
 // rigid motion changes neither depths nor where things are in the image, and moving an object rebuilds nothing.
 
-typedef double Doubles __attribute__((ext_vector_type(16)));
-
 // Sixteen objects' boxes in camera space: their centres, and half of each of their edges.
 struct MovedBoxes {
     Points center, half[3];

@@ -104,8 +104,19 @@ struct Rays {
 };
 
 struct Strip {
-    // Normals of the triangles that a row of pixels shows; neighbours mostly share one.
-    static inline Points normals(Lookup& lookup, Ints ids, unsigned seen) {
+    // Normals of what a row of pixels shows, from u and v of the first one on.
+    static inline Points normals(Lookup& lookup, Ints ids, Ints seen, double u, double v) {
+        if (!lookup.moving) return triangle_normals(lookup, ids, Lanes::bits(seen));
+        const Doubles column = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+        const Floats none = Lanes::all(0.0f);
+        Points round = {none, none, none};
+        const Ints solid = lookup.solid_normals(ids, seen, u + column, v + (Doubles)(0.0), round);
+        const Points n = triangle_normals(lookup, ids, Lanes::bits(seen & ~solid));
+        return Points{solid ? round.x : n.x, solid ? round.y : n.y, solid ? round.z : n.z};
+    }
+
+    // Normals of the triangles that it shows; neighbours mostly share one.
+    static inline Points triangle_normals(Lookup& lookup, Ints ids, unsigned seen) {
         int id[16], previous = -1;
         float n[3][16], last[3] = {0, 0, 0};
         Lanes::store(id, ids);
@@ -158,7 +169,10 @@ struct Strip {
                                   reach * ray.z + eye.origin[2]};
             Write::row(out.points + at * 3, point, count);
         }
-        if (out.normals) Write::row(out.normals + at * 3, normals(lookup, id, Lanes::bits(seen)), count);
+        if (out.normals) {
+            const double u = x + 0.5 - job.center[0], v = y + image.first_row + 0.5 - job.center[1];
+            Write::row(out.normals + at * 3, normals(lookup, id, seen, u, v), count);
+        }
         if (!(out.objects || out.labels)) return;
         const Ints object = objects(lookup, id, seen, owner_id);
         if (out.objects) Write::row(out.objects + at, object, count);

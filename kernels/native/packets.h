@@ -127,8 +127,15 @@ struct Packets {
             const Visit& visit = queue.visits[queue.order[i]];
             if (image.hides(visit.x0, visit.y0, visit.x1, visit.y1, visit.nearest_w)) continue;
             const Eye eye = look_at_movable(movables, world, visit.child, job, pose, notes.frames);
+            const Solid& solid = notes.frames[visit.child].solid;
+            if (solid.kind != Solid::none) {
+                const int id = owner_id ? movables.object[visit.child] : movables.first_id[visit.child];
+                const Solids::Place place = {visit.x0, visit.y0, visit.x1, visit.y1, visit.nearest_w};
+                Solids::draw(solid, eye, image, job.center, place, id, with_id, !owner_id);
+                continue;
+            }
             const Ints owner = Lanes::all_ints(movables.object[visit.child]);
-            const Piece piece = movables.piece(visit.child, (const int*)&owner);
+            const Piece piece = movables.piece(tree, visit.child, (const int*)&owner);
             const Pyramid pyramid = View::pyramid(eye, image, center_x, center_y);
             Walk::draw(tree, piece, eye, pyramid, image, center_x, center_y, notes.stack, with_id, owner_id);
         }
@@ -149,9 +156,19 @@ struct Packets {
         __builtin_memcpy(frames[movable].axis, place.axis, sizeof place.axis);
         __builtin_memcpy(frames[movable].camera, there.position, sizeof there.position);
         Eye eye = View::eye(there, job);
+        note_solid(frames[movable].solid, movables, movable, eye);
         eye.skip_back_faces = movables.closed[movable] && !there.inside(movables.boxes + (long long)movable * 6);
         eye.cull_back_faces = job.cull_back_faces || eye.skip_back_faces;
+        if (movables.object[movable] < 0) eye.excluded = world.excluded;
         return eye;
+    }
+
+    // From inside, an object's triangles are seen whatever it is.
+    static inline void note_solid(Solid& noted, const Movables& movables, int movable, const Eye& eye) {
+        noted.kind = Solid::none;
+        if (movables.solid[movable] == Solid::none) return;
+        noted = Solid::of(movables.solid[movable], movables.size + (long long)movable * 4, eye);
+        if (!noted.outside()) noted.kind = Solid::none;
     }
 
     // Counters that the workers of a job share.

@@ -120,6 +120,19 @@ struct Sparse {
                 write_point(lookup, eye, rays, job, out, view * job.points + i, 0.0f, -1, 0.0f, 0.0f, owner_id);
     }
 
+    static inline void point_normal(Lookup& lookup, int id, float u, float v, float* normal) {
+        Points round;
+        const Doubles at_u = (Doubles)((double)u), at_v = (Doubles)((double)v);
+        if (lookup.moving &&
+            Lanes::any(lookup.solid_normals(Lanes::all_ints(id), Lanes::all_ints(-1), at_u, at_v, round))) {
+            normal[0] = round.x[0];
+            normal[1] = round.y[0];
+            normal[2] = round.z[0];
+        } else {
+            lookup.normal_of(id, normal);
+        }
+    }
+
     static inline void write_point(Lookup& lookup, const Eye& eye, const Rays& rays, const Job& job, const Outputs& out,
                                    long long place, float w, int id, float u, float v, bool owner_id) {
         const float z = 1.0f / w, nothing = __builtin_nanf("");
@@ -130,7 +143,7 @@ struct Sparse {
                 seen ? z * (u * rays.right[c] + (v * rays.down[c] + rays.forward[c])) + eye.origin[c] : nothing;
         if (out.normals) {
             float normal[3] = {nothing, nothing, nothing};
-            if (seen) lookup.normal_of(id, normal);
+            if (seen) point_normal(lookup, id, u, v, normal);
             for (int c = 0; c < 3; ++c) out.normals[place * 3 + c] = normal[c];
         }
         const int object = !seen ? -1 : owner_id ? id : lookup.object_of(id);

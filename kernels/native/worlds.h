@@ -60,6 +60,7 @@ struct Piece {
 // An object's axes in the world, and the camera in its frame: what normals take of a pose.
 struct Frame {
     double axis[3][3], camera[3];
+    Solid solid;  // with the camera outside; of another kind than none, it is what the object is drawn as
 };
 
 // What one view sees: where movable objects are, and what is left out.
@@ -68,23 +69,28 @@ struct World {
     const float* poses;             // [movable]: x y z qx qy qz qw, object to world
     const unsigned char* excluded;  // [object]: not 0 for what is not seen; null if nothing is excluded
 
-    inline bool excludes(int object) const { return excluded && excluded[object]; }
+    // -1 stands for several objects.
+    inline bool excludes(int object) const { return excluded && object >= 0 && excluded[object]; }
 };
 
 struct Movables {
     int count;
-    const int* object;      // [movable], and so the others: its index among all objects, ascending
+    const int* object;      // [movable], and so the others: its index among all objects, -1 where several move together
     const int* root;        // node
     const int* first_leaf;  // of its tree
     const int* first_id;    // number of its first triangle, ascending
     const int* closed;      // whether its back faces are hidden from outside of its box
     const float* boxes;     // [movable][6]: least and greatest corner in its frame
+    const int* solid;       // its kind
+    const float* size;      // [movable][4]: of a solid, factors along x, y and z, and half length before them
     const float* poses;     // [world][movable][7]
     int worlds;
     const int* world;               // [view]; null: the one world, or if there are several, for each view its own
     const unsigned char* excluded;  // [view or 1][object], or null
     int excluded_views;
     int objects;  // of the scene
+    const int* still;  // those that stay
+    int still_count;
 
     inline World of_view(int view) const {
         const int index = world ? world[view] : worlds == 1 ? 0 : view;
@@ -98,19 +104,15 @@ struct Movables {
 
     // Whether a view leaves out anything that stays where it is.
     inline bool excludes_static(const World& world) const {
-        int movable = 0;
-        for (int i = 0; i < objects && world.excluded; ++i) {
-            if (movable < count && object[movable] == i)
-                ++movable;
-            else if (world.excluded[i])
-                return true;
-        }
+        for (int i = 0; i < still_count && world.excluded; ++i)
+            if (world.excluded[still[i]]) return true;
         return false;
     }
 
     // Its tree; `owner` is its index among all objects, sixteen times.
-    inline Piece piece(int movable, const int* owner) const {
-        return Piece{root[movable], first_id[movable] - first_leaf[movable] * 16, owner, 0};
+    inline Piece piece(const Tree& tree, int movable, const int* owner) const {
+        const int number = first_id[movable] - first_leaf[movable] * 16;
+        return object[movable] < 0 ? Piece{root[movable], number, tree.owners, 16} : Piece{root[movable], number, owner, 0};
     }
 
     // The object that a triangle belongs to, by the triangle's number; the first one also answers for lesser numbers.
@@ -151,10 +153,11 @@ struct Lookup {
     inline int object_of(int id) {
         if (!moving || id < first_movable) return Tree::object_of(tree.owners[id]);
         find(id);
-        return movables.object[movable];
+        const int alone = movables.object[movable];
+        return alone >= 0 ? alone : Tree::object_of(tree.owners[id - first + movables.first_leaf[movable] * 16]);
     }
 
-    // Unit normal in the world, towards the camera.
+    // Unit normal of a triangle in the world, towards the camera.
     inline void normal_of(int id, float* n) {
         if (!moving || id < first_movable)
             normal_there(camera, id, n);
@@ -168,6 +171,35 @@ struct Lookup {
         normal_there(frame.camera, id - first + movables.first_leaf[movable] * 16, there);
         for (int k = 0; k < 3; ++k)
             n[k] = (float)(there[0] * frame.axis[0][k] + there[1] * frame.axis[1][k] + there[2] * frame.axis[2][k]);
+    }
+
+    // Unit normals where sixteen rays show solids, into those lanes of `n`; which these are.
+    inline Ints solid_normals(Ints ids, Ints seen, Doubles u, Doubles v, Points& n) {
+        int id[16];
+        Ints solid = Lanes::all_ints(0);
+        Lanes::store(id, ids);
+        for (unsigned left = Lanes::bits(seen & (ids >= first_movable)); left;) {
+            find(id[Lanes::first_lane(left)]);
+            const Ints here = seen & (ids >= first) & (ids < end);
+            if (frames[movable].solid.kind != Solid::none) {
+                const Points found = normals_of(frames[movable], ids - first, u, v);
+                n.x = here ? found.x : n.x;
+                n.y = here ? found.y : n.y;
+                n.z = here ? found.z : n.z;
+                solid |= here;
+            }
+            left &= ~Lanes::bits(here);
+        }
+        return solid;
+    }
+    static inline Points normals_of(const Frame& frame, Ints part, Doubles u, Doubles v) {
+        const ExactPoints there = frame.solid.normals(part, u, v);
+        Floats n[3];
+        for (int k = 0; k < 3; ++k) {
+            const Doubles in_world = there.x * frame.axis[0][k] + (there.y * frame.axis[1][k] + there.z * frame.axis[2][k]);
+            n[k] = __builtin_convertvector(in_world, Floats);
+        }
+        return Points{n[0], n[1], n[2]};
     }
 
     // In the frame of its tree, of the triangle at a place in the leaves.

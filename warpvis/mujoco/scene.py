@@ -14,18 +14,18 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpvis import solids
 from warpvis.errors import SceneError
 from warpvis.labels import Label
 from warpvis.mujoco import tessellation
 from warpvis.mujoco.tessellation import Mesh
 from warpvis.scene import Scene
+from warpvis.solids import DEFAULT_TOLERANCE, Solid
 
 Movable = Literal["bodies", "all"]
 
 DEFAULT_GROUPS = (0, 1, 2)
 """The geom groups that MuJoCo draws by default (`mjv_defaultOption` in src/engine/engine_vis_init.c)."""
-
-DEFAULT_TOLERANCE = 5e-4
 
 INFINITE_PLANE = 10.0
 """Half size of an infinite plane, in times the distance of the far clipping plane."""
@@ -45,7 +45,7 @@ class MujocoScene(Scene):
         self.geom_ids: NDArray[np.int32] = np.zeros(0, dtype=np.int32)
         """The geom of every object, shape ``(objects,)``."""
         self.movable_geoms: NDArray[np.int32] = np.zeros(0, dtype=np.int32)
-        """The geoms that move, in the order of `movable` and of the columns of object poses, shape ``(M,)``."""
+        """The geoms whose poses say where all that moves is: the columns of object poses, shape ``(M,)``."""
         self._remake: Callable[..., MujocoScene] = functools.partial(MujocoScene, model)
 
     @functools.cached_property
@@ -73,12 +73,13 @@ def scene_from_mujoco(
 
     What MuJoCo's renderer leaves out is left out: geoms whose colour has alpha 0 (`addGeomGeoms` in
     src/engine/engine_vis_visualize.c). So are sites, tendons, skins and flexes, which MuJoCo draws. Sizes, meshes,
-    heights and colours are read once; make another scene after changing them.
+    heights and colours are read once, and so is where geoms are in their bodies; make another scene after changing
+    them.
 
-    Boxes, height fields and meshes are exact; so are planes from above, while from below they are 0.1 mm lower.
-    Infinite planes end at 10 times the distance of MuJoCo's far clipping plane from their origin. No point of another
-    shape is farther from its true surface than `tolerance`, or 1e-4 of its largest radius if that is more, nor is a
-    point of the true surface from the triangles.
+    All shapes are exact, but for planes from below, which are 0.1 mm lower there, and infinite ones, which end at 10
+    times the distance of MuJoCo's far clipping plane from their origin. From inside of a round shape, and on export,
+    its triangles stand for it; they are nowhere farther from it than `tolerance`, or 1e-4 of its largest radius if that
+    is more.
 
     An object is named as its geom, or as the geom's body if the geom has no name, with ``_1``, ``_2``, ... where that
     is taken. Planes, height fields, and what has "floor" or "ground" in its name are `Label.GROUND`; the rest are
@@ -87,12 +88,12 @@ def scene_from_mujoco(
     Args:
         model: A `mujoco.MjModel`.
         geom_groups: Groups of geoms to show, of 0 to 5; 0, 1 and 2 by default, as in MuJoCo.
-        tolerance: Most distance between true and rendered surfaces [m].
+        tolerance: Most distance of the triangles of round shapes from the true surface [m].
         labels: Labels by name of the object or its body; a name may be a pattern (``"wall_*"``), and the last one that
             fits counts.
         exclude: Names or patterns of objects or bodies to leave out.
-        movable: ``"bodies"``: geoms of bodies that are not welded to the world, and of mocap bodies, move; ``"all"``:
-            so does every other geom, for models whose fixed geoms are moved by hand.
+        movable: ``"bodies"``: geoms of bodies that are not welded to the world, and of mocap bodies, move, and all
+            round ones; ``"all"``: so does every other geom, each by itself, for models whose geoms are moved by hand.
         static: Whether geoms show whose body is welded to the world.
         device: Where the scene is rendered.
 
@@ -127,12 +128,23 @@ def scene_from_mujoco(
     )
     moves |= movable == "all"
     poses, kept = _initial_poses(model), []
+    first_of: dict[int, str] = {}  # a piece's object that has the pose
     for geom, mesh in _meshes(model, shown, tolerance):
-        scene.add(mesh, name=names[geom], label=wanted[geom], pose=poses[geom], movable=bool(moves[geom]))
+        moves[geom] |= isinstance(mesh, Solid)
+        piece = geom if isinstance(mesh, Solid) or movable == "all" else model.ngeom + _rigid_piece(model, geom)
+        first = first_of.setdefault(piece, names[geom]) if moves[geom] else names[geom]
+        placed: dict[str, Any] = {"movable": bool(moves[geom])} if first == names[geom] else {"attach_to": first}
+        scene.add(mesh, name=names[geom], label=wanted[geom], pose=poses[geom], **placed)
         kept.append(geom)
     scene.geom_ids = np.array(kept, dtype=np.int32)
-    scene.movable_geoms = scene.geom_ids[moves[scene.geom_ids]]
+    scene.movable_geoms = scene.geom_ids[list(scene.movable)]
     return scene
+
+
+def _rigid_piece(model: Any, geom: int) -> int:
+    """A body that the geom's body is welded to, the same one for all that move together."""
+    body = int(model.geom_bodyid[geom])
+    return int(model.body_weldid[body]) or body  # 0, the world, is said of mocap bodies too
 
 
 def movable_bodies(model: Any) -> NDArray[np.bool_]:
@@ -164,9 +176,9 @@ def _group(model: Any, geom: int) -> int:
     return min(max(int(model.geom_group[geom]), 0), mujoco.mjNGROUP - 1)
 
 
-def _meshes(model: Any, geoms: Iterable[int], tolerance: float) -> list[tuple[int, Mesh]]:
-    """Those geoms that are drawn, and their meshes in their frames: the same arrays for geoms of the same shape."""
-    shared: dict[tuple[Any, ...], Mesh | None] = {}
+def _meshes(model: Any, geoms: Iterable[int], tolerance: float) -> list[tuple[int, Mesh | Solid]]:
+    """Those geoms that are drawn, and their shapes in their frames: the same arrays for geoms of the same shape."""
+    shared: dict[tuple[Any, ...], Mesh | Solid | None] = {}
     drawn = []
     for geom in geoms:
         if _alpha(model, geom) == 0:
@@ -190,7 +202,7 @@ def _alpha(model: Any, geom: int) -> float:
     return float(rgba[3] if own else model.mat_rgba[material][3])
 
 
-def _mesh(model: Any, geom: int, tolerance: float) -> Mesh | None:
+def _mesh(model: Any, geom: int, tolerance: float) -> Mesh | Solid | None:
     """A geom's shape in its own frame; None where it has none."""
     kind, data = int(model.geom_type[geom]), int(model.geom_dataid[geom])
     a, b, c = model.geom_size[geom].tolist()
@@ -200,13 +212,13 @@ def _mesh(model: Any, geom: int, tolerance: float) -> Mesh | None:
     if kind == _GEOM.mjGEOM_HFIELD:
         return _height_field(model, data)
     if kind == _GEOM.mjGEOM_SPHERE:
-        return tessellation.sphere(a, tolerance)
+        return solids.sphere(a, tolerance=tolerance)
     if kind == _GEOM.mjGEOM_CAPSULE:
-        return tessellation.capsule(a, b, tolerance)
+        return solids.capsule(a, b, tolerance=tolerance)
     if kind == _GEOM.mjGEOM_ELLIPSOID:
-        return tessellation.ellipsoid((a, b, c), tolerance)
+        return solids.ellipsoid((a, b, c), tolerance=tolerance)
     if kind == _GEOM.mjGEOM_CYLINDER:
-        return tessellation.cylinder(a, b, tolerance)
+        return solids.cylinder(a, b, tolerance=tolerance)
     if kind == _GEOM.mjGEOM_BOX:
         return tessellation.box((a, b, c))
     return _compiled_mesh(model, data) if data >= 0 else None  # meshes, and signed distance fields that have one

@@ -1,15 +1,11 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""MuJoCo's primitive shapes as closed triangle meshes, wound outwards, within a tolerance of the true surface.
+"""MuJoCo's flat shapes as closed triangle meshes, wound outwards; `warpvis.solids` has the round ones.
 
-Sizes and axes are MuJoCo's (https://mujoco.readthedocs.io/en/stable/XMLreference.html#body-geom-size): half sizes, and
-the axis of a capsule or a cylinder is z. Round shapes are rings of points on a circle that is a little larger than the
-true one, so that the triangles lie outside it by as much at their corners as inside at their middles.
+Sizes and axes are MuJoCo's (https://mujoco.readthedocs.io/en/stable/XMLreference.html#body-geom-size).
 """
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,55 +13,8 @@ from numpy.typing import NDArray
 Mesh = tuple[NDArray[np.float64], NDArray[np.int32]]
 """Vertices [m], shape ``(n, 3)``, and corner indices, shape ``(m, 3)``."""
 
-RELATIVE_TOLERANCE = 1e-4
-"""Of a round shape's largest radius: where this is more than the tolerance in metres, it is the one that counts."""
-
 SLAB = 1e-4
 """How far below a plane its underside is [m]."""
-
-_LEAST_STACKS = 4
-_LEAST_SLICES = 8
-
-
-def largest_error(tolerance: float, radius: float) -> float:
-    """The most that triangles of a round shape may be away from its true surface [m].
-
-    Args:
-        tolerance: The tolerance [m].
-        radius: The shape's radius, or an ellipsoid's longest half axis [m].
-    """
-    return max(tolerance, RELATIVE_TOLERANCE * radius)
-
-
-def sphere(radius: float, tolerance: float) -> Mesh:
-    """A sphere of a radius [m]."""
-    return ellipsoid((radius, radius, radius), tolerance)
-
-
-def ellipsoid(half_axes: tuple[float, float, float], tolerance: float) -> Mesh:
-    """An ellipsoid of three half axes [m]: a unit sphere, stretched; its error grows at most by the longest of them."""
-    stacks, growth = _ball_grid(max(half_axes), tolerance)
-    angles = np.linspace(-np.pi / 2, np.pi / 2, stacks + 1)
-    vertices, faces = _revolve(growth * np.cos(angles), growth * np.sin(angles), 2 * stacks)
-    return vertices * np.asarray(half_axes, dtype=np.float64), faces
-
-
-def capsule(radius: float, half_length: float, tolerance: float) -> Mesh:
-    """A capsule of a radius [m] about the z axis; `half_length` [m] is that of the cylinder between the half balls."""
-    stacks, growth = _ball_grid(radius, tolerance)
-    angles = np.linspace(-np.pi / 2, 0, stacks // 2 + 1)
-    ring, height = growth * radius * np.cos(angles), growth * radius * np.sin(angles) - half_length
-    return _revolve(np.r_[ring, ring[::-1]], np.r_[height, -height[::-1]], 2 * stacks)
-
-
-def cylinder(radius: float, half_length: float, tolerance: float) -> Mesh:
-    """A cylinder of a radius [m] about the z axis, from ``-half_length`` to ``half_length`` [m]."""
-    error = largest_error(tolerance, radius) / radius
-    least_cosine = (1 - error) / (1 + error)
-    slices = max(_LEAST_SLICES, math.ceil(math.pi / math.acos(max(least_cosine, 0.0))))
-    ring = radius * 2 / (1 + math.cos(math.pi / slices))
-    ends = np.array([-half_length, -half_length, half_length, half_length])
-    return _revolve(np.array([0, ring, ring, 0]), ends, slices)
 
 
 def box(half_sizes: tuple[float, float, float]) -> Mesh:
@@ -110,42 +59,6 @@ def height_field(elevation: NDArray[np.float64], size: NDArray[np.float64]) -> M
     bottom = np.stack([np.full(len(border), len(top) + len(border)), np.roll(below, -1), below], axis=-1)
     vertices = np.concatenate([top, np.c_[base, np.full(len(base), -size[3])]])
     return vertices, np.concatenate([surface, sides, bottom]).astype(np.int32)
-
-
-def _ball_grid(radius: float, tolerance: float) -> tuple[int, float]:
-    """Stacks of a unit ball of twice as many slices, an even number, and how far from the middle its corners are.
-
-    A ball of m stacks and 2 m slices with its corners at distance 1 comes as near as ``q = cos(pi / 2m)^2`` to the
-    middle, at the middles of the faces by the equator. Corners at ``2 / (1 + q)`` make both errors ``(1-q) / (1+q)``.
-    """
-    error = largest_error(tolerance, radius) / radius
-    least = max((1 - error) / (1 + error), 0.0)
-    stacks = max(_LEAST_STACKS, math.ceil(math.pi / 2 / math.acos(math.sqrt(least))))
-    stacks += stacks % 2
-    return stacks, 2 / (1 + math.cos(math.pi / (2 * stacks)) ** 2)
-
-
-def _revolve(ring: NDArray[np.float64], height: NDArray[np.float64], slices: int) -> Mesh:
-    """The surface that a line from the z axis back to it, going up on the right, makes when it is turned about z.
-
-    Args:
-        ring: Distance of the line's points from the axis [m], shape ``(k,)``; the first and the last count as 0.
-        height: Their z [m], shape ``(k,)``.
-        slices: Steps of a turn.
-    """
-    angles = 2 * np.pi * np.arange(slices) / slices
-    circle = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    rings = np.empty((len(ring) - 2, slices, 3))
-    rings[..., :2], rings[..., 2] = ring[1:-1, None, None] * circle, height[1:-1, None]
-    poles = np.array([[0, 0, height[0]], [0, 0, height[-1]]])
-
-    index = np.arange(rings.shape[0] * slices).reshape(-1, slices)
-    after = np.roll(index, -1, axis=1)
-    quads = np.stack([index[:-1], after[:-1], after[1:], index[1:]], axis=-1).reshape(-1, 4)
-    bottom = np.stack([after[0], index[0], np.full(slices, index.size)], axis=-1)
-    top = np.stack([index[-1], after[-1], np.full(slices, index.size + 1)], axis=-1)
-    faces = np.concatenate([_split_quads(quads), bottom, top])
-    return np.concatenate([rings.reshape(-1, 3), poles]), faces.astype(np.int32)
 
 
 def _split_quads(quads: NDArray[np.int_]) -> NDArray[np.int32]:

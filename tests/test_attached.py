@@ -1,0 +1,129 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Objects of one piece: they share a pose, and are seen, named and excluded each for itself."""
+
+import numpy as np
+import pytest
+import trimesh
+from test_worlds import ALL, OPEN_BOX, SMALL, assert_bits_equal, eyes, random_poses, view_of
+
+import warpvis as wv
+from warpvis.pose import poses_to_matrices
+
+from compare import assert_matches_reference
+
+PARTS = {
+    "table": (trimesh.creation.box((0.9, 0.6, 0.05)), (0, 0, 0, 0, 0, 0, 1)),
+    "lamp": (trimesh.creation.icosphere(subdivisions=2, radius=0.15), (0.3, 0.1, 0.2, 0, 0, 0.6, 0.8)),
+    "tray": ((OPEN_BOX.vertices * 0.5, OPEN_BOX.faces[2:]), (-0.2, 0, 0.2, 0, 0.6, 0, 0.8)),
+}
+
+
+NAMES = "'floor', 'table', 'lamp', 'tray', 'ball', 'egg', 'rag'"
+
+
+def build(device, table, ball, *, attached=True):
+    """A table with things on it, and a ball in front of it; attached, or each with a pose of its own."""
+    scene = wv.Scene(device=device)
+    scene.add(trimesh.creation.box((6, 6, 0.02)), name="floor", label="ground")
+    for name, (mesh, offset) in PARTS.items():
+        place = poses_to_matrices(table) @ poses_to_matrices(offset)
+        if attached and name != "table":
+            scene.add(mesh, name=name, label="object", pose=place, attach_to="table")
+        else:
+            scene.add(mesh, name=name, label="object", pose=place, movable=True)
+    scene.add(trimesh.creation.icosphere(subdivisions=2, radius=0.3), name="ball", pose=ball, movable=True)
+    return scene
+
+
+def render(scene, cameras, caster, **options):
+    return wv.render(scene, SMALL, cameras, outputs=ALL, caster=caster, **options)
+
+
+def test_what_is_attached_has_no_pose_of_its_own():
+    scene = build("cpu", *random_poses(np.random.default_rng(0), 2))
+    assert scene.movable == (1, 4)
+    lamp = scene["lamp"]
+    assert lamp.movable and lamp.pose is None and lamp.carrier == 1
+    twin = build("cpu", *random_poses(np.random.default_rng(0), 2), attached=False)["lamp"]
+    np.testing.assert_allclose(lamp.vertices, twin.vertices, atol=1e-6)
+
+
+@pytest.mark.parametrize("cull_backfaces", [False, True])
+def test_it_moves_along(device, caster, cull_backfaces):
+    rng = np.random.default_rng(1)
+    first, poses, cameras = random_poses(rng, 2), random_poses(rng, 3, 2), eyes(5)
+    world = np.array([1, 0, 2, 2, 0])
+    scene = build(device, *first)
+    renderer = wv.Renderer(scene, SMALL, outputs=ALL, caster=caster, cull_backfaces=cull_backfaces)
+    views = renderer.render(cameras, object_poses=poses, world=world)
+    for view in range(len(cameras)):
+        twin = build(device, *poses[world[view]], attached=False)
+        one = slice(view, view + 1)
+        assert_matches_reference(view_of(views, view), twin, SMALL, cameras[one], cull_backfaces=cull_backfaces)
+
+
+def test_from_among_its_parts(device, caster):
+    table = np.array([0, 0, 1, 0, 0, 0.3, 0.9])
+    scene, twin = (build(device, table, (0, 3, 1, 0, 0, 0, 1), attached=flag) for flag in (True, False))
+    cameras = np.array([wv.look_at((0.05, 0.02, 1.1), (0.3, 0.4, 1.2)), wv.look_at((-0.1, 0, 1.15), (-0.2, 0.1, 1.2))])
+    assert_matches_reference(render(scene, cameras, caster), twin, SMALL, cameras)
+
+
+@pytest.mark.parametrize("gone", ["table", "lamp", "ball"])
+def test_each_part_is_excluded_for_itself(device, caster, gone):
+    rng = np.random.default_rng(2)
+    poses, cameras = random_poses(rng, 2), eyes(4)
+    scene = build(device, *poses)
+    hidden = np.zeros((4, len(scene)), dtype=np.uint8)
+    hidden[:2, scene.index(gone)] = 1
+    views = render(scene, cameras, caster, exclude=hidden)
+    everything = render(scene, cameras, caster)
+    assert (views.objects.numpy()[:2] != scene.index(gone)).all()
+    twin = build(device, *poses, attached=False)
+    without = render(twin, cameras, caster, exclude=hidden)
+    same = np.isclose(views.depth.numpy(), without.depth.numpy(), rtol=0, atol=1e-4) | (
+        views.depth.numpy() == without.depth.numpy()
+    )
+    assert same.mean() > 0.999
+    assert (views.objects.numpy() == without.objects.numpy()).mean() > 0.999
+    assert_bits_equal(*(wv.Views(**{n: getattr(v, n)[2:] for n in ALL}) for v in (views, everything)))
+
+
+def test_another_device_and_a_file_keep_them(tmp_path):
+    scene = build("cpu", *random_poses(np.random.default_rng(3), 2))
+    assert scene.to("cpu")["tray"].carrier == 1
+    scene.export(tmp_path / "scene.glb")
+    assert len(wv.Scene.load(tmp_path / "scene.glb")) == len(scene)
+
+
+@pytest.mark.parametrize(
+    ("name", "attach_to", "said"),
+    [
+        ("a box", "floor", "'a box' cannot be attached to 'floor', which stays; add it with movable=True"),
+        ("a box", "lamp", "'a box' cannot be attached to 'lamp', which moves with another one"),
+        ("a box", "chair", "the scene has no object 'chair'; it has " + NAMES),
+        ("a box", "egg", "'a box' cannot be attached to 'egg': 'egg' is a solid, and moves alone"),
+        ("a solid", "table", "'a solid' cannot be attached to 'table': 'a solid' is a solid, and moves alone"),
+        ("a box", "rag", "'a box' cannot be attached to 'rag': 'rag' is deforming, and moves alone"),
+    ],
+)
+def test_what_cannot_be_attached(name, attach_to, said):
+    scene = build("cpu", *random_poses(np.random.default_rng(4), 2))
+    scene.add(wv.solids.sphere(0.1), name="egg", movable=True)
+    scene.add(trimesh.creation.box((1, 1, 1)), name="rag", movable=True)
+    scene.update_vertices("rag", scene["rag"].mesh_vertices)
+    mesh = wv.solids.sphere(0.2) if name == "a solid" else trimesh.creation.box((1, 1, 1))
+    with pytest.raises(wv.SceneError) as error:
+        scene.add(mesh, name=name, attach_to=attach_to)
+    assert str(error.value) == said
+    assert name not in scene
+
+
+@pytest.mark.parametrize(("name", "others"), [("table", "'lamp', 'tray'"), ("lamp", "'table'")])
+def test_pieces_do_not_deform(name, others):
+    scene = build("cpu", *random_poses(np.random.default_rng(5), 2))
+    with pytest.raises(wv.SceneError) as error:
+        scene.update_vertices(name, scene[name].mesh_vertices)
+    said = f"object {name!r} is of one piece with {others}, so its vertices stay; do not attach them"
+    assert str(error.value) == said
