@@ -34,6 +34,7 @@ def test_few_pixels_make_small_packets():
     assert packet_side(512, 320, 240, 132) == 32
     assert packet_side(8192, 64, 64, 132) == 32
     assert packet_side(1, 64, 64, 132) == 8
+    assert [packet_side(512, 64, 64, 132, least) for least in (64, 12)] == [16, 32]
     sides = [packet_side(views, 640, 480, 132) for views in range(1, 64)]
     assert sides == sorted(sides)
 

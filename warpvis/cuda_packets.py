@@ -23,11 +23,13 @@ class CudaPacketsCaster(RaysCaster):
         if views == 0:
             return
         clusters, camera = self._scene.clusters(), self._camera
+        moving = bool(clusters.struct.movable_count)
         _, _, *of_triangles = images
-        side = packet_side(views, camera.width, camera.height, device.sm_count)
+        large_packets = (12 if clusters.moves_solids_only else 32) if moving else 64
+        side = packet_side(views, camera.width, camera.height, device.sm_count, large_packets)
         with_id = any(image is not None for image in of_triangles)
         wp.launch(
-            _kernel(side, with_id, bool(clusters.struct.movable_count)),
+            _kernel(side, with_id, moving),
             dim=(views, -(-camera.height // side), -(-camera.width // side), _WARP),
             inputs=[clusters.struct, camera.device_struct(), poses, worlds, self._cull_backfaces, *images],
             device=device,
@@ -42,13 +44,20 @@ def _kernel(side: int, with_id: bool, movable: bool) -> Any:
     return make_packet_kernel(side, with_id, movable)
 
 
-def packet_side(views: int, width: int, height: int, processors: int) -> int:
+def packet_side(views: int, width: int, height: int, processors: int, large_packets: int = 64) -> int:
     """Pixels a side of a packet: as many as leave enough packets for all multiprocessors; images do not depend on it.
 
     The larger a packet, the fewer of them set up the same triangle; the smaller, the sooner the last one is done. See
     docs/gpu.md for the measurements.
+
+    Args:
+        views: Images to make.
+        width: Their width [px].
+        height: Their height [px].
+        processors: Multiprocessors of the GPU.
+        large_packets: From how many a multiprocessor on packets of 32x32 are the fastest.
     """
-    for side, packets_per_processor in ((32, 64), (16, 24)):
+    for side, packets_per_processor in ((32, large_packets), (16, 24)):
         if views * -(-width // side) * -(-height // side) >= packets_per_processor * processors:
             return side
     return 8

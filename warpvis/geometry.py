@@ -50,6 +50,8 @@ class Clusters:
     """Levels of nodes of the deepest tree."""
     bytes_per_triangle: float
     """Memory of the trees."""
+    moves_solids_only: bool = False
+    """Whether all movable objects are solids."""
     refits: dict[int, ClusterRefit] = field(default_factory=dict)
     """What makes the tree of an object that deforms hold its points, by object."""
 
@@ -152,8 +154,13 @@ def build_clusters(objects: Sequence[SceneObject], device: wp.Device) -> Cluster
     struct.object_label = label_array(objects, device)
     struct.object_count = len(objects)
     size = sum(tree.bytes_per_triangle * tree.triangle_count for tree in trees)
-    refits = _make_refits(struct, trees, shared, movable)
-    return Clusters(struct, max(t.depth for t in trees), size / sum(t.triangle_count for t in trees), refits)
+    return Clusters(
+        struct,
+        depth=max(tree.depth for tree in trees),
+        bytes_per_triangle=size / sum(tree.triangle_count for tree in trees),
+        moves_solids_only=bool(movable) and all(objects[index].solid is not None for index in movable),
+        refits=_make_refits(struct, trees, shared, movable),
+    )
 
 
 def _part(objects: Sequence[SceneObject]) -> tuple[list[int], list[int]]:

@@ -97,33 +97,50 @@ struct Objects {
         Warp::sync();
     }
 
-    // Draw all that is seen of the objects, the nearest first. `eye` and `list` are room for one each, `solids` for SOLIDS;
+    // Draw what stays and then the objects, the nearest first. `eye` and `list` are room for one each, `solids` for SOLIDS;
     // `levels` may be in the same place.
     static inline void draw(Tree tree, const Eye& world, Packet& packet, const Movables& all, bool cull, Eye* eye,
                             List* list, Solid* solids, Walk::Level* levels, Queue queue, Triangle* slot) {
         const unsigned char* excluded = tree.excluded;
         if (Warp::lane() == 0) *eye = world;
         Warp::sync();
-        for (int first = 0; first < all.count; first += AT_A_TIME) {
-            const int count = min(all.count - first, (int)AT_A_TIME);
-            look(world, packet, all, first, count, *list);
-            for (;;) {
-                int at;
-                unsigned visit;
-                const int taken = take(*list, count, at, visit);
-                if (taken == 0) break;
-                if (taken > 0) {
-                    draw_solids(world, packet, all, first, at, visit, taken, *list, solids);
-                    continue;
-                }
-                if (Walk::hidden(packet, visit)) continue;
-                const int m = first + at;
-                move(world, all, m, cull, eye);
-                tree.root = __ldg(all.root + m);
-                tree.first_id = Movables::first_of(all, m);
-                tree.excluded = __ldg(all.object + m) < 0 ? excluded : nullptr;
-                Walk::draw(tree, *eye, packet, levels, queue, slot);
-                Warp::sync();
+        Chunk chunk = {0, 0};
+        bool some = tree.root >= 0;
+        for (;;) {
+            // One place for both, though the eye is the world's at first: the code of a walk is long.
+            if (some) Walk::draw(tree, *eye, packet, levels, queue, slot);
+            Warp::sync();
+            const int m = draw_to_triangles(world, packet, all, chunk, list, solids);
+            if (m < 0) return;
+            move(world, all, m, cull, eye);
+            tree.root = __ldg(all.root + m);
+            tree.first_id = Movables::first_of(all, m);
+            tree.excluded = __ldg(all.object + m) < 0 ? excluded : nullptr;
+            some = true;
+        }
+    }
+
+    // The objects that are in a list.
+    struct Chunk {
+        int first, count;
+    };
+
+    // Draw solids until it is the turn of an object that is seen by its triangles, which is returned; -1 at the end.
+    static inline int draw_to_triangles(const Eye& world, Packet& packet, const Movables& all, Chunk& chunk, List* list,
+                                        Solid* solids) {
+        for (;;) {
+            int at;
+            unsigned visit;
+            const int taken = take(*list, chunk.count, at, visit);
+            if (taken > 0) {
+                draw_solids(world, packet, all, chunk.first, at, visit, taken, *list, solids);
+            } else if (taken < 0) {
+                if (!Walk::hidden(packet, visit)) return chunk.first + at;
+            } else {
+                chunk.first += chunk.count;
+                chunk.count = min(all.count - chunk.first, (int)AT_A_TIME);
+                if (chunk.count == 0) return -1;
+                look(world, packet, all, chunk.first, chunk.count, *list);
             }
         }
     }

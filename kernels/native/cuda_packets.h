@@ -81,10 +81,11 @@ struct Packets {
         packet.begin(view.width - packet.first_x, view.height - packet.first_y);
         const bool exists = !MOVABLE || movables.poses;
         const Queue queue = {place.queue, 0};
-        if (tree.root >= 0 && exists) Walk::draw(tree, place.world, packet, place.levels, queue, &place.triangle);
         if (MOVABLE && exists)
             Objects::draw(tree, place.world, packet, movables, cull, place.moved, &place.list,
                           place.solids, place.levels, queue, &place.triangle);
+        else if (tree.root >= 0 && exists)
+            Walk::draw(tree, place.world, packet, place.levels, queue, &place.triangle);
         Warp::sync();
         Write::images(tree, place.world, packet, movables, out, view_index, view.width, view.height, view.near, view.far);
     }

@@ -121,8 +121,7 @@ struct Raster {
         const float near_w = t.exact ? t.most_w : t.w_at(t.slope_u >= 0.0f ? u1 : u0, t.slope_v >= 0.0f ? v1 : v0);
         touched &= __float_as_uint(near_w) >= packet.block_least;
         const unsigned whole = Warp::lanes_where(covered);
-        unsigned blocks = Warp::lanes_where(touched);
-        if (t.exact) blocks = shown_in(eye, packet, t, blocks, whole);
+        const unsigned blocks = Warp::lanes_where(touched);
         if (!blocks) return;
         packet.stale |= blocks;
         const unsigned id = t.place + tree.first_id;
@@ -142,18 +141,6 @@ struct Raster {
                 put(packet, block, (whole >> block & 1) || t.covers(u, v), t.w_at(u, v), id);
             }
         }
-    }
-
-    // Those of some blocks that have a pixel inside. Most triangles that need double precision are slivers between them.
-    static inline unsigned shown_in(const Eye& eye, const Packet& packet, const Triangle& t, unsigned blocks, unsigned whole) {
-        unsigned shown = whole & blocks;
-        for (unsigned left = blocks & ~whole; left; left = Warp::without_first(left)) {
-            const int block = Warp::first_of(left);
-            float u, v;
-            pixel(eye, packet, block, u, v);
-            if (Warp::any(t.covers(u, v))) shown |= 1u << block;
-        }
-        return shown;
     }
 
     // This lane's pixel of a block.
