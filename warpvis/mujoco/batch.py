@@ -78,7 +78,7 @@ class BatchRenderer:
             width: Image width [px].
             outputs: The images to make, as for `warpvis.Renderer`; `geom_ids` makes segmentation of ``"objects"``.
             geom_groups: Groups of geoms to show; see `scene_from_mujoco`.
-            tolerance: Most distance between true and rendered surfaces [m].
+            tolerance: Most distance between round shapes and their triangles [m]; see `scene_from_mujoco`.
             labels: Labels by name or pattern; see `scene_from_mujoco`.
             exclude: Names or patterns of geoms or bodies not to render.
             cull_backfaces: See through surfaces from behind, as MuJoCo does.

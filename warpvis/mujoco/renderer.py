@@ -35,8 +35,8 @@ class Renderer:
     - Colours are `mujoco.Renderer`'s: this makes depth and segmentation only.
     - Geoms are seen; sites, tendons, skins, flexes and decorations are not.
     - What is nearer than MuJoCo's near plane is seen where it is; MuJoCo cuts it away and shows what is behind.
-    - Round shapes are within a tolerance of the true ones, where MuJoCo draws 28 slices of them.
-    - The model's sizes, meshes and colours are read once.
+    - Round shapes are exactly round, where MuJoCo draws 28 slices of them.
+    - The model's sizes, meshes and colours, and where geoms are in their bodies, are read once.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Renderer:
             width: Image width [px].
             max_geom: Of no effect: every geom is rendered.
             font_scale: Of no effect: nothing is written in the images.
-            tolerance: Most distance between true and rendered surfaces [m]; see `scene_from_mujoco`.
+            tolerance: Most distance between round shapes and their triangles [m]; see `scene_from_mujoco`.
             labels: Labels for the objects of `scene`; see `scene_from_mujoco`.
             exclude: Names or patterns of geoms or bodies not to render.
             cull_backfaces: See through surfaces from behind, as in MuJoCo: out of a head that a camera is in.

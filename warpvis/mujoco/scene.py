@@ -88,7 +88,7 @@ def scene_from_mujoco(
     Args:
         model: A `mujoco.MjModel`.
         geom_groups: Groups of geoms to show, of 0 to 5; 0, 1 and 2 by default, as in MuJoCo.
-        tolerance: Most distance of the triangles of round shapes from the true surface [m].
+        tolerance: Most distance between round shapes and their triangles [m].
         labels: Labels by name of the object or its body; a name may be a pattern (``"wall_*"``), and the last one that
             fits counts.
         exclude: Names or patterns of objects or bodies to leave out.
