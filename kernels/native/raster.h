@@ -8,6 +8,8 @@ struct Raster {
     enum { small_side = 6 };
     // Triangles that touch at most this many blocks are drawn block by block without looking at tiles first.
     enum { most_blocks = 20 };
+    // Larger ones that cover less than a pixel of so many rows are drawn row by row.
+    enum { rows_of_pixel = 2 };
 
     static inline void draw(const Eye& eye, const Image& image, const Cluster& cluster, bool with_id, bool owner_id) {
         // By their size in the whole view: how a triangle is drawn must not depend on where a strip cuts it.
@@ -22,7 +24,11 @@ struct Raster {
         const Ints medium = larger & ~inexact & (blocks <= Lanes::all_ints(most_blocks));
         for (unsigned left = Lanes::bits(medium); left; left &= left - 1)
             draw_medium(eye, image, cluster, Lanes::first_lane(left), with_id, owner_id);
-        for (unsigned left = Lanes::bits(larger & ~medium); left; left &= left - 1)
+        const Floats rows = __builtin_convertvector(cluster.view_y1 - cluster.view_y0 + 1, Floats);
+        const Ints thin = larger & ~medium & (cluster.area * (float)rows_of_pixel <= rows);
+        for (unsigned left = Lanes::bits(thin); left; left &= left - 1)
+            draw_thin(eye, image, cluster, Lanes::first_lane(left), with_id, owner_id);
+        for (unsigned left = Lanes::bits(larger & ~medium & ~thin); left; left &= left - 1)
             draw_large(eye, image, cluster, Lanes::first_lane(left), with_id, owner_id);
     }
 
@@ -142,6 +148,48 @@ struct Raster {
         image.touch(block);
     }
 
+    // A sliver, by sixteen rows of pixels at a time: most of them it passes between two pixels' centres.
+    static inline void draw_thin(const Eye& eye, const Image& image, const Cluster& t, int k, bool with_id,
+                                 bool owner_id) {
+        const Ints lane = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+        const int id = with_id ? id_of(t, k, owner_id) : 0;
+        Linear edge[3];
+        for (int e = 0; e < 3; ++e) edge[e] = Linear::of_lane(t.edge[e], k);
+        for (int first = t.y0[k]; first <= t.y1[k]; first += 16) {
+            const Ints y = lane + first;
+            const Floats v = __builtin_convertvector(y + image.first_row, Floats) + eye.first_v;
+            Floats left = Lanes::all((float)t.x0[k]), right = Lanes::all((float)t.x1[k]);
+            for (int e = 0; e < 3; ++e) narrow(eye, edge[e], v, v, left, right);
+            Ints here = y <= Lanes::all_ints(t.y1[k]);
+            for (Floats x = __builtin_elementwise_ceil(left);; x += 1.0f) {
+                here &= x <= right;
+                if (!Lanes::any(here)) break;
+                const Floats u = x + eye.first_u;
+                const Floats inner = Lanes::least(edge[0].at(u, edge[0].row(v)), edge[1].at(u, edge[1].row(v)),
+                                                  edge[2].at(u, edge[2].row(v)));
+                for (unsigned hits = Lanes::bits(here & (inner >= Lanes::all(0.0f))); hits; hits &= hits - 1) {
+                    const int r = Lanes::first_lane(hits);
+                    const int pixel = Image::column_part((int)x[r]) + image.row_part(first + r);
+                    put(image, pixel, exact_w(eye, t, k, u[r], v[r]), id, with_id);
+                }
+            }
+        }
+    }
+
+    // Rows from `left` to `right`, between v0 and v1 in the image, without what lies beyond an edge by more than rounding
+    // can be wrong.
+    static inline void narrow(const Eye& eye, const Linear& edge, Floats v0, Floats v1, Floats& left, Floats& right) {
+        const float by = -1.0f / edge.u[0];
+        if (!(__builtin_fabsf(by) < 1e30f)) return;  // it runs along the rows
+        const Floats x0 = edge.row(v0) * by - eye.first_u, x1 = edge.row(v1) * by - eye.first_u;
+        const Floats size = Lanes::size(edge.v) * Lanes::most(Lanes::size(v0), Lanes::size(v1)) + Lanes::size(edge.one);
+        const Floats slack = 0.01f + 4e-7f * __builtin_fabsf(by) * size;
+        if (edge.u[0] > 0.0f)
+            left = Lanes::most(left, Lanes::least(x0, x1) - slack);
+        else
+            right = Lanes::least(right, Lanes::most(x0, x1) + slack);
+    }
+
     // A triangle of many pixels, in scalars, for sixteen pixels or blocks at a time.
     struct Large {
         Linear edge[3];
@@ -161,8 +209,30 @@ struct Raster {
         one.most_w = t.most_w[k];
         one.id = with_id ? id_of(t, k, owner_id) : 0;
         const int x0 = t.x0[k], x1 = t.x1[k], y0 = t.y0[k], y1 = t.y1[k];
-        for (int ty = y0 >> 4; ty <= y1 >> 4; ++ty)
-            for (int tx = x0 >> 4; tx <= x1 >> 4; ++tx) draw_tile(eye, image, one, tx, ty, x0, x1, y0, y1, with_id);
+        const int tx0 = x0 >> 4, tx1 = x1 >> 4, ty0 = y0 >> 4, ty1 = y1 >> 4;
+        int from[16], to[16];  // tiles of a row
+        for (int ty = ty0; ty <= ty1; ++ty) {
+            const int row = (ty - ty0) & 15;
+            if (row == 0) touched_tiles(eye, image, t, k, ty, tx0, tx1, from, to);
+            for (int tx = from[row]; tx <= to[row]; ++tx) draw_tile(eye, image, one, tx, ty, x0, x1, y0, y1, with_id);
+        }
+    }
+
+    // What of sixteen rows of tiles is between a triangle's edges; all of it where there is too little to gain.
+    static inline void touched_tiles(const Eye& eye, const Image& image, const Cluster& t, int k, int first, int tx0,
+                                     int tx1, int* from, int* to) {
+        Ints begin = Lanes::all_ints(tx0), end = Lanes::all_ints(tx1);
+        if (tx1 - tx0 > 2) {
+            const Ints lane = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+            const Floats top = __builtin_convertvector((lane + first) * 16 + image.first_row, Floats) + eye.first_v;
+            Floats left = Lanes::all((float)(tx0 * 16)), right = Lanes::all((float)(tx1 * 16 + 15));
+            for (int e = 0; e < 3; ++e) narrow(eye, Linear::of_lane(t.edge[e], k), top, top + 15.0f, left, right);
+            const Ints some = left <= right;
+            begin = __builtin_convertvector(some ? left : Lanes::all(16.0f), Ints) >> 4;
+            end = __builtin_convertvector(some ? Lanes::most(right, Lanes::all(0.0f)) : Lanes::all(0.0f), Ints) >> 4;
+        }
+        Lanes::store(from, begin);
+        Lanes::store(to, end);
     }
 
     // An edge's value is greatest, and least, at corners of a block: rounding does not change the order, so that the

@@ -163,6 +163,7 @@ struct Cluster {
     Linear edge[3];         // positive inside
     Linear w;
     Floats least_w, most_w;  // at the corners: no point of a triangle is nearer or farther
+    Floats area;            // in pixels, of the whole triangle; endless where it reaches behind the camera
     Ints shown;             // lanes that may cover a pixel
     Ints x0, x1, y0, y1;    // pixels of the strip whose centres may be inside
     Ints view_y0, view_y1;  // the same rows in the whole view, counted from the view's first
@@ -246,6 +247,7 @@ struct Setup {
         out.w = Linear{normal.x * scale, normal.y * scale, normal.z * scale};
         out.least_w = crossing ? one / zmax : Lanes::least(i0, i1, i2);
         out.most_w = crossing ? Lanes::all(3e37f) : Lanes::most(i0, i1, i2);
+        out.area = crossing ? Lanes::all(3e38f) : 0.5f * Lanes::size(volume) * (i0 * i1 * i2);
         return true;
     }
 };
