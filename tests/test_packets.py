@@ -261,3 +261,25 @@ def test_narrower_lanes_make_the_same_images(flags, tmp_path):
         views = wv.render(preset.build(), SMALL, preset.poses(2), caster="rays")
         assert wrong_depth(stored[f"{name}_depth"], views.depth.numpy().astype(np.float64)).mean() <= 1e-4
         assert (stored[f"{name}_objects"] != views.objects.numpy()).mean() <= 1e-4
+
+
+@pytest.mark.parametrize("thickness", [1e-4, 1e-3, 0.02])
+@pytest.mark.parametrize("behind", [False, True])
+def test_slivers(device, caster, thickness, behind):
+    """Long triangles that pass between most pixels' centres, upright, lying and slanted; some reach behind the camera."""
+    rng = np.random.default_rng(7)
+    count = 300
+    start = rng.uniform([-2, -2, -1], [2, 2, 3], (count, 3))
+    along = rng.normal(size=(count, 3)) * [1, 1, 1.5]
+    along[::3], along[1::3] = along[::3] * [0.02, 0.02, 1], along[1::3] * [1, 1, 0.02]
+    across = rng.normal(size=(count, 3)) * thickness
+    corners = np.stack([start, start + along, start + along * rng.uniform(0, 1, (count, 1)) + across], axis=1)
+    scene = wv.Scene(device=device)
+    scene.add((corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)), name="slivers")
+    places = [(0.1, 0.0, 1.0), (-0.5, 0.3, 0.8)] if behind else [(-6.0, 0.2, 1.0), (2.0, 7.0, 2.0)]
+    cameras = np.array([wv.look_at(place, (1.0, 0.1, 1.1)) for place in places])
+    camera = wv.Camera.from_fov(200, 150, hfov=1.0, near=0.01, far=100.0)
+    views = wv.render(scene, camera, cameras, outputs=("depth", "objects"), caster=caster)
+    assert_matches_reference(views, scene, camera, cameras)
+    few = wv.render(scene, camera, cameras, outputs="depth", caster=caster, threads=3)
+    assert few.depth.numpy().tobytes() == views.depth.numpy().tobytes()

@@ -19,9 +19,10 @@ struct Raster {
         if (Lanes::any(small)) draw_small(eye, image, cluster, small, inexact, with_id, owner_id);
         const Ints larger = cluster.shown & ~small;
         if (!Lanes::any(larger)) return;
+        const Ints exact = inexact | turns(eye, cluster);
         const Ints blocks = ((cluster.x1 >> 2) - (cluster.x0 >> 2) + 1) *
                             ((cluster.view_y1 >> 2) - (cluster.view_y0 >> 2) + 1);
-        const Ints medium = larger & ~inexact & (blocks <= Lanes::all_ints(most_blocks));
+        const Ints medium = larger & ~exact & (blocks <= Lanes::all_ints(most_blocks));
         for (unsigned left = Lanes::bits(medium); left; left &= left - 1)
             draw_medium(eye, image, cluster, Lanes::first_lane(left), with_id, owner_id);
         const Floats rows = __builtin_convertvector(cluster.view_y1 - cluster.view_y0 + 1, Floats);
@@ -40,6 +41,14 @@ struct Raster {
         const Floats v1 = __builtin_convertvector(t.view_y1, Floats) + eye.first_v;
         const Floats u = Lanes::most(Lanes::size(u0), Lanes::size(u1)), v = Lanes::most(Lanes::size(v0), Lanes::size(v1));
         return Lanes::size(t.w.u) * u + (Lanes::size(t.w.v) * v + Lanes::size(t.w.one)) > 16.0f * t.least_w;
+    }
+
+    // Nor is it where the rounding of corners turns the plane of a sliver.
+    static inline Ints turns(const Eye& eye, const Cluster& t) {
+        const Floats width = __builtin_convertvector(t.x1 - t.x0, Floats);
+        const Floats height = __builtin_convertvector(t.view_y1 - t.view_y0, Floats);
+        const Floats change = Lanes::size(t.w.u) * width + Lanes::size(t.w.v) * height;
+        return eye.blur * (width + height) * change > 6e-6f * t.least_w * t.area;
     }
 
     static inline int id_of(const Cluster& cluster, int lane, bool owner_id) {

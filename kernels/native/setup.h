@@ -128,6 +128,7 @@ struct Eye {
     float rest[3];               // what rounding took from the origin, in camera space: 0 in the world's frame
     float first_u, first_v;      // u and v of pixel (0, 0) of the view
     float far;
+    float blur;                  // how far rounding may move a corner, in pixels
     bool skip_back_faces;        // of objects that are closed, since the camera is outside them all
     bool cull_back_faces;        // of all objects, because the caller wants it
     const unsigned char* excluded;  // [object]: not 0 for what is not seen; null if all that is drawn may be

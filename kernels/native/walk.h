@@ -84,6 +84,7 @@ struct View {
         eye.first_u = (float)(0.5 - job.center[0]);
         eye.first_v = (float)(0.5 - job.center[1]);
         eye.far = job.far * 1.00001f;
+        eye.blur = 6e-8f * ((float)(job.focal[0] + job.focal[1]) + (float)(job.width + job.height));
         eye.excluded = nullptr;
         return eye;
     }
@@ -226,7 +227,7 @@ struct Walk {
             cluster.first_id = (int)leaf * 16 + piece.number;
             if (!Setup::cluster(eye, image, center_x, center_y, cluster)) continue;
             if (image.first_packet)
-                Sparse::draw(eye, image, cluster, Raster::loses_digits(eye, cluster), owner_id);
+                Sparse::draw(eye, image, cluster, Raster::loses_digits(eye, cluster) | Raster::turns(eye, cluster), owner_id);
             else
                 Raster::draw(eye, image, cluster, with_id, owner_id);
         }
