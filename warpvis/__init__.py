@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from warpvis.errors import ArrayError, CameraError, FileFormatError, PoseError, SceneError, WarpvisError
     from warpvis.floor_plan import PlanVisibility, plan_visibility
     from warpvis.labels import Label, Visibility
+    from warpvis.points import check_points, check_points_measured
     from warpvis.pose import look_at, parse_poses
     from warpvis.renderer import Renderer, Views, render
     from warpvis.scene import Scene, SceneObject
@@ -55,6 +56,8 @@ _HOME = {
     "Visibility": "labels",
     "WarpvisError": "errors",
     "back_project": "classification",
+    "check_points": "points",
+    "check_points_measured": "points",
     "classify": "classification",
     "classify_rendered": "classification",
     "look_at": "pose",
@@ -85,6 +88,8 @@ __all__ = [
     "WarpvisError",
     "__version__",
     "back_project",
+    "check_points",
+    "check_points_measured",
     "classify",
     "classify_rendered",
     "look_at",

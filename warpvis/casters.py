@@ -161,7 +161,8 @@ class PacketsCaster:
 
         camera, job = self._camera, PacketJob()
         job.views, job.height, job.width = views, camera.height, camera.width
-        strip_rows = split_rows(views, camera.height, self._threads)
+        # Every strip looks at all points of its view: no more of them than threads have to share.
+        strip_rows = split_rows(views, camera.height, self._threads, equal=bool(points))
         job.strips, job.most_rows = len(strip_rows) - 1, int(np.diff(strip_rows).max())
         job.strip_rows = wp.array(strip_rows, dtype=wp.int32, device="cpu")
         job.focal_x, job.focal_y = camera.fx, camera.fy
@@ -183,12 +184,17 @@ class PacketsCaster:
         return job, counter
 
 
-def split_rows(views: int, height: int, threads: int) -> NDArray[np.int32]:
+def split_rows(views: int, height: int, threads: int, *, equal: bool = False) -> NDArray[np.int32]:
     """Where the strips of a view begin, multiples of 16, and where the last one ends.
 
     With views for all threads, a view is one strip. Else each strip is a share of the rows that are left, so that the
-    last ones are small and threads end at about the same time (guided self-scheduling: Polychronopoulos and Kuck 1987).
+    last ones are small and threads end at about the same time (guided self-scheduling: Polychronopoulos and Kuck 1987);
+    or `equal`: one for each thread that a view has.
     """
+    if equal:
+        tiles = -(-height // _TILE)
+        step = _TILE * -(-tiles // max(1, -(-threads // views)))
+        return np.array([*range(0, height, step), height], dtype=np.int32)
     shares = 1 if threads == 1 or views >= 4 * threads else -(-_SHARES_PER_THREAD * threads // views)
     rows, starts = 0, [0]
     while rows < height:

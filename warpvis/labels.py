@@ -52,3 +52,5 @@ class Visibility(enum.IntEnum):
     """In the image and in range, behind something."""
     VISIBLE = 4
     """Seen."""
+    UNKNOWN = 5
+    """In the image and in range, where nothing was measured."""

@@ -1,0 +1,139 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Points of the world: where they are in images, and whether they are seen there.
+
+Points come in rows of `POINTS_PER_ROW`, so that threads of the CPU pool share out one view's too.
+"""
+
+import warp as wp
+
+from warpvis.kernels.pinhole import PinholeCamera, Window, pose_origin, pose_rotation
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+POINTS_PER_ROW = 1024
+
+OUT_OF_VIEW = wp.constant(wp.uint8(0))
+TOO_NEAR = wp.constant(wp.uint8(1))
+TOO_FAR = wp.constant(wp.uint8(2))
+OCCLUDED = wp.constant(wp.uint8(3))
+VISIBLE = wp.constant(wp.uint8(4))
+UNKNOWN = wp.constant(wp.uint8(5))
+"""As in `warpvis.Visibility`."""
+
+
+@wp.func
+def last_before(end: float) -> float:
+    """The greatest single-precision number below the end of an image's side."""
+    return end * 0.99999994
+
+
+@wp.kernel
+def project_points(
+    # Cameras:
+    camera: PinholeCamera,
+    camera_to_world: wp.array[wp.transform],
+    window: Window,
+    # In:
+    points: wp.array[wp.vec3],
+    # Out:
+    pixels_out: wp.array2d[wp.vec2],
+    depth_out: wp.array2d[float],
+):
+    """Where every point is in every view's image [px], NaN if it is not in it; and its depth [m]."""
+    view, row, column = wp.tid()
+    view += window.first_view
+    index = (row + window.first_row) * POINTS_PER_ROW + column
+    if index >= points.shape[0]:
+        return
+
+    pose = camera_to_world[view]
+    p = wp.quat_rotate_inv(pose_rotation(pose), wp.vec3d(points[index]) - pose_origin(pose))
+    at = wp.vec2(wp.nan, wp.nan)
+    if p[2] > wp.float64(0.0):
+        x, y = camera.fx * p[0] / p[2] + camera.cx, camera.fy * p[1] / p[2] + camera.cy
+        none = wp.float64(0.0)
+        if x >= none and x < wp.float64(camera.width) and y >= none and y < wp.float64(camera.height):
+            at = wp.vec2(wp.min(float(x), last_before(camera.width)), wp.min(float(y), last_before(camera.height)))
+    pixels_out[view, index] = at
+    depth_out[view, index] = float(p[2])
+
+
+@wp.func
+def judge(camera: PinholeCamera, at: wp.vec2, depth: float, surface: float, tolerance: float) -> wp.uint8:
+    """Whether a point at a depth is seen through a place of the image where the first surface is at another depth.
+
+    The tolerance is along the ray, in metres: depth times the length of the ray whose z is 1.
+    """
+    if not wp.isfinite(at[0]):
+        return OUT_OF_VIEW
+    if depth < camera.near:
+        return TOO_NEAR
+    if depth > camera.far:
+        return TOO_FAR
+    x, y = (at[0] - float(camera.cx)) / float(camera.fx), (at[1] - float(camera.cy)) / float(camera.fy)
+    if (depth - surface) * wp.sqrt(x * x + y * y + 1.0) > tolerance:
+        return OCCLUDED
+    return VISIBLE
+
+
+@wp.kernel
+def judge_points(
+    # Cameras:
+    camera: PinholeCamera,
+    window: Window,
+    # In:
+    pixels: wp.array2d[wp.vec2],
+    depth: wp.array2d[float],
+    surface: wp.array2d[float],
+    objects: wp.array2d[wp.int32],
+    tolerance: float,
+    # Out:
+    status_out: wp.array2d[wp.uint8],
+    occluders_out: wp.array2d[wp.int32],
+):
+    """A point's status by what is seen through its place in the image, and the object that hides it, -1 for none."""
+    view, row, column = wp.tid()
+    view += window.first_view
+    index = (row + window.first_row) * POINTS_PER_ROW + column
+    if index >= depth.shape[1]:
+        return
+
+    status = judge(camera, pixels[view, index], depth[view, index], surface[view, index], tolerance)
+    status_out[view, index] = status
+    if occluders_out:
+        occluder = int(-1)
+        if status == OCCLUDED:
+            occluder = objects[view, index]
+        occluders_out[view, index] = occluder
+
+
+@wp.kernel
+def judge_points_measured(
+    # Cameras:
+    camera: PinholeCamera,
+    window: Window,
+    # In:
+    pixels: wp.array2d[wp.vec2],
+    depth: wp.array2d[float],
+    measured: wp.array3d[float],
+    tolerance: float,
+    # Out:
+    status_out: wp.array2d[wp.uint8],
+):
+    """The same by the pixel that a point is in; unknown where it has no depth. +inf is far, -inf near (REP 117)."""
+    view, row, column = wp.tid()
+    view += window.first_view
+    index = (row + window.first_row) * POINTS_PER_ROW + column
+    if index >= depth.shape[1]:
+        return
+
+    at = pixels[view, index]
+    surface = float(wp.inf)
+    if wp.isfinite(at[0]):
+        surface = measured[view, int(at[1]), int(at[0])]
+    status = judge(camera, at, depth[view, index], surface, tolerance)
+    in_range = status == VISIBLE or status == OCCLUDED
+    if in_range and (wp.isnan(surface) or (wp.isfinite(surface) and surface <= 0.0)):
+        status = UNKNOWN
+    status_out[view, index] = status

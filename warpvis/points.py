@@ -1,0 +1,174 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Which points of the world are seen: by a camera in a scene, or in a depth image that was measured."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpvis.arrays import as_warp, empty, get_device, on_gpu
+from warpvis.camera import Camera
+from warpvis.errors import ArrayError, CameraError, SceneError
+from warpvis.pose import Convention, parse_poses
+from warpvis.renderer import Caster, Output, Renderer
+from warpvis.scene import Scene
+from warpvis.threads import launch_images
+
+
+def check_points(
+    scene: Scene,
+    camera: Camera,
+    camera_to_world: Any,
+    points: Any,
+    *,
+    tolerance: float = 1e-4,
+    occluders: bool = False,
+    object_poses: Any = None,
+    world: Any = None,
+    exclude: Any = None,
+    convention: Convention = "opencv",
+    caster: Caster = "auto",
+    threads: int | None = None,
+) -> wp.array | tuple[wp.array, wp.array]:
+    """Whether points can be seen, and if not, why: by the ray through each point, not by pixels.
+
+    Args:
+        scene: What may be in the way.
+        camera: Image size, intrinsics and depth range.
+        camera_to_world: Poses, as for `Renderer.render`.
+        points: Points in the world frame [m], shape ``(N, 3)``: anywhere, such as vertices, middles of faces or voxels.
+        tolerance: How far behind the first surface along its ray a point still counts as seen [m]. Points of a surface
+            need some: they are not exactly where rays meet it.
+        occluders: Whether to return what hides the points, too.
+        object_poses: As for `Renderer.render`.
+        world: As for `Renderer.render`.
+        exclude: As for `Renderer.render`.
+        convention: Axes of the camera frame of the poses.
+        caster: As for `Renderer`.
+        threads: CPU threads to use; all cores of this process by default.
+
+    Returns:
+        A `Visibility` for every view and point, shape ``(V, N)`` uint8, on the scene's device. What is nearer than the
+        camera's ``near`` hides what is behind it all the same. With `occluders`, also the object that hides each
+        `Visibility.OCCLUDED` point, -1 for others, shape ``(V, N)`` int32.
+
+    Raises:
+        WarpvisError: An argument is not what it has to be.
+    """
+    from warpvis.kernels.points import judge_points
+
+    if not isinstance(scene, Scene):
+        raise SceneError(f"scene must be a warpvis.Scene, got {type(scene).__name__}; see check_points_measured")
+    tolerance, device = _check_tolerance(tolerance), scene.device
+    scene.require_objects()
+    # Surfaces that are too near to be measured have a depth here, and are objects.
+    eye = dataclasses.replace(_check_camera(camera), near=0.0)
+    outputs: list[Output] = ["depth", "objects"] if occluders else ["depth"]
+    renderer = Renderer(scene, eye, outputs=outputs, caster=caster, threads=threads)
+    pixels, depth = _project(camera, camera_to_world, points, convention, device, threads)
+    status = empty(depth.shape, wp.uint8, name="status", device=device)
+    hidden_by = empty(depth.shape, wp.int32, name="occluders", device=device) if occluders else None
+    if depth.size:
+        poses = {"object_poses": object_poses, "world": world, "exclude": exclude}
+        seen = renderer.render_at(camera_to_world, pixels, convention=convention, **poses)
+        lens, given = camera.device_struct(), [pixels, depth, seen.depth, seen.objects, tolerance, status, hidden_by]
+        _launch(judge_points, depth.shape, lambda window: [lens, window, *given], device, threads)
+    return (status, hidden_by) if occluders else status
+
+
+def check_points_measured(
+    depth: Any,
+    camera: Camera,
+    camera_to_world: Any,
+    points: Any,
+    *,
+    tolerance: float = 0.01,
+    convention: Convention = "opencv",
+    device: Any = None,
+    threads: int | None = None,
+) -> wp.array:
+    """The same against depth images that a sensor measured: each point by the pixel that it is in.
+
+    Args:
+        depth: Planar depth [m], shape ``(V, H, W)`` float32, or ``(H, W)`` for one view. Beyond all range is +inf, too
+            near is -inf (REP 117); where it is 0, negative or NaN, nothing was measured.
+        camera: The camera that took the images.
+        camera_to_world: Where it was, as for `Renderer.render`.
+        points: Points in the world frame [m], shape ``(N, 3)``.
+        tolerance: How far behind what was measured along its ray a point still counts as seen [m]: the sensor's noise.
+        convention: Axes of the camera frame of the poses.
+        device: Where to compute; by default where the images are.
+        threads: CPU threads to use; all cores of this process by default.
+
+    Returns:
+        A `Visibility` for every view and point, shape ``(V, N)`` uint8; UNKNOWN where nothing was measured.
+
+    Raises:
+        WarpvisError: An argument is not what it has to be.
+    """
+    from warpvis.kernels.points import judge_points_measured
+
+    tolerance, camera = _check_tolerance(tolerance), _check_camera(camera)
+    device = _device_of(depth) if device is None else get_device(device)
+    shape: tuple[Any, ...] = ("V", camera.height, camera.width)
+    if getattr(depth, "ndim", None) == 2:
+        depth = depth.reshape((1, *depth.shape))
+    images = as_warp(depth, wp.float32, shape, name="depth", device=device)
+    pixels, distance = _project(camera, camera_to_world, points, convention, device, threads)
+    views, given = pixels.shape[0], images.shape[0]
+    if views != given:
+        raise ArrayError(f"depth must be of as many views as there are poses, got {given} for {views}")
+    status = empty(distance.shape, wp.uint8, name="status", device=device)
+    lens, inputs = camera.device_struct(), [pixels, distance, images, tolerance, status]
+    _launch(judge_points_measured, distance.shape, lambda window: [lens, window, *inputs], device, threads)
+    return status
+
+
+def _project(
+    camera: Camera, camera_to_world: Any, points: Any, convention: Convention, device: wp.Device, threads: int | None
+) -> tuple[wp.array, wp.array]:
+    """Where points are in the images, shape ``(V, N)`` vec2, and their depths, shape ``(V, N)``."""
+    from warpvis.kernels.points import project_points
+
+    poses = parse_poses(camera_to_world, convention=convention, device=device)
+    places = as_warp(points, wp.vec3, ("N",), name="points", device=device)
+    if not on_gpu(points):
+        bad = np.flatnonzero(~np.isfinite(places.numpy()).all(axis=1))
+        if len(bad):
+            raise ArrayError(f"points must be finite: {len(bad)} are not, the first at {bad[0]}")
+    shape = (len(poses), len(places))
+    pixels, depth = (empty(shape, dtype, name="points", device=device) for dtype in (wp.vec2, wp.float32))
+    lens = camera.device_struct()
+    _launch(project_points, shape, lambda window: [lens, poses, window, places, pixels, depth], device, threads)
+    return pixels, depth
+
+
+def _launch(kernel: Any, shape: tuple[int, ...], arguments: Any, device: wp.Device, threads: int | None) -> None:
+    """Launch over all points of all views, in rows that CPU threads share out."""
+    from warpvis.kernels.points import POINTS_PER_ROW
+
+    rows = -(-shape[1] // POINTS_PER_ROW)
+    launch_images(kernel, (shape[0], rows, POINTS_PER_ROW), arguments, device=device, threads=threads)
+
+
+def _device_of(depth: Any) -> wp.Device:
+    if isinstance(depth, wp.array):
+        return depth.device
+    return wp.from_dlpack(depth).device if on_gpu(depth) else wp.get_device("cpu")
+
+
+def _check_camera(camera: Any) -> Camera:
+    if not isinstance(camera, Camera):
+        raise CameraError(f"camera must be a warpvis.Camera, got {type(camera).__name__}")
+    return camera
+
+
+def _check_tolerance(tolerance: Any) -> float:
+    if not (isinstance(tolerance, int | float) and math.isfinite(tolerance) and tolerance >= 0):
+        raise ArrayError(f"tolerance must be a number of metres from 0 up, got {tolerance!r}")
+    return float(tolerance)
