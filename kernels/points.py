@@ -29,10 +29,25 @@ def last_before(end: float) -> float:
 
 
 @wp.kernel
+def camera_frames(
+    # Cameras:
+    camera_to_world: wp.array[wp.transform],
+    # Out:
+    origin_out: wp.array[wp.vec3d],
+    rotation_out: wp.array[wp.mat33d],
+):
+    """Where cameras are, and what turns directions of the world into their frames: once a view, not once a point."""
+    view = wp.tid()
+    origin_out[view] = pose_origin(camera_to_world[view])
+    rotation_out[view] = wp.transpose(wp.quat_to_matrix(pose_rotation(camera_to_world[view])))
+
+
+@wp.kernel
 def project_points(
     # Cameras:
     camera: PinholeCamera,
-    camera_to_world: wp.array[wp.transform],
+    origin: wp.array[wp.vec3d],
+    rotation: wp.array[wp.mat33d],
     window: Window,
     # In:
     points: wp.array[wp.vec3],
@@ -47,11 +62,11 @@ def project_points(
     if index >= points.shape[0]:
         return
 
-    pose = camera_to_world[view]
-    p = wp.quat_rotate_inv(pose_rotation(pose), wp.vec3d(points[index]) - pose_origin(pose))
+    p = rotation[view] * (wp.vec3d(points[index]) - origin[view])
     at = wp.vec2(wp.nan, wp.nan)
     if p[2] > wp.float64(0.0):
-        x, y = camera.fx * p[0] / p[2] + camera.cx, camera.fy * p[1] / p[2] + camera.cy
+        w = wp.float64(1.0) / p[2]
+        x, y = camera.fx * p[0] * w + camera.cx, camera.fy * p[1] * w + camera.cy
         none = wp.float64(0.0)
         if x >= none and x < wp.float64(camera.width) and y >= none and y < wp.float64(camera.height):
             at = wp.vec2(wp.min(float(x), last_before(camera.width)), wp.min(float(y), last_before(camera.height)))

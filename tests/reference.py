@@ -435,6 +435,11 @@ def refit_nodes(boxes: NDArray, children: NDArray) -> tuple[NDArray, NDArray]:
     return rows, box[0]
 
 
+def camera_frames(poses: NDArray) -> tuple[NDArray, NDArray]:
+    matrices = poses_to_matrices(np.asarray(poses, dtype=np.float32)).reshape(-1, 4, 4)
+    return matrices[:, :3, 3], matrices[:, :3, :3].swapaxes(1, 2)
+
+
 def project_points(camera: Camera, pose: NDArray, points: NDArray) -> tuple[NDArray, NDArray]:
     """Pixels of points, NaN where they are not in the image, and their depths, shapes (N, 2) and (N,)."""
     matrix = poses_to_matrices(np.asarray(pose, dtype=np.float32))
