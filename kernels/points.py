@@ -23,6 +23,11 @@ UNKNOWN = wp.constant(wp.uint8(5))
 
 
 @wp.func
+def point_index(window: Window, row: int, column: int) -> int:
+    return (row + window.first_row) * POINTS_PER_ROW + column
+
+
+@wp.func
 def last_before(end: float) -> float:
     """The greatest single-precision number below the end of an image's side."""
     return end * 0.99999994
@@ -58,7 +63,7 @@ def project_points(
     """Where every point is in every view's image [px], NaN if it is not in it; and its depth [m]."""
     view, row, column = wp.tid()
     view += window.first_view
-    index = (row + window.first_row) * POINTS_PER_ROW + column
+    index = point_index(window, row, column)
     if index >= points.shape[0]:
         return
 
@@ -110,7 +115,7 @@ def judge_points(
     """A point's status by what is seen through its place in the image, and the object that hides it, -1 for none."""
     view, row, column = wp.tid()
     view += window.first_view
-    index = (row + window.first_row) * POINTS_PER_ROW + column
+    index = point_index(window, row, column)
     if index >= depth.shape[1]:
         return
 
@@ -139,7 +144,7 @@ def judge_points_measured(
     """The same by the pixel that a point is in; unknown where it has no depth. +inf is far, -inf near (REP 117)."""
     view, row, column = wp.tid()
     view += window.first_view
-    index = (row + window.first_row) * POINTS_PER_ROW + column
+    index = point_index(window, row, column)
     if index >= depth.shape[1]:
         return
 

@@ -161,6 +161,16 @@ def _fits(host: np.ndarray, target: np.dtype) -> bool:
     return bool(limits.min <= host.min() and host.max() <= limits.max)
 
 
+def surely_finite(numbers: np.ndarray) -> bool:
+    """Whether all numbers of a contiguous float array are known to be finite, from their sum of squares.
+
+    That takes a tenth of the time of looking at each. False says nothing: squares of large numbers overflow.
+    """
+    flat = numbers.reshape(-1)
+    with np.errstate(invalid="ignore", over="ignore"):
+        return bool(np.isfinite(np.dot(flat, flat)))
+
+
 def on_gpu(value: Any) -> bool:
     """Whether an array of whatever library lies on a GPU."""
     if isinstance(value, wp.array):

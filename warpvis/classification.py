@@ -196,10 +196,12 @@ def classify_rendered(
     return labels
 
 
-def _read_images(
-    depth: Any, camera: Camera, camera_to_world: Any, convention: Convention, device: Any
-) -> tuple[wp.array, wp.array]:
-    """Depth images and as many poses, on one device."""
+def read_depth(depth: Any, camera: Camera, device: Any) -> wp.array:
+    """Depth images that a camera took, shape ``(V, H, W)``, on a device; by default where they are.
+
+    Raises:
+        WarpvisError: They, the camera or the device are not what they have to be.
+    """
     if not isinstance(camera, Camera):
         raise CameraError(f"camera must be a warpvis.Camera, got {type(camera).__name__}")
     if device is None:
@@ -211,8 +213,15 @@ def _read_images(
             raise ArrayError(f"depth must be in metres, a float array, got {depth.dtype}; divide millimetres by 1000")
     if getattr(depth, "ndim", 0) == 2:
         depth = depth.reshape((1, *depth.shape))
-    depth = as_warp(depth, wp.float32, ("V", camera.height, camera.width), name="depth", device=device)
-    poses = parse_poses(camera_to_world, convention=convention, device=device)
+    return as_warp(depth, wp.float32, ("V", camera.height, camera.width), name="depth", device=device)
+
+
+def _read_images(
+    depth: Any, camera: Camera, camera_to_world: Any, convention: Convention, device: Any
+) -> tuple[wp.array, wp.array]:
+    """Depth images and as many poses, on one device."""
+    depth = read_depth(depth, camera, device)
+    poses = parse_poses(camera_to_world, convention=convention, device=depth.device)
     if len(poses) != len(depth):
         raise ArrayError(f"depth has {len(depth)} views and camera_to_world has {len(poses)}; give one pose a view")
     return depth, poses

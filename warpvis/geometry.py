@@ -150,7 +150,7 @@ def build_clusters(objects: Sequence[SceneObject], device: wp.Device) -> Cluster
     struct.movable_first_id = wp.array(ends - slots[tree_of], dtype=wp.int32, device=device)
     struct.movable_closed = wp.array(mesh_closed, dtype=wp.int32, device=device)
     struct.movable_solid, struct.movable_size = _solids(objects, movable, device)
-    struct.movable_boxes = _floats([_box(objects, piece) for piece in _pieces(objects).values()], device)
+    struct.movable_boxes = _floats(_boxes(objects, movable, shared), device)
     struct.object_label = label_array(objects, device)
     struct.object_count = len(objects)
     size = sum(tree.bytes_per_triangle * tree.triangle_count for tree in trees)
@@ -345,15 +345,20 @@ def _mesh_vertices(item: SceneObject) -> NDArray[np.float32]:
     return item.mesh_vertices
 
 
-def _box(objects: Sequence[SceneObject], piece: Sequence[int]) -> NDArray[np.float32]:
-    """Least and greatest corner of what moves together: of the triangles, and of a solid that they stand for."""
-    vertices = [_mesh_vertices(objects[part]) for part in piece]
-    solid = objects[piece[0]].solid
-    if solid is not None:
-        corner = np.nextafter(solid.extent, np.inf, dtype=np.float32)
-        vertices += [-corner[None], corner[None]]
-    rows = np.concatenate(vertices)
-    return np.stack([rows.min(axis=0), rows.max(axis=0)])
+def _boxes(
+    objects: Sequence[SceneObject], movable: Sequence[int], meshes: Sequence[_Mesh]
+) -> list[NDArray[np.float32]]:
+    """Least and greatest corner of every movable: of its triangles, and of a solid that they stand for."""
+    boxes = [np.zeros((2, 3), dtype=np.float32)] * len(movable)
+    for mesh in meshes:
+        box = np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
+        for position in mesh.movables:
+            boxes[position] = box
+            solid = objects[movable[position]].solid
+            if solid is not None:
+                corner = np.nextafter(solid.extent, np.inf, dtype=np.float32)
+                boxes[position] = np.stack([np.minimum(box[0], -corner), np.maximum(box[1], corner)])
+    return boxes
 
 
 def _floats(boxes: Sequence[NDArray[np.float32]], device: wp.Device) -> wp.array:

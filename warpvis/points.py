@@ -12,8 +12,9 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.arrays import as_warp, empty, get_device, on_gpu
+from warpvis.arrays import as_warp, empty, on_gpu, surely_finite
 from warpvis.camera import Camera
+from warpvis.classification import read_depth
 from warpvis.errors import ArrayError, CameraError, SceneError
 from warpvis.pose import Convention, parse_poses
 from warpvis.renderer import Caster, Output, Renderer
@@ -65,18 +66,20 @@ def check_points(
 
     if not isinstance(scene, Scene):
         raise SceneError(f"scene must be a warpvis.Scene, got {type(scene).__name__}; see check_points_measured")
+    if not isinstance(camera, Camera):
+        raise CameraError(f"camera must be a warpvis.Camera, got {type(camera).__name__}")
     tolerance, device = _check_tolerance(tolerance), scene.device
     scene.require_objects()
     # Surfaces that are too near to be measured have a depth here, and are objects.
-    eye = dataclasses.replace(_check_camera(camera), near=0.0)
+    eye = dataclasses.replace(camera, near=0.0)
     outputs: list[Output] = ["depth", "objects"] if occluders else ["depth"]
     renderer = Renderer(scene, eye, outputs=outputs, caster=caster, threads=threads)
-    pixels, depth = _project(camera, camera_to_world, points, convention, device, threads)
+    poses = parse_poses(camera_to_world, convention=convention, device=device)
+    pixels, depth = _project(camera, poses, points, threads)
     status = empty(depth.shape, wp.uint8, name="status", device=device)
     hidden_by = empty(depth.shape, wp.int32, name="occluders", device=device) if occluders else None
     if depth.size:
-        poses = {"object_poses": object_poses, "world": world, "exclude": exclude}
-        seen = renderer.render_at(camera_to_world, pixels, convention=convention, **poses)
+        seen = renderer.render_at(poses, pixels, object_poses=object_poses, world=world, exclude=exclude)
         lens, given = camera.device_struct(), [pixels, depth, seen.depth, seen.objects, tolerance, status, hidden_by]
         _launch(judge_points, depth.shape, lambda window: [lens, window, *given], device, threads)
     return (status, hidden_by) if occluders else status
@@ -114,29 +117,24 @@ def check_points_measured(
     """
     from warpvis.kernels.points import judge_points_measured
 
-    tolerance, camera = _check_tolerance(tolerance), _check_camera(camera)
-    device = _device_of(depth) if device is None else get_device(device)
-    shape: tuple[Any, ...] = ("V", camera.height, camera.width)
-    if getattr(depth, "ndim", None) == 2:
-        depth = depth.reshape((1, *depth.shape))
-    images = as_warp(depth, wp.float32, shape, name="depth", device=device)
-    pixels, distance = _project(camera, camera_to_world, points, convention, device, threads)
-    views, given = pixels.shape[0], images.shape[0]
-    if views != given:
-        raise ArrayError(f"depth must be of as many views as there are poses, got {given} for {views}")
+    tolerance = _check_tolerance(tolerance)
+    images = read_depth(depth, camera, device)
+    device = images.device
+    poses = parse_poses(camera_to_world, convention=convention, device=device)
+    if len(poses) != len(images):
+        raise ArrayError(f"depth must be of as many views as there are poses, got {len(images)} for {len(poses)}")
+    pixels, distance = _project(camera, poses, points, threads)
     status = empty(distance.shape, wp.uint8, name="status", device=device)
     lens, inputs = camera.device_struct(), [pixels, distance, images, tolerance, status]
     _launch(judge_points_measured, distance.shape, lambda window: [lens, window, *inputs], device, threads)
     return status
 
 
-def _project(
-    camera: Camera, camera_to_world: Any, points: Any, convention: Convention, device: wp.Device, threads: int | None
-) -> tuple[wp.array, wp.array]:
+def _project(camera: Camera, poses: wp.array, points: Any, threads: int | None) -> tuple[wp.array, wp.array]:
     """Where points are in the images, shape ``(V, N)`` vec2, and their depths, shape ``(V, N)``."""
     from warpvis.kernels.points import camera_frames, project_points
 
-    poses = parse_poses(camera_to_world, convention=convention, device=device)
+    device = poses.device
     places = as_warp(points, wp.vec3, ("N",), name="points", device=device)
     if not on_gpu(points):
         _check_finite(places.numpy())
@@ -150,10 +148,8 @@ def _project(
 
 
 def _check_finite(rows: NDArray[np.float32]) -> None:
-    flat = rows.reshape(-1)
-    with np.errstate(invalid="ignore", over="ignore"):
-        if np.isfinite(np.dot(flat, flat)):  # in a fraction of the time that looking at each takes
-            return
+    if surely_finite(rows):
+        return
     bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
     if len(bad):
         raise ArrayError(f"points must be finite: {len(bad)} are not, the first at {bad[0]}")
@@ -165,18 +161,6 @@ def _launch(kernel: Any, shape: tuple[int, ...], arguments: Any, device: wp.Devi
 
     rows = -(-shape[1] // POINTS_PER_ROW)
     launch_images(kernel, (shape[0], rows, POINTS_PER_ROW), arguments, device=device, threads=threads)
-
-
-def _device_of(depth: Any) -> wp.Device:
-    if isinstance(depth, wp.array):
-        return depth.device
-    return wp.from_dlpack(depth).device if on_gpu(depth) else wp.get_device("cpu")
-
-
-def _check_camera(camera: Any) -> Camera:
-    if not isinstance(camera, Camera):
-        raise CameraError(f"camera must be a warpvis.Camera, got {type(camera).__name__}")
-    return camera
 
 
 def _check_tolerance(tolerance: Any) -> float:

@@ -200,6 +200,18 @@ class Scene:
         inside = (placed - place[:3, 3]) @ place[:3, :3]
         return {"mesh_vertices": inside.astype(np.float32), "carrier": index}
 
+    def _require_alone(self, index: int) -> None:
+        """A `SceneError` if an object moves with others."""
+        item = self._objects[index]
+        others = [other.name for other in self._objects if other.carrier == index]
+        if item.carrier is not None:
+            others = [self._objects[item.carrier].name]
+        if others:
+            some = ", ".join(map(repr, others))
+            raise SceneError(
+                f"object {item.name!r} is of one piece with {some}, so its vertices stay; do not attach them"
+            )
+
     def update_vertices(self, name: str, vertices: Any) -> None:
         """Deform a movable object: its vertices are elsewhere from now on, its triangles stay.
 
@@ -232,10 +244,8 @@ class Scene:
         item = self._objects[index]
         if not item.movable:
             raise SceneError(f"object {name!r} is not movable, so its vertices stay; add it with movable=True")
-        attached = [other.name for other in self._objects if other.carrier == index]
-        if item.carrier is not None or attached:
-            others = ", ".join(map(repr, attached)) or repr(self._objects[item.carrier or 0].name)
-            raise SceneError(f"object {name!r} is of one piece with {others}, so its vertices stay; do not attach them")
+        if item.points is None:  # nothing can be attached to one that deforms already
+            self._require_alone(index)
         given = parse_vertices(vertices, item, self.device)
         with self._lock:
             item = self._objects[index]

@@ -101,7 +101,7 @@ def sphere(radius: float, *, tolerance: float = DEFAULT_TOLERANCE) -> Solid:
     Raises:
         SceneError: A size or the tolerance is not a positive number.
     """
-    _check("radius of a sphere", radius)
+    check_metres("radius of a sphere", radius)
     return ellipsoid((radius, radius, radius), tolerance=tolerance)
 
 
@@ -116,8 +116,8 @@ def ellipsoid(half_axes: ArrayLike, *, tolerance: float = DEFAULT_TOLERANCE) -> 
     Raises:
         SceneError: A size or the tolerance is not a positive number.
     """
-    _check("half_axes of an ellipsoid", half_axes, (3,))
-    _check("tolerance", tolerance)
+    check_metres("half_axes of an ellipsoid", half_axes, (3,))
+    check_metres("tolerance", tolerance)
     stacks, growth = _ball_grid(float(np.max(half_axes)), tolerance)
     angles = np.linspace(-np.pi / 2, np.pi / 2, stacks + 1)
     return Solid.of(SolidKind.BALL, half_axes, 0.0, growth * np.cos(angles), growth * np.sin(angles), 2 * stacks)
@@ -134,9 +134,9 @@ def capsule(radius: float, half_length: float, *, tolerance: float = DEFAULT_TOL
     Raises:
         SceneError: A size or the tolerance is not a positive number.
     """
-    _check("radius of a capsule", radius)
-    _check("half_length of a capsule", half_length)
-    _check("tolerance", tolerance)
+    check_metres("radius of a capsule", radius)
+    check_metres("half_length of a capsule", half_length)
+    check_metres("tolerance", tolerance)
     stacks, growth = _ball_grid(radius, tolerance)
     half = half_length / radius
     angles = np.linspace(-np.pi / 2, 0, stacks // 2 + 1)
@@ -156,9 +156,9 @@ def cylinder(radius: float, half_length: float, *, tolerance: float = DEFAULT_TO
     Raises:
         SceneError: A size or the tolerance is not a positive number.
     """
-    _check("radius of a cylinder", radius)
-    _check("half_length of a cylinder", half_length)
-    _check("tolerance", tolerance)
+    check_metres("radius of a cylinder", radius)
+    check_metres("half_length of a cylinder", half_length)
+    check_metres("tolerance", tolerance)
     error = largest_error(tolerance, radius) / radius
     least_cosine = (1 - error) / (1 + error)
     slices = max(_LEAST_SLICES, math.ceil(math.pi / math.acos(max(least_cosine, 0.0))))
@@ -168,7 +168,8 @@ def cylinder(radius: float, half_length: float, *, tolerance: float = DEFAULT_TO
     return Solid.of(SolidKind.CYLINDER, (radius, radius, radius), half, *rings, slices)
 
 
-def _check(name: str, value: ArrayLike, shape: tuple[int, ...] = ()) -> None:
+def check_metres(name: str, value: ArrayLike, shape: tuple[int, ...] = ()) -> None:
+    """Raise a `SceneError` unless a value is one or so many positive numbers."""
     try:
         numbers = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// From sixteen triangles to pixels: small ones a pixel of each at a time, large ones block by block.
+// From sixteen triangles to pixels: small ones a pixel of each at a time, large ones block by block, slivers by
+// rows.
 
 struct Raster {
     // Triangles of at most this many pixels a side are drawn together, a lane each.
@@ -15,14 +16,14 @@ struct Raster {
         // By their size in the whole view: how a triangle is drawn must not depend on where a strip cuts it.
         const Ints small = cluster.shown & (cluster.x1 - cluster.x0 < Lanes::all_ints(small_side)) &
                            (cluster.view_y1 - cluster.view_y0 < Lanes::all_ints(small_side));
-        const Ints inexact = loses_digits(eye, cluster);
+        Ints inexact = loses_digits(eye, cluster);
         if (Lanes::any(small)) draw_small(eye, image, cluster, small, inexact, with_id, owner_id);
         const Ints larger = cluster.shown & ~small;
         if (!Lanes::any(larger)) return;
-        const Ints exact = inexact | turns(eye, cluster);
+        inexact |= turns(eye, cluster);
         const Ints blocks = ((cluster.x1 >> 2) - (cluster.x0 >> 2) + 1) *
                             ((cluster.view_y1 >> 2) - (cluster.view_y0 >> 2) + 1);
-        const Ints medium = larger & ~exact & (blocks <= Lanes::all_ints(most_blocks));
+        const Ints medium = larger & ~inexact & (blocks <= Lanes::all_ints(most_blocks));
         for (unsigned left = Lanes::bits(medium); left; left &= left - 1)
             draw_medium(eye, image, cluster, Lanes::first_lane(left), with_id, owner_id);
         const Floats rows = __builtin_convertvector(cluster.view_y1 - cluster.view_y0 + 1, Floats);

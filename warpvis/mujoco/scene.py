@@ -20,7 +20,7 @@ from warpvis.labels import Label
 from warpvis.mujoco import tessellation
 from warpvis.mujoco.tessellation import Mesh
 from warpvis.scene import Scene
-from warpvis.solids import DEFAULT_TOLERANCE, Solid
+from warpvis.solids import DEFAULT_TOLERANCE, Solid, check_metres
 
 Movable = Literal["bodies", "all"]
 
@@ -104,8 +104,7 @@ def scene_from_mujoco(
         raise SceneError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
     if movable not in ("bodies", "all"):
         raise SceneError(f'movable must be "bodies" or "all", got {movable!r}')
-    if not (np.isfinite(tolerance) and tolerance > 0):
-        raise SceneError(f"tolerance must be a positive number of metres, got {tolerance!r}")
+    check_metres("tolerance", tolerance)
     groups, exclude = check_groups(geom_groups), tuple(exclude)
     names = _object_names(model)
     wanted, left_out = _assign_labels(model, names, labels or {}, exclude)
@@ -126,15 +125,14 @@ def scene_from_mujoco(
         movable=movable,
         static=static,
     )
-    moves |= movable == "all"
     poses, kept = _initial_poses(model), []
-    first_of: dict[int, str] = {}  # a piece's object that has the pose
-    for geom, mesh in _meshes(model, shown, tolerance):
-        moves[geom] |= isinstance(mesh, Solid)
-        piece = geom if isinstance(mesh, Solid) or movable == "all" else model.ngeom + _rigid_piece(model, geom)
-        first = first_of.setdefault(piece, names[geom]) if moves[geom] else names[geom]
-        placed: dict[str, Any] = {"movable": bool(moves[geom])} if first == names[geom] else {"attach_to": first}
-        scene.add(mesh, name=names[geom], label=wanted[geom], pose=poses[geom], **placed)
+    first_of: dict[int, str] = {}  # the object of a piece that has the pose
+    for geom, shape in _meshes(model, shown, tolerance):
+        name, alone = names[geom], isinstance(shape, Solid) or movable == "all"
+        first = first_of.setdefault(_rigid_piece(model, geom), name) if moves[geom] and not alone else name
+        carrier = None if first == name else first
+        moving = bool(moves[geom]) or alone
+        scene.add(shape, name=name, label=wanted[geom], pose=poses[geom], movable=moving, attach_to=carrier)
         kept.append(geom)
     scene.geom_ids = np.array(kept, dtype=np.int32)
     scene.movable_geoms = scene.geom_ids[list(scene.movable)]
