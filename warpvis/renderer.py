@@ -199,6 +199,16 @@ class Renderer:
         self._caster.cast_at(poses, worlds, _as_rows(points), rows)
         return views
 
+    def render_parsed(self, poses: wp.array, worlds: Any, *, out: Views | None = None) -> Views:
+        """As `render`, of what `parse_poses` and `parse_worlds` made of a caller's arguments, for our own modules.
+
+        The images stay on the scene's device, whatever their size.
+        """
+        shape = (len(poses), self.camera.height, self.camera.width)
+        views = views_for(self.outputs, shape, self.scene.device, out)
+        self._caster.cast(self._caster.parse_poses(poses, "opencv"), worlds, self._asked_for(views))
+        return views
+
     def _parse_worlds(self, views: int, object_poses: Any, world: Any, exclude: Any) -> Any:
         if object_poses is None and world is None and exclude is None and not self.scene.movable:
             return still_world()

@@ -5,8 +5,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from threading import Lock
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -88,6 +88,7 @@ class Scene:
         self._movable: list[int] = []
         self._triangles: Triangles | None = None
         self._clusters: Clusters | None = None
+        self._apart: Scene | None = None
         self._lock = Lock()
 
     @classmethod
@@ -353,12 +354,32 @@ class Scene:
                 self._clusters = build_clusters(self.require_objects(), self.device)
             return self._clusters
 
+    def apart(self) -> Scene:
+        """The same objects, each with a pose and a tree of its own, so that one can be looked at as if it were alone.
+
+        It is made when first asked for after a change. Its columns of `object_poses` are the objects: what stays here
+        has its vertices in the world, and the identity for a pose.
+
+        Raises:
+            SceneError: The scene is empty.
+        """
+        with self._lock:
+            if self._apart is None:
+                items = [_as_it_is(item) for item in self.require_objects()]
+                apart = Scene(device=self.device, up=self.up)
+                apart._objects = [_by_itself(item, items) for item in items]
+                apart._index, apart._movable = dict(self._index), list(range(len(items)))
+                if any(item.points is not None for item in self._objects):
+                    return apart  # a replayed CUDA graph may deform them again, and nobody here would know
+                self._apart = apart
+            return self._apart
+
     def object_labels(self) -> wp.array:
         """Labels of the objects on the scene's device, shape ``(objects,)`` uint8."""
         return label_array(self.require_objects(), self.device)
 
     def _forget(self) -> None:
-        self._triangles = self._clusters = None
+        self._triangles = self._clusters = self._apart = None
 
     def require_objects(self) -> list[SceneObject]:
         """The objects; a `SceneError` if there are none."""
@@ -372,6 +393,16 @@ def _as_it_is(item: SceneObject) -> SceneObject:
     if item.points is None:
         return item
     return SceneObject(item.name, item.label, item.vertices, item.faces, item.mesh_vertices, item.pose)
+
+
+def _by_itself(item: SceneObject, objects: Sequence[SceneObject]) -> SceneObject:
+    """The object, movable, and of one piece with no other."""
+    if item.carrier is not None:
+        return replace(item, pose=objects[item.carrier].pose, carrier=None)
+    if item.pose is None:
+        identity = np.array([0, 0, 0, 0, 0, 0, 1], dtype=np.float32)
+        return replace(item, mesh_vertices=item.vertices, pose=identity)
+    return item
 
 
 def _check_mesh(mesh: Any, name: str) -> tuple[NDArray[np.float64], NDArray[np.int32]]:

@@ -1,0 +1,90 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What `kernels.silhouettes` counts by rays, by packets on CPU cores: the C++ is ``kernels/native/silhouettes.h``."""
+
+import warp as wp
+
+from warpvis.kernels.native_source import read_native
+from warpvis.kernels.packets import _HEADERS, ClusterScene
+from warpvis.kernels.pinhole import PinholeCamera
+from warpvis.kernels.silhouettes import Canvas, Chosen, Comparison
+from warpvis.kernels.worlds import Worlds
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+
+@wp.struct
+class SurveyJob:
+    """What workers share: counters, from 0, as of a `PacketJob`, and memory for each of them."""
+
+    counter: wp.array[wp.int32]
+    scratch: wp.array2d[float]
+
+
+_MEASURE = """
+const Tree tree = {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data, -1, false};
+const Movables movables = {scene.movable_count, scene.movable_object.data, scene.movable_root.data,
+                           scene.movable_leaf.data, scene.movable_first_id.data, scene.movable_closed.data,
+                           scene.movable_boxes.data, scene.movable_solid.data,
+                           (const float*)scene.movable_size.data, (const float*)worlds.object_poses.data,
+                           worlds.object_poses.shape[0], worlds.world.data, worlds.excluded.data,
+                           worlds.excluded.shape[0], scene.object_count, nullptr, 0};
+Job shape = Job();
+shape.views = camera_to_world.shape[0];
+shape.height = (int)camera.height;
+shape.width = (int)camera.width;
+shape.focal[0] = camera.fx;
+shape.focal[1] = camera.fy;
+shape.center[0] = camera.cx;
+shape.center[1] = camera.cy;
+shape.far = __builtin_inff();
+shape.poses = (const float*)camera_to_world.data;
+const Survey survey = {chosen.index.shape[0], chosen.index.data, scene.object_count,
+                       {canvas.x0, canvas.y0, canvas.x1, canvas.y1}, camera.near, camera.far,
+                       seen.objects.data, seen.depth.data, seen.delta,
+                       (char*)counts.data, counts.strides[0], counts.strides[1], hidden_by.data, masks.data};
+const int worker = __atomic_fetch_add(job.counter.data + Packets::entered, 1, __ATOMIC_SEQ_CST);
+float* scratch = (float*)((char*)job.scratch.data + (long long)worker * job.scratch.strides[0]);
+Silhouettes::run(tree, movables, shape, survey, scratch, job.counter.data);
+"""
+
+
+@wp.func_native(read_native(*_HEADERS, "silhouettes.h") + _MEASURE)
+def measure_units(
+    scene: ClusterScene,
+    chosen: Chosen,
+    camera: PinholeCamera,
+    camera_to_world: wp.array[wp.transform],
+    job: SurveyJob,
+    canvas: Canvas,
+    worlds: Worlds,
+    seen: Comparison,
+    counts: wp.array3d[wp.int32],
+    hidden_by: wp.array3d[wp.int32],
+    masks: wp.array4d[wp.uint8],
+): ...
+
+
+@wp.kernel
+def measure_silhouettes_packets(
+    # Scene:
+    scene: ClusterScene,
+    chosen: Chosen,
+    # Cameras:
+    camera: PinholeCamera,
+    camera_to_world: wp.array[wp.transform],
+    job: SurveyJob,
+    # In:
+    canvas: Canvas,
+    worlds: Worlds,
+    seen: Comparison,
+    # Out:
+    counts_out: wp.array3d[wp.int32],
+    hidden_by_out: wp.array3d[wp.int32],
+    masks_out: wp.array4d[wp.uint8],
+):
+    """As `measure_silhouettes`. Every worker launches this with the same arguments; see `cast_packets`."""
+    _ = wp.tid()
+    measure_units(
+        scene, chosen, camera, camera_to_world, job, canvas, worlds, seen, counts_out, hidden_by_out, masks_out
+    )

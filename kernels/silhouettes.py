@@ -1,0 +1,333 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""How much of each object is seen: its silhouette, as if it were alone, compared with what an image shows.
+
+Silhouettes are counted on a canvas that is larger than the image, so that what is cut off at the image's border counts
+as unseen: BOP's toolkit does that (``bop_toolkit_lib/visibility.py``, ``scripts/calc_gt_info.py``). One block of threads
+takes an object in a view and shares out the rectangle of the canvas that its box may cover.
+"""
+
+import warp as wp
+
+from warpvis.kernels.pinhole import PinholeCamera, Window, forward_axis, pixel_ray
+from warpvis.kernels.rays import (
+    CameraFrame,
+    TriangleScene,
+    camera_frame,
+    corner,
+    first_hit,
+    plane_depth,
+    seen_from,
+    shows_solid,
+    solid_hit,
+)
+from warpvis.kernels.worlds import Worlds, is_excluded, world_of
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+VISIBLE_PIXELS = wp.constant(0)
+IMAGE_PIXELS = wp.constant(1)
+SILHOUETTE_PIXELS = wp.constant(2)
+TOO_NEAR_PIXELS = wp.constant(3)
+TOO_FAR_PIXELS = wp.constant(4)
+VISIBLE_BOX = wp.constant(5)
+SILHOUETTE_BOX = wp.constant(9)
+"""Counters of an object in a view. Of a box: least x and y, and greatest, as `low_code` and `high_code`."""
+
+COUNTERS = 13
+
+BOX_MIDDLE = wp.constant(1 << 24)
+"""Added to coordinates so that 0 stands for an empty box, and both ends are the greatest of what was met."""
+
+OUT_OF_VIEW = wp.constant(wp.uint8(0))
+TOO_NEAR = wp.constant(wp.uint8(1))
+TOO_FAR = wp.constant(wp.uint8(2))
+OCCLUDED = wp.constant(wp.uint8(3))
+VISIBLE = wp.constant(wp.uint8(4))
+"""As in `warpvis.Visibility`."""
+
+
+@wp.struct
+class Canvas:
+    """Where silhouettes count, in pixels from the image's first one: ends are not in it."""
+
+    x0: int
+    y0: int
+    x1: int
+    y1: int
+
+
+@wp.struct
+class Chosen:
+    """Objects whose silhouettes count, and the boxes of all objects in their own frames."""
+
+    index: wp.array[wp.int32]
+    boxes: wp.array2d[wp.vec3]
+    """(object, 2): least and greatest corner [m]."""
+
+
+@wp.struct
+class Comparison:
+    """What silhouettes are compared with: images of all objects together, of the depth range from 0 to infinity."""
+
+    objects: wp.array3d[wp.int32]
+    """(view, y, x): object that is seen, -1 for none."""
+    depth: wp.array3d[float]
+    """(view, y, x) [m]; None where `delta` is 0."""
+    delta: float
+    """How far along its ray an object's surface may lie behind what is seen, and still count as visible [m]."""
+
+
+@wp.kernel
+def spread_poses(
+    # In:
+    object_poses: wp.array2d[wp.transform],
+    columns: wp.array[wp.int32],
+    # Out:
+    poses_out: wp.array2d[wp.transform],
+):
+    """Every object's pose in every world, by the column that it has among the movable ones, -1 if it stays."""
+    world, index = wp.tid()
+    pose = wp.transform_identity()
+    if columns[index] >= 0:
+        pose = object_poses[world, columns[index]]
+    poses_out[world, index] = pose
+
+
+@wp.func
+def meet_alone(
+    scene: TriangleScene, worlds: Worlds, view: int, index: int, frame: CameraFrame, is_round: bool, ray: wp.vec3d
+) -> float:
+    """Depth at which a ray meets an object, whatever else there is; +inf if it does not."""
+    if is_round:
+        met = solid_hit(scene, frame, ray, index)
+        if met.w > wp.float64(0.0):
+            return float(wp.float64(1.0) / met.w)
+        return wp.inf
+    direction = wp.quat_rotate(frame.rotation, ray)
+    hit = first_hit(scene, worlds, view, index, wp.vec3(frame.origin), wp.vec3(direction), 3.0e38, False)
+    if not hit.result:
+        return wp.inf
+    mesh = scene.movable_mesh[index]
+    a = corner(mesh, hit.face, 0) - frame.origin
+    b = corner(mesh, hit.face, 1) - frame.origin
+    c = corner(mesh, hit.face, 2) - frame.origin
+    return float(plane_depth(a, b, c, direction, forward_axis(frame.rotation)))
+
+
+@wp.func
+def touched(camera: PinholeCamera, frame: CameraFrame, canvas: Canvas, low: wp.vec3, high: wp.vec3) -> Canvas:
+    """The part of the canvas that a box of an object's frame may cover: all of it where it reaches behind the camera."""
+    none = wp.float64(0.0)
+    x0, y0 = wp.float64(canvas.x1), wp.float64(canvas.y1)
+    x1, y1 = wp.float64(canvas.x0), wp.float64(canvas.y0)
+    behind = int(0)
+    for k in range(8):
+        at = wp.vec3d(low)
+        if k & 1 != 0:
+            at[0] = wp.float64(high[0])
+        if k & 2 != 0:
+            at[1] = wp.float64(high[1])
+        if k & 4 != 0:
+            at[2] = wp.float64(high[2])
+        p = wp.quat_rotate_inv(frame.rotation, at - frame.origin)
+        if p[2] <= none:
+            behind += 1
+        else:
+            x, y = camera.fx * p[0] / p[2] + camera.cx, camera.fy * p[1] / p[2] + camera.cy
+            x0, y0 = wp.min(x0, x), wp.min(y0, y)
+            x1, y1 = wp.max(x1, x), wp.max(y1, y)
+    part = canvas
+    if behind == 8:
+        part.x1 = part.x0
+    elif behind == 0:
+        one = wp.float64(1.0)
+        part.x0 = int(wp.clamp(wp.floor(x0 - one), wp.float64(canvas.x0), wp.float64(canvas.x1)))
+        part.y0 = int(wp.clamp(wp.floor(y0 - one), wp.float64(canvas.y0), wp.float64(canvas.y1)))
+        part.x1 = int(wp.clamp(wp.ceil(x1 + one), wp.float64(part.x0), wp.float64(canvas.x1)))
+        part.y1 = int(wp.clamp(wp.ceil(y1 + one), wp.float64(part.y0), wp.float64(canvas.y1)))
+    return part
+
+
+@wp.func
+def low_code(coordinate: int) -> int:
+    return BOX_MIDDLE - coordinate
+
+
+@wp.func
+def high_code(coordinate: int) -> int:
+    return BOX_MIDDLE + coordinate
+
+
+@wp.struct
+class Found:
+    """What one thread found of an object in a view."""
+
+    visible: int
+    image: int
+    silhouette: int
+    too_near: int
+    too_far: int
+    visible_box: wp.vec4i
+    silhouette_box: wp.vec4i
+
+
+@wp.func
+def grown(box: wp.vec4i, x: int, y: int) -> wp.vec4i:
+    return wp.max(box, wp.vec4i(low_code(x), low_code(y), high_code(x), high_code(y)))
+
+
+@wp.func
+def add_box(counts: wp.array3d[wp.int32], view: int, place: int, first: int, box: wp.vec4i):
+    for k in range(4):
+        if box[k] > counts[first + k, view, place]:
+            wp.atomic_max(counts, first + k, view, place, box[k])
+
+
+@wp.func
+def add_found(counts: wp.array3d[wp.int32], view: int, place: int, found: Found):
+    if found.silhouette == 0:
+        return
+    wp.atomic_add(counts, SILHOUETTE_PIXELS, view, place, found.silhouette)
+    add_box(counts, view, place, SILHOUETTE_BOX, found.silhouette_box)
+    if found.image == 0:
+        return
+    wp.atomic_add(counts, IMAGE_PIXELS, view, place, found.image)
+    wp.atomic_add(counts, TOO_NEAR_PIXELS, view, place, found.too_near)
+    wp.atomic_add(counts, TOO_FAR_PIXELS, view, place, found.too_far)
+    if found.visible > 0:
+        wp.atomic_add(counts, VISIBLE_PIXELS, view, place, found.visible)
+        add_box(counts, view, place, VISIBLE_BOX, found.visible_box)
+
+
+@wp.kernel
+def measure_silhouettes(
+    # Scene:
+    scene: TriangleScene,
+    chosen: Chosen,
+    # Cameras:
+    camera: PinholeCamera,
+    camera_to_world: wp.array[wp.transform],
+    window: Window,
+    # In:
+    canvas: Canvas,
+    worlds: Worlds,
+    seen: Comparison,
+    threads: int,
+    # Out:
+    counts_out: wp.array3d[wp.int32],
+    hidden_by_out: wp.array3d[wp.int32],
+    masks_out: wp.array4d[wp.uint8],
+):
+    """Count the pixels of chosen objects in every view, ``(counter, view, chosen)``; counters start at 0.
+
+    The scene is one in which every object moves by itself. So many `threads` share out an object in a view. `masks_out`, if anybody asks for it, holds 1 where an
+    object's silhouette is in the image, and 2 where the object is visible.
+    """
+    view, place, first = wp.tid()
+    view += window.first_view
+    place += window.first_row
+
+    index = chosen.index[place]
+    world = world_of(worlds, view)
+    if world < 0 or is_excluded(worlds, view, index):
+        return
+    frame = seen_from(camera_frame(camera_to_world[view]), worlds.object_poses[world, index])
+    is_round = shows_solid(scene, frame.origin, index)
+    part = touched(camera, frame, canvas, chosen.boxes[index, 0], chosen.boxes[index, 1])
+    width = part.x1 - part.x0
+    found = Found()
+    for pixel in range(first, width * (part.y1 - part.y0), threads):
+        x, y = part.x0 + pixel % width, part.y0 + pixel // width
+        ray = pixel_ray(camera, y, x)
+        z = meet_alone(scene, worlds, view, index, frame, is_round, ray)
+        if not wp.isfinite(z):
+            continue
+        found.silhouette += 1
+        found.silhouette_box = grown(found.silhouette_box, x, y)
+        if x < 0 or y < 0 or x >= int(camera.width) or y >= int(camera.height):
+            continue
+        found.image += 1
+        shown = seen.objects[view, y, x]
+        is_visible = shown == index
+        if not is_visible and seen.depth:
+            behind = (z - seen.depth[view, y, x]) * float(wp.length(ray))
+            is_visible = behind <= seen.delta
+        if z < camera.near:
+            found.too_near += 1
+            is_visible = False
+        elif z > camera.far:
+            found.too_far += 1
+            is_visible = False
+        elif is_visible:
+            found.visible += 1
+            found.visible_box = grown(found.visible_box, x, y)
+        elif shown >= 0:
+            wp.atomic_add(hidden_by_out, view, place, shown, 1)
+        if masks_out:
+            mask = wp.uint8(1)
+            if is_visible:
+                mask = wp.uint8(2)
+            masks_out[view, place, y, x] = mask
+    add_found(counts_out, view, place, found)
+
+
+@wp.func
+def box_of(counts: wp.array3d[wp.int32], view: int, place: int, first: int) -> wp.vec4i:
+    """x, y, width and height of a box, -1 each where nothing is in it."""
+    if counts[first, view, place] == 0:
+        return wp.vec4i(-1, -1, -1, -1)
+    x, y = BOX_MIDDLE - counts[first, view, place], BOX_MIDDLE - counts[first + 1, view, place]
+    last_x, last_y = counts[first + 2, view, place] - BOX_MIDDLE, counts[first + 3, view, place] - BOX_MIDDLE
+    return wp.vec4i(x, y, last_x - x + 1, last_y - y + 1)
+
+
+@wp.func
+def reason(visible: int, hidden: int, near: int, far: int, outside: int, min_pixels: int) -> wp.uint8:
+    """Why an object is not seen, by what keeps most of its pixels in the image from being seen."""
+    if visible >= min_pixels and visible > 0:
+        return VISIBLE
+    most = wp.max(hidden, wp.max(near, far))
+    if most > 0:
+        if hidden == most:
+            return OCCLUDED
+        if near == most:
+            return TOO_NEAR
+        return TOO_FAR
+    if visible > 0 and outside == 0:
+        return TOO_FAR  # it is all there, of too few pixels
+    return OUT_OF_VIEW
+
+
+@wp.kernel
+def judge_silhouettes(
+    # In:
+    counts: wp.array3d[wp.int32],
+    hidden_by: wp.array3d[wp.int32],
+    min_pixels: int,
+    # Out:
+    fraction_out: wp.array2d[float],
+    status_out: wp.array2d[wp.uint8],
+    occluder_out: wp.array2d[wp.int32],
+    visible_box_out: wp.array2d[wp.vec4i],
+    silhouette_box_out: wp.array2d[wp.vec4i],
+):
+    """What the counters of an object in a view say of it."""
+    view, place = wp.tid()
+    visible, inside = counts[VISIBLE_PIXELS, view, place], counts[IMAGE_PIXELS, view, place]
+    whole = counts[SILHOUETTE_PIXELS, view, place]
+    near, far = counts[TOO_NEAR_PIXELS, view, place], counts[TOO_FAR_PIXELS, view, place]
+    fraction = float(0.0)
+    if whole > 0:
+        fraction = float(wp.float64(visible) / wp.float64(whole))
+    fraction_out[view, place] = fraction
+    status_out[view, place] = reason(visible, inside - visible - near - far, near, far, whole - inside, min_pixels)
+    occluder, most = int(-1), int(0)
+    for index in range(hidden_by.shape[2]):
+        pixels = hidden_by[view, place, index]
+        if pixels > most:
+            occluder = index
+            most = pixels
+    occluder_out[view, place] = occluder
+    visible_box_out[view, place] = box_of(counts, view, place, VISIBLE_BOX)
+    silhouette_box_out[view, place] = box_of(counts, view, place, SILHOUETTE_BOX)

@@ -1,0 +1,159 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Counting the pixels of each object's silhouette, as if it were alone: by rays, or by packets on CPU cores."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+import warp as wp
+
+from warpvis.camera import Camera
+from warpvis.casters import _NOTE_WORDS, _VISIT_WORDS
+from warpvis.renderer import Views
+from warpvis.scene import Scene
+from warpvis.threads import launch_images, load_module, run_together
+
+_TILE = 16
+_MOST_TILES = 512  # as in kernels/native/silhouettes.h
+_FINISHED = 2  # of the counters
+
+# Of a GPU: enough threads to fill it, whatever the number of objects and views, and no more than a large silhouette
+# has use for.
+_CUDA_THREADS = 1 << 20
+_LEAST_THREADS, _MOST_THREADS = 32, 4096
+
+
+class Surveyor:
+    """Counts pixels of chosen objects of a scene, again and again."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        camera: Camera,
+        chosen: Sequence[int],
+        *,
+        canvas: tuple[int, int, int, int],
+        delta: float,
+        caster: Literal["packets", "rays"],
+        threads: int,
+    ) -> None:
+        """Prepare to count.
+
+        Args:
+            scene: The world.
+            camera: The camera of all views.
+            chosen: Indices of the objects whose pixels are counted.
+            canvas: Pixels beyond the image's left, top, right and bottom that silhouettes may reach.
+            delta: See `warpvis.object_visibility`.
+            caster: How silhouettes are drawn; on CUDA by rays always.
+            threads: CPU threads.
+        """
+        from warpvis.kernels.silhouettes import Canvas, Chosen
+
+        device = scene.device
+        self._device, self._camera, self._threads, self._delta = device, camera, threads, delta
+        self._packets = caster == "packets" and device.is_cpu
+        self._apart = scene.apart()
+        clusters = self._apart.clusters()
+        self._columns = wp.array(_columns(scene), dtype=wp.int32, device=device)
+        self._chosen = Chosen()
+        self._chosen.index = wp.array(np.array(chosen, dtype=np.int32), dtype=wp.int32, device=device)
+        self._chosen.boxes = clusters.struct.movable_boxes.reshape((-1, 3)).view(wp.vec3).reshape((-1, 2))
+        left, top, right, bottom = canvas
+        self._canvas = Canvas()
+        self._canvas.x0, self._canvas.y0 = -left, -top
+        self._canvas.x1, self._canvas.y1 = camera.width + right, camera.height + bottom
+        self._words = _scratch_words(camera.width + left + right, clusters.depth, len(scene)) if self._packets else 0
+
+    def count(
+        self, poses: wp.array, worlds: Any, seen: Views, counts: wp.array, hidden_by: wp.array, masks: wp.array | None
+    ) -> None:
+        """Add to the counters; see `warpvis.kernels.silhouettes.measure_silhouettes`."""
+        from warpvis.kernels.silhouettes import Comparison
+
+        compared = Comparison()
+        compared.objects, compared.depth, compared.delta = seen.objects, seen.depth, self._delta
+        worlds = self._spread(worlds)
+        outputs = [counts, hidden_by, masks]
+        if self._packets:
+            self._count_by_packets(poses, worlds, compared, outputs)
+        else:
+            self._count_by_rays(poses, worlds, compared, outputs)
+
+    def _spread(self, worlds: Any) -> Any:
+        """The same worlds, in which every object has a pose."""
+        from warpvis.kernels.silhouettes import spread_poses
+        from warpvis.kernels.worlds import Worlds
+
+        poses = worlds.object_poses
+        given = poses is not None and poses.shape[1] > 0
+        everywhere = Worlds()
+        everywhere.world, everywhere.excluded = worlds.world, worlds.excluded
+        shape = (poses.shape[0] if given else 1, len(self._columns))
+        everywhere.object_poses = wp.empty(shape, dtype=wp.transform, device=self._device)
+        inputs = [poses if given else None, self._columns, everywhere.object_poses]
+        wp.launch(spread_poses, dim=shape, inputs=inputs, device=self._device)
+        return everywhere
+
+    def _count_by_rays(self, poses: wp.array, worlds: Any, compared: Any, outputs: list[Any]) -> None:
+        from warpvis.kernels.silhouettes import measure_silhouettes
+
+        triangles, camera = self._apart.triangles(), self._camera.device_struct()
+        pairs = len(poses) * len(self._chosen.index)
+        threads = 1
+        if not self._device.is_cpu:
+            threads = _LEAST_THREADS
+            while threads < _MOST_THREADS and pairs * threads < _CUDA_THREADS:
+                threads *= 2
+        launch_images(
+            measure_silhouettes,
+            (len(poses), len(self._chosen.index), threads),
+            lambda window: [
+                triangles.struct,
+                self._chosen,
+                camera,
+                poses,
+                window,
+                self._canvas,
+                worlds,
+                compared,
+                threads,
+                *outputs,
+            ],
+            device=self._device,
+            threads=self._threads,
+        )
+
+    def _count_by_packets(self, poses: wp.array, worlds: Any, compared: Any, outputs: list[Any]) -> None:
+        from warpvis.kernels.silhouette_packets import SurveyJob, measure_silhouettes_packets
+
+        load_module(measure_silhouettes_packets)
+        workers = min(self._threads, len(poses) * len(self._chosen.index))
+        counter, job = np.zeros(3, dtype=np.int32), SurveyJob()
+        job.counter = wp.array(counter, dtype=wp.int32, device="cpu", copy=False)
+        job.scratch = wp.empty((workers, self._words), dtype=wp.float32, device="cpu")
+        scene, camera = self._apart.clusters().struct, self._camera.device_struct()
+        arguments = [scene, self._chosen, camera, poses, job, self._canvas, worlds, compared, *outputs]
+        launch = wp.launch(measure_silhouettes_packets, dim=1, inputs=arguments, device="cpu", record_cmd=True)
+        run_together(launch.launch, workers, lambda: bool(counter[_FINISHED] == workers))
+
+
+def _columns(scene: Scene) -> np.ndarray:
+    """Of every object, its place among those with a pose: its own, its carrier's, or -1 if it stays."""
+    columns = np.full(len(scene), -1, dtype=np.int32)
+    columns[list(scene.movable)] = np.arange(len(scene.movable))
+    for index, item in enumerate(scene.objects):
+        if item.carrier is not None:
+            columns[index] = columns[item.carrier]
+    return columns
+
+
+def _scratch_words(width: int, depth: int, objects: int) -> int:
+    """Memory of a thread, as `Scratch` in kernels/native/packets.h carves it for the widest part of the canvas."""
+    tiles_x = -(-width // _TILE)
+    tiles = max(_MOST_TILES, tiles_x)
+    blocks = tiles * (256 + 16 + 1 + 4 + 1)
+    return blocks + tiles_x * 128 + (depth + 1) * 16 * _VISIT_WORDS + objects * _NOTE_WORDS + 96
