@@ -3,8 +3,8 @@
 """How much of each object is seen: its silhouette, as if it were alone, compared with what an image shows.
 
 Silhouettes are counted on a canvas that is larger than the image, so that what is cut off at the image's border counts
-as unseen: BOP's toolkit does that (``bop_toolkit_lib/visibility.py``, ``scripts/calc_gt_info.py``). One block of threads
-takes an object in a view and shares out the rectangle of the canvas that its box may cover.
+as unseen: BOP's toolkit does that (``bop_toolkit_lib/visibility.py``, ``scripts/calc_gt_info.py``). Some threads take an
+object in a view, and share out the rectangle of the canvas that its box may cover.
 """
 
 import warp as wp
@@ -117,7 +117,7 @@ def meet_alone(
 
 @wp.func
 def touched(camera: PinholeCamera, frame: CameraFrame, canvas: Canvas, low: wp.vec3, high: wp.vec3) -> Canvas:
-    """The part of the canvas that a box of an object's frame may cover: all of it where it reaches behind the camera."""
+    """What a box of an object's frame may cover of the canvas: all where it reaches behind the camera."""
     none = wp.float64(0.0)
     x0, y0 = wp.float64(canvas.x1), wp.float64(canvas.y1)
     x1, y1 = wp.float64(canvas.x0), wp.float64(canvas.y0)
@@ -221,8 +221,8 @@ def measure_silhouettes(
 ):
     """Count the pixels of chosen objects in every view, ``(counter, view, chosen)``; counters start at 0.
 
-    The scene is one in which every object moves by itself. So many `threads` share out an object in a view. `masks_out`, if anybody asks for it, holds 1 where an
-    object's silhouette is in the image, and 2 where the object is visible.
+    The scene is one in which every object moves by itself. So many `threads` share out an object in a view.
+    `masks_out`, if anybody asks for it, becomes 1 where a silhouette is in the image, and 2 where it is visible.
     """
     view, place, first = wp.tid()
     view += window.first_view

@@ -11,6 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from reference_silhouettes import (  # noqa: F401
+    judge_silhouettes,
+    measure_silhouettes,
+    measure_silhouettes_packets,
+    spread_poses,
+)
+from reference_voxels import highest_labels, judge_voxels, mark_surface_points, merge_voxels  # noqa: F401
 
 from warpvis import Camera, Label, Scene, SceneObject, Sphere, Visibility
 from warpvis.pose import poses_to_matrices, quaternion_product

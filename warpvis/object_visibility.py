@@ -25,6 +25,18 @@ from warpvis.worlds import parse_worlds, part_of, still_world
 BOP_DELTA = 0.015
 """The `delta` of BOP's toolkit [m] (``scripts/calc_gt_info.py``); 0.005 for ITODD and for renderings to train with."""
 
+# What is counted, in the kernels' order, and what follows from it.
+_COUNTED = dict.fromkeys(
+    ("visible_pixels", "image_pixels", "silhouette_pixels", "too_near_pixels", "too_far_pixels"), wp.int32
+)
+_JUDGED = {
+    "fraction": wp.float32,
+    "status": wp.uint8,
+    "occluder": wp.int32,
+    "visible_box": wp.vec4i,
+    "silhouette_box": wp.vec4i,
+}
+
 # Images of so many bytes are looked at together: on the CPU they are still in its caches when they are counted.
 _CPU_BYTES, _CUDA_BYTES = 1 << 24, 1 << 30
 
@@ -38,8 +50,8 @@ class ObjectVisibility:
     names: tuple[str, ...]
     """Their names."""
     visible_pixels: wp.array
-    """Pixels of the image that show the object in the camera's range, ``(V, K)`` int32. With a `delta`, also those where
-    it lies just behind what they show."""
+    """Pixels of the image that show the object in the camera's range, ``(V, K)`` int32; with a `delta`, also those
+    where it lies just behind what they show."""
     image_pixels: wp.array
     """Pixels of the image in which it would show if it were alone, at any depth, ``(V, K)`` int32."""
     silhouette_pixels: wp.array
@@ -51,16 +63,17 @@ class ObjectVisibility:
     fraction: wp.array
     """`visible_pixels` / `silhouette_pixels`, BOP's ``visib_fract``, 0 where there are none, ``(V, K)`` float32."""
     status: wp.array
-    """`Visibility.VISIBLE`, or the reason why not by most pixels of the image: OCCLUDED, TOO_NEAR, TOO_FAR (also where too
-    few pixels are left of it), or OUT_OF_VIEW where it covers none, ``(V, K)`` uint8."""
+    """`Visibility.VISIBLE`, or the reason why not, by most pixels of the image: OCCLUDED, TOO_NEAR, TOO_FAR (also where
+    all of it is there, of too few pixels), or OUT_OF_VIEW where it covers none, ``(V, K)`` uint8."""
     occluder: wp.array
     """Index of the object that hides most of its pixels in the image, -1 if none is hidden, ``(V, K)`` int32."""
     visible_box: wp.array
     """Box of the visible pixels, x, y, width and height [px], -1 each if there are none, ``(V, K)`` vec4i."""
     silhouette_box: wp.array
-    """Box of the whole silhouette on the canvas, likewise; from the image's first pixel, so x and y may be negative."""
+    """Box of the whole silhouette on the canvas, likewise; counted from the image's first pixel, so x and y may be
+    negative."""
     masks: wp.array | None = None
-    """Where it is visible 2, where it would be if it were alone 1, elsewhere 0, ``(V, K, H, W)`` uint8; if asked for."""
+    """2 where it is visible, 1 where it would be if it were alone, else 0, ``(V, K, H, W)`` uint8; if asked for."""
 
 
 def object_visibility(
@@ -83,8 +96,8 @@ def object_visibility(
     """Visible pixels, whole silhouettes, visible fractions, boxes, masks and reasons of objects in many views.
 
     An object's silhouette is what the image would show of it if it were alone in the world, on a canvas that reaches
-    beyond the image: BOP's definition (Hodan et al., "BOP: Benchmark for 6D Object Pose Estimation", ECCV 2018; code in
-    ``bop_toolkit_lib/visibility.py``), of which the canvas is three times as wide and as high as the image.
+    beyond the image: BOP's definition (Hodan et al., "BOP: Benchmark for 6D Object Pose Estimation", ECCV 2018; code
+    in ``bop_toolkit_lib/visibility.py``), whose canvas is three times as wide and as high as the image.
 
     Args:
         scene: The world.
@@ -92,10 +105,10 @@ def object_visibility(
         camera_to_world: Poses, as for `Renderer.render`.
         objects: Names or indices of the objects; all by default.
         delta: How far an object's surface may lie behind what a pixel shows, along its ray, to count as visible
-            nevertheless [m]. 0 counts the pixels that show it, exactly; BOP takes `BOP_DELTA`, 15 mm, because its depth
-            images are measured.
-        canvas: How many pixels the canvas reaches beyond the image's left, top, right and bottom; by default the image's
-            width and height on each side, as in BOP. Silhouettes are cut off at its border.
+            nevertheless [m]. 0 counts the pixels that show it, exactly; BOP takes `BOP_DELTA`, 15 mm, because its
+            depth images are measured.
+        canvas: How many pixels the canvas reaches beyond the image's left, top, right and bottom; by default the
+            image's width and height on each side, as in BOP. Silhouettes are cut off at its border.
         min_pixels: Fewer visible pixels than this do not count as `Visibility.VISIBLE`.
         masks: Whether to make `ObjectVisibility.masks`.
         object_poses: As for `Renderer.render`.
@@ -128,32 +141,21 @@ def object_visibility(
     eye = dataclasses.replace(camera, near=0.0, far=math.inf)
     outputs: list[Output] = ["depth", "objects"] if delta > 0 else ["objects"]
     renderer = Renderer(scene, eye, outputs=outputs, caster=caster, threads=threads)
-    surveyor = Surveyor(
-        scene, camera, chosen, canvas=canvas, delta=delta, caster=renderer.caster, threads=renderer.threads
-    )
-    counts = wp.zeros((COUNTERS, views, count), dtype=wp.int32, device=device)
-    fraction = empty((views, count), wp.float32, name="fraction", device=device)
-    status = empty((views, count), wp.uint8, name="status", device=device)
-    occluder = empty((views, count), wp.int32, name="occluder", device=device)
-    boxes = [empty((views, count), wp.vec4i, name="boxes", device=device) for _ in range(2)]
-    mask = None
-    if masks:
-        mask = empty((views, count, camera.height, camera.width), wp.uint8, name="masks", device=device)
-        mask.zero_()
+    kind, threads = renderer.caster, renderer.threads
+    surveyor = Surveyor(scene, camera, chosen, canvas=canvas, delta=delta, caster=kind, threads=threads)
+    result = _allocate(scene, chosen, (views, count), camera if masks else None)
     seen = None
     for part in _parts(views, camera, len(outputs), len(scene) * count, device):
-        size = part.stop - part.start
-        seen = renderer.render_parsed(poses[part], part_of(worlds, part), out=_first(seen, size))
+        size, some = part.stop - part.start, part_of(worlds, part)
+        seen = renderer.render_parsed(poses[part], some, out=_first(seen, size))
+        counts = wp.zeros((COUNTERS, size, count), dtype=wp.int32, device=device)
         hidden_by = wp.zeros((size, count, len(scene)), dtype=wp.int32, device=device)
-        some = counts[:, part]
-        surveyor.count(
-            poses[part], part_of(worlds, part), seen, some, hidden_by, None if mask is None else mask[part]
-        )
-        results = [array[part] for array in (fraction, status, occluder, *boxes)]
-        wp.launch(judge_silhouettes, dim=some.shape[1:], inputs=[some, hidden_by, min_pixels, *results], device=device)
-    names = tuple(scene.objects[index].name for index in chosen)
-    single = (counts[k] for k in range(5))
-    return ObjectVisibility(tuple(chosen), names, *single, fraction, status, occluder, *boxes, mask)
+        surveyor.count(poses[part], some, seen, counts, hidden_by, None if result.masks is None else result.masks[part])
+        outs = [getattr(result, name)[part] for name in _JUDGED]
+        wp.launch(judge_silhouettes, dim=(size, count), inputs=[counts, hidden_by, min_pixels, *outs], device=device)
+        for name, counter in zip(_COUNTED, counts, strict=False):
+            wp.copy(getattr(result, name)[part], counter)
+    return result
 
 
 def choose_objects(scene: Scene, objects: Sequence[str | int] | None) -> list[int]:
@@ -176,6 +178,17 @@ def choose_objects(scene: Scene, objects: Sequence[str | int] | None) -> list[in
     if not chosen or len(set(chosen)) < len(chosen):
         raise SceneError(f"objects must be one or more different ones of the scene's, got {given}")
     return chosen
+
+
+def _allocate(scene: Scene, chosen: Sequence[int], shape: tuple[int, int], camera: Camera | None) -> ObjectVisibility:
+    """Room for the results; of masks too if a camera is given."""
+    names = tuple(scene.objects[index].name for index in chosen)
+    arrays = {name: empty(shape, dtype, name=name, device=scene.device) for name, dtype in (_COUNTED | _JUDGED).items()}
+    masks = None
+    if camera is not None:
+        masks = empty((*shape, camera.height, camera.width), wp.uint8, name="masks", device=scene.device)
+        masks.zero_()
+    return ObjectVisibility(tuple(chosen), names, **arrays, masks=masks)
 
 
 def _parts(views: int, camera: Camera, images: int, hidden: int, device: wp.Device) -> list[slice]:

@@ -134,7 +134,7 @@ class Surveyor:
         workers = min(self._threads, len(poses) * len(self._chosen.index))
         counter, job = np.zeros(3, dtype=np.int32), SurveyJob()
         job.counter = wp.array(counter, dtype=wp.int32, device="cpu", copy=False)
-        job.scratch = wp.empty((workers, self._words), dtype=wp.float32, device="cpu")
+        job.scratch = wp.zeros((workers, self._words), dtype=wp.float32, device="cpu")
         scene, camera = self._apart.clusters().struct, self._camera.device_struct()
         arguments = [scene, self._chosen, camera, poses, job, self._canvas, worlds, compared, *outputs]
         launch = wp.launch(measure_silhouettes_packets, dim=1, inputs=arguments, device="cpu", record_cmd=True)
@@ -152,8 +152,7 @@ def _columns(scene: Scene) -> np.ndarray:
 
 
 def _scratch_words(width: int, depth: int, objects: int) -> int:
-    """Memory of a thread, as `Scratch` in kernels/native/packets.h carves it for the widest part of the canvas."""
-    tiles_x = -(-width // _TILE)
-    tiles = max(_MOST_TILES, tiles_x)
+    """Memory of a thread, as kernels/native/silhouettes.h carves it for a canvas of this width."""
+    tiles = max(_MOST_TILES, -(-(width + _TILE) // _TILE))
     blocks = tiles * (256 + 16 + 1 + 4 + 1)
-    return blocks + tiles_x * 128 + (depth + 1) * 16 * _VISIT_WORDS + objects * _NOTE_WORDS + 96
+    return blocks + (depth + 1) * 16 * _VISIT_WORDS + objects * _NOTE_WORDS + 64

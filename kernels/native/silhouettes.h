@@ -27,12 +27,19 @@ struct Tally {
     enum { box_middle = 1 << 24 };
     // The pixels of a block of 4 x 4 whose bits are set, where its first one is at (x, y).
     static inline void grow(int* box, unsigned bits, int x, int y) {
+        if (holds(box, x, y, 4)) return;
         const unsigned columns = (bits | bits >> 4 | bits >> 8 | bits >> 12) & 15;
         const int code[4] = {box_middle - (x + __builtin_ctz(columns)), box_middle - (y + (__builtin_ctz(bits) >> 2)),
                              box_middle + x + 31 - __builtin_clz(columns),
                              box_middle + y + ((31 - __builtin_clz(bits)) >> 2)};
         for (int k = 0; k < 4; ++k)
             if (code[k] > box[k]) box[k] = code[k];
+    }
+
+    // Whether a square of pixels lies within a box that is known: then nothing in it makes the box larger.
+    static inline bool holds(const int* box, int x, int y, int side) {
+        return box_middle - x <= box[0] && box_middle - y <= box[1] && box_middle + x + side - 1 <= box[2] &&
+               box_middle + y + side - 1 <= box[3];
     }
 
     // In the order of the counters in kernels/silhouettes.py.
@@ -49,10 +56,36 @@ struct Silhouettes {
     // Tiles that are drawn at a time: they stay in a core's cache.
     enum { most_tiles = 512 };
 
-    // Rows of tiles that are drawn at a time.
-    static inline int tile_rows(int width) {
-        const int rows = most_tiles / ((width + 15) >> 4);
-        return rows > 0 ? rows : 1;
+    // Tiles that memory is for: at least one row of them.
+    static inline int tiles_of(const Survey& survey) {
+        const int row = (survey.canvas[2] - survey.canvas[0] + 15 + 15) >> 4;
+        return row > most_tiles ? row : most_tiles;
+    }
+
+    // The image of some rows of a part of the canvas, in a thread's memory. Its pixels are at the same place whatever its
+    // size: counting them leaves them empty.
+    static inline Image carve(float* memory, const Survey& survey, const Job& part, int first_row, int rows, float** rest) {
+        const int tiles = tiles_of(survey);
+        Image image = Image();
+        image.width = part.width;
+        image.height = rows;
+        image.first_row = first_row;
+        image.view_height = part.height;
+        image.tiles_x = part.width >> 4;
+        image.tiles_y = rows >> 4;
+        memory += (-(unsigned long long)memory & 63) / 4;  // a register's worth must not straddle two cache lines
+        image.w = memory;
+        image.block_least = image.w + tiles * 256LL;
+        image.tile_least = image.block_least + tiles * 16LL;
+        image.block_stale = (unsigned char*)(image.tile_least + tiles);
+        image.tile_stale = image.block_stale + tiles * 16LL;
+        *rest = image.tile_least + tiles + tiles * 4LL + (tiles + 3) / 4;
+        const int used = image.tiles_x * image.tiles_y;
+        __builtin_memset(image.block_least, 0, used * 16 * sizeof(float));
+        __builtin_memset(image.tile_least, 0, used * sizeof(float));
+        __builtin_memset(image.block_stale, 0, used * 16);
+        __builtin_memset(image.tile_stale, 0, used);
+        return image;
     }
 
     // Where an object may be, in pixels of an image.
@@ -96,18 +129,15 @@ struct Silhouettes {
         whole.height = whole.view_height = canvas.height;
         Visit visit;
         if (!find(movables, world, index, pose, canvas, whole, visit)) return;
+        // Whole tiles: what of them is beyond the canvas is drawn, and not counted.
         const int x0 = edge[0] + visit.x0, y0 = edge[1] + visit.y0;
-        Job part = part_of(job, x0, y0, edge[0] + visit.x1 + 1, edge[1] + visit.y1 + 1);
+        const int width = (visit.x1 - visit.x0 + 16) & ~15, height = (visit.y1 - visit.y0 + 16) & ~15;
+        const Job part = part_of(job, x0, y0, x0 + width, y0 + height);
+        const int step = tiles_of(survey) / (width >> 4) * 16;
         Tally tally = Tally();
-        const int step = tile_rows(part.width) * 16;
-        for (int row = 0; row < part.height; row += step) {
-            const int rows[2] = {row, row + step < part.height ? row + step : part.height};
-            part.strip_rows = rows;
-            part.most_rows = rows[1] - rows[0];
+        for (int row = 0; row < height; row += step) {
             float* rest;
-            const Image image = Scratch::carve(scratch, part, 0, false, &rest);
-            *image.empty = 0;
-            image.begin();
+            const Image image = carve(scratch, survey, part, row, height - row < step ? height - row : step, &rest);
             draw(tree, movables, world, part, pose, index, image, Notes::carve(rest, movables.count));
             const Seen seen = {survey, job, view, place, index, x0, y0 + row};
             seen.count(image, tally);
@@ -140,41 +170,77 @@ struct Silhouettes {
         int view, place, index;
         int x0, y0;      // where the strip begins, in pixels of the image
 
+        // Count a strip's pixels, and leave it empty.
         inline void count(const Image& image, Tally& tally) const {
-            for (int by = 0; by * 4 < image.height; ++by)
-                for (int bx = 0; bx * 4 < image.width; ++bx) {
-                    const Floats w = Lanes::load(image.w + image.block_at(bx, by) * 16);
-                    const Ints covered = (w > Lanes::all(0.0f)) & (w < Lanes::all(1e38f));
-                    if (Lanes::any(covered)) count_block(w, covered, x0 + bx * 4, y0 + by * 4, tally);
+            for (int ty = 0; ty < image.tiles_y; ++ty)
+                for (int tx = 0; tx < image.tiles_x; ++tx) {
+                    float* tile = image.w + (ty * image.tiles_x + tx) * 256LL;
+                    count_tile(tile, x0 + tx * 16, y0 + ty * 16, tally);
                 }
         }
 
-        inline void count_block(Floats w, Ints covered, int x, int y, Tally& tally) const {
+        inline void count_tile(float* tile, int x, int y, Tally& tally) const {
+            const int* edge = survey.canvas;
+            const bool within = x >= edge[0] && y >= edge[1] && x + 16 <= edge[2] && y + 16 <= edge[3];
+            const bool outside = x >= job.width || y >= job.height || x + 16 <= 0 || y + 16 <= 0;
+            if (within && outside && Tally::holds(tally.silhouette_box, x, y, 16)) {
+                tally.silhouette += count_all(tile);
+                return;
+            }
+            for (int block = 0; block < 16; ++block) {
+                const Floats w = Lanes::load(tile + block * 16);
+                Ints covered = w > Lanes::all(0.0f);
+                if (!Lanes::any(covered)) continue;
+                Lanes::store(tile + block * 16, Lanes::all(0.0f));
+                const int block_x = x + (block & 3) * 4, block_y = y + (block >> 2) * 4;
+                if (!within) covered &= inside(edge, block_x, block_y);
+                if (within || Lanes::any(covered)) count_block(w, covered, block_x, block_y, tally);
+            }
+        }
+
+        static inline int count_all(float* tile) {
+            Ints sum = Lanes::all_ints(0);
+            for (int block = 0; block < 16; ++block) {
+                sum -= Lanes::load(tile + block * 16) > Lanes::all(0.0f);
+                Lanes::store(tile + block * 16, Lanes::all(0.0f));
+            }
+            return __builtin_reduce_add(sum);
+        }
+
+        // Which pixels of a block are between least and greatest coordinates; the ends are not.
+        static inline Ints inside(const int* edge, int x, int y) {
             const Ints column = {0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3};
             const Ints row = {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3};
+            return (column + x >= edge[0]) & (column + x < edge[2]) & (row + y >= edge[1]) & (row + y < edge[3]);
+        }
+
+        inline void count_block(Floats w, Ints covered, int x, int y, Tally& tally) const {
             const unsigned all = Lanes::bits(covered);
             tally.silhouette += __builtin_popcount(all);
             Tally::grow(tally.silhouette_box, all, x, y);
-            const Ints inside = covered & (column + x >= 0) & (column + x < job.width) & (row + y >= 0) & (row + y < job.height);
-            const unsigned in_image = Lanes::bits(inside);
+            const bool whole = x >= 0 && y >= 0 && x + 4 <= job.width && y + 4 <= job.height;
+            const int image_edge[4] = {0, 0, job.width, job.height};
+            if (!whole) covered &= inside(image_edge, x, y);
+            const unsigned in_image = whole ? all : Lanes::bits(covered);
             if (!in_image) return;
             tally.image += __builtin_popcount(in_image);
 
-            const bool whole = x >= 0 && y >= 0 && x + 4 <= job.width && y + 4 <= job.height;
             const Ints shown = gather(survey.seen, in_image, whole, x, y);
             const Floats z = 1.0f / w;
-            const Ints near = inside & (z < Lanes::all(survey.near)), far = inside & (z > Lanes::all(survey.far));
+            const Ints near = covered & (z < Lanes::all(survey.near)), far = covered & (z > Lanes::all(survey.far));
             Ints visible = shown == Lanes::all_ints(index);
             if (survey.depth) visible |= behind(z, in_image, whole, x, y) <= Lanes::all(survey.delta);
-            visible &= inside & ~near & ~far;
-            tally.too_near += __builtin_popcount(Lanes::bits(near));
-            tally.too_far += __builtin_popcount(Lanes::bits(far));
+            visible &= covered & ~near & ~far;
             const unsigned bits = Lanes::bits(visible);
             if (bits) {
                 tally.visible += __builtin_popcount(bits);
                 Tally::grow(tally.visible_box, bits, x, y);
             }
-            count_hidden(shown, inside & ~near & ~far & ~visible);
+            if (bits != in_image) {
+                tally.too_near += __builtin_popcount(Lanes::bits(near));
+                tally.too_far += __builtin_popcount(Lanes::bits(far));
+                count_hidden(shown, covered & ~near & ~far & ~visible);
+            }
             if (survey.masks) write_masks(in_image, bits, x, y);
         }
 

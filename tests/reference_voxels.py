@@ -1,0 +1,90 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Twins of the kernels of `warpvis.kernels.voxels`; see `reference`. A grid is its least corner, side and size."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis import Camera, Label
+from warpvis.pose import poses_to_matrices
+from warpvis.voxels import Voxel
+
+
+def _shown(camera: Camera, depth: NDArray) -> NDArray[np.float64]:
+    """Depth by REP 117: -inf is too near, +inf is nothing in range, NaN is not measured."""
+    depth = np.asarray(depth, dtype=np.float32)
+    result = np.where((depth > 0) | np.isneginf(depth), depth, np.nan).astype(np.float64)
+    result[result < np.float32(camera.near)] = -np.inf
+    result[result > np.float32(camera.far)] = np.inf
+    return result
+
+
+def mark_surface_points(
+    camera: Camera,
+    poses: NDArray,
+    depth: NDArray,
+    labels: NDArray | None,
+    origin: NDArray,
+    cell: float,
+    size: tuple[int, int, int],
+) -> NDArray[np.int32]:
+    """The greatest label of the points in every voxel, plus 1; 0 where there are none."""
+    marks = np.zeros(size, dtype=np.int32)
+    y, x = np.mgrid[: camera.height, : camera.width]
+    for view, matrix in enumerate(poses_to_matrices(np.asarray(poses, dtype=np.float32))):
+        shown = _shown(camera, depth[view])
+        measured = np.where(np.isfinite(shown), shown, np.nan)
+        points = camera.back_project(np.stack([x, y], axis=-1) + 0.5, measured) @ matrix[:3, :3].T + matrix[:3, 3]
+        label = np.full(shown.shape, Label.OBSTACLE) if labels is None else labels[view]
+        with np.errstate(invalid="ignore"):
+            at = np.floor((points - origin) / cell)
+            inside = (at >= 0).all(axis=-1) & (at < size).all(axis=-1)
+        np.maximum.at(marks, tuple(at[inside].astype(int).T), label[inside].astype(np.int32) + 1)
+    return marks
+
+
+def judge_voxels(
+    camera: Camera,
+    poses: NDArray,
+    depth: NDArray,
+    labels: NDArray | None,
+    origin: NDArray,
+    cell: float,
+    marks: NDArray,
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """States and labels of a grid of which nothing was known before."""
+    centers = np.asarray(origin) + cell * (np.stack(np.indices(marks.shape), axis=-1).reshape(-1, 3) + 0.5)
+    states = np.where(marks.ravel() > 0, Voxel.SURFACE, Voxel.OUTSIDE)
+    highest = np.maximum(marks.ravel() - 1, Label.EMPTY)
+    for view, matrix in enumerate(poses_to_matrices(np.asarray(poses, dtype=np.float32))):
+        at = camera.project((centers - matrix[:3, 3]) @ matrix[:3, :3])
+        in_image = ((at >= 0) & (at < [camera.width, camera.height])).all(axis=1)
+        column, row = at[in_image].astype(int).T
+        sight = centers[in_image] - matrix[:3, 3]
+        z = sight @ matrix[:3, 2]
+        shown = _shown(camera, depth[view])[row, column]
+        label = np.full(len(z), Label.OBSTACLE) if labels is None else labels[view][row, column]
+
+        on_surface = np.isfinite(shown)
+        met = sight[on_surface] * (shown[on_surface] / z[on_surface])[:, None]
+        on_surface[on_surface] = np.abs(met - sight[on_surface]).max(axis=1) <= cell / 2
+        in_range = (z.astype(np.float32) >= np.float32(camera.near)) & (z.astype(np.float32) <= np.float32(camera.far))
+        says = np.where(z < shown, Voxel.FREE, Voxel.HIDDEN)
+        says = np.where(in_range & ~np.isnan(shown), says, Voxel.OUTSIDE)
+        says = np.where(on_surface, Voxel.SURFACE, says)
+        states[in_image] = np.maximum(states[in_image], says)
+        highest[in_image] = np.maximum(highest[in_image], np.where(on_surface, label, Label.EMPTY))
+    return states.reshape(marks.shape).astype(np.uint8), highest.reshape(marks.shape).astype(np.uint8)
+
+
+def merge_voxels(first: NDArray, second: NDArray) -> NDArray:
+    """States, or labels, of what either map saw."""
+    return np.maximum(first, second)
+
+
+def highest_labels(labels: NDArray, up_axis: int) -> NDArray:
+    """Rows and columns of a floor map: y and x, or x and z where y is up."""
+    highest = labels.max(axis=up_axis)
+    return highest.T if up_axis == 2 else highest

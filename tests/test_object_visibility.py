@@ -1,0 +1,285 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""How much of each object is seen: BOP's definition in float64 NumPy, worlds, reasons, masks, and bad input."""
+
+import numpy as np
+import pytest
+import trimesh
+import warp as wp
+
+import warpvis as wv
+from warpvis import object_visibility as module
+from warpvis.object_visibility import BOP_DELTA, object_visibility
+
+import reference
+
+SMALL = wv.Camera.from_fov(64, 48, hfov=1.0)
+COUNTS = ("visible_pixels", "image_pixels", "silhouette_pixels", "too_near_pixels", "too_far_pixels")
+FIELDS = (*COUNTS, "fraction", "status", "occluder", "visible_box", "silhouette_box")
+
+
+def desk(device="cpu"):
+    """A floor, a wall, things that stay and things that move, of one piece and round ones."""
+    scene = wv.Scene(device=device)
+    scene.add(trimesh.creation.box((6, 6, 0.02)), name="floor", label="ground")
+    scene.add(trimesh.creation.box((0.05, 1.5, 0.8)), name="wall", pose=(1.0, 0.6, 0.4, 0, 0, 0, 1))
+    scene.add(
+        trimesh.creation.icosphere(subdivisions=2, radius=0.3),
+        name="ball",
+        label="object",
+        pose=(1.6, 0, 0.3, 0, 0, 0, 1),
+    )
+    scene.add(trimesh.creation.torus(0.3, 0.1, 16, 8), name="ring", pose=(0.6, -0.4, 0.5, 0.5, 0.5, 0.5, 0.5))
+    scene.add(trimesh.creation.box((0.2, 0.3, 0.4)), name="cart", movable=True, pose=(0.3, 0.7, 0.2, 0, 0, 0.38, 0.92))
+    scene.add(trimesh.creation.box((0.1, 0.1, 0.6)), name="mast", attach_to="cart", pose=(0.3, 0.7, 0.7, 0, 0, 0, 1))
+    scene.add(wv.solids.capsule(0.15, 0.4), name="arm", movable=True, pose=(0.9, 0.1, 0.6, 0.3, 0.1, 0, 0.95))
+    scene.add(trimesh.creation.box((0.02, 0.3, 0.3)), name="sheet", pose=(1.29, 0, 0.3, 0, 0, 0, 1))
+    return scene
+
+
+def cameras():
+    places = [
+        ((-2, 0, 1.0), (1, 0, 0.3)),
+        ((0.3, -2.5, 0.4), (0.8, 0, 0.4)),
+        ((-0.4, 0.2, 0.5), (0.9, 0.6, 0.4)),
+        ((3, 2, 2), (1, 0, 0)),
+    ]
+    return np.array([wv.look_at(eye, target) for eye, target in places], dtype=np.float32)
+
+
+def expected_of(scene, camera, pose, index, canvas, delta, min_pixels=1):
+    masks = reference.measure_silhouettes(scene, camera, pose, index, canvas=canvas, delta=delta)
+    return masks, reference.judge_silhouettes(masks, canvas, min_pixels)
+
+
+@pytest.mark.parametrize("caster", ["packets", "rays"])
+@pytest.mark.parametrize("delta", [0.0, BOP_DELTA])
+def test_fractions_are_those_of_bop(device, caster, delta):
+    """Object alone on a canvas of 3 W x 3 H, distance images, delta 15 mm: within one pixel per object."""
+    scene, poses = desk(device), cameras()
+    camera = wv.Camera.from_fov(40, 30, hfov=1.0, near=0.6, far=3.2)
+    result = object_visibility(scene, camera, poses, delta=delta, caster=caster, masks=True)
+    assert result.names == tuple(item.name for item in scene)
+    canvas = (camera.width, camera.height, camera.width, camera.height)
+    several = set()
+    for view, pose in enumerate(poses):
+        for index in range(len(scene)):
+            masks, expected = expected_of(scene, camera, pose, index, canvas, delta)
+            for name in COUNTS:
+                assert abs(int(getattr(result, name).numpy()[view, index]) - expected[name]) <= 1, (name, view, index)
+            whole = max(expected["silhouette_pixels"], 1)
+            assert abs(result.fraction.numpy()[view, index] - expected["fraction"]) <= 2 / whole
+            assert result.status.numpy()[view, index] == expected["status"], (view, scene.objects[index].name)
+            assert result.occluder.numpy()[view, index] == expected["occluder"]
+            for name in ("visible_box", "silhouette_box"):
+                assert np.abs(getattr(result, name).numpy()[view, index] - expected[name]).max() <= 1
+            mask = masks["silhouette"] + masks["visible"].astype(np.uint8)
+            assert (result.masks.numpy()[view, index] != mask).sum() <= 1
+            several.add(expected["status"])
+    assert len(several) >= 3
+
+
+def test_delta_lets_what_is_just_behind_count(device):
+    """A sheet 9 mm before a wall hides it, unless a delta of 15 mm says that this is noise."""
+    scene = wv.Scene(device=device)
+    scene.add(trimesh.creation.box((1, 1, 0.01)), name="wall", pose=(0, 0, 2, 0, 0, 0, 1))
+    scene.add(trimesh.creation.box((2, 2, 0.001)), name="sheet", pose=(0, 0, 1.986, 0, 0, 0, 1))
+    pose = (0, 0, 0, 0, 0, 0, 1)
+    exact, bop = (object_visibility(scene, SMALL, pose, delta=delta) for delta in (0.0, BOP_DELTA))
+    assert exact.fraction.numpy()[0, 0] == 0 and exact.status.numpy()[0, 0] == wv.Visibility.OCCLUDED
+    assert exact.occluder.numpy()[0, 0] == 1
+    assert bop.fraction.numpy()[0, 0] == 1 and bop.occluder.numpy()[0, 0] == -1
+
+
+@pytest.fixture(scope="module")
+def target():
+    scene = wv.Scene()
+    scene.add(trimesh.creation.box((0.2, 0.2, 0.2)), name="cube", movable=True)
+    scene.add(trimesh.creation.box((1, 1, 0.1)), name="screen", movable=True, pose=(9, 9, -9, 0, 0, 0, 1))
+    return scene
+
+
+@pytest.mark.parametrize(
+    ("cube", "screen", "status", "occluder"),
+    [
+        ((0, 0, 2), (9, 9, -9), wv.Visibility.VISIBLE, -1),
+        ((0, 0, -2), (9, 9, -9), wv.Visibility.OUT_OF_VIEW, -1),
+        ((5, 0, 2), (9, 9, -9), wv.Visibility.OUT_OF_VIEW, -1),
+        ((0, 0, 0.3), (9, 9, -9), wv.Visibility.TOO_NEAR, -1),
+        ((0, 0, 6), (9, 9, -9), wv.Visibility.TOO_FAR, -1),
+        ((0, 0, 2), (0, 0, 1), wv.Visibility.OCCLUDED, 1),
+        ((0, 0, 2), (0, 0, 0.2), wv.Visibility.OCCLUDED, 1),  # what is too near to be measured hides all the same
+        ((0, 0, 4), (0, 0, 0.2), wv.Visibility.OCCLUDED, 1),
+        ((0, 0, 0.3), (0, 0, 0.1), wv.Visibility.TOO_NEAR, 1),
+    ],
+)
+def test_every_reason(target, cube, screen, status, occluder):
+    camera = wv.Camera.from_fov(64, 48, hfov=1.0, near=0.5, far=4.5)
+    poses = np.array([[*cube, 0, 0, 0, 1], [*screen, 0, 0, 0, 1]], dtype=np.float32)
+    result = object_visibility(target, camera, (0, 0, 0, 0, 0, 0, 1), objects=["cube"], object_poses=poses)
+    assert result.status.numpy()[0, 0] == status
+    if status != wv.Visibility.TOO_NEAR:
+        assert result.occluder.numpy()[0, 0] == occluder
+    assert (result.visible_pixels.numpy()[0, 0] > 0) == (status == wv.Visibility.VISIBLE)
+
+
+def test_what_the_image_cuts_off_counts_as_unseen(target):
+    """Half of a cube is beyond the image's border: BOP's canvas knows the rest, one without a border does not."""
+    poses = np.array([[[0, 0, 2, 0, 0, 0, 1], [9, 9, -9, 0, 0, 0, 1]]], dtype=np.float32)
+    cut = wv.Camera(64, 48, 100, 100, 0.0, 24.0)
+    wide = object_visibility(target, cut, (0, 0, 0, 0, 0, 0, 1), objects=["cube"], object_poses=poses)
+    image = object_visibility(target, cut, (0, 0, 0, 0, 0, 0, 1), objects=[0], object_poses=poses, canvas=(0, 0, 0, 0))
+    assert wide.fraction.numpy()[0, 0] == pytest.approx(0.5, abs=0.02)
+    assert image.fraction.numpy()[0, 0] == 1
+    assert wide.silhouette_box.numpy()[0, 0, 0] < 0 == image.silhouette_box.numpy()[0, 0, 0]
+    assert (wide.visible_box.numpy() == image.visible_box.numpy()).all()
+
+
+@pytest.mark.parametrize("caster", ["packets", "rays"])
+def test_silhouettes_around_and_behind_the_camera(device, caster):
+    """From inside of an object its silhouette is the whole canvas; a floor reaches behind the camera."""
+    scene = wv.Scene(device=device)
+    scene.add(trimesh.creation.box((4, 4, 4)), name="room")
+    scene.add(trimesh.creation.box((50, 50, 0.1)), name="floor", pose=(0, 0, -1, 0, 0, 0, 1))
+    scene.add(wv.solids.sphere(3.0), name="dome", movable=True)
+    result = object_visibility(scene, SMALL, wv.look_at((0, 0, 0), (1, 0, 0)), caster=caster)
+    assert result.silhouette_pixels.numpy()[0, 0] == 9 * 64 * 48
+    assert result.silhouette_box.numpy()[0, 0].tolist() == [-64, -48, 192, 144]
+    assert result.silhouette_pixels.numpy()[0, 2] == 9 * 64 * 48
+    _, expected = expected_of(scene, SMALL, wv.look_at((0, 0, 0), (1, 0, 0)), 1, (64, 48, 64, 48), 0.0)
+    assert abs(result.silhouette_pixels.numpy()[0, 1] - expected["silhouette_pixels"]) <= 1
+
+
+def test_a_ball_has_the_silhouette_that_geometry_says():
+    """An ellipse's area, of a ball off the axis: pi f^2 r^2 z / (z^2 - r^2)^1.5 for (x, 0, z) with z along the axis."""
+    scene = wv.Scene()
+    scene.add(wv.solids.sphere(0.5), name="ball", movable=True, pose=(0, 0, 3, 0, 0, 0, 1))
+    camera = wv.Camera.from_fov(640, 480, hfov=1.0)
+    result = object_visibility(scene, camera, (0, 0, 0, 0, 0, 0, 1))
+    area = np.pi * camera.fx**2 * 0.25 / (9 - 0.25)
+    assert result.silhouette_pixels.numpy()[0, 0] == pytest.approx(area, rel=2e-3)
+
+
+def worlds_of(scene, count, seed=3):
+    rng = np.random.default_rng(seed)
+    rows = np.tile(np.array([scene.objects[i].pose for i in scene.movable], dtype=np.float32), (count, 1, 1))
+    rows[:, :, :3] += rng.uniform(-0.4, 0.4, (count, len(scene.movable), 3)).astype(np.float32)
+    return rows
+
+
+@pytest.mark.parametrize("caster", ["packets", "rays"])
+def test_worlds_and_exclusion_are_those_of_single_calls(device, caster):
+    scene, poses = desk(device), cameras()
+    worlds, which = worlds_of(scene, 3), np.array([2, 0, 2, 1], dtype=np.int32)
+    flags = np.zeros((4, len(scene)), dtype=np.uint8)
+    flags[1, scene.index("wall")] = flags[3, scene.index("cart")] = 1
+    together = object_visibility(scene, SMALL, poses, object_poses=worlds, world=which, exclude=flags, caster=caster)
+    for view in range(4):
+        names = [item.name for item, flag in zip(scene, flags[view], strict=True) if flag]
+        alone = object_visibility(
+            scene, SMALL, poses[view], object_poses=worlds[which[view]], exclude=names, caster=caster
+        )
+        for field in FIELDS:
+            assert (getattr(together, field).numpy()[view] == getattr(alone, field).numpy()[0]).all(), field
+    assert together.silhouette_pixels.numpy()[1, scene.index("wall")] == 0
+    assert together.status.numpy()[1, scene.index("wall")] == wv.Visibility.OUT_OF_VIEW
+    assert together.silhouette_pixels.numpy()[3, scene.index("mast")] > 0
+
+
+def test_both_casters_agree_and_threads_change_nothing(monkeypatch):
+    scene, rng = desk(), np.random.default_rng(5)
+    eyes = rng.uniform([-3, -3, 0.2], [3, 3, 2], (40, 3))
+    poses = np.array([wv.look_at(eye, rng.uniform(-0.5, 1, 3)) for eye in eyes], dtype=np.float32)
+    results = [object_visibility(scene, SMALL, poses, delta=0.01, threads=n, masks=True) for n in (1, 2, 3)]
+    monkeypatch.setattr(module, "_CPU_BYTES", 200_000)  # in several parts, of unequal size
+    results.append(object_visibility(scene, SMALL, poses, delta=0.01, masks=True))
+    for field in (*FIELDS, "masks"):
+        for other in results[1:]:
+            assert getattr(results[0], field).numpy().tobytes() == getattr(other, field).numpy().tobytes(), field
+    rays = object_visibility(scene, SMALL, poses, delta=0.01, caster="rays")
+    for field in COUNTS:
+        assert np.abs(getattr(rays, field).numpy() - getattr(results[0], field).numpy()).max() <= 1
+
+
+def test_chosen_objects_in_their_order():
+    scene, poses = desk(), cameras()
+    every = object_visibility(scene, SMALL, poses)
+    some = object_visibility(scene, SMALL, poses, objects=["mast", 0, "ball"])
+    assert some.objects == (5, 0, 2) and some.names == ("mast", "floor", "ball")
+    for field in FIELDS:
+        assert (getattr(some, field).numpy() == getattr(every, field).numpy()[:, [5, 0, 2]]).all(), field
+
+
+def test_few_pixels_do_not_count():
+    scene = wv.Scene()
+    scene.add(trimesh.creation.icosphere(radius=0.03), name="pea", pose=(0, 0, 1, 0, 0, 0, 1))
+    pose = (0, 0, 0, 0, 0, 0, 1)
+    one = object_visibility(scene, SMALL, pose)
+    assert 0 < one.visible_pixels.numpy()[0, 0] < 20 and one.status.numpy()[0, 0] == wv.Visibility.VISIBLE
+    many = object_visibility(scene, SMALL, pose, min_pixels=20)
+    assert many.status.numpy()[0, 0] == wv.Visibility.TOO_FAR
+    assert many.visible_pixels.numpy()[0, 0] == one.visible_pixels.numpy()[0, 0]
+
+
+def test_a_deformed_object_has_its_new_silhouette(device):
+    scene = wv.Scene(device=device)
+    cube = trimesh.creation.box((0.2, 0.2, 0.2))
+    scene.add(cube, name="cube", movable=True, pose=(0, 0, 2, 0, 0, 0, 1))
+    pose = (0, 0, 0, 0, 0, 0, 1)
+    before = object_visibility(scene, SMALL, pose).silhouette_pixels.numpy()[0, 0]
+    for factor in (2.0, 3.0):
+        scene.update_vertices("cube", (cube.vertices * [factor, 1, 1]).astype(np.float32))
+        after = object_visibility(scene, SMALL, pose).silhouette_pixels.numpy()[0, 0]
+        assert after == pytest.approx(factor * before, rel=0.15)
+    scene.add(cube, name="another", pose=(0.5, 0, 2, 0, 0, 0, 1))
+    assert object_visibility(scene, SMALL, pose).silhouette_pixels.shape == (1, 2)
+
+
+def test_no_views():
+    result = object_visibility(desk(), SMALL, np.zeros((0, 7)), masks=True)
+    assert result.fraction.shape == (0, 8) and result.masks.shape == (0, 8, 48, 64)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"objects": ["cup"]}, "the scene has no object 'cup'; it has 'floor'"),
+        ({"objects": []}, r"objects must be one or more different ones of the scene's, got \[\]"),
+        ({"objects": ["ball", 2]}, "objects must be one or more different ones"),
+        ({"objects": [8]}, "objects must be names, or indices from 0 to 7, got 8"),
+        ({"objects": [True]}, "objects must be names, or indices from 0 to 7, got True"),
+        ({"delta": -1.0}, "delta must be a number of metres from 0 up, got -1.0"),
+        ({"delta": float("nan")}, "delta must be a number of metres from 0 up, got nan"),
+        ({"min_pixels": 0}, "min_pixels must be a whole number from 1 up, got 0"),
+        (
+            {"canvas": (1, 2, 3)},
+            r"canvas must be four whole numbers of pixels: left, top, right, bottom, got \(1, 2, 3\)",
+        ),
+        ({"canvas": (-1, 0, 0, 0)}, "canvas must be four whole numbers of pixels"),
+        ({"object_poses": np.zeros((1, 5, 7))}, r"object_poses must have shape \(W, 2, 7\)"),
+        ({"exclude": ["cup"]}, "the scene has no object 'cup'"),
+        ({"world": [7]}, "world must be from 0 to 0"),
+    ],
+)
+def test_bad_input(arguments, message):
+    with pytest.raises(wv.WarpvisError, match=message):
+        object_visibility(desk(), SMALL, cameras()[0], **arguments)
+
+
+def test_bad_scene_and_camera():
+    with pytest.raises(wv.SceneError, match=r"scene must be a warpvis\.Scene, got list"):
+        object_visibility([], SMALL, cameras())
+    with pytest.raises(wv.CameraError, match=r"camera must be a warpvis\.Camera, got int"):
+        object_visibility(desk(), 3, cameras())
+    with pytest.raises(wv.SceneError, match="the scene has no objects"):
+        object_visibility(wv.Scene(), SMALL, cameras())
+
+
+def test_poses_are_spread():
+    from warpvis.kernels.silhouettes import spread_poses
+
+    rows, columns = np.random.default_rng(0).normal(size=(2, 3, 7)).astype(np.float32), np.array([2, -1, 0, 0])
+    out = wp.zeros((2, 4), dtype=wp.transform, device="cpu")
+    inputs = [wp.array(rows, dtype=wp.transform, device="cpu"), wp.array(columns, dtype=wp.int32, device="cpu"), out]
+    wp.launch(spread_poses, dim=(2, 4), inputs=inputs, device="cpu")
+    assert (out.numpy().view(np.float32).reshape(2, 4, 7) == reference.spread_poses(rows, columns)).all()

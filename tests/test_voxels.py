@@ -1,0 +1,424 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The map in 3D: against its twin, against geometry, over several views, threads and worlds."""
+
+import numpy as np
+import pytest
+import trimesh
+import warp as wp
+
+import warpvis as wv
+from warpvis import Label, Visibility
+from warpvis.voxels import Voxel, VoxelMap, voxel_map, voxel_map_of
+
+import reference
+
+CAMERA = wv.Camera.from_fov(160, 120, hfov=1.1, near=0.3, far=3.5)
+CELL = 0.05
+# Off round numbers: faces of the scene lie on those, and on the border of two voxels rounding would decide.
+BOUNDS = np.array([[-1.513, -1.187, -0.127], [1.337, 1.213, 1.081]])
+POSES = np.stack(
+    [
+        wv.look_at((-1.4, 0.1, 0.8), (0.3, 0, 0.2)),
+        wv.look_at((1.2, -1.1, 0.9), (0, 0, 0.2)),
+        wv.look_at((0.2, 1.4, 0.6), (0.1, 0, 0.1)),
+    ]
+)
+BOX_FRONT, BOX_BACK, BOX_TOP = 0.2, 0.5, 0.4
+
+
+def build(device="cpu"):
+    """Floor, box and ball."""
+    scene = wv.Scene(device=device)
+    scene.add(trimesh.creation.box((4, 4, 0.02)), name="floor", label="ground", pose=(0, 0, -0.01, 0, 0, 0, 1))
+    middle = (BOX_FRONT + BOX_BACK) / 2
+    scene.add(trimesh.creation.box((0.3, 0.6, BOX_TOP)), name="box", pose=(middle, 0, BOX_TOP / 2, 0, 0, 0, 1))
+    scene.add(trimesh.creation.icosphere(radius=0.15), name="ball", label="object", pose=(-0.3, 0.4, 0.15, 0, 0, 0, 1))
+    return scene
+
+
+def render(scene, poses=POSES):
+    return wv.render(scene, CAMERA, poses, outputs=("depth", "labels"))
+
+
+def single(poses):
+    """Poses as the kernels have them: in single precision."""
+    return wv.parse_poses(poses).numpy()
+
+
+def assert_matches_twin(result, depth, labels, poses, camera=CAMERA):
+    grid = (np.array(result.origin), result.cell)
+    marks = reference.mark_surface_points(camera, single(poses), depth, labels, *grid, result.states.shape)
+    states, highest = reference.judge_voxels(camera, single(poses), depth, labels, *grid, marks)
+    # A point within a rounding error of a voxel's border may fall on either side of it.
+    assert (result.states.numpy() != states).sum() <= 5
+    assert (result.labels.numpy() != highest).sum() <= 5
+    return states, highest
+
+
+def at(result, point):
+    """State and label of the voxel that holds a point."""
+    index = tuple(np.floor((np.array(point) - result.origin) / result.cell).astype(int))
+    return Voxel(result.states.numpy()[index]), Label(result.labels.numpy()[index])
+
+
+def same(first, second):
+    return (first.states.numpy() == second.states.numpy()).all() and (
+        first.labels.numpy() == second.labels.numpy()
+    ).all()
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_maps_match_their_twin(count, device):
+    views = render(build(device), POSES[:count])
+    result = voxel_map(views.depth, CAMERA, POSES[:count], bounds=BOUNDS, labels=views.labels)
+    assert result.states.shape == result.labels.shape == (57, 48, 25)
+    assert result.origin == tuple(BOUNDS[0])
+    assert str(result.states.device) == device
+    states, labels = assert_matches_twin(result, views.depth.numpy(), views.labels.numpy(), POSES[:count])
+    assert set(np.unique(states)) == set(Voxel)
+    assert set(np.unique(labels)) == {Label.EMPTY, Label.GROUND, Label.OBSTACLE, Label.OBJECT}
+    assert ((labels != Label.EMPTY) == (states == Voxel.SURFACE)).all()
+
+
+def test_states_are_where_geometry_says(device):
+    scene = build(device)
+    result = voxel_map_of(scene, CAMERA, POSES[0], bounds=BOUNDS)
+    assert at(result, (BOX_FRONT, 0.0, 0.2)) == (Voxel.SURFACE, Label.OBSTACLE)
+    assert at(result, (BOX_FRONT - 0.1, 0.0, 0.2)) == (Voxel.FREE, Label.EMPTY)
+    assert at(result, (BOX_FRONT + 0.1, 0.0, 0.2)) == (Voxel.HIDDEN, Label.EMPTY)  # inside
+    assert at(result, (BOX_BACK + 0.1, 0.0, 0.1)) == (Voxel.HIDDEN, Label.EMPTY)  # behind
+    assert at(result, (BOX_BACK + 0.1, 0.0, 0.7)) == (Voxel.FREE, Label.EMPTY)  # over it
+    assert at(result, (-0.5, 0.0, 0.0)) == (Voxel.SURFACE, Label.GROUND)
+    assert at(result, (0.0, 0.0, -0.1)) == (Voxel.HIDDEN, Label.EMPTY)
+    assert at(result, (-0.3 - 0.14, 0.4, 0.15)) == (Voxel.SURFACE, Label.OBJECT)
+    assert at(result, (-1.5, 0.0, 0.8)) == (Voxel.OUTSIDE, Label.EMPTY)  # behind the camera
+    assert at(result, (-1.3, 0.1, 0.77)) == (Voxel.OUTSIDE, Label.EMPTY)  # nearer than it measures
+
+    # Elsewhere a voxel is what its middle is by the pixel that it is in.
+    depth = render(scene, POSES[:1]).depth
+    status = wv.check_points_measured(depth, CAMERA, POSES[:1], result.centers().reshape(-1, 3), tolerance=0.0)
+    means = {Visibility.VISIBLE: Voxel.FREE, Visibility.OCCLUDED: Voxel.HIDDEN}
+    expected = np.array([means.get(value, Voxel.OUTSIDE) for value in Visibility])[status.numpy()[0]]
+    states = result.states.numpy().ravel()
+    others = states != Voxel.SURFACE
+    assert (states[others] != expected[others]).mean() < 1e-4
+
+
+def test_surfaces_have_no_holes_between_pixels(device):
+    """Every voxel of a wall in view holds it, though the pixels lie three voxels apart."""
+    scene = wv.Scene(device=device)
+    scene.add(trimesh.creation.box((0.2, 9, 9)), name="wall", pose=(2.113, 0, 0, 0, 0, 0, 1))
+    camera = wv.Camera.from_fov(30, 30, hfov=1.2)
+    pose = wv.look_at((0, 0, 0), (1, 0, 0))
+    result = voxel_map_of(scene, camera, pose, bounds=((1, -0.6, -0.6), (3, 0.6, 0.6)), cell=0.03)
+    states = result.states.numpy()
+    wall = int((2.013 - 1) / 0.03)
+    assert (states[wall] == Voxel.SURFACE).all()
+    assert (states[:wall] == Voxel.FREE).all()
+    assert (states[wall + 1 :] == Voxel.HIDDEN).all()
+
+
+def test_a_map_of_several_views_is_what_any_of_them_saw(device):
+    views = render(build(device))
+    depth, labels = views.depth.numpy(), views.labels.numpy()
+    options = {"bounds": BOUNDS, "device": device}
+    together = voxel_map(depth, CAMERA, POSES, labels=labels, **options)
+    alone = [voxel_map(depth[v], CAMERA, POSES[v], labels=labels[v], **options) for v in range(3)]
+    np.testing.assert_array_equal(together.states.numpy(), np.max([m.states.numpy() for m in alone], axis=0))
+    np.testing.assert_array_equal(together.labels.numpy(), np.max([m.labels.numpy() for m in alone], axis=0))
+    for one in alone:  # others saw what this view could not
+        assert ((one.states.numpy() == Voxel.HIDDEN) & (together.states.numpy() > Voxel.HIDDEN)).sum() > 100
+
+    merged = alone[0].merge(alone[1]).merge(alone[2])
+    assert same(merged, together)
+    assert not same(alone[0], together)  # merging wrote to neither
+    states = reference.merge_voxels(alone[0].states.numpy(), alone[1].states.numpy())
+    assert (alone[0].merge(alone[1]).states.numpy() == states).all()
+    added = voxel_map(depth[1:], CAMERA, POSES[1:], labels=labels[1:], out=alone[0], bounds=BOUNDS)
+    assert added is alone[0]
+    assert same(added, together)
+
+
+def test_cameras_of_different_kinds_add_to_one_map(device):
+    scene, wide = build(device), wv.Camera.from_fov(60, 90, hfov=1.8, far=2.0)
+    first = voxel_map_of(scene, CAMERA, POSES[0], bounds=BOUNDS)
+    second = voxel_map_of(scene, wide, POSES[1], bounds=BOUNDS)
+    expected = first.merge(second)
+    assert same(voxel_map_of(scene, wide, POSES[1], out=first), expected)
+
+
+@pytest.mark.parametrize("least_x", [BOUNDS[0, 0], 1.28])
+def test_threads_change_nothing(least_x, device):
+    """Of a box that threads share out by layers across x, and of one so thin that they share its layers."""
+    views, bounds = render(build(device)), [(least_x, *BOUNDS[0, 1:]), BOUNDS[1]]
+    cell = 0.031 if least_x < 0 else 0.011
+    maps = [
+        voxel_map(views.depth, CAMERA, POSES, bounds=bounds, cell=cell, labels=views.labels, threads=threads)
+        for threads in (1, 2, 3, 1)
+    ]
+    assert all(same(maps[0], other) for other in maps[1:])
+    assert set(np.unique(maps[0].states.numpy())) == set(Voxel)
+
+
+def neighborhood(cells):
+    """The highest label of every cell and the eight around it."""
+    rows, columns = cells.shape
+    padded = np.pad(cells, 1)
+    return np.max([padded[r : r + rows, c : c + columns] for r in range(3) for c in range(3)], axis=0)
+
+
+def test_the_floor_map_shows_what_visibility_map_does(device):
+    """Every cell that a pixel's point lies over shows its label; rays through voxels reach one cell farther at most.
+
+    A ray through a voxel's middle meets the surface at the depth of its pixel, so within half a pixel of the pixel's
+    point: less than a cell here, where pixels are smaller than cells.
+    """
+    assert CAMERA.far / CAMERA.fx < CELL
+    scene, robots = build(device), [(-1.2, 0.1, 0.1)]
+    views = wv.render(scene, CAMERA, POSES[0])
+    result = voxel_map(views.depth, CAMERA, POSES[0], bounds=BOUNDS, labels=views.labels)
+    floor_map = result.floor_map()
+    # One row of pixels: of points alone, without the level surface between neighbours.
+    points, labels = views.points.numpy().reshape(1, 1, -1, 3), views.labels.numpy().reshape(1, 1, -1)
+    of_points = wv.visibility_map(points, labels, bounds=BOUNDS, cell=CELL)
+    assert floor_map.bounds == pytest.approx(of_points.bounds)
+    assert (floor_map.cell, floor_map.up) == (CELL, "z")
+    assert str(floor_map.cells.device) == device
+
+    cells, least = floor_map.cells.numpy()[0], of_points.cells.numpy()[0]
+    most = neighborhood(least)
+    assert (least <= cells).all()
+    assert (cells <= most).all()
+    certain = (least == most) & (least != Label.EMPTY)
+    assert certain.mean() > 0.3  # where those two agree, so do the maps
+    assert set(np.unique(cells)) == {Label.EMPTY, Label.GROUND, Label.OBSTACLE, Label.OBJECT}
+    np.testing.assert_array_equal(cells, reference.highest_labels(result.labels.numpy(), 2))
+
+    drawn = result.floor_map(robots=robots).cells.numpy()[0]
+    expected = wv.visibility_map(points, labels, bounds=BOUNDS, cell=CELL, robots=robots).cells.numpy()[0]
+    assert ((drawn == Label.ROBOT) == (expected == Label.ROBOT)).all()
+    assert (drawn[drawn != Label.ROBOT] == cells[drawn != Label.ROBOT]).all()
+
+
+def test_worlds_with_y_up(device):
+    """The same world with its axes renamed: x, y, z become z, x, y."""
+    upright = build(device)
+    turned = wv.Scene(device=device, up="y")
+    for item in upright.objects:
+        turned.add((item.vertices[:, [1, 2, 0]], item.faces), name=item.name, label=item.label)
+    poses = np.tile(np.eye(4), (3, 1, 1))
+    poses[:, :3] = reference.poses_to_matrices(POSES)[:, [1, 2, 0]]
+    expected = voxel_map_of(upright, CAMERA, POSES, bounds=BOUNDS)
+    result = voxel_map_of(turned, CAMERA, poses, bounds=BOUNDS[:, [1, 2, 0]])
+    assert result.up == "y"
+    for name in ("states", "labels"):
+        got, wanted = (getattr(m, name).numpy() for m in (result, expected))
+        assert got.shape == wanted.transpose(1, 2, 0).shape
+        assert (got != wanted.transpose(1, 2, 0)).mean() < 1e-3  # other roundings of poses and vertices
+    floor_map = result.floor_map()
+    assert floor_map.axes == ("z", "x")
+    assert floor_map.bounds == pytest.approx(expected.floor_map().bounds)
+    assert (floor_map.cells.numpy() != expected.floor_map().cells.numpy()).mean() < 1e-2
+    np.testing.assert_array_equal(floor_map.cells.numpy()[0], reference.highest_labels(result.labels.numpy(), 1))
+
+
+def test_measured_images_with_holes(device):
+    rng = np.random.default_rng(0)
+    depth = render(build(device)).depth.numpy()
+    for value in (np.nan, 0.0, -1.0, 0.1, 9.0):
+        depth[rng.random(depth.shape) < 0.1] = value
+    assert np.isneginf(depth).sum() == 0
+    depth[rng.random(depth.shape) < 0.05] = -np.inf
+    result = voxel_map(depth, CAMERA, POSES, bounds=BOUNDS, device=device)
+    states, labels = assert_matches_twin(result, depth, None, POSES)
+    assert set(np.unique(states)) == set(Voxel)
+    assert set(np.unique(labels)) == {Label.EMPTY, Label.OBSTACLE}  # without labels, every surface is an obstacle
+
+
+@pytest.mark.parametrize(
+    ("value", "state", "reach"),
+    [
+        (np.nan, Voxel.OUTSIDE, None),
+        (0.0, Voxel.OUTSIDE, None),
+        (-1.0, Voxel.OUTSIDE, None),
+        (np.inf, Voxel.FREE, (1.0, 2.0)),
+        (2.5, Voxel.FREE, (1.0, 2.0)),  # beyond what the camera measures
+        (-np.inf, Voxel.HIDDEN, (1.0, 2.0)),
+        (0.5, Voxel.HIDDEN, (1.0, 2.0)),  # nearer than what it measures
+    ],
+)
+def test_what_a_whole_image_of_one_value_says(value, state, reach, device):
+    """A camera that looks along x: all voxels between its near and far say the same, and those beyond nothing."""
+    camera = wv.Camera.from_fov(8, 8, hfov=2.0, near=1.0, far=2.0)
+    depth = np.full((8, 8), value, dtype=np.float32)
+    bounds = ((0.5, -0.3, -0.3), (2.5, 0.3, 0.3))
+    pose = wv.look_at((0, 0, 0), (1, 0, 0))
+    result = voxel_map(depth, camera, pose, bounds=bounds, cell=0.1, device=device)
+    x = result.centers()[..., 0]
+    expected = np.full(x.shape, Voxel.OUTSIDE)
+    if reach:
+        expected[(x > reach[0]) & (x < reach[1])] = state
+    np.testing.assert_array_equal(result.states.numpy(), expected)
+    assert not result.labels.numpy().any()
+
+
+def test_the_body_around_a_camera_hides_nothing_once_excluded(device):
+    scene = build(device)
+    scene.add(trimesh.creation.box((0.3, 0.3, 0.3)), name="robot", label="robot", pose=(-1.4, 0.1, 0.8, 0, 0, 0, 1))
+    alone = voxel_map_of(build(device), CAMERA, POSES[0], bounds=BOUNDS)
+    inside = voxel_map_of(scene, CAMERA, POSES[0], bounds=BOUNDS)
+    assert inside.counts()[Voxel.FREE] == inside.counts()[Voxel.SURFACE] == 0
+    assert inside.counts()[Voxel.HIDDEN] > 0
+    assert same(voxel_map_of(scene, CAMERA, POSES[0], bounds=BOUNDS, exclude=["robot"]), alone)
+
+
+def test_views_in_parts_of_worlds_that_move(device, monkeypatch):
+    """Three views in two worlds, each with its own exclusions, one view at a time: as all at once."""
+    scene = build(device)
+    scene.add(
+        trimesh.creation.box((0.3, 0.3, 1)), name="person", label="human", pose=(0, 0, 9, 0, 0, 0, 1), movable=True
+    )
+    arguments = {
+        "object_poses": np.array([[[-0.4, -0.3, 0.5, 0, 0, 0, 1]], [[0, -0.6, 0.5, 0, 0, 0, 1]]], dtype=np.float32),
+        "world": np.array([1, 0, 1]),
+        "exclude": np.array([[0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 1, 0]], dtype=np.uint8),
+    }
+    views = wv.render(scene, CAMERA, POSES, outputs=("depth", "labels"), **arguments)
+    expected = voxel_map(views.depth, CAMERA, POSES, bounds=BOUNDS, labels=views.labels)
+    assert same(voxel_map_of(scene, CAMERA, POSES, bounds=BOUNDS, **arguments), expected)
+    monkeypatch.setattr("warpvis.voxels._PIXELS_AT_A_TIME", 1)
+    assert same(voxel_map_of(scene, CAMERA, POSES, bounds=BOUNDS, **arguments), expected)
+    assert Label.HUMAN in expected.labels.numpy()
+
+    each = np.concatenate([arguments["object_poses"][[1, 0, 1]]])  # a world a view
+    exclude = arguments["exclude"]
+    assert same(voxel_map_of(scene, CAMERA, POSES, bounds=BOUNDS, object_poses=each, exclude=exclude), expected)
+    nothing = voxel_map_of(scene, CAMERA, np.zeros((0, 7)), bounds=BOUNDS)
+    assert nothing.counts() == {Voxel.OUTSIDE: 57 * 48 * 25, Voxel.HIDDEN: 0, Voxel.FREE: 0, Voxel.SURFACE: 0}
+
+
+def test_the_box_of_a_scene_by_default(device):
+    """A flat floor ends the scene, and lies in one layer of voxels."""
+    scene = wv.Scene(device=device)
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    scene.add((corners, np.array([[0, 1, 2], [0, 2, 3]])), name="floor", label="ground")
+    scene.add(trimesh.creation.box((0.2, 0.2, 0.4)), name="box", pose=(0.3, 0, 0.2, 0, 0, 0, 1))
+    result = voxel_map_of(scene, CAMERA, POSES[0], cell=0.1)
+    np.testing.assert_allclose(result.bounds, [[-1.15, -1.15, -0.15], [1.15, 1.15, 0.55]], atol=1e-6)
+    states = result.states.numpy()
+    assert not (states[:, :, 0] == Voxel.SURFACE).any()
+    assert (states[:, :, 1] == Voxel.SURFACE).sum() > 150
+    assert same(voxel_map_of(scene, CAMERA, POSES[0], cell=0.1, out=result), result)
+
+
+def test_centers_counts_volumes_and_files(tmp_path, device):
+    views = render(build(device))
+    result = voxel_map(views.depth, CAMERA, POSES, bounds=((0, 0, 0), (1, 0.8, 0.6)), cell=0.1, up="y")
+    centers = result.centers()
+    assert centers.shape == (10, 8, 6, 3)
+    assert centers.dtype == np.float32
+    np.testing.assert_allclose(centers[2, 0, 5], [0.25, 0.05, 0.55], atol=1e-6)
+    states, counts = result.states.numpy(), result.counts()
+    assert list(counts) == list(Voxel)
+    assert all(counts[state] == (states == state).sum() for state in Voxel)
+    assert result.volume("surface") == pytest.approx(counts[Voxel.SURFACE] * 1e-3)
+    assert sum(map(result.volume, Voxel)) == pytest.approx(0.48)
+    result.save(tmp_path / "map")
+    with np.load(tmp_path / "map") as saved:
+        assert set(saved) == {"states", "labels", "origin", "cell", "up"}
+        np.testing.assert_array_equal(saved["states"], states)
+        np.testing.assert_array_equal(saved["labels"], result.labels.numpy())
+        assert (tuple(saved["origin"]), saved["cell"], saved["up"]) == ((0, 0, 0), 0.1, "y")
+
+
+DEPTH = np.ones((1, 120, 160), dtype=np.float32)
+UNIT = ((0, 0, 0), (1, 1, 1))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"bounds": ((0, 0), (1, 1))}, "a box, shape (2, 3), got [[0.0, 0.0], [1.0, 1.0]]"),
+        ({"bounds": ((0, 0, 0), (1, 0, 1))}, "bounds must be the least and the greatest corner of a box"),
+        ({"bounds": ((0, 0, 0), (1, np.nan, 1))}, "bounds must be the least and the greatest corner of a box"),
+        ({"bounds": "room"}, "bounds must be an array of numbers"),
+        ({"cell": 0}, "cell must be a positive number of metres, got 0"),
+        ({"cell": np.nan}, "cell must be a positive number of metres, got nan"),
+        ({"cell": "5 cm"}, "cell must be a positive number of metres, got '5 cm'"),
+        ({"cell": 1e-4}, "a grid of 10000 x 10000 x 10000 voxels is too large, 2147483647 are the most; give a larger"),
+        ({"depth": DEPTH[:, 1:]}, "depth must have shape (V, 120, 160), got (1, 119, 160)"),
+        ({"depth": (DEPTH * 1000).astype(np.uint16)}, "depth must be in metres, a float array, got uint16"),
+        ({"camera_to_world": np.tile(POSES[0], (2, 1))}, "depth has 1 views and camera_to_world has 2; give one pose"),
+        ({"camera": 3}, "camera must be a warpvis.Camera, got int"),
+        ({"labels": np.ones((1, 12, 16), dtype=np.uint8)}, "labels must have shape (1, 120, 160), got (1, 12, 16)"),
+        ({"labels": np.ones((120, 160))}, "labels must be uint8, got float64"),
+        ({"labels": np.full((1, 120, 160), 9)}, "labels must be from 0 to 5, values of Label, got 9"),
+        ({"up": "x"}, 'up must be "z" or "y"'),
+        ({"convention": "blender"}, "convention must be one of"),
+        ({"device": "cuda:99"}, "device 'cuda:99' is not on this machine"),
+        ({"threads": 0}, "threads must be a whole number from 1 up, got 0"),
+        ({"out": np.zeros((10, 10, 10))}, "out must be a warpvis.voxels.VoxelMap, got ndarray"),
+    ],
+)
+def test_bad_input(change, said):
+    given = {"depth": DEPTH, "camera": CAMERA, "camera_to_world": POSES[0], "bounds": UNIT, "cell": 0.1, **change}
+    with pytest.raises(wv.WarpvisError) as error:
+        voxel_map(**given)
+    assert said in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "got"),
+    [
+        ({"cell": 0.2}, "5 x 5 x 5 voxels of 0.2 m from (0.0, 0.0, 0.0), z up"),
+        ({"bounds": ((0, 0, 0.05), (1, 1, 1.05))}, "10 x 10 x 10 voxels of 0.1 m from (0.0, 0.0, 0.05), z up"),
+        ({"bounds": ((0, 0, 0), (1, 2, 1))}, "10 x 20 x 10 voxels of 0.1 m from (0.0, 0.0, 0.0), z up"),
+        ({"up": "y"}, "10 x 10 x 10 voxels of 0.1 m from (0.0, 0.0, 0.0), y up"),
+    ],
+)
+def test_maps_of_other_grids_do_not_go_together(change, got):
+    given = {"depth": DEPTH, "camera": CAMERA, "camera_to_world": POSES[0], "bounds": UNIT, "cell": 0.1}
+    first, other = voxel_map(**given), voxel_map(**{**given, **change})
+    wanted = "10 x 10 x 10 voxels of 0.1 m from (0.0, 0.0, 0.0), z up"
+    before = first.states.numpy().copy()
+    with pytest.raises(wv.ArrayError) as error:
+        first.merge(other)
+    assert str(error.value) == f"the other map must be of {wanted}, got {got}"
+    with pytest.raises(wv.ArrayError) as error:
+        voxel_map(**{**given, **change}, out=first)
+    assert str(error.value) == f"out must be of {got}, got {wanted}"
+    assert (first.states.numpy() == before).all()
+
+
+def test_bad_calls(tmp_path):
+    scene, result = build(), voxel_map(DEPTH, CAMERA, POSES[0], bounds=UNIT, cell=0.1)
+    calls = {
+        "scene must be a warpvis.Scene, got int": lambda: voxel_map_of(3, CAMERA, POSES),
+        "the scene has no objects": lambda: voxel_map_of(wv.Scene(), CAMERA, POSES),
+        "cell must be a positive number of metres, got -1": lambda: voxel_map_of(scene, CAMERA, POSES, cell=-1),
+        "out must be a warpvis.voxels.VoxelMap, got int": lambda: voxel_map_of(scene, CAMERA, POSES, out=3),
+        "out must be of 20 x 20 x 20 voxels of 0.05 m": lambda: voxel_map_of(scene, CAMERA, POSES, out=result),
+        "the scene has no object 'robot'": lambda: voxel_map_of(scene, CAMERA, POSES, exclude=["robot"]),
+        "object_poses were given, but no object": lambda: voxel_map_of(scene, CAMERA, POSES, object_poses=POSES),
+        "the other map must be a warpvis.voxels.VoxelMap, got NoneType": lambda: result.merge(None),
+        "state of a voxel must be one of OUTSIDE (0), HIDDEN (1), FREE (2), SURFACE (3), got 'empty'": (
+            lambda: result.volume("empty")
+        ),
+        "robots must be finite rows of centre and radius": lambda: result.floor_map(robots=[(0, 0)]),
+        "cannot be written: No such file or directory": lambda: result.save(tmp_path / "nowhere" / "map.npz"),
+    }
+    for said, call in calls.items():
+        with pytest.raises(wv.WarpvisError) as error:
+            call()
+        assert said in str(error.value)
+
+
+def test_maps_on_different_devices_do_not_go_together():
+    if not wp.is_cuda_available():
+        pytest.skip("no CUDA device")
+    here, there = (voxel_map(DEPTH, CAMERA, POSES[0], bounds=UNIT, device=device) for device in ("cpu", "cuda:0"))
+    assert isinstance(there, VoxelMap)
+    with pytest.raises(wv.ArrayError, match="the other map must be on device cpu, got cuda:0"):
+        here.merge(there)
+    assert str(voxel_map(DEPTH, CAMERA, POSES[0], bounds=UNIT, out=there).states.device) == "cuda:0"
