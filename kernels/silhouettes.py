@@ -3,8 +3,8 @@
 """How much of each object is seen: its silhouette, as if it were alone, compared with what an image shows.
 
 Silhouettes are counted on a canvas that is larger than the image, so that what is cut off at the image's border counts
-as unseen: BOP's toolkit does that (``bop_toolkit_lib/visibility.py``, ``scripts/calc_gt_info.py``). Some threads take an
-object in a view, and share out the rectangle of the canvas that its box may cover.
+as unseen: BOP's toolkit does that (``bop_toolkit_lib/visibility.py``, ``scripts/calc_gt_info.py``). Some threads take
+an object in a view, and share out the rectangle of the canvas that its box may cover.
 """
 
 import warp as wp

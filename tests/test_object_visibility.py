@@ -8,8 +8,8 @@ import trimesh
 import warp as wp
 
 import warpvis as wv
-from warpvis import object_visibility as module
-from warpvis.object_visibility import BOP_DELTA, object_visibility
+from warpvis import objects as module
+from warpvis.objects import BOP_DELTA, object_visibility
 
 import reference
 

@@ -26,25 +26,37 @@ if (_root / "pyproject.toml").is_file() and (_root / "kernels").is_dir():
     __path__.append(str(_root))
 
 if TYPE_CHECKING:
+    from warpvis.agents import Agent, Field
     from warpvis.camera import Camera
     from warpvis.classification import Sphere, back_project, classify, classify_rendered
     from warpvis.errors import ArrayError, CameraError, FileFormatError, PoseError, SceneError, WarpvisError
     from warpvis.floor_plan import PlanVisibility, plan_visibility
     from warpvis.labels import Label, Visibility
+    from warpvis.objects import BOP_DELTA, ObjectVisibility, object_visibility
+    from warpvis.perspectives import Candidate, Perspective, State, perspective
+    from warpvis.placement import BestViews, best_views, pose_grid
     from warpvis.points import check_points, check_points_measured
     from warpvis.pose import look_at, parse_poses
     from warpvis.renderer import Renderer, Views, render
     from warpvis.scene import Scene, SceneObject
     from warpvis.visibility import FloorMap, visibility_map
+    from warpvis.voxels import Voxel, VoxelMap, voxel_map, voxel_map_of
 
 # Where each public name lives. It is imported when first used: `import warpvis` stays quick, and so does the CLI.
 _HOME = {
+    "Agent": "agents",
     "ArrayError": "errors",
+    "BOP_DELTA": "objects",
+    "BestViews": "placement",
     "Camera": "camera",
     "CameraError": "errors",
+    "Candidate": "perspectives",
+    "Field": "agents",
     "FileFormatError": "errors",
     "FloorMap": "visibility",
     "Label": "labels",
+    "ObjectVisibility": "objects",
+    "Perspective": "perspectives",
     "PlanVisibility": "floor_plan",
     "PoseError": "errors",
     "Renderer": "renderer",
@@ -52,30 +64,46 @@ _HOME = {
     "SceneError": "errors",
     "SceneObject": "scene",
     "Sphere": "classification",
+    "State": "perspectives",
     "Views": "renderer",
     "Visibility": "labels",
+    "Voxel": "voxels",
+    "VoxelMap": "voxels",
     "WarpvisError": "errors",
     "back_project": "classification",
+    "best_views": "placement",
     "check_points": "points",
     "check_points_measured": "points",
     "classify": "classification",
     "classify_rendered": "classification",
     "look_at": "pose",
+    "object_visibility": "objects",
     "parse_poses": "pose",
+    "perspective": "perspectives",
     "plan_visibility": "floor_plan",
+    "pose_grid": "placement",
     "render": "renderer",
     "visibility_map": "visibility",
+    "voxel_map": "voxels",
+    "voxel_map_of": "voxels",
 }
 
 _SUBPACKAGES = ("io", "mujoco", "scenes", "solids", "viz")
 
 __all__ = [
+    "BOP_DELTA",
+    "Agent",
     "ArrayError",
+    "BestViews",
     "Camera",
     "CameraError",
+    "Candidate",
+    "Field",
     "FileFormatError",
     "FloorMap",
     "Label",
+    "ObjectVisibility",
+    "Perspective",
     "PlanVisibility",
     "PoseError",
     "Renderer",
@@ -83,20 +111,29 @@ __all__ = [
     "SceneError",
     "SceneObject",
     "Sphere",
+    "State",
     "Views",
     "Visibility",
+    "Voxel",
+    "VoxelMap",
     "WarpvisError",
     "__version__",
     "back_project",
+    "best_views",
     "check_points",
     "check_points_measured",
     "classify",
     "classify_rendered",
     "look_at",
+    "object_visibility",
     "parse_poses",
+    "perspective",
     "plan_visibility",
+    "pose_grid",
     "render",
     "visibility_map",
+    "voxel_map",
+    "voxel_map_of",
 ]
 
 
