@@ -116,6 +116,15 @@ def meet_alone(
 
 
 @wp.func
+def is_met_alone(scene: TriangleScene, index: int, frame: CameraFrame, is_round: bool, ray: wp.vec3d) -> bool:
+    """Whether a ray meets an object at all, which is known sooner than where."""
+    if is_round:
+        return solid_hit(scene, frame, ray, index).w > wp.float64(0.0)
+    direction = wp.vec3(wp.quat_rotate(frame.rotation, ray))
+    return wp.mesh_query_ray_anyhit(scene.movable_mesh[index], wp.vec3(frame.origin), direction, 3.0e38)
+
+
+@wp.func
 def touched(camera: PinholeCamera, frame: CameraFrame, canvas: Canvas, low: wp.vec3, high: wp.vec3) -> Canvas:
     """What a box of an object's frame may cover of the canvas: all where it reaches behind the camera."""
     none = wp.float64(0.0)
@@ -240,13 +249,16 @@ def measure_silhouettes(
     for pixel in range(first, width * (part.y1 - part.y0), threads):
         x, y = part.x0 + pixel % width, part.y0 + pixel // width
         ray = pixel_ray(camera, y, x)
+        if x < 0 or y < 0 or x >= int(camera.width) or y >= int(camera.height):
+            if is_met_alone(scene, index, frame, is_round, ray):
+                found.silhouette += 1
+                found.silhouette_box = grown(found.silhouette_box, x, y)
+            continue
         z = meet_alone(scene, worlds, view, index, frame, is_round, ray)
         if not wp.isfinite(z):
             continue
         found.silhouette += 1
         found.silhouette_box = grown(found.silhouette_box, x, y)
-        if x < 0 or y < 0 or x >= int(camera.width) or y >= int(camera.height):
-            continue
         found.image += 1
         shown = seen.objects[view, y, x]
         is_visible = shown == index

@@ -192,6 +192,8 @@ def best_views(
         raise ArrayError(f"at least one candidate must have {why}, and none of the {len(rows)} has")
     values = np.full((len(rows), len(chosen)), np.nan, dtype=np.float32)
     options = {**given, "objects": chosen, "delta": delta, "threads": threads}
+    if measure == "pixels":
+        options["canvas"] = (0, 0, 0, 0)
     values[free] = _look(scene, camera, rows[free], _FIELDS[measure], options)
     scores = np.full(len(rows), -np.inf, dtype=np.float32)
     scores[free] = values[free].astype(np.float64) @ (weights / weights.sum())

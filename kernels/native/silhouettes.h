@@ -17,6 +17,9 @@ struct Survey {
     long long count_stride, view_stride;  // bytes from a counter to the next, and from a view
     int* hidden_by;         // [view][chosen][object]: pixels
     unsigned char* masks;   // [view][chosen][y][x], or null: 1 for a silhouette, 2 where it is visible
+
+    // Whether depths do not matter, but only what is seen first.
+    inline bool ids_only() const { return near <= 0.0f && far == __builtin_inff() && !depth && !masks; }
 };
 
 // Pixels of an object in a view, by what became of them.
@@ -183,9 +186,11 @@ struct Silhouettes {
             const int* edge = survey.canvas;
             const bool within = x >= edge[0] && y >= edge[1] && x + 16 <= edge[2] && y + 16 <= edge[3];
             const bool outside = x >= job.width || y >= job.height || x + 16 <= 0 || y + 16 <= 0;
-            if (within && outside && Tally::holds(tally.silhouette_box, x, y, 16)) {
-                tally.silhouette += count_all(tile);
-                return;
+            const bool inside_image = x >= 0 && y >= 0 && x + 16 <= job.width && y + 16 <= job.height;
+            if (within && Tally::holds(tally.silhouette_box, x, y, 16)) {
+                if (outside) tally.silhouette += count_all(tile);
+                if (outside) return;
+                if (inside_image && survey.ids_only()) return count_inside(tile, x, y, tally);
             }
             for (int block = 0; block < 16; ++block) {
                 const Floats w = Lanes::load(tile + block * 16);
@@ -196,6 +201,28 @@ struct Silhouettes {
                 if (!within) covered &= inside(edge, block_x, block_y);
                 if (within || Lanes::any(covered)) count_block(w, covered, block_x, block_y, tally);
             }
+        }
+
+        // A tile in the image whose silhouette makes no box larger: what the image shows there decides.
+        inline void count_inside(float* tile, int x, int y, Tally& tally) const {
+            const bool known = Tally::holds(tally.visible_box, x, y, 16);
+            Ints silhouette = Lanes::all_ints(0), seen = silhouette;
+            for (int block = 0; block < 16; ++block) {
+                const Ints covered = Lanes::load(tile + block * 16) > Lanes::all(0.0f);
+                if (!Lanes::any(covered)) continue;
+                Lanes::store(tile + block * 16, Lanes::all(0.0f));
+                const int block_x = x + (block & 3) * 4, block_y = y + (block >> 2) * 4;
+                const Ints shown = load_block(survey.seen, block_x, block_y);
+                const Ints visible = covered & (shown == Lanes::all_ints(index)), hidden = covered & ~visible;
+                silhouette -= covered;
+                seen -= visible;
+                if (!known && Lanes::any(visible)) Tally::grow(tally.visible_box, Lanes::bits(visible), block_x, block_y);
+                if (Lanes::any(hidden)) count_hidden(shown, hidden);
+            }
+            const int count = __builtin_reduce_add(silhouette);
+            tally.silhouette += count;
+            tally.image += count;
+            tally.visible += __builtin_reduce_add(seen);
         }
 
         static inline int count_all(float* tile) {
@@ -256,14 +283,22 @@ struct Silhouettes {
             return (z - depth) * __builtin_elementwise_sqrt(u * u + (v * v + 1.0f));
         }
 
-        // A block of an image, of any kind of four bytes; -1 outside of it.
+        // A block of an image, of any kind of four bytes, that is all inside of it.
+        inline Ints load_block(const int* image, int x, int y) const {
+            typedef int Four __attribute__((ext_vector_type(4)));
+            const int* from = image + ((long long)view * job.height + y) * job.width + x;
+            Four row[4];
+            for (int r = 0; r < 4; ++r) __builtin_memcpy(&row[r], from + (long long)r * job.width, sizeof row[r]);
+            const auto upper = __builtin_shufflevector(row[0], row[1], 0, 1, 2, 3, 4, 5, 6, 7);
+            const auto lower = __builtin_shufflevector(row[2], row[3], 0, 1, 2, 3, 4, 5, 6, 7);
+            return __builtin_shufflevector(upper, lower, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+        }
+
+        // One that may reach beyond it: -1 there.
         inline Ints gather(const int* image, unsigned in_image, bool whole, int x, int y) const {
+            if (whole) return load_block(image, x, y);
             const int* from = image + ((long long)view * job.height + y) * job.width + x;
             int block[16];
-            if (whole) {
-                for (int r = 0; r < 4; ++r) __builtin_memcpy(block + r * 4, from + (long long)r * job.width, 16);
-                return Lanes::load(block);
-            }
             for (int k = 0; k < 16; ++k) block[k] = (in_image >> k) & 1 ? from[(k >> 2) * (long long)job.width + (k & 3)] : -1;
             return Lanes::load(block);
         }
