@@ -38,7 +38,8 @@ if TYPE_CHECKING:
     from warpvis.points import check_points, check_points_measured
     from warpvis.pose import look_at, parse_poses
     from warpvis.renderer import Renderer, Views, render
-    from warpvis.scene import Scene, SceneObject
+    from warpvis.scene import Scene
+    from warpvis.scene_object import SceneObject
     from warpvis.visibility import FloorMap, visibility_map
     from warpvis.voxels import Voxel, VoxelMap, voxel_map, voxel_map_of
 
@@ -62,7 +63,7 @@ _HOME = {
     "Renderer": "renderer",
     "Scene": "scene",
     "SceneError": "errors",
-    "SceneObject": "scene",
+    "SceneObject": "scene_object",
     "Sphere": "classification",
     "State": "perspectives",
     "Views": "renderer",

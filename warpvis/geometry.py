@@ -18,7 +18,7 @@ from warpvis.errors import SceneError
 if TYPE_CHECKING:
     from warpvis.cluster_tree import ClusterTree
     from warpvis.refit import ClusterRefit
-    from warpvis.scene import SceneObject
+    from warpvis.scene_object import SceneObject
 
 _CPU_LANES, _CUDA_LANES = 16, 32
 

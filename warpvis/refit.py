@@ -14,7 +14,8 @@ from warpvis.arrays import as_numpy, as_warp, on_gpu
 from warpvis.cluster_tree import LEAF_ROWS, NODE_ROWS
 from warpvis.errors import ArrayError, SceneError
 from warpvis.pose import poses_to_matrices
-from warpvis.scene import FARTHEST, SceneObject
+from warpvis.scene import FARTHEST
+from warpvis.scene_object import SceneObject
 from warpvis.threads import check_threads, load_module, run_each
 
 if TYPE_CHECKING:

@@ -5,8 +5,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping
 from threading import Lock
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -19,6 +18,7 @@ from warpvis.errors import SceneError
 from warpvis.geometry import Clusters, Triangles, build_clusters, build_triangles, label_array
 from warpvis.labels import Label
 from warpvis.pose import check_up, poses_to_matrices, poses_to_opencv
+from warpvis.scene_object import SceneObject, as_it_is, by_itself, check_mesh, check_scale
 from warpvis.solids import Solid
 
 if TYPE_CHECKING:
@@ -26,42 +26,6 @@ if TYPE_CHECKING:
 
 FARTHEST = 1e18
 """Coordinates are at most this [m]: their squares must stay finite in single precision."""
-
-
-@dataclass(frozen=True)
-class SceneObject:
-    """One object of a scene: a mesh, a name and a label."""
-
-    name: str
-    label: Label
-    vertices: NDArray[np.float32] = field(repr=False)
-    """Corners in the world frame [m], shape ``(n, 3)``; of a movable object at its `pose`."""
-    faces: NDArray[np.int32] = field(repr=False)
-    """Corner indices of the triangles, shape ``(m, 3)``."""
-    mesh_vertices: NDArray[np.float32] | None = field(default=None, repr=False)
-    """Corners in the frame of a movable object, or of the one it is attached to [m], shape ``(n, 3)``; else None."""
-    pose: NDArray[np.float32] | None = field(default=None, repr=False)
-    """Where a movable object is unless a call says otherwise, object to world, ``x y z qx qy qz qw``; None if it stays,
-    or moves with another one."""
-    carrier: int | None = None
-    """Index of the movable object that it was attached to; None for most."""
-    solid: Solid | None = None
-    """What rays meet of a movable object in place of its triangles, if it was added as a `warpvis.solids.Solid`."""
-
-    @property
-    def movable(self) -> bool:
-        """Whether the object may be in another place in every world."""
-        return self.pose is not None or self.carrier is not None
-
-    @property
-    def points(self) -> wp.array | None:
-        """Where its vertices are on the scene's device, once `Scene.update_vertices` was told them; else None."""
-        return None
-
-    @property
-    def bounds(self) -> NDArray[np.float32]:
-        """Least and greatest corner of the axis-aligned box [m], shape ``(2, 3)``."""
-        return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
 
 class Scene:
@@ -161,8 +125,8 @@ class Scene:
         name = f"object_{index}" if name is None else str(name)
         if name in self._index:
             raise SceneError(f"the scene already has an object named {name!r}; give another name")
-        vertices, faces = _check_mesh(mesh, name)
-        factors = _check_scale(scale, name)
+        vertices, faces = check_mesh(mesh, name)
+        factors = check_scale(scale, name)
         vertices = vertices * factors
         row = np.array([0.0, 0, 0, 0, 0, 0, 1])
         placed = vertices
@@ -307,7 +271,7 @@ class Scene:
     def to(self, device: Any) -> Scene:
         """The same scene for another device."""
         scene = Scene(device=device, up=self.up)
-        scene._objects = [_as_it_is(item) for item in self._objects]
+        scene._objects = [as_it_is(item) for item in self._objects]
         scene._index, scene._movable = dict(self._index), list(self._movable)
         return scene
 
@@ -365,9 +329,9 @@ class Scene:
         """
         with self._lock:
             if self._apart is None:
-                items = [_as_it_is(item) for item in self.require_objects()]
+                items = [as_it_is(item) for item in self.require_objects()]
                 apart = Scene(device=self.device, up=self.up)
-                apart._objects = [_by_itself(item, items) for item in items]
+                apart._objects = [by_itself(item, items) for item in items]
                 apart._index, apart._movable = dict(self._index), list(range(len(items)))
                 if any(item.points is not None for item in self._objects):
                     return apart  # a replayed CUDA graph may deform them again, and nobody here would know
@@ -386,55 +350,3 @@ class Scene:
         if not self._objects:
             raise SceneError("the scene has no objects; add() one first")
         return self._objects
-
-
-def _as_it_is(item: SceneObject) -> SceneObject:
-    """The object with the vertices it has now, whatever becomes of them."""
-    if item.points is None:
-        return item
-    return SceneObject(item.name, item.label, item.vertices, item.faces, item.mesh_vertices, item.pose)
-
-
-def _by_itself(item: SceneObject, objects: Sequence[SceneObject]) -> SceneObject:
-    """The object, movable, and of one piece with no other."""
-    if item.carrier is not None:
-        return replace(item, pose=objects[item.carrier].pose, carrier=None)
-    if item.pose is None:
-        identity = np.array([0, 0, 0, 0, 0, 0, 1], dtype=np.float32)
-        return replace(item, mesh_vertices=item.vertices, pose=identity)
-    return item
-
-
-def _check_mesh(mesh: Any, name: str) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    if isinstance(mesh, tuple | list) and len(mesh) == 2:
-        vertices, faces = mesh
-    elif hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
-        vertices, faces = mesh.vertices, mesh.faces
-    else:
-        raise SceneError(
-            f"mesh of {name!r} must be a trimesh.Trimesh or a pair (vertices, faces), got {type(mesh).__name__}"
-        )
-    try:
-        vertices, faces = np.asarray(vertices, dtype=np.float64), np.asarray(faces)
-    except (TypeError, ValueError) as error:
-        raise SceneError(f"mesh of {name!r} must hold arrays of numbers: {error}") from None
-    if vertices.ndim != 2 or vertices.shape[1] != 3:
-        raise SceneError(f"vertices of {name!r} must have shape (n, 3), got {vertices.shape}")
-    if faces.size == 0:
-        raise SceneError(f"mesh of {name!r} must have triangles, got none")
-    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
-        raise SceneError(f"faces of {name!r} must be integers of shape (m, 3), got {faces.dtype} {faces.shape}")
-    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
-    if len(bad):
-        raise SceneError(f"vertices of {name!r} must be finite: {len(bad)} are not, the first at {bad[0]}")
-    low, high = faces.min(), faces.max()
-    if low < 0 or high >= len(vertices):
-        raise SceneError(f"faces of {name!r} must index its {len(vertices)} vertices, got indices from {low} to {high}")
-    return vertices, faces.astype(np.int32)
-
-
-def _check_scale(scale: float | ArrayLike, name: str) -> NDArray[np.float64]:
-    factors = np.asarray(scale, dtype=np.float64)
-    if factors.shape not in ((), (3,)) or not (np.isfinite(factors).all() and (factors > 0).all()):
-        raise SceneError(f"scale of {name!r} must be one or three positive numbers, got {scale!r}")
-    return factors
