@@ -1,0 +1,59 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Two people at a table on which robots handle a pot: what the teleoperator and the collaborator see of it.
+
+The scene is aloha_pot, which the package mujoco-warp brings with it, seen by its cameras teleoperator_pov and
+collaborator_pov; three small things are added to it. Prints who sees what, which of it the collaborator may mean, and
+what the teleoperator would have to move for; draws aloha_perspective.png.
+"""
+
+import importlib.resources
+
+import mujoco  # noqa: TID253
+import trimesh
+
+import warpvis as wv
+from warpvis.mujoco import camera_poses, geom_poses, scene_from_mujoco
+from warpvis.pose import poses_to_matrices
+
+file = importlib.resources.files("mujoco_warp") / "test_data" / "aloha_pot" / "scene.xml"
+model = mujoco.MjModel.from_xml_path(str(file))
+data = mujoco.MjData(model)
+mujoco.mj_resetDataKeyframe(model, data, 0)
+mujoco.mj_forward(model, data)
+
+
+def thing_of(geom: int) -> str:
+    """What a geom is part of: people mean things, not geoms."""
+    body = model.body(int(model.geom_bodyid[geom])).name
+    if body == "world":
+        return "floor" if model.geom(geom).name == "floor" else "frame"
+    parts = {"partnet_100015/link_1": "pot", "partnet_100015/link_0": "lid"}
+    return f"{body.split(chr(92))[0]} arm" if chr(92) in body else parts.get(body, body)
+
+
+# All geoms of a thing, where they are, as one mesh.
+geoms = scene_from_mujoco(model, movable="all")
+meshes: dict[str, list[trimesh.Trimesh]] = {}
+for item, geom, pose in zip(geoms, geoms.geom_ids, poses_to_matrices(geom_poses(data, geoms)), strict=True):
+    mesh = trimesh.Trimesh(item.mesh_vertices, item.faces, process=False).apply_transform(pose)
+    meshes.setdefault(thing_of(int(geom)), []).append(mesh)
+labels = {"floor": "ground", "table": "obstacle", "frame": "obstacle", "left arm": "robot", "right arm": "robot"}
+scene = wv.Scene()
+for name, parts in meshes.items():
+    scene.add(trimesh.util.concatenate(parts), name=name, label=labels.get(name, "object"))
+for name, place in {"salt": (0, 0.2, 0.035), "cup": (0.02, -0.2, 0.035), "spoon": (0, 0, 0.03)}.items():
+    cylinder = trimesh.creation.cylinder(radius=0.03, height=0.06)
+    scene.add(cylinder, name=name, label="object", pose=(*place, 0, 0, 0, 1))
+
+agents = []
+for name in ("teleoperator", "collaborator"):
+    camera = model.camera(f"{name}_pov").id
+    pose = camera_poses(data, model, [camera])[0]
+    agents.append(wv.Agent(name, wv.Camera.from_mujoco(model, camera, 640, 480), pose))
+seen = wv.perspective(scene, agents)
+print(seen.table())
+for candidate in seen.candidates("collaborator", "teleoperator"):
+    print(f"the collaborator may mean the {candidate.object}: score {candidate.score:.2f}")
+print("the teleoperator must move to see:", ", ".join(seen.to_see("teleoperator", "collaborator")))
+wv.viz.save_perspective(scene, agents, seen, "aloha_perspective.png", title="aloha_pot: teleoperator and collaborator")
