@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from warpvis.classification import Sphere, back_project, classify, classify_rendered
     from warpvis.errors import ArrayError, CameraError, FileFormatError, PoseError, SceneError, WarpvisError
     from warpvis.floor_plan import PlanVisibility, plan_visibility
+    from warpvis.free_space import clearance, standing_room
+    from warpvis.heights import minimum_height
     from warpvis.labels import Label, Visibility
     from warpvis.objects import BOP_DELTA, ObjectVisibility, object_visibility
     from warpvis.perspectives import Candidate, Perspective, State, perspective
@@ -40,6 +42,7 @@ if TYPE_CHECKING:
     from warpvis.renderer import Renderer, Views, render
     from warpvis.scene import Scene
     from warpvis.scene_object import SceneObject
+    from warpvis.surfaces import Coverage, Samples, coverage, surface_samples
     from warpvis.visibility import FloorMap, visibility_map
     from warpvis.voxels import Voxel, VoxelMap, voxel_map, voxel_map_of
 
@@ -52,6 +55,7 @@ _HOME = {
     "Camera": "camera",
     "CameraError": "errors",
     "Candidate": "perspectives",
+    "Coverage": "surfaces",
     "Field": "agents",
     "FileFormatError": "errors",
     "FloorMap": "visibility",
@@ -61,6 +65,7 @@ _HOME = {
     "PlanVisibility": "floor_plan",
     "PoseError": "errors",
     "Renderer": "renderer",
+    "Samples": "surfaces",
     "Scene": "scene",
     "SceneError": "errors",
     "SceneObject": "scene_object",
@@ -77,13 +82,18 @@ _HOME = {
     "check_points_measured": "points",
     "classify": "classification",
     "classify_rendered": "classification",
+    "clearance": "free_space",
+    "coverage": "surfaces",
     "look_at": "pose",
+    "minimum_height": "heights",
     "object_visibility": "objects",
     "parse_poses": "pose",
     "perspective": "perspectives",
     "plan_visibility": "floor_plan",
     "pose_grid": "placement",
     "render": "renderer",
+    "standing_room": "free_space",
+    "surface_samples": "surfaces",
     "visibility_map": "visibility",
     "voxel_map": "voxels",
     "voxel_map_of": "voxels",
@@ -99,6 +109,7 @@ __all__ = [
     "Camera",
     "CameraError",
     "Candidate",
+    "Coverage",
     "Field",
     "FileFormatError",
     "FloorMap",
@@ -108,6 +119,7 @@ __all__ = [
     "PlanVisibility",
     "PoseError",
     "Renderer",
+    "Samples",
     "Scene",
     "SceneError",
     "SceneObject",
@@ -125,13 +137,18 @@ __all__ = [
     "check_points_measured",
     "classify",
     "classify_rendered",
+    "clearance",
+    "coverage",
     "look_at",
+    "minimum_height",
     "object_visibility",
     "parse_poses",
     "perspective",
     "plan_visibility",
     "pose_grid",
     "render",
+    "standing_room",
+    "surface_samples",
     "visibility_map",
     "voxel_map",
     "voxel_map_of",

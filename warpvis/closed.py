@@ -34,12 +34,12 @@ def provably_closed(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> 
         vertices: Corners, shape ``(n, 3)``; corners at the same place count as one.
         faces: Corner indices of the triangles, shape ``(m, 3)``.
     """
-    return _has_no_boundary(vertices, faces) and any(
+    return has_no_boundary(vertices, faces) and any(
         _is_star_shaped(vertices, faces, centre) for centre in _centres(vertices)
     )
 
 
-def _has_no_boundary(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> bool:
+def has_no_boundary(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> bool:
     """Whether the sum over all directed edges is zero, each a number of 64 bits that its opposite has negated.
 
     The numbers are hashes of where the ends are, zero for an edge of no length. A boundary's edges add up to zero by

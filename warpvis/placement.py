@@ -153,7 +153,7 @@ def best_views(
         path_lengths: Or how long the way to each candidate is [m], shape ``(C,)``; inf where there is none.
         tie: Step of scores within which the way decides; 0 if only equal scores tie.
         radius: Radius of a robot that has to stand under the camera [m]: candidates without room for it are left out.
-        floor: Height of the floor that it stands on [m]; see `warpvis.clearance.standing_room`.
+        floor: Height of the floor that it stands on [m]; see `warpvis.standing_room`.
         delta: See `object_visibility`.
         object_poses: Where the movable objects are, as for `Renderer.render`, in one world.
         exclude: Names or indices of objects that the camera does not see and the robot does not run into: its body.
@@ -230,7 +230,7 @@ def _ranked(scores: NDArray[np.float32], lengths: NDArray[np.float64], tie: floa
 def _room(
     scene: Scene, rows: NDArray[np.float64], radius: float, floor: float, given: dict[str, Any]
 ) -> NDArray[np.bool_]:
-    from warpvis.clearance import standing_room
+    from warpvis.free_space import standing_room
 
     room = standing_room(scene, rows, radius=radius, floor=floor, **given)
     return as_numpy(room.numpy() if isinstance(room, wp.array) else room, name="room").astype(bool)

@@ -1,0 +1,229 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""How far a point must be raised to come into the line of sight of another one: an exact climb over shadows.
+
+All lines of sight of a pair lie in one vertical plane. A triangle meets that plane in a segment, whose shadow on the
+raised point's vertical line, as cast from the fixed point, is an interval of heights. The climb goes from the end of
+one shadow to the end of the next until it stands in none.
+
+Here the third axis is up, whichever it is in the scene. In the plane, a place is how far along it is (0 at the fixed
+point, 1 at the raised one) and how high above the fixed point [m]; what it hides lies at height / along from there.
+"""
+
+import warp as wp
+
+from warpvis.kernels.pinhole import Window
+from warpvis.kernels.points import point_index
+
+# Without fused operations both triangles at an edge compute the same place for its cut, so no light leaks between.
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
+
+GAP = wp.constant(wp.float64(1.0e-6))
+"""Gaps between shadows that are lower than this count as closed [m]."""
+
+_APART = wp.constant(wp.float64(1.0e-6))  # of points on one vertical line, sideways [m]
+_NO_COMPONENT = wp.constant(1.0e-20)
+
+
+@wp.struct
+class Blockers:
+    """Triangles, with the third axis up, their tree, and their box with room for rounding."""
+
+    tree: wp.uint64
+    corners: wp.array2d[wp.vec3]
+    low: wp.vec3d
+    high: wp.vec3d
+    up: int  # the scene's vertical axis
+
+
+@wp.struct
+class Sight:
+    """The vertical plane through a fixed point and one that is raised."""
+
+    fixed: wp.vec3d
+    raised: wp.vec3d
+    x: wp.float64  # from the fixed point to the raised one, along the two horizontal axes [m]
+    y: wp.float64
+    rise: wp.float64  # and along the vertical one
+    scale: wp.float64  # 1 / (x^2 + y^2)
+    share: wp.float64  # of the line at either end, where nothing blocks
+
+
+@wp.func
+def turned(point: wp.vec3, up: int) -> wp.vec3d:
+    """A point of the scene with the third axis up."""
+    return wp.vec3d(wp.vec3(point[(up + 1) % 3], point[(up + 2) % 3], point[up]))
+
+
+@wp.func
+def sight_between(fixed: wp.vec3d, raised: wp.vec3d, tolerance: wp.float64) -> Sight:
+    sight = Sight()
+    sight.fixed = fixed
+    sight.raised = raised
+    sight.x = raised[0] - fixed[0]
+    sight.y = raised[1] - fixed[1]
+    if sight.x == wp.float64(0.0) and sight.y == wp.float64(0.0):
+        sight.x = _APART
+    sight.scale = wp.float64(1.0) / (sight.x * sight.x + sight.y * sight.y)
+    sight.rise = raised[2] - fixed[2]
+    sight.share = tolerance / wp.length(raised - fixed)
+    return sight
+
+
+@wp.func
+def side_of(sight: Sight, corner: wp.vec3d) -> wp.float64:
+    """On which side of the plane a corner is, and how far (of any scale)."""
+    return sight.x * (corner[1] - sight.fixed[1]) - sight.y * (corner[0] - sight.fixed[0])
+
+
+@wp.func
+def in_plane(sight: Sight, corner: wp.vec3d) -> wp.vec2d:
+    """How far along a corner is, and how high."""
+    way = corner - sight.fixed
+    return wp.vec2d((way[0] * sight.x + way[1] * sight.y) * sight.scale, way[2])
+
+
+@wp.func
+def cut(p: wp.vec2d, p_side: wp.float64, q: wp.vec2d, q_side: wp.float64) -> wp.vec2d:
+    """Where an edge between the two sides of the plane meets it, the same whichever end is named first."""
+    if p_side < wp.float64(0.0):
+        return q + q_side / (q_side - p_side) * (p - q)
+    return p + p_side / (p_side - q_side) * (q - p)
+
+
+@wp.func
+def between(a: wp.vec2d, b: wp.vec2d, along: wp.float64) -> wp.vec2d:
+    """The place of a segment at a distance along, which is strictly between those of its ends."""
+    return wp.vec2d(along, a[1] + (along - a[0]) / (b[0] - a[0]) * (b[1] - a[1]))
+
+
+@wp.func
+def shadow(sight: Sight, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.vec2d:
+    """Least and greatest height of the raised point [m] whose lines of sight meet a triangle; NaN if none does.
+
+    A corner in the plane counts as on its positive side, so a triangle that lies in it has no shadow.
+    """
+    none = wp.vec2d(wp.float64(wp.nan), wp.float64(wp.nan))
+    zero = wp.float64(0.0)
+    a_side, b_side, c_side = side_of(sight, a), side_of(sight, b), side_of(sight, c)
+    a_left, b_left, c_left = a_side < zero, b_side < zero, c_side < zero
+    if a_left == b_left and b_left == c_left:
+        return none
+    d, e, f = in_plane(sight, a), in_plane(sight, b), in_plane(sight, c)
+    if b_left == c_left:
+        p, q = cut(d, a_side, e, b_side), cut(d, a_side, f, c_side)
+    elif a_left == c_left:
+        p, q = cut(e, b_side, f, c_side), cut(e, b_side, d, a_side)
+    else:
+        p, q = cut(f, c_side, d, a_side), cut(f, c_side, e, b_side)
+    if p[0] > q[0]:
+        p, q = q, p
+    first, last = sight.share, wp.float64(1.0) - sight.share
+    if q[0] < first or p[0] > last:
+        return none
+    near, far = p, q
+    if p[0] < first:
+        near = between(p, q, first)
+    if q[0] > last:
+        far = between(p, q, last)
+    one, other = near[1] / near[0] - sight.rise, far[1] / far[0] - sight.rise
+    return wp.vec2d(wp.min(one, other), wp.max(one, other))
+
+
+@wp.func
+def clip_to_box(start: wp.vec3d, way: wp.vec3d, low: wp.vec3d, high: wp.vec3d) -> wp.vec2d:
+    """Between which shares of the way from a start it is in a box; the first is the greater one if nowhere."""
+    enter, leave = wp.float64(0.0), wp.float64(1.0)
+    for axis in range(3):
+        if way[axis] == wp.float64(0.0):
+            if start[axis] < low[axis] or start[axis] > high[axis]:
+                leave = wp.float64(-1.0)
+        else:
+            one, other = (low[axis] - start[axis]) / way[axis], (high[axis] - start[axis]) / way[axis]
+            enter = wp.max(enter, wp.min(one, other))
+            leave = wp.min(leave, wp.max(one, other))
+    return wp.vec2d(enter, leave)
+
+
+@wp.func
+def tree_direction(way: wp.vec3d) -> wp.vec3:
+    """The way in single precision, with components that trees can divide by."""
+    direction = wp.vec3(way)
+    for axis in range(3):
+        if wp.abs(direction[axis]) < _NO_COMPONENT:
+            direction[axis] = _NO_COMPONENT
+    return direction
+
+
+@wp.func
+def end_of_shadows(blockers: Blockers, sight: Sight, height: wp.float64) -> wp.float64:
+    """The greatest end of the shadows that a height lies in [m]; the height itself if it lies in none."""
+    top = sight.raised
+    top[2] += height
+    way = top - sight.fixed
+    part = clip_to_box(sight.fixed, way, blockers.low, blockers.high)
+    if part[0] > part[1]:
+        return height
+
+    end = height
+    start = wp.vec3(sight.fixed + part[0] * way)
+    query = wp.bvh_query_ray(blockers.tree, start, tree_direction((part[1] - part[0]) * way))
+    triangle = int(0)
+    while wp.bvh_query_next(query, triangle, 1.001):
+        a = wp.vec3d(blockers.corners[triangle, 0])
+        b = wp.vec3d(blockers.corners[triangle, 1])
+        c = wp.vec3d(blockers.corners[triangle, 2])
+        heights = shadow(sight, a, b, c)
+        if heights[0] - GAP <= end and end < heights[1]:
+            end = heights[1]
+    return end
+
+
+@wp.func
+def least_height(
+    blockers: Blockers, fixed: wp.vec3d, raised: wp.vec3d, most: wp.float64, tolerance: wp.float64
+) -> float:
+    distance = wp.length(raised - fixed)
+    if not wp.isfinite(distance):
+        return wp.nan
+    if distance <= wp.float64(2.0) * tolerance:
+        return 0.0
+    sight = sight_between(fixed, raised, tolerance)
+    height = wp.float64(0.0)
+    end = end_of_shadows(blockers, sight, height)
+    while end > height and end <= most:  # ends with the last triangle's shadow: none is left twice
+        height = end
+        end = end_of_shadows(blockers, sight, height)
+    if end > most:
+        return wp.inf
+    return float(end)
+
+
+@wp.kernel
+def climb(
+    # Scene:
+    blockers: Blockers,
+    # Cameras:
+    window: Window,
+    # In:
+    eyes: wp.array[wp.vec3],
+    targets: wp.array[wp.vec3],
+    raise_eyes: bool,
+    most: wp.float64,
+    tolerance: wp.float64,
+    # Out:
+    heights_out: wp.array2d[float],
+):
+    """How far every target must be raised for every eye to see it, or the eye to see the target [m]; +inf if farther
+    than the most.
+    """
+    eye, row, column = wp.tid()
+    eye += window.first_view
+    index = point_index(window, row, column)
+    if index >= targets.shape[0]:
+        return
+
+    fixed, raised = turned(eyes[eye], blockers.up), turned(targets[index], blockers.up)
+    if raise_eyes:
+        fixed, raised = raised, fixed
+    heights_out[eye, index] = least_height(blockers, fixed, raised, most, tolerance)
