@@ -237,9 +237,15 @@ CASES = {
     "depth of no image": (lambda: wv.classify(None, KINECT, POSE), "depth must be an array of numbers"),
     "more poses than depth": (lambda: wv.classify(DEPTH, KINECT, [POSE] * 3), "depth has 1 views and camera.* has 3"),
     "spheres of three": (lambda: wv.classify(DEPTH, KINECT, POSE, spheres=[[1, 2, 3]]), r"shape \(S, 4\)"),
-    "negative sigma": (lambda: wv.classify(DEPTH, KINECT, POSE, sigma=-1), "sigma must be zero or more metres, got -1"),
+    "negative sigma": (
+        lambda: wv.classify(DEPTH, KINECT, POSE, sigma=-1),
+        "sigma must be a number of metres from 0 up, got -1",
+    ),
     "NaN ground": (lambda: wv.classify(DEPTH, KINECT, POSE, ground_height=np.nan), "ground_height must be a finite"),
-    "negative range": (lambda: wv.classify(DEPTH, KINECT, POSE, max_range=-1), "max_range must be zero or more"),
+    "negative range": (
+        lambda: wv.classify(DEPTH, KINECT, POSE, max_range=-1),
+        "max_range must be a number of metres from 0 up",
+    ),
     "NumPy out": (lambda: wv.classify(DEPTH, KINECT, POSE, out=LABELS), "out must be a wp.array .* got ndarray"),
     "out of another dtype": (
         lambda: wv.classify(DEPTH, KINECT, POSE, out=wp.zeros(DEPTH.shape, dtype=wp.int32, device="cpu")),
@@ -276,7 +282,10 @@ CASES = {
         lambda: wv.visibility_map(POINTS, LABELS, bounds=SQUARE, robots=[(0, 1)]),
         "robots must be finite",
     ),
-    "map sigma": (lambda: wv.visibility_map(POINTS, LABELS, bounds=SQUARE, sigma=-1), "sigma must be zero or more"),
+    "map sigma": (
+        lambda: wv.visibility_map(POINTS, LABELS, bounds=SQUARE, sigma=-1),
+        "sigma must be a number of metres from 0 up",
+    ),
     "picture of no kind": (
         lambda: wv.visibility_map(POINTS, LABELS, bounds=SQUARE).save("map.xyz"),
         "map.xyz: Format 'xyz' is not supported",

@@ -68,6 +68,21 @@ def as_warp(value: Any, dtype: Any, shape: Shape, *, name: str, device: wp.Devic
     return wp.array(host, dtype=dtype, device=device, copy=not device.is_cpu)
 
 
+def as_points(points: Any, name: str, count: str, device: wp.Device) -> wp.array:
+    """Points as vec3 on a device; those that came from the host are finite.
+
+    Raises:
+        ArrayError: They are not what they have to be.
+    """
+    places = as_warp(points, wp.vec3, (count,), name=name, device=device)
+    if not on_gpu(points):
+        rows = places.numpy()
+        bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
+        if len(bad):
+            raise ArrayError(f"{name} must be finite: {len(bad)} are not, the first at {bad[0]}")
+    return places
+
+
 def as_numpy(value: Any, *, name: str) -> np.ndarray:
     """`value` as a NumPy array, shared where possible.
 
@@ -125,10 +140,16 @@ def check_out(out: Any, dtype: Any, shape: tuple[int, ...], *, name: str, device
     return _check_warp(out, dtype, shape, name=name, device=device)
 
 
-def check_length(value: float, name: str) -> float:
-    """`value` if it is a length: zero or more metres."""
-    if not value >= 0:
-        raise ArrayError(f"{name} must be zero or more metres, got {value}")
+def check_metres(value: Any, name: str, *, signed: bool = False, zero: bool = True, infinite: bool = False) -> float:
+    """`value` as a number of metres.
+
+    Raises:
+        ArrayError: It is not a number, or it is negative, zero or infinite where that is not allowed.
+    """
+    number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+    if not number or not (signed or value > 0 or (zero and value == 0)) or not (infinite or math.isfinite(value)):
+        wanted = "a number of metres from 0 up" if zero else "a positive number of metres"
+        raise ArrayError(f"{name} must be {'a finite number of metres' if signed else wanted}, got {value!r}")
     return float(value)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike
 
-from warpvis.arrays import as_numpy, as_warp, check_length, check_out, empty, get_device
+from warpvis.arrays import as_numpy, as_warp, check_metres, check_out, empty, get_device
 from warpvis.camera import Camera
 from warpvis.errors import ArrayError, CameraError, SceneError
 from warpvis.labels import Label
@@ -134,7 +134,7 @@ def classify(
     depth, poses = _read_images(depth, camera, camera_to_world, convention, device)
     ground = kernels.Ground()
     ground.up = check_up(up)
-    ground.sigma = check_length(sigma, "sigma")
+    ground.sigma = check_metres(sigma, "sigma", infinite=True)
     ground.height = _check_finite(ground_height, "ground_height")
     reach = _check_range(max_range, camera)
     balls = _device_spheres(spheres, depth.device)
@@ -183,7 +183,7 @@ def classify_rendered(
         raise SceneError(f"scene must be a warpvis.Scene, got {type(scene).__name__}")
     depth = as_warp(depth, wp.float32, ("V", "H", "W"), name="depth", device=scene.device)
     objects = as_warp(objects, wp.int32, depth.shape, name="objects", device=scene.device)
-    reach = check_length(max_range, "max_range")
+    reach = check_metres(max_range, "max_range", infinite=True)
     labels = _allocate(out, wp.uint8, depth, "out")
     object_label = scene.object_labels()
     launch_images(
@@ -259,7 +259,7 @@ def _allocate(out: wp.array | None, dtype: Any, like: wp.array, name: str) -> wp
 
 
 def _check_range(max_range: float | None, camera: Camera) -> float:
-    return camera.far if max_range is None else check_length(max_range, "max_range")
+    return camera.far if max_range is None else check_metres(max_range, "max_range", infinite=True)
 
 
 def _check_finite(value: float, name: str) -> float:

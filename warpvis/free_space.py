@@ -12,9 +12,9 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.arrays import as_warp, empty, on_gpu, surely_finite
+from warpvis.arrays import as_points, check_metres, empty, surely_finite
 from warpvis.closed import has_no_boundary
-from warpvis.errors import ArrayError, PoseError, SceneError
+from warpvis.errors import PoseError, SceneError
 from warpvis.labels import Label
 from warpvis.objects import choose_objects
 from warpvis.pose import check_up, parse_poses, poses_to_matrices
@@ -64,7 +64,7 @@ def clearance(
     vertices, excluded = one_world(scene, object_poses, exclude)
     chosen = [index for index in choose_objects(scene, objects) if not excluded[index]]
     device = scene.device
-    places = read_points(points, "points", "N", device)
+    places = as_points(points, "points", "N", device)
     distance = empty(places.shape, wp.float32, name="distances", device=device)
     if not chosen:
         distance.fill_(math.inf)
@@ -169,34 +169,6 @@ def one_world(scene: Any, object_poses: Any, exclude: Any) -> tuple[list[NDArray
 def corners_of(scene: Scene, vertices: Sequence[NDArray[np.float32]], chosen: Sequence[int]) -> NDArray[np.float32]:
     """Corners of the chosen objects' triangles, shape ``(T, 3, 3)``, one object after the other."""
     return np.concatenate([vertices[index][scene.objects[index].faces] for index in chosen])
-
-
-def read_points(points: Any, name: str, count: str, device: wp.Device) -> wp.array:
-    """Points as vec3 on a device; those that came from the host are finite.
-
-    Raises:
-        ArrayError: They are not what they have to be.
-    """
-    places = as_warp(points, wp.vec3, (count,), name=name, device=device)
-    if not on_gpu(points):
-        rows = places.numpy()
-        bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
-        if len(bad):
-            raise ArrayError(f"{name} must be finite: {len(bad)} are not, the first at {bad[0]}")
-    return places
-
-
-def check_metres(value: Any, name: str, *, signed: bool = False, zero: bool = True, infinite: bool = False) -> float:
-    """`value` as a number of metres.
-
-    Raises:
-        ArrayError: It is not a number, or it is negative, zero or infinite where that is not allowed.
-    """
-    number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-    if not number or not (signed or value > 0 or (zero and value == 0)) or not (infinite or math.isfinite(value)):
-        wanted = "a number of metres from 0 up" if zero else "a positive number of metres"
-        raise ArrayError(f"{name} must be {'a finite number of metres' if signed else wanted}, got {value!r}")
-    return float(value)
 
 
 def launch_points(kernel: Any, count: int, arguments: Any, device: wp.Device, threads: int | None) -> None:

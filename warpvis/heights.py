@@ -10,9 +10,9 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.arrays import empty
+from warpvis.arrays import as_points, check_metres, empty
 from warpvis.errors import ArrayError
-from warpvis.free_space import check_metres, corners_of, one_world, read_points
+from warpvis.free_space import corners_of, one_world
 from warpvis.pose import check_up
 from warpvis.scene import Scene
 from warpvis.threads import launch_images
@@ -73,7 +73,7 @@ def minimum_height(
     tolerance = check_metres(tolerance, "tolerance", zero=False)
     vertices, excluded = one_world(scene, object_poses, exclude)
     device = scene.device
-    viewers, points = read_points(eyes, "eyes", "E", device), read_points(targets, "targets", "N", device)
+    viewers, points = as_points(eyes, "eyes", "E", device), as_points(targets, "targets", "N", device)
     heights = empty((len(viewers), len(points)), wp.float32, name="heights", device=device)
     chosen = np.flatnonzero(~excluded).tolist()
     if not chosen:

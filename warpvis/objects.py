@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpvis.arrays import empty
+from warpvis.arrays import check_metres, empty
 from warpvis.camera import Camera
 from warpvis.errors import ArrayError, CameraError, SceneError
 from warpvis.pose import Convention, parse_poses
@@ -129,7 +129,11 @@ def object_visibility(
         raise CameraError(f"camera must be a warpvis.Camera, got {type(camera).__name__}")
     scene.require_objects()
     chosen = choose_objects(scene, objects)
-    delta, min_pixels, canvas = _check_delta(delta), _check_min_pixels(min_pixels), _check_canvas(canvas, camera)
+    delta, min_pixels, canvas = (
+        check_metres(delta, "delta"),
+        _check_min_pixels(min_pixels),
+        _check_canvas(canvas, camera),
+    )
     device = scene.device
     poses = parse_poses(camera_to_world, convention=convention, device=device)
     views, count = len(poses), len(chosen)
@@ -204,12 +208,6 @@ def _first(views: Views | None, size: int) -> Views | None:
         return None
     images = {"depth": views.depth, "objects": views.objects}
     return Views(**{name: image if image is None else image[:size] for name, image in images.items()})
-
-
-def _check_delta(delta: Any) -> float:
-    if not (isinstance(delta, int | float) and math.isfinite(delta) and delta >= 0):
-        raise ArrayError(f"delta must be a number of metres from 0 up, got {delta!r}")
-    return float(delta)
 
 
 def _check_min_pixels(min_pixels: Any) -> int:

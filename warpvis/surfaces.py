@@ -14,10 +14,10 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.arrays import as_numpy, empty
+from warpvis.arrays import as_numpy, as_points, check_metres, empty
 from warpvis.camera import Camera
 from warpvis.errors import ArrayError, PoseError, SceneError
-from warpvis.free_space import check_metres, one_world, read_points
+from warpvis.free_space import one_world
 from warpvis.labels import Label, Visibility
 from warpvis.objects import choose_objects
 from warpvis.points import check_points
@@ -284,7 +284,7 @@ def _read_samples(scene: Scene, samples: Any, object_poses: Any, hidden: Any) ->
             raise SceneError("exclude leaves no object to be covered")
         return surface_samples(scene, objects=in_view.tolist(), object_poses=object_poses)
     given = samples.points if isinstance(samples, Samples) else samples
-    points = read_points(given, "samples", "N", scene.device).numpy()
+    points = as_points(given, "samples", "N", scene.device).numpy()
     if not len(points):
         raise ArrayError("samples must be at least one, got 0")
     if isinstance(samples, Samples):

@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.arrays import as_numpy, as_warp, check_length, empty, get_device
+from warpvis.arrays import as_numpy, as_warp, check_metres, empty, get_device
 from warpvis.errors import ArrayError
 from warpvis.labels import Label
 from warpvis.pose import check_up
@@ -119,7 +119,7 @@ def visibility_map(
     grid = kernels.Grid()
     grid.first_axis, grid.second_axis = _FLOOR_AXES[up]
     grid.up_axis = check_up(up)
-    grid.origin, grid.cell, grid.level = wp.vec2(*low), cell, check_length(sigma, "sigma")
+    grid.origin, grid.cell, grid.level = wp.vec2(*low), cell, check_metres(sigma, "sigma", infinite=True)
     discs = _check_robots(robots, device)
 
     shape = (len(points), rows, columns)

@@ -18,7 +18,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.arrays import as_numpy, as_warp, empty, get_device, on_gpu
+from warpvis.arrays import as_numpy, as_warp, check_metres, empty, get_device, on_gpu
 from warpvis.camera import Camera
 from warpvis.classification import read_depth
 from warpvis.errors import ArrayError, FileFormatError
@@ -278,7 +278,7 @@ def voxel_map_of(
     if box is None and out is not None:
         box = _require_map(out, "out").bounds
     elif box is None:
-        box = scene.bounds.astype(np.float64) + [[-1.5 * _check_cell(cell)], [1.5 * cell]]
+        box = scene.bounds.astype(np.float64) + [[-1.5 * check_metres(cell, "cell", zero=False)], [1.5 * cell]]
     result = _map_for(box, cell, scene.up, scene.device, out)
     step = max(1, _PIXELS_AT_A_TIME // (camera.width * camera.height))
     for first in range(0, len(poses), step):
@@ -348,15 +348,9 @@ def _read_labels(labels: Any, depth: wp.array) -> wp.array:
     return result
 
 
-def _check_cell(cell: Any) -> float:
-    if not (isinstance(cell, int | float | np.floating | np.integer) and math.isfinite(cell) and cell > 0):
-        raise ArrayError(f"cell must be a positive number of metres, got {cell!r}")
-    return float(cell)
-
-
 def _check_grid(bounds: ArrayLike, cell: Any) -> tuple[tuple[float, float, float], tuple[int, int, int], float]:
     """Origin, size and side of a grid's voxels."""
-    side = _check_cell(cell)
+    side = check_metres(cell, "cell", zero=False)
     corners = as_numpy(bounds, name="bounds").astype(np.float64)
     if corners.shape != (2, 3) or not np.isfinite(corners).all() or (corners[1] <= corners[0]).any():
         raise ArrayError(

@@ -18,8 +18,8 @@ struct Survey {
     int* hidden_by;         // [view][chosen][object]: pixels
     unsigned char* masks;   // [view][chosen][y][x], or null: 1 for a silhouette, 2 where it is visible
 
-    // Whether depths do not matter, but only what is seen first.
-    inline bool ids_only() const { return near <= 0.0f && far == __builtin_inff() && !depth && !masks; }
+    // Whether counting is all there is to do, of any depth.
+    inline bool counts_all() const { return near <= 0.0f && far == __builtin_inff() && !masks; }
 };
 
 // Pixels of an object in a view, by what became of them.
@@ -190,7 +190,7 @@ struct Silhouettes {
             if (within && Tally::holds(tally.silhouette_box, x, y, 16)) {
                 if (outside) tally.silhouette += count_all(tile);
                 if (outside) return;
-                if (inside_image && survey.ids_only()) return count_inside(tile, x, y, tally);
+                if (inside_image && survey.counts_all()) return count_inside(tile, x, y, tally);
             }
             for (int block = 0; block < 16; ++block) {
                 const Floats w = Lanes::load(tile + block * 16);
@@ -208,12 +208,16 @@ struct Silhouettes {
             const bool known = Tally::holds(tally.visible_box, x, y, 16);
             Ints silhouette = Lanes::all_ints(0), seen = silhouette;
             for (int block = 0; block < 16; ++block) {
-                const Ints covered = Lanes::load(tile + block * 16) > Lanes::all(0.0f);
+                const Floats w = Lanes::load(tile + block * 16);
+                const Ints covered = w > Lanes::all(0.0f);
                 if (!Lanes::any(covered)) continue;
                 Lanes::store(tile + block * 16, Lanes::all(0.0f));
                 const int block_x = x + (block & 3) * 4, block_y = y + (block >> 2) * 4;
                 const Ints shown = load_block(survey.seen, block_x, block_y);
-                const Ints visible = covered & (shown == Lanes::all_ints(index)), hidden = covered & ~visible;
+                Ints visible = covered & (shown == Lanes::all_ints(index));
+                if (survey.depth && Lanes::any(covered & ~visible))
+                    visible |= covered & (behind(1.0f / w, 0xffff, true, block_x, block_y) <= Lanes::all(survey.delta));
+                const Ints hidden = covered & ~visible;
                 silhouette -= covered;
                 seen -= visible;
                 if (!known && Lanes::any(visible)) Tally::grow(tally.visible_box, Lanes::bits(visible), block_x, block_y);
