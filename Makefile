@@ -15,9 +15,11 @@ test: $(STAMP)
 	$(BIN)/python -m pytest
 
 # The casters' tests again, compiled for AVX2 alone and for Warp's generic x86-64, which has AVX.
+LANE_TESTS := $(addprefix tests/test_,$(addsuffix .py,casters packets worlds points point_packets object_visibility))
+
 test-lanes: $(STAMP)
-	WARPVIS_CPU_FLAGS="-target-cpu haswell" $(BIN)/python -m pytest -q tests/test_casters.py tests/test_packets.py tests/test_worlds.py
-	WARPVIS_CPU_FLAGS="" $(BIN)/python -m pytest -q tests/test_casters.py tests/test_packets.py tests/test_worlds.py
+	WARPVIS_CPU_FLAGS="-target-cpu haswell" $(BIN)/python -m pytest -q $(LANE_TESTS)
+	WARPVIS_CPU_FLAGS="" $(BIN)/python -m pytest -q $(LANE_TESTS)
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

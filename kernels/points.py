@@ -28,9 +28,9 @@ def point_index(window: Window, row: int, column: int) -> int:
 
 
 @wp.func
-def last_before(end: float) -> float:
-    """The greatest single-precision number below the end of an image's side."""
-    return end * 0.99999994
+def within(place: float, end: float) -> float:
+    """A place from 0 up to the greatest single-precision number below the end of an image's side."""
+    return wp.clamp(place, 0.0, end * 0.99999994)
 
 
 @wp.kernel
@@ -69,12 +69,12 @@ def project_points(
 
     p = rotation[view] * (wp.vec3d(points[index]) - origin[view])
     at = wp.vec2(wp.nan, wp.nan)
-    if p[2] > wp.float64(0.0):
-        w = wp.float64(1.0) / p[2]
-        x, y = camera.fx * p[0] * w + camera.cx, camera.fy * p[1] * w + camera.cy
-        none = wp.float64(0.0)
-        if x >= none and x < wp.float64(camera.width) and y >= none and y < wp.float64(camera.height):
-            at = wp.vec2(wp.min(float(x), last_before(camera.width)), wp.min(float(y), last_before(camera.height)))
+    none, width, height = wp.float64(0.0), wp.float64(camera.width), wp.float64(camera.height)
+    # Not by the quotients, whose rounding would decide for points on a border.
+    left, top = camera.fx * p[0] + camera.cx * p[2], camera.fy * p[1] + camera.cy * p[2]
+    if p[2] > none and left >= none and left < width * p[2] and top >= none and top < height * p[2]:
+        x, y = camera.fx * p[0] / p[2] + camera.cx, camera.fy * p[1] / p[2] + camera.cy
+        at = wp.vec2(within(float(x), camera.width), within(float(y), camera.height))
     pixels_out[view, index] = at
     depth_out[view, index] = float(p[2])
 

@@ -2,19 +2,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """The paper's four experiments: what a robot's depth camera sees past a low and a high obstacle.
 
-The robot's camera is higher than the low obstacle and lower than the high one. The floor is 4.0 m x 4.0 m.
+The robot's camera is higher than the low obstacle and lower than the high one. The floor is 4.0 m x 4.0 m. The person
+looks elsewhere in each, so that each of the four states of the ball occurs: both see it, one of them, neither.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.agents import Agent
 from warpvis.camera import Camera
 from warpvis.classification import Sphere
 from warpvis.labels import Label
+from warpvis.perspectives import State
 from warpvis.pose import look_at
 from warpvis.scene import Scene
 from warpvis.scenes import shapes
@@ -29,6 +33,7 @@ LOW_OBSTACLE = (0.2, 0.8, 0.35)
 HIGH_OBSTACLE = (0.2, 0.8, 1.4)
 BALL_DIAMETER = 0.2
 PERSON_HEIGHT = 1.7
+EYE_HEIGHT = 1.6
 
 # The test ||C_obj - P|| < size/2 is strict and a ball's points lie on its surface: sizes are given with a margin.
 _SIZE_MARGIN = 1.1
@@ -46,6 +51,17 @@ class Experiment(ScenePreset):
     """Whether a 2D line of sight on the floor plan says so."""
     spheres: tuple[Sphere, ...] = ()
     """The ball and the person as the paper's test takes them."""
+    human_pose: tuple[float, ...] = ()
+    """The person's eyes, camera to world, ``x y z qx qy qz qw``."""
+    gaze: str = ""
+    """Where the person looks."""
+    states: Mapping[str, State] = field(default_factory=dict, hash=False)
+    """Which of robot (first) and person (second) see the ball and the obstacles."""
+
+    def agents(self) -> tuple[Agent, Agent]:
+        """The robot and the person, neither of whom sees its own body."""
+        robot = Agent("robot", self.camera, self.poses()[0], body=("robot",))
+        return robot, Agent.human("human", self.human_pose, body=("person",))
 
 
 def _camera_pose(count: int) -> NDArray[np.float64]:
@@ -65,6 +81,9 @@ def _experiment(
     person: tuple[float, float],
     visible: tuple[bool, bool],
     plan_visible: tuple[bool, bool],
+    gaze: str,
+    looks_at: tuple[float, float, float],
+    states: tuple[State, State, State],
 ) -> Experiment:
     def add_objects(scene: Scene) -> None:
         scene.add(shapes.floor(FLOOR_SIZE, FLOOR_SIZE), name="floor", label=Label.GROUND)
@@ -90,6 +109,9 @@ def _experiment(
         visible=visible,
         plan_visible=plan_visible,
         spheres=spheres,
+        human_pose=tuple(look_at((*person, EYE_HEIGHT), looks_at).tolist()),
+        gaze=gaze,
+        states=dict(zip(("ball", "low obstacle", "high obstacle"), states, strict=True)),
     )
 
 
@@ -104,6 +126,9 @@ EXPERIMENTS: tuple[Experiment, ...] = (
         person=(1.3, 0.35),
         visible=(True, True),
         plan_visible=(True, True),
+        gaze="at the ball",
+        looks_at=(0.3, 0.1, 0.1),
+        states=(State.BOTH, State.BOTH, State.BOTH),
     ),
     _experiment(
         2,
@@ -115,6 +140,9 @@ EXPERIMENTS: tuple[Experiment, ...] = (
         person=(1.2, -0.45),
         visible=(False, True),
         plan_visible=(False, True),
+        gaze="at the ball, which the obstacle does not hide from here",
+        looks_at=(0.5, 0.6, 0.1),
+        states=(State.SECOND, State.BOTH, State.BOTH),
     ),
     _experiment(
         3,
@@ -126,6 +154,9 @@ EXPERIMENTS: tuple[Experiment, ...] = (
         person=(0.8, 0.75),
         visible=(True, False),
         plan_visible=(False, False),
+        gaze="over the high obstacle's end, the ball too far aside to see",
+        looks_at=(-1.5, 1.8, 1.4),
+        states=(State.FIRST, State.BOTH, State.BOTH),
     ),
     _experiment(
         4,
@@ -137,6 +168,9 @@ EXPERIMENTS: tuple[Experiment, ...] = (
         person=(1.3, -0.3),
         visible=(False, True),
         plan_visible=(False, False),
+        gaze="away from the robot, with the ball behind",
+        looks_at=(2.0, -0.3, 1.5),
+        states=(State.NEITHER, State.FIRST, State.FIRST),
     ),
 )
 """The four experiments, in order."""

@@ -471,6 +471,9 @@ def judge_points(
     return status, np.where(status == Visibility.OCCLUDED, seen.objects, -1), np.abs(margin)
 
 
+judge_points_packets = judge_points
+
+
 def judge_points_measured(
     camera: Camera, pose: NDArray, depth: NDArray, points: NDArray, tolerance: float
 ) -> NDArray[np.uint8]:

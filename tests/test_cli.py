@@ -12,7 +12,9 @@ import trimesh
 from PIL import Image
 
 import warpvis as wv
-from warpvis.demo import format_table, run_experiment
+from warpvis.cli import main
+from warpvis.demo import format_states, format_table, run_experiment
+from warpvis.scenes import EXPERIMENTS
 
 
 def run_cli(*arguments, cwd):
@@ -22,26 +24,34 @@ def run_cli(*arguments, cwd):
     return result
 
 
+def count_colors(path):
+    red, green, blue = np.asarray(Image.open(path).convert("RGB")).astype(np.int32).reshape(-1, 3).T
+    return len(np.unique((red * 256 + green) * 256 + blue))
+
+
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory):
     folder = tmp_path_factory.mktemp("demo")
     return folder, run_cli("demo", "--out", folder / "new" / "demo", cwd=folder).stdout
 
 
-def test_the_demo_writes_four_pictures(demo):
+def test_the_demo_writes_its_pictures(demo):
     folder = demo[0] / "new" / "demo"
     names = sorted(path.name for path in folder.iterdir())
-    assert names == [*(f"experiment_{i}.png" for i in (1, 2, 3, 4)), "summary.json"]
+    pictures = [f"experiment_{i}{kind}.png" for i in (1, 2, 3, 4) for kind in ("", "_perspective")]
+    assert names == [*pictures, "summary.json"]
     for path in folder.glob("*.png"):
-        picture = np.asarray(Image.open(path).convert("RGB"))
-        assert picture.shape[0] > 400 and picture.shape[1] > 1200
-        assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 1000
+        width, height = Image.open(path).size
+        assert height > 400 and width > 1200
+        assert count_colors(path) > (300 if "perspective" in path.name else 1000)
+        assert path.stat().st_size < 400_000
 
 
-def test_the_demo_prints_the_table(demo):
+def test_the_demo_prints_the_tables(demo):
     assert "experiment  object  visible  pixels  2D answer" in demo[1]
-    sightings = [sighting for number in (1, 2, 3, 4) for sighting in run_experiment(number).sightings]
-    assert format_table(sightings) in demo[1]
+    results = [run_experiment(number) for number in (1, 2, 3, 4)]
+    assert format_table([sighting for result in results for sighting in result.sightings]) in demo[1]
+    assert format_states([result.shared for result in results]) in demo[1]
     assert "frames per second" in demo[1]
 
 
@@ -51,6 +61,14 @@ def test_the_summary_says_the_same(demo):
     differing = [(s["experiment"], s["object"]) for s in summary["sightings"] if s["plan_differs"]]
     assert differing == [(3, "ball"), (4, "person")]
     assert [s["visible"] for s in summary["sightings"]] == [True, True, False, True, True, False, False, True]
+    states = [(s["experiment"], s["object"], s["robot"], s["human"], s["state"]) for s in summary["perspectives"]]
+    assert states == [
+        (1, "ball", True, True, "both"),
+        (2, "ball", False, True, "human only"),
+        (3, "ball", True, False, "robot only"),
+        (4, "ball", False, False, "neither"),
+    ]
+    assert [s["human_pixels"] > 100 for s in summary["perspectives"]] == [True, True, False, False]
 
 
 def test_render_writes_metres_and_millimetres(tmp_path):
@@ -93,18 +111,300 @@ def test_conventions_reach_the_renderer(tmp_path):
         assert np.load(tmp_path / convention / "depth.npz")["depth"].min() == nearest
 
 
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory):
+    """Experiment 2 as a file, two poses (the robot's, and one that sees the ball), and five points."""
+    folder = tmp_path_factory.mktemp("lab")
+    EXPERIMENTS[1].build().export(folder / "lab.glb")
+    poses = np.stack([EXPERIMENTS[1].poses()[0], wv.look_at((-0.9, -0.9, 0.7), (0.5, 0.6, 0.1))])
+    np.savetxt(folder / "poses.txt", np.column_stack([[0.5, 1.5], poses]))
+    points = np.array([[0.5, 0.6, 0.2], [0.5, 0.6, 0.1], [-1, 0, 0], [5, 0, 0], [-1.5, 0, 0.6]])
+    np.savetxt(folder / "points.csv", points, delimiter=",", header="x,y,z", comments="")
+    np.save(folder / "points.npy", points)
+    return folder
+
+
+def run_here(monkeypatch, capsys, folder, *arguments):
+    """Exit code, and what was printed, of a command that runs in this process."""
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(sys, "argv", ["warpvis", *map(str, arguments)])
+    code = 0
+    try:
+        main()
+    except SystemExit as stop:
+        code = stop.code
+    printed = capsys.readouterr()
+    return code, printed.out, printed.err
+
+
+ROBOT, HUMAN = "-1.77 0 0.7 0 0 0.39", "1.2, -0.45, 1.6, 0.5, 0.6, 0.1"
+BODIES = ("--robot-body", "robot", "--human-body", "person")
+
+
+def test_perspective_of_a_file(lab, tmp_path):
+    """As a user runs it: numbers that begin with a minus, names with spaces, a new folder."""
+    out = tmp_path / "new" / "out"
+    result = run_cli("perspective", "lab.glb", "--robot", ROBOT, "--human", HUMAN, *BODIES, "--out", out, cwd=lab)
+    assert "hidden by high obstacle" in result.stdout
+    assert "The robot must move to see ball." in result.stdout
+    assert sorted(path.name for path in out.iterdir()) == ["perspective.json", "perspective.png"]
+    report = json.loads((out / "perspective.json").read_text())
+
+    scene = wv.Scene.load(lab / "lab.glb")
+    robot = wv.Agent.kinect("robot", wv.look_at((-1.77, 0, 0.7), (0, 0, 0.39)), body="robot")
+    human = wv.Agent.human("human", wv.look_at((1.2, -0.45, 1.6), (0.5, 0.6, 0.1)), body="person")
+    seen = wv.perspective(scene, (robot, human))
+    assert seen.table() in result.stdout
+    assert {key: report[key] for key in ("view", "agents", "objects")} == seen.report()
+    assert [item["object"] for item in report["candidates"]] == ["ball"]
+    assert report["candidates"][0]["robot_sees"] is False
+    assert report["to_see"] == seen.to_see("robot", "human") == ["ball"]
+    proposed = report["proposed_robot_pose"]
+    views = wv.render(scene, wv.Camera.kinect(), proposed["pose"], exclude=["robot"])
+    assert (views.objects.numpy() == scene.index("ball")).sum() > 100
+    assert proposed["fractions"]["ball"] > 0.95 and 0 < proposed["distance"] <= 2
+    assert f"{proposed['distance']:.2f} m away" in result.stdout
+
+
+def test_perspective_of_an_experiment(tmp_path, monkeypatch, capsys):
+    """It has its own agents; nothing is written that was not asked for."""
+    for number, word in ((1, "The robot sees all of them."), (4, "The person sees none of the objects")):
+        code, out, _ = run_here(monkeypatch, capsys, tmp_path, "perspective", f"experiment_{number}")
+        assert code == 0 and word in out
+        experiment = EXPERIMENTS[number - 1]
+        assert wv.perspective(experiment.build(), experiment.agents()).table() in out
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_comes_before_an_experiment(lab, tmp_path, monkeypatch, capsys):
+    (tmp_path / "experiment_1").write_text("no mesh")
+    code, _, error = run_here(monkeypatch, capsys, tmp_path, "perspective", "experiment_1")
+    assert code == 2 and error.startswith("warpvis: --robot must say")
+
+
+def test_labels_say_what_the_person_may_mean(lab, monkeypatch, capsys):
+    given = ("perspective", "lab.glb", "--robot", ROBOT, "--human", HUMAN, *BODIES, "--labels")
+    code, out, _ = run_here(monkeypatch, capsys, lab, *given, "ball=obstacle", "*obstacle=object")
+    assert code == 0
+    rows = out.split("the human may mean")[1].splitlines()[2:4]
+    assert [row.split("  ")[0] for row in rows] == ["high obstacle", "low obstacle"]
+    assert "The robot sees all of them." in out
+    code, out, _ = run_here(monkeypatch, capsys, lab, *given, "ball=obstacle", "floor=ground")
+    rows = out.split("the human may mean")[1].split("\n\n")[0].splitlines()[2:]
+    assert {row.split("  ")[0] for row in rows} == {
+        "ball",
+        "high obstacle",
+        "low obstacle",
+    }  # nothing is labelled object
+    assert "The robot must move to see ball." in out
+
+
+def test_poses_of_seven_numbers_and_other_axes(lab, monkeypatch, capsys):
+    row = wv.pose.look_at((-1.77, 0, 0.7), (0, 0, 0.39))
+    opengl = wv.pose.quaternion_product(row[3:], np.array([1.0, 0, 0, 0]))
+    tables = []
+    for pose, convention in ((ROBOT, "ros"), (row, "opencv"), ([*row[:3], *opengl], "opengl")):
+        text = pose if isinstance(pose, str) else " ".join(map(repr, map(float, pose)))
+        given = ("perspective", "lab.glb", "--robot", text, "--human", HUMAN, *BODIES, "--convention", convention)
+        code, out, _ = run_here(monkeypatch, capsys, lab, *given)
+        assert code == 0
+        tables.append(out)
+    assert tables[0] == tables[1] == tables[2]
+
+
+def test_where_the_robot_may_go(lab, monkeypatch, capsys):
+    given = ("perspective", "lab.glb", "--robot", ROBOT, "--human", HUMAN, *BODIES)
+    for more in (("--reach", "0.3"), ("--robot-radius", "5"), ("--floor", "-1")):
+        code, out, _ = run_here(monkeypatch, capsys, lab, *given, *more)
+        assert code == 0
+        assert ("that has room for it shows any of that." in out) == (more[0] != "--floor")
+
+
+def test_check_objects(lab, tmp_path, monkeypatch, capsys):
+    out, picture = tmp_path / "report.json", tmp_path / "first.png"
+    given = ("check", "lab.glb", "--poses", "poses.txt", "--exclude", "robot", "--out", out, "--picture", picture)
+    code, printed, _ = run_here(monkeypatch, capsys, lab, *given)
+    assert code == 0
+    scene = wv.Scene.load(lab / "lab.glb")
+    names = [item.name for item in scene if item.name != "robot"]
+    poses = np.loadtxt(lab / "poses.txt")[:, 1:]
+    seen = wv.object_visibility(scene, wv.Camera.kinect(), poses, objects=names, exclude=["robot"])
+    views = json.loads(out.read_text())["views"]
+    assert [view["timestamp"] for view in views] == [0.5, 1.5]
+    np.testing.assert_allclose([view["pose"] for view in views], poses, atol=1e-6)
+    for v, view in enumerate(views):
+        assert [item["name"] for item in view["objects"]] == names
+        for k, item in enumerate(view["objects"]):
+            for key in ("fraction", "visible_pixels", "silhouette_pixels"):
+                assert item[key] == getattr(seen, key).numpy()[v, k]
+            for key in ("visible_box", "silhouette_box"):
+                assert item[key] == getattr(seen, key).numpy()[v, k].tolist()
+            assert item["status"] == wv.Visibility(seen.status.numpy()[v, k]).name
+            hides = seen.occluder.numpy()[v, k]
+            assert item["occluder"] == (scene.objects[hides].name if hides >= 0 else None)
+    rows = [[word.strip() for word in line.split("  ") if word] for line in printed.splitlines()]
+    assert ["0", "ball", "0.00", "0", "occluded", "high obstacle"] in rows
+    assert count_colors(picture) > 200
+
+
+def test_check_some_objects(lab, monkeypatch, capsys):
+    before = sorted(lab.iterdir())
+    given = ("check", "lab.glb", "--poses", "poses.txt", "--objects", "person", "high obstacle")
+    code, printed, _ = run_here(monkeypatch, capsys, lab, *given)
+    assert code == 0
+    assert [line.split("  ")[2].strip() for line in printed.splitlines()[2:]] == ["person", "high obstacle"] * 2
+    assert sorted(lab.iterdir()) == before
+
+
+def test_long_tables_are_cut(lab, tmp_path, monkeypatch, capsys):
+    np.savetxt(tmp_path / "many.txt", np.repeat(np.loadtxt(lab / "poses.txt"), 30, axis=0))
+    given = ("check", "lab.glb", "--poses", tmp_path / "many.txt", "--objects", "ball")
+    _, printed, _ = run_here(monkeypatch, capsys, lab, *given)
+    assert len(printed.splitlines()) == 2 + 40 + 1
+    assert printed.endswith("... and 20 more lines; --out writes all\n")
+
+
+@pytest.mark.parametrize("points", ["points.csv", "points.npy"])
+@pytest.mark.parametrize("suffix", [".json", ".npy"])
+def test_check_points(lab, tmp_path, monkeypatch, capsys, points, suffix):
+    out = tmp_path / f"status{suffix}"
+    given = ("check", "lab.glb", "--poses", "poses.txt", "--points", points, "--exclude", "robot", "--out", out)
+    code, printed, _ = run_here(monkeypatch, capsys, lab, *given)
+    assert code == 0
+    poses = np.loadtxt(lab / "poses.txt")[:, 1:]
+    scene = wv.Scene.load(lab / "lab.glb")
+    status = wv.check_points(scene, wv.Camera.kinect(), poses, np.load(lab / "points.npy"), exclude=["robot"]).numpy()
+    assert [line.split() for line in printed.splitlines()[2:4]] == [
+        [str(v), "5", *(str((status[v] == kind).sum()) for kind in (4, 3, 2, 1, 0))] for v in (0, 1)
+    ]
+    assert status[0].tolist() == [3, 3, 0, 2, 1] and status[1, 0] == 4
+    if suffix == ".npy":
+        stored = np.load(out)
+        assert stored.dtype == np.uint8
+        np.testing.assert_array_equal(stored, status)
+        return
+    for v, view in enumerate(json.loads(out.read_text())["views"]):
+        assert view["status"] == [wv.Visibility(one).name for one in status[v]]
+        assert view["counts"] == {kind.name: (status[v] == kind).sum() for kind in wv.Visibility if kind != 5}
+
+
+LOOK = ("--robot", ROBOT, "--human", HUMAN)
+POSES = ("--poses", "poses.txt")
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        (("perspective", "none.glb", *LOOK, "--out", "x"), "none.glb: no such file"),
+        (("perspective", "experiment_9", *LOOK, "--out", "x"), "experiment_9: no such file"),
+        (
+            ("perspective", "lab.glb", "--human", HUMAN, "--out", "x"),
+            "--robot must say where the eyes are and what they",
+        ),
+        (
+            ("perspective", "lab.glb", "--robot", ROBOT, "--out", "x"),
+            "--human must say where the eyes are and what they",
+        ),
+        (
+            ("perspective", "lab.glb", "--robot", "1 2 3", "--human", HUMAN),
+            "--robot must be 6 numbers, where the eyes are",
+        ),
+        (
+            ("perspective", "lab.glb", "--robot", ROBOT, "--human", "a b c d e f"),
+            "--human must be 6 numbers, where the",
+        ),
+        (
+            ("perspective", "lab.glb", "--robot", "0 0 1 0 0 0", "--human", HUMAN),
+            "--robot: eye [0.0, 0.0, 1.0] and target",
+        ),
+        (
+            ("perspective", "lab.glb", "--robot", "0 0 1 0 0 0 0", "--human", HUMAN),
+            "--robot must not have a zero-length",
+        ),
+        (
+            ("perspective", "lab.glb", *LOOK, "--robot-body", "bot", "--out", "x"),
+            "the scene has no object 'bot'; it has",
+        ),
+        (
+            ("perspective", "lab.glb", *LOOK, "--labels", "ball", "--out", "x"),
+            "labels must be given as NAME=LABEL, such",
+        ),
+        (("perspective", "lab.glb", *LOOK, "--labels", "ball=cup"), "label must be one of EMPTY (0), "),
+        (("perspective", "lab.glb", *LOOK, "--labels", "cup=object"), "labels for 'cup' fit no object of lab.glb"),
+        (("perspective", "lab.glb", *LOOK, "--camera", "none.json", "--out", "x"), "none.json: cannot be read"),
+        (
+            ("perspective", "lab.glb", *LOOK, "--reach", "-1", "--out", "x"),
+            "--reach must be a number of metres from 0 up",
+        ),
+        (
+            ("perspective", "lab.glb", *LOOK, "--robot-radius", "0"),
+            "--robot-radius must be a positive number of metres",
+        ),
+        (("perspective", "lab.glb", *LOOK, "--floor", "nan"), "--floor must be a finite number of metres, got nan"),
+        (("perspective", "lab.glb", *LOOK, "--out", "lab.glb"), "lab.glb: cannot be made a folder: "),
+        (
+            ("perspective", "experiment_1", "--robot", ROBOT, "--scale", "2"),
+            "experiment_1 comes with its robot and its",
+        ),
+        (("check", "none.glb", *POSES, "--out", "x.json"), "none.glb: no such file"),
+        (("check", "lab.glb", "--poses", "none.txt", "--out", "x.json"), "none.txt: cannot be read"),
+        (("check", "lab.glb", "--poses", "points.csv"), "points.csv:1: expected the 8 numbers"),
+        (("check", "lab.glb", *POSES, "--points", "poses.txt"), "poses.txt:1: expected three finite numbers 'x y z'"),
+        (("check", "lab.glb", *POSES, "--points", "p.csv"), "p.csv: no such file"),
+        (
+            ("check", "lab.glb", *POSES, "--points", "points.csv", "--tolerance", "-1"),
+            "tolerance must be a number of metres",
+        ),
+        (
+            ("check", "lab.glb", *POSES, "--points", "points.csv", "--objects", "ball"),
+            "give either --points or --objects",
+        ),
+        (
+            ("check", "lab.glb", *POSES, "--points", "points.csv", "--picture", "x.png"),
+            "--picture shows objects, so it does",
+        ),
+        (
+            ("check", "lab.glb", *POSES, "--points", "points.csv", "--out", "x.txt"),
+            "x.txt: the name must end in .json or .npy",
+        ),
+        (("check", "lab.glb", *POSES, "--out", "x.npy"), "x.npy: the name must end in .json"),
+        (
+            ("check", "lab.glb", *POSES, "--out", "none/x.json"),
+            "none/x.json: cannot be written: there is no folder none",
+        ),
+        (("check", "lab.glb", *POSES, "--picture", "x.xyz", "--out", "x.json"), "x.xyz: the name must end in .png or"),
+        (
+            ("check", "lab.glb", *POSES, "--objects", "cup", "--out", "x.json", "--picture", "x.png"),
+            "the scene has no object",
+        ),
+        (
+            ("check", "lab.glb", *POSES, "--exclude", "cup", "--out", "x.json", "--picture", "x.png"),
+            "the scene has no object",
+        ),
+        (("check", "lab.glb", *POSES, "--device", "tpu", "--out", "x.json"), "device"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_nothing_is_written(lab, monkeypatch, capsys, command, said):
+    before = sorted(lab.iterdir())
+    code, out, error = run_here(monkeypatch, capsys, lab, *command)
+    assert code == 2 and out == ""
+    assert error.startswith(f"warpvis: {said}"), error
+    assert error.count("\n") == 1
+    assert sorted(lab.iterdir()) == before
+
+
 def test_info_names_versions_devices_and_cores(tmp_path):
     printed = run_cli("info", cwd=tmp_path).stdout
     for word in (f"warpvis {wv.__version__}", "warp-lang ", "mujoco ", "cores ", "device  cpu"):
         assert word in printed
 
 
-@pytest.mark.parametrize("arguments", [("--help",), ("demo", "--help"), ("render", "--help"), ("info", "--help")])
-def test_help_needs_nothing_heavy(tmp_path, arguments):
+@pytest.mark.parametrize("command", ["", "demo", "render", "check", "perspective", "info"])
+def test_help_needs_nothing_heavy(tmp_path, command):
     """That is what keeps it under 0.3 s; a test of the time itself would fail on a busy machine."""
     code = f"""
 import sys
-sys.argv = ["warpvis", *{arguments!r}]
+sys.argv = ["warpvis", *{command.split()!r}, "--help"]
 from warpvis.cli import main
 try:
     main()

@@ -8,7 +8,8 @@ import trimesh
 
 import warpvis as wv
 from warpvis import scenes
-from warpvis.demo import run_experiment
+from warpvis.demo import format_states, run_experiment
+from warpvis.perspectives import State
 from warpvis.scenes import experiments
 
 # Experiment: whether ball and person are visible, and whether the floor plan calls them so.
@@ -18,6 +19,9 @@ TABLE = {
     3: {"ball": (True, False), "person": (False, False)},
     4: {"ball": (False, False), "person": (True, False)},
 }
+
+# Who sees the ball: the robot is the first, the person the second.
+STATES = {1: State.BOTH, 2: State.SECOND, 3: State.FIRST, 4: State.NEITHER}
 
 
 @pytest.fixture(scope="module", params=sorted(TABLE))
@@ -45,6 +49,55 @@ def test_what_is_visible_is_plainly_so(result):
     """Hidden means not one pixel; visible means hundreds."""
     for sighting in result.sightings:
         assert sighting.pixels == 0 or sighting.pixels > 300
+
+
+def test_who_sees_the_ball_and_the_obstacles(result):
+    assert result.experiment.states["ball"] == STATES[number_of(result)]
+    states = result.seen.states("robot", "human")[0]
+    for name, state in result.experiment.states.items():
+        assert State(states[result.scene.index(name)]) == state, name
+
+
+def test_rendered_images_confirm_the_states(result):
+    """By counts of pixels in images that are rendered here, of all the person's faces and of the robot's camera."""
+    counts = []
+    for agent in result.experiment.agents():
+        images = [
+            wv.render(result.scene, face.camera, agent.face_poses(face), outputs="objects", exclude=agent.body)
+            for face in agent.faces
+        ]
+        objects = np.concatenate([image.objects.numpy().ravel() for image in images])
+        counts.append(np.bincount(objects + 1, minlength=len(result.scene) + 1)[1:])
+    for name, state in result.experiment.states.items():
+        robot, human = (int(count[result.scene.index(name)]) for count in counts)
+        assert (robot > 0) == (state in (State.FIRST, State.BOTH)), name
+        assert (human > 0) == (state in (State.SECOND, State.BOTH)), name
+        assert min(robot or 1000, human or 1000) > 100  # seen plainly or not at all
+    ball = result.scene.index("ball")
+    assert counts[0][ball] == result.sightings[0].pixels
+    assert counts[1][ball] == result.shared.human_pixels
+
+
+def test_the_demo_says_who_sees_the_ball(result):
+    shared = result.shared
+    words = {State.BOTH: "both", State.FIRST: "robot only", State.SECOND: "human only", State.NEITHER: "neither"}
+    assert shared.state == words[STATES[shared.experiment]]
+    assert (shared.robot, shared.human) == ("both" in shared.state or "robot" in shared.state, shared.human_pixels > 0)
+    assert shared.robot == result.sightings[0].visible
+    line = format_states([shared]).splitlines()[1].split(maxsplit=4)
+    yes = {True: "yes", False: "no"}
+    assert line == [str(shared.experiment), "ball", yes[shared.robot], yes[shared.human], shared.state]
+
+
+def test_the_persons_eyes_are_in_their_head(result):
+    eyes = np.array(result.experiment.human_pose[:3])
+    low, high = result.scene["person"].bounds
+    np.testing.assert_allclose(eyes[:2], (low + high)[:2] / 2, atol=0.02)
+    assert eyes[2] == experiments.EYE_HEIGHT
+    assert high[2] - 0.24 < eyes[2] < high[2]
+    robot, human = result.experiment.agents()
+    np.testing.assert_array_equal(robot.poses.astype(np.float32), result.experiment.poses())
+    assert (robot.body, human.body) == (("robot",), ("person",))
 
 
 def test_the_camera_is_between_the_obstacles(result):

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from warpvis.placement import BestViews, best_views, pose_grid
     from warpvis.points import check_points, check_points_measured
     from warpvis.pose import look_at, parse_poses
+    from warpvis.proposals import Proposal, propose_view
     from warpvis.renderer import Renderer, Views, render
     from warpvis.scene import Scene
     from warpvis.scene_object import SceneObject
@@ -64,6 +65,7 @@ _HOME = {
     "Perspective": "perspectives",
     "PlanVisibility": "floor_plan",
     "PoseError": "errors",
+    "Proposal": "proposals",
     "Renderer": "renderer",
     "Samples": "surfaces",
     "Scene": "scene",
@@ -91,6 +93,7 @@ _HOME = {
     "perspective": "perspectives",
     "plan_visibility": "floor_plan",
     "pose_grid": "placement",
+    "propose_view": "proposals",
     "render": "renderer",
     "standing_room": "free_space",
     "surface_samples": "surfaces",
@@ -118,6 +121,7 @@ __all__ = [
     "Perspective",
     "PlanVisibility",
     "PoseError",
+    "Proposal",
     "Renderer",
     "Samples",
     "Scene",
@@ -146,6 +150,7 @@ __all__ = [
     "perspective",
     "plan_visibility",
     "pose_grid",
+    "propose_view",
     "render",
     "standing_room",
     "surface_samples",

@@ -77,7 +77,8 @@ def as_points(points: Any, name: str, count: str, device: wp.Device) -> wp.array
     places = as_warp(points, wp.vec3, (count,), name=name, device=device)
     if not on_gpu(points):
         rows = places.numpy()
-        bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
+        fine = surely_finite(rows) or np.isfinite(rows).all(axis=1)
+        bad = np.flatnonzero(np.logical_not(fine))
         if len(bad):
             raise ArrayError(f"{name} must be finite: {len(bad)} are not, the first at {bad[0]}")
     return places

@@ -18,10 +18,10 @@ from warpvis.threads import launch_images, load_module, run_together
 
 # A strip is a thread's part of the rows that are left, divided by this.
 _SHARES_PER_THREAD = 2
-_TILE = 16
-_VISIT_WORDS = 6
-_NOTE_WORDS = 58 + _VISIT_WORDS + 1  # of a movable object: its frame, its visit, and its place in their order
-_FINISHED = 2  # of a job's counters
+TILE = 16
+VISIT_WORDS = 6
+NOTE_WORDS = 58 + VISIT_WORDS + 1  # of a movable object: its frame, its visit, and its place in their order
+FINISHED = 2  # of a job's counters
 
 
 class RaysCaster:
@@ -125,7 +125,7 @@ class PacketsCaster:
             place.job.at = pixels.flatten().view(wp.float32).flatten()
         arguments = [clusters.struct, place.job, place.poses, worlds, *images]
         self._pack(packets.cast_packets, place, arguments, pixels is not None)
-        run_together(place.launch.launch, workers, lambda: bool(place.counter[_FINISHED] == workers))
+        run_together(place.launch.launch, workers, lambda: bool(place.counter[FINISHED] == workers))
         self._idle.append(place)
 
     @staticmethod
@@ -171,11 +171,11 @@ class PacketsCaster:
         job.cull_backfaces = int(self._cull_backfaces)
         counter = np.zeros(3, dtype=np.int32)
         job.counter = wp.array(counter, dtype=wp.int32, device="cpu", copy=False)
-        tiles_x, tiles_y = -(-camera.width // _TILE), -(-job.most_rows // _TILE)
+        tiles_x, tiles_y = -(-camera.width // TILE), -(-job.most_rows // TILE)
         # As `Scratch` in kernels/native/packets.h carves it: w and id of every pixel, what is known of blocks and
         # tiles, four rows of each, and a stack with room for all children of a node on every level.
-        words = tiles_x * tiles_y * (2 * 256 + 16 + 1 + 4 + 1) + tiles_x * 128 + (depth + 1) * 16 * _VISIT_WORDS + 64
-        words += movables * _NOTE_WORDS
+        words = tiles_x * tiles_y * (2 * 256 + 16 + 1 + 4 + 1) + tiles_x * 128 + (depth + 1) * 16 * VISIT_WORDS + 64
+        words += movables * NOTE_WORDS
         if points:  # their cells and packets, as `Scratch` carves them
             cells = tiles_x * tiles_y * 16
             words += cells + 32 + 5 * (points + 15 * min(cells, points) + 16)
@@ -192,13 +192,13 @@ def split_rows(views: int, height: int, threads: int, *, equal: bool = False) ->
     or `equal`: one for each thread that a view has.
     """
     if equal:
-        tiles = -(-height // _TILE)
-        step = _TILE * -(-tiles // max(1, -(-threads // views)))
+        tiles = -(-height // TILE)
+        step = TILE * -(-tiles // max(1, -(-threads // views)))
         return np.array([*range(0, height, step), height], dtype=np.int32)
     shares = 1 if threads == 1 or views >= 4 * threads else -(-_SHARES_PER_THREAD * threads // views)
     rows, starts = 0, [0]
     while rows < height:
-        tiles = -(-(height - rows) // _TILE)
-        rows = min(rows + -(-tiles // shares) * _TILE, height)
+        tiles = -(-(height - rows) // TILE)
+        rows = min(rows + -(-tiles // shares) * TILE, height)
         starts.append(rows)
     return np.array(starts, dtype=np.int32)

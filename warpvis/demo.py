@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's four experiments, end to end: what ``warpvis demo`` runs."""
+"""The paper's four experiments, end to end, and what the person sees in each: what ``warpvis demo`` runs."""
 
 from __future__ import annotations
 
@@ -16,12 +16,14 @@ import warp as wp
 from warpvis.classification import classify
 from warpvis.errors import FileFormatError
 from warpvis.floor_plan import plan_visibility
+from warpvis.perspectives import Perspective, State, perspective
+from warpvis.proposals import propose_view
 from warpvis.renderer import Renderer, Views
 from warpvis.scene import Scene
 from warpvis.scenes import EXPERIMENTS, Experiment
 from warpvis.scenes.experiments import ROBOT_AT, ROBOT_RADIUS
 from warpvis.visibility import FloorMap, visibility_map
-from warpvis.viz import save_overview
+from warpvis.viz import save_overview, save_perspective
 
 _TARGETS = ("ball", "person")
 _EYE, _TARGET = (-4.3, -3.7, 3.4), (-0.3, -0.4, 0.1)
@@ -50,6 +52,24 @@ class Sighting:
 
 
 @dataclass(frozen=True)
+class SharedSighting:
+    """What one experiment says of robot, person and ball."""
+
+    experiment: int
+    object: str
+    robot: bool
+    """Whether the robot sees it."""
+    human: bool
+    """Whether the person sees it."""
+    human_pixels: int
+    """Pixels that show it, over all the person's images."""
+    human_fraction: float
+    """Share of its silhouette that the person sees."""
+    state: str
+    """Both, robot only, human only, or neither."""
+
+
+@dataclass(frozen=True)
 class ExperimentResult:
     """One experiment's images and findings."""
 
@@ -58,6 +78,10 @@ class ExperimentResult:
     views: Views
     floor_map: FloorMap
     sightings: tuple[Sighting, ...]
+    seen: Perspective
+    """What robot and person see."""
+    shared: SharedSighting
+    """What that says of the ball."""
 
 
 def run_experiment(number: int, *, device: Any = "cpu") -> ExperimentResult:
@@ -85,11 +109,27 @@ def run_experiment(number: int, *, device: Any = "cpu") -> ExperimentResult:
         by_sphere = sum(in_sphere[i] for i, label in enumerate(labels) if label == scene[name].label)
         count = int(pixels[index])
         sightings.append(Sighting(number, name, count > 0, count, int(by_sphere), bool(on_plan[index])))
-    return ExperimentResult(experiment, scene, views, floor_map, tuple(sightings))
+    seen = perspective(scene, experiment.agents())
+    shared = _shared_sighting(number, seen)
+    return ExperimentResult(experiment, scene, views, floor_map, tuple(sightings), seen, shared)
+
+
+def _shared_sighting(number: int, seen: Perspective) -> SharedSighting:
+    (robot, human), ball = range(2), seen.objects.index("ball")
+    words = {State.BOTH: "both", State.FIRST: "robot only", State.SECOND: "human only", State.NEITHER: "neither"}
+    return SharedSighting(
+        experiment=number,
+        object="ball",
+        robot=bool(seen.visible[robot, 0, ball]),
+        human=bool(seen.visible[human, 0, ball]),
+        human_pixels=int(seen.visible_pixels[human, 0, ball]),
+        human_fraction=round(float(seen.fraction[human, 0, ball]), 3),
+        state=words[State(seen.states("robot", "human")[0, ball])],
+    )
 
 
 def run_demo(out: Path, *, device: Any = "cpu") -> dict[str, Any]:
-    """Run the four experiments, write a picture of each and ``summary.json``, and print a table.
+    """Run the four experiments, write two pictures of each and ``summary.json``, and print two tables.
 
     Args:
         out: Folder to write to, made if it is not there.
@@ -119,17 +159,20 @@ def run_demo(out: Path, *, device: Any = "cpu") -> dict[str, Any]:
             eye=_EYE,
             target=_TARGET,
         )
+        _save_perspective(result, out)
     sightings = [sighting for result in results for sighting in result.sightings]
+    shared = [result.shared for result in results]
     summary = {
         "device": str(results[0].scene.device),
         "frames_per_second": round(measure_fps(results[0]), 1),
         "sightings": [asdict(sighting) | {"plan_differs": sighting.plan_differs} for sighting in sightings],
+        "perspectives": [asdict(item) for item in shared],
     }
     try:
         (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
     except OSError as error:
         raise FileFormatError(f"{out / 'summary.json'}: cannot be written: {error.strerror}") from None
-    print(format_table(sightings))
+    print(f"{format_table(sightings)}\n\n{format_states(shared)}")
     speed = f"{summary['frames_per_second']:.0f} frames per second"
     print(f"\n{speed} (320x240, depth + points + labels + objects) on {summary['device']}")
     print(f"pictures and summary.json: {out}")
@@ -144,6 +187,28 @@ def format_table(sightings: list[Sighting]) -> str:
         visible = "yes" if item.visible else "no"
         lines.append(f"{item.experiment:<12}{item.object:<8}{visible:<9}{item.pixels:>6}  {plan}")
     return "\n".join([*lines, "* the 2D line of sight on the floor plan differs from the depth image"])
+
+
+def format_states(shared: list[SharedSighting]) -> str:
+    """Who sees the ball as text, a line for each experiment."""
+    lines = ["experiment  object  robot  human  seen by"]
+    for item in shared:
+        robot, human = ("yes" if sees else "no" for sees in (item.robot, item.human))
+        lines.append(f"{item.experiment:<12}{item.object:<8}{robot:<7}{human:<7}{item.state}")
+    return "\n".join(lines)
+
+
+def _save_perspective(result: ExperimentResult, out: Path) -> None:
+    experiment, agents = result.experiment, result.experiment.agents()
+    proposal = propose_view(result.scene, agents[0], result.seen.candidates("human", "robot"))
+    save_perspective(
+        result.scene,
+        agents,
+        result.seen,
+        out / f"{experiment.name}_perspective.png",
+        title=f"Experiment {experiment.name[-1]}. The person looks {experiment.gaze}",
+        proposed=None if proposal is None else proposal.pose,
+    )
 
 
 def measure_fps(result: ExperimentResult) -> float:

@@ -19,7 +19,7 @@ from warpvis.labels import Label
 from warpvis.objects import choose_objects
 from warpvis.pose import check_up, parse_poses, poses_to_matrices
 from warpvis.scene import Scene
-from warpvis.threads import launch_images
+from warpvis.threads import launch_points
 from warpvis.worlds import parse_worlds
 
 # Farther than any two points of a scene are apart, and its square is finite in single precision.
@@ -71,7 +71,9 @@ def clearance(
         return distance
     mesh = _build_mesh(scene, vertices, chosen)
     given = [places, min(most, _FARTHEST), distance]
-    launch_points(nearest_surface, len(places), lambda window: [mesh.id, window, *given], device, threads)
+    launch_points(
+        nearest_surface, (1, len(places)), lambda window: [mesh.id, window, *given], device=device, threads=threads
+    )
     return distance
 
 
@@ -126,7 +128,7 @@ def standing_room(
     inputs = [mesh.id if mesh else 0, wp.array(flags, dtype=wp.uint8, device=device), up, poses]
     room = empty(poses.shape, wp.uint8, name="room", device=device)
     given = [wp.float64(low), wp.float64(radius), room]
-    launch_points(find_room, len(poses), lambda window: [*inputs, window, *given], device, threads)
+    launch_points(find_room, (1, len(poses)), lambda window: [*inputs, window, *given], device=device, threads=threads)
     return room.numpy() != 0
 
 
@@ -169,14 +171,6 @@ def one_world(scene: Any, object_poses: Any, exclude: Any) -> tuple[list[NDArray
 def corners_of(scene: Scene, vertices: Sequence[NDArray[np.float32]], chosen: Sequence[int]) -> NDArray[np.float32]:
     """Corners of the chosen objects' triangles, shape ``(T, 3, 3)``, one object after the other."""
     return np.concatenate([vertices[index][scene.objects[index].faces] for index in chosen])
-
-
-def launch_points(kernel: Any, count: int, arguments: Any, device: wp.Device, threads: int | None) -> None:
-    """Launch over all points, in rows that CPU threads share out."""
-    from warpvis.kernels.points import POINTS_PER_ROW
-
-    shape = (1, -(-count // POINTS_PER_ROW), POINTS_PER_ROW)
-    launch_images(kernel, shape, arguments, device=device, threads=threads)
 
 
 def _build_mesh(scene: Scene, vertices: Sequence[NDArray[np.float32]], chosen: Sequence[int]) -> wp.Mesh:

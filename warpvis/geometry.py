@@ -54,6 +54,8 @@ class Clusters:
     """Whether all movable objects are solids."""
     refits: dict[int, ClusterRefit] = field(default_factory=dict)
     """What makes the tree of an object that deforms hold its points, by object."""
+    idle: list[Any] = field(default_factory=list)
+    """Memory that `warpvis.point_packets` works with when it is called."""
 
 
 @dataclass

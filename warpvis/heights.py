@@ -15,7 +15,7 @@ from warpvis.errors import ArrayError
 from warpvis.free_space import corners_of, one_world
 from warpvis.pose import check_up
 from warpvis.scene import Scene
-from warpvis.threads import launch_images
+from warpvis.threads import launch_points
 
 # Of the greatest coordinate: more than the search for triangles loses to single precision.
 _ROUNDING = 4e-6
@@ -65,7 +65,6 @@ def minimum_height(
         WarpvisError: An argument is not what it has to be.
     """
     from warpvis.kernels.heights import climb
-    from warpvis.kernels.points import POINTS_PER_ROW
 
     if raises not in ("target", "eye"):
         raise ArrayError(f'raises must be "target" or "eye", got {raises!r}')
@@ -81,14 +80,7 @@ def minimum_height(
         return heights
     blockers, _tree = _build_blockers(corners_of(scene, vertices, chosen), check_up(scene.up), device)
     given = [viewers, points, raises == "eye", wp.float64(most), wp.float64(tolerance), heights]
-    rows = -(-len(points) // POINTS_PER_ROW)
-    launch_images(
-        climb,
-        (len(viewers), rows, POINTS_PER_ROW),
-        lambda window: [blockers, window, *given],
-        device=device,
-        threads=threads,
-    )
+    launch_points(climb, heights.shape, lambda window: [blockers, window, *given], device=device, threads=threads)
     return heights
 
 

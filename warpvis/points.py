@@ -5,21 +5,20 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from typing import Any
 
-import numpy as np
 import warp as wp
-from numpy.typing import NDArray
 
-from warpvis.arrays import as_warp, empty, on_gpu, surely_finite
+from warpvis.arrays import as_points, check_metres, empty
 from warpvis.camera import Camera
 from warpvis.classification import read_depth
 from warpvis.errors import ArrayError, CameraError, SceneError
-from warpvis.pose import Convention, parse_poses
-from warpvis.renderer import Caster, Output, Renderer
+from warpvis.point_packets import judge_by_packets
+from warpvis.pose import Convention, host_poses, parse_poses
+from warpvis.renderer import Caster, Output, Renderer, Views
 from warpvis.scene import Scene
-from warpvis.threads import launch_images
+from warpvis.threads import launch_points
+from warpvis.worlds import parse_worlds
 
 
 def check_points(
@@ -62,26 +61,30 @@ def check_points(
     Raises:
         WarpvisError: An argument is not what it has to be.
     """
-    from warpvis.kernels.points import judge_points
-
     if not isinstance(scene, Scene):
         raise SceneError(f"scene must be a warpvis.Scene, got {type(scene).__name__}; see check_points_measured")
     if not isinstance(camera, Camera):
         raise CameraError(f"camera must be a warpvis.Camera, got {type(camera).__name__}")
-    tolerance, device = _check_tolerance(tolerance), scene.device
+    tolerance = check_metres(tolerance, "tolerance")
     scene.require_objects()
     # Surfaces that are too near to be measured have a depth here, and are objects.
     eye = dataclasses.replace(camera, near=0.0)
     outputs: list[Output] = ["depth", "objects"] if occluders else ["depth"]
     renderer = Renderer(scene, eye, outputs=outputs, caster=caster, threads=threads)
-    poses = parse_poses(camera_to_world, convention=convention, device=device)
-    pixels, depth = _project(camera, poses, points, threads)
-    status = empty(depth.shape, wp.uint8, name="status", device=device)
-    hidden_by = empty(depth.shape, wp.int32, name="occluders", device=device) if occluders else None
-    if depth.size:
-        seen = renderer.render_at(poses, pixels, object_poses=object_poses, world=world, exclude=exclude)
-        lens, given = camera.device_struct(), [pixels, depth, seen.depth, seen.objects, tolerance, status, hidden_by]
-        _launch(judge_points, depth.shape, lambda window: [lens, window, *given], device, threads)
+    arrangement = {"object_poses": object_poses, "world": world, "exclude": exclude}
+    if scene.device.is_cpu and renderer.caster == "packets":
+        rows = host_poses(camera_to_world, convention=convention)
+        places = as_points(points, "points", "N", scene.device)
+        status, hidden_by = _empty_judgement((len(rows), len(places)), occluders, scene.device)
+        worlds = parse_worlds(scene, len(rows), **arrangement)
+        judge_by_packets(scene, camera, rows, worlds, places, tolerance, status, hidden_by, renderer.threads)
+    else:
+        poses = parse_poses(camera_to_world, convention=convention, device=scene.device)
+        pixels, depth = _project(camera, poses, points, threads)
+        status, hidden_by = _empty_judgement(depth.shape, occluders, scene.device)
+        if depth.size:
+            seen = renderer.render_at(poses, pixels, **arrangement)
+            _judge(camera, pixels, depth, seen, tolerance, status, hidden_by, threads)
     return (status, hidden_by) if occluders else status
 
 
@@ -117,7 +120,7 @@ def check_points_measured(
     """
     from warpvis.kernels.points import judge_points_measured
 
-    tolerance = _check_tolerance(tolerance)
+    tolerance = check_metres(tolerance, "tolerance")
     images = read_depth(depth, camera, device)
     device = images.device
     poses = parse_poses(camera_to_world, convention=convention, device=device)
@@ -126,7 +129,9 @@ def check_points_measured(
     pixels, distance = _project(camera, poses, points, threads)
     status = empty(distance.shape, wp.uint8, name="status", device=device)
     lens, inputs = camera.device_struct(), [pixels, distance, images, tolerance, status]
-    _launch(judge_points_measured, distance.shape, lambda window: [lens, window, *inputs], device, threads)
+    launch_points(
+        judge_points_measured, distance.shape, lambda window: [lens, window, *inputs], device=device, threads=threads
+    )
     return status
 
 
@@ -135,35 +140,41 @@ def _project(camera: Camera, poses: wp.array, points: Any, threads: int | None) 
     from warpvis.kernels.points import camera_frames, project_points
 
     device = poses.device
-    places = as_warp(points, wp.vec3, ("N",), name="points", device=device)
-    if not on_gpu(points):
-        _check_finite(places.numpy())
+    places = as_points(points, "points", "N", device)
     frames = [wp.empty(len(poses), dtype=dtype, device=device) for dtype in (wp.vec3d, wp.mat33d)]
     wp.launch(camera_frames, dim=len(poses), inputs=[poses, *frames], device=device)
     shape = (len(poses), len(places))
     pixels, depth = (empty(shape, dtype, name="points", device=device) for dtype in (wp.vec2, wp.float32))
     lens = camera.device_struct()
-    _launch(project_points, shape, lambda window: [lens, *frames, window, places, pixels, depth], device, threads)
+    launch_points(
+        project_points,
+        shape,
+        lambda window: [lens, *frames, window, places, pixels, depth],
+        device=device,
+        threads=threads,
+    )
     return pixels, depth
 
 
-def _check_finite(rows: NDArray[np.float32]) -> None:
-    if surely_finite(rows):
-        return
-    bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
-    if len(bad):
-        raise ArrayError(f"points must be finite: {len(bad)} are not, the first at {bad[0]}")
+def _empty_judgement(shape: tuple[int, ...], occluders: bool, device: wp.Device) -> tuple[wp.array, wp.array | None]:
+    status = empty(shape, wp.uint8, name="status", device=device)
+    return status, empty(shape, wp.int32, name="occluders", device=device) if occluders else None
 
 
-def _launch(kernel: Any, shape: tuple[int, ...], arguments: Any, device: wp.Device, threads: int | None) -> None:
-    """Launch over all points of all views, in rows that CPU threads share out."""
-    from warpvis.kernels.points import POINTS_PER_ROW
+def _judge(
+    camera: Camera,
+    pixels: wp.array,
+    depth: wp.array,
+    seen: Views,
+    tolerance: float,
+    status: wp.array,
+    hidden_by: wp.array | None,
+    threads: int | None,
+) -> None:
+    """Judge projected points by what is rendered where they are in the images."""
+    from warpvis.kernels.points import judge_points
 
-    rows = -(-shape[1] // POINTS_PER_ROW)
-    launch_images(kernel, (shape[0], rows, POINTS_PER_ROW), arguments, device=device, threads=threads)
-
-
-def _check_tolerance(tolerance: Any) -> float:
-    if not (isinstance(tolerance, int | float) and math.isfinite(tolerance) and tolerance >= 0):
-        raise ArrayError(f"tolerance must be a number of metres from 0 up, got {tolerance!r}")
-    return float(tolerance)
+    lens, given = camera.device_struct(), [pixels, depth, seen.depth, seen.objects, tolerance, status, hidden_by]
+    launch_points(
+        judge_points, depth.shape, lambda window: [lens, window, *given], device=status.device, threads=threads
+    )

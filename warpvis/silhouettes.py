@@ -11,14 +11,13 @@ import numpy as np
 import warp as wp
 
 from warpvis.camera import Camera
-from warpvis.casters import _NOTE_WORDS, _VISIT_WORDS
+from warpvis.casters import FINISHED, NOTE_WORDS, TILE, VISIT_WORDS
 from warpvis.renderer import Views
 from warpvis.scene import Scene
 from warpvis.threads import launch_images, load_module, run_together
 
-_TILE = 16
 _MOST_TILES = 512  # as in kernels/native/silhouettes.h
-_FINISHED = 2  # of the counters
+
 
 # Of a GPU: enough threads to fill it, whatever the number of objects and views, and no more than a large silhouette
 # has use for.
@@ -138,7 +137,7 @@ class Surveyor:
         scene, camera = self._apart.clusters().struct, self._camera.device_struct()
         arguments = [scene, self._chosen, camera, poses, job, self._canvas, worlds, compared, *outputs]
         launch = wp.launch(measure_silhouettes_packets, dim=1, inputs=arguments, device="cpu", record_cmd=True)
-        run_together(launch.launch, workers, lambda: bool(counter[_FINISHED] == workers))
+        run_together(launch.launch, workers, lambda: bool(counter[FINISHED] == workers))
 
 
 def _columns(scene: Scene) -> np.ndarray:
@@ -153,6 +152,6 @@ def _columns(scene: Scene) -> np.ndarray:
 
 def _scratch_words(width: int, depth: int, objects: int) -> int:
     """Memory of a thread, as kernels/native/silhouettes.h carves it for a canvas of this width."""
-    tiles = max(_MOST_TILES, -(-(width + _TILE) // _TILE))
+    tiles = max(_MOST_TILES, -(-(width + TILE) // TILE))
     blocks = tiles * (256 + 16 + 1 + 4 + 1)
-    return blocks + (depth + 1) * 16 * _VISIT_WORDS + objects * _NOTE_WORDS + 64
+    return blocks + (depth + 1) * 16 * VISIT_WORDS + objects * NOTE_WORDS + 64

@@ -75,6 +75,25 @@ def launch_images(
     run_each(launch, _split(views, height, width, threads, split_views), threads)
 
 
+def launch_points(
+    kernel: Any,
+    shape: tuple[int, int],
+    arguments: Callable[[Window], list[Any]],
+    *,
+    device: wp.Device,
+    threads: int | None = None,
+) -> None:
+    """Launch a kernel over all points of all views, ``(views, points)``, in rows that CPU threads share out.
+
+    The kernel's thread index is ``view, row, column``; `warpvis.kernels.points.point_index` makes a point of it.
+    """
+    from warpvis.kernels.points import POINTS_PER_ROW
+
+    views, points = shape
+    rows = -(-points // POINTS_PER_ROW)
+    launch_images(kernel, (views, rows, POINTS_PER_ROW), arguments, device=device, threads=threads)
+
+
 def load_module(kernel: Any) -> None:
     """Compile and load a kernel's module for the CPU: two threads must not do it at the same time."""
     with _load_lock:

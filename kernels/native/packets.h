@@ -23,6 +23,7 @@ struct Scratch {
         image.id_rows = (int*)(memory + image.tiles_x * 64);
         memory += image.tiles_x * 128;
         image.first_packet = nullptr;
+        image.judge = nullptr;
         if (points > 0) {
             const long long cells = tiles * 16, spare = cells < points ? cells : points;
             const long long lanes = (points + 15 * spare + 15) / 16 * 16;

@@ -21,6 +21,8 @@ struct Tree {
     static inline int object_of(int owner) { return owner < 0 ? ~owner : owner; }
 };
 
+struct Judge;
+
 struct Image {
     int width, height;      // of this strip, in pixels
     int first_row;          // of the strip in the view; a multiple of 16
@@ -39,6 +41,7 @@ struct Image {
     float* tile_least;      // [tile]
     unsigned char* block_stale;
     unsigned char* tile_stale;
+    const Judge* judge;     // of points whose lanes begin with the greatest w that does not hide them; null for others
 
     // The index of a pixel is the sum of a part for its column and a part for its row.
     static inline int column_part(int x) { return ((x >> 4) << 8) + (((x >> 2) & 3) << 4) + (x & 3); }

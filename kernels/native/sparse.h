@@ -5,6 +5,27 @@
 // that hold the points inside them, in packets of sixteen: each lane has its own u and v. A cell without points hides
 // everything, so that the walk passes over what no point can see.
 
+// Points of the world, in double precision: for where single precision does not tell whether a surface hides them.
+struct Judge {
+    const float* place;  // [point]: x y z
+    Pose camera;
+    double focal[2], tolerance;
+
+    // Whether a point is farther along its ray, by more than the tolerance, than where that meets a triangle's plane.
+    inline bool hides(const Eye& eye, const float* corners, int lane, int point) const {
+        const double at[3] = {place[point * 3LL], place[point * 3LL + 1], place[point * 3LL + 2]};
+        double seen[3], ray[3];  // in the camera's frame, and in that of the triangle
+        camera.move_into(at, seen);
+        const double way = __builtin_sqrt(seen[0] * seen[0] + (seen[1] * seen[1] + seen[2] * seen[2]));
+        const ExactRow* m = eye.exact_to_camera;
+        for (int k = 0; k < 3; ++k)
+            ray[k] = seen[0] * focal[0] * m[0][k] + (seen[1] * focal[1] * m[1][k] + seen[2] * m[2][k]);
+        const ExactTriangle t = ExactTriangle::of(eye.exact_origin, corners, lane);
+        const double* n = t.normal;
+        return t.volume() / (n[0] * ray[0] + (n[1] * ray[1] + n[2] * ray[2])) < 1.0 - tolerance / way;
+    }
+};
+
 struct Sparse {
     // Sort the points of a strip into cells: count, sum up, place. `at` is x y x y ... in pixels of the view.
     static inline void place(const Image& image, const float* at, int count, double center_x, double center_y) {
@@ -89,18 +110,48 @@ struct Sparse {
     static inline void draw_packet(const Eye& eye, const Image& image, const Cluster& t, const Linear* e, int k, int cell,
                                    int packet, bool rounded, bool owner_id) {
         const Floats u = Lanes::load(image.point_u + packet * 16), v = Lanes::load(image.point_v + packet * 16);
-        const Ints inside = Lanes::least(e[0].at(u, e[0].row(v)), e[1].at(u, e[1].row(v)), e[2].at(u, e[2].row(v))) >=
-                            Lanes::all(0.0f);
+        const Floats old = Lanes::load(image.w + packet * 16), most_w = Lanes::all(t.most_w[k]);
+        Ints inside = (old <= most_w) & (Lanes::least(e[0].at(u, e[0].row(v)), e[1].at(u, e[1].row(v)),
+                                                      e[2].at(u, e[2].row(v))) >= Lanes::all(0.0f));
         if (!Lanes::any(inside)) return;
         const Linear plane = Linear::of_lane(t.w, k);
-        Floats w = plane.at(u, plane.row(v));
-        if (rounded)
+        const Floats least_w = Lanes::all(t.least_w[k]);
+        Floats w = Lanes::most(Lanes::least(plane.at(u, plane.row(v)), most_w), least_w);
+        if (rounded && image.id)
             for (unsigned left = Lanes::bits(inside); left; left &= left - 1) {
                 const int lane = Lanes::first_lane(left);
                 w[lane] = Raster::exact_w(eye, t, k, u[lane], v[lane]);
             }
-        w = Lanes::most(Lanes::least(w, Lanes::all(t.most_w[k])), Lanes::all(t.least_w[k]));
-        Raster::blend(image, packet, cell, inside, w, Raster::id_of(t, k, owner_id), true);
+        if (image.judge) inside = judge(eye, image, t, k, packet, inside, rounded, w);
+        if (image.id)
+            Raster::blend(image, packet, cell, inside, w, Raster::id_of(t, k, owner_id), true);
+        else
+            settle(image, packet, cell, inside & (w > old));
+    }
+
+    // Of the lanes that a triangle covers, without those whose points it does not hide though rounding may say that it
+    // does; and w where it is the other way round. What is hidden already need not be looked at.
+    static inline Ints judge(const Eye& eye, const Image& image, const Cluster& t, int k, int packet, Ints inside,
+                             bool rounded, Floats& w) {
+        const Floats limit = Lanes::load(image.w + packet * 16);
+        Ints unsure = inside & (limit >= 0.999999f * t.least_w[k]);
+        if (image.id) unsure &= Lanes::load(image.id + packet * 16) < Lanes::all_ints(0);
+        if (!rounded) unsure &= Lanes::size(w - limit) <= 5e-6f * w;
+        for (unsigned left = Lanes::bits(unsure); left; left &= left - 1) {
+            const int lane = Lanes::first_lane(left);
+            const bool hides = image.judge->hides(eye, t.corners, k, image.point_index[packet * 16 + lane]);
+            inside[lane] = hides ? -1 : 0;
+            if (hides && w[lane] <= limit[lane]) w[lane] = limit[lane] * 1.000001f;
+        }
+        return inside;
+    }
+
+    // Something hides these points: now their lanes hide all that comes.
+    static inline void settle(const Image& image, int packet, int cell, Ints hit) {
+        if (!Lanes::any(hit)) return;
+        const Floats old = Lanes::load(image.w + packet * 16);
+        Lanes::store(image.w + packet * 16, hit ? Lanes::all(3e38f) : old);
+        image.touch(cell);
     }
 
     // Each point's results, to its place among the view's.

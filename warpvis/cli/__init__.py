@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The command line: ``warpvis demo``, ``warpvis render``, ``warpvis info``.
+"""The command line: ``warpvis demo``, ``render``, ``check``, ``perspective``, ``info``.
 
 Nothing heavy is imported until a command runs, so that ``--help`` answers at once.
 """
@@ -14,6 +14,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
+from warpvis.cli.check import Check
+from warpvis.cli.inputs import make_folder
+from warpvis.cli.perspective import Perspective
 from warpvis.errors import WarpvisError
 
 if TYPE_CHECKING:
@@ -24,7 +27,7 @@ _VIEWS_AT_A_TIME = 16
 
 @dataclass(frozen=True)
 class Demo:
-    """Run the paper's four experiments: a picture each, a table, and summary.json."""
+    """Run the paper's four experiments: two pictures each, two tables, and summary.json."""
 
     out: Path = Path("demo")
     """Folder for the pictures and summary.json."""
@@ -74,7 +77,7 @@ class Render:
         camera: Camera = load_camera(self.camera)
         times, rows = read_poses(self.poses)
         scene = Scene.load(self.file, device=self.device, up=self.up, file_up=self.file_up, scale=self.scale)
-        _make_folder(self.out / "depth")
+        make_folder(self.out / "depth")
         renderer = Renderer(scene, camera, outputs=("depth",))
         too_far = self._write(renderer, times, rows)
         if too_far:
@@ -137,7 +140,7 @@ class Info:
 
 def main() -> None:
     """Entry point: bad input ends with one sentence and exit code 2."""
-    command = tyro.cli(Demo | Render | Info, prog="warpvis", description=_DESCRIPTION)
+    command = tyro.cli(Demo | Render | Check | Perspective | Info, prog="warpvis", description=_DESCRIPTION)
     try:
         _quiet_warp()
         command.run()
@@ -158,16 +161,3 @@ def _quiet_warp() -> None:
     import warp as wp
 
     wp.config.log_level = wp.LOG_WARNING
-
-
-def _make_folder(path: Path) -> None:
-    from warpvis.errors import FileFormatError
-
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be made a folder: {error.strerror}") from None
-
-
-if __name__ == "__main__":
-    main()

@@ -1,12 +1,11 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures: a depth image in metres, a floor map with its legend, a scene from outside, an experiment at a glance."""
+"""A depth image in metres, a floor map with its legend, a scene from outside, and all three beside each other."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,22 +13,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.arrays import as_numpy, check_shape
 from warpvis.camera import Camera
-from warpvis.errors import ArrayError, FileFormatError
 from warpvis.labels import Label
 from warpvis.pose import look_at, poses_to_matrices, poses_to_opencv
-from warpvis.renderer import Views, render
+from warpvis.renderer import Views
 from warpvis.scene import Scene
 from warpvis.visibility import MAP_LEGEND, FloorMap
+from warpvis.viz.drawing import OUTSIDE_CAMERA, draw_lines, draw_map, frustum, new_figure, save_figure, shaded_picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_DPI = 130
-_BACKGROUND = np.array([1.0, 1.0, 1.0])
 _UNSEEN_TINT = np.array([0.60, 0.62, 0.66])
-_LIGHT = np.array([-0.45, -0.35, 0.82])
-_SUPERSAMPLING = 2
 
 
 def save_depth(
@@ -50,17 +45,17 @@ def save_depth(
     Raises:
         WarpvisError: `depth` is not one image, or the picture cannot be written.
     """
-    figure = _figure(5.4, 4.2)
+    figure = new_figure(5.4, 4.2)
     _draw_depth(figure.subplots(), as_numpy(depth, name="depth"), title, depth_range)
-    _save(figure, path)
+    save_figure(figure, path)
 
 
 def save_map(floor_map: FloorMap, path: str | os.PathLike[str], *, view: int = 0, title: str = "Seen floor") -> None:
     """Write one view's floor map as a picture with axes in metres and a legend."""
-    figure = _figure(5.0, 5.4)
-    _draw_map(figure.subplots(), floor_map, view, title)
+    figure = new_figure(5.0, 5.4)
+    draw_map(figure.subplots(), floor_map, view, title)
     _add_legend(figure, floor_map, columns=2)
-    _save(figure, path)
+    save_figure(figure, path)
 
 
 def save_overview(
@@ -90,14 +85,14 @@ def save_overview(
         eye: Where the scene is looked at from [m].
         target: What is in the middle of the picture [m].
     """
-    figure = _figure(15.0, 5.0)
+    figure = new_figure(15.0, 5.0)
     outside, image, plan = figure.subplots(1, 3, width_ratios=(1.33, 1.45, 1.0))
     _draw_outside(outside, scene, camera, camera_to_world, views, eye, target)
     _draw_depth(image, views.depth.numpy()[0], "Depth image", (camera.near, camera.far))
-    _draw_map(plan, floor_map, 0, "Seen floor")
+    draw_map(plan, floor_map, 0, "Seen floor")
     _add_legend(figure, floor_map, columns=6)
     figure.suptitle(title, fontsize=14, fontweight="bold")
-    _save(figure, path)
+    save_figure(figure, path)
 
 
 def view_from_outside(
@@ -121,22 +116,15 @@ def view_from_outside(
     Returns:
         Red, green and blue from 0 to 1, shape ``(H, W, 3)``.
     """
-    fine = Camera.from_K(
-        outside.to_K() * [[_SUPERSAMPLING], [_SUPERSAMPLING], [1]],
-        outside.width * _SUPERSAMPLING,
-        outside.height * _SUPERSAMPLING,
-    )
-    picture = render(scene, fine, outside_to_world, outputs=("points", "normals", "objects", "labels"))
-    points, normals = picture.points.numpy()[0], picture.normals.numpy()[0]
-    objects, labels = picture.objects.numpy()[0], picture.labels.numpy()[0]
-
     palette = np.array([MAP_LEGEND[label][1] for label in Label]) / 255
-    seen = _seen_from(points, objects, camera, camera_to_world, views)
-    color = np.where(seen[..., None], palette[labels], 0.25 * palette[labels] + 0.75 * _UNSEEN_TINT)
-    light = 0.55 + 0.45 * np.clip(normals @ (_LIGHT / np.linalg.norm(_LIGHT)), 0, 1)
-    color = np.where((objects >= 0)[..., None], color * light[..., None], _BACKGROUND)
-    blocks = color.reshape(outside.height, _SUPERSAMPLING, outside.width, _SUPERSAMPLING, 3)
-    return blocks.mean(axis=(1, 3))
+
+    def colors(
+        points: NDArray[np.float32], objects: NDArray[np.int32], labels: NDArray[np.uint8]
+    ) -> NDArray[np.float64]:
+        seen = _seen_from(points, objects, camera, camera_to_world, views)
+        return np.where(seen[..., None], palette[labels], 0.25 * palette[labels] + 0.75 * _UNSEEN_TINT)
+
+    return shaded_picture(scene, outside, outside_to_world, colors)
 
 
 def _seen_from(
@@ -164,13 +152,6 @@ def _seen_from(
     return seen
 
 
-def _figure(width: float, height: float) -> Figure:
-    # Not pyplot: that keeps figures, and picks a screen, for the whole process.
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(width, height), dpi=_DPI, layout="constrained")
-
-
 def _draw_outside(
     axes: Axes,
     scene: Scene,
@@ -180,24 +161,12 @@ def _draw_outside(
     eye: Sequence[float],
     target: Sequence[float],
 ) -> None:
-    outside = Camera.from_fov(640, 480, hfov=0.88)
+    outside = OUTSIDE_CAMERA
     pose = look_at(eye, target, up=scene.up)
     axes.imshow(view_from_outside(scene, outside, pose, camera, camera_to_world, views))
-    to_outside = np.linalg.inv(poses_to_matrices(pose))
-    for line in _frustum(camera, camera_to_world, reach=1.0):
-        local = line @ to_outside[:3, :3].T + to_outside[:3, 3]
-        axes.plot(*outside.project(local).T, color="#222222", linewidth=0.8)
+    draw_lines(axes, outside, pose, frustum(camera, camera_to_world, reach=1.0))
     axes.set(xlim=(0, outside.width), ylim=(outside.height, 0), title="From outside (coloured: seen)")
     axes.set_axis_off()
-
-
-def _frustum(camera: Camera, camera_to_world: ArrayLike, reach: float) -> list[NDArray[np.float64]]:
-    """World lines from the camera to the image's corners at a depth, and around them."""
-    matrix = poses_to_matrices(poses_to_opencv(camera_to_world))[0]
-    w, h = camera.width, camera.height
-    corners = camera.back_project([(0, 0), (w, 0), (w, h), (0, h)], np.full(4, reach))
-    corners = corners @ matrix[:3, :3].T + matrix[:3, 3]
-    return [np.stack([matrix[:3, 3], corner]) for corner in corners] + [corners[[0, 1, 2, 3, 0]]]
 
 
 def _draw_depth(axes: Axes, depth: NDArray[np.float32], title: str, depth_range: tuple[float, float] | None) -> None:
@@ -216,14 +185,6 @@ def _draw_depth(axes: Axes, depth: NDArray[np.float32], title: str, depth_range:
     bar.set_label("planar depth [m], grey: none")
 
 
-def _draw_map(axes: Axes, floor_map: FloorMap, view: int, title: str) -> None:
-    if view not in range(len(floor_map.cells)):
-        raise ArrayError(f"view must be one of the map's {len(floor_map.cells)}, counted from 0, got {view!r}")
-    axes.imshow(floor_map.rgb()[view], origin="lower", extent=floor_map.bounds, interpolation="nearest")
-    first, second = floor_map.axes
-    axes.set(title=title, xlabel=f"{first} [m]", ylabel=f"{second} [m]")
-
-
 def _add_legend(figure: Figure, floor_map: FloorMap, columns: int) -> None:
     from matplotlib.patches import Patch
 
@@ -232,13 +193,3 @@ def _add_legend(figure: Figure, floor_map: FloorMap, columns: int) -> None:
         for meaning, color in floor_map.legend.values()
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
-
-
-def _save(figure: Figure, path: str | os.PathLike[str]) -> None:
-    path = Path(path)
-    try:
-        figure.savefig(path)
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from None
-    except ValueError as error:  # matplotlib: "Format 'xyz' is not supported (supported formats: ...)"
-        raise FileFormatError(f"{path}: {error}") from None

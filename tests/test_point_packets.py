@@ -1,0 +1,137 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Points judged by packets: however the work is parted, whoever calls, and as the other caster judges them."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+import trimesh
+
+import warpvis as wv
+from warpvis import Visibility, point_packets, scenes, solids
+
+import reference
+
+CAMERA = wv.Camera.from_fov(320, 240, hfov=1.0, near=0.6, far=4.0)
+
+
+@pytest.fixture(scope="module")
+def room():
+    """A scene with something that moves, poses and points all over it."""
+    preset = scenes.PRESETS["room"]
+    scene = preset.build()
+    scene.add(trimesh.creation.torus(0.3, 0.1), name="ring", pose=(0.3, 0.2, 0.5, 0, 0, 0, 1), movable=True)
+    low, high = scene.bounds
+    return scene, preset.poses(9), np.random.default_rng(0).uniform(low, high, (100_000, 3)).astype(np.float32)
+
+
+def judge(room, count, views=1, **options):
+    """Statuses and occluders as bytes."""
+    scene, poses, points = room
+    arrays = wv.check_points(scene, CAMERA, poses[:views], points[:count], occluders=True, **options)
+    return [array.numpy().tobytes() for array in arrays]
+
+
+@pytest.mark.parametrize(("count", "views"), [(0, 2), (1, 1), (15, 9), (17, 3), (5000, 9), (100_000, 1), (50_000, 2)])
+def test_threads_change_no_bit(room, count, views):
+    one, two, three = (judge(room, count, views, threads=threads) for threads in (1, 2, 3))
+    assert one == two == three
+    scene, poses, points = room
+    for threads in (1, 2):
+        alone = wv.check_points(scene, CAMERA, poses[:views], points[:count], threads=threads)
+        assert alone.numpy().tobytes() == one[0]
+
+
+def test_batches_strips_and_views_change_no_bit(room, monkeypatch):
+    wanted = judge(room, 50_000, 2, threads=2)
+    for name, value in (("_MOST_POINTS", 16384), ("_STRIPS", 3), ("_MOST_WHOLE", 0)):
+        monkeypatch.setattr(point_packets, name, value)
+        assert judge(room, 50_000, 2, threads=2) == wanted
+    monkeypatch.setattr(point_packets, "_MOST_WHOLE", 10**6)
+    assert judge(room, 50_000, 5, threads=2) == judge(room, 50_000, 5, threads=1)
+
+
+def test_the_size_of_cells_changes_nothing(room, monkeypatch):
+    statuses = []
+    for scale in (1 / 64, 0.25, 1.0, 4.0):
+        monkeypatch.setattr(point_packets, "_scale", lambda *_, scale=scale: scale)
+        statuses.append(np.frombuffer(judge(room, 20_000, 2, threads=2)[0], dtype=np.uint8))
+    for other in statuses[1:]:
+        assert (other != statuses[0]).sum() <= 1
+
+
+@pytest.mark.parametrize("name", ["experiment_2", "blobs_77k"])
+def test_both_casters_agree(name):
+    preset = scenes.PRESETS[name]
+    scene, rng = preset.build(), np.random.default_rng(1)
+    points = rng.uniform(*scene.bounds, (50_000, 3)).astype(np.float32)
+    given = (scene, CAMERA, preset.poses(2), points)
+    (packets, hides), (rays, hid) = (wv.check_points(*given, caster=c, occluders=True) for c in ("packets", "rays"))
+    assert (packets.numpy() != rays.numpy()).sum() <= 1
+    assert (hides.numpy() != hid.numpy()).mean() <= 1e-4
+    assert {Visibility.OUT_OF_VIEW, Visibility.OCCLUDED, Visibility.VISIBLE} <= set(np.unique(packets.numpy()))
+
+
+def test_what_is_first_does_not_change_what_is_hidden(room):
+    scene, poses, points = room
+    without = wv.check_points(scene, CAMERA, poses, points[:20_000], tolerance=0.0).numpy()
+    status, occluders = wv.check_points(scene, CAMERA, poses, points[:20_000], tolerance=0.0, occluders=True)
+    assert (status.numpy() == without).all()
+    assert ((occluders.numpy() >= 0) == (without == Visibility.OCCLUDED)).all()
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e-6, 1e-4])
+def test_double_precision_decides(offset):
+    """Points on a ball, or as little before and behind it: single precision alone does not tell all of them apart."""
+    rng, scene = np.random.default_rng(5), wv.Scene()
+    scene.add(trimesh.creation.icosphere(subdivisions=2, radius=2.0), name="ball", pose=(5, 0, 0, 0, 0, 0, 1))
+    pose, camera = wv.look_at((0, 0, 0), (1, 0.1, 0)).astype(np.float32), wv.Camera.from_fov(320, 240, hfov=0.8)
+    corners = scene["ball"].vertices[scene["ball"].faces].astype(np.float64)
+    shares = rng.dirichlet((1, 1, 1), 5000)
+    points = np.einsum("nc,ncx->nx", shares, corners[rng.integers(0, len(corners), 5000)])
+    points *= 1 + rng.choice([-offset, offset], (5000, 1))
+    points = points.astype(np.float32)
+    for tolerance in (0.0, offset):
+        expected, _, margin = reference.judge_points(scene, camera, pose, points, tolerance)
+        status = wv.check_points(scene, camera, pose, points, tolerance=tolerance).numpy()[0]
+        assert (status == expected)[margin > 1e-12].all()
+        first = wv.check_points(scene, camera, pose, points, tolerance=tolerance, occluders=True)[0].numpy()[0]
+        assert (first == status).all()
+
+
+def test_solids_hide_without_being_asked_which(room):
+    scene = wv.Scene()
+    scene.add(solids.sphere(0.5), name="ball", pose=(2, 0, 0, 0, 0, 0, 1), movable=True)
+    points = [(3, 0, 0), (3, 0.7, 0), (3, 0.8, 0), (1.6, 0, 0), (1.49, 0, 0)]
+    status = wv.check_points(scene, CAMERA, wv.look_at((0, 0, 0), (1, 0, 0)), points).numpy()[0]
+    behind, seen = int(Visibility.OCCLUDED), int(Visibility.VISIBLE)
+    assert status.tolist() == [behind, behind, seen, behind, seen]  # the limit is at 3 * 0.5 / sqrt(2^2 - 0.5^2)
+
+
+def test_callers_on_several_threads(room):
+    wanted = [judge(room, count) for count in (1000, 20_000, 1000, 20_000)]
+    with ThreadPoolExecutor(4) as pool:
+        for _ in range(3):
+            found = pool.map(lambda count: judge(room, count), (1000, 20_000, 1000, 20_000))
+            assert list(found) == wanted
+
+
+def test_a_scene_that_changes_is_seen_as_it_is(room):
+    scene = wv.Scene()
+    scene.add(trimesh.creation.box((0.2, 1, 1)), name="wall", pose=(2, 0, 0, 0, 0, 0, 1), movable=True)
+    pose, points = wv.look_at((0, 0, 0), (1, 0, 0)), [(3, 0, 0), (3, 1.2, 0)]
+    assert wv.check_points(scene, CAMERA, pose, points).numpy()[0].tolist() == [3, 4]
+    scene.update_vertices("wall", scene["wall"].mesh_vertices + [0, 1, 0])
+    assert wv.check_points(scene, CAMERA, pose, points).numpy()[0].tolist() == [4, 3]
+    scene.add(trimesh.creation.box((0.2, 0.1, 0.1)), name="post", pose=(1, 0, 0, 0, 0, 0, 1))
+    assert wv.check_points(scene, CAMERA, pose, points).numpy()[0].tolist() == [3, 3]
+
+
+@pytest.mark.parametrize("size", [(1, 1), (7, 5), (4000, 3), (3, 4000)])
+def test_odd_image_sizes(size):
+    preset = scenes.PRESETS["room"]
+    scene, camera = preset.build(), wv.Camera(*size, 0.9 * size[0], 0.9 * size[1], size[0] / 2, size[1] / 2)
+    points = np.random.default_rng(2).uniform(*scene.bounds, (20_000, 3)).astype(np.float32)
+    packets, rays = (wv.check_points(scene, camera, preset.poses(2), points, caster=c) for c in ("packets", "rays"))
+    assert (packets.numpy() != rays.numpy()).sum() <= 1

@@ -1,0 +1,118 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where a robot could go to see what only the person sees: it has room there, and it does see it."""
+
+import json
+
+import numpy as np
+import pytest
+import trimesh
+
+import warpvis as wv
+from warpvis import scenes
+from warpvis.agents import Agent
+from warpvis.free_space import standing_room
+from warpvis.perspectives import perspective
+from warpvis.proposals import propose_view
+
+
+def ask(scene, robot, human, **options):
+    found = perspective(scene, (robot, human)).candidates("human", "robot")
+    return propose_view(scene, robot, found, **options)
+
+
+def second_experiment():
+    experiment = scenes.EXPERIMENTS[1]
+    return experiment.build(), *experiment.agents()
+
+
+def test_the_robot_sees_the_ball_from_there():
+    scene, robot, human = second_experiment()
+    proposal = ask(scene, robot, human)
+    assert proposal.pose[2] == pytest.approx(0.7)
+    way = np.linalg.norm(proposal.pose[:2] - robot.poses[0, :2])
+    assert proposal.distance == pytest.approx(way, abs=1e-6)
+    assert 0 < way <= 2
+    assert standing_room(scene, proposal.pose, radius=0.2, exclude=["robot"]).all()
+    seen = wv.object_visibility(scene, robot.camera, proposal.pose, objects=["ball"], exclude=["robot"])
+    assert proposal.fractions == {"ball": pytest.approx(seen.fraction.numpy()[0, 0], abs=1e-6)}
+    assert proposal.fractions["ball"] > 0.9
+    pixels = robot.camera.project(np.linalg.inv(wv.pose.poses_to_matrices(proposal.pose))[:3] @ [0.5, 0.6, 0.1, 1])
+    np.testing.assert_allclose(pixels, (160, 120), atol=0.01)
+    assert json.loads(json.dumps(proposal.report())) == proposal.report()
+
+
+def test_no_nearer_place_shows_as_much():
+    """By the visible fraction of the ball at every place of a finer grid."""
+    scene, robot, human = second_experiment()
+    proposal = ask(scene, robot, human, step=0.05)
+    places = wv.pose_grid(robot.poses[0, :3], radius=2, step=0.05, height=0.7, look_at=(0.5, 0.6, 0.1))
+    places = places[standing_room(scene, places, radius=0.2, exclude=["robot"])]
+    seen = wv.object_visibility(scene, robot.camera, places, objects=["ball"], exclude=["robot"]).fraction.numpy()[:, 0]
+    ways = np.linalg.norm(places[:, :2] - robot.poses[0, :2], axis=1)
+    assert seen.max() - proposal.fractions["ball"] < 0.05
+    assert (seen[ways < proposal.distance - 1e-6] < proposal.fractions["ball"]).all()
+
+
+@pytest.mark.parametrize("number", [1, 3, 4])
+def test_it_stays_where_it_misses_nothing(number):
+    experiment = scenes.EXPERIMENTS[number - 1]
+    assert ask(experiment.build(), *experiment.agents()) is None
+
+
+@pytest.mark.parametrize("options", [{"reach": 0.0}, {"reach": 0.3}, {"radius": 5.0}])
+def test_it_stays_where_no_place_helps(options):
+    assert ask(*second_experiment(), **options) is None
+
+
+def test_the_likeliest_object_comes_first():
+    """Two balls behind two walls, far apart: the camera looks at the one that the person looks at."""
+    scene = wv.Scene()
+    for name, y in (("left", 1.5), ("right", -1.5)):
+        scene.add(trimesh.creation.box((0.1, 1.2, 1.2)), name=f"{name} wall", pose=(1, y, 0.6, 0, 0, 0, 1))
+        scene.add(trimesh.creation.icosphere(3, radius=0.1), name=name, label="object", pose=(1.5, y, 0.1, 0, 0, 0, 1))
+    robot = Agent.kinect("robot", wv.look_at((-1, 0, 0.7), (1, 0, 0.7)))
+    for name, y in (("left", 1.5), ("right", -1.5)):
+        human = Agent.human("human", wv.look_at((3, 0, 1.6), (1.5, y, 0.1)))
+        proposal = ask(scene, robot, human, reach=3.0, step=0.25)
+        assert set(proposal.fractions) == {"left", "right"}
+        assert max(proposal.fractions, key=proposal.fractions.get) == name
+        assert proposal.fractions[name] > 0.5
+
+
+def test_y_up():
+    """A scene turned to y up has the same answer, turned."""
+    scene, robot, human = second_experiment()
+    turned = wv.Scene(up="y")
+    for item in scene:
+        turned.add((item.vertices[:, [1, 2, 0]], item.faces), name=item.name, label=item.label)
+    turn = np.eye(4)[[1, 2, 0, 3]]
+    others = [
+        Agent(agent.name, agent.camera, turn @ wv.pose.poses_to_matrices(agent.poses), body=agent.body)
+        for agent in (robot, human)
+    ]
+    there, other = ask(scene, robot, human), ask(turned, *others)
+    np.testing.assert_allclose(other.pose[:3], there.pose[[1, 2, 0]], atol=1e-5)
+    assert other.distance == pytest.approx(there.distance, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (
+            {"robot": Agent.human("robot", wv.look_at((0, 0, 1), (1, 0, 1)))},
+            "camera of 'robot' must be a warpvis.Camera",
+        ),
+        ({"robot": Agent.kinect("robot", scenes.EXPERIMENTS[0].poses(2))}, "'robot' must have one pose to start from"),
+        ({"reach": -1}, "radius must be a number of metres"),
+        ({"step": 0}, "step must be a positive number of metres"),
+        ({"radius": 0}, "radius must be a positive number of metres"),
+        ({"floor": float("nan")}, "floor must be a finite number of metres"),
+    ],
+)
+def test_bad_input(change, said):
+    scene, robot, human = second_experiment()
+    found = perspective(scene, (robot, human)).candidates("human", "robot")
+    with pytest.raises(wv.WarpvisError) as error:
+        propose_view(scene, change.pop("robot", robot), found, **change)
+    assert str(error.value).startswith(said)
