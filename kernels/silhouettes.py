@@ -55,6 +55,10 @@ class Canvas:
     y0: int
     x1: int
     y1: int
+    seen_only: int
+    """Whether what is beyond the image counts only for objects that are visible in it."""
+    beyond_only: int
+    """Whether what is in the image has been counted, so that only the rest is."""
 
 
 @wp.struct
@@ -116,12 +120,21 @@ def meet_alone(
 
 
 @wp.func
-def is_met_alone(scene: TriangleScene, index: int, frame: CameraFrame, is_round: bool, ray: wp.vec3d) -> bool:
-    """Whether a ray meets an object at all, which is known sooner than where."""
+def is_met_from_outside(scene: TriangleScene, index: int, frame: CameraFrame, is_round: bool, ray: wp.vec3d) -> bool:
+    """Whether a ray meets an object in whose box the camera is not, which is known sooner than where."""
     if is_round:
         return solid_hit(scene, frame, ray, index).w > wp.float64(0.0)
     direction = wp.vec3(wp.quat_rotate(frame.rotation, ray))
     return wp.mesh_query_ray_anyhit(scene.movable_mesh[index], wp.vec3(frame.origin), direction, 3.0e38)
+
+
+@wp.func
+def is_beside(point: wp.vec3d, low: wp.vec3, high: wp.vec3) -> bool:
+    """Whether a point is not in a box."""
+    for axis in range(3):
+        if point[axis] < wp.float64(low[axis]) or point[axis] > wp.float64(high[axis]):
+            return True
+    return False
 
 
 @wp.func
@@ -241,16 +254,23 @@ def measure_silhouettes(
     world = world_of(worlds, view)
     if world < 0 or is_excluded(worlds, view, index):
         return
+    if canvas.beyond_only != 0 and canvas.seen_only != 0 and counts_out[VISIBLE_PIXELS, view, place] == 0:
+        return
     frame = seen_from(camera_frame(camera_to_world[view]), worlds.object_poses[world, index])
     is_round = shows_solid(scene, frame.origin, index)
-    part = touched(camera, frame, canvas, chosen.boxes[index, 0], chosen.boxes[index, 1])
+    low, high = chosen.boxes[index, 0], chosen.boxes[index, 1]
+    part = touched(camera, frame, canvas, low, high)
+    beside = is_beside(frame.origin, low, high)
     width = part.x1 - part.x0
     found = Found()
     for pixel in range(first, width * (part.y1 - part.y0), threads):
         x, y = part.x0 + pixel % width, part.y0 + pixel // width
         ray = pixel_ray(camera, y, x)
-        if x < 0 or y < 0 or x >= int(camera.width) or y >= int(camera.height):
-            if is_met_alone(scene, index, frame, is_round, ray):
+        is_in_image = x >= 0 and y >= 0 and x < int(camera.width) and y < int(camera.height)
+        if is_in_image and canvas.beyond_only != 0:
+            continue
+        if beside and not is_in_image:
+            if is_met_from_outside(scene, index, frame, is_round, ray):
                 found.silhouette += 1
                 found.silhouette_box = grown(found.silhouette_box, x, y)
             continue
@@ -259,6 +279,8 @@ def measure_silhouettes(
             continue
         found.silhouette += 1
         found.silhouette_box = grown(found.silhouette_box, x, y)
+        if not is_in_image:
+            continue
         found.image += 1
         shown = seen.objects[view, y, x]
         is_visible = shown == index

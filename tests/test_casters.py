@@ -155,6 +155,22 @@ def test_back_faces_are_seen(device, caster):
     np.testing.assert_allclose(views.normals.numpy()[1, ..., 0], 1.0, atol=1e-6)
 
 
+@pytest.mark.parametrize("movable", [False, True])
+def test_a_camera_on_a_surface_sees_through_it(movable, device, caster):
+    """A wall without thickness, and the camera in it: seen edge-on, it covers nothing."""
+    scene = wv.Scene(device=device)
+    wall = ([(0, -1, 0), (0, 1, 0), (0, 1, 9), (0, -1, 9)], [(0, 1, 2), (0, 2, 3)])
+    scene.add(trimesh.creation.box((4, 2, 0.02)), name="floor", pose=(0, 0, -0.01, 0, 0, 0, 1))
+    scene.add(wall, name="wall", movable=movable)
+    pose = np.array([[0, 0, 4, 1, 0, 0, 0]], dtype=np.float32)  # straight down
+    camera = wv.Camera.from_fov(40, 20, hfov=0.9)
+    views = wv.render(scene, camera, pose, outputs=ALL, caster=caster)
+    assert_matches_reference(views, scene, camera, pose)
+    assert (views.objects.numpy() == 0).all()
+    seen = wv.object_visibility(scene, camera, pose, caster=caster)
+    assert seen.silhouette_pixels.numpy()[0, 1] == 0
+
+
 def test_degenerate_triangles_change_nothing(device, caster):
     preset = scenes.PRESETS["room"]
     plain, spoiled = preset.build(device), preset.build(device)

@@ -201,6 +201,21 @@ def test_both_casters_agree_and_threads_change_nothing(monkeypatch):
         assert np.abs(getattr(rays, field).numpy() - getattr(results[0], field).numpy()).max() <= 1
 
 
+@pytest.mark.parametrize("caster", ["packets", "rays"])
+def test_unseen_objects_may_be_skipped(device, caster):
+    scene, poses = desk(device), cameras()
+    every = object_visibility(scene, SMALL, poses, caster=caster)
+    some = object_visibility(scene, SMALL, poses, caster=caster, skip_unseen=True)
+    seen = every.visible_pixels.numpy() > 0
+    assert 0 < seen.sum() < seen.size
+    for field in FIELDS:
+        wanted = every.image_pixels if field == "silhouette_pixels" else getattr(every, field)
+        got = getattr(some, field).numpy()
+        assert (got[seen] == getattr(every, field).numpy()[seen]).all(), field
+        if field != "silhouette_box":
+            assert (got[~seen] == wanted.numpy()[~seen]).all(), field
+
+
 def test_chosen_objects_in_their_order():
     scene, poses = desk(), cameras()
     every = object_visibility(scene, SMALL, poses)

@@ -191,7 +191,7 @@ def best_views(
         why = "a way to it" if radius is None else "a way to it and room for the robot"
         raise ArrayError(f"at least one candidate must have {why}, and none of the {len(rows)} has")
     values = np.full((len(rows), len(chosen)), np.nan, dtype=np.float32)
-    options = {**given, "objects": chosen, "delta": delta, "threads": threads}
+    options = {**given, "objects": chosen, "delta": delta, "skip_unseen": True, "threads": threads}
     if measure == "pixels":
         options["canvas"] = (0, 0, 0, 0)
     values[free] = _look(scene, camera, rows[free], _FIELDS[measure], options)

@@ -36,6 +36,7 @@ class Surveyor:
         *,
         canvas: tuple[int, int, int, int],
         delta: float,
+        skip_unseen: bool,
         caster: Literal["packets", "rays"],
         threads: int,
     ) -> None:
@@ -47,6 +48,7 @@ class Surveyor:
             chosen: Indices of the objects whose pixels are counted.
             canvas: Pixels beyond the image's left, top, right and bottom that silhouettes may reach.
             delta: See `warpvis.object_visibility`.
+            skip_unseen: Likewise.
             caster: How silhouettes are drawn; on CUDA by rays always.
             threads: CPU threads.
         """
@@ -62,9 +64,11 @@ class Surveyor:
         self._chosen.index = wp.array(np.array(chosen, dtype=np.int32), dtype=wp.int32, device=device)
         self._chosen.boxes = clusters.struct.movable_boxes.reshape((-1, 3)).view(wp.vec3).reshape((-1, 2))
         left, top, right, bottom = canvas
-        self._canvas = Canvas()
+        self._image, self._canvas = Canvas(), Canvas()
+        self._image.x1, self._image.y1 = camera.width, camera.height
         self._canvas.x0, self._canvas.y0 = -left, -top
         self._canvas.x1, self._canvas.y1 = camera.width + right, camera.height + bottom
+        self._canvas.seen_only = int(skip_unseen and any(canvas))
         self._words = _scratch_words(camera.width + left + right, clusters.depth, len(scene)) if self._packets else 0
 
     def count(
@@ -107,24 +111,18 @@ class Surveyor:
             threads = _LEAST_THREADS
             while threads < _MOST_THREADS and pairs * threads < _CUDA_THREADS:
                 threads *= 2
-        launch_images(
-            measure_silhouettes,
-            (len(poses), len(self._chosen.index), threads),
-            lambda window: [
-                triangles.struct,
-                self._chosen,
-                camera,
-                poses,
-                window,
-                self._canvas,
-                worlds,
-                compared,
-                threads,
-                *outputs,
-            ],
-            device=self._device,
-            threads=self._threads,
-        )
+        parts = [self._canvas]
+        if self._canvas.seen_only:  # first of all what the image shows
+            self._canvas.beyond_only = 1
+            parts = [self._image, self._canvas]
+        for part in parts:
+            given = [part, worlds, compared, threads, *outputs]
+
+            def arguments(window: Any, given: list[Any] = given) -> list[Any]:
+                return [triangles.struct, self._chosen, camera, poses, window, *given]
+
+            shape = (len(poses), len(self._chosen.index), threads)
+            launch_images(measure_silhouettes, shape, arguments, device=self._device, threads=self._threads)
 
     def _count_by_packets(self, poses: wp.array, worlds: Any, compared: Any, outputs: list[Any]) -> None:
         from warpvis.kernels.silhouette_packets import SurveyJob, measure_silhouettes_packets

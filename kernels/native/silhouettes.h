@@ -9,6 +9,7 @@ struct Survey {
     const int* chosen;      // which they are, of all objects
     int objects;            // of the scene
     int canvas[4];          // x0, y0, x1, y1 in pixels of the image; the ends are not in it
+    bool seen_only;         // whether what is beyond the image counts only for objects that are visible in it
     float near, far;
     const int* seen;        // [view][y][x]: object that is seen, -1 for none
     const float* depth;     // [view][y][x]; null where delta is 0
@@ -124,8 +125,22 @@ struct Silhouettes {
         const int view = unit / survey.count, place = unit % survey.count, index = survey.chosen[place];
         const World world = movables.of_view(view);
         if (!world.known || world.excludes(index)) return;
+        const int in_image[4] = {0, 0, job.width, job.height};
+        Tally tally = Tally();
+        // What hides it is counted twice then, which does not change what hides most.
+        if (survey.seen_only) measure(tree, movables, world, job, survey, in_image, view, place, scratch, tally);
+        if (!survey.seen_only || tally.visible) {
+            tally = Tally();
+            measure(tree, movables, world, job, survey, survey.canvas, view, place, scratch, tally);
+        }
+        tally.write(survey, view, place);
+    }
+
+    // Count an object's pixels on a canvas, whose edges are as in `Survey`.
+    static inline void measure(const Tree& tree, const Movables& movables, const World& world, const Job& job,
+                               const Survey& survey, const int* edge, int view, int place, float* scratch, Tally& tally) {
+        const int index = survey.chosen[place];
         const Pose pose = Pose::from(job.poses + (long long)view * 7);
-        const int* edge = survey.canvas;
         const Job canvas = part_of(job, edge[0], edge[1], edge[2], edge[3]);
         Image whole = Image();
         whole.width = canvas.width;
@@ -137,15 +152,13 @@ struct Silhouettes {
         const int width = (visit.x1 - visit.x0 + 16) & ~15, height = (visit.y1 - visit.y0 + 16) & ~15;
         const Job part = part_of(job, x0, y0, x0 + width, y0 + height);
         const int step = tiles_of(survey) / (width >> 4) * 16;
-        Tally tally = Tally();
         for (int row = 0; row < height; row += step) {
             float* rest;
             const Image image = carve(scratch, survey, part, row, height - row < step ? height - row : step, &rest);
             draw(tree, movables, world, part, pose, index, image, Notes::carve(rest, movables.count));
-            const Seen seen = {survey, job, view, place, index, x0, y0 + row};
+            const Seen seen = {survey, job, edge, view, place, index, x0, y0 + row};
             seen.count(image, tally);
         }
-        tally.write(survey, view, place);
     }
 
     static inline void draw(const Tree& tree, const Movables& movables, const World& world, const Job& job,
@@ -169,7 +182,8 @@ struct Silhouettes {
     // What is compared with a strip of an object's silhouette.
     struct Seen {
         const Survey& survey;
-        const Job& job;  // of the image
+        const Job& job;   // of the image
+        const int* edge;  // of the canvas
         int view, place, index;
         int x0, y0;      // where the strip begins, in pixels of the image
 
@@ -183,7 +197,6 @@ struct Silhouettes {
         }
 
         inline void count_tile(float* tile, int x, int y, Tally& tally) const {
-            const int* edge = survey.canvas;
             const bool within = x >= edge[0] && y >= edge[1] && x + 16 <= edge[2] && y + 16 <= edge[3];
             const bool outside = x >= job.width || y >= job.height || x + 16 <= 0 || y + 16 <= 0;
             const bool inside_image = x >= 0 && y >= 0 && x + 16 <= job.width && y + 16 <= job.height;
