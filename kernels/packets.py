@@ -74,7 +74,7 @@ class PacketJob:
     scratch: wp.array2d[float]
 
 
-_HEADERS = (
+HEADERS = (
     "lanes.h",
     "setup.h",
     "raster.h",
@@ -87,7 +87,7 @@ _HEADERS = (
     "packets.h",
 )
 
-_CAST = """
+SCENE = """
 const Tree tree = {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data,
                    scene.static_root, scene.all_closed != 0};
 const Movables movables = {scene.movable_count, scene.movable_object.data, scene.movable_root.data,
@@ -97,6 +97,10 @@ const Movables movables = {scene.movable_count, scene.movable_object.data, scene
                            worlds.object_poses.shape[0], worlds.world.data, worlds.excluded.data,
                            worlds.excluded.shape[0], scene.object_count, scene.static_object.data,
                            scene.static_object.shape[0]};
+"""
+"""The structs of ``kernels/native`` of a `ClusterScene` named ``scene`` and `Worlds` named ``worlds``."""
+
+_CAST = """
 const Job shape = {job.views, job.height, job.width, job.strips, job.strip_rows.data, job.most_rows,
                    {job.focal_x, job.focal_y}, {job.center_x, job.center_y}, job.near, job.far,
                    job.cull_backfaces != 0, (const float*)poses.data, scene.closed_boxes.data,
@@ -109,7 +113,7 @@ Packets::run(tree, movables, shape, out, scratch, job.counter.data);
 """
 
 
-@wp.func_native(read_native(*_HEADERS) + _CAST)
+@wp.func_native(read_native(*HEADERS) + SCENE + _CAST)
 def cast_units(
     scene: ClusterScene,
     job: PacketJob,

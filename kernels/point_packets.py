@@ -5,7 +5,7 @@
 import warp as wp
 
 from warpvis.kernels.native_source import read_native
-from warpvis.kernels.packets import _HEADERS, ClusterScene
+from warpvis.kernels.packets import HEADERS, SCENE, ClusterScene
 from warpvis.kernels.pinhole import PinholeCamera
 from warpvis.kernels.worlds import Worlds
 
@@ -34,15 +34,6 @@ class PointJob:
 
 
 _JUDGE = """
-const Tree tree = {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data,
-                   scene.static_root, scene.all_closed != 0};
-const Movables movables = {scene.movable_count, scene.movable_object.data, scene.movable_root.data,
-                           scene.movable_leaf.data, scene.movable_first_id.data, scene.movable_closed.data,
-                           scene.movable_boxes.data, scene.movable_solid.data,
-                           (const float*)scene.movable_size.data, (const float*)worlds.object_poses.data,
-                           worlds.object_poses.shape[0], worlds.world.data, worlds.excluded.data,
-                           worlds.excluded.shape[0], scene.object_count, scene.static_object.data,
-                           scene.static_object.shape[0]};
 const double width = camera.width * job.scale, height = camera.height * job.scale;
 Job shape = Job();
 shape.views = camera_to_world.shape[0];
@@ -69,7 +60,7 @@ PointPackets::run(tree, movables, shape, asked, desk, scratch, job.counter.data)
 """
 
 
-@wp.func_native(read_native(*_HEADERS, "points.h") + _JUDGE)
+@wp.func_native(read_native(*HEADERS, "points.h") + SCENE + _JUDGE)
 def judge_units(
     scene: ClusterScene,
     camera: PinholeCamera,

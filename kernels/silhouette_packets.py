@@ -5,7 +5,7 @@
 import warp as wp
 
 from warpvis.kernels.native_source import read_native
-from warpvis.kernels.packets import _HEADERS, ClusterScene
+from warpvis.kernels.packets import HEADERS, SCENE, ClusterScene
 from warpvis.kernels.pinhole import PinholeCamera
 from warpvis.kernels.silhouettes import Canvas, Chosen, Comparison
 from warpvis.kernels.worlds import Worlds
@@ -22,13 +22,6 @@ class SurveyJob:
 
 
 _MEASURE = """
-const Tree tree = {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data, -1, false};
-const Movables movables = {scene.movable_count, scene.movable_object.data, scene.movable_root.data,
-                           scene.movable_leaf.data, scene.movable_first_id.data, scene.movable_closed.data,
-                           scene.movable_boxes.data, scene.movable_solid.data,
-                           (const float*)scene.movable_size.data, (const float*)worlds.object_poses.data,
-                           worlds.object_poses.shape[0], worlds.world.data, worlds.excluded.data,
-                           worlds.excluded.shape[0], scene.object_count, nullptr, 0};
 Job shape = Job();
 shape.views = camera_to_world.shape[0];
 shape.height = (int)camera.height;
@@ -49,7 +42,7 @@ Silhouettes::run(tree, movables, shape, survey, scratch, job.counter.data);
 """
 
 
-@wp.func_native(read_native(*_HEADERS, "silhouettes.h") + _MEASURE)
+@wp.func_native(read_native(*HEADERS, "silhouettes.h") + SCENE + _MEASURE)
 def measure_units(
     scene: ClusterScene,
     chosen: Chosen,

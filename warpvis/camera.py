@@ -230,6 +230,13 @@ class Camera:
         return camera
 
 
+def require_camera(camera: Any) -> Camera:
+    """`camera` itself; a `CameraError` if it is none."""
+    if not isinstance(camera, Camera):
+        raise CameraError(f"camera must be a warpvis.Camera, got {type(camera).__name__}")
+    return camera
+
+
 def _check_size(width: int, height: int) -> None:
     for name, value in (("width", width), ("height", height)):
         if not value >= 1:

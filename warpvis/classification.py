@@ -14,11 +14,11 @@ import warp as wp
 from numpy.typing import ArrayLike
 
 from warpvis.arrays import as_numpy, as_warp, check_metres, check_out, empty, get_device
-from warpvis.camera import Camera
-from warpvis.errors import ArrayError, CameraError, SceneError
+from warpvis.camera import Camera, require_camera
+from warpvis.errors import ArrayError, SceneError
 from warpvis.labels import Label
 from warpvis.pose import Convention, check_up, parse_poses
-from warpvis.scene import Scene
+from warpvis.scene import Scene, require_scene
 from warpvis.threads import launch_images
 
 
@@ -179,8 +179,7 @@ def classify_rendered(
     """
     from warpvis.kernels import classify as kernels
 
-    if not isinstance(scene, Scene):
-        raise SceneError(f"scene must be a warpvis.Scene, got {type(scene).__name__}")
+    require_scene(scene)
     depth = as_warp(depth, wp.float32, ("V", "H", "W"), name="depth", device=scene.device)
     objects = as_warp(objects, wp.int32, depth.shape, name="objects", device=scene.device)
     reach = check_metres(max_range, "max_range", infinite=True)
@@ -202,8 +201,7 @@ def read_depth(depth: Any, camera: Camera, device: Any) -> wp.array:
     Raises:
         WarpvisError: They, the camera or the device are not what they have to be.
     """
-    if not isinstance(camera, Camera):
-        raise CameraError(f"camera must be a warpvis.Camera, got {type(camera).__name__}")
+    require_camera(camera)
     if device is None:
         device = depth.device if isinstance(depth, wp.array) else _device_of(depth)
     device = get_device(device)

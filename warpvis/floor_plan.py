@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.camera import Camera
-from warpvis.errors import CameraError, PoseError, SceneError
+from warpvis.camera import Camera, require_camera
+from warpvis.errors import PoseError
 from warpvis.labels import Label
 from warpvis.pose import Convention, check_up, poses_to_matrices, poses_to_opencv
-from warpvis.scene import Scene
+from warpvis.scene import Scene, require_scene
 
 _EDGES_AT_A_TIME = 20_000
 
@@ -62,10 +62,8 @@ def plan_visibility(
         SceneError: An excluded object is not in the scene.
         PoseError: A camera looks straight up or down, where columns have no direction on the plan.
     """
-    if not isinstance(scene, Scene):
-        raise SceneError(f"scene must be a warpvis.Scene, got {type(scene).__name__}")
-    if not isinstance(camera, Camera):
-        raise CameraError(f"camera must be a warpvis.Camera, got {type(camera).__name__}")
+    require_scene(scene)
+    require_camera(camera)
     vertical = check_up(scene.up)
     floor = [axis for axis in range(3) if axis != vertical]
     poses = poses_to_matrices(poses_to_opencv(camera_to_world, convention, name="camera_to_world"))

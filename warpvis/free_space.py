@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from warpvis.arrays import as_points, check_metres, empty, surely_finite
 from warpvis.closed import has_no_boundary
-from warpvis.errors import PoseError, SceneError
+from warpvis.errors import PoseError
 from warpvis.labels import Label
 from warpvis.objects import choose_objects
 from warpvis.pose import check_up, parse_poses, poses_to_matrices
-from warpvis.scene import Scene
+from warpvis.scene import Scene, require_scene
 from warpvis.threads import launch_points
 from warpvis.worlds import parse_worlds
 
@@ -143,8 +143,7 @@ def one_world(scene: Any, object_poses: Any, exclude: Any) -> tuple[list[NDArray
     Raises:
         WarpvisError: An argument is not what it has to be.
     """
-    if not isinstance(scene, Scene):
-        raise SceneError(f"scene must be a warpvis.Scene, got {type(scene).__name__}")
+    require_scene(scene)
     objects = scene.require_objects()
     worlds = parse_worlds(scene, 1, object_poses, np.zeros(1, dtype=np.int32), exclude)
     if worlds.object_poses.shape[0] != 1:

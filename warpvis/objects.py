@@ -14,11 +14,11 @@ import numpy as np
 import warp as wp
 
 from warpvis.arrays import check_metres, empty
-from warpvis.camera import Camera
-from warpvis.errors import ArrayError, CameraError, SceneError
+from warpvis.camera import Camera, require_camera
+from warpvis.errors import ArrayError, SceneError
 from warpvis.pose import Convention, parse_poses
 from warpvis.renderer import Caster, Output, Renderer, Views
-from warpvis.scene import Scene
+from warpvis.scene import Scene, require_scene
 from warpvis.silhouettes import Surveyor
 from warpvis.worlds import parse_worlds, part_of, still_world
 
@@ -126,10 +126,8 @@ def object_visibility(
     """
     from warpvis.kernels.silhouettes import COUNTERS, judge_silhouettes
 
-    if not isinstance(scene, Scene):
-        raise SceneError(f"scene must be a warpvis.Scene, got {type(scene).__name__}")
-    if not isinstance(camera, Camera):
-        raise CameraError(f"camera must be a warpvis.Camera, got {type(camera).__name__}")
+    require_scene(scene)
+    require_camera(camera)
     scene.require_objects()
     chosen = choose_objects(scene, objects)
     delta, min_pixels, canvas = (

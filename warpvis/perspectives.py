@@ -19,7 +19,7 @@ from warpvis.camera import Camera
 from warpvis.errors import ArrayError, SceneError
 from warpvis.labels import Label, Visibility
 from warpvis.objects import ObjectVisibility, choose_objects, object_visibility
-from warpvis.scene import Scene
+from warpvis.scene import Scene, require_scene
 from warpvis.situations import Situations
 
 _COUNTS = ("visible_pixels", "image_pixels", "silhouette_pixels", "too_near_pixels", "too_far_pixels")
@@ -374,9 +374,7 @@ def _state_word(state: int, first: str, second: str) -> str:
 
 
 def _check_agents(scene: Scene, agents: Sequence[Agent]) -> list[Agent]:
-    if not isinstance(scene, Scene):
-        raise SceneError(f"scene must be a warpvis.Scene, got {type(scene).__name__}")
-    scene.require_objects()
+    require_scene(scene).require_objects()
     agents = list(agents) if isinstance(agents, Iterable) else [agents]
     wrong = [type(agent).__name__ for agent in agents if not isinstance(agent, Agent)]
     if wrong or not agents:

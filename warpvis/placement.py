@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.arrays import as_numpy, empty
 from warpvis.camera import Camera
-from warpvis.errors import ArrayError, SceneError
+from warpvis.errors import ArrayError
 from warpvis.objects import choose_objects, object_visibility
 from warpvis.pose import Convention, check_up, parse_poses, poses_to_opencv
-from warpvis.scene import Scene
+from warpvis.scene import Scene, require_scene
 from warpvis.worlds import parse_worlds
 
 Measure = Literal["fraction", "pixels"]
@@ -166,9 +166,7 @@ def best_views(
     Raises:
         WarpvisError: An argument is not what it has to be, or no candidate is left.
     """
-    if not isinstance(scene, Scene):
-        raise SceneError(f"scene must be a warpvis.Scene, got {type(scene).__name__}")
-    scene.require_objects()
+    require_scene(scene).require_objects()
     if measure not in _FIELDS:
         raise ArrayError(f'measure must be "fraction" or "pixels", got {measure!r}')
     if not 0 <= tie < math.inf:

@@ -10,13 +10,13 @@ from typing import Any
 import warp as wp
 
 from warpvis.arrays import as_points, check_metres, empty
-from warpvis.camera import Camera
+from warpvis.camera import Camera, require_camera
 from warpvis.classification import read_depth
-from warpvis.errors import ArrayError, CameraError, SceneError
+from warpvis.errors import ArrayError
 from warpvis.point_packets import judge_by_packets
 from warpvis.pose import Convention, host_poses, parse_poses
 from warpvis.renderer import Caster, Output, Renderer, Views
-from warpvis.scene import Scene
+from warpvis.scene import Scene, require_scene
 from warpvis.threads import launch_points
 from warpvis.worlds import parse_worlds
 
@@ -61,10 +61,8 @@ def check_points(
     Raises:
         WarpvisError: An argument is not what it has to be.
     """
-    if not isinstance(scene, Scene):
-        raise SceneError(f"scene must be a warpvis.Scene, got {type(scene).__name__}; see check_points_measured")
-    if not isinstance(camera, Camera):
-        raise CameraError(f"camera must be a warpvis.Camera, got {type(camera).__name__}")
+    require_scene(scene)
+    require_camera(camera)
     tolerance = check_metres(tolerance, "tolerance")
     scene.require_objects()
     # Surfaces that are too near to be measured have a depth here, and are objects.

@@ -12,12 +12,12 @@ from typing import Any, Literal
 import warp as wp
 
 from warpvis.arrays import as_warp, check_out, empty
-from warpvis.camera import Camera
+from warpvis.camera import Camera, require_camera
 from warpvis.casters import PacketsCaster, RaysCaster
 from warpvis.cuda_packets import CudaPacketsCaster
-from warpvis.errors import ArrayError, CameraError, SceneError
+from warpvis.errors import ArrayError
 from warpvis.pose import Convention
-from warpvis.scene import Scene
+from warpvis.scene import Scene, require_scene
 from warpvis.threads import check_threads
 from warpvis.worlds import parse_worlds, part_of, still_world
 
@@ -93,10 +93,8 @@ class Renderer:
         Raises:
             WarpvisError: An argument is not what it has to be.
         """
-        if not isinstance(scene, Scene):
-            raise SceneError(f"scene must be a warpvis.Scene, got {type(scene).__name__}")
-        if not isinstance(camera, Camera):
-            raise CameraError(f"camera must be a warpvis.Camera, got {type(camera).__name__}")
+        require_scene(scene)
+        require_camera(camera)
         names: tuple[str, ...] = (outputs,) if isinstance(outputs, str) else tuple(outputs)
         unknown = [str(name) for name in names if name not in OUTPUTS]
         if unknown or not names:

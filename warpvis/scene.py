@@ -350,3 +350,10 @@ class Scene:
         if not self._objects:
             raise SceneError("the scene has no objects; add() one first")
         return self._objects
+
+
+def require_scene(scene: Any) -> Scene:
+    """`scene` itself; a `SceneError` if it is none."""
+    if not isinstance(scene, Scene):
+        raise SceneError(f"scene must be a warpvis.Scene, got {type(scene).__name__}")
+    return scene

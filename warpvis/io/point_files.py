@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.errors import FileFormatError
+from warpvis.io.text_files import read_lines
 
 _LINE = "x y z"
 
@@ -46,12 +47,7 @@ def read_points(path: str | os.PathLike[str]) -> NDArray[np.float64]:
 
 
 def _read_text(path: Path) -> NDArray[np.float64]:
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise FileFormatError(f"{path}: is not a text file of lines '{_LINE}'") from None
+    lines = read_lines(path, _LINE)
     rows: list[list[float]] = []
     for number, line in enumerate(lines, start=1):
         words = line.replace(",", " ").split()

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.errors import FileFormatError
+from warpvis.io.text_files import read_lines
 
 _LINE = "timestamp tx ty tz qx qy qz qw"
 
@@ -34,12 +35,7 @@ def read_poses(path: str | os.PathLike[str]) -> tuple[NDArray[np.float64], NDArr
         FileFormatError: The file is missing, holds no poses, or a line is malformed; it is named.
     """
     path = Path(path)
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise FileFormatError(f"{path}: is not a text file of lines '{_LINE}'") from None
+    lines = read_lines(path, _LINE)
     rows = [
         _parse_line(line, f"{path}:{number}")
         for number, line in enumerate(lines, start=1)
