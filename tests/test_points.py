@@ -221,7 +221,7 @@ def test_measured_images(device):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"scene": 3}, "scene must be a warpvis.Scene, got int; see check_points_measured"),
+        ({"scene": 3}, "scene must be a warpvis.Scene, got int"),
         ({"scene": wv.Scene()}, "the scene has no objects; add() one first"),
         ({"camera": None}, "camera must be a warpvis.Camera, got NoneType"),
         ({"tolerance": -1}, "tolerance must be a number of metres from 0 up, got -1"),

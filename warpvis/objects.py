@@ -20,6 +20,7 @@ from warpvis.pose import Convention, parse_poses
 from warpvis.renderer import Caster, Output, Renderer, Views
 from warpvis.scene import Scene, require_scene
 from warpvis.silhouettes import Surveyor
+from warpvis.threads import launch_small
 from warpvis.worlds import parse_worlds, part_of, still_world
 
 BOP_DELTA = 0.015
@@ -159,7 +160,7 @@ def object_visibility(
         hidden_by = wp.zeros((size, count, len(scene)), dtype=wp.int32, device=device)
         surveyor.count(poses[part], some, seen, counts, hidden_by, None if result.masks is None else result.masks[part])
         outs = [getattr(result, name)[part] for name in _JUDGED]
-        wp.launch(judge_silhouettes, dim=(size, count), inputs=[counts, hidden_by, min_pixels, *outs], device=device)
+        launch_small(judge_silhouettes, (size, count), [counts, hidden_by, min_pixels, *outs], device)
         for name, counter in zip(_COUNTED, counts, strict=False):
             wp.copy(getattr(result, name)[part], counter)
     return result

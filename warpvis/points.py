@@ -17,7 +17,7 @@ from warpvis.point_packets import judge_by_packets
 from warpvis.pose import Convention, host_poses, parse_poses
 from warpvis.renderer import Caster, Output, Renderer, Views
 from warpvis.scene import Scene, require_scene
-from warpvis.threads import launch_points
+from warpvis.threads import launch_points, launch_small
 from warpvis.worlds import parse_worlds
 
 
@@ -140,7 +140,7 @@ def _project(camera: Camera, poses: wp.array, points: Any, threads: int | None) 
     device = poses.device
     places = as_points(points, "points", "N", device)
     frames = [wp.empty(len(poses), dtype=dtype, device=device) for dtype in (wp.vec3d, wp.mat33d)]
-    wp.launch(camera_frames, dim=len(poses), inputs=[poses, *frames], device=device)
+    launch_small(camera_frames, len(poses), [poses, *frames], device)
     shape = (len(poses), len(places))
     pixels, depth = (empty(shape, dtype, name="points", device=device) for dtype in (wp.vec2, wp.float32))
     lens = camera.device_struct()

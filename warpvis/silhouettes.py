@@ -14,7 +14,7 @@ from warpvis.camera import Camera
 from warpvis.casters import FINISHED, NOTE_WORDS, TILE, VISIT_WORDS
 from warpvis.renderer import Views
 from warpvis.scene import Scene
-from warpvis.threads import launch_images, load_module, run_together
+from warpvis.threads import launch_images, launch_small, load_module, run_together
 
 _MOST_TILES = 512  # as in kernels/native/silhouettes.h
 
@@ -98,7 +98,7 @@ class Surveyor:
         shape = (poses.shape[0] if given else 1, len(self._columns))
         everywhere.object_poses = wp.empty(shape, dtype=wp.transform, device=self._device)
         inputs = [poses if given else None, self._columns, everywhere.object_poses]
-        wp.launch(spread_poses, dim=shape, inputs=inputs, device=self._device)
+        launch_small(spread_poses, shape, inputs, self._device)
         return everywhere
 
     def _count_by_rays(self, poses: wp.array, worlds: Any, compared: Any, outputs: list[Any]) -> None:

@@ -94,6 +94,13 @@ def launch_points(
     launch_images(kernel, (views, rows, POINTS_PER_ROW), arguments, device=device, threads=threads)
 
 
+def launch_small(kernel: Any, shape: int | tuple[int, ...], inputs: list[Any], device: wp.Device) -> None:
+    """Launch what is too little work for several threads."""
+    if device.is_cpu:
+        load_module(kernel)
+    wp.launch(kernel, dim=shape, inputs=inputs, device=device)
+
+
 def load_module(kernel: Any) -> None:
     """Compile and load a kernel's module for the CPU: two threads must not do it at the same time."""
     with _load_lock:

@@ -26,7 +26,7 @@ from warpvis.labels import Label
 from warpvis.pose import Convention, check_up, parse_poses
 from warpvis.renderer import Renderer
 from warpvis.scene import Scene
-from warpvis.threads import launch_images
+from warpvis.threads import launch_images, launch_small
 from warpvis.visibility import FloorMap, visibility_map
 from warpvis.worlds import parse_worlds, part_of
 
@@ -309,7 +309,7 @@ def _add_views(
 
     device, size = target.states.device, target.states.shape
     frames = [wp.empty(len(poses), dtype=dtype, device=device) for dtype in (wp.vec3d, wp.mat33d)]
-    wp.launch(camera_frames, dim=len(poses), inputs=[poses, *frames], device=device)
+    launch_small(camera_frames, len(poses), [poses, *frames], device)
     grid, lens = kernels.VoxelGrid(), camera.device_struct()
     grid.origin, grid.cell, grid.size = wp.vec3d(*target.origin), target.cell, wp.vec3i(*size)
     # Flat: Warp counts the bytes from one index of a first axis to the next in 32 bits.
