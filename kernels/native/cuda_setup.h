@@ -145,6 +145,8 @@ struct alignas(16) Triangle {
 };
 
 struct Setup {
+    enum { LARGE = 64 };  // pixels of the bounds, from which a triangle is worth a look at its edges
+
     // cross(a - b, a + b) is 2 a x b, and exactly its negative when a and b change places.
     static inline Linear edge(Vec a, Vec b, float sign) {
         const Vec product = Vec::cross(Vec::minus(a, b), Vec::plus(a, b));
@@ -253,13 +255,31 @@ struct Setup {
         if (!Warp::any(shown)) return 0;
         const Projection p = Projection::of(c.a, c.b, c.c);
         if (!(p.zmax > 0.0f)) shown = false;
-        if (p.crossing) return shown ? PACKET_WIDTH * PACKET_HEIGHT : 0;
+        if (!MOVABLE && p.crossing) return shown ? PACKET_WIDTH * PACKET_HEIGHT : 0;
         const float slack = slack_of(eye);
         const float to_x = eye.first_u + (float)first_x, to_y = eye.first_v + (float)first_y;
-        const int x0 = max(__float2int_ru(p.u0 - to_x - slack), 0), y0 = max(__float2int_ru(p.v0 - to_y - slack), 0);
-        const int x1 = min(__float2int_rd(p.u1 - to_x + slack), PACKET_WIDTH - 1);
-        const int y1 = min(__float2int_rd(p.v1 - to_y + slack), PACKET_HEIGHT - 1);
-        return shown && x0 <= x1 && y0 <= y1 ? p.cover((x1 - x0 + 1) * (y1 - y0 + 1)) : 0;
+        const int x0 = p.crossing ? 0 : max(__float2int_ru(p.u0 - to_x - slack), 0);
+        const int y0 = p.crossing ? 0 : max(__float2int_ru(p.v0 - to_y - slack), 0);
+        const int x1 = p.crossing ? PACKET_WIDTH - 1 : min(__float2int_rd(p.u1 - to_x + slack), PACKET_WIDTH - 1);
+        const int y1 = p.crossing ? PACKET_HEIGHT - 1 : min(__float2int_rd(p.v1 - to_y + slack), PACKET_HEIGHT - 1);
+        const int count = shown && x0 <= x1 && y0 <= y1 ? (x1 - x0 + 1) * (y1 - y0 + 1) : 0;
+        // Worth it where a packet meets much that is near: static scenes of small triangles are slower with it.
+        const bool large = MOVABLE && count > LARGE;
+        if (large && passes_by(c, Whole::of(first_x + x0) + eye.first_u, Whole::of(first_x + x1) + eye.first_u,
+                               Whole::of(first_y + y0) + eye.first_v, Whole::of(first_y + y1) + eye.first_v))
+            return 0;
+        return p.cover(count);
+    }
+
+    // Whether a triangle is outside of a rectangle of the image, judged by its edges.
+    static inline bool passes_by(const Corners& c, float u0, float u1, float v0, float v1) {
+        const float sign = c.volume < 0.0f ? -1.0f : 1.0f;
+        return beyond(edge(c.b, c.c, sign), u0, u1, v0, v1) || beyond(edge(c.c, c.a, sign), u0, u1, v0, v1) ||
+               beyond(edge(c.a, c.b, sign), u0, u1, v0, v1);
+    }
+    // An edge's value is greatest at a corner. Rounding keeps the order: no pixel of the rectangle contradicts the corner.
+    static inline bool beyond(const Linear& edge, float u0, float u1, float v0, float v1) {
+        return edge.at(edge.u >= 0.0f ? u1 : u0, edge.v >= 0.0f ? v1 : v0) < 0.0f;
     }
 
     // A triangle that has an area.
