@@ -51,7 +51,7 @@ def corner(mesh: wp.uint64, triangle: int, k: int) -> wp.vec3d:
 
 @wp.func
 def plane_depth(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, direction: wp.vec3d, forward: wp.vec3d) -> wp.float64:
-    """Depth at which a ray from the origin meets a triangle that it is known to hit.
+    """Depth at which a ray from the origin, of depth 1 along `forward`, meets a triangle that it is known to hit.
 
     A point of a triangle is nowhere nearer than its nearest corner or farther than its farthest: the bound keeps the
     quotient sane where the triangle is seen edge-on.
@@ -202,14 +202,16 @@ def solid_hit(scene: TriangleScene, frame: CameraFrame, ray: wp.vec3d, movable: 
 @wp.func
 def look(
     scene: TriangleScene,
-    camera: PinholeCamera,
+    near: float,
+    far: float,
     pose: wp.transform,
     worlds: Worlds,
     view: int,
     ray: wp.vec3d,
+    is_planar: bool,
     cull_backfaces: bool,
 ) -> Seen:
-    """What a camera at a pose sees along a ray, given in the camera's frame with z = 1."""
+    """What a camera at a pose sees along a ray of its frame: of z = 1 for planar depth, of length 1 for a length."""
     in_world = camera_frame(pose)
     seen = nothing()
     seen.direction = wp.quat_rotate(in_world.rotation, ray)
@@ -255,11 +257,12 @@ def look(
         b = corner(mesh, seen.face, 1) - frame.origin
         c = corner(mesh, seen.face, 2) - frame.origin
         direction_there = wp.quat_rotate(frame.rotation, ray)
-        seen.depth = float(plane_depth(a, b, c, direction_there, forward_axis(frame.rotation)))
-    if seen.face >= 0 and seen.depth < camera.near:
+        forward = wp.where(is_planar, forward_axis(frame.rotation), direction_there)
+        seen.depth = float(plane_depth(a, b, c, direction_there, forward))
+    if seen.face >= 0 and seen.depth < near:
         seen.depth = -wp.inf
         seen.face = -1
-    elif seen.face >= 0 and seen.depth > camera.far:
+    elif seen.face >= 0 and seen.depth > far:
         seen.depth = wp.inf
         seen.face = -1
     return seen
@@ -359,7 +362,7 @@ def cast_rays(
     y += window.first_row
 
     pose = camera_to_world[view]
-    seen = look(scene, camera, pose, worlds, view, pixel_ray(camera, y, x), cull_backfaces)
+    seen = look(scene, camera.near, camera.far, pose, worlds, view, pixel_ray(camera, y, x), True, cull_backfaces)
     write(scene, pose, worlds, seen, view, y, x, depth_out, points_out, normals_out, labels_out, objects_out)
 
 
@@ -391,5 +394,5 @@ def cast_rays_at(
     pose = camera_to_world[view]
     seen = nothing()
     if at[0] >= 0.0 and at[0] < camera.width and at[1] >= 0.0 and at[1] < camera.height:
-        seen = look(scene, camera, pose, worlds, view, image_ray(camera, at), cull_backfaces)
+        seen = look(scene, camera.near, camera.far, pose, worlds, view, image_ray(camera, at), True, cull_backfaces)
     write(scene, pose, worlds, seen, view, row, point, depth_out, points_out, normals_out, labels_out, objects_out)

@@ -66,15 +66,16 @@ class Scene:
         scale: float = 1.0,
         labels: Mapping[str, Label | int | str] | None = None,
     ) -> Scene:
-        """Read a mesh file: OBJ, STL, PLY, GLB, and what else trimesh reads.
+        """Read a mesh file: OBJ, STL, PLY, GLB, and what else trimesh reads; or a Webots world, ``.wbt``.
 
         Every named part of the file becomes one object. Its label is, first, what `labels` says; second, what the
-        file says (``"label"`` in a glTF node's or mesh's ``extras``); else `Label.OBSTACLE`.
+        file says (``"label"`` in a glTF node's or mesh's ``extras``); else `Label.OBSTACLE`. Of a Webots world, which
+        says itself which axis is up, see `warpvis.webots.world.load_webots` for names, labels, and devices.
 
         Args:
             path: The file.
             device: Where the scene is rendered.
-            up: The scene's vertical axis.
+            up: The scene's vertical axis; a Webots world's is its own.
             file_up: The file's vertical axis. By default ``"y"`` for glTF, as its specification says, and the scene's
                 own for every other format; where the two differ, the geometry is turned upright.
             scale: Factor from the file's unit to metres (0.001 for millimetres).

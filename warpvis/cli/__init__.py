@@ -17,7 +17,7 @@ import tyro
 from warpvis.cli.check import Check
 from warpvis.cli.inputs import make_folder
 from warpvis.cli.perspective import Perspective
-from warpvis.errors import WarpvisError
+from warpvis.errors import FileFormatError, PoseError, WarpvisError
 
 if TYPE_CHECKING:
     from warpvis.renderer import Renderer
@@ -43,14 +43,17 @@ class Demo:
 
 @dataclass(frozen=True)
 class Render:
-    """Render depth images of a mesh file: OUT/depth.npz in metres, OUT/depth/*.png in millimetres (16 bit, 0: none)."""
+    """Render depth images of a mesh file: OUT/depth.npz in metres, OUT/depth/*.png in millimetres (16 bit, 0: none).
+
+    Of a Webots world without --poses: the images of its range finders, in OUT/NAME/depth.npz and OUT/NAME/depth.
+    """
 
     file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE")]
-    """Mesh file: OBJ, STL, PLY, GLB, ..."""
-    poses: Path
-    """Camera poses, camera to world, a line each: timestamp tx ty tz qx qy qz qw (TUM)."""
+    """Mesh file: OBJ, STL, PLY, GLB, ...; or a Webots world, .wbt."""
     out: Path
     """Folder to write to."""
+    poses: Path | None = None
+    """Camera poses, camera to world, a line each: timestamp tx ty tz qx qy qz qw (TUM)."""
     camera: str = "kinect"
     """kinect, or a JSON file with width, height, hfov (radians) or K, near and far (metres)."""
     convention: Literal["opencv", "opengl", "ros"] = "opencv"
@@ -63,11 +66,38 @@ class Render:
     """The file's vertical axis; y for glTF and the world's for other formats by default."""
     device: str = "cpu"
     """Where to compute: cpu, cuda:0, ..."""
+    device_name: str | None = None
+    """Of a Webots world: the one range finder to render; all by default."""
+    version_exact: bool = False
+    """Of a Webots world: the values that the Webots of its header gives, instead of true depth."""
+    search_path: tuple[Path, ...] = ()
+    """Of a Webots world: folders to look for PROTO files in."""
     quiet: bool = False
     """No progress bar and no summary."""
 
     def run(self) -> None:
         """Run the command."""
+        if self.poses is None:
+            self._render_devices()
+        else:
+            self._render_poses(self.poses)
+
+    def _render_devices(self) -> None:
+        from warpvis.cli.webots import is_world, render_world
+
+        if not is_world(self.file):
+            raise PoseError(f"give --poses, a file of the camera's poses: {self.file} is no Webots world with cameras")
+        render_world(
+            self.file,
+            self.out,
+            device_name=self.device_name,
+            version_exact=self.version_exact,
+            search_path=self.search_path,
+            device=self.device,
+            quiet=self.quiet,
+        )
+
+    def _render_poses(self, poses: Path) -> None:
         from warpvis.camera import Camera
         from warpvis.io.camera_files import load_camera
         from warpvis.io.tum import read_poses
@@ -75,7 +105,7 @@ class Render:
         from warpvis.scene import Scene
 
         camera: Camera = load_camera(self.camera)
-        times, rows = read_poses(self.poses)
+        times, rows = read_poses(poses)
         scene = Scene.load(self.file, device=self.device, up=self.up, file_up=self.file_up, scale=self.scale)
         make_folder(self.out / "depth")
         renderer = Renderer(scene, camera, outputs=("depth",))
@@ -117,10 +147,25 @@ class Render:
 
 @dataclass(frozen=True)
 class Info:
-    """Print versions, devices and cores."""
+    """Print versions, devices and cores; or what a Webots world holds."""
+
+    file: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="FILE")] = None
+    """A Webots world, .wbt."""
+    search_path: tuple[Path, ...] = ()
+    """Folders to look for the world's PROTO files in."""
 
     def run(self) -> None:
         """Run the command."""
+        if self.file is None:
+            self._print_versions()
+            return
+        from warpvis.cli.webots import is_world, print_world
+
+        if not is_world(self.file):
+            raise FileFormatError(f"{self.file}: info is of Webots worlds, whose names end in .wbt")
+        print_world(self.file, self.search_path)
+
+    def _print_versions(self) -> None:
         import platform
         from importlib.metadata import version
 

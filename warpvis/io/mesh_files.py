@@ -37,6 +37,8 @@ def load_scene(
 ) -> Scene:
     """Fill `scene` with the objects of a file; see `Scene.load`."""
     path = Path(path)
+    if path.suffix.lower() == ".wbt":
+        return _load_world(scene, path, file_up=file_up, scale=scale, labels=labels)
     loaded = _read(path)
     if file_up is None:
         file_up = "y" if path.suffix.lower() in _GLTF else scene.up
@@ -63,6 +65,20 @@ def load_scene(
             f"labels for {', '.join(map(repr, sorted(unused)))} fit no object of {path}, which has {names}"
         )
     return scene
+
+
+def _load_world(
+    scene: Scene, path: Path, *, file_up: str | None, scale: float, labels: Mapping[str, Label | int | str]
+) -> Scene:
+    """A Webots world, on the device of `scene`, with the vertical axis that the file says."""
+    from warpvis.webots.world import load_webots
+
+    if scale != 1 or file_up is not None:
+        raise SceneError(f"{path}: a Webots world is in metres and says which axis is up: leave out scale and file_up")
+    loaded = load_webots(path, device=scene.device, labels=labels).scene
+    if scene.up == "y" and loaded.up != "y":
+        raise SceneError(f"{path}: the world's vertical axis is z: leave out up")
+    return loaded
 
 
 def export_scene(scene: Scene, path: str | os.PathLike[str]) -> None:

@@ -1,0 +1,498 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Devices of Webots worlds: axes, fields and their corrections, range images by version, and recognition."""
+
+import dataclasses
+import math
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import warpvis as wv
+from warpvis.errors import FileFormatError, SceneError
+from warpvis.webots.devices import render_range
+from warpvis.webots.recognition import recognise, segmentation_image
+from warpvis.webots.world import load_webots
+
+WORLDS = Path(__file__).parent.parent / "scenes" / "webots"
+SHARED = Path(__file__).parent.parent.parent / "shared" / "webots"
+needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="no ../shared/webots here")
+
+FINDER = 'name "eye" fieldOfView 1.5707963267948966 width 4 height 4 maxRange 3'
+
+
+def load_text(tmp_path, text, version="R2023b", **options):
+    path = tmp_path / "world.wbt"
+    path.write_text(f"#VRML_SIM {version} utf8\n{text}")
+    return load_webots(path, **options)
+
+
+def quiet(path, **options):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return load_webots(path, **options)
+
+
+def wall(x, size="0.1 9 9", fields=""):
+    return f"Solid {{ translation {x} 0 0 {fields} children Shape {{ geometry Box {{ size {size} }} }} }}"
+
+
+def finder(fields=FINDER, kind="RangeFinder", extra=""):
+    return f'Robot {{ name "car" children [ {kind} {{ {fields} }} {extra} ] }}'
+
+
+def device_of(tmp_path, fields, version="R2023b", kind="RangeFinder"):
+    return quiet_text(tmp_path, finder(fields, kind) + wall(2), version).devices["eye"]
+
+
+def quiet_text(tmp_path, *arguments, **options):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return load_text(tmp_path, *arguments, **options)
+
+
+def directions(device):
+    """Where image right, image down and forward point in the world."""
+    return np.rint(wv.pose.poses_to_matrices(device.pose)[:3, :3] * 1000).T / 1000
+
+
+# ------------------------------------------------------------------------------------------------------ reading them
+
+
+def test_cameras_look_along_x_and_before_along_minus_z(tmp_path):
+    new, old = (device_of(tmp_path, 'name "eye" translation 1 2 3', version) for version in ("R2022a", "R2021b"))
+    np.testing.assert_array_equal(directions(new), [(0, -1, 0), (0, 0, -1), (1, 0, 0)])
+    np.testing.assert_array_equal(directions(old), [(1, 0, 0), (0, -1, 0), (0, 0, -1)])
+    np.testing.assert_allclose(new.pose[:3], [1, 2, 3])
+    np.testing.assert_allclose(old.pose[:3], [1, 2, 3])
+
+
+def test_poses_go_through_scales(tmp_path):
+    text = (
+        'Transform { scale 2 3 4 rotation 0 0 1 1.5707963267948966 translation 1 0 0 children RangeFinder { name "eye" '
+        "translation 1 1 1 rotation 0 0 1 1.5707963267948966 } }"
+    )
+    device = load_text(tmp_path, text + wall(2)).devices["eye"]
+    np.testing.assert_allclose(device.pose[:3], [1 - 3, 2, 4], atol=1e-12)
+    np.testing.assert_array_equal(directions(device)[2], [-1, 0, 0])
+    assert device.robot == ""
+
+
+def test_defaults_of_a_range_finder(tmp_path):
+    device = load_text(tmp_path, "Robot { children RangeFinder { } }" + wall(2)).devices["range-finder"]
+    assert (device.robot, device.kind, device.measures) == ("robot", "range-finder", True)
+    assert (device.width, device.height, device.fov) == (64, 64, 0.785398)
+    assert (device.near, device.min_range, device.max_range) == (0.01, 0.01, 1.0)
+    assert (device.projection, device.noise, device.resolution) == ("planar", 0.0, -1.0)
+    assert device.lens is None and device.recognition is None and device.notes == ()
+    assert device.camera == wv.Camera.from_fov(64, 64, hfov=0.785398, near=0.01, far=1.0)
+
+
+def test_defaults_of_a_camera(tmp_path):
+    device = load_text(tmp_path, "Camera { }" + wall(2)).devices["camera"]
+    assert (device.kind, device.measures, device.near, device.max_range) == ("camera", False, 0.01, math.inf)
+    assert device_of(tmp_path, 'name "eye" far 7', kind="Camera").max_range == 7
+
+
+def test_pixels_are_square(tmp_path):
+    """The manual of 2018 says fov * height / width for the vertical field of view; its code did as later ones."""
+    camera = device_of(tmp_path, 'name "eye" fieldOfView 0.994837 width 320 height 240', "R2019a").camera
+    assert camera.fx == camera.fy == pytest.approx(294.684, abs=1e-3)
+    assert camera.vfov == pytest.approx(0.773424, abs=1e-6)
+
+
+def test_all_fields_are_read(tmp_path):
+    fields = (
+        'name "eye" noise 0.02 resolution 0.1 near 0.05 minRange 0.2 maxRange 8 '
+        "lens Lens { center 0.4 0.6 radialCoefficients 0.1 0.2 tangentialCoefficients 0.3 0.4 }"
+    )
+    device = device_of(tmp_path, fields)
+    assert (device.noise, device.resolution, device.near, device.min_range, device.max_range) == (
+        0.02,
+        0.1,
+        0.05,
+        0.2,
+        8,
+    )
+    assert device.lens is not None
+    assert (device.lens.center, device.lens.radial, device.lens.tangential) == ((0.4, 0.6), (0.1, 0.2), (0.3, 0.4))
+
+
+def test_a_camera_could_be_a_range_finder_once(tmp_path):
+    fields = 'name "eye" type "range-finder" near 0.3 maxRange 4.5 rangeNoise 0.01 rangeResolution 0.05'
+    device = device_of(tmp_path, fields, "V7.2.5", kind="Camera")
+    assert (device.kind, device.min_range, device.max_range) == ("range-finder", 0.3, 4.5)
+    assert (device.noise, device.resolution) == (0.01, 0.05)
+
+
+@pytest.mark.parametrize(
+    ("fields", "attribute", "value"),
+    [
+        ("near -1", "near", 0.01),
+        ("near 0.5 minRange 0.2", "near", 0.2),
+        ("minRange 0 near 0.02", "min_range", 0.02),
+        ("maxRange 0.5 minRange 0.5", "max_range", 1.5),
+        ("resolution 0", "resolution", -1.0),
+        ("fieldOfView 3.5", "fov", 0.785398),
+        ('fieldOfView -1 projection "cylindrical"', "fov", 0.785398),
+        ('fieldOfView 7 projection "cylindrical"', "fov", 2 * math.pi),
+    ],
+)
+def test_corrections_are_reported(tmp_path, fields, attribute, value):
+    text = finder(f'name "eye" {fields}') + wall(2)
+    with pytest.warns(
+        UserWarning, match=rf"world.wbt:2: {fields.split()[0] if attribute != 'max_range' else 'maxRange'}"
+    ):
+        world = load_text(tmp_path, text)
+    device = world.devices["eye"]
+    assert getattr(device, attribute) == value
+    assert len(device.notes) == 1 and world.notes == device.notes
+
+
+@pytest.mark.parametrize(
+    ("fields", "projection"),
+    [
+        ("", "planar"),
+        ("spherical TRUE", "cylindrical"),
+        ("spherical FALSE", "planar"),
+        ('projection "spherical"', "spherical"),
+        ('projection "cylindrical" fieldOfView 6.28', "cylindrical"),
+    ],
+)
+def test_projections(tmp_path, fields, projection):
+    device = device_of(tmp_path, f'name "eye" {fields}')
+    assert device.projection == projection
+    if projection != "planar":
+        with pytest.raises(SceneError, match=rf"'eye' has a {projection} projection"):
+            _ = device.camera
+
+
+def test_equal_names_are_told_apart(tmp_path):
+    world = load_text(tmp_path, finder() + finder(kind="Camera", fields='name "eye"') + wall(2))
+    assert [(name, item.name, item.robot) for name, item in world.devices.items()] == [
+        ("eye", "eye", "car"),
+        ("eye (2)", "eye", "car (2)"),
+    ]
+
+
+@pytest.mark.parametrize(("version", "at"), [("R2023b", (1, 0.0127, 0.05)), ("R2021b", (1 - 0.0127, 0.05, 0))])
+def test_a_kinect_without_its_file(tmp_path, version, at):
+    kinect = 'Kinect { translation 1 0 0 width 150 height 100 maxRange 4 cameraName "k" }'
+    world = load_text(tmp_path, f"Robot {{ children {kinect} }}" + wall(3), version)
+    ranges, colours = world.devices["k range"], world.devices["k color"]
+    assert (ranges.kind, colours.kind) == ("kinect", "camera")
+    assert (ranges.width, ranges.height, ranges.fov, ranges.max_range) == (150, 100, 1.0, 4.0)
+    np.testing.assert_allclose(ranges.pose[:3], at, atol=1e-12)
+    assert np.linalg.norm(ranges.pose[:3] - colours.pose[:3]) == pytest.approx(0.0254)
+    assert world.robots["robot"] == ("Kinect",)
+    # It does not see its own head, within which it is.
+    depth = render_range(world, "k range")
+    assert (depth[np.isfinite(depth)] > 0.5).all()
+
+
+def test_a_kinect_that_is_plugged_into_an_unknown_robot(tmp_path):
+    text = 'Rover { translation 1 2 0 controller "x" extensionSlot [ Kinect { translation 0 0 1 } ] }' + wall(3)
+    with pytest.warns(UserWarning) as caught:
+        world = load_text(tmp_path, text)
+    messages = [str(warning.message) for warning in caught]
+    assert "left out Rover (1)" in messages[0]
+    assert "'kinect range' is taken to be at the origin of Rover" in messages[1]
+    device = world.devices["kinect range"]
+    assert device.robot == "Rover" and world.robots == {"Rover": ()} and len(world.scene) == 1
+    np.testing.assert_allclose(device.pose[:3], [1, 2.0127, 1.05])
+
+
+def test_an_astra_without_its_file(tmp_path):
+    device = load_text(tmp_path, "Robot { children Astra { } }" + wall(3)).devices["Astra depth"]
+    assert (device.width, device.height, device.fov, device.min_range, device.max_range) == (640, 480, 1.04, 0.6, 8.0)
+
+
+# ----------------------------------------------------------------------------------------------------- range images
+
+
+def test_true_depth_by_default(tmp_path):
+    world = load_text(tmp_path, finder(FINDER + " minRange 1") + wall(2.05))
+    np.testing.assert_allclose(render_range(world, "eye"), 2.0, atol=1e-6)
+    near = load_text(tmp_path, finder(FINDER + " minRange 1") + wall(0.55) + wall(2.05))
+    assert np.isneginf(render_range(near, "eye")).all()
+    far = load_text(tmp_path, finder(FINDER + " minRange 1") + wall(4))
+    assert np.isposinf(render_range(far, "eye")).all()
+
+
+@pytest.mark.parametrize(
+    ("version", "near", "middle", "far"),
+    [
+        ("R2019a", 3.0, 3 * 1.99 / 2.99, 3.0),
+        ("R2020b", 3.0, 3 * 1.99 / 2.99, 3.0),
+        ("R2021b", np.inf, 3 * 1.99 / 2.99, 3.0),
+        ("R2022a", np.inf, 2.0, np.inf),
+        ("R2025a", np.inf, 2.0, np.inf),
+    ],
+)
+def test_values_by_version(tmp_path, version, near, middle, far):
+    """A wall that is too near, one in range, and none; whatever axes the header means, the version of values counts."""
+    for text, wanted in ((wall(0.55) + wall(2.05), near), (wall(2.05), middle), (wall(9), far)):
+        world = load_text(tmp_path, finder(FINDER + " minRange 1") + text)
+        image = render_range(world, "eye", webots_version=version)
+        assert image.dtype == np.float32 and image.shape == (4, 4)
+        np.testing.assert_allclose(image, wanted, atol=1e-6)
+    np.testing.assert_array_equal(
+        render_range(world, "eye", webots_version="header"), render_range(world, "eye", webots_version="R2023b")
+    )
+
+
+def test_what_is_before_the_near_plane_hides_nothing_in_webots(tmp_path):
+    text = finder(FINDER + " near 0.5 minRange 1 resolution -1") + wall(0.3, "0.1 0.3 9") + wall(2.05)
+    world = load_text(tmp_path, text)
+    assert np.isneginf(render_range(world, "eye")[:, 1:3]).any()
+    np.testing.assert_allclose(render_range(world, "eye", webots_version="header"), 2.0, atol=1e-6)
+    # A slanted wall is cut where the plane is: what is left of it is too near, or hides what is behind.
+    slanted = "Solid { rotation 0 1 0 0.5 children Shape { geometry Box { size 0.02 9 9 } } translation 0.5 0 0 }"
+    world = load_text(tmp_path, finder(FINDER + " near 0.5 minRange 0.5 width 8 height 8") + slanted + wall(2.05))
+    true, drawn = render_range(world, "eye"), render_range(world, "eye", webots_version="header")
+    cut = np.isneginf(true)
+    assert 8 < cut.sum() < 56
+    np.testing.assert_allclose(drawn[~cut], true[~cut], atol=1e-5)
+    np.testing.assert_allclose(drawn[cut], 2.0, atol=1e-5)
+
+
+def test_near_in_the_way_of_everything(tmp_path):
+    world = load_text(tmp_path, finder(FINDER + " near 0.9 minRange 0.9") + wall(0.3))
+    assert np.isposinf(render_range(world, "eye", webots_version="header")).all()
+
+
+def test_back_faces_are_not_seen(tmp_path):
+    inside = "Solid { children Shape { geometry Box { size 1 1 1 } } }"
+    world = load_text(tmp_path, finder() + inside + wall(2.05))
+    np.testing.assert_allclose(render_range(world, "eye"), 2.0, atol=1e-6)
+    plane = "Solid { translation 1 0 0 rotation 0 1 0 %s children Shape { geometry Plane { size 9 9 } } }"
+    facing, turned = (load_text(tmp_path, finder() + plane % angle + wall(2.05)) for angle in (-1.5707963, 1.5707963))
+    np.testing.assert_allclose(render_range(facing, "eye"), 1.0, atol=1e-5)
+    np.testing.assert_allclose(render_range(turned, "eye"), 2.0, atol=1e-6)
+
+
+def test_the_robots_own_body(tmp_path):
+    body = "Solid { translation 0.5 0 0 children Shape { geometry Box { size 0.1 9 9 } } }"
+    world = load_text(tmp_path, finder(extra=body) + wall(2.05))
+    np.testing.assert_allclose(render_range(world, "eye"), 0.45, atol=1e-6)
+    np.testing.assert_allclose(render_range(world, "eye", exclude_body=True), 2.0, atol=1e-6)
+    for version in ("header", None):
+        image = render_range(world, "eye", exclude_body=True, webots_version=version)
+        np.testing.assert_allclose(image, 2.0, atol=1e-6)
+
+
+def test_resolution_and_noise(tmp_path):
+    world = load_text(tmp_path, finder(FINDER + " width 64 height 64 resolution 0.3 noise 0.1") + wall(2.05))
+    np.testing.assert_allclose(render_range(world, "eye"), 2.0, atol=1e-6)
+    np.testing.assert_allclose(render_range(world, "eye", webots_version="header"), 2.1, atol=1e-6)
+    noisy = render_range(world, "eye", webots_version="header", seed=3)
+    np.testing.assert_array_equal(noisy, render_range(world, "eye", webots_version="header", seed=3))
+    assert 0.08 < (noisy - 2.0).std() < 0.16
+    np.testing.assert_allclose(noisy / 0.3, np.rint(noisy / 0.3), atol=1e-4)
+
+
+def test_a_lens_bends_the_image(tmp_path):
+    lens = " width 32 height 32 lens Lens { radialCoefficients 0.5 0 }"
+    post = wall(2.05, "0.1 2.6 9")
+    straight, bent = (load_text(tmp_path, finder(FINDER + fields) + post) for fields in (" width 32 height 32", lens))
+    assert render_range(bent, "eye").tolist() == render_range(straight, "eye").tolist()
+    image = render_range(bent, "eye", webots_version="header")
+    rows = np.isfinite(image) & (image > 0)
+    assert len({tuple(row) for row in rows.tolist()}) > 1  # straight, all rows are the same
+    np.testing.assert_allclose(image[rows], 2.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("projection", ["cylindrical", "spherical"])
+def test_wide_images_are_lengths_of_rays(tmp_path, projection):
+    fields = f'name "eye" projection "{projection}" fieldOfView 3 width 31 height 31 maxRange 9'
+    world = load_text(tmp_path, finder(fields) + wall(2.05))
+    for version in (None, "header"):
+        image = render_range(world, "eye", webots_version=version)
+        assert image[15, 15] == pytest.approx(2.0, abs=1e-6)
+        assert image[15, 20] == pytest.approx(2.0 / math.cos(5 * 3 / 31), abs=1e-5)
+
+
+def test_images_are_the_same_on_every_device(device):
+    world = load_webots(WORLDS / "experiment_3_R2023b.wbt", device=device)
+    again = load_webots(WORLDS / "experiment_3_R2023b.wbt")
+    for version in (None, "header"):
+        one, other = (render_range(item, "range-finder", webots_version=version) for item in (world, again))
+        np.testing.assert_allclose(one, other, atol=1e-5)
+
+
+# ------------------------------------------------------------------------------------------------------ recognition
+
+CAMERA = 'name "eye" width 80 height 60 fieldOfView 1 recognition Recognition { %s }'
+
+
+def ball(x, y, name, radius=0.1):
+    return (
+        f'Solid {{ translation {x} {y} 0 name "{name}" recognitionColors [ 1 0 0, 0 1 0 ] '
+        f"children Shape {{ geometry Sphere {{ radius {radius} }} }} }}"
+    )
+
+
+def recognised(tmp_path, fields, text, version="R2023b"):
+    return [
+        item.name for item in recognise(load_text(tmp_path, finder(CAMERA % fields, "Camera") + text, version), "eye")
+    ]
+
+
+def test_recognition_of_the_paper(device):
+    world = load_webots(WORLDS / "experiment_3_R2023b.wbt", device=device)
+    (found,) = recognise(world, "camera")  # the person is behind the high obstacle
+    assert (found.name, found.objects) == ("ball", ("ball",))
+    eye = world.devices["camera"]
+    np.testing.assert_allclose(found.colors, [[0.9, 0.2, 0.2]])
+    x, y = eye.camera.project(found.position)
+    left, top, width, height = found.box
+    assert left < x < left + width and top < y < top + height
+    assert 0.6 * width * height < found.visible_pixels < width * height
+    seen = segmentation_image(world, "camera")
+    assert set(np.unique(seen)) == {-1, world.scene.index("ball")}
+    assert (seen >= 0).sum() == found.visible_pixels
+
+
+def test_only_solids_with_colours_in_the_image_are_recognised(tmp_path):
+    text = ball(2, 0.3, "left") + ball(2, 5, "outside") + ball(-2, 0, "behind") + wall(4)
+    assert recognised(tmp_path, "", text) == ["left"]
+
+
+def test_range_of_recognition(tmp_path):
+    text = ball(2, 0.3, "near") + ball(3, -0.3, "far")
+    assert recognised(tmp_path, "", text) == ["near", "far"]
+    assert recognised(tmp_path, "maxRange 2.5", text) == ["near"]
+
+
+def test_the_largest_are_recognised(tmp_path):
+    text = ball(2, 0.5, "small", 0.05) + ball(2, 0, "large", 0.2) + ball(2, -0.5, "middle", 0.1)
+    assert recognised(tmp_path, "", text) == ["large", "middle", "small"]
+    assert recognised(tmp_path, "maxObjects 2", text) == ["large", "middle"]
+    assert recognised(tmp_path, "maxObjects 0", text) == []
+
+
+def test_occlusion(tmp_path):
+    """One ball is in plain view; of one the middle is hidden, not the rest; one is hidden altogether."""
+    text = ball(2, 0.6, "seen", 0.12) + ball(2, 0, "half", 0.11) + ball(2, -0.6, "hidden", 0.1)
+    text += "Solid { translation 1 0 0 children Shape { geometry Box { size 0.02 0.05 9 } } }"
+    text += "Solid { translation 1 -0.3 0 children Shape { geometry Box { size 0.02 0.2 9 } } }"
+    assert recognised(tmp_path, "occlusion 0", text) == ["seen", "half", "hidden"]
+    assert recognised(tmp_path, "occlusion 1", text) == ["seen"]
+    assert recognised(tmp_path, "", text) == ["seen"]
+    assert recognised(tmp_path, "occlusion 2", text) == ["seen", "half"]
+
+
+def test_occlusion_was_a_flag(tmp_path):
+    text = "Solid { translation 0 0 -1 children Shape { geometry Box { size 9 9 0.02 } } }"
+    text += (
+        'Solid { translation 0 0 -2 name "ball" recognitionColors 1 0 0 '
+        "children Shape { geometry Sphere { radius 0.1 } } }"
+    )
+    assert recognised(tmp_path, "occlusion FALSE", text, "R2019a") == ["ball"]
+    assert recognised(tmp_path, "occlusion TRUE", text, "R2019a") == []
+
+
+def test_parts_of_what_is_recognised_belong_to_it(tmp_path):
+    hat = 'Solid { translation 0 0 0.2 name "hat" children Shape { geometry Box { size 0.1 0.1 0.1 } } }'
+    text = (
+        'Solid { translation 2 0 0 name "doll" recognitionColors 1 0 0 '
+        f"children [ Shape {{ geometry Sphere {{ radius 0.1 }} }} {hat} ] }}"
+    )
+    world = load_text(tmp_path, finder(CAMERA % "", "Camera") + text)
+    (found,) = recognise(world, "eye")
+    assert (found.name, found.objects) == ("doll", ("doll", "hat"))
+    assert found.box[3] > 1.5 * found.box[2]
+
+
+# ---------------------------------------------------------------------------------------------------------- bad input
+
+BAD = {
+    "no device": (lambda tmp: render_range(plain(tmp), "ear"), "the world has no device 'ear'; it has 'eye'"),
+    "no version": (lambda tmp: render_range(plain(tmp), "eye", webots_version="new"), "expected a Webots version"),
+    "values of a camera": (
+        lambda tmp: render_range(plain(tmp, "Camera"), "eye", webots_version="header"),
+        "'eye' is a camera, of which Webots gives no ranges; leave out webots_version",
+    ),
+    "recognition of a range finder": (
+        lambda tmp: recognise(plain(tmp), "eye"),
+        "'eye' must be a Camera with a Recognition node, which this range-finder does not have",
+    ),
+    "segmentation without": (lambda tmp: segmentation_image(plain(tmp, "Camera"), "eye"), "with a Recognition node"),
+    "occlusion of 3": (
+        lambda tmp: recognised(tmp, "occlusion 3", ball(2, 0, "ball")),
+        "world.wbt:2: expected occlusion of Recognition 0, 1 or 2, got 3",
+    ),
+    "no width": (lambda tmp: device_of(tmp, 'name "eye" width 0'), "expected width of RangeFinder from 1 up, got 0"),
+    "half a width": (lambda tmp: device_of(tmp, 'name "eye" width 1.5'), "expected a whole number in 'width'"),
+    "projection": (
+        lambda tmp: device_of(tmp, 'name "eye" projection "flat"'),
+        'expected projection "planar", "cylindrical" or "spherical", got \'flat\'',
+    ),
+    "name of numbers": (lambda tmp: device_of(tmp, "name 1"), "expected a string in 'name' of RangeFinder"),
+}
+
+
+def plain(tmp_path, kind="RangeFinder"):
+    return load_text(tmp_path, finder('name "eye"', kind) + wall(2))
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_one_sentence(case, tmp_path):
+    act, message = BAD[case]
+    with pytest.raises((FileFormatError, SceneError), match=message) as caught:
+        act(tmp_path)
+    assert "\n" not in str(caught.value)
+
+
+# ------------------------------------------------------------------------------------ what Webots' own tests expect
+
+EXPECTED = {
+    "test_range_finder_R2023b": {(32, 0): np.inf, (0, 32): np.inf, (32, 32): 2.0, (63, 32): 2.0, (32, 63): 2.0},
+    "test_range_finder_R2022a": {(0, 32): np.inf, (32, 32): 2.0, (63, 32): 2.0, (32, 63): 2.0},
+    "test_range_finder_R2019a": {(0, 32): 3.0, (32, 32): 2.0, (63, 32): 2.0, (32, 63): 2.0},
+    "test_range_finder_cylindrical_R2023b": {
+        **{(0, 64): 2.0, (64, 64): np.inf, (128, 64): 2.0, (192, 64): np.inf, (255, 64): 2.0}
+    },
+}
+
+
+@needs_shared
+@pytest.mark.parametrize("name", EXPECTED)
+def test_pixels_of_webots_own_tests(name):
+    world = quiet(SHARED / f"{name}.wbt")
+    image = render_range(world, "range-finder", webots_version="header")
+    for (x, y), value in EXPECTED[name].items():
+        assert image[y, x] == pytest.approx(value, abs=0.015), (x, y)
+
+
+@needs_shared
+def test_two_syntaxes_of_webots_sample():
+    """One scene in two conventions of axes, (x, y, z) and (x, z, -y); its robots stopped at different places."""
+    new, old = (quiet(SHARED / f"sample_range_finder_{version}.wbt") for version in ("R2023b", "R2019a"))
+    turn = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # old to new
+    for name, device in (("new", new.devices["range-finder"]), ("old", old.devices["range-finder"])):
+        matrix = wv.pose.poses_to_matrices(device.pose)
+        there = np.eye(4)
+        there[:3] = (turn.T if name == "new" else turn) @ matrix[:3]
+        poses = {"new": (matrix, there), "old": (there, matrix)}[name]
+        images = []
+        for world, pose in zip((new, old), poses, strict=True):
+            moved = dataclasses.replace(device, pose=wv.pose.poses_to_opencv(pose)[0], robot="MyBot")
+            placed = dataclasses.replace(world, devices={"eye": moved})
+            images.append(render_range(placed, "eye", exclude_body=True))
+        np.testing.assert_array_equal(np.isfinite(images[0]), np.isfinite(images[1]))
+        np.testing.assert_allclose(images[0], images[1], atol=1e-5)
+        assert 0.4 < np.isfinite(images[0]).mean() < 0.7
+
+
+@needs_shared
+@pytest.mark.parametrize("version", ["R2019a", "R2023b"])
+def test_the_sample_sees_out_of_its_own_housing(version):
+    world = quiet(SHARED / f"sample_range_finder_{version}.wbt")
+    depth = render_range(world, "range-finder")
+    assert (depth[np.isfinite(depth)] > 0.1).all() and np.isfinite(depth).any()
+    device = world.devices["range-finder"]
+    camera = dataclasses.replace(device.camera, near=0)
+    assert (wv.render(world.scene, camera, device.pose).depth.numpy() < 0.02).all()  # the housing, from within

@@ -1,0 +1,610 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""PROTO files: found, checked, filled in, and their templates run, or one sentence that says why not."""
+
+import importlib.util
+import math
+import re
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from warpvis import FileFormatError
+from warpvis.webots import templates
+from warpvis.webots.grammar import Version, parse_text
+from warpvis.webots.protos import MOST_PROTOS_NESTED, Protos
+
+needs_javascript = pytest.mark.skipif(importlib.util.find_spec("quickjs") is None, reason="no quickjs-ng")
+needs_lua = pytest.mark.skipif(importlib.util.find_spec("lupa") is None, reason="no lupa")
+JAVASCRIPT = "# template language: javascript\n"
+
+
+@pytest.fixture
+def project(tmp_path):
+    """A project folder with a world and PROTO files of one's own."""
+    return Project(tmp_path)
+
+
+class Project:
+    def __init__(self, root):
+        self.root = root
+        (root / "worlds").mkdir()
+        (root / "protos").mkdir()
+
+    def proto(self, name, interface, body, *, head="", version="R2023b", folder="protos"):
+        path = self.root / folder / f"{name}.proto"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f"#VRML_SIM {version} utf8\n{head}PROTO {name} [\n{interface}\n]\n{{\n{body}\n}}\n")
+        return path
+
+    def world(self, text, *, version="R2023b"):
+        return parse_text(f"#VRML_SIM {version} utf8\n{text}", str(self.root / "worlds" / "w.wbt"))
+
+    def expand(self, text, *search_path, strict=False, version="R2023b"):
+        """What the last node of a world stands for."""
+        world = self.world(text, version=version)
+        return Protos(world, search_path, strict=strict).expand(world.nodes[-1])
+
+
+def test_is_takes_values_defaults_and_nodes(project):
+    project.proto(
+        "Crate",
+        """
+        field SFVec3f translation 0 0 0 # a comment ]
+        field SFString name "crate"
+        field SFNode appearance PBRAppearance { roughness 0.5 }
+        field MFNode children [ Group { } ]
+        field MFNode slot [ ]
+        field SFBool locked FALSE
+        hiddenField SFNode physics NULL
+        vrmlField MFVec3f points [ 1 2 3, 4 5 6 ]
+        """,
+        """DEF CRATE Solid {
+          translation IS translation name IS name locked IS locked physics IS physics
+          children [ Shape { appearance IS appearance } Group { children IS children } Group { children IS slot } ]
+          points IS points
+        }""",
+    )
+    node = project.expand("DEF MINE Crate { translation 1 2 3 locked TRUE slot Pose { } children [ A { } B { } ] }")
+    assert (node.type, node.name) == ("Solid", "MINE")
+    np.testing.assert_array_equal(node.vector("translation", (9, 9, 9)), [1, 2, 3])
+    np.testing.assert_array_equal(node.numbers("points"), [1, 2, 3, 4, 5, 6])
+    assert node.text("name", "") == "crate" and node.flag("locked", False) and node.node("physics") is None
+    shape, first, second = node.nodes("children")
+    assert shape.node("appearance").number("roughness", 0) == 0.5
+    assert [child.type for child in first.nodes("children")] == ["A", "B"]
+    assert [child.type for child in second.nodes("children")] == ["Pose"]  # given without brackets
+    assert node.size == 8 and first.nodes("children")[0].file.endswith("w.wbt")
+
+
+def test_each_instance_has_nodes_of_its_own_and_a_use_none(project):
+    project.proto("Crate", "field SFFloat mass 1", "Solid { mass IS mass }")
+    world = project.world("DEF X Crate { mass 2 } USE X Crate { mass 3 } Solid { }")
+    protos = Protos(world)
+    first, use, second, solid = map(protos.expand, world.nodes)
+    assert first is use and first is not second and solid is None and protos.skipped == {}
+    assert (first.number("mass", 0), second.number("mass", 0)) == (2, 3)
+    assert protos.expand(world.nodes[0]) is first
+
+
+def test_is_within_instances_and_a_base_that_is_a_proto(project):
+    project.proto("Board", "field SFVec2f size 1 1 field SFColor color 0 0 0", "Solid { size IS size color IS color }")
+    project.proto("Table", "field SFVec2f top 2 2", "Board { size IS top }")
+    project.proto("Room", "field SFVec2f top 3 3", "Group { children [ Table { top IS top } Table { } ] }")
+    table = project.expand("DEF T Table { top 5 6 }")
+    assert (table.type, table.name) == ("Solid", "T")
+    np.testing.assert_array_equal(table.numbers("size"), [5, 6])
+    world = project.world("Room { top 7 8 }")
+    protos = Protos(world)
+    first, second = map(protos.expand, protos.expand(world.nodes[0]).nodes("children"))
+    np.testing.assert_array_equal([first.numbers("size"), second.numbers("size")], [[7, 8], [2, 2]])
+    assert [node.rsplit("/")[-1] for node in first.protos] == ["Room.proto", "Table.proto", "Board.proto"]
+
+
+def test_the_body_has_the_version_and_the_place_of_its_own_file(project):
+    path = project.proto(
+        "Old", "field SFNode shape NULL", "Group {\nchildren [ Plane { } ] shape IS shape }", version="R2019a"
+    )
+    node = project.expand("Old { shape Shape { } }")
+    assert node.version == Version(2019, 1) and node.node("shape").version == Version(2023, 2)
+    assert (node.file, node.line) == (str(path), 6) and node.nodes("children")[0].line == 7
+
+
+def test_def_names_end_with_the_file(project):
+    project.proto("Pair", "", 'Group { children [ DEF CUBE Shape { name "inner" } USE CUBE ] }')
+    project.proto("Bad", "", "Group { children [ USE CUBE ] }")
+    first, second = project.expand("DEF CUBE Shape { } Pair { }").nodes("children")
+    assert first is second and first.text("name", "") == "inner"
+    with pytest.raises(
+        FileFormatError, match=r"Bad.proto:6: expected a name after USE that a DEF above gave, got 'CUBE'"
+    ):
+        project.expand("DEF CUBE Shape { } Bad { }")
+    with pytest.raises(FileFormatError, match=r"w.wbt:2: expected a name after USE"):
+        project.world("Pair { } USE CUBE")
+
+
+@pytest.mark.parametrize(
+    ("url", "place"),
+    [
+        ("webots://projects/objects/protos/Box1.proto", "webots/projects/objects/protos"),
+        ("webots://projects/objects/protos/Box1.proto", "webots/objects/protos"),
+        ("https://raw.githubusercontent.com/cyberbotics/webots/R2023b/projects/a/Box1.proto", "webots/projects/a"),
+        ("https://raw.githubusercontent.com/cyberbotics/webots/R2023b/projects/a/Box1.proto", "webots/elsewhere/b"),
+        ("https://example.org/Box1.proto", "webots/deep/er"),
+        ("../others/Box1.proto", "others"),
+        ("Box1.proto", "worlds"),
+    ],
+)
+def test_files_are_found_by_their_urls(project, url, place):
+    project.proto("Box1", "", "Solid { }", folder=place)
+    project.proto("Box1", "", "WrongOne { }", folder="webots/zzz")
+    (project.root / "webots").mkdir(exist_ok=True)
+    assert project.expand(f'EXTERNPROTO "{url}" Box1 {{ }}', project.root / "webots").type == "Solid"
+
+
+def test_an_absolute_url_and_a_url_of_a_proto_file(project):
+    path = project.proto("Inner", "", "Solid { }", folder="far")
+    project.proto("Outer", "", "Inner { }", head='EXTERNPROTO "../far/Inner.proto"\n', folder="near")
+    assert project.expand(f'EXTERNPROTO "{path}" Inner {{ }}').type == "Solid"
+    assert project.expand('EXTERNPROTO "../near/Outer.proto" Outer { }').type == "Solid"
+
+
+def test_files_without_urls_come_from_the_project_then_the_search_path(project):
+    project.proto("Mine", "", "Solid { }", folder="protos/sub")
+    project.proto("Mine", "", "WrongOne { }", folder="webots")
+    project.proto("Theirs", "", "Robot { }", folder="webots/a/b")
+    assert project.expand("Mine { }", project.root / "webots").type == "Solid"
+    assert project.expand("Theirs { }", project.root / "webots").type == "Robot"
+
+
+def test_missing_files_are_counted(project):
+    (project.root / "webots").mkdir()
+    world = project.world("Unknown { } DEF U Unknown { } USE U Other { } Solid { }")
+    protos = Protos(world, [project.root / "webots"])
+    assert [protos.expand(node) for node in world.nodes] == [None] * 5
+    assert protos.skipped == {"Unknown": 2, "Other": 1}
+    message = r"w.wbt:3: expected a file Unknown.proto for Unknown, got none on the search path \(.*webots\)"
+    with pytest.raises(FileFormatError, match=message):
+        project.expand("\nUnknown { }", project.root / "webots", strict=True)
+    with pytest.raises(FileFormatError, match=r"got none on the search path \(empty\)"):
+        project.expand("Unknown { }", strict=True)
+    with pytest.raises(FileFormatError, match=r"nowhere: expected a folder of PROTO files"):
+        project.expand("Unknown { }", project.root / "nowhere")
+
+
+def test_a_base_without_a_file_is_the_result(project):
+    project.proto("Known", "", "Unknown { size 3 }")
+    world = project.world("DEF K Known { }")
+    protos = Protos(world)
+    base = protos.expand(world.nodes[0])
+    assert (base.type, base.name, protos.skipped) == ("Unknown", "K", {})
+    assert protos.expand(base) is None and protos.skipped == {"Unknown": 1}
+
+
+def test_fields_that_the_interface_lacks(project):
+    project.proto("Crate", "", "Solid { }")
+    assert project.expand("Crate { size 1 }").fields == {}
+    with pytest.raises(FileFormatError, match=r"w.wbt:2: expected a field of the PROTO's interface in 'size' of Crate"):
+        project.expand("Crate { size 1 }", strict=True)
+
+
+INTERFACE = """
+    field SFString{"small", "large"} kind "small"
+    field MFInt32{1, 2} sizes [ 1 ]
+    field SFVec2f{0 0, 1 1} corner 0 0
+    field SFNode{Box { }, Sphere { }} shape NULL
+    field SFInt32 count 1
+    field SFBool on TRUE
+    field SFRotation rotation 0 0 1 0
+    field MFColor colors [ ]
+"""
+
+
+def test_allowed_values(project):
+    project.proto("Crate", INTERFACE, "Solid { kind IS kind sizes IS sizes corner IS corner shape IS shape }")
+    node = project.expand('Crate { kind "large" sizes [ 2 1 2 ] corner 1 1 shape Box { } }')
+    assert node.text("kind", "") == "large" and node.node("shape").type == "Box"
+    np.testing.assert_array_equal(node.numbers("sizes"), [2, 1, 2])
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ('kind "tiny"', "expected one of 'small', 'large' in 'kind' of Crate, got 'tiny'"),
+        ("sizes [ 1 3 ]", "expected one of 1, 2 in 'sizes' of Crate, got 3"),
+        ("corner 0 1", "expected one of 0 0, 1 1 in 'corner' of Crate, got 0 1"),
+        ("count 1.5", "expected whole numbers in 'count' of Crate, got 1.5"),
+        ("count 1 2", "expected a value of type SFInt32 in 'count' of Crate, got 2 values"),
+        ('on "yes"', "expected TRUE or FALSE in 'on' of Crate, got 'yes'"),
+        ("rotation 0 0 1", "expected a value of type SFRotation in 'rotation' of Crate, got 3 values"),
+        ("colors [ 1 2 ]", "expected a value of type MFColor in 'colors' of Crate, got 2 values"),
+        ("colors Box { }", "expected a value of type MFColor in 'colors' of Crate, got Box"),
+        ("shape [ Box { } Box { } ]", "expected one node in 'shape' of Crate, got 2"),
+        ("shape 1", "expected nodes in 'shape' of Crate, got 1"),
+    ],
+)
+def test_wrong_values(project, fields, message):
+    project.proto("Crate", INTERFACE, "Solid { }")
+    with pytest.raises(FileFormatError, match=re.escape(f"w.wbt:3: {message}")):
+        project.expand(f"\nCrate {{ {fields} }}")
+
+
+@pytest.mark.parametrize(
+    ("interface", "body", "message"),
+    [
+        ("size 1", "Solid { }", r"4: expected a field or '\]', got 'size'"),
+        ("field SFSize size 1", "Solid { }", "4: expected a type of fields, like SFVec3f, got 'SFSize'"),
+        ("field SFFloat 1", "Solid { }", "4: expected the name of a field of type SFFloat, got '1'"),
+        (
+            "field SFFloat size ",
+            "Solid { }",
+            r"4: expected '\{' after field|4: expected a default|5: expected a default",
+        ),
+        ("field SFFloat size 1 2", "Solid { }", "4: expected a value of type SFFloat in 'size' of PROTO, got 2 values"),
+        ('field SFString{"a"} size "b"', "Solid { }", "4: expected one of 'a' in 'size' of PROTO, got 'b'"),
+        ("", "", "9: expected one node in the body of Crate, got 0"),
+        ("", "Solid { } Solid { }", "9: expected one node in the body of Crate, got 2"),
+        ("", "Solid { } 5", r"7: expected '\}' after the body of Crate, got '5'"),
+        ("", "Solid { ", r"9: expected '\}' after the body of Crate, got the end of the file"),
+        ("", "Solid { } }", r"8: expected one node in the body of Crate, got '\}'"),
+        ("", "Solid { size IS size }", "7: expected a field of the PROTO after IS, got 'size'"),
+        ("field SFFloat size 1", "Solid { size IS 5 }", "7: expected a field of the PROTO after IS, got '5'"),
+    ],
+)
+def test_malformed_files(project, interface, body, message):
+    project.proto("Crate", interface, body, head="\n")
+    with pytest.raises(FileFormatError, match=f"Crate.proto:({message})"):
+        project.expand("Crate { }")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("PROTO Crate [ ] { Solid { } }", "1: expected the header '#VRML_SIM <version> utf8', got "),
+        ("#VRML_SIM R2023b utf8\nSolid { }", "2: expected EXTERNPROTO or PROTO, got 'Solid'"),
+        (
+            "#VRML_SIM R2023b utf8\nPROTO Box1 [ ] { Solid { } }",
+            "2: expected a PROTO of the file's name 'Crate', got 'Box1'",
+        ),
+        ("#VRML_SIM R2023b utf8\nPROTO Crate { Solid { } }", r"2: expected '\[' after PROTO Crate, got '\{'"),
+        (
+            "#VRML_SIM R2023b utf8\nPROTO Crate [ ] Solid { }",
+            r"2: expected '\{' and the body of the PROTO, got 'Solid'",
+        ),
+        ("#VRML_SIM R2023b utf8\nPROTO Crate [ ", r"2: expected a field or '\]', got the end of the file"),
+    ],
+)
+def test_files_that_hold_no_proto(project, text, message):
+    (project.root / "protos" / "Crate.proto").write_text(text)
+    with pytest.raises(FileFormatError, match=f"Crate.proto:{message}"):
+        project.expand("Crate { }")
+
+
+@pytest.mark.parametrize("link", ["C { x IS x }", "Group { children C { } }", "Group { child IS n }"])
+def test_circles_are_named(project, link):
+    project.proto("A", "field SFNode x NULL", "B { }")
+    project.proto("B", "field SFNode x NULL field SFNode n C { }", link)
+    project.proto("C", "field SFNode x NULL", "A { }")
+    world = project.world("A { }")
+    protos = Protos(world)
+    with pytest.raises(
+        FileFormatError, match=r"C.proto:6: expected PROTOs that do not use themselves, got A -> B -> C -> A"
+    ):
+        node = protos.expand(world.nodes[0])
+        while node is not None:
+            (child,) = node.nodes("children") + node.nodes("child")
+            node = protos.expand(child)
+
+
+def test_a_proto_within_a_field_of_itself_is_no_circle(project):
+    project.proto("Box1", "field MFNode children [ ]", "Group { children IS children }")
+    world = project.world("Box1 { children Box1 { children Box1 { } } }")
+    protos = Protos(world)
+    node, depth = world.nodes[0], 0
+    while node is not None:
+        node, depth = next(iter(protos.expand(node).nodes("children")), None), depth + 1
+    assert depth == 3
+
+
+def test_protos_within_protos_are_limited(project):
+    for i in range(MOST_PROTOS_NESTED + 2):
+        project.proto(f"P{i}", "", f"P{i + 1} {{ }}")
+    with pytest.raises(FileFormatError, match=rf"expected at most {MOST_PROTOS_NESTED} PROTOs within PROTOs, got more"):
+        project.expand("P0 { }")
+
+
+def test_nodes_of_all_instances_are_limited(project, monkeypatch):
+    monkeypatch.setattr("warpvis.webots.protos.MOST_PROTO_NODES", 5000)
+    for i in range(10):
+        project.proto(f"P{i}", "", f"Group {{ children [ {f'P{i + 1} {{ }} ' * 10} ] }}")
+    world = project.world("P0 { }")
+    protos, nodes = Protos(world), [world.nodes[0]]
+    with pytest.raises(FileFormatError, match=r"expected PROTOs that stand for at most 5000 nodes, got more"):
+        while nodes:
+            nodes = [child for node in nodes for child in protos.expand(node).nodes("children")]
+
+
+# Templates
+
+
+def values_of(project, program, *, interface="", fields="", head=JAVASCRIPT):
+    """What expressions of a template give, as a node's fields a, b, ..."""
+    project.proto("Maker", interface, f"Solid {{ {program} }}", head=head)
+    return project.expand(f"Maker {{ {fields} }}")
+
+
+@needs_javascript
+def test_javascript_makes_nodes(project):
+    project.proto(
+        "Stairs",
+        'field SFInt32 steps 2 field SFVec3f size 1 2 3 field SFString name "stairs" field SFVec3f translation 0 0 0',
+        """
+        %<
+          // a comment, and more than one line
+          const size = fields.size.value;
+          let steps = fields.steps.value
+          if (steps < 1) { steps = fields.steps.defaultValue; console.error("too few"); }
+        >%
+        # a comment hides %< what is in it
+        Solid {
+          translation IS translation
+          name "%<= fields.name.value + '#' + steps >% \\"of\\" {"
+          children [
+            %< for (let i = 0; i < steps; ++i) { >%
+              Shape { geometry Box { size %<= size.x >% %<= size.y / 4 >% %<= size.z * (i + 1); >% } }
+            %< } >%
+            %< if (steps > 5) >% Group { } %< else >% Pose { }
+          ]
+        }""",
+        head=JAVASCRIPT,
+    )
+    node = project.expand("DEF S Stairs { steps 3 size 4 5 6 translation 7 8 9 }")
+    np.testing.assert_array_equal(node.numbers("translation"), [7, 8, 9])
+    assert node.name == "S" and node.text("name", "") == 'stairs#3 "of" {'
+    *shapes, last = node.nodes("children")
+    sizes = [shape.node("geometry").numbers("size") for shape in shapes]
+    np.testing.assert_array_equal(sizes, [[4, 1.25, 6], [4, 1.25, 12], [4, 1.25, 18]])
+    assert last.type == "Pose" and node.line == 15
+    assert len(project.expand("Stairs { steps -1 }").nodes("children")) == 3
+
+
+@needs_javascript
+def test_javascript_sees_fields_of_every_type(project):
+    interface = """
+        field SFBool flag TRUE field SFFloat real 0.5 field SFString text "a\\"b" field SFVec2f two 1 2
+        field SFColor color 0.1 0.2 0.3 field SFRotation turn 1 2 3 4 field SFNode none NULL
+        field SFNode node Box { size 1 2 3 name "x" } field MFNode nodes [ A { } B { } ] field MFFloat reals [ 1 2 ]
+        field MFVec3f points [ 1 2 3 4 5 6 ] field MFString texts [ "p" "q" ]
+    """
+    node = values_of(
+        project,
+        """
+        a %<= fields.flag.value ? "TRUE" : "FALSE" >% b %<= fields.real.value + fields.real.defaultValue >%
+        c %<= JSON.stringify(fields.text.value) >% d %<= fields.two.value.x + fields.two.value.y >%
+        e %<= fields.color.value.b >% f %<= fields.turn.value.a >%
+        g %<= fields.none.value === undefined ? 1 : 2 >%
+        h "%<= fields.node.value.node_name >%" i %<= fields.node.value.fields.size.value.z >%
+        j "%<= fields.nodes.value.map((n) => n.node_name).join('') >%" k %<= fields.reals.value.length >%
+        l %<= fields.points.value[1].y >% m "%<= fields.texts.value >%" n "%<= fields.node.value.fields.name.value >%"
+        """,
+        interface=interface,
+        fields="real 1.5 none NULL",
+    )
+    expected = [
+        [True],
+        [2.0],
+        ['a"b'],
+        [3.0],
+        [0.3],
+        [4.0],
+        [1.0],
+        ["Box"],
+        [3.0],
+        ["AB"],
+        [2.0],
+        [5.0],
+        ["p,q"],
+        ["x"],
+    ]
+    assert [node.fields[name] for name in "abcdefghijklmn"] == expected
+
+
+@needs_javascript
+def test_javascript_knows_where_it_is(project):
+    text = 'a "%<= context.webots_version.major >%" b "%<= context.coordinate_system >%"'
+    node = values_of(project, text + ' c "%<= context.proto >%" d "%<= context.os >%"')
+    path = str(project.root / "protos" / "Maker.proto")
+    assert [node.text(name, "") for name in "abcd"] == ["R2023b", "ENU", path, "linux"]
+
+
+@needs_javascript
+def test_the_modules_of_javascript(project):
+    node = values_of(
+        project,
+        """
+        %<
+          import * as wbvector2 from 'wbvector2.js';
+          import {add as plus, cross, normalize} from "wbvector3.js";
+          import * as wbrotation from 'wbrotation.js';
+          import * as wbrandom from 'wbrandom.js';
+          import * as wbutility from 'wbutility.js';
+          import * as wbgeometry from 'wbgeometry.js';
+          const x = {x: 1, y: 0, z: 0}, y = {x: 0, y: 1, z: 0}, quarter = {x: 0, y: 0, z: 2, a: Math.PI / 2};
+          const show = (v) => Object.values(v).join(' ');
+          wbrandom.seed(0);
+        >%
+        a %<= show(plus(x, y)) >% b %<= show(cross(x, y)) >% c %<= show(normalize({x: 3, y: 0, z: 4})) >%
+        d %<= wbvector2.distance({x: 0, y: 3}, {x: 4, y: 0}) >%
+        e %<= show(wbvector2.intersection({x: 0, y: 0}, {x: 2, y: 2}, {x: 0, y: 2}, {x: 2, y: 0})) >%
+        f %<= show(wbrotation.rotateVector3ByRotation(quarter, x)) >%
+        g %<= show(wbrotation.combine(quarter, quarter)) >%
+        h %<= show(wbrotation.fromMatrix3(wbrotation.toMatrix3(quarter))) >%
+        i %<= wbrandom.real() >% j %<= wbrandom.integer(0, 9) >% k %<= Math.random() < 1 ? Date.now() : -1 >%
+        l %<= wbutility.degreesToRadians(180) >% m %<= wbgeometry.circle(1, 4, {x: 1, y: 1}, 0).map(show).join(' ') >%
+        n %<= show(wbrotation.fromMatrix3(wbrotation.toMatrix3({x: 0, y: 1, z: 0, a: Math.PI}))) >%
+        o %<= show(wbgeometry.bSpline2([x, y, {x: 1, y: 2}].map((p) => ({x: p.x, y: p.y})), 1)[2]) >%
+        p %<= wbgeometry.isPoint2InPolygon({x: 1, y: 1}, [{x: 0, y: 0}, {x: 3, y: 0}, {x: 0, y: 3}]) ? 1 : 0 >%
+        q %<= wbgeometry.isPoint2ArrayClockwise([{x: 0, y: 0}, {x: 3, y: 0}, {x: 0, y: 3}]) ? 1 : 0 >%
+        """,
+    )
+    expected = {
+        "a": [1, 1, 0],
+        "b": [0, 0, 1],
+        "c": [0.6, 0, 0.8],
+        "d": [5],
+        "e": [1, 1],
+        "f": [0, 1, 0],
+        "g": [0, 0, 1, math.pi],
+        "h": [0, 0, 1, math.pi / 2],
+        "i": [12820163 / 16777215],
+        "k": [0],
+        "l": [math.pi],
+        "m": [2, 1, 1, 2, 0, 1, 1, 0, 2, 1],
+        "n": [0, 1, 0, math.pi],
+        "p": [1],
+        "q": [1],  # as if y pointed down
+    }
+    for name, values in expected.items():
+        np.testing.assert_allclose(node.numbers(name), values, atol=1e-9, err_msg=name)
+    assert 0 <= node.integer("j", -1) <= 9
+    np.testing.assert_allclose(node.numbers("o"), [1 / 3, 1])  # (1 (1, 0) + 4 (0, 1) + 1 (1, 2)) / 6
+
+
+@needs_javascript
+@pytest.mark.parametrize(
+    ("program", "message"),
+    [
+        ("%< while (true) { } >%", "[67]: expected a template that runs, got one that runs longer than 1 s"),
+        (
+            "a 1\n%< let s = []; for (;;) s.push('x'.repeat(1e6) + s.length); >%",
+            "8: .* got InternalError: out of memory",
+        ),
+        ("%< const f = () => f() + 1; f(); >%", "7: .* got RangeError: Maximum call stack size exceeded"),
+        ("\n\n%< nothing(); >%", "9: .* got ReferenceError: nothing is not defined"),
+        ("a %<= fields.nothing.value >%", "7: .* got TypeError: cannot read property 'value' of undefined"),
+        ("%<\nlet a = 1;\nlet b = ;\n>%", "9: .* got SyntaxError: "),
+        ("%< implicit = 1; >%", "7: .* got ReferenceError: implicit is not defined"),
+        ("%< if (true) { >%", "[0-9]+: .* got SyntaxError: "),
+        ("%< let a = 1;", "7: expected '>%' after '%<', got the end of the file"),
+        ("a %<= undefined >%", "7: .*expected '{' after undefined, got '}'"),
+        ("%< return 5; >%", "6: expected a template that makes a text, got '5'"),
+        ("%< throw null; >%", "6: .* got null"),
+        ('a "%<= "\\ud800" >%"', "6: .* got UnicodeDecodeError"),
+        ("a %<= 0 / 0 >%", "7: expected finite numbers, got 'NaN'"),
+        ("%< import * as fs from 'fs.js'; fs.x(); >%", "7: .* got TypeError: "),
+    ],
+)
+def test_javascript_that_fails(project, monkeypatch, program, message):
+    monkeypatch.setattr(templates, "SECONDS", 1)
+    start = time.perf_counter()
+    with pytest.raises(FileFormatError, match=rf"Maker.proto:{message}"):
+        values_of(project, program)
+    assert time.perf_counter() - start < 10
+
+
+@needs_javascript
+def test_a_template_gets_no_more_than_it_can_hold(project, monkeypatch):
+    monkeypatch.setattr(templates, "_MOST_VALUES", 10_000)
+    defs = "Group { children [ DEF N0 A { } ] }" + "".join(
+        f"DEF N{i} Group {{ children [ {f'USE N{i - 1} ' * 10} ] }}" for i in range(1, 7)
+    )
+    project.proto(
+        "Maker", "field SFNode node NULL", 'Solid { a "%<= fields.node.value.node_name >%" }', head=JAVASCRIPT
+    )
+    with pytest.raises(FileFormatError, match=r"w.wbt:2: expected at most 10000 values for a template, got more"):
+        project.expand(defs + "Maker { node USE N6 }")
+    with pytest.raises(FileFormatError, match=r"w.wbt:2: expected at most 60 nodes within nodes for a template"):
+        project.expand("Maker { node " + "Group { children " * 100 + "A { }" + "}" * 101)
+
+
+@needs_javascript
+def test_a_large_text(project):
+    node = values_of(project, "a [ %< for (let i = 0; i < 1e5; ++i) { >% %<= i >% %< } >% ]" + " b %<= 1 >%" * 5000)
+    np.testing.assert_array_equal(node.numbers("a"), np.arange(1e5))
+
+
+@needs_lua
+def test_a_large_text_of_lua(project):
+    node = values_of(project, "a [ %{ for i = 1, 1e5 do }% %{= i }% %{ end }% ]" + " b %{= 1 }%" * 5000, head="")
+    np.testing.assert_array_equal(node.numbers("a"), 1 + np.arange(1e5))
+
+
+@needs_javascript
+def test_a_template_is_run_once_for_equal_fields(project, monkeypatch):
+    runs = []
+    render = templates.render
+    monkeypatch.setattr("warpvis.webots.protos.render", lambda *given: runs.append(given) or render(*given))
+    interface = "field SFFloat size 1 field SFFloat unused 1"
+    project.proto("Maker", interface, "Solid { size %<= fields.size.value >% unused IS unused }", head=JAVASCRIPT)
+    world = project.world("Maker { size 1 unused 3 } Maker { unused 4 } Maker { size 2 }")
+    protos = Protos(world)
+    nodes = [protos.expand(node) for node in world.nodes]
+    assert [(node.number("size", 0), node.number("unused", 0)) for node in nodes] == [(1, 3), (1, 4), (2, 1)]
+    assert len(runs) == 2
+
+
+@needs_lua
+def test_lua_makes_nodes(project):
+    project.proto(
+        "Stairs",
+        "field SFInt32 steps 2 field SFVec3f size 1 2 3 field SFNode physics NULL field MFFloat reals [ 4 5 ]",
+        """
+        %{
+          -- a comment
+          local size = fields.size.value
+          if fields.steps.value < 1 then io.stderr:write("too few") print(context.proto) end
+          if fields.physics.value then size.x = 7 end
+        }%
+        Solid {
+          name "%{= fields.steps.defaultValue }%"
+          children [
+            %{ for i = 1, fields.steps.value do }%
+              Box { size %{=size.x}% %{= size.y / 4 }% %{= fields.reals.value[i] }% }
+            %{ end }%
+          ]
+        }""",
+        version="R2019a",
+    )
+    node = project.expand("Stairs { size 8 2 3 }", version="R2019a")
+    sizes = [box.numbers("size") for box in node.nodes("children")]
+    np.testing.assert_array_equal(sizes, [[8, 0.5, 4], [8, 0.5, 5]])
+    assert node.text("name", "") == "2" and node.version == Version(2019, 1)
+    assert project.expand("Stairs { physics Physics { } }").nodes("children")[0].numbers("size")[0] == 7
+
+
+@needs_lua
+@pytest.mark.parametrize(
+    ("program", "message"),
+    [
+        ("\n%{ while true do end }%", "7: expected a template that runs, got one that runs longer than"),
+        ("%{ local s = 'x' while true do s = s .. s end }%", "5: .* got not enough memory"),
+        ("\n\n%{ nothing() }%", "8: .* got attempt to call global 'nothing'"),
+        ("%{ local x = = 1 }%", "6: .* got unexpected symbol near '='"),
+        ("%{ local x = 1", "6: expected '}%' after '%{', got the end of the file"),
+        ("\n%{ error() }%", "5: .* got an error without a message"),
+        ("a %{= io.open('/etc/passwd') }%", "6: .* got attempt to call field 'open'"),
+        ("a %{= os.execute('true') }%", "6: .* got attempt to call field 'execute'"),
+        ("a %{= python.eval('1') }%", "6: .* got attempt to index global 'python'"),
+    ],
+)
+def test_lua_that_fails(project, monkeypatch, program, message):
+    monkeypatch.setattr(templates, "_LUA_STEPS", 10_000_000)
+    start = time.perf_counter()
+    with pytest.raises(FileFormatError, match=rf"Maker.proto:{message}"):
+        values_of(project, program, head="")
+    assert time.perf_counter() - start < 10
+
+
+@pytest.mark.parametrize(
+    ("module", "program", "engine"),
+    [("quickjs", "%<= 1 >%", "JavaScript engine quickjs-ng"), ("lupa", "%{= 1 }%", "Lua engine lupa")],
+)
+def test_without_the_engine_the_extra_is_named(project, monkeypatch, module, program, engine):
+    monkeypatch.setitem(sys.modules, module, None)
+    message = (
+        rf"Maker.proto:5: expected the {engine} for the PROTO's template, got none: pip install 'warpvis\[webots\]'"
+    )
+    with pytest.raises(FileFormatError, match=message):
+        values_of(project, f"a {program}", head="")

@@ -1,0 +1,522 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Webots worlds as scenes: geometry, places, names, labels, robots, and what cannot be read."""
+
+import json
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import warpvis as wv
+from warpvis import Label, Scene
+from warpvis.errors import FileFormatError, SceneError
+from warpvis.scenes import EXPERIMENTS
+from warpvis.webots.devices import render_range
+from warpvis.webots.geometry import tessellate
+from warpvis.webots.grammar import Version, parse_text
+from warpvis.webots.parts import rotation_matrix
+from warpvis.webots.world import load_webots
+
+WORLDS = Path(__file__).parent.parent / "scenes" / "webots"
+SHARED = Path(__file__).parent.parent.parent / "shared" / "webots"
+
+
+def load_text(tmp_path, text, version="R2023b", **options):
+    path = tmp_path / "world.wbt"
+    path.write_text(f"#VRML_SIM {version} utf8\n{text}")
+    return load_webots(path, **options)
+
+
+def solid(fields, geometry="Box { size 1 1 1 }", kind="Solid"):
+    return f"{kind} {{ {fields} children Shape {{ geometry {geometry} }} }}"
+
+
+def corners(scene, name):
+    return scene[name].vertices[np.lexsort(scene[name].vertices.T)]
+
+
+def volume(scene, name):
+    item = scene[name]
+    return trimesh.Trimesh(item.vertices.astype(np.float64), item.faces).volume
+
+
+# ------------------------------------------------------------------------------------------------- the paper's set-up
+
+
+@pytest.fixture(scope="module")
+def paper():
+    return {version: load_webots(WORLDS / f"experiment_3_{version}.wbt") for version in ("R2021b", "R2023b")}
+
+
+def test_both_syntaxes_give_the_same_image(paper):
+    old, new = (render_range(world, "range-finder") for world in paper.values())
+    assert old.shape == (240, 320) and 0.5 < np.isfinite(old).mean() < 0.9
+    np.testing.assert_array_equal(np.isfinite(old), np.isfinite(new))
+    np.testing.assert_allclose(old, new, atol=1e-6, rtol=0)
+    assert [paper[version].scene.up for version in paper] == ["y", "z"]
+
+
+def test_the_world_is_the_preset(paper):
+    """The floor and the obstacles are those of the scene built in Python, seen by the same camera."""
+    preset = EXPERIMENTS[2]
+    world = paper["R2023b"]
+    device = world.devices["range-finder"]
+    assert device.camera == preset.camera
+    np.testing.assert_allclose(
+        wv.pose.poses_to_matrices(device.pose), wv.pose.poses_to_matrices(preset.poses()[0]), atol=1e-7
+    )
+    others = ("ball", "person", "robot", "left wheel", "right wheel", "range-finder")
+    depth = wv.render(world.scene, device.camera, device.pose, exclude=others, cull_backfaces=True).depth.numpy()
+    wanted = wv.render(preset.build(), preset.camera, preset.poses(), exclude=("ball", "person", "robot")).depth.numpy()
+    same = np.isfinite(depth) == np.isfinite(wanted)
+    assert same.mean() > 0.9999  # of the floor's far edge and the slab's side, a row of pixels at most
+    np.testing.assert_allclose(depth[same], wanted[same], atol=2e-5)
+
+
+def test_the_ball_is_seen_over_the_low_obstacle(paper):
+    for world in paper.values():
+        device = world.devices["range-finder"]
+        seen = wv.object_visibility(world.scene, device.camera, device.pose, exclude=world.robots["robot"])
+        pixels = dict(zip(seen.names, seen.visible_pixels.numpy()[0].tolist(), strict=True))
+        assert pixels["ball"] > 300 and pixels["person"] == 0
+
+
+def test_names_labels_and_robots(paper):
+    world = paper["R2023b"]
+    labels = {item.name: item.label for item in world.scene}
+    assert labels == {
+        "floor": Label.GROUND,
+        "low obstacle": Label.OBSTACLE,
+        "high obstacle": Label.OBSTACLE,
+        "ball": Label.OBJECT,
+        "person": Label.HUMAN,
+        "robot": Label.ROBOT,
+        "left wheel": Label.ROBOT,
+        "right wheel": Label.ROBOT,
+        "range-finder": Label.ROBOT,
+    }
+    assert world.robots == {"robot": ("robot", "left wheel", "right wheel", "range-finder")}
+    assert set(world.devices) == {"range-finder", "camera"}
+    assert world.version == Version.parse("R2023b") and not world.skipped and not world.notes
+    assert "Robot 'robot' (DEF ROBOT): object 'robot', 156 triangles\n  Solid 'left wheel'" in world.tree
+
+
+# ------------------------------------------------------------------------------------- every node, compared by hand
+
+
+def by_hand(text, *places):
+    """A geometry node's triangles at places of ``(translation, rotation, scale)``, the outermost first."""
+    node = parse_text(text, str(WORLDS / "by_hand.wbt"), version=Version.parse("R2023b")).nodes[0]
+    vertices, faces = tessellate(node)
+    for translation, rotation, scale in reversed(places):
+        vertices = (rotation_matrix(np.array(rotation, dtype=float)) @ (np.array(scale) * vertices).T).T + translation
+    return vertices, faces
+
+
+def at(*translation, turn=(0, 0, 1, 0), scale=(1, 1, 1)):
+    return translation, turn, scale
+
+
+CUBE, LINK = "Box { size 0.4 0.6 0.8 }", "Box { size 0.1 0.1 0.4 }"
+CAPSULE = at(2, -1.5, 0.4, turn=(1, 0, 0, np.pi / 2))
+ARM = at(0, -2, 0.5, turn=(0, 0, 1, 0.4))
+ELBOW, SLIDER = at(0.1, 0, 0.4, turn=(0, 1, 0, 0.5)), at(0, 0.15, 0.1)
+WHOLE = {
+    "GROUND_PLANE": [("Plane { size 8 6 }",)],
+    "BOX_PLACE": [
+        (
+            CUBE,
+            at(1, 0, 0.25, turn=(0, 0, 1, 0.5), scale=(1, 2, 0.5)),
+            at(0.5, 0.25, 0.5),
+            at(0, 0, 0, turn=(0.5**0.5, 0.5**0.5, 0, 0.7), scale=(0.5, 0.25, 1)),
+        )
+    ],
+    "shape": [("Sphere { radius 0.2 subdivision 2 }",)],
+    "BALL": [("Sphere { radius 0.25 subdivision 12 ico FALSE }", at(-1, -1, 1))],
+    "column": [
+        ("Cylinder { height 1.2 radius 0.15 bottom FALSE }", at(-2, 1, 0.6, turn=(0, 1, 0, 0.3))),
+        ("Cone { bottomRadius 0.2 height 0.6 }", at(-2, 1, 0.6, turn=(0, 1, 0, 0.3)), at(0, 0, 0.9)),
+    ],
+    "capsule": [("Capsule { height 0.5 radius 0.1 }", CAPSULE)],
+    "cube on a capsule": [(CUBE, CAPSULE, at(0, 0, 0.7))],
+    "hills": [
+        (
+            "ElevationGrid { height [ 0 .1 .2 .1 .3 .1 0 .2 0 .1 .1 .3 ] xDimension 3 xSpacing .4 "
+            "yDimension 4 ySpacing .3 }",
+            at(-1.5, -2, 0),
+        )
+    ],
+    "pyramid": [
+        (
+            "IndexedFaceSet { coord Coordinate { point [ 0 0 0 .4 0 0 .4 .4 0 0 .4 0 .2 .2 .6 ] } "
+            "coordIndex [ 3 2 1 0 -1 0 1 4 -1 1 2 4 -1 2 3 4 -1 3 0 4 -1 ] }",
+            at(2.5, 1.5, 0.1, turn=(0, 0, 1, -0.8)),
+        )
+    ],
+    "MIRRORED": [('Mesh { url "tetrahedron.obj" }', at(0, 2, 0.3, scale=(-1, 1, 1)))],
+    "cad": [('Mesh { url "tetrahedron.obj" }', at(0.8, 2, 0.3))],
+    "arm": [
+        (LINK, ARM),
+        ("Box { size .02 .02 .02 }", ARM, at(0, 0, 1)),  # the name is given twice: the last one counts
+    ],
+    "solid": [(LINK, ARM, ELBOW)],
+    "slider": [(LINK, ARM, ELBOW, SLIDER)],
+    "solid (2)": [(LINK, ARM, ELBOW, SLIDER, at(0, 0, 0.45, turn=(1, 0, 0, 0.25)))],
+    "hinge 2": [(LINK, ARM, at(-0.2, 0, -0.2))],
+    "tool": [(LINK, ARM, at(0, 0, -0.4))],
+    "track": [(LINK, ARM, at(0, -0.3, 0))],
+    "head": [("Cylinder { height 0.04 radius 0.03 }", ARM, at(0, 0, 0.25), at(0, 0, 0.05))],
+    "slow helix": [(LINK, ARM, at(0, 0.2, 0.2))],
+}
+
+
+@pytest.fixture(scope="module")
+def shapes():
+    return load_webots(WORLDS / "shapes_R2023b.wbt")
+
+
+def test_all_objects_are_there(shapes):
+    assert {item.name for item in shapes.scene} == set(WHOLE)
+    assert shapes.robots["arm"] == tuple(name for name in list(WHOLE)[11:])
+    assert {item.name for item in shapes.scene if item.label == Label.GROUND} == {"GROUND_PLANE"}
+
+
+@pytest.mark.parametrize("name", WHOLE)
+def test_every_node_is_where_it_was_put(shapes, name):
+    parts = [by_hand(*part) for part in WHOLE[name]]
+    vertices = np.concatenate([vertices for vertices, _ in parts])
+    item = shapes.scene[name]
+    if name == "arm":  # one more cube than by hand: both of the last DEF
+        item_vertices = np.concatenate([item.vertices[:8], item.vertices[-8:]])
+        assert len(item.vertices) == 24
+    else:
+        item_vertices = item.vertices
+        starts = np.cumsum([0] + [len(part) for part, _ in parts])
+        faces = np.concatenate([faces + start for (_, faces), start in zip(parts, starts, strict=False)])
+        faces = faces[:, ::-1] if name == "MIRRORED" else faces
+        np.testing.assert_array_equal(item.faces, faces)
+    np.testing.assert_allclose(item_vertices, vertices, atol=1e-6)
+
+
+def test_mirrored_shapes_face_outwards(shapes):
+    assert volume(shapes.scene, "cad") == pytest.approx(0.3**3 / 6, rel=1e-5)
+    assert volume(shapes.scene, "MIRRORED") == pytest.approx(0.3**3 / 6, rel=1e-5)
+    assert volume(shapes.scene, "BOX_PLACE") == pytest.approx(0.4 * 0.6 * 0.8 * (1 * 2 * 0.5) * (0.5 * 0.25), rel=1e-5)
+
+
+def test_the_image_is_that_of_the_scene_by_hand(shapes, device):
+    scene = Scene(device=device)
+    for name, parts in WHOLE.items():
+        for k, part in enumerate(parts):
+            vertices, faces = by_hand(*part)
+            scene.add((vertices, faces[:, ::-1] if name == "MIRRORED" else faces), name=f"{name} {k}")
+    scene.add(by_hand("Box { size .02 .02 .02 }", ARM), name="the cube at the arm's origin")
+    finder = shapes.devices["range-finder"]
+    given = wv.render(shapes.scene.to(device), finder.camera, finder.pose, cull_backfaces=True).depth.numpy()
+    wanted = wv.render(scene, finder.camera, finder.pose, cull_backfaces=True).depth.numpy()
+    assert 0.3 < np.isfinite(given).mean() < 1
+    np.testing.assert_allclose(given, wanted, atol=1e-5)
+
+
+# ---------------------------------------------------------------------------------------------------- single rules
+
+
+@pytest.mark.parametrize(
+    ("version", "info", "up"),
+    [
+        ("R2023b", "", "z"),
+        ("R2023b", 'coordinateSystem "NUE"', "y"),
+        ("R2021b", 'coordinateSystem "EUN"', "y"),
+        ("R2021b", 'coordinateSystem "ENU" gravity 9.81', "z"),
+        ("R2019a", "", "y"),
+        ("R2019a", "gravity 0 0 -9.81", "z"),
+        ("V6.0", "gravity 0 -9.81 0", "y"),
+        ("V8.6", "gravity 0 0 0", "y"),
+    ],
+)
+def test_which_axis_is_up(tmp_path, version, info, up):
+    assert load_text(tmp_path, f"WorldInfo {{ {info} }} {solid('')}", version).scene.up == up
+
+
+def test_old_cylinders_stand_along_y(tmp_path):
+    text = solid("", "Cylinder { radius 0.5 height 4 }")
+    np.testing.assert_allclose(np.ptp(load_text(tmp_path, text, "R2021b").scene.bounds, axis=0), [1, 4, 1], atol=1e-6)
+    np.testing.assert_allclose(np.ptp(load_text(tmp_path, text, "R2022a").scene.bounds, axis=0), [1, 1, 4], atol=1e-6)
+
+
+def test_names_are_made_unique(tmp_path):
+    text = "".join(
+        [
+            solid('name "box"'),
+            solid('name "box"'),
+            solid('name "box (2)"'),
+            "DEF CRATE " + solid(""),
+            solid(""),
+            "Shape { geometry Box { } }",
+            "DEF LONE Shape { geometry Box { } }",
+            "DEF NEST Group { children Shape { geometry Box { } } }",
+            solid("", kind="DistanceSensor"),
+            solid('name ""', kind="LED"),
+        ]
+    )
+    names = [item.name for item in load_text(tmp_path, text).scene]
+    assert names[:5] == ["box", "box (2)", "box (2) (2)", "CRATE", "solid"]
+    assert names[5:] == ["shape", "LONE", "NEST", "distance sensor", "led"]
+
+
+@pytest.mark.parametrize(
+    ("text", "label"),
+    [
+        (solid('name "Kitchen Floor"'), Label.GROUND),
+        (solid('name "playground"'), Label.GROUND),
+        (solid('name "floor lamp"'), Label.OBSTACLE),
+        (solid('name "mat"', "Plane { }"), Label.GROUND),
+        (solid('name "mat" translation 0 0 0.09', "Plane { }"), Label.GROUND),
+        (solid('name "table top" translation 0 0 0.2', "Plane { }"), Label.OBSTACLE),
+        (solid('name "seen from below" rotation 1 0 0 3.141592653589793', "Plane { }"), Label.OBSTACLE),
+        (solid('name "wall" rotation 1 0 0 1.5708', "Plane { }"), Label.OBSTACLE),
+        (solid('name "The Person"'), Label.HUMAN),
+        (solid('name "virtual human" recognitionColors 1 0 0'), Label.HUMAN),
+        (solid("recognitionColors [ 1 0 0 0 1 0 ]"), Label.OBJECT),
+        (solid("recognitionColors 1 0 0", kind="Robot"), Label.ROBOT),
+        (solid("", kind="DifferentialWheels"), Label.ROBOT),
+        (solid('name "wooden box"'), Label.OBSTACLE),
+    ],
+)
+def test_labels_by_rule(tmp_path, text, label):
+    assert load_text(tmp_path, text).scene.objects[0].label == label
+
+
+def test_labels_of_the_user_come_first(tmp_path):
+    text = solid('name "wall 1"') + solid('name "wall 2"') + solid('name "floor"')
+    scene = load_text(tmp_path, text, labels={"wall*": "object", "*2": "human", "floor": 2}).scene
+    assert [item.label for item in scene] == [Label.OBJECT, Label.HUMAN, Label.OBSTACLE]
+
+
+def test_an_arenas_floor_is_ground_and_its_walls_are_not(tmp_path):
+    scene = load_text(tmp_path, "RectangleArena { floorSize 3 2 wallHeight 0.4 }").scene
+    ground = [item for item in scene if item.label == Label.GROUND]
+    assert len(scene) == 2 and len(ground) == 1
+    np.testing.assert_allclose(np.ptp(ground[0].bounds, axis=0), [3, 2, 0], atol=1e-6)
+    np.testing.assert_allclose(scene.bounds[1], [1.51, 1.01, 0.4], atol=1e-6)
+
+
+def test_scales_that_webots_corrects(tmp_path):
+    text = "Transform { scale -2 0 3 children Shape { geometry Box { size 1 1 1 } } }"
+    with pytest.warns(UserWarning, match=r"world.wbt:2: scale -2 0 3 of Transform is 1 1 3"):
+        world = load_text(tmp_path, text, "R2022a")
+    np.testing.assert_allclose(np.ptp(world.scene.bounds, axis=0), [1, 1, 3])
+    with pytest.warns(UserWarning, match=r"scale -2 0 3 of Transform is -2 1 3"):
+        world = load_text(tmp_path, text, "R2022b")
+    np.testing.assert_allclose(np.ptp(world.scene.bounds, axis=0), [2, 1, 3])
+    assert volume(world.scene, "shape") == pytest.approx(6)
+
+
+def test_what_is_skipped_is_named_once(tmp_path):
+    text = "Spaceship { } Spaceship { } Group { children Comet { } }" + solid("", 'Mesh { url "none.obj" }') + solid("")
+    (tmp_path / "protos").mkdir()
+    with pytest.warns(UserWarning) as caught:
+        world = load_text(tmp_path, text, search_path=[tmp_path / "protos"])
+    assert len(caught) == 1
+    message = str(caught[0].message)
+    assert "world.wbt: left out Spaceship (2), Comet (1), Mesh none.obj (1)" in message and "protos" in message
+    assert world.skipped == {"Spaceship": 2, "Comet": 1, "Mesh none.obj": 1}
+    assert "Spaceship: skipped" in world.tree
+    with pytest.raises(FileFormatError, match=r"left out Spaceship \(2\)"):
+        load_text(tmp_path, text, strict=True)
+
+
+def test_lights_and_bounding_objects_are_not_drawn(tmp_path):
+    text = "PointLight { } Fog { } TexturedBackground { } TexturedBackgroundLight { }"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        world = load_text(tmp_path, text + solid("boundingObject Box { size 9 9 9 }"), strict=True)
+    np.testing.assert_allclose(world.scene.bounds, [[-0.5] * 3, [0.5] * 3])
+
+
+def test_a_proto_file_comes_before_the_own_expander(tmp_path):
+    (tmp_path / "files").mkdir()
+    (tmp_path / "files" / "WoodenBox.proto").write_text(
+        "#VRML_SIM R2023b utf8\nPROTO WoodenBox [ field SFVec3f size 1 1 1 field SFVec3f translation 0 0 0 "
+        'field SFString name "wooden box" ] { Solid { translation IS translation name IS name '
+        "children [ Shape { geometry Sphere { } } ] } }"
+    )
+    text = "DEF CRATE WoodenBox { translation 5 0 0 } WoodenBox { size 1 1 1 }"
+    scene = load_text(tmp_path, text, search_path=[tmp_path / "files"]).scene
+    assert [item.name for item in scene] == ["CRATE", "wooden box"]
+    assert len(scene["wooden box"].faces) == 80
+    assert scene["CRATE"].bounds.mean(axis=0)[0] == pytest.approx(5, abs=1e-6)
+    other = tmp_path / "elsewhere"
+    other.mkdir()
+    assert len(load_text(other, text).scene["wooden box"].faces) == 12
+
+
+def test_a_proto_file_of_no_use_is_named(tmp_path):
+    (tmp_path / "files").mkdir()
+    (tmp_path / "files" / "WoodenBox.proto").write_text(
+        "#VRML_SIM R2023b utf8\nPROTO WoodenBox [ ] {\n Solid { ] }\n}\n"
+    )
+    text, files = "WoodenBox { }", [tmp_path / "files"]
+    with pytest.warns(
+        UserWarning, match=r"the file of WoodenBox was of no use: .*WoodenBox.proto:3: expected"
+    ) as caught:
+        assert len(load_text(tmp_path, text, search_path=files).scene) == 1  # by the own expander
+    assert len(caught) == 1
+    with pytest.raises(FileFormatError, match=r"WoodenBox.proto:3: expected"):
+        load_text(tmp_path, text, search_path=files, strict=True)
+
+
+def test_meshes_are_found_on_the_search_path(tmp_path):
+    folder = tmp_path / "webots" / "projects" / "things"
+    folder.mkdir(parents=True)
+    (folder / "a.obj").write_bytes((WORLDS / "tetrahedron.obj").read_bytes())
+    for root in ("webots://", "https://raw.githubusercontent.com/cyberbotics/webots/R2023b/"):
+        text = solid("", f'Mesh {{ url "{root}projects/things/a.obj" }}')
+        assert len(load_text(tmp_path, text, search_path=[tmp_path / "webots"], strict=True).scene["solid"].faces) == 4
+        with pytest.raises(SceneError, match=r"left out Mesh .*; nothing is left"):
+            load_text(tmp_path, text)
+
+
+def test_many_uses_of_uses_end(tmp_path):
+    levels = ["DEF A0 Group { children [ Shape { geometry DEF B Box { } } ] }"]
+    levels += [
+        f"DEF A{k} Group {{ children [ {'USE A' + str(k - 1) + ' '} {'USE A' + str(k - 1)} ] }}" for k in range(1, 23)
+    ]
+    with pytest.raises(FileFormatError, match="expected at most"):
+        load_text(tmp_path, "\n".join(levels))
+
+
+def test_deep_trees_are_no_recursion(tmp_path):
+    text = "Pose { translation 0 0 1 children [ " * 140 + "Shape { geometry Box { } }" + "] }" * 140
+    assert load_text(tmp_path, text).scene.bounds[1, 2] == 141
+
+
+BAD = {
+    "no file": (lambda folder: load_webots(folder / "none.wbt"), r"none.wbt: no such file"),
+    "no header": (lambda folder: load_webots(write(folder, "Solid { }")), r"world.wbt:1: expected the header"),
+    "not closed": (lambda folder: load_text(folder, "Solid {\n\n"), r"world.wbt:4: expected"),
+    "rotation of three": (
+        lambda folder: load_text(folder, "\n" + solid("rotation 0 0 1")),
+        "world.wbt:3: expected 4 numbers in 'rotation' of Solid, got 3",
+    ),
+    "children of numbers": (lambda folder: load_text(folder, "Solid { children [ 1 2 ] }"), "expected nodes in 'child"),
+    "coordinate system": (
+        lambda folder: load_text(folder, 'WorldInfo { coordinateSystem "UNE" }' + solid("")),
+        'world.wbt:2: expected coordinateSystem "ENU", "NUE" or "EUN", got \'UNE\'',
+    ),
+    "negative radius": (lambda folder: load_text(folder, solid("", "Sphere { radius -1 }")), "world.wbt:2: expected"),
+    "no geometry": (lambda folder: load_text(folder, "WorldInfo { }"), "holds no triangles"),
+    "label of nothing": (
+        lambda folder: load_text(folder, solid('name "box"'), labels={"ball": "object"}),
+        "labels for 'ball' fit no object of .*world.wbt, which has 'box'",
+    ),
+    "unknown label": (lambda folder: load_text(folder, solid(""), labels={"*": "cat"}), "label must be one of"),
+    "scale": (lambda folder: Scene.load(write_world(folder), scale=0.1), "leave out scale and file_up"),
+    "file_up": (lambda folder: Scene.load(write_world(folder), file_up="y"), "leave out scale and file_up"),
+    "up": (lambda folder: Scene.load(write_world(folder), up="y"), "vertical axis is z: leave out up"),
+}
+
+
+def write(folder, text):
+    path = folder / "world.wbt"
+    path.write_text(text)
+    return path
+
+
+def write_world(folder):
+    return write(folder, "#VRML_SIM R2023b utf8\n" + solid(""))
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_worlds_are_one_sentence(case, tmp_path):
+    act, message = BAD[case]
+    with pytest.raises((FileFormatError, SceneError), match=message) as caught:
+        act(tmp_path)
+    assert "\n" not in str(caught.value)
+
+
+# ------------------------------------------------------------------------------------- Scene.load and the command line
+
+
+def test_scene_load_opens_worlds(device):
+    scene = Scene.load(WORLDS / "experiment_3_R2021b.wbt", device=device, labels={"ball": "human"})
+    assert scene.up == "y" and str(scene.device) == device and scene["ball"].label == Label.HUMAN
+
+
+def run_cli(*arguments, cwd, code=0):
+    command = [sys.executable, "-m", "warpvis.cli", *map(str, arguments)]
+    result = subprocess.run(command, cwd=cwd, capture_output=True, text=True)
+    assert result.returncode == code, result.stderr
+    return result
+
+
+def test_info_prints_the_tree(tmp_path):
+    write(tmp_path, (WORLDS / "experiment_3_R2023b.wbt").read_text() + "Spaceship { }")
+    result = run_cli("info", "world.wbt", cwd=tmp_path)
+    assert "world.wbt: R2023b, z up, 9 objects" in result.stdout
+    assert "  Solid 'left wheel': object 'left wheel', 144 triangles" in result.stdout
+    assert "device  'range-finder' of 'robot': range-finder, 320x240" in result.stdout
+    assert "left out  Spaceship (1)" in result.stdout
+    assert "warning: world.wbt: left out Spaceship (1)" in result.stderr
+
+
+def test_render_writes_every_range_finder(tmp_path):
+    path = WORLDS / "experiment_3_R2021b.wbt"
+    run_cli("render", path, "--out", "true", cwd=tmp_path)
+    exact = ("--version-exact", "--device-name", "range-finder", "--quiet")
+    assert run_cli("render", path, "--out", "exact", *exact, cwd=tmp_path).stdout == ""
+    world = load_webots(path)
+    for folder, version in (("true", None), ("exact", "header")):
+        assert [entry.name for entry in (tmp_path / folder).iterdir()] == ["range-finder"]
+        stored = np.load(tmp_path / folder / "range-finder" / "depth.npz")
+        np.testing.assert_array_equal(stored["depth"][0], render_range(world, "range-finder", webots_version=version))
+        np.testing.assert_allclose(stored["camera_to_world"], world.devices["range-finder"].pose[None], atol=1e-6)
+        np.testing.assert_allclose(stored["K"], world.devices["range-finder"].camera.to_K())
+        assert (tmp_path / folder / "range-finder" / "depth" / "000000.png").is_file()
+
+
+def test_poses_and_a_camera_work_for_worlds_too(tmp_path):
+    pose = wv.look_at((-3, 0, 2), (0, 0, 0))
+    (tmp_path / "poses.txt").write_text("0 " + " ".join(map(str, pose)))
+    (tmp_path / "camera.json").write_text(json.dumps({"width": 32, "height": 24, "hfov": 1.0}))
+    path = WORLDS / "experiment_3_R2023b.wbt"
+    run_cli("render", path, "--poses", "poses.txt", "--camera", "camera.json", "--out", "out", cwd=tmp_path)
+    depth = wv.render(Scene.load(path), wv.Camera.from_fov(32, 24, hfov=1), pose).depth.numpy()
+    np.testing.assert_array_equal(np.load(tmp_path / "out" / "depth.npz")["depth"], depth)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("render", "box.stl", "--out", "out"), "give --poses"),
+        (("render", "world.wbt", "--out", "out"), "has no range finder; its devices are: none"),
+        (("render", "world.wbt", "--out", "out", "--device-name", "eye"), "the world has no device 'eye'"),
+        (("info", "box.stl"), "box.stl: info is of Webots worlds"),
+        (("info", "none.wbt"), "none.wbt: no such file"),
+    ],
+)
+def test_the_command_line_says_what_is_wrong(tmp_path, arguments, message):
+    write_world(tmp_path)
+    trimesh.creation.box().export(tmp_path / "box.stl")
+    result = run_cli(*arguments, cwd=tmp_path, code=2)
+    assert message in result.stderr and "Traceback" not in result.stderr
+
+
+# ------------------------------------------------------------------------------------------------ worlds of others
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="no ../shared/webots here")
+def test_real_worlds_load():
+    paths = sorted(SHARED.glob("*.wbt"))
+    assert paths
+    for path in paths:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            world = load_webots(path)
+        assert len(world.scene) > 0 and str(world.version) in path.name
+        assert np.isfinite(world.scene.bounds).all() and np.abs(world.scene.bounds).max() < 20

@@ -1,0 +1,193 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes of Webots worlds, and the releases of Webots whose rules they follow."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any, NoReturn, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.errors import FileFormatError
+
+_RELEASE = re.compile(r"R(\d{4})([a-z])(?:-rev\d+)?|V(\d{1,3})(?:\.(\d{1,3}))?(?:\.(\d{1,3}))?", re.ASCII)
+
+
+BUILTIN_NODES = frozenset(
+    """
+    Accelerometer Altimeter Appearance Background BallJoint BallJointParameters Billboard Box Brake CadShape Camera
+    Capsule Charger ColladaShape ColladaShapes Color Compass Cone Connector ContactProperties Coordinate Cubemap
+    CustomRobot Cylinder Damping DifferentialWheels DirectionalLight Display DistanceSensor ElevationGrid Emitter
+    Extrusion Fluid Focus Fog GPS Group Gyro HMD Hinge2Joint Hinge2JointParameters HingeJoint HingeJointParameters
+    ImageTexture ImmersionProperties IndexedFaceSet IndexedLineSet InertialUnit JointLink JointParameters LED Lens
+    LensFlare Lidar LightSensor LinearMotor Material Mesh Microphone Muscle Normal PBRAppearance Pen Physics Plane
+    PointLight PointSet Pose PositionSensor Propeller Radar Radio RangeFinder Receiver Recognition Robot
+    RotationalMotor Servo Shape Skin SliderJoint Slot Solid SolidReference Speaker Sphere SpotLight Supervisor
+    TextureCoordinate TextureTransform TouchSensor Track TrackWheel Transform TransmissionJoint VacuumCup
+    VacuumGripper Viewpoint VisualShape WorldInfo Zoom
+    """.split()
+)
+"""Types of nodes that Webots itself defines, old ones included; any other type is a PROTO."""
+
+
+@dataclass(frozen=True, order=True)
+class Version:
+    """A release of Webots, as a header names it: ``R2023b`` is (2023, 2), ``V7.2.5`` is (7, 2, 5)."""
+
+    year: int
+    number: int
+    patch: int = 0
+
+    @classmethod
+    def parse(cls, text: str) -> Version:
+        """The version of a text like ``R2023b`` or ``V8.6``.
+
+        Raises:
+            FileFormatError: The text is no version.
+        """
+        match = _RELEASE.fullmatch(text)
+        if match is None:
+            raise FileFormatError(f"expected a Webots version like R2023b or V8.6, got {shown(text)}")
+        year, letter, major, minor, patch = match.groups()
+        if year:
+            return cls(int(year), ord(letter) - ord("a") + 1)
+        return cls(int(major), int(minor or 0), int(patch or 0))
+
+    @property
+    def z_up(self) -> bool:
+        """Whether geometry stands along z and devices look along x: R2022a or later; before, y and -z."""
+        return self >= _Z_UP
+
+    def __str__(self) -> str:
+        if self.year >= 1000:
+            return f"R{self.year}{chr(ord('a') + self.number - 1)}"
+        return f"V{self.year}.{self.number}" + (f".{self.patch}" if self.patch else "")
+
+
+_Z_UP = Version(2022, 1)
+
+
+@dataclass(eq=False)
+class Node:
+    """A node: its type, and the fields that the file gives it; the caller knows the defaults of the others.
+
+    Attributes:
+        type: Name of a built-in node type or of a PROTO.
+        fields: A node, None for NULL, or a list of literals or nodes; a single literal is a list of one.
+        name: DEF name.
+        file: File that holds it.
+        line: Line in that file.
+        version: Version of that file's header.
+        protos: Files of the PROTOs whose bodies it comes from, outermost first.
+        size: Number of nodes in it, itself included, where every USE counts as a copy.
+        height: Number of nodes on the longest way down, itself included.
+    """
+
+    type: str
+    fields: dict[str, Value]
+    name: str | None
+    file: str
+    line: int
+    version: Version
+    protos: tuple[str, ...] = ()
+    size: int = 1
+    height: int = 1
+
+    def __repr__(self) -> str:
+        return f"<{self.type} at {self.file}:{self.line}>"
+
+    def number(self, field: str, default: float) -> float:
+        """A field's number."""
+        values = self._literals(field, float, "a number", single=True)
+        return values[0] if values else default
+
+    def integer(self, field: str, default: int) -> int:
+        """A field's whole number."""
+        value = self.number(field, default)
+        if value != int(value):
+            self.refuse(field, "a whole number", f"{value:g}")
+        return int(value)
+
+    def flag(self, field: str, default: bool) -> bool:
+        """A field's TRUE or FALSE."""
+        values = self._literals(field, bool, "TRUE or FALSE", single=True)
+        return values[0] if values else default
+
+    def text(self, field: str, default: str) -> str:
+        """A field's string."""
+        values = self._literals(field, str, "a string", single=True)
+        return values[0] if values else default
+
+    def numbers(self, field: str) -> NDArray[np.float64]:
+        """All numbers of a field in a row; none for a missing one."""
+        return np.array(self._literals(field, float, "numbers"), dtype=np.float64)
+
+    def texts(self, field: str) -> list[str]:
+        """All strings of a field; none for a missing one."""
+        return self._literals(field, str, "strings")
+
+    def vector(self, field: str, default: tuple[float, ...]) -> NDArray[np.float64]:
+        """A field's vector, rotation or colour, of as many numbers as `default` has."""
+        if field not in self.fields:
+            return np.array(default, dtype=np.float64)
+        values = self.numbers(field)
+        if len(values) != len(default):
+            self.refuse(field, f"{len(default)} numbers", str(len(values)))
+        return values
+
+    def node(self, field: str) -> Node | None:
+        """A field's node; None for NULL or a missing one."""
+        nodes = self.nodes(field)
+        if len(nodes) > 1:
+            self.refuse(field, "one node", str(len(nodes)))
+        return nodes[0] if nodes else None
+
+    def nodes(self, field: str) -> list[Node]:
+        """A field's nodes, without NULL; none for a missing one."""
+        value = self.fields.get(field)
+        if value is None:
+            return []
+        values = [value] if isinstance(value, Node) else value
+        nodes = [item for item in values if isinstance(item, Node)]
+        if len(nodes) < len(values):
+            self.refuse(field, "nodes", described(next(item for item in values if not isinstance(item, Node))))
+        return nodes
+
+    def _literals(self, field: str, kind: Any, wanted: str, *, single: bool = False) -> list[Any]:
+        if field not in self.fields:
+            return []
+        value = self.fields[field]
+        if not isinstance(value, list):
+            self.refuse(field, wanted, described(value))
+        for item in value:
+            if type(item) is not kind:
+                self.refuse(field, wanted, described(item))
+        if single and len(value) != 1:
+            self.refuse(field, wanted, f"{len(value)} values")
+        return value
+
+    def refuse(self, field: str, wanted: str, got: str) -> NoReturn:
+        """Say what was wanted in a field, and what is there."""
+        raise FileFormatError(f"{self.file}:{self.line}: expected {wanted} in {field!r} of {self.type}, got {got}")
+
+
+Value: TypeAlias = Node | list[float | str | bool | Node] | None
+
+
+def shown(text: str) -> str:
+    """A text in quotes, as messages show it: its beginning, if it is long."""
+    return repr(text if len(text) <= 40 else text[:37] + "...")
+
+
+def described(value: Value | float | str | bool) -> str:
+    """A value, as messages show it."""
+    if value is None:
+        return "NULL"
+    if isinstance(value, Node):
+        return value.type
+    if isinstance(value, bool):
+        return "TRUE" if value else "FALSE"
+    return "a list" if isinstance(value, list) else shown(value) if isinstance(value, str) else f"{value:g}"
