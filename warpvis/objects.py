@@ -21,7 +21,7 @@ from warpvis.renderer import Caster, Output, Renderer, Views
 from warpvis.scene import Scene, require_scene
 from warpvis.silhouettes import Surveyor
 from warpvis.threads import launch_small
-from warpvis.worlds import parse_worlds, part_of, still_world
+from warpvis.worlds import parse_worlds, part_of
 
 BOP_DELTA = 0.015
 """The `delta` of BOP's toolkit [m] (``scripts/calc_gt_info.py``); 0.005 for ITODD and for renderings to train with."""
@@ -139,9 +139,7 @@ def object_visibility(
     device = scene.device
     poses = parse_poses(camera_to_world, convention=convention, device=device)
     views, count = len(poses), len(chosen)
-    worlds = still_world()
-    if scene.movable or object_poses is not None or world is not None or exclude is not None:
-        worlds = parse_worlds(scene, views, object_poses, world, exclude)
+    worlds = parse_worlds(scene, views, object_poses, world, exclude)
 
     # Whatever is too near or too far to be measured hides what is behind it all the same.
     eye = dataclasses.replace(camera, near=0.0, far=math.inf)

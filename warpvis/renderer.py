@@ -19,7 +19,7 @@ from warpvis.errors import ArrayError
 from warpvis.pose import Convention
 from warpvis.scene import Scene, require_scene
 from warpvis.threads import check_threads
-from warpvis.worlds import parse_worlds, part_of, still_world
+from warpvis.worlds import parse_worlds, part_of
 
 Output = Literal["depth", "points", "normals", "labels", "objects"]
 Caster = Literal["auto", "packets", "rays"]
@@ -147,7 +147,7 @@ class Renderer:
         """
         self.scene.require_objects()
         poses = self._caster.parse_poses(camera_to_world, convention)
-        worlds = self._parse_worlds(len(poses), object_poses, world, exclude)
+        worlds = parse_worlds(self.scene, len(poses), object_poses, world, exclude)
         shape = (len(poses), self.camera.height, self.camera.width)
         on_host = self._on_host(shape, out)
         device = wp.get_device("cpu") if on_host else self.scene.device
@@ -190,7 +190,7 @@ class Renderer:
         self.scene.require_objects()
         device = self.scene.device
         poses = self._caster.parse_poses(camera_to_world, convention)
-        worlds = self._parse_worlds(len(poses), object_poses, world, exclude)
+        worlds = parse_worlds(self.scene, len(poses), object_poses, world, exclude)
         points = as_warp(pixels, wp.vec2, (len(poses), "N"), name="pixels", device=device)
         views = views_for(self.outputs, points.shape, device, out)
         rows = [image if image is None else _as_rows(image) for image in self._asked_for(views)]
@@ -206,11 +206,6 @@ class Renderer:
         views = views_for(self.outputs, shape, self.scene.device, out)
         self._caster.cast(self._caster.parse_poses(poses, "opencv"), worlds, self._asked_for(views))
         return views
-
-    def _parse_worlds(self, views: int, object_poses: Any, world: Any, exclude: Any) -> Any:
-        if object_poses is None and world is None and exclude is None and not self.scene.movable:
-            return still_world()
-        return parse_worlds(self.scene, views, object_poses, world, exclude)
 
     def _on_host(self, shape: tuple[int, ...], out: Views | None) -> bool:
         """Whether the images of a GPU go to the host's memory."""

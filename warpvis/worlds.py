@@ -25,6 +25,8 @@ _LEAST_SQUARE = 1e-12  # of a quaternion's length
 def parse_worlds(scene: Scene, views: int, object_poses: Any, world: Any, exclude: Any) -> Any:
     """A `warpvis.kernels.worlds.Worlds` of a call's arguments; see `Renderer.render`.
 
+    Where nothing moves and nothing is said, it is one that holds no arrays.
+
     What lies on a GPU stays there and is not read back: only shapes, dtypes and devices are checked.
 
     Raises:
@@ -34,6 +36,8 @@ def parse_worlds(scene: Scene, views: int, object_poses: Any, world: Any, exclud
     """
     from warpvis.kernels.worlds import Worlds
 
+    if object_poses is None and world is None and exclude is None and not scene.movable:
+        return _still_world()
     worlds = Worlds()
     worlds.object_poses = _parse_object_poses(scene, object_poses)
     count = worlds.object_poses.shape[0]
@@ -48,7 +52,7 @@ def parse_worlds(scene: Scene, views: int, object_poses: Any, world: Any, exclud
 
 
 @cache
-def still_world() -> Any:
+def _still_world() -> Any:
     """Nothing moves, and nothing is excluded."""
     from warpvis.kernels.worlds import Worlds
 
