@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 import enum
+import fnmatch
+from collections.abc import Iterable, Mapping
 
 from warpvis.errors import SceneError
 
@@ -54,3 +56,32 @@ class Visibility(enum.IntEnum):
     """Seen."""
     UNKNOWN = 5
     """In the image and in range, where nothing was measured."""
+
+
+class LabelPatterns:
+    """Labels that a user gives to the objects of a file, by names or patterns of names."""
+
+    def __init__(self, labels: Mapping[str, Label | int | str]) -> None:
+        """Read them.
+
+        Raises:
+            SceneError: A label is none.
+        """
+        self._patterns = {pattern: Label.parse(label) for pattern, label in labels.items()}
+        self._unused = set(self._patterns)
+
+    def label(self, name: str, own: Label | int | str) -> Label | int | str:
+        """What the last pattern says that fits an object's name; its own label if none does."""
+        label = own
+        for pattern, given in self._patterns.items():
+            if fnmatch.fnmatchcase(name, pattern):
+                label = given
+                self._unused.discard(pattern)
+        return label
+
+    def require_used(self, names: Iterable[str], path: object) -> None:
+        """A `SceneError` if a pattern fits none of a file's objects."""
+        if self._unused:
+            some = ", ".join(map(repr, list(names)[:10]))
+            wrong = ", ".join(map(repr, sorted(self._unused)))
+            raise SceneError(f"labels for {wrong} fit no object of {path}, which has {some}")

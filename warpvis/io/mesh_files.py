@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import fnmatch
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpvis.errors import FileFormatError, SceneError
-from warpvis.labels import Label
+from warpvis.labels import Label, LabelPatterns
 from warpvis.pose import check_up
 
 if TYPE_CHECKING:
@@ -47,23 +46,13 @@ def load_scene(
     if file_up != scene.up:
         upright = _Y_UP_TO_Z_UP if file_up == "y" else _Y_UP_TO_Z_UP.T
 
-    patterns = {pattern: Label.parse(label) for pattern, label in labels.items()}
-    unused = set(patterns)
+    patterns = LabelPatterns(labels)
     for name, mesh, placement, own_label in _parts(loaded, path):
-        label = own_label
-        for pattern, wanted in patterns.items():
-            if fnmatch.fnmatchcase(name, pattern):
-                label = wanted
-                unused.discard(pattern)
         corners = np.c_[mesh.vertices, np.ones(len(mesh.vertices))] @ (upright @ placement).T
-        scene.add((corners[:, :3], mesh.faces), name=name, label=label, scale=scale)
+        scene.add((corners[:, :3], mesh.faces), name=name, label=patterns.label(name, own_label), scale=scale)
     if not len(scene):
         raise SceneError(f"{path}: holds no triangles")
-    if unused:
-        names = ", ".join(repr(item.name) for item in scene.objects[:10])
-        raise SceneError(
-            f"labels for {', '.join(map(repr, sorted(unused)))} fit no object of {path}, which has {names}"
-        )
+    patterns.require_used((item.name for item in scene.objects), path)
     return scene
 
 

@@ -14,8 +14,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.errors import FileFormatError, SceneError
-from warpvis.labels import Label
+from warpvis.errors import FileFormatError
+from warpvis.labels import Label, LabelPatterns
 from warpvis.scene import Scene
 from warpvis.webots.grammar import World
 from warpvis.webots.nodes import Node, Version
@@ -147,8 +147,7 @@ def add_objects(
     scene: Scene, things: Iterable[Thing], labels: Mapping[str, Label | int | str], path: Path
 ) -> dict[Thing, list[str]]:
     """Add what has triangles to the scene; the names of the objects that it became."""
-    patterns = {pattern: Label.parse(label) for pattern, label in labels.items()}
-    unused = set(patterns)
+    patterns = LabelPatterns(labels)
     names: dict[Thing, list[str]] = {}
     taken = Names()
     for thing in things:
@@ -156,16 +155,9 @@ def add_objects(
             continue
         for wanted, own_label, parts in _objects_of(thing):
             name = taken.take(wanted)
-            label = own_label
-            for pattern, given in patterns.items():
-                if fnmatch.fnmatchcase(name, pattern):
-                    label = given
-                    unused.discard(pattern)
-            scene.add(_joined(parts), name=name, label=label)
+            scene.add(_joined(parts), name=name, label=patterns.label(name, own_label))
             names.setdefault(thing, []).append(name)
-    if unused:
-        some = ", ".join(repr(item.name) for item in scene.objects[:10])
-        raise SceneError(f"labels for {', '.join(map(repr, sorted(unused)))} fit no object of {path}, which has {some}")
+    patterns.require_used((item.name for item in scene.objects), path)
     return names
 
 
