@@ -17,9 +17,7 @@ from warpvis import Label, Scene
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.scenes import EXPERIMENTS
 from warpvis.webots.devices import render_range
-from warpvis.webots.geometry import tessellate
-from warpvis.webots.grammar import Version, parse_text
-from warpvis.webots.parts import rotation_matrix
+from warpvis.webots.grammar import Version
 from warpvis.webots.world import load_webots
 
 WORLDS = Path(__file__).parent.parent / "scenes" / "webots"
@@ -104,123 +102,6 @@ def test_names_labels_and_robots(paper):
     assert set(world.devices) == {"range-finder", "camera"}
     assert world.version == Version.parse("R2023b") and not world.skipped and not world.notes
     assert "Robot 'robot' (DEF ROBOT): object 'robot', 156 triangles\n  Solid 'left wheel'" in world.tree
-
-
-# ------------------------------------------------------------------------------------- every node, compared by hand
-
-
-def by_hand(text, *places):
-    """A geometry node's triangles at places of ``(translation, rotation, scale)``, the outermost first."""
-    node = parse_text(text, str(WORLDS / "by_hand.wbt"), version=Version.parse("R2023b")).nodes[0]
-    vertices, faces = tessellate(node)
-    for translation, rotation, scale in reversed(places):
-        vertices = (rotation_matrix(np.array(rotation, dtype=float)) @ (np.array(scale) * vertices).T).T + translation
-    return vertices, faces
-
-
-def at(*translation, turn=(0, 0, 1, 0), scale=(1, 1, 1)):
-    return translation, turn, scale
-
-
-CUBE, LINK = "Box { size 0.4 0.6 0.8 }", "Box { size 0.1 0.1 0.4 }"
-CAPSULE = at(2, -1.5, 0.4, turn=(1, 0, 0, np.pi / 2))
-ARM = at(0, -2, 0.5, turn=(0, 0, 1, 0.4))
-ELBOW, SLIDER = at(0.1, 0, 0.4, turn=(0, 1, 0, 0.5)), at(0, 0.15, 0.1)
-WHOLE = {
-    "GROUND_PLANE": [("Plane { size 8 6 }",)],
-    "BOX_PLACE": [
-        (
-            CUBE,
-            at(1, 0, 0.25, turn=(0, 0, 1, 0.5), scale=(1, 2, 0.5)),
-            at(0.5, 0.25, 0.5),
-            at(0, 0, 0, turn=(0.5**0.5, 0.5**0.5, 0, 0.7), scale=(0.5, 0.25, 1)),
-        )
-    ],
-    "shape": [("Sphere { radius 0.2 subdivision 2 }",)],
-    "BALL": [("Sphere { radius 0.25 subdivision 12 ico FALSE }", at(-1, -1, 1))],
-    "column": [
-        ("Cylinder { height 1.2 radius 0.15 bottom FALSE }", at(-2, 1, 0.6, turn=(0, 1, 0, 0.3))),
-        ("Cone { bottomRadius 0.2 height 0.6 }", at(-2, 1, 0.6, turn=(0, 1, 0, 0.3)), at(0, 0, 0.9)),
-    ],
-    "capsule": [("Capsule { height 0.5 radius 0.1 }", CAPSULE)],
-    "cube on a capsule": [(CUBE, CAPSULE, at(0, 0, 0.7))],
-    "hills": [
-        (
-            "ElevationGrid { height [ 0 .1 .2 .1 .3 .1 0 .2 0 .1 .1 .3 ] xDimension 3 xSpacing .4 "
-            "yDimension 4 ySpacing .3 }",
-            at(-1.5, -2, 0),
-        )
-    ],
-    "pyramid": [
-        (
-            "IndexedFaceSet { coord Coordinate { point [ 0 0 0 .4 0 0 .4 .4 0 0 .4 0 .2 .2 .6 ] } "
-            "coordIndex [ 3 2 1 0 -1 0 1 4 -1 1 2 4 -1 2 3 4 -1 3 0 4 -1 ] }",
-            at(2.5, 1.5, 0.1, turn=(0, 0, 1, -0.8)),
-        )
-    ],
-    "MIRRORED": [('Mesh { url "tetrahedron.obj" }', at(0, 2, 0.3, scale=(-1, 1, 1)))],
-    "cad": [('Mesh { url "tetrahedron.obj" }', at(0.8, 2, 0.3))],
-    "arm": [
-        (LINK, ARM),
-        ("Box { size .02 .02 .02 }", ARM, at(0, 0, 1)),  # the name is given twice: the last one counts
-    ],
-    "solid": [(LINK, ARM, ELBOW)],
-    "slider": [(LINK, ARM, ELBOW, SLIDER)],
-    "solid (2)": [(LINK, ARM, ELBOW, SLIDER, at(0, 0, 0.45, turn=(1, 0, 0, 0.25)))],
-    "hinge 2": [(LINK, ARM, at(-0.2, 0, -0.2))],
-    "tool": [(LINK, ARM, at(0, 0, -0.4))],
-    "track": [(LINK, ARM, at(0, -0.3, 0))],
-    "head": [("Cylinder { height 0.04 radius 0.03 }", ARM, at(0, 0, 0.25), at(0, 0, 0.05))],
-    "slow helix": [(LINK, ARM, at(0, 0.2, 0.2))],
-}
-
-
-@pytest.fixture(scope="module")
-def shapes():
-    return load_webots(WORLDS / "shapes_R2023b.wbt")
-
-
-def test_all_objects_are_there(shapes):
-    assert {item.name for item in shapes.scene} == set(WHOLE)
-    assert shapes.robots["arm"] == tuple(name for name in list(WHOLE)[11:])
-    assert {item.name for item in shapes.scene if item.label == Label.GROUND} == {"GROUND_PLANE"}
-
-
-@pytest.mark.parametrize("name", WHOLE)
-def test_every_node_is_where_it_was_put(shapes, name):
-    parts = [by_hand(*part) for part in WHOLE[name]]
-    vertices = np.concatenate([vertices for vertices, _ in parts])
-    item = shapes.scene[name]
-    if name == "arm":  # one more cube than by hand: both of the last DEF
-        item_vertices = np.concatenate([item.vertices[:8], item.vertices[-8:]])
-        assert len(item.vertices) == 24
-    else:
-        item_vertices = item.vertices
-        starts = np.cumsum([0] + [len(part) for part, _ in parts])
-        faces = np.concatenate([faces + start for (_, faces), start in zip(parts, starts, strict=False)])
-        faces = faces[:, ::-1] if name == "MIRRORED" else faces
-        np.testing.assert_array_equal(item.faces, faces)
-    np.testing.assert_allclose(item_vertices, vertices, atol=1e-6)
-
-
-def test_mirrored_shapes_face_outwards(shapes):
-    assert volume(shapes.scene, "cad") == pytest.approx(0.3**3 / 6, rel=1e-5)
-    assert volume(shapes.scene, "MIRRORED") == pytest.approx(0.3**3 / 6, rel=1e-5)
-    assert volume(shapes.scene, "BOX_PLACE") == pytest.approx(0.4 * 0.6 * 0.8 * (1 * 2 * 0.5) * (0.5 * 0.25), rel=1e-5)
-
-
-def test_the_image_is_that_of_the_scene_by_hand(shapes, device):
-    scene = Scene(device=device)
-    for name, parts in WHOLE.items():
-        for k, part in enumerate(parts):
-            vertices, faces = by_hand(*part)
-            scene.add((vertices, faces[:, ::-1] if name == "MIRRORED" else faces), name=f"{name} {k}")
-    scene.add(by_hand("Box { size .02 .02 .02 }", ARM), name="the cube at the arm's origin")
-    finder = shapes.devices["range-finder"]
-    given = wv.render(shapes.scene.to(device), finder.camera, finder.pose, cull_backfaces=True).depth.numpy()
-    wanted = wv.render(scene, finder.camera, finder.pose, cull_backfaces=True).depth.numpy()
-    assert 0.3 < np.isfinite(given).mean() < 1
-    np.testing.assert_allclose(given, wanted, atol=1e-5)
 
 
 # ---------------------------------------------------------------------------------------------------- single rules

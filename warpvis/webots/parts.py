@@ -186,7 +186,7 @@ def skipped_message(
         searched = ", ".join(os.fspath(folder) for folder in search_path) or "none"
         parts.append(
             f"left out {listed}, of which no file was found or read beside the world or on the search path "
-            f"({searched}); give search_path= the folders that hold them"
+            f"({searched}): add the folders that hold them to it"
         )
     for name, reason in reasons.items():
         parts.append(f"the file of {name} was of no use: {reason}")
