@@ -413,7 +413,7 @@ BAD = {
     "no version": (lambda tmp: render_range(plain(tmp), "eye", webots_version="new"), "expected a Webots version"),
     "values of a camera": (
         lambda tmp: render_range(plain(tmp, "Camera"), "eye", webots_version="header"),
-        "'eye' is a camera, of which Webots gives no ranges; leave out webots_version",
+        "'eye' is a camera, of which Webots gives no ranges: only its true depth can be had",
     ),
     "recognition of a range finder": (
         lambda tmp: recognise(plain(tmp), "eye"),
