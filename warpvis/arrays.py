@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 import warp as wp
+from numpy.typing import ArrayLike, NDArray
 
-from warpvis.errors import ArrayError
+from warpvis.errors import ArrayError, WarpvisError
 
 Shape = tuple[int | str, ...]
 """An expected shape: numbers are required, names stand for any size and are used in messages."""
@@ -139,6 +140,18 @@ def check_out(out: Any, dtype: Any, shape: tuple[int, ...], *, name: str, device
     if not isinstance(out, wp.array):
         raise ArrayError(f"{name} must be a wp.array to be written to, got {type(out).__name__}")
     return _check_warp(out, dtype, shape, name=name, device=device)
+
+
+def as_point(value: ArrayLike, name: str, error: type[WarpvisError] = ArrayError) -> NDArray[np.float64]:
+    """One point, shape ``(3,)``.
+
+    Raises:
+        WarpvisError: It is none; of the class `error`.
+    """
+    point = as_numpy(value, name=name).astype(np.float64)
+    if point.shape != (3,) or not np.isfinite(point).all():
+        raise error(f"{name} must be three finite numbers, got {point.tolist()}")
+    return point
 
 
 def check_metres(value: Any, name: str, *, signed: bool = False, zero: bool = True, infinite: bool = False) -> float:

@@ -69,7 +69,7 @@ def clearance(
     if not chosen:
         distance.fill_(math.inf)
         return distance
-    mesh = _build_mesh(scene, vertices, chosen)
+    mesh = build_mesh(scene, vertices, chosen)
     given = [places, min(most, _FARTHEST), distance]
     launch_points(
         nearest_surface, (1, len(places)), lambda window: [mesh.id, window, *given], device=device, threads=threads
@@ -121,9 +121,9 @@ def standing_room(
     device, up = scene.device, check_up(scene.up)
     poses = parse_poses(camera_to_world, device=device)
     hinders = [i for i, item in enumerate(scene.objects) if item.label != Label.GROUND and not excluded[i]]
-    mesh = _build_mesh(scene, vertices, hinders) if hinders else None
+    mesh = build_mesh(scene, vertices, hinders) if hinders else None
     cameras = poses.numpy().reshape(-1, 7)[:, :3]
-    solid = [_may_hold(vertices[i], scene.objects[i].faces, cameras) for i in hinders]
+    solid = [may_hold(vertices[i], scene.objects[i].faces, cameras) for i in hinders]
     flags = np.repeat(np.array(solid, dtype=np.uint8), [len(scene.objects[i].faces) for i in hinders])
     inputs = [mesh.id if mesh else 0, wp.array(flags, dtype=wp.uint8, device=device), up, poses]
     room = empty(poses.shape, wp.uint8, name="room", device=device)
@@ -172,7 +172,8 @@ def corners_of(scene: Scene, vertices: Sequence[NDArray[np.float32]], chosen: Se
     return np.concatenate([vertices[index][scene.objects[index].faces] for index in chosen])
 
 
-def _build_mesh(scene: Scene, vertices: Sequence[NDArray[np.float32]], chosen: Sequence[int]) -> wp.Mesh:
+def build_mesh(scene: Scene, vertices: Sequence[NDArray[np.float32]], chosen: Sequence[int]) -> wp.Mesh:
+    """One `wp.Mesh` of some of the scene's objects, where `one_world` says they are."""
     device = scene.device
     corners = corners_of(scene, vertices, chosen).reshape(-1, 3)
     return wp.Mesh(
@@ -182,7 +183,7 @@ def _build_mesh(scene: Scene, vertices: Sequence[NDArray[np.float32]], chosen: S
     )
 
 
-def _may_hold(vertices: NDArray[np.float32], faces: NDArray[np.int32], points: NDArray[np.float32]) -> bool:
+def may_hold(vertices: NDArray[np.float32], faces: NDArray[np.int32], points: NDArray[np.float32]) -> bool:
     """Whether points can be inside of an object: some are in its box, and it is closed and faces outwards."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     if not ((points >= low) & (points <= high)).all(axis=1).any() or not has_no_boundary(vertices, faces):

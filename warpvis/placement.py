@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.arrays import as_numpy, empty
+from warpvis.arrays import as_numpy, as_point, empty
 from warpvis.camera import Camera
 from warpvis.errors import ArrayError
 from warpvis.objects import choose_objects, object_visibility
@@ -88,7 +88,7 @@ def pose_grid(
     """
     vertical = check_up(up)
     first, second = (vertical + 1) % 3, (vertical + 2) % 3
-    middle = _point(center, "center")
+    middle = as_point(center, "center")
     for name, value, least in (("radius", radius, 0.0), ("step", step, np.nextafter(0.0, 1.0))):
         if not least <= value < math.inf:
             raise ArrayError(f"{name} must be a {'positive ' if least else ''}number of metres, got {value}")
@@ -101,9 +101,9 @@ def pose_grid(
     places[:, first], places[:, second] = middle[first] + grid[:, 0], middle[second] + grid[:, 1]
     places[:, vertical] = height
     if look_at is not None:
-        forward = _point(look_at, "look_at") - places
+        forward = as_point(look_at, "look_at") - places
         aside = np.hypot(forward[:, first], forward[:, second]) > 1e-9 * np.abs(forward[:, vertical])
-        return _poses(places[aside], forward[aside], vertical)
+        return look_along(places[aside], forward[aside], vertical)
     if isinstance(headings, bool) or not isinstance(headings, int | np.integer) or headings < 1:
         raise ArrayError(f"headings must be a whole number from 1 up, got {headings!r}")
     if not -math.pi / 2 < pitch < math.pi / 2:
@@ -112,7 +112,7 @@ def pose_grid(
     forward = np.empty((headings, 3))
     forward[:, first], forward[:, second] = np.cos(angles) * math.cos(pitch), np.sin(angles) * math.cos(pitch)
     forward[:, vertical] = math.sin(pitch)
-    return _poses(np.repeat(places, headings, axis=0), np.tile(forward, (len(places), 1)), vertical)
+    return look_along(np.repeat(places, headings, axis=0), np.tile(forward, (len(places), 1)), vertical)
 
 
 def best_views(
@@ -257,7 +257,7 @@ def _path_lengths(scene: Scene, rows: NDArray[np.float64], start: Any, path_leng
     if start is None:
         return np.zeros(len(rows))
     where = as_numpy(start, name="start")
-    point = _point(start, "start") if where.shape == (3,) else poses_to_opencv(start, name="start")[0, :3]
+    point = as_point(start, "start") if where.shape == (3,) else poses_to_opencv(start, name="start")[0, :3]
     floor_axes = [axis for axis in range(3) if axis != check_up(scene.up)]
     return np.linalg.norm(rows[:, floor_axes] - point[floor_axes], axis=1)
 
@@ -282,14 +282,7 @@ def _check_exclude(exclude: Any) -> list[str | int] | None:
     return items or None
 
 
-def _point(value: ArrayLike, name: str) -> NDArray[np.float64]:
-    point = as_numpy(value, name=name).astype(np.float64)
-    if point.shape != (3,) or not np.isfinite(point).all():
-        raise ArrayError(f"{name} must be three finite numbers, got {point.tolist()}")
-    return point
-
-
-def _poses(places: NDArray[np.float64], forward: NDArray[np.float64], vertical: int) -> NDArray[np.float64]:
+def look_along(places: NDArray[np.float64], forward: NDArray[np.float64], vertical: int) -> NDArray[np.float64]:
     """Poses at places ``(C, 3)`` that look along directions of any length, upright: `look_at` for many."""
     right = np.cross(forward, np.eye(3)[vertical])
     axes = np.stack([right, np.cross(forward, right), forward], axis=2)

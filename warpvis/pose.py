@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.arrays import as_numpy, get_device
+from warpvis.arrays import as_numpy, as_point, get_device
 from warpvis.errors import PoseError
 
 Convention = Literal["opencv", "opengl", "ros"]
@@ -125,8 +125,8 @@ def look_at(eye: ArrayLike, target: ArrayLike, *, up: str | ArrayLike = "z") -> 
     Raises:
         PoseError: `eye` and `target` coincide, or lie along `up`, which then points nowhere in the image.
     """
-    eye, target = _check_point(eye, "eye"), _check_point(target, "target")
-    vertical = np.eye(3)[check_up(up)] if isinstance(up, str) else _check_point(up, "up")
+    eye, target = as_point(eye, "eye", PoseError), as_point(target, "target", PoseError)
+    vertical = np.eye(3)[check_up(up)] if isinstance(up, str) else as_point(up, "up", PoseError)
     forward = target - eye
     right = np.cross(forward, vertical)
     if np.linalg.norm(right) <= 1e-9 * np.linalg.norm(forward) * np.linalg.norm(vertical):
@@ -160,13 +160,6 @@ def quaternion_product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArra
         ],
         axis=-1,
     )
-
-
-def _check_point(value: ArrayLike, name: str) -> NDArray[np.float64]:
-    point = as_numpy(value, name=name).astype(np.float64)
-    if point.shape != (3,) or not np.isfinite(point).all():
-        raise PoseError(f"{name} must be three finite numbers, got {point.tolist()}")
-    return point
 
 
 def _check_rows(rows: NDArray[np.float64], name: str) -> NDArray[np.float64]:

@@ -1,0 +1,15 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Twin of the kernel of `warpvis.kernels.inside`; see `reference`."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from reference_clearance import _windings
+
+
+def find_inside(corners: NDArray, points: NDArray) -> NDArray[np.bool_]:
+    """Whether closed triangles, corners of shape (T, 3, 3), wind around points."""
+    corners = np.asarray(corners, dtype=np.float64)
+    return np.array([_windings(corners, point) > 0.5 for point in np.asarray(points, dtype=np.float64)])

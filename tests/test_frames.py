@@ -1,0 +1,168 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Frames: poses with times and worlds, checked, cut into parts, and the same to the last bit when saved."""
+
+import json
+import pickle
+
+import numpy as np
+import pytest
+import warp as wp
+
+import warpvis as wv
+from warpvis.frames import Frames
+from warpvis.pose import poses_to_matrices
+
+POSE = (0.0, 0, 1, 0, 0, 0, 1)
+
+
+def random_rows(count, seed=0):
+    return np.random.default_rng(seed).normal(size=(count, 7))
+
+
+def worlds(count, objects=2):
+    return np.random.default_rng(1).normal(size=(count, objects, 7))
+
+
+def test_rows_are_normalised_and_times_count_by_default():
+    rows = random_rows(50)
+    frames = Frames.from_poses(rows)
+    assert len(frames) == 50
+    assert frames.camera_to_world.dtype == np.float64
+    np.testing.assert_array_equal(frames.camera_to_world[:, :3], rows[:, :3])
+    directions = rows[:, 3:] / np.linalg.norm(rows[:, 3:], axis=1, keepdims=True)
+    np.testing.assert_allclose(frames.camera_to_world[:, 3:], directions, atol=1e-15)
+    np.testing.assert_array_equal(frames.timestamps, np.arange(50.0))
+    assert frames.object_poses is None and frames.world is None and frames.source == {}
+
+
+@pytest.mark.parametrize("convention", ["opencv", "opengl", "ros"])
+def test_matrices_and_conventions(convention):
+    rows = random_rows(20)
+    matrices = poses_to_matrices(rows)
+    one = Frames.from_poses(rows, convention=convention).camera_to_world
+    two = Frames.from_poses(matrices, convention=convention).camera_to_world
+    np.testing.assert_allclose(poses_to_matrices(one), poses_to_matrices(two), atol=1e-12)
+    np.testing.assert_allclose(
+        poses_to_matrices(one).astype(np.float32),
+        poses_to_matrices(wv.parse_poses(rows, convention=convention).numpy()),
+        atol=1e-6,
+    )
+    assert len(Frames.from_poses(matrices[0], convention=convention)) == 1
+
+
+def test_what_was_normalised_stays_the_same_to_the_last_bit():
+    once = Frames.from_poses(random_rows(10_000), object_poses=worlds(1))
+    twice = Frames.from_poses(once.camera_to_world, object_poses=once.object_poses)
+    assert once.camera_to_world.tobytes() == twice.camera_to_world.tobytes()
+    assert once.object_poses.tobytes() == twice.object_poses.tobytes()
+
+
+def test_what_is_given_is_not_changed_or_shared():
+    rows = random_rows(3)
+    rows[:, 3:] /= np.linalg.norm(rows[:, 3:], axis=1, keepdims=True)
+    before = rows.copy()
+    frames = Frames.from_poses(rows)
+    frames.camera_to_world[:] = 0
+    np.testing.assert_array_equal(rows, before)
+
+
+def test_slices_cut_worlds_along():
+    own = Frames.from_poses(random_rows(5), object_poses=worlds(5), timestamps=np.arange(5) * 0.1)
+    part = own[1:4]
+    np.testing.assert_array_equal(part.camera_to_world, own.camera_to_world[1:4])
+    np.testing.assert_array_equal(part.object_poses, own.object_poses[1:4])
+    np.testing.assert_array_equal(part.timestamps, [0.1, 0.2, 0.30000000000000004])
+    assert part[1:2].object_poses.shape == (1, 2, 7)
+
+    one = Frames.from_poses(random_rows(5), object_poses=worlds(1)[0])
+    assert one.object_poses.shape == (1, 2, 7)
+    assert one[3:].object_poses.shape == (1, 2, 7)
+
+    named = Frames.from_poses(random_rows(5), object_poses=worlds(3), world=[0, 2, 2, 1, 0], source={"seed": 1})
+    assert named[2:4].world.tolist() == [2, 1] and named.world.dtype == np.int32
+    np.testing.assert_array_equal(named[2:4].object_poses, named.object_poses)
+    assert named[2:4].source == {"seed": 1}
+    assert len(named[9:]) == 0
+
+
+def test_object_poses_are_single_precision_as_given():
+    given = worlds(2)
+    frames = Frames.from_poses(random_rows(2), object_poses=given)
+    np.testing.assert_array_equal(frames.object_poses, given.astype(np.float32))
+    device = wp.array(given.astype(np.float32))
+    np.testing.assert_array_equal(Frames.from_poses(random_rows(2), object_poses=device).object_poses, device.numpy())
+
+
+def test_frames_pickle_and_their_source_is_json():
+    source = {"generator": "orbit", "target": (0, 0, 1), "seed": 3}
+    frames = Frames.from_poses([POSE], source=source)
+    assert frames.source == {"generator": "orbit", "target": [0, 0, 1], "seed": 3}
+    assert json.loads(json.dumps(frames.source)) == frames.source
+    again = pickle.loads(pickle.dumps(frames))
+    np.testing.assert_array_equal(again.camera_to_world, frames.camera_to_world)
+    assert again.source == frames.source
+
+
+BAD = {
+    "no poses": ((np.zeros((0, 7)),), {}, "there must be at least one pose, got an array of shape (0, 7)"),
+    "empty rows": ((np.zeros((3, 0)),), {}, "there must be at least one pose, got an array of shape (3, 0)"),
+    "shape": ((np.zeros((3, 6)),), {}, "poses must have shape (V, 7), rows x y z qx qy qz qw, or (V, 4, 4)"),
+    "number": ((3.0,), {}, "poses must have shape (V, 7)"),
+    "booleans": ((np.ones((1, 7), dtype=bool),), {}, "poses must be numbers, got booleans"),
+    "text": (([["a"] * 7],), {}, "poses must be an array of numbers, got dtype <U1"),
+    "NaN": (([POSE, (np.nan, *POSE[1:])],), {}, "poses must be finite numbers of at most 1e18: 1 of 2 are not, the fi"),
+    "huge": (([(1e19, *POSE[1:])],), {}, "poses must be finite numbers of at most 1e18: 1 of 1 are not"),
+    "huge turn": (([(0, 0, 0, 1e300, 0, 0, 0)],), {}, "poses must be finite numbers of at most 1e18"),
+    "no turn": (
+        ([POSE, np.zeros(7)],),
+        {},
+        "poses must not have a zero-length quaternion: wrong in 1 of 2, at index 1",
+    ),
+    "scale": ((np.eye(4)[None] * [2, 2, 2, 1],), {}, "poses must be rotations without scale"),
+    "convention": (
+        ([POSE],),
+        {"convention": "blender"},
+        "convention must be one of 'opencv', 'opengl', 'ros', got 'bl",
+    ),
+    "no convention": (([POSE],), {"convention": None}, "convention must be one of"),
+    "times": (([POSE],), {"timestamps": [0, 1]}, "timestamps must be 1 seconds, one a frame, got int64 of shape (2,)"),
+    "NaN time": (([POSE],), {"timestamps": [np.nan]}, "timestamps must be finite: 1 are not, the first at index 0"),
+    "worlds": (([POSE] * 3,), {"object_poses": worlds(2)}, "object_poses are of 2 worlds and there are 3 frames; say"),
+    "objects": (([POSE],), {"object_poses": [POSE[:6]]}, "object_poses must have shape (W, M, 7), rows x y z qx qy qz"),
+    "no objects": (([POSE],), {"object_poses": np.zeros((1, 0, 7))}, "object_poses must have shape (W, M, 7)"),
+    "object NaN": (([POSE],), {"object_poses": [[np.nan] * 7]}, "object_poses must be finite numbers of at most 1e18"),
+    "object turn": (
+        ([POSE],),
+        {"object_poses": [POSE, np.zeros(7)]},
+        "object_poses must not have a zero-length quaternion: 1 have, of object 1 in world 0",
+    ),
+    "world alone": (([POSE],), {"world": [0]}, "world says which of object_poses a frame has, so give object_poses"),
+    "no such world": (
+        ([POSE] * 2,),
+        {"world": [0, 3], "object_poses": worlds(3)},
+        "world must be from 0 to 2, the worlds of object_poses, got 3 for frame 1",
+    ),
+    "half a world": (([POSE],), {"world": [0.5], "object_poses": worlds(3)}, "world must be 1 whole numbers, one a fr"),
+    "source": (
+        ([POSE],),
+        {"source": {"a": object()}},
+        "source must be a mapping of what JSON can hold, got {'a': <obj",
+    ),
+    "source NaN": (([POSE],), {"source": {"a": np.nan}}, "source must be a mapping of what JSON can hold"),
+    "source list": (([POSE],), {"source": [1]}, "source must be a mapping of what JSON can hold, got [1]"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input(case):
+    arguments, options, said = BAD[case]
+    with pytest.raises(wv.WarpvisError) as error:
+        Frames.from_poses(*arguments, **options)
+    assert str(error.value).startswith(said)
+    assert "\n" not in str(error.value)
+
+
+def test_frames_are_cut_by_slices():
+    with pytest.raises(wv.WarpvisError, match=r"frames are cut by slices, frames\[a:b\], got 0"):
+        Frames.from_poses([POSE])[0]

@@ -1,0 +1,525 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Pose files: every format against the definition of its poses, and whatever else a file may hold gets one sentence."""
+
+import builtins
+import csv
+import io
+import json
+import sys
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import warpvis as wv
+from warpvis.cli import main
+from warpvis.frames import Frames
+from warpvis.io.pose_files import read_frames
+from warpvis.pose import poses_to_matrices
+
+RNG = np.random.default_rng(0)
+TURNS = np.linalg.qr(RNG.normal(size=(6, 3, 3)))[0]
+TURNS *= np.linalg.det(TURNS)[:, None, None]  # no mirrors
+PLACES = RNG.uniform(-3, 3, (6, 3))
+MATRICES = np.tile(np.eye(4), (6, 1, 1))
+MATRICES[:, :3, :3], MATRICES[:, :3, 3] = TURNS, PLACES
+"""Camera to world, OpenCV."""
+TIMES = np.array([0.5, 1.25, 2.0, 2.125, 3.0, 1305031102.175304])
+OPENGL = np.diag([1.0, -1, -1, 1])
+"""An OpenGL camera's axes in the OpenCV camera's frame."""
+ROS = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
+"""A ROS body's axes in the OpenCV camera's frame: forward is z, left is -x, up is -y."""
+
+
+ROWS = Frames.from_poses(MATRICES).camera_to_world
+
+
+def assert_same_poses(frames, matrices=MATRICES):
+    np.testing.assert_allclose(poses_to_matrices(frames.camera_to_world), matrices, atol=1e-12)
+
+
+# Text and arrays.
+
+
+def test_tum(tmp_path):
+    lines = [f"{t!r} " + " ".join(map(repr, row)) for t, row in zip(TIMES.tolist(), ROWS.tolist(), strict=True)]
+    for name in ("walk.txt", "walk.tum", "walk"):
+        (tmp_path / name).write_text("# a comment\n" + "\n".join(lines))
+        frames = read_frames(tmp_path / name)
+        np.testing.assert_array_equal(frames.camera_to_world, ROWS)  # to the last bit
+        np.testing.assert_array_equal(frames.timestamps, TIMES)
+        assert frames.source == {"file": name, "format": "tum", "convention": "opencv"}
+    (tmp_path / "walk.csv").write_text("\n".join(lines))
+    assert_same_poses(read_frames(tmp_path / "walk.csv", file_format="tum"))
+
+
+def test_a_convention_is_that_of_the_camera_frame(tmp_path):
+    for convention, axes in (("opengl", OPENGL), ("ros", ROS)):
+        np.save(tmp_path / "poses.npy", MATRICES @ axes)
+        frames = read_frames(tmp_path / "poses.npy", convention=convention)
+        assert_same_poses(frames)
+        assert frames.source["convention"] == convention
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_npy(tmp_path, dtype):
+    for array in (ROWS, MATRICES):
+        np.save(tmp_path / "poses.npy", array.astype(dtype))
+        frames = read_frames(tmp_path / "poses.npy")
+        np.testing.assert_allclose(poses_to_matrices(frames.camera_to_world), MATRICES, atol=4 * np.finfo(dtype).eps)
+        np.testing.assert_array_equal(frames.timestamps, np.arange(6))
+
+
+def test_npz_holds_worlds(tmp_path):
+    objects = RNG.normal(size=(2, 3, 7)).astype(np.float32)
+    world = [0, 1, 1, 0, 0, 1]
+    for name in ("timestamp", "timestamps"):
+        np.savez(
+            tmp_path / "job.npz",
+            camera_to_world=ROWS,
+            object_poses=objects,
+            world=world,
+            other=["a"],
+            **{name: TIMES},
+        )
+        frames = read_frames(tmp_path / "job.npz")
+        assert frames.camera_to_world.tobytes() == ROWS.tobytes()
+        np.testing.assert_array_equal(frames.timestamps, TIMES)
+        np.testing.assert_array_equal(frames.object_poses, objects)
+        assert frames.world.tolist() == world
+        assert frames.source == {"file": "job.npz", "format": "npz", "convention": "opencv"}
+
+
+def test_what_render_writes_is_read(tmp_path, monkeypatch):
+    trimesh.creation.box().export(tmp_path / "box.obj")
+    (tmp_path / "walk.txt").write_text("0.5 0 -3 0.2 -0.70710678 0 0 0.70710678\n1.5 0 -4 0 0 0 0 1\n")
+    paths = ["--poses", str(tmp_path / "walk.txt"), "--out", str(tmp_path / "out"), "--quiet"]
+    monkeypatch.setattr(sys, "argv", ["warpvis", "render", str(tmp_path / "box.obj"), *paths])
+    main()
+    one, two = read_frames(tmp_path / "walk.txt"), read_frames(tmp_path / "out" / "depth.npz")
+    np.testing.assert_allclose(one.camera_to_world, two.camera_to_world, atol=1e-6)
+    np.testing.assert_array_equal(one.timestamps, two.timestamps)
+
+
+# Tables.
+
+
+def write_csv(path, names, rows, **options):
+    with open(path, "w", newline="") as file:
+        writer = csv.writer(file, **options)
+        writer.writerow(names)
+        writer.writerows(rows)
+
+
+def test_csv(tmp_path):
+    path = tmp_path / "poses.csv"
+    write_csv(path, ["x", "y", "z", "qx", "qy", "qz", "qw"], ROWS.tolist())
+    frames = read_frames(path)
+    assert frames.camera_to_world.tobytes() == ROWS.tobytes()
+    np.testing.assert_array_equal(frames.timestamps, np.arange(6))
+
+    names = ["", "qw", "TX", " ty", "tz ", "note", "qx", "qy", "qz", "timestamp"]  # pandas writes an index
+    rows = [
+        [index, row[6], *row[:3], 'a, "b"', *row[3:6], time]
+        for index, (row, time) in enumerate(zip(ROWS.tolist(), TIMES.tolist(), strict=True))
+    ]
+    write_csv(path, names, rows, quoting=csv.QUOTE_ALL)
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes() + b"\r\n\r\n# the end\r\n")
+    frames = read_frames(path)
+    assert frames.camera_to_world.tobytes() == ROWS.tobytes()
+    np.testing.assert_array_equal(frames.timestamps, TIMES)
+
+    path.write_text("# t,x,y,z,qx,qy,qz,qw\n" + "\n".join(["7,1,2,3,0,0,0,1"] * 2))
+    assert read_frames(path).timestamps.tolist() == [7, 7]
+
+
+def test_parquet(tmp_path):
+    arrow = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    columns = dict(zip(["tx", "ty", "tz", "qx", "qy", "qz", "qw"], ROWS.T, strict=True))
+    table = arrow.table({"qw": columns["qw"], "name": ["a"] * 6, "time": TIMES, **columns})
+    for name in ("poses.parquet", "poses.PQ"):
+        parquet.write_table(table, tmp_path / name, row_group_size=2)
+        frames = read_frames(tmp_path / name)
+        assert frames.camera_to_world.tobytes() == ROWS.tobytes()
+        np.testing.assert_array_equal(frames.timestamps, TIMES)
+        assert frames.source == {"file": name, "format": "parquet", "convention": "opencv"}
+
+
+def bad_tables():
+    arrow = pytest.importorskip("pyarrow")
+    columns = dict(zip(["x", "y", "z", "qx", "qy", "qz", "qw"], ROWS.T.tolist(), strict=True))
+    yield {k: v for k, v in columns.items() if k != "qy"}, "poses.parquet: expected the column names x, y, z (or tx, t"
+    yield {**columns, "tx": columns["x"]}, "poses.parquet: two columns are x: 'x' and 'tx'"
+    yield {**columns, "z": [True] * 6}, "poses.parquet: column z must hold numbers, got bool"
+    yield {**columns, "z": ["1"] * 6}, "poses.parquet: column z must hold numbers, got string"
+    yield {**columns, "z": [[1.0]] * 6}, "poses.parquet: column z must hold numbers, got list<"
+    yield {**columns, "z": [0.0] * 4 + [None] * 2}, "poses.parquet: row 4: poses must be finite numbers"
+    yield {**columns, "t": [0.0] * 4 + [None] * 2}, "poses.parquet: timestamps must be finite: 2 are not, the first at"
+    yield (
+        {**columns, **{name: [1.0, 0, 0, 1, 0, 1] for name in ("qx", "qy", "qz", "qw")}},
+        "poses.parquet: row 1: poses must not have a zero-length quaternion",
+    )
+    empty = {name: arrow.array([], arrow.float64()) for name in columns}
+    yield empty, "poses.parquet: holds no poses"
+
+
+def test_bad_parquet(tmp_path):
+    arrow = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    for columns, said in bad_tables():
+        parquet.write_table(arrow.table(columns), tmp_path / "poses.parquet")
+        with pytest.raises(wv.FileFormatError) as error:
+            read_frames(tmp_path / "poses.parquet")
+        assert str(error.value).removeprefix(f"{tmp_path}/").startswith(said)
+
+
+@pytest.mark.parametrize(
+    ("name", "module", "said"),
+    [
+        (
+            "poses.parquet",
+            "pyarrow",
+            "Parquet files are read with pyarrow, which is missing: pip install 'warpvis[datas",
+        ),
+        ("bag.mcap", "rosbags", "ROS 2 bags are read with rosbags, which is missing: pip install 'warpvis[ros]'"),
+    ],
+)
+def test_what_has_to_be_installed_is_said(tmp_path, monkeypatch, name, module, said):
+    real = builtins.__import__
+
+    def refuse(imported, *arguments):
+        if imported.split(".")[0] == module:
+            raise ImportError(imported)
+        return real(imported, *arguments)
+
+    (tmp_path / name).write_bytes(b"")
+    monkeypatch.setattr(builtins, "__import__", refuse)
+    with pytest.raises(wv.FileFormatError) as error:
+        read_frames(tmp_path / name)
+    assert str(error.value).startswith(f"{tmp_path / name}: {said}")
+
+
+# JSON.
+
+
+def nerfstudio(matrices=MATRICES):
+    frames = [{"file_path": f"{i}.png", "transform_matrix": m.tolist()} for i, m in enumerate(matrices @ OPENGL)]
+    return {"fl_x": 500, "camera_model": "OPENCV", "applied_transform": [[0, 1], [2]], "frames": frames}
+
+
+def bop(matrices=MATRICES, ids=None):
+    """A point X of the world is at R X + t in the camera's frame, t in millimetres."""
+    inverse = np.linalg.inv(matrices)
+    return {
+        str(image): {
+            "cam_K": [500, 0, 320, 0, 500, 240, 0, 0, 1],
+            "depth_scale": 0.1,
+            "cam_R_w2c": matrix[:3, :3].ravel().tolist(),
+            "cam_t_w2c": (1000 * matrix[:3, 3]).tolist(),
+        }
+        for image, matrix in zip(ids or range(len(matrices)), inverse, strict=True)
+    }
+
+
+def test_nerfstudio(tmp_path):
+    (tmp_path / "transforms.json").write_text(json.dumps(nerfstudio()))
+    frames = read_frames(tmp_path / "transforms.json")
+    assert_same_poses(frames)
+    np.testing.assert_array_equal(frames.timestamps, np.arange(6))
+    assert frames.source == {"file": "transforms.json", "format": "nerfstudio", "convention": "opengl"}
+    # A nerfstudio camera looks along its -z, and its image is upright along its +y.
+    for frame, matrix in zip(nerfstudio()["frames"], poses_to_matrices(frames.camera_to_world), strict=True):
+        given = np.array(frame["transform_matrix"])
+        np.testing.assert_allclose(matrix[:3, 2], -given[:3, 2], atol=1e-12)
+        np.testing.assert_allclose(matrix[:3, 1], -given[:3, 1], atol=1e-12)
+        np.testing.assert_allclose(matrix[:3, [0, 3]], given[:3, [0, 3]], atol=1e-12)
+
+
+def test_bop(tmp_path):
+    ids = [3, 1, 20, 100, 0, 7]
+    (tmp_path / "scene_camera.json").write_text(json.dumps(bop(ids=ids)))
+    frames = read_frames(tmp_path / "scene_camera.json")
+    assert_same_poses(frames, MATRICES[np.argsort(ids)])
+    np.testing.assert_array_equal(frames.timestamps, sorted(ids))
+    assert frames.source == {"file": "scene_camera.json", "format": "bop", "convention": "opencv"}
+    point = np.array([0.3, -0.2, 1.5])
+    for image, matrix in zip(sorted(ids), poses_to_matrices(frames.camera_to_world), strict=True):
+        entry = bop(ids=ids)[str(image)]
+        in_camera = np.reshape(entry["cam_R_w2c"], (3, 3)) @ (1000 * point) + entry["cam_t_w2c"]
+        np.testing.assert_allclose(matrix[:3, :3].T @ (point - matrix[:3, 3]), in_camera / 1000, atol=1e-12)
+
+
+def changed(data, *keys, to):
+    """A copy of nested data with another value at a place; of `...`, without it."""
+    data = json.loads(json.dumps(data))
+    place = data
+    for key in keys[:-1]:
+        place = place[key]
+    if to is ...:
+        del place[keys[-1]]
+    else:
+        place[keys[-1]] = to
+    return data
+
+
+SCALED = (2 * np.eye(3)).ravel().tolist()
+MIRROR = np.diag([1.0, 1, -1, 1]).tolist()
+FRAME = ("frames", 2, "transform_matrix")
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        (b"", "poses.json:1: is not JSON: Expecting value"),
+        (b'{"frames": [\n{"a": 1\n', "poses.json:3: is not JSON: Expecting ',' delimiter"),
+        (b"\xff\xfe\x00", "poses.json: is not a JSON text file"),
+        (b"[" * 100_000, "poses.json: is not JSON that can be read: it is nested too deeply"),
+        (b'{"0": ' + b"9" * 10_000 + b"}", "poses.json: is not JSON that can be read: Exceeds the limit"),
+        ([1], "poses.json: must be an object of images by their ids, got [1]"),
+        (None, "poses.json: must be an object of images by their ids, got null"),
+        ({}, "poses.json: holds no poses"),
+        ({"frames": []}, "poses.json: holds no poses"),
+        ({"frames": None}, 'poses.json: must be an object with a list "frames", got null'),
+        ({"frames": {"0": {}}}, 'poses.json: must be an object with a list "frames", got an object'),
+        ({"frames": [{}]}, 'poses.json: frame 0 must be an object with a "transform_matrix"'),
+        ({"frames": [3]}, 'poses.json: frame 0 must be an object with a "transform_matrix"'),
+        (
+            changed(nerfstudio(), *FRAME, to=None),
+            "poses.json: transform_matrix of frame 2 must be 4 x 4 finite numbers, got null",
+        ),
+        (
+            changed(nerfstudio(), *FRAME, to=np.eye(3).tolist()),
+            "poses.json: transform_matrix of frame 2 must be 4 x 4 finite numbers, got a list of 3 lists or objects",
+        ),
+        (changed(nerfstudio(), *FRAME, 1, 1, to=True), "poses.json: transform_matrix of frame 2 must be 4 x 4 finite"),
+        (changed(nerfstudio(), *FRAME, 1, 1, to="1"), "poses.json: transform_matrix of frame 2 must be 4 x 4 finite"),
+        (changed(nerfstudio(), *FRAME, 1, 1, to=[1]), "poses.json: transform_matrix of frame 2 must be 4 x 4 finite"),
+        (changed(nerfstudio(), *FRAME, 1, 3, to=np.nan), "poses.json: transform_matrix of frame 2 must be 4 x 4 fini"),
+        (changed(nerfstudio(), *FRAME, 1, 3, to=10**400), "poses.json: transform_matrix of frame 2 must be 4 x 4 fin"),
+        (changed(nerfstudio(), *FRAME, 1, 3, to=1e19), "poses.json: frame 2: poses must be finite numbers of at mo"),
+        (changed(nerfstudio(), *FRAME, 3, 0, to=1), "poses.json: frame 2: poses must have the last row 0 0 0 1"),
+        (changed(nerfstudio(), *FRAME, to=MIRROR), "poses.json: frame 2: poses must be rotations without scale"),
+        ({"first": {}}, 'poses.json: image ids must be whole numbers, got "first"'),
+        ({"-1": {}}, 'poses.json: image ids must be whole numbers, got "-1"'),
+        ({"1": {}, "01": {}}, "poses.json: image 1 is there twice, as '1' and '01'"),
+        ({"4": {"cam_K": [1]}}, "poses.json: image 4 has no cam_R_w2c and no cam_t_w2c, so no pose"),
+        ({"4": [1]}, "poses.json: image 4 has no cam_R_w2c and no cam_t_w2c, so no pose"),
+        (changed(bop(), "3", "cam_t_w2c", to=...), "poses.json: image 3 has no cam_t_w2c, so no pose"),
+        (changed(bop(), "3", "cam_t_w2c", to=[1, 2]), "poses.json: cam_t_w2c of image 3 must be 3 finite numbers, got"),
+        (changed(bop(), "3", "cam_R_w2c", to=np.eye(3).tolist()), "poses.json: cam_R_w2c of image 3 must be 9 finite "),
+        (changed(bop(), "3", "cam_R_w2c", to=SCALED), "poses.json: image 3: poses must be rotations without scale"),
+        (changed(bop(), "3", "cam_R_w2c", 4, to=1e300), "poses.json: image 3: poses must be finite numbers of at most"),
+    ],
+)
+def test_bad_json(tmp_path, data, said):
+    path = tmp_path / "poses.json"
+    path.write_bytes(data if isinstance(data, bytes) else json.dumps(data).encode())
+    with pytest.raises(wv.FileFormatError) as error:
+        read_frames(path)
+    assert str(error.value).removeprefix(f"{tmp_path}/").startswith(said)
+    assert "\n" not in str(error.value)
+    if isinstance(data, bytes):
+        return
+    path.rename(tmp_path / "poses")
+    with pytest.raises(wv.FileFormatError):
+        read_frames(tmp_path / "poses", file_format="nerfstudio" if "frames" in str(data) else "bop")
+
+
+# Everything else that is not a pose file.
+
+
+def save(function, *arguments, **options):
+    def write(path):
+        with open(path, "wb") as file:
+            function(file, *arguments, **options)
+
+    return write
+
+
+HEADER = "x,y,z,qx,qy,qz,qw\n"
+BAD_FILES = [
+    ("poses.txt", None, "poses.txt: no such file"),
+    ("poses.txt", "", "poses.txt: holds no lines 'timestamp tx ty tz qx qy qz qw'"),
+    ("poses.txt", "0 0 0 0 0 0 0 1\n0 0 0 x 0 0 0 1\n", "poses.txt:2: expected the 8 numbers"),
+    (
+        "poses.txt",
+        "0 0 0 0 0 0 0 1\n0 1e19 0 0 0 0 0 1\n",
+        "poses.txt: pose 1: poses must be finite numbers of at most",
+    ),
+    ("poses.csv", "", "poses.csv: holds no line of column names x, y, z, qx, qy, qz, qw"),
+    ("poses.csv", "1,2,3,0,0,0,1\n", "poses.csv:1: expected the column names x, y, z (or tx, ty, tz), qx, qy, qz, qw"),
+    ("poses.csv", "x,y,z,qx,qy,qz\n", "poses.csv:1: expected the column names x, y, z (or tx, ty, tz), qx, qy, qz, q"),
+    ("poses.csv", "x,y,z,qx,qy,qz,qw,X\n", "poses.csv:1: two columns are x: 'x' and 'X'"),
+    ("poses.csv", HEADER, "poses.csv: holds no poses"),
+    ("poses.csv", HEADER + "\n1,2,3,0,0,0\n", "poses.csv:3: expected 7 values, as there are column names, got 6"),
+    ("poses.csv", HEADER + "1,2,3,0,0,0,one\n", 'poses.csv:2: expected finite numbers, got "one"'),
+    ("poses.csv", HEADER + "1,2,3,0,0,0,nan\n", 'poses.csv:2: expected finite numbers, got "nan"'),
+    ("poses.csv", HEADER + "1,2,3,0,0,0,1e999\n", 'poses.csv:2: expected finite numbers, got "1e999"'),
+    ("poses.csv", HEADER + "#\n1,2,3,0,0,0,1\n1,2,3,0,0,0,0\n", "poses.csv:4: poses must not have a zero-length quate"),
+    ("poses.csv", HEADER + '"' + "1" * 200_000, "poses.csv:2: does not read as CSV: field larger than field limit"),
+    ("poses.csv", b"\xff\xfe", "poses.csv: is not a text file of lines 'x,y,z,qx,qy,qz,qw'"),
+    ("poses.npy", b"", "poses.npy: does not read as NPY: "),
+    ("poses.npy", b"no array", "poses.npy: does not read as NPY: "),
+    ("poses.npy", save(np.savez, a=ROWS), "poses.npy: does not read as NPY: it is an archive"),
+    ("poses.npy", save(np.save, ROWS[:, :6]), "poses.npy: the array must be numbers of shape (V, 7) or (V, 4, 4), got"),
+    (
+        "poses.npy",
+        save(np.save, ROWS > 0),
+        "poses.npy: the array must be numbers of shape (V, 7) or (V, 4, 4), got boo",
+    ),
+    ("poses.npy", save(np.save, np.array(["a"])), "poses.npy: the array must be numbers of shape (V, 7) or (V, 4, 4),"),
+    (
+        "poses.npy",
+        save(np.save, np.array(3.0)),
+        "poses.npy: the array must be numbers of shape (V, 7) or (V, 4, 4), go",
+    ),
+    ("poses.npy", save(np.save, np.array([{}])), "poses.npy: does not read as NPY: Object arrays cannot be loaded"),
+    ("poses.npy", save(np.save, ROWS[:0]), "poses.npy: holds no poses"),
+    (
+        "poses.npy",
+        save(np.save, ROWS * np.r_[1, 1, 1, 0, 0, 0, 0]),
+        "poses.npy: pose 0: poses must not have a zero-len",
+    ),
+    ("poses.npy", save(np.save, 2 * MATRICES), "poses.npy: pose 0: poses must have the last row 0 0 0 1"),
+    ("poses.npz", b"PK\x03\x04 no zip", "poses.npz: does not read as NPZ: "),
+    ("poses.npz", save(np.save, ROWS), "poses.npz: does not read as NPZ: it is one array"),
+    ("poses.npz", save(np.savez, a=ROWS), "poses.npz: expected an array camera_to_world, got a"),
+    ("poses.npz", save(np.savez), "poses.npz: expected an array camera_to_world, got no arrays"),
+    ("poses.npz", save(np.savez, camera_to_world=np.array([{}])), "poses.npz: does not read as NPZ: Object arrays"),
+    (
+        "poses.npz",
+        save(np.savez, camera_to_world=ROWS, timestamp=[0], timestamps=[1]),
+        "poses.npz: expected timestamps or timestamp, got both",
+    ),
+    (
+        "poses.npz",
+        save(np.savez, camera_to_world=ROWS, timestamp=TIMES[:2]),
+        "poses.npz: timestamps must be 6 seconds, one a frame, got float64 of shape (2,)",
+    ),
+    (
+        "poses.npz",
+        save(np.savez, camera_to_world=ROWS, object_poses=np.ones((2, 1, 7))),
+        "poses.npz: object_poses are of 2 worlds and there are 6 frames",
+    ),
+    (
+        "poses.npz",
+        save(np.savez, camera_to_world=ROWS, world=["a"] * 6, object_poses=np.ones((2, 1, 7))),
+        "poses.npz: world must be an array of numbers, got dtype <U1",
+    ),
+    ("poses.parquet", b"PAR1 no table PAR1", "poses.parquet: does not read as Parquet: "),
+    ("poses.parquet", b"", "poses.parquet: does not read as Parquet: "),
+    ("poses.mcap", b"no bag", "poses.mcap: does not read as a ROS 2 bag: "),
+    ("poses.db3", b"no bag", "poses.db3: does not read as a ROS 2 bag: "),
+]
+
+
+@pytest.mark.parametrize(("name", "content", "said"), BAD_FILES)
+def test_bad_files(tmp_path, name, content, said):
+    path = tmp_path / name
+    needed = {".parquet": "pyarrow", ".mcap": "rosbags", ".db3": "rosbags"}
+    if path.suffix in needed:
+        pytest.importorskip(needed[path.suffix])
+    if callable(content):
+        content(path)
+    elif content is not None:
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(wv.FileFormatError) as error:
+        read_frames(path)
+    assert str(error.value).removeprefix(f"{tmp_path}/").startswith(said)
+    assert "\n" not in str(error.value)
+
+
+def test_bad_arguments(tmp_path):
+    np.save(tmp_path / "poses.npy", ROWS)
+    for options, said in (
+        ({"convention": "blender"}, "convention must be one of 'opencv', 'opengl', 'ros', got 'blender'"),
+        (
+            {"file_format": "exr"},
+            "file_format must be one of tum, npy, npz, csv, parquet, nerfstudio, bop, ros, got 'e",
+        ),
+        ({"topic": "/tf"}, f"{tmp_path / 'poses.npy'}: topic= is for ROS 2 bags, which this is not"),
+        ({"file_format": "npz"}, f"{tmp_path / 'poses.npy'}: does not read as NPZ: it is one array"),
+    ):
+        with pytest.raises(wv.WarpvisError) as error:
+            read_frames(tmp_path / "poses.npy", **options)
+        assert str(error.value).startswith(said)
+    with pytest.raises(wv.FileFormatError, match=r"is a folder without metadata\.yaml, so no ROS 2 bag"):
+        read_frames(tmp_path)
+    with pytest.raises(wv.FileFormatError, match=r": no such file$"):
+        read_frames("a\0b")
+    with pytest.raises(wv.FileFormatError, match=r": no such file$"):
+        read_frames("a" * 5000)
+    for file_format in ("tum", "npy", "npz", "csv", "parquet", "nerfstudio", "bop"):
+        with pytest.raises(wv.FileFormatError) as error:
+            read_frames(tmp_path, file_format=file_format)
+        assert "\n" not in str(error.value)
+
+
+def whole_files():
+    """A well-formed file of every kind."""
+    array, archive, table = io.BytesIO(), io.BytesIO(), io.BytesIO()
+    np.save(array, ROWS)
+    np.savez(archive, camera_to_world=ROWS, timestamps=TIMES, object_poses=np.ones((1, 1, 7)))
+    lines = [",".join(map(repr, row)) for row in ROWS.tolist()]
+    files = {
+        "a.npy": array.getvalue(),
+        "a.npz": archive.getvalue(),
+        "a.csv": (HEADER + "\n".join(lines)).encode(),
+        "a.txt": "\n".join("0," + line for line in lines).encode(),
+        "transforms.json": json.dumps(nerfstudio()).encode(),
+        "scene_camera.json": json.dumps(bop()).encode(),
+    }
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        return files
+    columns = dict(zip(["x", "y", "z", "qx", "qy", "qz", "qw"], ROWS.T, strict=True))
+    parquet.write_table(pyarrow.table(columns), table)
+    return {**files, "a.parquet": table.getvalue()}
+
+
+FILES = whole_files()
+
+
+@pytest.mark.parametrize("name", FILES)
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_damaged_files_are_read_or_refused(tmp_path, name, data):
+    content = bytearray(FILES[name])
+    for _ in range(data.draw(st.integers(0, 4))):
+        place = data.draw(st.integers(0, len(content) - 1))
+        content[place] = data.draw(st.integers(0, 255))
+    if data.draw(st.booleans()):
+        del content[data.draw(st.integers(0, len(content))) :]
+    (tmp_path / name).write_bytes(content)
+    try:
+        frames = read_frames(tmp_path / name)
+    except wv.FileFormatError as error:
+        assert str(error).startswith(str(tmp_path / name))
+        assert "\n" not in str(error)
+    else:
+        assert np.isfinite(frames.camera_to_world).all()
+        np.testing.assert_allclose(np.linalg.norm(frames.camera_to_world[:, 3:], axis=1), 1, atol=1e-12)
+
+
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=3),
+    lambda inner: (
+        st.lists(inner, max_size=9)
+        | st.dictionaries(st.sampled_from(["frames", "transform_matrix", "cam_R_w2c", "cam_t_w2c", "0", "x"]), inner)
+    ),
+    max_leaves=30,
+)
+
+
+@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=VALUES)
+def test_any_json_is_read_or_refused(tmp_path, data):
+    (tmp_path / "a.json").write_text(json.dumps(data))
+    with pytest.raises(wv.FileFormatError, match=r"a\.json"):
+        read_frames(tmp_path / "a.json")

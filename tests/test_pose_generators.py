@@ -1,0 +1,506 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Generated poses: where they are and look, straight up and down, room for random ones, and the command line's text."""
+
+import math
+
+import numpy as np
+import pytest
+import trimesh
+
+import warpvis as wv
+from warpvis import pose_generators as module
+from warpvis import scenes
+from warpvis.inside import inside_solids
+from warpvis.placement import pose_grid
+from warpvis.pose import poses_to_matrices
+from warpvis.pose_generators import along, frames_from_spec, grid, looks_like_spec, orbit, random_poses, sphere
+
+import reference
+
+TARGET = np.array([0.3, -0.2, 0.5])
+
+
+def axes_of(poses):
+    """Places, and the directions of the images' x axes, y axes, and of the view, each (n, 3)."""
+    assert poses.dtype == np.float64 and poses.shape[1:] == (7,)
+    np.testing.assert_allclose(np.linalg.norm(poses[:, 3:], axis=1), 1, atol=1e-14)
+    matrices = poses_to_matrices(poses)
+    return matrices[:, :3, 3], matrices[:, :3, 0], matrices[:, :3, 1], matrices[:, :3, 2]
+
+
+def assert_upright(poses, vertical=2):
+    """The image's x axis is level, and its y axis points down."""
+    _, right, down, _ = axes_of(poses)
+    np.testing.assert_allclose(right[:, vertical], 0, atol=1e-12)
+    assert (down[:, vertical] < 0).all()
+
+
+def assert_looks_at(poses, target):
+    places, _, _, forward = axes_of(poses)
+    way = target - places
+    np.testing.assert_allclose(forward, way / np.linalg.norm(way, axis=1, keepdims=True), atol=1e-12)
+
+
+def add_box(scene, low, high, **options):
+    low, high = np.array(low, dtype=float), np.array(high, dtype=float)
+    scene.add(trimesh.creation.box(high - low), pose=(*(low + high) / 2, 0, 0, 0, 1), **options)
+
+
+def crates(device="cpu", *, movable=True, up="z"):
+    """A floor, a solid block of 2 m, and a crate in the corner."""
+    scene = wv.Scene(device=device, up=up)
+    add_box(scene, (-4, -4, -0.5), (4, 4, 0), name="floor", label="ground")
+    add_box(scene, (-1, -1, 0), (1, 1, 2), name="block")
+    add_box(scene, (2, 2, 0.0), (3, 3, 1.0), name="crate", movable=movable)
+    return scene
+
+
+# Around a point.
+
+
+@pytest.mark.parametrize("up", ["z", "y"])
+def test_orbit(up):
+    vertical = "xyz".index(up)
+    first, second = (vertical + 1) % 3, (vertical + 2) % 3
+    poses = orbit(TARGET, radius=2, height=1.25, count=8, up=up, start=0.1)
+    places, *_ = axes_of(poses)
+    angles = 0.1 + np.arange(8) * math.pi / 4
+    np.testing.assert_allclose(places[:, first], TARGET[first] + 2 * np.cos(angles), atol=1e-12)
+    np.testing.assert_allclose(places[:, second], TARGET[second] + 2 * np.sin(angles), atol=1e-12)
+    assert (places[:, vertical] == 1.25).all()
+    assert_looks_at(poses, TARGET)
+    assert_upright(poses, vertical)
+    for pose in poses:
+        np.testing.assert_allclose(
+            poses_to_matrices(pose), poses_to_matrices(wv.look_at(pose[:3], TARGET, up=up)), atol=1e-12
+        )
+
+
+@pytest.mark.parametrize("up", ["z", "y"])
+def test_sphere_is_covered_evenly(up):
+    vertical = "xyz".index(up)
+    poses = sphere(TARGET, radius=1.5, count=1000, up=up)
+    places, *_ = axes_of(poses)
+    directions = (places - TARGET) / 1.5
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1, atol=1e-12)
+    np.testing.assert_allclose(directions.mean(axis=0), 0, atol=2e-3)
+    assert (np.diff(directions[:, vertical]) > 0).all()
+    # The nearest neighbours of evenly spread points are about as far as those of a hexagonal lattice.
+    distance = np.linalg.norm(directions[:, None] - directions, axis=2) + 9 * np.eye(1000)
+    lattice = math.sqrt(8 * math.pi / math.sqrt(3) / 1000)
+    assert distance.min() > 0.7 * lattice and distance.min(axis=1).max() < 1.05 * lattice
+    assert_looks_at(poses, TARGET)
+    assert_upright(poses, vertical)
+
+
+def test_a_part_of_a_sphere():
+    half = axes_of(sphere(TARGET, radius=2, count=500, min_elevation=0))[0][:, 2] - TARGET[2]
+    assert (half > 0).all()
+    np.testing.assert_allclose(np.sort(half), 2 * (np.arange(500) + 0.5) / 500, atol=1e-12)  # equal areas
+    ring = axes_of(sphere(TARGET, radius=2, count=9, min_elevation=0.3, max_elevation=0.3))[0][:, 2]
+    np.testing.assert_allclose(ring, TARGET[2] + 2 * math.sin(0.3), atol=1e-12)
+    assert len(sphere(TARGET, radius=2, count=1)) == 1
+
+
+@pytest.mark.parametrize("up", ["z", "y"])
+def test_straight_up_and_down_the_first_axis_is_at_the_top(up):
+    vertical = "xyz".index(up)
+    first = np.eye(3)[(vertical + 1) % 3]
+    for elevation, way in ((math.pi / 2, -1), (-math.pi / 2, 1)):
+        poses = sphere(TARGET, radius=2, count=3, min_elevation=elevation, max_elevation=elevation, up=up)
+        _, _, down, forward = axes_of(poses)
+        np.testing.assert_allclose(forward, np.tile(way * np.eye(3)[vertical], (3, 1)), atol=1e-15)
+        np.testing.assert_allclose(down, np.tile(-first, (3, 1)), atol=1e-15)
+    pole = np.eye(3)[vertical]
+    _, _, down, forward = axes_of(along([-pole, 0 * pole, 2 * pole], count=5, up=up))
+    np.testing.assert_allclose(forward, np.tile(pole, (5, 1)), atol=1e-15)
+    np.testing.assert_allclose(down, np.tile(-first, (5, 1)), atol=1e-15)
+    poses = grid([-pole, pole], step=1, look_at=0 * pole, up=up)
+    assert_looks_at(poses, 0 * pole)
+    assert len(poses) == 2  # none at the point itself
+
+
+# In a volume.
+
+
+@pytest.mark.parametrize("up", ["z", "y"])
+def test_grid(up):
+    poses = grid([(0, 1, 2), (0.5, 1.9, 2)], step=0.3, headings=3, pitch=-0.4, up=up)
+    expected = [(x, y, 2) for x in (0, 0.3) for y in (1, 1.3, 1.6, 1.9)]
+    np.testing.assert_allclose(poses[::3, :3], expected, atol=1e-12)
+    np.testing.assert_array_equal(poses[:, :3], np.repeat(poses[::3, :3], 3, axis=0))
+    directions = pose_grid((0, 0, 0), radius=0, step=1, height=0, headings=3, pitch=-0.4, up=up)[:, 3:]
+    np.testing.assert_array_equal(poses[:, 3:], np.tile(directions, (8, 1)))
+    assert_upright(poses, "xyz".index(up))
+
+
+def test_a_grid_that_looks_at_a_point():
+    poses = grid([(-1, -1, -1), (1, 1, 1)], step=0.5, look_at=(0, 0, 0))
+    assert len(poses) == 5**3 - 1
+    assert_looks_at(poses, (0, 0, 0))
+    above = (poses[:, :2] == 0).all(axis=1)
+    assert above.sum() == 4
+    assert_upright(poses[~above])
+
+
+# Along a path.
+
+
+def test_along_a_path():
+    path = [(0, 0, 1), (3, 0, 1), (3, 0, 1), (3, 4, 1), (3, 4, 1)]
+    poses = along(path, count=15)
+    places, _, _, forward = axes_of(poses)
+    ways = np.arange(15) * 0.5
+    expected = np.stack([np.minimum(ways, 3), np.maximum(ways - 3, 0), np.ones(15)], axis=1)
+    np.testing.assert_allclose(places, expected, atol=1e-12)
+    first = np.arange(15) < 6  # the corner belongs to the piece that begins there
+    np.testing.assert_allclose(forward, np.where(first[:, None], (1, 0, 0), (0, 1, 0)), atol=1e-12)
+    assert_upright(poses)
+    np.testing.assert_allclose(along(path, count=1)[:, :3], path[:1])
+    assert_looks_at(along(path, count=7, look=TARGET), TARGET)
+    helix = np.linspace(0, 20, 4000)[:, None] * [0, 0, 0.1] + np.stack(
+        [np.cos(np.linspace(0, 20, 4000)), np.sin(np.linspace(0, 20, 4000)), np.zeros(4000)], axis=1
+    )
+    places, *_ = axes_of(along(helix, count=100))
+    steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    chord = math.hypot(2 * math.sin(10 / 99), 2 / 99)
+    np.testing.assert_allclose(steps, chord, rtol=1e-4)
+
+
+# At random.
+
+
+def test_random_places_fill_the_box():
+    poses = random_poses([(-1, 2, 0), (3, 4, 0)], count=4000, seed=3)
+    places, _, _, forward = axes_of(poses)
+    assert (places >= (-1, 2, 0)).all() and (places <= (3, 4, 0)).all()
+    np.testing.assert_allclose(places.mean(axis=0), (1, 3, 0), atol=0.1)
+    assert np.histogram(places[:, 0], 8, (-1, 3))[0].min() > 420
+    np.testing.assert_allclose(forward[:, 2], 0, atol=1e-12)
+    assert np.histogram(np.arctan2(forward[:, 1], forward[:, 0]), 8, (-math.pi, math.pi))[0].min() > 420
+    assert_upright(poses)
+
+
+def test_random_directions():
+    box = [(-1, -1, -1), (1, 1, 1)]
+    poses = random_poses(box, count=4000, seed=3, look="any", up="y")
+    forward = axes_of(poses)[3]
+    for axis in range(3):  # Archimedes: each coordinate of a random direction is uniform
+        assert np.histogram(forward[:, axis], 8, (-1, 1))[0].min() > 420
+    assert_upright(poses, 1)
+    looking = random_poses(box, count=100, seed=3, look=TARGET)
+    assert_looks_at(looking, TARGET)
+    np.testing.assert_array_equal(looking[:, :3], poses[:100, :3])  # the same places, however they look
+
+
+@pytest.mark.parametrize("up", ["z", "y"])
+def test_random_places_have_room(device, up):
+    scene = crates(device, up=up)
+    poses = random_poses(scene, count=3000, seed=1, clearance=0.3)
+    places = poses[:, :3]
+    low, high = scene.bounds
+    assert (places >= low).all() and (places <= high).all()
+    corners = np.concatenate([item.vertices[item.faces] for item in scene])
+    assert reference.nearest_surface(corners, places).min() >= 0.3 - 1e-6
+    for name in ("block", "crate", "floor"):  # not even where the surface is far
+        box = scene[name].bounds
+        assert not ((places > box[0]) & (places < box[1])).all(axis=1).any()
+    without = random_poses(scene, count=3000, seed=1, clearance=0.3, exclude=["block"])
+    assert ((without[:, :3] > -0.6) & (without[:, :3] < (0.6, 0.6, 1.6))).all(axis=1).sum() > 10
+    assert_upright(poses, "xyz".index(up))
+
+
+def test_movable_objects_are_where_they_were_added():
+    for clearance in (0.1, 0.4):
+        one, two = (
+            random_poses(crates(movable=movable), count=2000, seed=5, clearance=clearance) for movable in (False, True)
+        )
+        np.testing.assert_array_equal(one, two)
+
+
+def test_a_seed_gives_the_same_poses(monkeypatch, device):
+    scene = crates(device)
+    options = {"seed": 2, "clearance": 0.35, "look": "any"}
+    poses = random_poses(scene, count=500, threads=1, **options)
+    np.testing.assert_array_equal(random_poses(scene, count=500, threads=3, **options), poses)
+    np.testing.assert_array_equal(random_poses(crates("cpu"), count=500, **options), poses)
+    np.testing.assert_array_equal(random_poses(scene, count=20, **options), poses[:20])
+    monkeypatch.setattr(module, "_FEWEST_CANDIDATES", 16)
+    monkeypatch.setattr(module, "_MOST_CANDIDATES", 48)
+    np.testing.assert_array_equal(random_poses(scene, count=500, **options), poses)
+    assert not np.array_equal(random_poses(scene, count=500, **{**options, "seed": 3}), poses)
+    # As numpy's generator has them: three coordinates first of five numbers each.
+    numbers = np.random.default_rng(2).random((3, 5))[:, :3]
+    box = np.array([(0, 0, 0), (1, 2, 4)])
+    np.testing.assert_array_equal(random_poses(box, count=3, seed=2)[:, :3], numbers * box[1])
+
+
+def test_no_room_is_said(monkeypatch):
+    monkeypatch.setattr(module, "_LEAST_TRIED", 20_000)
+    scene = wv.Scene()
+    add_box(scene, (-2, -2, -2), (2, 2, 2), name="solid")
+    with pytest.raises(wv.PoseError) as error:
+        random_poses(scene, count=3, seed=0, clearance=0.1)
+    assert str(error.value).startswith("there is no room for 3 cameras from [-2.0, -2.0, -2.0] to [2.0, 2.0, 2.0]: of ")
+    assert str(error.value).endswith(" random places, 0 are 0.1 m from all surfaces and not inside of closed objects")
+    with pytest.raises(wv.PoseError, match="are elsewhere than the point to look at"):
+        random_poses([TARGET, TARGET], count=3, seed=0, look=TARGET)
+    inwards = trimesh.creation.box((4, 4, 4))
+    inwards.invert()
+    room = wv.Scene()
+    room.add(inwards)
+    assert len(random_poses(room, count=3, seed=0, clearance=0.1)) == 3
+    assert len(random_poses(wv.Scene(), bounds=[(0, 0, 0), (1, 1, 1)], count=3, seed=0)) == 3
+
+
+# Inside of closed objects.
+
+
+def test_inside_matches_solid_angles(device):
+    rng = np.random.default_rng(0)
+    scene = wv.Scene(device=device)
+    shapes = [trimesh.creation.icosphere(subdivisions=1, radius=0.5), trimesh.creation.box((0.6, 0.7, 0.8))]
+    shapes.append(trimesh.creation.torus(0.5, 0.2, major_sections=12, minor_sections=8))
+    for i, shape in enumerate(shapes):
+        scene.add(shape, pose=(0.3 * i, 0.1, 0.2 * i, *rng.normal(size=4)), movable=i == 1)
+    points = rng.uniform(-0.6, 1.1, (400, 3)).astype(np.float32)
+    corners = np.concatenate([item.vertices[item.faces] for item in scene])
+    expected = reference.find_inside(corners, points)
+    for threads in (1, 2):
+        np.testing.assert_array_equal(inside_solids(scene, points, threads=threads), expected)
+    assert 20 < expected.sum() < 300
+    moved = inside_solids(scene, points, object_poses=[[50.0, 0, 0, 0, 0, 0, 1]], exclude=[0, 2])
+    assert not moved.any()
+    assert inside_solids(scene, np.zeros((0, 3))).shape == (0,)
+
+
+def test_open_and_inward_objects_hold_nothing(device):
+    box = trimesh.creation.box((2, 2, 2))
+    for faces, held in ((box.faces, True), (box.faces[:, ::-1], False), (box.faces[1:], False)):
+        scene = wv.Scene(device=device)
+        scene.add((box.vertices, faces))
+        assert inside_solids(scene, [(0.1, 0.2, 0.3), (5, 0, 0)]).tolist() == [held, False]
+
+
+# The command line's text.
+
+
+def test_specs(tmp_path):
+    scene = scenes.PRESETS["room"].build("cpu")
+    (tmp_path / "my walk.txt").write_text("0 0 1\n1 1 1\n")
+    box = np.array([(0, 0, 0), (1, 1, 1)])
+    for text, expected, source in (
+        (
+            "orbit target=0,0,0.5 radius=2 height=1 count=36 start=0.5",
+            orbit((0, 0, 0.5), radius=2, height=1, count=36, start=0.5),
+            {"generator": "orbit", "target": [0, 0, 0.5], "radius": 2, "height": 1, "count": 36, "start": 0.5},
+        ),
+        (
+            "sphere  count=10 target=0,0,1e-1 radius=2",
+            sphere((0, 0, 0.1), radius=2, count=10),
+            {"generator": "sphere", "count": 10, "target": [0, 0, 0.1], "radius": 2},
+        ),
+        (
+            "grid step=0.5 bounds=0,0,0,1,1,1 headings=2 pitch=-0.5",
+            grid(box, step=0.5, headings=2, pitch=-0.5),
+            {"generator": "grid", "step": 0.5, "bounds": box.tolist(), "headings": 2, "pitch": -0.5},
+        ),
+        (
+            "grid step=1 look_at=0,0,0.5",
+            grid(scene.bounds, step=1, look_at=(0, 0, 0.5)),
+            {"generator": "grid", "step": 1, "look_at": [0, 0, 0.5], "bounds": scene.bounds.tolist()},
+        ),
+        (
+            "random count=50 seed=1 clearance=0.3 look=any",
+            random_poses(scene, count=50, seed=1, clearance=0.3, look="any"),
+            {
+                "generator": "random",
+                "count": 50,
+                "seed": 1,
+                "clearance": 0.3,
+                "look": "any",
+                "bounds": scene.bounds.tolist(),
+            },
+        ),
+        (
+            "random count=5 bounds=0,0,0,1,1,1 look=0,0,5",
+            random_poses(box, count=5, seed=0, look=(0, 0, 5)),
+            {"generator": "random", "count": 5, "seed": 0, "bounds": box.tolist(), "look": [0, 0, 5]},
+        ),
+        (
+            f"along path='{tmp_path / 'my walk.txt'}' count=5",
+            along([(0, 0, 1), (1, 1, 1)], count=5),
+            {"generator": "along", "path": "my walk.txt", "count": 5},
+        ),
+    ):
+        assert looks_like_spec(text)
+        frames = frames_from_spec(text, scene)
+        np.testing.assert_array_equal(frames.camera_to_world, expected)
+        assert frames.source == {"up": "z", **source}
+        np.testing.assert_array_equal(frames.timestamps, np.arange(len(expected)))
+
+
+def test_a_spec_takes_the_scenes_axis():
+    scene = crates(up="y")
+    text = "orbit target=0,0,0 radius=1 height=1 count=3"
+    np.testing.assert_array_equal(
+        frames_from_spec(text, scene).camera_to_world, orbit((0, 0, 0), radius=1, height=1, count=3, up="y")
+    )
+    assert frames_from_spec(text, scene, up="z").source["up"] == "z"
+    assert frames_from_spec("random count=3 bounds=0,0,0,1,1,1").source["up"] == "z"
+    excluded = frames_from_spec("random count=3 clearance=0.1 exclude=block,crate", scene)
+    assert excluded.source["exclude"] == ["block", "crate"]
+
+
+def test_what_looks_like_a_spec(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for text in ("orbit", "orbit radius=2", "obrit radius=2 height=1", "random  count=3", "orbit target=0, 0, 1"):
+        assert looks_like_spec(text), text
+    for text in ("", "poses.txt", "my poses.txt", "out=3/poses.txt", "walk", "'", "a\0b", "s3://x/y.npz"):
+        assert not looks_like_spec(text), text
+    for name in ("orbit", "random count=3"):
+        (tmp_path / name).write_text("")
+        assert not looks_like_spec(name)
+
+
+ORBIT = "orbit target=0,0,0 radius=1 height=1 count=3"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "a spec of poses begins with one of orbit, sphere, grid, random, along, got ''"),
+        ("obrit radius=2", "a spec of poses begins with one of orbit, sphere, grid, random, along, got 'obrit'"),
+        ("orbit 'a", 'the spec "orbit \'a" does not read: No closing quotation'),
+        ("orbit", "orbit needs target, radius, height, count; its keys are target, radius, height, count, [start]"),
+        ("orbit radius=1", "orbit needs target, height, count; its keys are target, radius, height, count, [start]"),
+        (
+            ORBIT + " colour=1",
+            "orbit has no 'colour'; its keys are target, radius, height, count, [start], each as key",
+        ),
+        (ORBIT + " 5", "orbit has no '5'; its keys are"),
+        (ORBIT + " count=3", "count of orbit is there twice"),
+        ("orbit radius=1m", "radius of orbit must be a finite number, got '1m'"),
+        ("orbit radius=nan", "radius of orbit must be a finite number, got 'nan'"),
+        ("orbit target=1,2", "target of orbit must be three finite numbers X,Y,Z, got '1,2'"),
+        ("orbit count=3.5", "count of orbit must be a whole number, got '3.5'"),
+        ("orbit count=", "count of orbit must be a whole number, got ''"),
+        (ORBIT.replace("count=3", "count=0"), "count must be a whole number from 1 up, got 0"),
+        (ORBIT.replace("radius=1", "radius=-1"), "radius must be a positive number of metres, got -1.0"),
+        (
+            "grid bounds=0,0,0,1,1 step=1",
+            "bounds of grid must be six finite numbers, the least and the greatest corner",
+        ),
+        ("grid step=1", "grid needs bounds=, or a scene"),
+        ("random count=3", "random needs bounds=, or a scene"),
+        ("random count=3 look=up", "look of random must be level or any or three finite numbers X,Y,Z, got 'up'"),
+        (
+            "random count=3 bounds=0,0,0,1,1,1 clearance=1",
+            "clearance= is a distance from the surfaces of a scene, so g",
+        ),
+        ("along count=3 path=/nowhere/walk.txt", "/nowhere/walk.txt: no such file"),
+    ],
+)
+def test_bad_specs(text, said):
+    with pytest.raises(wv.WarpvisError) as error:
+        frames_from_spec(text)
+    assert str(error.value).startswith(said)
+    assert "\n" not in str(error.value)
+
+
+BOX = [(0, 0, 0), (1, 1, 1)]
+RANDOM = {"count": 3, "seed": 0}
+BAD = {
+    "target": (orbit, (0, 0), {"radius": 1, "height": 1, "count": 3}, "target must be three finite numbers, got [0.0,"),
+    "NaN target": (sphere, (0, 0, np.nan), {"radius": 1, "count": 3}, "target must be three finite numbers, got [0.0,"),
+    "radius": (
+        orbit,
+        TARGET,
+        {"radius": 0, "height": 1, "count": 3},
+        "radius must be a positive number of metres, got",
+    ),
+    "height": (
+        orbit,
+        TARGET,
+        {"radius": 1, "height": np.inf, "count": 3},
+        "height must be a finite number of metres, g",
+    ),
+    "start": (
+        orbit,
+        TARGET,
+        {"radius": 1, "height": 1, "count": 3, "start": "x"},
+        "start must be a finite number of ra",
+    ),
+    "true": (
+        orbit,
+        TARGET,
+        {"radius": 1, "height": 1, "count": True},
+        "count must be a whole number from 1 up, got Tr",
+    ),
+    "too many": (sphere, TARGET, {"radius": 1, "count": 10**12}, "count must be at most 268435456, got 1000000000000"),
+    "up": (orbit, TARGET, {"radius": 1, "height": 1, "count": 3, "up": "x"}, 'up must be "z" or "y", got \'x\''),
+    "elevation": (sphere, TARGET, {"radius": 1, "count": 3, "max_elevation": 2}, "elevations need -pi/2 <= min_elevat"),
+    "turned": (
+        sphere,
+        TARGET,
+        {"radius": 1, "count": 3, "min_elevation": 1, "max_elevation": 0},
+        "elevations need -pi/2 <= min_elevation <= max_elevation <= pi/2 radians, got 1 and 0",
+    ),
+    "bounds": (grid, BOX[0], {"step": 1}, "bounds must be a box's least and greatest corner of shape (2, 3), got [0.0"),
+    "turned box": (grid, BOX[::-1], {"step": 1}, "bounds must be a box's least and greatest corner of shape (2, 3), g"),
+    "step": (grid, BOX, {"step": 0}, "step must be a positive number of metres, got 0"),
+    "tiny step": (grid, BOX, {"step": 1e-6}, "a grid has at most 268435456 poses, and step 1e-06 makes 8e+18; take a"),
+    "no step": (grid, BOX, {"step": 1e-320}, "a grid has at most 268435456 poses, and step 1e-320 makes inf; take a "),
+    "headings": (grid, BOX, {"step": 1, "headings": 0}, "headings must be a whole number from 1 up, got 0"),
+    "straight down": (grid, BOX, {"step": 1, "pitch": -math.pi / 2}, "pitch must be between -pi/2 and pi/2 radians, g"),
+    "look_at": (grid, BOX, {"step": 1, "look_at": "x"}, "look_at must be an array of numbers, got dtype <U1"),
+    "no path": (
+        along,
+        BOX[:1],
+        {"count": 3},
+        "path must be two or more finite points of shape (n, 3), got shape (1, 3",
+    ),
+    "no length": (along, [BOX[0]] * 3, {"count": 3}, "path must have a length, and its 3 points are one"),
+    "NaN path": (
+        along,
+        [(0, 0, 0), (np.nan, 0, 0)],
+        {"count": 3},
+        "path must be two or more finite points of shape (n",
+    ),
+    "backward": (along, BOX, {"count": 3, "look": "backward"}, 'look must be "forward" or a point of shape (3,), got'),
+    "at it": (along, BOX, {"count": 3, "look": (1, 1, 1)}, "a camera cannot look at where it is: 1 are at [1.0, 1.0, "),
+    "two boxes": (
+        random_poses,
+        BOX,
+        {**RANDOM, "bounds": BOX},
+        "bounds= is the box of a scene; give a scene, or the b",
+    ),
+    "no bounds": (random_poses, None, RANDOM, "bounds must be an array of numbers, got dtype object"),
+    "no scene": (random_poses, BOX, {**RANDOM, "clearance": 0.1}, "clearance= is a distance from the surfaces of a sc"),
+    "clearance": (
+        random_poses,
+        BOX,
+        {**RANDOM, "clearance": -1},
+        "clearance must be a number of metres from 0 up, got",
+    ),
+    "seed": (random_poses, BOX, {**RANDOM, "seed": -1}, "seed must be a whole number from 0 up, got -1"),
+    "look": (random_poses, BOX, {**RANDOM, "look": "up"}, 'look must be "level", "any" or a point of shape (3,), got'),
+    "exclude": (random_poses, BOX, {**RANDOM, "exclude": ["a"]}, "exclude= says whose surfaces do not count for clear"),
+    "nothing": (random_poses, wv.Scene(), RANDOM, "the scene has no objects; add() one first"),
+    "no object": (
+        random_poses,
+        crates(),
+        {**RANDOM, "clearance": 0.1, "exclude": ["cat"]},
+        "the scene has no object 'cat'; it has 'floor', 'block', 'crate'",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input(case):
+    function, given, options, said = BAD[case]
+    with pytest.raises(wv.WarpvisError) as error:
+        function(given, **options)
+    assert str(error.value).startswith(said)
+    assert "\n" not in str(error.value)
