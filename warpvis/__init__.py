@@ -27,12 +27,16 @@ if (_root / "pyproject.toml").is_file() and (_root / "kernels").is_dir():
 
 if TYPE_CHECKING:
     from warpvis.agents import Agent, Field
+    from warpvis.batch.api import BatchSummary, render_batch
+    from warpvis.batch.frame_renderer import FrameRenderer
     from warpvis.camera import Camera
     from warpvis.classification import Sphere, back_project, classify, classify_rendered
     from warpvis.errors import ArrayError, CameraError, FileFormatError, PoseError, SceneError, WarpvisError
     from warpvis.floor_plan import PlanVisibility, plan_visibility
+    from warpvis.frames import Frames
     from warpvis.free_space import clearance, standing_room
     from warpvis.heights import minimum_height
+    from warpvis.io.pose_files import read_frames
     from warpvis.labels import Label, Visibility
     from warpvis.objects import BOP_DELTA, ObjectVisibility, object_visibility
     from warpvis.perspectives import Candidate, Perspective, State, perspective
@@ -52,6 +56,7 @@ _HOME = {
     "Agent": "agents",
     "ArrayError": "errors",
     "BOP_DELTA": "objects",
+    "BatchSummary": "batch.api",
     "BestViews": "placement",
     "Camera": "camera",
     "CameraError": "errors",
@@ -60,6 +65,8 @@ _HOME = {
     "Field": "agents",
     "FileFormatError": "errors",
     "FloorMap": "visibility",
+    "FrameRenderer": "batch.frame_renderer",
+    "Frames": "frames",
     "Label": "labels",
     "ObjectVisibility": "objects",
     "Perspective": "perspectives",
@@ -94,7 +101,9 @@ _HOME = {
     "plan_visibility": "floor_plan",
     "pose_grid": "placement",
     "propose_view": "proposals",
+    "read_frames": "io.pose_files",
     "render": "renderer",
+    "render_batch": "batch.api",
     "standing_room": "free_space",
     "surface_samples": "surfaces",
     "visibility_map": "visibility",
@@ -102,12 +111,13 @@ _HOME = {
     "voxel_map_of": "voxels",
 }
 
-_SUBPACKAGES = ("io", "mujoco", "scenes", "solids", "viz")
+_SUBPACKAGES = ("batch", "io", "mujoco", "pose_generators", "scenes", "solids", "viz", "webots")
 
 __all__ = [
     "BOP_DELTA",
     "Agent",
     "ArrayError",
+    "BatchSummary",
     "BestViews",
     "Camera",
     "CameraError",
@@ -116,6 +126,8 @@ __all__ = [
     "Field",
     "FileFormatError",
     "FloorMap",
+    "FrameRenderer",
+    "Frames",
     "Label",
     "ObjectVisibility",
     "Perspective",
@@ -151,7 +163,9 @@ __all__ = [
     "plan_visibility",
     "pose_grid",
     "propose_view",
+    "read_frames",
     "render",
+    "render_batch",
     "standing_room",
     "surface_samples",
     "visibility_map",

@@ -276,6 +276,16 @@ class Scene:
         scene._index, scene._movable = dict(self._index), list(self._movable)
         return scene
 
+    def __getstate__(self) -> dict[str, Any]:
+        """What another process makes the same scene of: its objects, and no trees."""
+        objects = [as_it_is(item) for item in self._objects]
+        return {"device": str(self.device), "up": self.up, "objects": objects, "movable": list(self._movable)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__init__(device=state["device"], up=state["up"])  # type: ignore[misc]
+        self._objects, self._movable = state["objects"], state["movable"]
+        self._index = {item.name: index for index, item in enumerate(self._objects)}
+
     def to_trimesh(self) -> trimesh.Scene:
         """The objects as a `trimesh.Scene` in the same frame, with names kept and labels in the meshes' metadata."""
         import trimesh

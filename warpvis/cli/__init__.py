@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The command line: ``warpvis demo``, ``render``, ``check``, ``perspective``, ``info``.
+"""The command line: ``warpvis demo``, ``render``, ``batch``, ``verify``, ``warmup``, ``check`` and so on.
 
 Nothing heavy is imported until a command runs, so that ``--help`` answers at once.
 """
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
+from warpvis.cli.batch import Batch, Verify, Warmup
 from warpvis.cli.check import Check
 from warpvis.cli.inputs import make_folder
 from warpvis.cli.perspective import Perspective
@@ -185,7 +186,8 @@ class Info:
 
 def main() -> None:
     """Entry point: bad input ends with one sentence and exit code 2."""
-    command = tyro.cli(Demo | Render | Check | Perspective | Info, prog="warpvis", description=_DESCRIPTION)
+    commands = Demo | Render | Batch | Verify | Warmup | Check | Perspective | Info
+    command = tyro.cli(commands, prog="warpvis", description=_DESCRIPTION)
     try:
         _quiet_warp()
         command.run()

@@ -1,11 +1,13 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth images as files: 16-bit PNG in millimetres, and ``.npz`` in metres."""
+"""Depth images as files: 16-bit PNG in millimetres or other units, and ``.npz`` in metres."""
 
 from __future__ import annotations
 
 import os
+import struct
 import zipfile
+import zlib
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -15,41 +17,88 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.errors import ArrayError, FileFormatError
 
-_MOST_MILLIMETRES = 65_535
+_MOST = 65_535
+
+# On a 16-bit depth image, filter Up and zlib's level 1 take a third to half of the time of Pillow's level 1, which
+# tries every filter on every row, and no more bytes: 0.5 to 1.7 ms and 0.05 to 0.24 of the pixels' bytes for 320x240
+# pixels of a room or of 60 balls. Level 6 takes four times as long for about a fifth less.
+_UP = 2
+_LEVEL = 1
 
 
-def depth_to_millimetres(depth: ArrayLike) -> NDArray[np.uint16]:
-    """Depth as most 16-bit depth images hold it: whole millimetres, 0 where there is none.
+def depth_to_units(depth: ArrayLike, scale: float) -> NDArray[np.uint16]:
+    """Depth as 16-bit depth images hold it: whole units, 0 where there is none.
 
-    Depth that 16 bits cannot hold (beyond 65.535 m) becomes 0 as well, not the greatest value: to a reader, 0 is no
-    depth, and any other number is a distance.
+    Depth that 16 bits cannot hold becomes 0 as well, not the greatest value: to a reader, 0 is no depth, and any other
+    number is a distance.
 
     Args:
         depth: Depth [m], any shape.
+        scale: Units of a metre: 1000 for millimetres, 5000 for TUM's datasets.
 
     Returns:
-        Millimetres, the same shape.
+        Depth in units, the same shape.
     """
-    millimetres = np.rint(np.asarray(depth, dtype=np.float64) * 1000)
-    fits = (millimetres > 0) & (millimetres <= _MOST_MILLIMETRES)
-    return np.where(fits, millimetres, 0).astype(np.uint16)
+    depth = np.asarray(depth)
+    units = np.multiply(depth, scale, out=np.empty(depth.shape), dtype=np.float64)
+    np.rint(units, out=units)
+    np.copyto(units, 0, where=~((units > 0) & (units <= _MOST)))
+    return units.astype(np.uint16)
+
+
+def count_lost(depth: NDArray[np.float32], units: NDArray[np.uint16]) -> int:
+    """How many finite depths [m] are 0, no depth, in units: too far for 16 bits, or less than half a unit."""
+    return int(np.count_nonzero(np.isfinite(depth)) - np.count_nonzero(units))
+
+
+def depth_to_millimetres(depth: ArrayLike) -> NDArray[np.uint16]:
+    """Depth [m] as most 16-bit depth images hold it: whole millimetres, up to 65.535 m; see `depth_to_units`."""
+    return depth_to_units(depth, 1000)
 
 
 def too_far_for_millimetres(depth: ArrayLike) -> int:
     """How many finite depths 16 bits of millimetres cannot hold."""
     depth = np.asarray(depth)
-    return int(np.count_nonzero(np.isfinite(depth) & (np.rint(depth * 1000.0) > _MOST_MILLIMETRES)))
+    return int(np.count_nonzero(np.isfinite(depth) & (np.rint(depth * 1000.0) > _MOST)))
+
+
+def encode_png(image: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
+    """The bytes of a grey PNG file.
+
+    They depend on the image and on the version of zlib. Most of the time the interpreter is not held, so that threads
+    encode as many images at once.
+
+    Args:
+        image: Pixels of 8 or 16 bits, shape ``(H, W)``.
+
+    Raises:
+        ArrayError: Its shape or dtype is another.
+    """
+    if image.ndim != 2 or image.dtype not in (np.uint8, np.uint16) or not image.size:
+        raise ArrayError(f"a PNG image must be uint8 or uint16 of shape (H, W), got {image.dtype} of {image.shape}")
+    height, width = image.shape
+    bytes_per_pixel = image.dtype.itemsize
+    rows = image.astype(f">u{bytes_per_pixel}", order="C").view(np.uint8)
+    lines = np.empty((height, 1 + width * bytes_per_pixel), dtype=np.uint8)
+    lines[:, 0] = _UP
+    lines[0, 1:] = rows[0]
+    np.subtract(rows[1:], rows[:-1], out=lines[1:, 1:])
+    header = struct.pack(">IIBBBBB", width, height, 8 * bytes_per_pixel, 0, 0, 0, 0)
+    chunks = (b"IHDR", header), (b"IDAT", zlib.compress(lines.data, _LEVEL)), (b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + b"".join(_png_chunk(kind, data) for kind, data in chunks)
+
+
+def _png_chunk(kind: bytes, data: bytes) -> bytes:
+    return b"".join((struct.pack(">I", len(data)), kind, data, struct.pack(">I", zlib.crc32(data, zlib.crc32(kind)))))
 
 
 def save_depth_png(depth: ArrayLike, path: str | os.PathLike[str]) -> None:
     """Write one depth image [m], shape ``(H, W)``, as 16-bit PNG in millimetres; see `depth_to_millimetres`."""
-    from PIL import Image
-
     millimetres = depth_to_millimetres(depth)
     if millimetres.ndim != 2:
         raise ArrayError(f"depth must have shape (H, W), got {millimetres.shape}")
     try:
-        Image.fromarray(millimetres).save(Path(path), format="PNG")
+        Path(path).write_bytes(encode_png(millimetres))
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from None
 
