@@ -3,6 +3,7 @@
 """Webots' best-known PROTOs without their files: extents and volumes of what stands for them, in both conventions."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import trimesh
 
 from warpvis.errors import FileFormatError
 from warpvis.webots.builtin import BUILTIN, expand
+from warpvis.webots.depth_cameras import expand_depth_camera
 from warpvis.webots.geometry import tessellate
 from warpvis.webots.grammar import parse_text
 
@@ -41,7 +43,7 @@ def up_and_level(bounds, version):
     return np.asarray(bounds)[:, [1, 0, 2] if version == NEW else [0, 2, 1]]
 
 
-# Along, across and up; least and most.
+# Along, across and up; least and most. Measured at what Webots' own PROTO files of both conventions make.
 EXTENTS = {
     "Floor { }": [(-5, -5, 0), (5, 5, 0)],
     "RectangleArena { }": [(-0.51, -0.51, 0), (0.51, 0.51, 0.1)],
@@ -51,9 +53,13 @@ EXTENTS = {
     "WoodenBox { }": [(-0.3, -0.3, -0.3), (0.3, 0.3, 0.3)],
     "CardboardBox { }": [(-0.3, -0.3, -0.3), (0.3, 0.3, 0.3)],
     "Table { }": [(-0.9, -0.5, 0), (0.9, 0.5, 0.74)],
-    "Door { }": [(-0.5, -0.15, 0), (0.5, 0.15, 2.4)],
-    "Window { }": [(-0.4, -0.12, 0), (0.4, 0.12, 2.4)],
+    "Door { }": [(-0.5, -0.15, 0), (0.5, 0.201, 2.4)],
+    "Window { }": [(-0.4, -0.25, 0), (0.4, 0.25, 2.4)],
     "Cabinet { }": [(-0.4, 0, 0), (0.4, 0.5, 1.5)],
+}
+OLD_EXTENTS = {
+    "CardboardBox { }": [(-0.29898, -0.29898, -0.29898), (0.29898, 0.29898, 0.29898)],
+    "Window { }": [(-0.4, -0.22, 0), (0.4, 0.22, 2.4)],
 }
 NAMES = {
     "Floor": "floor",
@@ -73,7 +79,8 @@ NAMES = {
 @pytest.mark.parametrize("version", [NEW, OLD])
 @pytest.mark.parametrize("text", EXTENTS)
 def test_extents_by_default(text, version):
-    np.testing.assert_allclose(up_and_level(extents(text, version), version), EXTENTS[text], atol=1e-12)
+    expected = EXTENTS | (OLD_EXTENTS if version == OLD else {})
+    np.testing.assert_allclose(up_and_level(extents(text, version), version), expected[text], atol=1e-12)
 
 
 @pytest.mark.parametrize("type", sorted(BUILTIN))
@@ -110,6 +117,8 @@ def test_every_expander_is_tested():
 def test_default_translations(text, new, old):
     for version, expected in ((NEW, new), (OLD, old)):
         assert expand(parse(text, version)).vector("translation", (0, 0, 0)).tolist() == expected
+    assert "translation" not in expand(parse("Wall { }")).fields
+    assert expand(parse("SolidBox { }", "R2023a")).vector("translation", (9, 9, 9)).tolist() == [0, 0, 0]
 
 
 def test_floors_face_up():
@@ -132,12 +141,16 @@ def test_rectangle_arenas_are_a_floor_and_four_walls():
 
 @pytest.mark.parametrize("version", [NEW, OLD])
 def test_circle_arenas_are_a_disc_and_a_pipe(version):
-    text = "CircleArena { radius 2 wallThickness 0.5 wallHeight 0.25 subdivision 12 }"
+    text = "CircleArena { radius 2 wallThickness 0.5 wallHeight 0.25 subdivision 10 }"
     disc, pipe = shapes_of(expand(parse(text, version)))
-    up = 2 if version == NEW else 1
-    assert disc.area == pytest.approx(3 * 2.25**2) and (disc.face_normals[:, up] > 0.99).all()
+    (up, other), area = (2, 1) if version == NEW else (1, 2), 5 * math.sin(math.pi / 5)
+    assert disc.area == pytest.approx(area * 2.25**2) and (disc.face_normals[:, up] > 0.99).all()
     assert pipe.is_watertight and pipe.euler_number == 0
-    assert pipe.volume == pytest.approx(3 * (2.5**2 - 2**2) * 0.25)
+    inner = 2 + 2.5 * (1 - math.cos(math.pi / 10))  # the pipe is 0.5 thick where its sides are nearest to the middle
+    assert pipe.volume == pytest.approx(area * (2.5**2 - inner**2) * 0.25)
+    # The disc has a corner on x, the pipe one on the other level axis.
+    assert disc.vertices[:, 0].max() == pytest.approx(2.25) and disc.vertices[:, other].max() < 2.2
+    assert pipe.vertices[:, other].min() == pytest.approx(-2.5) and pipe.vertices[:, 0].max() < 2.45
     assert len(shapes_of(expand(parse("CircleArena { }", version)))[0].faces) == 48
 
 
@@ -175,70 +188,125 @@ def points_of(version, *rows):
 
 @pytest.mark.parametrize("version, size", [(NEW, "0.2 1 2.4"), (OLD, "1 2.4 0.2")])
 def test_doors_are_closed(version, size):
-    doors = shapes_of(expand(parse(f"Door {{ size {size} }}", version)))
+    doors = shapes_of(expand(parse(f"Door {{ size {size} position 1 }}", version)))
     assert len(doors) == 5 and all(shape.is_watertight for shape in doors)
     points = points_of(
         version,
-        (0, 0, 1),  # the leaf, 5 cm thick
-        (0, 0.09, 1),  # before the leaf
+        (0, 0, 1),  # the opening
+        (0, 0.176, 1),  # the leaf, 5 cm thick, before the frame
+        (0.474, 0.176, 1.974),  # it covers half of the posts and of the lintel, and leaves 12.5 mm below
+        (0, 0.176, 0.01),
         (0.48, 0.14, 1),  # a post, which sticks out of the wall
         (0, 0.14, 1.97),  # the lintel
         (0, 0.09, 2.2),  # the wall above
         (0, 0.14, 2.2),  # before the wall above
     )
-    assert inside(doors, points) == [True, False, True, True, True, False]
-    # The leaf, the frame and the wall touch each other, and none is within another.
-    opening, frame = (0.9 * 1.95, 1 * 2 - 0.9 * 1.95)
-    assert sum(shape.volume for shape in doors) == pytest.approx(opening * 0.05 + frame * 0.3 + 0.4 * 0.2)
+    assert inside(doors, points) == [False, True, True, False, True, True, True, False]
+    frame = 1 * 2 - 0.9 * 1.95
+    assert sum(shape.volume for shape in doors) == pytest.approx(0.95 * 1.975 * 0.05 + frame * 0.3 + 0.4 * 0.2)
     assert len(shapes_of(expand(parse(f"Door {{ size {size} frameHeight 2.4 }}", version)))) == 4
 
 
-@pytest.mark.parametrize("version, size", [(NEW, "0.2 1 2.4"), (OLD, "1 2.4 0.2")])
-def test_windows_are_open(version, size):
-    windows = shapes_of(expand(parse(f"Window {{ size {size} }}", version)))
-    assert len(windows) == 6
+@pytest.mark.parametrize(
+    "version, size, frame", [(NEW, "0.2 1 2.4", "0.02 0.05 0.05"), (OLD, "1 2.4 0.2", "0.05 0.05 0.02")]
+)
+def test_windows_have_a_pane_and_a_sill(version, size, frame):
+    windows = shapes_of(expand(parse(f"Window {{ size {size} frameSize {frame} }}", version)))
+    assert len(windows) == 8
     points = points_of(
-        version, (0, 0, 1.4), (0, 0.09, 0.3), (0, 0, 2.3), (0.48, 0.11, 1.4), (0, 0.11, 0.72), (0, 0.11, 2.08)
+        version,
+        *((0, 0, 1.4), (0, 0.03, 1.4), (0, 0.09, 0.3), (0, 0, 2.3), (0.48, 0.11, 1.4)),  # pane, before it, walls, post
+        *((0, 0.21, 0.72), (0.49, 0.21, 0.72), (0, 0.11, 0.77), (0, 0.11, 2.08)),  # sill, and the bars of the frame
     )
-    assert inside(windows, points) == [False, True, True, True, True, True]
-    frame = 1.4 * 1 - 1.3 * 0.9
-    assert sum(shape.volume for shape in windows) == pytest.approx((0.7 + 0.3) * 0.2 + frame * 0.24)
-    full = f"Window {{ size {size} bottomWallHeight 1 windowHeight 1.4 }}"
-    assert len(shapes_of(expand(parse(full, version)))) == 5
+    assert inside(windows, points) == [True, False] + [True] * 7
+    parts = [(0.7 + 0.3) * 0.2, 2 * 0.05 * 1.4 * 0.24, 2 * 0.9 * 0.05 * 0.24, 0.9 * 1.3 * 0.05, 1 * 0.05 * 0.44]
+    assert sum(shape.volume for shape in windows) == pytest.approx(sum(parts))
+    full = f"Window {{ size {size} bottomWallHeight 1 windowHeight 1.4 windowSillSize 0 1 }}"
+    assert len(shapes_of(expand(parse(full, version)))) == 6
+    assert len(shapes_of(expand(parse("Window { bottomWallHeight 0 }", version)))) == 7
 
 
 @pytest.mark.parametrize("version", [NEW, OLD])
-def test_cabinets_are_open_in_front(version):
-    text = "Cabinet { depth 0.6 outerThickness 0.1 rowsHeights [ 0.5 0.5 ] columnsWidths [ 1, 1 ] }"
-    panels = shapes_of(expand(parse(text, version)))
+def test_cabinets_have_what_their_layout_says(version):
+    text = "Cabinet { depth 0.6 outerThickness 0.1 rowsHeights [ 0.5 0.5 ] columnsWidths [ 1, 1 ] layout [ %s ] }"
+    panels = shapes_of(expand(parse(text % "", version)))
     np.testing.assert_allclose(
-        up_and_level(extents(text, version), version), [(-1.1, 0, 0), (1.1, 0.6, 1.2)], atol=1e-12
+        up_and_level(extents(text % "", version), version), [(-1.1, 0, 0), (1.1, 0.6, 1.2)], atol=1e-12
     )
     points = points_of(
         version, (0, 0.3, 0.6), (0, 0.59, 0.6), (0, 0.05, 0.6), (1.05, 0.3, 0.6), (0, 0.3, 0.05), (0, 0.3, 1.15)
     )
     assert inside(panels, points) == [False, False, True, True, True, True]
     assert sum(panel.volume for panel in panels) == pytest.approx(2.2 * 1.2 * 0.6 - 2 * 1 * 0.5)
+    layout = '"RightSidedDoor (1, 1, 1, 2, 1.5)" "Drawer (2, 1, 1, 1)" "Shelf (1, 2, 2, 0)" "Shelf (1, 1, 0, 1)"'
+    filled = shapes_of(expand(parse(text % layout, version)))
+    points = points_of(
+        version,
+        *((-0.5, 0.59, 0.8), (-0.5, 0.57, 0.4), (-0.5, 0.3, 0.605), (0.005, 0.3, 0.3)),  # door, behind it, the shelves
+        *((0.5, 0.59, 0.2), (0.5, 0.115, 0.4), (0.5, 0.3, 0.12), (0.98, 0.3, 0.3), (0.5, 0.3, 0.4)),  # drawer
+        (0.5, 0.59, 0.9),  # above the drawer
+    )
+    assert inside(filled, points) == [True, False, True, True, True, True, True, True, False, False]
+    assert len(filled) == len(panels) + 1 + 5 + 2
+
+
+@pytest.mark.parametrize("angle, end", [(0, (0.25, 0.15)), (math.pi / 2, (-0.25, 0.15 + 0.5))])
+def test_cardboard_boxes_have_a_lid(angle, end):
+    solid = expand(parse(f"CardboardBox {{ size 0.5 0.4 0.3 lidAngle {angle} }}"))
+    shapes = [*shapes_of(solid)]
+    area = 0.5 * 0.4 + 2 * (0.5 + 0.4) * 0.3  # without the lid
+    assert len(shapes) == 6 and sum(shape.volume for shape in shapes[:5]) == pytest.approx(area * 0.0005, rel=0.001)
+    lid = solid.nodes("children")[-1]
+    x, _, z = lid.vector("translation", (0, 0, 0))
+    turn = lid.vector("rotation", (0, 0, 1, 0))[3]
+    far = x + 0.25 * math.cos(turn), z - 0.25 * math.sin(turn)
+    np.testing.assert_allclose(far, np.add(end, (0, -0.00025)), atol=1e-12)
+
+
+REPLACED = {
+    "WoodenBox { size 0.2 4 0.1 }": ("size 4 of WoodenBox, 3 is taken", [0.2, 3, 0.1]),
+    "WoodenBox { size 0.2 1 0.001 }": ("size 0.001 of WoodenBox, 0.01 is taken", [0.2, 1, 0.01]),
+    "CardboardBox { size 2 2 2 }": ("size 2 2 2 of CardboardBox, 0.6 0.6 0.6 is taken", [0.6, 0.6, 0.6]),
+    "CardboardBox { size 0.1 4 0.1 }": ("size 4 of CardboardBox, 2.5 is taken", [0.1, 2.5, 0.1]),
+    "Door { frameHeight 3 }": ("frameHeight 3 of Door, 2.4 is taken", [0.351, 1, 2.4]),
+    "Window { windowHeight 2 }": ("sizes that do not fit together of Window, the default ones is", [0.5, 0.8, 2.4]),
+    "Window { size 0.1 2 2.4 }": ("sizes that do not fit together of Window", [0.5, 0.8, 2.4]),
+    "CircleArena { subdivision 4 }": ("subdivision 4 of CircleArena, 8 is taken", [2.02, 2.02, 0.1]),
+    "Cabinet { depth 0.01 }": ("depth 0.01 of Cabinet, 0.12 is taken", [0.12, 0.8, 1.5]),
+    "Cabinet { columnsWidths 0.01 layout [ ] }": ("columnsWidths 0.01 of Cabinet, 0.06 is taken", [0.5, 0.12, 1.5]),
+    "Cabinet { outerThickness 0.01 layout [ ] }": ("outerThickness 0.01 of Cabinet, 0.0102", [0.5, 0.7604, 1.4604]),
+    'Cabinet { layout [ "Desk (1, 1, 1, 1)" ] }': ("layout 'Desk (1, 1, 1, 1)' of Cabinet, nothing", [0.5, 0.8, 1.5]),
+    'Cabinet { layout "Drawer (1, 1, 0, 1)" }': ("layout 'Drawer (1, 1, 0, 1)' of Cabinet, nothing", [0.5, 0.8, 1.5]),
+    'Cabinet { layout "Shelf (4, 1, 0, 1)" }': ("layout 'Shelf (4, 1, 0, 1)' of Cabinet, nothing", [0.5, 0.8, 1.5]),
+}
+
+
+@pytest.mark.parametrize("text", REPLACED)
+def test_what_webots_replaces_is_replaced_with_a_warning(text):
+    message, size = REPLACED[text]
+    with pytest.warns(UserWarning, match=re.escape(f"lab.wbt:3: for {message}")):
+        np.testing.assert_allclose(np.ptp(extents(text), axis=0), size, atol=1e-9)
 
 
 BAD = {
     "Floor { size 0 1 }": "a positive size [m] of at most 1e+18 in Floor, got 0 1",
     "RectangleArena { floorSize 1 }": "2 numbers in 'floorSize' of RectangleArena, got 1",
     "RectangleArena { wallHeight -1 }": "a positive wallHeight [m] of at most 1e+18 in RectangleArena, got -1",
-    "CircleArena { subdivision 2 }": "subdivision from 3 to 1000 in CircleArena, got 2",
+    "CircleArena { subdivision 2000 }": "subdivision from -1000 to 1000 in CircleArena, got 2000",
     "CircleArena { radius 0 }": "a positive radius",
     "Wall { size 1 2 }": "3 numbers in 'size' of Wall, got 2",
     "SolidBox { size 1 -1 1 }": "a positive size [m] of at most 1e+18 in SolidBox, got 1 -1 1",
     "WoodenBox { size 0 0 0 }": "a positive size [m] of at most 1e+18 in WoodenBox, got 0 0 0",
     "CardboardBox { name 7 }": "a string in 'name' of CardboardBox",
     "Table { frameThickness 2 }": "frameThickness below the table's height in Table, got 2",
-    "Door { frameHeight 3 }": "frameHeight at most the door's height in Door, got 3",
+    "Table { feetSize -1 1 }": "a feetSize that is not negative in Table, got -1 1",
     "Door { frameSize 1 1 1 }": "a frame with an opening in Door, got frameSize 1 1",
-    "Window { windowHeight 2 }": "bottomWallHeight and windowHeight within the height in Window, got 0.7 and 2",
-    "Window { frameSize 1 1 1 }": "a frame with an opening in Window, got frameSize 1 1",
+    "Window { bottomWallHeight -1 }": "a bottomWallHeight [m] that is not negative in Window, got -1",
+    "Window { windowSillSize 0.1 -1 }": "a windowSillSize [m] that is not negative in Window, got 0.1 -1",
+    "Window { frameSize 0.01 0.5 0.05 }": "a frame with an opening in Window, got frameSize 0.5 along",
     "Cabinet { rowsHeights [ ] }": "at least one number in rowsHeights in Cabinet, got none",
     "Cabinet { columnsWidths [ 1 -1 ] }": "a positive columnsWidths [m] of at most 1e+18 in Cabinet, got 1 -1",
-    "Cabinet { depth 0.01 }": "outerThickness below the depth in Cabinet, got 0.03",
+    "Cabinet { depth 0 }": "a positive depth [m] of at most 1e+18 in Cabinet, got 0",
 }
 
 
@@ -252,4 +320,65 @@ def test_bad_sizes_are_named_with_file_and_line(text):
 
 def test_default_circle_arenas_are_near_round():
     _, pipe = shapes_of(expand(parse("CircleArena { }")))
-    assert pipe.volume == pytest.approx(math.pi * (1.01**2 - 1) * 0.1, rel=0.01)
+    inner = 1 + 1.01 * (1 - math.cos(math.pi / 48))
+    assert pipe.volume == pytest.approx(math.pi * (1.01**2 - inner**2) * 0.1, rel=0.01)
+
+
+# What a depth camera's range finder and camera are at, and the way that they look, in the axes of the version.
+SENSORS = {
+    "Kinect { }": ((0.0127, 0, 0.05), (0.0127, 0, 0.05), (1, 0, 0)),
+    "Kinect { foot FALSE }": ((0, 0, -0.0127), (0, 0, -0.0127), (0, 0, -1)),
+    "Astra { }": ((0.027, 0.037, 0.034), (0.027, 0.011, 0.034), (1, 0, 0)),
+}
+OLD_SENSORS = {
+    "Kinect { }": ((-0.0127, 0.05, 0), (0.0127, 0.05, 0), (0, 0, -1)),
+    "Kinect { foot FALSE }": ((-0.0127, 0, 0), (0.0127, 0, 0), (0, 0, -1)),
+    "Astra { }": ((-0.037, 0.007, -0.02), (-0.011, 0.007, -0.02), (0, 0, -1)),
+}
+
+
+def sensors_of(node, linear=None, offset=(0.0, 0.0, 0.0)):
+    """Node, place and axes of each device below a node, by type."""
+    linear = np.eye(3) if linear is None else linear
+    *axis, angle = node.vector("rotation", (0, 0, 1, 0))
+    offset = offset + linear @ node.vector("translation", (0, 0, 0))
+    linear = linear @ trimesh.transformations.rotation_matrix(angle, axis)[:3, :3]
+    if node.type in ("RangeFinder", "Camera"):
+        return {node.type: (node, offset, linear)}
+    inner = [sensors_of(child, linear, offset) for child in node.nodes("children")]
+    return {kind: sensor for sensors in inner for kind, sensor in sensors.items()}
+
+
+@pytest.mark.parametrize("version", [NEW, OLD])
+@pytest.mark.parametrize("text", SENSORS)
+def test_depth_cameras_are_where_webots_has_them(text, version):
+    solid = expand_depth_camera(parse(text, version))
+    ranges, color, forward = (SENSORS if version == NEW else OLD_SENSORS)[text]
+    sensors = sensors_of(solid)
+    for kind, place in (("RangeFinder", ranges), ("Camera", color)):
+        _, offset, linear = sensors[kind]
+        np.testing.assert_allclose(offset, place, atol=2e-6)
+        np.testing.assert_allclose(linear[:, 0] if version == NEW else -linear[:, 2], forward, atol=2e-4)
+    assert (solid.size, solid.height) == ((6, 4) if text[0] == "K" else (9, 4))
+    assert expand_depth_camera(parse("Solid { }")) is None
+
+
+def test_fields_of_depth_cameras():
+    text = 'width 150 height 100 maxRange 4 rangeNoise 0.1 cameraName "k" name "it" rotation 0 0 1 1 }'
+    finder, camera = (
+        sensors_of(expand_depth_camera(parse(f"Kinect {{ {text}")))[kind][0] for kind in ("RangeFinder", "Camera")
+    )
+    assert (finder.text("name", ""), camera.text("name", "")) == ("k range", "k color")
+    assert [finder.number(name, 0) for name in ("width", "height", "maxRange", "noise", "fieldOfView")] == [
+        150,
+        100,
+        4,
+        0.1,
+        1,
+    ]
+    solid = expand_depth_camera(parse('DEF A Astra { rangeNoise 0.2 name "eye" translation 1 2 3 }', "R2022b"))
+    (finder, place, _), (camera, *_) = sensors_of(solid)["RangeFinder"], sensors_of(solid)["Camera"]
+    assert (finder.text("name", ""), camera.text("name", "")) == ("eye depth", "eye rgb")
+    assert [finder.number(name, 0) for name in ("minRange", "maxRange", "noise")] == [0.6, 8, 0.2]
+    np.testing.assert_allclose(place, [1.02, 2.037, 3.007])  # R2023a moved the origin to its foot
+    assert (solid.name, solid.text("name", "")) == ("A", "eye")

@@ -319,11 +319,65 @@ def test_parts_of_a_mesh_file_by_name(tmp_path):
         "o one\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\no two\nv 0 0 5\nv 1 0 5\nv 0 1 5\nf 4 5 6\n"
     )
     world = tmp_path / "lab.wbt"
-    assert len(tessellate(parse('Mesh { url "two.obj" }', file=world))[1]) == 2
-    vertices, faces = tessellate(parse('Mesh { url "two.obj" name "two" }', file=world))
+    assert len(tessellate(parse('Mesh { url "two.obj" }', OLD, file=world))[1]) == 2
+    vertices, faces = tessellate(parse('Mesh { url "two.obj" name "two" }', OLD, file=world))
     assert len(faces) == 1 and (vertices[:, 2] == 5).all()
     with pytest.raises(FileFormatError, match=r"name of a part of .*two.obj, one of 'one', 'two' in Mesh, got 'three'"):
-        tessellate(parse('Mesh { url "two.obj" name "three" }', file=world))
+        tessellate(parse('Mesh { url "two.obj" name "three" }', OLD, file=world))
+    # Since R2022b names are of parts of COLLADA files only.
+    assert len(tessellate(parse('Mesh { url "two.obj" name "two" }', file=world))[1]) == 2
+
+
+# Two instances of a tetrahedron with edges 1, 2 and 3 along x, y and z in the file's unit, one 10 further along x.
+COLLADA = """<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+  <asset>{}</asset>
+  <library_geometries><geometry id="corner"><mesh>
+    <source id="points"><float_array id="numbers" count="12">0 0 0 1 0 0 0 2 0 0 0 3</float_array>
+      <technique_common><accessor source="#numbers" count="4" stride="3">
+        <param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/>
+      </accessor></technique_common></source>
+    <vertices id="corners"><input semantic="POSITION" source="#points"/></vertices>
+    <triangles count="4"><input semantic="VERTEX" source="#corners" offset="0"/>
+      <p>0 2 1 0 1 3 0 3 2 1 2 3</p></triangles>
+  </mesh></geometry></library_geometries>
+  <library_visual_scenes><visual_scene id="scene">
+    <node><instance_geometry url="#corner"/></node>
+    <node><translate>10 0 0</translate><instance_geometry url="#corner"/></node>
+  </visual_scene></library_visual_scenes>
+  <scene><instance_visual_scene url="#scene"/></scene>
+</COLLADA>"""
+
+
+@pytest.mark.parametrize("type", ["Mesh", "CadShape"])
+@pytest.mark.parametrize(
+    "asset, high, new_high",
+    [
+        ("<up_axis>Z_UP</up_axis>", (11, 3, 0), (11, 2, 3)),
+        ("<up_axis>Y_UP</up_axis>", (11, 2, 3), (11, 0, 2)),
+        ("<up_axis>X_UP</up_axis>", (0, 11, 3), (0, 0, 11)),
+        ("", (11, 2, 3), (11, 0, 2)),
+        ('<unit name="cm" meter="0.01"/> <up_axis>Z_UP</up_axis>', (0.11, 0.03, 0), (0.11, 0.02, 0.03)),
+        ("<unit meter='2.5'/>", (27.5, 5, 7.5), (27.5, 0, 5)),
+    ],
+)
+def test_units_and_axes_of_collada(tmp_path, type, asset, high, new_high):
+    pytest.importorskip("collada")
+    (tmp_path / "a.dae").write_text(COLLADA.format(asset))
+    for version, expected in (("R2022a", high), ("R2022b", new_high)):
+        vertices, faces = tessellate(parse(f'{type} {{ url "a.dae" }}', version, file=tmp_path / "lab.wbt"))
+        np.testing.assert_allclose(vertices.max(axis=0), expected, atol=1e-9)
+        mesh = trimesh.Trimesh(vertices, faces)
+        unit = np.ptp(vertices, axis=0).max() / 11
+        assert mesh.volume == pytest.approx(2 * unit**3) and mesh.is_watertight  # so it is turned, and not mirrored
+
+
+def test_collada_units_are_checked(tmp_path):
+    pytest.importorskip("collada")
+    for unit in ("0", "-1", "nan", "metre"):
+        (tmp_path / f"a{unit}.dae").write_text(COLLADA.format(f'<unit meter="{unit}"/>'))
+        with pytest.raises(FileFormatError, match=r"a.*\.dae: does not read as DAE: "):
+            tessellate(parse(f'Mesh {{ url "a{unit}.dae" }}', file=tmp_path / "lab.wbt"))
 
 
 def test_mesh_files_may_be_found_elsewhere(tmp_path):

@@ -252,6 +252,52 @@ def test_a_proto_file_of_no_use_is_named(tmp_path):
         load_text(tmp_path, text, search_path=files, strict=True)
 
 
+BENCH = """#VRML_SIM R2023b utf8
+PROTO Bench [
+  field SFVec3f translation 0 0 0
+  field SFString name "bench"
+  field MFNode onTop []
+] {
+  Solid {
+    translation IS translation
+    name IS name
+    children [
+      Shape { geometry Slab { } }
+      Solid { translation 0 -0.9 -0.3 name "leg" children Shape { geometry Box { size 0.1 0.1 0.5 } } }
+      Solid {
+        translation 0 0.9 -0.3
+        name "leg(1)"
+        children [
+          Shape { geometry Box { size 0.1 0.1 0.5 } }
+          Camera { name "eye" }
+          Solid { name "lamp" recognitionColors 1 1 0 children Shape { geometry Sphere { radius 0.1 } } }
+        ]
+      }
+      Group { children IS onTop }
+    ]
+  }
+}
+"""
+
+
+def test_an_instance_is_one_object(tmp_path):
+    (tmp_path / "Bench.proto").write_text(BENCH)
+    (tmp_path / "Slab.proto").write_text("#VRML_SIM R2023b utf8\nPROTO Slab [ ] {\n Box { size 0.5 2 0.1 }\n}\n")
+    text = 'Bench { onTop Solid { name "cup" children Shape { geometry Box { size 1 1 1 } } } } Bench { name "b" }'
+    world = load_text(tmp_path, text, strict=True)
+    counts = {item.name: len(item.faces) for item in world.scene}
+    assert counts == {"bench": 36, "lamp": 80, "cup": 12, "b": 36, "lamp (2)": 80}
+    assert list(world.devices) == ["eye", "eye (2)"] and list(world.recognisable) == ["lamp", "lamp (2)"]
+    np.testing.assert_allclose(world.scene["bench"].bounds, [[-0.25, -1, -0.55], [0.25, 1, 0.05]], atol=1e-6)
+
+
+def test_geometry_without_triangles_and_without_a_file(tmp_path):
+    text = solid('name "dots"', "PointSet { }") + solid('name "what"', "Blob { }") + solid('name "box"')
+    with pytest.warns(UserWarning, match=r"left out Blob \(1\)"):
+        world = load_text(tmp_path, text)
+    assert [item.name for item in world.scene] == ["box"] and world.skipped == {"Blob": 1}
+
+
 def test_meshes_are_found_on_the_search_path(tmp_path):
     folder = tmp_path / "webots" / "projects" / "things"
     folder.mkdir(parents=True)

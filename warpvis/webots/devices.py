@@ -286,7 +286,7 @@ def render_range(
     if webots_version is None:
         return _depth(world.scene, device, device.min_range, device.max_range, exclude, threads)
     if not device.measures:
-        raise SceneError(f"{device_name!r} is a camera, of which Webots gives no ranges: only its true depth can be had")
+        raise SceneError(f"{device_name!r} is a camera: Webots gives no ranges of it, so ask for true depth")
     version = world.version if webots_version == "header" else Version.parse(webots_version)
     pixels = None
     if device.lens is not None and device.projection == "planar":

@@ -9,6 +9,7 @@ the limits are those of the source of Webots, ``src/wren/StaticMesh.cpp`` and ``
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -194,7 +195,11 @@ def _icosphere(subdivision: int) -> Triangles:
 
 
 def _mesh_file(node: Node, resolve: Resolve) -> Triangles | None:
-    """Triangles of the first url. The whole file, whatever ``materialIndex`` says: the depth is the same."""
+    """Triangles of the first url. The whole file, whatever ``materialIndex`` says: the depth is the same.
+
+    Of COLLADA files the unit counts, and the axis that they call upward, which becomes y, and since R2022b z (Webots'
+    pull requests 4172 and 4448); files of other kinds are taken as they are, and since then without heed to ``name``.
+    """
     urls = node.texts("url")
     if not urls or not urls[0]:
         return None
@@ -205,20 +210,27 @@ def _mesh_file(node: Node, resolve: Resolve) -> Triangles | None:
         parts = _read(path, path.stat().st_mtime_ns)
     except FileFormatError as error:
         raise type(error)(f"{node.file}:{node.line}: {error}") from None
-    wanted = node.text("name", "") if node.type == "Mesh" else ""
+    collada, turns = path.suffix.lower() == ".dae", node.version >= Version(2022, 2)
+    wanted = node.text("name", "") if node.type == "Mesh" and (collada or not turns) else ""
     chosen = [part for name, part in parts if wanted in ("", name)]
     if not chosen:
         known = ", ".join(repr(name) for name, _ in parts[:10])
         refuse(node, f"the name of a part of {path}, one of {known}", repr(wanted))
     starts = np.cumsum([0] + [len(vertices) for vertices, _ in chosen])
     vertices = np.concatenate([vertices for vertices, _ in chosen])
+    if collada and turns:
+        x, y, z = vertices.T
+        vertices = np.stack([x, -z, y], axis=1)
     faces = np.concatenate([faces + start for (_, faces), start in zip(chosen, starts, strict=False)])
     return compact(vertices, faces if node.flag("ccw", True) else faces[:, ::-1])
 
 
 @lru_cache(maxsize=64)
 def _read(path: Path, changed: int) -> list[tuple[str, tuple[NDArray[np.float64], NDArray[np.int64]]]]:
-    """Name, vertices and faces of every part of a mesh file; `changed` tells its contents from older ones."""
+    """Name, vertices and faces of every part of a mesh file; `changed` tells its contents from older ones.
+
+    COLLADA files are in metres with y up, as the Open Asset Import Library, which Webots uses, gives them.
+    """
     import trimesh
 
     kind = path.suffix.lower().lstrip(".")
@@ -229,6 +241,7 @@ def _read(path: Path, changed: int) -> list[tuple[str, tuple[NDArray[np.float64]
     if kind == "obj":
         options |= {"skip_materials": True, "split_objects": True, "group_material": False}
     try:
+        linear = _collada_frame(path.read_bytes()) if kind == "dae" else np.eye(3)
         scene = trimesh.load_scene(path, **options)
         parts = []
         for name in sorted(scene.graph.nodes_geometry):  # they come in no certain order
@@ -236,7 +249,7 @@ def _read(path: Path, changed: int) -> list[tuple[str, tuple[NDArray[np.float64]
             mesh = scene.geometry[key]
             if len(getattr(mesh, "faces", ())):
                 vertices = np.asarray(mesh.vertices, dtype=np.float64) @ placement[:3, :3].T + placement[:3, 3]
-                parts.append((str(name), (vertices, np.asarray(mesh.faces, dtype=np.int64))))
+                parts.append((str(name), (vertices @ linear.T, np.asarray(mesh.faces, dtype=np.int64))))
     except Exception as error:  # trimesh's readers raise what they like
         raise FileFormatError(f"{path}: does not read as {kind.upper()}: {error or type(error).__name__}") from None
     if not parts:
@@ -245,6 +258,24 @@ def _read(path: Path, changed: int) -> list[tuple[str, tuple[NDArray[np.float64]
         raise FileFormatError(f"{path}: vertices must be finite")
     return parts
 
+
+def _collada_frame(file: bytes) -> NDArray[np.float64]:
+    """From the axes and the unit that a COLLADA file names to metres with y up."""
+    head = file.partition(b"</asset>")[0]
+    unit = re.search(rb"""<unit\b[^>]*\bmeter\s*=\s*["']([^"']*)["']""", head)
+    axis = re.search(rb"<up_axis>\s*(\w+)\s*</up_axis>", head)
+    metres = float(unit[1]) if unit else 1.0
+    if not 0 < metres < np.inf:
+        raise ValueError(f"the unit must be above zero, got {metres:g} m")
+    rows = _COLLADA_AXES.get(axis[1] if axis else b"Y_UP", _COLLADA_AXES[b"Y_UP"])
+    return metres * np.array(rows, dtype=np.float64)
+
+
+_COLLADA_AXES = {
+    b"X_UP": [(0, -1, 0), (1, 0, 0), (0, 0, 1)],
+    b"Y_UP": [(1, 0, 0), (0, 1, 0), (0, 0, 1)],
+    b"Z_UP": [(1, 0, 0), (0, 0, 1), (0, -1, 0)],
+}
 
 _UPRIGHT: dict[str, Callable[[Node], Triangles | None]] = {
     "Capsule": _capsule,

@@ -122,7 +122,7 @@ def read_version(text: str, file: str) -> Version:
     Raises:
         FileFormatError: The first line is no header.
     """
-    line = re.split(r"[\r\n]", text[:200].removeprefix("\ufeff"), maxsplit=1)[0].rstrip()
+    line = re.split(r"[\r\n]", text[:200].removeprefix("\ufeff"), maxsplit=1)[0].strip()
     match = _HEADER.fullmatch(line)
     if match is None:
         raise FileFormatError(f"{file}:1: expected the header '#VRML_SIM <version> utf8', got {shown(line)}")
@@ -142,6 +142,7 @@ class Parser:
         first_line: Line number of the text's first line.
         protos: `Node.protos`.
         interface: Values of the fields that ``IS`` may name; None where ``IS`` is not allowed.
+        strict: Whether an ``IS`` of a field that there is not is an error; Webots leaves out what has it.
     """
 
     def __init__(
@@ -153,6 +154,7 @@ class Parser:
         first_line: int = 1,
         protos: tuple[str, ...] = (),
         interface: Mapping[str, Value] | None = None,
+        strict: bool = False,
     ) -> None:
         """Go to the first token."""
         if "\r" in text:
@@ -163,6 +165,7 @@ class Parser:
         self._first_line = first_line
         self._protos = protos
         self._interface = interface
+        self._strict = strict
         self._breaks = [match.start() for match in re.finditer("\n", text)]
         self._tokens: Iterator[re.Match[str]] = _TOKEN.finditer(text)
         self._named: dict[str, Node] = {}  # by DEF, the last of each name
@@ -251,8 +254,6 @@ class Parser:
             return None if word == "NULL" else [word == "TRUE"]
         if word == "USE":
             return self._use()
-        if word == "IS" and self._interface is not None:
-            return self._substitute(self._interface)
         return self._begin_node(wanted)
 
     def _begin_node(self, wanted: str) -> Node:
@@ -284,6 +285,8 @@ class Parser:
         if name == "hidden" and self.kind == "word" and self.token not in _KEYWORDS:
             self.take("word", "a field")
             self._begin("a value of a hidden field")  # the state of a node within a PROTO
+        elif self.token == "IS" and self._interface is not None:
+            self._substitute(node, name, self._interface)
         else:
             node.fields[name] = self._begin(f"a value of {name!r}")
 
@@ -323,16 +326,17 @@ class Parser:
         self._count(node)
         return node
 
-    def _substitute(self, interface: Mapping[str, Value]) -> Value:
+    def _substitute(self, node: Node, name: str, interface: Mapping[str, Value]) -> None:
         self.advance()
-        if self.kind != "word" or self.token not in interface:
-            self.fail("a field of the PROTO after IS")
-        value = interface[self.token]
-        self.advance()
+        field = self.take("word", "a field of the PROTO after IS")
+        if field not in interface:
+            if self._strict:
+                node.refuse(name, "a field of the PROTO after IS", repr(field))
+            return
+        value = node.fields[name] = interface[field]
         for item in value if isinstance(value, list) else [value]:
             if isinstance(item, Node):
                 self._count(item)
-        return value
 
     def _count(self, node: Node) -> None:
         """Add a complete node to the size and the height of the open node that it is in."""

@@ -177,6 +177,21 @@ class Node:
 Value: TypeAlias = Node | list[float | str | bool | Node] | None
 
 
+def new_node(like: Node, kind: str, fields: dict[str, Value], name: str | None = None) -> Node:
+    """A node that is in no file, at the place of another: of its version, its file and its line.
+
+    Args:
+        like: The node that it stands for, or is a part of.
+        kind: Its type.
+        fields: Its fields.
+        name: Its DEF name.
+    """
+    values = [value if isinstance(value, list) else [value] for value in fields.values()]
+    parts = [item for items in values for item in items if isinstance(item, Node)]
+    size, height = 1 + sum(part.size for part in parts), 1 + max((part.height for part in parts), default=0)
+    return Node(kind, fields, name, like.file, like.line, like.version, like.protos, size, height)
+
+
 def shown(text: str) -> str:
     """A text in quotes, as messages show it: its beginning, if it is long."""
     return repr(text if len(text) <= 40 else text[:37] + "...")

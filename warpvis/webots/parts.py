@@ -26,6 +26,7 @@ GROUND_HEIGHT = 0.1
 _SCALAR_GRAVITY = Version(2020, 2)
 _NEGATIVE_SCALES = Version(2022, 2)
 
+ROBOTS = {"Robot", "Supervisor", "DifferentialWheels", "CustomRobot"}
 HUMANS = ("*human*", "*person*", "*pedestrian*")
 
 
@@ -92,6 +93,36 @@ class Thing:
         if self.ground or called or all(self.level):
             return Label.GROUND
         return Label.OBJECT if self.recognised else Label.OBSTACLE
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A node to walk through, and where it is."""
+
+    node: Node
+    place: Place
+    owner: Thing | None = None
+    """The Solid that its shapes belong to."""
+    robots: tuple[str, ...] = ()
+    recognised: tuple[str, ...] = ()
+    human: bool = False
+    called: str = ""
+    """The nearest DEF name, for shapes outside of any Solid."""
+    instances: tuple[Node, ...] = ()
+    """The PROTO instances that this node is the body of."""
+    within: tuple[str, ...] = ()
+    """Types of the PROTOs that it is in."""
+    origin: str = ""
+    """The PROTO without a file in whose fields it is: only devices are of interest then."""
+    depth: int = 0
+
+    @property
+    def is_part(self) -> bool:
+        """Whether a Solid is part of its owner, since its instance's file puts it there, as a table's legs."""
+        node = self.node
+        if self.owner is None or node.type in ROBOTS or len(node.numbers("recognitionColors")):
+            return False
+        return bool((self.instances or (node,))[0].protos)
 
 
 class Names:

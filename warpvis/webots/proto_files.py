@@ -85,11 +85,14 @@ class ProtoFile:
         if unknown is not None and strict:
             instance.refuse(unknown, "a field of the PROTO's interface", "another")
         return {
-            name: _checked(field, name, instance)
-            if name in instance.fields
-            else Parser(field.default, str(self.path), self.version, first_line=field.line, protos=protos).value()
+            name: _checked(field, name, instance) if name in instance.fields else self.default(name, protos)
             for name, field in self.fields.items()
         }
+
+    def default(self, name: str, protos: tuple[str, ...] = ()) -> Value:
+        """The default of a field, parsed anew."""
+        field = self.fields[name]
+        return Parser(field.default, str(self.path), self.version, first_line=field.line, protos=protos).value()
 
 
 def read_proto(path: Path) -> ProtoFile:
@@ -105,7 +108,7 @@ def read_proto(path: Path) -> ProtoFile:
     if parser.token != "PROTO":
         parser.fail("EXTERNPROTO or PROTO")
     parser.advance()
-    if parser.kind == "word" and parser.token != path.stem:
+    if parser.kind == "word" and not path.name.lower().endswith(f"{parser.token}.proto".lower()):
         parser.fail(f"a PROTO of the file's name {path.stem!r}")
     name = parser.take("word", "a name after PROTO")
     parser.take("[", f"'[' after PROTO {name}")

@@ -113,7 +113,8 @@ class Protos:
             )
         values = proto.values(node, protos, strict=self._strict)
         body = self._render(proto, values, node) if proto.language else proto.body
-        parser = Parser(body, path, proto.version, first_line=proto.body_line, protos=protos, interface=values)
+        line, strict = proto.body_line, self._strict
+        parser = Parser(body, path, proto.version, first_line=line, protos=protos, interface=values, strict=strict)
         nodes = parser.nodes()
         parser.take("}", f"'}}' after the body of {proto.name}")
         if parser.kind != "end" or len(nodes) != 1:
@@ -132,11 +133,10 @@ class Protos:
         given: dict[str, Any] = {}
         for name, field in proto.fields.items():
             if name in proto.template_fields:
-                place = f"{proto.path}:{field.line}"
-                default = Parser(field.default, str(proto.path), proto.version, first_line=field.line).value()
+                default, default_place = proto.default(name), f"{proto.path}:{field.line}"
                 given[name] = {
-                    "value": script_value(values[name], field.type, f"{node.file}:{node.line}"),
-                    "defaultValue": script_value(default, field.type, place),
+                    "value": script_value(values[name], field.type, f"{node.file}:{node.line}", self._describe),
+                    "defaultValue": script_value(default, field.type, default_place, self._describe),
                 }
         context = self._context(proto)
         if "context" in proto.body:
@@ -148,6 +148,15 @@ class Protos:
             self._rendered[key] = render(proto.body, proto.language, variables, str(proto.path), proto.body_line)
         return self._rendered[key]
 
+    def _describe(self, node: Node) -> dict[str, tuple[str, Value, Value]] | None:
+        """The type, value and default of each field of an instance; None for other nodes, and without a file."""
+        proto = None if node.type in BUILTIN_NODES else self._find(node)
+        if proto is None:
+            return None
+        values = proto.values(node, node.protos, strict=self._strict)
+        given = {name: proto.default(name) for name in proto.fields if name in node.fields}
+        return {name: (field.type, values[name], given.get(name, values[name])) for name, field in proto.fields.items()}
+
     def _context(self, proto: ProtoFile) -> dict[str, Any]:
         """What templates may know of where they are."""
         version, path = self._world.version, self._world.path.absolute()
@@ -157,7 +166,7 @@ class Protos:
             "world": str(path),
             "proto": str(proto.path.absolute()),
             "project_path": str(path.parent.parent),
-            "webots_version": {"major": str(version), "revision": ""},
+            "webots_version": {"major": str(version), "revision": "0"},
             "webots_home": "",
             "temporary_files_path": "",
             "os": "linux",

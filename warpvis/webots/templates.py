@@ -11,13 +11,15 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from typing import Any, Literal, NamedTuple, NoReturn, TypeAlias
 
 from warpvis.errors import FileFormatError
 from warpvis.webots.nodes import Node, Value, shown
-from warpvis.webots.template_library import JAVASCRIPT, LUA
+from warpvis.webots.template_library import JAVASCRIPT, LUA, LUA_MODULES
 
 Language: TypeAlias = Literal["javascript", "lua"]
+Describe: TypeAlias = Callable[[Node], "dict[str, tuple[str, Value, Value]] | None"]
 
 SECONDS = 5
 """Longest that a JavaScript template may run."""
@@ -26,6 +28,7 @@ _MEMORY = 256 << 20  # bytes
 _STACK = 512 << 10  # bytes; threads have stacks of a few MiB
 _MOST_VALUES = 1_000_000  # that a template may be given
 _MOST_NESTED = 60  # nodes in them
+_PROTO_COST = 100  # values that an instance of a PROTO counts as: its defaults have to be parsed
 
 _MARKS = {"javascript": ("%<", ">%"), "lua": ("%{", "}%")}
 _IMPORT = re.compile(r"""\bimport\s*(\*\s*as\s+\w+|\{[^}]*\})\s*from\s*(["'])(?:[\w./]*/)?(\w+)(?:\.js)?\2""")
@@ -75,42 +78,43 @@ def render(body: str, language: Language, variables: dict[str, Any], file: str, 
     return result
 
 
-def script_value(value: Value, field_type: str, place: str) -> Any:
-    """A field's value as templates see it.
+def script_value(value: Value, field_type: str, place: str, describe: Describe = lambda node: None) -> Any:
+    """A field's value as templates see it: real numbers have six digits, as Webots hands them over.
 
     Args:
         value: The value.
-        field_type: Like ``SFVec3f``. The types of fields of nodes within are not known: one value is a single one
-            there, two to four numbers are a vector or rotation, more are a list.
+        field_type: Like ``SFVec3f``.
         place: File and line, for messages.
+        describe: For a node that is an instance of a PROTO, the type, value and default of each of its fields. Of other
+            nodes templates see the fields that the file gives; their types are not known: one value is a single one,
+            two to four numbers are a vector or rotation, more are a list.
 
     Raises:
         FileFormatError: The value holds more than a template may be given.
     """
-    nodes = [item for item in (value if isinstance(value, list) else [value]) if isinstance(item, Node)]
-    if any(node.height > _MOST_NESTED for node in nodes):
-        raise FileFormatError(f"{place}: expected at most {_MOST_NESTED} nodes within nodes for a template, got more")
-    return _Script(place).value(value, field_type)
+    return _Script(place, describe).value(value, field_type)
 
 
 class _Script:
     """Translates one value, and counts what is in it: a USE stands for a copy here."""
 
-    def __init__(self, place: str) -> None:
+    def __init__(self, place: str, describe: Describe) -> None:
         self._place = place
+        self._describe = describe
         self._left = _MOST_VALUES
+        self._depth = 0
 
     def value(self, value: Value, field_type: str) -> Any:
-        self._left -= len(value) if isinstance(value, list) else 1
-        if self._left < 0:
-            raise FileFormatError(f"{self._place}: expected at most {_MOST_VALUES} values for a template, got more")
+        self._count(len(value) if isinstance(value, list) else 1)
         if isinstance(value, Node):
-            return self._node(value)
+            return [self._node(value)] if field_type.startswith("MF") else self._node(value)
         if value is None:
-            return None
+            return [] if field_type.startswith("MF") else None
         if not field_type:
             return self._untyped(value)
         keys = _KEYS.get(field_type[2:], "")
+        if field_type[2:] in ("Float", "Vec2f", "Vec3f", "Color", "Rotation"):
+            value = [float(f"{number:.6g}") for number in value]
         if field_type.startswith("SF"):
             return _named(value, keys) if keys else value[0]
         if keys:
@@ -120,6 +124,7 @@ class _Script:
     def _untyped(self, value: list[Any]) -> Any:
         if any(isinstance(item, Node) for item in value):
             return [self._node(item) for item in value if isinstance(item, Node)]
+        value = [float(f"{item:.6g}") if isinstance(item, float) and item % 1 else item for item in value]
         if len(value) == 1:
             return value[0]
         if not 2 <= len(value) <= 4 or not isinstance(value[0], float):
@@ -128,11 +133,31 @@ class _Script:
         return {**named, **_named(value, "rgb")} if len(value) == 3 else named
 
     def _node(self, node: Node) -> dict[str, Any]:
+        self._depth += 1
+        if self._depth > _MOST_NESTED:
+            raise FileFormatError(
+                f"{self._place}: expected at most {_MOST_NESTED} nodes within nodes for a template, got more"
+            )
         fields = {}
-        for name, value in node.fields.items():
-            translated = self.value(value, "")
-            fields[name] = {"value": translated, "defaultValue": translated}
+        described = self._describe(node)
+        if described is None:
+            described = {name: ("", value, value) for name, value in node.fields.items()}
+        else:
+            self._count(_PROTO_COST)
+        for name, (field_type, value, default) in described.items():
+            translated = self.value(value, field_type)
+            same = default is value
+            fields[name] = {
+                "value": translated,
+                "defaultValue": translated if same else self.value(default, field_type),
+            }
+        self._depth -= 1
         return {"node_name": node.type, "fields": fields}
+
+    def _count(self, number: int) -> None:
+        self._left -= number
+        if self._left < 0:
+            raise FileFormatError(f"{self._place}: expected at most {_MOST_VALUES} values for a template, got more")
 
 
 def _named(items: list[Any], keys: str) -> dict[str, Any]:
@@ -231,7 +256,7 @@ def _run_lua(program: str, lines: list[int], variables: dict[str, Any], file: st
         runtime = lua52.LuaRuntime(register_eval=False, register_builtins=False, max_memory=_MEMORY)
         given = "".join(f"{name} = {_lua(value)}\n" for name, value in variables.items())
         opening = "local _pieces = {} local function _put(v) _pieces[#_pieces + 1] = tostring(v) end"
-        return runtime.eval(LUA)(f"{opening}\n{program}\nreturn table.concat(_pieces)", given, _LUA_STEPS)
+        return runtime.eval(LUA)(f"{opening}\n{program}\nreturn table.concat(_pieces)", given, _LUA_STEPS, LUA_MODULES)
     except lua52.LuaError as error:
         message = str(error).split("stack traceback:")[0].strip() or "an error without a message"
         place = re.match(r"template:(\d+): ", message)

@@ -23,13 +23,15 @@ from warpvis.scene import Scene
 from warpvis.webots.builtin import expand
 from warpvis.webots.depth_cameras import DEPTH_CAMERAS, expand_depth_camera
 from warpvis.webots.devices import Device, read_device
-from warpvis.webots.geometry import MissingMeshError, find_beside, tessellate
+from warpvis.webots.geometry import GEOMETRIES, MissingMeshError, find_beside, tessellate
 from warpvis.webots.grammar import World, parse_world
 from warpvis.webots.nodes import Node, Version
 from warpvis.webots.parts import (
     HUMANS,
+    ROBOTS,
     Names,
     Place,
+    Step,
     Thing,
     add_objects,
     corrected_scale,
@@ -45,13 +47,12 @@ MOST_VISITED = 1_000_000
 MOST_TRIANGLES = 50_000_000
 """Triangles of a world."""
 
-_ROBOTS = {"Robot", "Supervisor", "DifferentialWheels", "CustomRobot"}
 _DEVICES = {
     *("Accelerometer", "Altimeter", "Camera", "Compass", "Connector", "Display", "DistanceSensor", "Emitter", "GPS"),
     *("Gyro", "InertialUnit", "LED", "Lidar", "LightSensor", "Microphone", "Pen", "Radar", "Radio", "RangeFinder"),
     *("Receiver", "Speaker", "TouchSensor", "VacuumGripper"),
 }
-_SOLIDS = {"Solid", "Charger", "Servo", "Track", *_ROBOTS, *_DEVICES}
+_SOLIDS = {"Solid", "Charger", "Servo", "Track", *ROBOTS, *_DEVICES}
 _PLACES = {"Transform", "Pose", "TrackWheel", "Fluid", *_SOLIDS}
 # The fields in which a node's parts are. A joint's end point is saved where the joint's position puts it.
 _PARTS = {
@@ -65,9 +66,10 @@ _UNSEEN = {
     *("WorldInfo", "Viewpoint", "Background", "Fog", "DirectionalLight", "PointLight", "SpotLight", "Billboard"),
     *("SolidReference", "Muscle", "ContactProperties", "TexturedBackground", "TexturedBackgroundLight"),
 }
+_LINES = {"IndexedLineSet", "PointSet"}  # geometry without triangles
 _ARENAS = {"RectangleArena", "CircleArena"}
 _GROUNDS = {"Floor", "UnevenTerrain"}
-_NAMES = {"RangeFinder": "range-finder", **dict.fromkeys(_ROBOTS, "robot")}
+_NAMES = {"RangeFinder": "range-finder", **dict.fromkeys(ROBOTS, "robot")}
 _IN_TREE = re.compile(r"(?:webots://|https?://raw\.githubusercontent\.com/[^/]+/[^/]+/[^/]+/)(.+)")
 
 
@@ -112,10 +114,12 @@ def load_webots(
     along -z, from R2022a on it stands along z and they look along x. `Scene.up` is the axis that
     ``WorldInfo.coordinateSystem``, or in old worlds ``gravity``, says.
 
-    Every Solid that has shapes of its own becomes an object; devices and robots are Solids. It is called what its
-    `name` field says, else by its DEF name, else by Webots' default ("solid", "robot", ...), with " (2)", " (3)", ...
-    where that is taken. Shapes outside of any Solid are objects too, by DEF name, or "shape". Bounding objects, lights
-    and backgrounds are not drawn, as in Webots' range images, which show transparent things as if they were not.
+    Every Solid that has shapes of its own becomes an object; devices and robots are Solids. An instance of a PROTO is
+    one object, with the Solids that its file puts into it (a table's legs), but for robots and what has
+    `recognitionColors`. An object is called what its `name` field says, else by its DEF name, else by Webots' default
+    ("solid", "robot", ...), with " (2)", " (3)", ... where that is taken. Shapes outside of any Solid are objects too,
+    by DEF name, or "shape". Bounding objects, lights and backgrounds are not drawn, as in Webots' range images, which
+    show transparent things as if they were not.
 
     Labels: `Label.HUMAN` for pedestrians and what is called ``*human*``, ``*person*`` or ``*pedestrian*``;
     `Label.ROBOT` for robots and all they carry; `Label.GROUND` for what is called ``*floor*`` or ``*ground*`` (but no
@@ -166,28 +170,6 @@ def load_webots(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Step:
-    """A node to walk through, and where it is."""
-
-    node: Node
-    place: Place
-    owner: Thing | None = None
-    """The Solid that its shapes belong to."""
-    robots: tuple[str, ...] = ()
-    recognised: tuple[str, ...] = ()
-    human: bool = False
-    called: str = ""
-    """The nearest DEF name, for shapes outside of any Solid."""
-    instances: tuple[Node, ...] = ()
-    """The PROTO instances that this node is the body of."""
-    within: tuple[str, ...] = ()
-    """Types of the PROTOs that it is in."""
-    origin: str = ""
-    """The PROTO without a file in whose fields it is: only devices are of interest then."""
-    depth: int = 0
-
-
 class _Reader:
     """Walks through a world, and keeps what it finds."""
 
@@ -210,7 +192,7 @@ class _Reader:
     def walk(self) -> None:
         """Visit all nodes, in the order of the file."""
         start = Place(np.eye(3), np.eye(3), np.zeros(3))
-        steps = [_Step(node, start) for node in reversed(self._world.nodes)]
+        steps = [Step(node, start) for node in reversed(self._world.nodes)]
         visited = 0
         while steps:
             visited += 1
@@ -218,7 +200,7 @@ class _Reader:
                 raise FileFormatError(f"{self._world.path}: expected at most {MOST_VISITED} nodes to draw, got more")
             steps += reversed(list(self._visit(steps.pop())))
 
-    def _visit(self, step: _Step) -> Iterable[_Step]:
+    def _visit(self, step: Step) -> Iterable[Step]:
         """Note what a node is; the nodes in it."""
         node = step.node
         if node.type in _UNSEEN:
@@ -238,7 +220,7 @@ class _Reader:
         fields = _PARTS.get(node.type, ("children",))
         return [dataclasses.replace(step, node=part, instances=()) for name in fields for part in node.nodes(name)]
 
-    def _expand(self, step: _Step) -> Iterable[_Step]:
+    def _expand(self, step: Step) -> Iterable[Step]:
         """An instance of a PROTO."""
         node = step.node
         body = self._expand_file(node) or expand(node) or expand_depth_camera(node)
@@ -273,18 +255,48 @@ class _Reader:
             self.reasons.setdefault(node.type, str(error))
             return None
 
-    def _enter_solid(self, step: _Step) -> _Step:
+    def _expand_geometry(self, node: Node) -> Node | None:
+        """The geometry that a PROTO stands for; None where there is nothing to see, or no file for it."""
+        if node.type in _LINES:
+            return None
+        body = self._expand_file(node)
+        if body is None or body.type not in GEOMETRIES:
+            self._skip(node.type)
+            return None
+        return body
+
+    def _enter_solid(self, step: Step) -> Step:
         """Note a Solid; the step from which its parts go on."""
         node, name = step.node, self._solid_name(step)
+        is_part = step.is_part
+        place = step.place.within(node, self._scale(node))
+        if not is_part:
+            step = self._add_thing(step, name)
+        robot = step.robots[-1] if step.robots else ""
+        found = read_device(node, place.rotation, place.offset, robot, step.within)
+        line = f"{step.instances[0].type if step.instances else node.type} {name!r}"
+        line += f" (DEF {node.name})" if node.name else ""
+        if found is not None:
+            if step.origin:
+                found = found.at_origin_of(step.origin)
+            self.devices[self._taken["devices"].take(found.name)] = found
+            line += f": {found.describe()}"
+        if found is not None or not is_part:
+            self._lines.append((step.depth, line, None if is_part else step.owner))
+        depth = step.depth + (not is_part)
+        return dataclasses.replace(step, place=place, called=node.name or step.called, depth=depth)
+
+    def _add_thing(self, step: Step, name: str) -> Step:
+        """Begin an object, which is part of the robots that it is in, and maybe of what is recognised."""
+        node = step.node
         human = step.human or any(fnmatch.fnmatchcase(name.lower(), pattern) for pattern in HUMANS)
         robots, recognised = step.robots, step.recognised
-        if node.type in _ROBOTS:
+        if node.type in ROBOTS:
             robots = (*robots, self._add_robot(name))
         if len(node.numbers("recognitionColors")):
             known = self._taken["recognised"].take(name)
             self.recognisable[known] = (node, [])
             recognised = (known,)
-        place = step.place.within(node, self._scale(node))
         types = {instance.type for instance in step.instances}
         thing = Thing(name, robots, human, bool(types & _GROUNDS), bool(recognised), bool(types & _ARENAS))
         self.things.append(thing)
@@ -292,29 +304,13 @@ class _Reader:
             self.robots[robot].append(thing)
         for known in recognised:
             self.recognisable[known][1].append(thing)
-        kind = step.instances[0].type if step.instances else node.type
-        line = f"{kind} {name!r}" + (f" (DEF {node.name})" if node.name else "")
-        found = read_device(node, place.rotation, place.offset, robots[-1] if robots else "", step.within)
-        if found is not None:
-            if step.origin:
-                found = found.at_origin_of(step.origin)
-            self.devices[self._taken["devices"].take(found.name)] = found
-            line += f": {found.describe()}"
-        self._lines.append((step.depth, line, thing))
-        return dataclasses.replace(
-            step,
-            place=place,
-            owner=thing,
-            robots=robots,
-            recognised=recognised,
-            human=human,
-            called=node.name or step.called,
-            depth=step.depth + 1,
-        )
+        return dataclasses.replace(step, owner=thing, robots=robots, recognised=recognised, human=human)
 
-    def _add_shape(self, step: _Step) -> None:
+    def _add_shape(self, step: Step) -> None:
         node = step.node
         geometry = node if node.type == "CadShape" else node.node("geometry")
+        if geometry is not None and geometry.type not in GEOMETRIES:
+            geometry = self._expand_geometry(geometry)
         if geometry is None or step.origin:
             return
         mesh = self._tessellate(geometry)
@@ -356,7 +352,7 @@ class _Reader:
         places = [root / tail for root in self._search_path for tail in tails]
         return next((place for place in places if place.is_file()), None)
 
-    def _solid_name(self, step: _Step) -> str:
+    def _solid_name(self, step: Step) -> str:
         """What its instance calls it, else its DEF name, else what the PROTO or Webots calls it."""
         node = step.node
         nodes = [*step.instances, node]
