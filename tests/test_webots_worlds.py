@@ -337,6 +337,10 @@ BAD = {
         'world.wbt:2: expected coordinateSystem "ENU", "NUE" or "EUN", got \'UNE\'',
     ),
     "negative radius": (lambda folder: load_text(folder, solid("", "Sphere { radius -1 }")), "world.wbt:2: expected"),
+    "beyond all": (
+        lambda folder: load_text(folder, "\n" + solid("translation 1e30 0 0")),
+        r"world.wbt:3: expected Shape within 1e\+18 m of the origin",
+    ),
     "no geometry": (lambda folder: load_text(folder, "WorldInfo { }"), "holds no triangles"),
     "label of nothing": (
         lambda folder: load_text(folder, solid('name "box"'), labels={"ball": "object"}),

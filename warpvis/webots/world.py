@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.labels import Label
-from warpvis.scene import Scene
+from warpvis.scene import FARTHEST, Scene
 from warpvis.webots.builtin import expand
 from warpvis.webots.depth_cameras import DEPTH_CAMERAS, expand_depth_camera
 from warpvis.webots.devices import Device, read_device
@@ -326,6 +326,8 @@ class _Reader:
         if self._triangles > MOST_TRIANGLES:
             raise FileFormatError(f"{node.file}:{node.line}: expected at most {MOST_TRIANGLES} triangles, got more")
         placed = vertices @ step.place.linear.T + step.place.offset
+        if not (np.abs(placed) <= FARTHEST).all():
+            raise FileFormatError(f"{node.file}:{node.line}: expected {node.type} within {FARTHEST:g} m of the origin")
         if np.linalg.det(step.place.linear) < 0:
             faces = faces[:, ::-1]
         owner.parts.append((placed, faces))
