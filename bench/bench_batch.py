@@ -55,6 +55,7 @@ class Memory:
     """Resident memory of this process while shards are written, by the number of frames that are whole."""
 
     def __init__(self, out: Path, shard_frames: int, frames: int) -> None:
+        """Watch the dataset in `out`."""
         self._records, self._shard_frames, self._frames = out / "shards", shard_frames, frames
         self._samples: list[tuple[int, int]] = []
         self._over = threading.Event()
@@ -165,9 +166,8 @@ def compare_with_each_other(scene: wv.Scene, frames: Frames, arguments: argparse
             print(f"round {round_ + 1}: {name}: {rates[name][-1]:.0f} frames/s, {whole}")
     first, *_, last = [float(np.median(rate)) for rate in rates.values()]
     print(f"medians: {', '.join(f'{name} {np.median(rate):.0f}' for name, rate in rates.items())} frames/s")
-    print(
-        f"{last / first:.2f} times, at least {LEAST_SPEEDUP}: {'reached' if last >= LEAST_SPEEDUP * first else 'MISSED'}"
-    )
+    reached = "reached" if last >= LEAST_SPEEDUP * first else "MISSED"
+    print(f"{last / first:.2f} times, at least {LEAST_SPEEDUP}: {reached}")
 
 
 def parse_arguments() -> argparse.Namespace:

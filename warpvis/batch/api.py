@@ -8,7 +8,9 @@ import os
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -20,7 +22,7 @@ from warpvis.batch.job import Plan
 from warpvis.batch.local import parse_devices, run_local
 from warpvis.batch.manifest import make_manifest
 from warpvis.batch.records import Record
-from warpvis.batch.writer import Job
+from warpvis.batch.writer import Job, Run
 from warpvis.camera import Camera, require_camera
 from warpvis.errors import ArrayError, PoseError
 from warpvis.objects import choose_objects
@@ -103,8 +105,9 @@ def render_batch(
         exclude: Names or indices of objects that no frame shows.
         shard_frames: Frames of a shard; by default as many as make 64 MiB of images, at most 1000.
         options: The format's own options.
-        device: ``"cpu"``, ``"cuda:0"``, several with commas, or ``"cuda:all"``; the scene's by default.
-        threads: CPU threads that render; all cores of this process by default.
+        device: ``"cpu"``, ``"cuda:0"``, several with commas, or ``"cuda:all"``; the scene's by default. Of the engine
+            ``"ray"`` ``"cpu"``, or ``"cuda"`` for a GPU each.
+        threads: CPU threads that render, of the engine ``"local"``; all cores of this process by default.
         caster: As for `Renderer`.
         engine: ``"local"``, this machine; or ``"ray"``, a Ray cluster, one of this machine if none is running.
         workers: Workers of the engine ``"ray"``; by default one for each GPU, or for each core.
@@ -118,34 +121,53 @@ def render_batch(
             other arguments, or a file cannot be written. What is whole stays.
     """
     kind = find_format(format)
-    if engine not in ("local", "ray"):
-        raise ArrayError(f'engine must be "local" or "ray", got {engine!r}')
-    check_threads(threads)
+    _check_engine(engine, threads, workers, address)
     if source is None and isinstance(scene, str | os.PathLike):
         source = os.path.basename(os.fspath(scene))
-    devices = [] if device is None else parse_devices(device)
-    scene = make_scene(scene, devices[0] if devices else None)
-    devices = devices or [str(scene.device)]
+    scene = make_scene(scene, None)
+    device = str(scene.device if device is None else device)
+    devices = parse_devices(device) if engine == "local" else [device]
     chosen: dict[str, Any] = {"outputs": outputs, "objects": objects, "exclude": exclude}
-    plan = make_plan(scene, camera, frames, kind, shard_frames=shard_frames, options=options or {}, **chosen)
+    plan = make_plan(scene, camera, frames, kind, shard_frames=shard_frames, options=options, **chosen)
     layout = kind(plan)
-    manifest = make_manifest(plan, scene, layout, source=source, caster=caster)
-    dataset = Dataset(out, plan, layout, manifest)
-    job = Job(plan, scene.to("cpu") if len(devices) > 1 or engine == "ray" else scene, format, os.fspath(out), caster)
-    with dataset.opened(resume=resume) as missing:
+    where = "cpu" if devices[0] == "cpu" else "cuda"
+    dataset = Dataset(out, plan, layout, make_manifest(plan, scene, layout, device=where, source=source, caster=caster))
+    dataset.check(resume=resume)
+    # Other processes are handed the scene on the CPU, and take it to their devices.
+    scene = scene.to("cpu") if len(devices) > 1 or engine == "ray" else make_scene(scene, devices[0])
+    job = Job(plan, scene, format, os.fspath(out), caster)
+    start_engine = _local_engine if engine == "local" else _ray_engine
+    with start_engine(devices, threads, workers, address) as run, dataset.opened(resume=resume) as missing:
         start = time.perf_counter()
         with _Progress(plan, dataset, missing, quiet=quiet) as done:
-            if engine == "ray":
-                from warpvis.batch.cluster import run_ray
-
-                run_ray(job, missing, done, device=devices[0], workers=workers, address=address)
-            else:
-                run_local(job, missing, done, devices=devices, threads=threads)
+            run(job, missing, done)
         dataset.finish(scene)
         seconds = time.perf_counter() - start
     rendered = sum(plan.shard_slice(shard).stop - plan.shard_slice(shard).start for shard in missing)
     counts = {"frames": len(plan.frames), "shards": plan.shard_count, "rendered_frames": rendered}
     return BatchSummary(dataset.name, bytes=dataset.bytes, seconds=seconds, warnings=dataset.warnings, **counts)
+
+
+def _check_engine(engine: str, threads: int | None, workers: int | None, address: str | None) -> None:
+    if engine not in ("local", "ray"):
+        raise ArrayError(f'engine must be "local" or "ray", got {engine!r}')
+    check_threads(threads)
+    if engine == "local" and (workers is not None or address is not None):
+        raise ArrayError("workers and address are of the engine ray, and the engine is local")
+    if engine == "ray" and threads is not None:
+        raise ArrayError("threads is of the engine local; a Ray worker has as many as its share of the cores")
+
+
+def _local_engine(devices: Sequence[str], threads: int | None, *_: Any) -> AbstractContextManager[Run]:
+    return nullcontext(partial(run_local, devices=devices, threads=threads))
+
+
+def _ray_engine(
+    devices: Sequence[str], _: Any, workers: int | None, address: str | None
+) -> AbstractContextManager[Run]:
+    from warpvis.batch.cluster import ray_engine
+
+    return ray_engine(gpu=devices[0] != "cpu", workers=workers, address=address)
 
 
 def make_plan(
@@ -248,7 +270,7 @@ class _Progress:
 
         frames = sum(self._frames(shard) for shard in self._missing)
         whole = len(self._plan.frames) - frames
-        self._bar = tqdm(total=whole + frames, initial=whole, unit="frame", unit_scale=True, disable=self._hidden)
+        self._bar = tqdm(total=whole + frames, initial=whole, unit=" frames", unit_scale=True, disable=self._hidden)
         return self
 
     def __call__(self, shard: int, record: Record) -> None:

@@ -11,6 +11,7 @@ import logging
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ import warp as wp
 
 from warpvis.batch.records import Record, read_whole, shard_record
 from warpvis.batch.stores import open_store
-from warpvis.batch.writer import Done, Job, ShardWriter, WorkerLostError
+from warpvis.batch.writer import Done, Job, Run, ShardWriter, WorkerLostError
 from warpvis.errors import ArrayError, FileFormatError, WarpvisError
 
 # An actor is handed so many shards at once: enough that one is written while another is rendered, few enough that
@@ -63,41 +64,45 @@ class ShardActor:
         return read_whole(self._store, shard_record(shard), part.stop - part.start)
 
 
-def run_ray(
-    job: Job, shards: Sequence[int], done: Done, *, device: str, workers: int | None, address: str | None
-) -> None:
-    """Render and write shards on a Ray cluster. Ray starts workers that are lost again, and repeats what they had.
+@contextmanager
+def ray_engine(*, gpu: bool, workers: int | None, address: str | None) -> Iterator[Run]:
+    """A context with the engine, on a Ray cluster. Ray starts workers that are lost again, and repeats what they had.
 
     Args:
-        job: The job; its scene is on the CPU.
-        shards: Numbers of the shards.
-        done: Called with every shard that is whole.
-        device: ``"cpu"``, or a GPU's name for a GPU each.
+        gpu: Whether each worker has a GPU.
         workers: How many; by default one for each GPU or core of the cluster.
         address: Of the cluster; see `ray.init`.
 
     Raises:
+        WarpvisError: Ray is missing, there is no such cluster, or it has no room for the workers.
+    """
+    with _cluster(address) as ray:
+        yield partial(_run, ray, _share(ray.cluster_resources(), gpu=gpu, workers=workers))
+
+
+def _run(ray: Any, share: dict[str, Any], job: Job, shards: Sequence[int], done: Done) -> None:
+    """Render and write shards.
+
+    Raises:
         OSError: A file cannot be written.
-        WarpvisError: Ray is missing, the cluster has no room for the workers, or they were lost again and again.
+        WorkerLostError: Workers were lost, and could not be started again.
     """
     if not shards:
         return
-    with _cluster(address) as ray:
-        share = _share(ray.cluster_resources(), gpu=device != "cpu", workers=workers)
-        store = open_store(job.out)
-        try:
-            for row in _results(ray, job, shards, share):
-                if row["error"] is not None:
-                    raise row["error"]
-                shard = int(row["shard"])
-                part = job.plan.shard_slice(shard)
-                record = read_whole(store, shard_record(shard), part.stop - part.start)
-                if record is None:
-                    raise WorkerLostError(f"shard {shard} was written, but is not seen from here; is {job.out} shared?")
-                done(shard, record)
-        except ray.exceptions.RayError as error:
-            reason = str(error).strip().splitlines()[0]
-            raise WorkerLostError(f"the workers were lost ({type(error).__name__}: {reason})") from None
+    store = open_store(job.out)
+    try:
+        for row in _results(ray, job, shards, share):
+            if row["error"] is not None:
+                raise row["error"]
+            shard = int(row["shard"])
+            part = job.plan.shard_slice(shard)
+            record = read_whole(store, shard_record(shard), part.stop - part.start)
+            if record is None:
+                raise WorkerLostError(f"shard {shard} was written by a worker and cannot be seen from here")
+            done(shard, record)
+    except ray.exceptions.RayError as error:
+        reason = str(error).strip().splitlines()[0]
+        raise WorkerLostError(f"Ray gave up ({type(error).__name__}: {reason})") from None
 
 
 def _results(ray: Any, job: Job, shards: Sequence[int], share: dict[str, Any]) -> Iterator[dict[str, Any]]:

@@ -36,6 +36,17 @@ class Dataset:
         self.bytes = 0
         self.warnings: dict[str, int] = {}
 
+    def check(self, *, resume: bool) -> None:
+        """Refuse, before anything is begun, what `opened` would refuse.
+
+        Raises:
+            FileFormatError: The folder holds something else, or another job's dataset, or cannot be read.
+        """
+        try:
+            self._require_ours(resume=resume)
+        except OSError as error:
+            raise FileFormatError(f"{self.name}: cannot be read: {error.strerror or error}") from None
+
     @contextmanager
     def opened(self, *, resume: bool) -> Iterator[list[int]]:
         """A context in which the job may write, with the numbers of the shards that are missing.
@@ -46,7 +57,6 @@ class Dataset:
         """
         began = False
         try:
-            self._require_ours(resume=resume)
             self._store.create()
             with self._store.locked():
                 known = self._require_ours(resume=resume)

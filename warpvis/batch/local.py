@@ -88,12 +88,17 @@ def _share_out(shards: Iterable[int], done: Done, workers: dict[Connection, Any]
     """Keep every process busy until all shards are whole."""
     shards = iter(shards)
     open_shards = dict.fromkeys(workers, 0)
+    told_the_end: set[Connection] = set()
 
     def hand_out(connection: Connection) -> None:
         shard = next(shards, None)
         if shard is not None:
-            connection.send(shard)
             open_shards[connection] += 1
+        elif connection in told_the_end:
+            return
+        else:  # a process that still waited for work would not look for what went wrong in its last shards
+            told_the_end.add(connection)
+        connection.send(shard)
 
     try:
         for _ in range(ahead):

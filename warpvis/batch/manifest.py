@@ -21,13 +21,16 @@ _VERSION = 1
 _MOST_DIFFERENCES = 8
 
 
-def make_manifest(plan: Plan, scene: Scene, layout: Format, *, source: str | None, caster: str) -> dict[str, Any]:
+def make_manifest(
+    plan: Plan, scene: Scene, layout: Format, *, device: str, source: str | None, caster: str
+) -> dict[str, Any]:
     """The manifest of a job: all of it follows from what the job was given, so it is the same every time.
 
     Args:
         plan: The plan.
-        scene: The scene, on the device that renders.
+        scene: The scene.
         layout: The format.
+        device: ``"cpu"`` or ``"cuda"``: images of both agree, but not to the last bit.
         source: Name of the file that the scene was read from.
         caster: As for `Renderer`.
     """
@@ -46,7 +49,7 @@ def make_manifest(plan: Plan, scene: Scene, layout: Format, *, source: str | Non
         "exclude": [plan.object_names[index] for index in plan.exclude],
         "poses": {"source": dict(frames.source), "sha256": frames_hash(frames)},
         "seed": frames.source.get("seed"),
-        "device": "cpu" if scene.device.is_cpu else "cuda",
+        "device": device,
         "caster": caster,
         "versions": versions(*packages),
     }

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.batch.direct_io import ALIGNMENT
+from warpvis.batch.direct_io import ALIGNMENT, LEAST_DIRECT
 from warpvis.batch.formats import Format, check_options
 from warpvis.batch.job import Plan, shard_name
 from warpvis.renderer import OUTPUTS
@@ -59,7 +59,7 @@ class Npz(Format):
 def npz_parts(arrays: Mapping[str, NDArray[Any]]) -> list[Any]:
     """An ``.npz`` file of arrays, not compressed, as the parts to write it from; the same bytes every time.
 
-    Each array's data begins at a multiple of `ALIGNMENT` bytes.
+    The data of large arrays begins at a multiple of `ALIGNMENT` bytes.
     """
     parts = _Parts()
     with zipfile.ZipFile(parts, "w") as archive:
@@ -69,7 +69,8 @@ def npz_parts(arrays: Mapping[str, NDArray[Any]]) -> list[Any]:
             np.lib.format.write_array_header_1_0(header, np.lib.format.header_data_from_array_1_0(array))
             entry = zipfile.ZipInfo(f"{name}.npy", _EPOCH)
             entry.create_system = 3
-            entry.extra = _padding(parts.tell() + _HEADER_BYTES + len(entry.filename) + len(header.getvalue()))
+            if array.nbytes >= LEAST_DIRECT:
+                entry.extra = _padding(parts.tell() + _HEADER_BYTES + len(entry.filename) + len(header.getvalue()))
             with archive.open(entry, "w", force_zip64=True) as stream:
                 stream.write(header.getvalue())
                 stream.write(array.reshape(-1).view(np.uint8).data)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import os
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -27,6 +28,7 @@ class ShardFiles:
         self.folder = Path(folder)
         self.warnings: dict[str, int] = {}
         self._sums: dict[str, FileSum] = {}
+        self._folders = {self.folder}
 
     def write(self, name: str, *parts: Any) -> None:
         """Write one file from its parts, in order.
@@ -45,7 +47,9 @@ class ShardFiles:
     def local_path(self, name: str) -> Path:
         """Where a library that writes files itself must write the file; the folder for it is made."""
         path = self.folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.parent not in self._folders:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._folders.add(path.parent)
         return path
 
     def warn(self, message: str, count: int) -> None:
@@ -60,8 +64,15 @@ class ShardFiles:
 
     def sums(self) -> dict[str, FileSum]:
         """Bytes and checksum of every file in the folder, by name, sorted."""
-        names = sorted(path.relative_to(self.folder).as_posix() for path in self.folder.rglob("*") if path.is_file())
+        names = sorted(files_below(self.folder))
         return {name: self._sums.get(name) or _sum_file(self.folder / name) for name in names}
+
+
+def files_below(folder: Path) -> Iterator[str]:
+    """Paths of all files of a folder and those in it, relative to it, with slashes."""
+    for place, _, names in os.walk(folder):
+        inside = os.path.relpath(place, folder).replace(os.sep, "/")
+        yield from (name if inside == "." else f"{inside}/{name}" for name in names)
 
 
 def _sum_file(path: Path) -> FileSum:

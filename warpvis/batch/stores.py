@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, Protocol
 
-from warpvis.batch.output import ShardFiles
+from warpvis.batch.output import ShardFiles, files_below
 from warpvis.errors import FileFormatError
 
 _PART = ".part-"
@@ -95,9 +95,7 @@ class LocalStore:
         return sorted(name for name in os.listdir(self.root) if not name.startswith(_PART))
 
     def files(self) -> Iterator[str]:  # noqa: D102
-        for folder, folders, names in os.walk(self.root):
-            folders[:] = [name for name in folders if not name.startswith(_PART)]
-            yield from (Path(folder, name).relative_to(self.root).as_posix() for name in names)
+        yield from (name for name in files_below(self.root) if not name.startswith(_PART))
 
     def create(self) -> None:  # noqa: D102
         self.root.mkdir(parents=True, exist_ok=True)

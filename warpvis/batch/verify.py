@@ -6,18 +6,20 @@ from __future__ import annotations
 
 import os
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from warpvis.batch.dataset import POSES
 from warpvis.batch.identity import frames_hash
 from warpvis.batch.manifest import MANIFEST, parse_manifest
-from warpvis.batch.records import INDEX_RECORD, Record, read_record, shard_record
+from warpvis.batch.records import INDEX_RECORD, read_record, shard_record
 from warpvis.batch.stores import Store, open_store
 from warpvis.errors import FileFormatError
 from warpvis.threads import core_count
+
+_MOST_RANGES = 10
 
 
 @dataclass(frozen=True)
@@ -35,9 +37,9 @@ class VerifyReport:
     whole_shards: int
     """Shards that are recorded and sound."""
     files: int
-    """Files that were read."""
+    """Records, and the files that they name."""
     bytes: int
-    """Their bytes."""
+    """Bytes of those that are recorded."""
     problems: tuple[str, ...]
     """What is wrong, a sentence each."""
 
@@ -70,17 +72,18 @@ def _verify(store: Store) -> VerifyReport:
     frames, shard_frames = manifest["frames"], manifest["shard_frames"]
     shards = -(-frames // shard_frames)
     problems = list(_check_poses(store, manifest))
-    known, whole, size = {MANIFEST, POSES}, 0, 0
     expected = {shard_record(k): min(shard_frames, frames - k * shard_frames) for k in range(shards)}
-    expected[INDEX_RECORD] = frames
     with ThreadPoolExecutor(core_count()) as pool:
-        for name, record, wrong in pool.map(lambda item: _check(store, *item), expected.items()):
-            problems += wrong
-            known |= {name, *record.files} if record else {name}
-            size += record.bytes if record else 0
-            whole += name != INDEX_RECORD and not wrong
-    problems += [f"{name}: is in no record" for name in sorted(set(store.files()) - known)]
-    return VerifyReport(store.name, manifest["format"], frames, shards, whole, len(known), size, tuple(problems))
+        checked = list(pool.map(lambda item: _check(store, item), [*expected.items(), (INDEX_RECORD, frames)]))
+    missing = [shard for shard, item in enumerate(checked[:-1]) if item.missing]
+    if missing:
+        problems.append(f"{len(missing)} of {shards} shards are missing: {_ranges(missing)}")
+    problems += [problem for item in checked for problem in item.problems]
+    files = {name for item in checked for name in item.files}
+    problems += [f"{name}: is in no record" for name in sorted(set(store.files()) - files - {MANIFEST, POSES})]
+    whole = sum(not item.problems and not item.missing for item in checked[:-1])
+    size = sum(item.bytes for item in checked)
+    return VerifyReport(store.name, manifest["format"], frames, shards, whole, len(files), size, tuple(problems))
 
 
 def _check_poses(store: Store, manifest: Mapping[str, Any]) -> Iterator[str]:
@@ -99,11 +102,26 @@ def _check_poses(store: Store, manifest: Mapping[str, Any]) -> Iterator[str]:
         yield f"{POSES}: is missing or cannot be read"
 
 
-def _check(store: Store, name: str, frames: int) -> tuple[str, Record | None, list[str]]:
-    """A record's name and content, and what is wrong with it or its files."""
+class _Checked(NamedTuple):
+    """What was found of a record and its files."""
+
+    files: list[str]
+    """All of them, with the record itself."""
+    bytes: int
+    problems: list[str]
+    missing: bool = False
+    """Whether there is no record of a shard; that is said of all shards together."""
+
+
+def _check(store: Store, item: tuple[str, int]) -> _Checked:
+    """Compare the files of a record with it; `item` is its name and its number of frames."""
+    name, frames = item
     record = read_record(store, name)
+    if record is None and store.size(name) is not None:
+        return _Checked([name], 0, [f"{name}: is no record"])
     if record is None:
-        return name, None, [f"{name}: is missing" if store.size(name) is None else f"{name}: is no record"]
+        index = name == INDEX_RECORD
+        return _Checked([], 0, [f"{name}: is missing, so the job was not finished"] if index else [], not index)
     wrong = [] if record.frames == frames else [f"{name}: is of {record.frames} frames, and should be of {frames}"]
     for file, expected in record.files.items():
         size = store.size(file)
@@ -113,7 +131,19 @@ def _check(store: Store, name: str, frames: int) -> tuple[str, Record | None, li
             wrong.append(f"{file}: has {size} bytes, and should have {expected.bytes}")
         elif _crc32(store, file) != expected.crc32:
             wrong.append(f"{file}: its checksum differs from the recorded one")
-    return name, record, wrong
+    return _Checked([name, *record.files], record.bytes, wrong)
+
+
+def _ranges(numbers: Sequence[int]) -> str:
+    """Increasing numbers in few words: ``0-3, 7, 9-12``."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and runs[-1][1] == number - 1:
+            runs[-1][1] = number
+        else:
+            runs.append([number, number])
+    shown = ", ".join(str(first) if first == last else f"{first}-{last}" for first, last in runs[:_MOST_RANGES])
+    return shown + (", ..." if len(runs) > _MOST_RANGES else "")
 
 
 def _crc32(store: Store, name: str) -> int:

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from threading import Lock
@@ -36,6 +36,10 @@ class Job:
     format: str
     out: str
     caster: Any = "auto"
+
+
+Run = Callable[[Job, Sequence[int], Done], None]
+"""An engine: renders and writes shards of a job."""
 
 
 class WorkerLostError(WarpvisError):

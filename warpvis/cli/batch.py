@@ -60,9 +60,9 @@ class Batch:
     address: str | None = None
     """Of the Ray cluster; by default one that Ray finds, or a new one of this machine."""
     device: str = "cpu"
-    """Where to compute: cpu, cuda:0, ..., several with commas, or cuda:all."""
+    """Where to compute: cpu, cuda:0, ..., several with commas, or cuda:all; by Ray cpu, or cuda for a GPU each."""
     threads: int | None = None
-    """CPU threads that render; all cores by default."""
+    """CPU threads that render; all cores by default. Ray's workers have their share of the cores."""
     convention: Literal["opencv", "opengl", "ros"] | None = None
     """Axes of the camera frame of the poses; those of the pose file's format by default."""
     file_format: str | None = None
@@ -85,16 +85,14 @@ class Batch:
         from warpvis.batch.api import render_batch
         from warpvis.batch.formats import find_format
         from warpvis.batch.frame_renderer import check_outputs
-        from warpvis.batch.local import parse_devices
         from warpvis.io.camera_files import load_camera
 
         find_format(self.format)
         outputs = check_outputs(_split(self.outputs)) if self.outputs else None
         options = _parse_options(self.option)
-        devices = parse_devices(self.device)
         camera = load_camera(self.camera)
-        scene = self._load_scene(devices[0])
-        same = ("format", "shard_frames", "resume", "engine", "workers", "address", "threads", "quiet")
+        scene = self._load_scene()
+        same = ("device", "format", "shard_frames", "resume", "engine", "workers", "address", "threads", "quiet")
         given: dict[str, Any] = {name: getattr(self, name) for name in same}
         given |= {"objects": _split(self.objects) or None, "exclude": _split(self.exclude) or None}
         summary = render_batch(
@@ -104,22 +102,21 @@ class Batch:
             self.out,
             outputs=outputs,
             options=options,
-            device=",".join(devices),
             source=self.file.name,
             **given,
         )
         _print_summary(summary, self.format, quiet=self.quiet)
 
-    def _load_scene(self, device: str) -> Scene:
+    def _load_scene(self) -> Scene:
         from warpvis.scene import Scene
 
         form: dict[str, Any] = {"up": self.up, "file_up": self.file_up, "scale": self.scale}
-        scene = Scene.load(self.file, device=device, labels=parse_labels(self.labels), **form)
+        scene = Scene.load(self.file, labels=parse_labels(self.labels), **form)
         return _with_movable(scene, _split(self.movable)) if self.movable else scene
 
     def _load_frames(self, scene: Scene) -> Frames:
         from warpvis.io.pose_files import read_frames
-        from warpvis.pose_generators import frames_from_spec, looks_like_spec
+        from warpvis.pose_specs import frames_from_spec, looks_like_spec
 
         if looks_like_spec(self.poses):
             frames = frames_from_spec(self.poses, scene, up=scene.up)

@@ -1,0 +1,212 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Batch rendering: the images are the renderer's, and an interrupted job gives the bytes of one that was not."""
+
+import json
+import os
+import pickle
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from batch_jobs import CAMERA, make_frames, make_poses, make_scene, run, tree
+
+import warpvis as wv
+from warpvis.batch import local
+from warpvis.batch.formats import FORMATS
+from warpvis.batch.frame_renderer import FrameRenderer
+from warpvis.batch.identity import scene_hash
+from warpvis.batch.verify import verify
+from warpvis.frames import Frames
+
+TESTS = Path(__file__).parent
+OUTPUTS = ("depth", "points", "normals", "labels", "objects")
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A dataset that nothing interrupted."""
+    out = tmp_path_factory.mktemp("whole") / "data"
+    run(out)
+    return out
+
+
+def read_npz(out, name):
+    return np.concatenate([np.load(path)[name] for path in sorted(Path(out).glob("shard-*.npz"))])
+
+
+def test_images_are_the_renderers(tmp_path):
+    summary = run(tmp_path / "out", outputs=OUTPUTS)
+    views = wv.render(make_scene(), CAMERA, make_poses(20), outputs=OUTPUTS)
+    for name in OUTPUTS:
+        np.testing.assert_array_equal(read_npz(tmp_path / "out", name), getattr(views, name).numpy())
+    np.testing.assert_array_equal(read_npz(tmp_path / "out", "camera_to_world"), make_frames().camera_to_world)
+    assert (summary.frames, summary.shards, summary.rendered_frames) == (20, 7, 20)
+    assert summary.bytes == sum(path.stat().st_size for path in (tmp_path / "out").glob("*.npz")) - _poses(tmp_path)
+    assert summary.frames_per_second > 0
+    assert verify(tmp_path / "out").ok
+
+
+def _poses(folder):
+    return (folder / "out" / "poses.npz").stat().st_size
+
+
+def test_visibility_is_object_visibilitys(tmp_path):
+    run(tmp_path / "out", outputs=("visibility",), objects=["ball", "box"])
+    seen = wv.object_visibility(make_scene(), CAMERA, make_poses(20), objects=["ball", "box"])
+    np.testing.assert_array_equal(read_npz(tmp_path / "out", "visible_fraction"), seen.fraction.numpy())
+    np.testing.assert_array_equal(read_npz(tmp_path / "out", "visible_box"), seen.visible_box.numpy())
+
+
+@pytest.mark.parametrize("excluded", [["ball"], [2]])
+def test_what_is_excluded_is_not_seen(tmp_path, excluded):
+    run(tmp_path / "out", outputs=("objects",), exclude=excluded)
+    objects = read_npz(tmp_path / "out", "objects")
+    assert set(np.unique(objects)) == {-1, 0, 1}
+
+
+def moving_frames(*, world=None):
+    poses = np.tile([-0.5, 0.3, 0.5, 0, 0, 0, 1], (20, 1, 1))
+    poses[:, 0, 2] += np.linspace(0, 1, 20)
+    poses = poses if world is None else poses[:4]
+    return Frames.from_poses(make_poses(20), object_poses=poses, world=world)
+
+
+@pytest.mark.parametrize("world", [None, np.arange(20) % 4])
+def test_every_frame_has_its_world(tmp_path, world):
+    scene, frames = make_scene(movable=True), moving_frames(world=world)
+    run(tmp_path / "out", scene=scene, frames=frames)
+    expected = wv.render(
+        scene, CAMERA, make_poses(20), outputs=("depth",), object_poses=frames.object_poses, world=world
+    )
+    np.testing.assert_array_equal(read_npz(tmp_path / "out", "depth"), expected.depth.numpy())
+    still = wv.render(scene, CAMERA, make_poses(20), outputs=("depth",)).depth.numpy()
+    assert (read_npz(tmp_path / "out", "depth") != still).any()
+
+
+def test_what_moves_stays_where_it_was_added_unless_told(tmp_path):
+    run(tmp_path / "out", scene=make_scene(movable=True))
+    expected = wv.render(make_scene(), CAMERA, make_poses(20), outputs=("objects",)).objects.numpy()
+    poses = np.load(tmp_path / "out" / "poses.npz")
+    np.testing.assert_allclose(poses["object_poses"], [[[-0.5, 0.3, 0.5, 0, 0, 0, 1]]], atol=1e-7)
+    assert (np.isfinite(read_npz(tmp_path / "out", "depth")) == (expected >= 0)).mean() > 0.99
+
+
+def test_the_renderer_of_frames_alone():
+    renderer = FrameRenderer(make_scene, CAMERA, outputs=("depth", "visibility"), objects=["ball"], masks=True)
+    batch = renderer({"camera_to_world": make_poses(4), "number": np.arange(4)})
+    assert batch["number"].tolist() == [0, 1, 2, 3]
+    assert batch["depth"].shape == (4, 24, 32) and batch["depth"].dtype == np.float32
+    assert batch["masks"].shape == (4, 1, 24, 32) and batch["visible_box"].shape == (4, 1, 4)
+    again = renderer({"camera_to_world": make_poses(2)})
+    np.testing.assert_array_equal(again["depth"], wv.render(make_scene(), CAMERA, make_poses(2)).depth.numpy())
+    with pytest.raises(wv.ArrayError, match="a batch must hold camera_to_world, got poses"):
+        renderer({"poses": make_poses(2)})
+    with pytest.raises(wv.ArrayError, match=r"outputs must be some of depth, .*visibility, got colour"):
+        FrameRenderer(make_scene(), CAMERA, outputs=("colour",))
+
+
+def test_scenes_pickle():
+    scene = make_scene(movable=True)
+    scene.add(trimesh.creation.box(), name="hat", attach_to="ball")
+    scene.add(wv.solids.sphere(0.2), name="bead", movable=True, pose=(0, 1, 1, 0, 0, 0, 1))
+    scene.clusters()
+    copy = pickle.loads(pickle.dumps(scene))
+    assert scene_hash(copy) == scene_hash(scene) == scene_hash(scene.to("cpu"))
+    assert (copy.up, copy.movable, copy.index("hat")) == (scene.up, scene.movable, scene.index("hat"))
+    for name in ("depth", "objects"):
+        a, b = (getattr(wv.render(each, CAMERA, make_poses(3)), name).numpy() for each in (scene, copy))
+        np.testing.assert_array_equal(a, b)
+
+
+def test_the_hash_is_of_all_that_is_seen():
+    hashes = {scene_hash(make_scene()), scene_hash(make_scene(movable=True))}
+    for change in ({"label": "human"}, {"name": "sphere"}, {"pose": (0, 0, 0.1, 0, 0, 0, 1)}, {"scale": 1.01}):
+        scene = wv.Scene()
+        scene.add(trimesh.creation.box(), **{"name": "box", **change})
+        hashes.add(scene_hash(scene))
+    assert len(hashes) == 6
+
+
+def test_bytes_do_not_depend_on_threads_or_time(tmp_path, whole):
+    run(tmp_path / "out", threads=1)
+    assert tree(tmp_path / "out") == tree(whole)
+
+
+NEEDS = {"zarr": "zarr", "ros2": "rosbags"}
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_every_format_is_whole_and_the_same_again(tmp_path, name):
+    if name in NEEDS:
+        pytest.importorskip(NEEDS[name])
+    scene = make_scene(movable=True)
+    summary = run(tmp_path / "a", scene=scene, format=name)
+    report = verify(tmp_path / "a")
+    assert report.ok, report.problems
+    assert (report.format, report.frames, report.whole_shards) == (name, 20, 7)
+    assert summary.bytes > 0
+    run(tmp_path / "b", scene=scene, format=name, threads=1)
+    shutil.rmtree(tmp_path / "b" / "shards")
+    (tmp_path / "b" / "index.json").unlink()
+    run(tmp_path / "b", scene=scene, format=name, resume=True)
+    assert tree(tmp_path / "a") == tree(tmp_path / "b")
+
+
+def test_several_processes(tmp_path, monkeypatch, whole):
+    """What several GPUs would do, with the CPU twice."""
+    monkeypatch.setattr("warpvis.batch.api.parse_devices", lambda device: ["cpu", "cpu"])
+    run(tmp_path / "out", device="cpu")
+    assert tree(tmp_path / "out") == tree(whole)
+
+    monkeypatch.setattr(local, "_work", die_soon)
+    with pytest.raises(wv.WarpvisError, match=r"the process for cpu ended with exit code 7; 0 of 7 shards are whole"):
+        run(tmp_path / "other", device="cpu")
+
+
+def die_soon(connection, *others):
+    os._exit(7)
+
+
+def test_devices():
+    assert local.parse_devices("cpu") == ["cpu"]
+    assert local.parse_devices("cpu, cpu") == ["cpu"]
+    with pytest.raises(wv.ArrayError, match="device 'cuda:99' is not on this machine"):
+        local.parse_devices("cpu,cuda:99")
+
+
+BAD = {
+    "format": ({"format": "tiff"}, "format must be one of npz, zarr, .*, got 'tiff'"),
+    "engine": ({"engine": "spark"}, 'engine must be "local" or "ray", got \'spark\''),
+    "output": ({"outputs": ["colour"]}, "outputs must be some of depth, .*, got colour"),
+    "no output": ({"outputs": []}, "outputs must be some of .*, got none"),
+    "unfit output": ({"format": "tum", "outputs": ["labels"]}, "format 'tum' holds depth; it cannot hold 'labels'"),
+    "option": ({"options": {"speed": 3}}, "format 'npz' has no option 'speed'; its options: none"),
+    "shards": ({"shard_frames": 0}, "shard_frames must be a whole number from 1 up, got 0"),
+    "object": ({"objects": ["cat"], "outputs": ["visibility"]}, "the scene has no object 'cat'"),
+    "empty scene": ({"scene": wv.Scene()}, "the scene has no objects"),
+    "no scene": ({"scene": 3}, "scene must be a warpvis.Scene, got int"),
+    "no camera": ({"camera": "kinect"}, "camera must be a warpvis.Camera, got str"),
+    "device": ({"device": "cuda:99"}, "device 'cuda:99' is not on this machine"),
+    "objects that do not move": ({"frames": moving_frames()}, "poses of 1 objects, and the scene has 0 that are mov"),
+    "threads": ({"threads": 0}, "threads must be a whole number from 1 up"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_writes_nothing(tmp_path, case):
+    given, message = BAD[case]
+    with pytest.raises(wv.WarpvisError, match=message) as caught:
+        run(tmp_path / "out", **given)
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_manifest(whole):
+    manifest = json.loads((whole / "manifest.json").read_text())
+    assert manifest["frames"] == 20 and manifest["seed"] == 3 and manifest["format"] == "npz"
+    assert manifest["scene"]["sha256"] == scene_hash(make_scene())
+    assert manifest["versions"].keys() == {"warpvis", "warp-lang", "numpy"}
+    assert list(manifest["scene"]["objects"]) == ["floor", "box", "ball"]

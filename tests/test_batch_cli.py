@@ -1,0 +1,146 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The commands batch, verify and warmup: what they write and print, and one sentence for bad input."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from batch_jobs import CAMERA, make_poses, make_scene, tree
+
+import warpvis as wv
+from warpvis.cli.batch import Batch, Verify
+
+ORBIT = "orbit target=0,0,0.4 radius=3 height=1 count=9"
+
+
+@pytest.fixture
+def workspace(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    make_scene().export("scene.glb")
+    fields = {"width": 32, "height": 24, "hfov": 1.0, "near": 0.3, "far": 4.5}
+    (tmp_path / "camera.json").write_text(json.dumps(fields))
+    lines = [f"{k} " + " ".join(map(str, pose)) for k, pose in enumerate(make_poses(9))]
+    (tmp_path / "poses.txt").write_text("\n".join(lines) + "\n")
+    (tmp_path / "broken.txt").write_text(lines[0] + "\n1 2 3\n")
+    (tmp_path / "none.txt").write_text("# nothing\n")
+    (tmp_path / "taken").mkdir()
+    (tmp_path / "taken" / "thesis.tex").write_text("mine")
+    (tmp_path / "file").write_text("in the way")
+    np.savez(tmp_path / "worlds.npz", object_poses=np.tile([0, 0, 0.5, 0, 0, 0, 1.0], (9, 1, 1)))
+    np.savez(tmp_path / "two.npz", object_poses=np.tile([0, 0, 0.5, 0, 0, 0, 1.0], (9, 2, 1)))
+    np.savez(tmp_path / "empty.npz", world=np.zeros(9, dtype=np.int32))
+    return tmp_path
+
+
+def cli(*arguments):
+    command = [sys.executable, "/tmp/wcli.py", *arguments]
+    return subprocess.run(command, capture_output=True, text=True)
+
+
+def test_a_job_from_the_command_line(workspace):
+    job = ("batch", "scene.glb", "--poses", ORBIT, "--camera", "camera.json", "--out", "out", "--shard-frames", "4")
+    first = cli(*job)
+    assert first.returncode == 0, first.stderr
+    assert first.stdout.startswith("9 frames in 3 shards, 0.000 GB (npz): ")
+    assert "9 of them rendered in" in first.stdout and "frames/s" in first.stdout
+    before = tree(workspace / "out")
+    second = cli(*job)
+    assert second.returncode == 2
+    assert "out: holds a complete dataset; give a new or an empty folder" in second.stderr
+    assert "Traceback" not in second.stderr
+    third = cli(*job, "--resume")
+    assert third.returncode == 0 and "nothing was left to do" in third.stdout
+    assert tree(workspace / "out") == before
+
+    sound = cli("verify", "out")
+    assert sound.returncode == 0
+    assert "out: complete and sound: 3 of 3 shards (npz, 9 frames), 7 files" in sound.stdout.replace("\n", " ")
+    shard = workspace / "out" / "shard-000001.npz"
+    data = bytearray(shard.read_bytes())
+    data[1000] ^= 1
+    shard.write_bytes(data)
+    damaged = cli("verify", "out")
+    assert damaged.returncode == 1
+    assert "shard-000001.npz: its checksum differs from the recorded one" in damaged.stdout
+
+
+def batch(poses="poses.txt", out="out", **options):
+    options = {"camera": "camera.json", "quiet": True, **options}
+    Batch(file=Path(options.pop("file", "scene.glb")), poses=poses, out=out, **options).run()
+
+
+def test_poses_from_a_file_and_outputs(workspace):
+    batch(outputs=("depth,labels",), labels=("ball=human",), exclude=("box",))
+    scene = wv.Scene.load("scene.glb", labels={"ball": "human"})
+    poses = np.loadtxt("poses.txt")[:, 1:]
+    views = wv.render(scene, CAMERA, poses, outputs=("depth", "labels"), exclude=["box"])
+    found = np.load("out/shard-000000.npz")
+    np.testing.assert_array_equal(found["depth"], views.depth.numpy())
+    np.testing.assert_array_equal(found["labels"], views.labels.numpy())
+    manifest = json.loads((workspace / "out" / "manifest.json").read_text())
+    assert manifest["scene"]["file"] == "scene.glb" and manifest["exclude"] == ["box"]
+
+
+def test_worlds_from_a_file(workspace):
+    batch(movable=("ball",), worlds=Path("worlds.npz"), outputs=("depth", "objects"))
+    scene = wv.Scene()
+    for item in sorted(wv.Scene.load("scene.glb"), key=lambda item: item.name == "ball"):
+        height = 0.5 if item.name == "ball" else 0.0
+        scene.add((item.vertices + [0, 0, height], item.faces), name=item.name)
+    views, found = wv.render(scene, CAMERA, make_poses(9)), np.load("out/shard-000000.npz")
+    assert (found["objects"] == views.objects.numpy()).mean() > 0.999
+    np.testing.assert_allclose(found["depth"], views.depth.numpy(), rtol=1e-5)
+    assert (found["objects"] == 2).any()
+
+
+BAD = {
+    "line": ({"poses": "broken.txt"}, r"^broken.txt:2: expected the 8 numbers"),
+    "no poses": ({"poses": "none.txt"}, r"^none.txt: holds no"),
+    "missing": ({"poses": "nowhere.txt"}, r"^nowhere.txt: no such file"),
+    "spec": ({"poses": "orbit target=0,0,0 speed=3"}, "speed"),
+    "no scene": ({"file": "nowhere.glb"}, "^nowhere.glb: no such file"),
+    "folder": ({"out": "taken"}, r"taken: holds something else \(thesis.tex\)"),
+    "resumed folder": ({"out": "taken", "resume": True}, r"taken: holds something else \(thesis.tex\)"),
+    "file": ({"out": "file"}, "file: is a file; a dataset needs a folder"),
+    "format": ({"format": "tiff"}, "^format must be one of npz, zarr, .*, got 'tiff'"),
+    "output": ({"outputs": ("depth,colour",)}, "^outputs must be some of depth, .*, got colour"),
+    "option": ({"option": ("fast",)}, "^--option must be given as KEY=VALUE, .*, got 'fast'"),
+    "unknown option": ({"option": ("fast=1",)}, "format 'npz' has no option 'fast'"),
+    "camera": ({"camera": "lens"}, "lens: cannot be read"),
+    "device": ({"device": "cuda:99"}, "device 'cuda:99' is not on this machine"),
+    "labels": ({"labels": ("cat=human",)}, "labels for 'cat' fit no object"),
+    "movable": ({"movable": ("cat",)}, "the scene has no object 'cat'"),
+    "worlds": (
+        {"movable": ("ball",), "worlds": Path("two.npz")},
+        "the frames have poses of 2 objects, and the scene has 1",
+    ),
+    "no worlds": ({"worlds": Path("empty.npz")}, "^empty.npz: holds no array object_poses"),
+    "no npz": ({"worlds": Path("poses.txt")}, "^poses.txt: is not an .npz file"),
+    "url": ({"out": "nosuch://bucket/name"}, "^nosuch://bucket/name: cannot be opened: "),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_one_sentence_and_writes_nothing(workspace, case):
+    given, message = BAD[case]
+    before = tree(workspace)
+    with pytest.raises(wv.WarpvisError, match=message) as caught:
+        batch(**given)
+    assert "\n" not in str(caught.value)
+    assert tree(workspace) == before
+
+
+def test_bad_input_exits_2(workspace):
+    result = cli("batch", "scene.glb", "--poses", "broken.txt", "--out", "out")
+    assert result.returncode == 2
+    assert [line for line in result.stderr.splitlines() if line.startswith("warpvis: broken.txt:2: expected the 8")]
+    assert "Traceback" not in result.stderr and not (workspace / "out").exists()
+
+
+def test_what_is_no_dataset_is_not_verified(workspace):
+    with pytest.raises(wv.FileFormatError, match=r"taken: is no dataset: it has no manifest.json of warpvis"):
+        Verify("taken").run()

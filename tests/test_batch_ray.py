@@ -1,0 +1,86 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Batch rendering by Ray: the bytes of the local engine's, also where a worker is killed in mid-run."""
+
+import os
+import shutil
+import signal
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from batch_jobs import make_frames, make_scene, run, tree
+
+import warpvis as wv
+
+ray = pytest.importorskip("ray")
+SHARDS = 200
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """Two cores, whatever the machine has."""
+    os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
+    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False, logging_level="ERROR")
+    yield
+    ray.shutdown()
+
+
+def ancestors(process):
+    while process > 1:
+        yield process
+        process = int(Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[1])
+
+
+def workers():
+    """Ids of the processes of this test's cluster that render."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            command = (folder / "cmdline").read_bytes()
+            if b"ShardActor" in command and os.getpid() in ancestors(int(folder.name)):
+                found.append(int(folder.name))
+        except OSError:  # it has just ended
+            continue
+    return found
+
+
+def kill_one(out, killed):
+    """SIGKILL to a worker when the first shards are whole."""
+    while not killed:
+        if (out / "shards").is_dir() and len(os.listdir(out / "shards")) > 5:
+            victims = workers()
+            if len(victims) == 2:
+                os.kill(victims[0], signal.SIGKILL)
+                killed.append(len(os.listdir(out / "shards")))
+        time.sleep(0.01)
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+def test_a_worker_is_killed(tmp_path, cluster):
+    frames, scene, out, killed = make_frames(3 * SHARDS - 1), make_scene(movable=True), tmp_path / "out", []
+    run(tmp_path / "whole", scene=scene, frames=frames, outputs=("depth", "labels"))
+    killer = threading.Thread(target=kill_one, args=(out, killed), daemon=True)
+    killer.start()
+    summary = run(out, scene=scene, frames=frames, outputs=("depth", "labels"), engine="ray", workers=2, threads=None)
+    killed.append(None)
+    killer.join()
+    assert killed[0] is not None and killed[0] < SHARDS
+    assert tree(out) == tree(tmp_path / "whole")
+    assert summary.rendered_frames == len(frames)
+
+
+def test_what_goes_wrong_is_said_once(tmp_path, cluster):
+    with pytest.raises(wv.ArrayError, match="workers must be from 1 to 2, the cluster's cores, got 3"):
+        run(tmp_path / "out", threads=None, engine="ray", workers=3)
+    with pytest.raises(wv.ArrayError, match="threads is of the engine local"):
+        run(tmp_path / "out", engine="ray")
+    assert not (tmp_path / "out").exists()
+
+    run(tmp_path / "out")
+    shutil.rmtree(tmp_path / "out" / "shards")
+    (tmp_path / "out" / "shards").write_text("in the way")
+    with pytest.raises(wv.FileFormatError, match=r"out: cannot be written: .*; 0 of 7 shards are whole") as caught:
+        run(tmp_path / "out", threads=None, engine="ray", workers=1, resume=True)
+    assert "\n" not in str(caught.value)
