@@ -161,6 +161,11 @@ def test_several_processes(tmp_path, monkeypatch, whole):
     run(tmp_path / "out", device="cpu")
     assert tree(tmp_path / "out") == tree(whole)
 
+    shutil.rmtree(tmp_path / "out" / "shards")
+    (tmp_path / "out" / "shards").write_text("in the way")
+    with pytest.raises(wv.FileFormatError, match=r"out: cannot be written: .*; 0 of 7 shards are whole"):
+        run(tmp_path / "out", device="cpu", resume=True)
+
     monkeypatch.setattr(local, "_work", die_soon)
     with pytest.raises(wv.WarpvisError, match=r"the process for cpu ended with exit code 7; 0 of 7 shards are whole"):
         run(tmp_path / "other", device="cpu")

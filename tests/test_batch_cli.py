@@ -37,7 +37,7 @@ def workspace(tmp_path, monkeypatch):
 
 
 def cli(*arguments):
-    command = [sys.executable, "/tmp/wcli.py", *arguments]
+    command = [sys.executable, "-m", "warpvis.cli", *arguments]
     return subprocess.run(command, capture_output=True, text=True)
 
 

@@ -1,3 +1,16 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""From poses to a dataset on disk, in shards, safe to interrupt: see `warpvis.batch.api.render_batch`."""
+"""From poses to a dataset on disk, in shards, safe to interrupt: see `warpvis.batch.api.render_batch`.
+
+A dataset is a folder, or an fsspec URL::
+
+    manifest.json        what it is made from: scene, camera, poses, outputs, versions; written first
+    poses.npz            the frames: camera_to_world, timestamps, object_poses, world
+    ...                  the files of the shards, as the format lays them out
+    shards/000012.json   the record of a shard, with bytes and CRC-32 of its files; written after them
+    index.json           the record of what covers the whole dataset; its presence means that it is complete
+
+`job` says what is to be made, `formats` what a format must do; `writer` renders and writes shards in one process,
+`local` and `cluster` do so in one or many, `dataset`, `records` and `stores` keep the folder, `manifest` and `identity`
+tell whether a job may go on with it, `verify` whether it is sound.
+"""

@@ -194,16 +194,17 @@ def make_plan(
     if unfit:
         raise ArrayError(f"format {kind.name!r} holds {', '.join(sorted(kind.outputs))}; it cannot hold {unfit[0]!r}")
     excluded = choose_objects(scene, exclude) if exclude is not None and len(exclude) else []
+    chosen = _choose_seen(scene, kind, objects, excluded) if VISIBILITY in names or objects is not None else ()
     return Plan(
         frames=_place_objects(scene, frames),
         camera=camera,
         outputs=names,
-        shard_frames=_shard_frames(shard_frames, names, camera),
+        shard_frames=_shard_frames(shard_frames, names, camera, masks=len(chosen) if kind.masks else 0),
         object_names=tuple(item.name for item in scene.objects),
         object_labels=tuple(int(item.label) for item in scene.objects),
         object_columns=_columns(scene),
         object_centers=tuple(tuple(item.bounds.astype(np.float64).mean(axis=0).tolist()) for item in scene.objects),
-        chosen=_choose_seen(scene, kind, objects, excluded) if VISIBILITY in names or objects is not None else (),
+        chosen=chosen,
         exclude=tuple(excluded),
         up=scene.up,
         options=dict(options or {}),
@@ -246,11 +247,16 @@ def _columns(scene: Scene) -> tuple[int, ...]:
     return tuple(column.get(index, -1) for index in carriers)
 
 
-def _shard_frames(shard_frames: int | None, outputs: Sequence[str], camera: Camera) -> int:
+def _shard_frames(shard_frames: int | None, outputs: Sequence[str], camera: Camera, *, masks: int) -> int:
+    """Frames of a shard: as given, or as many as fit its bytes, with so many masks a frame.
+
+    Raises:
+        ArrayError: It is not a number of frames.
+    """
     if shard_frames is None:
         import warp as wp
 
-        pixel = sum(wp.types.type_size_in_bytes(OUTPUTS[name]) for name in outputs if name in OUTPUTS)
+        pixel = masks + sum(wp.types.type_size_in_bytes(OUTPUTS[name]) for name in outputs if name in OUTPUTS)
         return max(1, min(_MOST_SHARD_FRAMES, _SHARD_BYTES // max(1, pixel * camera.width * camera.height)))
     whole = isinstance(shard_frames, int | np.integer) and not isinstance(shard_frames, bool)
     if not whole or shard_frames < 1:

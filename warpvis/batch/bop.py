@@ -57,6 +57,7 @@ class Bop(Layout):
     """
 
     name: ClassVar[str] = "bop"
+    library: ClassVar[str | None] = "zlib"
     outputs: ClassVar[frozenset[str]] = frozenset({"depth", "visibility"})
     default_outputs: ClassVar[tuple[str, ...]] = ("depth", "visibility")
     options: ClassVar[Mapping[str, str]] = {

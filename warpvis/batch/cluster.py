@@ -27,6 +27,9 @@ from warpvis.errors import ArrayError, FileFormatError, WarpvisError
 _SHARDS_AT_ONCE = 8
 _LEAST_ROUNDS = 4
 
+# How often a worker is started anew. One that ends whatever it does must not be started for ever.
+_MOST_RESTARTS = 10
+
 
 class ShardActor:
     """A worker: it builds the scene once, and then renders and writes the shards that it is handed."""
@@ -118,6 +121,7 @@ def _results(ray: Any, job: Job, shards: Sequence[int], share: dict[str, Any]) -
         num_cpus=cpus,
         num_gpus=gpus,
         fn_constructor_kwargs=given,
+        max_restarts=_MOST_RESTARTS,
     )
     return made.iter_rows()
 

@@ -60,7 +60,7 @@ class Format(Protocol):
     default_outputs: ClassVar[tuple[str, ...]]
     """Outputs that it holds unless told otherwise."""
     library: ClassVar[str | None] = None
-    """Distribution whose version decides the bytes, besides ours; the manifest names its version."""
+    """Distributions that decide the bytes besides ours, with spaces between; the manifest names their versions."""
     masks: bool = False
     """Whether a shard's images must have ``"masks"``, of `warpvis.objects.ObjectVisibility`, ``(n, K, H, W)`` uint8."""
     delta: float = 0.0

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import zlib
 from dataclasses import asdict
 from importlib import metadata
 from typing import TYPE_CHECKING, Any
@@ -73,7 +74,8 @@ def frames_hash(frames: Frames) -> str:
 
 
 def versions(*packages: str) -> dict[str, str]:
-    """Versions of this package and of others that decide the bytes of a dataset."""
+    """Versions of this package and of others that decide the bytes of a dataset; ``"zlib"`` is Python's own."""
     import warpvis
 
-    return {"warpvis": warpvis.__version__, **{name: metadata.version(name) for name in packages}}
+    found = {name: zlib.ZLIB_RUNTIME_VERSION if name == "zlib" else metadata.version(name) for name in packages}
+    return {"warpvis": warpvis.__version__, **found}

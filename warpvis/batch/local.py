@@ -7,6 +7,7 @@ from __future__ import annotations
 import multiprocessing
 import traceback
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from typing import Any, cast
 
@@ -134,9 +135,14 @@ def _work(connection: Connection, job: Job, device: str, writers: int) -> None:
     try:
         writer = ShardWriter(job, device=device, writers=writers)
         writer.run(iter(connection.recv, None), lambda shard, record: connection.send((shard, record)))
-    except EOFError:  # there is no more work, or nobody who wants it
+    except EOFError:  # nobody is there who shares out work
         pass
     except (WarpvisError, OSError) as error:
-        connection.send(error)
+        _tell(connection, error)
     except Exception:
-        connection.send(RuntimeError(f"on {device}:\n{traceback.format_exc()}"))
+        _tell(connection, RuntimeError(f"on {device}:\n{traceback.format_exc()}"))
+
+
+def _tell(connection: Connection, error: Exception) -> None:
+    with suppress(OSError):  # where nobody is there to hear it
+        connection.send(error)

@@ -35,7 +35,7 @@ def make_manifest(
         caster: As for `Renderer`.
     """
     frames = plan.frames
-    packages = ["warp-lang", "numpy", *([layout.library] if layout.library else [])]
+    packages = ["warp-lang", "numpy", *(layout.library or "").split()]
     return {
         "warpvis_dataset": _VERSION,
         "format": layout.name,

@@ -42,6 +42,7 @@ class Nerfstudio(Layout):
     """
 
     name: ClassVar[str] = "nerfstudio"
+    library: ClassVar[str | None] = "zlib"
     outputs: ClassVar[frozenset[str]] = frozenset({"depth", "labels"})
     default_outputs: ClassVar[tuple[str, ...]] = ("depth", "labels")
 

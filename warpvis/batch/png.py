@@ -37,6 +37,7 @@ class Png(Layout):
     """
 
     name: ClassVar[str] = "png"
+    library: ClassVar[str | None] = "zlib"
     outputs: ClassVar[frozenset[str]] = frozenset({"depth", "labels", "objects"})
     default_outputs: ClassVar[tuple[str, ...]] = ("depth",)
     options: ClassVar[Mapping[str, str]] = {"scale": "units of a metre, 1000"}

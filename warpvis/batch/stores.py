@@ -71,7 +71,7 @@ class LocalStore:
 
     def __init__(self, root: Path) -> None:
         """The dataset in the folder `root`, which may be missing."""
-        self.root = root
+        self.root = root.absolute()
         self.name = str(root)
 
     def read(self, name: str) -> bytes | None:  # noqa: D102 - see Store
@@ -233,4 +233,4 @@ def open_store(out: str | os.PathLike[str]) -> Store:
     path = Path(text)
     if path.exists() and not path.is_dir():
         raise FileFormatError(f"{path}: is a file; a dataset needs a folder")
-    return LocalStore(path.absolute())
+    return LocalStore(path)

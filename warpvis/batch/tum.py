@@ -36,6 +36,7 @@ class Tum(Layout):
     """
 
     name: ClassVar[str] = "tum"
+    library: ClassVar[str | None] = "zlib"
     outputs: ClassVar[frozenset[str]] = frozenset({"depth"})
     default_outputs: ClassVar[tuple[str, ...]] = ("depth",)
 

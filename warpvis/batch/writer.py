@@ -94,22 +94,21 @@ class ShardWriter:
             OSError: A file cannot be written.
         """
         pending: dict[Future[None], ImageBuffers] = {}
-        with ThreadPoolExecutor(self._writers, thread_name_prefix="warpvis-writer") as pool:
-            try:
+        try:
+            with ThreadPoolExecutor(self._writers, thread_name_prefix="warpvis-writer") as pool:
                 for shard in shards:
                     self._collect(pending)
                     frames = frames_batch(self._plan.frames, self._plan.shard_slice(shard))
                     images = self._renderer.render(frames, out=self._free[0])
                     pending[pool.submit(self._write, shard, images, done)] = self._free.popleft()
-                while pending:
-                    self._collect(pending, all_free=False)
-            finally:
-                pool.shutdown(cancel_futures=True)
-                self._free.extend(pending.values())
+                for future in pending:
+                    future.result()
+        finally:
+            self._free.extend(pending.values())
 
-    def _collect(self, pending: dict[Future[None], ImageBuffers], *, all_free: bool = True) -> None:
+    def _collect(self, pending: dict[Future[None], ImageBuffers]) -> None:
         """Take back the memory of shards that are written; wait for one if there is no memory left."""
-        timeout = 0 if self._free and all_free else None
+        timeout = 0 if self._free else None
         for future in wait(pending, timeout, return_when=FIRST_COMPLETED).done:
             self._free.append(pending.pop(future))
             future.result()

@@ -43,7 +43,7 @@ class Zarr(Format):
     name: ClassVar[str] = "zarr"
     outputs: ClassVar[frozenset[str]] = frozenset([*OUTPUTS, "visibility"])
     default_outputs: ClassVar[tuple[str, ...]] = ("depth",)
-    library: ClassVar[str | None] = "zarr"
+    library: ClassVar[str | None] = "zarr numcodecs"
 
     def __init__(self, plan: Plan) -> None:
         """Prepare to write.
