@@ -45,7 +45,7 @@ def test_a_job_from_the_command_line(workspace):
     job = ("batch", "scene.glb", "--poses", ORBIT, "--camera", "camera.json", "--out", "out", "--shard-frames", "4")
     first = cli(*job)
     assert first.returncode == 0, first.stderr
-    assert first.stdout.startswith("9 frames in 3 shards, 0.000 GB (npz): ")
+    assert first.stdout.startswith("frames: 9, shards: 3, ")
     assert "9 of them rendered in" in first.stdout and "frames/s" in first.stdout
     before = tree(workspace / "out")
     second = cli(*job)

@@ -311,10 +311,8 @@ def _draw(
             what = "are elsewhere than the point to look at"
             if judge is not None:
                 what = f"are {judge.clearance} m from all surfaces and not inside of closed objects"
-            raise PoseError(
-                f"there is no room for {count} cameras from {low.tolist()} to {high.tolist()}: of {tried} random "
-                f"places, {have} {what}"
-            )
+            box = " to ".join(" ".join(f"{value:g}" for value in corner) for corner in (low, high))
+            raise PoseError(f"there is no room for {count} cameras from {box}: of {tried} random places, {have} {what}")
         size = math.ceil((count - have) * tried / max(have, 1))
     return np.concatenate(good)[:count]
 

@@ -229,7 +229,8 @@ def _print_summary(summary: BatchSummary, layout: str, *, quiet: bool) -> None:
         print(f"warning: {count} {message}", file=sys.stderr)
     if quiet:
         return
-    print(f"{summary.frames} frames in {summary.shards} shards, {summary.bytes / 1e9:.3f} GB ({layout}): {summary.out}")
+    size = f"{summary.bytes / 1e6:,.1f} MB"
+    print(f"frames: {summary.frames}, shards: {summary.shards}, {size} ({layout}): {summary.out}")
     if summary.rendered_frames:
         rate = f"{summary.frames_per_second:.0f} frames/s"
         print(f"{summary.rendered_frames} of them rendered in {summary.seconds:.1f} s, {rate}")
