@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+import warp as wp
 from batch_jobs import CAMERA, make_frames, make_poses, make_scene, run, tree
 
 import warpvis as wv
@@ -37,9 +38,9 @@ def read_npz(out, name):
     return np.concatenate([np.load(path)[name] for path in sorted(Path(out).glob("shard-*.npz"))])
 
 
-def test_images_are_the_renderers(tmp_path):
-    summary = run(tmp_path / "out", outputs=OUTPUTS)
-    views = wv.render(make_scene(), CAMERA, make_poses(20), outputs=OUTPUTS)
+def test_images_are_the_renderers(tmp_path, device):
+    summary = run(tmp_path / "out", outputs=OUTPUTS, device=device)
+    views = wv.render(make_scene().to(device), CAMERA, make_poses(20), outputs=OUTPUTS)
     for name in OUTPUTS:
         np.testing.assert_array_equal(read_npz(tmp_path / "out", name), getattr(views, name).numpy())
     np.testing.assert_array_equal(read_npz(tmp_path / "out", "camera_to_world"), make_frames().camera_to_world)
@@ -53,9 +54,9 @@ def _poses(folder):
     return (folder / "out" / "poses.npz").stat().st_size
 
 
-def test_visibility_is_object_visibilitys(tmp_path):
-    run(tmp_path / "out", outputs=("visibility",), objects=["ball", "box"])
-    seen = wv.object_visibility(make_scene(), CAMERA, make_poses(20), objects=["ball", "box"])
+def test_visibility_is_object_visibilitys(tmp_path, device):
+    run(tmp_path / "out", outputs=("visibility",), objects=["ball", "box"], device=device)
+    seen = wv.object_visibility(make_scene().to(device), CAMERA, make_poses(20), objects=["ball", "box"])
     np.testing.assert_array_equal(read_npz(tmp_path / "out", "visible_fraction"), seen.fraction.numpy())
     np.testing.assert_array_equal(read_npz(tmp_path / "out", "visible_box"), seen.visible_box.numpy())
 
@@ -173,6 +174,20 @@ def test_several_processes(tmp_path, monkeypatch, whole):
 
 def die_soon(connection, *others):
     os._exit(7)
+
+
+@pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device")
+def test_all_gpus_and_resuming_on_cuda(tmp_path):
+    """One GPU, all of this machine, and one that goes on with what was lost: the same bytes."""
+    given = {"scene": make_scene(movable=True), "outputs": (*OUTPUTS, "visibility")}
+    run(tmp_path / "one", device="cuda:0", **given)
+    run(tmp_path / "all", device="cuda:all", **given)
+    assert tree(tmp_path / "all") == tree(tmp_path / "one")
+    for shard in (1, 4):
+        (tmp_path / "all" / "shards" / f"00000{shard}.json").unlink()
+        (tmp_path / "all" / f"shard-00000{shard}.npz").unlink()
+    assert run(tmp_path / "all", device="cuda:all", resume=True, **given).rendered_frames == 6
+    assert tree(tmp_path / "all") == tree(tmp_path / "one")
 
 
 def test_devices():
