@@ -27,7 +27,8 @@ from warpvis.errors import ArrayError, FileFormatError, WarpvisError
 _SHARDS_AT_ONCE = 8
 _LEAST_ROUNDS = 4
 
-# How often a worker is started anew. One that ends whatever it does must not be started for ever.
+# How often a worker is started anew: one that ends whatever it does must not be started for ever, which is what Ray does
+# unless told otherwise. From Ray 2.64 on it cannot be told in this way.
 _MOST_RESTARTS = 10
 
 
@@ -121,7 +122,7 @@ def _results(ray: Any, job: Job, shards: Sequence[int], share: dict[str, Any]) -
         num_cpus=cpus,
         num_gpus=gpus,
         fn_constructor_kwargs=given,
-        max_restarts=_MOST_RESTARTS,
+        ray_remote_args_fn=lambda: {"max_restarts": _MOST_RESTARTS},
     )
     return made.iter_rows()
 
