@@ -27,8 +27,8 @@ from warpvis.errors import ArrayError, FileFormatError, WarpvisError
 _SHARDS_AT_ONCE = 8
 _LEAST_ROUNDS = 4
 
-# How often a worker is started anew: one that ends whatever it does must not be started for ever, which is what Ray does
-# unless told otherwise. From Ray 2.64 on it cannot be told in this way.
+# How often a worker is started anew: one that ends whatever it does must not be started for ever, as Ray does unless
+# told otherwise. From Ray 2.64 on it cannot be told in this way.
 _MOST_RESTARTS = 10
 
 
