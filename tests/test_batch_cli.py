@@ -66,6 +66,10 @@ def test_a_job_from_the_command_line(workspace):
     damaged = cli("verify", "out")
     assert damaged.returncode == 1
     assert "shard-000001.npz: its checksum differs from the recorded one" in damaged.stdout
+    assert "delete shards/000001.json, and resume" in damaged.stdout
+    (workspace / "out" / "shards" / "000001.json").unlink()
+    assert cli(*job, "--resume").returncode == 0
+    assert tree(workspace / "out") == before
 
 
 def batch(poses="poses.txt", out="out", **options):

@@ -42,6 +42,8 @@ class VerifyReport:
     """Bytes of those that are recorded."""
     problems: tuple[str, ...]
     """What is wrong, a sentence each."""
+    damaged: tuple[str, ...] = ()
+    """Records of what is wrong: without them, a job that is resumed makes it again."""
 
     @property
     def ok(self) -> bool:
@@ -83,7 +85,9 @@ def _verify(store: Store) -> VerifyReport:
     problems += [f"{name}: is in no record" for name in sorted(set(store.files()) - files - {MANIFEST, POSES})]
     whole = sum(not item.problems and not item.missing for item in checked[:-1])
     size = sum(item.bytes for item in checked)
-    return VerifyReport(store.name, manifest["format"], frames, shards, whole, len(files), size, tuple(problems))
+    damaged = tuple(item.files[0] for item in checked if item.problems and item.files)
+    counts = (frames, shards, whole, len(files), size)
+    return VerifyReport(store.name, manifest["format"], *counts, tuple(problems), damaged)
 
 
 def _check_poses(store: Store, manifest: Mapping[str, Any]) -> Iterator[str]:

@@ -145,6 +145,8 @@ class Verify:
             f"{report.whole_shards} of {report.shards} shards ({report.format}, {report.frames} frames), "
             f"{report.files} files, {report.bytes / 1e9:.3f} GB"
         )
+        if report.damaged:
+            print(f"to make again what is damaged: delete {', '.join(report.damaged)}, and resume the batch")
         if not report.ok:
             sys.exit(1)
 
