@@ -3,8 +3,10 @@
 """The commands batch, verify and warmup: what they write and print, and one sentence for bad input."""
 
 import json
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -148,3 +150,16 @@ def test_bad_input_exits_2(workspace):
 def test_what_is_no_dataset_is_not_verified(workspace):
     with pytest.raises(wv.FileFormatError, match=r"taken: is no dataset: it has no manifest.json of warpvis"):
         Verify("taken").run()
+
+
+def test_an_interrupted_job_says_how_to_go_on(workspace):
+    many = ORBIT.replace("count=9", "count=100000")
+    assert many != ORBIT
+    command = ("batch", "scene.glb", "--poses", many, "--camera", "camera.json", "--out", "out", "--shard-frames", "4")
+    job = subprocess.Popen([sys.executable, "-m", "warpvis.cli", *command], stderr=subprocess.PIPE, text=True)
+    while not (workspace / "out" / "shards").is_dir() and job.poll() is None:
+        time.sleep(0.05)
+    job.send_signal(signal.SIGINT)
+    errors = job.communicate()[1]
+    assert job.returncode == 130 and "the same command with --resume goes on with out" in errors
+    assert "Traceback" not in errors and not list((workspace / "out").glob(".part*"))

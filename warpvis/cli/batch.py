@@ -95,16 +95,20 @@ class Batch:
         same = ("device", "format", "shard_frames", "resume", "engine", "workers", "address", "threads", "quiet")
         given: dict[str, Any] = {name: getattr(self, name) for name in same}
         given |= {"objects": _split(self.objects) or None, "exclude": _split(self.exclude) or None}
-        summary = render_batch(
-            scene,
-            camera,
-            self._load_frames(scene),
-            self.out,
-            outputs=outputs,
-            options=options,
-            source=self.file.name,
-            **given,
-        )
+        try:
+            summary = render_batch(
+                scene,
+                camera,
+                self._load_frames(scene),
+                self.out,
+                outputs=outputs,
+                options=options,
+                source=self.file.name,
+                **given,
+            )
+        except KeyboardInterrupt:
+            print(f"warpvis: interrupted; the same command with --resume goes on with {self.out}", file=sys.stderr)
+            raise
         _print_summary(summary, self.format, quiet=self.quiet)
 
     def _load_scene(self) -> Scene:
