@@ -380,7 +380,7 @@ def test_the_other_modules_of_lua(project):
           local square = {{x = 0, y = 0}, {x = 2, y = 0}, {x = 2, y = 2}, {x = 0, y = 2}}
         }%
         a %{= deep.a.b }% b %{= core.tablelength({1, 2, nil, 4}) }% c "%{= table.concat(parts, '-') }%"
-        d "%{= file.getpathwithoutfilename('/tmp/x/y.proto') }%" e %{= require('wbmath').round(2.5) }%
+        d "%{= file.getpathwithoutfilename('/models/x/y.proto') }%" e %{= require('wbmath').round(2.5) }%
         f %{= is(1, 1, square) and 1 or 0 }% %{= is(3, 1, square) and 1 or 0 }%
         g %{= require('wbgeometry').islistclockwise2D(square) and 1 or 0 }% h %{= round({x=0, y=0, z=0, a=7}).a }%
         i %{= m.pi }% %{= os.clock() }% %{= require('wblimits').maxdouble }%
@@ -388,7 +388,7 @@ def test_the_other_modules_of_lua(project):
         head="",
     )
     assert [node.number(name, -1) for name in "abeg"] == [1, 2, 3, 1] and node.numbers("f").tolist() == [1, 0]
-    assert (node.text("c", ""), node.text("d", "")) == ("a--b", "/tmp/x")
+    assert (node.text("c", ""), node.text("d", "")) == ("a--b", "/models/x")
     np.testing.assert_allclose(
         [*node.numbers("h"), *node.numbers("i")], [7 - 2 * math.pi, math.pi, 0, 2**53], rtol=1e-12
     )

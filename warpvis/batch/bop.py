@@ -6,8 +6,9 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -20,7 +21,6 @@ from warpvis.io.depth_files import count_lost, depth_to_units, encode_png
 from warpvis.labels import Label
 from warpvis.objects import BOP_DELTA
 from warpvis.pose import poses_to_matrices
-from warpvis.threads import core_count, run_each
 
 if TYPE_CHECKING:
     from warpvis.batch.job import Plan
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from warpvis.scene import Scene
 
 _MILLIMETRES = 1000.0
-_IMAGES_PER_THREAD = 4
 
 
 @dataclass
@@ -107,7 +106,7 @@ class Bop(Layout):
         scene = f"{self._split}/{shard_name(shard)}"
         frames = self.plan.frames[self.plan.shard_slice(shard)]
         infos, lost = [], 0
-        for image, made in enumerate(self._made_images(images)):
+        for image, made in enumerate(self.make_each(len(images["depth"]), partial(self._make, images))):
             files.write(f"{scene}/depth/{image:06d}.png", made.depth)
             for place, (mask, visible) in enumerate(made.masks):
                 files.write(f"{scene}/mask/{image:06d}_{place:06d}.png", mask)
@@ -159,16 +158,6 @@ class Bop(Layout):
         if self.plan.object_columns[index] >= 0:
             return np.zeros(3)
         return np.array(self.plan.object_centers[index], dtype=np.float64)
-
-    def _made_images(self, images: Mapping[str, NDArray[Any]]) -> Iterator[_Image]:
-        """What there is to write of every frame, in order; some threads make a few of them at a time."""
-        threads, count = core_count() if self.threads is None else self.threads, len(images["depth"])
-        step = threads * _IMAGES_PER_THREAD
-        for first in range(0, count, step):
-            part = range(first, min(first + step, count))
-            made: dict[int, _Image] = {}
-            run_each(lambda image, made=made: made.__setitem__(image, self._make(images, image)), part, threads)  # type: ignore[misc]
-            yield from (made[image] for image in part)
 
     def _make(self, images: Mapping[str, NDArray[Any]], image: int) -> _Image:
         depth = images["depth"][image]

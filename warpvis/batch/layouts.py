@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 
 Parts = tuple[Any, ...]
 """What a file is written from, in order: bytes and arrays."""
+
+Made = TypeVar("Made")
 
 # Files of one shard that wait in memory to be written, for each thread that makes them.
 _FILES_PER_THREAD = 4
@@ -69,13 +72,19 @@ class Layout(Format):
             files: Where to write.
         """
         unit = f"{folder}/{shard_name(shard)}"
+        for frame, parts in enumerate(self.make_each(count, make)):
+            files.write(f"{unit}/{frame:06d}{suffix}", *parts)
+        return unit
+
+    def make_each(self, count: int, make: Callable[[int], Made]) -> Iterator[Made]:
+        """What `make` gives for 0, 1, 2, ..., in order; several threads make a few of them at a time."""
         threads = core_count() if self.threads is None else self.threads
         step = threads * _FILES_PER_THREAD
         for first in range(0, count, step):
             part = range(first, min(first + step, count))
-            for frame, parts in zip(part, _make_each(make, part, threads), strict=True):
-                files.write(f"{unit}/{frame:06d}{suffix}", *parts)
-        return unit
+            made: dict[int, Made] = {}
+            run_each(partial(_make_one, made, make), part, threads)
+            yield from (made[number] for number in part)
 
     def write_depth_pngs(
         self, shard: int, folder: str, depth: NDArray[np.float32], scale: float, files: ShardFiles
@@ -163,11 +172,5 @@ def write_lines(files: ShardFiles, name: str, lines: Iterable[str]) -> None:
         stream.writelines(f"{line}\n" for line in lines)
 
 
-def _make_each(make: Callable[[int], Parts], part: range, threads: int) -> list[Parts]:
-    made: list[Parts] = [()] * len(part)
-
-    def work(frame: int) -> None:
-        made[frame - part.start] = make(frame)
-
-    run_each(work, part, threads)
-    return made
+def _make_one(made: dict[int, Made], make: Callable[[int], Made], number: int) -> None:
+    made[number] = make(number)
