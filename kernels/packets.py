@@ -75,16 +75,16 @@ class PacketJob:
 
 
 HEADERS = (
-    "lanes.h",
-    "setup.h",
-    "raster.h",
-    "solids.h",
-    "worlds.h",
-    "output.h",
-    "sparse.h",
-    "walk.h",
-    "movables.h",
-    "packets.h",
+    "cpu/lanes.h",
+    "cpu/setup.h",
+    "cpu/raster.h",
+    "cpu/solids.h",
+    "cpu/worlds.h",
+    "cpu/output.h",
+    "cpu/sparse.h",
+    "cpu/walk.h",
+    "cpu/movables.h",
+    "cpu/packets.h",
 )
 
 SCENE = """

@@ -19,13 +19,13 @@ LEVELS = 8
 """Levels of nodes that a tree may have at most."""
 
 _HEADERS = (
-    "cuda_setup.h",
-    "cuda_raster.h",
-    "cuda_walk.h",
-    "cuda_solids.h",
-    "cuda_objects.h",
-    "cuda_output.h",
-    "cuda_packets.h",
+    "cuda/setup.h",
+    "cuda/raster.h",
+    "cuda/walk.h",
+    "cuda/solids.h",
+    "cuda/objects.h",
+    "cuda/output.h",
+    "cuda/packets.h",
 )
 
 _CAST = """
@@ -62,9 +62,9 @@ def make_packet_kernel(side: int, with_id: bool, movable: bool) -> wp.Kernel:
         movable: Whether the scene may have movable objects.
     """
     head = f"enum {{ PACKET_WIDTH = {side}, PACKET_HEIGHT = {side}, LEVELS = {LEVELS}, MOVABLE = {int(movable)} }};\n"
-    kind = "cuda_depth_id.h" if with_id else "cuda_depth.h"
+    kind = "cuda/depth_id.h" if with_id else "cuda/depth.h"
 
-    @wp.func_native(head + read_native("cuda_lanes.h", kind, *_HEADERS) + _CAST)
+    @wp.func_native(head + read_native("cuda/lanes.h", kind, *_HEADERS) + _CAST)
     def cast_packet(
         scene: ClusterScene,
         camera: PinholeCamera,

@@ -60,7 +60,7 @@ PointPackets::run(tree, movables, shape, asked, desk, scratch, job.counter.data)
 """
 
 
-@wp.func_native(read_native(*HEADERS, "points.h") + SCENE + _JUDGE)
+@wp.func_native(read_native(*HEADERS, "cpu/points.h") + SCENE + _JUDGE)
 def judge_units(
     scene: ClusterScene,
     camera: PinholeCamera,

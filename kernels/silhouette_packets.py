@@ -42,7 +42,7 @@ Silhouettes::run(tree, movables, shape, survey, scratch, job.counter.data);
 """
 
 
-@wp.func_native(read_native(*HEADERS, "silhouettes.h") + SCENE + _MEASURE)
+@wp.func_native(read_native(*HEADERS, "cpu/silhouettes.h") + SCENE + _MEASURE)
 def measure_units(
     scene: ClusterScene,
     chosen: Chosen,

@@ -14,9 +14,9 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 LANE_COUNTS = (16, 32)
 """Triangles of a leaf and children of a node: what a tree can have. Kernels take it as `lanes`."""
 
-_TREE = read_native("tree.h")
-_COLLAPSE = read_native("tree.h", "tree_collapse.h")
-_BOUNDS = read_native("tree.h", "tree_bounds.h")
+_TREE = read_native("cpu/tree.h")
+_COLLAPSE = read_native("cpu/tree.h", "cpu/tree_collapse.h")
+_BOUNDS = read_native("cpu/tree.h", "cpu/tree_bounds.h")
 
 
 def _with_lanes(lanes: int, text: str) -> str:

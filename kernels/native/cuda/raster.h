@@ -5,10 +5,10 @@
 // lanes together, a block of 8 x 4 pixels at a time.
 
 struct Packet {
-    Key* nearest;           // [block][pixel]
-    int first_x, first_y;   // in the view
-    unsigned block_least;   // least w of this lane's block, in bits
-    unsigned stale;         // blocks where that may be more by now
+    Key* nearest;  // [block][pixel]
+    int first_x, first_y;  // in the view
+    unsigned block_least;  // least w of this lane's block, in bits
+    unsigned stale;  // blocks where that may be more by now
 
     // Where a pixel is. Blocks of one row begin at different banks, so that a row of pixels is read without conflict.
     static inline int slot(int block, int pixel) {
@@ -48,7 +48,8 @@ struct Raster {
     enum { SMALL_AREA = 64, STEPS_PER_LANE = 5 };
 
     // Draw each lane's triangle, of the first so many lanes. `slot` has room for one.
-    static inline void draw(const Tree& tree, const Eye& eye, Packet& packet, const Triangle& t, int count, Triangle* slot) {
+    static inline void draw(const Tree& tree, const Eye& eye, Packet& packet, const Triangle& t, int count,
+                            Triangle* slot) {
         const int lane = Warp::lane();
         const int area = lane < count ? (t.x1 - t.x0 + 1) * (t.y1 - t.y0 + 1) : 0;
         const bool small = area > 0 && area <= SMALL_AREA;
@@ -71,7 +72,8 @@ struct Raster {
     }
 
     // Each lane goes through the pixels of its own triangle's bounds, all lanes at the same time.
-    static inline void draw_small(const Tree& tree, const Eye& eye, Packet& packet, const Triangle& t, int area, int steps) {
+    static inline void draw_small(const Tree& tree, const Eye& eye, Packet& packet, const Triangle& t, int area,
+                                  int steps) {
         unsigned touched = 0;
         int x = t.x0, y = t.y0;
         // The same as floats, in the view: whole numbers, so that counting them up is exact.
@@ -81,7 +83,8 @@ struct Raster {
             if (step < area) {
                 const float u = view_x + eye.first_u, v = view_y + eye.first_v;
                 if (t.covers(u, v)) {
-                    const float w = t.exact ? t.clamp(ExactPlane::of(eye, tree.corners(t.place)).at(u, v)) : t.w_at(u, v);
+                    const float w =
+                        t.exact ? t.clamp(ExactPlane::of(eye, tree.corners(t.place)).at(u, v)) : t.w_at(u, v);
                     const Key key = Nearest::key(w, t.place + tree.first_id);
                     Key* at = packet.nearest + Packet::slot_at(x, y);
                     if (key > *at) {
@@ -107,9 +110,12 @@ struct Raster {
     static inline void draw_large(const Tree& tree, const Eye& eye, Packet& packet, const Triangle t) {
         const int lane = Warp::lane();
         const int block_x = Packet::block_x(lane), block_y = Packet::block_y(lane);
-        const float u0 = Whole::of(packet.first_x + block_x) + eye.first_u, u1 = Whole::of(packet.first_x + block_x + 7) + eye.first_u;
-        const float v0 = Whole::of(packet.first_y + block_y) + eye.first_v, v1 = Whole::of(packet.first_y + block_y + 3) + eye.first_v;
-        bool touched = lane < BLOCKS && block_x + 7 >= t.x0 && block_x <= t.x1 && block_y + 3 >= t.y0 && block_y <= t.y1;
+        const float u0 = Whole::of(packet.first_x + block_x) + eye.first_u,
+                    u1 = Whole::of(packet.first_x + block_x + 7) + eye.first_u;
+        const float v0 = Whole::of(packet.first_y + block_y) + eye.first_v,
+                    v1 = Whole::of(packet.first_y + block_y + 3) + eye.first_v;
+        bool touched =
+            lane < BLOCKS && block_x + 7 >= t.x0 && block_x <= t.x1 && block_y + 3 >= t.y0 && block_y <= t.y1;
         bool covered = true;
         for (int e = 0; e < 3; ++e) {
             // An edge's value is greatest, and least, at corners of a block. Rounding keeps the order, so that the test

@@ -15,17 +15,17 @@ struct Spot {
 };
 
 struct PointJob {
-    enum { chunk = 8192, chunk_bits = 13 };                      // points
+    enum { chunk = 8192, chunk_bits = 13 };  // points
     enum { out_of_view, too_near, too_far, occluded, visible };  // as in `warpvis.Visibility`
-    const float* place;     // [point]: x y z in the world
-    int count;              // points, of every view
-    int batch;              // of them that are worked on at a time
-    int strip_tiles;        // rows of tiles in a strip
-    bool whole;             // whether a unit of work is a view, not a part of one
-    double width, height;   // of the image, in the job's pixels, which need not be the camera's
-    float tolerance;        // how far behind a surface a point still counts as seen [m]
+    const float* place;  // [point]: x y z in the world
+    int count;  // points, of every view
+    int batch;  // of them that are worked on at a time
+    int strip_tiles;  // rows of tiles in a strip
+    bool whole;  // whether a unit of work is a view, not a part of one
+    double width, height;  // of the image, in the job's pixels, which need not be the camera's
+    float tolerance;  // how far behind a surface a point still counts as seen [m]
     unsigned char* status;  // [view][point]
-    int* occluders;         // [view][point], or null
+    int* occluders;  // [view][point], or null
 
     inline int batches() const { return (int)(((long long)count + batch - 1) / batch); }
     inline int chunks() const { return (batch + chunk - 1) / chunk; }  // of a batch
@@ -33,10 +33,10 @@ struct PointJob {
 
 // What is known of a view's points while they are worked on.
 struct Desk {
-    int rows;        // of tiles in the image
-    int* ends;       // [chunk][row]: where its spots end
-    Spot* spots;     // [chunk][spot], by rows
-    float* lanes;    // of packets: numbers of points, u, v, w, and, if anybody asks, what hides them
+    int rows;  // of tiles in the image
+    int* ends;  // [chunk][row]: where its spots end
+    Spot* spots;  // [chunk][spot], by rows
+    float* lanes;  // of packets: numbers of points, u, v, w, and, if anybody asks, what hides them
     long long room;  // for so many lanes
     bool with_id;
 
@@ -62,7 +62,7 @@ struct Desk {
 struct Projection {
     Floats u, v, w;
     Ints column, row;  // of pixels
-    Ints status;       // visible as far as is known
+    Ints status;  // visible as far as is known
 
     typedef float Floats8 __attribute__((ext_vector_type(8)));
     typedef int Ints8 __attribute__((ext_vector_type(8)));
@@ -86,9 +86,13 @@ struct Projection {
             const auto in_view = (ahead > none) & (left >= none) & (left < points.width * ahead) & (top >= none) &
                                  (top < points.height * ahead);
             const Doubles8 column = in_view ? left * w : none, row = in_view ? top * w : none;
-            return Half{narrow(right * w), narrow(down * w), narrow(w), narrow(ahead),
+            return Half{narrow(right * w),
+                        narrow(down * w),
+                        narrow(w),
+                        narrow(ahead),
                         before(__builtin_convertvector(column, Ints8), job.width),
-                        before(__builtin_convertvector(row, Ints8), job.height), __builtin_convertvector(in_view, Ints8)};
+                        before(__builtin_convertvector(row, Ints8), job.height),
+                        __builtin_convertvector(in_view, Ints8)};
         }
         static inline Ints8 before(Ints8 value, int end) { return value < end ? value : end - 1; }
         static inline Doubles8 exact(Floats8 value) { return __builtin_convertvector(value, Doubles8); }

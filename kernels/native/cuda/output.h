@@ -4,9 +4,9 @@
 // From a packet's pixels to depth, points, normals, labels and objects, a row at a time, each written once.
 
 struct Outputs {
-    float* depth;            // [view][y][x], and so the others; null where nobody asks
-    float* points;           // xyz
-    float* normals;          // xyz
+    float* depth;  // [view][y][x], and so the others; null where nobody asks
+    float* points;  // xyz
+    float* normals;  // xyz
     unsigned char* labels;
     int* objects;
     const unsigned char* object_label;
@@ -75,8 +75,7 @@ struct Write {
     }
 
     static inline void images(const Tree& tree, const Eye& eye, const Packet& packet, const Movables& movables,
-                              const Outputs& out, int view,
-                              int width, int height, float near, float far) {
+                              const Outputs& out, int view, int width, int height, float near, float far) {
         const float infinity = __int_as_float(0x7f800000);
         const int column = Warp::lane() % PACKET_WIDTH;
         const int x = packet.first_x + column;

@@ -5,19 +5,19 @@
 // compared block by block with an image of all objects. See kernels/silhouettes.py, which does the same by rays.
 
 struct Survey {
-    int count;              // of chosen objects
-    const int* chosen;      // which they are, of all objects
-    int objects;            // of the scene
-    int canvas[4];          // x0, y0, x1, y1 in pixels of the image; the ends are not in it
-    bool seen_only;         // whether what is beyond the image counts only for objects that are visible in it
+    int count;  // of chosen objects
+    const int* chosen;  // which they are, of all objects
+    int objects;  // of the scene
+    int canvas[4];  // x0, y0, x1, y1 in pixels of the image; the ends are not in it
+    bool seen_only;  // whether what is beyond the image counts only for objects that are visible in it
     float near, far;
-    const int* seen;        // [view][y][x]: object that is seen, -1 for none
-    const float* depth;     // [view][y][x]; null where delta is 0
-    float delta;            // how far behind what is seen a surface still counts as visible, along its ray
-    char* counts;           // [counter][view][chosen]: ints
+    const int* seen;  // [view][y][x]: object that is seen, -1 for none
+    const float* depth;  // [view][y][x]; null where delta is 0
+    float delta;  // how far behind what is seen a surface still counts as visible, along its ray
+    char* counts;  // [counter][view][chosen]: ints
     long long count_stride, view_stride;  // bytes from a counter to the next, and from a view
-    int* hidden_by;         // [view][chosen][object]: pixels
-    unsigned char* masks;   // [view][chosen][y][x], or null: 1 for a silhouette, 2 where it is visible
+    int* hidden_by;  // [view][chosen][object]: pixels
+    unsigned char* masks;  // [view][chosen][y][x], or null: 1 for a silhouette, 2 where it is visible
 
     // Whether counting is all there is to do, of any depth.
     inline bool counts_all() const { return near <= 0.0f && far == __builtin_inff() && !masks; }
@@ -50,7 +50,9 @@ struct Tally {
     inline void write(const Survey& survey, int view, int place) const {
         const int single[5] = {visible, image, silhouette, too_near, too_far};
         for (int counter = 0; counter < 13; ++counter) {
-            const int value = counter < 5 ? single[counter] : counter < 9 ? visible_box[counter - 5] : silhouette_box[counter - 9];
+            const int value = counter < 5   ? single[counter]
+                              : counter < 9 ? visible_box[counter - 5]
+                                            : silhouette_box[counter - 9];
             *(int*)(survey.counts + counter * survey.count_stride + view * survey.view_stride + place * 4LL) = value;
         }
     }
@@ -68,7 +70,8 @@ struct Silhouettes {
 
     // The image of some rows of a part of the canvas, in a thread's memory. Its pixels are at the same place whatever its
     // size: counting them leaves them empty.
-    static inline Image carve(float* memory, const Survey& survey, const Job& part, int first_row, int rows, float** rest) {
+    static inline Image carve(float* memory, const Survey& survey, const Job& part, int first_row, int rows,
+                              float** rest) {
         const int tiles = tiles_of(survey);
         Image image = Image();
         image.width = part.width;
@@ -138,7 +141,8 @@ struct Silhouettes {
 
     // Count an object's pixels on a canvas, whose edges are as in `Survey`.
     static inline void measure(const Tree& tree, const Movables& movables, const World& world, const Job& job,
-                               const Survey& survey, const int* edge, int view, int place, float* scratch, Tally& tally) {
+                               const Survey& survey, const int* edge, int view, int place, float* scratch,
+                               Tally& tally) {
         const int index = survey.chosen[place];
         const Pose pose = Pose::from(job.poses + (long long)view * 7);
         const Job canvas = part_of(job, edge[0], edge[1], edge[2], edge[3]);
@@ -182,10 +186,10 @@ struct Silhouettes {
     // What is compared with a strip of an object's silhouette.
     struct Seen {
         const Survey& survey;
-        const Job& job;   // of the image
+        const Job& job;  // of the image
         const int* edge;  // of the canvas
         int view, place, index;
-        int x0, y0;      // where the strip begins, in pixels of the image
+        int x0, y0;  // where the strip begins, in pixels of the image
 
         // Count a strip's pixels, and leave it empty.
         inline void count(const Image& image, Tally& tally) const {
@@ -233,7 +237,8 @@ struct Silhouettes {
                 const Ints hidden = covered & ~visible;
                 silhouette -= covered;
                 seen -= visible;
-                if (!known && Lanes::any(visible)) Tally::grow(tally.visible_box, Lanes::bits(visible), block_x, block_y);
+                if (!known && Lanes::any(visible))
+                    Tally::grow(tally.visible_box, Lanes::bits(visible), block_x, block_y);
                 if (Lanes::any(hidden)) count_hidden(shown, hidden);
             }
             const int count = __builtin_reduce_add(silhouette);
@@ -316,7 +321,8 @@ struct Silhouettes {
             if (whole) return load_block(image, x, y);
             const int* from = image + ((long long)view * job.height + y) * job.width + x;
             int block[16];
-            for (int k = 0; k < 16; ++k) block[k] = (in_image >> k) & 1 ? from[(k >> 2) * (long long)job.width + (k & 3)] : -1;
+            for (int k = 0; k < 16; ++k)
+                block[k] = (in_image >> k) & 1 ? from[(k >> 2) * (long long)job.width + (k & 3)] : -1;
             return Lanes::load(block);
         }
 

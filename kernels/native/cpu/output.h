@@ -4,9 +4,9 @@
 // From w and id of every pixel to depth, points, normals, labels and objects, each written once.
 
 struct Outputs {
-    float* depth;            // [view][y][x], and so the others; null where nobody asks
-    float* points;           // xyz
-    float* normals;          // xyz
+    float* depth;  // [view][y][x], and so the others; null where nobody asks
+    float* points;  // xyz
+    float* normals;  // xyz
     unsigned char* labels;
     int* objects;
     const unsigned char* object_label;
@@ -14,18 +14,18 @@ struct Outputs {
 
 struct Job {
     int views, height, width;
-    int strips;             // of a view
+    int strips;  // of a view
     const int* strip_rows;  // where they begin, and where the last one ends; multiples of 16, but for that
-    int most_rows;          // of a strip
+    int most_rows;  // of a strip
     double focal[2], center[2];
     float near, far;
     bool cull_back_faces;
-    const float* poses;         // [view]: x y z qx qy qz qw
+    const float* poses;  // [view]: x y z qx qy qz qw
     const float* closed_boxes;  // of closed objects that stay: least and greatest corner
-    const int* closed_object;   // which they are
+    const int* closed_object;  // which they are
     int closed_count;
-    int points;        // of a view, where rays go through points instead of pixels, or 0
-    const float* at;   // [view][point]: x and y in pixels
+    int points;  // of a view, where rays go through points instead of pixels, or 0
+    const float* at;  // [view][point]: x and y in pixels
 };
 
 // Rows of sixteen pixels on their way out; only `count` of them where the image ends.
@@ -201,7 +201,8 @@ struct Strip {
                 for (int x = 0; x < image.width; x += 16) {
                     const int at = r * stride + x;
                     const Ints id = with_id ? Lanes::load(image.id_rows + at) : Lanes::all_ints(0);
-                    write_row(lookup, eye, rays, image, job, out, view, x, y + r, Lanes::load(image.rows + at), id, owner_id);
+                    write_row(lookup, eye, rays, image, job, out, view, x, y + r, Lanes::load(image.rows + at), id,
+                              owner_id);
                 }
         }
     }

@@ -63,7 +63,7 @@ struct Scratch {
 struct Notes {
     Frame* frames;  // [movable], of those that are drawn
     Visit* visits;  // [movable]
-    int* order;     // [movable]
+    int* order;  // [movable]
     Visit* stack;
 
     static inline Notes carve(float* memory, int movables) {
@@ -97,7 +97,8 @@ struct Packets {
         if (movables.count > 0 && !owner_id)
             write(Lookup::of(tree, movables, notes.frames, camera, true), eye, image, job, out, view, true, false);
         else
-            write(Lookup::of(tree, movables, notes.frames, camera, false), eye, image, job, out, view, with_id, owner_id);
+            write(Lookup::of(tree, movables, notes.frames, camera, false), eye, image, job, out, view, with_id,
+                  owner_id);
     }
 
     static inline void write(Lookup lookup, const Eye& eye, const Image& image, const Job& job, const Outputs& out,
@@ -181,7 +182,8 @@ struct Packets {
         __atomic_thread_fence(__ATOMIC_SEQ_CST);  // what was written past the caches has to be there
         __atomic_fetch_add(counter + finished, 1, __ATOMIC_SEQ_CST);
         for (int spin = 0; spin < 100000; ++spin)
-            if (__atomic_load_n(counter + finished, __ATOMIC_ACQUIRE) >= __atomic_load_n(counter + entered, __ATOMIC_ACQUIRE))
+            if (__atomic_load_n(counter + finished, __ATOMIC_ACQUIRE) >=
+                __atomic_load_n(counter + entered, __ATOMIC_ACQUIRE))
                 return;
     }
 

@@ -115,8 +115,8 @@ struct Nodes {
             float* rows = nodes + node * NODE_ROWS * LANES;
             for (int k = 0; k < LANES; ++k) {
                 const int child = children[node * LANES + k];
-                float bounds[NODE_ROWS] = {3e38f, 3e38f, 3e38f, -3e38f, -3e38f, -3e38f, 0.0f, 0.0f, 0.0f,
-                                           Bounds::never()};
+                float bounds[NODE_ROWS] = {3e38f,  3e38f, 3e38f, -3e38f, -3e38f,
+                                           -3e38f, 0.0f,  0.0f,  0.0f,   Bounds::never()};
                 if (child < 0) __builtin_memcpy(bounds, leaf_bounds + (long long)~child * NODE_ROWS, sizeof(bounds));
                 if (child > 0)
                     Bounds::of_node(nodes + (long long)child * NODE_ROWS * LANES, children + (long long)child * LANES,

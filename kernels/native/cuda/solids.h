@@ -61,19 +61,19 @@ struct alignas(16) Solid {
     // Linear in the place of a pixel: the ray's direction, z of e, and B of the side.
     Linear dx, dy, dz, ez, toward;
     float inverse;  // 1 / C of the side, 0 if the camera is not outside of the whole cylinder
-    float touching; // C of the side where it is small, else 0
+    float touching;  // C of the side where it is small, else 0
 
     struct End {
         Linear ex, ey;  // of e, seen from the middle of the end
-        float z;        // of the camera, from there
+        float z;  // of the camera, from there
         float inverse;  // what w is a multiple of: 1 / C of a ball, -1 / z of a flat end, 0 if that faces away
-        float touching; // C of a ball where it is small, else 0
+        float touching;  // C of a ball where it is small, else 0
     } ends[2];
 
-    float reach;      // square of how far the solid reaches from its middle, and a little more
+    float reach;  // square of how far the solid reaches from its middle, and a little more
     float low, high;  // the side's ends
-    float z;          // of the camera
-    float x, y;       // the pixel of the view from which places are counted
+    float z;  // of the camera
+    float x, y;  // the pixel of the view from which places are counted
     int kind;
     int first_id;
 
@@ -144,7 +144,7 @@ struct alignas(16) Solid {
         if (kind == Shape::BALL) reach = 1.001f;
     }
     // The coefficients of u, of v, or of neither: d are the direction's.
-    inline void set_column(float Linear::*column, Exact o, double above, double below, Exact d) {
+    inline void set_column(float Linear::* column, Exact o, double above, double below, Exact d) {
         dx.*column = (float)d.x;
         dy.*column = (float)d.y;
         dz.*column = (float)d.z;
@@ -215,7 +215,8 @@ struct alignas(16) Solid {
         const float u = Whole::of(packet.first_x + Packet::block_x(lane)) - x + 3.5f;
         const float v = Whole::of(packet.first_y + Packet::block_y(lane)) - y + 1.5f;
         const float to_x = most(dx, u, v), to_y = most(dy, u, v), to_z = most(dz, u, v);
-        const float e_x = least(between(ends[0].ex, ends[1].ex), u, v), e_y = least(between(ends[0].ey, ends[1].ey), u, v);
+        const float e_x = least(between(ends[0].ex, ends[1].ex), u, v),
+                    e_y = least(between(ends[0].ey, ends[1].ey), u, v);
         const float e_z = least(ez, u, v), side = to_x * to_x + to_y * to_y;
         bool meets = e_x * e_x + e_y * e_y + e_z * e_z <= reach * (side + to_z * to_z);
         if (kind != Shape::BALL) {

@@ -21,8 +21,8 @@ struct Raster {
         const Ints larger = cluster.shown & ~small;
         if (!Lanes::any(larger)) return;
         inexact |= turns(eye, cluster);
-        const Ints blocks = ((cluster.x1 >> 2) - (cluster.x0 >> 2) + 1) *
-                            ((cluster.view_y1 >> 2) - (cluster.view_y0 >> 2) + 1);
+        const Ints blocks =
+            ((cluster.x1 >> 2) - (cluster.x0 >> 2) + 1) * ((cluster.view_y1 >> 2) - (cluster.view_y0 >> 2) + 1);
         const Ints medium = larger & ~inexact & (blocks <= Lanes::all_ints(most_blocks));
         for (unsigned left = Lanes::bits(medium); left; left &= left - 1)
             draw_medium(eye, image, cluster, Lanes::first_lane(left), with_id, owner_id);
@@ -40,7 +40,8 @@ struct Raster {
         const Floats u1 = __builtin_convertvector(t.x1, Floats) + eye.first_u;
         const Floats v0 = __builtin_convertvector(t.view_y0, Floats) + eye.first_v;
         const Floats v1 = __builtin_convertvector(t.view_y1, Floats) + eye.first_v;
-        const Floats u = Lanes::most(Lanes::size(u0), Lanes::size(u1)), v = Lanes::most(Lanes::size(v0), Lanes::size(v1));
+        const Floats u = Lanes::most(Lanes::size(u0), Lanes::size(u1)),
+                     v = Lanes::most(Lanes::size(v0), Lanes::size(v1));
         return Lanes::size(t.w.u) * u + (Lanes::size(t.w.v) * v + Lanes::size(t.w.one)) > 16.0f * t.least_w;
     }
 
@@ -117,7 +118,8 @@ struct Raster {
     // A triangle of a few blocks.
     static inline void draw_medium(const Eye& eye, const Image& image, const Cluster& t, int k, bool with_id,
                                    bool owner_id) {
-        const Linear e0 = Linear::of_lane(t.edge[0], k), e1 = Linear::of_lane(t.edge[1], k), e2 = Linear::of_lane(t.edge[2], k);
+        const Linear e0 = Linear::of_lane(t.edge[0], k), e1 = Linear::of_lane(t.edge[1], k),
+                     e2 = Linear::of_lane(t.edge[2], k);
         const Linear plane = Linear::of_lane(t.w, k);
         const Floats least_w = Lanes::all(t.least_w[k]), most_w = Lanes::all(t.most_w[k]);
         const int id = with_id ? id_of(t, k, owner_id) : 0;
@@ -271,7 +273,8 @@ struct Raster {
         const int tile = ty * image.tiles_x + tx;
         const float pu = (float)t.plane.u, pv = (float)t.plane.v;
         const double base = t.plane.one + t.plane.u * u0[0] + t.plane.v * v0[0];
-        const Floats offset_x = __builtin_convertvector(block_x, Floats), offset_y = __builtin_convertvector(block_y, Floats);
+        const Floats offset_x = __builtin_convertvector(block_x, Floats),
+                     offset_y = __builtin_convertvector(block_y, Floats);
         const float reach = 3.0f * ((pu > 0 ? pu : 0) + (pv > 0 ? pv : 0));
         Floats nearest = (pu * offset_x + pv * offset_y) + ((float)base + reach);
         nearest = Lanes::least(nearest * 1.00001f + 1e-30f, Lanes::all(t.most_w));

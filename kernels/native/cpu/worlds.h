@@ -52,9 +52,9 @@ struct Pose {
 // A tree to draw, what stays where it is or one object that moves, and whose its triangles are.
 struct Piece {
     int root;
-    int number;         // of a triangle, less its place in the leaves
+    int number;  // of a triangle, less its place in the leaves
     const int* owners;  // of leaf 0
-    int owner_step;     // from the owners of a leaf to those of the next: 0 where there is but one
+    int owner_step;  // from the owners of a leaf to those of the next: 0 where there is but one
 };
 
 // An object's axes in the world, and the camera in its frame: what normals take of a pose.
@@ -65,8 +65,8 @@ struct Frame {
 
 // What one view sees: where movable objects are, and what is left out.
 struct World {
-    bool known;                     // if there is no such world, nothing is seen
-    const float* poses;             // [movable]: x y z qx qy qz qw, object to world
+    bool known;  // if there is no such world, nothing is seen
+    const float* poses;  // [movable]: x y z qx qy qz qw, object to world
     const unsigned char* excluded;  // [object]: not 0 for what is not seen; null if nothing is excluded
 
     // -1 stands for several objects.
@@ -75,17 +75,17 @@ struct World {
 
 struct Movables {
     int count;
-    const int* object;      // [movable], and so the others: its index among all objects, -1 where several move together
-    const int* root;        // node
+    const int* object;  // [movable], and so the others: its index among all objects, -1 where several move together
+    const int* root;  // node
     const int* first_leaf;  // of its tree
-    const int* first_id;    // number of its first triangle, ascending
-    const int* closed;      // whether its back faces are hidden from outside of its box
-    const float* boxes;     // [movable][6]: least and greatest corner in its frame
-    const int* solid;       // its kind
-    const float* size;      // [movable][4]: of a solid, factors along x, y and z, and half length before them
-    const float* poses;     // [world][movable][7]
+    const int* first_id;  // number of its first triangle, ascending
+    const int* closed;  // whether its back faces are hidden from outside of its box
+    const float* boxes;  // [movable][6]: least and greatest corner in its frame
+    const int* solid;  // its kind
+    const float* size;  // [movable][4]: of a solid, factors along x, y and z, and half length before them
+    const float* poses;  // [world][movable][7]
     int worlds;
-    const int* world;               // [view]; null: the one world, or if there are several, for each view its own
+    const int* world;  // [view]; null: the one world, or if there are several, for each view its own
     const unsigned char* excluded;  // [view or 1][object], or null
     int excluded_views;
     int objects;  // of the scene
@@ -112,7 +112,8 @@ struct Movables {
     // Its tree; `owner` is its index among all objects, sixteen times.
     inline Piece piece(const Tree& tree, int movable, const int* owner) const {
         const int number = first_id[movable] - first_leaf[movable] * 16;
-        return object[movable] < 0 ? Piece{root[movable], number, tree.owners, 16} : Piece{root[movable], number, owner, 0};
+        return object[movable] < 0 ? Piece{root[movable], number, tree.owners, 16}
+                                   : Piece{root[movable], number, owner, 0};
     }
 
     // The object that a triangle belongs to, by the triangle's number; the first one also answers for lesser numbers.
@@ -131,12 +132,12 @@ struct Movables {
 struct Lookup {
     const Tree& tree;
     const Movables& movables;
-    const Frame* frames;   // of movable objects that were drawn
+    const Frame* frames;  // of movable objects that were drawn
     const double* camera;  // in the world
-    int first_movable;     // numbers from here on are of movable objects
-    int first, end;        // numbers of the object found last
-    int movable;           // which that is
-    bool moving;           // whether any can be; a constant, so that there is code that knows that none is
+    int first_movable;  // numbers from here on are of movable objects
+    int first, end;  // numbers of the object found last
+    int movable;  // which that is
+    bool moving;  // whether any can be; a constant, so that there is code that knows that none is
 
     static inline Lookup of(const Tree& tree, const Movables& movables, const Frame* frames, const double* camera,
                             bool moving) {
@@ -196,7 +197,8 @@ struct Lookup {
         const ExactPoints there = frame.solid.normals(part, u, v);
         Floats n[3];
         for (int k = 0; k < 3; ++k) {
-            const Doubles in_world = there.x * frame.axis[0][k] + (there.y * frame.axis[1][k] + there.z * frame.axis[2][k]);
+            const Doubles in_world =
+                there.x * frame.axis[0][k] + (there.y * frame.axis[1][k] + there.z * frame.axis[2][k]);
             n[k] = __builtin_convertvector(in_world, Floats);
         }
         return Points{n[0], n[1], n[2]};

@@ -66,7 +66,8 @@ struct Packets {
 
     // Where a view's world does not exist, `movables.poses` is null and nothing is seen.
     static inline void cast(const Tree& tree, const Still& still, const Movables& movables, const View& view,
-                            const Outputs& out, bool cull, int view_index, int packet_x, int packet_y, Workplace& place) {
+                            const Outputs& out, bool cull, int view_index, int packet_x, int packet_y,
+                            Workplace& place) {
         {
             Eye eye = Packets::eye(view);
             eye.skip_back_faces = outside_all(still, tree.excluded, eye.origin);
@@ -82,11 +83,12 @@ struct Packets {
         const bool exists = !MOVABLE || movables.poses;
         const Queue queue = {place.queue, 0};
         if (MOVABLE && exists)
-            Objects::draw(tree, place.world, packet, movables, cull, place.moved, &place.list,
-                          place.solids, place.levels, queue, &place.triangle);
+            Objects::draw(tree, place.world, packet, movables, cull, place.moved, &place.list, place.solids,
+                          place.levels, queue, &place.triangle);
         else if (tree.root >= 0 && exists)
             Walk::draw(tree, place.world, packet, place.levels, queue, &place.triangle);
         Warp::sync();
-        Write::images(tree, place.world, packet, movables, out, view_index, view.width, view.height, view.near, view.far);
+        Write::images(tree, place.world, packet, movables, out, view_index, view.width, view.height, view.near,
+                      view.far);
     }
 };

@@ -34,7 +34,8 @@ struct Walk {
         const Vec sum = Vec::plus(low, high), size = Vec::minus(high, low);
         const Vec axis = {__ldg(node + 6 * LANES), __ldg(node + 7 * LANES), __ldg(node + 8 * LANES)};
         // Both sides twice what they are: of the centre, and of half the diagonal.
-        return Vec::dot(sum, axis) >= __ldg(node + 9 * LANES) * sqrtf(Vec::dot(sum, sum)) + 1.0001f * sqrtf(Vec::dot(size, size));
+        return Vec::dot(sum, axis) >=
+               __ldg(node + 9 * LANES) * sqrtf(Vec::dot(sum, sum)) + 1.0001f * sqrtf(Vec::dot(size, size));
     }
 
     // How far along a direction a box reaches.
@@ -49,7 +50,8 @@ struct Walk {
         const float u0 = (float)packet.first_x + eye.first_u - 0.5f, u1 = u0 + PACKET_WIDTH;
         const float v0 = (float)packet.first_y + eye.first_v - 0.5f, v1 = v0 + PACKET_HEIGHT;
         return farthest(z, low, high) >= 0.0f && farthest(combined(x, z, -u0, 1.0f), low, high) >= 0.0f &&
-               farthest(combined(x, z, u1, -1.0f), low, high) >= 0.0f && farthest(combined(y, z, -v0, 1.0f), low, high) >= 0.0f &&
+               farthest(combined(x, z, u1, -1.0f), low, high) >= 0.0f &&
+               farthest(combined(y, z, -v0, 1.0f), low, high) >= 0.0f &&
                farthest(combined(y, z, v1, -1.0f), low, high) >= 0.0f;
     }
     static inline Vec combined(Vec x, Vec z, float of_z, float of_x) {
@@ -99,7 +101,8 @@ struct Walk {
     }
 
     // The visit of a box, given from the camera in a frame that turns into the camera's by three rows.
-    static inline unsigned visit(const Eye& eye, const Vec* to_camera, const Packet& packet, Vec low, Vec high, bool shown) {
+    static inline unsigned visit(const Eye& eye, const Vec* to_camera, const Packet& packet, Vec low, Vec high,
+                                 bool shown) {
         if (!Warp::any(shown)) return 0;
         const Projection p = Projection::of(to_camera, low, high);
         // Pixels of the packet whose centres may be inside: more than rounding can be wrong.
@@ -125,7 +128,8 @@ struct Walk {
     static inline bool hidden(const Packet& packet, unsigned visit) { return !Warp::any(open_block(packet, visit)); }
 
     // Draw all that is seen of a tree. `levels` has room for every level of it but the last, `queue` is empty.
-    static inline void draw(const Tree& tree, const Eye& eye, Packet& packet, Level* levels, Queue queue, Triangle* slot) {
+    static inline void draw(const Tree& tree, const Eye& eye, Packet& packet, Level* levels, Queue queue,
+                            Triangle* slot) {
         const int lane = Warp::lane();
         int level = 0;
         bool at_once = false;  // whether what is queued must not wait

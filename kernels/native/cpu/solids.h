@@ -46,7 +46,8 @@ struct Solid {
 
     // By the very sums that the quadrics begin with: outside, one of them can be hit.
     inline bool outside() const {
-        const double along = beyond() > 0 ? beyond() : 0.0, from[3] = {camera[0], camera[1], kind == cylinder ? 0.0 : along};
+        const double along = beyond() > 0 ? beyond() : 0.0,
+                     from[3] = {camera[0], camera[1], kind == cylinder ? 0.0 : along};
         return dot(from, from) > 1.0 || (kind == cylinder && along > 0);
     }
 
@@ -170,7 +171,8 @@ struct Quadric {
             const double right[3] = {-n[1] * stretch, n[0] * stretch, 0.0};
             q.across[0] = Form::of(right, solid, local);
         } else {
-            const double right[3] = {(1.0 + sign * n[0] * n[0] * a) * stretch, sign * b * stretch, -sign * n[0] * stretch};
+            const double right[3] = {(1.0 + sign * n[0] * n[0] * a) * stretch, sign * b * stretch,
+                                     -sign * n[0] * stretch};
             const double down[3] = {b * stretch, (sign + n[1] * n[1] * a) * stretch, -n[1] * stretch};
             q.across[0] = Form::of(right, solid, local);
             q.across[1] = Form::of(down, solid, local);
@@ -189,11 +191,11 @@ struct Met {
 struct Round {
     int kind;
     Quadric quadric[3];  // of the parts, where they are such
-    Form along;          // C * (half the sum of both roots' places along the axis) * w
+    Form along;  // C * (half the sum of both roots' places along the axis) * w
     float camera_z, half;
-    Local end_local;     // the end of a cylinder that the camera sees, if any does
-    ExactForm end_w;     // w, times the camera's distance from that end's plane
-    Form end_x, end_y;   // where rays meet the plane, by w and the same
+    Local end_local;  // the end of a cylinder that the camera sees, if any does
+    ExactForm end_w;  // w, times the camera's distance from that end's plane
+    Form end_x, end_y;  // where rays meet the plane, by w and the same
     float end_inverse, end_slack;
 
     static inline Round of(const Solid& solid, const Eye& eye, const Image& image, const double* center) {

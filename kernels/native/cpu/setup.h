@@ -11,12 +11,12 @@
 // that share an edge get exactly opposite values there, so that no ray slips between them.
 
 struct Tree {
-    const float* leaves;   // [leaf][9][16]: corners a, b, c of sixteen triangles
-    const int* owners;     // [leaf][16]: object of a triangle; its complement where the object is closed
-    const float* nodes;    // [node][10][16]: least and greatest corner, axis and cutoff of the normals' cone
-    const int* children;   // [node][16]: a node, or the complement of a leaf
-    int root;              // node of what stays where it is, -1 if nothing does
-    bool all_closed;       // whether every object that stays is
+    const float* leaves;  // [leaf][9][16]: corners a, b, c of sixteen triangles
+    const int* owners;  // [leaf][16]: object of a triangle; its complement where the object is closed
+    const float* nodes;  // [node][10][16]: least and greatest corner, axis and cutoff of the normals' cone
+    const int* children;  // [node][16]: a node, or the complement of a leaf
+    int root;  // node of what stays where it is, -1 if nothing does
+    bool all_closed;  // whether every object that stays is
 
     static inline int object_of(int owner) { return owner < 0 ? ~owner : owner; }
 };
@@ -24,24 +24,24 @@ struct Tree {
 struct Judge;
 
 struct Image {
-    int width, height;      // of this strip, in pixels
-    int first_row;          // of the strip in the view; a multiple of 16
+    int width, height;  // of this strip, in pixels
+    int first_row;  // of the strip in the view; a multiple of 16
     int view_height;
     int tiles_x, tiles_y;
-    int* empty;             // whether w is zero everywhere
-    float* w;               // [tile][block][pixel]: greatest 1 / z so far
-    int* id;                // the same for the triangle or object that it belongs to; null if nobody asks
-    int* first_packet;      // [block]: first of the packets of points in it, and one more; null for pixels
-    int* point_index;       // [packet][lane]: which point, -1 for none
-    float* point_u;         // [packet][lane]
+    int* empty;  // whether w is zero everywhere
+    float* w;  // [tile][block][pixel]: greatest 1 / z so far
+    int* id;  // the same for the triangle or object that it belongs to; null if nobody asks
+    int* first_packet;  // [block]: first of the packets of points in it, and one more; null for pixels
+    int* point_index;  // [packet][lane]: which point, -1 for none
+    float* point_u;  // [packet][lane]
     float* point_v;
-    float* rows;            // four rows of w on their way out
+    float* rows;  // four rows of w on their way out
     int* id_rows;
-    float* block_least;     // [tile][block]: least w of a block, as far as it is known
-    float* tile_least;      // [tile]
+    float* block_least;  // [tile][block]: least w of a block, as far as it is known
+    float* tile_least;  // [tile]
     unsigned char* block_stale;
     unsigned char* tile_stale;
-    const Judge* judge;     // of points whose lanes begin with the greatest w that does not hide them; null for others
+    const Judge* judge;  // of points whose lanes begin with the greatest w that does not hide them; null for others
 
     // The index of a pixel is the sum of a part for its column and a part for its row.
     static inline int column_part(int x) { return ((x >> 4) << 8) + (((x >> 2) & 3) << 4) + (x & 3); }
@@ -125,15 +125,15 @@ typedef double ExactRow[3];
 // Where the camera is in the frame of a tree, the world's or an object's, and how that turns into its space.
 struct Eye {
     float origin[3];
-    float to_camera[3][3];       // rows: x scaled by fx, y scaled by fy, z
+    float to_camera[3][3];  // rows: x scaled by fx, y scaled by fy, z
     double exact_origin[3];
     double exact_to_camera[3][3];  // rows: x and y divided by the focal lengths, z: a ray is their sum by u, v and 1
-    float rest[3];               // what rounding took from the origin, in camera space: 0 in the world's frame
-    float first_u, first_v;      // u and v of pixel (0, 0) of the view
+    float rest[3];  // what rounding took from the origin, in camera space: 0 in the world's frame
+    float first_u, first_v;  // u and v of pixel (0, 0) of the view
     float far;
-    float blur;                  // how far rounding may move a corner, in pixels
-    bool skip_back_faces;        // of objects that are closed, since the camera is outside them all
-    bool cull_back_faces;        // of all objects, because the caller wants it
+    float blur;  // how far rounding may move a corner, in pixels
+    bool skip_back_faces;  // of objects that are closed, since the camera is outside them all
+    bool cull_back_faces;  // of all objects, because the caller wants it
     const unsigned char* excluded;  // [object]: not 0 for what is not seen; null if all that is drawn may be
 
     static inline Points relative(const Eye& eye, Floats x, Floats y, Floats z) {
@@ -161,15 +161,15 @@ struct Linear {
 
 // Sixteen triangles, set up for the image.
 struct Cluster {
-    const float* corners;   // [9][16] in the frame of the tree
+    const float* corners;  // [9][16] in the frame of the tree
     int first_id;
     const int* owners;
-    Linear edge[3];         // positive inside
+    Linear edge[3];  // positive inside
     Linear w;
     Floats least_w, most_w;  // at the corners: no point of a triangle is nearer or farther
-    Floats area;            // in pixels, of the whole triangle; endless where it reaches behind the camera
-    Ints shown;             // lanes that may cover a pixel
-    Ints x0, x1, y0, y1;    // pixels of the strip whose centres may be inside
+    Floats area;  // in pixels, of the whole triangle; endless where it reaches behind the camera
+    Ints shown;  // lanes that may cover a pixel
+    Ints x0, x1, y0, y1;  // pixels of the strip whose centres may be inside
     Ints view_y0, view_y1;  // the same rows in the whole view, counted from the view's first
 };
 
@@ -228,8 +228,8 @@ struct Setup {
         left = Lanes::most(crossing ? none : __builtin_elementwise_ceil(left), none);
         const float first = (float)image.first_row, last = (float)(image.view_height - 1);
         const Floats view_top = Lanes::most(crossing ? none : __builtin_elementwise_ceil(top) + first, none);
-        const Floats view_bottom = Lanes::least(crossing ? Lanes::all(last) : __builtin_elementwise_floor(bottom) + first,
-                                                Lanes::all(last));
+        const Floats view_bottom =
+            Lanes::least(crossing ? Lanes::all(last) : __builtin_elementwise_floor(bottom) + first, Lanes::all(last));
         top = Lanes::most(view_top - first, none);
         right = Lanes::least(crossing ? wide : __builtin_elementwise_floor(right), wide - one);
         bottom = Lanes::least(view_bottom - first, tall - one);

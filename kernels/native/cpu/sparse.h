@@ -53,7 +53,8 @@ struct Sparse {
             image.point_v[lane] = (float)(at[2 * i + 1] - center_y);
             image.w[lane] = 0.0f;
         }
-        for (int c = 0; c < cells; ++c) image.block_least[c] = image.first_packet[c] < image.first_packet[c + 1] ? 0.0f : 3e38f;
+        for (int c = 0; c < cells; ++c)
+            image.block_least[c] = image.first_packet[c] < image.first_packet[c + 1] ? 0.0f : 3e38f;
         for (int tile = 0; tile < cells / 16; ++tile) {
             image.tile_least[tile] = Lanes::least_of(Lanes::load(image.block_least + tile * 16));
             image.tile_stale[tile] = 0;
@@ -88,8 +89,8 @@ struct Sparse {
     }
 
     // The cells of a tile that the triangle touches: an edge's value is greatest at one of a cell's corners.
-    static inline void draw_tile(const Eye& eye, const Image& image, const Cluster& t, const Linear* edge, int k, int tx,
-                                 int ty, bool rounded, bool owner_id) {
+    static inline void draw_tile(const Eye& eye, const Image& image, const Cluster& t, const Linear* edge, int k,
+                                 int tx, int ty, bool rounded, bool owner_id) {
         const Floats cell_x = {0, 4, 8, 12, 0, 4, 8, 12, 0, 4, 8, 12, 0, 4, 8, 12};
         const Floats cell_y = {0, 0, 0, 0, 4, 4, 4, 4, 8, 8, 8, 8, 12, 12, 12, 12};
         const Floats u0 = (cell_x + (float)(tx * 16)) + (eye.first_u - 0.501f), u1 = u0 + 4.002f;
@@ -107,8 +108,8 @@ struct Sparse {
         }
     }
 
-    static inline void draw_packet(const Eye& eye, const Image& image, const Cluster& t, const Linear* e, int k, int cell,
-                                   int packet, bool rounded, bool owner_id) {
+    static inline void draw_packet(const Eye& eye, const Image& image, const Cluster& t, const Linear* e, int k,
+                                   int cell, int packet, bool rounded, bool owner_id) {
         const Floats u = Lanes::load(image.point_u + packet * 16), v = Lanes::load(image.point_v + packet * 16);
         const Floats old = Lanes::load(image.w + packet * 16), most_w = Lanes::all(t.most_w[k]);
         Ints inside = (old <= most_w) & (Lanes::least(e[0].at(u, e[0].row(v)), e[1].at(u, e[1].row(v)),
@@ -160,8 +161,8 @@ struct Sparse {
         const int lanes = image.first_packet[image.tiles_x * image.tiles_y * 16] * 16;
         for (int i = 0; i < lanes; ++i)
             if (image.point_index[i] >= 0)
-                write_point(lookup, eye, rays, job, out, view * job.points + image.point_index[i], image.w[i], image.id[i],
-                            image.point_u[i], image.point_v[i], owner_id);
+                write_point(lookup, eye, rays, job, out, view * job.points + image.point_index[i], image.w[i],
+                            image.id[i], image.point_u[i], image.point_v[i], owner_id);
         if (image.first_row > 0) return;
         // Points outside the image belong to no strip; the first one answers for them.
         const float* at = job.at + view * job.points * 2;

@@ -33,7 +33,8 @@ struct Bounds {
 
         Floats left = Lanes::all(3e38f), right = -left, top = left, bottom = -left;
         for (int corner = 0; corner < 8; ++corner) {
-            const Points p = Points::plus(Points::plus(term[0][corner & 1], term[1][(corner >> 1) & 1]), term[2][corner >> 2]);
+            const Points p =
+                Points::plus(Points::plus(term[0][corner & 1], term[1][(corner >> 1) & 1]), term[2][corner >> 2]);
             const Floats inverse = 1.0f / (crossing ? Lanes::all(1.0f) : p.z);
             const Floats x = p.x * inverse, y = p.y * inverse;
             left = Lanes::least(left, x);
@@ -51,8 +52,12 @@ struct Bounds {
         bottom = crossing ? tall : bottom + (center_y + slack);
         shown &= (left < wide + 1.0f) & (top < tall + 1.0f) & (right >= none) & (bottom >= none);
         const Floats nearest_w = crossing ? Lanes::all(3e38f) : 1.00001f / zmin;
-        return Bounds{nearest_w, Lanes::least(left, wide), Lanes::least(top, tall), Lanes::least(right, wide),
-                      Lanes::least(bottom, tall), shown};
+        return Bounds{nearest_w,
+                      Lanes::least(left, wide),
+                      Lanes::least(top, tall),
+                      Lanes::least(right, wide),
+                      Lanes::least(bottom, tall),
+                      shown};
     }
 
     inline void store(int* x0, int* y0, int* x1, int* y1) const {
@@ -152,7 +157,8 @@ struct Walk {
         const Points low = Eye::relative(eye, low_x, Lanes::load(node + 16), Lanes::load(node + 32));
         const Points high = Eye::relative(eye, high_x, Lanes::load(node + 64), Lanes::load(node + 80));
         Ints shown = low_x <= high_x;
-        for (int p = 0; p < 5; ++p) shown &= farthest_along(pyramid.plane[p], low, high) >= Lanes::all(pyramid.least[p]);
+        for (int p = 0; p < 5; ++p)
+            shown &= farthest_along(pyramid.plane[p], low, high) >= Lanes::all(pyramid.least[p]);
         if (eye.skip_back_faces) shown &= ~faces_away(node, low, high);
         if (!Lanes::any(shown)) return 0;
 
@@ -202,7 +208,8 @@ struct Walk {
 
     // Ask for what is visited next while this one is at work.
     static inline void fetch(const Tree& tree, int child) {
-        const char* rows = (const char*)(child >= 0 ? tree.nodes + (long long)child * 160 : tree.leaves + (long long)~child * 144);
+        const char* rows =
+            (const char*)(child >= 0 ? tree.nodes + (long long)child * 160 : tree.leaves + (long long)~child * 144);
         for (int line = 0; line < 9; ++line) __builtin_prefetch(rows + line * 64);
     }
 
@@ -227,7 +234,8 @@ struct Walk {
             cluster.first_id = (int)leaf * 16 + piece.number;
             if (!Setup::cluster(eye, image, center_x, center_y, cluster)) continue;
             if (image.first_packet)
-                Sparse::draw(eye, image, cluster, Raster::loses_digits(eye, cluster) | Raster::turns(eye, cluster), owner_id);
+                Sparse::draw(eye, image, cluster, Raster::loses_digits(eye, cluster) | Raster::turns(eye, cluster),
+                             owner_id);
             else
                 Raster::draw(eye, image, cluster, with_id, owner_id);
         }

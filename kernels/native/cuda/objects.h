@@ -7,18 +7,20 @@
 // The movable objects of one view's world.
 struct Movables {
     int count;
-    const int* object;     // -1 where several objects move together: then the owners of triangles tell
-    const int* root;       // of the tree in the nodes
-    const int* leaf;       // the first leaf of the tree
-    const int* first_id;   // the number of the first triangle, ascending
+    const int* object;  // -1 where several objects move together: then the owners of triangles tell
+    const int* root;  // of the tree in the nodes
+    const int* leaf;  // the first leaf of the tree
+    const int* first_id;  // the number of the first triangle, ascending
     const int* closed;
-    const float* boxes;    // in the objects' frames
-    const int* solid;      // which kind of Shape they are
-    const float* size;     // of a shape: three sizes, and half its length
-    const float* poses;    // object to world
+    const float* boxes;  // in the objects' frames
+    const int* solid;  // which kind of Shape they are
+    const float* size;  // of a shape: three sizes, and half its length
+    const float* poses;  // object to world
     const unsigned char* excluded;  // by object; null for none
 
-    static inline int first_of(const Movables& all, int m) { return __ldg(all.first_id + m) - __ldg(all.leaf + m) * LANES; }
+    static inline int first_of(const Movables& all, int m) {
+        return __ldg(all.first_id + m) - __ldg(all.leaf + m) * LANES;
+    }
 
     // Which of them a triangle belongs to; -1 for what stays.
     static inline int owner_of(const Movables& all, unsigned id) {
@@ -145,7 +147,8 @@ struct Objects {
         }
     }
 
-    static inline void look(const Eye& world, const Packet& packet, const Movables& all, int first, int count, List& list) {
+    static inline void look(const Eye& world, const Packet& packet, const Movables& all, int first, int count,
+                            List& list) {
         const int lane = Warp::lane();
         Warp::sync();
         for (int i = lane; i < (count + 31) / 32 * 32; i += 32) {
@@ -183,8 +186,8 @@ struct Objects {
     }
 
     // Each of the first lanes sets up a solid, then all draw one after the other.
-    static inline void draw_solids(const Eye& world, Packet& packet, const Movables& all, int first, int at, unsigned visit,
-                                   int taken, List& list, Solid* solids) {
+    static inline void draw_solids(const Eye& world, Packet& packet, const Movables& all, int first, int at,
+                                   unsigned visit, int taken, List& list, Solid* solids) {
         const int lane = Warp::lane(), m = first + at;
         bool outside = false;
         Warp::sync();

@@ -13,20 +13,20 @@
 
 enum {
     LANES = 32,
-    LEAF_WORDS = 9 * LANES,    // ax ay az bx by bz cx cy cz
-    NODE_WORDS = 10 * LANES,   // least x y z, greatest x y z, cone's axis x y z and cutoff
+    LEAF_WORDS = 9 * LANES,  // ax ay az bx by bz cx cy cz
+    NODE_WORDS = 10 * LANES,  // least x y z, greatest x y z, cone's axis x y z and cutoff
     BLOCK_COLUMNS = PACKET_WIDTH / 8,  // a block is 8 x 4 pixels
     BLOCKS = BLOCK_COLUMNS * (PACKET_HEIGHT / 4),  // at most LANES: lane b keeps what is known of block b
 };
 
 struct Tree {
     const float* leaves;  // [leaf][9][32]
-    const int* owners;    // [leaf][32]: object of a triangle; its complement where the object is closed
-    const float* nodes;   // [node][10][32]
+    const int* owners;  // [leaf][32]: object of a triangle; its complement where the object is closed
+    const float* nodes;  // [node][10][32]
     const int* children;  // [node][32]: a node, or the complement of a leaf
     int root;
-    int first_id;         // what the number of a triangle is more than its place in the leaves
-    bool all_closed;      // whether every object is
+    int first_id;  // what the number of a triangle is more than its place in the leaves
+    bool all_closed;  // whether every object is
     const unsigned char* excluded;  // [object]: whether the view must not see it; null where it sees them all
 
     static inline int object_of(int owner) { return owner < 0 ? ~owner : owner; }
@@ -83,7 +83,8 @@ struct Pose {
     static inline Exact position(const float* pose) { return Exact{__ldg(pose), __ldg(pose + 1), __ldg(pose + 2)}; }
     // A direction out of its frame.
     static inline Exact outside(const Exact* axis, Exact v) {
-        return Exact{axis[0].x * v.x + axis[1].x * v.y + axis[2].x * v.z, axis[0].y * v.x + axis[1].y * v.y + axis[2].y * v.z,
+        return Exact{axis[0].x * v.x + axis[1].x * v.y + axis[2].x * v.z,
+                     axis[0].y * v.x + axis[1].y * v.y + axis[2].y * v.z,
                      axis[0].z * v.x + axis[1].z * v.y + axis[2].z * v.z};
     }
 };
@@ -91,17 +92,17 @@ struct Pose {
 // Where the camera is, in the world or in the frame of an object that moves, and how that turns into its space. In shared
 // memory: all lanes read the same.
 struct Eye {
-    Vec origin, rest;     // their sum is the origin: in an object's frame, single precision need not be enough for it
-    Vec to_camera[3];     // rows: x scaled by fx, y scaled by fy, z
-    double focal_squared[3]; // rows of to_camera, divided by the exact rays
+    Vec origin, rest;  // their sum is the origin: in an object's frame, single precision need not be enough for it
+    Vec to_camera[3];  // rows: x scaled by fx, y scaled by fy, z
+    double focal_squared[3];  // rows of to_camera, divided by the exact rays
     float first_u, first_v;  // u and v of the view's first pixel
-    float last_x, last_y;    // the view's last column and row
+    float last_x, last_y;  // the view's last column and row
     float far;
-    float blur;              // how far rounding may move a corner, in pixels
-    bool skip_back_faces;    // of objects that are closed, since the camera is outside them all
-    bool cull_back_faces;    // of all objects
+    float blur;  // how far rounding may move a corner, in pixels
+    bool skip_back_faces;  // of objects that are closed, since the camera is outside them all
+    bool cull_back_faces;  // of all objects
     Exact exact_origin;
-    Exact exact_rays[3];     // a ray is u times the first, plus v times the second, plus the third
+    Exact exact_rays[3];  // a ray is u times the first, plus v times the second, plus the third
 
     static inline Vec relative(const Eye& eye, Vec p) {
         const Vec from = Vec::minus(p, eye.origin);
@@ -127,13 +128,13 @@ struct ExactPlane {
 
 // One triangle, set up for the image.
 struct alignas(16) Triangle {
-    Linear edge[3];           // not negative inside
-    float slope_u, slope_v;   // of w
-    float u, v, w;            // where w is known: at a corner
-    float least_w, most_w;    // at the corners: no point of a triangle is nearer or farther
-    int x0, x1, y0, y1;       // pixels of the packet whose centres may be inside
-    bool exact;               // single precision is not enough for w
-    unsigned place;           // in the leaves
+    Linear edge[3];  // not negative inside
+    float slope_u, slope_v;  // of w
+    float u, v, w;  // where w is known: at a corner
+    float least_w, most_w;  // at the corners: no point of a triangle is nearer or farther
+    int x0, x1, y0, y1;  // pixels of the packet whose centres may be inside
+    bool exact;  // single precision is not enough for w
+    unsigned place;  // in the leaves
 
     inline bool covers(float at_u, float at_v) const {
         return Three::least(edge[0].at(at_u, at_v), edge[1].at(at_u, at_v), edge[2].at(at_u, at_v)) >= 0.0f;
@@ -158,7 +159,7 @@ struct Setup {
         float u[3], v[3], w[3];
         float u0, u1, v0, v1;  // bounds
         float zmax;
-        bool crossing;         // reaches behind the camera: it may be anywhere in the image
+        bool crossing;  // reaches behind the camera: it may be anywhere in the image
 
         // Its area, in pixels.
         inline float area() const {
@@ -202,8 +203,10 @@ struct Setup {
         }
         // The part in the packet that begins at a pixel; false if there is none.
         inline bool cut(int first_x, int first_y, Triangle& t) const {
-            const float x0 = fmaxf(left - (float)first_x, 0.0f), x1 = fminf(right - (float)first_x, PACKET_WIDTH - 1.0f);
-            const float y0 = fmaxf(top - (float)first_y, 0.0f), y1 = fminf(bottom - (float)first_y, PACKET_HEIGHT - 1.0f);
+            const float x0 = fmaxf(left - (float)first_x, 0.0f),
+                        x1 = fminf(right - (float)first_x, PACKET_WIDTH - 1.0f);
+            const float y0 = fmaxf(top - (float)first_y, 0.0f),
+                        y1 = fminf(bottom - (float)first_y, PACKET_HEIGHT - 1.0f);
             const bool some = x0 <= x1 && y0 <= y1;
             t.x0 = some ? (int)x0 : 0, t.x1 = some ? (int)x1 : -1;
             t.y0 = some ? (int)y0 : 0, t.y1 = some ? (int)y1 : -1;
@@ -214,7 +217,8 @@ struct Setup {
     // Whether w may be wrong by more than a little: by rounding of its terms, by that of the corners' places, and by that
     // of the slopes, which is great where the triangle is a sliver in the image. Judged by the whole view, so that a
     // pixel's w is the same in every packet.
-    static inline bool loses_digits(const Eye& eye, const Projection& p, const Bounds& b, const Triangle& t, float scale) {
+    static inline bool loses_digits(const Eye& eye, const Projection& p, const Bounds& b, const Triangle& t,
+                                    float scale) {
         const float du = fmaxf(fabsf(b.left + eye.first_u - t.u), fabsf(b.right + eye.first_u - t.u));
         const float dv = fmaxf(fabsf(b.top + eye.first_v - t.v), fabsf(b.bottom + eye.first_v - t.v));
         const float change = __fmaf_rn(fabsf(t.slope_u), du, __fmul_rn(fabsf(t.slope_v), dv));

@@ -17,12 +17,12 @@ typedef int Ints __attribute__((ext_vector_type(LANES)));
 typedef decltype((Doubles)(0.0) < (Doubles)(0.0)) Truths;  // of Doubles
 
 enum {
-    BINS = 16,                  // of one axis, where a range is too large to sort
-    SMALL = 4 * LANES,          // ranges of at most this many items are sorted
+    BINS = 16,  // of one axis, where a range is too large to sort
+    SMALL = 4 * LANES,  // ranges of at most this many items are sorted
     STEPS = (1 << 30) / SMALL,  // of one axis, to sort by: a step and an item's place fit 30 bits
-    DEEPEST = 64,               // from this depth on ranges are halved, so that no input makes a deep tree
-    LEAF_ROWS = 9,              // ax ay az bx by bz cx cy cz
-    NODE_ROWS = 10,             // min x y z, max x y z, cone axis x y z, cone cutoff
+    DEEPEST = 64,  // from this depth on ranges are halved, so that no input makes a deep tree
+    LEAF_ROWS = 9,  // ax ay az bx by bz cx cy cz
+    NODE_ROWS = 10,  // min x y z, max x y z, cone axis x y z, cone cutoff
 };
 
 // A box is its lower corner and its negated upper corner, so that the union of two is one minimum. Lanes 3 and 7 are
@@ -75,7 +75,7 @@ struct Items {
 // there. So threads that work on disjoint ranges write disjoint splits. Slot 0 is above the root: its child[0] is the
 // root's split.
 struct Split {
-    int child[2];   // the children's splits, 0 where the child is a leaf
+    int child[2];  // the children's splits, 0 where the child is a leaf
     float area[2];  // half the surface area of the children's boxes
 };
 
@@ -142,8 +142,8 @@ struct Splitter {
                 left_count += count[axis][k - 1];
                 if (left_count == 0 || left_count == total) continue;
                 const float left_area = Box::half_area(left), per_item = 1.0f / total;
-                const float c = cost(left_area, left_count, per_item) +
-                                cost(right_area[k], total - left_count, per_item);
+                const float c =
+                    cost(left_area, left_count, per_item) + cost(right_area[k], total - left_count, per_item);
                 if (c < best.cost) best = Choice{axis, k, left_count, c, left_area, right_area[k]};
             }
         }
@@ -222,7 +222,11 @@ struct Splitter {
     // Splits after a whole number of leaves, near the middle.
     static Choice halve(const v8* items, int begin, int end) {
         const int half = ((end - begin) / 2 + LANES - 1) / LANES * LANES, middle = begin + half;
-        return Choice{0, 0, half, 0.0f, Box::half_area(Box::of_items(items, begin, middle)),
+        return Choice{0,
+                      0,
+                      half,
+                      0.0f,
+                      Box::half_area(Box::of_items(items, begin, middle)),
                       Box::half_area(Box::of_items(items, middle, end))};
     }
 
