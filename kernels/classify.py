@@ -4,13 +4,14 @@
 
 import warp as wp
 
+from warpvis.kernels.constants import LABEL_EMPTY, LABEL_GROUND, LABEL_OBSTACLE
 from warpvis.kernels.pinhole import PinholeCamera, Window, back_project_pixel
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
-EMPTY = wp.constant(wp.uint8(0))
-GROUND = wp.constant(wp.uint8(1))
-OBSTACLE = wp.constant(wp.uint8(2))
+EMPTY = wp.constant(wp.uint8(LABEL_EMPTY))
+GROUND = wp.constant(wp.uint8(LABEL_GROUND))
+OBSTACLE = wp.constant(wp.uint8(LABEL_OBSTACLE))
 
 
 @wp.struct

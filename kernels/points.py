@@ -7,19 +7,20 @@ Points come in rows of `POINTS_PER_ROW`, so that threads of the CPU pool share o
 
 import warp as wp
 
+from warpvis.kernels import constants
 from warpvis.kernels.pinhole import PinholeCamera, Window, pose_origin, pose_rotation
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 POINTS_PER_ROW = 1024
 
-OUT_OF_VIEW = wp.constant(wp.uint8(0))
-TOO_NEAR = wp.constant(wp.uint8(1))
-TOO_FAR = wp.constant(wp.uint8(2))
-OCCLUDED = wp.constant(wp.uint8(3))
-VISIBLE = wp.constant(wp.uint8(4))
-UNKNOWN = wp.constant(wp.uint8(5))
-"""As in `warpvis.Visibility`."""
+OUT_OF_VIEW = wp.constant(wp.uint8(constants.POINT_OUT_OF_VIEW))
+TOO_NEAR = wp.constant(wp.uint8(constants.POINT_TOO_NEAR))
+TOO_FAR = wp.constant(wp.uint8(constants.POINT_TOO_FAR))
+OCCLUDED = wp.constant(wp.uint8(constants.POINT_OCCLUDED))
+VISIBLE = wp.constant(wp.uint8(constants.POINT_VISIBLE))
+UNKNOWN = wp.constant(wp.uint8(constants.POINT_UNKNOWN))
+"""As bytes."""
 
 
 @wp.func

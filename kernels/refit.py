@@ -8,10 +8,9 @@ how many threads share one. Slots are places among a tree's children, ``node * l
 
 import warp as wp
 
-wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+from warpvis.kernels.constants import NOWHERE
 
-# What a box of nothing has: as `ClusterTree.nodes`.
-NOWHERE = 3.0e38
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 
 @wp.func_native(

@@ -9,7 +9,20 @@ an object in a view, and share out the rectangle of the canvas that its box may 
 
 import warp as wp
 
+from warpvis.kernels.constants import (
+    BOX_MIDDLE,
+    IMAGE_PIXELS,
+    MASK_HIDDEN,
+    MASK_VISIBLE,
+    SILHOUETTE_BOX,
+    SILHOUETTE_PIXELS,
+    TOO_FAR_PIXELS,
+    TOO_NEAR_PIXELS,
+    VISIBLE_BOX,
+    VISIBLE_PIXELS,
+)
 from warpvis.kernels.pinhole import PinholeCamera, Window, forward_axis, pixel_ray
+from warpvis.kernels.points import OCCLUDED, OUT_OF_VIEW, TOO_FAR, TOO_NEAR, VISIBLE
 from warpvis.kernels.rays import (
     CameraFrame,
     TriangleScene,
@@ -24,27 +37,6 @@ from warpvis.kernels.rays import (
 from warpvis.kernels.worlds import Worlds, is_excluded, world_of
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
-
-VISIBLE_PIXELS = wp.constant(0)
-IMAGE_PIXELS = wp.constant(1)
-SILHOUETTE_PIXELS = wp.constant(2)
-TOO_NEAR_PIXELS = wp.constant(3)
-TOO_FAR_PIXELS = wp.constant(4)
-VISIBLE_BOX = wp.constant(5)
-SILHOUETTE_BOX = wp.constant(9)
-"""Counters of an object in a view. Of a box: least x and y, and greatest, as `low_code` and `high_code`."""
-
-COUNTERS = 13
-
-BOX_MIDDLE = wp.constant(1 << 24)
-"""Added to coordinates so that 0 stands for an empty box, and both ends are the greatest of what was met."""
-
-OUT_OF_VIEW = wp.constant(wp.uint8(0))
-TOO_NEAR = wp.constant(wp.uint8(1))
-TOO_FAR = wp.constant(wp.uint8(2))
-OCCLUDED = wp.constant(wp.uint8(3))
-VISIBLE = wp.constant(wp.uint8(4))
-"""As in `warpvis.Visibility`."""
 
 
 @wp.struct
@@ -299,9 +291,9 @@ def measure_silhouettes(
         elif shown >= 0:
             wp.atomic_add(hidden_by_out, view, place, shown, 1)
         if masks_out:
-            mask = wp.uint8(1)
+            mask = wp.uint8(MASK_HIDDEN)
             if is_visible:
-                mask = wp.uint8(2)
+                mask = wp.uint8(MASK_VISIBLE)
             masks_out[view, place, y, x] = mask
     add_found(counts_out, view, place, found)
 

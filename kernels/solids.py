@@ -12,15 +12,9 @@ nearest place is ``w = (B + sqrt(D)) / C``. ``D = B^2 - A C`` loses all digits a
 
 import warp as wp
 
+from warpvis.kernels.constants import PART_LOWER, PART_SIDE, PART_UPPER, SOLID_BALL, SOLID_CAPSULE, SOLID_CYLINDER
+
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
-
-BALL = wp.constant(1)
-CYLINDER = wp.constant(2)
-CAPSULE = wp.constant(3)
-"""As in `warpvis.solids.SolidKind`."""
-
-SIDE = wp.constant(0)
-"""Parts of a surface: 0 is the side of a cylinder or a capsule, or a ball; 1 and 2 are ends."""
 
 
 @wp.func
@@ -35,7 +29,7 @@ def is_outside(kind: int, half: wp.float64, o: wp.vec3d) -> bool:
     one = wp.float64(1.0)
     beyond = wp.max(wp.abs(o[2]) - half, wp.float64(0.0))
     across = o[0] * o[0] + o[1] * o[1]
-    if kind == CYLINDER:
+    if kind == SOLID_CYLINDER:
         return across > one or beyond > wp.float64(0.0)
     return across + beyond * beyond > one
 
@@ -92,24 +86,24 @@ class SolidHit:
 def meet_solid(kind: int, half: wp.float64, o: wp.vec3d, d: wp.vec3d) -> SolidHit:
     """The nearest place of a solid along a ray of the shape frame, from outside."""
     hit = SolidHit()
-    hit.part = SIDE
-    if kind == BALL:
+    hit.part = PART_SIDE
+    if kind == SOLID_BALL:
         hit.w = meet_ball(o, d)
         return hit
     hit.w = meet_side(half, o, d)
     end = wp.float64(0.0)
-    if kind == CYLINDER:
+    if kind == SOLID_CYLINDER:
         end = meet_end(half, o, d)
     else:
         end = meet_ball(o - wp.vec3d(end, end, half), d)
     if end > hit.w:
         hit.w = end
-        hit.part = 1
-    if kind == CAPSULE:
+        hit.part = PART_UPPER
+    if kind == SOLID_CAPSULE:
         end = meet_ball(o + wp.vec3d(wp.float64(0.0), wp.float64(0.0), half), d)
         if end > hit.w:
             hit.w = end
-            hit.part = 2
+            hit.part = PART_LOWER
     return hit
 
 
@@ -118,12 +112,12 @@ def normal_of_solid(kind: int, size: wp.vec4, part: int, p: wp.vec3d) -> wp.vec3
     """Outward unit normal in the object's frame at a place of the surface, given in the shape frame."""
     none, half = wp.float64(0.0), wp.float64(size[3])
     slope = p
-    if kind != BALL and part == SIDE:
+    if kind != SOLID_BALL and part == PART_SIDE:
         slope = wp.vec3d(p[0], p[1], none)
-    elif kind == CYLINDER:
+    elif kind == SOLID_CYLINDER:
         slope = wp.vec3d(none, none, p[2])
-    elif part == 1:
+    elif part == PART_UPPER:
         slope = p - wp.vec3d(none, none, half)
-    elif part == 2:
+    elif part == PART_LOWER:
         slope = p + wp.vec3d(none, none, half)
     return wp.normalize(to_shape(slope, size))

@@ -9,22 +9,23 @@ import fnmatch
 from collections.abc import Iterable, Mapping
 
 from warpvis.errors import SceneError
+from warpvis.kernels import constants
 
 
 class Label(enum.IntEnum):
     """What a pixel shows. The order is the order of precedence where several fall on one cell of a map."""
 
-    EMPTY = 0
+    EMPTY = constants.LABEL_EMPTY
     """No depth, or beyond the maximum range."""
-    GROUND = 1
+    GROUND = constants.LABEL_GROUND
     """The floor; in a measured image every point lower than `sigma`."""
-    OBSTACLE = 2
+    OBSTACLE = constants.LABEL_OBSTACLE
     """Any other surface."""
-    OBJECT = 3
+    OBJECT = constants.LABEL_OBJECT
     """A thing the agents are interested in."""
-    HUMAN = 4
+    HUMAN = constants.LABEL_HUMAN
     """A person."""
-    ROBOT = 5
+    ROBOT = constants.LABEL_ROBOT
     """A robot."""
 
     @classmethod
@@ -44,17 +45,17 @@ class Label(enum.IntEnum):
 class Visibility(enum.IntEnum):
     """Whether a point can be seen, and if not, why."""
 
-    OUT_OF_VIEW = 0
+    OUT_OF_VIEW = constants.POINT_OUT_OF_VIEW
     """Behind the camera or outside the image."""
-    TOO_NEAR = 1
+    TOO_NEAR = constants.POINT_TOO_NEAR
     """In the image, nearer than the camera measures."""
-    TOO_FAR = 2
+    TOO_FAR = constants.POINT_TOO_FAR
     """In the image, farther than the camera measures."""
-    OCCLUDED = 3
+    OCCLUDED = constants.POINT_OCCLUDED
     """In the image and in range, behind something."""
-    VISIBLE = 4
+    VISIBLE = constants.POINT_VISIBLE
     """Seen."""
-    UNKNOWN = 5
+    UNKNOWN = constants.POINT_UNKNOWN
     """In the image and in range, where nothing was measured."""
 
 

@@ -125,7 +125,8 @@ def object_visibility(
     Raises:
         WarpvisError: An argument is not what it has to be.
     """
-    from warpvis.kernels.silhouettes import COUNTERS, judge_silhouettes
+    from warpvis.kernels.constants import SILHOUETTE_COUNTERS
+    from warpvis.kernels.silhouettes import judge_silhouettes
 
     require_scene(scene)
     require_camera(camera)
@@ -154,7 +155,7 @@ def object_visibility(
     for part in _parts(views, camera, len(outputs), len(scene) * count, device):
         size, some = part.stop - part.start, part_of(worlds, part)
         seen = renderer.render_parsed(poses[part], some, out=_first(seen, size))
-        counts = wp.zeros((COUNTERS, size, count), dtype=wp.int32, device=device)
+        counts = wp.zeros((SILHOUETTE_COUNTERS, size, count), dtype=wp.int32, device=device)
         hidden_by = wp.zeros((size, count, len(scene)), dtype=wp.int32, device=device)
         surveyor.count(poses[part], some, seen, counts, hidden_by, None if result.masks is None else result.masks[part])
         outs = [getattr(result, name)[part] for name in _JUDGED]

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.errors import SceneError
+from warpvis.kernels import constants
 
 DEFAULT_TOLERANCE = 5e-4
 """How far triangles may be from a round surface [m], unless a call says otherwise."""
@@ -30,13 +31,13 @@ _LEAST_SLICES = 8
 class SolidKind(IntEnum):
     """What kernels call a movable object's shape."""
 
-    MESH = 0
+    MESH = constants.SOLID_NONE
     """Triangles."""
-    BALL = 1
+    BALL = constants.SOLID_BALL
     """The unit ball."""
-    CYLINDER = 2
+    CYLINDER = constants.SOLID_CYLINDER
     """The unit circle about z, from -half to half along z."""
-    CAPSULE = 3
+    CAPSULE = constants.SOLID_CAPSULE
     """The same with unit half balls at its ends."""
 
 
