@@ -115,7 +115,7 @@ def label_objects(
     window: Window,
     # In:
     depth_in: wp.array3d[float],
-    objects_in: wp.array3d[wp.int32],
+    segmentation_in: wp.array3d[wp.int32],
     max_range: float,
     # Out:
     labels_out: wp.array3d[wp.uint8],
@@ -125,7 +125,7 @@ def label_objects(
     view += window.first_view
     y += window.first_row
 
-    index = objects_in[view, y, x]
+    index = segmentation_in[view, y, x]
     label = EMPTY
     if has_depth(depth_in[view, y, x], max_range) and index >= 0 and index < object_label.shape[0]:
         label = object_label[index]

@@ -8,6 +8,7 @@ native function's text goes into a function's body.
 
 import warp as wp
 
+from warpvis.kernels.images import NATIVE_IMAGES, Images
 from warpvis.kernels.native_source import read_native
 from warpvis.kernels.worlds import Worlds
 
@@ -74,7 +75,13 @@ class PacketJob:
     scratch: wp.array2d[float]
 
 
+NO_SCENE, NO_WORLDS, NO_IMAGES = ClusterScene(), Worlds(), Images()
+"""What a launch is packed with while nobody asks for images."""
+
 HEADERS = (
+    "shared/constants.h",
+    "shared/images.h",
+    "shared/pose.h",
     "cpu/lanes.h",
     "cpu/setup.h",
     "cpu/raster.h",
@@ -105,25 +112,19 @@ const Job shape = {job.views, job.height, job.width, job.strips, job.strip_rows.
                    {job.focal_x, job.focal_y}, {job.center_x, job.center_y}, job.near, job.far,
                    job.cull_backfaces != 0, (const float*)poses.data, scene.closed_boxes.data,
                    scene.closed_object.data, scene.closed_count, job.points, job.at.data};
-const Outputs out = {depth.data, (float*)points.data, (float*)normals.data, labels.data, objects.data,
-                     scene.object_label.data};
 const int worker = __atomic_fetch_add(job.counter.data + Packets::entered, 1, __ATOMIC_SEQ_CST);
 float* scratch = (float*)((char*)job.scratch.data + (long long)worker * job.scratch.strides[0]);
 Packets::run(tree, movables, shape, out, scratch, job.counter.data);
 """
 
 
-@wp.func_native(read_native(*HEADERS) + SCENE + _CAST)
+@wp.func_native(read_native(*HEADERS) + SCENE + NATIVE_IMAGES + _CAST)
 def cast_units(
     scene: ClusterScene,
     job: PacketJob,
     poses: wp.array[wp.transform],
     worlds: Worlds,
-    depth: wp.array3d[float],
-    points: wp.array3d[wp.vec3],
-    normals: wp.array3d[wp.vec3],
-    labels: wp.array3d[wp.uint8],
-    objects: wp.array3d[wp.int32],
+    images: Images,
 ): ...
 
 
@@ -137,16 +138,12 @@ def cast_packets(
     # In:
     worlds: Worlds,
     # Out:
-    depth_out: wp.array3d[float],
-    points_out: wp.array3d[wp.vec3],
-    normals_out: wp.array3d[wp.vec3],
-    labels_out: wp.array3d[wp.uint8],
-    objects_out: wp.array3d[wp.int32],
+    images_out: Images,
 ):
-    """Write the asked-for images (an output that is None is skipped).
+    """Write the asked-for images (one that is None is skipped).
 
     Every worker launches this with the same arguments. The job's counters tell it which one it is, and the next unit
     of work, until none is left.
     """
     _ = wp.tid()
-    cast_units(scene, job, camera_to_world, worlds, depth_out, points_out, normals_out, labels_out, objects_out)
+    cast_units(scene, job, camera_to_world, worlds, images_out)

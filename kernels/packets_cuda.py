@@ -8,6 +8,7 @@ what tells objects apart, and with and without objects that move.
 
 import warp as wp
 
+from warpvis.kernels.images import Images
 from warpvis.kernels.native_source import read_native
 from warpvis.kernels.packets import ClusterScene
 from warpvis.kernels.pinhole import PinholeCamera
@@ -47,8 +48,8 @@ const Movables movables = {MOVABLE ? scene.movable_count : 0, scene.movable_obje
                            object_poses, excluded};
 const View shape = {(int)camera.width, (int)camera.height, {camera.fx, camera.fy}, {camera.cx, camera.cy},
                     camera.near, camera.far, (const float*)(poses.data + view)};
-const Outputs out = {depth.data, (float*)points.data, (float*)normals.data, labels.data, objects.data,
-                     scene.object_label.data};
+const Outputs out = {images.depth.data, (float*)images.points.data, (float*)images.normals.data, images.labels.data,
+                     images.segmentation.data, scene.object_label.data};
 Packets::cast(tree, still, movables, shape, out, cull_backfaces, view, packet_x, packet_y, place);
 """
 
@@ -74,11 +75,7 @@ def make_packet_kernel(side: int, with_id: bool, movable: bool) -> wp.Kernel:
         packet_y: int,
         packet_x: int,
         cull_backfaces: bool,
-        depth: wp.array3d[float],
-        points: wp.array3d[wp.vec3],
-        normals: wp.array3d[wp.vec3],
-        labels: wp.array3d[wp.uint8],
-        objects: wp.array3d[wp.int32],
+        images: Images,
     ): ...
 
     # More registers than these leave too few warps on a multiprocessor, fewer spill too much.
@@ -93,13 +90,9 @@ def make_packet_kernel(side: int, with_id: bool, movable: bool) -> wp.Kernel:
         worlds: Worlds,
         cull_backfaces: bool,
         # Out:
-        depth_out: wp.array3d[float],
-        points_out: wp.array3d[wp.vec3],
-        normals_out: wp.array3d[wp.vec3],
-        labels_out: wp.array3d[wp.uint8],
-        objects_out: wp.array3d[wp.int32],
+        images_out: Images,
     ):
-        """Write the asked-for images (an output that is None is skipped); 32 threads a packet."""
+        """Write the asked-for images (one that is None is skipped); 32 threads a packet."""
         view, packet_y, packet_x, _ = wp.tid()
         cast_packet(
             scene,
@@ -110,11 +103,7 @@ def make_packet_kernel(side: int, with_id: bool, movable: bool) -> wp.Kernel:
             packet_y,
             packet_x,
             cull_backfaces,
-            depth_out,
-            points_out,
-            normals_out,
-            labels_out,
-            objects_out,
+            images_out,
         )
 
     return cast_packets_cuda

@@ -10,6 +10,7 @@ With u and v the place of a pixel's centre from the image's middle, from -1/2 to
 
 import warp as wp
 
+from warpvis.kernels.images import Images
 from warpvis.kernels.pinhole import Window
 from warpvis.kernels.rays import CUDA_REGISTERS, TriangleScene, look, write
 from warpvis.kernels.worlds import Worlds
@@ -58,13 +59,9 @@ def cast_wide_rays(
     worlds: Worlds,
     cull_backfaces: bool,
     # Out:
-    depth_out: wp.array3d[float],
-    points_out: wp.array3d[wp.vec3],
-    normals_out: wp.array3d[wp.vec3],
-    labels_out: wp.array3d[wp.uint8],
-    objects_out: wp.array3d[wp.int32],
+    images_out: Images,
 ):
-    """Write the asked-for images (an output that is None is skipped) of every view."""
+    """Write the asked-for images (one that is None is skipped) of every view."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -72,4 +69,4 @@ def cast_wide_rays(
     pose = camera_to_world[view]
     ray = wide_ray(camera, y, x)
     seen = look(scene, camera.near, camera.far, pose, worlds, view, ray, False, cull_backfaces)
-    write(scene, pose, worlds, seen, view, y, x, depth_out, points_out, normals_out, labels_out, objects_out)
+    write(scene, pose, worlds, seen, view, y, x, images_out)

@@ -107,7 +107,7 @@ def judge_points(
     pixels: wp.array2d[wp.vec2],
     depth: wp.array2d[float],
     surface: wp.array2d[float],
-    objects: wp.array2d[wp.int32],
+    segmentation: wp.array2d[wp.int32],
     tolerance: float,
     # Out:
     status_out: wp.array2d[wp.uint8],
@@ -125,7 +125,7 @@ def judge_points(
     if occluders_out:
         occluder = int(-1)
         if status == OCCLUDED:
-            occluder = objects[view, index]
+            occluder = segmentation[view, index]
         occluders_out[view, index] = occluder
 
 

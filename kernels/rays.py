@@ -8,6 +8,7 @@ precision loses up to a millimetre where a large triangle is seen at a grazing a
 
 import warp as wp
 
+from warpvis.kernels.images import Images
 from warpvis.kernels.pinhole import (
     PinholeCamera,
     Window,
@@ -310,32 +311,28 @@ def write(
     view: int,
     y: int,
     x: int,
-    depth_out: wp.array3d[float],
-    points_out: wp.array3d[wp.vec3],
-    normals_out: wp.array3d[wp.vec3],
-    labels_out: wp.array3d[wp.uint8],
-    objects_out: wp.array3d[wp.int32],
+    images_out: Images,
 ):
     """Write to the images that were asked for; the others are None."""
-    if depth_out:
-        depth_out[view, y, x] = seen.depth
-    if points_out:
+    if images_out.depth:
+        images_out.depth[view, y, x] = seen.depth
+    if images_out.points:
         point = wp.vec3(wp.nan, wp.nan, wp.nan)
         if seen.face >= 0:
             point = wp.vec3(pose_origin(pose) + wp.float64(seen.depth) * seen.direction)
-        points_out[view, y, x] = point
-    if normals_out:
-        normals_out[view, y, x] = normal_in_world(scene, pose, worlds, view, seen)
-    if labels_out or objects_out:
+        images_out.points[view, y, x] = point
+    if images_out.normals:
+        images_out.normals[view, y, x] = normal_in_world(scene, pose, worlds, view, seen)
+    if images_out.labels or images_out.segmentation:
         index = int(-1)
         label = wp.uint8(0)
         if seen.face >= 0:
             index = object_of(scene, seen.movable, seen.face)
             label = scene.object_label[index]
-        if labels_out:
-            labels_out[view, y, x] = label
-        if objects_out:
-            objects_out[view, y, x] = index
+        if images_out.labels:
+            images_out.labels[view, y, x] = label
+        if images_out.segmentation:
+            images_out.segmentation[view, y, x] = index
 
 
 @wp.kernel(cuda_max_registers=CUDA_REGISTERS)
@@ -350,20 +347,16 @@ def cast_rays(
     worlds: Worlds,
     cull_backfaces: bool,
     # Out:
-    depth_out: wp.array3d[float],
-    points_out: wp.array3d[wp.vec3],
-    normals_out: wp.array3d[wp.vec3],
-    labels_out: wp.array3d[wp.uint8],
-    objects_out: wp.array3d[wp.int32],
+    images_out: Images,
 ):
-    """Write the asked-for images (an output that is None is skipped) of every view."""
+    """Write the asked-for images (one that is None is skipped) of every view."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
 
     pose = camera_to_world[view]
     seen = look(scene, camera.near, camera.far, pose, worlds, view, pixel_ray(camera, y, x), True, cull_backfaces)
-    write(scene, pose, worlds, seen, view, y, x, depth_out, points_out, normals_out, labels_out, objects_out)
+    write(scene, pose, worlds, seen, view, y, x, images_out)
 
 
 @wp.kernel(cuda_max_registers=CUDA_REGISTERS)
@@ -379,11 +372,7 @@ def cast_rays_at(
     pixels_in: wp.array3d[wp.vec2],
     cull_backfaces: bool,
     # Out:
-    depth_out: wp.array3d[float],
-    points_out: wp.array3d[wp.vec3],
-    normals_out: wp.array3d[wp.vec3],
-    labels_out: wp.array3d[wp.uint8],
-    objects_out: wp.array3d[wp.int32],
+    images_out: Images,
 ):
     """The same through any points of the image; all arrays are (view, 1, point). Outside the image nothing is seen."""
     view, row, point = wp.tid()
@@ -395,4 +384,4 @@ def cast_rays_at(
     seen = nothing()
     if at[0] >= 0.0 and at[0] < camera.width and at[1] >= 0.0 and at[1] < camera.height:
         seen = look(scene, camera.near, camera.far, pose, worlds, view, image_ray(camera, at), True, cull_backfaces)
-    write(scene, pose, worlds, seen, view, row, point, depth_out, points_out, normals_out, labels_out, objects_out)
+    write(scene, pose, worlds, seen, view, row, point, images_out)

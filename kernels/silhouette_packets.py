@@ -34,7 +34,7 @@ shape.far = __builtin_inff();
 shape.poses = (const float*)camera_to_world.data;
 const Survey survey = {chosen.index.shape[0], chosen.index.data, scene.object_count,
                        {canvas.x0, canvas.y0, canvas.x1, canvas.y1}, canvas.seen_only != 0,
-                       camera.near, camera.far, seen.objects.data, seen.depth.data, seen.delta,
+                       camera.near, camera.far, seen.segmentation.data, seen.depth.data, seen.delta,
                        (char*)counts.data, counts.strides[0], counts.strides[1], hidden_by.data, masks.data};
 const int worker = __atomic_fetch_add(job.counter.data + Packets::entered, 1, __ATOMIC_SEQ_CST);
 float* scratch = (float*)((char*)job.scratch.data + (long long)worker * job.scratch.strides[0]);

@@ -66,7 +66,7 @@ class Chosen:
 class Comparison:
     """What silhouettes are compared with: images of all objects together, of the depth range from 0 to infinity."""
 
-    objects: wp.array3d[wp.int32]
+    segmentation: wp.array3d[wp.int32]
     """(view, y, x): object that is seen, -1 for none."""
     depth: wp.array3d[float]
     """(view, y, x) [m]; None where `delta` is 0."""
@@ -274,7 +274,7 @@ def measure_silhouettes(
         if not is_in_image:
             continue
         found.image += 1
-        shown = seen.objects[view, y, x]
+        shown = seen.segmentation[view, y, x]
         is_visible = shown == index
         if not is_visible and seen.depth:
             behind = (z - seen.depth[view, y, x]) * float(wp.length(ray))

@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Both casters against the float64 reference: exactness, ranges, and no leak through edges or vertices."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 import trimesh
@@ -229,3 +232,27 @@ def test_objects_added_later_are_seen(device, caster):
     assert renderer.render(pose).objects.numpy()[0, 45, 60] == 0
     scene.add(trimesh.creation.box((1, 1, 1)), name="near", pose=(3, 0, 0, 0, 0, 0, 1))
     assert renderer.render(pose).objects.numpy()[0, 45, 60] == 1
+
+
+@pytest.mark.parametrize("at_points", [False, True])
+def test_a_renderer_lets_go_of_what_the_caller_drops(at_points, device, caster):
+    """Its packed launch keeps neither the last images alive, nor the worlds and pixels they were made of."""
+    scene = wv.Scene(device=device)
+    scene.add(trimesh.creation.box((1, 1, 1)), name="box", pose=(2, 0, 0, 0, 0, 0, 1), movable=True)
+    renderer = wv.Renderer(scene, SMALL, outputs=ALL, caster=caster)
+    poses = np.array([[0, 0, 0, -0.5, 0.5, -0.5, 0.5]], dtype=np.float32)
+    placed = wp.array([[[2, 0, 0, 0, 0, 0, 1]]], dtype=wp.transform, device=device)
+    if at_points:
+        pixels = wp.array([[[60, 45], [3, 4]]], dtype=wp.vec2, device=device)
+        views = renderer.render_at(poses, pixels, object_poses=placed)
+        given = [pixels, placed]
+    else:
+        views = renderer.render(poses, object_poses=placed)
+        given = [placed]
+    watched = [weakref.ref(array) for array in (*given, *(getattr(views, name) for name in ALL))]
+    assert np.isfinite(views.depth.numpy()).any()
+    del views, placed, given
+    if at_points:
+        del pixels
+    gc.collect()
+    assert [reference() for reference in watched] == [None] * len(watched)

@@ -62,12 +62,10 @@ def test_only_outputs_are_written(node, source):
     for statement in ast.walk(node):
         targets = statement.targets if isinstance(statement, ast.Assign) else [getattr(statement, "target", None)]
         for target in targets:
-            if (
-                isinstance(target, ast.Subscript)
-                and isinstance(target.value, ast.Name)
-                and target.value.id in parameters
-            ):
-                assert target.value.id.endswith("_out")
+            if isinstance(target, ast.Subscript):
+                owner = target.value.value if isinstance(target.value, ast.Attribute) else target.value
+                if isinstance(owner, ast.Name) and owner.id in parameters:
+                    assert owner.id.endswith("_out")
 
 
 @pytest.mark.parametrize(("node", "source"), KERNELS)

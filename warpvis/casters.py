@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,16 +13,18 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.camera import Camera
+from warpvis.kernels.constants import COUNTER_FINISHED, JOB_COUNTERS, POSE_WORDS, TILE_SIDE
 from warpvis.pose import Convention, host_poses, parse_poses
 from warpvis.scene import Scene
 from warpvis.threads import launch_images, load_module, run_together
 
 # A strip is a thread's part of the rows that are left, divided by this.
 _SHARES_PER_THREAD = 2
-TILE = 16
+TILE = TILE_SIDE
+# Of `warpvis.kernels.packets.cast_packets`.
+_ARGUMENTS = ("scene", "job", "poses", "worlds", "images")
 VISIT_WORDS = 6
 NOTE_WORDS = 58 + VISIT_WORDS + 1  # of a movable object: its frame, its visit, and its place in their order
-FINISHED = 2  # of a job's counters
 
 
 class RaysCaster:
@@ -39,7 +42,7 @@ class RaysCaster:
         return parse_poses(poses, convention=convention, device=self._scene.device)
 
     def cast(self, poses: wp.array, worlds: Any, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels and objects of all poses; None is not made."""
+        """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
         from warpvis.kernels.rays import cast_rays
 
         self._launch(cast_rays, (len(poses), self._camera.height, self._camera.width), poses, [worlds], images)
@@ -58,27 +61,38 @@ class RaysCaster:
         others: list[Any],
         images: list[wp.array | None],
     ) -> None:
-        triangles, camera = self._scene.triangles(), self._camera.device_struct()
+        triangles, camera, outputs = self._scene.triangles(), self._camera.device_struct(), images_struct(images)
         launch_images(
             kernel,
             shape,
-            lambda window: [triangles.struct, camera, poses, window, *others, self._cull_backfaces, *images],
+            lambda window: [triangles.struct, camera, poses, window, *others, self._cull_backfaces, outputs],
             device=self._scene.device,
             threads=self._threads,
         )
 
 
 @dataclass
-class _Workplace:
-    """What one call at a time works with: the job as kernels take it, and the memory it refers to."""
+class _Workspace:
+    """What one call at a time works with: the job as kernels take it, the memory it refers to, and a packed launch.
+
+    To pack a launch takes longer than many a strip: what stays the same from call to call stays packed.
+    """
 
     key: tuple[int, ...]
     job: Any
     counter: np.ndarray
     poses: wp.array
     pose_rows: np.ndarray
-    arguments: list[Any]
-    launch: Any = None
+    launch: Any
+    packed: dict[str, Any]
+    """The arguments that may change, by name, as they are packed now."""
+
+    def pack(self, **arguments: Any) -> None:
+        """Put arguments into the launch."""
+        for name, value in arguments.items():
+            if value is not self.packed[name]:
+                self.launch.set_param_at_index(_ARGUMENTS.index(name), value)
+                self.packed[name] = value
 
 
 class PacketsCaster:
@@ -90,7 +104,7 @@ class PacketsCaster:
         self._camera = camera
         self._cull_backfaces = cull_backfaces
         self._threads = threads
-        self._idle: list[_Workplace] = []
+        self._idle: list[_Workspace] = []
         self._loaded = False
 
     def parse_poses(self, poses: Any, convention: Convention) -> np.ndarray:
@@ -98,7 +112,7 @@ class PacketsCaster:
         return host_poses(poses, convention=convention)
 
     def cast(self, poses: np.ndarray, worlds: Any, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels and objects of all poses; None is not made."""
+        """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
         self._run(poses, worlds, None, images)
 
     def cast_at(self, poses: np.ndarray, worlds: Any, pixels: wp.array, images: list[wp.array | None]) -> None:
@@ -117,44 +131,41 @@ class PacketsCaster:
             self._loaded = True
         clusters = self._scene.clusters()
         points = 0 if pixels is None else pixels.shape[2]
-        place = self._take(views, clusters.depth, clusters.struct.movable_count, points)
-        workers = min(self._threads, views * place.job.strips)
-        place.counter[:] = 0
-        place.pose_rows[:] = poses
+        space = self._take(views, clusters.depth, clusters.struct.movable_count, points)
+        workers = min(self._threads, views * space.job.strips)
+        space.counter[:] = 0
+        space.pose_rows[:] = poses
         if pixels is not None:
-            place.job.at = pixels.flatten().view(wp.float32).flatten()
-        arguments = [clusters.struct, place.job, place.poses, worlds, *images]
-        self._pack(packets.cast_packets, place, arguments, pixels is not None)
-        run_together(place.launch.launch, workers, lambda: bool(place.counter[FINISHED] == workers))
-        self._idle.append(place)
+            space.job.at = pixels.flatten().view(wp.float32).flatten()
+            space.launch.set_param_at_index(_ARGUMENTS.index("job"), space.job)
+        space.pack(scene=clusters.struct, worlds=worlds, images=images_struct(images))
+        run_together(space.launch.launch, workers, lambda: bool(space.counter[COUNTER_FINISHED] == workers))
+        # What the caller drops must not live on here.
+        space.job.at = None
+        space.pack(worlds=packets.NO_WORLDS, images=packets.NO_IMAGES)
+        self._idle.append(space)
 
-    @staticmethod
-    def _pack(kernel: Any, place: _Workplace, arguments: list[Any], job_changed: bool) -> None:
-        """Make a launch of the arguments. It takes longer than many a strip: those of the last time stay packed."""
-        if place.launch is None:
-            place.launch = wp.launch(kernel, dim=1, inputs=arguments, device="cpu", record_cmd=True)
-        else:
-            for index, (value, last) in enumerate(zip(arguments, place.arguments, strict=True)):
-                if value is not last or (value is place.job and job_changed):
-                    place.launch.set_param_at_index(index, value)
-        place.arguments = arguments
-
-    def _take(self, *key: int) -> _Workplace:
-        """A workplace that nobody uses, for numbers of views, levels of the trees, movable objects, and points.
+    def _take(self, *key: int) -> _Workspace:
+        """A workspace that nobody uses, for numbers of views, levels of the trees, movable objects, and points.
 
         Callers on several threads each have their own.
         """
+        from warpvis.kernels import packets
+
         while self._idle:
             try:
-                place = self._idle.pop()
+                space = self._idle.pop()
             except IndexError:  # another thread was quicker
                 break
-            if place.key == key:
-                return place
+            if space.key == key:
+                return space
         job, counter = self._make_job(*key)
-        rows = np.empty((key[0], 7), dtype=np.float32)
+        rows = np.empty((key[0], POSE_WORDS), dtype=np.float32)
         poses = wp.array(rows, dtype=wp.transform, device="cpu", copy=False)
-        return _Workplace(key, job, counter, poses, rows, [])
+        changing = {"scene": packets.NO_SCENE, "worlds": packets.NO_WORLDS, "images": packets.NO_IMAGES}
+        inputs = [changing["scene"], job, poses, changing["worlds"], changing["images"]]
+        launch = wp.launch(packets.cast_packets, dim=1, inputs=inputs, device="cpu", record_cmd=True)
+        return _Workspace(key, job, counter, poses, rows, launch, changing)
 
     def _make_job(self, views: int, depth: int, movables: int, points: int) -> tuple[Any, np.ndarray]:
         from warpvis.kernels.packets import PacketJob
@@ -169,7 +180,7 @@ class PacketsCaster:
         job.center_x, job.center_y = camera.cx, camera.cy
         job.near, job.far = camera.near, camera.far
         job.cull_backfaces = int(self._cull_backfaces)
-        counter = np.zeros(3, dtype=np.int32)
+        counter = np.zeros(JOB_COUNTERS, dtype=np.int32)
         job.counter = wp.array(counter, dtype=wp.int32, device="cpu", copy=False)
         tiles_x, tiles_y = -(-camera.width // TILE), -(-job.most_rows // TILE)
         # As `Scratch` in kernels/native/packets.h carves it: w and id of every pixel, what is known of blocks and
@@ -182,6 +193,17 @@ class PacketsCaster:
         job.points = points
         job.scratch = wp.zeros((self._threads, words), dtype=wp.float32, device="cpu")
         return job, counter
+
+
+def images_struct(images: Sequence[wp.array | None]) -> Any:
+    """The `warpvis.kernels.images.Images` of depth, points, normals, labels and segmentation; None is not made."""
+    from warpvis.kernels.images import NAMES, Images
+
+    struct = Images()
+    for name, image in zip(NAMES, images, strict=True):
+        if image is not None:
+            setattr(struct, name, image)
+    return struct
 
 
 def split_rows(views: int, height: int, threads: int, *, equal: bool = False) -> NDArray[np.int32]:

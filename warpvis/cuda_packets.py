@@ -9,7 +9,7 @@ from typing import Any
 
 import warp as wp
 
-from warpvis.casters import RaysCaster
+from warpvis.casters import RaysCaster, images_struct
 
 _WARP = 32
 
@@ -18,7 +18,7 @@ class CudaPacketsCaster(RaysCaster):
     """A warp a packet; points of the image are cast as rays."""
 
     def cast(self, poses: wp.array, worlds: Any, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels and objects of all poses; None is not made."""
+        """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
         views, device = len(poses), self._scene.device
         if views == 0:
             return
@@ -28,10 +28,11 @@ class CudaPacketsCaster(RaysCaster):
         large_packets = (12 if clusters.moves_solids_only else 32) if moving else 64
         side = packet_side(views, camera.width, camera.height, device.sm_count, large_packets)
         with_id = any(image is not None for image in of_triangles)
+        lens, outputs = camera.device_struct(), images_struct(images)
         wp.launch(
             _kernel(side, with_id, moving),
             dim=(views, -(-camera.height // side), -(-camera.width // side), _WARP),
-            inputs=[clusters.struct, camera.device_struct(), poses, worlds, self._cull_backfaces, *images],
+            inputs=[clusters.struct, lens, poses, worlds, self._cull_backfaces, outputs],
             device=device,
             block_dim=_WARP,
         )

@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from warpvis.casters import images_struct
 from warpvis.errors import ArrayError, CameraError
 from warpvis.pose import Convention, parse_poses
 from warpvis.renderer import OUTPUTS, Output, Views, views_for
@@ -90,12 +91,12 @@ def render_wide(
     threads = check_threads(threads)
     shape = (len(poses), camera.height, camera.width)
     views = views_for(names, shape, scene.device)
-    images = [getattr(views, name) for name in OUTPUTS]
+    images = images_struct([getattr(views, name) for name in OUTPUTS])
     triangles = scene.triangles()
     launch_images(
         cast_wide_rays,
         shape,
-        lambda window: [triangles.struct, camera, poses, window, worlds, bool(cull_backfaces), *images],
+        lambda window: [triangles.struct, camera, poses, window, worlds, bool(cull_backfaces), images],
         device=scene.device,
         threads=threads,
     )

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from warpvis.arrays import aligned_empty
 from warpvis.camera import Camera
-from warpvis.casters import FINISHED, NOTE_WORDS, TILE, VISIT_WORDS
+from warpvis.casters import NOTE_WORDS, TILE, VISIT_WORDS
 from warpvis.geometry import Clusters
+from warpvis.kernels.constants import COUNTER_FINISHED, JOB_COUNTERS
 from warpvis.scene import Scene
 from warpvis.threads import load_module, run_together
 
@@ -104,7 +105,7 @@ def judge_by_packets(
     lens = camera.device_struct()
     inputs = [clusters.struct, lens, rows, place.job, worlds, points, tolerance, status, occluders]
     launch = wp.launch(judge_points_packets, dim=1, inputs=inputs, device="cpu", record_cmd=True)
-    run_together(launch.launch, layout.workers, lambda: bool(place.counter[FINISHED] == layout.workers))
+    run_together(launch.launch, layout.workers, lambda: bool(place.counter[COUNTER_FINISHED] == layout.workers))
     if len(clusters.idle) < _KEPT:
         clusters.idle.append(place)
 
@@ -148,7 +149,7 @@ def _take(clusters: Clusters, layout: _Layout) -> _Workplace:
 def _make(clusters: Clusters, layout: _Layout) -> _Workplace:
     from warpvis.kernels.point_packets import CHUNK, PointJob
 
-    job, counter = PointJob(), np.zeros(4, dtype=np.int32)
+    job, counter = PointJob(), np.zeros(JOB_COUNTERS, dtype=np.int32)
     job.scale, job.batch, job.strip_tiles = layout.scale, layout.batch, layout.strip_tiles
     job.whole, job.with_id, job.lanes = int(layout.whole), int(layout.with_id), layout.lanes
     # As `Desk` in kernels/native/points.h carves it: where rows of spots end, spots, and lanes.

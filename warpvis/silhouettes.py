@@ -11,7 +11,8 @@ import numpy as np
 import warp as wp
 
 from warpvis.camera import Camera
-from warpvis.casters import FINISHED, NOTE_WORDS, TILE, VISIT_WORDS
+from warpvis.casters import NOTE_WORDS, TILE, VISIT_WORDS
+from warpvis.kernels.constants import COUNTER_FINISHED, JOB_COUNTERS
 from warpvis.renderer import Views
 from warpvis.scene import Scene
 from warpvis.threads import launch_images, launch_small, load_module, run_together
@@ -78,7 +79,7 @@ class Surveyor:
         from warpvis.kernels.silhouettes import Comparison
 
         compared = Comparison()
-        compared.objects, compared.depth, compared.delta = seen.objects, seen.depth, self._delta
+        compared.segmentation, compared.depth, compared.delta = seen.objects, seen.depth, self._delta
         worlds = self._spread(worlds)
         outputs = [counts, hidden_by, masks]
         if self._packets:
@@ -129,13 +130,13 @@ class Surveyor:
 
         load_module(measure_silhouettes_packets)
         workers = min(self._threads, len(poses) * len(self._chosen.index))
-        counter, job = np.zeros(3, dtype=np.int32), SurveyJob()
+        counter, job = np.zeros(JOB_COUNTERS, dtype=np.int32), SurveyJob()
         job.counter = wp.array(counter, dtype=wp.int32, device="cpu", copy=False)
         job.scratch = wp.zeros((workers, self._words), dtype=wp.float32, device="cpu")
         scene, camera = self._apart.clusters().struct, self._camera.device_struct()
         arguments = [scene, self._chosen, camera, poses, job, self._canvas, worlds, compared, *outputs]
         launch = wp.launch(measure_silhouettes_packets, dim=1, inputs=arguments, device="cpu", record_cmd=True)
-        run_together(launch.launch, workers, lambda: bool(counter[FINISHED] == workers))
+        run_together(launch.launch, workers, lambda: bool(counter[COUNTER_FINISHED] == workers))
 
 
 def _columns(scene: Scene) -> np.ndarray:

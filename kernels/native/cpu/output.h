@@ -3,15 +3,6 @@
 //
 // From w and id of every pixel to depth, points, normals, labels and objects, each written once.
 
-struct Outputs {
-    float* depth;  // [view][y][x], and so the others; null where nobody asks
-    float* points;  // xyz
-    float* normals;  // xyz
-    unsigned char* labels;
-    int* objects;
-    const unsigned char* object_label;
-};
-
 struct Job {
     int views, height, width;
     int strips;  // of a view
@@ -153,7 +144,7 @@ struct Strip {
 
     // Write sixteen pixels of a row, once, to each image that was asked for.
     static inline void write_row(Lookup& lookup, const Eye& eye, const Rays& rays, const Image& image, const Job& job,
-                                 const Outputs& out, long long view, int x, int y, Floats w, Ints id, bool owner_id) {
+                                 const Images& out, long long view, int x, int y, Floats w, Ints id, bool owner_id) {
         const Floats column = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
         const int count = image.width - x < 16 ? image.width - x : 16;
         const long long at = (view * job.height + image.first_row + y) * job.width + x;
@@ -173,16 +164,16 @@ struct Strip {
             const double u = x + 0.5 - job.center[0], v = y + image.first_row + 0.5 - job.center[1];
             Write::row(out.normals + at * 3, normals(lookup, id, seen, u, v), count);
         }
-        if (!(out.objects || out.labels)) return;
+        if (!(out.segmentation || out.labels)) return;
         const Ints object = objects(lookup, id, seen, owner_id);
-        if (out.objects) Write::row(out.objects + at, object, count);
+        if (out.segmentation) Write::row(out.segmentation + at, object, count);
         if (out.labels) labels(out.labels + at, out.object_label, object, count);
     }
 
     // Four rows of pixels, out of a row of blocks, which are left empty. They wait in memory that stays in cache, so
     // that the images are written from beginning to end: four places at a time are twice as slow.
     static inline void write(Lookup& lookup, const Eye& eye, const Rays& rays, const Image& image, const Job& job,
-                             const Outputs& out, long long view, bool with_id, bool owner_id) {
+                             const Images& out, long long view, bool with_id, bool owner_id) {
         const int stride = image.tiles_x * 16;
         for (int y = 0; y < image.height; y += 4) {
             for (int x = 0; x < image.width; x += 16) {

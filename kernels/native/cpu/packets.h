@@ -78,7 +78,7 @@ struct Notes {
 };
 
 struct Packets {
-    static inline void unit(const Tree& tree, const Movables& movables, const Job& job, const Outputs& out,
+    static inline void unit(const Tree& tree, const Movables& movables, const Job& job, const Images& out,
                             float* scratch, int unit, bool with_id, bool owner_id) {
         const int view = unit / job.strips;
         float* rest;
@@ -101,7 +101,7 @@ struct Packets {
                   owner_id);
     }
 
-    static inline void write(Lookup lookup, const Eye& eye, const Image& image, const Job& job, const Outputs& out,
+    static inline void write(Lookup lookup, const Eye& eye, const Image& image, const Job& job, const Images& out,
                              int view, bool with_id, bool owner_id) {
         if (job.points)
             Sparse::write(lookup, eye, View::rays(eye), image, job, out, view, owner_id);
@@ -188,11 +188,11 @@ struct Packets {
     }
 
     // Take units of work, strips of views, until none are left; other threads take from the same counter.
-    static inline void run(const Tree& tree, const Movables& movables, const Job& job, const Outputs& out,
+    static inline void run(const Tree& tree, const Movables& movables, const Job& job, const Images& out,
                            float* scratch, int* counter) {
         const int units = job.views * job.strips;
         const bool owner_id = !out.normals;
-        const bool with_id = out.normals || out.objects || out.labels || job.points;
+        const bool with_id = out.normals || out.segmentation || out.labels || job.points;
         for (;;) {
             const int next = __atomic_fetch_add(counter + next_unit, 1, __ATOMIC_RELAXED);
             if (next >= units) break;

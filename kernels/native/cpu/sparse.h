@@ -157,7 +157,7 @@ struct Sparse {
 
     // Each point's results, to its place among the view's.
     static inline void write(Lookup& lookup, const Eye& eye, const Rays& rays, const Image& image, const Job& job,
-                             const Outputs& out, long long view, bool owner_id) {
+                             const Images& out, long long view, bool owner_id) {
         const int lanes = image.first_packet[image.tiles_x * image.tiles_y * 16] * 16;
         for (int i = 0; i < lanes; ++i)
             if (image.point_index[i] >= 0)
@@ -185,7 +185,7 @@ struct Sparse {
         }
     }
 
-    static inline void write_point(Lookup& lookup, const Eye& eye, const Rays& rays, const Job& job, const Outputs& out,
+    static inline void write_point(Lookup& lookup, const Eye& eye, const Rays& rays, const Job& job, const Images& out,
                                    long long place, float w, int id, float u, float v, bool owner_id) {
         const float z = 1.0f / w, nothing = __builtin_nanf("");
         const bool near = w > 0.0f && z < job.near, seen = w > 0.0f && !near && z <= job.far;
@@ -199,7 +199,7 @@ struct Sparse {
             for (int c = 0; c < 3; ++c) out.normals[place * 3 + c] = normal[c];
         }
         const int object = !seen ? -1 : owner_id ? id : lookup.object_of(id);
-        if (out.objects) out.objects[place] = object;
+        if (out.segmentation) out.segmentation[place] = object;
         if (out.labels) out.labels[place] = object < 0 ? 0 : out.object_label[object];
     }
 };

@@ -3,52 +3,6 @@
 //
 // Objects that move: where they are in a view's world, and which of them a triangle belongs to.
 
-struct Pose {
-    double position[3];
-    double axis[3][3];  // right, down, forward of a camera, or x, y, z of an object, in the world
-
-    // From x y z qx qy qz qw.
-    static inline Pose from(const float* row) {
-        Pose pose;
-        double q[4];
-        double length = 0;
-        for (int k = 0; k < 4; ++k) length += (double)row[3 + k] * row[3 + k];
-        length = 1.0 / __builtin_sqrt(length);
-        for (int k = 0; k < 4; ++k) q[k] = row[3 + k] * length;
-        for (int k = 0; k < 3; ++k) pose.position[k] = row[k];
-        const double x = q[0], y = q[1], z = q[2], w = q[3];
-        const double axis[3][3] = {{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)},
-                                   {2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)},
-                                   {2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)}};
-        for (int i = 0; i < 3; ++i)
-            for (int k = 0; k < 3; ++k) pose.axis[i][k] = axis[i][k];
-        return pose;
-    }
-
-    // A direction of the world, along this pose's axes.
-    inline void turn_into(const double* direction, double* turned) const {
-        for (int k = 0; k < 3; ++k)
-            turned[k] = axis[k][0] * direction[0] + axis[k][1] * direction[1] + axis[k][2] * direction[2];
-    }
-    // A place of the world, in this pose's frame.
-    inline void move_into(const double* place, double* moved) const {
-        const double from_here[3] = {place[0] - position[0], place[1] - position[1], place[2] - position[2]};
-        turn_into(from_here, moved);
-    }
-    // This pose in the frame of an object at a place.
-    inline Pose seen_from(const Pose& place) const {
-        Pose seen;
-        place.move_into(position, seen.position);
-        for (int i = 0; i < 3; ++i) place.turn_into(axis[i], seen.axis[i]);
-        return seen;
-    }
-    inline bool inside(const float* box) const {
-        bool inside = true;
-        for (int k = 0; k < 3; ++k) inside &= position[k] >= box[k] && position[k] <= box[3 + k];
-        return inside;
-    }
-};
-
 // A tree to draw, what stays where it is or one object that moves, and whose its triangles are.
 struct Piece {
     int root;

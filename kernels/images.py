@@ -1,0 +1,25 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The images that casters write, which travel together."""
+
+import warp as wp
+
+
+@wp.struct
+class Images:
+    """What is seen of every view, ``[view, y, x]``; None where nobody asks."""
+
+    depth: wp.array3d[float]
+    points: wp.array3d[wp.vec3]
+    normals: wp.array3d[wp.vec3]
+    labels: wp.array3d[wp.uint8]
+    segmentation: wp.array3d[wp.int32]
+
+
+NAMES = ("depth", "points", "normals", "labels", "segmentation")
+
+NATIVE_IMAGES = """
+const Images out = {images.depth.data, (float*)images.points.data, (float*)images.normals.data, images.labels.data,
+                    images.segmentation.data, scene.object_label.data};
+"""
+"""The struct of ``native/shared/images.h`` of `Images` named ``images`` and of a scene named ``scene``."""
