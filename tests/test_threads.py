@@ -2,8 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """CPU threads: pieces cover every pixel once, callers on several threads are safe, forked children work."""
 
+import gc
 import multiprocessing
 import os
+import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -12,7 +15,8 @@ import warp as wp
 
 import warpvis as wv
 from warpvis import scenes
-from warpvis.threads import _split, core_count
+from warpvis.threads import _forget_pool as forget_pool
+from warpvis.threads import _split, core_count, run_each
 
 
 @pytest.mark.parametrize("shape", [(1, 1, 1), (1, 480, 640), (7, 240, 320), (64, 48, 64), (1000, 5, 7), (3, 1000, 2)])
@@ -65,3 +69,56 @@ def test_a_forked_child_renders():
     assert queue.get(timeout=60) == labels.numpy().sum()
     child.join(10)
     assert child.exitcode == 0
+
+
+def pool_threads():
+    return [thread for thread in threading.enumerate() if thread.name.startswith("warpvis")]
+
+
+def test_there_is_one_pool_as_large_as_the_most_that_was_asked_for():
+    """Not one for every number of threads; nor does one that was outgrown keep its threads."""
+    forget_pool()
+    for threads in (2, 3, 4, 5, 6, 9, 3, 2):
+        together = threading.Barrier(threads, timeout=20)
+        run_each(lambda _, together=together: together.wait(), range(threads), threads)
+    gc.collect()
+    deadline = time.monotonic() + 20  # the threads of smaller pools end by themselves
+    while len(pool_threads()) > 8 and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert len(pool_threads()) == 8  # and the caller is the ninth
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_no_more_threads_work_than_were_asked_for(threads):
+    """Whatever the pool holds by now."""
+    at_work, most, lock = [0], [0], threading.Lock()
+
+    def work(_):
+        with lock:
+            at_work[0] += 1
+            most[0] = max(most[0], at_work[0])
+        time.sleep(0.002)
+        with lock:
+            at_work[0] -= 1
+
+    run_each(lambda _: time.sleep(0.01), range(8), 8)
+    run_each(work, range(40), threads)
+    assert most[0] <= threads
+
+
+@pytest.mark.parametrize("threads", [1, 4])
+def test_an_error_comes_back_when_nobody_works_any_more(threads):
+    done, at_work = [], set()
+
+    def work(part):
+        if part == 3:
+            raise ValueError("part 3")
+        at_work.add(part)
+        time.sleep(0.005)
+        done.append(part)
+        at_work.remove(part)
+
+    with pytest.raises(ValueError, match="part 3"):
+        run_each(work, range(1000), threads)
+    assert not at_work
+    assert len(done) < 100

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from threading import Lock
 from typing import Any
 
@@ -24,8 +24,9 @@ _LEAST_PIXELS = 4096
 # 256 (H200, three scenes).
 _CUDA_BLOCK = 64
 
-_pools: dict[int, ThreadPoolExecutor] = {}
-_pools_lock = Lock()
+_pool: ThreadPoolExecutor | None = None
+_pool_size = 0
+_pool_lock = Lock()
 _load_lock = Lock()
 
 
@@ -108,12 +109,20 @@ def load_module(kernel: Any) -> None:
 
 
 def run_each(work: Callable[[Any], None], parts: Sequence[Any], threads: int) -> None:
-    """Call `work` for each part, on the pool's threads if there is more than one of both."""
-    if threads == 1 or len(parts) == 1:
-        for part in parts:
-            work(part)
-    else:
-        list(_pool(threads).map(work, parts))
+    """Call `work` for each part, on at most so many threads at a time: this one and the pool's."""
+    waiting, failures = iter(parts), []
+
+    def take_parts() -> None:
+        for part in waiting:
+            if failures:
+                return
+            try:
+                work(part)
+            except BaseException as error:
+                failures.append(error)
+                raise
+
+    run_together(take_parts, min(threads, len(parts)), lambda: False)
 
 
 def run_together(work: Callable[[], None], workers: int, all_finished: Callable[[], bool]) -> None:
@@ -125,13 +134,23 @@ def run_together(work: Callable[[], None], workers: int, all_finished: Callable[
         all_finished: Whether every call is known to have done its work: then nobody waits for its thread to say so,
             which takes longer than many a frame.
     """
-    others = [_pool(workers - 1).submit(work) for _ in range(1, workers)]
-    work()
-    if all_finished():
+    if workers < 1:
         return
-    for other in others:
-        if not other.cancel():
-            other.result()
+    others = _submit(work, workers - 1)
+    try:
+        work()
+        if all_finished():
+            return
+    except BaseException:
+        wait(_begun(others))  # they write to what the caller takes back now
+        raise
+    for other in _begun(others):
+        other.result()
+
+
+def _begun(futures: list[Future[None]]) -> list[Future[None]]:
+    """Those that could not be cancelled."""
+    return [future for future in futures if not future.cancel()]
 
 
 def check_threads(threads: int | None) -> int:
@@ -161,19 +180,26 @@ def _window(view: int, row: int) -> Window:
     return window
 
 
-def _pool(threads: int) -> ThreadPoolExecutor:
-    with _pools_lock:
-        if threads not in _pools:
-            _pools[threads] = ThreadPoolExecutor(threads, thread_name_prefix="warpvis")
-        return _pools[threads]
+def _submit(work: Callable[[], None], count: int) -> list[Future[None]]:
+    """Hand `work` to so many threads of the one pool, which is as large as the most that were ever asked for.
+
+    A pool that has become too small is dropped: its threads end when the calls that still use it do.
+    """
+    global _pool, _pool_size
+    if count == 0:
+        return []
+    with _pool_lock:
+        if _pool is None or _pool_size < count:
+            _pool, _pool_size = ThreadPoolExecutor(count, thread_name_prefix="warpvis"), count
+        pool = _pool
+    return [pool.submit(work) for _ in range(count)]
 
 
-def _forget_pools() -> None:
+def _forget_pool() -> None:
     """A forked child has the pool's object but none of its threads."""
-    global _pools_lock, _load_lock
-    _pools.clear()
-    _pools_lock, _load_lock = Lock(), Lock()
+    global _pool, _pool_lock, _load_lock
+    _pool, _pool_lock, _load_lock = None, Lock(), Lock()
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_forget_pools)
+    os.register_at_fork(after_in_child=_forget_pool)
