@@ -25,9 +25,9 @@ from typing import Any
 import numpy as np
 
 import warpvis as wv
-from warpvis.batch.api import BatchSummary, render_batch
-from warpvis.batch.frame_renderer import ImageBuffers
-from warpvis.frames import Frames
+from warpvis.batch import BatchSummary, render_batch
+from warpvis.batch._frame_renderer import ImageBuffers
+from warpvis.core.frames import Frames
 from warpvis.scenes import PRESETS
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Visibility of a million points: `check_points` beside Open3D's `RaycastingScene.test_occlusions`, and right or wrong.
+"""Visibility of a million points: `point_visibility` and how many are wrong, beside Open3D's `test_occlusions`.
 
 ``python bench/bench_points.py`` lets both take turns on the CPU and says the median times, and then counts the points
 that embreex, and double precision, judge otherwise, on five scenes; and those where that is more than a micrometre.
@@ -19,13 +19,13 @@ from exact_points import MARGIN, hidden_points, is_sure
 from numpy.typing import NDArray
 
 import warpvis as wv
-from warpvis.threads import core_count
+from warpvis.core.threads import core_count
 
 CAMERA = wv.Camera.from_fov(640, 480, hfov=1.0)
 SCENE = "blobs_77k"
 POINTS = 1_000_000
 LEAST_TIMES = 5.0
-"""`check_points` is at least this many times as fast as Open3D where all points are in view."""
+"""`point_visibility` is at least this many times as fast as Open3D where all points are in view."""
 
 SCENES = ("room", "experiment_1", "experiment_3", "experiment_4", "blobs_77k")
 TOO_MANY = "blobs_1m"
@@ -72,14 +72,14 @@ def points_of(kind: str) -> NDArray[np.float32]:
     scene, everywhere = build(SCENE), random_points(build(SCENE), POINTS)
     if kind == "everywhere":
         return everywhere
-    seen = everywhere[in_view(wv.check_points(scene, CAMERA, pose_of(SCENE), everywhere).numpy()[0])]
+    seen = everywhere[in_view(wv.point_visibility(scene, CAMERA, pose_of(SCENE), everywhere).numpy()[0])]
     return np.resize(seen, (POINTS, 3))
 
 
 def check(kind: str, **options: Any) -> Callable[[], Any]:
     """The call to measure."""
     scene, pose, points = build(SCENE), pose_of(SCENE), points_of(kind)
-    return lambda: wv.check_points(scene, CAMERA, pose, points, **options)
+    return lambda: wv.point_visibility(scene, CAMERA, pose, points, **options)
 
 
 @pytest.mark.benchmark(group="points")
@@ -95,7 +95,7 @@ def test_many_views(benchmark, threads):
     """A hundred points in each of a thousand views."""
     poses, points = wv.scenes.PRESETS[SCENE].poses(1000), points_of("everywhere")[:100]
     run = (build(SCENE), CAMERA, poses, points)
-    benchmark.pedantic(wv.check_points, run, {"threads": threads}, rounds=5, warmup_rounds=1)
+    benchmark.pedantic(wv.point_visibility, run, {"threads": threads}, rounds=5, warmup_rounds=1)
     benchmark.extra_info["views"] = len(poses)
 
 
@@ -112,7 +112,7 @@ def open3d(points: NDArray[np.float32]) -> Callable[[], Any]:
 
 
 def compare(rounds: int) -> None:
-    """Print how long both take, and how many times as fast `check_points` is."""
+    """Print how long both take, and how many times as fast `point_visibility` is."""
     from timing import take_turns
 
     try:
@@ -168,7 +168,7 @@ def disagreements(name: str, judge: Callable[..., NDArray[np.bool_]]) -> tuple[i
     for view in range(VIEWS):
         pose = pose_of(name, view, VIEWS)
         for points, allowed in ((random, 0.0), (surface, 1e-4)):
-            status = wv.check_points(scene, CAMERA, pose, points, tolerance=allowed).numpy()[0]
+            status = wv.point_visibility(scene, CAMERA, pose, points, tolerance=allowed).numpy()[0]
             chosen, own = points[in_view(status)], status[in_view(status)] == wv.Visibility.OCCLUDED
             other = np.flatnonzero(own != judge(pose[0], chosen, np.full(len(chosen), allowed)))
             eye = pose[0, :3].astype(np.float64)

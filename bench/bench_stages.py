@@ -23,7 +23,9 @@ def count(per_thread, threads):
 
 
 @pytest.mark.benchmark(group="stages")
-@pytest.mark.parametrize("outputs", [("depth",), ("depth", "points", "labels", "objects")], ids=["depth", "default"])
+@pytest.mark.parametrize(
+    "outputs", [("depth",), ("depth", "points", "labels", "segmentation")], ids=["depth", "default"]
+)
 def test_cast(measure_casting, outputs):
     measure_casting(PRESET.name, outputs)
 
@@ -52,7 +54,7 @@ def test_classify(measure, images, threads):
 def test_visibility_map(measure, scene_of, images, threads):
     points, labels = (array[: count(40, threads)] for array in (images.points, images.labels))
     bounds = scene_of(PRESET.name).bounds
-    measure(lambda: wv.visibility_map(points, labels, bounds=bounds, threads=threads), len(points))
+    measure(lambda: wv.floor_map(points, labels, bounds=bounds, threads=threads), len(points))
 
 
 @pytest.mark.benchmark(group="whole path")
@@ -67,6 +69,6 @@ def test_experiment(measure, scene_of, threads, name):
     def call():
         renderer.render(poses, out=views)
         wv.classify(views.depth, preset.camera, poses, spheres=preset.spheres, threads=threads, out=labels)
-        wv.visibility_map(views.points, labels, bounds=scene.bounds, threads=threads)
+        wv.floor_map(views.points, labels, bounds=scene.bounds, threads=threads)
 
     measure(call, len(poses))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import warpvis as wv
-from warpvis.cluster_tree import build_cluster_tree
+from warpvis.scene._bvh import build_cluster_tree
 
 NAMES = ["experiment_3", "room", "blobs_77k", "blobs_1m"]
 

@@ -51,11 +51,11 @@ def compare_with_rendering(name: str, rounds: int, threads: int | None) -> None:
     scene, poses = PRESETS[name].build(), PRESETS[name].poses(VIEWS)
     chosen = things(scene)
     runs: dict[str, Callable[[], object]] = {}
-    for label, outputs in (("depth", ("depth",)), ("all four images", ("depth", "points", "labels", "objects"))):
+    for label, outputs in (("depth", ("depth",)), ("all four images", ("depth", "points", "labels", "segmentation"))):
         renderer = wv.Renderer(scene, CAMERA, outputs=outputs, threads=threads)
         views = renderer.render(poses)
         runs[f"render: {label}"] = lambda renderer=renderer, views=views: renderer.render(poses, out=views)
-    for delta in (0.0, wv.BOP_DELTA):
+    for delta in (0.0, wv.visibility.BOP_DELTA):
         runs[f"object_visibility, delta {delta:g} m"] = lambda delta=delta: wv.object_visibility(
             scene, CAMERA, poses, objects=chosen, delta=delta, threads=threads
         )
@@ -75,7 +75,7 @@ def check_fractions(name: str, delta: float) -> int:
     wide = replace(CAMERA, width=3 * width, height=3 * height, cx=CAMERA.cx + width, cy=CAMERA.cy + height)
     y, x = np.mgrid[:height, :width] + 0.5
     length = np.sqrt(((x - CAMERA.cx) / CAMERA.fx) ** 2 + ((y - CAMERA.cy) / CAMERA.fy) ** 2 + 1)
-    everything = wv.render(scene, CAMERA, poses, outputs=("depth", "objects"))
+    everything = wv.render(scene, CAMERA, poses, outputs=("depth", "segmentation"))
     distance = everything.depth.numpy() * length
     worst = 0
     for k, index in enumerate(chosen):
@@ -84,7 +84,7 @@ def check_fractions(name: str, delta: float) -> int:
         depth = wv.render(alone, wide, poses, outputs=("depth",)).depth.numpy()
         model = depth[:, height : 2 * height, width : 2 * width] * length
         with np.errstate(invalid="ignore"):
-            shown = model - distance <= delta if delta > 0 else everything.objects.numpy() == index
+            shown = model - distance <= delta if delta > 0 else everything.segmentation.numpy() == index
         visible = np.isfinite(model) & shown
         for counted, expected in (
             (got.silhouette_pixels, np.isfinite(depth).sum(axis=(1, 2))),
@@ -101,9 +101,11 @@ def time_best_views(name: str, objects: list[str], device: str, rounds: int) -> 
     camera = wv.Camera.from_fov(160, 120, hfov=0.994837, near=0.3, far=4.5)
     radius, headings = 2.5, 8
     step = radius * math.sqrt(math.pi / (1.02 * CANDIDATES / headings))
-    poses = wv.pose_grid((0, 0, 0), radius=radius, step=step, height=0.9, headings=headings, pitch=-0.2)[:CANDIDATES]
+    poses = wv.planning.pose_grid((0, 0, 0), radius=radius, step=step, height=0.9, headings=headings, pitch=-0.2)[
+        :CANDIDATES
+    ]
     assert len(poses) == CANDIDATES
-    runs = {"best_views": lambda: wv.best_views(scene, camera, poses, objects=objects)}
+    runs = {"best_views": lambda: wv.planning.best_views(scene, camera, poses, objects=objects)}
     return medians(runs, rounds)["best_views"]
 
 
@@ -124,7 +126,7 @@ def main() -> None:
         return
     for name in ("room", "blobs_77k"):
         compare_with_rendering(name, arguments.rounds, arguments.threads)
-        worst = max(check_fractions(name, delta) for delta in (0.0, wv.BOP_DELTA))
+        worst = max(check_fractions(name, delta) for delta in (0.0, wv.visibility.BOP_DELTA))
         print(f"  counts differ from BOP's by at most {worst} pixels an object, in {CHECKED_VIEWS} views")
 
 

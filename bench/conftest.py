@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import warpvis as wv
-from warpvis.threads import core_count
+from warpvis.core.threads import core_count
 
 ROUNDS = 7
 

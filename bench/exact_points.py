@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis import Camera
-from warpvis.pose import poses_to_matrices
+from warpvis.core.poses import poses_to_matrices
 
 MARGIN = 1e-6
 """Rays that pass by an edge this near, and points that are this near to being hidden, or seen [m]."""

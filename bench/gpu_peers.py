@@ -18,7 +18,7 @@ from gpu_work import Case, Method, Prepared, Subject
 from numpy.typing import NDArray
 
 import warpvis as wv
-from warpvis.pose import poses_to_opencv, quaternion_product
+from warpvis.core.poses import poses_to_opencv, quaternion_product
 
 BASELINE = "**warpvis**, depth"
 """The row that others are compared with."""
@@ -112,7 +112,9 @@ def methods() -> Iterator[Method]:
     yield Method("warpvis", BASELINE, "", warpvis, _OWN)
     yield Method("warpvis", "**warpvis** `rays`, depth", "", lambda case: warpvis(case, caster="rays"), _OWN)
     yield Method("warpvis", "**warpvis** `packets`, depth", "", lambda case: warpvis(case, caster="packets"), _OWN)
-    yield Method("warpvis", EVERYTHING, "", lambda case: warpvis(case, "depth", "points", "labels", "objects"), _OWN)
+    yield Method(
+        "warpvis", EVERYTHING, "", lambda case: warpvis(case, "depth", "points", "labels", "segmentation"), _OWN
+    )
     culled = f"{BASELINE}, back faces culled"
     yield Method("warpvis", culled, "", lambda case: warpvis(case, cull_backfaces=True), _OWN, culls=True)
     for constructor, block in (("sah", 64), ("sah", 128), ("cubql", 64)):

@@ -15,7 +15,7 @@ from gpu_timing import HostTimer, Timer, WarpTimer
 from numpy.typing import NDArray
 
 import warpvis as wv
-from warpvis.pose import poses_to_matrices
+from warpvis.core.poses import poses_to_matrices
 
 # Pixels that are compared with the reference's.
 _CHECKED_PIXELS = 600_000

@@ -24,7 +24,7 @@ from gpu_timing import WarpTimer
 from numpy.typing import NDArray
 
 from warpvis.mujoco import BatchRenderer
-from warpvis.mujoco.scene import DEFAULT_TOLERANCE
+from warpvis.mujoco._scene import DEFAULT_TOLERANCE
 
 _ROUNDS = 9
 _GROUPS = (0, 1, 2)

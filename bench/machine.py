@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from importlib import metadata
 from pathlib import Path
 
-from warpvis.threads import core_count
+from warpvis.core.threads import core_count
 
 
 def cpu_model() -> str:

@@ -15,7 +15,7 @@ from targets import NATIVE, compare_targets
 from timing import take_turns
 
 import warpvis as wv
-from warpvis.threads import core_count
+from warpvis.core.threads import core_count
 
 _BATCH = 64
 _BUILDS = 5

@@ -34,8 +34,8 @@ from numpy.typing import NDArray
 from timing import take_turns
 
 from warpvis.mujoco import Renderer, camera_from_mujoco
-from warpvis.mujoco.cameras import viewer_camera
-from warpvis.mujoco.scene import DEFAULT_GROUPS, DEFAULT_TOLERANCE
+from warpvis.mujoco._cameras import viewer_camera
+from warpvis.mujoco._scene import DEFAULT_GROUPS, DEFAULT_TOLERANCE
 
 _MODELS = (
     ("mujoco_warp", "test_data/aloha_pot/scene.xml"),

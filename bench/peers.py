@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import warpvis as wv
-from warpvis.pose import poses_to_matrices
-from warpvis.threads import core_count
+from warpvis.core.poses import poses_to_matrices
+from warpvis.core.threads import core_count
 
 Prepared = tuple[Callable[[], Any], Callable[[Any], NDArray]]
 """What is timed, and what makes depth images ``(V, H, W)`` of its result: planar, in metres, +inf where nothing is."""
@@ -279,7 +279,7 @@ METHODS = (
     Method(f"{BASELINE}, back faces culled", partial(warpvis, cull_backfaces=True), _OWN, culls=True),
     Method(
         f"{BASELINE}, points, labels and objects",
-        lambda work: warpvis(work, "depth", "points", "labels", "objects"),
+        lambda work: warpvis(work, "depth", "points", "labels", "segmentation"),
         _OWN,
     ),
     Method("**warpvis** `rays`, depth", partial(warpvis, caster="rays"), _OWN, most_views=16),

@@ -13,8 +13,8 @@ import mujoco  # noqa: TID253
 import trimesh
 
 import warpvis as wv
+from warpvis.core.poses import poses_to_matrices
 from warpvis.mujoco import camera_poses, geom_poses, scene_from_mujoco
-from warpvis.pose import poses_to_matrices
 
 file = importlib.resources.files("mujoco_warp") / "test_data" / "aloha_pot" / "scene.xml"
 model = mujoco.MjModel.from_xml_path(str(file))

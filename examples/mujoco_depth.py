@@ -38,7 +38,7 @@ print(f"the bob shows on {bob.sum()} pixels, {depth[bob].min():.3f} m away at th
 
 # The same model in 256 worlds, from both cameras: joint positions in, images out. On a GPU, device="cuda:0" takes the
 # arrays of MuJoCo Warp's data as they are.
-batch = BatchRenderer(model, 256, height=64, width=64, outputs=("depth", "objects"))
+batch = BatchRenderer(model, 256, height=64, width=64, outputs=("depth", "segmentation"))
 views = batch.render(np.linspace(-1, 1, 256)[:, None], cameras=["side", "top"])
 side, top = batch.geom_ids(views).numpy().reshape(2, 256, 64, 64) == model.geom("bob").id
 print(f"of {views.depth.shape[0]} views the bob shows in {side.any(axis=(1, 2)).sum() + top.any(axis=(1, 2)).sum()}")

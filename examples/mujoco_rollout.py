@@ -32,7 +32,7 @@ start[:, 1] = np.linspace(-1.5, 1.5, WORLDS)  # the state is time, position, vel
 states, _ = rollout.rollout(model, data, start, nstep=STEPS)  # (worlds, steps, state)
 some = states[:, ::10]
 
-batch = BatchRenderer(model, WORLDS * some.shape[1], height=64, width=64, outputs=("depth", "objects"))
+batch = BatchRenderer(model, WORLDS * some.shape[1], height=64, width=64, outputs=("depth", "segmentation"))
 views = batch.render(batch.kinematics.from_states(some), cameras="side")
 bob = batch.geom_ids(views).numpy().reshape(WORLDS, -1, 64, 64) == model.geom("bob").id
 columns = [[int(np.flatnonzero(image.any(axis=0)).mean()) for image in world] for world in bob]

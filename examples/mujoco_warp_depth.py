@@ -34,7 +34,7 @@ with wp.ScopedDevice(device):
     qpos[:, 2] = np.linspace(0.5, 2.0, WORLDS)  # dropped from different heights
     data.qpos.assign(qpos)
 
-    batch = BatchRenderer(model, WORLDS, height=64, width=64, outputs=("depth", "objects"), device=device)
+    batch = BatchRenderer(model, WORLDS, height=64, width=64, outputs=("depth", "segmentation"), device=device)
     mjw.step(m, data)
     views = batch.render(data, cameras="side")
 

@@ -10,9 +10,7 @@ import sys
 from importlib import resources
 
 import warpvis as wv
-from warpvis.webots.controller import DepthEye
-from warpvis.webots.devices import render_range
-from warpvis.webots.world import load_webots
+from warpvis.webots import DepthEye, load_webots, render_range
 
 BOUNDS = ((-2, -2), (2, 2))
 
@@ -25,7 +23,7 @@ except ImportError:
     depth = render_range(world, "range-finder", exclude_body=True)
     labels = wv.classify(depth, device.camera, device.pose)
     points = wv.back_project(depth, device.camera, device.pose)
-    floor = wv.visibility_map(points, labels, bounds=BOUNDS)
+    floor = wv.floor_map(points, labels, bounds=BOUNDS)
     print(f"no Webots here; of {path.name} the robot sees {floor.area(wv.Label.GROUND)[0]:.1f} m^2 of the floor")
     sys.exit()
 
@@ -36,5 +34,5 @@ range_finder.enable(step)
 eye = DepthEye(range_finder, node=robot.getFromDevice(range_finder))
 robot.step(step)
 while robot.step(step) != -1:
-    floor = eye.visibility_map(bounds=BOUNDS)
+    floor = eye.floor_map(bounds=BOUNDS)
     print(f"ground in view: {floor.area(wv.Label.GROUND)[0]:.2f} m^2")

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Numbers that C++ and Python share: made of native/shared/constants.h by scripts/generate_constants.py."""
 
-# Kinds of solids, whose true surface rays meet: `warpvis.solids.SolidKind`.
+# Kinds of solids, whose true surface rays meet: `warpvis.scene.solids.SolidKind`.
 SOLID_NONE = 0
 SOLID_BALL = 1
 SOLID_CYLINDER = 2

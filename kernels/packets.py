@@ -43,7 +43,7 @@ class ClusterScene:
     movable_first_id: wp.array[wp.int32]  # the number of its first triangle
     movable_closed: wp.array[wp.int32]
     movable_boxes: wp.array[float]  # in its frame, of its triangles
-    movable_solid: wp.array[wp.int32]  # a `warpvis.solids.SolidKind`
+    movable_solid: wp.array[wp.int32]  # a `warpvis.scene.solids.SolidKind`
     movable_size: wp.array[wp.vec4]  # of a solid: factors along x, y and z [m], and half length before them
 
 

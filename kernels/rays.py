@@ -40,7 +40,7 @@ class TriangleScene:
     movable_object: wp.array[wp.int32]  # -1 where it is of several
     movable_first_face: wp.array[wp.int32]  # where its triangles' objects begin, if it is of several
     movable_count: int
-    movable_solid: wp.array[wp.int32]  # a `warpvis.solids.SolidKind`
+    movable_solid: wp.array[wp.int32]  # a `warpvis.scene.solids.SolidKind`
     movable_size: wp.array[wp.vec4]  # of a solid: factors along x, y and z [m], and half length before them
     object_label: wp.array[wp.uint8]
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A cluster tree follows its vertices: corners of the leaves, and boxes from the leaves up; see `warpvis.refit`.
+"""A cluster tree follows its vertices: corners of the leaves, and boxes from the leaves up; see `warpvis.scene._refit`.
 
 A leaf or a node is one thread's work on the CPU, and a warp's on CUDA, where each lane of it takes a lane: `parts` says
 how many threads share one. Slots are places among a tree's children, ``node * lanes + lane``.

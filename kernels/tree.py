@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The cluster tree's builder, for the CPU: see ``native/tree.h`` and `warpvis.cluster_tree`.
+"""The cluster tree's builder, for the CPU: see ``native/tree.h`` and `warpvis.scene._bvh`.
 
 Items are 8 floats a triangle, and splits 4 numbers of 32 bits for every place where the items are split.
 """

@@ -12,7 +12,7 @@ OUTSIDE = wp.constant(wp.uint8(0))
 HIDDEN = wp.constant(wp.uint8(1))
 FREE = wp.constant(wp.uint8(2))
 SURFACE = wp.constant(wp.uint8(3))
-"""As in `warpvis.voxels.Voxel`."""
+"""As in `warpvis.maps.Voxel`."""
 
 OBSTACLE = wp.constant(wp.uint8(2))
 

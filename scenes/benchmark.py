@@ -8,9 +8,9 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from warpvis.camera import Camera
-from warpvis.labels import Label
-from warpvis.pose import look_at
+from warpvis.core.camera import Camera
+from warpvis.core.labels import Label
+from warpvis.core.poses import look_at
 from warpvis.scene import Scene
 from warpvis.scenes import shapes
 from warpvis.scenes.preset import ScenePreset

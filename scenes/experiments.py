@@ -14,15 +14,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.agents import Agent
-from warpvis.camera import Camera
-from warpvis.classification import Sphere
-from warpvis.labels import Label
-from warpvis.perspectives import State
-from warpvis.pose import look_at
+from warpvis.core.camera import Camera
+from warpvis.core.labels import Label
+from warpvis.core.poses import look_at
+from warpvis.maps import Sphere
 from warpvis.scene import Scene
 from warpvis.scenes import shapes
 from warpvis.scenes.preset import ScenePreset
+from warpvis.visibility import Agent, State
 
 FLOOR_SIZE = 4.0
 ROBOT_AT = (-1.8, 0.0)

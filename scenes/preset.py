@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.camera import Camera
+from warpvis.core.camera import Camera
 from warpvis.scene import Scene
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import trimesh
 
 import warpvis as wv
-from warpvis.batch.api import render_batch
-from warpvis.frames import Frames
+from warpvis.batch import render_batch
+from warpvis.core.frames import Frames
 
 CAMERA = wv.Camera.from_fov(32, 24, hfov=1.0, near=0.3, far=4.5)
 

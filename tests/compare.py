@@ -22,9 +22,9 @@ def assert_matches_reference(
     for view, pose in enumerate(poses):
         expected = reference.cast_rays(scene, camera, pose, cull_backfaces=cull_backfaces)
         wrong = wrong_depth(views.depth.numpy()[view], expected.depth)
-        if views.objects is not None:
+        if views.segmentation is not None:
             # Where two objects' surfaces coincide, either may be the one that is seen.
-            wrong |= (views.objects.numpy()[view] != expected.objects) & (expected.gap > 1e-5)
+            wrong |= (views.segmentation.numpy()[view] != expected.objects) & (expected.gap > 1e-5)
         assert wrong.mean() <= 1e-4, f"view {view}: {wrong.sum()} of {wrong.size} pixels differ"
         pixels = np.argwhere(wrong)
         if len(pixels):

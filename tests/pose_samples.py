@@ -4,8 +4,8 @@
 
 import numpy as np
 
-from warpvis.frames import Frames
-from warpvis.pose import poses_to_matrices
+from warpvis.core.frames import Frames
+from warpvis.core.poses import poses_to_matrices
 
 RNG = np.random.default_rng(0)
 TURNS = np.linalg.qr(RNG.normal(size=(6, 3, 3)))[0]

@@ -23,9 +23,10 @@ from reference_silhouettes import (  # noqa: F401
 )
 from reference_voxels import highest_labels, judge_voxels, mark_surface_points, merge_voxels  # noqa: F401
 
-from warpvis import Camera, Label, Scene, SceneObject, Sphere, Visibility
-from warpvis.pose import poses_to_matrices, quaternion_product
-from warpvis.solids import SolidKind
+from warpvis import Camera, Label, Scene, SceneObject, Visibility
+from warpvis.core.poses import poses_to_matrices, quaternion_product
+from warpvis.maps import Sphere
+from warpvis.scene.solids import SolidKind
 
 # Blocks that fit a core's cache.
 _TRIANGLES_AT_A_TIME = 64

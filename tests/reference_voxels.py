@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis import Camera, Label
-from warpvis.pose import poses_to_matrices
-from warpvis.voxels import Voxel
+from warpvis.core.poses import poses_to_matrices
+from warpvis.maps import Voxel
 
 
 def _shown(camera: Camera, depth: NDArray) -> NDArray[np.float64]:

@@ -8,18 +8,17 @@ import math
 import numpy as np
 import pytest
 import warp as wp
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 import warpvis as wv
-from warpvis.agents import Agent, Field
-from warpvis.pose import poses_to_matrices, quaternion_product
+from warpvis.core.poses import poses_to_matrices, quaternion_product
+from warpvis.visibility import Agent, FieldOfView
 
 DEGREE = math.pi / 180
 POSE = wv.look_at((1, 2, 1.5), (3, 0, 1))
 
 fields = st.builds(
-    Field,
+    FieldOfView,
     hfov=st.floats(10 * DEGREE, 2 * math.pi),
     up=st.floats(5 * DEGREE, 80 * DEGREE),
     down=st.floats(5 * DEGREE, 80 * DEGREE),
@@ -78,7 +77,7 @@ def test_canvases_overlap_nowhere(field):
 
 
 def test_faces_have_exact_angles():
-    field = Field(200 * DEGREE, 60 * DEGREE, 75 * DEGREE, near=0.1, far=9.0, resolution=120)
+    field = FieldOfView(200 * DEGREE, 60 * DEGREE, 75 * DEGREE, near=0.1, far=9.0, resolution=120)
     faces = field.faces()
     assert len(faces) == 3
     for face, degrees in zip(faces, (-200 / 3, 0, 200 / 3), strict=True):
@@ -97,9 +96,9 @@ def test_faces_have_exact_angles():
 
 
 def test_a_narrow_field_is_one_image():
-    (face,) = Field(80 * DEGREE, 0.3, 0.3).faces()
+    (face,) = FieldOfView(80 * DEGREE, 0.3, 0.3).faces()
     assert face.canvas == (face.camera.width, face.camera.height) * 2
-    assert len(Field(80.1 * DEGREE, 0.3, 0.3).faces()) == 2
+    assert len(FieldOfView(80.1 * DEGREE, 0.3, 0.3).faces()) == 2
 
 
 def test_kinect():
@@ -114,7 +113,7 @@ def test_kinect():
 
 def test_human():
     human = Agent.human("human", POSE, body=["head", "trunk"], far=20.0, resolution=60)
-    assert human.camera == Field(200 * DEGREE, 60 * DEGREE, 75 * DEGREE, far=20.0, resolution=60)
+    assert human.camera == FieldOfView(200 * DEGREE, 60 * DEGREE, 75 * DEGREE, far=20.0, resolution=60)
     assert human.attention.hfov == human.attention.vfov == pytest.approx(60 * DEGREE)
     assert human.attention.far == 20.0
     assert human.body == ("head", "trunk")
@@ -151,15 +150,18 @@ def test_angles():
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        (lambda: Field(0, 1, 1), "hfov of a field must be above 0 and up to 2 pi radians, got 0"),
-        (lambda: Field(200, 1, 1), "hfov of a field must be above 0 and up to 2 pi radians, got 200"),
-        (lambda: Field(1, 1.5, 1), "up of a field must be from 0 to below 1.484 radians (85 degrees), got 1.5"),
-        (lambda: Field(1, 1, -1), "down of a field must be from 0 to below 1.484 radians (85 degrees), got -1"),
-        (lambda: Field(1, 0, 0), "up and down of a field must not both be 0"),
-        (lambda: Field(1, 1, 1, resolution=0), "resolution must be a positive number of pixels per radian, got 0"),
-        (lambda: Field(1, 1, 1, near=2, far=1), "the depth range needs 0 <= near < far, got near=2.0, far=1.0"),
+        (lambda: FieldOfView(0, 1, 1), "hfov of a field must be above 0 and up to 2 pi radians, got 0"),
+        (lambda: FieldOfView(200, 1, 1), "hfov of a field must be above 0 and up to 2 pi radians, got 200"),
+        (lambda: FieldOfView(1, 1.5, 1), "up of a field must be from 0 to below 1.484 radians (85 degrees), got 1.5"),
+        (lambda: FieldOfView(1, 1, -1), "down of a field must be from 0 to below 1.484 radians (85 degrees), got -1"),
+        (lambda: FieldOfView(1, 0, 0), "up and down of a field must not both be 0"),
+        (
+            lambda: FieldOfView(1, 1, 1, resolution=0),
+            "resolution must be a positive number of pixels per radian, got 0",
+        ),
+        (lambda: FieldOfView(1, 1, 1, near=2, far=1), "the depth range needs 0 <= near < far, got near=2.0, far=1.0"),
         (lambda: Agent.human("", POSE), "an agent's name must be a word or more, got ''"),
-        (lambda: Agent("robot", 3, POSE), "camera of 'robot' must be a warpvis.Camera or a Field, got int"),
+        (lambda: Agent("robot", 3, POSE), "camera of 'robot' must be a warpvis.Camera or a FieldOfView, got int"),
         (
             lambda: Agent("robot", wv.Camera.kinect(), POSE, attention=1.0),
             "attention of 'robot' must be a warpvis.Camera or None, got float",

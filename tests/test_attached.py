@@ -8,7 +8,7 @@ import trimesh
 from test_worlds import ALL, OPEN_BOX, SMALL, assert_bits_equal, eyes, random_poses, view_of
 
 import warpvis as wv
-from warpvis.pose import poses_to_matrices
+from warpvis.core.poses import poses_to_matrices
 
 from compare import assert_matches_reference
 
@@ -79,14 +79,14 @@ def test_each_part_is_excluded_for_itself(device, caster, gone):
     hidden[:2, scene.index(gone)] = 1
     views = render(scene, cameras, caster, exclude=hidden)
     everything = render(scene, cameras, caster)
-    assert (views.objects.numpy()[:2] != scene.index(gone)).all()
+    assert (views.segmentation.numpy()[:2] != scene.index(gone)).all()
     twin = build(device, *poses, attached=False)
     without = render(twin, cameras, caster, exclude=hidden)
     same = np.isclose(views.depth.numpy(), without.depth.numpy(), rtol=0, atol=1e-4) | (
         views.depth.numpy() == without.depth.numpy()
     )
     assert same.mean() > 0.999
-    assert (views.objects.numpy() == without.objects.numpy()).mean() > 0.999
+    assert (views.segmentation.numpy() == without.segmentation.numpy()).mean() > 0.999
     assert_bits_equal(*(wv.Views(**{n: getattr(v, n)[2:] for n in ALL}) for v in (views, everything)))
 
 
@@ -110,11 +110,11 @@ def test_another_device_and_a_file_keep_them(tmp_path):
 )
 def test_what_cannot_be_attached(name, attach_to, said):
     scene = build("cpu", *random_poses(np.random.default_rng(4), 2))
-    scene.add(wv.solids.sphere(0.1), name="egg", movable=True)
+    scene.add(wv.scene.solids.sphere(0.1), name="egg", movable=True)
     scene.add(trimesh.creation.box((1, 1, 1)), name="rag", movable=True)
     scene.update_vertices("rag", scene["rag"].mesh_vertices)
-    mesh = wv.solids.sphere(0.2) if name == "a solid" else trimesh.creation.box((1, 1, 1))
-    with pytest.raises(wv.SceneError) as error:
+    mesh = wv.scene.solids.sphere(0.2) if name == "a solid" else trimesh.creation.box((1, 1, 1))
+    with pytest.raises(wv.errors.SceneError) as error:
         scene.add(mesh, name=name, attach_to=attach_to)
     assert str(error.value) == said
     assert name not in scene
@@ -123,7 +123,7 @@ def test_what_cannot_be_attached(name, attach_to, said):
 @pytest.mark.parametrize(("name", "others"), [("table", "'lamp', 'tray'"), ("lamp", "'table'")])
 def test_pieces_do_not_deform(name, others):
     scene = build("cpu", *random_poses(np.random.default_rng(5), 2))
-    with pytest.raises(wv.SceneError) as error:
+    with pytest.raises(wv.errors.SceneError) as error:
         scene.update_vertices(name, scene[name].mesh_vertices)
     said = f"object {name!r} is of one piece with {others}, so its vertices stay; do not attach them"
     assert str(error.value) == said

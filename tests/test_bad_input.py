@@ -15,9 +15,10 @@ import trimesh
 import warp as wp
 
 import warpvis as wv
-from warpvis import Camera, Label, Scene, Sphere
-from warpvis.io.depth_files import DepthArchive, depth_to_millimetres, save_depth_png
-from warpvis.io.tum import read_poses
+from warpvis import Camera, Label, Scene
+from warpvis.io import DepthArchive, read_poses, save_depth_png
+from warpvis.io._depth import depth_to_millimetres
+from warpvis.maps import Sphere
 
 KINECT = Camera.kinect()
 POSE = np.array([0.0, 0, 1, 0, 0, 0, 1])
@@ -87,23 +88,26 @@ CASES = {
     "points of two": (lambda: KINECT.project([1, 2]), r"points must have shape \(..., 3\), got \(2,\)"),
     "image points of three": (lambda: KINECT.back_project([1, 2, 3], 1), r"pixels must have shape \(..., 2\)"),
     # Poses
-    "poses of six": (lambda: wv.parse_poses(np.zeros((5, 6))), r"\(V, 7\).*got \(5, 6\)"),
-    "poses of words": (lambda: wv.parse_poses([["a"] * 7]), "camera_to_world must be an array of numbers"),
-    "no poses": (lambda: wv.parse_poses(None), "camera_to_world must be an array of numbers"),
-    "ragged poses": (lambda: wv.parse_poses([[1, 2], [3]]), "camera_to_world must be an array of numbers"),
-    "NaN poses": (lambda: wv.parse_poses(poses_with(np.nan, 1, 5)), "must be finite: wrong in 2 of 8, at index 1, 5"),
+    "poses of six": (lambda: wv.core.poses.parse_poses(np.zeros((5, 6))), r"\(V, 7\).*got \(5, 6\)"),
+    "poses of words": (lambda: wv.core.poses.parse_poses([["a"] * 7]), "camera_to_world must be an array of numbers"),
+    "no poses": (lambda: wv.core.poses.parse_poses(None), "camera_to_world must be an array of numbers"),
+    "ragged poses": (lambda: wv.core.poses.parse_poses([[1, 2], [3]]), "camera_to_world must be an array of numbers"),
+    "NaN poses": (
+        lambda: wv.core.poses.parse_poses(poses_with(np.nan, 1, 5)),
+        "must be finite: wrong in 2 of 8, at index 1, 5",
+    ),
     "zero quaternions": (
-        lambda: wv.parse_poses(poses_with(0, *range(7))),
+        lambda: wv.core.poses.parse_poses(poses_with(0, *range(7))),
         "zero-length.* 7 of 8, at index 0, .*4, ...",
     ),
-    "scaled matrices": (lambda: wv.parse_poses(scaled_matrix(2)), "rotations without scale"),
-    "mirroring matrices": (lambda: wv.parse_poses(np.diag([1, 1, -1, 1])), "rotations without scale"),
-    "projective matrices": (lambda: wv.parse_poses(np.ones((4, 4))), "last row 0 0 0 1"),
+    "scaled matrices": (lambda: wv.core.poses.parse_poses(scaled_matrix(2)), "rotations without scale"),
+    "mirroring matrices": (lambda: wv.core.poses.parse_poses(np.diag([1, 1, -1, 1])), "rotations without scale"),
+    "projective matrices": (lambda: wv.core.poses.parse_poses(np.ones((4, 4))), "last row 0 0 0 1"),
     "unknown convention": (
-        lambda: wv.parse_poses(POSE, convention="blender"),
+        lambda: wv.core.poses.parse_poses(POSE, convention="blender"),
         "'opencv', 'opengl', 'ros', got 'blender'",
     ),
-    "unknown device": (lambda: wv.parse_poses(POSE, device="gpu"), "device 'gpu' is not on this machine"),
+    "unknown device": (lambda: wv.core.poses.parse_poses(POSE, device="gpu"), "device 'gpu' is not on this machine"),
     "look at itself": (lambda: wv.look_at((1, 2, 3), (1, 2, 3)), "must be apart"),
     "look straight down": (lambda: wv.look_at((0, 0, 1), (0, 0, 0)), "give another up"),
     "look at NaN": (lambda: wv.look_at((0, 0, 0), (1, 0, np.nan)), "target must be three finite numbers"),
@@ -255,57 +259,60 @@ CASES = {
     "sphere without size": (lambda: Sphere((0, 0, 0), 0), "size of a sphere must be a positive number"),
     "sphere at NaN": (lambda: Sphere((0, np.nan, 0), 1), "center of a sphere must be three finite numbers"),
     "objects of floats": (
-        lambda: wv.classify_rendered(DEPTH, DEPTH, box_scene()),
+        lambda: wv.maps.classify_rendered(DEPTH, DEPTH, box_scene()),
         "objects must be int32, got float32",
     ),
     "objects of another size": (
-        lambda: wv.classify_rendered(DEPTH, np.zeros((1, 2, 2), int), box_scene()),
+        lambda: wv.maps.classify_rendered(DEPTH, np.zeros((1, 2, 2), int), box_scene()),
         r"objects must have shape \(1, 240, 320\), got \(1, 2, 2\)",
     ),
-    "classified scene": (lambda: wv.classify_rendered(DEPTH, DEPTH, None), "scene must be a warpvis.Scene"),
+    "classified scene": (lambda: wv.maps.classify_rendered(DEPTH, DEPTH, None), "scene must be a warpvis.Scene"),
     # Maps
-    "map of depth": (lambda: wv.visibility_map(DEPTH, LABELS, bounds=SQUARE), r"points must have shape \(V, H, W, 3\)"),
+    "map of depth": (lambda: wv.floor_map(DEPTH, LABELS, bounds=SQUARE), r"points must have shape \(V, H, W, 3\)"),
     "labels of another size": (
-        lambda: wv.visibility_map(POINTS, np.ones((1, 3, 2), int), bounds=SQUARE),
+        lambda: wv.floor_map(POINTS, np.ones((1, 3, 2), int), bounds=SQUARE),
         r"labels must have shape \(1, 2, 2\), got \(1, 3, 2\)",
     ),
-    "labels beyond bytes": (lambda: wv.visibility_map(POINTS, LABELS + 300.0, bounds=SQUARE), "labels must be uint8"),
-    "large labels": (lambda: wv.visibility_map(POINTS, LABELS * np.int64(300), bounds=SQUARE), "must fit uint8"),
-    "empty bounds": (lambda: wv.visibility_map(POINTS, LABELS, bounds=((0, 0), (0, 1))), "bounds must be the least"),
-    "bounds of one": (lambda: wv.visibility_map(POINTS, LABELS, bounds=(1, 2)), "bounds must be the least"),
-    "no cell": (lambda: wv.visibility_map(POINTS, LABELS, bounds=SQUARE, cell=0), "cell must be a positive number"),
+    "labels beyond bytes": (lambda: wv.floor_map(POINTS, LABELS + 300.0, bounds=SQUARE), "labels must be uint8"),
+    "large labels": (lambda: wv.floor_map(POINTS, LABELS * np.int64(300), bounds=SQUARE), "must fit uint8"),
+    "empty bounds": (lambda: wv.floor_map(POINTS, LABELS, bounds=((0, 0), (0, 1))), "bounds must be the least"),
+    "bounds of one": (lambda: wv.floor_map(POINTS, LABELS, bounds=(1, 2)), "bounds must be the least"),
+    "no cell": (lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE, cell=0), "cell must be a positive number"),
     "tiny cells": (
-        lambda: wv.visibility_map(POINTS, LABELS, bounds=SQUARE, cell=1e-9),
+        lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE, cell=1e-9),
         "too large; give a larger cell",
     ),
     "robots of two": (
-        lambda: wv.visibility_map(POINTS, LABELS, bounds=SQUARE, robots=[(0, 1)]),
+        lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE, robots=[(0, 1)]),
         "robots must be finite",
     ),
     "map sigma": (
-        lambda: wv.visibility_map(POINTS, LABELS, bounds=SQUARE, sigma=-1),
+        lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE, sigma=-1),
         "sigma must be a number of metres from 0 up",
     ),
     "picture of no kind": (
-        lambda: wv.visibility_map(POINTS, LABELS, bounds=SQUARE).save("map.xyz"),
+        lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE).save("map.xyz"),
         "map.xyz: Format 'xyz' is not supported",
     ),
     "picture in no folder": (
-        lambda: wv.visibility_map(POINTS, LABELS, bounds=SQUARE).save("/nonexistent/map.png"),
+        lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE).save("/nonexistent/map.png"),
         "/nonexistent/map.png: cannot be written",
     ),
     "picture of no view": (
-        lambda: wv.visibility_map(POINTS, LABELS, bounds=SQUARE).save("map.png", view=1),
+        lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE).save("map.png", view=1),
         "view must be one of the map's 1, counted from 0, got 1",
     ),
     # The floor plan
-    "plan of a mesh": (lambda: wv.plan_visibility(BOX, KINECT, POSE), "scene must be a warpvis.Scene"),
-    "plan through K": (lambda: wv.plan_visibility(box_scene(), K, POSE), "camera must be a warpvis.Camera"),
+    "plan of a mesh": (lambda: wv.maps.plan_visibility(BOX, KINECT, POSE), "scene must be a warpvis.Scene"),
+    "plan through K": (lambda: wv.maps.plan_visibility(box_scene(), K, POSE), "camera must be a warpvis.Camera"),
     "plan from above": (
-        lambda: wv.plan_visibility(box_scene(), KINECT, wv.look_at((0, 0, 1), (0, 0, 0), up=(1, 0, 0))),
+        lambda: wv.maps.plan_visibility(box_scene(), KINECT, wv.look_at((0, 0, 1), (0, 0, 0), up=(1, 0, 0))),
         "must not look straight up or down on a floor plan: view 0 does",
     ),
-    "plan without nobody": (lambda: wv.plan_visibility(box_scene(), KINECT, POSE, exclude=("me",)), "no object 'me'"),
+    "plan without nobody": (
+        lambda: wv.maps.plan_visibility(box_scene(), KINECT, POSE, exclude=("me",)),
+        "no object 'me'",
+    ),
 }
 
 
@@ -324,9 +331,9 @@ def test_arrays_of_another_device_are_refused(device):
     with pytest.raises(wv.WarpvisError, match=r"camera_to_world must be on device cpu, got cuda:0"):
         wv.render(box_scene(), KINECT, wp.array([POSE], dtype=wp.transform, device=device))
     with pytest.raises(wv.WarpvisError, match="objects must be on device cpu, got cuda:0"):
-        wv.classify_rendered(DEPTH, wp.zeros(DEPTH.shape, dtype=wp.int32, device=device), box_scene())
+        wv.maps.classify_rendered(DEPTH, wp.zeros(DEPTH.shape, dtype=wp.int32, device=device), box_scene())
     with pytest.raises(wv.WarpvisError, match=r"contiguous float32 of shape \(V, 7\)"):
-        wv.parse_poses(wp.zeros((3, 6), dtype=wp.float32, device=device), device=device)
+        wv.core.poses.parse_poses(wp.zeros((3, 6), dtype=wp.float32, device=device), device=device)
 
 
 FILES = {
@@ -351,7 +358,7 @@ def test_files_that_are_no_meshes(tmp_path, case):
 
 def test_labels_that_fit_no_object(tmp_path):
     BOX.export(tmp_path / "box.stl")
-    with pytest.raises(wv.SceneError, match=r"labels for .wall_\*. fit no object of .*box.stl, which has 'box'"):
+    with pytest.raises(wv.errors.SceneError, match=r"labels for .wall_\*. fit no object of .*box.stl, which has 'box'"):
         Scene.load(tmp_path / "box.stl", labels={"wall_*": "obstacle"})
 
 
@@ -371,21 +378,24 @@ def test_trajectories_that_are_none(tmp_path, case):
     text, message = TRAJECTORIES[case]
     if text is not None:
         (tmp_path / "poses.txt").write_bytes(text if isinstance(text, bytes) else text.encode())
-    with pytest.raises(wv.FileFormatError, match=message):
+    with pytest.raises(wv.errors.FileFormatError, match=message):
         read_poses(tmp_path / "poses.txt")
 
 
 def test_depth_files(tmp_path):
-    with pytest.raises(wv.ArrayError, match=r"depth must have shape \(H, W\)"):
+    with pytest.raises(wv.errors.ArrayError, match=r"depth must have shape \(H, W\)"):
         save_depth_png(DEPTH, tmp_path / "depth.png")
-    with pytest.raises(wv.FileFormatError, match="cannot be written"):
+    with pytest.raises(wv.errors.FileFormatError, match="cannot be written"):
         save_depth_png(DEPTH[0], tmp_path / "nowhere" / "depth.png")
-    with pytest.raises(wv.FileFormatError, match="cannot be written"):
+    with pytest.raises(wv.errors.FileFormatError, match="cannot be written"):
         DepthArchive(tmp_path / "nowhere" / "depth.npz", (1, 2, 2))
-    with pytest.raises(wv.ArrayError, match="0 of 2 views were written"), DepthArchive(tmp_path / "a.npz", (2, 2, 2)):
+    with (
+        pytest.raises(wv.errors.ArrayError, match="0 of 2 views were written"),
+        DepthArchive(tmp_path / "a.npz", (2, 2, 2)),
+    ):
         pass
     with (
-        pytest.raises(wv.ArrayError, match="does not continue 0 views"),
+        pytest.raises(wv.errors.ArrayError, match="does not continue 0 views"),
         DepthArchive(tmp_path / "a.npz", (1, 2, 2)) as archive,
     ):
         archive.append(DEPTH)

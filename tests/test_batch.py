@@ -15,15 +15,14 @@ import warp as wp
 from batch_jobs import CAMERA, make_frames, make_poses, make_scene, run, tree
 
 import warpvis as wv
-from warpvis.batch import local
-from warpvis.batch.formats import FORMATS
-from warpvis.batch.frame_renderer import FrameRenderer
-from warpvis.batch.identity import scene_hash
-from warpvis.batch.verify import verify
-from warpvis.frames import Frames
+from warpvis.batch import FrameRenderer, verify
+from warpvis.batch._identity import scene_hash
+from warpvis.batch.engines import _local as local
+from warpvis.batch.formats._base import FORMATS
+from warpvis.core.frames import Frames
 
 TESTS = Path(__file__).parent
-OUTPUTS = ("depth", "points", "normals", "labels", "objects")
+OUTPUTS = ("depth", "points", "normals", "labels", "segmentation")
 
 
 @pytest.fixture(scope="module")
@@ -63,8 +62,8 @@ def test_visibility_is_object_visibilitys(tmp_path, device):
 
 @pytest.mark.parametrize("excluded", [["ball"], [2]])
 def test_what_is_excluded_is_not_seen(tmp_path, excluded):
-    run(tmp_path / "out", outputs=("objects",), exclude=excluded)
-    objects = read_npz(tmp_path / "out", "objects")
+    run(tmp_path / "out", outputs=("segmentation",), exclude=excluded)
+    objects = read_npz(tmp_path / "out", "segmentation")
     assert set(np.unique(objects)) == {-1, 0, 1}
 
 
@@ -89,7 +88,7 @@ def test_every_frame_has_its_world(tmp_path, world):
 
 def test_what_moves_stays_where_it_was_added_unless_told(tmp_path):
     run(tmp_path / "out", scene=make_scene(movable=True))
-    expected = wv.render(make_scene(), CAMERA, make_poses(20), outputs=("objects",)).objects.numpy()
+    expected = wv.render(make_scene(), CAMERA, make_poses(20), outputs=("segmentation",)).segmentation.numpy()
     poses = np.load(tmp_path / "out" / "poses.npz")
     np.testing.assert_allclose(poses["object_poses"], [[[-0.5, 0.3, 0.5, 0, 0, 0, 1]]], atol=1e-7)
     assert (np.isfinite(read_npz(tmp_path / "out", "depth")) == (expected >= 0)).mean() > 0.99
@@ -103,21 +102,21 @@ def test_the_renderer_of_frames_alone():
     assert batch["masks"].shape == (4, 1, 24, 32) and batch["visible_box"].shape == (4, 1, 4)
     again = renderer({"camera_to_world": make_poses(2)})
     np.testing.assert_array_equal(again["depth"], wv.render(make_scene(), CAMERA, make_poses(2)).depth.numpy())
-    with pytest.raises(wv.ArrayError, match="a batch must hold camera_to_world, got poses"):
+    with pytest.raises(wv.errors.ArrayError, match="a batch must hold camera_to_world, got poses"):
         renderer({"poses": make_poses(2)})
-    with pytest.raises(wv.ArrayError, match=r"outputs must be some of depth, .*visibility, got colour"):
+    with pytest.raises(wv.errors.ArrayError, match=r"outputs must be some of depth, .*visibility, got colour"):
         FrameRenderer(make_scene(), CAMERA, outputs=("colour",))
 
 
 def test_scenes_pickle():
     scene = make_scene(movable=True)
     scene.add(trimesh.creation.box(), name="hat", attach_to="ball")
-    scene.add(wv.solids.sphere(0.2), name="bead", movable=True, pose=(0, 1, 1, 0, 0, 0, 1))
+    scene.add(wv.scene.solids.sphere(0.2), name="bead", movable=True, pose=(0, 1, 1, 0, 0, 0, 1))
     scene.clusters()
     copy = pickle.loads(pickle.dumps(scene))
     assert scene_hash(copy) == scene_hash(scene) == scene_hash(scene.to("cpu"))
     assert (copy.up, copy.movable, copy.index("hat")) == (scene.up, scene.movable, scene.index("hat"))
-    for name in ("depth", "objects"):
+    for name in ("depth", "segmentation"):
         a, b = (getattr(wv.render(each, CAMERA, make_poses(3)), name).numpy() for each in (scene, copy))
         np.testing.assert_array_equal(a, b)
 
@@ -158,13 +157,13 @@ def test_every_format_is_whole_and_the_same_again(tmp_path, name):
 
 def test_several_processes(tmp_path, monkeypatch, whole):
     """What several GPUs would do, with the CPU twice."""
-    monkeypatch.setattr("warpvis.batch.api.parse_devices", lambda device: ["cpu", "cpu"])
+    monkeypatch.setattr("warpvis.batch._render_batch.parse_devices", lambda device: ["cpu", "cpu"])
     run(tmp_path / "out", device="cpu")
     assert tree(tmp_path / "out") == tree(whole)
 
     shutil.rmtree(tmp_path / "out" / "shards")
     (tmp_path / "out" / "shards").write_text("in the way")
-    with pytest.raises(wv.FileFormatError, match=r"out: cannot be written: .*; 0 of 7 shards are whole"):
+    with pytest.raises(wv.errors.FileFormatError, match=r"out: cannot be written: .*; 0 of 7 shards are whole"):
         run(tmp_path / "out", device="cpu", resume=True)
 
     monkeypatch.setattr(local, "_work", die_soon)
@@ -193,7 +192,7 @@ def test_all_gpus_and_resuming_on_cuda(tmp_path):
 def test_devices():
     assert local.parse_devices("cpu") == ["cpu"]
     assert local.parse_devices("cpu, cpu") == ["cpu"]
-    with pytest.raises(wv.ArrayError, match="device 'cuda:99' is not on this machine"):
+    with pytest.raises(wv.errors.ArrayError, match="device 'cuda:99' is not on this machine"):
         local.parse_devices("cpu,cuda:99")
 
 

@@ -12,13 +12,13 @@ import trimesh
 from PIL import Image
 
 import warpvis as wv
-from warpvis.batch.api import render_batch
-from warpvis.batch.bop import Bop
-from warpvis.batch.job import Plan
-from warpvis.batch.output import ShardFiles
-from warpvis.frames import Frames
-from warpvis.objects import object_visibility
-from warpvis.silhouettes import _columns
+from warpvis.batch import render_batch
+from warpvis.batch._job import Plan
+from warpvis.batch.formats._bop import Bop
+from warpvis.batch.storage._output import ShardFiles
+from warpvis.core.frames import Frames
+from warpvis.visibility import object_visibility
+from warpvis.visibility._silhouettes import _columns
 
 WIDTH, HEIGHT, FRAMES, SHARD = 40, 30, 50, 30
 CAMERA = wv.Camera(WIDTH, HEIGHT, 38.0, 37.0, 19.3, 15.6, near=0.6, far=4.5)
@@ -288,7 +288,7 @@ def test_intrinsics_count_centres_as_whole_numbers(dataset):
 
 
 def test_our_own_reader_gives_the_poses_back(dataset):
-    from warpvis.io.pose_files import read_frames
+    from warpvis.io import read_frames
 
     folder, _, frames = dataset
     got = read_frames(folder / "train_pbr/000000/scene_camera.json").camera_to_world

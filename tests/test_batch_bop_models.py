@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from warpvis.batch.bop_models import diameter, ply_text, vertex_normals
+from warpvis.batch.formats._bop_models import diameter, ply_text, vertex_normals
 
 
 def test_normals_are_weighted_by_angles():

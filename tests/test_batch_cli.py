@@ -14,7 +14,7 @@ import pytest
 from batch_jobs import CAMERA, make_poses, make_scene, tree
 
 import warpvis as wv
-from warpvis.cli.batch import Batch, Verify
+from warpvis.cli._batch import Batch, Verify
 
 ORBIT = "orbit target=0,0,0.4 radius=3 height=1 count=9"
 
@@ -92,15 +92,15 @@ def test_poses_from_a_file_and_outputs(workspace):
 
 
 def test_worlds_from_a_file(workspace):
-    batch(movable=("ball",), worlds=Path("worlds.npz"), outputs=("depth", "objects"))
+    batch(movable=("ball",), worlds=Path("worlds.npz"), outputs=("depth", "segmentation"))
     scene = wv.Scene()
     for item in sorted(wv.Scene.load("scene.glb"), key=lambda item: item.name == "ball"):
         height = 0.5 if item.name == "ball" else 0.0
         scene.add((item.vertices + [0, 0, height], item.faces), name=item.name)
     views, found = wv.render(scene, CAMERA, make_poses(9)), np.load("out/shard-000000.npz")
-    assert (found["objects"] == views.objects.numpy()).mean() > 0.999
+    assert (found["segmentation"] == views.segmentation.numpy()).mean() > 0.999
     np.testing.assert_allclose(found["depth"], views.depth.numpy(), rtol=1e-5)
-    assert (found["objects"] == 2).any()
+    assert (found["segmentation"] == 2).any()
 
 
 BAD = {
@@ -148,7 +148,7 @@ def test_bad_input_exits_2(workspace):
 
 
 def test_what_is_no_dataset_is_not_verified(workspace):
-    with pytest.raises(wv.FileFormatError, match=r"taken: is no dataset: it has no manifest.json of warpvis"):
+    with pytest.raises(wv.errors.FileFormatError, match=r"taken: is no dataset: it has no manifest.json of warpvis"):
         Verify("taken").run()
 
 

@@ -13,24 +13,21 @@ import trimesh
 from PIL import Image
 
 import warpvis as wv
-from warpvis.batch.api import render_batch
-from warpvis.batch.formats import find_format
-from warpvis.batch.job import Plan
-from warpvis.batch.output import ShardFiles
-from warpvis.frames import Frames
-from warpvis.io.camera_files import load_camera
-from warpvis.io.depth_files import depth_to_units, encode_png
-from warpvis.io.pose_files import read_frames
-from warpvis.pose import poses_to_matrices
+from warpvis.batch import find_format, render_batch
+from warpvis.batch._job import Plan
+from warpvis.batch.storage._output import ShardFiles
+from warpvis.core.frames import Frames
+from warpvis.core.poses import poses_to_matrices
+from warpvis.io import depth_to_units, encode_png, load_camera, read_frames
 
 # Not in the middle, and not square: half a pixel, and x taken for y, are centimetres at the scene's distances.
 CAMERA = wv.Camera(48, 36, fx=50.0, fy=47.0, cx=22.3, cy=19.1, near=0.5, far=6.0)
 OUTPUTS = {
-    "png": ("depth", "labels", "objects"),
+    "png": ("depth", "labels", "segmentation"),
     "tum": ("depth",),
     "nerfstudio": ("depth", "labels"),
     "colmap": ("depth", "normals"),
-    "ply": ("points", "normals", "labels", "objects"),
+    "ply": ("points", "normals", "labels", "segmentation"),
 }
 FRAMES = 5
 SHARD_FRAMES = 2
@@ -70,8 +67,10 @@ def rendered():
 
     def render(up):
         scene, poses = make_scene(up), make_poses(up)
-        views = wv.render(scene, CAMERA, poses, outputs=("depth", "points", "normals", "labels", "objects"))
-        images = {name: getattr(views, name).numpy() for name in ("depth", "points", "normals", "labels", "objects")}
+        views = wv.render(scene, CAMERA, poses, outputs=("depth", "points", "normals", "labels", "segmentation"))
+        images = {
+            name: getattr(views, name).numpy() for name in ("depth", "points", "normals", "labels", "segmentation")
+        }
         return scene, poses, images
 
     return {up: render(up) for up in "zy"}
@@ -152,7 +151,7 @@ def test_png_bytes_read_back_with_pillow(tmp_path, dtype, shape):
     "image", [np.zeros((2, 2), np.float32), np.zeros((2, 2, 3), np.uint8), np.zeros((0, 3), np.uint8)]
 )
 def test_what_is_no_png_image_is_refused(image):
-    with pytest.raises(wv.ArrayError, match=r"a PNG image must be uint8 or uint16 of shape \(H, W\), got"):
+    with pytest.raises(wv.errors.ArrayError, match=r"a PNG image must be uint8 or uint16 of shape \(H, W\), got"):
         encode_png(image)
 
 
@@ -176,14 +175,14 @@ def test_png_images(tmp_path, rendered):
         mode, labels = read_image(tmp_path / "labels" / frame_file(frame, ".png"))
         assert mode == "L"
         np.testing.assert_array_equal(labels, images["labels"][frame])
-        mode, objects = read_image(tmp_path / "objects" / frame_file(frame, ".png"))
+        mode, objects = read_image(tmp_path / "segmentation" / frame_file(frame, ".png"))
         assert mode == "I;16"
-        np.testing.assert_array_equal(objects.astype(int) - 1, images["objects"][frame])
+        np.testing.assert_array_equal(objects.astype(int) - 1, images["segmentation"][frame])
     assert load_camera(str(tmp_path / "camera.json")) == CAMERA
     meaning = json.loads((tmp_path / "images.json").read_text())
     assert meaning["depth"] == {"kind": "planar", "units_per_metre": 1000.0, "no_depth": 0}
     assert meaning["labels"]["values"]["3"] == "object"
-    assert [item["name"] for item in meaning["objects"]["objects"]] == ["floor", "ball", "box"]
+    assert [item["name"] for item in meaning["segmentation"]["objects"]] == ["floor", "ball", "box"]
 
 
 def test_a_camera_without_end_is_json(tmp_path, rendered):
@@ -270,7 +269,7 @@ def test_nerfstudio_points_are_the_renderers(tmp_path, rendered, up):
         points = images["points"][frame] @ applied[:, :3].T + applied[:, 3]
         assert seen_error(nerfstudio_points(tmp_path, frame), points).max() < MILLIMETRE
         assert np.median(seen_error(nerfstudio_points(tmp_path, frame, pixel_center=0), points)) > 5 * MILLIMETRE
-        floor = images["objects"][frame] == 0
+        floor = images["segmentation"][frame] == 0
         assert np.abs(nerfstudio_points(tmp_path, frame)[floor][:, 2]).max(initial=0) < 0.101  # z is up: the floor lies
         mode, labels = read_image(tmp_path / meta["frames"][frame]["file_path"])
         assert mode == "L"
@@ -348,21 +347,21 @@ def test_trimesh_reads_ply(tmp_path, rendered):
         normals = np.stack([data["nx"], data["ny"], data["nz"]], axis=-1).reshape(-1, 3)
         np.testing.assert_array_equal(normals, images["normals"][frame][seen])
         np.testing.assert_array_equal(data["label"].ravel(), images["labels"][frame][seen])
-        np.testing.assert_array_equal(data["object"].ravel(), images["objects"][frame][seen])
+        np.testing.assert_array_equal(data["object"].ravel(), images["segmentation"][frame][seen])
     names = json.loads((tmp_path / "clouds.json").read_text())
     assert [item["name"] for item in names["object"]] == ["floor", "ball", "box"]
 
 
 @pytest.mark.parametrize("organised", [True, "true"])
 def test_organised_ply_has_a_point_a_pixel(tmp_path, rendered, organised):
-    write(tmp_path, rendered, "ply", outputs=("points", "objects"), options={"organised": organised})
+    write(tmp_path, rendered, "ply", outputs=("points", "segmentation"), options={"organised": organised})
     images = rendered["z"][2]
     path = tmp_path / "clouds" / frame_file(4, ".ply")
     data = trimesh.load(path, process=False).metadata["_ply_raw"]["vertex"]["data"]
     points = np.stack([data["x"], data["y"], data["z"]], axis=-1).reshape(CAMERA.height, CAMERA.width, 3)
     np.testing.assert_array_equal(points, images["points"][4])
     assert np.isnan(points).any()
-    np.testing.assert_array_equal(data["object"].reshape(CAMERA.height, CAMERA.width), images["objects"][4])
+    np.testing.assert_array_equal(data["object"].reshape(CAMERA.height, CAMERA.width), images["segmentation"][4])
     header = path.read_bytes().split(b"end_header\n")[0].decode("ascii").splitlines()
     assert header[2:5] == ["obj_info num_cols 48", "obj_info num_rows 36", f"element vertex {48 * 36}"]
 
@@ -422,12 +421,24 @@ def test_a_frame_that_sees_nothing(tmp_path, rendered, kind):
 
 
 BAD_PLANS = {
-    "png normals": ("png", {"outputs": ("depth", "normals")}, "format 'png' holds depth, labels, objects, not normals"),
-    "png nothing": ("png", {"outputs": ()}, "format 'png' holds depth, labels, objects, not nothing"),
+    "png normals": (
+        "png",
+        {"outputs": ("depth", "normals")},
+        "'png' holds depth, labels, segmentation, not normals",
+    ),
+    "png nothing": ("png", {"outputs": ()}, "format 'png' holds depth, labels, segmentation, not nothing"),
     "tum labels": ("tum", {"outputs": ("depth", "labels")}, "format 'tum' holds depth, not labels"),
-    "ply depth": ("ply", {"outputs": ("depth",)}, "format 'ply' holds labels, normals, objects, points, not depth"),
+    "ply depth": (
+        "ply",
+        {"outputs": ("depth",)},
+        "'ply' holds labels, normals, points, segmentation, not depth",
+    ),
     "ply pointless": ("ply", {"outputs": ("labels",)}, "format 'ply' needs points among its outputs, got labels"),
-    "colmap objects": ("colmap", {"outputs": ("objects",)}, "format 'colmap' holds depth, normals, not objects"),
+    "colmap objects": (
+        "colmap",
+        {"outputs": ("segmentation",)},
+        "'colmap' holds depth, normals, not segmentation",
+    ),
     "nerfstudio points": ("nerfstudio", {"outputs": ("points",)}, "'nerfstudio' holds depth, labels, not points"),
     "unknown option": ("tum", {"options": {"scale": 1}}, "format 'tum' has no option 'scale'; its options: none"),
     "negative scale": ("png", {"options": {"scale": -1}}, "option scale must be a positive number, got -1"),
@@ -452,6 +463,6 @@ BAD_PLANS = {
 @pytest.mark.parametrize("case", BAD_PLANS)
 def test_plans_that_a_layout_cannot_hold(rendered, case):
     kind, changes, message = BAD_PLANS[case]
-    with pytest.raises(wv.FileFormatError, match=message) as caught:
+    with pytest.raises(wv.errors.FileFormatError, match=message) as caught:
         find_format(kind)(make_plan(rendered, kind, **changes))
     assert "\n" not in str(caught.value)

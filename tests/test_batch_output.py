@@ -14,13 +14,13 @@ import pytest
 from batch_jobs import CAMERA, make_poses, make_scene, run, tree
 
 import warpvis as wv
-from warpvis.batch import direct_io
-from warpvis.batch.frame_renderer import ImageBuffers
-from warpvis.batch.npz import npz_parts
-from warpvis.batch.output import ShardFiles
-from warpvis.batch.records import commit, read_record, read_whole
-from warpvis.batch.stores import LocalStore, open_store
-from warpvis.batch.verify import verify
+from warpvis.batch import verify
+from warpvis.batch._frame_renderer import ImageBuffers
+from warpvis.batch._records import commit, read_record, read_whole
+from warpvis.batch.formats._npz import npz_parts
+from warpvis.batch.storage import _direct_io as direct_io
+from warpvis.batch.storage._output import ShardFiles
+from warpvis.batch.storage._stores import LocalStore, open_store
 
 MEGABYTE = 1 << 20
 
@@ -136,7 +136,7 @@ def test_an_url(tmp_path):
     assert verify("memory://bucket/job").ok
     for name in ("shards/000002.json", "shard-000004.npz", "index.json"):
         memory.rm(f"/bucket/job/{name}")
-    with pytest.raises(wv.FileFormatError, match="memory://bucket/job: holds an unfinished dataset"):
+    with pytest.raises(wv.errors.FileFormatError, match="memory://bucket/job: holds an unfinished dataset"):
         run("memory://bucket/job", outputs=("depth", "visibility"))
     assert run("memory://bucket/job", outputs=("depth", "visibility"), resume=True).rendered_frames == 6
     assert verify("memory://bucket/job").ok
@@ -147,7 +147,7 @@ def test_an_url(tmp_path):
 @pytest.mark.parametrize("options", [{}, {"compression": "zstd"}, {"compression": "zstd", "level": "3"}])
 def test_zarr_reads_it_back(tmp_path, options):
     zarr = pytest.importorskip("zarr")
-    outputs = ("depth", "points", "normals", "labels", "objects", "visibility")
+    outputs = ("depth", "points", "normals", "labels", "segmentation", "visibility")
     scene, poses = make_scene(movable=True), make_poses(20)
     run(tmp_path / "out", scene=scene, format="zarr", outputs=outputs, options=options, shard_frames=6)
     group = zarr.open_group(tmp_path / "out" / "data.zarr", mode="r")
@@ -182,6 +182,6 @@ BAD_OPTIONS = {
 def test_bad_options_of_zarr(tmp_path, case):
     pytest.importorskip("zarr")
     options, message = BAD_OPTIONS[case]
-    with pytest.raises(wv.FileFormatError, match=message):
+    with pytest.raises(wv.errors.FileFormatError, match=message):
         run(tmp_path / "out", format="zarr", options=options)
     assert not (tmp_path / "out").exists()

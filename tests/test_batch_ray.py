@@ -72,15 +72,17 @@ def test_a_worker_is_killed(tmp_path, cluster):
 
 
 def test_what_goes_wrong_is_said_once(tmp_path, cluster):
-    with pytest.raises(wv.ArrayError, match="workers must be from 1 to 2, the cluster's cores, got 3"):
+    with pytest.raises(wv.errors.ArrayError, match="workers must be from 1 to 2, the cluster's cores, got 3"):
         run(tmp_path / "out", threads=None, engine="ray", workers=3)
-    with pytest.raises(wv.ArrayError, match="threads is of the engine local"):
+    with pytest.raises(wv.errors.ArrayError, match="threads is of the engine local"):
         run(tmp_path / "out", engine="ray")
     assert not (tmp_path / "out").exists()
 
     run(tmp_path / "out")
     shutil.rmtree(tmp_path / "out" / "shards")
     (tmp_path / "out" / "shards").write_text("in the way")
-    with pytest.raises(wv.FileFormatError, match=r"out: cannot be written: .*; 0 of 7 shards are whole") as caught:
+    with pytest.raises(
+        wv.errors.FileFormatError, match=r"out: cannot be written: .*; 0 of 7 shards are whole"
+    ) as caught:
         run(tmp_path / "out", threads=None, engine="ray", workers=1, resume=True)
     assert "\n" not in str(caught.value)

@@ -16,10 +16,9 @@ import pytest
 from batch_jobs import make_frames, make_poses, make_scene, run, tree
 
 import warpvis as wv
-from warpvis.batch import direct_io
-from warpvis.batch.frame_renderer import FrameRenderer
-from warpvis.batch.verify import verify
-from warpvis.frames import Frames
+from warpvis.batch import FrameRenderer, verify
+from warpvis.batch.storage import _direct_io as direct_io
+from warpvis.core.frames import Frames
 
 TESTS = Path(__file__).parent
 
@@ -129,25 +128,27 @@ def test_resuming_something_else_is_refused(whole, case):
     if case == "format":
         pytest.importorskip("zarr")
     before = tree(whole)
-    with pytest.raises(wv.FileFormatError, match=f"cannot be continued, .*: .*{message}"):
+    with pytest.raises(wv.errors.FileFormatError, match=f"cannot be continued, .*: .*{message}"):
         run(whole, resume=True, **change)
     assert tree(whole) == before
 
 
 def test_folders_that_are_taken(tmp_path, whole):
-    with pytest.raises(wv.FileFormatError, match="holds a complete dataset; give a new or an empty folder"):
+    with pytest.raises(wv.errors.FileFormatError, match="holds a complete dataset; give a new or an empty folder"):
         run(whole)
     (tmp_path / "thesis.tex").write_text("mine")
     for resume in (False, True):
-        with pytest.raises(wv.FileFormatError, match=r"holds something else \(thesis.tex\); give a new or an empty"):
+        with pytest.raises(
+            wv.errors.FileFormatError, match=r"holds something else \(thesis.tex\); give a new or an empty"
+        ):
             run(tmp_path, resume=resume)
-        with pytest.raises(wv.FileFormatError, match="is a file; a dataset needs a folder"):
+        with pytest.raises(wv.errors.FileFormatError, match="is a file; a dataset needs a folder"):
             run(tmp_path / "thesis.tex", resume=resume)
     assert os.listdir(tmp_path) == ["thesis.tex"]
     begun = tmp_path / "begun"
     shutil.copytree(whole, begun)
     (begun / "index.json").unlink()
-    with pytest.raises(wv.FileFormatError, match="holds an unfinished dataset; --resume goes on with it"):
+    with pytest.raises(wv.errors.FileFormatError, match="holds an unfinished dataset; --resume goes on with it"):
         run(begun)
 
 
@@ -156,7 +157,7 @@ def test_two_at_once_are_refused(tmp_path):
     (tmp_path / "out").mkdir()
     holder = os.open(tmp_path / "out", os.O_RDONLY)
     fcntl.flock(holder, fcntl.LOCK_EX)
-    with pytest.raises(wv.FileFormatError, match="another process is writing it"):
+    with pytest.raises(wv.errors.FileFormatError, match="another process is writing it"):
         run(tmp_path / "out")
     os.close(holder)
     assert os.listdir(tmp_path / "out") == []
@@ -175,7 +176,7 @@ def test_a_full_disk(tmp_path, monkeypatch, whole):
 
     monkeypatch.setattr(direct_io.os, "write", write_a_little)
     with pytest.raises(
-        wv.FileFormatError, match=r"cannot be written: No space left on device; \d of 7 shards are whole"
+        wv.errors.FileFormatError, match=r"cannot be written: No space left on device; \d of 7 shards are whole"
     ):
         run(tmp_path / "out")
     monkeypatch.undo()
@@ -191,7 +192,9 @@ def test_missing_permission(tmp_path):
     place = Path("/sys/warpvis") if os.geteuid() == 0 else tmp_path / "locked" / "out"
     if os.geteuid() != 0:
         (tmp_path / "locked").mkdir(mode=0o500)
-    with pytest.raises(wv.FileFormatError, match=r"cannot be written: (Operation not permitted|Permission denied)$"):
+    with pytest.raises(
+        wv.errors.FileFormatError, match=r"cannot be written: (Operation not permitted|Permission denied)$"
+    ):
         run(place)
 
 

@@ -10,11 +10,11 @@ import pytest
 import trimesh
 
 import warpvis as wv
-from warpvis.batch.api import render_batch
-from warpvis.batch.job import Plan
-from warpvis.batch.output import ShardFiles
-from warpvis.batch.ros2 import Ros2, nanoseconds
-from warpvis.frames import Frames
+from warpvis.batch import render_batch
+from warpvis.batch._job import Plan
+from warpvis.batch.formats._ros2 import Ros2, nanoseconds
+from warpvis.batch.storage._output import ShardFiles
+from warpvis.core.frames import Frames
 
 rosbag2 = pytest.importorskip("rosbags.rosbag2")
 typesys = pytest.importorskip("rosbags.typesys")
@@ -214,7 +214,7 @@ def test_a_job_writes_the_same(bags, tmp_path):
 
 
 def test_our_own_reader_gives_the_poses_back(bags):
-    from warpvis.io.pose_files import read_frames
+    from warpvis.io import read_frames
 
     folder, _, _ = bags
     frames = read_frames(folder / "bag_000000")
@@ -248,7 +248,7 @@ def test_without_rosbags_one_sentence_says_what_to_install(monkeypatch):
         return real(name, *arguments, **options)
 
     monkeypatch.setattr(builtins, "__import__", import_module)
-    with pytest.raises(wv.FileFormatError, match=r"needs the package rosbags: pip install 'warpvis\[ros\]'$"):
+    with pytest.raises(wv.errors.FileFormatError, match=r"needs the package rosbags: pip install 'warpvis\[ros\]'$"):
         Ros2(plan_of())
 
 

@@ -8,19 +8,19 @@ import sys
 import pytest
 
 import warpvis as wv
-from warpvis.batch.warmup import warmup
+from warpvis.batch import warmup
 
 
 def test_warmup(device):
     assert warmup(device, outputs=["depth"], casters=["packets"]) > 0
-    with pytest.raises(wv.ArrayError, match="outputs must be some of"):
+    with pytest.raises(wv.errors.ArrayError, match="outputs must be some of"):
         warmup(device, outputs=["colour"])
 
 
 # A module of two little kernels: the same way to the cache as every other one, in less time.
 _COLD = """
 from warpvis.kernels.poses import poses_to_opencv
-from warpvis.threads import load_module
+from warpvis.core.threads import load_module
 load_module(poses_to_opencv)
 """
 

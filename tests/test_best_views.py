@@ -10,13 +10,10 @@ import trimesh
 import warp as wp
 
 import warpvis as wv
-from warpvis import placement as module
-from warpvis.agents import Agent
-from warpvis.objects import object_visibility
-from warpvis.perspectives import perspective
-from warpvis.placement import best_views, pose_grid
-from warpvis.pose import poses_to_matrices, quaternion_product
+from warpvis.core.poses import poses_to_matrices, quaternion_product
+from warpvis.planning import _best_views as module, best_views, pose_grid
 from warpvis.scenes.shapes import ball, floor, robot, standing_box
+from warpvis.visibility import Agent, object_visibility, perspective
 
 CAMERA = wv.Camera.from_fov(160, 120, hfov=1.0, near=0.3, far=4.5)
 NOWHERE = np.array([0.0, 0, 50, 0, 0, 0, 1])
@@ -85,15 +82,15 @@ def test_the_robot_moves_to_see_what_the_person_sees(device):
     missing = perspective(scene, agents).to_see("robot", "human")
     assert missing == ["ball"]
     target = scene.index("ball")
-    options = {"outputs": "objects", "exclude": ["robot body"]}
-    assert not (wv.render(scene, CAMERA, start, **options).objects.numpy() == target).any()
+    options = {"outputs": "segmentation", "exclude": ["robot body"]}
+    assert not (wv.render(scene, CAMERA, start, **options).segmentation.numpy() == target).any()
 
     grid = pose_grid((0, 0, 0), radius=2.5, step=0.5, height=0.5, look_at=(0.3, 0.2, 0.1))
     views = best_views(scene, CAMERA, grid, objects=missing, start=start, radius=0.25, exclude="robot body", count=3)
     assert views.objects == ("ball",)
     assert len(views.order) == 3
     best = views.pose()
-    assert (wv.render(scene, CAMERA, best, **options).objects.numpy() == target).any()
+    assert (wv.render(scene, CAMERA, best, **options).segmentation.numpy() == target).any()
     assert views.scores[views.order[0]] == 1
     # No shorter way leads to as good a view.
     nearer = views.path_lengths < views.path_lengths[views.order[0]] - 1e-9
@@ -265,7 +262,7 @@ def test_objects_of_several_worlds_are_refused():
     scene = wv.Scene()
     scene.add(trimesh.creation.icosphere(radius=0.1), name="ball", movable=True)
     worlds = np.tile([0, 0, 0, 0, 0, 0, 1.0], (2, 1, 1))
-    with pytest.raises(wv.ArrayError, match="object_poses must be of one world, got 2"):
+    with pytest.raises(wv.errors.ArrayError, match="object_poses must be of one world, got 2"):
         best_views(scene, CAMERA, GRID, objects=["ball"], object_poses=worlds)
 
 

@@ -15,7 +15,7 @@ from warpvis import scenes
 
 from compare import assert_matches_reference
 
-ALL = ("depth", "points", "normals", "labels", "objects")
+ALL = ("depth", "points", "normals", "labels", "segmentation")
 SMALL = wv.Camera.from_fov(120, 90, hfov=0.994837, near=0.05, far=100.0)
 
 
@@ -96,10 +96,10 @@ def test_ranges_follow_rep_117(device, caster):
     assert depth[24, 2] == 5.0  # exactly at far is in range
     hidden = ~np.isfinite(depth)
     assert (seen.labels.numpy()[0][hidden] == wv.Label.EMPTY).all()
-    assert (seen.objects.numpy()[0][hidden] == -1).all()
+    assert (seen.segmentation.numpy()[0][hidden] == -1).all()
     assert np.isnan(seen.points.numpy()[0][hidden]).all()
     assert np.isnan(seen.normals.numpy()[0][hidden]).all()
-    assert (seen.objects.numpy()[0][~hidden] == scene.index("wall")).all()
+    assert (seen.segmentation.numpy()[0][~hidden] == scene.index("wall")).all()
     farther = wv.render(scene, wv.Camera.from_fov(64, 48, hfov=0.9, far=4.99), pose, caster=caster).depth.numpy()[0]
     assert farther[24, 2] == np.inf
     assert farther[24, 32] == pytest.approx(0.2, abs=1e-6)
@@ -169,7 +169,7 @@ def test_a_camera_on_a_surface_sees_through_it(movable, device, caster):
     camera = wv.Camera.from_fov(40, 20, hfov=0.9)
     views = wv.render(scene, camera, pose, outputs=ALL, caster=caster)
     assert_matches_reference(views, scene, camera, pose)
-    assert (views.objects.numpy() == 0).all()
+    assert (views.segmentation.numpy() == 0).all()
     seen = wv.object_visibility(scene, camera, pose, caster=caster)
     assert seen.silhouette_pixels.numpy()[0, 1] == 0
 
@@ -201,16 +201,16 @@ def test_only_what_is_asked_for_is_made(device, caster):
     preset = scenes.PRESETS["room"]
     scene = preset.build(device)
     views = wv.render(scene, SMALL, preset.poses(1), outputs=("labels",), caster=caster)
-    assert views.depth is None and views.points is None and views.normals is None and views.objects is None
+    assert views.depth is None and views.points is None and views.normals is None and views.segmentation is None
     whole = wv.render(scene, SMALL, preset.poses(1), caster=caster)
     np.testing.assert_array_equal(views.labels.numpy(), whole.labels.numpy())
     assert whole.normals is None
-    assert (whole.labels.dtype, whole.objects.dtype, whole.points.dtype) == (wp.uint8, wp.int32, wp.vec3)
+    assert (whole.labels.dtype, whole.segmentation.dtype, whole.points.dtype) == (wp.uint8, wp.int32, wp.vec3)
 
 
 def test_out_is_written_in_place(device, caster):
     preset = scenes.PRESETS["room"]
-    renderer = wv.Renderer(preset.build(device), SMALL, outputs=("depth", "objects"), caster=caster)
+    renderer = wv.Renderer(preset.build(device), SMALL, outputs=("depth", "segmentation"), caster=caster)
     views = renderer.render(preset.poses(4)[:2])
     memory = views.depth.ptr
     expected = renderer.render(preset.poses(4)[2:]).depth.numpy()
@@ -227,11 +227,11 @@ def test_no_views_give_empty_images(device, caster):
 def test_objects_added_later_are_seen(device, caster):
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((1, 1, 1)), name="far", pose=(5, 0, 0, 0, 0, 0, 1))
-    renderer = wv.Renderer(scene, SMALL, outputs=("objects",), caster=caster)
+    renderer = wv.Renderer(scene, SMALL, outputs=("segmentation",), caster=caster)
     pose = wv.look_at((0, 0, 0), (1, 0, 0))
-    assert renderer.render(pose).objects.numpy()[0, 45, 60] == 0
+    assert renderer.render(pose).segmentation.numpy()[0, 45, 60] == 0
     scene.add(trimesh.creation.box((1, 1, 1)), name="near", pose=(3, 0, 0, 0, 0, 0, 1))
-    assert renderer.render(pose).objects.numpy()[0, 45, 60] == 1
+    assert renderer.render(pose).segmentation.numpy()[0, 45, 60] == 1
 
 
 @pytest.mark.parametrize("at_points", [False, True])

@@ -7,7 +7,8 @@ import pytest
 import warp as wp
 
 import warpvis as wv
-from warpvis import Label, Sphere, scenes
+from warpvis import Label, scenes
+from warpvis.maps import Sphere
 
 import reference
 
@@ -109,12 +110,12 @@ def test_spheres_are_rows_or_objects():
 def test_rendered_images_are_labelled_by_their_objects(device):
     scene = EXPERIMENT.build(device)
     views = wv.render(scene, CAMERA, EXPERIMENT.poses())
-    labels = wv.classify_rendered(views.depth, views.objects, scene)
+    labels = wv.maps.classify_rendered(views.depth, views.segmentation, scene)
     np.testing.assert_array_equal(labels.numpy(), views.labels.numpy())
 
-    near = wv.classify_rendered(views.depth, views.objects, scene, max_range=2.0).numpy()[0]
+    near = wv.maps.classify_rendered(views.depth, views.segmentation, scene, max_range=2.0).numpy()[0]
     label_of = np.array([item.label for item in scene])
-    expected = reference.label_objects(label_of, views.depth.numpy()[0], views.objects.numpy()[0], 2.0)
+    expected = reference.label_objects(label_of, views.depth.numpy()[0], views.segmentation.numpy()[0], 2.0)
     np.testing.assert_array_equal(near, expected)
     assert (near != labels.numpy()[0]).any()
 
@@ -140,4 +141,4 @@ def test_out_arrays_are_used(device):
     points = wp.zeros(views.depth.shape, dtype=wp.vec3, device=device)
     assert wv.classify(views.depth, CAMERA, EXPERIMENT.poses(), out=labels) is labels
     assert wv.back_project(views.depth, CAMERA, EXPERIMENT.poses(), out=points) is points
-    assert wv.classify_rendered(views.depth, views.objects, EXPERIMENT.build(device), out=labels) is labels
+    assert wv.maps.classify_rendered(views.depth, views.segmentation, EXPERIMENT.build(device), out=labels) is labels

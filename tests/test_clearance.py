@@ -8,8 +8,7 @@ import trimesh
 
 import warpvis as wv
 from warpvis import scenes
-from warpvis.free_space import clearance, standing_room
-from warpvis.surfaces import surface_samples
+from warpvis.planning import clearance, standing_room, surface_samples
 
 import reference
 

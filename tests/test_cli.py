@@ -161,7 +161,7 @@ def test_perspective_of_a_file(lab, tmp_path):
     assert report["to_see"] == seen.to_see("robot", "human") == ["ball"]
     proposed = report["proposed_robot_pose"]
     views = wv.render(scene, wv.Camera.kinect(), proposed["pose"], exclude=["robot"])
-    assert (views.objects.numpy() == scene.index("ball")).sum() > 100
+    assert (views.segmentation.numpy() == scene.index("ball")).sum() > 100
     assert proposed["fractions"]["ball"] > 0.95 and 0 < proposed["distance"] <= 2
     assert f"{proposed['distance']:.2f} m away" in result.stdout
 
@@ -200,8 +200,8 @@ def test_labels_say_what_the_person_may_mean(lab, monkeypatch, capsys):
 
 
 def test_poses_of_seven_numbers_and_other_axes(lab, monkeypatch, capsys):
-    row = wv.pose.look_at((-1.77, 0, 0.7), (0, 0, 0.39))
-    opengl = wv.pose.quaternion_product(row[3:], np.array([1.0, 0, 0, 0]))
+    row = wv.core.poses.look_at((-1.77, 0, 0.7), (0, 0, 0.39))
+    opengl = wv.core.poses.quaternion_product(row[3:], np.array([1.0, 0, 0, 0]))
     tables = []
     for pose, convention in ((ROBOT, "ros"), (row, "opencv"), ([*row[:3], *opengl], "opengl")):
         text = pose if isinstance(pose, str) else " ".join(map(repr, map(float, pose)))
@@ -273,7 +273,9 @@ def test_check_points(lab, tmp_path, monkeypatch, capsys, points, suffix):
     assert code == 0
     poses = np.loadtxt(lab / "poses.txt")[:, 1:]
     scene = wv.Scene.load(lab / "lab.glb")
-    status = wv.check_points(scene, wv.Camera.kinect(), poses, np.load(lab / "points.npy"), exclude=["robot"]).numpy()
+    status = wv.point_visibility(
+        scene, wv.Camera.kinect(), poses, np.load(lab / "points.npy"), exclude=["robot"]
+    ).numpy()
     assert [line.split() for line in printed.splitlines()[2:4]] == [
         [str(v), "5", *(str((status[v] == kind).sum()) for kind in (4, 3, 2, 1, 0))] for v in (0, 1)
     ]

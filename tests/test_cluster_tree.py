@@ -15,9 +15,9 @@ import pytest
 import trimesh
 import warp as wp
 
-from warpvis import ArrayError, SceneError
-from warpvis.closed import provably_closed
-from warpvis.cluster_tree import ClusterTree, build_cluster_tree
+from warpvis.errors import ArrayError, SceneError
+from warpvis.scene._bvh import ClusterTree, build_cluster_tree
+from warpvis.scene.closed import provably_closed
 from warpvis.scenes import PRESETS, shapes
 
 import reference

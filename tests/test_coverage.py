@@ -11,8 +11,7 @@ import trimesh
 
 import warpvis as wv
 from warpvis import Label, Visibility, scenes
-from warpvis.free_space import clearance
-from warpvis.surfaces import Samples, coverage, surface_samples
+from warpvis.planning import Samples, clearance, coverage, surface_samples
 
 CAMERA = wv.Camera.from_fov(160, 120, hfov=1.2)
 TWO, FIVE = np.zeros((2, 3)), np.zeros((5, 3))
@@ -126,7 +125,7 @@ def test_it_is_what_check_points_says(device):
     found = coverage(scene, CAMERA, poses, tolerance=2e-3)
     default = surface_samples(scene)
     assert (found.samples.points == default.points).all()
-    status = wv.check_points(scene, CAMERA, poses, default.points, tolerance=2e-3).numpy()
+    status = wv.point_visibility(scene, CAMERA, poses, default.points, tolerance=2e-3).numpy()
     assert (found.seen == (status == Visibility.VISIBLE)).all()
     assert (found.unseen() == ~found.seen.any(axis=0)).all()
     for view in range(len(poses)):
@@ -183,7 +182,7 @@ def test_worlds_exclusion_and_batches(device, monkeypatch):
     expected = [coverage(scene, CAMERA, poses, samples=samples, **options).seen for options in choices]
     assert expected[0].any(axis=1).tolist() == [False, True, True]
     assert expected[1].any(axis=1).all()
-    monkeypatch.setattr("warpvis.surfaces._PAIRS", 1)
+    monkeypatch.setattr("warpvis.planning._coverage._PAIRS", 1)
     assert (coverage(scene, CAMERA, poses, samples=samples, exclude=hidden).seen == expected[0]).all()
     assert (coverage(scene, CAMERA, poses, samples=samples, object_poses=aside, threads=1).seen == expected[1]).all()
     assert set(coverage(scene, CAMERA, poses, exclude=["lid"]).samples.objects.tolist()) == {0, 1}
@@ -253,5 +252,5 @@ def test_bad_input(change, said):
 def test_best_wants_a_number_of_views():
     found = coverage(divided_room(), CAMERA, looking_down((-1, 0, 2), (1, 0, 2)), samples=[(0.5, 0, 0)], k=1)
     assert found.best(1).tolist() == [1]
-    with pytest.raises(wv.ArrayError, match=r"^k must be a whole number from 1 to the 1 views of order, got 2$"):
+    with pytest.raises(wv.errors.ArrayError, match=r"^k must be a whole number from 1 to the 1 views of order, got 2$"):
         found.best(2)

@@ -8,11 +8,11 @@ import warp as wp
 
 import warpvis as wv
 from warpvis import scenes
-from warpvis.cuda_packets import packet_side
+from warpvis.rendering._cuda_packets import packet_side
 
 from compare import assert_matches_reference
 
-ALL = ("depth", "points", "normals", "labels", "objects")
+ALL = ("depth", "points", "normals", "labels", "segmentation")
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def test_images_do_not_depend_on_the_packets_size(name, outputs, cuda, monkeypat
     camera = wv.Camera.from_fov(133, 77, hfov=0.994837, near=0.05, far=4.0)
     images = []
     for side in (32, 16, 8):
-        monkeypatch.setattr("warpvis.cuda_packets.packet_side", lambda *_, side=side: side)
+        monkeypatch.setattr("warpvis.rendering._cuda_packets.packet_side", lambda *_, side=side: side)
         images.append(wv.render(scene, camera, preset.poses(3), outputs=outputs))
     for other in images[1:]:
         assert_identical(images[0], other)
@@ -91,7 +91,7 @@ def test_telephoto_and_far_from_the_origin(cuda):
     pose = wv.look_at(eye, (10_000.8, -10_000, 0.4))[None].astype(np.float32)
     camera = wv.Camera(96, 72, 4_000.0, 4_000.0, 48.0, 36.0, near=0.05, far=1000.0)
     views = wv.render(scene, camera, pose, outputs=ALL)
-    assert (views.objects.numpy() >= 0).any()
+    assert (views.segmentation.numpy() >= 0).any()
     assert_matches_reference(views, scene, camera, pose)
 
 
@@ -129,7 +129,7 @@ def test_images_on_the_host_are_written_there(cuda):
     wv.render(preset.build(cuda), preset.camera, preset.poses(2), outputs=("depth", "labels"), out=out)
     assert_identical(expected, out)
     out.labels = out.labels.to(cuda)
-    with pytest.raises(wv.ArrayError, match=r"out\.depth must be on device cuda:0, got cpu"):
+    with pytest.raises(wv.errors.ArrayError, match=r"out\.depth must be on device cuda:0, got cpu"):
         wv.render(preset.build(cuda), preset.camera, preset.poses(2), outputs=("depth", "labels"), out=out)
 
 
@@ -156,5 +156,5 @@ def test_poses_that_are_no_poses_see_nothing(cuda):
     renderer = wv.Renderer(preset.build(cuda), preset.camera, outputs=ALL)
     views = renderer.render(wp.array(rows, dtype=wp.transform, device=cuda))
     assert np.isfinite(views.depth.numpy()[0]).any()
-    assert (views.objects.numpy()[1:] == -1).all()
+    assert (views.segmentation.numpy()[1:] == -1).all()
     assert np.isinf(views.depth.numpy()[1:]).all()

@@ -9,8 +9,8 @@ import trimesh
 import warpvis as wv
 from warpvis import scenes
 from warpvis.demo import format_states, run_experiment
-from warpvis.perspectives import State
 from warpvis.scenes import experiments
+from warpvis.visibility import State
 
 # Experiment: whether ball and person are visible, and whether the floor plan calls them so.
 TABLE = {
@@ -63,10 +63,10 @@ def test_rendered_images_confirm_the_states(result):
     counts = []
     for agent in result.experiment.agents():
         images = [
-            wv.render(result.scene, face.camera, agent.face_poses(face), outputs="objects", exclude=agent.body)
+            wv.render(result.scene, face.camera, agent.face_poses(face), outputs="segmentation", exclude=agent.body)
             for face in agent.faces
         ]
-        objects = np.concatenate([image.objects.numpy().ravel() for image in images])
+        objects = np.concatenate([image.segmentation.numpy().ravel() for image in images])
         counts.append(np.bincount(objects + 1, minlength=len(result.scene) + 1)[1:])
     for name, state in result.experiment.states.items():
         robot, human = (int(count[result.scene.index(name)]) for count in counts)
@@ -110,7 +110,7 @@ def test_the_camera_is_between_the_obstacles(result):
 
 def test_tops_of_obstacles(result):
     """Where it is in view, the low obstacle's top is seen; the high one's never is."""
-    points, objects = result.views.points.numpy()[0], result.views.objects.numpy()[0]
+    points, objects = result.views.points.numpy()[0], result.views.segmentation.numpy()[0]
 
     def pixels_on_top(name):
         item = result.scene[name]
@@ -157,11 +157,11 @@ def test_a_wall_hides_on_the_plan_what_it_hides():
     for name, place in {"before": (1, 0), "behind": (3, 0), "beside": (3, 1.2)}.items():
         scene.add(trimesh.creation.box((0.2, 0.2, 0.2)), name=name, pose=(*place, 0.1, 0, 0, 0, 1))
     scene.add(trimesh.creation.box((0.1, 1, 0.01)), name="wall", pose=(2, 0, 0, 0, 0, 0, 1))
-    plan = wv.plan_visibility(scene, wv.Camera.kinect(), wv.look_at((0, 0, 1), (3, 0, 0.5)))
+    plan = wv.maps.plan_visibility(scene, wv.Camera.kinect(), wv.look_at((0, 0, 1), (3, 0, 0.5)))
     visible = dict(zip((item.name for item in scene), plan.visible[0].tolist(), strict=True))
     assert visible == {"before": True, "behind": False, "beside": True, "wall": True}
     assert (plan.first <= plan.alone).all()
-    without = wv.plan_visibility(
+    without = wv.maps.plan_visibility(
         scene, wv.Camera.kinect(), wv.look_at((0, 0, 1), (3, 0, 0.5)), exclude=("wall", "before")
     )
     assert without.visible[0].tolist() == [False, True, True, False]
@@ -171,5 +171,5 @@ def test_the_plan_knows_the_range():
     scene = wv.Scene()
     scene.add(trimesh.creation.box((0.2, 0.2, 0.2)), name="far", pose=(4.7, 0, 0.1, 0, 0, 0, 1))
     pose = wv.look_at((0, 0, 1), (3, 0, 1))
-    assert not wv.plan_visibility(scene, wv.Camera.kinect(), pose).visible[0, 0]
-    assert wv.plan_visibility(scene, wv.Camera.from_fov(320, 240, hfov=0.99, far=5), pose).visible[0, 0]
+    assert not wv.maps.plan_visibility(scene, wv.Camera.kinect(), pose).visible[0, 0]
+    assert wv.maps.plan_visibility(scene, wv.Camera.from_fov(320, 240, hfov=0.99, far=5), pose).visible[0, 0]

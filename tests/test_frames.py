@@ -10,8 +10,8 @@ import pytest
 import warp as wp
 
 import warpvis as wv
-from warpvis.frames import Frames
-from warpvis.pose import poses_to_matrices
+from warpvis.core.frames import Frames
+from warpvis.core.poses import poses_to_matrices
 
 POSE = (0.0, 0, 1, 0, 0, 0, 1)
 
@@ -45,7 +45,7 @@ def test_matrices_and_conventions(convention):
     np.testing.assert_allclose(poses_to_matrices(one), poses_to_matrices(two), atol=1e-12)
     np.testing.assert_allclose(
         poses_to_matrices(one).astype(np.float32),
-        poses_to_matrices(wv.parse_poses(rows, convention=convention).numpy()),
+        poses_to_matrices(wv.core.poses.parse_poses(rows, convention=convention).numpy()),
         atol=1e-6,
     )
     assert len(Frames.from_poses(matrices[0], convention=convention)) == 1

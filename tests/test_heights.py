@@ -8,7 +8,7 @@ import trimesh
 
 import warpvis as wv
 from warpvis import Visibility, scenes
-from warpvis.heights import minimum_height
+from warpvis.planning import minimum_height
 
 import reference
 
@@ -169,7 +169,7 @@ def test_free_lines_are_what_check_points_sees(device):
     corners = corners_of(scene)
     surface = np.einsum("nc,ncx->nx", rng.dirichlet((1, 1, 1), 1000), corners[rng.integers(0, len(corners), 1000)])
     points = np.concatenate([surface, rng.uniform([-2, -2, 0], [2, 2, 1], (1000, 3))]).astype(np.float32)
-    status = wv.check_points(scene, camera, pose, points, tolerance=1e-3).numpy()[0]
+    status = wv.point_visibility(scene, camera, pose, points, tolerance=1e-3).numpy()[0]
     free = heights(scene, pose[:3], points, tolerance=1e-3)[0] == 0
     in_view = status != Visibility.OUT_OF_VIEW
     assert in_view.sum() > 1000
@@ -231,5 +231,5 @@ def test_several_worlds_are_refused():
     scene = wv.Scene()
     scene.add(trimesh.creation.box(), name="door", movable=True)
     poses = np.tile([0, 0, 0, 0, 0, 0, 1.0], (3, 1, 1))
-    with pytest.raises(wv.PoseError, match=r"^object_poses must be of one world, got 3$"):
+    with pytest.raises(wv.errors.PoseError, match=r"^object_poses must be of one world, got 3$"):
         minimum_height(scene, np.zeros((1, 3)), np.ones((2, 3)), object_poses=poses)

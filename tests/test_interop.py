@@ -19,14 +19,14 @@ def views(device):
 
 def test_numpy_shares_the_cpus_memory():
     views = wv.render(EXPERIMENT.build(), EXPERIMENT.camera, EXPERIMENT.poses())
-    for image in (views.depth, views.points, views.labels, views.objects):
+    for image in (views.depth, views.points, views.labels, views.segmentation):
         assert np.shares_memory(np.from_dlpack(image), image.numpy())
     assert np.from_dlpack(views.points).shape == (1, 240, 320, 3)
 
 
 def test_measured_depth_is_read_in_place():
     """A float32 image of the host is not copied on its way to a CPU kernel."""
-    from warpvis.arrays import as_warp
+    from warpvis.core.arrays import as_warp
 
     depth = np.ones((1, 2, 3), dtype=np.float32)
     assert as_warp(depth, wp.float32, (1, 2, 3), name="depth", device=wp.get_device("cpu")).ptr == depth.ctypes.data
@@ -43,7 +43,7 @@ def test_lists_and_doubles_are_taken():
 @pytest.mark.parametrize("form", ["rows", "matrices"])
 def test_torch_tensors(views, device, form):
     torch = pytest.importorskip("torch")
-    from warpvis.pose import poses_to_matrices
+    from warpvis.core.poses import poses_to_matrices
 
     place = device.replace("cpu:0", "cpu")
     poses = EXPERIMENT.poses() if form == "rows" else poses_to_matrices(EXPERIMENT.poses()).astype(np.float32)
@@ -78,7 +78,7 @@ def test_cpu_and_cuda_agree():
     cpu, cuda = (wv.render(preset.build(name), preset.camera, preset.poses(8)) for name in ("cpu", "cuda:0"))
     wrong = wrong_depth(cuda.depth.numpy(), cpu.depth.numpy().astype(np.float64))
     assert wrong.mean() <= 1e-4
-    assert (cpu.objects.numpy() != cuda.objects.numpy()).mean() <= 1e-4
+    assert (cpu.segmentation.numpy() != cuda.segmentation.numpy()).mean() <= 1e-4
 
 
 def test_rendering_records_into_a_cuda_graph():

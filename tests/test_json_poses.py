@@ -9,8 +9,8 @@ import pytest
 from pose_samples import MATRICES, assert_same_poses, bop, nerfstudio
 
 import warpvis as wv
-from warpvis.io.pose_files import read_frames
-from warpvis.pose import poses_to_matrices
+from warpvis.core.poses import poses_to_matrices
+from warpvis.io import read_frames
 
 
 def test_nerfstudio(tmp_path):
@@ -106,12 +106,12 @@ FRAME = ("frames", 2, "transform_matrix")
 def test_bad_json(tmp_path, data, said):
     path = tmp_path / "poses.json"
     path.write_bytes(data if isinstance(data, bytes) else json.dumps(data).encode())
-    with pytest.raises(wv.FileFormatError) as error:
+    with pytest.raises(wv.errors.FileFormatError) as error:
         read_frames(path)
     assert str(error.value).removeprefix(f"{tmp_path}/").startswith(said)
     assert "\n" not in str(error.value)
     if isinstance(data, bytes):
         return
     path.rename(tmp_path / "poses")
-    with pytest.raises(wv.FileFormatError):
+    with pytest.raises(wv.errors.FileFormatError):
         read_frames(tmp_path / "poses", file_format="nerfstudio" if "frames" in str(data) else "bop")

@@ -8,7 +8,7 @@ import pytest
 
 import warpvis as wv
 from warpvis import scenes
-from warpvis.pose import poses_to_matrices
+from warpvis.core.poses import poses_to_matrices
 
 NAMES = [experiment.name for experiment in scenes.EXPERIMENTS]
 
@@ -69,7 +69,7 @@ def test_every_pixel_agrees_with_mj_ray(name, device):
     error = np.abs(got[both] - depth[both])
     assert np.median(error) < 1e-6
     assert (error > 1e-5 * np.maximum(1, depth[both])).mean() <= 1e-3
-    assert (views.objects.numpy()[0] != geom).mean() <= 1e-3
+    assert (views.segmentation.numpy()[0] != geom).mean() <= 1e-3
 
 
 def away_from_silhouettes(depth, reach=2, step=0.03):
@@ -99,7 +99,7 @@ def test_depth_and_segmentation_agree_with_mujocos_renderer(name):
     geom = np.where(segmentation[..., 1] == mujoco.mjtObj.mjOBJ_GEOM, segmentation[..., 0], -1)
 
     views = wv.render(scene, camera, pose)
-    got, objects = views.depth.numpy()[0], views.objects.numpy()[0]
+    got, objects = views.depth.numpy()[0], views.segmentation.numpy()[0]
     compared = away_from_silhouettes(got) & np.isfinite(got)
     assert compared.mean() > 0.3
     error = np.abs(got - depth)[compared]

@@ -222,21 +222,23 @@ def expected_views(batch, worlds, cameras):
     """What `warpvis.Renderer` renders, a camera and a world at a time."""
     views = []
     for camera in cameras:
-        renderer = wv.Renderer(batch.scene, batch.camera(camera), outputs=("depth", "objects"), cull_backfaces=True)
+        renderer = wv.Renderer(
+            batch.scene, batch.camera(camera), outputs=("depth", "segmentation"), cull_backfaces=True
+        )
         for data in worlds:
             pose = camera_poses(data, MODEL, [camera])[0]
             views.append(renderer.render(pose, object_poses=geom_poses(data, batch.scene)))
-    return [np.concatenate([getattr(view, name).numpy() for view in views]) for name in ("depth", "objects")]
+    return [np.concatenate([getattr(view, name).numpy() for view in views]) for name in ("depth", "segmentation")]
 
 
 def assert_views(views, expected):
     depth, objects = expected
-    assert np.array_equal(views.objects.numpy(), objects)
+    assert np.array_equal(views.segmentation.numpy(), objects)
     assert np.array_equal(views.depth.numpy(), depth)
 
 
 def batch_of(nworld=None, **options):
-    return BatchRenderer(MODEL, nworld, height=24, width=32, outputs=("depth", "objects"), **options)
+    return BatchRenderer(MODEL, nworld, height=24, width=32, outputs=("depth", "segmentation"), **options)
 
 
 @pytest.mark.parametrize("cameras", [None, "tele", ["eye", "twin"], ["twin", 1, 0], [2, 2]])
@@ -455,7 +457,7 @@ BAD = {
         r"out.depth must have shape \(6, 24, 32\), got \(3, 24, 32\)",
     ),
     "out no views": (lambda: batch_of().render(worlds_of(2), out=3), "out must be warpvis.Views, got int"),
-    "no objects": (lambda: depth_only().geom_ids(depth_only().render(worlds_of(1))), "views must have objects"),
+    "no objects": (lambda: depth_only().geom_ids(depth_only().render(worlds_of(1))), "views must have segmentation"),
     "no geometry": (lambda: batch_of(geom_groups=(5,)), r"the model has no geoms to render in groups \(5,\)"),
 }
 

@@ -12,19 +12,19 @@ import warp as wp
 from mujoco_models import SHAPES, shapes_model
 
 import warpvis as wv
-from warpvis import solids
-from warpvis.closed import provably_closed
+from warpvis.core.poses import poses_to_matrices
 from warpvis.kernels import mujoco as kernels
 from warpvis.mujoco import (
     MujocoScene,
     WorldPoses,
+    _tessellation as tessellation,
     camera_from_mujoco,
     camera_poses,
     geom_poses,
     scene_from_mujoco,
-    tessellation,
 )
-from warpvis.pose import poses_to_matrices
+from warpvis.scene import solids
+from warpvis.scene.closed import provably_closed
 
 import reference
 
@@ -320,10 +320,10 @@ def test_every_pixel_agrees_with_mj_ray(camera, device, caster, tolerance=2e-4):
     scene = scene_from_mujoco(model, tolerance=tolerance, device=device)
     eye = camera_from_mujoco(model, camera, 64, 48)
     pose = camera_poses(data, model, [model.camera(camera).id])[0]
-    renderer = wv.Renderer(scene, eye, outputs=("depth", "objects", "normals"), caster=caster)
+    renderer = wv.Renderer(scene, eye, outputs=("depth", "segmentation", "normals"), caster=caster)
     views = renderer.render(pose, object_poses=geom_poses(data, scene))
     depth, normals = views.depth.numpy()[0].astype(np.float64), views.normals.numpy()[0].astype(np.float64)
-    geoms = reference.geoms_of_objects(views.objects.numpy()[0], scene.geom_ids)
+    geoms = reference.geoms_of_objects(views.segmentation.numpy()[0], scene.geom_ids)
 
     matrix = poses_to_matrices(pose)
     rays = reference.pixel_rays(eye)

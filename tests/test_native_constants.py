@@ -10,7 +10,7 @@ import pytest
 
 from warpvis import Label, Visibility
 from warpvis.kernels import constants
-from warpvis.solids import SolidKind
+from warpvis.scene.solids import SolidKind
 
 ROOT = Path(__file__).parent.parent
 HEADER = ROOT / "kernels" / "native" / "shared" / "constants.h"

@@ -8,8 +8,7 @@ import trimesh
 import warp as wp
 
 import warpvis as wv
-from warpvis import objects as module
-from warpvis.objects import BOP_DELTA, object_visibility
+from warpvis.visibility import BOP_DELTA, _objects as module, object_visibility
 
 import reference
 
@@ -32,7 +31,7 @@ def desk(device="cpu"):
     scene.add(trimesh.creation.torus(0.3, 0.1, 16, 8), name="ring", pose=(0.6, -0.4, 0.5, 0.5, 0.5, 0.5, 0.5))
     scene.add(trimesh.creation.box((0.2, 0.3, 0.4)), name="cart", movable=True, pose=(0.3, 0.7, 0.2, 0, 0, 0.38, 0.92))
     scene.add(trimesh.creation.box((0.1, 0.1, 0.6)), name="mast", attach_to="cart", pose=(0.3, 0.7, 0.7, 0, 0, 0, 1))
-    scene.add(wv.solids.capsule(0.15, 0.4), name="arm", movable=True, pose=(0.9, 0.1, 0.6, 0.3, 0.1, 0, 0.95))
+    scene.add(wv.scene.solids.capsule(0.15, 0.4), name="arm", movable=True, pose=(0.9, 0.1, 0.6, 0.3, 0.1, 0, 0.95))
     scene.add(trimesh.creation.box((0.02, 0.3, 0.3)), name="sheet", pose=(1.29, 0, 0.3, 0, 0, 0, 1))
     return scene
 
@@ -141,7 +140,7 @@ def test_silhouettes_around_and_behind_the_camera(device, caster):
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((4, 4, 4)), name="room")
     scene.add(trimesh.creation.box((50, 50, 0.1)), name="floor", pose=(0, 0, -1, 0, 0, 0, 1))
-    scene.add(wv.solids.sphere(3.0), name="dome", movable=True)
+    scene.add(wv.scene.solids.sphere(3.0), name="dome", movable=True)
     result = object_visibility(scene, SMALL, wv.look_at((0, 0, 0), (1, 0, 0)), caster=caster)
     assert result.silhouette_pixels.numpy()[0, 0] == 9 * 64 * 48
     assert result.silhouette_box.numpy()[0, 0].tolist() == [-64, -48, 192, 144]
@@ -153,7 +152,7 @@ def test_silhouettes_around_and_behind_the_camera(device, caster):
 def test_a_ball_has_the_silhouette_that_geometry_says():
     """An ellipse's area, of a ball off the axis: pi f^2 r^2 z / (z^2 - r^2)^1.5 for (x, 0, z) with z along the axis."""
     scene = wv.Scene()
-    scene.add(wv.solids.sphere(0.5), name="ball", movable=True, pose=(0, 0, 3, 0, 0, 0, 1))
+    scene.add(wv.scene.solids.sphere(0.5), name="ball", movable=True, pose=(0, 0, 3, 0, 0, 0, 1))
     camera = wv.Camera.from_fov(640, 480, hfov=1.0)
     result = object_visibility(scene, camera, (0, 0, 0, 0, 0, 0, 1))
     area = np.pi * camera.fx**2 * 0.25 / (9 - 0.25)
@@ -282,11 +281,11 @@ def test_bad_input(arguments, message):
 
 
 def test_bad_scene_and_camera():
-    with pytest.raises(wv.SceneError, match=r"scene must be a warpvis\.Scene, got list"):
+    with pytest.raises(wv.errors.SceneError, match=r"scene must be a warpvis\.Scene, got list"):
         object_visibility([], SMALL, cameras())
-    with pytest.raises(wv.CameraError, match=r"camera must be a warpvis\.Camera, got int"):
+    with pytest.raises(wv.errors.CameraError, match=r"camera must be a warpvis\.Camera, got int"):
         object_visibility(desk(), 3, cameras())
-    with pytest.raises(wv.SceneError, match="the scene has no objects"):
+    with pytest.raises(wv.errors.SceneError, match="the scene has no objects"):
         object_visibility(wv.Scene(), SMALL, cameras())
 
 

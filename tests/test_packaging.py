@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The wheel holds the whole package and works from another folder; names, versions and lists agree."""
 
+import ast
 import importlib
 import os
-import pkgutil
 import re
 import subprocess
 import sys
 import tomllib
+import types
 import zipfile
 from pathlib import Path
 
@@ -74,21 +75,61 @@ def test_every_subpackage_is_listed():
     assert listed == folders
 
 
+def modules():
+    """Names of all modules of the package, from their files."""
+    for folder, package in PROJECT["tool"]["setuptools"]["package-dir"].items():
+        for path in sorted((ROOT / package).rglob("*.py")):
+            parts = path.relative_to(ROOT / package).with_suffix("").parts
+            if parts[-1] != "__main__":
+                yield ".".join((folder, *parts)).removesuffix(".__init__")
+
+
 def test_every_module_imports():
-    for package in ("warpvis", "warpvis.io", "warpvis.kernels", "warpvis.mujoco", "warpvis.scenes"):
-        module = importlib.import_module(package)
-        paths = [path for path in module.__path__ if Path(path) != ROOT]
-        for info in pkgutil.iter_modules(paths, prefix=f"{package}."):
-            importlib.import_module(info.name)
+    for name in modules():
+        importlib.import_module(name)
 
 
 def test_every_public_name_is_there():
     for name in warpvis.__all__:
         assert getattr(warpvis, name) is not None
-    assert set(warpvis.__all__) == set(warpvis._HOME) | {"__version__"}
     assert callable(warpvis.render) and callable(warpvis.classify)
-    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+    with pytest.raises(AttributeError, match="No warpvis attribute nothing"):
         _ = warpvis.nothing
+
+
+def test_a_name_has_one_import_path():
+    """What stands at the top stands in no package's list, and no two packages list the same thing."""
+    homes = {}
+    for package in warpvis.__all__:
+        module = getattr(warpvis, package)
+        if isinstance(module, types.ModuleType):
+            for name in getattr(module, "__all__", ()):
+                homes.setdefault(id(getattr(module, name)), []).append(f"{package}.{name}")
+    for name in warpvis.__all__:
+        homes.setdefault(id(getattr(warpvis, name)), []).append(name)
+    assert [paths for paths in homes.values() if len(paths) > 1] == []
+
+
+def test_the_top_is_small():
+    names = [name for name in warpvis.__all__ if not isinstance(getattr(warpvis, name), types.ModuleType)]
+    assert len(names) <= 30
+    entries = [path.name for path in (ROOT / "warpvis").iterdir() if path.name != "__pycache__"]
+    assert len(entries) <= 18
+
+
+def test_private_modules_stay_in_their_package():
+    """A module whose name begins with _ is imported inside its own package only, by functions, too."""
+    found = []
+    for path in (ROOT / "warpvis").rglob("*.py"):
+        own = path.relative_to(ROOT / "warpvis").parts[0]
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("warpvis."):
+                for name in (node.module, *(f"{node.module}.{alias.name}" for alias in node.names)):
+                    first, *rest = name.split(".")[1:]
+                    is_module = (ROOT / "warpvis" / first).joinpath(*rest).with_suffix(".py").is_file()
+                    if first != own and is_module and any(part.startswith("_") for part in rest):
+                        found.append(f"{path.relative_to(ROOT)}:{node.lineno} imports {name}")
+    assert found == []
 
 
 def test_versions_agree():

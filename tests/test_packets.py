@@ -13,12 +13,12 @@ import warp as wp
 
 import warpvis as wv
 from warpvis import scenes
-from warpvis.casters import split_rows
+from warpvis.rendering.casters import split_rows
 
 import reference
 from compare import assert_matches_reference, wrong_depth
 
-ALL = ("depth", "points", "normals", "labels", "objects")
+ALL = ("depth", "points", "normals", "labels", "segmentation")
 SMALL = wv.Camera.from_fov(120, 90, hfov=0.994837, near=0.05, far=100.0)
 LEVEL = (0, 0, 0, 0.5, -0.5, 0.5, -0.5)  # at the origin, looking along -x
 
@@ -26,8 +26,8 @@ LEVEL = (0, 0, 0, 0.5, -0.5, 0.5, -0.5)  # at the origin, looking along -x
 def assert_same(one, other):
     """Two renderings agree within the bounds that each of them has against the reference."""
     assert wrong_depth(one.depth.numpy(), other.depth.numpy().astype(np.float64)).mean() <= 1e-5
-    if one.objects is not None:
-        assert (one.objects.numpy() != other.objects.numpy()).mean() <= 1e-5
+    if one.segmentation is not None:
+        assert (one.segmentation.numpy() != other.segmentation.numpy()).mean() <= 1e-5
 
 
 @pytest.mark.parametrize("name", ["blobs_77k", "blobs_1m"])
@@ -60,9 +60,9 @@ def test_culling_sees_through_back_faces(device, caster):
     scene.add(trimesh.creation.icosphere(radius=0.5), name="beyond", pose=(3, 0, 0, 0, 0, 0, 1))
     pose = wv.look_at((0, 0, 0), (1, 0, 0))[None].astype(np.float32)
     both = wv.render(scene, SMALL, pose, outputs=ALL, caster=caster)
-    assert (both.objects.numpy() == 0).all()
+    assert (both.segmentation.numpy() == 0).all()
     culled = wv.render(scene, SMALL, pose, outputs=ALL, caster=caster, cull_backfaces=True)
-    assert set(np.unique(culled.objects.numpy())) == {-1, 1}
+    assert set(np.unique(culled.segmentation.numpy())) == {-1, 1}
     assert_matches_reference(culled, scene, SMALL, pose, cull_backfaces=True)
 
 
@@ -84,7 +84,7 @@ def test_leaving_out_back_faces_changes_nothing(monkeypatch, device):
     scene = build()
     assert scene.clusters().struct.closed_count == 6  # all but the open box
     lean = wv.render(scene, SMALL, poses, outputs=ALL)
-    monkeypatch.setattr("warpvis.closed.provably_closed", lambda vertices, faces: False)
+    monkeypatch.setattr("warpvis.scene.closed.provably_closed", lambda vertices, faces: False)
     scene = build()
     assert scene.clusters().struct.closed_count == 0
     whole = wv.render(scene, SMALL, poses, outputs=ALL)
@@ -109,7 +109,7 @@ def test_a_large_image_of_large_triangles(device):
     preset = scenes.PRESETS["room"]
     camera = wv.Camera.from_fov(4096, 4096, hfov=0.994837, near=0.05, far=100.0)
     packets, rays = (
-        wv.render(preset.build(device), camera, preset.poses(1), caster=caster, outputs=("depth", "objects"))
+        wv.render(preset.build(device), camera, preset.poses(1), caster=caster, outputs=("depth", "segmentation"))
         for caster in ("packets", "rays")
     )
     assert_same(packets, rays)
@@ -200,7 +200,7 @@ def test_points_of_the_image_match_their_twin(name, cull_backfaces, device, cast
         wrong = wrong_depth(views.depth.numpy()[view], expected.depth)
         assert wrong.mean() <= 1e-3
         right = ~wrong & (expected.gap > 1e-5)
-        np.testing.assert_array_equal(views.objects.numpy()[view][right], expected.objects[right])
+        np.testing.assert_array_equal(views.segmentation.numpy()[view][right], expected.objects[right])
         np.testing.assert_array_equal(views.labels.numpy()[view][right], expected.labels[right])
         np.testing.assert_allclose(views.points.numpy()[view][right], expected.points[right], atol=1e-4)
         apart = np.abs(views.normals.numpy()[view][right] - expected.normals[right]).max(axis=-1) > 1e-4
@@ -209,12 +209,12 @@ def test_points_of_the_image_match_their_twin(name, cull_backfaces, device, cast
 
 def test_points_at_pixel_centres_see_what_the_pixels_see(device):
     preset = scenes.PRESETS["blobs_77k"]
-    renderer = wv.Renderer(preset.build(device), SMALL, outputs=("depth", "objects"))
+    renderer = wv.Renderer(preset.build(device), SMALL, outputs=("depth", "segmentation"))
     y, x = np.mgrid[:90, :120] + 0.5
     pixels = np.tile(np.stack([x, y], axis=-1).reshape(1, -1, 2), (2, 1, 1))
     image, points = renderer.render(preset.poses(2)), renderer.render_at(preset.poses(2), pixels)
     assert wrong_depth(points.depth.numpy(), image.depth.numpy().reshape(2, -1).astype(np.float64)).mean() <= 1e-4
-    assert (points.objects.numpy() != image.objects.numpy().reshape(2, -1)).mean() <= 1e-4
+    assert (points.segmentation.numpy() != image.segmentation.numpy().reshape(2, -1)).mean() <= 1e-4
 
 
 def test_points_do_not_depend_on_threads_or_order():
@@ -226,7 +226,7 @@ def test_points_do_not_depend_on_threads_or_order():
     for threads in (2, 5):
         again = wv.Renderer(scene, SMALL, threads=threads).render_at(preset.poses(1), pixels[:, order])
         assert again.depth.numpy().tobytes() == first.depth.numpy()[:, order].tobytes()
-        assert again.objects.numpy().tobytes() == first.objects.numpy()[:, order].tobytes()
+        assert again.segmentation.numpy().tobytes() == first.segmentation.numpy()[:, order].tobytes()
 
 
 def test_auto_takes_packets(device):
@@ -244,7 +244,7 @@ images = {}
 for name in ("experiment_3", "room", "blobs_77k"):
     preset = scenes.PRESETS[name]
     views = wv.render(preset.build(), camera, preset.poses(2))
-    images |= {f"{name}_depth": views.depth.numpy(), f"{name}_objects": views.objects.numpy()}
+    images |= {f"{name}_depth": views.depth.numpy(), f"{name}_objects": views.segmentation.numpy()}
 np.savez(sys.argv[2], **images)
 """
 
@@ -260,7 +260,7 @@ def test_narrower_lanes_make_the_same_images(flags, tmp_path):
         preset = scenes.PRESETS[name]
         views = wv.render(preset.build(), SMALL, preset.poses(2), caster="rays")
         assert wrong_depth(stored[f"{name}_depth"], views.depth.numpy().astype(np.float64)).mean() <= 1e-4
-        assert (stored[f"{name}_objects"] != views.objects.numpy()).mean() <= 1e-4
+        assert (stored[f"{name}_objects"] != views.segmentation.numpy()).mean() <= 1e-4
 
 
 @pytest.mark.parametrize("thickness", [1e-4, 1e-3, 0.02])
@@ -279,7 +279,7 @@ def test_slivers(device, caster, thickness, behind):
     places = [(0.1, 0.0, 1.0), (-0.5, 0.3, 0.8)] if behind else [(-6.0, 0.2, 1.0), (2.0, 7.0, 2.0)]
     cameras = np.array([wv.look_at(place, (1.0, 0.1, 1.1)) for place in places])
     camera = wv.Camera.from_fov(200, 150, hfov=1.0, near=0.01, far=100.0)
-    views = wv.render(scene, camera, cameras, outputs=("depth", "objects"), caster=caster)
+    views = wv.render(scene, camera, cameras, outputs=("depth", "segmentation"), caster=caster)
     assert_matches_reference(views, scene, camera, cameras)
     few = wv.render(scene, camera, cameras, outputs="depth", caster=caster, threads=3)
     assert few.depth.numpy().tobytes() == views.depth.numpy().tobytes()

@@ -11,7 +11,7 @@ from test_worlds import ALL, assert_bits_equal, build, eyes, far_away, random_po
 
 import warpvis as wv
 from warpvis import scenes
-from warpvis.panorama import render_wide
+from warpvis.rendering import render_wide
 
 import reference
 from compare import wrong_depth
@@ -31,7 +31,7 @@ def assert_matches_reference(views, scene, poses, rays, **options):
     for view, pose in enumerate(poses):
         expected = reference.cast_wide_rays(scene, rays, pose, **options)
         wrong = wrong_depth(views.depth.numpy()[view], expected.depth)
-        wrong |= (views.objects.numpy()[view] != expected.objects) & (expected.gap > 1e-5)
+        wrong |= (views.segmentation.numpy()[view] != expected.objects) & (expected.gap > 1e-5)
         for y, x in np.argwhere(wrong):
             around = rays[y, x] + 1e-6 * np.random.default_rng(0).normal(size=(1, 64, 3))
             near_by = reference.cast_wide_rays(scene, around, pose, **options).depth
@@ -69,7 +69,7 @@ def test_solids_and_moved_meshes_match_the_reference(projection, cull_backfaces,
     poses = random_poses(rng, 2, spread=0.3)
     options = {"cull_backfaces": cull_backfaces, "near": 0.4, "far": 2.0}
     views = render_wide(scene, *size, AROUND, poses, projection=projection, outputs=ALL, **options)
-    depth, objects = views.depth.numpy(), views.objects.numpy()
+    depth, objects = views.depth.numpy(), views.segmentation.numpy()
     assert np.isneginf(depth).any() and np.isposinf(depth).any()
     assert len(np.unique(objects)) >= 7
     assert_matches_reference(views, scene, poses, wide_rays(*size, AROUND, projection), **options)
@@ -122,8 +122,8 @@ def test_columns_are_azimuths_and_rows_elevations(device):
     places |= {"below": (0, 5, 0), "above": (0, -6, 0)}
     for name, place in places.items():
         scene.add(trimesh.creation.box((size, size, size)), name=name, pose=(*place, 0, 0, 0, 1))
-    views = render_wide(scene, 65, 33, AROUND, STRAIGHT, outputs=("depth", "objects"))
-    objects, depth = views.objects.numpy()[0], views.depth.numpy()[0]
+    views = render_wide(scene, 65, 33, AROUND, STRAIGHT, outputs=("depth", "segmentation"))
+    objects, depth = views.segmentation.numpy()[0], views.depth.numpy()[0]
     for name, (y, x) in {"ahead": (16, 32), "right": (16, 48), "left": (16, 16), "behind": (16, 0)}.items():
         assert objects[y, x] == scene.index(name)
         assert depth[y, x] == pytest.approx(max(map(abs, places[name])) - size / 2, abs=5e-3)
@@ -138,8 +138,8 @@ def test_a_fisheyes_distance_from_the_middle_is_the_angle_from_the_axis(device):
         place = 3 * np.array([np.sin(away) * np.cos(roll), np.sin(away) * np.sin(roll), np.cos(away)])
         scene.add(trimesh.creation.icosphere(radius=0.2), name=name, pose=(*place, 0, 0, 0, 1))
     for width, height in ((101, 101), (101, 51)):
-        views = render_wide(scene, width, height, 5.0, STRAIGHT, projection="spherical", outputs=("objects",))
-        objects = views.objects.numpy()[0]
+        views = render_wide(scene, width, height, 5.0, STRAIGHT, projection="spherical", outputs=("segmentation",))
+        objects = views.segmentation.numpy()[0]
         for name, (away, roll) in angles.items():
             x = int((0.5 + away / 5.0 * np.cos(roll)) * width)
             y = int((0.5 + away / 5.0 * np.sin(roll)) * height)
@@ -165,10 +165,10 @@ def test_a_camera_inside_its_own_housing(projection, device):
     scene.add(trimesh.creation.icosphere(radius=0.05), name="housing")
     scene.add(_room(), name="room")
     inside = render_wide(scene, 32, 16, AROUND, STRAIGHT, projection=projection, outputs=ALL)
-    assert (inside.objects.numpy() == 0).all()
+    assert (inside.segmentation.numpy() == 0).all()
     excluded = render_wide(scene, 32, 16, AROUND, STRAIGHT, projection=projection, outputs=ALL, exclude="housing")
     culled = render_wide(scene, 32, 16, AROUND, STRAIGHT, projection=projection, outputs=ALL, cull_backfaces=True)
-    assert (excluded.objects.numpy() == 1).all()
+    assert (excluded.segmentation.numpy() == 1).all()
     assert_bits_equal(excluded, culled)
 
 
@@ -190,7 +190,7 @@ def test_ranges_are_of_the_length(projection, device):
     depth = views.depth.numpy()[0, 0]
     assert np.isneginf(depth[50]) and np.isposinf(depth[[0, 100]]).all() and 1.001 <= depth[25] <= 1.9
     empty = ~np.isfinite(depth)
-    assert (views.objects.numpy()[0, 0, empty] == -1).all() and (views.labels.numpy()[0, 0, empty] == 0).all()
+    assert (views.segmentation.numpy()[0, 0, empty] == -1).all() and (views.labels.numpy()[0, 0, empty] == 0).all()
     assert np.isnan(views.points.numpy()[0, 0, empty]).all()
 
 
@@ -198,7 +198,7 @@ def test_only_what_is_asked_for_is_made(device):
     preset = scenes.PRESETS["room"]
     scene = preset.build(device)
     views = render_wide(scene, 16, 8, 3.0, preset.poses(1))
-    assert views.points is None and views.normals is None and views.labels is None and views.objects is None
+    assert views.points is None and views.normals is None and views.labels is None and views.segmentation is None
     whole = render_wide(scene, 16, 8, 3.0, preset.poses(1), outputs=ALL)
     np.testing.assert_array_equal(views.depth.numpy(), whole.depth.numpy())
     labels = render_wide(scene, 16, 8, 3.0, preset.poses(1), outputs="labels").labels
@@ -209,7 +209,7 @@ def test_only_what_is_asked_for_is_made(device):
 def test_conventions_of_poses(projection, device):
     preset = scenes.PRESETS["room"]
     scene, pose = preset.build(device), preset.poses(1)
-    turned = wv.pose.quaternion_product(pose[:, 3:], np.array([1.0, 0, 0, 0]))
+    turned = wv.core.poses.quaternion_product(pose[:, 3:], np.array([1.0, 0, 0, 0]))
     opengl = np.concatenate([pose[:, :3], turned], axis=1)
     one = render_wide(scene, 32, 16, AROUND, pose, projection=projection).depth.numpy()
     other = render_wide(scene, 32, 16, AROUND, opengl, projection=projection, convention="opengl").depth.numpy()
@@ -235,7 +235,10 @@ CASES = {
     "text": ({"hfov": "wide"}, "hfov must be a number, got 'wide'"),
     "far before near": ({"near": 2.0, "far": 1.0}, "the depth range needs 0 <= near < far, got near=2.0, far=1.0"),
     "negative near": ({"near": -1.0}, "the depth range needs 0 <= near < far, got near=-1.0"),
-    "outputs": ({"outputs": ("depth", "colour")}, "outputs must be some of depth, points, normals, labels, objects"),
+    "outputs": (
+        {"outputs": ("depth", "colour")},
+        "outputs must be some of depth, points, normals, labels, segm",
+    ),
     "no outputs": ({"outputs": ()}, "outputs must be some of"),
     "threads": ({"threads": 0}, "threads must be a whole number from 1 up, got 0"),
     "convention": ({"convention": "unity"}, "convention must be one of"),

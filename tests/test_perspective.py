@@ -11,10 +11,8 @@ import trimesh
 
 import warpvis as wv
 from warpvis import Label, Visibility
-from warpvis.agents import Agent, Field
-from warpvis.objects import object_visibility
-from warpvis.perspectives import State, perspective
 from warpvis.scenes.shapes import ball, floor, person, robot, standing_box
+from warpvis.visibility import Agent, FieldOfView, State, object_visibility, perspective
 
 DEGREE = math.pi / 180
 ROBOT_EYES = wv.look_at((-2, 0, 0.5), (0, 0.2, 0.2))
@@ -123,7 +121,7 @@ def test_the_faces_of_a_field_count_nothing_twice():
 
 
 def test_an_object_across_a_border_of_faces():
-    field = Field(140 * DEGREE, 0.2, 0.2, resolution=800)
+    field = FieldOfView(140 * DEGREE, 0.2, 0.2, resolution=800)
     camera = wv.Camera.from_fov(4400, 320, hfov=140 * DEGREE)
     assert len(field.faces()) == 2
     pose = wv.look_at((0, 0, 0), (1, 0, 0))
@@ -312,9 +310,9 @@ FOUR = np.tile(ROBOT_EYES, (4, 1))
     [
         ({"scene": 3}, "scene must be a warpvis.Scene, got int"),
         ({"scene": wv.Scene()}, "the scene has no objects; add() one first"),
-        ({"agents": []}, "agents must be one or more of warpvis.agents.Agent, got none"),
-        ({"agents": [wv.Camera.kinect()]}, "agents must be one or more of warpvis.agents.Agent, got Camera"),
-        ({"agents": 3}, "agents must be one or more of warpvis.agents.Agent, got int"),
+        ({"agents": []}, "agents must be one or more of warpvis.visibility.Agent, got none"),
+        ({"agents": [wv.Camera.kinect()]}, "agents must be one or more of warpvis.visibility.Agent, got Camera"),
+        ({"agents": 3}, "agents must be one or more of warpvis.visibility.Agent, got int"),
         (
             {"agents": [Agent.kinect("me", ROBOT_EYES), Agent.human("me", HUMAN_EYES)]},
             "agents must have different names, got 'me' more than once",

@@ -12,14 +12,13 @@ from PIL import Image
 
 import warpvis as wv
 from warpvis import scenes
-from warpvis.agents import Agent, Field
-from warpvis.perspectives import State, perspective
+from warpvis.visibility import Agent, FieldOfView, State, perspective
 from warpvis.viz import save_perspective, save_sightings
-from warpvis.viz.agent_views import agent_view, views_of_faces
-from warpvis.viz.drawing import save_figure
-from warpvis.viz.perspective import _floor_map, draw_perspective
-from warpvis.viz.sightings import STATUS_COLORS
-from warpvis.viz.states import STATE_COLORS, Shown
+from warpvis.viz._agent_views import agent_view, views_of_faces
+from warpvis.viz._drawing import save_figure
+from warpvis.viz._perspective import _floor_map, draw_perspective
+from warpvis.viz._sightings import STATUS_COLORS
+from warpvis.viz._states import STATE_COLORS, Shown
 
 DEFAULTS = {"view": 0, "title": "A title", "labels": ["object"], "eye": None, "target": None, "proposed": None}
 DEFAULTS["object_poses"] = None
@@ -187,11 +186,11 @@ def test_faces_for_maps_are_those_of_the_agent():
     experiment = scenes.EXPERIMENTS[0]
     scene, human = experiment.build(), experiment.agents()[1]
     for k, (face, views) in enumerate(zip(human.faces, views_of_faces(scene, human), strict=True)):
-        alone = wv.render(scene, face.camera, human.face_poses(face), outputs="objects", exclude=human.body)
+        alone = wv.render(scene, face.camera, human.face_poses(face), outputs="segmentation", exclude=human.body)
         left, right = int(k > 0), int(k < 2)
-        image = views.objects.numpy()[0]
+        image = views.segmentation.numpy()[0]
         assert image.shape[1] == face.camera.width + left + right
-        np.testing.assert_array_equal(image[:, left : image.shape[1] - right], alone.objects.numpy()[0])
+        np.testing.assert_array_equal(image[:, left : image.shape[1] - right], alone.segmentation.numpy()[0])
 
 
 def balls_around(angles, distance=2.0):
@@ -207,7 +206,7 @@ def balls_around(angles, distance=2.0):
 def test_a_wide_field_is_shown_by_angles(hfov):
     angles = np.radians([-170, -120, -95, -33, 0, 10, 66, 95, 120, 170])
     scene = balls_around(angles)
-    field = Field(math.radians(hfov), math.radians(50), math.radians(60))
+    field = FieldOfView(math.radians(hfov), math.radians(50), math.radians(60))
     seen = agent_view(scene, Agent("all round", field, wv.look_at((0, 0, 1), (1, 0, 1))))
     left, right, bottom, top = seen.extent
     assert (left, right, bottom, top) == pytest.approx((-hfov / 2, hfov / 2, -60, 50))
@@ -245,7 +244,7 @@ def test_a_camera_is_shown_as_it_is():
     seen = agent_view(scene, robot)
     views = wv.render(scene, experiment.camera, experiment.poses(), exclude=["robot"])
     np.testing.assert_array_equal(seen.distance, views.depth.numpy()[0])
-    np.testing.assert_array_equal(seen.objects, views.objects.numpy()[0])
+    np.testing.assert_array_equal(seen.objects, views.segmentation.numpy()[0])
     assert seen.extent == (0, 320, 240, 0)
 
 
@@ -279,7 +278,7 @@ def test_y_up():
     for item in scene:
         turned.add((item.vertices[:, [1, 2, 0]], item.faces), name=item.name, label=item.label)
     matrix = np.eye(4)[[1, 2, 0, 3]]
-    matrices = [matrix @ wv.pose.poses_to_matrices(agent.poses) for agent in agents]
+    matrices = [matrix @ wv.core.poses.poses_to_matrices(agent.poses) for agent in agents]
     others = tuple(
         Agent(a.name, a.camera, m, body=a.body, attention=a.attention) for a, m in zip(agents, matrices, strict=True)
     )
@@ -341,6 +340,6 @@ def test_sightings_are_coloured_by_status(tmp_path):
 
 def test_sightings_are_of_one_view(tmp_path):
     experiment = scenes.EXPERIMENTS[0]
-    with pytest.raises(wv.ArrayError, match="camera_to_world must be one pose for one picture, got 2"):
+    with pytest.raises(wv.errors.ArrayError, match="camera_to_world must be one pose for one picture, got 2"):
         save_sightings(experiment.build(), experiment.camera, experiment.poses(2), tmp_path / "two.png")
     assert list(tmp_path.iterdir()) == []

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 import warpvis as wv
-from warpvis.io.point_files import read_points
+from warpvis.io import read_points
 
 POINTS = np.array([[0.5, -1, 2], [1e-3, 0, -7.25], [3, 4, 5]])
 
@@ -85,7 +85,7 @@ def test_bad_files(tmp_path, name, content, said):
         content(path)
     elif content is not None:
         path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    with pytest.raises(wv.FileFormatError) as error:
+    with pytest.raises(wv.errors.FileFormatError) as error:
         read_points(path)
     assert str(error.value).removeprefix(f"{tmp_path}/").startswith(said)
     assert "\n" not in str(error.value)

@@ -9,7 +9,9 @@ import pytest
 import trimesh
 
 import warpvis as wv
-from warpvis import Visibility, point_packets, scenes, solids
+from warpvis import Visibility, scenes
+from warpvis.scene import solids
+from warpvis.visibility import _point_packets as point_packets
 
 import reference
 
@@ -29,7 +31,7 @@ def room():
 def judge(room, count, views=1, **options):
     """Statuses and occluders as bytes."""
     scene, poses, points = room
-    arrays = wv.check_points(scene, CAMERA, poses[:views], points[:count], occluders=True, **options)
+    arrays = wv.point_visibility(scene, CAMERA, poses[:views], points[:count], occluders=True, **options)
     return [array.numpy().tobytes() for array in arrays]
 
 
@@ -39,7 +41,7 @@ def test_threads_change_no_bit(room, count, views):
     assert one == two == three
     scene, poses, points = room
     for threads in (1, 2):
-        alone = wv.check_points(scene, CAMERA, poses[:views], points[:count], threads=threads)
+        alone = wv.point_visibility(scene, CAMERA, poses[:views], points[:count], threads=threads)
         assert alone.numpy().tobytes() == one[0]
 
 
@@ -67,7 +69,7 @@ def test_both_casters_agree(name):
     scene, rng = preset.build(), np.random.default_rng(1)
     points = rng.uniform(*scene.bounds, (50_000, 3)).astype(np.float32)
     given = (scene, CAMERA, preset.poses(2), points)
-    (packets, hides), (rays, hid) = (wv.check_points(*given, caster=c, occluders=True) for c in ("packets", "rays"))
+    (packets, hides), (rays, hid) = (wv.point_visibility(*given, caster=c, occluders=True) for c in ("packets", "rays"))
     assert (packets.numpy() != rays.numpy()).sum() <= 1
     assert (hides.numpy() != hid.numpy()).mean() <= 1e-4
     assert {Visibility.OUT_OF_VIEW, Visibility.OCCLUDED, Visibility.VISIBLE} <= set(np.unique(packets.numpy()))
@@ -75,8 +77,8 @@ def test_both_casters_agree(name):
 
 def test_what_is_first_does_not_change_what_is_hidden(room):
     scene, poses, points = room
-    without = wv.check_points(scene, CAMERA, poses, points[:20_000], tolerance=0.0).numpy()
-    status, occluders = wv.check_points(scene, CAMERA, poses, points[:20_000], tolerance=0.0, occluders=True)
+    without = wv.point_visibility(scene, CAMERA, poses, points[:20_000], tolerance=0.0).numpy()
+    status, occluders = wv.point_visibility(scene, CAMERA, poses, points[:20_000], tolerance=0.0, occluders=True)
     assert (status.numpy() == without).all()
     assert ((occluders.numpy() >= 0) == (without == Visibility.OCCLUDED)).all()
 
@@ -94,9 +96,9 @@ def test_double_precision_decides(offset):
     points = points.astype(np.float32)
     for tolerance in (0.0, offset):
         expected, _, margin = reference.judge_points(scene, camera, pose, points, tolerance)
-        status = wv.check_points(scene, camera, pose, points, tolerance=tolerance).numpy()[0]
+        status = wv.point_visibility(scene, camera, pose, points, tolerance=tolerance).numpy()[0]
         assert (status == expected)[margin > 1e-12].all()
-        first = wv.check_points(scene, camera, pose, points, tolerance=tolerance, occluders=True)[0].numpy()[0]
+        first = wv.point_visibility(scene, camera, pose, points, tolerance=tolerance, occluders=True)[0].numpy()[0]
         assert (first == status).all()
 
 
@@ -104,7 +106,7 @@ def test_solids_hide_without_being_asked_which(room):
     scene = wv.Scene()
     scene.add(solids.sphere(0.5), name="ball", pose=(2, 0, 0, 0, 0, 0, 1), movable=True)
     points = [(3, 0, 0), (3, 0.7, 0), (3, 0.8, 0), (1.6, 0, 0), (1.49, 0, 0)]
-    status = wv.check_points(scene, CAMERA, wv.look_at((0, 0, 0), (1, 0, 0)), points).numpy()[0]
+    status = wv.point_visibility(scene, CAMERA, wv.look_at((0, 0, 0), (1, 0, 0)), points).numpy()[0]
     behind, seen = int(Visibility.OCCLUDED), int(Visibility.VISIBLE)
     assert status.tolist() == [behind, behind, seen, behind, seen]  # the limit is at 3 * 0.5 / sqrt(2^2 - 0.5^2)
 
@@ -121,11 +123,11 @@ def test_a_scene_that_changes_is_seen_as_it_is(room):
     scene = wv.Scene()
     scene.add(trimesh.creation.box((0.2, 1, 1)), name="wall", pose=(2, 0, 0, 0, 0, 0, 1), movable=True)
     pose, points = wv.look_at((0, 0, 0), (1, 0, 0)), [(3, 0, 0), (3, 1.2, 0)]
-    assert wv.check_points(scene, CAMERA, pose, points).numpy()[0].tolist() == [3, 4]
+    assert wv.point_visibility(scene, CAMERA, pose, points).numpy()[0].tolist() == [3, 4]
     scene.update_vertices("wall", scene["wall"].mesh_vertices + [0, 1, 0])
-    assert wv.check_points(scene, CAMERA, pose, points).numpy()[0].tolist() == [4, 3]
+    assert wv.point_visibility(scene, CAMERA, pose, points).numpy()[0].tolist() == [4, 3]
     scene.add(trimesh.creation.box((0.2, 0.1, 0.1)), name="post", pose=(1, 0, 0, 0, 0, 0, 1))
-    assert wv.check_points(scene, CAMERA, pose, points).numpy()[0].tolist() == [3, 3]
+    assert wv.point_visibility(scene, CAMERA, pose, points).numpy()[0].tolist() == [3, 3]
 
 
 @pytest.mark.parametrize("size", [(1, 1), (7, 5), (4000, 3), (3, 4000)])
@@ -133,5 +135,5 @@ def test_odd_image_sizes(size):
     preset = scenes.PRESETS["room"]
     scene, camera = preset.build(), wv.Camera(*size, 0.9 * size[0], 0.9 * size[1], size[0] / 2, size[1] / 2)
     points = np.random.default_rng(2).uniform(*scene.bounds, (20_000, 3)).astype(np.float32)
-    packets, rays = (wv.check_points(scene, camera, preset.poses(2), points, caster=c) for c in ("packets", "rays"))
+    packets, rays = (wv.point_visibility(scene, camera, preset.poses(2), points, caster=c) for c in ("packets", "rays"))
     assert (packets.numpy() != rays.numpy()).sum() <= 1

@@ -8,7 +8,8 @@ import trimesh
 import warp as wp
 
 import warpvis as wv
-from warpvis import Visibility, scenes, solids
+from warpvis import Visibility, scenes
+from warpvis.scene import solids
 
 import reference
 
@@ -32,9 +33,11 @@ def points_on(scene, rng, count):
 def assert_matches(scene, camera, poses, points, *, tolerance, caster, twins=None, slack=2e-5, **options):
     """Every view agrees with the float64 reference of the scene, or of a twin in which that view's objects stay."""
     options = {"tolerance": tolerance, "caster": caster, **options}
-    status, occluders = (a.numpy() for a in wv.check_points(scene, camera, poses, points, occluders=True, **options))
+    status, occluders = (
+        a.numpy() for a in wv.point_visibility(scene, camera, poses, points, occluders=True, **options)
+    )
     assert status.shape == occluders.shape == (len(poses), len(points))
-    assert (wv.check_points(scene, camera, poses, points, **options).numpy() == status).all()
+    assert (wv.point_visibility(scene, camera, poses, points, **options).numpy() == status).all()
     found = set()
     for view, pose in enumerate(poses):
         twin = twins[view] if twins else scene
@@ -67,13 +70,13 @@ def test_every_reason(device, caster):
     scene.add(trimesh.creation.box((0.02, 0.1, 0.1)), name="lens cap", pose=(0.3, 0.3, 0, 0, 0, 0, 1))
     pose = wv.look_at((0, 0, 0), (1, 0, 0))
     points = [(1, 0, 0), (1.9, 0, 0), (2.5, 0, 0), (-1, 0, 0), (1, 5, 0), (0.4, 0, 0), (9, 1.5, 0), (2, 2, 0)]
-    status, occluders = wv.check_points(scene, CAMERA, pose, points, occluders=True, caster=caster)
+    status, occluders = wv.point_visibility(scene, CAMERA, pose, points, occluders=True, caster=caster)
     names = [Visibility(value).name for value in status.numpy()[0]]
     out = "OUT_OF_VIEW"
     assert names == ["VISIBLE", "VISIBLE", "OCCLUDED", out, out, "TOO_NEAR", "TOO_FAR", out]
     assert occluders.numpy()[0].tolist() == [-1, -1, 0, -1, -1, -1, -1, -1]
     wide = wv.Camera.from_fov(320, 240, hfov=2.0, near=0.6, far=4.0)
-    status, occluders = wv.check_points(scene, wide, pose, [(0.9, 0.9, 0)], occluders=True, caster=caster)
+    status, occluders = wv.point_visibility(scene, wide, pose, [(0.9, 0.9, 0)], occluders=True, caster=caster)
     assert status.numpy()[0, 0] == Visibility.OCCLUDED  # by something that is too near to be measured
     assert occluders.numpy()[0, 0] == 1
 
@@ -85,7 +88,7 @@ def test_the_tolerance_is_along_the_ray(device, caster):
     pose = wv.look_at((0, 0, 0), (1, 0, 0))
     ray = np.array([1.0, 1.5, 0.5])
     points = [ray * 2 * (1 + behind / (2 * np.linalg.norm(ray))) for behind in (0.009, 0.011)]
-    status = wv.check_points(scene, camera, pose, points, tolerance=0.01, caster=caster).numpy()[0]
+    status = wv.point_visibility(scene, camera, pose, points, tolerance=0.01, caster=caster).numpy()[0]
     assert status.tolist() == [Visibility.VISIBLE, Visibility.OCCLUDED]
 
 
@@ -97,7 +100,7 @@ def test_worlds_solids_and_exclusion(device, caster):
     points = [(3, 0, 0), (1.7, 0, 0), (3, 0.75, 0)]
     hidden = np.array([[0], [0], [1]], dtype=np.uint8)
     options = {"object_poses": worlds, "world": np.array([0, 1, 0]), "exclude": hidden, "caster": caster}
-    status = wv.check_points(scene, CAMERA, poses, points, **options).numpy()
+    status = wv.point_visibility(scene, CAMERA, poses, points, **options).numpy()
     seen, behind = int(Visibility.VISIBLE), int(Visibility.OCCLUDED)
     assert status.tolist() == [[behind, seen, seen], [seen, seen, behind], [seen, seen, seen]]
 
@@ -174,7 +177,7 @@ def test_borders_of_the_image_and_of_space(device, caster):
         ((0, 0, 1e18), int(Visibility.OCCLUDED)),
         ((1e18, 0, 1.5e18), seen),
     ]
-    status = wv.check_points(scene, camera, (0, 0, 0, 0, 0, 0, 1), [point for point, _ in cases], caster=caster)
+    status = wv.point_visibility(scene, camera, (0, 0, 0, 0, 0, 0, 1), [point for point, _ in cases], caster=caster)
     assert status.numpy()[0].tolist() == [expected for _, expected in cases]
 
 
@@ -184,7 +187,7 @@ def test_a_tolerance_beyond_the_camera_hides_nothing(device, caster):
     points = np.array([(3, 0, 0), (3.5, 0.2, 0.1), (4, 0, 0)])
     given = (scene, CAMERA, wv.look_at((0, 0, 0), (1, 0, 0)), points)
     for tolerance, seen in ((1.2, [1, 0, 0]), (3.6, [1, 1, 1]), (1e6, [1, 1, 1])):
-        status = wv.check_points(*given, tolerance=tolerance, caster=caster).numpy()[0]
+        status = wv.point_visibility(*given, tolerance=tolerance, caster=caster).numpy()[0]
         assert (status == Visibility.VISIBLE).tolist() == [bool(value) for value in seen]
 
 
@@ -192,11 +195,13 @@ def test_threads_and_devices_arrays_change_nothing(device):
     preset = scenes.PRESETS["room"]
     scene, rng = preset.build(device), np.random.default_rng(1)
     points = points_around(scene, rng, 5000)
-    one, two = (wv.check_points(scene, CAMERA, preset.poses(2), points, threads=threads).numpy() for threads in (1, 2))
+    one, two = (
+        wv.point_visibility(scene, CAMERA, preset.poses(2), points, threads=threads).numpy() for threads in (1, 2)
+    )
     assert (one == two).all()
     on_device = wp.array(points, dtype=wp.vec3, device=device)
-    assert (wv.check_points(scene, CAMERA, preset.poses(2), on_device).numpy() == one).all()
-    assert wv.check_points(scene, CAMERA, preset.poses(2), np.zeros((0, 3))).shape == (2, 0)
+    assert (wv.point_visibility(scene, CAMERA, preset.poses(2), on_device).numpy() == one).all()
+    assert wv.point_visibility(scene, CAMERA, preset.poses(2), np.zeros((0, 3))).shape == (2, 0)
 
 
 def test_measured_images(device):
@@ -207,14 +212,14 @@ def test_measured_images(device):
     depth[rng.random(depth.shape) < 0.1] = np.nan
     depth[rng.random(depth.shape) < 0.1] = 0.0
     points = points_around(scene, rng, 4000)
-    status = wv.check_points_measured(depth, ROOMY, poses, points, tolerance=0.02, device=device).numpy()
+    status = wv.point_visibility_from_depth(depth, ROOMY, poses, points, tolerance=0.02, device=device).numpy()
     found = set()
     for view, pose in enumerate(poses):
         expected = reference.judge_points_measured(ROOMY, pose, depth[view], points, 0.02)
         assert (status[view] != expected).mean() <= 5e-4  # rounding decides which pixel a point at its border is in
         found |= set(expected.tolist())
     assert found == {0, 1, 2, 3, 4, 5}
-    one = wv.check_points_measured(depth[0], ROOMY, poses[0], points, tolerance=0.02, device=device).numpy()
+    one = wv.point_visibility_from_depth(depth[0], ROOMY, poses[0], points, tolerance=0.02, device=device).numpy()
     assert (one == status[:1]).all()
 
 
@@ -235,7 +240,7 @@ def test_bad_input(change, said):
     scene.add(trimesh.creation.box((1, 1, 1)))
     given = {"scene": scene, "camera": CAMERA, "camera_to_world": np.eye(4), "points": np.zeros((2, 3)), **change}
     with pytest.raises(wv.WarpvisError) as error:
-        wv.check_points(**given)
+        wv.point_visibility(**given)
     assert str(error.value) == said
 
 
@@ -248,5 +253,5 @@ def test_bad_input(change, said):
 )
 def test_bad_images(depth, said):
     with pytest.raises(wv.WarpvisError) as error:
-        wv.check_points_measured(depth.astype(np.float32), CAMERA, np.eye(4), np.zeros((2, 3)))
+        wv.point_visibility_from_depth(depth.astype(np.float32), CAMERA, np.eye(4), np.zeros((2, 3)))
     assert str(error.value) == said

@@ -5,12 +5,11 @@
 import numpy as np
 import pytest
 import warp as wp
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
 
 import warpvis as wv
-from warpvis.pose import _OPENCV_TO, poses_to_matrices, poses_to_opencv
+from warpvis.core.poses import _OPENCV_TO, poses_to_matrices, poses_to_opencv
 
 import reference
 
@@ -51,12 +50,12 @@ def test_half_turns_survive_matrices(quaternion):
 
 def test_one_pose_is_one_view():
     pose = wv.look_at((0, 0, 1), (1, 0, 1))
-    assert wv.parse_poses(pose).shape == (1,)
-    assert wv.parse_poses(poses_to_matrices(pose)).shape == (1,)
+    assert wv.core.poses.parse_poses(pose).shape == (1,)
+    assert wv.core.poses.parse_poses(poses_to_matrices(pose)).shape == (1,)
 
 
 def test_quaternions_are_normalised():
-    stored = wv.parse_poses([[0, 0, 0, 0, 0, 0, 5.0]]).numpy()
+    stored = wv.core.poses.parse_poses([[0, 0, 0, 0, 0, 0, 5.0]]).numpy()
     np.testing.assert_array_equal(stored, [[0, 0, 0, 0, 0, 0, 1]])
 
 
@@ -102,12 +101,12 @@ def test_device_arrays_are_poses_too(convention, form, device):
     """Warp arrays of every form give what the same poses on the host give."""
     poses = np.random.default_rng(1).normal(size=(5, 7)).astype(np.float32)
     poses[:, 3:] /= np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
-    expected = poses_to_matrices(wv.parse_poses(poses, convention=convention).numpy())
+    expected = poses_to_matrices(wv.core.poses.parse_poses(poses, convention=convention).numpy())
     given = {
         "rows": lambda: wp.array(poses, dtype=wp.float32, device=device),
         "transforms": lambda: wp.array(poses, dtype=wp.transform, device=device),
         "matrices": lambda: wp.array(poses_to_matrices(poses).astype(np.float32), dtype=wp.mat44, device=device),
     }[form]()
-    parsed = wv.parse_poses(given, convention=convention, device=device)
+    parsed = wv.core.poses.parse_poses(given, convention=convention, device=device)
     assert parsed.device == wp.get_device(device)
     np.testing.assert_allclose(poses_to_matrices(parsed.numpy()), expected, atol=2e-6)

@@ -11,14 +11,13 @@ import sys
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 from pose_samples import MATRICES, OPENGL, RNG, ROS, ROWS, TIMES, assert_same_poses, bop, nerfstudio
 
 import warpvis as wv
 from warpvis.cli import main
-from warpvis.io.pose_files import read_frames
-from warpvis.pose import poses_to_matrices
+from warpvis.core.poses import poses_to_matrices
+from warpvis.io import read_frames
 
 # Text and arrays.
 
@@ -151,7 +150,7 @@ def test_bad_parquet(tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
     for columns, said in bad_tables():
         parquet.write_table(arrow.table(columns), tmp_path / "poses.parquet")
-        with pytest.raises(wv.FileFormatError) as error:
+        with pytest.raises(wv.errors.FileFormatError) as error:
             read_frames(tmp_path / "poses.parquet")
         assert str(error.value).removeprefix(f"{tmp_path}/").startswith(said)
 
@@ -177,7 +176,7 @@ def test_what_has_to_be_installed_is_said(tmp_path, monkeypatch, name, module, s
 
     (tmp_path / name).write_bytes(b"")
     monkeypatch.setattr(builtins, "__import__", refuse)
-    with pytest.raises(wv.FileFormatError) as error:
+    with pytest.raises(wv.errors.FileFormatError) as error:
         read_frames(tmp_path / name)
     assert str(error.value).startswith(f"{tmp_path / name}: {said}")
 
@@ -280,7 +279,7 @@ def test_bad_files(tmp_path, name, content, said):
         content(path)
     elif content is not None:
         path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    with pytest.raises(wv.FileFormatError) as error:
+    with pytest.raises(wv.errors.FileFormatError) as error:
         read_frames(path)
     assert str(error.value).removeprefix(f"{tmp_path}/").startswith(said)
     assert "\n" not in str(error.value)
@@ -300,14 +299,14 @@ def test_bad_arguments(tmp_path):
         with pytest.raises(wv.WarpvisError) as error:
             read_frames(tmp_path / "poses.npy", **options)
         assert str(error.value).startswith(said)
-    with pytest.raises(wv.FileFormatError, match=r"is a folder without metadata\.yaml, so no ROS 2 bag"):
+    with pytest.raises(wv.errors.FileFormatError, match=r"is a folder without metadata\.yaml, so no ROS 2 bag"):
         read_frames(tmp_path)
-    with pytest.raises(wv.FileFormatError, match=r": no such file$"):
+    with pytest.raises(wv.errors.FileFormatError, match=r": no such file$"):
         read_frames("a\0b")
-    with pytest.raises(wv.FileFormatError, match=r": no such file$"):
+    with pytest.raises(wv.errors.FileFormatError, match=r": no such file$"):
         read_frames("a" * 5000)
     for file_format in ("tum", "npy", "npz", "csv", "parquet", "nerfstudio", "bop"):
-        with pytest.raises(wv.FileFormatError) as error:
+        with pytest.raises(wv.errors.FileFormatError) as error:
             read_frames(tmp_path, file_format=file_format)
         assert "\n" not in str(error.value)
 
@@ -352,7 +351,7 @@ def test_damaged_files_are_read_or_refused(tmp_path, name, data):
     (tmp_path / name).write_bytes(content)
     try:
         frames = read_frames(tmp_path / name)
-    except wv.FileFormatError as error:
+    except wv.errors.FileFormatError as error:
         assert str(error).startswith(str(tmp_path / name))
         assert "\n" not in str(error)
     else:
@@ -374,5 +373,5 @@ VALUES = st.recursive(
 @given(data=VALUES)
 def test_any_json_is_read_or_refused(tmp_path, data):
     (tmp_path / "a.json").write_text(json.dumps(data))
-    with pytest.raises(wv.FileFormatError, match=r"a\.json"):
+    with pytest.raises(wv.errors.FileFormatError, match=r"a\.json"):
         read_frames(tmp_path / "a.json")

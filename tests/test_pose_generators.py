@@ -9,11 +9,9 @@ import pytest
 import trimesh
 
 import warpvis as wv
-from warpvis import pose_generators as module
-from warpvis.inside import inside_solids
-from warpvis.placement import pose_grid
-from warpvis.pose import poses_to_matrices
-from warpvis.pose_generators import along, frames_from_spec, grid, orbit, random_poses, sphere
+from warpvis.core.poses import poses_to_matrices
+from warpvis.planning import inside_solids, pose_grid
+from warpvis.pose_generators import _generators as module, along, frames_from_spec, grid, orbit, random_poses, sphere
 
 import reference
 
@@ -239,11 +237,11 @@ def test_no_room_is_said(monkeypatch):
     monkeypatch.setattr(module, "_LEAST_TRIED", 20_000)
     scene = wv.Scene()
     add_box(scene, (-2, -2, -2), (2, 2, 2), name="solid")
-    with pytest.raises(wv.PoseError) as error:
+    with pytest.raises(wv.errors.PoseError) as error:
         random_poses(scene, count=3, seed=0, clearance=0.1)
     assert str(error.value).startswith("there is no room for 3 cameras from -2 -2 -2 to 2 2 2: of ")
     assert str(error.value).endswith(" random places, 0 are 0.1 m from all surfaces and not inside of closed objects")
-    with pytest.raises(wv.PoseError, match="are elsewhere than the point to look at"):
+    with pytest.raises(wv.errors.PoseError, match="are elsewhere than the point to look at"):
         random_poses([TARGET, TARGET], count=3, seed=0, look=TARGET)
     inwards = trimesh.creation.box((4, 4, 4))
     inwards.invert()

@@ -10,10 +10,8 @@ import trimesh
 
 import warpvis as wv
 from warpvis import scenes
-from warpvis.agents import Agent
-from warpvis.free_space import standing_room
-from warpvis.perspectives import perspective
-from warpvis.proposals import propose_view
+from warpvis.planning import propose_view, standing_room
+from warpvis.visibility import Agent, perspective
 
 
 def ask(scene, robot, human, **options):
@@ -37,7 +35,9 @@ def test_the_robot_sees_the_ball_from_there():
     seen = wv.object_visibility(scene, robot.camera, proposal.pose, objects=["ball"], exclude=["robot"])
     assert proposal.fractions == {"ball": pytest.approx(seen.fraction.numpy()[0, 0], abs=1e-6)}
     assert proposal.fractions["ball"] > 0.9
-    pixels = robot.camera.project(np.linalg.inv(wv.pose.poses_to_matrices(proposal.pose))[:3] @ [0.5, 0.6, 0.1, 1])
+    pixels = robot.camera.project(
+        np.linalg.inv(wv.core.poses.poses_to_matrices(proposal.pose))[:3] @ [0.5, 0.6, 0.1, 1]
+    )
     np.testing.assert_allclose(pixels, (160, 120), atol=0.01)
     assert json.loads(json.dumps(proposal.report())) == proposal.report()
 
@@ -46,7 +46,7 @@ def test_no_nearer_place_shows_as_much():
     """By the visible fraction of the ball at every place of a finer grid."""
     scene, robot, human = second_experiment()
     proposal = ask(scene, robot, human, step=0.05)
-    places = wv.pose_grid(robot.poses[0, :3], radius=2, step=0.05, height=0.7, look_at=(0.5, 0.6, 0.1))
+    places = wv.planning.pose_grid(robot.poses[0, :3], radius=2, step=0.05, height=0.7, look_at=(0.5, 0.6, 0.1))
     places = places[standing_room(scene, places, radius=0.2, exclude=["robot"])]
     seen = wv.object_visibility(scene, robot.camera, places, objects=["ball"], exclude=["robot"]).fraction.numpy()[:, 0]
     ways = np.linalg.norm(places[:, :2] - robot.poses[0, :2], axis=1)
@@ -88,7 +88,7 @@ def test_y_up():
         turned.add((item.vertices[:, [1, 2, 0]], item.faces), name=item.name, label=item.label)
     turn = np.eye(4)[[1, 2, 0, 3]]
     others = [
-        Agent(agent.name, agent.camera, turn @ wv.pose.poses_to_matrices(agent.poses), body=agent.body)
+        Agent(agent.name, agent.camera, turn @ wv.core.poses.poses_to_matrices(agent.poses), body=agent.body)
         for agent in (robot, human)
     ]
     there, other = ask(scene, robot, human), ask(turned, *others)

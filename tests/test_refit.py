@@ -8,15 +8,15 @@ import trimesh
 import warp as wp
 
 import warpvis as wv
-from warpvis.closed import provably_closed
-from warpvis.cluster_tree import build_cluster_tree
-from warpvis.refit import leaf_vertices
-from warpvis.threads import core_count
+from warpvis.core.threads import core_count
+from warpvis.scene._bvh import build_cluster_tree
+from warpvis.scene._refit import leaf_vertices
+from warpvis.scene.closed import provably_closed
 
 import reference
 from compare import assert_matches_reference
 
-ALL = ("depth", "points", "normals", "labels", "objects")
+ALL = ("depth", "points", "normals", "labels", "segmentation")
 SMALL = wv.Camera.from_fov(64, 48, hfov=0.994837, near=0.05, far=100.0)
 BALL = trimesh.creation.icosphere(subdivisions=2, radius=0.4)
 VERTICES = np.asarray(BALL.vertices, dtype=np.float32)
@@ -292,7 +292,7 @@ def test_bad_vertices_change_nothing(case):
     name, vertices, message = BAD[case]
     scene = build("cpu", VERTICES)
     clusters = scene.clusters()
-    with pytest.raises(wv.SceneError, match=message):
+    with pytest.raises(wv.errors.SceneError, match=message):
         scene.update_vertices(name, vertices)
     assert scene.clusters() is clusters
 
@@ -305,13 +305,13 @@ def test_bad_vertices_of_a_gpu():
         "dtype wp.vec3, got float64": (wp.float64, VERTICES),
     }
     for message, (dtype, values) in cases.items():
-        with pytest.raises(wv.SceneError, match=message):
+        with pytest.raises(wv.errors.SceneError, match=message):
             build("cuda:0", VERTICES).update_vertices("ball_0", wp.array(values, dtype=dtype, device="cuda:0"))
-    with pytest.raises(wv.SceneError, match="on device cpu, got cuda:0"):
+    with pytest.raises(wv.errors.SceneError, match="on device cpu, got cuda:0"):
         build("cpu", VERTICES).update_vertices("ball_0", wp.array(VERTICES, dtype=wp.vec3, device="cuda:0"))
     scene = build("cuda:0", VERTICES)
     scene.update_vertices("ball_0", wp.array(corrupted(np.nan, 3), dtype=wp.vec3, device="cuda:0"))
-    with pytest.raises(wv.SceneError, match="must be finite: 1 are not, at 3"):
+    with pytest.raises(wv.errors.SceneError, match="must be finite: 1 are not, at 3"):
         wv.render(scene, SMALL, eyes(1))
 
 
@@ -320,7 +320,7 @@ def test_bad_vertices_of_a_gpu():
 def test_kernels_match_their_twins(lanes, parts):
     """In parts of leaves too, which a thread each makes; trees of 32 lanes are those of CUDA."""
     from warpvis.kernels.refit import refit_leaves, refit_nodes
-    from warpvis.refit import _slots
+    from warpvis.scene._refit import _slots
 
     faces, vertices = BALL.faces.astype(np.int32), wobble(4)
     owner = np.zeros(len(faces), dtype=np.int32)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import warpvis as wv
-from warpvis.io.pose_files import read_frames
-from warpvis.pose import poses_to_matrices, poses_to_opencv
+from warpvis.core.poses import poses_to_matrices, poses_to_opencv
+from warpvis.io import read_frames
 
 rosbag2 = pytest.importorskip("rosbags.rosbag2")
 typesys = pytest.importorskip("rosbags.typesys")
@@ -146,7 +146,7 @@ def test_topics_and_child_frames_are_chosen(tmp_path):
         ("/pose:hand", "topic /pose has no child frame 'hand'; it has none"),
         ("/nothing", "the bag has no topic '/nothing'; those of poses are: /pose (geometry_msgs/msg/PoseStamped), /tf"),
     ):
-        with pytest.raises(wv.FileFormatError) as error:
+        with pytest.raises(wv.errors.FileFormatError) as error:
             read_frames(tmp_path / "bag", topic=topic)
         assert str(error.value).startswith(f"{tmp_path / 'bag'}: {said}")
 
@@ -185,14 +185,14 @@ def test_stamps_of_zero_are_none(tmp_path):
 )
 def test_bags_without_poses(tmp_path, topics, said):
     write_bag(tmp_path / "bag", topics)
-    with pytest.raises(wv.FileFormatError) as error:
+    with pytest.raises(wv.errors.FileFormatError) as error:
         read_frames(tmp_path / "bag")
     assert str(error.value) == f"{tmp_path / 'bag'}{said}"
 
 
 def test_another_topic_is_asked_for(tmp_path):
     write_bag(tmp_path / "bag", {"/chatter": "std_msgs/msg/String"})
-    with pytest.raises(wv.FileFormatError, match=r"topic /chatter is of std_msgs/msg/String, not of poses"):
+    with pytest.raises(wv.errors.FileFormatError, match=r"topic /chatter is of std_msgs/msg/String, not of poses"):
         read_frames(tmp_path / "bag", topic="/chatter")
 
 
@@ -209,14 +209,14 @@ def test_damaged_bags_are_read_or_refused(tmp_path, storage):
         damaged.write_bytes(changed)
         try:
             assert np.isfinite(read_frames(damaged).camera_to_world).all()
-        except wv.FileFormatError as error:
+        except wv.errors.FileFormatError as error:
             refused += 1
             assert str(error).startswith(str(damaged))
             assert "\n" not in str(error)
     assert refused >= 20
     for text in ("", "a: [", "a: 1", "rosbag2_bagfile_information: 3", "\xff"):
         (tmp_path / "bag" / "metadata.yaml").write_text(text, encoding="latin-1")
-        with pytest.raises(wv.FileFormatError) as error:
+        with pytest.raises(wv.errors.FileFormatError) as error:
             read_frames(tmp_path / "bag")
         assert str(error.value).startswith(f"{tmp_path / 'bag'}: ")
         assert "\n" not in str(error.value)

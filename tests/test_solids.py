@@ -8,7 +8,7 @@ import trimesh
 from test_worlds import ALL, SMALL, assert_bits_equal, eyes, random_poses, view_of
 
 import warpvis as wv
-from warpvis import solids
+from warpvis.scene import solids
 
 import reference
 from compare import assert_matches_reference, wrong_depth
@@ -122,7 +122,7 @@ def test_worlds_and_exclusion(device, caster):
         wrong = wrong_depth(view_of(views, view).depth.numpy()[0], expected.depth)
         assert wrong.mean() <= 1e-4
         shown = np.array([-1, *(i for i in range(len(scene)) if i != 1 + view)])[expected.objects + 1]
-        same = views.objects.numpy()[view] == shown
+        same = views.segmentation.numpy()[view] == shown
         assert (same | wrong | (expected.gap <= 1e-5)).all()
 
 
@@ -130,7 +130,7 @@ def test_depth_does_not_depend_on_what_else_is_asked_for(device, caster):
     rng = np.random.default_rng(4)
     scene, cameras = build(device, random_poses(rng, len(SHAPES))), eyes(3)
     everything = render(scene, SMALL, cameras, caster)
-    for outputs in (("depth",), ("depth", "points"), ("depth", "objects"), ("depth", "labels")):
+    for outputs in (("depth",), ("depth", "points"), ("depth", "segmentation"), ("depth", "labels")):
         some = wv.render(scene, SMALL, cameras, outputs=outputs, caster=caster)
         for name in outputs:
             assert getattr(some, name).numpy().tobytes() == getattr(everything, name).numpy().tobytes()
@@ -146,7 +146,7 @@ def test_points_of_the_image(device, caster):
         wrong = wrong_depth(views.depth.numpy()[view], expected.depth)
         assert wrong.mean() <= 3e-4
         same = ~wrong & (expected.gap > 1e-5)
-        assert (views.objects.numpy()[view][same] == expected.objects[same]).all()
+        assert (views.segmentation.numpy()[view][same] == expected.objects[same]).all()
         hit = same & np.isfinite(expected.depth)
         np.testing.assert_allclose(views.normals.numpy()[view][hit], expected.normals[hit], atol=2e-4)
 
@@ -184,6 +184,6 @@ def test_another_device_keeps_solids(device):
     ],
 )
 def test_bad_sizes(make, said):
-    with pytest.raises(wv.SceneError) as error:
+    with pytest.raises(wv.errors.SceneError) as error:
         make()
     assert str(error.value) == said

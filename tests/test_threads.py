@@ -15,8 +15,7 @@ import warp as wp
 
 import warpvis as wv
 from warpvis import scenes
-from warpvis.threads import _forget_pool as forget_pool
-from warpvis.threads import _split, core_count, run_each
+from warpvis.core.threads import _forget_pool as forget_pool, _split, core_count, run_each
 
 
 @pytest.mark.parametrize("shape", [(1, 1, 1), (1, 480, 640), (7, 240, 320), (64, 48, 64), (1000, 5, 7), (3, 1000, 2)])

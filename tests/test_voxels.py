@@ -9,7 +9,7 @@ import warp as wp
 
 import warpvis as wv
 from warpvis import Label, Visibility
-from warpvis.voxels import Voxel, VoxelMap, voxel_map, voxel_map_of
+from warpvis.maps import Voxel, VoxelMap, voxel_map, voxel_map_from_scene
 
 import reference
 
@@ -43,7 +43,7 @@ def render(scene, poses=POSES):
 
 def single(poses):
     """Poses as the kernels have them: in single precision."""
-    return wv.parse_poses(poses).numpy()
+    return wv.core.poses.parse_poses(poses).numpy()
 
 
 def assert_matches_twin(result, depth, labels, poses, camera=CAMERA):
@@ -83,7 +83,7 @@ def test_maps_match_their_twin(count, device):
 
 def test_states_are_where_geometry_says(device):
     scene = build(device)
-    result = voxel_map_of(scene, CAMERA, POSES[0], bounds=BOUNDS)
+    result = voxel_map_from_scene(scene, CAMERA, POSES[0], bounds=BOUNDS)
     assert at(result, (BOX_FRONT, 0.0, 0.2)) == (Voxel.SURFACE, Label.OBSTACLE)
     assert at(result, (BOX_FRONT - 0.1, 0.0, 0.2)) == (Voxel.FREE, Label.EMPTY)
     assert at(result, (BOX_FRONT + 0.1, 0.0, 0.2)) == (Voxel.HIDDEN, Label.EMPTY)  # inside
@@ -97,7 +97,7 @@ def test_states_are_where_geometry_says(device):
 
     # Elsewhere a voxel is what its middle is by the pixel that it is in.
     depth = render(scene, POSES[:1]).depth
-    status = wv.check_points_measured(depth, CAMERA, POSES[:1], result.centers().reshape(-1, 3), tolerance=0.0)
+    status = wv.point_visibility_from_depth(depth, CAMERA, POSES[:1], result.centers().reshape(-1, 3), tolerance=0.0)
     means = {Visibility.VISIBLE: Voxel.FREE, Visibility.OCCLUDED: Voxel.HIDDEN}
     expected = np.array([means.get(value, Voxel.OUTSIDE) for value in Visibility])[status.numpy()[0]]
     states = result.states.numpy().ravel()
@@ -111,7 +111,7 @@ def test_surfaces_have_no_holes_between_pixels(device):
     scene.add(trimesh.creation.box((0.2, 9, 9)), name="wall", pose=(2.113, 0, 0, 0, 0, 0, 1))
     camera = wv.Camera.from_fov(30, 30, hfov=1.2)
     pose = wv.look_at((0, 0, 0), (1, 0, 0))
-    result = voxel_map_of(scene, camera, pose, bounds=((1, -0.6, -0.6), (3, 0.6, 0.6)), cell=0.03)
+    result = voxel_map_from_scene(scene, camera, pose, bounds=((1, -0.6, -0.6), (3, 0.6, 0.6)), cell=0.03)
     states = result.states.numpy()
     wall = int((2.013 - 1) / 0.03)
     assert (states[wall] == Voxel.SURFACE).all()
@@ -142,10 +142,10 @@ def test_a_map_of_several_views_is_what_any_of_them_saw(device):
 
 def test_cameras_of_different_kinds_add_to_one_map(device):
     scene, wide = build(device), wv.Camera.from_fov(60, 90, hfov=1.8, far=2.0)
-    first = voxel_map_of(scene, CAMERA, POSES[0], bounds=BOUNDS)
-    second = voxel_map_of(scene, wide, POSES[1], bounds=BOUNDS)
+    first = voxel_map_from_scene(scene, CAMERA, POSES[0], bounds=BOUNDS)
+    second = voxel_map_from_scene(scene, wide, POSES[1], bounds=BOUNDS)
     expected = first.merge(second)
-    assert same(voxel_map_of(scene, wide, POSES[1], out=first), expected)
+    assert same(voxel_map_from_scene(scene, wide, POSES[1], out=first), expected)
 
 
 @pytest.mark.parametrize("least_x", [BOUNDS[0, 0], 1.28])
@@ -181,7 +181,7 @@ def test_the_floor_map_shows_what_visibility_map_does(device):
     floor_map = result.floor_map()
     # One row of pixels: of points alone, without the level surface between neighbours.
     points, labels = views.points.numpy().reshape(1, 1, -1, 3), views.labels.numpy().reshape(1, 1, -1)
-    of_points = wv.visibility_map(points, labels, bounds=BOUNDS, cell=CELL)
+    of_points = wv.floor_map(points, labels, bounds=BOUNDS, cell=CELL)
     assert floor_map.bounds == pytest.approx(of_points.bounds)
     assert (floor_map.cell, floor_map.up) == (CELL, "z")
     assert str(floor_map.cells.device) == device
@@ -196,7 +196,7 @@ def test_the_floor_map_shows_what_visibility_map_does(device):
     np.testing.assert_array_equal(cells, reference.highest_labels(result.labels.numpy(), 2))
 
     drawn = result.floor_map(robots=robots).cells.numpy()[0]
-    expected = wv.visibility_map(points, labels, bounds=BOUNDS, cell=CELL, robots=robots).cells.numpy()[0]
+    expected = wv.floor_map(points, labels, bounds=BOUNDS, cell=CELL, robots=robots).cells.numpy()[0]
     assert ((drawn == Label.ROBOT) == (expected == Label.ROBOT)).all()
     assert (drawn[drawn != Label.ROBOT] == cells[drawn != Label.ROBOT]).all()
 
@@ -209,8 +209,8 @@ def test_worlds_with_y_up(device):
         turned.add((item.vertices[:, [1, 2, 0]], item.faces), name=item.name, label=item.label)
     poses = np.tile(np.eye(4), (3, 1, 1))
     poses[:, :3] = reference.poses_to_matrices(POSES)[:, [1, 2, 0]]
-    expected = voxel_map_of(upright, CAMERA, POSES, bounds=BOUNDS)
-    result = voxel_map_of(turned, CAMERA, poses, bounds=BOUNDS[:, [1, 2, 0]])
+    expected = voxel_map_from_scene(upright, CAMERA, POSES, bounds=BOUNDS)
+    result = voxel_map_from_scene(turned, CAMERA, poses, bounds=BOUNDS[:, [1, 2, 0]])
     assert result.up == "y"
     for name in ("states", "labels"):
         got, wanted = (getattr(m, name).numpy() for m in (result, expected))
@@ -266,11 +266,11 @@ def test_what_a_whole_image_of_one_value_says(value, state, reach, device):
 def test_the_body_around_a_camera_hides_nothing_once_excluded(device):
     scene = build(device)
     scene.add(trimesh.creation.box((0.3, 0.3, 0.3)), name="robot", label="robot", pose=(-1.4, 0.1, 0.8, 0, 0, 0, 1))
-    alone = voxel_map_of(build(device), CAMERA, POSES[0], bounds=BOUNDS)
-    inside = voxel_map_of(scene, CAMERA, POSES[0], bounds=BOUNDS)
+    alone = voxel_map_from_scene(build(device), CAMERA, POSES[0], bounds=BOUNDS)
+    inside = voxel_map_from_scene(scene, CAMERA, POSES[0], bounds=BOUNDS)
     assert inside.counts()[Voxel.FREE] == inside.counts()[Voxel.SURFACE] == 0
     assert inside.counts()[Voxel.HIDDEN] > 0
-    assert same(voxel_map_of(scene, CAMERA, POSES[0], bounds=BOUNDS, exclude=["robot"]), alone)
+    assert same(voxel_map_from_scene(scene, CAMERA, POSES[0], bounds=BOUNDS, exclude=["robot"]), alone)
 
 
 def test_views_in_parts_of_worlds_that_move(device, monkeypatch):
@@ -286,15 +286,15 @@ def test_views_in_parts_of_worlds_that_move(device, monkeypatch):
     }
     views = wv.render(scene, CAMERA, POSES, outputs=("depth", "labels"), **arguments)
     expected = voxel_map(views.depth, CAMERA, POSES, bounds=BOUNDS, labels=views.labels)
-    assert same(voxel_map_of(scene, CAMERA, POSES, bounds=BOUNDS, **arguments), expected)
-    monkeypatch.setattr("warpvis.voxels._PIXELS_AT_A_TIME", 1)
-    assert same(voxel_map_of(scene, CAMERA, POSES, bounds=BOUNDS, **arguments), expected)
+    assert same(voxel_map_from_scene(scene, CAMERA, POSES, bounds=BOUNDS, **arguments), expected)
+    monkeypatch.setattr("warpvis.maps._voxel_map._PIXELS_AT_A_TIME", 1)
+    assert same(voxel_map_from_scene(scene, CAMERA, POSES, bounds=BOUNDS, **arguments), expected)
     assert Label.HUMAN in expected.labels.numpy()
 
     each = np.concatenate([arguments["object_poses"][[1, 0, 1]]])  # a world a view
     exclude = arguments["exclude"]
-    assert same(voxel_map_of(scene, CAMERA, POSES, bounds=BOUNDS, object_poses=each, exclude=exclude), expected)
-    nothing = voxel_map_of(scene, CAMERA, np.zeros((0, 7)), bounds=BOUNDS)
+    assert same(voxel_map_from_scene(scene, CAMERA, POSES, bounds=BOUNDS, object_poses=each, exclude=exclude), expected)
+    nothing = voxel_map_from_scene(scene, CAMERA, np.zeros((0, 7)), bounds=BOUNDS)
     assert nothing.counts() == {Voxel.OUTSIDE: 57 * 48 * 25, Voxel.HIDDEN: 0, Voxel.FREE: 0, Voxel.SURFACE: 0}
 
 
@@ -304,12 +304,12 @@ def test_the_box_of_a_scene_by_default(device):
     corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
     scene.add((corners, np.array([[0, 1, 2], [0, 2, 3]])), name="floor", label="ground")
     scene.add(trimesh.creation.box((0.2, 0.2, 0.4)), name="box", pose=(0.3, 0, 0.2, 0, 0, 0, 1))
-    result = voxel_map_of(scene, CAMERA, POSES[0], cell=0.1)
+    result = voxel_map_from_scene(scene, CAMERA, POSES[0], cell=0.1)
     np.testing.assert_allclose(result.bounds, [[-1.15, -1.15, -0.15], [1.15, 1.15, 0.55]], atol=1e-6)
     states = result.states.numpy()
     assert not (states[:, :, 0] == Voxel.SURFACE).any()
     assert (states[:, :, 1] == Voxel.SURFACE).sum() > 150
-    assert same(voxel_map_of(scene, CAMERA, POSES[0], cell=0.1, out=result), result)
+    assert same(voxel_map_from_scene(scene, CAMERA, POSES[0], cell=0.1, out=result), result)
 
 
 def test_centers_counts_volumes_and_files(tmp_path, device):
@@ -358,7 +358,7 @@ UNIT = ((0, 0, 0), (1, 1, 1))
         ({"convention": "blender"}, "convention must be one of"),
         ({"device": "cuda:99"}, "device 'cuda:99' is not on this machine"),
         ({"threads": 0}, "threads must be a whole number from 1 up, got 0"),
-        ({"out": np.zeros((10, 10, 10))}, "out must be a warpvis.voxels.VoxelMap, got ndarray"),
+        ({"out": np.zeros((10, 10, 10))}, "out must be a warpvis.maps.VoxelMap, got ndarray"),
     ],
 )
 def test_bad_input(change, said):
@@ -382,10 +382,10 @@ def test_maps_of_other_grids_do_not_go_together(change, got):
     first, other = voxel_map(**given), voxel_map(**{**given, **change})
     wanted = "10 x 10 x 10 voxels of 0.1 m from (0.0, 0.0, 0.0), z up"
     before = first.states.numpy().copy()
-    with pytest.raises(wv.ArrayError) as error:
+    with pytest.raises(wv.errors.ArrayError) as error:
         first.merge(other)
     assert str(error.value) == f"the other map must be of {wanted}, got {got}"
-    with pytest.raises(wv.ArrayError) as error:
+    with pytest.raises(wv.errors.ArrayError) as error:
         voxel_map(**{**given, **change}, out=first)
     assert str(error.value) == f"out must be of {got}, got {wanted}"
     assert (first.states.numpy() == before).all()
@@ -394,14 +394,16 @@ def test_maps_of_other_grids_do_not_go_together(change, got):
 def test_bad_calls(tmp_path):
     scene, result = build(), voxel_map(DEPTH, CAMERA, POSES[0], bounds=UNIT, cell=0.1)
     calls = {
-        "scene must be a warpvis.Scene, got int": lambda: voxel_map_of(3, CAMERA, POSES),
-        "the scene has no objects": lambda: voxel_map_of(wv.Scene(), CAMERA, POSES),
-        "cell must be a positive number of metres, got -1": lambda: voxel_map_of(scene, CAMERA, POSES, cell=-1),
-        "out must be a warpvis.voxels.VoxelMap, got int": lambda: voxel_map_of(scene, CAMERA, POSES, out=3),
-        "out must be of 20 x 20 x 20 voxels of 0.05 m": lambda: voxel_map_of(scene, CAMERA, POSES, out=result),
-        "the scene has no object 'robot'": lambda: voxel_map_of(scene, CAMERA, POSES, exclude=["robot"]),
-        "object_poses were given, but no object": lambda: voxel_map_of(scene, CAMERA, POSES, object_poses=POSES),
-        "the other map must be a warpvis.voxels.VoxelMap, got NoneType": lambda: result.merge(None),
+        "scene must be a warpvis.Scene, got int": lambda: voxel_map_from_scene(3, CAMERA, POSES),
+        "the scene has no objects": lambda: voxel_map_from_scene(wv.Scene(), CAMERA, POSES),
+        "cell must be a positive number of metres, got -1": lambda: voxel_map_from_scene(scene, CAMERA, POSES, cell=-1),
+        "out must be a warpvis.maps.VoxelMap, got int": lambda: voxel_map_from_scene(scene, CAMERA, POSES, out=3),
+        "out must be of 20 x 20 x 20 voxels of 0.05 m": lambda: voxel_map_from_scene(scene, CAMERA, POSES, out=result),
+        "the scene has no object 'robot'": lambda: voxel_map_from_scene(scene, CAMERA, POSES, exclude=["robot"]),
+        "object_poses were given, but no object": lambda: voxel_map_from_scene(
+            scene, CAMERA, POSES, object_poses=POSES
+        ),
+        "the other map must be a warpvis.maps.VoxelMap, got NoneType": lambda: result.merge(None),
         "state of a voxel must be one of OUTSIDE (0), HIDDEN (1), FREE (2), SURFACE (3), got 'empty'": (
             lambda: result.volume("empty")
         ),
@@ -419,6 +421,6 @@ def test_maps_on_different_devices_do_not_go_together():
         pytest.skip("no CUDA device")
     here, there = (voxel_map(DEPTH, CAMERA, POSES[0], bounds=UNIT, device=device) for device in ("cpu", "cuda:0"))
     assert isinstance(there, VoxelMap)
-    with pytest.raises(wv.ArrayError, match="the other map must be on device cpu, got cuda:0"):
+    with pytest.raises(wv.errors.ArrayError, match="the other map must be on device cpu, got cuda:0"):
         here.merge(there)
     assert str(voxel_map(DEPTH, CAMERA, POSES[0], bounds=UNIT, out=there).states.device) == "cuda:0"

@@ -10,9 +10,7 @@ import pytest
 
 import warpvis as wv
 from warpvis.errors import ArrayError, PoseError, WarpvisError
-from warpvis.webots.controller import DepthEye
-from warpvis.webots.devices import render_range
-from warpvis.webots.world import load_webots
+from warpvis.webots import DepthEye, load_webots, render_range
 
 WORLDS = Path(__file__).parent.parent / "scenes" / "webots"
 BOUNDS = ((-2, -2), (2, 2))
@@ -98,16 +96,16 @@ PLACES = {
 def test_poses_of_the_robot_and_of_the_device(worlds, version):
     position, orientation, translation, rotation = PLACES[version]
     mount = {"translation": translation, "rotation": rotation}
-    wanted = wv.pose.poses_to_matrices(worlds[version].devices["range-finder"].pose)
+    wanted = wv.core.poses.poses_to_matrices(worlds[version].devices["range-finder"].pose)
     robot = Node(position, orientation)
     asked = eye_of(worlds[version], node=robot, **mount)
-    np.testing.assert_allclose(wv.pose.poses_to_matrices(asked.pose()), wanted, atol=1e-9)
+    np.testing.assert_allclose(wv.core.poses.poses_to_matrices(asked.pose()), wanted, atol=1e-9)
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = orientation, position
     given = eye_of(worlds[version], **mount)
-    np.testing.assert_allclose(wv.pose.poses_to_matrices(given.pose(matrix)), wanted, atol=1e-9)
+    np.testing.assert_allclose(wv.core.poses.poses_to_matrices(given.pose(matrix)), wanted, atol=1e-9)
     np.testing.assert_allclose(
-        wv.pose.poses_to_matrices(given.pose(wv.pose.poses_to_opencv(matrix)[0])), wanted, atol=1e-9
+        wv.core.poses.poses_to_matrices(given.pose(wv.core.poses.poses_to_opencv(matrix)[0])), wanted, atol=1e-9
     )
 
 
@@ -132,14 +130,14 @@ def test_labels_and_map(worlds):
     device = world.devices["range-finder"]
     eye = eye_of(world, node=Node(*PLACES["R2023b"][:2]), translation=PLACES["R2023b"][2], rotation=PLACES["R2023b"][3])
     true = render_range(world, "range-finder")
-    spheres = [wv.Sphere((1.1, -0.8, 0.1), 0.25)]
+    spheres = [wv.maps.Sphere((1.1, -0.8, 0.1), 0.25)]
     labels = eye.classify(spheres=spheres)
     wanted = wv.classify(true, device.camera, device.pose, spheres=spheres)
     assert (labels.numpy() == wanted.numpy()).mean() > 0.9999
     assert (labels.numpy() == wv.Label.OBJECT).sum() > 300
-    floor = eye.visibility_map(bounds=BOUNDS, spheres=spheres)
+    floor = eye.floor_map(bounds=BOUNDS, spheres=spheres)
     points = wv.back_project(true, device.camera, device.pose)
-    same = wv.visibility_map(points, wanted, bounds=BOUNDS)
+    same = wv.floor_map(points, wanted, bounds=BOUNDS)
     assert (floor.cells.numpy() == same.cells.numpy()).mean() > 0.999
     assert floor.area(wv.Label.OBJECT)[0] > 0.001 and floor.area(wv.Label.GROUND)[0] > 1
     np.testing.assert_allclose(np.nan_to_num(eye.points().numpy()), np.nan_to_num(points.numpy()), atol=1e-5)
@@ -151,7 +149,7 @@ def test_old_worlds_have_maps_with_y_up(worlds):
     for version, up in (("R2023b", "z"), ("R2021b", "y")):
         position, orientation, translation, rotation = PLACES[version]
         eye = eye_of(worlds[version], node=Node(position, orientation), translation=translation, rotation=rotation)
-        areas.append(eye.visibility_map(bounds=BOUNDS, up=up).area(wv.Label.GROUND)[0])
+        areas.append(eye.floor_map(bounds=BOUNDS, up=up).area(wv.Label.GROUND)[0])
     assert areas[0] == pytest.approx(areas[1], rel=0.01)
 
 

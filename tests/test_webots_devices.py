@@ -12,9 +12,7 @@ import pytest
 
 import warpvis as wv
 from warpvis.errors import FileFormatError, SceneError
-from warpvis.webots.devices import render_range
-from warpvis.webots.recognition import recognise, segmentation_image
-from warpvis.webots.world import load_webots
+from warpvis.webots import load_webots, recognise, render_range, segmentation_image
 
 WORLDS = Path(__file__).parent.parent / "scenes" / "webots"
 SHARED = Path(__file__).parent.parent.parent / "shared" / "webots"
@@ -55,7 +53,7 @@ def quiet_text(tmp_path, *arguments, **options):
 
 def directions(device):
     """Where image right, image down and forward point in the world."""
-    return np.rint(wv.pose.poses_to_matrices(device.pose)[:3, :3] * 1000).T / 1000
+    return np.rint(wv.core.poses.poses_to_matrices(device.pose)[:3, :3] * 1000).T / 1000
 
 
 # ------------------------------------------------------------------------------------------------------ reading them
@@ -475,13 +473,13 @@ def test_two_syntaxes_of_webots_sample():
     new, old = (quiet(SHARED / f"sample_range_finder_{version}.wbt") for version in ("R2023b", "R2019a"))
     turn = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # old to new
     for name, device in (("new", new.devices["range-finder"]), ("old", old.devices["range-finder"])):
-        matrix = wv.pose.poses_to_matrices(device.pose)
+        matrix = wv.core.poses.poses_to_matrices(device.pose)
         there = np.eye(4)
         there[:3] = (turn.T if name == "new" else turn) @ matrix[:3]
         poses = {"new": (matrix, there), "old": (there, matrix)}[name]
         images = []
         for world, pose in zip((new, old), poses, strict=True):
-            moved = dataclasses.replace(device, pose=wv.pose.poses_to_opencv(pose)[0], robot="MyBot")
+            moved = dataclasses.replace(device, pose=wv.core.poses.poses_to_opencv(pose)[0], robot="MyBot")
             placed = dataclasses.replace(world, devices={"eye": moved})
             images.append(render_range(placed, "eye", exclude_body=True))
         np.testing.assert_array_equal(np.isfinite(images[0]), np.isfinite(images[1]))

@@ -9,8 +9,8 @@ import pytest
 import trimesh
 
 from warpvis.errors import FileFormatError
-from warpvis.webots.geometry import GEOMETRIES, MissingMeshError, find_beside, tessellate, turned
-from warpvis.webots.grammar import parse_text
+from warpvis.webots._grammar import parse_text
+from warpvis.webots.shapes._geometry import GEOMETRIES, MissingMeshError, find_beside, tessellate, turned
 
 NEW, OLD = "R2023b", "R2019a"
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warpvis import FileFormatError
-from warpvis.webots.grammar import MOST_NESTED, MOST_NODES, Node, Version, World, parse_text, parse_world
+from warpvis.errors import FileFormatError
+from warpvis.webots._grammar import MOST_NESTED, MOST_NODES, Node, Version, World, parse_text, parse_world
 
 REAL = sorted((Path(__file__).parent.parent.parent / "shared" / "webots").glob("*.wbt"))
 HEADER = "#VRML_SIM R2023b utf8\n"

@@ -7,9 +7,9 @@ import re
 import numpy as np
 import pytest
 
-from warpvis import FileFormatError
-from warpvis.webots.grammar import Version, parse_text
-from warpvis.webots.protos import MOST_PROTOS_NESTED, Protos
+from warpvis.errors import FileFormatError
+from warpvis.webots._grammar import Version, parse_text
+from warpvis.webots.protos._expansion import MOST_PROTOS_NESTED, Protos
 
 
 @pytest.fixture
@@ -318,7 +318,7 @@ def test_protos_within_protos_are_limited(project):
 
 
 def test_nodes_of_all_instances_are_limited(project, monkeypatch):
-    monkeypatch.setattr("warpvis.webots.protos.MOST_PROTO_NODES", 5000)
+    monkeypatch.setattr("warpvis.webots.protos._expansion.MOST_PROTO_NODES", 5000)
     for i in range(10):
         project.proto(f"P{i}", "", f"Group {{ children [ {f'P{i + 1} {{ }} ' * 10} ] }}")
     world = project.world("P0 { }")

@@ -8,8 +8,8 @@ import trimesh
 import warp as wp
 
 import warpvis as wv
-from warpvis.webots.grammar import Version
-from warpvis.webots.ranges import add_noise, distort_pixels, quantise, range_values
+from warpvis.webots import add_noise, distort_pixels, quantise, range_values
+from warpvis.webots._grammar import Version
 
 INF = np.inf
 KINECT = {"near": 0.01, "min_range": 0.3, "max_range": 4.5}

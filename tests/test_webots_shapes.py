@@ -11,10 +11,10 @@ import trimesh
 
 import warpvis as wv
 from warpvis import Label, Scene
-from warpvis.webots.geometry import tessellate
-from warpvis.webots.grammar import Version, parse_text
-from warpvis.webots.parts import rotation_matrix
-from warpvis.webots.world import load_webots
+from warpvis.webots import load_webots
+from warpvis.webots._grammar import Version, parse_text
+from warpvis.webots._parts import rotation_matrix
+from warpvis.webots.shapes._geometry import tessellate
 
 WORLDS = Path(__file__).parent.parent / "scenes" / "webots"
 ENGINES = {"R2021b": "lupa", "R2023b": "quickjs"}

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from test_webots_protos import Project
 
-from warpvis import FileFormatError
-from warpvis.webots import templates
-from warpvis.webots.grammar import Version
-from warpvis.webots.protos import Protos
+from warpvis.errors import FileFormatError
+from warpvis.webots._grammar import Version
+from warpvis.webots.protos import _templates as templates
+from warpvis.webots.protos._expansion import Protos
 
 needs_javascript = pytest.mark.skipif(importlib.util.find_spec("quickjs") is None, reason="no quickjs-ng")
 needs_lua = pytest.mark.skipif(importlib.util.find_spec("lupa") is None, reason="no lupa")
@@ -206,7 +206,7 @@ def test_a_large_text(project, head, program):
 def test_a_template_is_run_once_for_equal_fields(project, monkeypatch):
     runs = []
     render = templates.render
-    monkeypatch.setattr("warpvis.webots.protos.render", lambda *given: runs.append(given) or render(*given))
+    monkeypatch.setattr("warpvis.webots.protos._expansion.render", lambda *given: runs.append(given) or render(*given))
     interface = "field SFFloat size 1 field SFFloat unused 1"
     project.proto("Maker", interface, "Solid { size %<= fields.size.value >% unused IS unused }", head=JAVASCRIPT)
     world = project.world("Maker { size 1 unused 3 } Maker { unused 4 } Maker { size 2 }")

@@ -16,9 +16,8 @@ import warpvis as wv
 from warpvis import Label, Scene
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.scenes import EXPERIMENTS
-from warpvis.webots.devices import render_range
-from warpvis.webots.grammar import Version
-from warpvis.webots.world import load_webots
+from warpvis.webots import load_webots, render_range
+from warpvis.webots._grammar import Version
 
 WORLDS = Path(__file__).parent.parent / "scenes" / "webots"
 SHARED = Path(__file__).parent.parent.parent / "shared" / "webots"
@@ -66,7 +65,7 @@ def test_the_world_is_the_preset(paper):
     device = world.devices["range-finder"]
     assert device.camera == preset.camera
     np.testing.assert_allclose(
-        wv.pose.poses_to_matrices(device.pose), wv.pose.poses_to_matrices(preset.poses()[0]), atol=1e-7
+        wv.core.poses.poses_to_matrices(device.pose), wv.core.poses.poses_to_matrices(preset.poses()[0]), atol=1e-7
     )
     others = ("ball", "person", "robot", "left wheel", "right wheel", "range-finder")
     depth = wv.render(world.scene, device.camera, device.pose, exclude=others, cull_backfaces=True).depth.numpy()

@@ -8,12 +8,12 @@ import trimesh
 import warp as wp
 
 import warpvis as wv
-from warpvis.pose import poses_to_matrices
-from warpvis.worlds import parse_worlds
+from warpvis.core.poses import poses_to_matrices
+from warpvis.scene.worlds import parse_worlds
 
 from compare import assert_matches_reference, wrong_depth
 
-ALL = ("depth", "points", "normals", "labels", "objects")
+ALL = ("depth", "points", "normals", "labels", "segmentation")
 SMALL = wv.Camera.from_fov(96, 72, hfov=0.994837, near=0.05, far=100.0)
 STILL = (0, 0, 0, 0, 0, 0, 1)
 
@@ -83,8 +83,8 @@ def test_a_scene_where_nothing_moved_shows_what_a_static_one_does(device, caster
     assert movable.movable == (1, 2, 4, 5, 6)
     one, other = (wv.render(scene, SMALL, eyes(3), outputs=ALL, caster=caster) for scene in (still, movable))
     assert wrong_depth(one.depth.numpy(), other.depth.numpy().astype(np.float64)).mean() <= 1e-4
-    assert (one.objects.numpy() != other.objects.numpy()).mean() <= 1e-4
-    assert len(np.unique(one.objects.numpy())) >= 7
+    assert (one.segmentation.numpy() != other.segmentation.numpy()).mean() <= 1e-4
+    assert len(np.unique(one.segmentation.numpy())) >= 7
     assert_matches_reference(other, still, SMALL, eyes(3))
 
 
@@ -99,7 +99,7 @@ def test_moved_objects_show_what_a_scene_built_there_does(static, cull_backfaces
     assert_views_match_twins(views, SMALL, eyes(5), twins, cull_backfaces=cull_backfaces)
 
 
-@pytest.mark.parametrize("outputs", [("depth",), ("depth", "objects"), ("normals", "labels"), ("points",)])
+@pytest.mark.parametrize("outputs", [("depth",), ("depth", "segmentation"), ("normals", "labels"), ("points",)])
 def test_outputs_do_not_depend_on_each_other(outputs, device, caster):
     rows = random_poses(np.random.default_rng(2), 2, 5)
     scene = build(device, rows[0], movable=True)
@@ -132,14 +132,14 @@ def test_instances_of_one_mesh_share_its_tree(device, caster):
     views = wv.render(scene, SMALL, eyes(2), outputs=ALL, object_poses=rows, caster=caster)
     twins = [build("cpu", row, movable=False, static=False, meshes=[ball] * 40) for row in rows]
     assert_views_match_twins(views, SMALL, eyes(2), twins)
-    assert len(np.unique(views.objects.numpy())) > 30
+    assert len(np.unique(views.segmentation.numpy())) > 30
 
 
 def test_instances_in_one_place_show_the_first(device, caster):
     scene = build(device, np.tile(STILL, (3, 1)), movable=True, static=False, meshes=[MESHES[1]] * 3)
-    for outputs in (ALL, ("depth", "objects")):
+    for outputs in (ALL, ("depth", "segmentation")):
         views = wv.render(scene, SMALL, eyes(1), outputs=outputs, caster=caster)
-        assert set(np.unique(views.objects.numpy())) == {-1, 0}
+        assert set(np.unique(views.segmentation.numpy())) == {-1, 0}
 
 
 def test_worlds_of_a_call(device, caster):
@@ -179,7 +179,7 @@ def test_a_world_that_is_not_there_shows_nothing(device, caster):
     worlds.world = wp.array([1, 2, -1, 0], dtype=wp.int32, device=device)
     views = renderer.render(eyes(4), object_poses=rows, world=[1, 0, 0, 0])
     renderer._caster.cast(renderer._caster.parse_poses(eyes(4), "opencv"), worlds, renderer._asked_for(views))
-    assert (views.objects.numpy()[1:3] == -1).all()
+    assert (views.segmentation.numpy()[1:3] == -1).all()
     assert np.isposinf(views.depth.numpy()[1:3]).all()
     assert_bits_equal(view_of(views, 0), renderer.render(eyes(4)[0], object_poses=rows[1]))
     assert_bits_equal(view_of(views, 3), renderer.render(eyes(4)[3], object_poses=rows[0]))
@@ -194,11 +194,11 @@ def test_excluded_objects_are_not_seen(device, caster):
     twin = build("cpu", far_away(rows, 1, 3), movable=False)
     assert_matches_reference(views, twin, SMALL, eyes(3))
     both = renderer.render(eyes(3), exclude=["floor", scene.index("moved_0"), np.int64(scene.index("wall"))])
-    assert not np.isin(both.objects.numpy(), [0, 1, 3]).any()
+    assert not np.isin(both.segmentation.numpy(), [0, 1, 3]).any()
     bare = build("cpu", far_away(rows, 0), movable=False, static=False)
-    shifted = np.array([-1, 0, 0, 1, 0, 2, 3, 4])[both.objects.numpy() + 1]
+    shifted = np.array([-1, 0, 0, 1, 0, 2, 3, 4])[both.segmentation.numpy() + 1]
     assert_matches_reference(wv.Views(depth=both.depth, points=both.points, normals=both.normals), bare, SMALL, eyes(3))
-    expected = wv.render(bare, SMALL, eyes(3), outputs=("objects",), caster="rays").objects.numpy()
+    expected = wv.render(bare, SMALL, eyes(3), outputs=("segmentation",), caster="rays").segmentation.numpy()
     assert (shifted != expected).mean() <= 1e-4
 
 
@@ -225,7 +225,7 @@ def test_a_camera_inside_an_excluded_body(movable, device, caster):
     scene = build(device, rows, movable=movable, meshes=meshes)
     pose = wv.look_at((2.1, 0, 1.1), (0, 0, 0.5))[None].astype(np.float32)
     inside = wv.render(scene, SMALL, pose, outputs=ALL, caster=caster)
-    assert (inside.objects.numpy() == scene.index("moved_0")).all()
+    assert (inside.segmentation.numpy() == scene.index("moved_0")).all()
     assert_matches_reference(inside, build("cpu", rows, movable=False, meshes=meshes), SMALL, pose)
     outside = wv.render(scene, SMALL, pose, outputs=ALL, exclude=["moved_0"], caster=caster)
     assert_matches_reference(outside, build("cpu", far_away(rows, 0), movable=False, meshes=meshes), SMALL, pose)
@@ -242,7 +242,7 @@ def test_nothing_leaks_between_worlds_and_views(device, caster):
     for index, pose in enumerate(eyes(9)):
         alone = renderer.render(pose, object_poses=rows[world[index]], exclude=np.flatnonzero(flags[index]).tolist())
         assert_bits_equal(view_of(views, index), alone)
-        assert not np.isin(views.objects.numpy()[index], np.flatnonzero(flags[index])).any()
+        assert not np.isin(views.segmentation.numpy()[index], np.flatnonzero(flags[index])).any()
 
 
 def test_points_of_the_image(device, caster):
@@ -257,16 +257,16 @@ def test_points_of_the_image(device, caster):
     image = renderer.render(eyes(2), **arguments)
     points = renderer.render_at(eyes(2), pixels, **arguments)
     assert wrong_depth(points.depth.numpy(), image.depth.numpy().reshape(2, -1).astype(np.float64)).mean() <= 2e-4
-    same = points.objects.numpy() == image.objects.numpy().reshape(2, -1)
+    same = points.segmentation.numpy() == image.segmentation.numpy().reshape(2, -1)
     assert same.mean() >= 1 - 2e-4
-    seen = same & (points.objects.numpy() >= 0)
+    seen = same & (points.segmentation.numpy() >= 0)
     apart = np.abs(points.normals.numpy() - image.normals.numpy().reshape(2, -1, 3))[seen].max(axis=-1) > 1e-4
     assert apart.mean() <= 1e-2
     np.testing.assert_allclose(points.points.numpy()[seen], image.points.numpy().reshape(2, -1, 3)[seen], atol=1e-4)
 
 
 @pytest.mark.parametrize("views", [1, 3])
-@pytest.mark.parametrize("outputs", [ALL, ("depth", "points", "labels", "objects"), ("depth",)])
+@pytest.mark.parametrize("outputs", [ALL, ("depth", "points", "labels", "segmentation"), ("depth",)])
 def test_runs_are_bit_identical_whatever_the_threads(outputs, views, device, caster):
     rng = np.random.default_rng(12)
     rows = random_poses(rng, views, 60)
@@ -319,7 +319,7 @@ def test_far_from_the_world_s_origin_nothing_is_lost(device, caster):
     rows, poses = random_poses(rng, 5), eyes(2)
     rows[:, :3], poses[:, :3] = np.round(rows[:, :3] * 64) / 64, np.round(poses[:, :3] * 64) / 64
     scene = build(device, rows, movable=True, static=False)
-    renderer = wv.Renderer(scene, SMALL, outputs=("depth", "normals", "objects"), caster=caster)
+    renderer = wv.Renderer(scene, SMALL, outputs=("depth", "normals", "segmentation"), caster=caster)
     here = renderer.render(poses, object_poses=rows)
     offset = np.array([8192, -8192, 4096, 0, 0, 0, 0])
     assert_bits_equal(renderer.render(poses + offset, object_poses=rows + offset), here)
@@ -348,15 +348,15 @@ def test_a_thousand_objects(device, caster):
     meshes = [trimesh.creation.box((0.1, 0.2, 0.15)), trimesh.creation.icosphere(subdivisions=1, radius=0.1)] * 500
     rows = random_poses(rng, 2, 1000, spread=6.0)
     scene = build(device, rows[0], movable=True, meshes=meshes)
-    outputs = ("depth", "labels", "objects")
+    outputs = ("depth", "labels", "segmentation")
     views = wv.render(scene, SMALL, eyes(2), outputs=outputs, object_poses=rows, caster=caster)
-    assert len(np.unique(views.objects.numpy())) > 50
+    assert len(np.unique(views.segmentation.numpy())) > 50
     for index, row in enumerate(rows):
         twin = build(device, row, movable=False, meshes=meshes)
         expected = wv.render(twin, SMALL, eyes(2)[index], outputs=outputs, caster="rays")
         wrong = wrong_depth(views.depth.numpy()[index], expected.depth.numpy()[0].astype(np.float64))
         assert wrong.mean() <= 2e-3  # at silhouettes: vertices of the twin are rounded elsewhere
-        assert (views.objects.numpy()[index] != expected.objects.numpy()[0]).mean() <= 2e-3
+        assert (views.segmentation.numpy()[index] != expected.segmentation.numpy()[0]).mean() <= 2e-3
 
 
 def test_objects_that_are_added_are_seen(device, caster):
@@ -365,4 +365,4 @@ def test_objects_that_are_added_are_seen(device, caster):
     renderer.render(eyes(1))
     index = scene.add(MESHES[1], name="later", movable=True)
     rows = np.array([STILL, (0.6, 0.3, 1.0, 0, 0, 0, 1)])
-    assert (renderer.render(eyes(1), object_poses=rows).objects.numpy() == index).any()
+    assert (renderer.render(eyes(1), object_poses=rows).segmentation.numpy() == index).any()

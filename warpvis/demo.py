@@ -13,16 +13,14 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpvis.classification import classify
 from warpvis.errors import FileFormatError
-from warpvis.floor_plan import plan_visibility
-from warpvis.perspectives import Perspective, State, perspective
-from warpvis.proposals import propose_view
-from warpvis.renderer import Renderer, Views
+from warpvis.maps import FloorMap, classify, floor_map, plan_visibility
+from warpvis.planning import propose_view
+from warpvis.rendering import Renderer, Views
 from warpvis.scene import Scene
 from warpvis.scenes import EXPERIMENTS, Experiment
 from warpvis.scenes.experiments import ROBOT_AT, ROBOT_RADIUS
-from warpvis.visibility import FloorMap, visibility_map
+from warpvis.visibility import Perspective, State, perspective
 from warpvis.viz import save_overview, save_perspective
 
 _TARGETS = ("ball", "person")
@@ -97,9 +95,9 @@ def run_experiment(number: int, *, device: Any = "cpu") -> ExperimentResult:
     views = Renderer(scene, experiment.camera).render(poses)
     sphere = wp.empty(views.depth.shape, dtype=wp.int32, device=scene.device)
     classify(views.depth, experiment.camera, poses, spheres=experiment.spheres, spheres_out=sphere)
-    floor_map = visibility_map(views.points, views.labels, bounds=scene.bounds, robots=[(*ROBOT_AT, ROBOT_RADIUS)])
+    seen_floor = floor_map(views.points, views.labels, bounds=scene.bounds, robots=[(*ROBOT_AT, ROBOT_RADIUS)])
 
-    pixels = np.bincount(views.objects.numpy().ravel() + 1, minlength=len(scene) + 1)[1:]
+    pixels = np.bincount(views.segmentation.numpy().ravel() + 1, minlength=len(scene) + 1)[1:]
     in_sphere = np.bincount(sphere.numpy().ravel() + 1, minlength=len(experiment.spheres) + 1)[1:]
     labels = [item.label for item in experiment.spheres]
     on_plan = plan_visibility(scene, experiment.camera, poses, exclude=("robot",)).visible[0]
@@ -111,7 +109,7 @@ def run_experiment(number: int, *, device: Any = "cpu") -> ExperimentResult:
         sightings.append(Sighting(number, name, count > 0, count, int(by_sphere), bool(on_plan[index])))
     seen = perspective(scene, experiment.agents())
     shared = _shared_sighting(number, seen)
-    return ExperimentResult(experiment, scene, views, floor_map, tuple(sightings), seen, shared)
+    return ExperimentResult(experiment, scene, views, seen_floor, tuple(sightings), seen, shared)
 
 
 def _shared_sighting(number: int, seen: Perspective) -> SharedSighting:

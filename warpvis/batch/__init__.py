@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""From poses to a dataset on disk, in shards, safe to interrupt: see `warpvis.batch.api.render_batch`.
+"""From poses to a dataset on disk, in shards, safe to interrupt: see `warpvis.batch.render_batch`.
 
 A dataset is a folder, or an fsspec URL::
 
@@ -14,3 +14,19 @@ A dataset is a folder, or an fsspec URL::
 `local` and `cluster` do so in one or many, `dataset`, `records` and `stores` keep the folder, `manifest` and `identity`
 tell whether a job may go on with it, `verify` whether it is sound.
 """
+
+from __future__ import annotations
+
+from warpvis.batch._frame_renderer import FrameRenderer, check_outputs as check_outputs
+from warpvis.batch._render_batch import BatchSummary, render_batch as render_batch
+from warpvis.batch._verify import verify
+from warpvis.batch._warmup import warmup
+from warpvis.batch.engines._local import parse_devices as parse_devices
+from warpvis.batch.formats._base import find_format as find_format
+
+__all__ = [
+    "BatchSummary",
+    "FrameRenderer",
+    "verify",
+    "warmup",
+]

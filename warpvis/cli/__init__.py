@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from warpvis.cli.batch import Batch, Verify, Warmup
-from warpvis.cli.check import Check
-from warpvis.cli.inputs import make_folder
-from warpvis.cli.perspective import Perspective
+from warpvis.cli._batch import Batch, Verify, Warmup
+from warpvis.cli._check import Check
+from warpvis.cli._inputs import make_folder
+from warpvis.cli._perspective import Perspective
 from warpvis.errors import FileFormatError, PoseError, WarpvisError
 
 if TYPE_CHECKING:
-    from warpvis.renderer import Renderer
+    from warpvis.rendering import Renderer
 
 _VIEWS_AT_A_TIME = 16
 
@@ -84,7 +84,7 @@ class Render:
             self._render_poses(self.poses)
 
     def _render_devices(self) -> None:
-        from warpvis.cli.webots import is_world, render_world
+        from warpvis.cli._webots import is_world, render_world
 
         if not is_world(self.file):
             raise PoseError(f"give --poses, a file of the camera's poses: {self.file} is no Webots world with cameras")
@@ -99,10 +99,9 @@ class Render:
         )
 
     def _render_poses(self, poses: Path) -> None:
-        from warpvis.camera import Camera
-        from warpvis.io.camera_files import load_camera
-        from warpvis.io.tum import read_poses
-        from warpvis.renderer import Renderer
+        from warpvis.core.camera import Camera
+        from warpvis.io import load_camera, read_poses
+        from warpvis.rendering import Renderer
         from warpvis.scene import Scene
 
         camera: Camera = load_camera(self.camera)
@@ -125,8 +124,8 @@ class Render:
         import numpy as np
         from tqdm import tqdm
 
-        from warpvis.io.depth_files import DepthArchive, save_depth_png, too_far_for_millimetres
-        from warpvis.pose import poses_to_opencv
+        from warpvis.core.poses import poses_to_opencv
+        from warpvis.io import DepthArchive, save_depth_png, too_far_for_millimetres
 
         poses = poses_to_opencv(rows, self.convention, name=str(self.poses)).astype(np.float32)
         camera = renderer.camera
@@ -160,7 +159,7 @@ class Info:
         if self.file is None:
             self._print_versions()
             return
-        from warpvis.cli.webots import is_world, print_world
+        from warpvis.cli._webots import is_world, print_world
 
         if not is_world(self.file):
             raise FileFormatError(f"{self.file}: info is of Webots worlds, whose names end in .wbt")
@@ -173,7 +172,7 @@ class Info:
         import warp as wp
 
         import warpvis
-        from warpvis.threads import core_count
+        from warpvis.core.threads import core_count
 
         print(f"warpvis {warpvis.__version__}")
         print(f"python  {platform.python_version()} on {platform.platform()}")

@@ -1,3 +1,27 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Files in and out, one module a format."""
+"""Files in and out: meshes, cameras, points, poses, depth images."""
+
+from __future__ import annotations
+
+from warpvis.io._cameras import load_camera
+from warpvis.io._depth import (
+    DepthArchive,
+    count_lost as count_lost,
+    depth_to_units as depth_to_units,
+    encode_png as encode_png,
+    save_depth_png,
+    too_far_for_millimetres as too_far_for_millimetres,
+)
+from warpvis.io._meshes import export_scene as export_scene, load_scene as load_scene
+from warpvis.io._points import read_points
+from warpvis.io.poses._frames import read_frames as read_frames
+from warpvis.io.poses._tum import read_poses
+
+__all__ = [
+    "DepthArchive",
+    "load_camera",
+    "read_points",
+    "read_poses",
+    "save_depth_png",
+]

@@ -11,11 +11,11 @@
 
 from __future__ import annotations
 
-from warpvis.mujoco.batch import BatchRenderer
-from warpvis.mujoco.cameras import camera_from_mujoco
-from warpvis.mujoco.poses import Kinematics, WorldPoses, camera_poses, geom_poses
-from warpvis.mujoco.renderer import Renderer
-from warpvis.mujoco.scene import MujocoScene, scene_from_mujoco
+from warpvis.mujoco._batch import BatchRenderer
+from warpvis.mujoco._cameras import camera_from_mujoco
+from warpvis.mujoco._poses import Kinematics, WorldPoses, camera_poses, geom_poses
+from warpvis.mujoco._renderer import Renderer
+from warpvis.mujoco._scene import MujocoScene, scene_from_mujoco
 
 __all__ = [
     "BatchRenderer",

@@ -4,8 +4,15 @@
 
 from __future__ import annotations
 
-from warpvis.viz.overview import save_depth, save_map, save_overview, view_from_outside
-from warpvis.viz.perspective import save_perspective
-from warpvis.viz.sightings import save_sightings
+from warpvis.viz._overview import save_depth, save_map, save_overview, view_from_outside
+from warpvis.viz._perspective import save_perspective
+from warpvis.viz._sightings import save_sightings
 
-__all__ = ["save_depth", "save_map", "save_overview", "save_perspective", "save_sightings", "view_from_outside"]
+__all__ = [
+    "save_depth",
+    "save_map",
+    "save_overview",
+    "save_perspective",
+    "save_sightings",
+    "view_from_outside",
+]

@@ -1,3 +1,32 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
 """Webots worlds, from V6.0 to R2025a: their geometry, and the depth images that Webots' range finders give."""
+
+from __future__ import annotations
+
+from warpvis.webots._controller import DepthEye
+from warpvis.webots._devices import Device, Lens
+from warpvis.webots._nodes import Node, Version
+from warpvis.webots._range_images import find_device, render_range
+from warpvis.webots._ranges import add_noise, distort_pixels, quantise, range_values
+from warpvis.webots._recognition import Recognised, recognise, segmentation_image
+from warpvis.webots._world import WebotsWorld, load_webots
+
+__all__ = [
+    "DepthEye",
+    "Device",
+    "Lens",
+    "Node",
+    "Recognised",
+    "Version",
+    "WebotsWorld",
+    "add_noise",
+    "distort_pixels",
+    "find_device",
+    "load_webots",
+    "quantise",
+    "range_values",
+    "recognise",
+    "render_range",
+    "segmentation_image",
+]

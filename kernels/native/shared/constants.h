@@ -4,7 +4,7 @@
 // Numbers that C++ and Python share, written here and nowhere else. scripts/generate_constants.py makes
 // kernels/constants.py of them: every value is spelled out, one a line, for it to read.
 
-// Kinds of solids, whose true surface rays meet: `warpvis.solids.SolidKind`.
+// Kinds of solids, whose true surface rays meet: `warpvis.scene.solids.SolidKind`.
 enum SolidKind {
     SOLID_NONE = 0,
     SOLID_BALL = 1,

@@ -1,0 +1,133 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""A dataset while a job writes it: begun, gone on with, finished."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from warpvis.batch._manifest import MANIFEST, manifest_text, parse_manifest, require_same
+from warpvis.batch._records import INDEX_RECORD, Record, commit, read_whole, shard_record
+from warpvis.batch._writer import WorkerLostError
+from warpvis.batch.formats._npz import npz_parts
+from warpvis.batch.storage._stores import Store, open_store
+from warpvis.errors import FileFormatError
+
+if TYPE_CHECKING:
+    from warpvis.batch._job import Plan
+    from warpvis.batch.formats._base import Format
+    from warpvis.scene import Scene
+
+POSES = "poses.npz"
+
+
+class Dataset:
+    """The folder of a job: its manifest, its poses, the records of its shards, and its index."""
+
+    def __init__(self, out: str | os.PathLike[str], plan: Plan, layout: Format, manifest: Mapping[str, Any]) -> None:
+        """The dataset at `out`; nothing is written yet."""
+        self._store: Store = open_store(out)
+        self._plan, self._layout, self._manifest = plan, layout, manifest
+        self._whole = 0
+        self.name = self._store.name
+        self.bytes = 0
+        self.warnings: dict[str, int] = {}
+
+    def check(self, *, resume: bool) -> None:
+        """Refuse, before anything is begun, what `opened` would refuse.
+
+        Raises:
+            FileFormatError: The folder holds something else, or another job's dataset, or cannot be read.
+        """
+        try:
+            self._require_ours(resume=resume)
+        except OSError as error:
+            raise FileFormatError(f"{self.name}: cannot be read: {error.strerror or error}") from None
+
+    @contextmanager
+    def opened(self, *, resume: bool) -> Iterator[list[int]]:
+        """A context in which the job may write, with the numbers of the shards that are missing.
+
+        Raises:
+            FileFormatError: The folder holds something else, or another job's dataset; another process writes it; or a
+                file cannot be written, also later, inside of the context.
+        """
+        began = False
+        try:
+            self._store.create()
+            with self._store.locked():
+                known = self._require_ours(resume=resume)
+                began = True
+                self._store.clean()
+                self._begin(known=known)
+                try:
+                    yield self._missing() if known else list(range(self._plan.shard_count))
+                finally:
+                    self._store.clean()
+        except OSError as error:
+            done = f"; {self._state()}" if began else ""
+            raise FileFormatError(f"{self.name}: cannot be written: {error.strerror or error}{done}") from None
+        except WorkerLostError as error:
+            raise FileFormatError(f"{self.name}: {error}; {self._state()}") from None
+
+    def add(self, shard: int, record: Record) -> None:
+        """Count a shard that is whole."""
+        self._whole += 1
+        self.bytes += record.bytes
+        for message, count in record.warnings.items():
+            self.warnings[message] = self.warnings.get(message, 0) + count
+
+    def finish(self, scene: Scene) -> None:
+        """Write the index, if it is not there: now the dataset is complete."""
+        if read_whole(self._store, INDEX_RECORD, len(self._plan.frames)) is None:
+            with self._store.new_files() as files:
+                units = self._layout.index(files) + self._layout.write_models(files, scene)
+                commit(self._store, INDEX_RECORD, len(self._plan.frames), files, units)
+
+    def _state(self) -> str:
+        return f"{self._whole} of {self._plan.shard_count} shards are whole, and --resume goes on from there"
+
+    def _require_ours(self, *, resume: bool) -> bool:
+        """Whether the dataset was begun already, and may be gone on with.
+
+        Raises:
+            FileFormatError: It may not.
+        """
+        entries = self._store.entries()
+        if not entries:
+            return False
+        found = parse_manifest(self._store.read(MANIFEST)) if MANIFEST in entries else None
+        if found is None:
+            some = ", ".join(entries[:3]) + (", ..." if len(entries) > 3 else "")
+            raise FileFormatError(f"{self.name}: holds something else ({some}); give a new or an empty folder")
+        if not resume:
+            if INDEX_RECORD in entries:
+                raise FileFormatError(f"{self.name}: holds a complete dataset; give a new or an empty folder")
+            raise FileFormatError(f"{self.name}: holds an unfinished dataset; --resume goes on with it")
+        require_same(found, self._manifest, self.name)
+        return True
+
+    def _begin(self, *, known: bool) -> None:
+        """Write the manifest, if it is not there, and the poses."""
+        frames = self._plan.frames
+        arrays = {"camera_to_world": frames.camera_to_world, "timestamps": frames.timestamps}
+        arrays |= {name: getattr(frames, name) for name in ("object_poses", "world")}
+        with self._store.new_files() as files:
+            files.write_text(MANIFEST, manifest_text(self._manifest))
+            files.write(POSES, *npz_parts({name: array for name, array in arrays.items() if array is not None}))
+            self._store.put(files, [POSES] if known else [MANIFEST, POSES])
+
+    def _missing(self) -> list[int]:
+        """Shards that are not whole; the others are counted."""
+        missing = []
+        for shard in range(self._plan.shard_count):
+            part = self._plan.shard_slice(shard)
+            record = read_whole(self._store, shard_record(shard), part.stop - part.start)
+            if record is None:
+                missing.append(shard)
+            else:
+                self.add(shard, record)
+        return missing

@@ -1,0 +1,209 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Renders batches of frames into NumPy arrays: what a process, a Ray actor, or a loop of one's own holds."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.batch.formats._base import VISIBILITY_ARRAYS
+from warpvis.core.arrays import check_metres
+from warpvis.core.camera import Camera, require_camera
+from warpvis.errors import ArrayError
+from warpvis.rendering import OUTPUTS, Caster, Renderer, Views
+from warpvis.scene import Scene, require_scene
+from warpvis.visibility import choose_objects, object_visibility
+
+if TYPE_CHECKING:
+    from warpvis.core.frames import Frames
+
+VISIBILITY = "visibility"
+"""The output that is no image: what `warpvis.visibility.object_visibility` says."""
+
+
+class FrameRenderer:
+    """Renders batches of frames; made once, it loads the scene and builds what the casters need.
+
+    It is called with a mapping of arrays and gives one, as stages of data loaders such as Ray Data's
+    ``map_batches`` want it.
+
+    Example:
+        >>> renderer = FrameRenderer("room.glb", Camera.kinect(), outputs=("depth", "labels"))
+        >>> renderer({"camera_to_world": poses})["depth"].shape
+        (16, 240, 320)
+    """
+
+    def __init__(
+        self,
+        scene: Scene | str | os.PathLike[str] | Callable[[], Scene],
+        camera: Camera,
+        *,
+        outputs: Sequence[str] = ("depth",),
+        objects: Sequence[str | int] | None = None,
+        exclude: Sequence[str | int] | None = None,
+        delta: float = 0.0,
+        masks: bool = False,
+        any_depth: bool = False,
+        device: Any = None,
+        threads: int | None = None,
+        caster: Caster = "auto",
+    ) -> None:
+        """Prepare to render.
+
+        Args:
+            scene: What is seen: a scene, a file for `Scene.load`, or a function that makes one.
+            camera: The camera of all frames.
+            outputs: Images of `Renderer`, and ``"visibility"`` for what `object_visibility` says.
+            objects: Names or indices of the objects that visibility is of; all by default.
+            exclude: Names or indices of objects that no frame shows.
+            delta: As for `object_visibility` [m].
+            masks: Whether visibility comes with masks.
+            any_depth: Whether visibility is of what lies at any depth, whatever the camera's range is.
+            device: Where to render; where the scene is by default.
+            threads: CPU threads to use; all cores of this process by default.
+            caster: As for `Renderer`.
+
+        Raises:
+            WarpvisError: An argument is not what it has to be.
+        """
+        self.outputs = check_outputs(outputs)
+        self.scene = make_scene(scene, device)
+        self.camera = require_camera(camera)
+        self.images = tuple(name for name in self.outputs if name != VISIBILITY)
+        self._eye = replace(camera, near=0.0, far=math.inf) if any_depth else camera
+        self._exclude = choose_objects(self.scene, exclude) if exclude is not None and len(exclude) else None
+        self._visibility = {
+            "objects": choose_objects(self.scene, objects) if VISIBILITY in self.outputs else None,
+            "delta": check_metres(delta, "delta"),
+            "masks": bool(masks),
+            "caster": caster,
+            "threads": threads,
+        }
+        given: dict[str, Any] = {"outputs": self.images, "caster": caster, "threads": threads}
+        self._renderer = Renderer(self.scene, self.camera, **given) if self.images else None
+
+    def __call__(self, batch: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+        """Render a batch of n frames.
+
+        Args:
+            batch: ``camera_to_world``, rows ``x y z qx qy qz qw`` of OpenCV cameras, shape ``(n, 7)``; optionally
+                ``object_poses``, of every frame's own world ``(n, M, 7)``, of one world ``(1, M, 7)``, or of W worlds
+                with every frame's ``world``, shape ``(n,)``. What else it holds is handed on.
+
+        Returns:
+            The batch's own arrays; one of every image, ``(n, H, W)`` or ``(n, H, W, 3)``; for visibility
+            `warpvis.batch.formats._base.VISIBILITY_ARRAYS`, and ``masks`` if wanted, ``(n, K, H, W)`` uint8.
+
+        Raises:
+            WarpvisError: The batch is malformed.
+        """
+        return {**batch, **self.render(batch)}
+
+    def render(self, batch: Mapping[str, NDArray[Any]], *, out: ImageBuffers | None = None) -> dict[str, NDArray[Any]]:
+        """The arrays alone, of images in `out` if that is given; they are valid until it is written to again."""
+        if "camera_to_world" not in batch:
+            raise ArrayError(f"a batch must hold camera_to_world, got {', '.join(batch) or 'nothing'}")
+        poses = np.asarray(batch["camera_to_world"])
+        moved: dict[str, Any] = {name: batch[name] for name in ("object_poses", "world") if batch.get(name) is not None}
+        found: dict[str, NDArray[Any]] = {}
+        if self._renderer is not None:
+            single = poses.astype(np.float32) if poses.dtype == np.float64 and poses.ndim == 2 else poses
+            out = out or ImageBuffers(self.images, self.camera, len(poses))
+            views, found = out.first(len(poses))
+            self._renderer.render(single, exclude=self._exclude, out=views, **moved)
+        if VISIBILITY in self.outputs:
+            found |= self._see(poses, moved)
+        return found
+
+    def _see(self, poses: NDArray[Any], moved: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+        """What visibility says, by the names of files."""
+        options: Any = {**self._visibility, **moved}
+        seen = object_visibility(self.scene, self._eye, poses, exclude=self._exclude, **options)
+        fields = {name: "fraction" if name == "visible_fraction" else name for name in VISIBILITY_ARRAYS}
+        arrays = {name: getattr(seen, field) for name, field in fields.items()}
+        if seen.masks is not None:
+            arrays["masks"] = seen.masks
+        return {name: array.numpy() for name, array in arrays.items()}
+
+
+class ImageBuffers:
+    """Memory of the host for the images of some frames, to be written to again and again.
+
+    Each image begins at a page of memory, so that it can be written to a file without passing through the kernel's
+    page cache; for a GPU the pages are locked, which copying from there is several times as fast to.
+    """
+
+    def __init__(self, images: Sequence[str], camera: Camera, frames: int, *, pinned: bool = False) -> None:
+        """Room for images of so many frames."""
+        shape = (frames, camera.height, camera.width)
+        self._arrays = {name: _page_aligned(shape, OUTPUTS[name], pinned) for name in images}
+
+    def first(self, frames: int) -> tuple[Views, dict[str, NDArray[Any]]]:
+        """The first images, as the renderer writes them and as formats read them."""
+        views = {name: array if frames == len(array) else array[:frames] for name, array in self._arrays.items()}
+        return Views(**views), {name: array.numpy() for name, array in views.items()}
+
+
+def frames_batch(frames: Frames, part: slice) -> dict[str, NDArray[Any]]:
+    """What a renderer needs of some of the frames; only the worlds that they are in."""
+    some = frames[part]
+    batch: dict[str, NDArray[Any]] = {"camera_to_world": some.camera_to_world}
+    if some.object_poses is not None:
+        batch["object_poses"] = some.object_poses
+        if some.world is not None:
+            worlds, batch["world"] = np.unique(some.world, return_inverse=True)
+            batch["object_poses"] = some.object_poses[worlds]
+            batch["world"] = batch["world"].astype(np.int32)
+    return batch
+
+
+def check_outputs(outputs: Sequence[str]) -> tuple[str, ...]:
+    """Names of outputs, each once.
+
+    Raises:
+        ArrayError: There is none, or an unknown one.
+    """
+    names = (outputs,) if isinstance(outputs, str) else tuple(outputs)
+    unknown = [str(name) for name in names if name not in OUTPUTS and name != VISIBILITY]
+    if unknown or not names:
+        known = ", ".join([*OUTPUTS, VISIBILITY])
+        raise ArrayError(f"outputs must be some of {known}, got {', '.join(unknown) or 'none'}")
+    return tuple(dict.fromkeys(names))
+
+
+def make_scene(scene: Any, device: Any) -> Scene:
+    """The scene that `FrameRenderer` was given, on a device.
+
+    Raises:
+        WarpvisError: It is none, or there is no such device.
+    """
+    if isinstance(scene, str | Path):
+        scene = Scene.load(scene, device="cpu" if device is None else device)
+    elif callable(scene):
+        scene = scene()
+    scene = require_scene(scene)
+    return scene if device is None or scene.device == wp.get_device(device) else scene.to(device)
+
+
+def _page_aligned(shape: tuple[int, ...], dtype: Any, pinned: bool) -> wp.array:
+    """An array of the host that begins at a page of memory."""
+    if pinned:
+        return wp.empty(shape, dtype=dtype, device="cpu", pinned=True)
+    import mmap
+
+    scalar = np.dtype(wp.dtype_to_numpy(getattr(dtype, "_wp_scalar_type_", dtype)))
+    whole = (*shape, *getattr(dtype, "_shape_", ()))
+    memory = mmap.mmap(-1, max(1, int(np.prod(whole, dtype=np.int64)) * scalar.itemsize))
+    if hasattr(memory, "madvise") and hasattr(mmap, "MADV_HUGEPAGE"):
+        memory.madvise(mmap.MADV_HUGEPAGE)
+    host = np.frombuffer(memory, dtype=scalar, count=int(np.prod(whole, dtype=np.int64))).reshape(whole)
+    return wp.array(host, dtype=dtype, shape=shape, device="cpu", copy=False)

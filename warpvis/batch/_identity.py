@@ -1,0 +1,80 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What tells one scene, one camera, one set of frames from another: hashes of what they hold."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import zlib
+from dataclasses import asdict
+from importlib import metadata
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from warpvis.core.camera import Camera
+    from warpvis.core.frames import Frames
+    from warpvis.scene import Scene, SceneObject
+
+
+def hash_values(*values: Any) -> str:
+    """SHA-256 of arrays, with their dtypes and shapes, and of what `str` says of anything else, as hexadecimal text."""
+    digest = hashlib.sha256()
+    for value in values:
+        if isinstance(value, np.ndarray):
+            little = np.ascontiguousarray(value, dtype=value.dtype.newbyteorder("<"))
+            digest.update(f"{little.dtype.str}{little.shape}\n".encode())
+            digest.update(little.reshape(-1).view(np.uint8).data)
+        else:
+            digest.update(f"{type(value).__name__} {value}\n".encode())
+    return digest.hexdigest()
+
+
+def object_hash(item: SceneObject) -> str:
+    """SHA-256 of all that decides how an object is seen."""
+    solid = item.solid
+    shape = () if solid is None else (int(solid.kind), np.asarray(solid.radii), float(solid.half))
+    mesh = item.mesh_vertices if item.movable else item.vertices
+    return hash_values(item.name, int(item.label), item.movable, mesh, item.faces, item.pose, item.carrier, *shape)
+
+
+def describe_scene(scene: Scene) -> dict[str, Any]:
+    """What a manifest says of a scene: of every object its label, its size and its hash, and one hash of them all."""
+    objects = {
+        item.name: {
+            "label": item.label.name,
+            "vertices": len(item.vertices),
+            "faces": len(item.faces),
+            "movable": item.movable,
+            "sha256": object_hash(item),
+        }
+        for item in scene.objects
+    }
+    whole = hash_values(scene.up, *(item["sha256"] for item in objects.values()))
+    return {"up": scene.up, "sha256": whole, "objects": objects}
+
+
+def scene_hash(scene: Scene) -> str:
+    """SHA-256 of a scene's content, the same on every device and in every process, as hexadecimal text."""
+    return describe_scene(scene)["sha256"]
+
+
+def describe_camera(camera: Camera) -> dict[str, Any]:
+    """A camera's fields; `far` is None where it is infinite, since JSON has no such number."""
+    fields = asdict(camera)
+    return {**fields, "far": None if math.isinf(camera.far) else camera.far}
+
+
+def frames_hash(frames: Frames) -> str:
+    """SHA-256 of the poses, times and worlds of frames."""
+    return hash_values(frames.camera_to_world, frames.timestamps, frames.object_poses, frames.world)
+
+
+def versions(*packages: str) -> dict[str, str]:
+    """Versions of this package and of others that decide the bytes of a dataset; ``"zlib"`` is Python's own."""
+    import warpvis
+
+    found = {name: zlib.ZLIB_RUNTIME_VERSION if name == "zlib" else metadata.version(name) for name in packages}
+    return {"warpvis": warpvis.__version__, **found}

@@ -1,0 +1,62 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What is to be rendered and written: the plan of a dataset, cut into shards."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from warpvis.core.camera import Camera
+    from warpvis.core.frames import Frames
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """All that decides the bytes of a dataset, but for the scene's geometry; it pickles.
+
+    Shard i holds the frames from ``i * shard_frames`` on, the last one maybe fewer. It is rendered, written and
+    recorded as a whole.
+    """
+
+    frames: Frames
+    """The cameras' poses and times, and where the objects are; `Frames.object_poses` is there if anything moves."""
+    camera: Camera
+    """The camera of all frames."""
+    outputs: tuple[str, ...]
+    """Names of the images, and ``"visibility"`` for what `warpvis.visibility.object_visibility` says."""
+    shard_frames: int
+    """Frames of a shard."""
+    object_names: tuple[str, ...] = ()
+    """Names of all objects of the scene: values of object images index them."""
+    object_labels: tuple[int, ...] = ()
+    """Their `Label` values."""
+    object_columns: tuple[int, ...] = ()
+    """For every object, the column of `Frames.object_poses` that places it; -1 if it stays where it is."""
+    object_centers: tuple[tuple[float, float, float], ...] = ()
+    """Middle of every object's axis-aligned box in the world [m], where it was added."""
+    chosen: tuple[int, ...] = ()
+    """Indices of the objects that visibility is of, in the order of its columns."""
+    exclude: tuple[int, ...] = ()
+    """Indices of objects that no frame shows."""
+    up: str = "z"
+    """The world's vertical axis."""
+    options: Mapping[str, Any] = field(default_factory=dict)
+    """The format's options, as the user gave them."""
+
+    @property
+    def shard_count(self) -> int:
+        """How many shards there are."""
+        return -(-len(self.frames) // self.shard_frames)
+
+    def shard_slice(self, shard: int) -> slice:
+        """The frames of a shard."""
+        first = shard * self.shard_frames
+        return slice(first, min(first + self.shard_frames, len(self.frames)))
+
+
+def shard_name(shard: int) -> str:
+    """A shard's name in files and folders: its number, in six digits or more."""
+    return f"{shard:06d}"

@@ -1,0 +1,116 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The manifest: what a dataset is made from, and so whether a job may go on with what another one began."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from warpvis.batch._identity import describe_camera, describe_scene, frames_hash, versions
+from warpvis.errors import FileFormatError
+
+if TYPE_CHECKING:
+    from warpvis.batch._job import Plan
+    from warpvis.batch.formats._base import Format
+    from warpvis.scene import Scene
+
+MANIFEST = "manifest.json"
+_VERSION = 1
+_MOST_DIFFERENCES = 8
+
+
+def make_manifest(
+    plan: Plan, scene: Scene, layout: Format, *, device: str, source: str | None, caster: str
+) -> dict[str, Any]:
+    """The manifest of a job: all of it follows from what the job was given, so it is the same every time.
+
+    Args:
+        plan: The plan.
+        scene: The scene.
+        layout: The format.
+        device: ``"cpu"`` or ``"cuda"``: images of both agree, but not to the last bit.
+        source: Name of the file that the scene was read from.
+        caster: As for `Renderer`.
+    """
+    frames = plan.frames
+    packages = ["warp-lang", "numpy", *(layout.library or "").split()]
+    return {
+        "warpvis_dataset": _VERSION,
+        "format": layout.name,
+        "options": dict(sorted(plan.options.items())),
+        "outputs": list(plan.outputs),
+        "frames": len(frames),
+        "shard_frames": plan.shard_frames,
+        "camera": describe_camera(plan.camera),
+        "scene": {"file": source, **describe_scene(scene)},
+        "objects": [plan.object_names[index] for index in plan.chosen],
+        "exclude": [plan.object_names[index] for index in plan.exclude],
+        "poses": {"source": dict(frames.source), "sha256": frames_hash(frames)},
+        "seed": frames.source.get("seed"),
+        "device": device,
+        "caster": caster,
+        "versions": versions(*packages),
+    }
+
+
+def manifest_text(manifest: Mapping[str, Any]) -> str:
+    """The file's text."""
+    return json.dumps(manifest, indent=1, allow_nan=False) + "\n"
+
+
+def parse_manifest(data: bytes | None) -> dict[str, Any] | None:
+    """The manifest that a file holds; None if it is not one."""
+    try:
+        content = json.loads(data or b"")
+    except ValueError:
+        return None
+    return content if isinstance(content, dict) and "warpvis_dataset" in content else None
+
+
+def require_same(found: Mapping[str, Any], wanted: Mapping[str, Any], name: str) -> None:
+    """Refuse to go on with a dataset that something else was begun with.
+
+    Raises:
+        FileFormatError: The manifests differ; the sentence says where.
+    """
+    wanted = json.loads(manifest_text(wanted))
+    differences = list(dict.fromkeys(_differences(found, wanted, ())))
+    if differences:
+        shown = "; ".join(differences[:_MOST_DIFFERENCES])
+        more = len(differences) - _MOST_DIFFERENCES
+        shown += f"; and {more} more" if more > 0 else ""
+        raise FileFormatError(f"{name}: cannot be continued, because it was begun with other input: {shown}")
+
+
+def _differences(found: Any, wanted: Any, path: tuple[str, ...]) -> Iterator[str]:
+    """Each field that is not the same, in words."""
+    if path == ("scene", "objects"):
+        yield from _object_differences(found, wanted)
+    elif isinstance(found, dict) and isinstance(wanted, dict):
+        for key in dict.fromkeys([*found, *wanted]):
+            if path + (key,) != ("scene", "sha256"):  # the objects say it better
+                yield from _differences(found.get(key), wanted.get(key), path + (key,))
+    elif found != wanted:
+        name, verbs = "'s ".join(path), ("were", "are") if isinstance(wanted, list) else ("was", "is")
+        change = f"{name} {verbs[0]} {_shown(found)} and {verbs[1]} {_shown(wanted)}"
+        yield f"the {path[-2]} differ" if path[-1] == "sha256" else change
+
+
+def _object_differences(found: Any, wanted: Any) -> Iterator[str]:
+    for name in dict.fromkeys([*found, *wanted]):
+        old, new = found.get(name), wanted.get(name)
+        if old is None or new is None:
+            yield f"the scene's object {name!r} {'is new' if old is None else 'is missing'}"
+        elif old != new:
+            keys = [key for key in old if key != "sha256" and old[key] != new.get(key)]
+            changes = ", ".join(f"{key} {old[key]} to {new.get(key)}" for key in keys)
+            yield f"the scene's object {name!r} differs" + (f" ({changes})" if changes else "")
+    if list(found) != list(wanted) and set(found) == set(wanted):
+        yield "the scene's objects are in another order"
+
+
+def _shown(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 80 else text[:77] + "..."

@@ -1,0 +1,88 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Records of what is whole: one for each shard and one for the index, written after the files that they name."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+from warpvis.batch._job import shard_name
+from warpvis.batch.storage._output import FileSum, ShardFiles
+from warpvis.batch.storage._stores import Store
+
+INDEX_RECORD = "index.json"
+RECORDS_FOLDER = "shards"
+
+
+@dataclass(frozen=True)
+class Record:
+    """A shard, or the index, that is whole."""
+
+    frames: int
+    """Frames of the shard; of the whole dataset for the index."""
+    files: dict[str, FileSum]
+    """Its files, by their paths in the dataset."""
+    warnings: dict[str, int]
+    """What `ShardFiles.warn` was told."""
+
+    @property
+    def bytes(self) -> int:
+        """Of all its files together."""
+        return sum(item.bytes for item in self.files.values())
+
+
+def shard_record(shard: int) -> str:
+    """Where a shard's record is."""
+    return f"{RECORDS_FOLDER}/{shard_name(shard)}.json"
+
+
+def commit(store: Store, name: str, frames: int, files: ShardFiles, units: list[str]) -> Record:
+    """Move files to their places in a dataset, and then their record.
+
+    Args:
+        store: The dataset.
+        name: Where the record goes.
+        frames: How many frames it is of.
+        files: What was written.
+        units: Files and folders that hold all of it.
+
+    Raises:
+        OSError: A file cannot be moved.
+    """
+    sums = files.sums()
+    outside = [file for file in sums if not any(file == unit or file.startswith(f"{unit}/") for unit in units)]
+    if outside:
+        raise RuntimeError(f"the format wrote {outside[0]}, which is in none of its units {units}")
+    record = Record(frames, sums, dict(sorted(files.warnings.items())))
+    content = {
+        "frames": frames,
+        "files": {file: {"bytes": item.bytes, "crc32": f"{item.crc32:08x}"} for file, item in sums.items()},
+        "warnings": record.warnings,
+    }
+    files.write_text(name, json.dumps(content, indent=1) + "\n")
+    store.put(files, [*units, name])
+    return record
+
+
+def read_record(store: Store, name: str) -> Record | None:
+    """A record; None if there is none, or it is not one."""
+    data = store.read(name)
+    if data is None:
+        return None
+    try:
+        content: Any = json.loads(data)
+        files = {file: FileSum(int(item["bytes"]), int(item["crc32"], 16)) for file, item in content["files"].items()}
+        warnings = {str(message): int(count) for message, count in content["warnings"].items()}
+        return Record(int(content["frames"]), files, warnings)
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return None
+
+
+def read_whole(store: Store, name: str, frames: int) -> Record | None:
+    """A record that can be trusted: of so many frames, and its files are there and have their sizes; else None."""
+    record = read_record(store, name)
+    if record is None or record.frames != frames:
+        return None
+    return record if all(store.size(file) == item.bytes for file, item in record.files.items()) else None

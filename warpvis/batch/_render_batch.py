@@ -1,0 +1,291 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""From poses to a dataset: `render_batch`."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from warpvis.batch._dataset import Dataset
+from warpvis.batch._frame_renderer import VISIBILITY, check_outputs, make_scene
+from warpvis.batch._job import Plan
+from warpvis.batch._manifest import make_manifest
+from warpvis.batch._records import Record
+from warpvis.batch._writer import Job, Run
+from warpvis.batch.engines._local import parse_devices, run_local
+from warpvis.batch.formats._base import Format, find_format
+from warpvis.core.camera import Camera, require_camera
+from warpvis.core.threads import check_threads
+from warpvis.errors import ArrayError, PoseError
+from warpvis.rendering import OUTPUTS, Caster
+from warpvis.visibility import choose_objects
+
+if TYPE_CHECKING:
+    from warpvis.core.frames import Frames
+    from warpvis.scene import Scene
+
+Engine = Literal["local", "ray"]
+
+# Shards of so many bytes are written as fast as larger ones, and three of them are little memory.
+_SHARD_BYTES = 1 << 26
+_MOST_SHARD_FRAMES = 1000
+
+
+@dataclass(frozen=True)
+class BatchSummary:
+    """What a call of `render_batch` did."""
+
+    out: str
+    """The dataset."""
+    frames: int
+    """Frames of the dataset."""
+    shards: int
+    """Its shards."""
+    bytes: int
+    """Bytes of its shards' files."""
+    rendered_frames: int
+    """Frames rendered by this call; fewer than all if it went on with an earlier one's."""
+    seconds: float
+    """Time that rendering and writing them took."""
+    warnings: dict[str, int] = field(default_factory=dict)
+    """What was lost or left out, and how often, over all shards."""
+
+    @property
+    def frames_per_second(self) -> float:
+        """Frames rendered and written per second by this call; 0 if there was nothing left to do."""
+        return self.rendered_frames / self.seconds if self.rendered_frames else 0.0
+
+
+def render_batch(
+    scene: Any,
+    camera: Camera,
+    frames: Frames,
+    out: str | os.PathLike[str],
+    *,
+    format: str = "npz",
+    outputs: Sequence[str] | None = None,
+    objects: Sequence[str | int] | None = None,
+    exclude: Sequence[str | int] | None = None,
+    shard_frames: int | None = None,
+    options: Mapping[str, Any] | None = None,
+    device: Any = None,
+    threads: int | None = None,
+    caster: Caster = "auto",
+    engine: Engine = "local",
+    workers: int | None = None,
+    address: str | None = None,
+    resume: bool = False,
+    quiet: bool = True,
+    source: str | None = None,
+) -> BatchSummary:
+    """Render frames to a dataset on disk, in shards; a call that was interrupted can be made again with `resume`.
+
+    A shard is there as a whole or not at all. The bytes of all files follow from the arguments: a job that was killed
+    and resumed, however often, gives the same as one that was not.
+
+    Args:
+        scene: A scene, a file for `Scene.load`, or a function that makes a scene.
+        camera: The camera of all frames.
+        frames: Poses, and where the objects are; see `warpvis.io.read_frames` and
+            `warpvis.pose_generators`.
+        out: Folder, new or empty, or an fsspec URL.
+        format: ``"npz"``, ``"zarr"``, ``"png"``, ``"tum"``, ``"bop"``, ``"nerfstudio"``, ``"colmap"``, ``"ply"`` or
+            ``"ros2"``.
+        outputs: Images of `Renderer`, and ``"visibility"``; the format's usual ones by default.
+        objects: Names or indices of the objects that visibility is of; all that are not excluded by default.
+        exclude: Names or indices of objects that no frame shows.
+        shard_frames: Frames of a shard; by default as many as make 64 MiB of images, at most 1000.
+        options: The format's own options.
+        device: ``"cpu"``, ``"cuda:0"``, several with commas, or ``"cuda:all"``; the scene's by default. Of the engine
+            ``"ray"`` ``"cpu"``, or ``"cuda"`` for a GPU each.
+        threads: CPU threads that render, of the engine ``"local"``; all cores of this process by default.
+        caster: As for `Renderer`.
+        engine: ``"local"``, this machine; or ``"ray"``, a Ray cluster, one of this machine if none is running.
+        workers: Workers of the engine ``"ray"``; by default one for each GPU, or for each core.
+        address: Of the Ray cluster; by default the one that Ray itself finds, or a new one of this machine.
+        resume: Whether to go on with what an earlier call began.
+        quiet: No progress bar; there is none either where standard error is not a terminal.
+        source: What the manifest says where the scene is from; the name of its file by default.
+
+    Raises:
+        WarpvisError: An argument is not what it has to be, the folder holds something else or what was begun with
+            other arguments, or a file cannot be written. What is whole stays.
+    """
+    kind = find_format(format)
+    _check_engine(engine, threads, workers, address)
+    if source is None and isinstance(scene, str | os.PathLike):
+        source = os.path.basename(os.fspath(scene))
+    scene = make_scene(scene, None)
+    device = str(scene.device if device is None else device)
+    devices = parse_devices(device) if engine == "local" else [device]
+    chosen: dict[str, Any] = {"outputs": outputs, "objects": objects, "exclude": exclude}
+    plan = make_plan(scene, camera, frames, kind, shard_frames=shard_frames, options=options, **chosen)
+    layout = kind(plan)
+    where = "cpu" if devices[0] == "cpu" else "cuda"
+    dataset = Dataset(out, plan, layout, make_manifest(plan, scene, layout, device=where, source=source, caster=caster))
+    dataset.check(resume=resume)
+    # Other processes are handed the scene on the CPU, and take it to their devices.
+    scene = scene.to("cpu") if len(devices) > 1 or engine == "ray" else make_scene(scene, devices[0])
+    job = Job(plan, scene, format, os.fspath(out), caster)
+    start_engine = _local_engine if engine == "local" else _ray_engine
+    with start_engine(devices, threads, workers, address) as run, dataset.opened(resume=resume) as missing:
+        start = time.perf_counter()
+        with _Progress(plan, dataset, missing, quiet=quiet) as done:
+            run(job, missing, done)
+        dataset.finish(scene)
+        seconds = time.perf_counter() - start
+    rendered = sum(plan.shard_slice(shard).stop - plan.shard_slice(shard).start for shard in missing)
+    counts = {"frames": len(plan.frames), "shards": plan.shard_count, "rendered_frames": rendered}
+    return BatchSummary(dataset.name, bytes=dataset.bytes, seconds=seconds, warnings=dataset.warnings, **counts)
+
+
+def _check_engine(engine: str, threads: int | None, workers: int | None, address: str | None) -> None:
+    if engine not in ("local", "ray"):
+        raise ArrayError(f'engine must be "local" or "ray", got {engine!r}')
+    check_threads(threads)
+    if engine == "local" and (workers is not None or address is not None):
+        raise ArrayError("workers and address are of the engine ray, and the engine is local")
+    if engine == "ray" and threads is not None:
+        raise ArrayError("threads is of the engine local; a Ray worker has as many as its share of the cores")
+
+
+def _local_engine(devices: Sequence[str], threads: int | None, *_: Any) -> AbstractContextManager[Run]:
+    return nullcontext(partial(run_local, devices=devices, threads=threads))
+
+
+def _ray_engine(
+    devices: Sequence[str], _: Any, workers: int | None, address: str | None
+) -> AbstractContextManager[Run]:
+    from warpvis.batch.engines._ray import ray_engine
+
+    return ray_engine(gpu=devices[0] != "cpu", workers=workers, address=address)
+
+
+def make_plan(
+    scene: Scene,
+    camera: Camera,
+    frames: Frames,
+    kind: type[Format],
+    *,
+    outputs: Sequence[str] | None = None,
+    objects: Sequence[str | int] | None = None,
+    exclude: Sequence[str | int] | None = None,
+    shard_frames: int | None = None,
+    options: Mapping[str, Any] | None = None,
+) -> Plan:
+    """The plan of a job; see `render_batch` for the arguments.
+
+    Raises:
+        WarpvisError: An argument is not what it has to be.
+    """
+    scene.require_objects()
+    require_camera(camera)
+    names = check_outputs(kind.default_outputs if outputs is None else outputs)
+    unfit = [name for name in names if name not in kind.outputs]
+    if unfit:
+        raise ArrayError(f"format {kind.name!r} holds {', '.join(sorted(kind.outputs))}; it cannot hold {unfit[0]!r}")
+    excluded = choose_objects(scene, exclude) if exclude is not None and len(exclude) else []
+    chosen = _choose_seen(scene, kind, objects, excluded) if VISIBILITY in names or objects is not None else ()
+    return Plan(
+        frames=_place_objects(scene, frames),
+        camera=camera,
+        outputs=names,
+        shard_frames=_shard_frames(shard_frames, names, camera, masks=len(chosen) if kind.masks else 0),
+        object_names=tuple(item.name for item in scene.objects),
+        object_labels=tuple(int(item.label) for item in scene.objects),
+        object_columns=_columns(scene),
+        object_centers=tuple(tuple(item.bounds.astype(np.float64).mean(axis=0).tolist()) for item in scene.objects),
+        chosen=chosen,
+        exclude=tuple(excluded),
+        up=scene.up,
+        options=dict(options or {}),
+    )
+
+
+def _choose_seen(scene: Scene, kind: type[Format], objects: Any, excluded: Sequence[int]) -> tuple[int, ...]:
+    """The objects that visibility is of: those that are named, or else all that the format wants and frames show."""
+    if objects is not None:
+        return tuple(choose_objects(scene, objects))
+    wanted = kind.object_label
+    labels = [item.label for item in scene.objects]
+    return tuple(i for i in range(len(scene)) if i not in excluded and wanted in (None, labels[i]))
+
+
+def _place_objects(scene: Scene, frames: Frames) -> Frames:
+    """The frames, with poses of whatever is movable.
+
+    Raises:
+        PoseError: Their poses are of another number of objects.
+    """
+    movable = len(scene.movable)
+    if frames.object_poses is None:
+        if not movable:
+            return frames
+        rows = np.array([scene.objects[index].pose for index in scene.movable], dtype=np.float32)
+        return replace(frames, object_poses=rows[None])
+    if frames.object_poses.shape[1] != movable:
+        raise PoseError(
+            f"the frames have poses of {frames.object_poses.shape[1]} objects, and the scene has {movable} that are "
+            "movable"
+        )
+    return frames
+
+
+def _columns(scene: Scene) -> tuple[int, ...]:
+    """For every object the column of `object_poses` that places it, or -1."""
+    column = {index: k for k, index in enumerate(scene.movable)}
+    carriers = [index if item.carrier is None else item.carrier for index, item in enumerate(scene.objects)]
+    return tuple(column.get(index, -1) for index in carriers)
+
+
+def _shard_frames(shard_frames: int | None, outputs: Sequence[str], camera: Camera, *, masks: int) -> int:
+    """Frames of a shard: as given, or as many as fit its bytes, with so many masks a frame.
+
+    Raises:
+        ArrayError: It is not a number of frames.
+    """
+    if shard_frames is None:
+        import warp as wp
+
+        pixel = masks + sum(wp.types.type_size_in_bytes(OUTPUTS[name]) for name in outputs if name in OUTPUTS)
+        return max(1, min(_MOST_SHARD_FRAMES, _SHARD_BYTES // max(1, pixel * camera.width * camera.height)))
+    whole = isinstance(shard_frames, int | np.integer) and not isinstance(shard_frames, bool)
+    if not whole or shard_frames < 1:
+        raise ArrayError(f"shard_frames must be a whole number from 1 up, got {shard_frames!r}")
+    return int(shard_frames)
+
+
+class _Progress:
+    """Counts what is whole, and shows it on a terminal: frames per second, and the time left."""
+
+    def __init__(self, plan: Plan, dataset: Dataset, missing: Sequence[int], *, quiet: bool) -> None:
+        self._plan, self._dataset, self._missing = plan, dataset, missing
+        self._hidden = quiet or not sys.stderr.isatty()
+
+    def __enter__(self) -> _Progress:
+        from tqdm import tqdm
+
+        frames = sum(self._frames(shard) for shard in self._missing)
+        whole = len(self._plan.frames) - frames
+        self._bar = tqdm(total=whole + frames, initial=whole, unit=" frames", unit_scale=True, disable=self._hidden)
+        return self
+
+    def __call__(self, shard: int, record: Record) -> None:
+        self._dataset.add(shard, record)
+        self._bar.update(self._frames(shard))
+
+    def __exit__(self, *error: object) -> None:
+        self._bar.close()
+
+    def _frames(self, shard: int) -> int:
+        part = self._plan.shard_slice(shard)
+        return part.stop - part.start

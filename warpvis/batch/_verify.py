@@ -1,0 +1,158 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a dataset is complete and sound: every file against its record."""
+
+from __future__ import annotations
+
+import os
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from warpvis.batch._dataset import POSES
+from warpvis.batch._identity import frames_hash
+from warpvis.batch._manifest import MANIFEST, parse_manifest
+from warpvis.batch._records import INDEX_RECORD, read_record, shard_record
+from warpvis.batch.storage._stores import Store, open_store
+from warpvis.core.threads import core_count
+from warpvis.errors import FileFormatError
+
+_MOST_RANGES = 10
+
+
+@dataclass(frozen=True)
+class VerifyReport:
+    """What was found in a dataset."""
+
+    out: str
+    """The dataset."""
+    format: str
+    """Its format."""
+    frames: int
+    """Frames that it should have."""
+    shards: int
+    """Shards that it should have."""
+    whole_shards: int
+    """Shards that are recorded and sound."""
+    files: int
+    """Records, and the files that they name."""
+    bytes: int
+    """Bytes of those that are recorded."""
+    problems: tuple[str, ...]
+    """What is wrong, a sentence each."""
+    damaged: tuple[str, ...] = ()
+    """Records of what is wrong: without them, a job that is resumed makes it again."""
+
+    @property
+    def ok(self) -> bool:
+        """Whether the dataset is complete and sound."""
+        return not self.problems
+
+
+def verify(out: str | os.PathLike[str]) -> VerifyReport:
+    """Read every file of a dataset and compare it with its record.
+
+    Args:
+        out: The dataset's folder or URL.
+
+    Raises:
+        FileFormatError: It is no dataset, or cannot be read.
+    """
+    store = open_store(out)
+    try:
+        return _verify(store)
+    except OSError as error:
+        raise FileFormatError(f"{store.name}: cannot be read: {error.strerror or error}") from None
+
+
+def _verify(store: Store) -> VerifyReport:
+    manifest = parse_manifest(store.read(MANIFEST))
+    if manifest is None:
+        raise FileFormatError(f"{store.name}: is no dataset: it has no {MANIFEST} of warpvis")
+    frames, shard_frames = manifest["frames"], manifest["shard_frames"]
+    shards = -(-frames // shard_frames)
+    problems = list(_check_poses(store, manifest))
+    expected = {shard_record(k): min(shard_frames, frames - k * shard_frames) for k in range(shards)}
+    with ThreadPoolExecutor(core_count()) as pool:
+        checked = list(pool.map(lambda item: _check(store, item), [*expected.items(), (INDEX_RECORD, frames)]))
+    missing = [shard for shard, item in enumerate(checked[:-1]) if item.missing]
+    if missing:
+        problems.append(f"{len(missing)} of {shards} shards are missing: {_ranges(missing)}")
+    problems += [problem for item in checked for problem in item.problems]
+    files = {name for item in checked for name in item.files}
+    problems += [f"{name}: is in no record" for name in sorted(set(store.files()) - files - {MANIFEST, POSES})]
+    whole = sum(not item.problems and not item.missing for item in checked[:-1])
+    size = sum(item.bytes for item in checked)
+    damaged = tuple(item.files[0] for item in checked if item.problems and item.files)
+    counts = (frames, shards, whole, len(files), size)
+    return VerifyReport(store.name, manifest["format"], *counts, tuple(problems), damaged)
+
+
+def _check_poses(store: Store, manifest: Mapping[str, Any]) -> Iterator[str]:
+    import io
+
+    import numpy as np
+
+    from warpvis.core.frames import Frames
+
+    try:
+        with np.load(io.BytesIO(store.read(POSES) or b"")) as arrays:
+            found = {name: arrays.get(name) for name in ("camera_to_world", "timestamps", "object_poses", "world")}
+        if frames_hash(Frames(**found)) != manifest["poses"]["sha256"]:
+            yield f"{POSES}: holds other poses than the manifest says"
+    except Exception:  # whatever NumPy and zipfile raise for what is no such file
+        yield f"{POSES}: is missing or cannot be read"
+
+
+class _Checked(NamedTuple):
+    """What was found of a record and its files."""
+
+    files: list[str]
+    """All of them, with the record itself."""
+    bytes: int
+    problems: list[str]
+    missing: bool = False
+    """Whether there is no record of a shard; that is said of all shards together."""
+
+
+def _check(store: Store, item: tuple[str, int]) -> _Checked:
+    """Compare the files of a record with it; `item` is its name and its number of frames."""
+    name, frames = item
+    record = read_record(store, name)
+    if record is None and store.size(name) is not None:
+        return _Checked([name], 0, [f"{name}: is no record"])
+    if record is None:
+        index = name == INDEX_RECORD
+        return _Checked([], 0, [f"{name}: is missing, so the job was not finished"] if index else [], not index)
+    wrong = [] if record.frames == frames else [f"{name}: is of {record.frames} frames, and should be of {frames}"]
+    for file, expected in record.files.items():
+        size = store.size(file)
+        if size is None:
+            wrong.append(f"{file}: is missing")
+        elif size != expected.bytes:
+            wrong.append(f"{file}: has {size} bytes, and should have {expected.bytes}")
+        elif _crc32(store, file) != expected.crc32:
+            wrong.append(f"{file}: its checksum differs from the recorded one")
+    return _Checked([name, *record.files], record.bytes, wrong)
+
+
+def _ranges(numbers: Sequence[int]) -> str:
+    """Increasing numbers in few words: ``0-3, 7, 9-12``."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and runs[-1][1] == number - 1:
+            runs[-1][1] = number
+        else:
+            runs.append([number, number])
+    shown = ", ".join(str(first) if first == last else f"{first}-{last}" for first, last in runs[:_MOST_RANGES])
+    return shown + (", ..." if len(runs) > _MOST_RANGES else "")
+
+
+def _crc32(store: Store, name: str) -> int:
+    crc = 0
+    with store.open(name) as stream:
+        while data := stream.read(1 << 20):
+            crc = zlib.crc32(data, crc)
+    return crc

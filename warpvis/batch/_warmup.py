@@ -1,0 +1,80 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Compiling kernels before they are needed, into the cache that all processes share."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpvis.batch._frame_renderer import VISIBILITY, FrameRenderer, check_outputs
+from warpvis.core.arrays import get_device
+from warpvis.core.camera import Camera
+from warpvis.core.labels import Label
+from warpvis.rendering import OUTPUTS, Caster
+from warpvis.scene import Scene
+
+ALL_OUTPUTS = (*OUTPUTS, VISIBILITY)
+
+# A camera whose images are one packet of the largest size, and looks at the scene from outside.
+_CAMERA = Camera.from_fov(32, 32, hfov=1.0)
+_POSE = np.array([[0.0, 0, -5, 0, 0, 0, 1]])
+
+
+def warmup(
+    device: Any = "cpu", *, outputs: Sequence[str] = ALL_OUTPUTS, casters: Sequence[Caster] = ("packets", "rays")
+) -> float:
+    """Compile what rendering of a device needs, and load it.
+
+    What is compiled stays in Warp's cache (``WARP_CACHE_PATH``), where other processes find it. Many may do this at
+    the same time.
+
+    Args:
+        device: Where to render.
+        outputs: Images of `Renderer`, and ``"visibility"``; all by default.
+        casters: Casters of `Renderer`; both by default.
+
+    Returns:
+        Seconds that it took: few, if all was compiled before.
+
+    Raises:
+        ArrayError: The device is not on this machine, or there is no such output.
+    """
+    start = time.perf_counter()
+    device = get_device(device)
+    names = check_outputs(outputs)
+    images = [name for name in names if name != VISIBILITY]
+    for scene in _scenes(device):
+        for caster in casters:
+            # On a GPU images of depth alone, and with others, are made by two kernels.
+            for some in [part for part in (images[:1], images, [VISIBILITY]) if set(part) <= set(names) and part]:
+                renderer = FrameRenderer(scene, _CAMERA, outputs=some, caster=caster)
+                for views in _view_counts(device) if caster == "packets" else [1]:
+                    renderer.render({"camera_to_world": np.repeat(_POSE, views, axis=0)})
+    wp.synchronize_device(device)
+    return time.perf_counter() - start
+
+
+def _scenes(device: wp.Device) -> Iterator[Scene]:
+    """A scene where all stays, one where a mesh moves, and one where a round solid does."""
+    from warpvis.scene.solids import sphere
+
+    corners, faces = np.eye(3), np.array([[0, 1, 2]])
+    for moving in (None, (corners, faces), sphere(1.0)):
+        scene = Scene(device=device)
+        scene.add((corners, faces), name="stays", label=Label.OBSTACLE)
+        if moving is not None:
+            scene.add(moving, name="moves", movable=True)
+        yield scene
+
+
+def _view_counts(device: wp.Device) -> list[int]:
+    """How many images of 32x32 pixels make the packets caster choose each size of packets that it has on a GPU."""
+    if device.is_cpu:
+        return [1]
+    processors = device.sm_count
+    return [1, 6 * processors + 1, 64 * processors]

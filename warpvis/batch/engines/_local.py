@@ -1,0 +1,148 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The engine of one machine: this process, or one process for each of several GPUs."""
+
+from __future__ import annotations
+
+import multiprocessing
+import traceback
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from multiprocessing.connection import Connection, wait
+from typing import Any, cast
+
+import warp as wp
+
+from warpvis.batch._writer import Done, Job, ShardWriter, WorkerLostError
+from warpvis.core.threads import core_count
+from warpvis.errors import ArrayError, WarpvisError
+
+_MOST_WRITERS = 8
+
+
+def run_local(job: Job, shards: Iterable[int], done: Done, *, devices: Sequence[str], threads: int | None) -> None:
+    """Render and write shards on devices of this machine.
+
+    Args:
+        job: The job.
+        shards: Numbers of the shards.
+        done: Called with every shard that is whole, by one thread at a time.
+        devices: One of them is used in this process; each of several has a process of its own.
+        threads: CPU threads that render.
+
+    Raises:
+        OSError: A file cannot be written.
+        WorkerLostError: A process ended before its work did.
+    """
+    if len(devices) == 1:
+        writer = ShardWriter(job, device=devices[0], threads=threads, writers=writer_count(1))
+        writer.run(shards, done)
+    else:
+        _run_processes(job, shards, done, devices)
+
+
+def parse_devices(device: Any) -> list[str]:
+    """Names of devices, of one, of several with commas, or of ``"cuda:all"``.
+
+    Raises:
+        ArrayError: The machine has no such device.
+    """
+    from warpvis.core.arrays import get_device
+
+    names = [device] if not isinstance(device, str) else [name.strip() for name in device.split(",")]
+    if names == ["cuda:all"]:
+        names = [str(found) for found in wp.get_cuda_devices()]
+        if not names:
+            raise ArrayError("device 'cuda:all' wants GPUs, and this machine has none")
+    devices = list({str(found): found for found in map(get_device, names)}.values())
+    if len({found.is_cpu for found in devices}) > 1:
+        raise ArrayError(f"devices must be of one kind, whose images are the same to the last bit, got {device!r}")
+    return [str(found) for found in devices]
+
+
+def writer_count(processes: int) -> int:
+    """Threads that encode and write in each of some processes of this machine."""
+    return max(1, min(_MOST_WRITERS, core_count() // processes))
+
+
+def _run_processes(job: Job, shards: Iterable[int], done: Done, devices: Sequence[str]) -> None:
+    """A process a device. Each is handed shards as it finishes others, so that none waits for a slower one."""
+    context = multiprocessing.get_context("spawn")  # CUDA does not survive a fork
+    writers = writer_count(len(devices))
+    workers: dict[Connection, Any] = {}
+    try:
+        for device in devices:
+            ours, theirs = context.Pipe()
+            process = context.Process(target=_work, args=(theirs, job, device, writers), name=device)
+            process.start()
+            theirs.close()
+            workers[ours] = process
+        _share_out(iter(shards), done, workers, ahead=writers + 2)
+    finally:
+        for connection, process in workers.items():
+            connection.close()
+            process.terminate()
+            process.join()
+
+
+def _share_out(shards: Iterable[int], done: Done, workers: dict[Connection, Any], *, ahead: int) -> None:
+    """Keep every process busy until all shards are whole."""
+    shards = iter(shards)
+    open_shards = dict.fromkeys(workers, 0)
+    told_the_end: set[Connection] = set()
+
+    def hand_out(connection: Connection) -> None:
+        shard = next(shards, None)
+        if shard is not None:
+            open_shards[connection] += 1
+        elif connection in told_the_end:
+            return
+        else:  # a process that still waited for work would not look for what went wrong in its last shards
+            told_the_end.add(connection)
+        connection.send(shard)
+
+    try:
+        for _ in range(ahead):
+            for connection in workers:
+                hand_out(connection)
+        while any(open_shards.values()):
+            for ready in wait([connection for connection, count in open_shards.items() if count]):
+                connection = cast(Connection, ready)
+                answer = connection.recv()
+                if isinstance(answer, Exception):
+                    raise answer
+                open_shards[connection] -= 1
+                done(*answer)
+                hand_out(connection)
+    except (EOFError, ConnectionError):
+        raise WorkerLostError(_obituary(workers)) from None
+
+
+def _obituary(workers: dict[Connection, Any]) -> str:
+    for process in workers.values():
+        process.join(timeout=0.2)
+        if process.exitcode is not None:
+            return f"the process for {process.name} ended with exit code {process.exitcode}"
+    return "a process ended"
+
+
+def _work(connection: Connection, job: Job, device: str, writers: int) -> None:
+    """One process: shards come in through the connection, and records go out."""
+    import signal
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that shares out the work
+    wp.config.log_level = wp.LOG_WARNING
+    try:
+        writer = ShardWriter(job, device=device, writers=writers)
+        writer.run(iter(connection.recv, None), lambda shard, record: connection.send((shard, record)))
+    except EOFError:  # nobody is there who shares out work
+        pass
+    except (WarpvisError, OSError) as error:
+        _tell(connection, error)
+    except Exception:
+        _tell(connection, RuntimeError(f"on {device}:\n{traceback.format_exc()}"))
+
+
+def _tell(connection: Connection, error: Exception) -> None:
+    with suppress(OSError):  # where nobody is there to hear it
+        connection.send(error)

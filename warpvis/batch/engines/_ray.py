@@ -1,0 +1,167 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The engine of many machines: Ray Data hands shards to actors, which render and write them.
+
+What flows through Ray is numbers of shards one way and their records the other; images never leave their actor.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpvis.batch._records import Record, read_whole, shard_record
+from warpvis.batch._writer import Done, Job, Run, ShardWriter, WorkerLostError
+from warpvis.batch.storage._stores import open_store
+from warpvis.errors import ArrayError, FileFormatError, WarpvisError
+
+# An actor is handed so many shards at once: enough that one is written while another is rendered, few enough that
+# little is rendered again when it is lost.
+_SHARDS_AT_ONCE = 8
+_LEAST_ROUNDS = 4
+
+# How often a worker is started anew: one that ends whatever it does must not be started for ever, as Ray does unless
+# told otherwise. From Ray 2.64 on it cannot be told in this way.
+_MOST_RESTARTS = 10
+
+
+class ShardActor:
+    """A worker: it builds the scene once, and then renders and writes the shards that it is handed."""
+
+    def __init__(self, job: Any, device: str, threads: int) -> None:
+        """Prepare to render.
+
+        Args:
+            job: A `Job`, or a reference to one in Ray's object store.
+            device: ``"cpu"``, or ``"cuda"`` for the GPU that Ray gave this worker.
+            threads: CPU threads.
+        """
+        import ray
+
+        wp.config.log_level = wp.LOG_WARNING
+        self._job: Job = ray.get(job) if isinstance(job, ray.ObjectRef) else job
+        self._store = open_store(self._job.out)
+        self._writer = ShardWriter(self._job, device=device, threads=threads)
+
+    def __call__(self, batch: dict[str, Any]) -> dict[str, Any]:
+        """Make whole the shards of a batch, ``{"shard": numbers}``; the same with what went wrong, or nothing.
+
+        What another worker finished before it was lost is not done again.
+        """
+        shards = [int(shard) for shard in batch["shard"]]
+        error: Exception | None = None
+        try:
+            self._writer.run([shard for shard in shards if self._record(shard) is None], lambda shard, record: None)
+        except (OSError, WarpvisError) as caught:  # for the caller; Ray would take it for a reason to try again
+            error = caught
+        return {"shard": np.array(shards), "error": np.array([error] * len(shards), dtype=object)}
+
+    def _record(self, shard: int) -> Record | None:
+        part = self._job.plan.shard_slice(shard)
+        return read_whole(self._store, shard_record(shard), part.stop - part.start)
+
+
+@contextmanager
+def ray_engine(*, gpu: bool, workers: int | None, address: str | None) -> Iterator[Run]:
+    """A context with the engine, on a Ray cluster. Ray starts workers that are lost again, and repeats what they had.
+
+    Args:
+        gpu: Whether each worker has a GPU.
+        workers: How many; by default one for each GPU or core of the cluster.
+        address: Of the cluster; see `ray.init`.
+
+    Raises:
+        WarpvisError: Ray is missing, there is no such cluster, or it has no room for the workers.
+    """
+    with _cluster(address) as ray:
+        yield partial(_run, ray, _share(ray.cluster_resources(), gpu=gpu, workers=workers))
+
+
+def _run(ray: Any, share: dict[str, Any], job: Job, shards: Sequence[int], done: Done) -> None:
+    """Render and write shards.
+
+    Raises:
+        OSError: A file cannot be written.
+        WorkerLostError: Workers were lost, and could not be started again.
+    """
+    if not shards:
+        return
+    store = open_store(job.out)
+    try:
+        for row in _results(ray, job, shards, share):
+            if row["error"] is not None:
+                raise row["error"]
+            shard = int(row["shard"])
+            part = job.plan.shard_slice(shard)
+            record = read_whole(store, shard_record(shard), part.stop - part.start)
+            if record is None:
+                raise WorkerLostError(f"shard {shard} was written by a worker and cannot be seen from here")
+            done(shard, record)
+    except ray.exceptions.RayError as error:
+        reason = str(error).strip().splitlines()[0]
+        raise WorkerLostError(f"Ray gave up ({type(error).__name__}: {reason})") from None
+
+
+def _results(ray: Any, job: Job, shards: Sequence[int], share: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """What the actors return, as it comes."""
+    workers, cpus, gpus = share["workers"], share["num_cpus"], share["num_gpus"]
+    at_once = max(1, min(_SHARDS_AT_ONCE, len(shards) // (workers * _LEAST_ROUNDS)))
+    rows = ray.data.from_items([{"shard": shard} for shard in shards], override_num_blocks=-(-len(shards) // at_once))
+    given = {"job": ray.put(job), "device": "cuda" if gpus else "cpu", "threads": max(1, int(cpus))}
+    made = rows.map_batches(
+        ShardActor,
+        batch_size=None,
+        compute=ray.data.ActorPoolStrategy(size=workers),
+        num_cpus=cpus,
+        num_gpus=gpus,
+        fn_constructor_kwargs=given,
+        ray_remote_args_fn=lambda: {"max_restarts": _MOST_RESTARTS},
+    )
+    return made.iter_rows()
+
+
+def _share(resources: dict[str, float], *, gpu: bool, workers: int | None) -> dict[str, Any]:
+    """How many workers, and each one's part of the cluster.
+
+    Raises:
+        ArrayError: There is not so much.
+    """
+    cpus, gpus = int(resources.get("CPU", 0)), int(resources.get("GPU", 0))
+    most = min(cpus, gpus) if gpu else cpus
+    count = most if workers is None else workers
+    if isinstance(count, bool) or int(count) != count or not 1 <= count <= most:
+        raise ArrayError(f"workers must be from 1 to {most}, the cluster's {'GPUs' if gpu else 'cores'}, got {workers}")
+    return {"workers": int(count), "num_cpus": cpus // int(count), "num_gpus": 1 if gpu else 0}
+
+
+@contextmanager
+def _cluster(address: str | None) -> Iterator[Any]:
+    """Ray, connected to a cluster; one that was started for this is ended."""
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    os.environ.setdefault("RAY_BACKEND_LOG_LEVEL", "fatal")  # Ray Data's own actors make it print an error that is none
+    try:
+        import ray
+        import ray.data
+    except ImportError:
+        raise FileFormatError("engine 'ray' needs Ray: pip install 'warpvis[cluster]'") from None
+    quiet = ray.data.DataContext.get_current()
+    quiet.enable_progress_bars = False
+    logging.getLogger("ray.data").setLevel(logging.ERROR)
+    ours = not ray.is_initialized()
+    if ours:
+        try:
+            ray.init(address=address, include_dashboard=False, log_to_driver=False, logging_level=logging.ERROR)
+        except (ConnectionError, ValueError) as error:
+            raise FileFormatError(f"no Ray cluster at {address!r}: {error}") from None
+    try:
+        yield ray
+    finally:
+        if ours:
+            ray.shutdown()

@@ -1,0 +1,248 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The BOP benchmark's scenewise layout: depth, masks, and the poses and visible fractions of objects."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.batch._job import shard_name
+from warpvis.batch.formats._layouts import Layout
+from warpvis.core.labels import Label
+from warpvis.core.poses import poses_to_matrices
+from warpvis.errors import FileFormatError
+from warpvis.io import count_lost, depth_to_units, encode_png
+from warpvis.visibility import BOP_DELTA
+
+if TYPE_CHECKING:
+    from warpvis.batch._job import Plan
+    from warpvis.batch.storage._output import ShardFiles
+    from warpvis.core.frames import Frames
+    from warpvis.scene import Scene
+
+_MILLIMETRES = 1000.0
+
+
+@dataclass
+class _Image:
+    """What there is to write of a frame."""
+
+    depth: bytes
+    lost: int
+    masks: list[tuple[bytes, bytes]] = field(default_factory=list)
+    infos: list[dict[str, Any]] = field(default_factory=list)
+
+
+class Bop(Layout):
+    """Writes scenes, ``train/000012/``: depth images, masks, ``scene_camera``, ``scene_gt`` and ``scene_gt_info.json``.
+
+    A shard is a BOP scene, its frames are the images 0, 1, 2, ... of it, and an object's number is its place among the
+    chosen ones, from 1. All of them are annotated in every image, also where nothing of them shows.
+
+    The layout is that of ``docs/bop_datasets_format.md`` of BOP's toolkit, masks, counts and boxes are those of its
+    ``scripts/calc_gt_info.py`` and ``calc_gt_masks.py`` (Hodan et al., "BOP: Benchmark for 6D Object Pose Estimation",
+    ECCV 2018), with the depth as it was before it was rounded. Some of it one would not guess: intrinsics count pixel
+    centres as whole numbers; a box's width is its last column less its first; an object of which nothing is visible has
+    no box; and a pixel without depth (beyond the camera's range, or too far for 16 bits) counts as visible unless the
+    option ``missing`` says ``hidden``, which the toolkit calls bop18.
+    """
+
+    name: ClassVar[str] = "bop"
+    library: ClassVar[str | None] = "zlib"
+    outputs: ClassVar[frozenset[str]] = frozenset({"depth", "visibility"})
+    default_outputs: ClassVar[tuple[str, ...]] = ("depth", "visibility")
+    options: ClassVar[Mapping[str, str]] = {
+        "delta": "0.015 metres",
+        "depth_scale": "1.0, millimetres of a step of the depth images",
+        "split": "train",
+        "missing": "visible or hidden",
+    }
+    masks = True
+    any_depth = True
+    """Whether visibility is asked for from 0 to infinity, whatever the camera's range is: here, missing depth is judged
+    apart."""
+    object_label = Label.OBJECT
+    """Which objects are chosen unless the job names some."""
+
+    def __init__(self, plan: Plan) -> None:
+        """Check the plan.
+
+        Raises:
+            FileFormatError: It has other outputs, no objects, or an unknown option.
+        """
+        super().__init__(plan)
+        if len(plan.outputs) < 2:
+            raise FileFormatError(f"format 'bop' needs the outputs depth and visibility, got only {plan.outputs[0]}")
+        if not plan.chosen:
+            raise FileFormatError(
+                "format 'bop' annotates objects, and none of the scene's has the label object; name some with objects="
+            )
+        hidden = [plan.object_names[index] for index in plan.chosen if index in plan.exclude]
+        if hidden:
+            raise FileFormatError(f"format 'bop' cannot annotate {hidden[0]!r}, which is excluded from all frames")
+        self.delta = self.positive_option("delta", BOP_DELTA)
+        self._depth_scale = self.positive_option("depth_scale", 1.0)
+        self._split = str(plan.options.get("split", "train"))
+        if not re.fullmatch(r"(train|val|test)(_\w+)?", self._split, re.ASCII):
+            raise FileFormatError(
+                f"option split must be train, val or test, or one of these with _NAME, got {self._split!r}"
+            )
+        missing = plan.options.get("missing", "visible")
+        if missing not in ("visible", "hidden"):
+            raise FileFormatError(f"option missing must be visible or hidden, got {missing!r}")
+        self._missing_is_visible = missing == "visible"
+        self._blank = encode_png(np.zeros((plan.camera.height, plan.camera.width), dtype=np.uint8))
+
+    def write_shard(self, shard: int, images: Mapping[str, NDArray[Any]], files: ShardFiles) -> list[str]:
+        """Write one BOP scene; see `warpvis.batch.formats._base.Format`."""
+        scene = f"{self._split}/{shard_name(shard)}"
+        frames = self.plan.frames[self.plan.shard_slice(shard)]
+        infos, lost = [], 0
+        for image, made in enumerate(self.make_each(len(images["depth"]), partial(self._make, images))):
+            files.write(f"{scene}/depth/{image:06d}.png", made.depth)
+            for place, (mask, visible) in enumerate(made.masks):
+                files.write(f"{scene}/mask/{image:06d}_{place:06d}.png", mask)
+                files.write(f"{scene}/mask_visib/{image:06d}_{place:06d}.png", visible)
+            infos.append(made.infos)
+            lost += made.lost
+        world_to_camera = _inverse(poses_to_matrices(frames.camera_to_world))
+        files.write_text(f"{scene}/scene_camera.json", _json_lines(self._cameras(world_to_camera)))
+        files.write_text(f"{scene}/scene_gt.json", _json_lines(self._poses(frames, world_to_camera)))
+        files.write_text(f"{scene}/scene_gt_info.json", _json_lines(infos))
+        files.warn(
+            f"pixels have a depth that 16 bits of {self._depth_scale:g} mm cannot hold, and are 0, no depth", lost
+        )
+        return [scene]
+
+    def index(self, files: ShardFiles) -> list[str]:
+        """Write ``camera.json``."""
+        camera = self.plan.camera
+        matrix = camera.to_K(pixel_center=0.0)
+        values = dict(zip(("fx", "fy", "cx", "cy"), matrix[[0, 1, 0, 1], [0, 1, 2, 2]].tolist(), strict=True))
+        values |= {"width": camera.width, "height": camera.height, "depth_scale": self._depth_scale}
+        files.write_text("camera.json", json.dumps(values, indent=2) + "\n")
+        return ["camera.json"]
+
+    def write_models(self, files: ShardFiles, scene: Scene) -> list[str]:
+        """Write the objects' meshes as ``models/obj_000001.ply`` in millimetres, and ``models_info.json``.
+
+        Args:
+            files: Where to write.
+            scene: The scene of the job.
+
+        Returns:
+            The units, as of `write_shard`.
+        """
+        from warpvis.batch.formats._bop_models import model_info, ply_text
+
+        infos = {}
+        for number, index in enumerate(self.plan.chosen, start=1):
+            item = scene.objects[index]
+            vertices = item.vertices if item.mesh_vertices is None else item.mesh_vertices
+            points = (vertices.astype(np.float64) - self._origin(index)) * _MILLIMETRES
+            files.write_text(f"models/obj_{number:06d}.ply", ply_text(points, item.faces))
+            infos[number] = {**model_info(points), "name": item.name}
+        files.write_text("models/models_info.json", _json_lines(infos))
+        return ["models"]
+
+    def _origin(self, index: int) -> NDArray[np.float64]:
+        """Where in an object's mesh its model's origin is [m]: its own if it moves, else the middle of its box."""
+        if self.plan.object_columns[index] >= 0:
+            return np.zeros(3)
+        return np.array(self.plan.object_centers[index], dtype=np.float64)
+
+    def _make(self, images: Mapping[str, NDArray[Any]], image: int) -> _Image:
+        depth = images["depth"][image]
+        units = depth_to_units(depth, _MILLIMETRES / self._depth_scale)
+        made = _Image(encode_png(units), count_lost(depth, units))
+        missing = units == 0
+        for place, mask in enumerate(images["masks"][image]):
+            whole = int(images["silhouette_pixels"][image, place])
+            if not images["image_pixels"][image, place]:
+                made.infos.append(_info_of_nothing(whole))
+                made.masks.append((self._blank, self._blank))
+                continue
+            alone = mask > 0
+            visible = (mask > 1) | (alone & missing) if self._missing_is_visible else (mask > 1) & ~missing
+            info = _info_of_nothing(whole) | {"px_count_valid": int(np.count_nonzero(alone & ~missing))}
+            if visible.any():
+                info |= _visible_info(visible, whole, images["silhouette_box"][image, place].tolist())
+            made.infos.append(info)
+            made.masks.append((self._mask_png(alone), self._mask_png(visible)))
+        return made
+
+    def _mask_png(self, mask: NDArray[np.bool_]) -> bytes:
+        return encode_png(mask.view(np.uint8) * np.uint8(255)) if mask.any() else self._blank
+
+    def _cameras(self, world_to_camera: NDArray[np.float64]) -> list[dict[str, Any]]:
+        matrix = self.plan.camera.to_K(pixel_center=0.0).ravel().tolist()
+        fixed = {"cam_K": matrix, "depth_scale": self._depth_scale}
+        return [
+            {**fixed, "cam_R_w2c": pose[:3, :3].ravel().tolist(), "cam_t_w2c": (pose[:3, 3] * _MILLIMETRES).tolist()}
+            for pose in world_to_camera
+        ]
+
+    def _poses(self, frames: Frames, world_to_camera: NDArray[np.float64]) -> list[list[dict[str, Any]]]:
+        """Model to camera, of every frame and object."""
+        scene_gt: list[list[dict[str, Any]]] = [[] for _ in world_to_camera]
+        for number, index in enumerate(self.plan.chosen, start=1):
+            column = self.plan.object_columns[index]
+            model_to_world = np.eye(4)
+            model_to_world[:3, 3] = self._origin(index)
+            if column >= 0:
+                model_to_world = poses_to_matrices(_poses_of_object(frames, column))
+            for entries, pose in zip(scene_gt, world_to_camera @ model_to_world, strict=True):
+                rotation, translation = pose[:3, :3].ravel().tolist(), (pose[:3, 3] * _MILLIMETRES).tolist()
+                entries.append({"cam_R_m2c": rotation, "cam_t_m2c": translation, "obj_id": number})
+        return scene_gt
+
+
+def _poses_of_object(frames: Frames, column: int) -> NDArray[np.float32]:
+    """Poses of a movable object in every frame, or in the one world of all, shape ``(n or 1, 7)``."""
+    assert frames.object_poses is not None  # a plan has them if anything moves
+    rows = frames.object_poses[:, column]
+    return rows if frames.world is None else rows[frames.world]
+
+
+def _inverse(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Inverses of rigid motions, shape ``(n, 4, 4)``."""
+    inverse = np.zeros_like(matrices)
+    inverse[:, :3, :3] = matrices[:, :3, :3].swapaxes(1, 2)
+    inverse[:, :3, 3] = -np.einsum("nij,nj->ni", inverse[:, :3, :3], matrices[:, :3, 3])
+    inverse[:, 3, 3] = 1
+    return inverse
+
+
+def _info_of_nothing(whole: int) -> dict[str, Any]:
+    """What ``scene_gt_info.json`` says of an object that has so many pixels on the canvas, and none that is visible."""
+    counts = {"px_count_all": whole, "px_count_valid": 0, "px_count_visib": 0, "visib_fract": 0.0}
+    return {"bbox_obj": [-1, -1, -1, -1], "bbox_visib": [-1, -1, -1, -1], **counts}
+
+
+def _visible_info(visible: NDArray[np.bool_], whole: int, box: list[int]) -> dict[str, Any]:
+    """What else it says of one that is visible, and has that box on the canvas: x, y, width and height."""
+    x, y, width, height = box
+    count = int(np.count_nonzero(visible))
+    boxes = {"bbox_obj": [x, y, width - 1, height - 1], "bbox_visib": _box(visible)}
+    return {**boxes, "px_count_visib": count, "visib_fract": count / whole}
+
+
+def _box(mask: NDArray[np.bool_]) -> list[int]:
+    """x, y, last column less first, last row less first of a mask that is not empty."""
+    columns, rows = np.flatnonzero(mask.any(axis=0)), np.flatnonzero(mask.any(axis=1))
+    x, y = int(columns[0]), int(rows[0])
+    return [x, y, int(columns[-1]) - x, int(rows[-1]) - y]
+
+
+def _json_lines(values: list[Any] | dict[int, Any]) -> str:
+    """A JSON object of values by their number, a line each, as BOP's own files are."""
+    items = values.items() if isinstance(values, dict) else enumerate(values)
+    return "{\n" + ",\n".join(f'  "{key}": {json.dumps(value)}' for key, value in items) + "\n}\n"

@@ -1,0 +1,98 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The layout of COLMAP's dense workspaces, with a model in text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.batch.formats._layouts import Layout, Parts, numbers, rows_of, write_lines
+from warpvis.core.poses import poses_to_matrices
+
+if TYPE_CHECKING:
+    from warpvis.batch.storage._output import ShardFiles
+
+_CAMERA = 1
+
+
+class Colmap(Layout):
+    """Writes ``sparse/{cameras,images,points3D}.txt`` and ``stereo/depth_maps/000012/000000.png.geometric.bin``.
+
+    The camera is a ``PINHOLE`` with pixel centres at +0.5. Images are numbered from 1, named ``000012/000000.png``, and
+    posed world to camera with OpenCV axes; they have no keypoints, and there are no 3D points. Depth maps are float32
+    [m], 0 where there is none; normal maps, in ``stereo/normal_maps``, are in the camera's frame, 0 where nothing is.
+
+    COLMAP's own ``stereo_fusion`` places a depth map's pixels at whole coordinates, half a pixel from where its
+    documentation and these files have their centres.
+
+    Source: https://colmap.github.io/format.html
+    """
+
+    name: ClassVar[str] = "colmap"
+    outputs: ClassVar[frozenset[str]] = frozenset({"depth", "normals"})
+    default_outputs: ClassVar[tuple[str, ...]] = ("depth",)
+
+    def write_shard(self, shard: int, images: Mapping[str, NDArray[Any]], files: ShardFiles) -> list[str]:
+        """Write one shard; see `warpvis.batch.formats._base.Format`."""
+        units = []
+        if "depth" in self.plan.outputs:
+            depth = images["depth"]
+
+            def make_depth(frame: int) -> Parts:
+                return _map_parts(np.where(np.isfinite(depth[frame]), depth[frame], 0)[None])
+
+            units.append(self._write_maps(shard, "depth_maps", len(depth), make_depth, files))
+        if "normals" in self.plan.outputs:
+            normals = images["normals"]
+            frames = self.plan.frames[self.plan.shard_slice(shard)]
+            rotations = poses_to_matrices(frames.camera_to_world)[:, :3, :3].astype(np.float32)
+
+            def make_normals(frame: int) -> Parts:
+                turned = normals[frame] @ rotations[frame]  # rows, so this is the inverse rotation
+                return _map_parts(np.where(np.isnan(turned), 0, turned).transpose(2, 0, 1))
+
+            units.append(self._write_maps(shard, "normal_maps", len(normals), make_normals, files))
+        return units
+
+    def index(self, files: ShardFiles) -> list[str]:
+        """Write ``cameras.txt``, ``images.txt`` and ``points3D.txt``."""
+        camera, count = self.plan.camera, len(self.plan.frames)
+        parameters = numbers((camera.fx, camera.fy, camera.cx, camera.cy))
+        files.write_text(
+            "sparse/cameras.txt",
+            "# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
+            f"{_CAMERA} PINHOLE {camera.width} {camera.height} {parameters}\n",
+        )
+        write_lines(files, "sparse/images.txt", self._image_lines(count))
+        files.write_text("sparse/points3D.txt", "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] (none)\n")
+        return ["sparse"]
+
+    def _write_maps(self, shard: int, kind: str, count: int, make: Any, files: ShardFiles) -> str:
+        return self.write_frames(shard, f"stereo/{kind}", ".png.geometric.bin", count, make, files)
+
+    def _image_lines(self, count: int) -> Iterator[str]:
+        yield "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME"
+        yield "# POINTS2D[] as (X, Y, POINT3D_ID)"
+        yield f"# Number of images: {count}, mean observations per image: 0"
+        poses = rows_of(self.plan.frames.camera_to_world, _world_to_camera)
+        for image, (name, pose) in enumerate(zip(self.frame_names(".png"), poses, strict=True), start=1):
+            yield f"{image} {numbers(pose)} {_CAMERA} {name}"
+            yield ""
+
+
+def _world_to_camera(camera_to_world: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rows ``qw qx qy qz tx ty tz`` of the inverse poses."""
+    rotations = poses_to_matrices(camera_to_world)[:, :3, :3]
+    translations = -np.einsum("nji,nj->ni", rotations, camera_to_world[:, :3])
+    x, y, z, w = camera_to_world[:, 3:].T
+    return np.column_stack([w, -x, -y, -z, translations])
+
+
+def _map_parts(channels: NDArray[np.float32]) -> Parts:
+    """A depth or normal map's file, of its channels, shape ``(C, H, W)``."""
+    count, height, width = channels.shape
+    return f"{width}&{height}&{count}&".encode(), channels.astype("<f4", copy=False)

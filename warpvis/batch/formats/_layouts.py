@@ -1,0 +1,176 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the layouts with a file a frame have in common."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.batch._job import shard_name
+from warpvis.batch.formats._base import Format, check_options
+from warpvis.core.labels import Label
+from warpvis.core.threads import core_count, run_each
+from warpvis.errors import FileFormatError
+from warpvis.io import count_lost, depth_to_units, encode_png
+
+if TYPE_CHECKING:
+    from warpvis.batch._job import Plan
+    from warpvis.batch.storage._output import ShardFiles
+
+Parts = tuple[Any, ...]
+"""What a file is written from, in order: bytes and arrays."""
+
+Made = TypeVar("Made")
+
+# Files of one shard that wait in memory to be written, for each thread that makes them.
+_FILES_PER_THREAD = 4
+
+_ROWS_AT_ONCE = 4096
+
+
+class Layout(Format):
+    """A format with one file a frame and image: frame j of shard 12 is ``FOLDER/000012/<j in six digits>SUFFIX``.
+
+    A folder holds the files of one shard, so that they appear together.
+    """
+
+    options: ClassVar[Mapping[str, str]] = {}
+    """Names of its options, and what messages say of their values."""
+    threads: int | None = None
+    """CPU threads that make files; all cores of this process by default."""
+
+    def __init__(self, plan: Plan) -> None:
+        """Check the plan's outputs and the names of its options.
+
+        Raises:
+            FileFormatError: The format has not those.
+        """
+        check_options(plan, self.name, self.options)
+        foreign = [output for output in plan.outputs if output not in self.outputs]
+        if foreign or not plan.outputs:
+            has = ", ".join(sorted(self.outputs))
+            raise FileFormatError(f"format {self.name!r} holds {has}, not {foreign[0] if foreign else 'nothing'}")
+        self.plan = plan
+
+    def write_frames(
+        self, shard: int, folder: str, suffix: str, count: int, make: Callable[[int], Parts], files: ShardFiles
+    ) -> str:
+        """Write the files of a shard's frames, which several threads make; their folder.
+
+        Args:
+            shard: The shard.
+            folder: Where its folder goes.
+            suffix: How the names of files end.
+            count: Frames of the shard.
+            make: Makes a frame's file, of the frame's number in the shard.
+            files: Where to write.
+        """
+        unit = f"{folder}/{shard_name(shard)}"
+        for frame, parts in enumerate(self.make_each(count, make)):
+            files.write(f"{unit}/{frame:06d}{suffix}", *parts)
+        return unit
+
+    def make_each(self, count: int, make: Callable[[int], Made]) -> Iterator[Made]:
+        """What `make` gives for 0, 1, 2, ..., in order; several threads make a few of them at a time."""
+        threads = core_count() if self.threads is None else self.threads
+        step = threads * _FILES_PER_THREAD
+        for first in range(0, count, step):
+            part = range(first, min(first + step, count))
+            made: dict[int, Made] = {}
+            run_each(partial(_make_one, made, make), part, threads)
+            yield from (made[number] for number in part)
+
+    def write_depth_pngs(
+        self, shard: int, folder: str, depth: NDArray[np.float32], scale: float, files: ShardFiles
+    ) -> str:
+        """Write depth as 16-bit PNG of `scale` units a metre, 0 where there is none; their folder."""
+        lost: dict[int, int] = {}
+
+        def make(frame: int) -> Parts:
+            units = depth_to_units(depth[frame], scale)
+            lost[frame] = count_lost(depth[frame], units)
+            return (encode_png(units),)
+
+        unit = self.write_frames(shard, folder, ".png", len(depth), make, files)
+        files.warn(
+            f"pixels have a depth that 16 bits of {scale:g} units a metre cannot hold (they hold {0.5 / scale:g} to "
+            f"{65535.5 / scale:g} m), and are 0, no depth",
+            sum(lost.values()),
+        )
+        return unit
+
+    def write_label_pngs(self, shard: int, labels: NDArray[np.uint8], files: ShardFiles) -> str:
+        """Write labels as 8-bit PNG of `Label` values; their folder."""
+        return self.write_frames(
+            shard, "labels", ".png", len(labels), lambda frame: (encode_png(labels[frame]),), files
+        )
+
+    def frame_names(self, suffix: str) -> Iterator[str]:
+        """Names of all frames' files, without the folder in front of the shard's."""
+        per_shard = self.plan.shard_frames
+        for shard in range(self.plan.shard_count):
+            frames = self.plan.shard_slice(shard)
+            for frame in range(frames.start, frames.stop):
+                yield f"{shard_name(shard)}/{frame - shard * per_shard:06d}{suffix}"
+
+    def positive_option(self, name: str, default: float) -> float:
+        """A positive number among the options.
+
+        Raises:
+            FileFormatError: It is none.
+        """
+        given = self.plan.options.get(name, default)
+        try:
+            value = math.nan if isinstance(given, bool) else float(given)
+        except (TypeError, ValueError):
+            value = math.nan
+        if not 0 < value < math.inf:
+            raise FileFormatError(f"option {name} must be a positive number, got {given!r}")
+        return value
+
+    def flag_option(self, name: str) -> bool:
+        """A flag among the options, off by default.
+
+        Raises:
+            FileFormatError: It is neither true nor false.
+        """
+        given = self.plan.options.get(name, False)
+        if given not in (True, False, "true", "false"):
+            raise FileFormatError(f"option {name} must be true or false, got {given!r}")
+        return given in (True, "true")
+
+    def object_entries(self) -> list[dict[str, str]]:
+        """Names and labels of the scene's objects, in the order of their indices."""
+        named = zip(self.plan.object_names, self.plan.object_labels, strict=True)
+        return [{"name": name, "label": Label(label).name.lower()} for name, label in named]
+
+
+LABEL_NAMES = {str(label.value): label.name.lower() for label in Label}
+"""Names of the values of labels, as JSON has them."""
+
+
+def rows_of(array: NDArray[Any], convert: Callable[[NDArray[Any]], NDArray[Any]] = np.asarray) -> Iterator[Any]:
+    """The rows of an array, converted, as Python's numbers: some at a time, since there may be millions."""
+    for first in range(0, len(array), _ROWS_AT_ONCE):
+        yield from convert(array[first : first + _ROWS_AT_ONCE]).tolist()
+
+
+def numbers(values: Iterable[float]) -> str:
+    """Numbers with spaces between, in as many digits as it takes to read the same ones back."""
+    return " ".join(map(repr, values))
+
+
+def write_lines(files: ShardFiles, name: str, lines: Iterable[str]) -> None:
+    """Write a text file line by line; it need not fit into memory."""
+    with files.local_path(name).open("w", encoding="utf-8", newline="\n") as stream:
+        stream.writelines(f"{line}\n" for line in lines)
+
+
+def _make_one(made: dict[int, Made], make: Callable[[int], Made], number: int) -> None:
+    made[number] = make(number)

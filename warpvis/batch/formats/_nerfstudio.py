@@ -1,0 +1,95 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The layout of nerfstudio's datasets."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.batch.formats._layouts import Layout, rows_of, write_lines
+from warpvis.core.poses import poses_to_matrices
+
+if TYPE_CHECKING:
+    from warpvis.batch.storage._output import ShardFiles
+
+# Right-multiplied, OpenGL's camera axes (x right, y up, z backward) in place of OpenCV's.
+_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
+
+# From a world with y up to nerfstudio's, with z up: (x, y, z) becomes (x, -z, y).
+_Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+
+
+class Nerfstudio(Layout):
+    """Writes ``transforms.json``, ``depth/000012/000000.png`` and ``labels/000012/000000.png``.
+
+    Intrinsics are for pixel centres at +0.5, ``transform_matrix`` is camera to world with OpenGL axes, and depth is
+    16-bit PNG in millimetres, 0 where there is none, all as nerfstudio has them by default.
+
+    Its world has z up. A scene with y up is turned, ``(x, y, z)`` to ``(x, -z, y)``, and ``applied_transform`` says so:
+    nerfstudio's field for the way from the original world to the saved one. ``orientation_override`` keeps its loader
+    from turning the world again to make the mean camera stand upright.
+
+    A frame's ``file_path`` is its label image, 8 bits as nerfstudio wants its images, since there is none in colour;
+    without labels it is the depth image, which nerfstudio does not take for training.
+
+    Source: https://docs.nerf.studio/quickstart/data_conventions.html, and its ``nerfstudio_dataparser.py`` for the two
+    fields of the world.
+    """
+
+    name: ClassVar[str] = "nerfstudio"
+    library: ClassVar[str | None] = "zlib"
+    outputs: ClassVar[frozenset[str]] = frozenset({"depth", "labels"})
+    default_outputs: ClassVar[tuple[str, ...]] = ("depth", "labels")
+
+    def write_shard(self, shard: int, images: Mapping[str, NDArray[Any]], files: ShardFiles) -> list[str]:
+        """Write one shard; see `warpvis.batch.formats._base.Format`."""
+        units = []
+        if "depth" in self.plan.outputs:
+            units.append(self.write_depth_pngs(shard, "depth", images["depth"], 1000.0, files))
+        if "labels" in self.plan.outputs:
+            units.append(self.write_label_pngs(shard, images["labels"], files))
+        return units
+
+    def index(self, files: ShardFiles) -> list[str]:
+        """Write ``transforms.json``."""
+        write_lines(files, "transforms.json", self._lines())
+        return ["transforms.json"]
+
+    def _lines(self) -> Iterator[str]:
+        camera, poses = self.plan.camera, self.plan.frames.camera_to_world
+        head: dict[str, Any] = {
+            "camera_model": "OPENCV",
+            "fl_x": camera.fx,
+            "fl_y": camera.fy,
+            "cx": camera.cx,
+            "cy": camera.cy,
+            "w": camera.width,
+            "h": camera.height,
+            **dict.fromkeys(("k1", "k2", "p1", "p2"), 0.0),
+            "orientation_override": "none",
+        }
+        if self.plan.up == "y":
+            head["applied_transform"] = _Z_UP[:3].tolist()
+        yield "{"
+        for key, value in head.items():
+            yield f"  {json.dumps(key)}: {json.dumps(value)},"
+        yield '  "frames": ['
+        frames = zip(self.frame_names(".png"), rows_of(poses, self._to_nerfstudio), strict=True)
+        for number, (name, matrix) in enumerate(frames, start=1):
+            yield f"    {json.dumps(self._frame(name, matrix))}{',' if number < len(poses) else ''}"
+        yield "  ]"
+        yield "}"
+
+    def _to_nerfstudio(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        matrices = poses_to_matrices(poses) @ _OPENGL
+        return _Z_UP @ matrices if self.plan.up == "y" else matrices
+
+    def _frame(self, name: str, matrix: list[list[float]]) -> dict[str, Any]:
+        folder = "labels" if "labels" in self.plan.outputs else "depth"
+        depth = {"depth_file_path": f"depth/{name}"} if "depth" in self.plan.outputs else {}
+        return {"file_path": f"{folder}/{name}", **depth, "transform_matrix": matrix}

@@ -1,0 +1,109 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""NumPy's ``.npz``, one file a shard: ``shard-000012.npz`` with the arrays of its frames."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.batch._job import Plan, shard_name
+from warpvis.batch.formats._base import Format, check_options
+from warpvis.batch.storage._direct_io import ALIGNMENT, LEAST_DIRECT
+from warpvis.rendering import OUTPUTS
+
+if TYPE_CHECKING:
+    from warpvis.batch.storage._output import ShardFiles
+
+# The least stamp that a ZIP file can hold: bytes must not depend on the clock.
+_EPOCH = (1980, 1, 1, 0, 0, 0)
+_PADDING_ID = 0xD935
+"""Header of a ZIP entry's extra field that holds zeros, to align the data; Android's zipalign writes the same."""
+
+
+class Npz(Format):
+    """Arrays by their names, with ``K``, ``camera_to_world``, ``timestamps`` and ``frame`` beside them."""
+
+    name: ClassVar[str] = "npz"
+    outputs: ClassVar[frozenset[str]] = frozenset([*OUTPUTS, "visibility"])
+    default_outputs: ClassVar[tuple[str, ...]] = ("depth",)
+
+    def __init__(self, plan: Plan) -> None:
+        """Prepare to write; there are no options."""
+        check_options(plan, self.name, {})
+        self._plan = plan
+
+    def write_shard(self, shard: int, images: Mapping[str, NDArray[Any]], files: ShardFiles) -> list[str]:
+        """Write the shard's one file."""
+        plan, part = self._plan, self._plan.shard_slice(shard)
+        beside = {
+            "K": plan.camera.to_K(),
+            "camera_to_world": plan.frames.camera_to_world[part],
+            "timestamps": plan.frames.timestamps[part],
+            "frame": np.arange(part.start, part.stop),
+        }
+        name = f"shard-{shard_name(shard)}.npz"
+        files.write(name, *npz_parts({**images, **beside}))
+        return [name]
+
+    def index(self, files: ShardFiles) -> list[str]:
+        """Nothing: each shard says all."""
+        return []
+
+
+def npz_parts(arrays: Mapping[str, NDArray[Any]]) -> list[Any]:
+    """An ``.npz`` file of arrays, not compressed, as the parts to write it from; the same bytes every time.
+
+    The data of large arrays begins at a multiple of `ALIGNMENT` bytes.
+    """
+    parts = _Parts()
+    with zipfile.ZipFile(parts, "w") as archive:
+        for name, array in arrays.items():
+            array = np.asarray(array, order="C")
+            header = io.BytesIO()
+            np.lib.format.write_array_header_1_0(header, np.lib.format.header_data_from_array_1_0(array))
+            entry = zipfile.ZipInfo(f"{name}.npy", _EPOCH)
+            entry.create_system = 3
+            if array.nbytes >= LEAST_DIRECT:
+                entry.extra = _padding(parts.tell() + _HEADER_BYTES + len(entry.filename) + len(header.getvalue()))
+            with archive.open(entry, "w", force_zip64=True) as stream:
+                stream.write(header.getvalue())
+                stream.write(array.reshape(-1).view(np.uint8).data)
+    return parts.parts
+
+
+# A local header of ZIP, with the sizes in 64 bits that `force_zip64` adds.
+_HEADER_BYTES = 30 + 20
+
+
+def _padding(end: int) -> bytes:
+    """An extra field that makes what ends at `end` end at a multiple of `ALIGNMENT`."""
+    length = (-end - 4) % ALIGNMENT
+    return _PADDING_ID.to_bytes(2, "little") + length.to_bytes(2, "little") + bytes(length)
+
+
+class _Parts(io.RawIOBase):
+    """A stream that keeps what is written to it as it is, without a copy."""
+
+    def __init__(self) -> None:
+        self.parts: list[Any] = []
+        self._size = 0
+
+    def writable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return False
+
+    def tell(self) -> int:
+        return self._size
+
+    def write(self, data: Any) -> int:
+        self.parts.append(data)
+        self._size += len(data)
+        return len(data)

@@ -1,0 +1,93 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Images as PNG files."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.batch.formats._layouts import LABEL_NAMES, Layout, Parts
+from warpvis.errors import FileFormatError
+from warpvis.io import encode_png
+
+if TYPE_CHECKING:
+    from warpvis.batch._job import Plan
+    from warpvis.batch.storage._output import ShardFiles
+
+_MOST_OBJECTS = 65_535
+
+
+class Png(Layout):
+    """Writes ``depth/000012/000000.png`` and the like for labels and objects, ``camera.json`` and ``images.json``.
+
+    - Depth: 16 bits, planar depth in units of 1 / `scale` m, rounded; 0 where there is none, and where it does not fit.
+    - Labels: 8 bits, `Label` values.
+    - Objects: 16 bits, 0 for none, else the object's index in the scene + 1.
+
+    ``camera.json`` is a camera as the command line reads it; ``images.json`` says what the images' values mean.
+
+    Options:
+        scale: Units of a metre, 1000 (millimetres) by default: depth to 65.535 m.
+    """
+
+    name: ClassVar[str] = "png"
+    library: ClassVar[str | None] = "zlib"
+    outputs: ClassVar[frozenset[str]] = frozenset({"depth", "labels", "segmentation"})
+    default_outputs: ClassVar[tuple[str, ...]] = ("depth",)
+    options: ClassVar[Mapping[str, str]] = {"scale": "units of a metre, 1000"}
+
+    def __init__(self, plan: Plan) -> None:
+        """Check the plan.
+
+        Raises:
+            FileFormatError: An output or an option is not this format's, or there are more objects than 16 bits count.
+        """
+        super().__init__(plan)
+        self._scale = self.positive_option("scale", 1000.0)
+        if "segmentation" in plan.outputs and len(plan.object_names) > _MOST_OBJECTS:
+            count = len(plan.object_names)
+            raise FileFormatError(f"format 'png' tells {_MOST_OBJECTS} objects apart, the scene has {count}; use npz")
+
+    def write_shard(self, shard: int, images: Mapping[str, NDArray[Any]], files: ShardFiles) -> list[str]:
+        """Write one shard; see `warpvis.batch.formats._base.Format`."""
+        units = []
+        if "depth" in self.plan.outputs:
+            units.append(self.write_depth_pngs(shard, "depth", images["depth"], self._scale, files))
+        if "labels" in self.plan.outputs:
+            units.append(self.write_label_pngs(shard, images["labels"], files))
+        if "segmentation" in self.plan.outputs:
+            objects = images["segmentation"]
+
+            def make(frame: int) -> Parts:
+                return (encode_png((objects[frame] + 1).astype(np.uint16)),)
+
+            units.append(self.write_frames(shard, "segmentation", ".png", len(objects), make, files))
+        return units
+
+    def index(self, files: ShardFiles) -> list[str]:
+        """Write ``camera.json`` and ``images.json``."""
+        camera = self.plan.camera
+        fields = {"width": camera.width, "height": camera.height, "K": camera.to_K().tolist(), "near": camera.near}
+        if math.isfinite(camera.far):
+            fields["far"] = camera.far
+        files.write_text("camera.json", json.dumps(fields, indent=2) + "\n")
+        files.write_text("images.json", json.dumps(self._meaning(), indent=2) + "\n")
+        return ["camera.json", "images.json"]
+
+    def _meaning(self) -> dict[str, Any]:
+        meaning = {
+            "depth": {"kind": "planar", "units_per_metre": self._scale, "no_depth": 0},
+            "labels": {"values": LABEL_NAMES},
+            "segmentation": {"none": 0, "first": 1, "objects": self.object_entries()},
+        }
+        return {
+            "frames": len(self.plan.frames),
+            "frames_per_folder": self.plan.shard_frames,
+            **{name: meaning[name] for name in meaning if name in self.plan.outputs},
+        }

@@ -1,0 +1,236 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where datasets are: a folder of this machine or an fsspec URL, read and written through the same few calls."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any, Protocol
+
+from warpvis.batch.storage._output import ShardFiles, files_below
+from warpvis.errors import FileFormatError
+
+_PART = ".part-"
+"""Temporary folders of a dataset begin so: whatever is in them was not finished."""
+
+
+class Store(Protocol):
+    """The files of a dataset, by their paths relative to it, with slashes."""
+
+    name: str
+    """What messages call it."""
+
+    def read(self, name: str) -> bytes | None:
+        """What a file holds; None if there is none."""
+        ...
+
+    def open(self, name: str) -> IO[bytes]:
+        """A file, to read."""
+        ...
+
+    def size(self, name: str) -> int | None:
+        """Bytes of a file; None if there is none."""
+        ...
+
+    def entries(self) -> list[str]:
+        """Names of the files and folders at the top, without what was not finished."""
+        ...
+
+    def files(self) -> Iterator[str]:
+        """Every file, without what was not finished."""
+        ...
+
+    def create(self) -> None:
+        """Make the folder if it is missing."""
+        ...
+
+    def clean(self) -> None:
+        """Remove what was not finished."""
+        ...
+
+    def locked(self) -> Any:
+        """A context in which no other process of this machine writes the dataset."""
+        ...
+
+    def new_files(self) -> Any:
+        """A context with `ShardFiles` in a new temporary folder, which is gone after it."""
+        ...
+
+    def put(self, files: ShardFiles, units: Iterable[str]) -> None:
+        """Move files and folders of a temporary folder to their places, each as a whole, in this order."""
+        ...
+
+
+class LocalStore:
+    """A folder of this machine. Its temporary folders are inside it, so that moving is renaming."""
+
+    def __init__(self, root: Path) -> None:
+        """The dataset in the folder `root`, which may be missing."""
+        self.root = root.absolute()
+        self.name = str(root)
+
+    def read(self, name: str) -> bytes | None:
+        try:
+            return (self.root / name).read_bytes()
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+
+    def open(self, name: str) -> IO[bytes]:
+        return (self.root / name).open("rb")
+
+    def size(self, name: str) -> int | None:
+        try:
+            return (self.root / name).stat().st_size
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+
+    def entries(self) -> list[str]:
+        if not self.root.exists():
+            return []
+        return sorted(name for name in os.listdir(self.root) if not name.startswith(_PART))
+
+    def files(self) -> Iterator[str]:
+        yield from (name for name in files_below(self.root) if not name.startswith(_PART))
+
+    def create(self) -> None:
+        self.root.mkdir(parents=True, exist_ok=True)
+
+    def clean(self) -> None:
+        for path in self.root.glob(f"{_PART}*"):
+            shutil.rmtree(path)
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """A context in which no other process of this machine writes the dataset.
+
+        Raises:
+            FileFormatError: Another one does already.
+        """
+        try:
+            import fcntl
+        except ImportError:  # Windows
+            yield
+            return
+        descriptor = os.open(self.root, os.O_RDONLY)
+        try:
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise FileFormatError(f"{self.name}: another process is writing it; wait for it, or end it") from None
+            yield
+        finally:
+            os.close(descriptor)
+
+    @contextmanager
+    def new_files(self) -> Iterator[ShardFiles]:
+        folder = tempfile.mkdtemp(prefix=_PART, dir=self.root)
+        try:
+            yield ShardFiles(folder)
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+    def put(self, files: ShardFiles, units: Iterable[str]) -> None:
+        for unit in units:
+            target = self.root / unit
+            target.parent.mkdir(parents=True, exist_ok=True)
+            if target.is_dir():  # of an attempt that was not recorded; a folder cannot be renamed over it
+                shutil.rmtree(target)
+            os.replace(files.folder / unit, target)
+
+
+class RemoteStore:
+    """An fsspec URL. Files are written to a temporary folder of this machine first, and then copied."""
+
+    def __init__(self, url: str) -> None:
+        """The dataset at `url`.
+
+        Raises:
+            FileFormatError: fsspec does not know such URLs, or a package for them is missing.
+        """
+        try:
+            import fsspec
+        except ImportError:
+            raise FileFormatError(f"{url}: URLs need fsspec: pip install 'warpvis[cluster]'") from None
+        try:
+            self._system, self._root = fsspec.core.url_to_fs(url)
+        except (ImportError, ValueError, OSError) as error:
+            raise FileFormatError(f"{url}: cannot be opened: {error}") from None
+        self._root = self._root.rstrip("/")
+        self.name = url.rstrip("/")
+
+    def _path(self, name: str) -> str:
+        return f"{self._root}/{name}"
+
+    def read(self, name: str) -> bytes | None:
+        try:
+            return self._system.cat_file(self._path(name))
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+
+    def open(self, name: str) -> IO[bytes]:
+        return self._system.open(self._path(name), "rb")
+
+    def size(self, name: str) -> int | None:
+        try:
+            found = self._system.info(self._path(name))
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+        return found["size"] if found["type"] == "file" else None
+
+    def entries(self) -> list[str]:
+        try:
+            found = self._system.ls(self._root, detail=False)
+        except FileNotFoundError:
+            return []
+        return sorted(path.rstrip("/").rsplit("/", 1)[-1] for path in found)
+
+    def files(self) -> Iterator[str]:
+        for path in self._system.find(self._root):
+            yield path[len(self._root) :].lstrip("/")
+
+    def create(self) -> None:
+        self._system.makedirs(self._root, exist_ok=True)
+
+    def clean(self) -> None:
+        self._system.invalidate_cache()  # temporary folders are elsewhere
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """No lock: such stores have none."""
+        yield
+
+    @contextmanager
+    def new_files(self) -> Iterator[ShardFiles]:
+        with tempfile.TemporaryDirectory(prefix="warpvis-") as folder:
+            yield ShardFiles(folder)
+
+    def put(self, files: ShardFiles, units: Iterable[str]) -> None:
+        for unit in units:
+            source = files.folder / unit
+            paths = sorted(path for path in source.rglob("*") if path.is_file()) if source.is_dir() else [source]
+            for path in paths:
+                target = self._path(path.relative_to(files.folder).as_posix())
+                self._system.makedirs(target.rsplit("/", 1)[0], exist_ok=True)
+                self._system.put_file(str(path), target)
+
+
+def open_store(out: str | os.PathLike[str]) -> Store:
+    """The dataset of a folder, or of an fsspec URL such as ``s3://bucket/name``.
+
+    Raises:
+        FileFormatError: It is a file, or a URL that cannot be opened.
+    """
+    text = os.fspath(out)
+    if text.startswith("file://"):
+        text = text.removeprefix("file://")
+    if "://" in text:
+        return RemoteStore(text)
+    path = Path(text)
+    if path.exists() and not path.is_dir():
+        raise FileFormatError(f"{path}: is a file; a dataset needs a folder")
+    return LocalStore(path)

@@ -1,0 +1,173 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The command ``warpvis perspective``: what a robot and a person see of the objects of a mesh file."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import tyro
+
+from warpvis.cli._inputs import format_rows, make_folder, parse_labels, parse_viewpoint, write_json
+from warpvis.errors import PoseError, SceneError
+
+if TYPE_CHECKING:
+    from warpvis.planning import Proposal
+    from warpvis.scene import Scene
+    from warpvis.scenes import Experiment
+    from warpvis.visibility import Agent, Candidate
+
+
+@dataclass(frozen=True)
+class Perspective:
+    """Which objects a robot and a person see, which the person may mean, and where the robot could go to see them."""
+
+    file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE")]
+    """Mesh file: OBJ, STL, PLY, GLB, ...; or experiment_1 to experiment_4, which need no other option."""
+    robot: Annotated[str | None, tyro.conf.arg(metavar="POSE")] = None
+    """The robot's camera: where it is and what it looks at, "x y z tx ty tz" (metres), or "x y z qx qy qz qw"."""
+    human: Annotated[str | None, tyro.conf.arg(metavar="POSE")] = None
+    """The person's eyes, likewise."""
+    camera: str = "kinect"
+    """The robot's camera: kinect, or a JSON file with width, height, hfov (radians) or K, near and far (metres)."""
+    robot_body: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")] = ()
+    """Names of the objects that are the robot itself, which it does not see."""
+    human_body: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")] = ()
+    """Names of the objects that are the person, likewise."""
+    labels: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=LABEL ...")] = ()
+    """What objects are: "ball=object" "wall_*=obstacle" ...; the person may mean objects, or all if none is one."""
+    out: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    """Folder to write perspective.json and perspective.png to."""
+    convention: Literal["opencv", "opengl", "ros"] = "opencv"
+    """Axes of the camera frame of poses with seven numbers."""
+    scale: float = 1.0
+    """Metres in a unit of the file (0.001 for millimetres)."""
+    up: Literal["z", "y"] = "z"
+    """The world's vertical axis."""
+    file_up: Literal["z", "y"] | None = None
+    """The file's vertical axis; y for glTF and the world's for other formats by default."""
+    reach: float = 2.0
+    """How far the robot may go to see more [m]."""
+    robot_radius: float = 0.2
+    """The robot's radius [m]: it goes only where it has room, up to its camera's height."""
+    floor: float = 0.0
+    """Height of the floor that the robot stands on [m]."""
+    device: str = "cpu"
+    """Where to compute: cpu, cuda:0, ..."""
+
+    def run(self) -> None:
+        """Run the command."""
+        from warpvis.core.arrays import check_metres
+        from warpvis.core.labels import Label
+        from warpvis.planning import propose_view
+        from warpvis.visibility import State, perspective
+
+        reach, radius = (
+            check_metres(self.reach, "--reach"),
+            check_metres(self.robot_radius, "--robot-radius", zero=False),
+        )
+        room = {"reach": reach, "radius": radius, "floor": check_metres(self.floor, "--floor", signed=True)}
+        scene, robot, human = self._read()
+        bodies = {*robot.body, *human.body}
+        if any(item.label == Label.OBJECT and item.name not in bodies for item in scene):
+            labels = [Label.OBJECT]
+        else:
+            labels = [label for label in Label if label != Label.GROUND]
+        seen = perspective(scene, (robot, human))
+        found = [item for item in seen.candidates("human", "robot", labels=labels) if item.object not in bodies]
+        missed = [item.object for item in found if item.state == State.FIRST]
+        proposal = propose_view(scene, robot, found, **room)
+
+        if self.out is not None:
+            from warpvis.viz import save_perspective
+
+            make_folder(self.out)
+            title, pose = f"Who sees what: {self.file.name}", None if proposal is None else proposal.pose
+            picture = self.out / "perspective.png"
+            save_perspective(scene, (robot, human), seen, picture, title=title, labels=labels, proposed=pose)
+            report = _report(found, missed, proposal)
+            write_json(self.out / "perspective.json", {"file": str(self.file), **seen.report(), **report})
+        print(seen.table())
+        print()
+        print(_in_words(found, missed, proposal, self.reach))
+        if self.out is not None:
+            print(f"\n{self.out / 'perspective.json'}, {self.out / 'perspective.png'}")
+
+    def _read(self) -> tuple[Scene, Agent, Agent]:
+        """The scene and the two agents."""
+        from warpvis.io import load_camera
+        from warpvis.scene import Scene
+        from warpvis.visibility import Agent
+
+        experiment = None if self.file.exists() else _experiment(str(self.file))
+        if experiment is not None:
+            self._refuse_options(experiment.name)
+            return experiment.build(self.device), *experiment.agents()
+        for option, text in (("--robot", self.robot), ("--human", self.human)):
+            if text is None:
+                raise PoseError(f"{option} must say where the eyes are and what they look at, 'x y z tx ty tz'")
+        assert self.robot is not None and self.human is not None
+        camera = load_camera(self.camera)
+        eyes = parse_viewpoint(self.robot, "--robot", self.up, self.convention)
+        robot = Agent("robot", camera, eyes, body=self.robot_body)
+        eyes = parse_viewpoint(self.human, "--human", self.up, self.convention)
+        human = Agent.human("human", eyes, body=self.human_body)
+        form: dict[str, Any] = {"up": self.up, "file_up": self.file_up, "scale": self.scale}
+        scene = Scene.load(self.file, device=self.device, labels=parse_labels(self.labels), **form)
+        return scene, robot, human
+
+    def _refuse_options(self, name: str) -> None:
+        """An experiment has its own agents, labels and units."""
+        own = ("robot", "human", "camera", "robot_body", "human_body", "labels", "scale", "up", "file_up", "convention")
+        given = [option for option in own if getattr(self, option) != getattr(type(self), option)]
+        if given:
+            options = ", ".join("--" + option.replace("_", "-") for option in given)
+            raise SceneError(f"{name} comes with its robot and its person, so it takes no {options}")
+
+
+def _experiment(name: str) -> Experiment | None:
+    from warpvis.scenes import EXPERIMENTS
+
+    return next((experiment for experiment in EXPERIMENTS if experiment.name == name), None)
+
+
+def _report(found: list[Candidate], missed: list[str], proposal: Proposal | None) -> dict[str, Any]:
+    """What the JSON file says beside `Perspective.report`."""
+    from warpvis.visibility import State
+
+    candidates = []
+    for item in found:
+        fields = asdict(item)
+        del fields["state"]  # of the person and the robot, in this order; elsewhere the robot comes first
+        candidates.append(fields | {"robot_sees": item.state == State.BOTH})
+    return {
+        "candidates": candidates,
+        "to_see": missed,
+        "proposed_robot_pose": None if proposal is None else proposal.report(),
+    }
+
+
+def _in_words(found: list[Candidate], missed: list[str], proposal: Proposal | None, reach: float) -> str:
+    """The candidates as a table, and what the robot has to do."""
+    if not found:
+        return "The person sees none of the objects, and can mean none of them."
+    rows = []
+    for item in found:
+        assert item.robot_fraction is not None  # a robot was asked about
+        angle = f"{math.degrees(item.gaze_angle):.0f} degrees"
+        robot = "no" if item.object in missed else f"{item.robot_fraction:.2f}"
+        rows.append([item.object, f"{item.score:.2f}", angle, "yes" if item.attended else "no", robot])
+    lines = [format_rows(["the human may mean", "score", "from the gaze", "attended", "robot sees"], rows), ""]
+    if not missed:
+        return "\n".join([*lines, "The robot sees all of them."])
+    lines.append(f"The robot must move to see {', '.join(missed)}.")
+    if proposal is None:
+        lines.append(f"No place within {reach:g} m that has room for it shows any of that.")
+    else:
+        place = " ".join(f"{number:.3f}" for number in proposal.pose)
+        shares = ", ".join(f"{name} {share:.2f}" for name, share in proposal.fractions.items())
+        lines.append(f"{proposal.distance:.2f} m away, at {place}, it would see {shares}.")
+    return "\n".join(lines)

@@ -1,0 +1,218 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Arrays in and out: anything with ``__dlpack__`` or ``__array__`` goes in, `wp.array` comes out."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import ArrayLike, NDArray
+
+from warpvis.errors import ArrayError, WarpvisError
+
+Shape = tuple[int | str, ...]
+"""An expected shape: numbers are required, names stand for any size and are used in messages."""
+
+FARTHEST = 1e18
+"""Coordinates are at most this [m]: their squares must stay finite in single precision."""
+
+_CACHE_LINE = 64
+
+_KINDS = {wp.float32: "fiu", wp.int32: "iu", wp.uint8: "iu"}
+
+
+def get_device(device: Any) -> wp.Device:
+    """The Warp device of that name.
+
+    Raises:
+        ArrayError: The machine has no such device.
+    """
+    try:
+        return wp.get_device(device)
+    except Exception:  # Warp raises several kinds for unknown, absent and malformed names
+        known = ", ".join(str(known) for known in wp.get_devices())
+        raise ArrayError(f"device {str(device)!r} is not on this machine, which has: {known}") from None
+
+
+def as_warp(value: Any, dtype: Any, shape: Shape, *, name: str, device: wp.Device) -> wp.array:
+    """`value` as a Warp array on `device`, without a copy where memory can be shared.
+
+    Args:
+        value: Any array: Warp's, NumPy's, a PyTorch or JAX tensor, nested lists.
+        dtype: Warp dtype of the elements; the components of a vector dtype are the last axis of other arrays.
+        shape: Expected shape of the elements.
+        name: What messages call it.
+        device: Where it has to be. Arrays of the host are copied there; arrays of another device are refused.
+
+    Raises:
+        ArrayError: Shape, dtype or device differ from what is wanted.
+    """
+    if value is None:
+        raise ArrayError(f"{name} must be an array of shape {format_shape(shape, dtype)}, got None")
+    if isinstance(value, wp.array):
+        return _check_warp(value, dtype, shape, name=name, device=device)
+    if on_gpu(value):
+        try:
+            return _check_warp(wp.from_dlpack(value, dtype=dtype), dtype, shape, name=name, device=device)
+        except (RuntimeError, TypeError) as error:
+            raise ArrayError(f"{name} must have shape {format_shape(shape, dtype)}: {error}") from None
+    host = as_numpy(value, name=name)
+    scalar = getattr(dtype, "_wp_scalar_type_", dtype)
+    check_shape(host.shape, (*shape, *getattr(dtype, "_shape_", ())), name=name)
+    if host.dtype.kind not in _KINDS[scalar]:
+        raise ArrayError(f"{name} must be {scalar.__name__}, got {host.dtype}")
+    target = wp.dtype_to_numpy(scalar)
+    if host.dtype.kind in "iu" and host.size and not _fits(host, target):
+        raise ArrayError(f"{name} must fit {scalar.__name__}, got values from {host.min()} to {host.max()}")
+    # NumPy calls any stride of an axis of length 1 contiguous, Warp does not: flattening settles it.
+    host = np.ascontiguousarray(host, dtype=target).reshape(-1).reshape(host.shape)
+    return wp.array(host, dtype=dtype, device=device, copy=not device.is_cpu)
+
+
+def as_points(points: Any, name: str, count: str, device: wp.Device) -> wp.array:
+    """Points as vec3 on a device; those that came from the host are finite.
+
+    Raises:
+        ArrayError: They are not what they have to be.
+    """
+    places = as_warp(points, wp.vec3, (count,), name=name, device=device)
+    if not on_gpu(points):
+        rows = places.numpy()
+        fine = surely_finite(rows) or np.isfinite(rows).all(axis=1)
+        bad = np.flatnonzero(np.logical_not(fine))
+        if len(bad):
+            raise ArrayError(f"{name} must be finite: {len(bad)} are not, the first at {bad[0]}")
+    return places
+
+
+def as_numpy(value: Any, *, name: str) -> np.ndarray:
+    """`value` as a NumPy array, shared where possible.
+
+    Raises:
+        ArrayError: It is not an array of numbers.
+    """
+    try:
+        host = np.from_dlpack(value) if hasattr(value, "__dlpack__") and not isinstance(value, np.ndarray) else value
+        host = np.asarray(host)
+    except Exception as error:  # foreign libraries raise what they like
+        raise ArrayError(f"{name} must be an array of numbers: {error}") from None
+    if host.dtype.kind not in "fiub":
+        raise ArrayError(f"{name} must be an array of numbers, got dtype {host.dtype}")
+    return host
+
+
+def check_shape(got: tuple[int, ...], wanted: Shape, *, name: str) -> None:
+    """Raise `ArrayError` unless `got` fits `wanted`."""
+    fits = len(got) == len(wanted) and all(isinstance(w, str) or g == w for g, w in zip(got, wanted, strict=False))
+    if not fits:
+        raise ArrayError(f"{name} must have shape {format_shape(wanted)}, got {got}")
+
+
+def empty(shape: tuple[int, ...], dtype: Any, *, name: str, device: wp.Device) -> wp.array:
+    """A new array, or a sentence that says how much memory there would have to be."""
+    try:
+        return aligned_empty(shape, dtype) if device.is_cpu else wp.empty(shape, dtype=dtype, device=device)
+    except (MemoryError, RuntimeError, ValueError) as error:
+        gigabytes = np.prod(shape, dtype=np.float64) * wp.types.type_size_in_bytes(dtype) / 1e9
+        raise ArrayError(
+            f"{name} of shape {shape} needs {gigabytes:.1f} GB on {device}, which could not be had ({error}); "
+            "render fewer views at a time"
+        ) from None
+
+
+def aligned_empty(shape: tuple[int, ...], dtype: Any) -> wp.array:
+    """CPU memory that begins at a cache line, of large pages where it is large: NumPy asks the system for them."""
+    components = getattr(dtype, "_shape_", ())
+    scalar = np.dtype(wp.dtype_to_numpy(getattr(dtype, "_wp_scalar_type_", dtype)))
+    size = math.prod((*shape, *components)) * scalar.itemsize
+    memory = np.empty(size + _CACHE_LINE, dtype=np.uint8)
+    start = -memory.ctypes.data % _CACHE_LINE
+    host = memory[start : start + size].view(scalar).reshape(*shape, *components)
+    return wp.array(host, dtype=dtype, shape=shape, device="cpu", copy=False)
+
+
+def check_out(out: Any, dtype: Any, shape: tuple[int, ...], *, name: str, device: wp.Device) -> wp.array:
+    """`out` itself, if kernels can write to it.
+
+    Raises:
+        ArrayError: It is not a Warp array of this dtype, shape and device.
+    """
+    if not isinstance(out, wp.array):
+        raise ArrayError(f"{name} must be a wp.array to be written to, got {type(out).__name__}")
+    return _check_warp(out, dtype, shape, name=name, device=device)
+
+
+def as_point(value: ArrayLike, name: str, error: type[WarpvisError] = ArrayError) -> NDArray[np.float64]:
+    """One point, shape ``(3,)``.
+
+    Raises:
+        WarpvisError: It is none; of the class `error`.
+    """
+    point = as_numpy(value, name=name).astype(np.float64)
+    if point.shape != (3,) or not np.isfinite(point).all():
+        raise error(f"{name} must be three finite numbers, got {point.tolist()}")
+    return point
+
+
+def check_metres(value: Any, name: str, *, signed: bool = False, zero: bool = True, infinite: bool = False) -> float:
+    """`value` as a number of metres.
+
+    Raises:
+        ArrayError: It is not a number, or it is negative, zero or infinite where that is not allowed.
+    """
+    number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+    if not number or not (signed or value > 0 or (zero and value == 0)) or not (infinite or math.isfinite(value)):
+        wanted = "a number of metres from 0 up" if zero else "a positive number of metres"
+        raise ArrayError(f"{name} must be {'a finite number of metres' if signed else wanted}, got {value!r}")
+    return float(value)
+
+
+def format_shape(shape: Shape, dtype: Any = None) -> str:
+    """The shape as messages show it, with the components of a vector dtype."""
+    sizes = (*shape, *getattr(dtype, "_shape_", ()))
+    return "(" + ", ".join(str(size) for size in sizes) + ("," if len(sizes) == 1 else "") + ")"
+
+
+def _check_warp(array: wp.array, dtype: Any, shape: Shape, *, name: str, device: wp.Device) -> wp.array:
+    if array.device != device:
+        raise ArrayError(f"{name} must be on device {device}, got {array.device}")
+    if not wp.types.types_equal(array.dtype, dtype):
+        raise ArrayError(f"{name} must have dtype {_dtype_name(dtype)}, got {_dtype_name(array.dtype)}")
+    check_shape(array.shape, shape, name=name)
+    if not array.is_contiguous:
+        raise ArrayError(f"{name} must be contiguous, got strides {array.strides} for shape {array.shape}")
+    return array
+
+
+def _dtype_name(dtype: Any) -> str:
+    vectors = {wp.vec2: "wp.vec2", wp.vec3: "wp.vec3", wp.vec4: "wp.vec4", wp.transform: "wp.transform"}
+    return vectors.get(dtype, dtype.__name__)
+
+
+def _fits(host: np.ndarray, target: np.dtype) -> bool:
+    if np.dtype(target).kind == "f":
+        return True
+    limits = np.iinfo(target)
+    return bool(limits.min <= host.min() and host.max() <= limits.max)
+
+
+def surely_finite(numbers: np.ndarray) -> bool:
+    """Whether all numbers of a contiguous float array are known to be finite, from their sum of squares.
+
+    That takes a tenth of the time of looking at each. False says nothing: squares of large numbers overflow.
+    """
+    flat = numbers.reshape(-1)
+    with np.errstate(invalid="ignore", over="ignore"):
+        return bool(np.isfinite(np.dot(flat, flat)))
+
+
+def on_gpu(value: Any) -> bool:
+    """Whether an array of whatever library lies on a GPU."""
+    if isinstance(value, wp.array):
+        return not value.device.is_cpu
+    return hasattr(value, "__cuda_array_interface__") or (
+        hasattr(value, "__dlpack_device__") and value.__dlpack_device__()[0] == 2  # kDLCUDA
+    )

@@ -1,0 +1,192 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Frames: what is to be rendered, one camera pose in one world each."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, get_args
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.arrays import FARTHEST, as_numpy
+from warpvis.core.poses import Convention, poses_to_opencv
+from warpvis.errors import ArrayError, PoseError
+
+# Squared lengths of normalised quaternions are this near to 1; they are not normalised again, so that poses which were
+# saved and read back are the same to the last bit.
+_UNIT_ROUNDING = 4e-15
+
+_LEAST_LENGTH = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """V frames. Everything is NumPy, on the host; `from_poses` checks what it is given."""
+
+    camera_to_world: NDArray[np.float64]
+    """Rows ``x y z qx qy qz qw`` [m] of the OpenCV camera frame, unit quaternions, shape ``(V, 7)``."""
+    timestamps: NDArray[np.float64]
+    """Time of every frame [s], shape ``(V,)``; 0, 1, 2, ... if the source has none."""
+    object_poses: NDArray[np.float32] | None = None
+    """Poses of the M movable objects in W worlds, as for `Renderer.render`, shape ``(W, M, 7)``; None for where they
+    were added."""
+    world: NDArray[np.int32] | None = None
+    """Every frame's world, shape ``(V,)``; None if there is one world, or W == V and each frame has its own."""
+    source: Mapping[str, Any] = field(default_factory=dict)
+    """Where the frames come from, of what JSON can hold: ``{"file": "walk.txt", "format": "tum"}``."""
+
+    def __len__(self) -> int:
+        return len(self.camera_to_world)
+
+    def __getitem__(self, part: slice) -> Frames:
+        """The frames of a slice; worlds are cut along where each frame has its own.
+
+        Raises:
+            ArrayError: `part` is not a slice.
+        """
+        if not isinstance(part, slice):
+            raise ArrayError(f"frames are cut by slices, frames[a:b], got {part!r}")
+        objects = self.object_poses
+        if objects is not None and self.world is None and len(objects) > 1:
+            objects = objects[part]
+        world = None if self.world is None else self.world[part]
+        return Frames(self.camera_to_world[part], self.timestamps[part], objects, world, self.source)
+
+    @classmethod
+    def from_poses(
+        cls,
+        poses: Any,
+        *,
+        convention: Convention = "opencv",
+        timestamps: Any = None,
+        object_poses: Any = None,
+        world: Any = None,
+        source: Mapping[str, Any] | None = None,
+    ) -> Frames:
+        """Frames of poses, which are checked; quaternions of cameras are normalised.
+
+        Args:
+            poses: Camera-to-world poses: rows ``x y z qx qy qz qw`` [m], shape ``(V, 7)``, or matrices, shape
+                ``(V, 4, 4)``.
+            convention: Axes of the camera frame that the poses are for; see `Renderer.render`.
+            timestamps: Time of every frame [s], shape ``(V,)``; 0, 1, 2, ... by default.
+            object_poses: Poses of the M movable objects in W worlds, rows ``x y z qx qy qz qw`` [m], shape
+                ``(W, M, 7)``, or ``(M, 7)`` for one world. They are kept in single precision and not normalised;
+                casters do that.
+            world: Every frame's world, whole numbers from 0 to W - 1, shape ``(V,)``.
+            source: Where the frames come from, of what JSON can hold.
+
+        Raises:
+            PoseError: There are no poses, or poses of cameras or objects are malformed.
+            ArrayError: Timestamps, worlds or the source are.
+        """
+        rows = _camera_rows(poses, convention)
+        count = len(rows)
+        objects = None if object_poses is None else _object_rows(object_poses)
+        worlds = None
+        if world is not None:
+            worlds = _check_world(world, count, objects)
+        elif objects is not None and len(objects) not in (1, count):
+            raise ArrayError(
+                f"object_poses are of {len(objects)} worlds and there are {count} frames; say world= of each frame"
+            )
+        return cls(rows, _check_timestamps(timestamps, count), objects, worlds, _check_source(source))
+
+
+def _camera_rows(poses: Any, convention: Convention) -> NDArray[np.float64]:
+    if convention not in get_args(Convention):
+        raise PoseError(f"convention must be one of {', '.join(map(repr, get_args(Convention)))}, got {convention!r}")
+    given = _host(poses, "poses")
+    if given.dtype.kind == "b":
+        raise PoseError("poses must be numbers, got booleans")
+    given = given.astype(np.float64)
+    if not given.size:
+        raise PoseError(f"there must be at least one pose, got an array of shape {given.shape}")
+    _check_size(given, "poses")
+    rows = poses_to_opencv(given, convention)
+    if given.ndim == 2 and given.shape[1] == 7 and convention == "opencv":
+        squared = np.einsum("ij,ij->i", given[:, 3:], given[:, 3:])
+        unit = np.abs(squared - 1) < _UNIT_ROUNDING
+        rows[unit] = given[unit]
+    return rows
+
+
+def _object_rows(poses: Any) -> NDArray[np.float32]:
+    given = _host(poses, "object_poses")
+    given = given[None] if given.ndim == 2 else given
+    if given.dtype.kind == "b" or given.ndim != 3 or given.shape[2] != 7 or not given.size:
+        raise PoseError(
+            "object_poses must have shape (W, M, 7), rows x y z qx qy qz qw of M objects in W worlds, "
+            f"got {given.dtype} of shape {given.shape}"
+        )
+    _check_size(given.astype(np.float64), "object_poses")
+    rows = given.astype(np.float32)
+    bad = np.argwhere(~(np.linalg.norm(rows[..., 3:].astype(np.float64), axis=2) > _LEAST_LENGTH))
+    if len(bad):
+        where = ", ".join(f"object {m} in world {w}" for w, m in bad[:3])
+        raise PoseError(f"object_poses must not have a zero-length quaternion: {len(bad)} have, of {where}")
+    return rows
+
+
+def _check_size(array: NDArray[np.float64], name: str) -> None:
+    """Raise `PoseError` for what is not finite, or too large to be squared in single precision."""
+    with np.errstate(invalid="ignore"):
+        fine = np.less_equal(np.abs(np.atleast_1d(array)), FARTHEST)
+    fine = np.all(fine.reshape(len(fine), -1), axis=1)
+    bad = np.flatnonzero(~fine)
+    if len(bad):
+        raise PoseError(
+            f"{name} must be finite numbers of at most 1e18: {len(bad)} of {len(fine)} are not, the first at index "
+            f"{bad[0]}"
+        )
+
+
+def _check_timestamps(timestamps: Any, count: int) -> NDArray[np.float64]:
+    if timestamps is None:
+        return np.arange(count, dtype=np.float64)
+    times = _host(timestamps, "timestamps")
+    if times.dtype.kind == "b" or times.shape != (count,):
+        raise ArrayError(f"timestamps must be {count} seconds, one a frame, got {times.dtype} of shape {times.shape}")
+    times = times.astype(np.float64)
+    bad = np.flatnonzero(~np.isfinite(times))
+    if len(bad):
+        raise ArrayError(f"timestamps must be finite: {len(bad)} are not, the first at index {bad[0]}")
+    return times
+
+
+def _check_world(world: Any, count: int, objects: NDArray[np.float32] | None) -> NDArray[np.int32]:
+    if objects is None:
+        raise ArrayError("world says which of object_poses a frame has, so give object_poses")
+    worlds = _host(world, "world")
+    if worlds.dtype.kind not in "iu" or worlds.shape != (count,):
+        raise ArrayError(
+            f"world must be {count} whole numbers, one a frame, got {worlds.dtype} of shape {worlds.shape}"
+        )
+    bad = np.flatnonzero((worlds < 0) | (worlds >= len(objects)))
+    if len(bad):
+        raise ArrayError(
+            f"world must be from 0 to {len(objects) - 1}, the worlds of object_poses, got {worlds[bad[0]]} for frame "
+            f"{bad[0]}"
+        )
+    return worlds.astype(np.int32)
+
+
+def _check_source(source: Mapping[str, Any] | None) -> dict[str, Any]:
+    """The source as it is when it was written as JSON and read back: two of them compare."""
+    if source is None:
+        return {}
+    try:
+        if isinstance(source, Mapping):
+            return json.loads(json.dumps(dict(source), allow_nan=False))
+    except (TypeError, ValueError):
+        pass
+    raise ArrayError(f"source must be a mapping of what JSON can hold, got {source!r}")
+
+
+def _host(value: Any, name: str) -> NDArray[Any]:
+    return as_numpy(value.numpy() if isinstance(value, wp.array) else value, name=name)

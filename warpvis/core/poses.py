@@ -1,0 +1,241 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Camera poses: camera to world, as ``x y z qx qy qz qw`` rows or 4x4 matrices, in three conventions of axes."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Literal
+
+import numpy as np
+import warp as wp
+from numpy.typing import ArrayLike, NDArray
+
+from warpvis.core.arrays import as_numpy, as_point, get_device
+from warpvis.errors import PoseError
+
+Convention = Literal["opencv", "opengl", "ros"]
+
+# Quaternion (x, y, z, w) of the OpenCV camera frame (x right, y down, z forward) in each frame that poses may be given
+# for: OpenGL is x right, y up, z backward; ROS bodies (REP 103) are x forward, y left, z up.
+_OPENCV_TO: dict[str, tuple[float, float, float, float]] = {
+    "opencv": (0.0, 0.0, 0.0, 1.0),
+    "opengl": (1.0, 0.0, 0.0, 0.0),
+    "ros": (-0.5, 0.5, -0.5, 0.5),
+}
+
+# How far from orthonormal a rotation may be: matrices printed with four decimals pass, scaled ones do not.
+_ROTATION_TOLERANCE = 1e-3
+
+# A quaternion shorter than this has no direction.
+_LEAST_LENGTH = 1e-6
+
+
+def parse_poses(
+    poses: Any, *, convention: Convention = "opencv", device: Any = "cpu", name: str = "camera_to_world"
+) -> wp.array:
+    """Poses as the casters take them.
+
+    Poses of the host are checked one by one. Poses already on a GPU stay there and are not read back: only their
+    shape, dtype and device are checked.
+
+    Args:
+        poses: Camera-to-world poses: rows ``x y z qx qy qz qw`` [m], shape ``(V, 7)`` or ``(7,)`` for one view, or
+            matrices, shape ``(V, 4, 4)`` or ``(4, 4)``.
+        convention: Axes of the camera frame the poses are for: ``"opencv"`` (x right, y down, z forward), ``"opengl"``
+            (x right, y up, z backward) or ``"ros"`` (x forward, y left, z up).
+        device: Where the result lives.
+        name: What messages call the poses.
+
+    Returns:
+        Poses of the OpenCV camera frame, shape ``(V,)`` `wp.transform` on `device`.
+
+    Raises:
+        PoseError: Shape, values or convention are wrong; the first few offending views are named.
+    """
+    device = get_device(device)
+    if convention not in _OPENCV_TO:
+        raise PoseError(f"convention must be one of {', '.join(map(repr, _OPENCV_TO))}, got {convention!r}")
+    if isinstance(poses, wp.array) and not poses.device.is_cpu:
+        return _parse_on_device(poses, convention, device, name)
+    if hasattr(poses, "__cuda_array_interface__"):
+        return _parse_on_device(_from_foreign(poses, name), convention, device, name)
+    rows = poses_to_opencv(poses.numpy() if isinstance(poses, wp.array) else poses, convention, name=name)
+    return wp.array(rows.astype(np.float32), dtype=wp.transform, device=device)
+
+
+def host_poses(poses: Any, *, convention: Convention = "opencv", name: str = "camera_to_world") -> NDArray[np.float32]:
+    """Poses for a caster on the CPU: what `parse_poses` gives, as rows ``(V, 7)``, at the least cost.
+
+    Rows that are well, as they mostly are, pass after two looks. They are not normalised: casters do that themselves.
+    """
+    if type(poses) is np.ndarray and poses.dtype == np.float32 and poses.ndim == 2 and poses.shape[1] == 7:
+        with np.errstate(invalid="ignore", over="ignore"):  # what is not well is named below
+            squared = np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:])
+            total = poses.sum()
+        # A sum is finite only if its terms are.
+        well = math.isfinite(total) and squared.min(initial=1.0) > 0.5 and squared.max(initial=1.0) < 2.0
+        if well and convention == "opencv":
+            return poses
+    return parse_poses(poses, convention=convention, device="cpu", name=name).numpy().view(np.float32).reshape(-1, 7)
+
+
+def poses_to_opencv(poses: ArrayLike, convention: Convention = "opencv", *, name: str = "poses") -> NDArray[np.float64]:
+    """Poses of the host as checked, normalised rows of the OpenCV camera frame, shape ``(V, 7)``."""
+    array = as_numpy(poses, name=name).astype(np.float64)
+    if array.shape in ((7,), (4, 4)):
+        array = array[None]
+    if array.ndim == 2 and array.shape[1] == 7:
+        rows = _check_rows(array, name)
+        if convention == "opencv":
+            return rows
+    elif array.ndim == 3 and array.shape[1:] == (4, 4):
+        rows = _rows_from_matrices(array, name)
+    else:
+        raise PoseError(
+            f"{name} must have shape (V, 7), rows x y z qx qy qz qw, or (V, 4, 4), camera to world, got {array.shape}"
+        )
+    return np.concatenate([rows[:, :3], quaternion_product(rows[:, 3:], np.array(_OPENCV_TO[convention]))], axis=1)
+
+
+def poses_to_matrices(poses: ArrayLike) -> NDArray[np.float64]:
+    """Rows ``x y z qx qy qz qw``, shape ``(..., 7)``, as matrices, shape ``(..., 4, 4)``."""
+    rows = np.asarray(poses, dtype=np.float64)
+    x, y, z, w = np.moveaxis(rows[..., 3:] / np.linalg.norm(rows[..., 3:], axis=-1, keepdims=True), -1, 0)
+    matrices = np.zeros((*rows.shape[:-1], 4, 4))
+    matrices[..., 0, :3] = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], axis=-1)
+    matrices[..., 1, :3] = np.stack([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)], axis=-1)
+    matrices[..., 2, :3] = np.stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)], axis=-1)
+    matrices[..., :3, 3] = rows[..., :3]
+    matrices[..., 3, 3] = 1
+    return matrices
+
+
+def look_at(eye: ArrayLike, target: ArrayLike, *, up: str | ArrayLike = "z") -> NDArray[np.float64]:
+    """Pose of an OpenCV camera at `eye` that looks at `target`.
+
+    Args:
+        eye: Camera position in the world [m], shape ``(3,)``.
+        target: A point in the middle of the image [m], shape ``(3,)``.
+        up: What points up in the image: ``"z"``, ``"y"``, or a world direction of shape ``(3,)``.
+
+    Returns:
+        Row ``x y z qx qy qz qw``, camera to world, shape ``(7,)``.
+
+    Raises:
+        PoseError: `eye` and `target` coincide, or lie along `up`, which then points nowhere in the image.
+    """
+    eye, target = as_point(eye, "eye", PoseError), as_point(target, "target", PoseError)
+    vertical = np.eye(3)[check_up(up)] if isinstance(up, str) else as_point(up, "up", PoseError)
+    forward = target - eye
+    right = np.cross(forward, vertical)
+    if np.linalg.norm(right) <= 1e-9 * np.linalg.norm(forward) * np.linalg.norm(vertical):
+        raise PoseError(
+            f"eye {eye.tolist()} and target {target.tolist()} must be apart and not along up, {vertical.tolist()}; "
+            "give another up for a camera that looks straight down"
+        )
+    axes = np.stack([right, np.cross(forward, right), forward], axis=1)
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = axes / np.linalg.norm(axes, axis=0), eye
+    return _rows_from_matrices(matrix[None], "pose")[0]
+
+
+def check_up(up: str) -> int:
+    """Index of the world's vertical axis."""
+    if up not in ("z", "y"):
+        raise PoseError(f'up must be "z" or "y", got {up!r}')
+    return "xyz".index(up)
+
+
+def quaternion_product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Hamilton products ``a b`` of ``x y z w`` quaternions, shapes ``(..., 4)``: first `b` rotates, then `a`."""
+    ax, ay, az, aw = np.moveaxis(a, -1, 0)
+    bx, by, bz, bw = np.moveaxis(b, -1, 0)
+    return np.stack(
+        [
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+            aw * bw - ax * bx - ay * by - az * bz,
+        ],
+        axis=-1,
+    )
+
+
+def _check_rows(rows: NDArray[np.float64], name: str) -> NDArray[np.float64]:
+    _refuse(name, ~np.isfinite(rows).all(axis=1), "must be finite")
+    length = np.linalg.norm(rows[:, 3:], axis=1)
+    _refuse(name, length < _LEAST_LENGTH, "must not have a zero-length quaternion")
+    return np.concatenate([rows[:, :3], rows[:, 3:] / length[:, None]], axis=1)
+
+
+def _rows_from_matrices(matrices: NDArray[np.float64], name: str) -> NDArray[np.float64]:
+    _refuse(name, ~np.isfinite(matrices).all(axis=(1, 2)), "must be finite")
+    _refuse(name, (matrices[:, 3] != [0, 0, 0, 1]).any(axis=1), "must have the last row 0 0 0 1")
+    rotation = matrices[:, :3, :3]
+    error = np.abs(rotation @ rotation.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
+    _refuse(name, (error > _ROTATION_TOLERANCE) | (np.linalg.det(rotation) < 0), "must be rotations without scale")
+    return np.concatenate([matrices[:, :3, 3], _quaternions(rotation)], axis=1)
+
+
+def _quaternions(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Unit quaternions ``x y z w`` of rotation matrices, by the largest of the four components (Shepperd 1978)."""
+    m00, m11, m22 = rotations[:, 0, 0], rotations[:, 1, 1], rotations[:, 2, 2]
+    squares = np.stack([1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22, 1 + m00 + m11 + m22], axis=1)
+    # Row k of `products` is 4 q_k (x, y, z, w); the row with the largest diagonal loses no digits.
+    products = np.empty((len(rotations), 4, 4))
+    products[:, range(4), range(4)] = squares
+    for a, b in ((0, 1), (0, 2), (1, 2)):
+        products[:, a, b] = products[:, b, a] = rotations[:, a, b] + rotations[:, b, a]
+    for k, (a, b) in enumerate(((2, 1), (0, 2), (1, 0))):
+        products[:, k, 3] = products[:, 3, k] = rotations[:, a, b] - rotations[:, b, a]
+    rows = products[np.arange(len(rotations)), squares.argmax(axis=1)]
+    return rows / np.linalg.norm(rows, axis=1, keepdims=True)
+
+
+def _refuse(name: str, bad: ArrayLike, wanted: str) -> None:
+    bad = np.asarray(bad)
+    if bad.any():
+        indices = np.flatnonzero(bad)
+        first = ", ".join(map(str, indices[:5])) + (", ..." if len(indices) > 5 else "")
+        raise PoseError(f"{name} {wanted}: wrong in {len(indices)} of {len(bad)}, at index {first}")
+
+
+def _parse_on_device(poses: wp.array, convention: str, device: wp.Device, name: str) -> wp.array:
+    from warpvis.kernels import poses as kernels
+
+    if poses.device != device:
+        raise PoseError(f"{name} must be on device {device}, got {poses.device}")
+    matrices, poses = _as_poses(poses, name)
+    if not matrices and convention == "opencv":
+        return poses
+    kernel = kernels.poses_from_matrices if matrices else kernels.poses_to_opencv
+    out = wp.empty(poses.shape, dtype=wp.transform, device=device)
+    wp.launch(kernel, dim=poses.shape, inputs=[poses, wp.quat(*_OPENCV_TO[convention]), out], device=device)
+    return out
+
+
+def _as_poses(poses: wp.array, name: str) -> tuple[bool, wp.array]:
+    """Whether a device array holds matrices, and the array as `wp.mat44` or `wp.transform` elements."""
+    for dtype, shape in ((wp.transform, (7,)), (wp.mat44, (4, 4))):
+        matrices = dtype is wp.mat44
+        if poses.ndim == 1 and wp.types.types_equal(poses.dtype, dtype):
+            return matrices, poses
+        if poses.dtype == wp.float32 and poses.shape[-len(shape) :] == shape and poses.is_contiguous:
+            views = poses.shape[0] if poses.ndim > len(shape) else 1
+            if poses.ndim <= len(shape) + 1:
+                # The view keeps the memory alive that it looks at.
+                view = wp.array(ptr=poses.ptr, dtype=dtype, shape=(views,), device=poses.device)
+                view._ref = poses
+                return matrices, view
+    raise PoseError(
+        f"{name} on {poses.device} must be contiguous float32 of shape (V, 7) or (V, 4, 4), "
+        f"got {poses.dtype.__name__} of shape {poses.shape}"
+    )
+
+
+def _from_foreign(poses: Any, name: str) -> wp.array:
+    try:
+        return wp.from_dlpack(poses)
+    except Exception as error:  # foreign libraries raise what they like
+        raise PoseError(f"{name} must be an array of numbers: {error}") from None

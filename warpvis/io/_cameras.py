@@ -1,0 +1,58 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Cameras by name or from a JSON file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from warpvis.core.camera import Camera
+from warpvis.errors import CameraError, FileFormatError
+
+_COMMON = {"width", "height", "near", "far"}
+_FROM_K = _COMMON | {"K", "pixel_center"}
+_FROM_FOV = _COMMON | {"hfov", "vfov", "vertical"}
+
+
+def load_camera(name_or_path: str) -> Camera:
+    """The camera ``kinect``, or one from a JSON file.
+
+    The file holds ``width``, ``height`` [px], optionally ``near``, ``far`` [m], and either ``hfov`` or ``vfov`` [rad]
+    (optionally ``vertical``), or ``K`` (3x3, optionally ``pixel_center``); see `Camera.from_fov` and `Camera.from_K`.
+
+    Raises:
+        FileFormatError: There is no such file, or it is not JSON.
+        CameraError: The file does not describe a camera.
+    """
+    if name_or_path == "kinect":
+        return Camera.kinect()
+    path = Path(name_or_path)
+    try:
+        fields = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise FileFormatError(
+            f'{path}: cannot be read: {error.strerror}; a camera is "kinect" or a JSON file'
+        ) from None
+    except json.JSONDecodeError as error:
+        raise FileFormatError(f"{path}:{error.lineno}: is not JSON: {error.msg}") from None
+    except UnicodeDecodeError:
+        raise FileFormatError(f"{path}: is not a JSON text file") from None
+    return _camera_from_fields(fields, path)
+
+
+def _camera_from_fields(fields: Any, path: Path) -> Camera:
+    if not isinstance(fields, dict):
+        raise CameraError(f"{path}: a camera file holds one JSON object, got {type(fields).__name__}")
+    known = _FROM_K if "K" in fields else _FROM_FOV
+    unknown, missing = sorted(fields.keys() - known), sorted({"width", "height"} - fields.keys())
+    if unknown or missing:
+        problem = f"unknown {', '.join(unknown)}" if unknown else f"missing {', '.join(missing)}"
+        raise CameraError(f"{path}: {problem}; a camera file may hold {', '.join(sorted(known))}")
+    try:
+        return Camera.from_K(**fields) if "K" in fields else Camera.from_fov(**fields)
+    except CameraError as error:
+        raise CameraError(f"{path}: {error}") from None
+    except TypeError:
+        raise CameraError(f"{path}: sizes, fields of view and ranges must be numbers") from None

@@ -1,0 +1,90 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Points from files: text of lines ``x y z``, NumPy ``.npy``, and ``.ply``."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.errors import FileFormatError
+from warpvis.io._text import read_lines
+
+_LINE = "x y z"
+
+
+def read_points(path: str | os.PathLike[str]) -> NDArray[np.float64]:
+    """Read points of the world.
+
+    A ``.npy`` file holds an array of shape ``(N, 3)``, a ``.ply`` file a point cloud or the corners of a mesh.
+    Every other file is text of lines ``x y z``, in which commas count as spaces; empty lines and lines that begin with
+    ``#`` are skipped, and so is a first line of the words x, y and z.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Points as the file has them, shape ``(N, 3)``.
+
+    Raises:
+        FileFormatError: The file is missing, holds no points, or a line or a row is malformed; it is named.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise FileFormatError(f"{path}: no such file")
+    readers = {".npy": _read_npy, ".ply": _read_ply}
+    points = readers.get(path.suffix.lower(), _read_text)(path)
+    if not len(points):
+        raise FileFormatError(f"{path}: holds no points")
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if len(bad):
+        raise FileFormatError(f"{path}: points must be finite, and {len(bad)} are not, the first at index {bad[0]}")
+    return points
+
+
+def _read_text(path: Path) -> NDArray[np.float64]:
+    lines = read_lines(path, _LINE)
+    rows: list[list[float]] = []
+    for number, line in enumerate(lines, start=1):
+        words = line.replace(",", " ").split()
+        if not words or words[0].startswith("#"):
+            continue
+        if not rows and [word.lower() for word in words] == ["x", "y", "z"]:
+            continue
+        rows.append(_parse_words(words, f"{path}:{number}"))
+    return np.array(rows).reshape(-1, 3)
+
+
+def _parse_words(words: list[str], place: str) -> list[float]:
+    try:
+        values = [float(word) for word in words]
+    except ValueError:
+        values = []
+    if len(values) != 3 or not all(map(math.isfinite, values)):
+        raise FileFormatError(f"{place}: expected three finite numbers '{_LINE}', got {' '.join(words)!r}")
+    return values
+
+
+def _read_npy(path: Path) -> NDArray[np.float64]:
+    try:
+        array = np.load(path, allow_pickle=False)
+    except Exception as error:  # a file that looks like an archive has errors of its own
+        raise FileFormatError(f"{path}: does not read as NPY: {error or type(error).__name__}") from None
+    if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiu" or array.ndim != 2 or array.shape[1] != 3:
+        got = f"{array.dtype} of shape {array.shape}" if isinstance(array, np.ndarray) else "an archive"
+        raise FileFormatError(f"{path}: expected an array of numbers of shape (N, 3), got {got}")
+    return array.astype(np.float64)
+
+
+def _read_ply(path: Path) -> NDArray[np.float64]:
+    import trimesh
+
+    try:
+        loaded = trimesh.load(path, process=False)
+        return np.asarray(loaded.vertices, dtype=np.float64).reshape(-1, 3)
+    except Exception as error:  # trimesh's readers raise what they like
+        raise FileFormatError(f"{path}: does not read as PLY: {error or type(error).__name__}") from None

@@ -1,0 +1,83 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What readers of pose files give, and how it becomes frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.frames import Frames
+from warpvis.core.poses import Convention
+from warpvis.errors import FileFormatError, PoseError, WarpvisError
+
+
+@dataclass(frozen=True, eq=False)
+class FilePoses:
+    """What a pose file holds, before its values are checked."""
+
+    poses: NDArray[np.float64]
+    """Camera to world: rows ``(V, 7)`` or matrices ``(V, 4, 4)``."""
+    place: Callable[[int], str]
+    """Where in which file a pose is, as messages say it: ``walk.csv:12``."""
+    convention: Convention = "opencv"
+    """Axes of the camera frame that poses of this kind are for unless the caller says otherwise."""
+    timestamps: NDArray[np.float64] | None = None
+    """Time of every pose [s], shape ``(V,)``."""
+    object_poses: Any = None
+    """See `Frames`."""
+    world: Any = None
+    """See `Frames`."""
+    details: Mapping[str, Any] = field(default_factory=dict)
+    """What else says where the poses come from."""
+
+    def to_frames(self, path: Path, file_format: str, convention: Convention | None) -> Frames:
+        """The frames.
+
+        Raises:
+            FileFormatError: There are no poses, or values are not what they have to be; the first is named.
+        """
+        if not len(self.poses):
+            raise FileFormatError(f"{path}: holds no poses")
+        axes = convention or self.convention
+        source = {"file": path.name, "format": file_format, "convention": axes, **self.details}
+        try:
+            return Frames.from_poses(
+                self.poses,
+                convention=axes,
+                timestamps=self.timestamps,
+                object_poses=self.object_poses,
+                world=self.world,
+                source=source,
+            )
+        except WarpvisError as error:
+            self._refuse_first(axes)
+            raise FileFormatError(f"{path}: {error}") from None
+
+    def _refuse_first(self, convention: Convention) -> None:
+        """Name the first malformed pose by its place, if one is: halving finds it."""
+
+        def problem(count: int) -> str:
+            try:
+                Frames.from_poses(self.poses[:count], convention=convention)
+            except PoseError as error:
+                return str(error).partition(": ")[0]
+            return ""
+
+        fine, count = 0, len(self.poses)
+        if not problem(count):
+            return
+        while count - fine > 1:
+            middle = (fine + count) // 2
+            fine, count = (fine, middle) if problem(middle) else (middle, count)
+        raise FileFormatError(f"{self.place(fine)}: {problem(count)}")
+
+
+def first_line(error: Exception) -> str:
+    """What a library's error says, for a message of one sentence."""
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]

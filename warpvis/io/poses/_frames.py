@@ -1,0 +1,153 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Frames from pose files of every kind that is read."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from warpvis.core.frames import Frames
+from warpvis.core.poses import Convention
+from warpvis.errors import FileFormatError, PoseError
+from warpvis.io._json import read_json
+from warpvis.io.poses._bop import parse_bop
+from warpvis.io.poses._file_poses import FilePoses, first_line
+from warpvis.io.poses._nerfstudio import parse_nerfstudio
+from warpvis.io.poses._tables import read_csv, read_parquet
+from warpvis.io.poses._tum import read_poses
+
+PoseFormat = Literal["tum", "npy", "npz", "csv", "parquet", "nerfstudio", "bop", "ros"]
+
+_SUFFIXES: dict[str, PoseFormat] = {
+    ".npy": "npy",
+    ".npz": "npz",
+    ".csv": "csv",
+    ".parquet": "parquet",
+    ".pq": "parquet",
+    ".mcap": "ros",
+    ".db3": "ros",
+}
+
+
+def read_frames(
+    path: str | os.PathLike[str],
+    *,
+    convention: Convention | None = None,
+    file_format: PoseFormat | None = None,
+    topic: str | None = None,
+) -> Frames:
+    """Read camera poses, and what else a pose file says of its frames.
+
+    - ``tum``: text of lines ``timestamp tx ty tz qx qy qz qw``; every suffix that is not named below.
+    - ``npy``: an array ``(V, 7)``, rows ``x y z qx qy qz qw``, or ``(V, 4, 4)``.
+    - ``npz``: such an array, ``camera_to_world``, and optionally ``timestamps`` (or ``timestamp``) ``(V,)``,
+      ``object_poses`` ``(W, M, 7)`` and ``world`` ``(V,)``, see `Frames`; other arrays are not read. What
+      ``warpvis render`` writes is one.
+    - ``csv``, ``parquet``: columns ``x y z qx qy qz qw`` (``tx ty tz``), optionally ``timestamp`` (``time``, ``t``);
+      in any order, among others.
+    - ``nerfstudio``: ``transforms.json``. The frames' order is the file's, in its world frame (``applied_transform``
+      is not undone), and their timestamps are 0, 1, 2, ...
+    - ``bop``: ``scene_camera.json`` with world-to-camera poses in millimetres. The frames are in the order of image
+      ids, which are their timestamps.
+    - ``ros``: a topic of a ROS 2 bag, a folder or one ``.mcap`` or ``.db3`` file; see
+      `warpvis.io.poses._ros_bags.read_bag`.
+
+    Poses are camera to world [m], timestamps seconds.
+
+    Args:
+        path: The file, or the folder of a ROS 2 bag.
+        convention: Axes of the camera frame that the poses are for. By default the format's: ``"opengl"`` for
+            nerfstudio; for ROS ``"opencv"`` where the frame's name ends in ``_optical_frame`` and ``"ros"`` elsewhere;
+            ``"opencv"`` for every other.
+        file_format: The file's format; by default its suffix tells, and of JSON files the content.
+        topic: Of a ROS 2 bag: the topic to read.
+
+    Returns:
+        The frames, in the file's order; their `source` says the file's name, its format and the convention.
+
+    Raises:
+        FileFormatError: The file is missing, holds no poses, or is malformed: it is named, and the line, row, frame,
+            image or message.
+        PoseError: `convention` is none.
+    """
+    path = Path(path)
+    if convention is not None and convention not in get_args(Convention):
+        raise PoseError(f"convention must be one of {', '.join(map(repr, get_args(Convention)))}, got {convention!r}")
+    if file_format is not None and file_format not in get_args(PoseFormat):
+        raise FileFormatError(f"file_format must be one of {', '.join(get_args(PoseFormat))}, got {file_format!r}")
+    if not os.path.exists(path):
+        raise FileFormatError(f"{path}: no such file")
+    kind, poses = _read(path, file_format, topic)
+    return poses.to_frames(path, kind, convention)
+
+
+def _read(path: Path, file_format: PoseFormat | None, topic: str | None) -> tuple[str, FilePoses]:
+    kind = file_format or ("ros" if os.path.isdir(path) else _SUFFIXES.get(path.suffix.lower()))
+    if topic is not None and kind != "ros":
+        raise FileFormatError(f"{path}: topic= is for ROS 2 bags, which this is not")
+    if kind == "ros":
+        from warpvis.io.poses._ros_bags import read_bag
+
+        return kind, read_bag(path, topic=topic)
+    if kind in ("nerfstudio", "bop") or (kind is None and path.suffix.lower() == ".json"):
+        data = read_json(path)
+        kind = kind or ("nerfstudio" if isinstance(data, dict) and "frames" in data else "bop")
+        return kind, {"nerfstudio": parse_nerfstudio, "bop": parse_bop}[kind](path, data)
+    readers = {"npy": _read_npy, "npz": _read_npz, "csv": read_csv, "parquet": read_parquet}
+    return kind or "tum", readers.get(kind or "tum", _read_tum)(path)
+
+
+def _read_tum(path: Path) -> FilePoses:
+    times, rows = read_poses(path)
+    return FilePoses(rows, lambda index: f"{path}: pose {index}", timestamps=times)
+
+
+def _read_npy(path: Path) -> FilePoses:
+    return _row_poses(path, _load(path, "NPY", np.ndarray), "the array")
+
+
+def _read_npz(path: Path) -> FilePoses:
+    wanted = ("camera_to_world", "timestamps", "timestamp", "object_poses", "world")
+    with _load(path, "NPZ", np.lib.npyio.NpzFile) as archive:
+        try:
+            arrays = {name: archive[name] for name in wanted if name in archive}
+        except Exception as error:  # so do damaged archives
+            raise FileFormatError(f"{path}: does not read as NPZ: {first_line(error)}") from None
+        names = list(archive)
+    if "camera_to_world" not in arrays:
+        raise FileFormatError(f"{path}: expected an array camera_to_world, got {', '.join(names) or 'no arrays'}")
+    if "timestamp" in arrays and "timestamps" in arrays:
+        raise FileFormatError(f"{path}: expected timestamps or timestamp, got both")
+    poses = _row_poses(path, arrays["camera_to_world"], "camera_to_world")
+    return FilePoses(
+        poses.poses,
+        poses.place,
+        timestamps=arrays.get("timestamps", arrays.get("timestamp")),
+        object_poses=arrays.get("object_poses"),
+        world=arrays.get("world"),
+    )
+
+
+def _load(path: Path, kind: str, wanted: type) -> Any:
+    try:
+        loaded = np.load(path, allow_pickle=False)
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror or first_line(error)}") from None
+    except Exception as error:  # a file that looks like an archive has errors of its own
+        raise FileFormatError(f"{path}: does not read as {kind}: {first_line(error)}") from None
+    if not isinstance(loaded, wanted):
+        got = "one array" if kind == "NPZ" else "an archive"
+        raise FileFormatError(f"{path}: does not read as {kind}: it is {got}")
+    return loaded
+
+
+def _row_poses(path: Path, array: Any, name: str) -> FilePoses:
+    rows = isinstance(array, np.ndarray) and array.dtype.kind in "fiu" and array.ndim
+    if not rows or array.shape[1:] not in ((7,), (4, 4)):
+        got = f"{array.dtype} of shape {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
+        raise FileFormatError(f"{path}: {name} must be numbers of shape (V, 7) or (V, 4, 4), got {got}")
+    return FilePoses(array, lambda index: f"{path}: pose {index}")

@@ -1,0 +1,34 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Poses of nerfstudio's ``transforms.json``: camera to world, OpenGL axes, 4x4.
+
+Format: https://docs.nerf.studio/quickstart/data_conventions.html
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from warpvis.errors import FileFormatError
+from warpvis.io._json import as_numbers, shorten
+from warpvis.io.poses._file_poses import FilePoses
+
+
+def parse_nerfstudio(path: Path, data: Any) -> FilePoses:
+    """Poses of the file's ``frames``, in the order in which it has them and in its world frame.
+
+    Raises:
+        FileFormatError: The file is something else, or a frame is malformed; it is named by its index.
+    """
+    frames = data.get("frames") if isinstance(data, dict) else data
+    if not isinstance(data, dict) or not isinstance(frames, list):
+        raise FileFormatError(f'{path}: must be an object with a list "frames", got {shorten(frames)}')
+    poses = np.empty((len(frames), 4, 4))
+    for index, frame in enumerate(frames):
+        if not isinstance(frame, dict) or "transform_matrix" not in frame:
+            raise FileFormatError(f'{path}: frame {index} must be an object with a "transform_matrix"')
+        poses[index] = as_numbers(frame["transform_matrix"], (4, 4), f"{path}: transform_matrix of frame {index}")
+    return FilePoses(poses, lambda index: f"{path}: frame {index}", "opengl")

@@ -1,0 +1,178 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Poses of ROS 2 bags, read without ROS: sqlite3 and MCAP storage."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from warpvis.errors import FileFormatError
+from warpvis.io.poses._file_poses import FilePoses, first_line
+
+_OPTICAL = "_optical_frame"
+
+
+class _Stamped(NamedTuple):
+    """One pose of a message."""
+
+    stamp: Any
+    parent: str
+    child: str
+    position: Any
+    orientation: Any
+
+
+def read_bag(path: Path, *, topic: str | None = None) -> FilePoses:
+    """Poses of one topic of a bag, in the order of the bag's messages.
+
+    The topic is one of geometry_msgs/PoseStamped, PoseWithCovarianceStamped, TransformStamped or PoseArray,
+    nav_msgs/Odometry or Path, or tf2_msgs/TFMessage. A pose is that of the camera in ``header.frame_id``, and a
+    transform's and an odometry's is of the frame ``child_frame_id``. Both are the same in all messages, since frames
+    are not chained; of a TFMessage topic with several child frames, the topic's name says which is the camera, after a
+    colon: ``/tf:camera_optical_frame``. Of a Path topic the last message counts, of a PoseArray topic all do.
+
+    Timestamps are the headers' [s]; if all are 0, there are none. Poses are of the OpenCV camera frame if the child
+    frame's name ends in ``_optical_frame``, else of a ROS body frame.
+
+    Args:
+        path: A folder with ``metadata.yaml``, or one ``.mcap`` or ``.db3`` file.
+        topic: The topic; not needed where one topic has poses.
+
+    Raises:
+        FileFormatError: rosbags is missing, the bag does not read, the topic is not in it or not of poses, or frames
+            differ.
+    """
+    try:
+        from rosbags.rosbag2 import Reader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise FileFormatError(
+            f"{path}: ROS 2 bags are read with rosbags, which is missing: pip install 'warpvis[ros]'"
+        ) from None
+    if path.is_dir() and not (path / "metadata.yaml").is_file():
+        raise FileFormatError(f"{path}: is a folder without metadata.yaml, so no ROS 2 bag; give a pose file")
+    name, _, child = (topic or "").partition(":")
+    try:
+        store = get_typestore(Stores.LATEST)
+        with Reader(path) as reader:
+            types = {item.topic: item.msgtype for item in reader.connections}
+            name = _choose_topic(path, types, name)
+            kind = types[name]
+            connections = [item for item in reader.connections if (item.topic, item.msgtype) == (name, kind)]
+            messages: Iterable[Any] = (store.deserialize_cdr(data, kind) for _, _, data in reader.messages(connections))
+            if kind == _PATH:
+                messages = deque(messages, maxlen=1)
+            poses = [pose for message in messages for pose in _POSES[kind](message)]
+    except FileFormatError:
+        raise
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror or first_line(error)}") from None
+    except Exception as error:  # damaged bags raise what they like
+        raise FileFormatError(f"{path}: does not read as a ROS 2 bag: {first_line(error)}") from None
+    return _as_poses(path, name, child, poses)
+
+
+def _choose_topic(path: Path, types: dict[str, str], topic: str) -> str:
+    readable = sorted(name for name, kind in types.items() if kind in _POSES)
+    known = ", ".join(f"{name} ({types[name]})" for name in readable) or "none"
+    if not topic:
+        if len(readable) != 1:
+            what = "several topics of poses; choose one as topic=" if readable else "no topic of poses"
+            raise FileFormatError(f"{path}: the bag has {what}: it has {known if readable else _all(types)}")
+        return readable[0]
+    if topic not in types:
+        raise FileFormatError(f"{path}: the bag has no topic {topic!r}; those of poses are: {known}")
+    if topic not in readable:
+        raise FileFormatError(f"{path}: topic {topic} is of {types[topic]}, not of poses; those of poses are: {known}")
+    return topic
+
+
+def _all(types: dict[str, str]) -> str:
+    return ", ".join(f"{name} ({kind})" for name, kind in sorted(types.items())) or "no topics"
+
+
+def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped]) -> FilePoses:
+    """One camera's poses in one frame."""
+    place = f"{path}: topic {topic}"
+    if not poses:
+        raise FileFormatError(f"{place} holds no poses")
+    children = sorted({pose.child for pose in poses})
+    if child:
+        if child not in children:
+            known = ", ".join(filter(None, children)) or "none"
+            raise FileFormatError(f"{place} has no child frame {child!r}; it has {known}")
+        poses, children = [pose for pose in poses if pose.child == child], [child]
+    if len(children) > 1:
+        raise FileFormatError(
+            f"{place} has the child frames {', '.join(children)}; choose one as topic='{topic}:{children[0]}'"
+        )
+    parents = sorted({pose.parent for pose in poses})
+    if len(parents) > 1:
+        raise FileFormatError(f"{place} has poses in the frames {', '.join(parents)}, and frames are not chained")
+    rows = [[*_components(pose.position, "xyz"), *_components(pose.orientation, "xyzw")] for pose in poses]
+    times = np.array([pose.stamp.sec + 1e-9 * pose.stamp.nanosec for pose in poses])
+    return FilePoses(
+        np.array(rows, dtype=np.float64),
+        lambda index: f"{place}: pose {index}",
+        "opencv" if children[0].endswith(_OPTICAL) else "ros",
+        times if times.any() else None,
+        details={"topic": f"{topic}:{child}" if child else topic},
+    )
+
+
+def _components(vector: Any, names: str) -> Iterable[float]:
+    return (getattr(vector, name) for name in names)
+
+
+def _from_pose(message: Any) -> Iterator[_Stamped]:
+    yield _stamped(message.header, message.pose)
+
+
+def _from_covariance(message: Any) -> Iterator[_Stamped]:
+    yield _stamped(message.header, message.pose.pose)
+
+
+def _from_odometry(message: Any) -> Iterator[_Stamped]:
+    yield _stamped(message.header, message.pose.pose, message.child_frame_id)
+
+
+def _from_path(message: Any) -> Iterator[_Stamped]:
+    for item in message.poses:  # whose own frame_id is left empty by many
+        yield _stamped(item.header, item.pose)._replace(parent=message.header.frame_id)
+
+
+def _from_pose_array(message: Any) -> Iterator[_Stamped]:
+    for pose in message.poses:
+        yield _stamped(message.header, pose)
+
+
+def _from_transform(message: Any) -> Iterator[_Stamped]:
+    header, transform = message.header, message.transform
+    yield _Stamped(header.stamp, header.frame_id, message.child_frame_id, transform.translation, transform.rotation)
+
+
+def _from_tf(message: Any) -> Iterator[_Stamped]:
+    for item in message.transforms:
+        yield from _from_transform(item)
+
+
+def _stamped(header: Any, pose: Any, child: str = "") -> _Stamped:
+    return _Stamped(header.stamp, header.frame_id, child, pose.position, pose.orientation)
+
+
+_PATH = "nav_msgs/msg/Path"
+
+_POSES: dict[str, Callable[[Any], Iterator[_Stamped]]] = {
+    "geometry_msgs/msg/PoseStamped": _from_pose,
+    "geometry_msgs/msg/PoseWithCovarianceStamped": _from_covariance,
+    "geometry_msgs/msg/TransformStamped": _from_transform,
+    "geometry_msgs/msg/PoseArray": _from_pose_array,
+    "nav_msgs/msg/Odometry": _from_odometry,
+    _PATH: _from_path,
+    "tf2_msgs/msg/TFMessage": _from_tf,
+}

@@ -1,0 +1,138 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Poses of tables, CSV and Parquet: columns ``x y z qx qy qz qw``, and ``timestamp`` if there is one."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.errors import FileFormatError
+from warpvis.io._json import shorten
+from warpvis.io._text import read_lines
+from warpvis.io.poses._file_poses import FilePoses, first_line
+
+_TIME = "timestamp"
+_POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
+_NAMES = {
+    _TIME: ("timestamp", "time", "t"),
+    "x": ("x", "tx"),
+    "y": ("y", "ty"),
+    "z": ("z", "tz"),
+    **{name: (name,) for name in _POSE[3:]},
+}
+
+
+def read_csv(path: Path) -> FilePoses:
+    """Poses of comma-separated values with a line of column names, which may begin with ``#``.
+
+    Other columns, empty lines, and lines that begin with ``#`` are skipped.
+
+    Raises:
+        FileFormatError: The file is something else, or a line is malformed; it is named.
+    """
+    lines = read_lines(path, "x,y,z,qx,qy,qz,qw")
+    if lines:
+        lines[0] = lines[0].removeprefix("\ufeff")  # spreadsheets write it
+    reader = csv.reader(lines)
+    columns: dict[str, int] = {}
+    width, rows, numbers = 0, [], []
+    try:
+        for words in reader:
+            place = f"{path}:{reader.line_num}"
+            if not any(word.strip() for word in words):
+                continue
+            if not columns:
+                words[0] = words[0].lstrip("# ")
+                columns, width = _find_columns(words, place), len(words)
+            elif not words[0].lstrip().startswith("#"):
+                if len(words) != width:
+                    raise FileFormatError(
+                        f"{place}: expected {width} values, as there are column names, got {len(words)}"
+                    )
+                rows.append([_parse_number(words[column], place) for column in columns.values()])
+                numbers.append(reader.line_num)
+    except csv.Error as error:
+        raise FileFormatError(f"{path}:{reader.line_num}: does not read as CSV: {error}") from None
+    if not columns:
+        raise FileFormatError(f"{path}: holds no line of column names x, y, z, qx, qy, qz, qw")
+    table = np.array(rows, dtype=np.float64).reshape(-1, len(columns))
+    return _as_poses(table, list(columns), lambda index: f"{path}:{numbers[index]}")
+
+
+def read_parquet(path: Path) -> FilePoses:
+    """Poses of a Parquet file; other columns are not read.
+
+    Raises:
+        FileFormatError: pyarrow is missing, the file is something else, or a row is malformed; it is named, counted
+            from 0.
+    """
+    try:
+        import pyarrow.parquet as parquet
+    except ImportError:
+        raise FileFormatError(
+            f"{path}: Parquet files are read with pyarrow, which is missing: pip install 'warpvis[dataset]'"
+        ) from None
+    try:
+        with parquet.ParquetFile(path) as file:
+            names = file.schema_arrow.names
+            columns = _find_columns(names, str(path))
+            table = file.read(columns=[names[index] for index in columns.values()])
+        values = {name: table.column(table.column_names.index(names[index])) for name, index in columns.items()}
+        arrays = [_as_floats(value, f"{path}: column {name}") for name, value in values.items()]
+    except FileFormatError:
+        raise
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror or first_line(error)}") from None
+    except Exception as error:  # damaged files raise what they like
+        raise FileFormatError(f"{path}: does not read as Parquet: {first_line(error)}") from None
+    return _as_poses(np.stack(arrays, axis=1), list(columns), lambda index: f"{path}: row {index}")
+
+
+def _as_floats(column: Any, what: str) -> NDArray[np.float64]:
+    """A column's values; NaN where it has none."""
+    import pyarrow
+
+    if not (pyarrow.types.is_floating(column.type) or pyarrow.types.is_integer(column.type)):
+        raise FileFormatError(f"{what} must hold numbers, got {column.type}")
+    return column.to_numpy().astype(np.float64)
+
+
+def _as_poses(table: NDArray[np.float64], columns: list[str], place: Callable[[int], str]) -> FilePoses:
+    times = table[:, columns.index(_TIME)] if _TIME in columns else None
+    return FilePoses(table[:, [columns.index(name) for name in _POSE]], place, timestamps=times)
+
+
+def _parse_number(word: str, place: str) -> float:
+    try:
+        value = float(word)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise FileFormatError(f"{place}: expected finite numbers, got {shorten(word.strip())}")
+    return value
+
+
+def _find_columns(names: Sequence[str], place: str) -> dict[str, int]:
+    """Where the columns are that are read, by the names that this module has for them."""
+    given = [name.strip().lower() for name in names]
+    columns: dict[str, int] = {}
+    for column, aliases in _NAMES.items():
+        found = [index for index, name in enumerate(given) if name in aliases]
+        if len(found) > 1:
+            raise FileFormatError(f"{place}: two columns are {column}: {names[found[0]]!r} and {names[found[1]]!r}")
+        if found:
+            columns[column] = found[0]
+    missing = [name for name in _POSE if name not in columns]
+    if missing:
+        raise FileFormatError(
+            f"{place}: expected the column names x, y, z (or tx, ty, tz), qx, qy, qz, qw, and timestamp if there is "
+            f"one; missing {', '.join(missing)}"
+        )
+    return columns

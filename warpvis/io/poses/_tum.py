@@ -1,0 +1,62 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""TUM trajectories: lines ``timestamp tx ty tz qx qy qz qw``, camera to world.
+
+Format: https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.errors import FileFormatError
+from warpvis.io._text import read_lines
+
+_LINE = "timestamp tx ty tz qx qy qz qw"
+
+
+def read_poses(path: str | os.PathLike[str]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Read a trajectory.
+
+    Empty lines and lines that begin with ``#`` are skipped.
+
+    Args:
+        path: Text file.
+
+    Returns:
+        Timestamps [s], shape ``(V,)``, and rows ``x y z qx qy qz qw``, shape ``(V, 7)``.
+
+    Raises:
+        FileFormatError: The file is missing, holds no poses, or a line is malformed; it is named.
+    """
+    path = Path(path)
+    lines = read_lines(path, _LINE)
+    rows = [
+        _parse_line(line, f"{path}:{number}")
+        for number, line in enumerate(lines, start=1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    if not rows:
+        raise FileFormatError(f"{path}: holds no lines '{_LINE}'")
+    table = np.array(rows)
+    return table[:, 0], table[:, 1:]
+
+
+def _parse_line(line: str, place: str) -> list[float]:
+    words = line.replace(",", " ").split()
+    if len(words) != 8:
+        raise FileFormatError(f"{place}: expected the 8 numbers '{_LINE}', got {len(words)} words")
+    try:
+        values = [float(word) for word in words]
+    except ValueError:
+        raise FileFormatError(f"{place}: expected the 8 numbers '{_LINE}', got {line.strip()!r}") from None
+    if not all(map(math.isfinite, values)):
+        raise FileFormatError(f"{place}: numbers must be finite, got {line.strip()!r}")
+    if math.hypot(*values[4:]) < 1e-6:
+        raise FileFormatError(f"{place}: the quaternion qx qy qz qw must not have zero length")
+    return values

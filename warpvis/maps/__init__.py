@@ -1,0 +1,24 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Depth becomes labels and maps: classified pixels, floor maps, voxels."""
+
+from __future__ import annotations
+
+from warpvis.maps._classification import Sphere, back_project as back_project, classify as classify, classify_rendered
+from warpvis.maps._floor_map import MAP_LEGEND, FloorMap as FloorMap, floor_map as floor_map
+from warpvis.maps._floor_plan import PlanVisibility, plan_visibility
+from warpvis.maps._voxel_map import (
+    Voxel,
+    VoxelMap as VoxelMap,
+    voxel_map as voxel_map,
+    voxel_map_from_scene as voxel_map_from_scene,
+)
+
+__all__ = [
+    "MAP_LEGEND",
+    "PlanVisibility",
+    "Sphere",
+    "Voxel",
+    "classify_rendered",
+    "plan_visibility",
+]

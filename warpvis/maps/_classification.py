@@ -1,0 +1,242 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Depth images to world points and labels: the paper's cases, for measured and for rendered images."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import warp as wp
+from numpy.typing import ArrayLike
+
+from warpvis.core.arrays import as_numpy, as_warp, check_metres, check_out, empty
+from warpvis.core.camera import Camera
+from warpvis.core.depth_images import read_depth
+from warpvis.core.labels import Label
+from warpvis.core.poses import Convention, check_up, parse_poses
+from warpvis.core.threads import launch_images
+from warpvis.errors import ArrayError, SceneError
+from warpvis.scene import Scene, require_scene
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """An object as the paper's test sees it: everything within half its size of its centre is part of it."""
+
+    center: tuple[float, float, float]
+    """Centre in the world frame [m]."""
+    size: float
+    """Diameter [m]."""
+    label: Label = Label.OBJECT
+    """What pixels inside are labelled."""
+
+    def __post_init__(self) -> None:
+        center = as_numpy(self.center, name="center of a sphere")
+        if center.shape != (3,) or not np.isfinite(center).all():
+            raise SceneError(f"center of a sphere must be three finite numbers, got {center.tolist()}")
+        if not (math.isfinite(self.size) and self.size > 0):
+            raise SceneError(f"size of a sphere must be a positive number of metres, got {self.size}")
+        object.__setattr__(self, "center", tuple(map(float, center)))
+        object.__setattr__(self, "label", Label.parse(self.label))
+
+
+def back_project(
+    depth: Any,
+    camera: Camera,
+    camera_to_world: Any,
+    *,
+    convention: Convention = "opencv",
+    device: Any = None,
+    threads: int | None = None,
+    out: wp.array | None = None,
+) -> wp.array:
+    """World points of depth images, by equations (3) to (6).
+
+    Args:
+        depth: Planar depth [m], shape ``(V, H, W)`` float32, or ``(H, W)`` for one view.
+        camera: The camera that took the images.
+        camera_to_world: Its poses, shape ``(V, 7)`` or ``(V, 4, 4)``.
+        convention: Axes of the camera frame of the poses.
+        device: Where to compute; where `depth` is by default.
+        threads: CPU threads, all cores by default.
+        out: Where to write, shape ``(V, H, W)`` `wp.vec3`.
+
+    Returns:
+        Points in the world frame [m], shape ``(V, H, W)`` vec3; NaN where depth is not finite.
+
+    Raises:
+        WarpvisError: A shape, dtype, device or value is not what it has to be.
+    """
+    from warpvis.kernels import classify as kernels
+
+    depth, poses = _read_images(depth, camera, camera_to_world, convention, device)
+    points = _allocate(out, wp.vec3, depth, "out")
+    struct = camera.device_struct()
+    launch_images(
+        kernels.back_project,
+        depth.shape,
+        lambda window: [struct, poses, window, depth, points],
+        device=depth.device,
+        threads=threads,
+    )
+    return points
+
+
+def classify(
+    depth: Any,
+    camera: Camera,
+    camera_to_world: Any,
+    *,
+    spheres: Sequence[Sphere] | ArrayLike = (),
+    sigma: float = 0.01,
+    ground_height: float = 0.0,
+    up: Literal["z", "y"] = "z",
+    max_range: float | None = None,
+    convention: Convention = "opencv",
+    device: Any = None,
+    threads: int | None = None,
+    out: wp.array | None = None,
+    spheres_out: wp.array | None = None,
+) -> wp.array:
+    """Label every pixel of depth images, measured or rendered, by the paper's cases.
+
+    In this order, a pixel is `Label.EMPTY` without depth (NaN, infinite, zero or less, or beyond `max_range`),
+    `Label.GROUND` where its world point is lower than `sigma` above the floor, labelled as a sphere's object where
+    ``||C_obj - P|| < size/2`` (of several spheres, the one it lies deepest in), and else `Label.OBSTACLE`. Images
+    that warpvis rendered know their objects exactly: for them see `classify_rendered`.
+
+    Args:
+        depth: Planar depth [m], shape ``(V, H, W)`` float32, or ``(H, W)`` for one view.
+        camera: The camera that took the images.
+        camera_to_world: Its poses, shape ``(V, 7)`` or ``(V, 4, 4)``.
+        spheres: The objects: `Sphere`s, or rows ``x y z size`` [m] of shape ``(S, 4)``, labelled `Label.OBJECT`.
+        sigma: Height below which a point is ground [m]; sensors are noisy.
+        ground_height: Height of the floor [m].
+        up: The world's vertical axis.
+        max_range: Greatest depth that counts [m]; the camera's `far` by default.
+        convention: Axes of the camera frame of the poses.
+        device: Where to compute; where `depth` is by default.
+        threads: CPU threads, all cores by default.
+        out: Where to write the labels, shape ``(V, H, W)`` uint8.
+        spheres_out: Where to write the index of every pixel's sphere, -1 for none, shape ``(V, H, W)`` int32.
+
+    Returns:
+        `Label` values, shape ``(V, H, W)`` uint8.
+
+    Raises:
+        WarpvisError: A shape, dtype, device or value is not what it has to be.
+    """
+    from warpvis.kernels import classify as kernels
+
+    depth, poses = _read_images(depth, camera, camera_to_world, convention, device)
+    ground = kernels.Ground()
+    ground.up = check_up(up)
+    ground.sigma = check_metres(sigma, "sigma", infinite=True)
+    ground.height = _check_finite(ground_height, "ground_height")
+    reach = _check_range(max_range, camera)
+    balls = _device_spheres(spheres, depth.device)
+    labels = _allocate(out, wp.uint8, depth, "out")
+    if spheres_out is not None:
+        check_out(spheres_out, wp.int32, depth.shape, name="spheres_out", device=depth.device)
+    struct = camera.device_struct()
+    launch_images(
+        kernels.classify_depth,
+        depth.shape,
+        lambda window: [struct, poses, window, depth, reach, ground, balls, labels, spheres_out],
+        device=depth.device,
+        threads=threads,
+    )
+    return labels
+
+
+def classify_rendered(
+    depth: Any,
+    objects: Any,
+    scene: Scene,
+    *,
+    max_range: float = math.inf,
+    threads: int | None = None,
+    out: wp.array | None = None,
+) -> wp.array:
+    """Label every pixel of rendered images by its object, exactly.
+
+    Args:
+        depth: Planar depth [m], shape ``(V, H, W)`` float32.
+        objects: Indices into the scene's objects, shape ``(V, H, W)`` int32, -1 for none.
+        scene: The scene that was rendered.
+        max_range: Depth beyond which a pixel is empty [m].
+        threads: CPU threads, all cores by default.
+        out: Where to write, shape ``(V, H, W)`` uint8.
+
+    Returns:
+        `Label` values on the scene's device, shape ``(V, H, W)`` uint8.
+
+    Raises:
+        WarpvisError: A shape, dtype or device is not what it has to be.
+    """
+    from warpvis.kernels import classify as kernels
+
+    require_scene(scene)
+    depth = as_warp(depth, wp.float32, ("V", "H", "W"), name="depth", device=scene.device)
+    objects = as_warp(objects, wp.int32, depth.shape, name="objects", device=scene.device)
+    reach = check_metres(max_range, "max_range", infinite=True)
+    labels = _allocate(out, wp.uint8, depth, "out")
+    object_label = scene.object_labels()
+    launch_images(
+        kernels.label_objects,
+        depth.shape,
+        lambda window: [object_label, window, depth, objects, reach, labels],
+        device=depth.device,
+        threads=threads,
+    )
+    return labels
+
+
+def _read_images(
+    depth: Any, camera: Camera, camera_to_world: Any, convention: Convention, device: Any
+) -> tuple[wp.array, wp.array]:
+    """Depth images and as many poses, on one device."""
+    depth = read_depth(depth, camera, device)
+    poses = parse_poses(camera_to_world, convention=convention, device=depth.device)
+    if len(poses) != len(depth):
+        raise ArrayError(f"depth has {len(depth)} views and camera_to_world has {len(poses)}; give one pose a view")
+    return depth, poses
+
+
+def _device_spheres(spheres: Sequence[Sphere] | ArrayLike, device: wp.Device) -> Any:
+    from warpvis.kernels.classify import Spheres
+
+    if isinstance(spheres, Sequence) and all(isinstance(item, Sphere) for item in spheres):
+        balls: list[Any] = list(spheres)
+    else:
+        rows = as_numpy(spheres, name="spheres")
+        if rows.ndim != 2 or rows.shape[1] != 4:
+            raise ArrayError(
+                f"spheres must be warpvis.maps.Sphere objects or have shape (S, 4), x y z size, got {rows.shape}"
+            )
+        balls = [Sphere(tuple(row[:3]), float(row[3])) for row in rows]
+    struct = Spheres()
+    struct.center = wp.array([ball.center for ball in balls], dtype=wp.vec3, device=device, shape=(len(balls),))
+    struct.size = wp.array([ball.size for ball in balls], dtype=wp.float32, device=device)
+    struct.label = wp.array([int(ball.label) for ball in balls], dtype=wp.uint8, device=device)
+    return struct
+
+
+def _allocate(out: wp.array | None, dtype: Any, like: wp.array, name: str) -> wp.array:
+    if out is None:
+        return empty(like.shape, dtype, name="the result", device=like.device)
+    return check_out(out, dtype, like.shape, name=name, device=like.device)
+
+
+def _check_range(max_range: float | None, camera: Camera) -> float:
+    return camera.far if max_range is None else check_metres(max_range, "max_range", infinite=True)
+
+
+def _check_finite(value: float, name: str) -> float:
+    if not math.isfinite(value):
+        raise ArrayError(f"{name} must be a finite number of metres, got {value}")
+    return float(value)

@@ -1,0 +1,176 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What was seen, projected to the floor: the paper's map of visible ground, obstacles, objects and people."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import warp as wp
+from numpy.typing import ArrayLike, NDArray
+
+from warpvis.core.arrays import as_numpy, as_warp, check_metres, empty, get_device
+from warpvis.core.labels import Label
+from warpvis.core.poses import check_up
+from warpvis.core.threads import launch_images
+from warpvis.errors import ArrayError
+
+# The floor's axes, in the order that makes the map a view from above: first to the right, second upwards.
+_FLOOR_AXES = {"z": (0, 1), "y": (2, 0)}
+
+_MOST_CELLS = 2**31 - 1
+
+MAP_LEGEND: dict[Label, tuple[str, tuple[int, int, int]]] = {
+    Label.EMPTY: ("not seen", (0, 0, 0)),
+    Label.GROUND: ("visible ground", (76, 175, 80)),
+    Label.OBSTACLE: ("visible part of an obstacle", (141, 95, 55)),
+    Label.OBJECT: ("visible object", (229, 57, 53)),
+    Label.HUMAN: ("visible human", (41, 98, 255)),
+    Label.ROBOT: ("robot", (158, 158, 158)),
+}
+"""What each value of a map means, and the colour (red, green, blue; 0 to 255) it is shown in."""
+
+
+@dataclass(frozen=True)
+class FloorMap:
+    """Maps of the floor, one a view, as seen from above."""
+
+    cells: wp.array
+    """`Label` of what was seen over each cell, ``(V, rows, columns)`` uint8; row 0 has the least second coordinate."""
+    bounds: tuple[float, float, float, float]
+    """First coordinate's least and greatest, then the second's [m]: matplotlib's ``extent``."""
+    cell: float
+    """Side of a cell [m]."""
+    up: Literal["z", "y"]
+    """The world's vertical axis. The map's axes are x and y where z is up, z and x where y is up."""
+
+    @property
+    def legend(self) -> dict[Label, tuple[str, tuple[int, int, int]]]:
+        """Meaning and colour of the values; see `MAP_LEGEND`."""
+        return MAP_LEGEND
+
+    @property
+    def axes(self) -> tuple[str, str]:
+        """Names of the map's axes."""
+        first, second = _FLOOR_AXES[self.up]
+        return "xyz"[first], "xyz"[second]
+
+    def rgb(self) -> NDArray[np.uint8]:
+        """The maps in colour, ``(V, rows, columns, 3)``, in the order of `cells` (row 0 at the bottom of a picture)."""
+        palette = np.array([MAP_LEGEND[label][1] for label in Label], dtype=np.uint8)
+        return palette[self.cells.numpy()]
+
+    def area(self, label: Label | int | str) -> NDArray[np.float64]:
+        """Floor area of a label in each view [m^2], shape ``(V,)``."""
+        count = (self.cells.numpy() == Label.parse(label)).sum(axis=(1, 2))
+        return count * self.cell**2
+
+    def save(self, path: str | os.PathLike[str], *, view: int = 0) -> None:
+        """Write one view's map as a picture with axes and a legend."""
+        from warpvis.viz import save_map
+
+        save_map(self, path, view=view)
+
+
+def floor_map(
+    points: Any,
+    labels: Any,
+    *,
+    bounds: ArrayLike,
+    cell: float = 0.02,
+    up: Literal["z", "y"] = "z",
+    sigma: float = 0.01,
+    robots: ArrayLike = (),
+    threads: int | None = None,
+) -> FloorMap:
+    """Project seen points to the floor: the paper's figure (c).
+
+    A cell shows the highest `Label` of the points over it. Where neighbouring pixels of one label lie level (all of
+    the ground; the tops of obstacles, within `sigma`), the surface between them counts as seen.
+
+    Args:
+        points: World points [m], shape ``(V, H, W)`` vec3, NaN where there is none.
+        labels: Their labels, shape ``(V, H, W)`` uint8.
+        bounds: Least and greatest corner of the map [m], shape ``(2, 2)`` on the floor's axes (x and y where z is up,
+            z and x where y is up), or ``(2, 3)`` in the world (a scene's `bounds`).
+        cell: Side of a cell [m].
+        up: The world's vertical axis.
+        sigma: Greatest difference in height of neighbouring points of a level surface [m].
+        robots: Discs to draw: rows of centre on the floor's axes and radius [m], shape ``(R, 3)``.
+        threads: CPU threads, all cores by default; a view is one thread's work.
+
+    Returns:
+        The maps, on the points' device.
+
+    Raises:
+        WarpvisError: A shape, dtype, device or value is not what it has to be.
+    """
+    from warpvis.kernels import floor_map as kernels
+
+    device = points.device if isinstance(points, wp.array) else get_device("cpu")
+    points = as_warp(points, wp.vec3, ("V", "H", "W"), name="points", device=device)
+    labels = as_warp(labels, wp.uint8, points.shape, name="labels", device=device)
+    low, high = _check_bounds(bounds, up)
+    columns, rows = _check_cells(high - low, cell)
+
+    grid = kernels.Grid()
+    grid.first_axis, grid.second_axis = _FLOOR_AXES[up]
+    grid.up_axis = check_up(up)
+    grid.origin, grid.cell, grid.level = wp.vec2(*low), cell, check_metres(sigma, "sigma", infinite=True)
+    discs = _check_robots(robots, device)
+
+    shape = (len(points), rows, columns)
+    marks = wp.zeros(shape, dtype=wp.int32, device=device)
+    cells = empty(shape, wp.uint8, name="the map", device=device)
+    launch_images(
+        kernels.mark_cells,
+        points.shape,
+        lambda window: [window, grid, points, labels, marks],
+        device=device,
+        threads=threads,
+        split_views=False,  # on the CPU, Warp's atomics are not: only one thread may write to a map
+    )
+    launch_images(
+        kernels.finish_map,
+        shape,
+        lambda window: [window, grid, marks, discs, cells],
+        device=device,
+        threads=threads,
+    )
+    first, second = low.tolist()
+    return FloorMap(cells, (first, first + columns * cell, second, second + rows * cell), cell, up)
+
+
+def _check_bounds(bounds: ArrayLike, up: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    check_up(up)
+    corners = as_numpy(bounds, name="bounds").astype(np.float64)
+    if corners.shape == (2, 3):
+        corners = corners[:, _FLOOR_AXES[up]]
+    if corners.shape != (2, 2) or not np.isfinite(corners).all() or (corners[1] <= corners[0]).any():
+        raise ArrayError(
+            "bounds must be the least and the greatest corner of the map, shape (2, 2) or (2, 3), "
+            f"got {corners.tolist()}"
+        )
+    return corners[0], corners[1]
+
+
+def _check_cells(size: NDArray[np.float64], cell: float) -> tuple[int, int]:
+    if not (np.isfinite(cell) and cell > 0):
+        raise ArrayError(f"cell must be a positive number of metres, got {cell}")
+    # A map of 4 m in cells of 2 cm has 200 of them, whatever the quotient's last digit says.
+    columns, rows = np.ceil(size / cell - 1e-6)
+    if columns * rows > _MOST_CELLS:
+        raise ArrayError(f"a map of {columns:.0f} x {rows:.0f} cells is too large; give a larger cell than {cell} m")
+    return int(columns), int(rows)
+
+
+def _check_robots(robots: ArrayLike, device: wp.Device) -> wp.array:
+    discs = as_numpy(robots if len(np.shape(robots)) else [], name="robots").astype(np.float32)
+    if discs.size == 0:
+        return wp.zeros(0, dtype=wp.vec3, device=device)
+    if discs.ndim != 2 or discs.shape[1] != 3 or not np.isfinite(discs).all():
+        raise ArrayError(f"robots must be finite rows of centre and radius, shape (R, 3), got shape {discs.shape}")
+    return wp.array(discs, dtype=wp.vec3, device=device)

@@ -1,0 +1,123 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a planner that only knows the floor plan would call visible: the answer the paper's method corrects.
+
+On the floor plan every object is its outline from above and has no height: whatever stands before something hides it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.camera import Camera, require_camera
+from warpvis.core.labels import Label
+from warpvis.core.poses import Convention, check_up, poses_to_matrices, poses_to_opencv
+from warpvis.errors import PoseError
+from warpvis.scene import Scene, require_scene
+
+_EDGES_AT_A_TIME = 20_000
+
+
+@dataclass(frozen=True)
+class PlanVisibility:
+    """Lines of sight on the floor plan, one for every image column."""
+
+    alone: NDArray[np.int64]
+    """Columns whose line meets the object's outline in range, whatever stands before it, shape ``(V, objects)``."""
+    first: NDArray[np.int64]
+    """Columns whose line meets the object's outline before any other, shape ``(V, objects)``."""
+
+    @property
+    def visible(self) -> NDArray[np.bool_]:
+        """Whether any line of sight reaches the object, shape ``(V, objects)``; ground has no outline, so it is not."""
+        return self.first > 0
+
+
+def plan_visibility(
+    scene: Scene,
+    camera: Camera,
+    camera_to_world: Any,
+    *,
+    exclude: Sequence[str] = (),
+    convention: Convention = "opencv",
+) -> PlanVisibility:
+    """Which objects a 2D line of sight on the floor plan reaches.
+
+    From the camera's place on the plan, one line runs along the horizontal direction of every image column, as far as
+    the camera measures. Outlines are the edges of all triangles seen from above; objects labelled ground have none.
+
+    Args:
+        scene: The world.
+        camera: The camera; only its columns and its greatest depth count.
+        camera_to_world: Its poses, shape ``(V, 7)`` or ``(V, 4, 4)``.
+        exclude: Names of objects that hide nothing, like the robot that carries the camera.
+        convention: Axes of the camera frame of the poses.
+
+    Raises:
+        SceneError: An excluded object is not in the scene.
+        PoseError: A camera looks straight up or down, where columns have no direction on the plan.
+    """
+    require_scene(scene)
+    require_camera(camera)
+    vertical = check_up(scene.up)
+    floor = [axis for axis in range(3) if axis != vertical]
+    poses = poses_to_matrices(poses_to_opencv(camera_to_world, convention, name="camera_to_world"))
+    excluded = {scene.index(name) for name in exclude}
+    outlines = [_edges(item.vertices[:, floor], item.faces) for item in scene.objects]
+
+    shape = (len(poses), len(outlines))
+    alone, first = np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=np.int64)
+    for view, pose in enumerate(poses):
+        directions = _column_directions(camera, pose[:3, :3], floor, view)
+        distance = np.full((len(outlines), camera.width), np.inf)
+        for index, (item, edges) in enumerate(zip(scene.objects, outlines, strict=True)):
+            if item.label != Label.GROUND and index not in excluded:
+                distance[index] = _nearest_edge(pose[floor, 3], directions, edges)
+        distance[distance > camera.far] = np.inf
+        met = np.isfinite(distance)
+        nearest = distance.argmin(axis=0)
+        alone[view] = met.sum(axis=1)
+        first[view] = np.bincount(nearest[met.any(axis=0)], minlength=len(outlines))
+    return PlanVisibility(alone, first)
+
+
+def _edges(corners: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Edges of all triangles on the plan, each once, shape ``(n, 2, 2)``."""
+    pairs = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    edges = corners[np.unique(pairs, axis=0)].astype(np.float64)
+    return edges[(edges[:, 0] != edges[:, 1]).any(axis=1)]
+
+
+def _column_directions(
+    camera: Camera, rotation: NDArray[np.float64], floor: list[int], view: int
+) -> NDArray[np.float64]:
+    """Directions on the plan with a length of 1 along the camera's heading, so that range is depth, ``(W, 2)``."""
+    heading = rotation[floor, 2]
+    if np.linalg.norm(heading) < 1e-6:
+        raise PoseError(f"camera_to_world must not look straight up or down on a floor plan: view {view} does")
+    x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
+    rays = np.stack([x, np.zeros_like(x), np.ones_like(x)], axis=1) @ rotation.T
+    return rays[:, floor] / np.linalg.norm(heading)
+
+
+def _nearest_edge(
+    origin: NDArray[np.float64], directions: NDArray[np.float64], edges: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Parameter of each ray's first crossing with a segment, +inf without one, shape ``(rays,)``."""
+    nearest = np.full(len(directions), np.inf)
+    for start in range(0, len(edges), _EDGES_AT_A_TIME):
+        a = edges[start : start + _EDGES_AT_A_TIME, 0] - origin
+        ab = edges[start : start + _EDGES_AT_A_TIME, 1] - origin - a
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # origin + t d = a + s ab, by Cramer's rule.
+            determinant = directions[:, :1] * ab[:, 1] - directions[:, 1:] * ab[:, 0]
+            t = (a[:, 0] * ab[:, 1] - a[:, 1] * ab[:, 0]) / determinant
+            s = (a[:, 0] * directions[:, 1:] - a[:, 1] * directions[:, :1]) / determinant
+        crossing = np.where((t > 0) & (s >= 0) & (s <= 1), t, np.inf)
+        nearest = np.minimum(nearest, crossing.min(axis=1, initial=np.inf))
+    return nearest

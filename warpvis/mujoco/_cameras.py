@@ -1,0 +1,148 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""MuJoCo's cameras: intrinsics as its renderer has them, and poses."""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import mujoco  # noqa: TID253 - the whole package is about it
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.camera import Camera
+from warpvis.errors import CameraError
+
+_FREE = int(mujoco.mjtCamera.mjCAMERA_FREE)
+_TRACKING = int(mujoco.mjtCamera.mjCAMERA_TRACKING)
+_FIXED = int(mujoco.mjtCamera.mjCAMERA_FIXED)
+
+
+def camera_from_mujoco(
+    model: Any, camera: int | str | Any = -1, width: int | None = None, height: int | None = None
+) -> Camera:
+    """The camera that MuJoCo renders with, from the frustum that MuJoCo computes.
+
+    `mjv_cameraFrustum` (src/engine/engine_vis_visualize.c) has the frustum of a field of view or of a focal length,
+    principal point and sensor size, and `setView` (src/render/classic/render_gl3.c) what becomes of it in an image: a
+    camera given by its field of view has square pixels; one given by its sensor spreads the sensor over the image. A
+    principal point (x, y) [m] puts the optical axis left of the image's middle by x and above it by y, on the sensor.
+
+    Args:
+        model: A `mujoco.MjModel`.
+        camera: A camera's name or id, -1 for the free camera, or a `mujoco.MjvCamera`.
+        width: Image width [px]; the camera's own ``resolution`` by default.
+        height: Image height [px].
+
+    Returns:
+        The camera, with MuJoCo's clipping planes as `near` and `far`.
+
+    Raises:
+        CameraError: There is no such camera, it is orthographic, or it has no resolution and none is given.
+    """
+    viewer = viewer_camera(model, camera)
+    _refuse_orthographic(model, viewer)
+    width, height = _image_size(model, viewer, width, height)
+    frustum = np.zeros((3, 2), dtype=np.float32)
+    mujoco.mjv_cameraFrustum(*frustum, model, viewer)
+    return _from_frustum(frustum.tobytes(), width, height)
+
+
+@functools.lru_cache(maxsize=256)
+def _from_frustum(frustum: bytes, width: int, height: int) -> Camera:
+    """The camera of a frustum as `mjv_cameraFrustum` makes it: vertical, horizontal and clip, two float32 each."""
+    # Distances from the optical axis to the four sides of the image, on the near plane.
+    up, down, left, right, near, far = np.frombuffer(frustum, dtype=np.float32).tolist()
+    if left + right == 0:  # the viewport's aspect ratio counts
+        left = right = (up + down) / 2 * width / height
+    if min(near, up + down, left + right) <= 0:
+        raise CameraError("the camera must have a near plane, a field of view and a sensor size above 0")
+    return Camera(
+        width,
+        height,
+        fx=near * width / (left + right),
+        fy=near * height / (up + down),
+        cx=left / (left + right) * width,
+        cy=up / (up + down) * height,
+        near=near,
+        far=far,
+    )
+
+
+def viewer_camera(model: Any, camera: int | str | Any) -> Any:
+    """A `mujoco.MjvCamera` for a camera's name, its id, -1 for the default free camera, or itself.
+
+    Raises:
+        CameraError: There is no such camera, or its type is `mjCAMERA_USER`, which says nothing of a pose.
+    """
+    if not isinstance(model, mujoco.MjModel):
+        raise CameraError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
+    if isinstance(camera, mujoco.MjvCamera):
+        if camera.type not in (_FREE, _TRACKING, _FIXED):
+            raise CameraError(f"camera must be of type FREE, TRACKING or FIXED, got type {camera.type}")
+        if camera.type == _FIXED:
+            camera_id(model, camera.fixedcamid)
+        if camera.type == _TRACKING and not 0 <= camera.trackbodyid < model.nbody:
+            raise CameraError(f"trackbodyid must be from 0 to {model.nbody - 1}, got {camera.trackbodyid}")
+        return camera
+    viewer = mujoco.MjvCamera()
+    if isinstance(camera, int | np.integer) and camera == -1:
+        viewer.type = _FREE
+        mujoco.mjv_defaultFreeCamera(model, viewer)
+    else:
+        viewer.type, viewer.fixedcamid = _FIXED, camera_id(model, camera)
+    return viewer
+
+
+def camera_id(model: Any, camera: int | str) -> int:
+    """The id of one of the model's cameras, given by name or id.
+
+    Raises:
+        CameraError: There is none.
+    """
+    if isinstance(camera, str):
+        found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, camera)
+        if found >= 0:
+            return int(found)
+    elif isinstance(camera, int | np.integer) and not isinstance(camera, bool) and 0 <= camera < model.ncam:
+        return int(camera)
+    names = ", ".join(repr(model.camera(k).name) for k in range(model.ncam)) or "no cameras"
+    raise CameraError(f"camera {camera!r} is not in the model, which has {names}")
+
+
+def viewer_pose(data: Any, viewer: Any) -> NDArray[np.float32]:
+    """Pose of the OpenCV camera of a `mujoco.MjvCamera`, a row ``x y z qx qy qz qw``, shape ``(7,)``, camera to world.
+
+    `mjv_cameraFrame` (src/engine/engine_vis_visualize.c) has where it is and its axes forward, up and right.
+    """
+    right, up, forward, position = frame = np.zeros((4, 3))
+    mujoco.mjv_cameraFrame(position, forward, up, right, data, viewer)
+    up *= -1  # OpenCV's y is down
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, frame[:3].T.ravel())
+    w, x, y, z = quaternion.tolist()
+    return np.array([*position.tolist(), x, y, z, w], dtype=np.float32)
+
+
+def _refuse_orthographic(model: Any, viewer: Any) -> None:
+    if viewer.type == _FIXED:
+        orthographic = model.cam_projection[viewer.fixedcamid] == mujoco.mjtProjection.mjPROJ_ORTHOGRAPHIC
+    else:
+        orthographic = bool(model.vis.global_.orthographic)
+    if orthographic:
+        name = repr(model.camera(viewer.fixedcamid).name) if viewer.type == _FIXED else "the free camera"
+        raise CameraError(f"{name} is orthographic; only perspective cameras are rendered")
+
+
+def _image_size(model: Any, viewer: Any, width: int | None, height: int | None) -> tuple[int, int]:
+    if (width is None) != (height is None):
+        raise CameraError("give both width and height, or neither for the camera's own resolution")
+    if width is not None and height is not None:
+        if min(width, height) < 1:
+            raise CameraError(f"width and height must be from 1 up, got {width} and {height}")
+        return width, height
+    own = model.cam_resolution[viewer.fixedcamid].tolist() if viewer.type == _FIXED else [1, 1]
+    if own == [1, 1]:  # what MuJoCo has where none is given
+        raise CameraError("the camera has no resolution of its own; give width and height")
+    return own[0], own[1]

@@ -1,0 +1,263 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where geoms and cameras are, in one world or in many: from MuJoCo's data, arrays, or joint positions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco  # noqa: TID253 - the whole package is about it
+import numpy as np
+import warp as wp
+from numpy.typing import ArrayLike, NDArray
+
+from warpvis.core.arrays import as_numpy, as_warp
+from warpvis.core.threads import check_threads, run_each
+from warpvis.errors import ArrayError
+from warpvis.mujoco._scene import MujocoScene
+
+FULL_PHYSICS = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
+
+# Name, elements of a world, and the shape of one: mjData's fields as MuJoCo, MJX and MuJoCo Warp all call them.
+_FIELDS: dict[str, tuple[str, Any]] = {
+    "geom_xpos": ("ngeom", wp.vec3),
+    "geom_xmat": ("ngeom", wp.mat33),
+    "cam_xpos": ("ncam", wp.vec3),
+    "cam_xmat": ("ncam", wp.mat33),
+}
+
+
+@dataclass
+class WorldPoses:
+    """Poses of all geoms and cameras of a model in W worlds, in world frames; arrays of the host or of a GPU."""
+
+    geom_xpos: Any
+    """Positions of the geoms [m], shape ``(W, ngeom, 3)``."""
+    geom_xmat: Any
+    """Their rotations, geom to world, shape ``(W, ngeom, 3, 3)`` or ``(W, ngeom, 9)``."""
+    cam_xpos: Any = None
+    """Positions of the cameras [m], shape ``(W, ncam, 3)``."""
+    cam_xmat: Any = None
+    """Their rotations, shape ``(W, ncam, 3, 3)`` or ``(W, ncam, 9)``: they look along -z with y up."""
+
+    @classmethod
+    def of(cls, worlds: Sequence[Any]) -> WorldPoses:
+        """The poses that several `mujoco.MjData` have now, copied."""
+        return cls(*(np.stack([getattr(data, name) for data in worlds]) for name in _FIELDS))
+
+
+def geom_poses(source: Any, scene: MujocoScene) -> NDArray[np.float32]:
+    """Poses of a scene's movable geoms, as `Renderer.render` takes them for `object_poses`.
+
+    Args:
+        source: A `mujoco.MjData` after `mj_forward` or `mj_kinematics`; or anything with the arrays `geom_xpos` and
+            `geom_xmat` of W worlds (`WorldPoses`, `mujoco.batch.Batch`, the data of MJX and of MuJoCo Warp).
+        scene: What `scene_from_mujoco` made.
+
+    Returns:
+        Rows ``x y z qx qy qz qw``, geom to world, shape ``(M, 7)`` for a `mujoco.MjData`, else ``(W, M, 7)``.
+
+    Raises:
+        ArrayError: The arrays are not those of the scene's model.
+    """
+    rows = object_transforms(source, scene).numpy()
+    return rows[0] if isinstance(source, mujoco.MjData) else rows
+
+
+def camera_poses(source: Any, model: Any, cameras: Sequence[int]) -> NDArray[np.float32]:
+    """Poses of some of a model's cameras, as `Renderer.render` takes them.
+
+    Args:
+        source: As for `geom_poses`, with `cam_xpos` and `cam_xmat`.
+        model: The `mujoco.MjModel`.
+        cameras: Ids of the cameras.
+
+    Returns:
+        Rows ``x y z qx qy qz qw`` of OpenCV cameras, camera to world, shape ``(cameras, 7)`` for a `mujoco.MjData`,
+        else ``(cameras, W, 7)``.
+
+    Raises:
+        ArrayError: The arrays are not those of the model.
+    """
+    rows = camera_transforms(source, model, cameras, device=wp.get_device("cpu")).numpy()
+    return rows[:, 0] if isinstance(source, mujoco.MjData) else rows
+
+
+def object_transforms(
+    source: Any, scene: MujocoScene, worlds: wp.array | None = None, *, out: wp.array | None = None
+) -> wp.array:
+    """What `geom_poses` gives, for some worlds or all, shape ``(W, M)`` `wp.transform` on the scene's device."""
+    from warpvis.kernels import mujoco as kernels
+
+    device = scene.device
+    position, rotation = (_read(source, name, scene.model, device) for name in ("geom_xpos", "geom_xmat"))
+    _check_equal_worlds(position, rotation, "geom_xpos", "geom_xmat")
+    worlds = all_of(position.shape[0], device) if worlds is None else worlds
+    geoms = scene.movable_geom_array
+    out = wp.empty((len(worlds), len(geoms)), dtype=wp.transform, device=device) if out is None else out
+    inputs = [position, rotation, worlds, geoms, out]
+    wp.launch(kernels.geom_transforms, dim=out.shape, inputs=inputs, device=device)
+    return out
+
+
+def camera_transforms(
+    source: Any,
+    model: Any,
+    cameras: Sequence[int] | wp.array,
+    worlds: wp.array | None = None,
+    *,
+    device: wp.Device,
+    out: wp.array | None = None,
+) -> wp.array:
+    """What `camera_poses` gives, for some worlds or all, shape ``(cameras, W)`` `wp.transform` on `device`."""
+    from warpvis.kernels import mujoco as kernels
+
+    position, rotation = (_read(source, name, model, device) for name in ("cam_xpos", "cam_xmat"))
+    _check_equal_worlds(position, rotation, "cam_xpos", "cam_xmat")
+    worlds = all_of(position.shape[0], device) if worlds is None else worlds
+    if not isinstance(cameras, wp.array):
+        cameras = wp.array(list(cameras), dtype=wp.int32, device=device)
+    out = wp.empty((len(cameras), len(worlds)), dtype=wp.transform, device=device) if out is None else out
+    inputs = [position, rotation, cameras, worlds, out]
+    wp.launch(kernels.camera_transforms, dim=out.shape, inputs=inputs, device=device)
+    return out
+
+
+def all_of(count: int, device: wp.Device) -> wp.array:
+    """Indices from 0 up, shape ``(count,)`` int32."""
+    return wp.array(np.arange(count, dtype=np.int32), dtype=wp.int32, device=device)
+
+
+def world_count(source: Any, field: str = "geom_xpos") -> int:
+    """How many worlds a source of poses has."""
+    value = _get(source, field)
+    return 1 if isinstance(source, mujoco.MjData) else int(value.shape[0])
+
+
+class Kinematics:
+    """Poses from joint positions or states, by MuJoCo on several threads."""
+
+    def __init__(self, model: Any, *, threads: int | None = None) -> None:
+        """Prepare.
+
+        Args:
+            model: A `mujoco.MjModel`.
+            threads: CPU threads to use; all cores of this process by default.
+        """
+        self._model = model
+        self._threads = check_threads(threads)
+        self._spare: list[Any] = []
+
+    def from_qpos(
+        self, qpos: ArrayLike, *, mocap_pos: ArrayLike | None = None, mocap_quat: ArrayLike | None = None
+    ) -> WorldPoses:
+        """Poses of W worlds.
+
+        Args:
+            qpos: Joint positions, shape ``(W, nq)``.
+            mocap_pos: Positions of mocap bodies [m], shape ``(W, nmocap, 3)``; the model's own by default.
+            mocap_quat: Their rotations ``w x y z``, shape ``(W, nmocap, 4)``; the model's own by default.
+
+        Raises:
+            ArrayError: A shape is wrong, or a number is not finite.
+        """
+        rows = _check_rows(qpos, (self._model.nq,), "qpos")
+        parts = {"qpos": rows}
+        for name, value, size in (("mocap_pos", mocap_pos, 3), ("mocap_quat", mocap_quat, 4)):
+            if value is not None:
+                parts[name] = _check_rows(value, (self._model.nmocap, size), name)
+                if len(parts[name]) != len(rows):
+                    raise ArrayError(f"{name} must be of {len(rows)} worlds as qpos is, got {len(parts[name])}")
+
+        def place(data: Any, world: int) -> None:
+            for name, values in parts.items():
+                getattr(data, name)[:] = values[world]
+
+        return self._run(place, len(rows))
+
+    def from_states(self, states: ArrayLike, spec: int = FULL_PHYSICS) -> WorldPoses:
+        """Poses of W worlds.
+
+        Args:
+            states: Rows as `mj_getState` makes them, such as those of `mujoco.rollout`, shape ``(W, n)``, or
+                ``(rollouts, steps, n)`` where W counts all steps of the first rollout, then of the second.
+            spec: What a row holds, of `mujoco.mjtState`; `mujoco.rollout` takes mjSTATE_FULLPHYSICS, the default.
+
+        Raises:
+            ArrayError: The shape is wrong, or a number is not finite.
+        """
+        size = mujoco.mj_stateSize(self._model, spec)
+        array = as_numpy(states, name="states")
+        if array.ndim == 3:
+            array = array.reshape(-1, array.shape[-1])
+        rows = _check_rows(array, (size,), "states")
+        return self._run(lambda data, world: mujoco.mj_setState(self._model, data, rows[world], spec), len(rows))
+
+    def _run(self, place: Callable[[Any, int], None], count: int) -> WorldPoses:
+        model = self._model
+        shapes = {"geom_xpos": (model.ngeom, 3), "geom_xmat": (model.ngeom, 9)}
+        shapes |= {"cam_xpos": (model.ncam, 3), "cam_xmat": (model.ncam, 9)}
+        arrays = {name: np.empty((count, *shape), dtype=np.float32) for name, shape in shapes.items()}
+        parts = [part for part in np.array_split(np.arange(count), self._threads) if len(part)]
+        spare = [self._take() for _ in parts]
+
+        def work(index: int) -> None:
+            data = spare[index]
+            mujoco.mj_resetData(model, data)
+            fields = [(out, getattr(data, name)) for name, out in arrays.items()]
+            for world in parts[index].tolist():
+                place(data, world)
+                mujoco.mj_kinematics(model, data)
+                mujoco.mj_comPos(model, data)  # cameras may look at a centre of mass
+                mujoco.mj_camlight(model, data)
+                for out, field in fields:
+                    out[world] = field
+
+        run_each(work, range(len(parts)), self._threads)
+        self._spare.extend(spare)
+        return WorldPoses(**arrays)
+
+    def _take(self) -> Any:
+        try:
+            return self._spare.pop()
+        except IndexError:  # the first call, or several calls at the same time
+            return mujoco.MjData(self._model)
+
+
+def _get(source: Any, name: str) -> Any:
+    value = getattr(source, name, None)
+    if value is None:
+        raise ArrayError(
+            f"poses must come from a mujoco.MjData, a WorldPoses, or what else has {name}, got {type(source).__name__}"
+        )
+    return value
+
+
+def _read(source: Any, name: str, model: Any, device: wp.Device) -> wp.array:
+    """A field of all worlds on a device, shape ``(W, ngeom or ncam)``, without a copy where memory can be shared."""
+    value = _get(source, name)
+    count_name, dtype = _FIELDS[name]
+    if not isinstance(value, wp.array):
+        if isinstance(source, mujoco.MjData):
+            value = value[None]
+        if dtype is wp.mat33 and getattr(value, "ndim", 0) == 3 and value.shape[2] == 9:
+            value = value.reshape((value.shape[0], value.shape[1], 3, 3))
+    return as_warp(value, dtype, ("W", getattr(model, count_name)), name=name, device=device)
+
+
+def _check_equal_worlds(position: wp.array, rotation: wp.array, first: str, second: str) -> None:
+    if position.shape != rotation.shape:
+        raise ArrayError(f"{first} and {second} must be of the same worlds, got {len(position)} and {len(rotation)}")
+
+
+def _check_rows(values: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray[np.float64]:
+    rows = as_numpy(values, name=name).astype(np.float64)
+    if rows.shape[1:] != shape or rows.ndim != len(shape) + 1:
+        wanted = ", ".join(map(str, ("W", *shape)))
+        raise ArrayError(f"{name} must have shape ({wanted}), got {rows.shape}")
+    bad = np.flatnonzero(~np.isfinite(rows).reshape(len(rows), -1).all(axis=1))
+    if len(bad):
+        raise ArrayError(f"{name} must be finite: not so in {len(bad)} of {len(rows)} worlds, the first {bad[0]}")
+    return rows

@@ -1,0 +1,268 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""`mujoco.Renderer`'s depth and segmentation without OpenGL, under the same names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import mujoco  # noqa: TID253 - the whole package is about it
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.camera import Camera
+from warpvis.core.labels import Label
+from warpvis.errors import ArrayError, SceneError, WarpvisError
+from warpvis.mujoco._cameras import camera_from_mujoco, viewer_camera, viewer_pose
+from warpvis.mujoco._scene import DEFAULT_GROUPS, DEFAULT_TOLERANCE, MujocoScene, check_groups, scene_from_mujoco
+from warpvis.rendering import Output, Renderer as SceneRenderer
+
+_STATIC = int(mujoco.mjtVisFlag.mjVIS_STATIC)
+_HULLS = int(mujoco.mjtVisFlag.mjVIS_CONVEXHULL)
+_GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)
+
+_MOST_RENDERERS = 64  # a camera whose field of view changes all the time must not fill the memory
+
+
+class Renderer:
+    """Depth and segmentation images of a MuJoCo model, as `mujoco.Renderer` makes them.
+
+    Change ``mujoco.Renderer`` to ``warpvis.mujoco.Renderer`` and keep the rest. What differs:
+
+    - Colours are `mujoco.Renderer`'s: this makes depth and segmentation only.
+    - Geoms are seen; sites, tendons, skins, flexes and decorations are not.
+    - What is nearer than MuJoCo's near plane is seen where it is; MuJoCo cuts it away and shows what is behind.
+    - Round shapes are exactly round, where MuJoCo draws 28 slices of them.
+    - The model's sizes, meshes and colours, and where geoms are in their bodies, are read once.
+    """
+
+    def __init__(
+        self,
+        model: Any,
+        height: int = 240,
+        width: int = 320,
+        max_geom: int = 10000,
+        font_scale: Any = None,
+        *,
+        tolerance: float = DEFAULT_TOLERANCE,
+        labels: Mapping[str, Label | int | str] | None = None,
+        exclude: Iterable[str] = (),
+        cull_backfaces: bool = True,
+        device: Any = "cpu",
+        threads: int | None = None,
+    ) -> None:
+        """Prepare to render.
+
+        Args:
+            model: A `mujoco.MjModel`.
+            height: Image height [px]; the model's ``offheight`` sets no limit.
+            width: Image width [px].
+            max_geom: Of no effect: every geom is rendered.
+            font_scale: Of no effect: nothing is written in the images.
+            tolerance: Most distance between round shapes and their triangles [m]; see `scene_from_mujoco`.
+            labels: Labels for the objects of `scene`; see `scene_from_mujoco`.
+            exclude: Names or patterns of geoms or bodies not to render.
+            cull_backfaces: See through surfaces from behind, as in MuJoCo: out of a head that a camera is in.
+            device: Where to render: ``"cpu"``, ``"cuda:0"``, ...
+            threads: CPU threads to use; all cores of this process by default.
+
+        Raises:
+            WarpvisError: An argument is not what it has to be.
+        """
+        if not isinstance(model, mujoco.MjModel):
+            raise SceneError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
+        Camera(width, height, 1, 1, 0, 0)  # checks the size
+        self._model, self._size = model, (int(height), int(width))
+        self._options: dict[str, Any] = {"tolerance": tolerance, "labels": labels, "exclude": tuple(exclude)}
+        self._options["device"] = device
+        self._render_options: dict[str, Any] = {"cull_backfaces": cull_backfaces, "threads": threads}
+        self._stages: dict[tuple[Any, ...], _Stage] = {}
+        self._stage = self._stage_of(DEFAULT_GROUPS, static=True)
+        self._mode = "color"
+        self._camera: Camera | None = None
+        self._pose: NDArray[np.float32] = np.zeros(7, dtype=np.float32)
+        self._closed = False
+
+    @property
+    def model(self) -> Any:
+        """The `mujoco.MjModel`."""
+        return self._model
+
+    @property
+    def scene(self) -> MujocoScene:
+        """What the last `update_scene` chose to show: a `warpvis.Scene`, not a `mujoco.MjvScene`."""
+        return self._stage.scene
+
+    @property
+    def height(self) -> int:
+        """Image height [px]."""
+        return self._size[0]
+
+    @property
+    def width(self) -> int:
+        """Image width [px]."""
+        return self._size[1]
+
+    def enable_depth_rendering(self) -> None:
+        """Render depth from now on."""
+        self._mode = "depth"
+
+    def disable_depth_rendering(self) -> None:
+        """Stop to render depth."""
+        self._mode = "color" if self._mode == "depth" else self._mode
+
+    def enable_segmentation_rendering(self) -> None:
+        """Render segmentation from now on."""
+        self._mode = "segmentation"
+
+    def disable_segmentation_rendering(self) -> None:
+        """Stop to render segmentation."""
+        self._mode = "color" if self._mode == "segmentation" else self._mode
+
+    def update_scene(self, data: Any, camera: int | str | Any = -1, scene_option: Any = None) -> None:
+        """Take over where everything is now.
+
+        Args:
+            data: A `mujoco.MjData` of the model, after `mj_forward` or a step.
+            camera: A camera's name or id, -1 for the default free camera, or a `mujoco.MjvCamera`.
+            scene_option: A `mujoco.MjvOption`: its geom groups, and whether fixed geoms show.
+
+        Raises:
+            WarpvisError: There is no such camera, or the options ask for convex hulls.
+        """
+        if not isinstance(data, mujoco.MjData) or data.geom_xpos.shape != (self._model.ngeom, 3):
+            raise ArrayError(f"data must be a mujoco.MjData of the renderer's model, got {type(data).__name__}")
+        viewer = viewer_camera(self._model, camera)
+        self._camera = camera_from_mujoco(self._model, viewer, self.width, self.height)
+        self._pose = viewer_pose(data, viewer)
+        self._stage = self._chosen_stage(scene_option)
+        self._stage.update(data)
+
+    def render(self, *, out: NDArray[Any] | None = None) -> NDArray[Any]:
+        """Render what `update_scene` took over.
+
+        Args:
+            out: An array to write into, cast to its dtype.
+
+        Returns:
+            Depth: planar, in metres, shape ``(height, width)`` float32, with MuJoCo's far value where nothing is.
+            Segmentation: pairs of a geom's id and mjOBJ_GEOM, or -1 and -1, shape ``(height, width, 2)`` int32.
+
+        Raises:
+            WarpvisError: Neither is enabled, `update_scene` was not called, or `out` has another shape.
+        """
+        if self._closed:
+            raise WarpvisError("render cannot be called after close")
+        if self._mode == "color":
+            raise WarpvisError(
+                "warpvis renders depth and segmentation: call enable_depth_rendering() or "
+                "enable_segmentation_rendering(), and take mujoco.Renderer for colours"
+            )
+        if self._camera is None:
+            raise WarpvisError("call update_scene() before render()")
+        shape = self._size if self._mode == "depth" else (*self._size, 2)
+        if out is not None and getattr(out, "shape", None) != shape:
+            raise ArrayError(f"out must have shape {shape}, got {getattr(out, 'shape', type(out).__name__)}")
+        image = self._depth() if self._mode == "depth" else self._segmentation()
+        if out is None:
+            return image
+        np.copyto(out, image, casting="unsafe")
+        return out
+
+    def close(self) -> None:
+        """Let go of the memory."""
+        self._closed = True
+        self._stages.clear()
+
+    def __enter__(self) -> Renderer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _depth(self) -> NDArray[np.float32]:
+        assert self._camera is not None
+        background = _background(self._camera.near, self._camera.far)
+        image = self._cast("depth")
+        return np.full(self._size, background) if image is None else np.minimum(image, background)
+
+    def _segmentation(self) -> NDArray[np.int32]:
+        image = self._cast("segmentation")
+        return np.full((*self._size, 2), -1, dtype=np.int32) if image is None else self._stage.meanings[image]
+
+    def _cast(self, output: Output) -> NDArray[Any] | None:
+        """One image of one view; None if there are no geoms."""
+        camera, stage = self._camera, self._stage
+        assert camera is not None
+        if not len(stage.scene):
+            return None
+        if (output, camera) not in stage.renderers:
+            # Nearer than MuJoCo's near plane, depth stays a number.
+            seen = Camera(camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, far=camera.far)
+            renderer = SceneRenderer(stage.scene, seen, outputs=(output,), **self._render_options)
+            if len(stage.renderers) >= _MOST_RENDERERS:
+                stage.renderers.clear()
+            stage.renderers[output, camera] = renderer
+        views = stage.renderers[output, camera].render(self._pose[None], object_poses=stage.object_poses())
+        return getattr(views, output).numpy()[0]
+
+    def _chosen_stage(self, option: Any) -> _Stage:
+        if option is None:
+            return self._stage_of(DEFAULT_GROUPS, static=True)
+        if option.flags[_HULLS]:
+            raise SceneError("scene_option asks for convex hulls (mjVIS_CONVEXHULL), which are not rendered")
+        return self._stage_of(np.flatnonzero(option.geomgroup).tolist(), static=bool(option.flags[_STATIC]))
+
+    def _stage_of(self, groups: Iterable[int], *, static: bool) -> _Stage:
+        """The scene of some groups, made when first needed."""
+        key = (check_groups(groups), static)
+        if key not in self._stages:
+            scene = scene_from_mujoco(self._model, geom_groups=key[0], static=static, **self._options)
+            self._stages[key] = _Stage(scene)
+        return self._stages[key]
+
+
+class _Stage:
+    """A scene, where its geoms are now, and the renderers for it."""
+
+    def __init__(self, scene: MujocoScene) -> None:
+        from warpvis.kernels.mujoco import geom_transforms
+
+        self.scene = scene
+        self.renderers: dict[tuple[Output, Camera], SceneRenderer] = {}
+        geoms = scene.geom_ids
+        self.meanings = np.full((len(geoms) + 1, 2), -1, dtype=np.int32)
+        """Geom and type of every object, and at last of none, which is object -1."""
+        self.meanings[:-1, 0], self.meanings[:-1, 1] = geoms, _GEOM
+        position = wp.zeros((1, scene.model.ngeom), dtype=wp.vec3, device="cpu")
+        rotation = wp.zeros((1, scene.model.ngeom), dtype=wp.mat33, device="cpu")
+        places = wp.zeros((1, len(scene.movable_geoms)), dtype=wp.transform, device="cpu")
+        self._position, self._rotation, self._places = position.numpy()[0], rotation.numpy()[0], places.numpy()
+        world, movable = (wp.array(ids, dtype=wp.int32, device="cpu") for ids in ([0], scene.movable_geoms))
+        inputs = [position, rotation, world, movable, places]
+        self._place = wp.launch(geom_transforms, dim=places.shape, inputs=inputs, device="cpu", record_cmd=True)
+
+    def update(self, data: Any) -> None:
+        """Take over where the geoms are."""
+        self._position[:] = data.geom_xpos
+        self._rotation[:] = data.geom_xmat.reshape(-1, 3, 3)
+
+    def object_poses(self) -> NDArray[np.float32] | None:
+        """Rows of the movable objects, shape ``(1, M, 7)``; None if nothing moves."""
+        if self._places.size == 0:
+            return None
+        self._place.launch()
+        return self._places
+
+
+def _background(near: float, far: float) -> np.float32:
+    """The depth that `mujoco.Renderer` has where nothing is: its far plane, by its own rounding.
+
+    As `render` in mujoco/rendering/classic/renderer.py computes it from a depth buffer of 0.
+    """
+    z_near, z_far = np.float32(near), np.float32(far)
+    c = np.float32(-0.5) * (-(z_far + z_near) / (z_far - z_near)) - np.float32(0.5)
+    d = np.float32(-0.5) * (-(np.float32(2) * z_far * z_near) / (z_far - z_near))
+    return np.float32(np.float64(d) / np.float64(c))

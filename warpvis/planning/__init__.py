@@ -1,0 +1,27 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where to stand and look: best views, what views cover, free space, heights, proposals."""
+
+from __future__ import annotations
+
+from warpvis.planning._best_views import BestViews, best_views, look_along as look_along, pose_grid
+from warpvis.planning._coverage import Coverage, Samples, coverage, surface_samples
+from warpvis.planning._free_space import clearance, standing_room
+from warpvis.planning._heights import minimum_height
+from warpvis.planning._inside import inside_solids as inside_solids
+from warpvis.planning._proposals import Proposal, propose_view
+
+__all__ = [
+    "BestViews",
+    "Coverage",
+    "Proposal",
+    "Samples",
+    "best_views",
+    "clearance",
+    "coverage",
+    "minimum_height",
+    "pose_grid",
+    "propose_view",
+    "standing_room",
+    "surface_samples",
+]

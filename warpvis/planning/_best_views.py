@@ -1,0 +1,291 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where to look from: candidate poses, and which of them see the most of given objects."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import warp as wp
+from numpy.typing import ArrayLike, NDArray
+
+from warpvis.core.arrays import as_numpy, as_point, empty
+from warpvis.core.camera import Camera
+from warpvis.core.poses import Convention, check_up, parse_poses, poses_to_opencv
+from warpvis.errors import ArrayError
+from warpvis.scene import Scene, require_scene
+from warpvis.scene.worlds import parse_worlds
+from warpvis.visibility import choose_objects, object_visibility
+
+Measure = Literal["fraction", "pixels"]
+
+_FIELDS = {"fraction": "fraction", "pixels": "visible_pixels"}
+
+# Candidates times objects that are judged in one call: its counters take 150 MB.
+_AT_A_TIME = 1 << 21
+
+# Scores are single precision: what is a whole number of ties up to rounding counts as one.
+_TIE_ROUNDING = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class BestViews:
+    """Candidate poses in the order of what they see of K objects. Everything is NumPy, on the host."""
+
+    order: NDArray[np.int64]
+    """Indices of the candidates, the best first, ``(k,)``."""
+    scores: NDArray[np.float32]
+    """Weighted mean of `values` over the objects, ``(C,)``; -inf for candidates that were left out."""
+    values: NDArray[np.float32]
+    """What every candidate sees of each object, visible fraction or pixels, ``(C, K)``; NaN for those left out."""
+    path_lengths: NDArray[np.float64] | None
+    """Way to each candidate [m], ``(C,)``; None if nothing was said of it."""
+    objects: tuple[str, ...]
+    """Names of the objects."""
+    candidates: NDArray[np.float64]
+    """The candidates, rows ``x y z qx qy qz qw`` of the OpenCV frame, ``(C, 7)``."""
+
+    def pose(self, rank: int = 0) -> NDArray[np.float64]:
+        """The pose that comes at this place in the order, row ``x y z qx qy qz qw`` of the OpenCV frame, ``(7,)``."""
+        return self.candidates[self.order[rank]]
+
+
+def pose_grid(
+    center: ArrayLike,
+    *,
+    radius: float,
+    step: float,
+    height: float,
+    look_at: ArrayLike | None = None,
+    headings: int = 8,
+    pitch: float = 0.0,
+    up: Literal["z", "y"] = "z",
+) -> NDArray[np.float64]:
+    """Camera poses over a disc of the floor, on a square grid around its middle.
+
+    Args:
+        center: Middle of the disc [m], a point of the world, shape ``(3,)``; its height does not count.
+        radius: Radius of the disc [m].
+        step: Distance of neighbouring grid points [m].
+        height: Height of the cameras in the world [m].
+        look_at: A point [m] that all cameras look at, shape ``(3,)``. Places straight above or below it are left out.
+            By default every place has cameras in several directions.
+        headings: Number of these directions, evenly spaced; the first is that of the floor's first axis (x where z is
+            up, z where y is up), and they go on counterclockwise, seen from above.
+        pitch: Angle of these directions above the horizontal [rad]; negative looks down.
+        up: The world's vertical axis.
+
+    Returns:
+        Rows ``x y z qx qy qz qw``, OpenCV camera to world, shape ``(C, 7)``.
+
+    Raises:
+        ArrayError: A length, an angle or a number is not what it has to be.
+        PoseError: `up` is not an axis.
+    """
+    vertical = check_up(up)
+    first, second = (vertical + 1) % 3, (vertical + 2) % 3
+    middle = as_point(center, "center")
+    for name, value, least in (("radius", radius, 0.0), ("step", step, np.nextafter(0.0, 1.0))):
+        if not least <= value < math.inf:
+            raise ArrayError(f"{name} must be a {'positive ' if least else ''}number of metres, got {value}")
+    if not math.isfinite(height):
+        raise ArrayError(f"height must be a finite number of metres, got {height}")
+    steps = np.arange(-math.floor(radius / step + 1e-9), math.floor(radius / step + 1e-9) + 1) * step
+    grid = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
+    grid = grid[np.hypot(*grid.T) <= radius * (1 + 1e-9)]
+    places = np.empty((len(grid), 3))
+    places[:, first], places[:, second] = middle[first] + grid[:, 0], middle[second] + grid[:, 1]
+    places[:, vertical] = height
+    if look_at is not None:
+        forward = as_point(look_at, "look_at") - places
+        aside = np.hypot(forward[:, first], forward[:, second]) > 1e-9 * np.abs(forward[:, vertical])
+        return look_along(places[aside], forward[aside], vertical)
+    if isinstance(headings, bool) or not isinstance(headings, int | np.integer) or headings < 1:
+        raise ArrayError(f"headings must be a whole number from 1 up, got {headings!r}")
+    if not -math.pi / 2 < pitch < math.pi / 2:
+        raise ArrayError(f"pitch must be between -pi/2 and pi/2 radians, got {pitch}")
+    angles = np.arange(headings) * (2 * math.pi / headings)
+    forward = np.empty((headings, 3))
+    forward[:, first], forward[:, second] = np.cos(angles) * math.cos(pitch), np.sin(angles) * math.cos(pitch)
+    forward[:, vertical] = math.sin(pitch)
+    return look_along(np.repeat(places, headings, axis=0), np.tile(forward, (len(places), 1)), vertical)
+
+
+def best_views(
+    scene: Scene,
+    camera: Camera,
+    candidates: Any,
+    *,
+    objects: Sequence[str | int],
+    weights: ArrayLike | None = None,
+    measure: Measure = "fraction",
+    count: int | None = None,
+    start: ArrayLike | None = None,
+    path_lengths: ArrayLike | None = None,
+    tie: float = 0.01,
+    radius: float | None = None,
+    floor: float = 0.0,
+    delta: float = 0.0,
+    object_poses: Any = None,
+    exclude: Sequence[str | int] | str | None = None,
+    convention: Convention = "opencv",
+    threads: int | None = None,
+) -> BestViews:
+    """Order candidate poses by what a camera there sees of given objects.
+
+    A candidate's score is the weighted mean of what it sees of the objects. Scores tie that are equal when divided by
+    `tie` and rounded down (up to rounding errors of single precision); of those that tie, the shorter way comes first,
+    then the greater score, then the lesser index.
+
+    Args:
+        scene: The world.
+        camera: The camera that is moved.
+        candidates: Poses that it may have, camera to world, ``(C, 7)`` or ``(C, 4, 4)``; see `pose_grid`.
+        objects: Names or indices of the K objects to be seen.
+        weights: How much each object counts, shape ``(K,)``; all the same by default.
+        measure: ``"fraction"``, the visible share of an object's silhouette, or ``"pixels"``, how many show it.
+        count: How many of the best to give; all by default.
+        start: Where the camera is: a point ``(3,)`` or a pose. Ways are then straight lines on the floor from there.
+        path_lengths: Or how long the way to each candidate is [m], shape ``(C,)``; inf where there is none.
+        tie: Step of scores within which the way decides; 0 if only equal scores tie.
+        radius: Radius of a robot that has to stand under the camera [m]: candidates without room for it are left out.
+        floor: Height of the floor that it stands on [m]; see `warpvis.planning.standing_room`.
+        delta: See `object_visibility`.
+        object_poses: Where the movable objects are, as for `Renderer.render`, in one world.
+        exclude: Names or indices of objects that the camera does not see and the robot does not run into: its body.
+        convention: Axes of the camera frame that the candidates are for.
+        threads: CPU threads to use; all cores of this process by default.
+
+    Returns:
+        The candidates' order and scores. Those without room or way are not in it.
+
+    Raises:
+        WarpvisError: An argument is not what it has to be, or no candidate is left.
+    """
+    require_scene(scene).require_objects()
+    if measure not in _FIELDS:
+        raise ArrayError(f'measure must be "fraction" or "pixels", got {measure!r}')
+    if not 0 <= tie < math.inf:
+        raise ArrayError(f"tie must be a finite number from 0 up, got {tie!r}")
+    if count is not None and (isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1):
+        raise ArrayError(f"count must be a whole number from 1 up, got {count!r}")
+    chosen = choose_objects(scene, objects)
+    weights = _check_weights(weights, len(chosen))
+    rows = _candidate_rows(candidates, convention)
+    lengths = _path_lengths(scene, rows, start, path_lengths)
+    poses = parse_worlds(scene, 1, object_poses, [0], None).object_poses
+    if len(poses) != 1:
+        raise ArrayError(f"object_poses must be of one world, got {len(poses)}")
+    given = {"object_poses": poses if scene.movable else None, "exclude": _check_exclude(exclude)}
+
+    free = np.isfinite(lengths)
+    if radius is not None:
+        free &= _room(scene, rows, radius, floor, given)
+    if not free.any():
+        why = "a way to it" if radius is None else "a way to it and room for the robot"
+        raise ArrayError(f"at least one candidate must have {why}, and none of the {len(rows)} has")
+    values = np.full((len(rows), len(chosen)), np.nan, dtype=np.float32)
+    options = {**given, "objects": chosen, "delta": delta, "skip_unseen": True, "threads": threads}
+    if measure == "pixels":
+        options["canvas"] = (0, 0, 0, 0)
+    values[free] = _look(scene, camera, rows[free], _FIELDS[measure], options)
+    scores = np.full(len(rows), -np.inf, dtype=np.float32)
+    scores[free] = values[free].astype(np.float64) @ (weights / weights.sum())
+    order = np.flatnonzero(free)
+    order = order[_ranked(scores[free], lengths[free], tie)][:count]
+    names = tuple(scene.objects[index].name for index in chosen)
+    known = start is not None or path_lengths is not None
+    return BestViews(order, scores, values, lengths if known else None, names, rows)
+
+
+def _look(scene: Scene, camera: Camera, rows: NDArray[np.float64], field: str, options: dict[str, Any]) -> NDArray[Any]:
+    """One field of `object_visibility` for all poses, ``(C, K)``: the device's results are read back once."""
+    objects = options["objects"]
+    poses = wp.array(rows.astype(np.float32), dtype=wp.transform, device=scene.device)
+    values = None
+    step = max(1, _AT_A_TIME // len(objects))
+    for first in range(0, len(rows), step):
+        part = slice(first, min(first + step, len(rows)))
+        seen = getattr(object_visibility(scene, camera, poses[part], **options), field)
+        if values is None:
+            values = empty((len(rows), len(objects)), seen.dtype, name="values", device=scene.device)
+        wp.copy(values[part], seen)
+    assert values is not None  # there is at least one candidate
+    return values.numpy()
+
+
+def _ranked(scores: NDArray[np.float32], lengths: NDArray[np.float64], tie: float) -> NDArray[np.int64]:
+    """Indices from the best to the worst."""
+    exact = scores.astype(np.float64)
+    levels = np.floor(exact / tie + _TIE_ROUNDING) if tie > 0 else exact
+    return np.lexsort((-exact, lengths, -levels))
+
+
+def _room(
+    scene: Scene, rows: NDArray[np.float64], radius: float, floor: float, given: dict[str, Any]
+) -> NDArray[np.bool_]:
+    from warpvis.planning._free_space import standing_room
+
+    room = standing_room(scene, rows, radius=radius, floor=floor, **given)
+    return as_numpy(room.numpy() if isinstance(room, wp.array) else room, name="room").astype(bool)
+
+
+def _candidate_rows(candidates: Any, convention: Convention) -> NDArray[np.float64]:
+    given = candidates.numpy() if isinstance(candidates, wp.array) else candidates
+    if np.size(given) == 0:
+        raise ArrayError("candidates must be one or more poses, got none")
+    rows = parse_poses(given, convention=convention, name="candidates").numpy()
+    return rows.astype(np.float64).reshape(-1, 7)
+
+
+def _path_lengths(scene: Scene, rows: NDArray[np.float64], start: Any, path_lengths: Any) -> NDArray[np.float64]:
+    """Way to every candidate [m], shape ``(C,)``; 0 if nothing is said of it."""
+    if start is not None and path_lengths is not None:
+        raise ArrayError("give either start or path_lengths, not both")
+    if path_lengths is not None:
+        lengths = as_numpy(path_lengths, name="path_lengths").astype(np.float64)
+        if lengths.shape != (len(rows),) or not (lengths >= 0).all():
+            raise ArrayError(
+                f"path_lengths must be {len(rows)} lengths from 0 up, one for each candidate, got "
+                f"{'a negative one or NaN' if lengths.shape == (len(rows),) else f'shape {lengths.shape}'}"
+            )
+        return lengths
+    if start is None:
+        return np.zeros(len(rows))
+    where = as_numpy(start, name="start")
+    point = as_point(start, "start") if where.shape == (3,) else poses_to_opencv(start, name="start")[0, :3]
+    floor_axes = [axis for axis in range(3) if axis != check_up(scene.up)]
+    return np.linalg.norm(rows[:, floor_axes] - point[floor_axes], axis=1)
+
+
+def _check_weights(weights: ArrayLike | None, count: int) -> NDArray[np.float64]:
+    if weights is None:
+        return np.ones(count)
+    numbers = as_numpy(weights, name="weights").astype(np.float64)
+    if numbers.shape != (count,) or not (np.isfinite(numbers).all() and (numbers >= 0).all() and numbers.any()):
+        raise ArrayError(
+            f"weights must be {count} numbers from 0 up, one for each object and not all 0, got {numbers.tolist()}"
+        )
+    return numbers
+
+
+def _check_exclude(exclude: Any) -> list[str | int] | None:
+    if exclude is None:
+        return None
+    items = [exclude] if isinstance(exclude, str) else list(exclude)
+    if not all(isinstance(item, str | int | np.integer) for item in items):
+        raise ArrayError("exclude must be names or indices of objects, which hold for all candidates")
+    return items or None
+
+
+def look_along(places: NDArray[np.float64], forward: NDArray[np.float64], vertical: int) -> NDArray[np.float64]:
+    """Poses at places ``(C, 3)`` that look along directions of any length, upright: `look_at` for many."""
+    right = np.cross(forward, np.eye(3)[vertical])
+    axes = np.stack([right, np.cross(forward, right), forward], axis=2)
+    matrices = np.tile(np.eye(4), (len(places), 1, 1))
+    matrices[:, :3, :3], matrices[:, :3, 3] = axes / np.linalg.norm(axes, axis=1, keepdims=True), places
+    return poses_to_opencv(matrices, name="pose grid")

@@ -1,0 +1,312 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""How much of a scene's surfaces views cover together, and which few views cover the most."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.arrays import as_numpy, as_points, check_metres, empty
+from warpvis.core.camera import Camera
+from warpvis.core.labels import Label, Visibility
+from warpvis.core.poses import Convention, parse_poses
+from warpvis.errors import ArrayError, PoseError, SceneError
+from warpvis.planning._free_space import one_world
+from warpvis.scene import Scene
+from warpvis.scene.worlds import parse_worlds
+from warpvis.visibility import choose_objects, point_visibility
+
+_MOST_SAMPLES = 10**8
+
+# Pairs of a view and a sample that are looked at together: point_visibility takes about 20 bytes for each.
+_PAIRS = 1 << 22
+
+# The sequence R2 (Roberts 2018): multiples of these two numbers fill the unit square evenly.
+_R2 = np.array([0.7548776662466927, 0.5698402909980532])
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Points of surfaces, each of which stands for a part of the area of its object's surface."""
+
+    points: NDArray[np.float32] = field(repr=False)
+    """In the world frame [m], shape ``(N, 3)``."""
+    normals: NDArray[np.float32] = field(repr=False)
+    """Unit normals of their triangles, ``(b - a) x (c - a)``, shape ``(N, 3)``; NaN where there is none."""
+    areas: NDArray[np.float64] = field(repr=False)
+    """What each stands for [m^2], shape ``(N,)``."""
+    objects: NDArray[np.int32] = field(repr=False)
+    """Indices of their objects in the scene, shape ``(N,)``; -1 of points that are of none."""
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+def surface_samples(
+    scene: Scene,
+    *,
+    spacing: float = 0.05,
+    objects: Sequence[str | int] | None = None,
+    labels: Sequence[Label | int | str] | Label | int | str | None = None,
+    object_poses: Any = None,
+    seed: int = 0,
+) -> Samples:
+    """Points that are spread evenly over the surfaces of objects, the same ones every time.
+
+    An object gets its area / `spacing`^2 of them, at least one, each of which stands for an equal share of its area.
+    Triangles get theirs by systematic sampling in proportion to their areas; within triangles they follow the sequence
+    R2 (Roberts 2018), which leaves smaller gaps than random points.
+
+    Args:
+        scene: The surfaces: triangles, also of movable `warpvis.scene.solids.Solid` objects.
+        spacing: About how far apart they are [m].
+        objects: Names or indices of the objects to sample; all by default.
+        labels: Or the labels of the objects to sample, such as ``"ground"``.
+        object_poses: Where the movable objects are, in one world: rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
+            default where they were added.
+        seed: Another number moves all of them.
+
+    Raises:
+        WarpvisError: An argument is not what it has to be.
+    """
+    spacing = check_metres(spacing, "spacing", zero=False)
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise ArrayError(f"seed must be a whole number from 0 up, got {seed!r}")
+    vertices, _ = one_world(scene, object_poses, None)
+    chosen = _choose(scene, objects, labels)
+    corners = [vertices[index].astype(np.float64)[scene.objects[index].faces] for index in chosen]
+    doubled = [np.cross(part[:, 1] - part[:, 0], part[:, 2] - part[:, 0]) for part in corners]
+    areas = [np.linalg.norm(part, axis=1).sum() / 2 for part in doubled]
+    wanted = [max(1.0, np.rint(area / spacing / spacing)) for area in areas]
+    if not sum(wanted) <= _MOST_SAMPLES:
+        raise ArrayError(
+            f"spacing {spacing:g} m makes {sum(wanted):.3g} samples; give more, for {_MOST_SAMPLES:g} at most"
+        )
+    parts = []
+    for index, part, doubles, area, count in zip(chosen, corners, doubled, areas, map(int, wanted), strict=True):
+        places, faces = _spread(part, np.linalg.norm(doubles, axis=1), count, np.random.default_rng([seed, index]))
+        with np.errstate(invalid="ignore"):  # triangles without an area have no normal
+            unit = doubles[faces] / np.linalg.norm(doubles[faces], axis=1, keepdims=True)
+        parts.append((places, unit, np.full(count, area / count), np.full(count, index)))
+    points, normals, shares, owners = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Samples(points.astype(np.float32), normals.astype(np.float32), shares, owners.astype(np.int32))
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """What V views cover of N samples."""
+
+    samples: Samples
+    weights: NDArray[np.float64] = field(repr=False)
+    """What every sample counts [m^2], shape ``(N,)``: its area times the weight that it was given."""
+    seen: NDArray[np.bool_] = field(repr=False)
+    """Whether a view sees a sample, shape ``(V, N)``."""
+    area_by_view: NDArray[np.float64] = field(repr=False)
+    """What every view covers by itself [m^2], shape ``(V,)``."""
+    cumulative: NDArray[np.float64] = field(repr=False)
+    """What views 0 to i cover together [m^2], shape ``(V,)``."""
+    order: NDArray[np.int64]
+    """Views chosen greedily: each covers the most of what those before it do not, shape ``(k,)``."""
+    gain: NDArray[np.float64]
+    """What each view of `order` adds [m^2], shape ``(k,)``."""
+
+    @cached_property
+    def total(self) -> float:
+        """What all samples count together [m^2]."""
+        return float(self.weights.sum())
+
+    @property
+    def fraction(self) -> float:
+        """Share of it that all views cover together."""
+        return float(self.cumulative[-1]) / self.total
+
+    @property
+    def curve(self) -> NDArray[np.float64]:
+        """What the first 1, 2, ... views of `order` cover together [m^2], shape ``(k,)``."""
+        return np.cumsum(self.gain)
+
+    def best(self, k: int) -> NDArray[np.int64]:
+        """The first k views of `order`: they cover at least 1 - 1/e, 63 %, of what the best k views could.
+
+        Raises:
+            ArrayError: `order` has fewer views, or k is less than 1.
+        """
+        return self.order[: _check_k(k, len(self.order), "views of order")]
+
+    def unseen(self) -> NDArray[np.bool_]:
+        """Which samples no view sees, shape ``(N,)``."""
+        return np.logical_not(self.seen.any(axis=0))
+
+
+def coverage(
+    scene: Scene,
+    camera: Camera,
+    camera_to_world: Any,
+    *,
+    samples: Samples | Any = None,
+    weights: Any = None,
+    k: int | None = None,
+    tolerance: float = 1e-3,
+    object_poses: Any = None,
+    exclude: Any = None,
+    convention: Convention = "opencv",
+    threads: int | None = None,
+) -> Coverage:
+    """How much surface views cover, alone and together, and which views to take if only some can be.
+
+    A sample is covered by a view if `point_visibility` calls it `Visibility.VISIBLE`: in the image, in range, and
+    hidden by nothing. Surfaces have two sides, and both count: a floor is seen from below, too, where nothing is in
+    between.
+
+    The views of `Coverage.order` are chosen greedily, the one that adds most first; of views that add exactly as much,
+    the one of least index. That covers at least 1 - 1/e of what the best choice of as many views covers (Nemhauser,
+    Wolsey and Fisher 1978). Gains only shrink as views are chosen, so few have to be computed again (Minoux 1978).
+
+    Args:
+        scene: What is seen, and what may be in the way.
+        camera: Image size, intrinsics and depth range.
+        camera_to_world: Poses, as for `Renderer.render`; V of them.
+        samples: What is to be covered: `surface_samples`, or points in the world frame [m], shape ``(N, 3)``, each of
+            which counts as 1 m^2. By default samples of all objects that are not excluded in all views.
+        weights: How important every sample is, a factor of its area, shape ``(N,)``; 1 by default.
+        k: How many views to choose; by default all are put in order.
+        tolerance: How far behind the first surface along its ray a sample still counts as seen [m]. The triangles of
+            movable solids lie farther than this behind their round surface, unless they are fine or this is greater.
+        object_poses: Where the movable objects are, in one world: rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
+            default where they were added.
+        exclude: What is not seen, as for `Renderer.render`.
+        convention: Axes of the camera frame of the poses.
+        threads: CPU threads to use; all cores of this process by default.
+
+    Raises:
+        WarpvisError: An argument is not what it has to be.
+    """
+    one_world(scene, object_poses, None)
+    device = scene.device
+    poses = parse_poses(camera_to_world, convention=convention, device=device)
+    if not len(poses):
+        raise PoseError("camera_to_world must have at least one pose, got 0")
+    count = len(poses) if k is None else _check_k(k, len(poses), "views")
+    worlds = parse_worlds(scene, len(poses), object_poses, None, exclude)
+    hidden: Any = worlds.excluded if worlds.excluded is not None and worlds.excluded.size else None
+    samples = _read_samples(scene, samples, object_poses, hidden)
+    areas = samples.areas * _read_weights(weights, len(samples))
+    if not areas.any():
+        raise ArrayError("weights must not all be zero, nor the areas of samples")
+    places = wp.array(samples.points, dtype=wp.vec3, device=device)
+    seen = empty((len(poses), len(samples)), wp.uint8, name="seen", device=wp.get_device("cpu")).numpy().view(np.bool_)
+    step = max(1, _PAIRS // len(samples))
+    for first in range(0, len(poses), step):
+        part = slice(first, min(first + step, len(poses)))
+        status: Any = point_visibility(
+            scene,
+            camera,
+            poses[part],
+            places,
+            tolerance=tolerance,
+            object_poses=object_poses,
+            exclude=hidden if hidden is None or len(hidden) == 1 else hidden[part],
+            threads=threads,
+        )
+        seen[part] = status.numpy() == Visibility.VISIBLE
+    union, cumulative = np.zeros(len(samples), dtype=bool), np.empty(len(poses))
+    for view, row in enumerate(seen):
+        union |= row
+        cumulative[view] = _area(areas, union)
+    alone = np.array([_area(areas, row) for row in seen])
+    return Coverage(samples, areas, seen, alone, cumulative, *_choose_views(seen, areas, alone, count))
+
+
+def _area(areas: NDArray[np.float64], which: NDArray[np.bool_]) -> float:
+    """Sum of some areas, all in one order: what is in a smaller set never sums up to more, even by rounding."""
+    return float((areas * which).sum())
+
+
+def _choose_views(
+    seen: NDArray[np.bool_], areas: NDArray[np.float64], alone: NDArray[np.float64], count: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Views in greedy order, and what each adds: the one on top of the heap is chosen once its gain is up to date."""
+    left = areas.copy()
+    heap = [(-area, view, 0) for view, area in enumerate(alone)]
+    heapq.heapify(heap)
+    order: list[int] = []
+    gain: list[float] = []
+    while len(order) < count:
+        bound, view, as_of = heap[0]
+        if as_of < len(order):
+            heapq.heapreplace(heap, (-_area(left, seen[view]), view, len(order)))
+            continue
+        heapq.heappop(heap)
+        left[seen[view]] = 0.0
+        order.append(view)
+        gain.append(-bound)
+    return np.array(order, dtype=np.int64), np.array(gain)
+
+
+def _spread(
+    corners: NDArray[np.float64], areas: NDArray[np.float64], count: int, rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Points of triangles of these areas (of any scale), and which triangle each is of."""
+    ends = np.cumsum(areas)
+    marks = (np.arange(count) + rng.random()) / count * ends[-1]
+    faces = np.minimum(np.searchsorted(ends, marks, side="right"), len(areas) - 1)
+    shares = (rng.random(2) + np.arange(count)[:, None] * _R2) % 1.0
+    shares = np.where(shares.sum(axis=1, keepdims=True) > 1.0, 1.0 - shares, shares)
+    a, b, c = corners[faces].swapaxes(0, 1)
+    return a + shares[:, :1] * (b - a) + shares[:, 1:] * (c - a), faces
+
+
+def _choose(scene: Scene, objects: Any, labels: Any) -> list[int]:
+    if labels is None:
+        return choose_objects(scene, objects)
+    if objects is not None:
+        raise SceneError("give objects or labels, not both")
+    wanted = {Label.parse(label) for label in ([labels] if isinstance(labels, str | int) else labels)}
+    chosen = [index for index, item in enumerate(scene.objects) if item.label in wanted]
+    if not chosen:
+        names = ", ".join(label.name for label in sorted(wanted)) or "no label"
+        raise SceneError(f"the scene has no object labelled {names}")
+    return chosen
+
+
+def _read_samples(scene: Scene, samples: Any, object_poses: Any, hidden: Any) -> Samples:
+    if samples is None:
+        in_view = np.arange(len(scene)) if hidden is None else np.flatnonzero((hidden.numpy() == 0).any(axis=0))
+        if not len(in_view):
+            raise SceneError("exclude leaves no object to be covered")
+        return surface_samples(scene, objects=in_view.tolist(), object_poses=object_poses)
+    given = samples.points if isinstance(samples, Samples) else samples
+    points = as_points(given, "samples", "N", scene.device).numpy()
+    if not len(points):
+        raise ArrayError("samples must be at least one, got 0")
+    if isinstance(samples, Samples):
+        if np.shape(samples.areas) != (len(points),):
+            raise ArrayError(f"areas of samples must have shape ({len(points)},), got {np.shape(samples.areas)}")
+        return samples
+    return Samples(points, np.full_like(points, np.nan), np.ones(len(points)), np.full(len(points), -1, dtype=np.int32))
+
+
+def _read_weights(weights: Any, count: int) -> NDArray[np.float64]:
+    if weights is None:
+        return np.ones(count)
+    factors = as_numpy(weights, name="weights").astype(np.float64)
+    if factors.shape != (count,):
+        raise ArrayError(f"weights must have shape ({count},), one for every sample, got {factors.shape}")
+    bad = np.flatnonzero(~(np.isfinite(factors) & (factors >= 0)))
+    if len(bad):
+        raise ArrayError(f"weights must be finite and not negative: {len(bad)} are not, the first at {bad[0]}")
+    return factors
+
+
+def _check_k(k: Any, most: int, what: str) -> int:
+    if isinstance(k, bool) or not isinstance(k, int | np.integer) or not 1 <= k <= most:
+        raise ArrayError(f"k must be a whole number from 1 to the {most} {what}, got {k!r}")
+    return int(k)

@@ -1,0 +1,192 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""How far points are from surfaces, and where a robot has room to stand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.arrays import as_points, check_metres, empty, surely_finite
+from warpvis.core.labels import Label
+from warpvis.core.poses import check_up, parse_poses, poses_to_matrices
+from warpvis.core.threads import launch_points
+from warpvis.errors import PoseError
+from warpvis.scene import Scene, require_scene
+from warpvis.scene.closed import has_no_boundary
+from warpvis.scene.worlds import parse_worlds
+from warpvis.visibility import choose_objects
+
+# Farther than any two points of a scene are apart, and its square is finite in single precision.
+_FARTHEST = 1e19
+
+
+def clearance(
+    scene: Scene,
+    points: Any,
+    *,
+    most: float = math.inf,
+    objects: Sequence[str | int] | None = None,
+    exclude: Any = None,
+    object_poses: Any = None,
+    threads: int | None = None,
+) -> wp.array:
+    """Distance from points to the nearest surface, on either side of it.
+
+    Surfaces are triangles; of a movable `warpvis.scene.solids.Solid`, too, the triangles count. Those without an area
+    may be passed over. The nearest one is found in single precision, its distance is computed in double.
+
+    Args:
+        scene: The surfaces.
+        points: Points in the world frame [m], shape ``(N, 3)``.
+        most: Surfaces farther than this are not looked for [m]; less is faster.
+        objects: Names or indices of the objects whose surfaces count; all by default.
+        exclude: Names or indices of objects whose surfaces do not count.
+        object_poses: Where the movable objects are, in one world: rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
+            default where they were added.
+        threads: CPU threads to use; all cores of this process by default.
+
+    Returns:
+        Distances [m], shape ``(N,)`` float32, on the scene's device; +inf where nothing is nearer than `most`, NaN
+        where a point of a GPU is not finite.
+
+    Raises:
+        WarpvisError: An argument is not what it has to be.
+    """
+    from warpvis.kernels.clearance import nearest_surface
+
+    most = check_metres(most, "most", infinite=True)
+    vertices, excluded = one_world(scene, object_poses, exclude)
+    chosen = [index for index in choose_objects(scene, objects) if not excluded[index]]
+    device = scene.device
+    places = as_points(points, "points", "N", device)
+    distance = empty(places.shape, wp.float32, name="distances", device=device)
+    if not chosen:
+        distance.fill_(math.inf)
+        return distance
+    mesh = build_mesh(scene, vertices, chosen)
+    given = [places, min(most, _FARTHEST), distance]
+    launch_points(
+        nearest_surface, (1, len(places)), lambda window: [mesh.id, window, *given], device=device, threads=threads
+    )
+    return distance
+
+
+def standing_room(
+    scene: Scene,
+    camera_to_world: Any,
+    *,
+    radius: float,
+    floor: float = 0.0,
+    step: float = 0.01,
+    exclude: Any = None,
+    object_poses: Any = None,
+    threads: int | None = None,
+) -> NDArray[np.bool_]:
+    """Whether an upright robot has room where its camera is.
+
+    The robot is an upright cylinder around the camera, from `step` above the floor up to the camera's height. It has
+    room if no triangle comes into the cylinder, and its top is not inside of a closed object whose triangles face
+    outwards. That is computed from the triangles in double precision, so it is exact but for the rounding of the
+    input to single precision. Objects labelled `Label.GROUND` do not hinder.
+
+    Args:
+        scene: What may be in the way; of movable `warpvis.scene.solids.Solid` objects, their triangles.
+        camera_to_world: Poses as for `Renderer.render`; only the positions matter.
+        radius: The robot's radius [m].
+        floor: Height of the floor along the scene's up axis [m].
+        step: What is not higher than this above the floor does not hinder [m], such as a threshold, or a floor that has
+            another label.
+        exclude: Names or indices of objects that do not hinder, such as the robot's own body.
+        object_poses: Where the movable objects are, in one world: rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
+            default where they were added.
+        threads: CPU threads to use; all cores of this process by default.
+
+    Returns:
+        Whether there is room, shape ``(V,)``; False for a camera that is no higher than `step` above the floor.
+
+    Raises:
+        WarpvisError: An argument is not what it has to be.
+    """
+    from warpvis.kernels.clearance import find_room
+
+    radius = check_metres(radius, "radius", zero=False)
+    low = check_metres(floor, "floor", signed=True) + check_metres(step, "step")
+    vertices, excluded = one_world(scene, object_poses, exclude)
+    device, up = scene.device, check_up(scene.up)
+    poses = parse_poses(camera_to_world, device=device)
+    hinders = [i for i, item in enumerate(scene.objects) if item.label != Label.GROUND and not excluded[i]]
+    mesh = build_mesh(scene, vertices, hinders) if hinders else None
+    cameras = poses.numpy().reshape(-1, 7)[:, :3]
+    solid = [may_hold(vertices[i], scene.objects[i].faces, cameras) for i in hinders]
+    flags = np.repeat(np.array(solid, dtype=np.uint8), [len(scene.objects[i].faces) for i in hinders])
+    inputs = [mesh.id if mesh else 0, wp.array(flags, dtype=wp.uint8, device=device), up, poses]
+    room = empty(poses.shape, wp.uint8, name="room", device=device)
+    given = [wp.float64(low), wp.float64(radius), room]
+    launch_points(find_room, (1, len(poses)), lambda window: [*inputs, window, *given], device=device, threads=threads)
+    return room.numpy() != 0
+
+
+def one_world(scene: Any, object_poses: Any, exclude: Any) -> tuple[list[NDArray[np.float32]], NDArray[np.bool_]]:
+    """All objects' vertices in one world [m], shapes ``(n, 3)``, and which objects are excluded, shape ``(objects,)``.
+
+    Args:
+        scene: A scene that has objects.
+        object_poses: Where the movable ones are, shape ``(M, 7)``; None for where they were added.
+        exclude: Names or indices of objects, or flags of shape ``(1, objects)``.
+
+    Raises:
+        WarpvisError: An argument is not what it has to be.
+    """
+    require_scene(scene)
+    objects = scene.require_objects()
+    worlds = parse_worlds(scene, 1, object_poses, np.zeros(1, dtype=np.int32), exclude)
+    if worlds.object_poses.shape[0] != 1:
+        raise PoseError(f"object_poses must be of one world, got {worlds.object_poses.shape[0]}")
+    rows = worlds.object_poses.numpy().reshape(-1, 7)
+    with np.errstate(invalid="ignore"):  # poses that came from a GPU may be anything
+        place = dict(zip(scene.movable, poses_to_matrices(rows), strict=True))
+    vertices = []
+    for index, item in enumerate(objects):
+        if not item.movable:
+            vertices.append(item.vertices)
+            continue
+        assert item.mesh_vertices is not None
+        matrix = place[index if item.carrier is None else item.carrier]
+        vertices.append((item.mesh_vertices @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32))
+        if not surely_finite(vertices[-1]) and not np.isfinite(vertices[-1]).all():
+            raise PoseError(f"object_poses must be finite and have a rotation, and leave {item.name!r} in the world")
+    excluded = np.zeros(len(objects), dtype=bool)
+    if worlds.excluded is not None and worlds.excluded.size:
+        excluded[:] = worlds.excluded.numpy()[0] != 0
+    return vertices, excluded
+
+
+def corners_of(scene: Scene, vertices: Sequence[NDArray[np.float32]], chosen: Sequence[int]) -> NDArray[np.float32]:
+    """Corners of the chosen objects' triangles, shape ``(T, 3, 3)``, one object after the other."""
+    return np.concatenate([vertices[index][scene.objects[index].faces] for index in chosen])
+
+
+def build_mesh(scene: Scene, vertices: Sequence[NDArray[np.float32]], chosen: Sequence[int]) -> wp.Mesh:
+    """One `wp.Mesh` of some of the scene's objects, where `one_world` says they are."""
+    device = scene.device
+    corners = corners_of(scene, vertices, chosen).reshape(-1, 3)
+    return wp.Mesh(
+        points=wp.array(corners, dtype=wp.vec3, device=device),
+        indices=wp.array(np.arange(len(corners), dtype=np.int32), dtype=wp.int32, device=device),
+        bvh_constructor="sah" if device.is_cpu else "cubql",
+    )
+
+
+def may_hold(vertices: NDArray[np.float32], faces: NDArray[np.int32], points: NDArray[np.float32]) -> bool:
+    """Whether points can be inside of an object: some are in its box, and it is closed and faces outwards."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    if not ((points >= low) & (points <= high)).all(axis=1).any() or not has_no_boundary(vertices, faces):
+        return False
+    a, b, c = (vertices.astype(np.float64) - vertices[0])[faces].swapaxes(0, 1)
+    return bool((a * np.cross(b, c)).sum() > 0)

@@ -1,0 +1,63 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Which points are inside of closed objects."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.arrays import as_points, empty
+from warpvis.core.poses import check_up
+from warpvis.core.threads import launch_points
+from warpvis.planning._free_space import build_mesh, may_hold, one_world
+from warpvis.scene import Scene
+
+
+def inside_solids(
+    scene: Scene, points: Any, *, exclude: Any = None, object_poses: Any = None, threads: int | None = None
+) -> NDArray[np.bool_]:
+    """Whether points are inside of closed objects whose triangles face outwards.
+
+    Above a point inside of such objects, more triangles that face up than such that face down are passed. An object
+    counts if its triangles have no boundary and enclose a positive volume; one that faces inwards, as the walls of a
+    room do, holds nothing. Of movable `warpvis.scene.solids.Solid` objects, their triangles count.
+
+    Args:
+        scene: The objects.
+        points: Points in the world frame [m], shape ``(N, 3)``.
+        exclude: Names or indices of objects that do not count.
+        object_poses: Where the movable objects are, in one world: rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
+            default where they were added.
+        threads: CPU threads to use; all cores of this process by default.
+
+    Returns:
+        Whether they are, shape ``(N,)``.
+
+    Raises:
+        WarpvisError: An argument is not what it has to be.
+    """
+    from warpvis.kernels.inside import find_inside
+
+    vertices, excluded = one_world(scene, object_poses, exclude)
+    device = scene.device
+    places = as_points(points, "points", "N", device)
+    host = places.numpy()
+    chosen = [i for i, item in enumerate(scene.objects) if not excluded[i] and may_hold(vertices[i], item.faces, host)]
+    if not chosen:
+        return np.zeros(len(host), dtype=bool)
+    mesh = build_mesh(scene, vertices, chosen)
+    solid = wp.ones(sum(len(scene.objects[i].faces) for i in chosen), dtype=wp.uint8, device=device)
+    inside = empty(places.shape, wp.uint8, name="inside", device=device)
+    given = [mesh.id, solid, check_up(scene.up)]
+    launch_points(
+        find_inside,
+        (1, len(places)),
+        lambda window: [*given, window, places, inside],
+        device=device,
+        threads=threads,
+    )
+    return inside.numpy() != 0

@@ -1,0 +1,100 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where a robot could go to see what a person may mean and it does not see."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.camera import Camera
+from warpvis.core.poses import check_up
+from warpvis.errors import ArrayError, CameraError
+from warpvis.planning._best_views import best_views, pose_grid
+from warpvis.planning._free_space import standing_room
+from warpvis.scene import Scene
+from warpvis.visibility import Agent, Candidate, State
+
+# Places that see the objects equally well up to this: the nearest is taken.
+_TIE = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """A pose from which a robot's camera sees objects that it does not see now."""
+
+    pose: NDArray[np.float64]
+    """The camera's pose, row ``x y z qx qy qz qw`` of the OpenCV frame, shape ``(7,)``."""
+    distance: float
+    """Way to it in a straight line on the floor [m]."""
+    fractions: dict[str, float]
+    """Visible share of the silhouette of every object that has to be seen, by name."""
+
+    def report(self) -> dict[str, Any]:
+        """The same as plain Python values that `json.dumps` takes."""
+        return {"pose": self.pose.tolist(), "distance": self.distance, "fractions": self.fractions}
+
+
+def propose_view(
+    scene: Scene,
+    robot: Agent,
+    candidates: list[Candidate],
+    *,
+    reach: float = 2.0,
+    step: float = 0.1,
+    radius: float = 0.2,
+    floor: float = 0.0,
+) -> Proposal | None:
+    """Where a robot near its present place sees the most of the objects that only the person sees.
+
+    The camera keeps its height and looks at the likeliest of the objects. Places are those of `pose_grid` at which the
+    robot has `standing_room`. Objects weigh as much as the person is likely to mean them, by `Candidate.score`. Of
+    places that see about as much, the nearest is taken.
+
+    Args:
+        scene: The world, in which movable objects are where they were added.
+        robot: The robot, at one pose, with a `Camera`.
+        candidates: What `Perspective.candidates` found of the person and the robot.
+        reach: How far the robot may go [m].
+        step: Distance of neighbouring places [m].
+        radius: Radius of the robot, an upright cylinder around its camera [m].
+        floor: Height of the floor [m].
+
+    Returns:
+        The pose; None if the robot sees all that the person sees, or no place in reach shows any of it.
+
+    Raises:
+        WarpvisError: An argument is not what it has to be.
+    """
+    if not isinstance(robot.camera, Camera):
+        raise CameraError(f"camera of {robot.name!r} must be a warpvis.Camera to be placed, got a FieldOfView")
+    if len(robot.poses) != 1:
+        raise ArrayError(f"{robot.name!r} must have one pose to start from, got {len(robot.poses)}")
+    missed = [item for item in candidates if item.state == State.FIRST and item.object not in robot.body]
+    if not missed:
+        return None
+    here, vertical = robot.poses[0], check_up(scene.up)
+    target = scene[missed[0].object].bounds.astype(np.float64).mean(axis=0)
+    places = pose_grid(here[:3], radius=reach, step=step, height=float(here[vertical]), look_at=target, up=scene.up)
+    room = standing_room(scene, places, radius=radius, floor=floor, exclude=list(robot.body) or None)
+    if not room.any():
+        return None
+    found = best_views(
+        scene,
+        robot.camera,
+        places[room],
+        objects=[item.object for item in missed],
+        weights=[item.score for item in missed],
+        start=here,
+        tie=_TIE,
+        exclude=list(robot.body) or None,
+    )
+    best = int(found.order[0])
+    if found.scores[best] <= 0:
+        return None
+    assert found.path_lengths is not None  # the start is given
+    fractions = dict(zip(found.objects, found.values[best].astype(float).tolist(), strict=True))
+    return Proposal(found.candidates[best], float(found.path_lengths[best]), fractions)

@@ -1,0 +1,180 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Generators of poses as a command line has them: ``"orbit target=0,0,0.5 radius=2 height=1 count=360"``."""
+
+from __future__ import annotations
+
+import math
+import os
+import shlex
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.frames import Frames
+from warpvis.errors import PoseError
+from warpvis.io import read_points
+from warpvis.pose_generators import _generators
+
+if TYPE_CHECKING:
+    from warpvis.scene import Scene
+
+
+def looks_like_spec(text: str) -> bool:
+    """Whether a text is a generator's spec and not the name of a file.
+
+    It is if there is no file of that name, and it begins with a generator's name or goes on with words ``key=value``.
+    """
+    try:
+        words = shlex.split(text)
+    except ValueError:
+        words = text.split()
+    named = bool(words) and words[0] in _GENERATORS
+    keyed = len(words) > 1 and all("=" in word for word in words[1:])
+    return (named or keyed) and not os.path.exists(text)
+
+
+def frames_from_spec(text: str, scene: Scene | None = None, *, up: Literal["z", "y"] | None = None) -> Frames:
+    """Frames of a generator that a text names: ``NAME key=value ...``.
+
+    - ``orbit target=X,Y,Z radius=R height=H count=N [start=A]``
+    - ``sphere target=X,Y,Z radius=R count=N [min_elevation=A] [max_elevation=A]``
+    - ``grid step=S [bounds=X,Y,Z,X,Y,Z] [headings=N] [pitch=A] [look_at=X,Y,Z]``
+    - ``random count=N [seed=N] [bounds=X,Y,Z,X,Y,Z] [clearance=D] [look=level|any|X,Y,Z] [exclude=NAME,NAME]``
+    - ``along path=FILE count=N [look=forward|X,Y,Z]``, a file of points; see `warpvis.io.read_points`
+
+    Lengths are in metres and angles in radians; see `warpvis.pose_generators`. Bounds are the scene's by default, the
+    seed is 0. A value with spaces is written in quotes.
+
+    Args:
+        text: The spec.
+        scene: The scene, for its bounds and surfaces.
+        up: The world's vertical axis; the scene's by default, else ``"z"``.
+
+    Returns:
+        The frames, 0, 1, 2, ... seconds; their `source` says the generator and its arguments.
+
+    Raises:
+        PoseError: The text does not name a generator, or a key is unknown, missing, there twice or not what it has to
+            be.
+        WarpvisError: The generator refuses its arguments.
+    """
+    try:
+        words = shlex.split(text)
+    except ValueError as error:
+        raise PoseError(f"the spec {text!r} does not read: {error}") from None
+    name = words[0] if words else ""
+    if name not in _GENERATORS:
+        raise PoseError(f"a spec of poses begins with one of {', '.join(_GENERATORS)}, got {name!r}")
+    generator = _GENERATORS[name]
+    given = _parse_keys(name, generator, words[1:])
+    upright = up or (scene.up if scene is not None else "z")
+    if name in ("grid", "random") and "bounds" not in given:
+        if scene is None:
+            raise PoseError(f"{name} needs bounds=, or a scene")
+        given["bounds"] = np.asarray(scene.bounds, dtype=np.float64)
+    source: dict[str, Any] = {"generator": name, "up": upright}
+    source |= {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in given.items()}
+    if "path" in given:
+        given["path"], source["path"] = read_points(given["path"]), Path(given["path"]).name
+    if name == "random":
+        source["seed"] = given.setdefault("seed", 0)
+        given["scene_or_bounds"] = given.pop("bounds") if scene is None else scene
+    make = getattr(_generators, generator.function)
+    return Frames.from_poses(make(up=upright, **given), source=source)
+
+
+@dataclass(frozen=True)
+class _Generator:
+    """A function of `warpvis.pose_generators`, and how its keys are read."""
+
+    function: str
+    required: dict[str, Callable[[str], Any]]
+    optional: dict[str, Callable[[str], Any]]
+
+
+def _parse_keys(name: str, generator: _Generator, words: list[str]) -> dict[str, Any]:
+    known = generator.required | generator.optional
+    keys = ", ".join(key if key in generator.required else f"[{key}]" for key in known)
+    given: dict[str, Any] = {}
+    for word in words:
+        key, equals, value = word.partition("=")
+        if not equals or key not in known:
+            raise PoseError(f"{name} has no {key!r}; its keys are {keys}, each as key=value")
+        if key in given:
+            raise PoseError(f"{key} of {name} is there twice")
+        try:
+            given[key] = known[key](value)
+        except ValueError as error:
+            raise PoseError(f"{key} of {name} must be {error}, got {value!r}") from None
+    missing = [key for key in generator.required if key not in given]
+    if missing:
+        raise PoseError(f"{name} needs {', '.join(missing)}; its keys are {keys}")
+    return given
+
+
+def _number(text: str) -> float:
+    return _numbers(text, 1, "a finite number")[0]
+
+
+def _whole(text: str) -> int:
+    if not text.removeprefix("-").isdecimal() or len(text) > 18:
+        raise ValueError("a whole number")
+    return int(text)
+
+
+def _place(text: str) -> NDArray[np.float64]:
+    return np.array(_numbers(text, 3, "three finite numbers X,Y,Z"))
+
+
+def _box(text: str) -> NDArray[np.float64]:
+    wanted = "six finite numbers, the least and the greatest corner, X,Y,Z,X,Y,Z"
+    return np.array(_numbers(text, 6, wanted)).reshape(2, 3)
+
+
+def _names(text: str) -> list[str]:
+    return text.split(",")
+
+
+def _look(*words: str) -> Callable[[str], str | NDArray[np.float64]]:
+    def parse(text: str) -> str | NDArray[np.float64]:
+        if text in words:
+            return text
+        return np.array(_numbers(text, 3, f"{' or '.join(words)} or three finite numbers X,Y,Z"))
+
+    return parse
+
+
+def _numbers(text: str, count: int, wanted: str) -> list[float]:
+    try:
+        values = [float(word) for word in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != count or not all(map(math.isfinite, values)):
+        raise ValueError(wanted)
+    return values
+
+
+_GENERATORS = {
+    "orbit": _Generator(
+        "orbit", {"target": _place, "radius": _number, "height": _number, "count": _whole}, {"start": _number}
+    ),
+    "sphere": _Generator(
+        "sphere",
+        {"target": _place, "radius": _number, "count": _whole},
+        {"min_elevation": _number, "max_elevation": _number},
+    ),
+    "grid": _Generator(
+        "grid", {"step": _number}, {"bounds": _box, "headings": _whole, "pitch": _number, "look_at": _place}
+    ),
+    "random": _Generator(
+        "random_poses",
+        {"count": _whole},
+        {"seed": _whole, "bounds": _box, "clearance": _number, "look": _look("level", "any"), "exclude": _names},
+    ),
+    "along": _Generator("along", {"path": str, "count": _whole}, {"look": _look("forward")}),
+}

@@ -1,0 +1,23 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Poses become images: depth, points, normals, labels and segmentation, by two casters on CPU and CUDA."""
+
+from __future__ import annotations
+
+from warpvis.rendering._panorama import render_wide
+from warpvis.rendering._renderer import (
+    OUTPUTS,
+    Caster,
+    Output,
+    Renderer as Renderer,
+    Views as Views,
+    render as render,
+    views_for as views_for,
+)
+
+__all__ = [
+    "OUTPUTS",
+    "Caster",
+    "Output",
+    "render_wide",
+]

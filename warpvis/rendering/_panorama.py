@@ -1,0 +1,135 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Images wider than a pinhole's, up to all around: cylindrical and spherical (fisheye) projections."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+from warpvis.core.poses import Convention, parse_poses
+from warpvis.core.threads import check_threads, launch_images
+from warpvis.errors import ArrayError, CameraError
+from warpvis.rendering._renderer import OUTPUTS, Output, Views, views_for
+from warpvis.rendering.casters import images_struct
+from warpvis.scene import Scene, require_scene
+from warpvis.scene.worlds import parse_worlds
+
+Projection = Literal["cylindrical", "spherical"]
+
+# Two pi as files write it with four decimals.
+_WIDEST = 6.2832
+
+
+def render_wide(
+    scene: Scene,
+    width: int,
+    height: int,
+    hfov: float,
+    camera_to_world: Any,
+    *,
+    projection: Projection = "cylindrical",
+    near: float = 0.0,
+    far: float = math.inf,
+    outputs: Sequence[Output] = ("depth",),
+    cull_backfaces: bool = False,
+    object_poses: Any = None,
+    world: Any = None,
+    exclude: Any = None,
+    convention: Convention = "opencv",
+    threads: int | None = None,
+) -> Views:
+    """Render views that a pinhole is too narrow for: one ray through every pixel's centre, in equal steps of angle.
+
+    With u to the right and v downwards from the image's middle, both from -1/2 to 1/2 from border to border:
+
+    * ``"cylindrical"``: the ray's azimuth is ``u * hfov`` to the right, its elevation ``v * hfov * height / width``
+      downwards. Columns are meridians and rows are parallels, all as far apart (equirectangular).
+    * ``"spherical"``: an equidistant fisheye. The ray is ``hfov * sqrt(u^2 + v^2)`` away from the camera's axis,
+      towards the pixel. The middles of all four borders are ``hfov / 2`` away from it, so that an image that is not
+      square is stretched; its corners are beyond.
+
+    Where a pixel is more than pi away from the axis, or more than pi / 2 above or below the horizon, the formulas hold
+    all the same: its ray goes over the pole. These are the projections of Webots' cameras (its shader
+    ``merge_spherical.frag``).
+
+    Args:
+        scene: What is seen.
+        width: Image width [px].
+        height: Image height [px].
+        hfov: Horizontal field of view [rad], up to 2 pi.
+        camera_to_world: Poses, as for `Renderer.render`.
+        projection: ``"cylindrical"`` or ``"spherical"``.
+        near: Least length of a ray that is measured [m].
+        far: Greatest length of a ray that is measured [m].
+        outputs: The images to make, as for `Renderer`.
+        cull_backfaces: See through triangles from behind, as for `Renderer`.
+        object_poses: As for `Renderer.render`.
+        world: As for `Renderer.render`.
+        exclude: As for `Renderer.render`.
+        convention: Axes of the camera frame of the poses.
+        threads: CPU threads to use; all cores of this process by default.
+
+    Returns:
+        The images, indexed ``[view, y, x]``, on the scene's device. Depth is the ray's *length* from the camera to what
+        it meets [m]: +inf where that is nothing or lies beyond `far`, -inf where it is nearer than `near` (REP 117).
+
+    Raises:
+        WarpvisError: An argument is not what it has to be.
+    """
+    from warpvis.kernels.panorama import cast_wide_rays
+
+    require_scene(scene)
+    camera = _wide_camera(width, height, hfov, projection, near, far)
+    names = _check_outputs(outputs)
+    scene.require_objects()
+    poses = parse_poses(camera_to_world, convention=convention, device=scene.device)
+    worlds = parse_worlds(scene, len(poses), object_poses, world, exclude)
+    threads = check_threads(threads)
+    shape = (len(poses), camera.height, camera.width)
+    views = views_for(names, shape, scene.device)
+    images = images_struct([getattr(views, name) for name in OUTPUTS])
+    triangles = scene.triangles()
+    launch_images(
+        cast_wide_rays,
+        shape,
+        lambda window: [triangles.struct, camera, poses, window, worlds, bool(cull_backfaces), images],
+        device=scene.device,
+        threads=threads,
+    )
+    return views
+
+
+def _wide_camera(width: Any, height: Any, hfov: Any, projection: Any, near: Any, far: Any) -> Any:
+    """A `warpvis.kernels.panorama.WideCamera`, checked."""
+    from warpvis.kernels.panorama import WideCamera
+
+    if projection not in ("cylindrical", "spherical"):
+        raise CameraError(f'projection must be "cylindrical" or "spherical", got {projection!r}')
+    for name, value in (("width", width), ("height", height)):
+        if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < 1:
+            raise CameraError(f"{name} must be a whole number of pixels from 1 up, got {value!r}")
+    for name, value in (("hfov", hfov), ("near", near), ("far", far)):
+        if not isinstance(value, int | float | np.integer | np.floating) or isinstance(value, bool):
+            raise CameraError(f"{name} must be a number, got {value!r}")
+    if not 0 < hfov <= _WIDEST:
+        hint = "; fields of view are in radians" if hfov > _WIDEST else ""
+        raise CameraError(f"hfov must be more than 0 and at most 2 pi radians, got {hfov}{hint}")
+    if not 0 <= near < far:
+        raise CameraError(f"the depth range needs 0 <= near < far, got near={near}, far={far}")
+    camera = WideCamera()
+    camera.width, camera.height, camera.hfov = int(width), int(height), float(hfov)
+    camera.is_spherical = projection == "spherical"
+    camera.near, camera.far = float(near), float(far)
+    return camera
+
+
+def _check_outputs(outputs: Sequence[str]) -> tuple[str, ...]:
+    names: tuple[str, ...] = (outputs,) if isinstance(outputs, str) else tuple(outputs)
+    unknown = [str(name) for name in names if name not in OUTPUTS]
+    if unknown or not names:
+        raise ArrayError(f"outputs must be some of {', '.join(OUTPUTS)}, got {', '.join(unknown) or 'none'}")
+    return tuple(dict.fromkeys(names))

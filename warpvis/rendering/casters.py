@@ -1,0 +1,226 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The two casters behind `Renderer`: what each needs of a scene, and how its work is split over threads."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.camera import Camera
+from warpvis.core.poses import Convention, host_poses, parse_poses
+from warpvis.core.threads import launch_images, load_module, run_together
+from warpvis.kernels.constants import COUNTER_FINISHED, JOB_COUNTERS, POSE_WORDS, TILE_SIDE
+from warpvis.scene import Scene
+
+# A strip is a thread's part of the rows that are left, divided by this.
+_SHARES_PER_THREAD = 2
+TILE = TILE_SIDE
+# Of `warpvis.kernels.packets.cast_packets`.
+_ARGUMENTS = ("scene", "job", "poses", "worlds", "images")
+VISIT_WORDS = 6
+NOTE_WORDS = 58 + VISIT_WORDS + 1  # of a movable object: its frame, its visit, and its place in their order
+
+
+class RaysCaster:
+    """One thread a pixel, one query of Warp's mesh a thread."""
+
+    def __init__(self, scene: Scene, camera: Camera, *, cull_backfaces: bool, threads: int) -> None:
+        """Prepare to cast."""
+        self._scene = scene
+        self._camera = camera
+        self._cull_backfaces = cull_backfaces
+        self._threads = threads
+
+    def parse_poses(self, poses: Any, convention: Convention) -> wp.array:
+        """Poses as this caster takes them, checked."""
+        return parse_poses(poses, convention=convention, device=self._scene.device)
+
+    def cast(self, poses: wp.array, worlds: Any, images: list[wp.array | None]) -> None:
+        """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
+        from warpvis.kernels.rays import cast_rays
+
+        self._launch(cast_rays, (len(poses), self._camera.height, self._camera.width), poses, [worlds], images)
+
+    def cast_at(self, poses: wp.array, worlds: Any, pixels: wp.array, images: list[wp.array | None]) -> None:
+        """The same through image points, shape ``(V, 1, N)`` vec2, as are the images'."""
+        from warpvis.kernels.rays import cast_rays_at
+
+        self._launch(cast_rays_at, pixels.shape, poses, [worlds, pixels], images)
+
+    def _launch(
+        self,
+        kernel: Any,
+        shape: tuple[int, int, int],
+        poses: wp.array,
+        others: list[Any],
+        images: list[wp.array | None],
+    ) -> None:
+        triangles, camera, outputs = self._scene.triangles(), self._camera.device_struct(), images_struct(images)
+        launch_images(
+            kernel,
+            shape,
+            lambda window: [triangles.struct, camera, poses, window, *others, self._cull_backfaces, outputs],
+            device=self._scene.device,
+            threads=self._threads,
+        )
+
+
+@dataclass
+class _Workspace:
+    """What one call at a time works with: the job as kernels take it, the memory it refers to, and a packed launch.
+
+    To pack a launch takes longer than many a strip: what stays the same from call to call stays packed.
+    """
+
+    key: tuple[int, ...]
+    job: Any
+    counter: np.ndarray
+    poses: wp.array
+    pose_rows: np.ndarray
+    launch: Any
+    packed: dict[str, Any]
+    """The arguments that may change, by name, as they are packed now."""
+
+    def pack(self, **arguments: Any) -> None:
+        """Put arguments into the launch."""
+        for name, value in arguments.items():
+            if value is not self.packed[name]:
+                self.launch.set_param_at_index(_ARGUMENTS.index(name), value)
+                self.packed[name] = value
+
+
+class PacketsCaster:
+    """All pixels of a view, or of a strip of it, walk a cluster tree together; on CPU cores."""
+
+    def __init__(self, scene: Scene, camera: Camera, *, cull_backfaces: bool, threads: int) -> None:
+        """Prepare to cast."""
+        self._scene = scene
+        self._camera = camera
+        self._cull_backfaces = cull_backfaces
+        self._threads = threads
+        self._idle: list[_Workspace] = []
+        self._loaded = False
+
+    def parse_poses(self, poses: Any, convention: Convention) -> np.ndarray:
+        """Poses as this caster takes them, checked."""
+        return host_poses(poses, convention=convention)
+
+    def cast(self, poses: np.ndarray, worlds: Any, images: list[wp.array | None]) -> None:
+        """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
+        self._run(poses, worlds, None, images)
+
+    def cast_at(self, poses: np.ndarray, worlds: Any, pixels: wp.array, images: list[wp.array | None]) -> None:
+        """The same through image points, shape ``(V, 1, N)`` vec2, as are the images'."""
+        if pixels.size:
+            self._run(poses, worlds, pixels, images)
+
+    def _run(self, poses: np.ndarray, worlds: Any, pixels: wp.array | None, images: list[wp.array | None]) -> None:
+        from warpvis.kernels import packets
+
+        views = len(poses)
+        if views == 0:
+            return
+        if not self._loaded:
+            load_module(packets.cast_packets)
+            self._loaded = True
+        clusters = self._scene.clusters()
+        points = 0 if pixels is None else pixels.shape[2]
+        space = self._take(views, clusters.depth, clusters.struct.movable_count, points)
+        workers = min(self._threads, views * space.job.strips)
+        space.counter[:] = 0
+        space.pose_rows[:] = poses
+        if pixels is not None:
+            space.job.at = pixels.flatten().view(wp.float32).flatten()
+            space.launch.set_param_at_index(_ARGUMENTS.index("job"), space.job)
+        space.pack(scene=clusters.struct, worlds=worlds, images=images_struct(images))
+        run_together(space.launch.launch, workers, lambda: bool(space.counter[COUNTER_FINISHED] == workers))
+        # What the caller drops must not live on here.
+        space.job.at = None
+        space.pack(worlds=packets.NO_WORLDS, images=packets.NO_IMAGES)
+        self._idle.append(space)
+
+    def _take(self, *key: int) -> _Workspace:
+        """A workspace that nobody uses, for numbers of views, levels of the trees, movable objects, and points.
+
+        Callers on several threads each have their own.
+        """
+        from warpvis.kernels import packets
+
+        while self._idle:
+            try:
+                space = self._idle.pop()
+            except IndexError:  # another thread was quicker
+                break
+            if space.key == key:
+                return space
+        job, counter = self._make_job(*key)
+        rows = np.empty((key[0], POSE_WORDS), dtype=np.float32)
+        poses = wp.array(rows, dtype=wp.transform, device="cpu", copy=False)
+        changing = {"scene": packets.NO_SCENE, "worlds": packets.NO_WORLDS, "images": packets.NO_IMAGES}
+        inputs = [changing["scene"], job, poses, changing["worlds"], changing["images"]]
+        launch = wp.launch(packets.cast_packets, dim=1, inputs=inputs, device="cpu", record_cmd=True)
+        return _Workspace(key, job, counter, poses, rows, launch, changing)
+
+    def _make_job(self, views: int, depth: int, movables: int, points: int) -> tuple[Any, np.ndarray]:
+        from warpvis.kernels.packets import PacketJob
+
+        camera, job = self._camera, PacketJob()
+        job.views, job.height, job.width = views, camera.height, camera.width
+        # Every strip looks at all points of its view: no more of them than threads have to share.
+        strip_rows = split_rows(views, camera.height, self._threads, equal=bool(points))
+        job.strips, job.most_rows = len(strip_rows) - 1, int(np.diff(strip_rows).max())
+        job.strip_rows = wp.array(strip_rows, dtype=wp.int32, device="cpu")
+        job.focal_x, job.focal_y = camera.fx, camera.fy
+        job.center_x, job.center_y = camera.cx, camera.cy
+        job.near, job.far = camera.near, camera.far
+        job.cull_backfaces = int(self._cull_backfaces)
+        counter = np.zeros(JOB_COUNTERS, dtype=np.int32)
+        job.counter = wp.array(counter, dtype=wp.int32, device="cpu", copy=False)
+        tiles_x, tiles_y = -(-camera.width // TILE), -(-job.most_rows // TILE)
+        # As `Scratch` in kernels/native/packets.h carves it: w and id of every pixel, what is known of blocks and
+        # tiles, four rows of each, and a stack with room for all children of a node on every level.
+        words = tiles_x * tiles_y * (2 * 256 + 16 + 1 + 4 + 1) + tiles_x * 128 + (depth + 1) * 16 * VISIT_WORDS + 64
+        words += movables * NOTE_WORDS
+        if points:  # their cells and packets, as `Scratch` carves them
+            cells = tiles_x * tiles_y * 16
+            words += cells + 32 + 5 * (points + 15 * min(cells, points) + 16)
+        job.points = points
+        job.scratch = wp.zeros((self._threads, words), dtype=wp.float32, device="cpu")
+        return job, counter
+
+
+def images_struct(images: Sequence[wp.array | None]) -> Any:
+    """The `warpvis.kernels.images.Images` of depth, points, normals, labels and segmentation; None is not made."""
+    from warpvis.kernels.images import NAMES, Images
+
+    struct = Images()
+    for name, image in zip(NAMES, images, strict=True):
+        if image is not None:
+            setattr(struct, name, image)
+    return struct
+
+
+def split_rows(views: int, height: int, threads: int, *, equal: bool = False) -> NDArray[np.int32]:
+    """Where the strips of a view begin, multiples of 16, and where the last one ends.
+
+    With views for all threads, a view is one strip. Else each strip is a share of the rows that are left, so that the
+    last ones are small and threads end at about the same time (guided self-scheduling: Polychronopoulos and Kuck 1987);
+    or `equal`: one for each thread that a view has.
+    """
+    if equal:
+        tiles = -(-height // TILE)
+        step = TILE * -(-tiles // max(1, -(-threads // views)))
+        return np.array([*range(0, height, step), height], dtype=np.int32)
+    shares = 1 if threads == 1 or views >= 4 * threads else -(-_SHARES_PER_THREAD * threads // views)
+    rows, starts = 0, [0]
+    while rows < height:
+        tiles = -(-(height - rows) // TILE)
+        rows = min(rows + -(-tiles // shares) * TILE, height)
+        starts.append(rows)
+    return np.array(starts, dtype=np.int32)

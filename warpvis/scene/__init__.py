@@ -1,0 +1,13 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What is there: objects, instances and solids in the world, worlds of them, and the trees that casters walk."""
+
+from __future__ import annotations
+
+from warpvis.scene import solids
+from warpvis.scene._object import SceneObject as SceneObject
+from warpvis.scene._scene import Scene as Scene, require_scene as require_scene
+
+__all__ = [
+    "solids",
+]

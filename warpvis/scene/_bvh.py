@@ -1,0 +1,224 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The cluster tree: leaves of 16 or 32 triangles and nodes of as many children, for casters that test all at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.arrays import aligned_empty
+from warpvis.core.threads import check_threads, load_module, run_each
+from warpvis.errors import ArrayError, SceneError
+
+LEAF_ROWS = 9
+"""Numbers a triangle: its corners' coordinates."""
+NODE_ROWS = 10
+"""Numbers a child: its box, and the axis and cutoff of its normal cone."""
+
+# Ranges of fewer triangles are not worth a launch of their own.
+_LEAST_RANGE = 16384
+# Ranges a thread gets on average, so that they end at about the same time. The tree does not depend on it.
+_RANGES_PER_THREAD = 8
+# Words of a Collapser::Binary, beside one a lane.
+_BINARY_SIZE = 6
+# DEEPEST of native/tree.h: from this depth on, ranges are halved.
+_DEEPEST = 64
+# No limit to the number of splits.
+_ALL = -1
+
+
+@dataclass(frozen=True)
+class ClusterTree:
+    """Triangles in clusters, and the tree above them, on the CPU. Node 0 is the root.
+
+    Arrays are flat, start at a multiple of 64 bytes, and hold `lanes` lanes a row.
+    """
+
+    leaves: wp.array = field(repr=False)
+    """float32, 9 rows a leaf: ax ay az bx by bz cx cy cz. Lanes without a triangle repeat lane 0's first corner."""
+    triangles: wp.array = field(repr=False)
+    """int32, one row a leaf: the lane's triangle among the faces, -1 for none."""
+    owners: wp.array = field(repr=False)
+    """int32, one row a leaf: the object that the lane's triangle belongs to; lane 0's for none."""
+    nodes: wp.array = field(repr=False)
+    """float32, 10 rows a node: the children's min x y z, max x y z, and their normal cones' axis x y z and cutoff.
+
+    All triangles below a child face away from a camera if ``dot(m - camera, axis) >= cutoff * |m - camera| + r``, where
+    m and r are the middle and the half diagonal of the child's box. The cutoff is 2 where the cone says nothing, or a
+    triangle's object is not closed. Without a child, min is 3e38 and max is -3e38.
+    """
+    children: wp.array = field(repr=False)
+    """int32, one row a node: a node, or a leaf as its one's complement (negative); 0 for none."""
+    lanes: int
+    """Triangles of a leaf and children of a node, at most: 16 or 32."""
+    depth: int
+    """Levels of nodes."""
+    leaf_count: int
+    """Leaves."""
+    node_count: int
+    """Nodes."""
+    triangle_count: int
+    """Triangles."""
+
+    @property
+    def bytes_per_triangle(self) -> float:
+        """Memory of all arrays together, for each triangle."""
+        arrays = (self.leaves, self.triangles, self.owners, self.nodes, self.children)
+        return sum(array.size * 4 for array in arrays) / self.triangle_count
+
+
+class _Nodes(NamedTuple):
+    children: wp.array
+    leaf_ranges: wp.array
+    """int32, a pair a leaf: the first of its items, and the first after them."""
+    node_count: int
+    leaf_count: int
+    depth: int
+
+
+def build_cluster_tree(
+    vertices: NDArray[np.float32],
+    faces: NDArray[np.int32],
+    owner: NDArray[np.int32],
+    closed: NDArray[np.bool_],
+    *,
+    lanes: int = 16,
+    most_levels: int | None = None,
+    threads: int | None = None,
+) -> ClusterTree:
+    """Build the tree by the surface area heuristic, with a leaf's cost the same however few triangles it has.
+
+    Args:
+        vertices: Corners, shape ``(n, 3)``.
+        faces: Corner indices of the triangles, shape ``(m, 3)``, m from 1 up.
+        owner: The triangles' objects, shape ``(m,)``.
+        closed: Whether an object's back faces can be left out when it is seen from outside, shape ``(objects,)``.
+        lanes: Triangles of a leaf and children of a node, at most: 16 or 32.
+        most_levels: What the tree's depth does not exceed, whatever the triangles. Where the heuristic would make a
+            deeper tree, triangles are halved in number instead. No limit by default.
+        threads: CPU threads, all cores by default. The tree is the same for any number.
+
+    Raises:
+        ArrayError: `lanes` is not 16 or 32.
+        SceneError: No tree of at most `most_levels` levels holds so many triangles.
+    """
+    from warpvis.kernels import tree
+
+    count = len(faces)
+    _check_size(count, lanes, most_levels, tree.LANE_COUNTS)
+    threads = check_threads(threads) if count > 2 * _LEAST_RANGE else 1
+    load_module(tree.load_items)
+    scene = [
+        _wrap(np.ascontiguousarray(vertices, dtype=np.float32).ravel()),
+        _wrap(np.ascontiguousarray(faces, dtype=np.int32).ravel()),
+        _wrap(np.ascontiguousarray(owner, dtype=np.int32)),
+        _wrap(np.ascontiguousarray(closed, dtype=np.uint8)),
+    ]
+
+    items = aligned_empty((count * 8,), wp.float32)
+    _launch_parts(tree.load_items, count, lambda first: [*scene[:2], first, items], threads)
+    children, leaf_ranges, node_count, leaf_count, depth = _arrange(tree, items, lanes, most_levels, threads)
+
+    leaves = aligned_empty((leaf_count * LEAF_ROWS * lanes,), wp.float32)
+    triangles, owners = (aligned_empty((leaf_count * lanes,), wp.int32) for _ in range(2))
+    bounds = aligned_empty((leaf_count * NODE_ROWS,), wp.float32)
+    _launch_parts(
+        tree.fill_leaves,
+        leaf_count,
+        lambda first: [*scene, lanes, items, leaf_ranges, first, leaves, triangles, owners, bounds],
+        threads,
+    )
+    nodes = aligned_empty((node_count * NODE_ROWS * lanes,), wp.float32)
+    _launch(tree.fit_nodes, [lanes, children, bounds, node_count, nodes])
+    return ClusterTree(leaves, triangles, owners, nodes, children, lanes, depth, leaf_count, node_count, count)
+
+
+def _check_size(count: int, lanes: int, most_levels: int | None, lane_counts: tuple[int, ...]) -> None:
+    if lanes not in lane_counts:
+        raise ArrayError(f"lanes must be {' or '.join(map(str, lane_counts))}, got {lanes!r}")
+    if most_levels is None:
+        return
+    most = lanes ** (most_levels + 1) if most_levels > 0 else 0
+    if count > most:
+        raise SceneError(
+            f"a tree of {lanes} lanes and at most {most_levels} levels holds {most} triangles, got {count}"
+        )
+
+
+def _arrange(tree: Any, items: wp.array, lanes: int, most_levels: int | None, threads: int) -> _Nodes:
+    """Sort the items into leaves, and make the nodes above them."""
+    count = items.size // 8
+    splits = aligned_empty((count * 4,), wp.int32)
+    _split(tree.split_range, items, splits, lanes, 0, threads)
+    nodes = _collapse(tree.collapse_tree, splits, lanes, evenly=False)
+    if most_levels is not None and nodes.depth > most_levels:
+        _split(tree.split_range, items, splits, lanes, _shallow_root(count, lanes, most_levels), threads)
+        nodes = _collapse(tree.collapse_tree, splits, lanes, evenly=True)
+    return nodes
+
+
+def _shallow_root(count: int, lanes: int, most_levels: int) -> int:
+    """The depth to begin at, for ranges to be halved so early that the tree has at most `most_levels` levels.
+
+    Such nodes as `_collapse` makes evenly hold log2(lanes) levels of the binary tree each. Of all these, halving takes
+    ceil(log2(n)) for n leaves. The heuristic is left the rest.
+    """
+    leaves = -(-count // lanes)
+    left = most_levels * (lanes.bit_length() - 1) - (leaves - 1).bit_length()
+    return max(0, _DEEPEST - left)
+
+
+def _split(kernel: Any, items: wp.array, splits: wp.array, lanes: int, root_depth: int, threads: int) -> None:
+    """Split the items into a binary tree: large ranges once at a time until there are enough, then each to its leaves.
+
+    A range is ``(begin, end, link, depth)``; its link is where its split is found: twice its parent's, and 1 more on
+    the right.
+    """
+    links = splits.numpy().reshape(-1, 4)[:, :2]
+    count = len(links)
+    large = max(_LEAST_RANGE, count // (threads * _RANGES_PER_THREAD)) if threads > 1 else count
+    pending, ready = [(0, count, 0, root_depth)], []
+    while pending:
+        run_each(lambda part: _launch(kernel, [lanes, *part, 1, items, splits]), pending, threads)
+        parts = []
+        for begin, end, link, depth in pending:
+            middle = int(links[link // 2, link % 2])
+            if middle:
+                parts += [(begin, middle, 2 * middle, depth + 1), (middle, end, 2 * middle + 1, depth + 1)]
+        pending = [part for part in parts if part[1] - part[0] > large]
+        ready += [part for part in parts if part[1] - part[0] <= large]
+    ready.sort(key=lambda part: part[0] - part[1])
+    run_each(lambda part: _launch(kernel, [lanes, *part, _ALL, items, splits]), ready, threads)
+
+
+def _collapse(kernel: Any, splits: wp.array, lanes: int, *, evenly: bool) -> _Nodes:
+    """Make nodes of the binary tree's: of the least area, or, `evenly`, of log2(lanes) of its levels or more each."""
+    count = splits.size // 4
+    # As large as for leaves of one triangle: what is not written takes no memory.
+    sizes = (count * (_BINARY_SIZE + lanes), count * lanes, count * 2, 3)
+    binaries, children, leaf_ranges, counts = (aligned_empty((size,), wp.int32) for size in sizes)
+    _launch(kernel, [lanes, splits, count, int(evenly), binaries, children, leaf_ranges, counts])
+    used = int(counts.numpy()[0]) * lanes
+    kept = aligned_empty((used,), wp.int32)
+    kept.numpy()[:] = children.numpy()[:used]
+    return _Nodes(kept, leaf_ranges, *counts.numpy().tolist())
+
+
+def _launch_parts(kernel: Any, count: int, arguments: Callable[[int], list[Any]], threads: int) -> None:
+    """Launch a kernel over `count` thread indices in parts; `arguments` takes the first of a part."""
+    step = max(1024, -(-count // (4 * threads)))
+    run_each(lambda first: _launch(kernel, arguments(first), min(step, count - first)), range(0, count, step), threads)
+
+
+def _launch(kernel: Any, arguments: list[Any], count: int = 1) -> None:
+    wp.launch(kernel, dim=count, inputs=arguments, device="cpu")
+
+
+def _wrap(array: NDArray[Any]) -> wp.array:
+    return wp.array(array, copy=False, device="cpu")

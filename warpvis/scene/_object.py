@@ -1,0 +1,115 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a scene holds: an object's mesh, name and label, and what makes it movable."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import ArrayLike, NDArray
+
+from warpvis.core.labels import Label
+from warpvis.errors import SceneError
+from warpvis.scene.solids import Solid
+
+
+@dataclass(frozen=True)
+class SceneObject:
+    """One object of a scene: a mesh, a name and a label."""
+
+    name: str
+    label: Label
+    vertices: NDArray[np.float32] = field(repr=False)
+    """Corners in the world frame [m], shape ``(n, 3)``; of a movable object at its `pose`."""
+    faces: NDArray[np.int32] = field(repr=False)
+    """Corner indices of the triangles, shape ``(m, 3)``."""
+    mesh_vertices: NDArray[np.float32] | None = field(default=None, repr=False)
+    """Corners in the frame of a movable object, or of the one it is attached to [m], shape ``(n, 3)``; else None."""
+    pose: NDArray[np.float32] | None = field(default=None, repr=False)
+    """Where a movable object is unless a call says otherwise, object to world, ``x y z qx qy qz qw``; None if it stays,
+    or moves with another one."""
+    carrier: int | None = None
+    """Index of the movable object that it was attached to; None for most."""
+    solid: Solid | None = None
+    """What rays meet of a movable object in place of its triangles, if it was added as a `solids.Solid`."""
+
+    @property
+    def movable(self) -> bool:
+        """Whether the object may be in another place in every world."""
+        return self.pose is not None or self.carrier is not None
+
+    @property
+    def points(self) -> wp.array | None:
+        """Where its vertices are on the scene's device, once `Scene.update_vertices` was told them; else None."""
+        return None
+
+    @property
+    def bounds(self) -> NDArray[np.float32]:
+        """Least and greatest corner of the axis-aligned box [m], shape ``(2, 3)``."""
+        return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
+
+
+def as_it_is(item: SceneObject) -> SceneObject:
+    """The object with the vertices it has now, whatever becomes of them."""
+    if item.points is None:
+        return item
+    return SceneObject(item.name, item.label, item.vertices, item.faces, item.mesh_vertices, item.pose)
+
+
+def by_itself(item: SceneObject, objects: Sequence[SceneObject]) -> SceneObject:
+    """The object, movable, and of one piece with no other."""
+    if item.carrier is not None:
+        return replace(item, pose=objects[item.carrier].pose, carrier=None)
+    if item.pose is None:
+        identity = np.array([0, 0, 0, 0, 0, 0, 1], dtype=np.float32)
+        return replace(item, mesh_vertices=item.vertices, pose=identity)
+    return item
+
+
+def check_mesh(mesh: Any, name: str) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Vertices [m], shape ``(n, 3)``, and faces, ``(m, 3)``, of a mesh that `Scene.add` was given.
+
+    Raises:
+        SceneError: It is empty or malformed.
+    """
+    if isinstance(mesh, tuple | list) and len(mesh) == 2:
+        vertices, faces = mesh
+    elif hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
+        vertices, faces = mesh.vertices, mesh.faces
+    else:
+        raise SceneError(
+            f"mesh of {name!r} must be a trimesh.Trimesh or a pair (vertices, faces), got {type(mesh).__name__}"
+        )
+    try:
+        vertices, faces = np.asarray(vertices, dtype=np.float64), np.asarray(faces)
+    except (TypeError, ValueError) as error:
+        raise SceneError(f"mesh of {name!r} must hold arrays of numbers: {error}") from None
+    if vertices.ndim != 2 or vertices.shape[1] != 3:
+        raise SceneError(f"vertices of {name!r} must have shape (n, 3), got {vertices.shape}")
+    if faces.size == 0:
+        raise SceneError(f"mesh of {name!r} must have triangles, got none")
+    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
+        raise SceneError(f"faces of {name!r} must be integers of shape (m, 3), got {faces.dtype} {faces.shape}")
+    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
+    if len(bad):
+        raise SceneError(f"vertices of {name!r} must be finite: {len(bad)} are not, the first at {bad[0]}")
+    low, high = faces.min(), faces.max()
+    if low < 0 or high >= len(vertices):
+        raise SceneError(f"faces of {name!r} must index its {len(vertices)} vertices, got indices from {low} to {high}")
+    return vertices, faces.astype(np.int32)
+
+
+def check_scale(scale: float | ArrayLike, name: str) -> NDArray[np.float64]:
+    """A factor of size, or three of them.
+
+    Raises:
+        SceneError: They are not positive numbers.
+    """
+    factors = np.asarray(scale, dtype=np.float64)
+    if factors.shape not in ((), (3,)) or not (np.isfinite(factors).all() and (factors > 0).all()):
+        raise SceneError(f"scale of {name!r} must be one or three positive numbers, got {scale!r}")
+    return factors

@@ -1,0 +1,188 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Deforming meshes: where their vertices are, and how a cluster tree follows them without being built again."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.arrays import FARTHEST, as_numpy, as_warp, on_gpu
+from warpvis.core.poses import poses_to_matrices
+from warpvis.core.threads import check_threads, load_module, run_each
+from warpvis.errors import ArrayError, SceneError
+from warpvis.scene._bvh import LEAF_ROWS, NODE_ROWS
+from warpvis.scene._object import SceneObject
+
+if TYPE_CHECKING:
+    from warpvis.scene._bvh import ClusterTree
+
+# Leaves of fewer are not worth a launch of their own, nor another thread.
+_LEAST_LEAVES = 512
+_PARTS_PER_THREAD = 4
+_NAMED = 3
+
+
+class DeformingObject(SceneObject):
+    """A movable object whose vertices were updated. They are on the scene's device.
+
+    What the host is told of them is copied from there every time, so it is right after a replayed CUDA graph too.
+    """
+
+    def __init__(self, item: SceneObject, device: wp.Device) -> None:
+        """The same object, with room for its vertices."""
+        for name in ("name", "label", "faces", "pose"):
+            object.__setattr__(self, name, getattr(item, name))
+        object.__setattr__(self, "_points", wp.empty(len(item.vertices), dtype=wp.vec3, device=device))
+
+    @property
+    def points(self) -> wp.array:
+        """The corners in the object's frame, on the scene's device."""
+        return self._points  # type: ignore[attr-defined]
+
+    @property
+    def mesh_vertices(self) -> NDArray[np.float32]:
+        """The newest corners in the object's frame."""
+        return np.array(self.points.numpy())
+
+    @property
+    def vertices(self) -> NDArray[np.float32]:
+        """The newest corners in the world frame, at the object's pose."""
+        assert self.pose is not None
+        matrix = poses_to_matrices(self.pose)
+        return (self.mesh_vertices @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32)
+
+
+def parse_vertices(vertices: Any, item: SceneObject, device: wp.Device) -> wp.array:
+    """An object's new vertices as vec3: on the host if they came from there, and checked; else on the device.
+
+    Raises:
+        SceneError: They are not what they have to be.
+    """
+    # Nothing is fetched from the device to count.
+    name, count = item.name, len(item.vertices if item.points is None else item.points)
+    try:
+        if on_gpu(vertices):
+            result = as_warp(_as_vectors(vertices), wp.vec3, ("n",), name=f"vertices of {name!r}", device=device)
+        else:
+            host = as_numpy(vertices, name=f"vertices of {name!r}")
+            if host.ndim != 2 or host.shape[1] != 3:
+                raise SceneError(f"vertices of {name!r} must have shape ({count}, 3), got {host.shape}")
+            check_values(host, name)
+            result = wp.array(np.ascontiguousarray(host, dtype=np.float32), dtype=wp.vec3, device="cpu", copy=False)
+    except ArrayError as error:
+        raise SceneError(str(error)) from None
+    if len(result) != count:
+        raise SceneError(f"vertices of {name!r} must be as many as before, {count}, got {len(result)}")
+    return result
+
+
+def check_values(vertices: NDArray[Any], name: str) -> None:
+    """Raise a `SceneError` unless all are finite and not too far away for single precision."""
+    if np.abs(vertices).max(initial=0) <= FARTHEST:  # false for NaN too
+        return
+    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
+    if len(bad):
+        some = ", ".join(map(str, bad[:_NAMED])) + (", ..." if len(bad) > _NAMED else "")
+        raise SceneError(f"vertices of {name!r} must be finite: {len(bad)} are not, at {some}")
+    raise SceneError(f"vertices of {name!r} must lie within 1e18 m of the origin of its frame")
+
+
+def _as_vectors(value: Any) -> Any:
+    """A Warp array of rows of three numbers as one of vectors, in the same memory; anything else as it is."""
+    if isinstance(value, wp.array) and value.dtype == wp.float32 and value.ndim == 2 and value.shape[1] == 3:
+        return value.view(wp.vec3).reshape((value.shape[0],)) if value.is_contiguous else value
+    return value
+
+
+class ClusterRefit:
+    """Refits one cluster tree. Everything is made ready here: a refit allocates nothing and waits for nothing on CUDA.
+
+    Args:
+        tree: The tree, as it was built.
+        faces: Corner indices of the triangles, shape ``(m, 3)``.
+        points: Where the vertices are to be found at every refit.
+        leaves: The tree's leaves among those that the casters read.
+        nodes: Its nodes there.
+        box: Six numbers that the whole tree's box is written to.
+    """
+
+    def __init__(
+        self,
+        tree: ClusterTree,
+        faces: NDArray[np.int32],
+        points: wp.array,
+        leaves: wp.array,
+        nodes: wp.array,
+        box: wp.array,
+    ) -> None:
+        """Prepare to refit."""
+        from warpvis.kernels import refit
+
+        device, lanes = points.device, tree.lanes
+        if device.is_cpu:
+            load_module(refit.refit_leaves)
+        leaf_slots, node_slots, levels = _slots(tree.children.numpy().reshape(-1, lanes), tree.leaf_count)
+        parts = 1 if device.is_cpu else lanes
+        numbers = [leaf_vertices(tree, faces), leaf_slots, node_slots, np.concatenate(levels)]
+        corners, leaf_slots, node_slots, order = (wp.array(array, dtype=wp.int32, device=device) for array in numbers)
+        leaves = leaves.reshape((-1, LEAF_ROWS, lanes))
+        nodes = nodes.reshape((-1, NODE_ROWS, lanes))
+        # Recorded launches do not own what they were given.
+        self._kept = [corners, leaf_slots, node_slots, order, leaves, nodes, box, points]
+
+        def record(kernel: Any, count: int, arguments: list[Any]) -> Any:
+            return wp.launch(kernel, dim=(count, parts), inputs=arguments, device=device, record_cmd=True)
+
+        self._threads = check_threads(None) if device.is_cpu and tree.leaf_count > 2 * _LEAST_LEAVES else 1
+        step = max(_LEAST_LEAVES, -(-tree.leaf_count // (_PARTS_PER_THREAD * self._threads)))
+        step = step if device.is_cpu else tree.leaf_count
+        self._leaf_launches = [
+            record(
+                refit.refit_leaves,
+                min(step, tree.leaf_count - first),
+                [points, corners, leaf_slots, first, parts, leaves, nodes],
+            )
+            for first in range(0, tree.leaf_count, step)
+        ]
+        firsts = np.cumsum([0] + [len(level) for level in levels]).tolist()
+        self._node_launches = [
+            record(refit.refit_nodes, len(level), [order, node_slots, first, parts, nodes, box])
+            for level, first in zip(levels, firsts, strict=False)
+        ]
+
+    def refit(self) -> None:
+        """Make the tree hold the points as they are now."""
+        run_each(lambda launch: launch.launch(), self._leaf_launches, self._threads)
+        for launch in self._node_launches:
+            launch.launch()
+
+
+def leaf_vertices(tree: ClusterTree, faces: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Corner indices of the triangles in their lanes, shape ``(leaves, 3, lanes)``, as `ClusterTree.leaves` has."""
+    triangles = tree.triangles.numpy().reshape(-1, tree.lanes)
+    unused = triangles < 0
+    used = np.where(unused, triangles[:, :1], triangles)
+    first = faces[used, 0]
+    return np.stack([first] + [np.where(unused, first, faces[used, corner]) for corner in (1, 2)], axis=1)
+
+
+def _slots(
+    children: NDArray[np.int32], leaf_count: int
+) -> tuple[NDArray[np.int32], NDArray[np.int32], list[NDArray[np.int32]]]:
+    """Each leaf's place among the children and each node's, -1 for the root; and the levels' nodes, deepest first."""
+    leaf_slots = np.empty(leaf_count, dtype=np.int32)
+    node_slots = np.full(len(children), -1, dtype=np.int32)
+    flat = children.ravel()
+    leaf, node = np.flatnonzero(flat < 0), np.flatnonzero(flat > 0)
+    leaf_slots[~flat[leaf]], node_slots[flat[node]] = leaf, node
+    levels: list[NDArray[np.int32]] = []
+    level = np.zeros(1, dtype=np.int32)
+    while len(level):
+        levels.insert(0, level)
+        below = children[level]
+        level = below[below > 0]
+    return leaf_slots, node_slots, levels

@@ -1,0 +1,368 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes: named, labelled triangle meshes, and what the casters make of them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from threading import Lock
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import warp as wp
+from numpy.typing import ArrayLike, NDArray
+
+from warpvis.core.arrays import FARTHEST, get_device
+from warpvis.core.labels import Label
+from warpvis.core.poses import check_up, poses_to_matrices, poses_to_opencv
+from warpvis.errors import SceneError
+from warpvis.scene._object import SceneObject, as_it_is, by_itself, check_mesh, check_scale
+from warpvis.scene.geometry import Clusters, Triangles, build_clusters, build_triangles, label_array
+from warpvis.scene.solids import Solid
+
+if TYPE_CHECKING:
+    import trimesh
+
+
+class Scene:
+    """Triangle meshes in the world frame, right-handed, in metres.
+
+    Example:
+        >>> scene = Scene()
+        >>> scene.add(trimesh.creation.icosphere(radius=0.1), name="ball", label="object", pose=(1, 0, 0.1, 0, 0, 0, 1))
+        0
+    """
+
+    def __init__(self, *, device: Any = "cpu", up: Literal["z", "y"] = "z") -> None:
+        """Make an empty scene.
+
+        Args:
+            device: Where it is rendered: ``"cpu"``, ``"cuda:0"``, ...
+            up: The world's vertical axis.
+        """
+        check_up(up)
+        self.device: wp.Device = get_device(device)
+        self.up: Literal["z", "y"] = up
+        self._objects: list[SceneObject] = []
+        self._index: dict[str, int] = {}
+        self._movable: list[int] = []
+        self._triangles: Triangles | None = None
+        self._clusters: Clusters | None = None
+        self._apart: Scene | None = None
+        self._lock = Lock()
+
+    @classmethod
+    def load(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        device: Any = "cpu",
+        up: Literal["z", "y"] = "z",
+        file_up: Literal["z", "y"] | None = None,
+        scale: float = 1.0,
+        labels: Mapping[str, Label | int | str] | None = None,
+    ) -> Scene:
+        """Read a mesh file: OBJ, STL, PLY, GLB, and what else trimesh reads; or a Webots world, ``.wbt``.
+
+        Every named part of the file becomes one object. Its label is, first, what `labels` says; second, what the
+        file says (``"label"`` in a glTF node's or mesh's ``extras``); else `Label.OBSTACLE`. Of a Webots world, which
+        says itself which axis is up, see `warpvis.webots.load_webots` for names, labels, and devices.
+
+        Args:
+            path: The file.
+            device: Where the scene is rendered.
+            up: The scene's vertical axis; a Webots world's is its own.
+            file_up: The file's vertical axis. By default ``"y"`` for glTF, as its specification says, and the scene's
+                own for every other format; where the two differ, the geometry is turned upright.
+            scale: Factor from the file's unit to metres (0.001 for millimetres).
+            labels: Labels by name; a name may be a pattern (``"wall_*"``), and the last one that fits counts.
+
+        Raises:
+            FileFormatError: The file is missing or does not parse.
+            SceneError: It holds no triangles, or a label's pattern fits nothing.
+        """
+        from warpvis.io import load_scene
+
+        return load_scene(cls(device=device, up=up), path, file_up=file_up, scale=scale, labels=labels or {})
+
+    def add(
+        self,
+        mesh: Any,
+        *,
+        name: str | None = None,
+        label: Label | int | str = Label.OBSTACLE,
+        pose: ArrayLike | None = None,
+        scale: float | ArrayLike = 1.0,
+        movable: bool = False,
+        attach_to: str | None = None,
+    ) -> int:
+        """Add an object.
+
+        Args:
+            mesh: A `trimesh.Trimesh`, anything else with `vertices` and `faces`, or the pair ``(vertices, faces)``:
+                vertices [m] of shape ``(n, 3)``, corner indices of shape ``(m, 3)``. Of a movable
+                `warpvis.scene.solids.Solid`, rays meet the true round surface, from outside; elsewhere its
+                triangles stand for it.
+            name: A name that no other object has; ``object_0``, ``object_1``, ... by default.
+            label: What its pixels are labelled.
+            pose: Object to world, ``x y z qx qy qz qw`` or a 4x4 matrix; identity by default.
+            scale: Factor of size, or three of them along the mesh's axes, applied before the pose.
+            movable: Whether `Renderer.render` may be told another pose of it for every world. Moving it then rebuilds
+                nothing, and objects of equal meshes share them. What stays where it is renders faster.
+            attach_to: Name of a movable object that this one moves with, as if both were of one piece from here on. It
+                has no pose of its own in a world, and both render faster than if it had. Meshes only, not solids.
+
+        Returns:
+            The object's index, the value of its pixels in the object image.
+
+        Raises:
+            SceneError: The mesh is empty or malformed, the name is taken, or the object cannot be attached to that.
+            PoseError: The pose is not a pose.
+        """
+        index = len(self._objects)
+        name = f"object_{index}" if name is None else str(name)
+        if name in self._index:
+            raise SceneError(f"the scene already has an object named {name!r}; give another name")
+        vertices, faces = check_mesh(mesh, name)
+        factors = check_scale(scale, name)
+        vertices = vertices * factors
+        row = np.array([0.0, 0, 0, 0, 0, 0, 1])
+        placed = vertices
+        if pose is not None:
+            rows = poses_to_opencv(pose, name=f"pose of {name!r}")
+            if len(rows) != 1:
+                raise SceneError(f"pose of {name!r} must be one pose, got {len(rows)}")
+            row, matrix = rows[0], poses_to_matrices(rows[0])
+            placed = vertices @ matrix[:3, :3].T + matrix[:3, 3]
+        if np.abs(placed).max() > FARTHEST:
+            raise SceneError(f"vertices of {name!r} must lie within 1e18 m of the origin")
+        frame: dict[str, Any] = {}
+        if attach_to is not None:
+            frame = self._attach(attach_to, mesh, name, placed)
+        elif movable:
+            solid = mesh.scaled(factors) if isinstance(mesh, Solid) else None
+            frame = {"mesh_vertices": vertices.astype(np.float32), "pose": row.astype(np.float32), "solid": solid}
+        self._objects.append(SceneObject(name, Label.parse(label), placed.astype(np.float32), faces, **frame))
+        self._index[name] = index
+        self._movable += [index] if movable and attach_to is None else []
+        self._forget()
+        return index
+
+    def _attach(self, attach_to: str, mesh: Any, name: str, placed: NDArray[np.float64]) -> dict[str, Any]:
+        """What an object knows of the one that it is attached to, from its vertices in the world."""
+        index = self.index(attach_to)
+        item = self._objects[index]
+        if item.pose is None:
+            why = "which moves with another one" if item.movable else "which stays; add it with movable=True"
+            raise SceneError(f"{name!r} cannot be attached to {attach_to!r}, {why}")
+        if isinstance(mesh, Solid) or item.solid is not None or item.points is not None:
+            alone = f"{name!r} is a solid" if isinstance(mesh, Solid) else f"{attach_to!r} is a solid"
+            alone = alone if item.points is None else f"{attach_to!r} is deforming"
+            raise SceneError(f"{name!r} cannot be attached to {attach_to!r}: {alone}, and moves alone")
+        place = poses_to_matrices(item.pose)
+        inside = (placed - place[:3, 3]) @ place[:3, :3]
+        return {"mesh_vertices": inside.astype(np.float32), "carrier": index}
+
+    def _require_alone(self, index: int) -> None:
+        """A `SceneError` if an object moves with others."""
+        item = self._objects[index]
+        others = [other.name for other in self._objects if other.carrier == index]
+        if item.carrier is not None:
+            others = [self._objects[item.carrier].name]
+        if others:
+            some = ", ".join(map(repr, others))
+            raise SceneError(
+                f"object {item.name!r} is of one piece with {some}, so its vertices stay; do not attach them"
+            )
+
+    def update_vertices(self, name: str, vertices: Any) -> None:
+        """Deform a movable object: its vertices are elsewhere from now on, its triangles stay.
+
+        The first call for an object gives it a tree of its own, of which no back faces are left out, makes triangles of
+        a round solid, and the scene's
+        trees are built again when it is next rendered. Later calls refit what has been built, on the scene's device,
+        which takes a fraction of the time. A tree keeps the structure of the shape that it was built for: where a mesh
+        is deformed beyond recognition, rendering slows down.
+
+        Vertices that are on the scene's GPU already are copied there and not read back, so their values are not
+        checked: they have to be finite. After one call and one rendering, such a call waits for nothing and allocates
+        nothing (`wp.Mesh.refit`, for the ``rays`` caster, borrows from Warp's memory pool): with `Renderer.render` it
+        records into a CUDA graph. That is void once trees are built again.
+
+        `SceneObject.vertices`, `bounds` and `export` give the newest vertices; they are copied from the device when
+        asked for.
+
+        Args:
+            name: The object's name. It must have been added with ``movable=True``.
+            vertices: Corners in the object's frame [m], as many as before, shape ``(n, 3)``: an array of the host or
+                of the scene's GPU; or `wp.vec3` of shape ``(n,)``. The scale that the object was added with is not
+                applied again.
+
+        Raises:
+            SceneError: There is no such object, it is not movable, or the vertices are malformed.
+        """
+        from warpvis.scene._refit import DeformingObject, parse_vertices
+
+        index = self.index(name)
+        item = self._objects[index]
+        if not item.movable:
+            raise SceneError(f"object {name!r} is not movable, so its vertices stay; add it with movable=True")
+        if item.points is None:  # nothing can be attached to one that deforms already
+            self._require_alone(index)
+        given = parse_vertices(vertices, item, self.device)
+        with self._lock:
+            item = self._objects[index]
+            if item.points is None:
+                item = self._objects[index] = DeformingObject(item, self.device)
+                self._forget()
+            wp.copy(item.points, given)
+            for built in (self._clusters, self._triangles):
+                if built is not None:
+                    built.refits[index].refit()
+
+    @property
+    def objects(self) -> tuple[SceneObject, ...]:
+        """The objects; an object image's values index this."""
+        return tuple(self._objects)
+
+    @property
+    def movable(self) -> tuple[int, ...]:
+        """Indices of the movable objects that have poses of their own: the columns of `object_poses`."""
+        return tuple(self._movable)
+
+    @property
+    def triangle_count(self) -> int:
+        """Triangles of all objects together."""
+        return sum(len(item.faces) for item in self._objects)
+
+    @property
+    def bounds(self) -> NDArray[np.float32]:
+        """Least and greatest corner of the scene's axis-aligned box [m], shape ``(2, 3)``."""
+        boxes = np.stack([item.bounds for item in self.require_objects()])
+        return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+
+    def index(self, name: str) -> int:
+        """Index of the object of that name.
+
+        Raises:
+            SceneError: There is none.
+        """
+        if name not in self._index:
+            raise SceneError(f"the scene has no object {name!r}; it has {', '.join(map(repr, self._index)) or 'none'}")
+        return self._index[name]
+
+    def __getitem__(self, name: str) -> SceneObject:
+        return self._objects[self.index(name)]
+
+    def __iter__(self) -> Iterator[SceneObject]:
+        return iter(self.objects)
+
+    def __len__(self) -> int:
+        return len(self._objects)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._index
+
+    def __repr__(self) -> str:
+        return f"Scene({len(self)} objects, {self.triangle_count} triangles, device={str(self.device)!r})"
+
+    def to(self, device: Any) -> Scene:
+        """The same scene for another device."""
+        scene = Scene(device=device, up=self.up)
+        scene._objects = [as_it_is(item) for item in self._objects]
+        scene._index, scene._movable = dict(self._index), list(self._movable)
+        return scene
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What another process makes the same scene of: its objects, and no trees."""
+        objects = [as_it_is(item) for item in self._objects]
+        return {"device": str(self.device), "up": self.up, "objects": objects, "movable": list(self._movable)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__init__(device=state["device"], up=state["up"])  # type: ignore[misc]
+        self._objects, self._movable = state["objects"], state["movable"]
+        self._index = {item.name: index for index, item in enumerate(self._objects)}
+
+    def to_trimesh(self) -> trimesh.Scene:
+        """The objects as a `trimesh.Scene` in the same frame, with names kept and labels in the meshes' metadata."""
+        import trimesh
+
+        scene = trimesh.Scene()
+        for item in self._objects:
+            mesh = trimesh.Trimesh(item.vertices, item.faces, process=False, metadata={"label": item.label.name})
+            scene.add_geometry(mesh, node_name=item.name, geom_name=item.name)
+        return scene
+
+    def export(self, path: str | os.PathLike[str]) -> None:
+        """Write the scene as glTF (``.glb``), y up as its specification says; `load` reads it back with its labels.
+
+        Raises:
+            FileFormatError: The path does not end in ``.glb``, or cannot be written.
+        """
+        from warpvis.io import export_scene
+
+        self.require_objects()
+        export_scene(self, path)
+
+    def triangles(self) -> Triangles:
+        """The triangles and Warp's tree of them, built when first asked for after a change.
+
+        Raises:
+            SceneError: The scene is empty.
+        """
+        with self._lock:
+            if self._triangles is None:
+                self._triangles = build_triangles(self.require_objects(), self.device)
+            return self._triangles
+
+    def clusters(self) -> Clusters:
+        """The cluster tree, built when first asked for after a change.
+
+        Raises:
+            SceneError: The scene is empty.
+        """
+        with self._lock:
+            if self._clusters is None:
+                self._clusters = build_clusters(self.require_objects(), self.device)
+            return self._clusters
+
+    def apart(self) -> Scene:
+        """The same objects, each with a pose and a tree of its own, so that one can be looked at as if it were alone.
+
+        It is made when first asked for after a change. Its columns of `object_poses` are the objects: what stays here
+        has its vertices in the world, and the identity for a pose.
+
+        Raises:
+            SceneError: The scene is empty.
+        """
+        with self._lock:
+            if self._apart is None:
+                items = [as_it_is(item) for item in self.require_objects()]
+                apart = Scene(device=self.device, up=self.up)
+                apart._objects = [by_itself(item, items) for item in items]
+                apart._index, apart._movable = dict(self._index), list(range(len(items)))
+                if any(item.points is not None for item in self._objects):
+                    return apart  # a replayed CUDA graph may deform them again, and nobody here would know
+                self._apart = apart
+            return self._apart
+
+    def object_labels(self) -> wp.array:
+        """Labels of the objects on the scene's device, shape ``(objects,)`` uint8."""
+        return label_array(self.require_objects(), self.device)
+
+    def _forget(self) -> None:
+        self._triangles = self._clusters = self._apart = None
+
+    def require_objects(self) -> list[SceneObject]:
+        """The objects; a `SceneError` if there are none."""
+        if not self._objects:
+            raise SceneError("the scene has no objects; add() one first")
+        return self._objects
+
+
+def require_scene(scene: Any) -> Scene:
+    """`scene` itself; a `SceneError` if it is none."""
+    if not isinstance(scene, Scene):
+        raise SceneError(f"scene must be a warpvis.Scene, got {type(scene).__name__}")
+    return scene

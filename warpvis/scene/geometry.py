@@ -1,0 +1,367 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the casters make of a scene's objects: trees of the triangles that stay, and of each mesh that moves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.arrays import get_device
+from warpvis.errors import SceneError
+
+if TYPE_CHECKING:
+    from warpvis.scene._bvh import ClusterTree
+    from warpvis.scene._object import SceneObject
+    from warpvis.scene._refit import ClusterRefit
+
+_CPU_LANES, _CUDA_LANES = 16, 32
+
+
+@dataclass(frozen=True)
+class Triangles:
+    """A scene's triangles on its device, as the ``rays`` caster takes them."""
+
+    struct: Any
+    """A `warpvis.kernels.rays.TriangleScene`."""
+    meshes: list[wp.Mesh]
+    """Own the memory and the trees that `struct` refers to: of what stays, if anything does, and of what moves."""
+    refits: dict[int, wp.Mesh] = field(default_factory=dict)
+    """The meshes of objects that deform, by object: their points are the object's, and they have a `refit`."""
+
+    @property
+    def mesh(self) -> wp.Mesh:
+        """The first of them."""
+        return self.meshes[0]
+
+
+@dataclass(frozen=True)
+class Clusters:
+    """A scene's triangles in cluster trees on its device, as the ``packets`` caster takes them."""
+
+    struct: Any
+    """A `warpvis.kernels.packets.ClusterScene`."""
+    depth: int
+    """Levels of nodes of the deepest tree."""
+    bytes_per_triangle: float
+    """Memory of the trees."""
+    moves_solids_only: bool = False
+    """Whether all movable objects are solids."""
+    refits: dict[int, ClusterRefit] = field(default_factory=dict)
+    """What makes the tree of an object that deforms hold its points, by object."""
+    idle: list[Any] = field(default_factory=list)
+    """Memory that `warpvis.visibility._point_packets` works with when it is called."""
+
+
+@dataclass
+class _Mesh:
+    """One mesh of objects that move, and who has it."""
+
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.int32]
+    movables: list[int] = field(default_factory=list)
+    points: wp.array | None = None
+    """The vertices on the device, if they change; only one object has the mesh then."""
+    owner: NDArray[np.int32] | None = None
+    """The triangles' objects, if they are of several that move together; only these have the mesh then."""
+
+
+def label_array(objects: Sequence[SceneObject], device: wp.Device) -> wp.array:
+    """The objects' labels, shape ``(objects,)`` uint8."""
+    return wp.array([int(item.label) for item in objects], dtype=wp.uint8, device=device)
+
+
+def build_triangles(objects: Sequence[SceneObject], device: wp.Device) -> Triangles:
+    """Warp's meshes, with a tree each."""
+    from warpvis.kernels.rays import TriangleScene
+
+    static, movable = _part(objects)
+    struct = TriangleScene()
+    meshes = []
+    vertices, faces, owner = _flatten([objects[index].vertices for index in static], objects, static)
+    if static:
+        meshes.append(_make_mesh(vertices, faces, device))
+        struct.mesh = meshes[0].id
+    owners, first_face = [owner], np.full(len(movable), -1, dtype=np.int32)
+    ids = np.zeros(len(movable), dtype=np.uint64)
+    refits = {}
+    shared_meshes = _share_meshes(objects, movable)
+    for shared in shared_meshes:
+        meshes.append(_make_mesh(shared.vertices, shared.faces, device, shared.points))
+        ids[shared.movables] = int(meshes[-1].id)
+        if shared.points is not None:
+            refits[movable[shared.movables[0]]] = meshes[-1]
+        if shared.owner is not None:
+            first_face[shared.movables] = sum(map(len, owners))
+            owners.append(shared.owner)
+    struct.triangle_object = wp.array(np.concatenate(owners), dtype=wp.int32, device=device)
+    struct.movable_first_face = wp.array(first_face, dtype=wp.int32, device=device)
+    struct.movable_mesh = wp.array(ids, dtype=wp.uint64, device=device)
+    struct.movable_object = _one_object(movable, shared_meshes, device)
+    struct.movable_count = len(movable)
+    struct.movable_solid, struct.movable_size = _solids(objects, movable, device)
+    struct.object_label = label_array(objects, device)
+    return Triangles(struct, meshes, refits)
+
+
+def build_clusters(objects: Sequence[SceneObject], device: wp.Device) -> Clusters:
+    """The cluster trees, all in the same arrays."""
+    from warpvis.kernels.packets import ClusterScene
+    from warpvis.scene.closed import provably_closed
+
+    static, movable = _part(objects)
+    shared = _share_meshes(objects, movable)
+    trees, owners = [], []
+    closed = np.zeros(len(objects), dtype=bool)
+    if static:
+        closed[static] = [provably_closed(objects[i].vertices, objects[i].faces) for i in static]
+        vertices = [objects[i].vertices for i in static]
+        trees.append(_build_tree(*_flatten(vertices, objects, static), closed, device))
+        owners.append(_marked(trees[0], closed))
+    boxes = [objects[i].bounds for i in static if closed[i]]
+    struct = ClusterScene()
+    struct.closed_boxes = _floats(boxes, device)
+    struct.closed_object = wp.array([i for i in static if closed[i]], dtype=wp.int32, device=device)
+    struct.closed_count, struct.all_closed = len(boxes), int(closed[static].all())
+
+    tree_of = np.zeros(len(movable), dtype=np.int64)
+    mesh_closed = np.zeros(len(movable), dtype=np.int32)
+    for mesh in shared:
+        owner, part_closed = _owners(mesh, objects)
+        tree_of[mesh.movables], mesh_closed[mesh.movables] = len(trees), part_closed[owner].all()
+        trees.append(_build_tree(mesh.vertices, mesh.faces, owner, part_closed, device))
+        owners.append(_marked(trees[-1], part_closed))
+    _concatenate(struct, trees, owners, device)
+
+    slots = np.array([tree.leaf_count * tree.lanes for tree in trees])
+    static_slots = int(slots[0]) if static else 0
+    ends = static_slots + np.cumsum(slots[tree_of])
+    if len(ends) and ends[-1] >= 2**31:
+        raise SceneError(f"all objects together must have fewer than 2^31 triangles, got {ends[-1]}, leaves filled up")
+    struct.static_root = 0 if static else -1
+    struct.static_object = wp.array(static, dtype=wp.int32, device=device)
+    struct.movable_count = len(movable)
+    struct.movable_object = _one_object(movable, shared, device)
+    struct.movable_root = wp.array(_first_nodes(trees)[tree_of], dtype=wp.int32, device=device)
+    struct.movable_leaf = wp.array(_first_leaves(trees)[tree_of], dtype=wp.int32, device=device)
+    struct.movable_first_id = wp.array(ends - slots[tree_of], dtype=wp.int32, device=device)
+    struct.movable_closed = wp.array(mesh_closed, dtype=wp.int32, device=device)
+    struct.movable_solid, struct.movable_size = _solids(objects, movable, device)
+    struct.movable_boxes = _floats(_boxes(objects, movable, shared), device)
+    struct.object_label = label_array(objects, device)
+    struct.object_count = len(objects)
+    size = sum(tree.bytes_per_triangle * tree.triangle_count for tree in trees)
+    return Clusters(
+        struct,
+        depth=max(tree.depth for tree in trees),
+        bytes_per_triangle=size / sum(tree.triangle_count for tree in trees),
+        moves_solids_only=bool(movable) and all(objects[index].solid is not None for index in movable),
+        refits=_make_refits(struct, trees, shared, movable),
+    )
+
+
+def _part(objects: Sequence[SceneObject]) -> tuple[list[int], list[int]]:
+    """Indices of the objects that stay, and of those that have a pose in every world."""
+    static = [index for index, item in enumerate(objects) if not item.movable]
+    return static, [index for index, item in enumerate(objects) if item.pose is not None]
+
+
+def _pieces(objects: Sequence[SceneObject]) -> dict[int, list[int]]:
+    """What moves together, by the object that has the pose: itself, and what is attached to it."""
+    pieces = {index: [index] for index, item in enumerate(objects) if item.pose is not None}
+    for index, item in enumerate(objects):
+        if item.carrier is not None:
+            pieces[item.carrier].append(index)
+    return pieces
+
+
+def _one_object(movable: Sequence[int], meshes: Sequence[_Mesh], device: wp.Device) -> wp.array:
+    """The objects that have a pose, shape ``(M,)`` int32; -1 for those of which the triangles know whose they are."""
+    objects = np.array(movable, dtype=np.int32)
+    for mesh in meshes:
+        if mesh.owner is not None:
+            objects[mesh.movables] = -1
+    return wp.array(objects, dtype=wp.int32, device=device)
+
+
+def _owners(mesh: _Mesh, objects: Sequence[SceneObject]) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+    """Of a mesh that moves, whose the triangles are, 0 if it is of one object, and which owners are closed."""
+    from warpvis.scene.closed import provably_closed
+
+    if mesh.owner is None:
+        closed = mesh.points is None and provably_closed(mesh.vertices, mesh.faces)
+        return np.zeros(len(mesh.faces), dtype=np.int32), np.array([closed])
+    flags = np.zeros(len(objects), dtype=bool)
+    for part in np.unique(mesh.owner):
+        flags[part] = provably_closed(_mesh_vertices(objects[part]), objects[part].faces)
+    return mesh.owner, flags
+
+
+def _marked(tree: ClusterTree, closed: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """A tree's owners, an object's complement where its back faces can be left out: casters read them like this."""
+    owners = tree.owners.numpy()
+    return np.where(closed[owners], ~owners, owners)
+
+
+def _share_meshes(objects: Sequence[SceneObject], movable: Sequence[int]) -> list[_Mesh]:
+    """The different meshes among movable objects, in the order in which they first come."""
+    from warpvis.scene._refit import check_values
+
+    meshes: dict[Any, _Mesh] = {}
+    pieces = _pieces(objects)
+    for position, index in enumerate(movable):
+        item, piece = objects[index], pieces[index]
+        if len(piece) > 1:
+            flat = _flatten([_mesh_vertices(objects[part]) for part in piece], objects, piece)
+            meshes[index] = _Mesh(*flat[:2], [position], owner=flat[2])
+            continue
+        vertices, faces = _mesh_vertices(item), item.faces
+        if item.points is not None:
+            check_values(vertices, item.name)  # those of a GPU have not been: building must not meet a NaN
+            meshes[index] = _Mesh(vertices, faces, [position], item.points)
+            continue
+        mesh = meshes.setdefault((vertices.tobytes(), faces.tobytes()), _Mesh(vertices, faces))
+        mesh.movables.append(position)
+    return list(meshes.values())
+
+
+def _solids(objects: Sequence[SceneObject], movable: Sequence[int], device: wp.Device) -> tuple[wp.array, wp.array]:
+    """Of movable objects: the kind of solid, ``(M,)`` int32, and its radii and half length, ``(M,)`` vec4."""
+    kinds, sizes = np.zeros(len(movable), dtype=np.int32), np.ones((len(movable), 4), dtype=np.float32)
+    for position, index in enumerate(movable):
+        solid = objects[index].solid
+        if solid is not None:
+            kinds[position], sizes[position] = solid.kind, [*solid.radii, solid.half]
+    return wp.array(kinds, dtype=wp.int32, device=device), wp.array(sizes, dtype=wp.vec4, device=device)
+
+
+def _make_refits(
+    struct: Any, trees: Sequence[ClusterTree], shared: Sequence[_Mesh], movable: Sequence[int]
+) -> dict[int, ClusterRefit]:
+    """What refits the trees of objects that deform, in the arrays that hold all trees. Those of `shared` come last."""
+    from warpvis.scene._bvh import LEAF_ROWS, NODE_ROWS
+    from warpvis.scene._refit import ClusterRefit
+
+    refits = {}
+    first = len(trees) - len(shared)
+    places = list(zip(trees, _first_nodes(trees), _first_leaves(trees), strict=True))[first:]
+    for mesh, (tree, node, leaf) in zip(shared, places, strict=True):
+        if mesh.points is None:
+            continue
+        (position,) = mesh.movables
+        leaf_size, node_size = LEAF_ROWS * tree.lanes, NODE_ROWS * tree.lanes
+        refits[movable[position]] = ClusterRefit(
+            tree,
+            mesh.faces,
+            mesh.points,
+            struct.leaves[leaf * leaf_size : (leaf + tree.leaf_count) * leaf_size],
+            struct.nodes[node * node_size : (node + tree.node_count) * node_size],
+            struct.movable_boxes[position * 6 : position * 6 + 6],
+        )
+    return refits
+
+
+def _flatten(
+    vertices: Sequence[NDArray[np.float32]], objects: Sequence[SceneObject], indices: Sequence[int]
+) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]:
+    """All vertices of some objects, given in one frame, all their faces, and the faces' objects."""
+    first = np.cumsum([0] + [len(part) for part in vertices])
+    faces = [objects[index].faces + start for index, start in zip(indices, first, strict=False)]
+    owner = np.repeat(np.array(indices, dtype=np.int32), [len(part) for part in faces])
+    joined = np.concatenate([np.zeros((0, 3), dtype=np.float32), *vertices])
+    return joined, np.concatenate([np.zeros((0, 3), dtype=np.int32), *faces]).astype(np.int32), owner
+
+
+def _make_mesh(
+    vertices: NDArray[np.float32], faces: NDArray[np.int32], device: wp.Device, points: wp.array | None = None
+) -> wp.Mesh:
+    return wp.Mesh(
+        points=wp.array(vertices, dtype=wp.vec3, device=device) if points is None else points,
+        indices=wp.array(faces.ravel(), dtype=wp.int32, device=device),
+        # What traces fastest: the surface area heuristic on the CPU, with leaves of 4 by 15 to 20 %; on CUDA the wide
+        # tree, by 7 % (5 thousand triangles) to 86 % (1.2 million).
+        bvh_constructor="sah" if device.is_cpu else "cubql",
+        bvh_leaf_size=4 if device.is_cpu else None,
+    )
+
+
+def _build_tree(
+    vertices: NDArray[np.float32],
+    faces: NDArray[np.int32],
+    owner: NDArray[np.int32],
+    closed: NDArray[np.bool_],
+    device: wp.Device,
+) -> ClusterTree:
+    from warpvis.kernels.packets_cuda import LEVELS
+    from warpvis.scene._bvh import build_cluster_tree
+
+    if device.is_cpu:
+        return build_cluster_tree(vertices, faces, owner, closed, lanes=_CPU_LANES)
+    return build_cluster_tree(vertices, faces, owner, closed, lanes=_CUDA_LANES, most_levels=LEVELS)
+
+
+def _concatenate(
+    struct: Any, trees: Sequence[ClusterTree], owners: Sequence[NDArray[np.int32]], device: wp.Device
+) -> None:
+    """All trees' arrays one after the other; a child is a node, or the complement of a leaf, of the whole arrays."""
+    if len(trees) == 1:
+        tree = trees[0]
+        np.copyto(tree.owners.numpy(), owners[0])
+        struct.leaves, struct.owners = tree.leaves.to(device), tree.owners.to(device)
+        struct.nodes, struct.children = tree.nodes.to(device), tree.children.to(device)
+        return
+    children = []
+    for tree, first_node, first_leaf in zip(trees, _first_nodes(trees), _first_leaves(trees), strict=True):
+        child = tree.children.numpy()
+        children.append(child + np.where(child > 0, first_node, 0) - np.where(child < 0, first_leaf, 0))
+    struct.leaves = _join([tree.leaves.numpy() for tree in trees], wp.float32, device)
+    struct.nodes = _join([tree.nodes.numpy() for tree in trees], wp.float32, device)
+    struct.owners = _join(owners, wp.int32, device)
+    struct.children = _join(children, wp.int32, device)
+
+
+def _first_nodes(trees: Sequence[ClusterTree]) -> NDArray[np.int64]:
+    return np.cumsum([0] + [tree.node_count for tree in trees])[:-1]
+
+
+def _first_leaves(trees: Sequence[ClusterTree]) -> NDArray[np.int64]:
+    return np.cumsum([0] + [tree.leaf_count for tree in trees])[:-1]
+
+
+def _join(parts: Sequence[NDArray[Any]], dtype: Any, device: wp.Device) -> wp.array:
+    """The parts one after the other, on the CPU from a multiple of 64 bytes on."""
+    from warpvis.core.arrays import aligned_empty
+
+    joined = aligned_empty((sum(len(part) for part in parts),), dtype)
+    np.concatenate(parts, out=joined.numpy(), casting="same_kind")
+    return joined.to(device)
+
+
+def _mesh_vertices(item: SceneObject) -> NDArray[np.float32]:
+    assert item.mesh_vertices is not None
+    return item.mesh_vertices
+
+
+def _boxes(
+    objects: Sequence[SceneObject], movable: Sequence[int], meshes: Sequence[_Mesh]
+) -> list[NDArray[np.float32]]:
+    """Least and greatest corner of every movable: of its triangles, and of a solid that they stand for."""
+    boxes = [np.zeros((2, 3), dtype=np.float32)] * len(movable)
+    for mesh in meshes:
+        box = np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
+        for position in mesh.movables:
+            boxes[position] = box
+            solid = objects[movable[position]].solid
+            if solid is not None:
+                corner = np.nextafter(solid.extent, np.inf, dtype=np.float32)
+                boxes[position] = np.stack([np.minimum(box[0], -corner), np.maximum(box[1], corner)])
+    return boxes
+
+
+def _floats(boxes: Sequence[NDArray[np.float32]], device: wp.Device) -> wp.array:
+    return wp.array(np.array(boxes, dtype=np.float32).ravel(), dtype=wp.float32, device=get_device(device))

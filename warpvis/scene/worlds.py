@@ -1,0 +1,164 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Worlds: where movable objects are in each view, and what a view must not see."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.arrays import as_numpy, as_warp, on_gpu, surely_finite
+from warpvis.errors import ArrayError, PoseError
+
+if TYPE_CHECKING:
+    from warpvis.scene._scene import Scene
+
+
+_LEAST_SQUARE = 1e-12  # of a quaternion's length
+
+
+def parse_worlds(scene: Scene, views: int, object_poses: Any, world: Any, exclude: Any) -> Any:
+    """A `warpvis.kernels.worlds.Worlds` of a call's arguments; see `Renderer.render`.
+
+    Where nothing moves and nothing is said, it is one that holds no arrays.
+
+    What lies on a GPU stays there and is not read back: only shapes, dtypes and devices are checked.
+
+    Raises:
+        PoseError: The poses of the objects are malformed.
+        ArrayError: `world` or `exclude` is.
+        SceneError: `exclude` names an object that the scene does not have.
+    """
+    from warpvis.kernels.worlds import Worlds
+
+    if object_poses is None and world is None and exclude is None and not scene.movable:
+        return _still_world()
+    worlds = Worlds()
+    worlds.object_poses = _parse_object_poses(scene, object_poses)
+    count = worlds.object_poses.shape[0]
+    if world is not None:
+        worlds.world = _parse_world(world, views, count, scene.device)
+    elif count not in (1, views):
+        raise ArrayError(f"object_poses are of {count} worlds and there are {views} views; say world= of each view")
+    exclude = (exclude,) if isinstance(exclude, str) else exclude
+    if exclude is not None and not (hasattr(exclude, "__len__") and len(exclude) == 0):
+        worlds.excluded = _parse_exclude(scene, views, exclude)
+    return worlds
+
+
+@cache
+def _still_world() -> Any:
+    """Nothing moves, and nothing is excluded."""
+    from warpvis.kernels.worlds import Worlds
+
+    return Worlds()
+
+
+def part_of(worlds: Any, views: slice) -> Any:
+    """The worlds of some of the views."""
+    from warpvis.kernels.worlds import Worlds
+
+    part = Worlds()
+    part.object_poses, part.world, part.excluded = worlds.object_poses, worlds.world, worlds.excluded
+    if worlds.world is not None and worlds.world.size:
+        part.world = worlds.world[views]
+    elif worlds.object_poses is not None and worlds.object_poses.shape[0] > 1:
+        part.object_poses = worlds.object_poses[views]
+    if worlds.excluded is not None and worlds.excluded.shape[0] > 1:
+        part.excluded = worlds.excluded[views]
+    return part
+
+
+def _parse_object_poses(scene: Scene, poses: Any) -> wp.array:
+    movable = scene.movable
+    if poses is None:
+        rows = np.array([scene.objects[index].pose for index in movable], dtype=np.float32).reshape(1, -1, 7)
+        return wp.array(rows, dtype=wp.transform, shape=(1, len(movable)), device=scene.device)
+    if not movable:
+        raise PoseError("object_poses were given, but no object of the scene is movable; add one with movable=True")
+    if isinstance(poses, wp.array) and poses.dtype == wp.transform and poses.ndim == 1:
+        poses = poses.reshape((1, poses.shape[0]))
+    if on_gpu(poses):
+        return _check_device_poses(poses, len(movable), scene.device)
+    rows = as_numpy(poses.numpy() if isinstance(poses, wp.array) else poses, name="object_poses")
+    if rows.ndim == 2:
+        rows = rows[None]
+    if rows.ndim != 3 or rows.shape[1:] != (len(movable), 7) or len(rows) == 0:
+        raise PoseError(
+            f"object_poses must have shape (W, {len(movable)}, 7), rows x y z qx qy qz qw of the movable objects in "
+            f"W worlds, got {rows.shape}"
+        )
+    checked, device = _checked_rows(rows, scene), scene.device
+    return wp.array(checked, dtype=wp.transform, shape=checked.shape[:2], device=device, copy=not device.is_cpu)
+
+
+def _checked_rows(rows: NDArray[Any], scene: Scene) -> NDArray[np.float32]:
+    """The rows in single precision; casters normalise them."""
+    rows = np.ascontiguousarray(rows, dtype=np.float32)
+    with np.errstate(invalid="ignore", over="ignore"):
+        x, y, z, w = (rows[..., k] for k in range(3, 7))
+        squared = x * x + y * y + z * z + w * w
+        if surely_finite(rows) and squared.min() > _LEAST_SQUARE:
+            return rows
+        bad = np.argwhere(~(np.isfinite(rows).all(axis=2) & (squared > _LEAST_SQUARE)))
+    if len(bad):
+        names = [f"{scene.objects[scene.movable[m]].name!r} in world {w}" for w, m in bad[:3]]
+        raise PoseError(
+            f"object_poses must be finite and have a rotation: {len(bad)} are not or have none, of {', '.join(names)}"
+        )
+    return rows
+
+
+def _check_device_poses(poses: Any, count: int, device: wp.Device) -> wp.array:
+    if not isinstance(poses, wp.array):
+        poses = wp.from_dlpack(poses)
+    if wp.types.types_equal(poses.dtype, wp.float32) and poses.ndim == 3 and poses.shape[2] == 7:
+        poses = poses.contiguous().view(wp.transform).reshape(poses.shape[:2])
+    try:
+        return as_warp(poses, wp.transform, ("W", count), name="object_poses", device=device)
+    except ArrayError as error:
+        raise PoseError(str(error)) from None
+
+
+def _parse_world(world: Any, views: int, count: int, device: wp.Device) -> wp.array:
+    result = as_warp(world, wp.int32, (views,), name="world", device=device)
+    if on_gpu(world):
+        return result
+    host = as_numpy(world.numpy() if isinstance(world, wp.array) else world, name="world")
+    bad = np.flatnonzero((host < 0) | (host >= count))
+    if len(bad):
+        raise ArrayError(
+            f"world must be from 0 to {count - 1}, the worlds of object_poses, got {host[bad[0]]} for view {bad[0]}"
+        )
+    return result
+
+
+def _parse_exclude(scene: Scene, views: int, exclude: Any) -> wp.array:
+    """Flags ``(views or 1, objects)`` of an array of them, or of names and indices that hold for all views."""
+    count = len(scene)
+    if isinstance(exclude, Sequence) and all(isinstance(item, str | int | np.integer) for item in exclude):
+        flags = np.zeros((1, count), dtype=np.uint8)
+        flags[0, [_index(scene, item) for item in exclude]] = 1
+        return wp.array(flags, dtype=wp.uint8, device=scene.device)
+    if on_gpu(exclude):
+        return as_warp(exclude, wp.uint8, ("V", count), name="exclude", device=scene.device)
+    flags = as_numpy(exclude.numpy() if isinstance(exclude, wp.array) else exclude, name="exclude")
+    if flags.shape not in ((views, count), (1, count)):
+        raise ArrayError(
+            f"exclude must be names or indices of objects, or flags of shape ({views}, {count}) or (1, {count}), "
+            f"got shape {flags.shape}"
+        )
+    return wp.array((flags != 0).astype(np.uint8), dtype=wp.uint8, device=scene.device)
+
+
+def _index(scene: Scene, item: str | int) -> int:
+    if isinstance(item, str):
+        return scene.index(item)
+    if not 0 <= item < len(scene):
+        raise ArrayError(f"exclude must name objects from 0 to {len(scene) - 1}, got {item}")
+    return int(item)

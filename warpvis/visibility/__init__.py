@@ -1,0 +1,24 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Who sees which points and objects of the world, how much of them, and why not the rest."""
+
+from __future__ import annotations
+
+from warpvis.visibility._agents import Agent as Agent, FieldOfView as FieldOfView
+from warpvis.visibility._objects import (
+    BOP_DELTA,
+    ObjectVisibility as ObjectVisibility,
+    choose_objects as choose_objects,
+    object_visibility as object_visibility,
+)
+from warpvis.visibility._perspective import Candidate, Perspective as Perspective, State, perspective as perspective
+from warpvis.visibility._points import (
+    point_visibility as point_visibility,
+    point_visibility_from_depth as point_visibility_from_depth,
+)
+
+__all__ = [
+    "BOP_DELTA",
+    "Candidate",
+    "State",
+]

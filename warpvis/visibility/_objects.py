@@ -1,0 +1,229 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""How much of each object a view sees, and what keeps the rest from being seen."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpvis.core.arrays import check_metres, empty
+from warpvis.core.camera import Camera, require_camera
+from warpvis.core.poses import Convention, parse_poses
+from warpvis.core.threads import launch_small
+from warpvis.errors import ArrayError, SceneError
+from warpvis.rendering import Caster, Output, Renderer, Views
+from warpvis.scene import Scene, require_scene
+from warpvis.scene.worlds import parse_worlds, part_of
+from warpvis.visibility._silhouettes import Surveyor
+
+BOP_DELTA = 0.015
+"""The `delta` of BOP's toolkit [m] (``scripts/calc_gt_info.py``); 0.005 for ITODD and for renderings to train with."""
+
+# What is counted, in the kernels' order, and what follows from it.
+_COUNTED = dict.fromkeys(
+    ("visible_pixels", "image_pixels", "silhouette_pixels", "too_near_pixels", "too_far_pixels"), wp.int32
+)
+_JUDGED = {
+    "fraction": wp.float32,
+    "status": wp.uint8,
+    "occluder": wp.int32,
+    "visible_box": wp.vec4i,
+    "silhouette_box": wp.vec4i,
+}
+
+# Images of so many bytes are looked at together: on the CPU they are still in its caches when they are counted.
+_CPU_BYTES, _CUDA_BYTES = 1 << 24, 1 << 30
+
+
+@dataclass(frozen=True)
+class ObjectVisibility:
+    """How V views see K objects: `wp.array`s on the scene's device, indexed ``[view, object]``."""
+
+    objects: tuple[int, ...]
+    """Indices of the objects in the scene."""
+    names: tuple[str, ...]
+    """Their names."""
+    visible_pixels: wp.array
+    """Pixels of the image that show the object in the camera's range, ``(V, K)`` int32; with a `delta`, also those
+    where it lies just behind what they show."""
+    image_pixels: wp.array
+    """Pixels of the image in which it would show if it were alone, at any depth, ``(V, K)`` int32."""
+    silhouette_pixels: wp.array
+    """The same on the whole canvas, ``(V, K)`` int32."""
+    too_near_pixels: wp.array
+    """Those of `image_pixels` where it is nearer than the camera's ``near``, ``(V, K)`` int32."""
+    too_far_pixels: wp.array
+    """Those of `image_pixels` where it is farther than the camera's ``far``, ``(V, K)`` int32."""
+    fraction: wp.array
+    """`visible_pixels` / `silhouette_pixels`, BOP's ``visib_fract``, 0 where there are none, ``(V, K)`` float32."""
+    status: wp.array
+    """`Visibility.VISIBLE`, or the reason why not, by most pixels of the image: OCCLUDED, TOO_NEAR, TOO_FAR (also where
+    all of it is there, of too few pixels), or OUT_OF_VIEW where it covers none, ``(V, K)`` uint8."""
+    occluder: wp.array
+    """Index of the object that hides most of its pixels in the image, -1 if none is hidden, ``(V, K)`` int32."""
+    visible_box: wp.array
+    """Box of the visible pixels, x, y, width and height [px], -1 each if there are none, ``(V, K)`` vec4i."""
+    silhouette_box: wp.array
+    """Box of the whole silhouette on the canvas, likewise; counted from the image's first pixel, so x and y may be
+    negative."""
+    masks: wp.array | None = None
+    """2 where it is visible, 1 where it would be if it were alone, else 0, ``(V, K, H, W)`` uint8; if asked for."""
+
+
+def object_visibility(
+    scene: Scene,
+    camera: Camera,
+    camera_to_world: Any,
+    *,
+    objects: Sequence[str | int] | None = None,
+    delta: float = 0.0,
+    canvas: tuple[int, int, int, int] | None = None,
+    min_pixels: int = 1,
+    skip_unseen: bool = False,
+    masks: bool = False,
+    object_poses: Any = None,
+    world: Any = None,
+    exclude: Any = None,
+    convention: Convention = "opencv",
+    caster: Caster = "auto",
+    threads: int | None = None,
+) -> ObjectVisibility:
+    """Visible pixels, whole silhouettes, visible fractions, boxes, masks and reasons of objects in many views.
+
+    An object's silhouette is what the image would show of it if it were alone in the world, on a canvas that reaches
+    beyond the image: BOP's definition (Hodan et al., "BOP: Benchmark for 6D Object Pose Estimation", ECCV 2018; code
+    in ``bop_toolkit_lib/visibility.py``), whose canvas is three times as wide and as high as the image.
+
+    Args:
+        scene: The world.
+        camera: Image size, intrinsics and depth range of all views.
+        camera_to_world: Poses, as for `Renderer.render`.
+        objects: Names or indices of the objects; all by default.
+        delta: How far an object's surface may lie behind what a pixel shows, along its ray, to count as visible
+            nevertheless [m]. 0 counts the pixels that show it, exactly; BOP takes `BOP_DELTA`, 15 mm, because its
+            depth images are measured.
+        canvas: How many pixels the canvas reaches beyond the image's left, top, right and bottom; by default the
+            image's width and height on each side, as in BOP. Silhouettes are cut off at its border.
+        min_pixels: Fewer visible pixels than this do not count as `Visibility.VISIBLE`.
+        skip_unseen: Whether the silhouettes of objects of which nothing is visible may end at the image's border. Their
+            fraction is 0 all the same, and it saves time where many views see few objects.
+        masks: Whether to make `ObjectVisibility.masks`.
+        object_poses: As for `Renderer.render`.
+        world: As for `Renderer.render`.
+        exclude: As for `Renderer.render`. In a view that excludes it, an object has no pixels.
+        convention: Axes of the camera frame of the poses.
+        caster: As for `Renderer`.
+        threads: CPU threads to use; all cores of this process by default.
+
+    Raises:
+        WarpvisError: An argument is not what it has to be.
+    """
+    from warpvis.kernels.constants import SILHOUETTE_COUNTERS
+    from warpvis.kernels.silhouettes import judge_silhouettes
+
+    require_scene(scene)
+    require_camera(camera)
+    scene.require_objects()
+    chosen = choose_objects(scene, objects)
+    delta, min_pixels, canvas = (
+        check_metres(delta, "delta"),
+        _check_min_pixels(min_pixels),
+        _check_canvas(canvas, camera),
+    )
+    device = scene.device
+    poses = parse_poses(camera_to_world, convention=convention, device=device)
+    views, count = len(poses), len(chosen)
+    worlds = parse_worlds(scene, views, object_poses, world, exclude)
+
+    # Whatever is too near or too far to be measured hides what is behind it all the same.
+    eye = dataclasses.replace(camera, near=0.0, far=math.inf)
+    outputs: list[Output] = ["depth", "segmentation"] if delta > 0 else ["segmentation"]
+    renderer = Renderer(scene, eye, outputs=outputs, caster=caster, threads=threads)
+    kind, threads = renderer.caster, renderer.threads
+    surveyor = Surveyor(
+        scene, camera, chosen, canvas=canvas, delta=delta, skip_unseen=bool(skip_unseen), caster=kind, threads=threads
+    )
+    result = _allocate(scene, chosen, (views, count), camera if masks else None)
+    seen = None
+    for part in _parts(views, camera, len(outputs), len(scene) * count, device):
+        size, some = part.stop - part.start, part_of(worlds, part)
+        seen = renderer.render_parsed(poses[part], some, out=_first(seen, size))
+        counts = wp.zeros((SILHOUETTE_COUNTERS, size, count), dtype=wp.int32, device=device)
+        hidden_by = wp.zeros((size, count, len(scene)), dtype=wp.int32, device=device)
+        surveyor.count(poses[part], some, seen, counts, hidden_by, None if result.masks is None else result.masks[part])
+        outs = [getattr(result, name)[part] for name in _JUDGED]
+        launch_small(judge_silhouettes, (size, count), [counts, hidden_by, min_pixels, *outs], device)
+        for name, counter in zip(_COUNTED, counts, strict=False):
+            wp.copy(getattr(result, name)[part], counter)
+    return result
+
+
+def choose_objects(scene: Scene, objects: Sequence[str | int] | None) -> list[int]:
+    """Indices of objects given by name or index, all for None.
+
+    Raises:
+        SceneError: There is no such object, one is given twice, or none is given.
+    """
+    if objects is None:
+        return list(range(len(scene)))
+    given = [objects] if isinstance(objects, str) else list(objects)
+    chosen = []
+    for item in given:
+        if isinstance(item, str):
+            chosen.append(scene.index(item))
+        elif isinstance(item, int | np.integer) and not isinstance(item, bool) and 0 <= item < len(scene):
+            chosen.append(int(item))
+        else:
+            raise SceneError(f"objects must be names, or indices from 0 to {len(scene) - 1}, got {item!r}")
+    if not chosen or len(set(chosen)) < len(chosen):
+        raise SceneError(f"objects must be one or more different ones of the scene's, got {given}")
+    return chosen
+
+
+def _allocate(scene: Scene, chosen: Sequence[int], shape: tuple[int, int], camera: Camera | None) -> ObjectVisibility:
+    """Room for the results; of masks too if a camera is given."""
+    names = tuple(scene.objects[index].name for index in chosen)
+    arrays = {name: empty(shape, dtype, name=name, device=scene.device) for name, dtype in (_COUNTED | _JUDGED).items()}
+    masks = None
+    if camera is not None:
+        masks = empty((*shape, camera.height, camera.width), wp.uint8, name="masks", device=scene.device)
+        masks.zero_()
+    return ObjectVisibility(tuple(chosen), names, **arrays, masks=masks)
+
+
+def _parts(views: int, camera: Camera, images: int, hidden: int, device: wp.Device) -> list[slice]:
+    """Views that are looked at together."""
+    most = _CPU_BYTES if device.is_cpu else _CUDA_BYTES
+    step = max(1, most // (camera.width * camera.height * 4 * images + hidden * 4))
+    return [slice(first, min(first + step, views)) for first in range(0, views, step)]
+
+
+def _first(views: Views | None, size: int) -> Views | None:
+    """The first images of an earlier part, to be written to again."""
+    if views is None:
+        return None
+    images = {"depth": views.depth, "segmentation": views.segmentation}
+    return Views(**{name: image if image is None else image[:size] for name, image in images.items()})
+
+
+def _check_min_pixels(min_pixels: Any) -> int:
+    if isinstance(min_pixels, bool) or not isinstance(min_pixels, int | np.integer) or min_pixels < 1:
+        raise ArrayError(f"min_pixels must be a whole number from 1 up, got {min_pixels!r}")
+    return int(min_pixels)
+
+
+def _check_canvas(canvas: Any, camera: Camera) -> tuple[int, int, int, int]:
+    if canvas is None:
+        return camera.width, camera.height, camera.width, camera.height
+    sides = tuple(canvas) if isinstance(canvas, Sequence) else ()
+    if len(sides) != 4 or not all(isinstance(side, int | np.integer) and 0 <= side < 1 << 20 for side in sides):
+        raise ArrayError(f"canvas must be four whole numbers of pixels: left, top, right, bottom, got {canvas!r}")
+    left, top, right, bottom = map(int, sides)
+    return left, top, right, bottom

@@ -1,0 +1,386 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Who sees what: the objects of a scene from the places of several agents, and what two of them see of each."""
+
+from __future__ import annotations
+
+import enum
+import itertools
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.camera import Camera
+from warpvis.core.labels import Label, Visibility
+from warpvis.errors import ArrayError, SceneError
+from warpvis.scene import Scene, require_scene
+from warpvis.visibility._agents import Agent
+from warpvis.visibility._objects import ObjectVisibility, choose_objects, object_visibility
+from warpvis.visibility._situations import Situations
+
+_COUNTS = ("visible_pixels", "image_pixels", "silhouette_pixels", "too_near_pixels", "too_far_pixels")
+
+
+class State(enum.IntEnum):
+    """Which of two agents see an object: the paper's four cases."""
+
+    NEITHER = 0
+    """None of the two."""
+    FIRST = 1
+    """The first and not the second."""
+    SECOND = 2
+    """The second and not the first."""
+    BOTH = 3
+    """Both."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An object that a person sees, and so may mean."""
+
+    object: str
+    """Its name."""
+    score: float
+    """``fraction * (1 + cos(gaze_angle)) / 2``: 1 where all of it is seen straight ahead, 0 behind the person."""
+    fraction: float
+    """Share of its silhouette that the person sees."""
+    gaze_angle: float
+    """Angle between the person's axis and the middle of its box [rad]."""
+    attended: bool
+    """Whether it shows in the person's field of attention."""
+    state: State | None
+    """Whether the person (first) and the robot (second) see it; None without a robot."""
+    robot_fraction: float | None
+    """Share of its silhouette that the robot sees; None without a robot."""
+
+
+@dataclass(frozen=True, eq=False)
+class Perspective:
+    """What each of A agents sees of each of K objects in each of V situations. Everything is NumPy, on the host."""
+
+    agents: tuple[str, ...]
+    """Names of the agents."""
+    objects: tuple[str, ...]
+    """Names of the objects."""
+    labels: tuple[Label, ...]
+    """Their labels."""
+    fraction: NDArray[np.float32]
+    """Share of the silhouette that is visible, ``(A, V, K)``; 0 where there is no silhouette."""
+    status: NDArray[np.uint8]
+    """`Visibility`: VISIBLE, or the reason that holds for most of its pixels in the images, ``(A, V, K)``."""
+    visible_pixels: NDArray[np.int32]
+    """Pixels that show the object, over all of an agent's images, ``(A, V, K)``."""
+    silhouette_pixels: NDArray[np.int32]
+    """Pixels of the silhouette it would have alone in the world, in the images and beyond, ``(A, V, K)``."""
+    occluder: NDArray[np.int32]
+    """The object that hides most of it, an index into `scene_objects`; -1 for none, ``(A, V, K)``."""
+    attended: NDArray[np.bool_]
+    """Whether the agent sees it, and it shows in the agent's field of attention if it has one, ``(A, V, K)``."""
+    gaze_angle: NDArray[np.float32]
+    """Angle between the agent's axis and the middle of the object's box [rad], ``(A, V, K)``. The box has the axes of
+    the frame of an object that is movable, of the world otherwise."""
+    body: NDArray[np.bool_]
+    """Whether the object is part of the agent's own body, which it does not see, ``(A, K)``."""
+    scene_objects: tuple[str, ...]
+    """Names of all objects of the scene."""
+
+    @property
+    def visible(self) -> NDArray[np.bool_]:
+        """Whether the agent sees the object, ``(A, V, K)``."""
+        return self.status == Visibility.VISIBLE
+
+    def states(self, first: str, second: str) -> NDArray[np.uint8]:
+        """`State` of every object for two agents, ``(V, K)``. An agent does not see its own body.
+
+        Raises:
+            SceneError: There is no agent of that name.
+        """
+        seen = self.visible
+        return (State.FIRST * seen[self._agent(first)] + State.SECOND * seen[self._agent(second)]).astype(np.uint8)
+
+    def candidates(
+        self,
+        human: str,
+        robot: str | None = None,
+        *,
+        view: int = 0,
+        labels: Sequence[Label | int | str] | None = (Label.OBJECT,),
+    ) -> list[Candidate]:
+        """The objects that a person may mean: those that they see, the likeliest first.
+
+        What the person attends to comes before what is in the corner of their eye; then the greater `Candidate.score`
+        comes first, then the order of the scene's objects.
+
+        Args:
+            human: The person's name.
+            robot: A robot's name, to say of each object whether it sees it, too.
+            view: The situation.
+            labels: Labels of the objects that may be meant; None for all.
+
+        Raises:
+            WarpvisError: There is no such agent, view or label.
+        """
+        who, view = self._agent(human), self._view(view)
+        wanted = set(Label) if labels is None else {Label.parse(label) for label in labels}
+        other = None if robot is None else self._agent(robot)
+        states = None if robot is None else self.states(human, robot)[view]
+        found = []
+        for k in np.flatnonzero(self.visible[who, view]):
+            if self.labels[k] not in wanted:
+                continue
+            fraction, angle = float(self.fraction[who, view, k]), float(self.gaze_angle[who, view, k])
+            found.append(
+                Candidate(
+                    object=self.objects[k],
+                    score=fraction * (1 + math.cos(angle)) / 2,
+                    fraction=fraction,
+                    gaze_angle=angle,
+                    attended=bool(self.attended[who, view, k]),
+                    state=None if states is None else State(states[k]),
+                    robot_fraction=None if other is None else float(self.fraction[other, view, k]),
+                )
+            )
+        return sorted(found, key=lambda candidate: (not candidate.attended, -candidate.score))
+
+    def to_see(
+        self,
+        robot: str,
+        human: str,
+        *,
+        view: int = 0,
+        labels: Sequence[Label | int | str] | None = (Label.OBJECT,),
+    ) -> list[str]:
+        """Names of the objects that the person sees and the robot does not, in the order of `candidates`.
+
+        The robot must move to see these: the person may mean one of them. The robot's own body is none of them.
+        """
+        own = {name for name, its in zip(self.objects, self.body[self._agent(robot)], strict=True) if its}
+        found = self.candidates(human, robot, view=view, labels=labels)
+        return [item.object for item in found if item.state == State.FIRST and item.object not in own]
+
+    def report(self, view: int = 0) -> dict[str, Any]:
+        """One situation in full, of plain Python values that `json.dumps` takes."""
+        view = self._view(view)
+        pairs = [(pair, self.states(*pair)[view]) for pair in itertools.combinations(self.agents, 2)]
+        objects = []
+        for k, name in enumerate(self.objects):
+            states = [{"first": a, "second": b, "state": State(state[k]).name} for (a, b), state in pairs]
+            views = {agent: self._entry(a, view, k) for a, agent in enumerate(self.agents)}
+            objects.append({"name": name, "label": self.labels[k].name, "agents": views, "states": states})
+        return {"view": view, "agents": list(self.agents), "objects": objects}
+
+    def _entry(self, agent: int, view: int, k: int) -> dict[str, Any]:
+        """What `report` says of an agent and an object."""
+        at = (agent, view, k)
+        return {
+            "visible": bool(self.visible[at]),
+            "status": Visibility(self.status[at]).name,
+            "own_body": bool(self.body[agent, k]),
+            "fraction": float(self.fraction[at]),
+            "visible_pixels": int(self.visible_pixels[at]),
+            "silhouette_pixels": int(self.silhouette_pixels[at]),
+            "occluder": self.scene_objects[self.occluder[at]] if self.occluder[at] >= 0 else None,
+            "attended": bool(self.attended[at]),
+            "gaze_angle": float(self.gaze_angle[at]),
+        }
+
+    def table(self, view: int = 0) -> str:
+        """One situation as text of fixed width: a row for every object, a column for every agent and every pair.
+
+        An agent's column has the visible fraction, or why the agent does not see the object.
+        """
+        view = self._view(view)
+        pairs = list(itertools.combinations(self.agents, 2))
+        rows = [["object", "label", *self.agents, *(f"{a} / {b}" for a, b in pairs)]]
+        states = [(pair, self.states(*pair)[view]) for pair in pairs]
+        for k, name in enumerate(self.objects):
+            cells = [self._cell(a, view, k) for a in range(len(self.agents))]
+            rows.append(
+                [name, self.labels[k].name.lower(), *cells, *(_state_word(state[k], *p) for p, state in states)]
+            )
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        rows.insert(1, ["-" * width for width in widths])
+        return "\n".join("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
+
+    def _cell(self, agent: int, view: int, k: int) -> str:
+        """What `table` says of an agent and an object."""
+        at = (agent, view, k)
+        if self.body[agent, k]:
+            return "own body"
+        status = Visibility(self.status[at])
+        if status == Visibility.VISIBLE:
+            return f"{self.fraction[at]:.2f}"
+        if status == Visibility.OCCLUDED and self.occluder[at] >= 0:
+            return f"hidden by {self.scene_objects[self.occluder[at]]}"
+        return status.name.lower().replace("_", " ")
+
+    def _agent(self, name: str) -> int:
+        if name not in self.agents:
+            raise SceneError(f"there is no agent {name!r}; there are {', '.join(map(repr, self.agents))}")
+        return self.agents.index(name)
+
+    def _view(self, view: int) -> int:
+        views = self.status.shape[1]
+        if isinstance(view, bool) or not isinstance(view, int | np.integer) or not 0 <= view < views:
+            raise ArrayError(f"view must be a whole number from 0 to {views - 1}, got {view!r}")
+        return int(view)
+
+
+def perspective(
+    scene: Scene,
+    agents: Sequence[Agent],
+    *,
+    objects: Sequence[str | int] | None = None,
+    min_pixels: int = 1,
+    min_fraction: float = 0.0,
+    delta: float = 0.0,
+    object_poses: Any = None,
+    world: Any = None,
+    threads: int | None = None,
+) -> Perspective:
+    """What agents see of a scene's objects, by `object_visibility` from where each of them is.
+
+    The counts of a wide `FieldOfView` are sums over its faces; fractions and reasons come from the sums. An agent with
+    a body is an object to the others.
+
+    Args:
+        scene: The world.
+        agents: Who looks, each of another name. An agent has one pose for all situations, or one for each of V.
+        objects: Names or indices of the objects that are looked for; all by default.
+        min_pixels: Fewest pixels by which an object is seen; also in a field of attention.
+        min_fraction: Least visible share of the silhouette by which it is seen.
+        delta: How far behind what is seen a surface may lie and still be seen [m]; see `object_visibility`.
+        object_poses: Where the movable objects are in each of W worlds, as for `Renderer.render`.
+        world: Every situation's world, as for `Renderer.render`. By default all situations are of the one world, or if
+            there are V of them, each of its own.
+        threads: CPU threads to use; all cores of this process by default.
+
+    Raises:
+        SceneError: Two agents have one name, or an object is not in the scene.
+        ArrayError: The agents and worlds are not of one number of situations, or a threshold is none.
+        PoseError: The poses of the objects are malformed.
+    """
+    agents = _check_agents(scene, agents)
+    if not 0 <= min_fraction <= 1:
+        raise ArrayError(f"min_fraction must be from 0 to 1, got {min_fraction!r}")
+    indices = choose_objects(scene, objects)
+    situations = Situations.parse(scene, agents, object_poses, world)
+    look = _Look(scene, indices, situations, min_pixels, delta, threads)
+    shape = (situations.count, len(indices))
+
+    sums, occluders, attended, angles = [], [], [], []
+    middles = situations.middles(scene, indices)
+    for agent in agents:
+        counts, occluder = look.around(agent)
+        sums.append(np.broadcast_to(counts, (len(_COUNTS), *shape)))
+        occluders.append(np.broadcast_to(occluder, shape))
+        attended.append(np.broadcast_to(look.attention(agent) >= min_pixels, shape))
+        angles.append(np.broadcast_to(agent.angles_to(middles), shape))
+    counts = np.stack(sums, axis=1)
+    visible, _, silhouette, _, _ = counts
+    fraction = visible / np.maximum(silhouette, 1)
+    status = _status(counts, (visible >= min_pixels) & (fraction >= min_fraction))
+    items = scene.objects
+    return Perspective(
+        agents=tuple(agent.name for agent in agents),
+        objects=tuple(items[index].name for index in indices),
+        labels=tuple(items[index].label for index in indices),
+        fraction=fraction.astype(np.float32),
+        status=status,
+        visible_pixels=visible,
+        silhouette_pixels=silhouette,
+        occluder=np.stack(occluders),
+        attended=np.stack(attended) & (status == Visibility.VISIBLE),
+        gaze_angle=np.stack(angles).astype(np.float32),
+        body=np.array([[items[index].name in agent.body for index in indices] for agent in agents]),
+        scene_objects=tuple(item.name for item in items),
+    )
+
+
+@dataclass(frozen=True)
+class _Look:
+    """What all looks of a call have in common."""
+
+    scene: Scene
+    indices: list[int]
+    situations: Situations
+    min_pixels: int
+    delta: float
+    threads: int | None
+
+    def around(self, agent: Agent) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """An agent's `_COUNTS` summed over its faces, ``(5, views, K)``, and what hides most of an object."""
+        faces = [self._at(agent, face.camera, agent.face_poses(face), face.canvas) for face in agent.faces]
+        counts = np.stack([[getattr(seen, name).numpy() for name in _COUNTS] for seen in faces])
+        hidden = np.stack([_hidden_pixels(one) for one in counts])
+        occluders = np.stack([seen.occluder.numpy() for seen in faces])
+        most = hidden.argmax(axis=0)[None]
+        return counts.sum(axis=0, dtype=np.int32), np.take_along_axis(occluders, most, axis=0)[0]
+
+    def attention(self, agent: Agent) -> NDArray[np.int32]:
+        """Pixels of each object in the field of attention, ``(views, K)``; no end of them without one."""
+        if agent.attention is None:
+            return np.array(np.iinfo(np.int32).max, dtype=np.int32)
+        return self._at(agent, agent.attention, agent.poses, (0, 0, 0, 0)).visible_pixels.numpy()
+
+    def _at(
+        self, agent: Agent, camera: Camera, poses: NDArray[np.float64], canvas: tuple[int, int, int, int]
+    ) -> ObjectVisibility:
+        world = self.situations.world
+        # Who stands still in a world that stands still looks once.
+        views = len(poses) if world is None else self.situations.count
+        return object_visibility(
+            self.scene,
+            camera,
+            np.broadcast_to(poses, (views, 7)),
+            objects=self.indices,
+            delta=self.delta,
+            canvas=canvas,
+            min_pixels=self.min_pixels,
+            object_poses=self.situations.object_poses,
+            world=world,
+            exclude=agent.body or None,
+            threads=self.threads,
+        )
+
+
+def _hidden_pixels(counts: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Pixels of the images in which objects are in range and behind something."""
+    visible, image, _, too_near, too_far = counts
+    return np.maximum(image - visible - too_near - too_far, 0)
+
+
+def _status(counts: NDArray[np.int32], seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """`Visibility` from `_COUNTS`: VISIBLE where `seen`, else the reason of most pixels in the images."""
+    _, image, silhouette, too_near, too_far = counts
+    hidden = _hidden_pixels(counts)
+    reasons = np.array([Visibility.OCCLUDED, Visibility.TOO_NEAR, Visibility.TOO_FAR], dtype=np.uint8)
+    pixels = np.stack([hidden, too_near, too_far])
+    status = reasons[pixels.argmax(axis=0)]
+    # Where all that is in the images is seen and it is not enough, the rest is beside them, or it is far away.
+    enough = np.where(silhouette > image, Visibility.OUT_OF_VIEW, Visibility.TOO_FAR)
+    status = np.where(pixels.any(axis=0), status, enough)
+    status = np.where(image == 0, Visibility.OUT_OF_VIEW, status)
+    return np.where(seen, Visibility.VISIBLE, status).astype(np.uint8)
+
+
+def _state_word(state: int, first: str, second: str) -> str:
+    """How `table` says it."""
+    return ("neither", f"{first} only", f"{second} only", "both")[state]
+
+
+def _check_agents(scene: Scene, agents: Sequence[Agent]) -> list[Agent]:
+    require_scene(scene).require_objects()
+    agents = list(agents) if isinstance(agents, Iterable) else [agents]
+    wrong = [type(agent).__name__ for agent in agents if not isinstance(agent, Agent)]
+    if wrong or not agents:
+        raise SceneError(f"agents must be one or more of warpvis.visibility.Agent, got {', '.join(wrong) or 'none'}")
+    names = [agent.name for agent in agents]
+    twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
+    if twice:
+        raise SceneError(f"agents must have different names, got {', '.join(map(repr, twice))} more than once")
+    return agents

@@ -1,0 +1,178 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Which points of the world are seen: by a camera in a scene, or in a depth image that was measured."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import warp as wp
+
+from warpvis.core.arrays import as_points, check_metres, empty
+from warpvis.core.camera import Camera, require_camera
+from warpvis.core.depth_images import read_depth
+from warpvis.core.poses import Convention, host_poses, parse_poses
+from warpvis.core.threads import launch_points, launch_small
+from warpvis.errors import ArrayError
+from warpvis.rendering import Caster, Output, Renderer, Views
+from warpvis.scene import Scene, require_scene
+from warpvis.scene.worlds import parse_worlds
+from warpvis.visibility._point_packets import judge_by_packets
+
+
+def point_visibility(
+    scene: Scene,
+    camera: Camera,
+    camera_to_world: Any,
+    points: Any,
+    *,
+    tolerance: float = 1e-4,
+    occluders: bool = False,
+    object_poses: Any = None,
+    world: Any = None,
+    exclude: Any = None,
+    convention: Convention = "opencv",
+    caster: Caster = "auto",
+    threads: int | None = None,
+) -> wp.array | tuple[wp.array, wp.array]:
+    """Whether points can be seen, and if not, why: by the ray through each point, not by pixels.
+
+    Args:
+        scene: What may be in the way.
+        camera: Image size, intrinsics and depth range.
+        camera_to_world: Poses, as for `Renderer.render`.
+        points: Points in the world frame [m], shape ``(N, 3)``: anywhere, such as vertices, middles of faces or voxels.
+        tolerance: How far behind the first surface along its ray a point still counts as seen [m]. Points of a surface
+            need some: they are not exactly where rays meet it.
+        occluders: Whether to return what hides the points, too.
+        object_poses: As for `Renderer.render`.
+        world: As for `Renderer.render`.
+        exclude: As for `Renderer.render`.
+        convention: Axes of the camera frame of the poses.
+        caster: As for `Renderer`.
+        threads: CPU threads to use; all cores of this process by default.
+
+    Returns:
+        A `Visibility` for every view and point, shape ``(V, N)`` uint8, on the scene's device. What is nearer than the
+        camera's ``near`` hides what is behind it all the same. With `occluders`, also the object that hides each
+        `Visibility.OCCLUDED` point, -1 for others, shape ``(V, N)`` int32.
+
+    Raises:
+        WarpvisError: An argument is not what it has to be.
+    """
+    require_scene(scene)
+    require_camera(camera)
+    tolerance = check_metres(tolerance, "tolerance")
+    scene.require_objects()
+    # Surfaces that are too near to be measured have a depth here, and are objects.
+    eye = dataclasses.replace(camera, near=0.0)
+    outputs: list[Output] = ["depth", "segmentation"] if occluders else ["depth"]
+    renderer = Renderer(scene, eye, outputs=outputs, caster=caster, threads=threads)
+    arrangement = {"object_poses": object_poses, "world": world, "exclude": exclude}
+    if scene.device.is_cpu and renderer.caster == "packets":
+        rows = host_poses(camera_to_world, convention=convention)
+        places = as_points(points, "points", "N", scene.device)
+        status, hidden_by = _empty_judgement((len(rows), len(places)), occluders, scene.device)
+        worlds = parse_worlds(scene, len(rows), **arrangement)
+        judge_by_packets(scene, camera, rows, worlds, places, tolerance, status, hidden_by, renderer.threads)
+    else:
+        poses = parse_poses(camera_to_world, convention=convention, device=scene.device)
+        pixels, depth = _project(camera, poses, points, threads)
+        status, hidden_by = _empty_judgement(depth.shape, occluders, scene.device)
+        if depth.size:
+            seen = renderer.render_at(poses, pixels, **arrangement)
+            _judge(camera, pixels, depth, seen, tolerance, status, hidden_by, threads)
+    return (status, hidden_by) if occluders else status
+
+
+def point_visibility_from_depth(
+    depth: Any,
+    camera: Camera,
+    camera_to_world: Any,
+    points: Any,
+    *,
+    tolerance: float = 0.01,
+    convention: Convention = "opencv",
+    device: Any = None,
+    threads: int | None = None,
+) -> wp.array:
+    """The same against depth images that a sensor measured: each point by the pixel that it is in.
+
+    Args:
+        depth: Planar depth [m], shape ``(V, H, W)`` float32, or ``(H, W)`` for one view. Beyond all range is +inf, too
+            near is -inf (REP 117); where it is 0, negative or NaN, nothing was measured.
+        camera: The camera that took the images.
+        camera_to_world: Where it was, as for `Renderer.render`.
+        points: Points in the world frame [m], shape ``(N, 3)``.
+        tolerance: How far behind what was measured along its ray a point still counts as seen [m]: the sensor's noise.
+        convention: Axes of the camera frame of the poses.
+        device: Where to compute; by default where the images are.
+        threads: CPU threads to use; all cores of this process by default.
+
+    Returns:
+        A `Visibility` for every view and point, shape ``(V, N)`` uint8; UNKNOWN where nothing was measured.
+
+    Raises:
+        WarpvisError: An argument is not what it has to be.
+    """
+    from warpvis.kernels.points import judge_points_measured
+
+    tolerance = check_metres(tolerance, "tolerance")
+    images = read_depth(depth, camera, device)
+    device = images.device
+    poses = parse_poses(camera_to_world, convention=convention, device=device)
+    if len(poses) != len(images):
+        raise ArrayError(f"depth must be of as many views as there are poses, got {len(images)} for {len(poses)}")
+    pixels, distance = _project(camera, poses, points, threads)
+    status = empty(distance.shape, wp.uint8, name="status", device=device)
+    lens, inputs = camera.device_struct(), [pixels, distance, images, tolerance, status]
+    launch_points(
+        judge_points_measured, distance.shape, lambda window: [lens, window, *inputs], device=device, threads=threads
+    )
+    return status
+
+
+def _project(camera: Camera, poses: wp.array, points: Any, threads: int | None) -> tuple[wp.array, wp.array]:
+    """Where points are in the images, shape ``(V, N)`` vec2, and their depths, shape ``(V, N)``."""
+    from warpvis.kernels.points import camera_frames, project_points
+
+    device = poses.device
+    places = as_points(points, "points", "N", device)
+    frames = [wp.empty(len(poses), dtype=dtype, device=device) for dtype in (wp.vec3d, wp.mat33d)]
+    launch_small(camera_frames, len(poses), [poses, *frames], device)
+    shape = (len(poses), len(places))
+    pixels, depth = (empty(shape, dtype, name="points", device=device) for dtype in (wp.vec2, wp.float32))
+    lens = camera.device_struct()
+    launch_points(
+        project_points,
+        shape,
+        lambda window: [lens, *frames, window, places, pixels, depth],
+        device=device,
+        threads=threads,
+    )
+    return pixels, depth
+
+
+def _empty_judgement(shape: tuple[int, ...], occluders: bool, device: wp.Device) -> tuple[wp.array, wp.array | None]:
+    status = empty(shape, wp.uint8, name="status", device=device)
+    return status, empty(shape, wp.int32, name="occluders", device=device) if occluders else None
+
+
+def _judge(
+    camera: Camera,
+    pixels: wp.array,
+    depth: wp.array,
+    seen: Views,
+    tolerance: float,
+    status: wp.array,
+    hidden_by: wp.array | None,
+    threads: int | None,
+) -> None:
+    """Judge projected points by what is rendered where they are in the images."""
+    from warpvis.kernels.points import judge_points
+
+    lens, given = camera.device_struct(), [pixels, depth, seen.depth, seen.segmentation, tolerance, status, hidden_by]
+    launch_points(
+        judge_points, depth.shape, lambda window: [lens, window, *given], device=status.device, threads=threads
+    )

@@ -1,0 +1,156 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Counting the pixels of each object's silhouette, as if it were alone: by rays, or by packets on CPU cores."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+import warp as wp
+
+from warpvis.core.camera import Camera
+from warpvis.core.threads import launch_images, launch_small, load_module, run_together
+from warpvis.kernels.constants import COUNTER_FINISHED, JOB_COUNTERS
+from warpvis.rendering import Views
+from warpvis.rendering.casters import NOTE_WORDS, TILE, VISIT_WORDS
+from warpvis.scene import Scene
+
+_MOST_TILES = 512  # as in kernels/native/silhouettes.h
+
+
+# Of a GPU: enough threads to fill it, whatever the number of objects and views, and no more than a large silhouette
+# has use for.
+_CUDA_THREADS = 1 << 20
+_LEAST_THREADS, _MOST_THREADS = 32, 4096
+
+
+class Surveyor:
+    """Counts pixels of chosen objects of a scene, again and again."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        camera: Camera,
+        chosen: Sequence[int],
+        *,
+        canvas: tuple[int, int, int, int],
+        delta: float,
+        skip_unseen: bool,
+        caster: Literal["packets", "rays"],
+        threads: int,
+    ) -> None:
+        """Prepare to count.
+
+        Args:
+            scene: The world.
+            camera: The camera of all views.
+            chosen: Indices of the objects whose pixels are counted.
+            canvas: Pixels beyond the image's left, top, right and bottom that silhouettes may reach.
+            delta: See `warpvis.object_visibility`.
+            skip_unseen: Likewise.
+            caster: How silhouettes are drawn; on CUDA by rays always.
+            threads: CPU threads.
+        """
+        from warpvis.kernels.silhouettes import Canvas, Chosen
+
+        device = scene.device
+        self._device, self._camera, self._threads, self._delta = device, camera, threads, delta
+        self._packets = caster == "packets" and device.is_cpu
+        self._apart = scene.apart()
+        clusters = self._apart.clusters()
+        self._columns = wp.array(_columns(scene), dtype=wp.int32, device=device)
+        self._chosen = Chosen()
+        self._chosen.index = wp.array(np.array(chosen, dtype=np.int32), dtype=wp.int32, device=device)
+        self._chosen.boxes = clusters.struct.movable_boxes.reshape((-1, 3)).view(wp.vec3).reshape((-1, 2))
+        left, top, right, bottom = canvas
+        self._image, self._canvas = Canvas(), Canvas()
+        self._image.x1, self._image.y1 = camera.width, camera.height
+        self._canvas.x0, self._canvas.y0 = -left, -top
+        self._canvas.x1, self._canvas.y1 = camera.width + right, camera.height + bottom
+        self._canvas.seen_only = int(skip_unseen and any(canvas))
+        self._words = _scratch_words(camera.width + left + right, clusters.depth, len(scene)) if self._packets else 0
+
+    def count(
+        self, poses: wp.array, worlds: Any, seen: Views, counts: wp.array, hidden_by: wp.array, masks: wp.array | None
+    ) -> None:
+        """Add to the counters; see `warpvis.kernels.silhouettes.measure_silhouettes`."""
+        from warpvis.kernels.silhouettes import Comparison
+
+        compared = Comparison()
+        compared.segmentation, compared.depth, compared.delta = seen.segmentation, seen.depth, self._delta
+        worlds = self._spread(worlds)
+        outputs = [counts, hidden_by, masks]
+        if self._packets:
+            self._count_by_packets(poses, worlds, compared, outputs)
+        else:
+            self._count_by_rays(poses, worlds, compared, outputs)
+
+    def _spread(self, worlds: Any) -> Any:
+        """The same worlds, in which every object has a pose."""
+        from warpvis.kernels.silhouettes import spread_poses
+        from warpvis.kernels.worlds import Worlds
+
+        poses = worlds.object_poses
+        given = poses is not None and poses.shape[1] > 0
+        everywhere = Worlds()
+        everywhere.world, everywhere.excluded = worlds.world, worlds.excluded
+        shape = (poses.shape[0] if given else 1, len(self._columns))
+        everywhere.object_poses = wp.empty(shape, dtype=wp.transform, device=self._device)
+        inputs = [poses if given else None, self._columns, everywhere.object_poses]
+        launch_small(spread_poses, shape, inputs, self._device)
+        return everywhere
+
+    def _count_by_rays(self, poses: wp.array, worlds: Any, compared: Any, outputs: list[Any]) -> None:
+        from warpvis.kernels.silhouettes import measure_silhouettes
+
+        triangles, camera = self._apart.triangles(), self._camera.device_struct()
+        pairs = len(poses) * len(self._chosen.index)
+        threads = 1
+        if not self._device.is_cpu:
+            threads = _LEAST_THREADS
+            while threads < _MOST_THREADS and pairs * threads < _CUDA_THREADS:
+                threads *= 2
+        parts = [self._canvas]
+        if self._canvas.seen_only:  # first of all what the image shows
+            self._canvas.beyond_only = 1
+            parts = [self._image, self._canvas]
+        for part in parts:
+            given = [part, worlds, compared, threads, *outputs]
+
+            def arguments(window: Any, given: list[Any] = given) -> list[Any]:
+                return [triangles.struct, self._chosen, camera, poses, window, *given]
+
+            shape = (len(poses), len(self._chosen.index), threads)
+            launch_images(measure_silhouettes, shape, arguments, device=self._device, threads=self._threads)
+
+    def _count_by_packets(self, poses: wp.array, worlds: Any, compared: Any, outputs: list[Any]) -> None:
+        from warpvis.kernels.silhouette_packets import SurveyJob, measure_silhouettes_packets
+
+        load_module(measure_silhouettes_packets)
+        workers = min(self._threads, len(poses) * len(self._chosen.index))
+        counter, job = np.zeros(JOB_COUNTERS, dtype=np.int32), SurveyJob()
+        job.counter = wp.array(counter, dtype=wp.int32, device="cpu", copy=False)
+        job.scratch = wp.zeros((workers, self._words), dtype=wp.float32, device="cpu")
+        scene, camera = self._apart.clusters().struct, self._camera.device_struct()
+        arguments = [scene, self._chosen, camera, poses, job, self._canvas, worlds, compared, *outputs]
+        launch = wp.launch(measure_silhouettes_packets, dim=1, inputs=arguments, device="cpu", record_cmd=True)
+        run_together(launch.launch, workers, lambda: bool(counter[COUNTER_FINISHED] == workers))
+
+
+def _columns(scene: Scene) -> np.ndarray:
+    """Of every object, its place among those with a pose: its own, its carrier's, or -1 if it stays."""
+    columns = np.full(len(scene), -1, dtype=np.int32)
+    columns[list(scene.movable)] = np.arange(len(scene.movable))
+    for index, item in enumerate(scene.objects):
+        if item.carrier is not None:
+            columns[index] = columns[item.carrier]
+    return columns
+
+
+def _scratch_words(width: int, depth: int, objects: int) -> int:
+    """Memory of a thread, as kernels/native/silhouettes.h carves it for a canvas of this width."""
+    tiles = max(_MOST_TILES, -(-(width + TILE) // TILE))
+    blocks = tiles * (256 + 16 + 1 + 4 + 1)
+    return blocks + (depth + 1) * 16 * VISIT_WORDS + objects * NOTE_WORDS + 64

@@ -1,0 +1,78 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Situations: where several agents and the movable objects are at one time, and how many such times a call is about."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.arrays import as_warp
+from warpvis.core.poses import poses_to_matrices
+from warpvis.errors import ArrayError
+from warpvis.scene import Scene
+from warpvis.scene.worlds import parse_worlds
+from warpvis.visibility._agents import Agent
+
+
+@dataclass(frozen=True)
+class Situations:
+    """Where the movable objects are in each of `count` situations."""
+
+    count: int
+    """How many situations there are."""
+    object_poses: wp.array | None
+    """Poses of the movable objects in the worlds, ``(W, M)`` transforms; None if nothing is movable."""
+    world: NDArray[np.int32] | None
+    """World of each situation, ``(count,)``; None if there is only one world."""
+
+    @classmethod
+    def parse(cls, scene: Scene, agents: Sequence[Agent], object_poses: Any, world: Any) -> Situations:
+        """The situations that agents and worlds make: each has one for all of them, or one for each.
+
+        Raises:
+            ArrayError: They are not of one number of situations.
+            PoseError: The poses of the objects are malformed.
+        """
+        counts = {f"{agent.name!r} has {len(agent.poses)} poses": len(agent.poses) for agent in agents}
+        if world is None:
+            # As if for one view, in whichever world: how many there are is what is to be found out.
+            poses = parse_worlds(scene, 1, object_poses, [0], None).object_poses
+            worlds = np.arange(len(poses), dtype=np.int32)
+        else:
+            worlds = as_warp(world, wp.int32, ("V",), name="world", device=scene.device).numpy()
+            poses = parse_worlds(scene, len(worlds), object_poses, worlds, None).object_poses
+        if world is not None or len(worlds) > 1:
+            counts[f"{'object_poses' if world is None else 'world'} has {len(worlds)} worlds"] = len(worlds)
+        count = max(counts.values())
+        if any(number not in (1, count) for number in counts.values()):
+            raise ArrayError(f"agents and worlds must be of one situation or all of as many: {', '.join(counts)}")
+        several = len(poses) > 1
+        return cls(
+            count=count,
+            object_poses=poses if scene.movable else None,
+            world=np.ascontiguousarray(np.broadcast_to(worlds, count)) if several else None,
+        )
+
+    def middles(self, scene: Scene, indices: Sequence[int]) -> NDArray[np.float64]:
+        """Middles of objects' boxes in the world of every situation [m], shape ``(count, K, 3)``, or ``(1, K, 3)``.
+
+        The box of a movable object has the axes of its own frame, that of any other the axes of the world.
+        """
+        rows = None if self.object_poses is None else self.object_poses.numpy()
+        middles = np.empty((1 if rows is None else len(rows), len(indices), 3))
+        for k, index in enumerate(indices):
+            item = scene.objects[index]
+            corners = item.vertices if item.mesh_vertices is None else item.mesh_vertices
+            middle = (corners.min(axis=0).astype(np.float64) + corners.max(axis=0)) / 2
+            if rows is not None and item.movable:
+                column = scene.movable.index(index if item.carrier is None else item.carrier)
+                frames = poses_to_matrices(rows[:, column])
+                middle = frames[:, :3, :3] @ middle + frames[:, :3, 3]
+            middles[:, k] = middle
+        return middles if self.world is None else middles[self.world]

@@ -1,0 +1,115 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What an agent sees, as one picture: the image of its camera, or of a wide field a picture by angles."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.camera import Camera
+from warpvis.rendering import Renderer, Views, render
+from warpvis.scene import Scene
+from warpvis.visibility import Agent, FieldOfView
+
+_PIXELS_PER_DEGREE = 3
+
+
+@dataclass(frozen=True)
+class AgentView:
+    """What an agent sees in one situation."""
+
+    distance: NDArray[np.float64]
+    """Of a camera planar depth, of a field the way to what is seen [m], ``(h, w)``; not finite where there is none."""
+    normals: NDArray[np.float32]
+    """Unit normals in the world, ``(h, w, 3)``."""
+    objects: NDArray[np.int32]
+    """Indices of the scene's objects, ``(h, w)``; -1 where there is none."""
+    extent: tuple[float, float, float, float]
+    """Left, right, bottom and top: pixels of a camera, degrees from the axis of a field; matplotlib's ``extent``."""
+    attention: NDArray[np.float64]
+    """The border of the field of attention in these coordinates, ``(n, 2)``; of none if there is no such field."""
+
+
+def agent_view(scene: Scene, agent: Agent, view: int = 0, *, object_poses: Any = None) -> AgentView:
+    """What an agent sees in one situation.
+
+    The picture of a `FieldOfView` has the angles to the side and upwards for axes, as on a globe, so that it can be
+    wider than any pinhole's. It ends where the field's images end.
+    """
+    options = {"object_poses": object_poses, "exclude": agent.body or None}
+    if isinstance(agent.camera, FieldOfView):
+        return _panorama(scene, agent, view, options)
+    camera = agent.camera
+    seen = render(scene, camera, pose_of(agent, view), outputs=("depth", "normals", "segmentation"), **options)
+    border = np.empty((0, 2))
+    if agent.attention is not None:
+        border = camera.project(_border_rays(agent.attention))
+    depth, normals, objects = (image.numpy()[0] for image in (seen.depth, seen.normals, seen.segmentation))
+    return AgentView(depth, normals, objects, (0, camera.width, camera.height, 0), border)
+
+
+def pose_of(agent: Agent, view: int) -> NDArray[np.float64]:
+    """Its pose in a situation, row ``x y z qx qy qz qw``."""
+    return agent.poses[view if len(agent.poses) > 1 else 0]
+
+
+def views_of_faces(scene: Scene, agent: Agent, view: int = 0, *, object_poses: Any = None) -> list[Views]:
+    """Points, labels and objects of all its images in one situation."""
+    options = {"object_poses": object_poses, "exclude": agent.body or None}
+    found = []
+    faces = agent.faces
+    for k, face in enumerate(faces):
+        # One more column where the next face begins, so that there is no gap in between.
+        left, right = int(k > 0), int(k < len(faces) - 1)
+        lens = face.camera
+        lens = replace(lens, width=lens.width + left + right, cx=lens.cx + left)
+        poses = agent.face_poses(face)
+        pose = poses[view if len(poses) > 1 else 0]
+        found.append(render(scene, lens, pose, outputs=("points", "labels", "segmentation"), **options))
+    return found
+
+
+def _panorama(scene: Scene, agent: Agent, view: int, options: dict[str, Any]) -> AgentView:
+    field, faces = agent.camera, agent.faces
+    assert isinstance(field, FieldOfView)
+    sides, up, down = (math.degrees(angle) for angle in (field.hfov / 2, field.up, field.down))
+    width, height = math.ceil(2 * sides * _PIXELS_PER_DEGREE), math.ceil((up + down) * _PIXELS_PER_DEGREE)
+    azimuths = np.radians((np.arange(width) + 0.5) / width * 2 * sides - sides)
+    elevations = np.radians(up - (np.arange(height) + 0.5) / height * (up + down))[:, None]
+    face_of = np.minimum((azimuths + field.hfov / 2) * len(faces) // field.hfov, len(faces) - 1).astype(int)
+
+    distance = np.full((height, width), np.inf)
+    normals = np.full((height, width, 3), np.nan, dtype=np.float32)
+    objects = np.full((height, width), -1, dtype=np.int32)
+    for k, face in enumerate(faces):
+        columns = face_of == k
+        aside = azimuths[columns] - ((k + 0.5) * field.hfov / len(faces) - field.hfov / 2)
+        rays = np.stack(np.broadcast_arrays(np.tan(aside), -np.tan(elevations) / np.cos(aside), 1.0), axis=-1)
+        pixels = face.camera.project(rays).astype(np.float32)
+        poses = agent.face_poses(face)
+        renderer = Renderer(scene, face.camera, outputs=("depth", "normals", "segmentation"))
+        seen = renderer.render_at(poses[view if len(poses) > 1 else 0], pixels.reshape(1, -1, 2), **options)
+        shape = rays.shape[:2]
+        distance[:, columns] = seen.depth.numpy().reshape(shape) * np.linalg.norm(rays, axis=-1)
+        normals[:, columns] = seen.normals.numpy().reshape(*shape, 3)
+        objects[:, columns] = seen.segmentation.numpy().reshape(shape)
+    border = np.empty((0, 2))
+    if agent.attention is not None:
+        x, y, z = _border_rays(agent.attention).T
+        border = np.degrees(np.stack([np.arctan2(x, z), np.arctan2(-y, np.hypot(x, z))], axis=1))
+    return AgentView(distance, normals, objects, (-sides, sides, -down, up), border)
+
+
+def _border_rays(camera: Camera) -> NDArray[np.float64]:
+    """Rays along an image's border, around it, shape ``(n, 3)``."""
+    w, h = camera.width, camera.height
+    corners = np.array([(0, 0), (w, 0), (w, h), (0, h), (0, 0)], dtype=np.float64)
+    steps = np.linspace(0, 1, 30)[:, None]
+    pixels = np.concatenate([(1 - steps) * a + steps * b for a, b in itertools.pairwise(corners)])
+    return camera.back_project(pixels, np.ones(len(pixels)))

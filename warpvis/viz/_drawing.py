@@ -1,0 +1,165 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What pictures have in common: figures, shaded scenes, lines in space, floor maps. `warpvis.viz` is public."""
+
+from __future__ import annotations
+
+import os
+import textwrap
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from warpvis.core.camera import Camera
+from warpvis.core.poses import poses_to_matrices, poses_to_opencv
+from warpvis.errors import ArrayError, FileFormatError
+from warpvis.maps import FloorMap
+from warpvis.rendering import Output, render
+from warpvis.scene import Scene
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_DPI = 130
+_BACKGROUND = np.array([1.0, 1.0, 1.0])
+# Along the floor's two axes and up.
+_LIGHT = (-0.45, -0.35, 0.82)
+_SUPERSAMPLING = 2
+# Characters in a line of an agent's name.
+_NAME_WIDTH = 12
+
+OUTSIDE_CAMERA = Camera.from_fov(640, 480, hfov=0.88)
+"""The camera that pictures from outside are taken with."""
+
+Colors = Callable[[NDArray[np.float32], NDArray[np.int32], NDArray[np.uint8]], NDArray[np.float64]]
+
+
+def new_figure(width: float, height: float, *, gap: float = 0.04167) -> Figure:
+    """A figure of that size [inches] with gaps between its panels [inches, matplotlib's by default]."""
+    # Not pyplot: that keeps figures, and picks a screen, for the whole process.
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    return Figure(figsize=(width, height), dpi=_DPI, layout=ConstrainedLayoutEngine(w_pad=gap, h_pad=gap))
+
+
+def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
+    """Write a figure.
+
+    Raises:
+        FileFormatError: It cannot be written there, or not in that format.
+    """
+    path = Path(path)
+    try:
+        figure.savefig(path)
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from None
+    except ValueError as error:  # matplotlib: "Format 'xyz' is not supported (supported formats: ...)"
+        raise FileFormatError(f"{path}: {error}") from None
+
+
+def light_on(normals: NDArray[np.floating], up: str) -> NDArray[np.float64]:
+    """How bright surfaces are by their normals, shape ``(..., 3)``: 0.55 in the shade to 1."""
+    first, second, height = _LIGHT
+    light = np.array([first, second, height] if up == "z" else [second, height, first])
+    return 0.55 + 0.45 * np.clip(normals @ (light / np.linalg.norm(light)), 0, 1)
+
+
+def shaded_picture(
+    scene: Scene, camera: Camera, camera_to_world: ArrayLike, colors: Colors, *, object_poses: Any = None
+) -> NDArray[np.float64]:
+    """A picture of a scene in given colours, shaded by the light and smoothed.
+
+    Args:
+        scene: The world.
+        camera: The camera that the picture is taken with.
+        camera_to_world: Its one pose.
+        colors: Gives red, green and blue, ``(h, w, 3)``, for points ``(h, w, 3)``, objects and labels ``(h, w)``.
+        object_poses: As for `Renderer.render`.
+
+    Returns:
+        Red, green and blue from 0 to 1, shape ``(H, W, 3)``.
+    """
+    fine = Camera.from_K(
+        camera.to_K() * [[_SUPERSAMPLING], [_SUPERSAMPLING], [1]],
+        camera.width * _SUPERSAMPLING,
+        camera.height * _SUPERSAMPLING,
+    )
+    outputs: list[Output] = ["points", "normals", "segmentation", "labels"]
+    picture = render(scene, fine, camera_to_world, outputs=outputs, object_poses=object_poses)
+    points, normals = picture.points.numpy()[0], picture.normals.numpy()[0]
+    objects, labels = picture.segmentation.numpy()[0], picture.labels.numpy()[0]
+    color = colors(points, objects, labels) * light_on(normals, scene.up)[..., None]
+    color = np.where((objects >= 0)[..., None], color, _BACKGROUND)
+    blocks = color.reshape(camera.height, _SUPERSAMPLING, camera.width, _SUPERSAMPLING, 3)
+    return blocks.mean(axis=(1, 3))
+
+
+def frustum(camera: Camera, camera_to_world: ArrayLike, reach: float) -> list[NDArray[np.float64]]:
+    """World lines from the camera to the image's corners at a depth, and around them."""
+    matrix = poses_to_matrices(poses_to_opencv(camera_to_world))[0]
+    w, h = camera.width, camera.height
+    corners = camera.back_project([(0, 0), (w, 0), (w, h), (0, h)], np.full(4, reach))
+    corners = corners @ matrix[:3, :3].T + matrix[:3, 3]
+    return [np.stack([matrix[:3, 3], corner]) for corner in corners] + [corners[[0, 1, 2, 3, 0]]]
+
+
+def to_picture(camera: Camera, camera_to_world: ArrayLike, points: ArrayLike) -> NDArray[np.float64]:
+    """Where points of the world are in a picture [px], shape ``(n, 2)``; NaN behind the camera."""
+    to_camera = np.linalg.inv(poses_to_matrices(camera_to_world))
+    return camera.project(np.asarray(points) @ to_camera[:3, :3].T + to_camera[:3, 3])
+
+
+def draw_lines(
+    axes: Axes,
+    camera: Camera,
+    camera_to_world: ArrayLike,
+    lines: Sequence[NDArray[np.float64]],
+    linestyle: str = "-",
+) -> None:
+    """Draw lines of the world, shapes ``(n, 3)``, into a picture."""
+    for line in lines:
+        points = to_picture(camera, camera_to_world, line)
+        axes.plot(*points.T, color="#222222", linewidth=0.8, linestyle=linestyle)
+
+
+def draw_map(axes: Axes, floor_map: FloorMap, view: int, title: str, *, rgb: NDArray[Any] | None = None) -> None:
+    """Draw one view's map, in its own colours or in those given, ``(rows, columns, 3)``."""
+    if view not in range(len(floor_map.cells)):
+        raise ArrayError(f"view must be one of the map's {len(floor_map.cells)}, counted from 0, got {view!r}")
+    colors = floor_map.rgb()[view] if rgb is None else rgb
+    axes.imshow(colors, origin="lower", extent=floor_map.bounds, interpolation="nearest")
+    first, second = floor_map.axes
+    axes.set(title=title, xlabel=f"{first} [m]", ylabel=f"{second} [m]")
+
+
+def draw_arrow(axes: Axes, start: ArrayLike, end: ArrayLike, linestyle: str = "-") -> None:
+    """Draw an arrow that stands out on any ground."""
+    style = {"arrowstyle": "-|>", "color": "black", "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0}
+    style |= {"linestyle": linestyle, "path_effects": white_edge()}
+    axes.annotate("", _xy(end), _xy(start), arrowprops=style)
+
+
+def draw_name(
+    axes: Axes, name: str, place: ArrayLike, offset: tuple[float, float], side: str, height: str = "bottom"
+) -> None:
+    """Write an agent's name so many points beside a place."""
+    box = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
+    options: dict[str, Any] = {"ha": side, "va": height, "bbox": box, "fontweight": "bold"}
+    axes.annotate(textwrap.fill(name, _NAME_WIDTH), _xy(place), offset, textcoords="offset points", **options)
+
+
+def white_edge() -> list[Any]:
+    """What makes black lines stand out on dark ground."""
+    from matplotlib.patheffects import withStroke
+
+    return [withStroke(linewidth=3.2, foreground="white")]
+
+
+def _xy(place: ArrayLike) -> tuple[float, float]:
+    x, y = np.asarray(place, dtype=np.float64)
+    return float(x), float(y)

@@ -1,0 +1,110 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Two agents in their scene, seen from outside."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from warpvis.core.camera import Camera
+from warpvis.core.poses import check_up, look_at, poses_to_matrices
+from warpvis.planning import best_views
+from warpvis.viz._drawing import OUTSIDE_CAMERA, draw_arrow, draw_lines, draw_name, frustum, shaded_picture, to_picture
+from warpvis.viz._states import Shown
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_OUTSIDE_AZIMUTHS, _OUTSIDE_HEIGHTS = 12, (0.6, 0.9)
+_FILLED = 0.94
+# Pixels around what is drawn; above, agents' names need room.
+_MARGIN, _MARGIN_ABOVE = 12, 45
+
+
+def draw_outside(axes: Axes, shown: Shown, eye: ArrayLike | None, target: ArrayLike | None) -> None:
+    """Draw the scene, the agents' gazes and the pyramids of what they see or attend to."""
+    pose = _outside_pose(shown, eye, target)
+    camera, scene = OUTSIDE_CAMERA, shown.scene
+    picture = shaded_picture(
+        scene, camera, pose, lambda points, objects, labels: shown.colors[objects], object_poses=shown.object_poses
+    )
+    axes.imshow(picture)
+    reach = 0.17 * float(np.linalg.norm(np.subtract(*shown.bounds)))
+    rows, columns = np.nonzero((picture < 1).any(axis=2))
+    drawn = [np.stack([columns, rows], axis=1).astype(np.float64)]
+    starts = to_picture(camera, pose, [shown.pose(k)[:3] for k in (0, 1)])
+    for k, agent in enumerate(shown.agents):
+        place = shown.pose(k)
+        narrow = agent.camera if isinstance(agent.camera, Camera) else agent.attention
+        matrix = poses_to_matrices(place)
+        gaze = matrix[:3, 3] + [[0, 0, 0], 1.25 * reach * matrix[:3, 2]]
+        lines = [] if narrow is None else frustum(narrow, place, reach)
+        draw_lines(axes, camera, pose, lines)
+        start, end = to_picture(camera, pose, gaze)
+        if np.isfinite([start, end]).all():
+            draw_arrow(axes, start, end)
+        drawn += [to_picture(camera, pose, line) for line in [gaze, *lines]]
+        on_the_left = starts[k, 0] <= starts[1 - k, 0]
+        draw_name(axes, agent.name, starts[k], (-9 if on_the_left else 9, 9), "right" if on_the_left else "left")
+    _crop(axes, np.concatenate(drawn), camera)
+    axes.set(title="From outside")
+    axes.set_axis_off()
+
+
+def _crop(axes: Axes, drawn: NDArray[np.float64], camera: Camera) -> None:
+    """Leave out what is empty around the picture, where `drawn` has no pixels ``(n, 2)``."""
+    size = np.array([camera.width, camera.height])
+    inside = drawn[np.isfinite(drawn).all(axis=1) & ((drawn >= 0) & (drawn <= size)).all(axis=1)]
+    if len(inside):
+        low, high = inside.min(axis=0) - [_MARGIN, _MARGIN_ABOVE], inside.max(axis=0) + _MARGIN
+        axes.set(xlim=(low[0], high[0]), ylim=(high[1], low[1]))
+
+
+def _outside_pose(shown: Shown, eye: ArrayLike | None, target: ArrayLike | None) -> NDArray[np.float64]:
+    """Where the picture from outside is taken: where asked for, or where most of what matters is in sight."""
+    scene = shown.scene
+    low, high = shown.bounds
+    middle = (low + high) / 2 if target is None else np.asarray(target, dtype=np.float64)
+    if eye is not None:
+        return look_at(eye, middle, up=scene.up)
+    poses, apart = [], []
+    for direction in _directions(check_up(scene.up)):
+        pose = look_at(middle + direction, middle, up=scene.up)
+        pose[:3] = middle + direction * _distance(pose, middle, low, high)
+        poses.append(pose)
+        places = to_picture(OUTSIDE_CAMERA, pose, [shown.pose(agent)[:3] for agent in (0, 1)])
+        apart.append(np.linalg.norm(places[0] - places[1]))
+    matters = sorted({*shown.states, *shown.bodies}) or list(range(len(scene)))
+    small = Camera.from_fov(160, 120, hfov=OUTSIDE_CAMERA.hfov)
+    # Of those that show about as much, the one in which the agents are farthest apart.
+    near = 1 / np.maximum(apart, 1.0)
+    order = best_views(
+        scene, small, poses, objects=matters, object_poses=shown.object_poses, path_lengths=near, tie=0.1
+    )
+    return order.pose()
+
+
+def _directions(vertical: int) -> list[NDArray[np.float64]]:
+    """Unit vectors from the middle of the scene to where it may be looked at from."""
+    found = []
+    for height in _OUTSIDE_HEIGHTS:
+        for angle in (np.arange(_OUTSIDE_AZIMUTHS) + 0.5) * (2 * math.pi / _OUTSIDE_AZIMUTHS):
+            aside = math.cos(height)
+            # Along the floor's axes and up; with z up these are x, y and z.
+            found.append(np.roll([aside * math.cos(angle), aside * math.sin(angle), math.sin(height)], vertical + 1))
+    return found
+
+
+def _distance(
+    pose: NDArray[np.float64], middle: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
+) -> float:
+    """How far from the middle the picture is taken so that a box fills it [m]."""
+    camera = OUTSIDE_CAMERA
+    corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
+    x, y, z = ((corners - middle) @ poses_to_matrices(pose)[:3, :3]).T
+    half = np.maximum(np.abs(x) * camera.fx / camera.width, np.abs(y) * camera.fy / camera.height)
+    return float((2 / _FILLED * half - z).max())

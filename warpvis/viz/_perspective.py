@@ -1,0 +1,234 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""A picture of two agents' views of one situation: every object in the colour of who sees it."""
+
+from __future__ import annotations
+
+import math
+import os
+import textwrap
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from warpvis.core.camera import Camera
+from warpvis.core.labels import Label
+from warpvis.core.poses import poses_to_matrices
+from warpvis.maps import FloorMap, floor_map
+from warpvis.scene import Scene
+from warpvis.visibility import Agent, Perspective, State
+from warpvis.viz._agent_views import AgentView, agent_view, views_of_faces
+from warpvis.viz._drawing import draw_arrow, draw_map, draw_name, light_on, new_figure, save_figure, white_edge
+from warpvis.viz._outside import draw_outside
+from warpvis.viz._states import GREYS, STATE_COLORS, Shown
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_UNSEEN = 0.25
+
+# From what a map shows last to what it shows first.
+_MAP_ORDER = (State.NEITHER, State.BOTH, State.FIRST, State.SECOND)
+
+_CELLS = 250
+_LEAST_CELL = 0.02
+# Characters in a line.
+_LEGEND_WIDTH, _PANEL_WIDTH, _TITLE_WIDTH = 40, 40, 100
+
+
+def save_perspective(
+    scene: Scene,
+    agents: Sequence[Agent],
+    seen: Perspective,
+    path: str | os.PathLike[str],
+    *,
+    view: int = 0,
+    title: str = "Who sees what",
+    labels: Sequence[Label | int | str] | None = (Label.OBJECT,),
+    eye: ArrayLike | None = None,
+    target: ArrayLike | None = None,
+    proposed: ArrayLike | None = None,
+    object_poses: Any = None,
+) -> None:
+    """Write one picture of two agents' views: the scene from outside, what each sees, and the floor that each sees.
+
+    Objects have the colour of who sees them, `STATE_COLORS`; all else is grey.
+
+    Args:
+        scene: The world.
+        agents: The two agents, a robot and a person as a rule.
+        seen: What `perspective` found of them.
+        path: Picture to write.
+        view: The situation that is shown.
+        title: Heading.
+        labels: Labels of the objects that are coloured; None for all but the ground. The agents' bodies are not.
+        eye: Where the scene is looked at from [m], shape ``(3,)``; by default from where most of the objects and
+            agents can be seen.
+        target: What is in the middle then [m]; the middle of the scene by default.
+        proposed: A pose to which the first agent could go, row ``x y z qx qy qz qw``, to be drawn on its map.
+        object_poses: Where the movable objects are in this situation, ``(M, 7)``; where they were added by default.
+
+    Raises:
+        WarpvisError: These are not two agents of `seen`, an argument is not what it has to be, or the picture cannot be
+            written.
+    """
+    figure = draw_perspective(
+        scene,
+        agents,
+        seen,
+        view=view,
+        title=title,
+        labels=labels,
+        eye=eye,
+        target=target,
+        proposed=proposed,
+        object_poses=object_poses,
+    )
+    save_figure(figure, path)
+
+
+def draw_perspective(
+    scene: Scene,
+    agents: Sequence[Agent],
+    seen: Perspective,
+    *,
+    view: int,
+    title: str,
+    labels: Sequence[Label | int | str] | None,
+    eye: ArrayLike | None,
+    target: ArrayLike | None,
+    proposed: ArrayLike | None,
+    object_poses: Any,
+) -> Figure:
+    """The figure that `save_perspective` writes."""
+    shown = Shown.of(scene, agents, seen, view, labels, object_poses)
+    figure = new_figure(13.5, 8.2, gap=0.11)
+    panels = figure.subplots(2, 3, width_ratios=(1.1, 1.0, 1.0), height_ratios=(0.8, 1.0))
+    draw_outside(panels[0, 0], shown, eye, target)
+    _draw_legend(panels[1, 0], shown, proposed is not None)
+    maps = [_floor_map(shown, agent) for agent in shown.agents]
+    for column, agent in enumerate(shown.agents, start=1):
+        _draw_view(panels[0, column], shown, agent)
+        floor_map, rgb = maps[column - 1]
+        draw_map(
+            panels[1, column], floor_map, 0, textwrap.fill(f"Floor that the {agent.name} sees", _PANEL_WIDTH), rgb=rgb
+        )
+        _draw_places(panels[1, column], shown, floor_map, proposed if column == 1 else None)
+    figure.suptitle(textwrap.fill(title, _TITLE_WIDTH), fontsize=14, fontweight="bold")
+    return figure
+
+
+def _draw_view(axes: Axes, shown: Shown, agent: Agent) -> None:
+    seen = agent_view(shown.scene, agent, shown.view, object_poses=shown.object_poses)
+    axes.imshow(_depth_shaded(shown, seen), extent=seen.extent)
+    if isinstance(agent.camera, Camera):
+        axes.set(xlabel="x [px]", ylabel="y [px]")
+    else:
+        axes.set(xlabel="to the right of the gaze [degrees]", ylabel="above it [degrees]")
+    title = f"What the {agent.name} sees ({math.degrees(agent.camera.hfov):.0f} degrees wide)"
+    axes.set(title=textwrap.fill(title, _PANEL_WIDTH))
+    if len(seen.attention):
+        axes.plot(*seen.attention.T, color="black", linewidth=1.0, linestyle="--", label="field of attention")
+        axes.legend(loc="upper left", fontsize=8)
+    axes.set(xlim=seen.extent[:2], ylim=seen.extent[2:])
+
+
+def _depth_shaded(shown: Shown, seen: AgentView) -> NDArray[np.float64]:
+    """Greys that fade with the distance, and what has a state in its colour; ``(h, w, 3)``."""
+    there = np.isfinite(seen.distance)
+    near, far = (seen.distance[there].min(), seen.distance[there].max()) if there.any() else (0.0, 1.0)
+    fade = np.clip((np.where(there, seen.distance, far) - near) / max(far - near, 1e-9), 0, 1)
+    light = np.nan_to_num(light_on(seen.normals, shown.scene.up), nan=1.0)
+    grey = (0.30 + 0.55 * fade) * (0.55 + 0.45 * light)
+    picture = np.where(there, grey, 1.0)[..., None].repeat(3, axis=-1)
+    colored = np.isin(seen.objects, list(shown.states))
+    picture[colored] = shown.colors[seen.objects[colored]] * (0.45 + 0.55 * light[colored])[:, None]
+    return picture
+
+
+def _floor_map(shown: Shown, agent: Agent) -> tuple[FloorMap, NDArray[np.float64]]:
+    """The floor that an agent sees with all its faces, and its colours ``(rows, columns, 3)``."""
+    scene, bounds = shown.scene, shown.bounds
+    margin = 0.03 * np.linalg.norm(bounds[1] - bounds[0])
+    bounds = bounds + [[-margin], [margin]]
+    cell = max(_LEAST_CELL, float((bounds[1] - bounds[0]).max()) / _CELLS)
+    # Of what falls on one cell the map shows the highest number: what has a state comes after all labels.
+    codes = np.array([*(item.label for item in scene), Label.EMPTY], dtype=np.uint8)
+    codes[list(shown.bodies)] = Label.HUMAN
+    for index, state in shown.states.items():
+        codes[index] = len(Label) + _MAP_ORDER.index(state)
+    cells = []
+    for face in views_of_faces(scene, agent, shown.view, object_poses=shown.object_poses):
+        numbers = codes[face.segmentation.numpy()]
+        seen_floor = floor_map(face.points, numbers, bounds=bounds, cell=cell, up=scene.up)
+        cells.append(seen_floor.cells.numpy())
+    palette = [[GREYS.get(label, _UNSEEN)] * 3 for label in Label]
+    palette += [[part / 255 for part in STATE_COLORS[state]] for state in _MAP_ORDER]
+    return seen_floor, np.array(palette)[np.max(cells, axis=0)[0]]
+
+
+def _draw_places(axes: Axes, shown: Shown, floor_map: FloorMap, proposed: ArrayLike | None) -> None:
+    """The agents on a map, each with an arrow that shows its heading, and where the first could go."""
+    floor = ["xyz".index(axis) for axis in floor_map.axes]
+    left, right, bottom, top = floor_map.bounds
+    length = 0.12 * max(right - left, top - bottom)
+    poses = [shown.pose(k) for k in (0, 1)]
+    for agent, pose in zip(shown.agents, poses, strict=True):
+        _draw_place(axes, pose, floor, length, "-")
+        place, heading = pose[:3][floor], poses_to_matrices(pose)[floor, 2]
+        # On the side that the arrow leaves free; near the map's border, towards its middle.
+        x, y = (place - [left, bottom]) / [right - left, top - bottom]
+        above = heading[1] < 0 if abs(heading[1]) > 0.2 and 0.15 < y < 0.85 else y < 0.5
+        side = "left" if x < 0.15 else "right" if x > 0.85 else "center"
+        draw_name(axes, agent.name, place, (0, 9 if above else -9), side, "bottom" if above else "top")
+    if proposed is not None:
+        there = np.asarray(proposed, dtype=np.float64)
+        way = np.stack([poses[0][:3], there[:3]])[:, floor]
+        axes.plot(*way.T, color="black", linewidth=1.4, linestyle=":", path_effects=white_edge())
+        _draw_place(axes, there, floor, length, "--")
+    axes.set(xlim=(left, right), ylim=(bottom, top))
+
+
+def _draw_place(axes: Axes, pose: NDArray[np.float64], floor: list[int], length: float, linestyle: str) -> None:
+    place, heading = pose[:3][floor], poses_to_matrices(pose)[floor, 2]
+    size = np.linalg.norm(heading)
+    if size > 1e-6:
+        draw_arrow(axes, place, place + length * heading / size, linestyle)
+    face = "black" if linestyle == "-" else "white"
+    axes.plot(*place, marker="o", markersize=8, markerfacecolor=face, markeredgecolor="black", zorder=4)
+
+
+def _draw_legend(axes: Axes, shown: Shown, proposed: bool) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    axes.set_axis_off()
+    first, second = (agent.name for agent in shown.agents)
+    words = {
+        State.BOTH: "both see",
+        State.FIRST: f"only the {first} sees",
+        State.SECOND: f"only the {second} sees",
+        State.NEITHER: "neither sees",
+    }
+    handles: list[Any] = []
+    for state, word in words.items():
+        names = [shown.scene.objects[index].name for index, its in shown.states.items() if its == state]
+        text = f"{word}: {', '.join(names) or 'nothing'}"
+        if len(text) > _LEGEND_WIDTH:
+            text = textwrap.shorten(f"{word}: {len(names)} objects", _LEGEND_WIDTH, placeholder=" ...")
+        handles.append(Patch(facecolor=np.array(STATE_COLORS[state]) / 255, edgecolor="black", label=text))
+    greys = {
+        "seen ground": GREYS[Label.GROUND],
+        "seen obstacle": GREYS[Label.OBSTACLE],
+        "people and robots": GREYS[Label.HUMAN],
+        "not seen (maps)": _UNSEEN,
+    }
+    handles += [Patch(facecolor=str(grey), edgecolor="black", label=word) for word, grey in greys.items()]
+    handles.append(Line2D([], [], color="black", marker="o", label="place and gaze of an agent"))
+    if proposed:
+        text = f"where the {first} could go to see more"
+        handles.append(Line2D([], [], color="black", marker="o", markerfacecolor="white", linestyle="--", label=text))
+    axes.legend(handles=handles, loc="upper center", fontsize=12, frameon=False, labelspacing=0.8)

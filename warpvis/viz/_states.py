@@ -1,0 +1,91 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a picture of two agents' views shows, and in which colours."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.labels import Label
+from warpvis.errors import ArrayError, SceneError
+from warpvis.scene import Scene
+from warpvis.visibility import Agent, Perspective, State
+from warpvis.viz._agent_views import pose_of
+
+STATE_COLORS: dict[State, tuple[int, int, int]] = {
+    State.BOTH: (17, 119, 51),
+    State.FIRST: (86, 180, 233),
+    State.SECOND: (230, 159, 0),
+    State.NEITHER: (120, 94, 240),
+}
+"""Colours of the four states (red, green, blue; 0 to 255), told apart with any kind of colour blindness: those of Okabe
+and Ito for one agent, dark green and violet, which Tol's and IBM's palettes have, for both and neither."""
+
+GREYS = {Label.GROUND: 0.88, Label.OBSTACLE: 0.70, Label.OBJECT: 0.70, Label.HUMAN: 0.45, Label.ROBOT: 0.45}
+"""How bright what has no state is, from 0 to 1."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What all panels have in common."""
+
+    scene: Scene
+    agents: tuple[Agent, Agent]
+    view: int
+    states: dict[int, State]
+    """State of every coloured object by its index in the scene."""
+    colors: NDArray[np.float64]
+    """Red, green and blue of every object from 0 to 1, and white for -1, shape ``(objects + 1, 3)``."""
+    object_poses: Any
+
+    @classmethod
+    def of(
+        cls,
+        scene: Scene,
+        agents: Sequence[Agent],
+        seen: Perspective,
+        view: int,
+        labels: Sequence[Label | int | str] | None,
+        object_poses: Any,
+    ) -> Shown:
+        """What is to be shown; see `warpvis.viz.save_perspective` for the arguments and errors."""
+        if len(agents) != 2 or any(agent.name not in seen.agents for agent in agents):
+            names = ", ".join(repr(agent.name) for agent in agents)
+            raise SceneError(f"agents must be two of those that perspective was asked about, got {names or 'none'}")
+        wanted = set(Label) - {Label.GROUND} if labels is None else {Label.parse(label) for label in labels}
+        first, second = agents
+        found = seen.states(first.name, second.name)
+        if view not in range(len(found)):
+            raise ArrayError(f"view must be one of {len(found)} situations, counted from 0, got {view!r}")
+        bodies = {*first.body, *second.body}
+        states = {
+            scene.index(name): State(state)
+            for name, label, state in zip(seen.objects, seen.labels, found[view], strict=True)
+            if label in wanted and name not in bodies
+        }
+        colors = np.array([[GREYS.get(item.label, 0.70)] * 3 for item in scene.objects] + [[1.0] * 3])
+        for name in bodies:
+            colors[scene.index(name)] = GREYS[Label.HUMAN]
+        for index, state in states.items():
+            colors[index] = np.array(STATE_COLORS[state]) / 255
+        return cls(scene, (first, second), view, states, colors, object_poses)
+
+    @property
+    def bodies(self) -> set[int]:
+        """Indices of the objects that are the agents."""
+        return {self.scene.index(name) for agent in self.agents for name in agent.body}
+
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """Least and greatest corner of the scene and the agents' eyes [m], shape ``(2, 3)``."""
+        corners = np.concatenate([self.scene.bounds.astype(np.float64), *(self.pose(k)[None, :3] for k in (0, 1))])
+        return np.stack([corners.min(axis=0), corners.max(axis=0)])
+
+    def pose(self, agent: int) -> NDArray[np.float64]:
+        """Pose of the first (0) or second (1) agent, row ``x y z qx qy qz qw``."""
+        return pose_of(self.agents[agent], self.view)

@@ -1,0 +1,170 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Inside a Webots controller: what its range finder measures, labelled and mapped."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from warpvis.core.arrays import as_numpy
+from warpvis.core.camera import Camera
+from warpvis.core.poses import poses_to_matrices, poses_to_opencv
+from warpvis.errors import ArrayError, PoseError
+from warpvis.maps import FloorMap, back_project, classify, floor_map
+from warpvis.webots._nodes import Version
+from warpvis.webots._parts import rotation_matrix
+from warpvis.webots._ranges import UNBIASED
+
+
+class DepthEye:
+    """A range finder of a running Webots simulation, and where it is.
+
+    Example:
+        >>> robot = Supervisor()  # of Webots' package `controller`
+        >>> range_finder = robot.getDevice("range-finder")
+        >>> range_finder.enable(32)
+        >>> eye = DepthEye(range_finder, node=robot.getFromDevice(range_finder))
+        >>> while robot.step(32) != -1:
+        ...     floor = eye.floor_map(bounds=((-2, -2), (2, 2)))
+    """
+
+    def __init__(
+        self,
+        range_finder: Any,
+        *,
+        node: Any = None,
+        translation: ArrayLike = (0.0, 0.0, 0.0),
+        rotation: ArrayLike = (0.0, 0.0, 1.0, 0.0),
+        version: str | Version = "R2023b",
+        near: float = 0.01,
+    ) -> None:
+        """Take a device and the node that moves it; it needs no more of Webots than the methods named here.
+
+        Args:
+            range_finder: What `Robot.getDevice` gives: `getWidth`, `getHeight`, `getFov`, `getMinRange`,
+                `getMaxRange`, `getRangeImage`. Its projection must be planar.
+            node: The node whose pose is asked for: `getPosition` and `getOrientation` of what `Supervisor.getSelf`
+                or `getFromDevice` gives. Without it, poses are given to each call.
+            translation: The range finder's place in the node's frame [m], as its field says, shape ``(3,)``; where
+                the node is the range finder itself, leave it out.
+            rotation: Its rotation there, axis and angle [rad], shape ``(4,)``.
+            version: Version of Webots. Up to R2021b cameras look along -z and depth is biased, which is undone; from
+                R2022a on they look along x.
+            near: The device's field `near` [m], which the bias depends on.
+
+        Raises:
+            WarpvisError: An argument is not what it has to be.
+        """
+        self._device, self._node = range_finder, node
+        self._version = version if isinstance(version, Version) else Version.parse(version)
+        place, turn = as_numpy(translation, name="translation"), as_numpy(rotation, name="rotation")
+        if place.shape != (3,) or turn.shape != (4,) or not (np.isfinite(place).all() and np.isfinite(turn).all()):
+            raise PoseError("translation and rotation must be three and four finite numbers, as in the device's fields")
+        self._mount = np.eye(4)
+        self._mount[:3, :3], self._mount[:3, 3] = rotation_matrix(turn.astype(np.float64)), place
+        self._near = float(near)
+        self.camera: Camera = Camera.from_fov(
+            int(range_finder.getWidth()),
+            int(range_finder.getHeight()),
+            hfov=float(range_finder.getFov()),
+            near=float(range_finder.getMinRange()),
+            far=float(range_finder.getMaxRange()),
+        )
+        """The device as a camera."""
+
+    def depth(self) -> NDArray[np.float32]:
+        """The device's image as planar depth [m], shape ``(H, W)``; +inf where it measured nothing.
+
+        Raises:
+            ArrayError: There is no image yet, or it is of another size than the device.
+        """
+        values = self._values()
+        far, size = self.camera.far, (self.camera.height, self.camera.width)
+        if values.size != size[0] * size[1]:
+            raise ArrayError(f"the range image must have {size[1]} x {size[0]} values, got {values.size}")
+        with np.errstate(invalid="ignore"):
+            nothing = ~((values > 0) & (values < far))
+            if self._version < UNBIASED:  # z' = f (z - n) / (f - n)
+                values = (self._near + values * ((far - self._near) / far)).astype(np.float32)
+        return np.where(nothing, np.float32(np.inf), values).reshape(size)
+
+    def pose(self, node_pose: ArrayLike | None = None) -> NDArray[np.float64]:
+        """OpenCV camera to world, ``x y z qx qy qz qw``, shape ``(7,)``.
+
+        Args:
+            node_pose: Pose of the node in the world, ``x y z qx qy qz qw`` or a 4x4 matrix; by default the node is
+                asked.
+
+        Raises:
+            PoseError: The pose is none, or there is no node to ask.
+        """
+        if node_pose is None:
+            matrix = self._ask_node()
+        else:
+            rows = poses_to_opencv(node_pose, name="node_pose")
+            if len(rows) != 1:
+                raise PoseError(f"node_pose must be one pose, got {len(rows)}")
+            matrix = poses_to_matrices(rows[0])
+        return poses_to_opencv(matrix @ self._mount, "ros" if self._version.z_up else "opengl", name="the pose")[0]
+
+    def points(self, node_pose: ArrayLike | None = None) -> Any:
+        """Measured points in the world [m], shape ``(1, H, W)`` vec3; NaN where nothing was measured."""
+        return back_project(self.depth(), self.camera, self.pose(node_pose))
+
+    def classify(self, node_pose: ArrayLike | None = None, **options: Any) -> Any:
+        """Labels of the pixels by the paper's cases, shape ``(1, H, W)`` uint8; `options` are `warpvis.classify`'s."""
+        return classify(self.depth(), self.camera, self.pose(node_pose), **options)
+
+    def floor_map(
+        self,
+        node_pose: ArrayLike | None = None,
+        *,
+        bounds: ArrayLike,
+        cell: float = 0.02,
+        up: Literal["z", "y"] = "z",
+        **options: Any,
+    ) -> FloorMap:
+        """What is seen, projected to the floor.
+
+        Args:
+            node_pose: As for `pose`.
+            bounds: As for `warpvis.floor_map`.
+            cell: Likewise.
+            up: The world's vertical axis.
+            **options: Of `warpvis.classify`: `spheres`, `sigma`, `ground_height`, ...
+
+        Raises:
+            WarpvisError: An argument is not what it has to be.
+        """
+        depth, pose = self.depth(), self.pose(node_pose)  # once: the simulation goes on
+        labels = classify(depth, self.camera, pose, up=up, **options)
+        points = back_project(depth, self.camera, pose)
+        return floor_map(points, labels, bounds=bounds, cell=cell, up=up, sigma=options.get("sigma", 0.01))
+
+    def _values(self) -> NDArray[np.float32]:
+        """The device's flat image: a list, a buffer of single precision, or a pointer to one."""
+        try:
+            image = self._device.getRangeImage(data_type="buffer")
+        except TypeError:  # older releases know no kinds
+            image = self._device.getRangeImage()
+        if image is None or (isinstance(image, ctypes._Pointer) and not image):
+            raise ArrayError("the range finder has no image: enable() it and step the simulation first")
+        if isinstance(image, ctypes._Pointer):
+            return np.ctypeslib.as_array(image, shape=(self.camera.height * self.camera.width,)).copy()
+        if isinstance(image, bytes | bytearray | memoryview):
+            if len(memoryview(image).cast("B")) % 4:
+                raise ArrayError(f"the range image must be single precision numbers, got {len(image)} bytes")
+            return np.frombuffer(image, dtype=np.float32)
+        return as_numpy(image, name="the range image").astype(np.float32).ravel()
+
+    def _ask_node(self) -> NDArray[np.float64]:
+        if self._node is None:
+            raise PoseError("give node_pose, or the eye a node to ask: DepthEye(range_finder, node=...)")
+        matrix = np.eye(4)
+        matrix[:3, 3] = np.asarray(self._node.getPosition(), dtype=np.float64)
+        matrix[:3, :3] = np.asarray(self._node.getOrientation(), dtype=np.float64).reshape(3, 3)
+        return matrix

@@ -1,0 +1,227 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Range finders and cameras of Webots worlds: where they are, what they measure, and the images they give."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.camera import Camera
+from warpvis.core.poses import poses_to_opencv
+from warpvis.errors import FileFormatError, SceneError
+from warpvis.webots._nodes import Node, Version
+
+Kind = Literal["range-finder", "camera", "kinect"]
+Projection = Literal["planar", "cylindrical", "spherical"]
+
+DEFAULT_FOV = 0.785398
+"""Field of view that Webots takes where none or a wrong one is given [rad]."""
+
+
+@dataclass(frozen=True)
+class Lens:
+    """Brown's model of distortion, a `Lens` node."""
+
+    center: tuple[float, float] = (0.5, 0.5)
+    """Centre of the distortion, in widths from the left and heights from the bottom of the image."""
+    radial: tuple[float, float] = (0.0, 0.0)
+    """Radial coefficients."""
+    tangential: tuple[float, float] = (0.0, 0.0)
+    """Tangential coefficients."""
+
+
+@dataclass(frozen=True, eq=False)
+class Device:
+    """A range finder or a camera of a Webots world."""
+
+    name: str
+    """What its controller calls it."""
+    robot: str
+    """Name of the robot that it is part of; empty if it is part of none."""
+    kind: Kind
+    """``"range-finder"``, ``"kinect"`` for the range finder of a Kinect, or ``"camera"``."""
+    width: int
+    """Image width [px]."""
+    height: int
+    """Image height [px]."""
+    fov: float
+    """Horizontal field of view [rad]."""
+    near: float
+    """Nearer than this Webots draws nothing, so that it hides nothing either [m]."""
+    min_range: float
+    """Least range that is measured [m]."""
+    max_range: float
+    """Greatest range that is measured [m]; infinite for a camera without `far`."""
+    projection: Projection
+    """``"planar"``, a pinhole's; or ``"cylindrical"``, ``"spherical"``."""
+    noise: float
+    """The file's `noise`."""
+    resolution: float
+    """Step of the ranges [m], or -1."""
+    lens: Lens | None
+    """Its distortion, if any."""
+    pose: NDArray[np.float64]
+    """OpenCV camera to world, ``x y z qx qy qz qw``, shape ``(7,)``."""
+    version: Version
+    """Version of the file that it is in, which decides about the device's axes."""
+    recognition: Node | None = None
+    """A camera's `Recognition` node."""
+    notes: tuple[str, ...] = ()
+    """What was corrected in its fields, as Webots corrects it."""
+
+    @property
+    def measures(self) -> bool:
+        """Whether its images are ranges."""
+        return self.kind != "camera"
+
+    @property
+    def camera(self) -> Camera:
+        """The device as a pinhole camera, whose depth range is what it measures.
+
+        Its vertical field of view is that of square pixels, ``2 atan(tan(fov / 2) height / width)``, in all versions.
+
+        Raises:
+            SceneError: Its projection is another one.
+        """
+        if self.projection != "planar":
+            raise SceneError(f"{self.name!r} has a {self.projection} projection, so it is no pinhole camera")
+        return Camera.from_fov(self.width, self.height, hfov=self.fov, near=self.min_range, far=self.max_range)
+
+    def describe(self) -> str:
+        """It in a few words."""
+        reach = f"{self.min_range:g} to {self.max_range:g} m"
+        return f"{self.kind}, {self.width}x{self.height}, fov {self.fov:g}, {self.projection}, {reach}"
+
+    def at_origin_of(self, proto: str) -> Device:
+        """The same device, with a note that it was plugged into a PROTO whose slots are not known."""
+        note = f"{self.name!r} is taken to be at the origin of {proto}, whose slots are not known without its file"
+        return dataclasses.replace(self, notes=(*self.notes, note))
+
+
+def read_device(
+    node: Node, rotation: NDArray[np.float64], offset: NDArray[np.float64], robot: str, protos: Sequence[str] = ()
+) -> Device | None:
+    """The device that a node is, or None.
+
+    Args:
+        node: Any node.
+        rotation: Node to world, shape ``(3, 3)``.
+        offset: The node's origin in the world [m], shape ``(3,)``.
+        robot: Name of its robot.
+        protos: The PROTOs that it is within.
+
+    Raises:
+        FileFormatError: A field is not what it has to be.
+    """
+    if node.type not in ("RangeFinder", "Camera"):
+        return None
+    # Up to V8.4 a camera could be one.
+    measures = node.type == "RangeFinder" or node.text("type", "color") == "range-finder"
+    notes: list[str] = []
+    width, height = (_size(node, name) for name in ("width", "height"))
+    projection = _projection(node)
+    near, least, greatest = _ranges(node, measures, notes)
+    noise, resolution = node.number("noise", 0.0), node.number("resolution", -1.0)
+    if node.type == "Camera" and measures:
+        noise, resolution = node.number("rangeNoise", noise), node.number("rangeResolution", resolution)
+    if resolution <= 0 and resolution != -1:
+        notes.append(_correction(node, "resolution", resolution, -1))
+        resolution = -1.0
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation, offset
+    default = "range-finder" if node.type == "RangeFinder" else "camera"
+    kind: Kind = "camera"
+    if measures:
+        kind = "kinect" if "Kinect" in protos else "range-finder"
+    return Device(
+        name=node.text("name", default),
+        robot=robot,
+        kind=kind,
+        width=width,
+        height=height,
+        fov=_field_of_view(node, projection, notes),
+        near=near,
+        min_range=least,
+        max_range=greatest,
+        projection=projection,
+        noise=noise,
+        resolution=resolution,
+        lens=_lens(node.node("lens")),
+        pose=poses_to_opencv(matrix, "ros" if node.version.z_up else "opengl")[0],
+        version=node.version,
+        recognition=None if measures else node.node("recognition"),
+        notes=tuple(notes),
+    )
+
+
+def _size(node: Node, name: str) -> int:
+    size = node.integer(name, 64)
+    if size < 1:
+        raise FileFormatError(f"{node.file}:{node.line}: expected {name} of {node.type} from 1 up, got {size}")
+    return size
+
+
+def _projection(node: Node) -> Projection:
+    projection = node.text("projection", "cylindrical" if node.flag("spherical", False) else "planar")
+    if projection not in ("planar", "cylindrical", "spherical"):
+        wanted = '"planar", "cylindrical" or "spherical"'
+        raise FileFormatError(f"{node.file}:{node.line}: expected projection {wanted}, got {projection!r}")
+    return cast(Projection, projection)
+
+
+def _field_of_view(node: Node, projection: Projection, notes: list[str]) -> float:
+    fov, fixed = node.number("fieldOfView", DEFAULT_FOV), None
+    if fov <= 0 or (projection == "planar" and fov >= math.pi):
+        fixed = DEFAULT_FOV
+    elif projection != "planar" and fov > 2 * math.pi + 1e-4:
+        fixed = 2 * math.pi
+    if fixed is None:
+        return fov
+    notes.append(_correction(node, "fieldOfView", fov, fixed))
+    return fixed
+
+
+def _ranges(node: Node, measures: bool, notes: list[str]) -> tuple[float, float, float]:
+    """`near`, least and greatest range, corrected in the order of Webots' own checks (``WbRangeFinder.cpp``)."""
+    near = node.number("near", 0.01)
+    if near <= 0:
+        notes.append(_correction(node, "near", near, 0.01))
+        near = 0.01
+    if not measures:
+        far = node.number("far", 0.0)
+        if 0 < far <= near:
+            notes.append(_correction(node, "far", far, near + 1))
+            far = near + 1
+        return near, near, far if far > 0 else math.inf
+    # A range finder of the time when it was a type of camera measured from `near` on.
+    least = node.number("minRange", 0.01 if node.type == "RangeFinder" else near)
+    if least <= 0:
+        notes.append(_correction(node, "minRange", least, near))
+        least = near
+    if near > least:
+        notes.append(_correction(node, "near", near, least))
+        near = least
+    greatest = node.number("maxRange", 1.0)
+    if greatest <= least:
+        notes.append(_correction(node, "maxRange", greatest, least + 1))
+        greatest = least + 1
+    return near, least, greatest
+
+
+def _lens(node: Node | None) -> Lens | None:
+    if node is None or node.type != "Lens":
+        return None
+    fields = (("center", 0.5), ("radialCoefficients", 0.0), ("tangentialCoefficients", 0.0))
+    pairs = [node.vector(name, (default, default)).tolist() for name, default in fields]
+    return Lens(*((x, y) for x, y in pairs))
+
+
+def _correction(node: Node, name: str, given: float, taken: float) -> str:
+    return f"{node.file}:{node.line}: {name} {given:g} of {node.type} is {taken:g}"

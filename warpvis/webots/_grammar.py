@@ -1,0 +1,358 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The text of Webots worlds: nodes of fields, without any knowledge of what the nodes mean.
+
+Webots' documentation: https://cyberbotics.com/doc/reference/nodes-and-keywords. The grammar::
+
+    file  := header (["IMPORTABLE"] "EXTERNPROTO" string | node)*
+    node  := ["DEF" name] type "{" (["hidden"] field value)* "}" | "USE" name | "NULL"
+    value := node | "[" (node | literal)* "]" | number+ | string | "TRUE" | "FALSE"
+
+White space and commas separate, and ``#`` begins a comment. No table of types is needed: a field's numbers go on until
+the next word or bracket. Several fields' lists of one element may come without brackets.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from bisect import bisect_left
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NoReturn
+
+from warpvis.errors import FileFormatError
+from warpvis.webots._nodes import Node, Value, Version, shown
+
+__all__ = ["MOST_NESTED", "MOST_NODES", "Node", "Parser", "Value", "Version", "World", "parse_text", "parse_world"]
+
+MOST_NESTED = 300
+"""Nodes within nodes, followed through USE: trees may be walked by functions that call themselves."""
+MOST_NODES = 10_000_000
+"""Nodes of a world where every USE counts as a copy: a few nested USEs can stand for more than memory holds."""
+
+_NUMBER = r"[+-]?+(?:\d++\.?+\d*+|\.\d++)(?:[eE][+-]?+\d++)?+(?![^\s,\[\]{}\"\#])"
+_TOKEN = re.compile(
+    rf"""
+    [\s,]*+(?:\#[^\n]*+[\s,]*+)*+
+    (?: (?P<numbers>{_NUMBER}(?:[\s,]++{_NUMBER})*+)
+      | (?P<word>[^\W\d][^\s,"\#'\[\]{{}}\\]*+)
+      | (?P<string>"(?:[^"\\]|\\.)*+")
+      | (?P<mark>[\[\]{{}}])
+      | (?P<end>\Z)
+      | (?P<bad>"|[^\s,"\[\]{{}}]++) )
+    """,
+    re.VERBOSE | re.DOTALL,
+)
+_HEADER = re.compile(r"#(?:VRML_SIM|OMNISIM)\s+(\S+)(?:\s+revision\s+\d+)?\s+utf8\b.*")
+_KEYWORDS = {"DEF", "USE", "NULL", "TRUE", "FALSE", "IS", "EXTERNPROTO", "IMPORTABLE", "PROTO"}
+_NOT_FINITE = {"nan", "inf", "infinity"}
+
+
+@dataclass
+class World:
+    """What a file holds.
+
+    Attributes:
+        path: The file.
+        version: Version of its header.
+        externprotos: Urls of the PROTO files that it names.
+        nodes: Its nodes.
+    """
+
+    path: Path
+    version: Version
+    externprotos: list[str] = field(default_factory=list)
+    nodes: list[Node] = field(default_factory=list)
+
+    @property
+    def size(self) -> int:
+        """Number of nodes, where every USE counts as a copy."""
+        return sum(node.size for node in self.nodes)
+
+
+def parse_world(path: str | Path) -> World:
+    """Read a world file.
+
+    Raises:
+        FileFormatError: The file cannot be read, or something in it is not as the grammar says; the line is named.
+    """
+    return parse_text(read_text(Path(path)), str(path))
+
+
+def parse_text(text: str, file: str = "<text>", *, version: Version | None = None) -> World:
+    """Parse the text of a world; with a `version` it needs no header.
+
+    Raises:
+        FileFormatError: Something in it is not as the grammar says; the line is named.
+    """
+    version = version or read_version(text, file)
+    parser = Parser(text, file, version)
+    world = World(Path(file), version)
+    while parser.kind != "end":
+        world.externprotos += parser.externprotos()
+        world.nodes += parser.nodes()
+        if parser.kind != "end" and parser.token not in ("EXTERNPROTO", "IMPORTABLE"):
+            parser.fail("a node")
+    if world.size > MOST_NODES:
+        raise FileFormatError(
+            f"{file}: expected at most {MOST_NODES} nodes, got {world.size} where USE counts as a copy"
+        )
+    return world
+
+
+def read_text(path: Path) -> str:
+    """A file's text; bytes that are not UTF-8 come only in comments and names of old worlds, and are replaced.
+
+    Raises:
+        FileFormatError: The file cannot be read.
+    """
+    try:
+        return path.read_text(encoding="utf-8-sig", errors="replace")
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise FileFormatError(f"{str(path)!r}: cannot be read: {error}") from None
+
+
+def read_version(text: str, file: str) -> Version:
+    """The version in a text's header.
+
+    Raises:
+        FileFormatError: The first line is no header.
+    """
+    line = re.split(r"[\r\n]", text[:200].removeprefix("\ufeff"), maxsplit=1)[0].strip()
+    match = _HEADER.fullmatch(line)
+    if match is None:
+        raise FileFormatError(f"{file}:1: expected the header '#VRML_SIM <version> utf8', got {shown(line)}")
+    try:
+        return Version.parse(match[1])
+    except FileFormatError as error:
+        raise FileFormatError(f"{file}:1: {error}") from None
+
+
+class Parser:
+    """Reads a text from its start, one thing at a time.
+
+    Args:
+        text: The text.
+        file: Its name, for messages and `Node.file`.
+        version: `Node.version`.
+        first_line: Line number of the text's first line.
+        protos: `Node.protos`.
+        interface: Values of the fields that ``IS`` may name; None where ``IS`` is not allowed.
+        strict: Whether an ``IS`` of a field that there is not is an error; Webots leaves out what has it.
+    """
+
+    def __init__(
+        self,
+        text: str,
+        file: str,
+        version: Version,
+        *,
+        first_line: int = 1,
+        protos: tuple[str, ...] = (),
+        interface: Mapping[str, Value] | None = None,
+        strict: bool = False,
+    ) -> None:
+        """Go to the first token."""
+        if "\r" in text:
+            text = text.replace("\r\n", "\n").replace("\r", "\n")
+        self.text = text = text.removeprefix("\ufeff")
+        self._file = file
+        self._version = version
+        self._first_line = first_line
+        self._protos = protos
+        self._interface = interface
+        self._strict = strict
+        self._breaks = [match.start() for match in re.finditer("\n", text)]
+        self._tokens: Iterator[re.Match[str]] = _TOKEN.finditer(text)
+        self._named: dict[str, Node] = {}  # by DEF, the last of each name
+        self._open: list[Node | list[float | str | bool | Node]] = []  # what is not yet closed, outermost first
+        self.advance()
+
+    def advance(self) -> None:
+        """Go to the next token: `kind`, which is the character itself for brackets, `token` and `start`."""
+        match = next(self._tokens)
+        kind = match.lastgroup or "bad"
+        self.token: str = match[kind]
+        self.start: int = match.start(kind)
+        self.kind = self.token if kind == "mark" else kind
+
+    def line(self) -> int:
+        """Line of the current token."""
+        return self._first_line + bisect_left(self._breaks, self.start)
+
+    def fail(self, wanted: str, got: str | None = None) -> NoReturn:
+        """Say what was wanted, and what the current token is."""
+        if got is None:
+            got = "the end of the file" if self.kind == "end" else shown(self.token)
+            if self.kind == "bad" and self.token.startswith('"'):
+                wanted, got = "a string to end", "the end of the file"
+        raise FileFormatError(f"{self._file}:{self.line()}: expected {wanted}, got {got}")
+
+    def take(self, kind: str, wanted: str) -> str:
+        """The current token, which must be of a kind; go on to the next."""
+        token = self.token
+        if self.kind != kind or (kind == "word" and token in _KEYWORDS):
+            self.fail(wanted)
+        self.advance()
+        return token
+
+    def externprotos(self) -> list[str]:
+        """The urls of the EXTERNPROTO lines from here on; those that are only importable make no instances."""
+        urls = []
+        while self.kind == "word" and self.token in ("EXTERNPROTO", "IMPORTABLE"):
+            importable = self.token == "IMPORTABLE"
+            if importable:
+                self.advance()
+                if self.token != "EXTERNPROTO":
+                    self.fail("EXTERNPROTO after IMPORTABLE")
+            self.advance()
+            url = _unquoted(self.take("string", "a url in quotes after EXTERNPROTO"))
+            if not importable:
+                urls.append(url)
+        return urls
+
+    def nodes(self) -> list[Node]:
+        """The nodes from here on, up to anything else."""
+        nodes = []
+        while self.kind == "word" and self.token not in _KEYWORDS - {"DEF", "USE", "NULL"}:
+            node = self.value()
+            if isinstance(node, Node):
+                nodes.append(node)
+        return nodes
+
+    def value(self, wanted: str = "a value") -> Value:
+        """The value from here on, with all that is in it."""
+        value = self._begin(wanted)
+        while self._open:
+            top = self._open[-1]
+            if isinstance(top, Node):
+                self._read_field(top)
+            else:
+                self._read_item(top)
+        return value
+
+    def _begin(self, wanted: str) -> Value:
+        """A value that is complete, or one that is open and on the stack."""
+        if self.kind == "numbers":
+            return self._read_numbers()
+        if self.kind == "string":
+            return [_unquoted(self.take("string", wanted))]
+        if self.kind == "[":
+            self.advance()
+            items: list[float | str | bool | Node] = []
+            self._open.append(items)
+            return items
+        word = self.token
+        if self.kind != "word" or word.lower() in _NOT_FINITE:
+            self.fail("finite numbers" if self.kind == "word" else wanted)
+        if word in ("TRUE", "FALSE", "NULL"):
+            self.advance()
+            return None if word == "NULL" else [word == "TRUE"]
+        if word == "USE":
+            return self._use()
+        return self._begin_node(wanted)
+
+    def _begin_node(self, wanted: str) -> Node:
+        name = None
+        line = self.line()
+        if self.token == "DEF":
+            self.advance()
+            name = self.take("word", "a name after DEF")
+            wanted = f"a node type after DEF {name}"
+        node = Node(self.take("word", wanted), {}, name, self._file, line, self._version, self._protos)
+        self.take("{", f"'{{' after {node.type}")
+        self._open.append(node)
+        if len(self._open) > 2 * MOST_NESTED:  # each node within a list within a node
+            self.fail(f"at most {MOST_NESTED} nodes within nodes", "more")
+        if name is not None:
+            self._named[name] = node
+        return node
+
+    def _read_field(self, node: Node) -> None:
+        """A field of an open node, or its end."""
+        if self.kind == "}":
+            self._open.pop()
+            self._count(node)
+            self.advance()
+            return
+        if self.kind == "word" and self.token.lower() in _NOT_FINITE:
+            self.fail("finite numbers")
+        name = self.take("word", f"a field or '}}' of {node.type}")
+        if name == "hidden" and self.kind == "word" and self.token not in _KEYWORDS:
+            self.take("word", "a field")
+            self._begin("a value of a hidden field")  # the state of a node within a PROTO
+        elif self.token == "IS" and self._interface is not None:
+            self._substitute(node, name, self._interface)
+        else:
+            node.fields[name] = self._begin(f"a value of {name!r}")
+
+    def _read_item(self, items: list[float | str | bool | Node]) -> None:
+        """An item of an open list, or its end."""
+        if self.kind == "]":
+            self._open.pop()
+            self.advance()
+        elif self.kind == "[" or self.token == "IS":
+            self.fail("a value or ']'")
+        else:
+            value = self._begin("a value or ']'")
+            if isinstance(value, Node):
+                items.append(value)
+            elif value is not None:
+                items += value
+
+    def _read_numbers(self) -> list[float | str | bool | Node]:
+        values: list[float | str | bool | Node] = []
+        while self.kind == "numbers":
+            run = list(map(float, self.token.replace(",", " ").split()))
+            if not all(map(math.isfinite, run)):
+                words = re.split(r"[\s,]+", self.token)
+                self.fail("finite numbers", next(shown(word) for word in words if math.isinf(float(word))))
+            values += run
+            self.advance()
+        return values
+
+    def _use(self) -> Node:
+        self.advance()
+        if self.kind != "word" or self.token not in self._named:
+            self.fail("a name after USE that a DEF above gave")
+        node = self._named[self.token]
+        if node in self._open:
+            self.fail("a USE outside its own DEF", f"USE {self.token}")
+        self.advance()
+        self._count(node)
+        return node
+
+    def _substitute(self, node: Node, name: str, interface: Mapping[str, Value]) -> None:
+        self.advance()
+        field = self.take("word", "a field of the PROTO after IS")
+        if field not in interface:
+            if self._strict:
+                node.refuse(name, "a field of the PROTO after IS", repr(field))
+            return
+        value = node.fields[name] = interface[field]
+        for item in value if isinstance(value, list) else [value]:
+            if isinstance(item, Node):
+                self._count(item)
+
+    def _count(self, node: Node) -> None:
+        """Add a complete node to the size and the height of the open node that it is in."""
+        owner = self._open[-1] if self._open else None
+        if isinstance(owner, list):  # whose owner is the node below, or none
+            owner = self._open[-2] if len(self._open) > 1 else None
+        if not isinstance(owner, Node):
+            return
+        owner.size += node.size
+        owner.height = max(owner.height, node.height + 1)
+        if owner.size > MOST_NODES:
+            self.fail(f"at most {MOST_NODES} nodes, where USE counts as a copy", f"{owner.size}")
+        if owner.height > MOST_NESTED:
+            self.fail(f"at most {MOST_NESTED} nodes within nodes", "more")
+
+
+def _unquoted(token: str) -> str:
+    text = token[1:-1]
+    return re.sub(r'\\(["\\])', r"\1", text) if "\\" in text else text

@@ -1,0 +1,224 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""From a Webots world's Solids to the objects of a scene: where they are, their triangles, names and labels."""
+
+from __future__ import annotations
+
+import fnmatch
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.labels import Label, LabelPatterns
+from warpvis.errors import FileFormatError
+from warpvis.scene import Scene
+from warpvis.webots._grammar import World
+from warpvis.webots._nodes import Node, Version
+
+GROUND_HEIGHT = 0.1
+"""A level surface within this height of 0 is ground [m]."""
+
+_SCALAR_GRAVITY = Version(2020, 2)
+_NEGATIVE_SCALES = Version(2022, 2)
+
+ROBOTS = {"Robot", "Supervisor", "DifferentialWheels", "CustomRobot"}
+HUMANS = ("*human*", "*person*", "*pedestrian*")
+
+
+class Place(NamedTuple):
+    """A frame in the world: a point p of it is at ``offset + linear p``."""
+
+    linear: NDArray[np.float64]
+    """Rotations and scales, shape ``(3, 3)``."""
+    rotation: NDArray[np.float64]
+    """The rotations alone."""
+    offset: NDArray[np.float64]
+    """Its origin [m], shape ``(3,)``."""
+
+    def within(self, node: Node, scale: NDArray[np.float64]) -> Place:
+        """The frame of a node: ``p_parent = T + R (S p_child)``."""
+        rotation = rotation_matrix(node.vector("rotation", (0.0, 0.0, 1.0, 0.0)))
+        offset = self.offset + self.linear @ node.vector("translation", (0.0, 0.0, 0.0))
+        return Place(self.linear @ (rotation * scale), self.rotation @ rotation, offset)
+
+
+def rotation_matrix(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """An SFRotation, axis and angle [rad], as a matrix; the axis need not be of length 1, and 0 0 0 turns nothing."""
+    length = np.linalg.norm(rotation[:3])
+    if length == 0:
+        return np.eye(3)
+    x, y, z = rotation[:3] / length
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    angle = rotation[3]
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
+
+
+def corrected_scale(node: Node) -> tuple[NDArray[np.float64], str]:
+    """A node's scale, in which 1 stands for what Webots does not take, and a note of that."""
+    scale = node.vector("scale", (1.0, 1.0, 1.0))
+    wrong = scale == 0 if node.version >= _NEGATIVE_SCALES else scale <= 0
+    if not wrong.any():
+        return scale, ""
+    fixed = np.where(wrong, 1.0, scale)
+    given, taken = (" ".join(f"{value:g}" for value in values) for values in (scale, fixed))
+    return fixed, f"{node.file}:{node.line}: scale {given} of {node.type} is {taken}"
+
+
+@dataclass(eq=False)
+class Thing:
+    """What becomes an object."""
+
+    wanted: str  # its name, if that is free
+    robots: tuple[str, ...] = ()
+    human: bool = False
+    ground: bool = False
+    recognised: bool = False
+    arena: bool = False
+    parts: list[tuple[NDArray[np.float64], NDArray[np.int32]]] = field(default_factory=list)
+    level: list[bool] = field(default_factory=list)  # of each part, whether it is a level surface near the ground
+
+    def label(self) -> Label:
+        """The label by the rules of `warpvis.webots.load_webots`."""
+        name = self.wanted.lower()
+        if self.human or any(fnmatch.fnmatchcase(name, pattern) for pattern in HUMANS):
+            return Label.HUMAN
+        if self.robots:
+            return Label.ROBOT
+        called = ("floor" in name or "ground" in name) and "light" not in name and "lamp" not in name
+        if self.ground or called or all(self.level):
+            return Label.GROUND
+        return Label.OBJECT if self.recognised else Label.OBSTACLE
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A node to walk through, and where it is."""
+
+    node: Node
+    place: Place
+    owner: Thing | None = None
+    """The Solid that its shapes belong to."""
+    robots: tuple[str, ...] = ()
+    recognised: tuple[str, ...] = ()
+    human: bool = False
+    called: str = ""
+    """The nearest DEF name, for shapes outside of any Solid."""
+    instances: tuple[Node, ...] = ()
+    """The PROTO instances that this node is the body of."""
+    within: tuple[str, ...] = ()
+    """Types of the PROTOs that it is in."""
+    origin: str = ""
+    """The PROTO without a file in whose fields it is: only devices are of interest then."""
+    depth: int = 0
+
+    @property
+    def is_part(self) -> bool:
+        """Whether a Solid is part of its owner, since its instance's file puts it there, as a table's legs."""
+        node = self.node
+        if self.owner is None or node.type in ROBOTS or len(node.numbers("recognitionColors")):
+            return False
+        return bool((self.instances or (node,))[0].protos)
+
+
+class Names:
+    """Names that are taken."""
+
+    def __init__(self) -> None:
+        """None is."""
+        self._numbers: dict[str, int] = {}
+
+    def take(self, name: str) -> str:
+        """The name, or the first of ``"name (2)"``, ``"name (3)"``, ... that is free."""
+        result, number = name, self._numbers.get(name, 1)
+        while result in self._numbers:
+            number += 1
+            result = f"{name} ({number})"
+        self._numbers[name] = number
+        self._numbers[result] = 1
+        return result
+
+
+def is_level(vertices: NDArray[np.float64], faces: NDArray[np.int32], up: int) -> bool:
+    """Whether a surface is level, seen from above, and near the ground."""
+    if np.ptp(vertices[:, up]) > 1e-3 or abs(vertices[0, up]) > GROUND_HEIGHT:
+        return False
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    return bool((np.cross(b - a, c - a)[:, up] > 0).any())
+
+
+def vertical_axis(world: World) -> Literal["z", "y"]:
+    """The axis that points up: of WorldInfo's `coordinateSystem` ("ENU": z), or of `gravity`, which was a vector."""
+    info = next((node for node in world.nodes if node.type == "WorldInfo"), None)
+    system, gravity = "", np.zeros(0)
+    if info is not None:
+        system, gravity = info.text("coordinateSystem", ""), info.numbers("gravity")
+    if system not in ("", "ENU", "NUE", "EUN"):
+        assert info is not None
+        raise FileFormatError(
+            f'{info.file}:{info.line}: expected coordinateSystem "ENU", "NUE" or "EUN", got {system!r}'
+        )
+    if system:
+        return "z" if system == "ENU" else "y"
+    if len(gravity) == 3 and gravity.any():
+        return "z" if abs(gravity[2]) > abs(gravity[1]) else "y"
+    return "z" if world.version >= _SCALAR_GRAVITY else "y"
+
+
+def names_of(names: Mapping[Thing, list[str]], things: Iterable[Thing]) -> tuple[str, ...]:
+    """Names of the objects that these became."""
+    return tuple(name for thing in things for name in names.get(thing, ()))
+
+
+def add_objects(
+    scene: Scene, things: Iterable[Thing], labels: Mapping[str, Label | int | str], path: Path
+) -> dict[Thing, list[str]]:
+    """Add what has triangles to the scene; the names of the objects that it became."""
+    patterns = LabelPatterns(labels)
+    names: dict[Thing, list[str]] = {}
+    taken = Names()
+    for thing in things:
+        if not thing.parts:
+            continue
+        for wanted, own_label, parts in _objects_of(thing):
+            name = taken.take(wanted)
+            scene.add(_joined(parts), name=name, label=patterns.label(name, own_label))
+            names.setdefault(thing, []).append(name)
+    patterns.require_used((item.name for item in scene.objects), path)
+    return names
+
+
+def _objects_of(thing: Thing) -> list[tuple[str, Label, list[Any]]]:
+    """Name, label and parts of the objects that a Solid becomes: an arena's floor is one, its walls are another."""
+    if thing.arena and any(thing.level) and not all(thing.level):
+        floor = [part for part, level in zip(thing.parts, thing.level, strict=True) if level]
+        walls = [part for part, level in zip(thing.parts, thing.level, strict=True) if not level]
+        return [(f"{thing.wanted} floor", Label.GROUND, floor), (thing.wanted, Label.OBSTACLE, walls)]
+    return [(thing.wanted, thing.label(), thing.parts)]
+
+
+def _joined(parts: Sequence[tuple[NDArray[np.float64], NDArray[np.int32]]]) -> tuple[Any, Any]:
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
+    vertices = np.concatenate([vertices for vertices, _ in parts])
+    return vertices, np.concatenate([faces + start for (_, faces), start in zip(parts, starts, strict=False)])
+
+
+def skipped_message(
+    path: Path, skipped: Mapping[str, int], reasons: Mapping[str, str], search_path: Iterable[str | os.PathLike[str]]
+) -> str:
+    """What was left out or stands for something else, and why; empty if all was read."""
+    parts = []
+    if skipped:
+        listed = ", ".join(f"{name} ({count})" for name, count in skipped.items())
+        searched = ", ".join(os.fspath(folder) for folder in search_path) or "none"
+        parts.append(
+            f"left out {listed}, of which no file was found or read beside the world or on the search path "
+            f"({searched}): add the folders that hold them to it"
+        )
+    for name, reason in reasons.items():
+        parts.append(f"the file of {name} was of no use: {reason}")
+    return f"{path}: {'; '.join(parts)}" if parts else ""

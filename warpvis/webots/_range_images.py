@@ -1,0 +1,177 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The images of range finders, as Webots' version of a world gives them."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.poses import poses_to_matrices
+from warpvis.errors import SceneError
+from warpvis.rendering import Renderer, render_wide
+from warpvis.scene import Scene
+from warpvis.webots import _ranges as ranges
+from warpvis.webots._devices import Device
+from warpvis.webots._nodes import Version
+from warpvis.webots._world import WebotsWorld
+
+
+def find_device(world: WebotsWorld, name: str) -> Device:
+    """The device of that name.
+
+    Raises:
+        SceneError: There is none.
+    """
+    if name not in world.devices:
+        known = ", ".join(map(repr, world.devices)) or "none"
+        raise SceneError(f"the world has no device {name!r}; it has {known}")
+    return world.devices[name]
+
+
+def render_range(
+    world: WebotsWorld,
+    device_name: str,
+    *,
+    webots_version: str | None = None,
+    exclude_body: bool = False,
+    seed: int | None = None,
+    threads: int | None = None,
+) -> NDArray[np.float32]:
+    """The image of a range finder, or of a camera as if it measured ranges.
+
+    As in Webots, back faces are not seen, and transparent things are; so is the robot's own body.
+
+    Args:
+        world: The world, from `load_webots`.
+        device_name: The device.
+        webots_version: By default ranges are the true ones (REP 117): +inf where nothing is hit or it is farther than
+            `Device.max_range`, -inf where it is nearer than `Device.min_range`. ``"header"`` gives the values that the
+            Webots of the world's header gives, with its lens, near plane and resolution, and nothing nearer than
+            `Device.near` in the way; another version's name, like ``"R2019a"``, that version's values. R2022a is taken
+            to be its revision 1.
+        exclude_body: Whether to see through the robot that the device is part of.
+        seed: Seed of the device's noise, which Webots' values have only if it is given.
+        threads: CPU threads to use; all cores of this process by default.
+
+    Returns:
+        Ranges [m], shape ``(H, W)``: planar depth, or the ray's length if the projection is cylindrical or spherical.
+
+    Raises:
+        SceneError: There is no such device, or `webots_version` is given and it is a camera.
+        FileFormatError: `webots_version` is no version.
+    """
+    device = find_device(world, device_name)
+    exclude = list(world.robots.get(device.robot, ())) if exclude_body else []
+    if webots_version is None:
+        return _depth(world.scene, device, device.min_range, device.max_range, exclude, threads)
+    if not device.measures:
+        raise SceneError(f"{device_name!r} is a camera: Webots gives no ranges of it, so ask for true depth")
+    version = world.version if webots_version == "header" else Version.parse(webots_version)
+    pixels = None
+    if device.lens is not None and device.projection == "planar":
+        lens = device.lens
+        pixels = ranges.distort_pixels(device.width, device.height, lens.center, lens.radial, lens.tangential)
+    values = ranges.range_values(
+        _drawn_depth(world.scene, device, exclude, threads, pixels)[None],
+        near=device.near,
+        min_range=device.min_range,
+        max_range=device.max_range,
+        version=version,
+        projection=device.projection,
+        near_bias=device.projection == "planar" and version < ranges.UNBIASED,
+    )
+    if pixels is not None:  # the image that is bent ends where it does
+        size = (device.width, device.height)
+        values[0, ~((pixels >= 0) & (pixels < size)).all(axis=2)] = 0
+    if seed is not None:
+        values = ranges.add_noise(values, device.noise, device.max_range, version, seed)
+    return ranges.quantise(values, device.resolution)[0]
+
+
+def _depth(
+    scene: Scene,
+    device: Device,
+    near: float,
+    far: float,
+    exclude: Sequence[str],
+    threads: int | None,
+    pixels: NDArray[np.float32] | None = None,
+) -> NDArray[np.float32]:
+    """Ranges by REP 117, shape ``(H, W)``; of other points of the image than the pixels' centres if they are given."""
+    hidden = list(exclude) or None
+    if device.projection != "planar":
+        views = render_wide(
+            scene,
+            device.width,
+            device.height,
+            device.fov,
+            device.pose,
+            projection=device.projection,
+            near=near,
+            far=far,
+            cull_backfaces=True,
+            exclude=hidden,
+            threads=threads,
+        )
+        return views.depth.numpy()[0]
+    camera = dataclasses.replace(device.camera, near=near, far=far)
+    renderer = Renderer(scene, camera, outputs=("depth",), cull_backfaces=True, threads=threads)
+    if pixels is None:
+        return renderer.render(device.pose, exclude=hidden).depth.numpy()[0]
+    views = renderer.render_at(device.pose, pixels.reshape(1, -1, 2), exclude=hidden)
+    return views.depth.numpy().reshape(device.height, device.width)
+
+
+def _drawn_depth(
+    scene: Scene, device: Device, exclude: Sequence[str], threads: int | None, pixels: NDArray[np.float32] | None
+) -> NDArray[np.float32]:
+    """Depth of what OpenGL draws: nothing nearer than `near`, which then hides nothing; +inf where there is nothing."""
+    depth = _depth(scene, device, device.near, math.inf, exclude, threads, pixels)
+    too_near = np.isneginf(depth)
+    if too_near.any() and device.projection == "planar":
+        cut = _cut_near(scene, device, exclude)
+        depth = np.full_like(depth, np.inf)
+        if len(cut):
+            depth = _depth(cut, device, 0.0, math.inf, (), threads, pixels)
+    elif too_near.any():  # put together of planar images with near planes of their own
+        depth = _depth(scene, device, 0.0, math.inf, exclude, threads)
+    return depth
+
+
+def _cut_near(scene: Scene, device: Device, exclude: Sequence[str]) -> Scene:
+    """The scene's triangles as the near plane leaves them."""
+    matrix = poses_to_matrices(device.pose)
+    axis, origin = matrix[:3, 2], matrix[:3, 3]
+    cut = Scene(device=scene.device, up=scene.up)
+    for item in scene.objects:
+        if item.name in exclude:
+            continue
+        triangles = item.vertices.astype(np.float64)[item.faces]
+        depth = (triangles - origin) @ axis - device.near
+        inside = depth > 0
+        whole = triangles[inside.all(axis=1)]
+        parts = [whole]
+        crossing = inside.any(axis=1) & ~inside.all(axis=1)
+        for corners, d in zip(triangles[crossing], depth[crossing], strict=True):
+            parts.append(_clip(corners, d))
+        left = np.concatenate(parts)
+        if len(left):
+            cut.add((left.reshape(-1, 3), np.arange(len(left) * 3).reshape(-1, 3)), name=item.name, label=item.label)
+    return cut
+
+
+def _clip(corners: NDArray[np.float64], depth: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The part of a triangle whose depth is positive (Sutherland and Hodgman 1974), shape ``(1 or 2, 3, 3)``."""
+    polygon = []
+    for k in range(3):
+        a, b, da, db = corners[k], corners[(k + 1) % 3], depth[k], depth[(k + 1) % 3]
+        if da > 0:
+            polygon.append(a)
+        if (da > 0) != (db > 0):
+            polygon.append(a + (b - a) * (da / (da - db)))
+    return np.array([[polygon[0], polygon[k], polygon[k + 1]] for k in range(1, len(polygon) - 1)])

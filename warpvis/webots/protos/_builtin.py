@@ -1,0 +1,378 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The best-known PROTOs of Webots as boxes and planes of our own, for worlds whose PROTO files are not at hand.
+
+Fields and their defaults are those of Webots' user guide (https://cyberbotics.com/doc/guide, the pages Floors, Tables,
+Apartment Structure, Solids, Factory and Cabinet); places and dimensions are measured at what the PROTO files of R2019a
+to R2021c (y up) and R2022b to R2025a (z up) make: boxes agree to 1e-6 m, doors' leaves to 1e-5 m. Handles and knobs are
+left out. What Webots changes in a field, these change too, and warn; a length that is not above zero is an error.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.webots._nodes import Node, Value, Version, new_node
+from warpvis.webots.shapes._geometry import revolve, turned
+from warpvis.webots.shapes._polygons import positive, positives, refuse, whole
+
+Vector: TypeAlias = Sequence[float] | NDArray[np.float64]
+
+_KEPT = ("translation", "rotation", "recognitionColors")
+
+
+def expand(node: Node) -> Node | None:
+    """A Solid that stands for an instance of a PROTO; None for PROTOs that are not in `BUILTIN`.
+
+    Lengths in comments and names here: *along* is the length of a wall or the width of a door, a table or a cabinet,
+    *across* its thickness or depth, and *up*. These are the axes y, x and z since R2022a, and x, z and y before, so
+    that a field like ``size`` has them in the order across, along, up, or along, up, across.
+
+    Returns:
+        A node of type Solid with the instance's DEF name, translation, rotation and name, and its shapes as children.
+
+    Raises:
+        FileFormatError: Its sizes do not make one.
+    """
+    if node.type not in _EXPANDERS:
+        return None
+    make, name = _EXPANDERS[node.type]
+    fields: dict[str, Value] = {field: node.fields[field] for field in _KEPT if field in node.fields}
+    if "translation" not in fields and node.type in _LIFTED:
+        since, height = _LIFTED[node.type]
+        fields["translation"] = _list(_space(node, 0, 0, height if node.version >= since else 0.0))
+    fields["name"] = [node.text("name", name)]
+    fields["children"] = list(make(node))
+    return new_node(node, "Solid", fields, node.name)
+
+
+def _floor(node: Node, field: str = "size", default: tuple[float, float] = (10, 10)) -> Iterable[Node]:
+    """One level rectangle that faces up; texture sizes and subdivisions do not change it."""
+    yield _shape(node, "Plane", {"size": _list(positives(node, field, default))})
+
+
+def _rectangle_arena(node: Node) -> Iterable[Node]:
+    """A floor and four walls around it; their corners belong to the second pair."""
+    x, y = positives(node, "floorSize", (1, 1))
+    thickness, height = positive(node, "wallThickness", 0.01), positive(node, "wallHeight", 0.1)
+    yield from _floor(node, "floorSize", (1, 1))
+    longer = x + 2 * thickness
+    for sign in (-1, 1):
+        at_x, at_y = sign * (x + thickness) / 2, sign * (y + thickness) / 2
+        yield _box(node, _level(node, thickness, y, height), _level(node, at_x, 0, height / 2))
+        yield _box(node, _level(node, longer, thickness, height), _level(node, 0, at_y, height / 2))
+
+
+def _circle_arena(node: Node) -> Iterable[Node]:
+    """A disc up to the middle of the wall, with a corner on x, and a pipe with one on the other level axis.
+
+    The pipe is as thick as `wallThickness` at its corners outside and at the middles of its sides inside.
+    """
+    radius = positive(node, "radius", 1.0)
+    thickness, height = positive(node, "wallThickness", 0.01), positive(node, "wallHeight", 0.1)
+    corners = int(_changed(node, "subdivision", whole(node, "subdivision", 48, -1000, 1000), least=8))
+    yield _face_set(node, [(0, 0), (radius + thickness / 2, 0)], corners, 0.25)
+    outer = radius + thickness
+    inner = outer - abs(outer * np.cos(np.pi / corners) - radius)
+    pipe = [(outer, height), (outer, 0.0), (inner, 0.0), (inner, height), (outer, height)]
+    yield _face_set(node, pipe, corners, 0.5 if node.version.z_up else 0.0)
+
+
+def _wall(node: Node) -> Iterable[Node]:
+    """A box that stands on the ground: 0.2 across, 1 along and 2.4 up by default."""
+    along, up, across = _sizes(node, "size", (1, 2.4, 0.2))
+    yield _part(node, (along, up, across), (0, up / 2, 0))
+
+
+def _solid_box(node: Node) -> Iterable[Node]:
+    """A box about its origin, of size x y z in both conventions."""
+    yield _box(node, positives(node, "size", (2, 2, 2)), (0, 0, 0))
+
+
+def _wooden_box(node: Node) -> Iterable[Node]:
+    """A box about its origin, with sides of 0.01 to 3."""
+    size = positives(node, "size", (0.6, 0.6, 0.6))
+    yield _box(node, [_changed(node, "size", side, 0.01, 3) for side in size], (0, 0, 0))
+
+
+def _cardboard_box(node: Node) -> Iterable[Node]:
+    """A hollow box about its origin, whose lid turns by `lidAngle` about its edge at the back, which is at -x.
+
+    Its volume is at most 1, and its sides are 0.01 to 2.5. Before R2023a it has no inside and no lid, and bevelled
+    edges that are left out here: the box is as large as the mesh between them.
+    """
+    size = positives(node, "size", (0.6, 0.6, 0.6))
+    if not 1e-6 <= size.prod() <= 1:
+        _warn(node, f"size {size[0]:g} {size[1]:g} {size[2]:g}", "0.6 0.6 0.6")
+        size = np.full(3, 0.6)
+    size = np.array([_changed(node, "size", side, 0.01, 2.5) for side in size])
+    if node.version < Version(2023, 1):
+        yield _box(node, 0.9966 * size, (0, 0, 0))
+        return
+    thin, angle = 0.0005, node.number("lidAngle", 0.0)
+    x, _, z = size / 2
+    for axis in range(3):
+        panel = size - 0.0001
+        panel[axis] = thin
+        for side in (-1, 1):
+            place = np.zeros(3)
+            place[axis] = side * (size[axis] - thin) / 2
+            if (axis, side) != (2, 1):
+                yield _box(node, panel, place)
+    lid = _shape(node, "Box", {"size": _list([size[0] - 0.0001, size[1] - 0.0001, thin])})
+    hinge = [x * (np.cos(angle) - 1), 0, z - thin / 2 + x * np.sin(angle)]
+    yield new_node(node, "Pose", {"translation": _list(hinge), "rotation": _list([0, 1, 0, -angle]), "children": [lid]})
+
+
+def _table(node: Node) -> Iterable[Node]:
+    """A tray with its upper side at the table's height, and four feet under its corners, `feetPadding` further in."""
+    along, up, across = _sizes(node, "size", (1.8, 0.74, 1))
+    feet = node.vector("feetSize", (0.1, 0.1))  # along the level axes, in the order of `size`
+    _check(node, bool((feet >= 0).all()), "a feetSize that is not negative", f"{feet[0]:g} {feet[1]:g}")
+    foot_along, foot_across = feet[::-1] if node.version.z_up else feet
+    padding = node.number("feetPadding", 0.0)
+    tray = positive(node, "frameThickness", 0.05)
+    _check(node, tray < up, "frameThickness below the table's height", f"{tray:g}")
+    yield _part(node, (along, tray, across), (0, up - tray / 2, 0))
+    to_side, to_front = (along - foot_along) / 2 - padding, (across - foot_across) / 2 - padding
+    for one in (-to_side, to_side):
+        for other in (-to_front, to_front):
+            if feet.all():
+                yield _part(node, (foot_along, up - tray, foot_across), (one, (up - tray) / 2, other))
+
+
+def _door(node: Node) -> Iterable[Node]:
+    """The wall above `frameHeight`, a frame below it, and the closed leaf before the frame, whatever its `position`.
+
+    The frame's posts and its lintel are `frameSize` wide and high, and stick out of the wall by `frameSize` across on
+    both sides. The leaf covers half of each post and of the lintel; its handle is left out.
+    """
+    along, up, across = _sizes(node, "size", (1, 2.4, 0.2))
+    post, lintel, out = _sizes(node, "frameSize", (0.05, 0.05, 0.05))
+    height = _changed(node, "frameHeight", positive(node, "frameHeight", 2.0), most=up)
+    leaf = positive(node, "doorThickness", 0.05)
+    _check(node, 2 * post < along and lintel < height, "a frame with an opening", f"frameSize {post:g} {lintel:g}")
+    if height < up:
+        yield _part(node, (along, up - height, across), (0, (up + height) / 2, 0))
+    yield from _frame(node, (along, height, across + 2 * out), (post, lintel), 0.0)
+    before = across / 2 + out + leaf / 2 + 0.001
+    yield _part(node, (along - post, height - lintel / 2, leaf), (0, height / 2, before))
+
+
+def _window(node: Node) -> Iterable[Node]:
+    """Walls below and above a pane, a frame around it, and a sill on the lower wall.
+
+    The frame sticks out of the wall by `frameSize` across on both sides, and the sill further by the first number of
+    `windowSillSize`; the second is its height, and the frame's lower bar lies on it. Sizes that do not fit are all
+    replaced by the defaults: in Webots since R2022a also those of a wall no thicker than twice `frameSize` across.
+    """
+    usual = (0.8, 2.4, 0.2), (0.05, 0.05, 0.02) if not node.version.z_up else (0.02, 0.05, 0.05)
+    size, frame = _sizes(node, "size", usual[0]), _sizes(node, "frameSize", usual[1])
+    below, height = node.number("bottomWallHeight", 0.7), positive(node, "windowHeight", 1.4)
+    _check(node, below >= 0, "a bottomWallHeight [m] that is not negative", f"{below:g}")
+    pane = positive(node, "windowThickness", 0.05)
+    sill_out, sill = node.vector("windowSillSize", (0.1, 0.05))
+    _check(node, min(sill_out, sill) >= 0, "a windowSillSize [m] that is not negative", f"{sill_out:g} {sill:g}")
+    side = 2 if node.version.z_up else 0
+    if height <= 2 * frame[1] or below + height > size[1] * (1 + 1e-9) or size[side] <= 2 * frame[side]:
+        _warn(node, "sizes that do not fit together", "the default ones")
+        (size, frame), below, height = usual, 0.7, 1.4
+    (along, up, across), (post, bar, out) = size, frame
+    _check(node, 2 * post < along, "a frame with an opening", f"frameSize {post:g} along")
+    over, deep = up - below - height, across + 2 * out
+    if below > 0:
+        yield _part(node, (along, below, across), (0, below / 2, 0))
+    if over > 1e-9 * up:
+        yield _part(node, (along, over, across), (0, up - over / 2, 0))
+    yield _part(node, (along - 2 * post, height - 2 * bar, pane), (0, below + height / 2, 0))
+    if sill_out > 0 and sill > 0:
+        yield _part(node, (along, sill, deep + 2 * sill_out), (0, below + sill / 2, 0))
+    yield _part(node, (along - 2 * post, bar, deep), (0, below + sill + bar / 2, 0))
+    yield from _frame(node, (along, height, deep), (post, bar), below)
+
+
+_LAYOUT = (
+    *("RightSidedDoor (1, 4, 1, 2)", "LeftSidedDoor (2, 4, 2, 2)", "Drawer (3, 3, 1, 1)", "Drawer (2, 2, 1, 1)"),
+    *("Drawer (3, 2, 1, 1)", "Drawer (1, 1, 3, 1)", "Shelf (1, 5, 3, 0)", "Shelf (1, 4, 3, 0)", "Shelf (1, 3, 3, 0)"),
+    *("Shelf (1, 2, 3, 0)", "Shelf (1, 3, 0, 1)", "Shelf (2, 3, 0, 1)"),
+)
+_ITEM = re.compile(
+    r"[\s,()]*(RightSidedDoor|LeftSidedDoor|Drawer|Shelf)" + r"[\s,()]+(\d{1,6})" * 4 + r"(?:[\s,()].*)?"
+)
+
+
+def _cabinet(node: Node) -> Iterable[Node]:
+    """A cabinet's back, sides, bottom and top, of `outerThickness`, around rows and columns, and what `layout` puts in.
+
+    Its origin is at the middle of its back, at the bottom. Doors and drawers are closed and `innerThickness` thick;
+    their handles are left out. Rows and columns are at least three times as high and wide as that.
+    """
+    inner, outer = positive(node, "innerThickness", 0.02), positive(node, "outerThickness", 0.03)
+    if 2 * outer <= inner:
+        outer = _changed(node, "outerThickness", outer, least=0.51 * inner)
+    depth = _changed(node, "depth", positive(node, "depth", 0.5), least=2 * outer + 3 * inner)
+    cells = []
+    for field, default in (("columnsWidths", (0.4, 0.17, 0.17)), ("rowsHeights", (0.24, 0.2, 0.2, 0.4, 0.4))):
+        cells.append(np.array([_changed(node, field, length, 3 * inner) for length in _lengths(node, field, default)]))
+    inside, height = cells[0].sum(), cells[1].sum()
+    width, middle = inside + 2 * outer, (depth + outer) / 2
+    yield _part(node, (width, height, outer), (0, outer + height / 2, outer / 2))
+    for sign in (-1, 1):
+        yield _part(node, (outer, height, depth - outer), (sign * (inside + outer) / 2, outer + height / 2, middle))
+    for bottom in (0.0, height + outer):
+        yield _part(node, (width, outer, depth), (0, bottom + outer / 2, depth / 2))
+    most = np.array([len(lengths) for lengths in cells])
+    for line in node.texts("layout") if "layout" in node.fields else _LAYOUT:
+        item = _ITEM.fullmatch(line)
+        numbers = [int(number) for number in item.groups()[1:]] if item else [0, 0, 0, 0]
+        first, count = np.array(numbers[:2]) - 1, np.array(numbers[2:])
+        fits = ((first >= 0) & (first < most) & (first + count <= most)).all()
+        if item is None or not fits or (item[1] != "Shelf" and not count.all()):
+            _warn(node, f"layout {line!r}", "nothing")
+            continue
+        first[0] += item[1] == "Shelf" and count[0] == 0  # it stands at the right of its column
+        low, high = (np.array([cells[i][: at[i]].sum() for i in (0, 1)]) for at in (first, first + count))
+        place = (low + high) / 2 + (-inside / 2, outer)  # along and up
+        if item[1] == "Shelf":
+            apart = 0.0001 if count[0] < count[1] else 0.0
+            size = (*(inner + high - low), 0.995 * (depth - outer - inner))
+            yield _part(node, size, (*(place + apart), (depth + outer - inner) / 2 + apart))
+        else:
+            yield from _front(node, 0.995 * (high - low), place, depth, inner)
+            if item[1] == "Drawer":
+                yield from _drawer(node, 0.995 * (high - low), place, depth, 0.995 * (depth - outer), inner)
+
+
+def _front(node: Node, size: Vector, place: Vector, depth: float, thick: float) -> Iterable[Node]:
+    """A closed door, or the front of a drawer."""
+    yield _part(node, (*size, thick), (*place, depth - thick / 2))
+
+
+def _drawer(node: Node, size: Vector, place: Vector, depth: float, deep: float, thick: float) -> Iterable[Node]:
+    """A drawer behind its front: its back, bottom and sides."""
+    (along, up), (at, height), middle = size, place, depth - deep / 2
+    yield _part(node, (along - thick, up - thick, thick), (at, height, depth - deep + thick / 2))
+    yield _part(node, (along - thick, thick, deep - 2 * thick), (at, height - up / 2 + thick, middle))
+    for sign in (-1, 1):
+        aside = at + sign * (along / 2 - thick)
+        yield _part(node, (thick, up - 2 * thick, deep - 2 * thick), (aside, height + thick / 2, middle))
+
+
+def _frame(node: Node, size: Vector, bars: Vector, bottom: float) -> Iterable[Node]:
+    """Two posts and, between them at the top, a lintel, within a size along, up, across."""
+    along, up, across = size
+    post, bar = bars
+    for sign in (-1, 1):
+        yield _part(node, (post, up, across), (sign * (along - post) / 2, bottom + up / 2, 0))
+    yield _part(node, (along - 2 * post, bar, across), (0, bottom + up - bar / 2, 0))
+
+
+def _changed(node: Node, field: str, value: float, least: float = 0.0, most: float = np.inf) -> float:
+    """A field's value, or the limit that Webots takes in its place."""
+    taken = min(max(value, least), most)
+    if taken != value:
+        _warn(node, f"{field} {value:g}", f"{taken:g}")
+    return taken
+
+
+def _warn(node: Node, what: str, taken: str) -> None:
+    message = f"{node.file}:{node.line}: for {what} of {node.type}, {taken} is taken, as in Webots"
+    warnings.warn(message, stacklevel=2)
+
+
+def _sizes(node: Node, field: str, default: tuple[float, float, float]) -> tuple[float, float, float]:
+    """A field's lengths along, up and across."""
+    along, up, across = default
+    if not node.version.z_up:
+        along, up, across = positives(node, field, default)
+    else:
+        across, along, up = positives(node, field, (across, along, up))
+    return float(along), float(up), float(across)
+
+
+def _lengths(node: Node, field: str, default: tuple[float, ...]) -> NDArray[np.float64]:
+    count = len(node.numbers(field)) if field in node.fields else len(default)
+    if not count:
+        refuse(node, f"at least one number in {field}", "none")
+    return positives(node, field, default if field not in node.fields else (0.0,) * count)
+
+
+def _check(node: Node, right: bool, wanted: str, got: str) -> None:
+    if not right:
+        refuse(node, wanted, got)
+
+
+def _space(node: Node, along: float, across: float, up: float) -> tuple[float, float, float]:
+    """A vector x y z."""
+    return (across, along, up) if node.version.z_up else (along, up, across)
+
+
+def _level(node: Node, first: float, second: float, up: float) -> tuple[float, float, float]:
+    """A vector x y z; floors give x and the other level axis, y or z, in both conventions."""
+    return (first, second, up) if node.version.z_up else (first, up, second)
+
+
+def _part(node: Node, size: Vector, place: Vector) -> Node:
+    """A box of a size along, up, across about such a place."""
+    return _box(node, *(_space(node, along, across, up) for along, up, across in (size, place)))
+
+
+def _box(node: Node, size: Vector, place: Vector) -> Node:
+    """A box of a size x y z about a place."""
+    shape = _shape(node, "Box", {"size": _list(size)})
+    if not np.any(place):
+        return shape
+    return new_node(node, "Pose", {"translation": _list(place), "children": [shape]})
+
+
+def _face_set(node: Node, profile: Sequence[tuple[float, float]], corners: int, turn: float) -> Node:
+    """A surface of revolution about the upright axis, turned about it by a part of a whole turn."""
+    triangles = revolve(profile, [True] * (len(profile) - 1), corners)
+    assert triangles is not None
+    (x, y, z), faces = triangles[0].T, triangles[1]
+    c, s = np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn)
+    vertices = np.stack([c * x - s * y, s * x + c * y, z], axis=1)
+    points = vertices if node.version.z_up else turned(vertices)
+    coord = new_node(node, "Coordinate", {"point": _list(points.ravel())})
+    index = np.concatenate([faces, np.full((len(faces), 1), -1)], axis=1)
+    return _shape(node, "IndexedFaceSet", {"coord": coord, "coordIndex": _list(index.ravel())})
+
+
+def _shape(node: Node, geometry: str, fields: dict[str, Value]) -> Node:
+    return new_node(node, "Shape", {"geometry": new_node(node, geometry, fields)})
+
+
+def _list(numbers: Vector | NDArray) -> list[float | str | bool | Node]:
+    return [float(number) for number in numbers]
+
+
+_EXPANDERS: dict[str, tuple[Callable[[Node], Iterable[Node]], str]] = {
+    "Cabinet": (_cabinet, "cabinet"),
+    "CardboardBox": (_cardboard_box, "cardboard box"),
+    "CircleArena": (_circle_arena, "circle arena"),
+    "Door": (_door, "door"),
+    "Floor": (_floor, "floor"),
+    "RectangleArena": (_rectangle_arena, "rectangle arena"),
+    "SolidBox": (_solid_box, "box"),
+    "Table": (_table, "table"),
+    "Wall": (_wall, "wall"),
+    "Window": (_window, "window"),
+    "WoodenBox": (_wooden_box, "wooden box"),
+}
+"""For each PROTO, what makes its shapes, and its default name."""
+
+_LIFTED = {
+    "CardboardBox": (Version(0, 0), 0.3),
+    "SolidBox": (Version(2023, 2), 1.0),
+    "WoodenBox": (Version(0, 0), 0.3),
+}
+"""Since when, and how far, default translations lift [m]."""
+
+BUILTIN: frozenset[str] = frozenset(_EXPANDERS)
+"""PROTOs that `expand` knows."""

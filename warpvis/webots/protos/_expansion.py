@@ -1,0 +1,227 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""PROTO instances of a Webots world: their files are found, and the nodes that they stand for are made."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from warpvis.errors import FileFormatError
+from warpvis.webots._grammar import Parser, World
+from warpvis.webots._nodes import BUILTIN_NODES, Node, Value, Version
+from warpvis.webots.protos._files import ProtoFile, read_proto
+from warpvis.webots.protos._templates import render, script_value
+
+MOST_PROTOS_NESTED = 50
+"""PROTOs within PROTOs."""
+MOST_PROTO_NODES = 1_000_000
+"""Nodes that all PROTO instances of a world may stand for."""
+
+_IN_TREE = re.compile(r"(?:webots://|https?://raw\.githubusercontent\.com/[^/]+/[^/]+/[^/]+/)(.+)")
+
+
+class Protos:
+    """The PROTOs of a world.
+
+    The file of a PROTO is, in this order: what an EXTERNPROTO line of the world or PROTO file says, where
+    ``webots://projects/...`` and the same path on GitHub are looked for below the folders of the search path; a file of
+    its name beside the file that uses it; in ``protos`` folders of the world's project; anywhere below the search path.
+
+    Args:
+        world: The world.
+        search_path: Folders to look in: the folder of Webots itself, or any with PROTO files below it.
+        strict: Whether a PROTO without a file, or a field that a PROTO lacks, is an error.
+
+    Attributes:
+        skipped: Number of instances of each PROTO that has no file.
+
+    Raises:
+        FileFormatError: A folder of the search path does not exist.
+    """
+
+    def __init__(
+        self, world: World, search_path: Sequence[str | os.PathLike[str]] = (), *, strict: bool = False
+    ) -> None:
+        """See the class."""
+        self.skipped: dict[str, int] = {}
+        self._world = world
+        self._strict = strict
+        self._search_path = [Path(folder) for folder in search_path]
+        for folder in self._search_path:
+            if not folder.is_dir():
+                raise FileFormatError(f"{folder}: expected a folder of PROTO files, got no such folder")
+        self._urls = {str(world.path): world.externprotos}  # by file
+        self._index: dict[str, Path] | None = None  # by name, of all files in the project and below the search path
+        self._files: dict[Path, ProtoFile] = {}
+        self._found: dict[tuple[str, str], ProtoFile | None] = {}  # by type and the file that uses it
+        self._expanded: dict[Node, Node | None] = {}
+        self._rendered: dict[tuple[Path, str], str] = {}
+        self._nodes = 0
+
+    def expand(self, node: Node) -> Node | None:
+        """The node that a PROTO instance stands for.
+
+        It has the instance's DEF name, and the version of the PROTO's own file. Where the root of a PROTO's body is an
+        instance itself, that is expanded too; if its file is not found, it is the result as it is.
+
+        Returns:
+            The node; the same one for the same instance. None for a built-in type, and for a PROTO without a file.
+
+        Raises:
+            FileFormatError: A PROTO file does not parse, its template fails or needs an engine that is not installed, a
+                value is not of the field's type or not allowed, PROTOs use each other in a circle, or `strict` is set
+                and there is no file.
+        """
+        if node.type in BUILTIN_NODES:
+            return None
+        if node not in self._expanded:
+            self._expanded[node] = self._expand(node)
+        return self._expanded[node]
+
+    def _expand(self, node: Node) -> Node | None:
+        current = node
+        while current.type not in BUILTIN_NODES:
+            proto = self._find(current)
+            if proto is None:
+                break
+            current = self._instantiate(proto, current)
+        if current is not node:
+            return current
+        if self._strict:
+            folders = ", ".join(map(str, self._search_path)) or "empty"
+            raise FileFormatError(
+                f"{node.file}:{node.line}: expected a file {node.type}.proto for {node.type},"
+                f" got none on the search path ({folders})"
+            )
+        self.skipped[node.type] = self.skipped.get(node.type, 0) + 1
+        return None
+
+    def _instantiate(self, proto: ProtoFile, node: Node) -> Node:
+        """The root of a PROTO's body, with the instance's values."""
+        path = str(proto.path)
+        protos = (*node.protos, path)
+        if path in node.protos:
+            circle = " -> ".join(Path(file).stem for file in protos[node.protos.index(path) :])
+            raise FileFormatError(f"{node.file}:{node.line}: expected PROTOs that do not use themselves, got {circle}")
+        if len(protos) > MOST_PROTOS_NESTED:
+            raise FileFormatError(
+                f"{node.file}:{node.line}: expected at most {MOST_PROTOS_NESTED} PROTOs within PROTOs, got more"
+            )
+        values = proto.values(node, protos, strict=self._strict)
+        body = self._render(proto, values, node) if proto.language else proto.body
+        line, strict = proto.body_line, self._strict
+        parser = Parser(body, path, proto.version, first_line=line, protos=protos, interface=values, strict=strict)
+        nodes = parser.nodes()
+        parser.take("}", f"'}}' after the body of {proto.name}")
+        if parser.kind != "end" or len(nodes) != 1:
+            parser.fail(f"one node in the body of {proto.name}", f"{len(nodes)}" if parser.kind == "end" else None)
+        (root,) = nodes
+        self._nodes += root.size
+        if self._nodes > MOST_PROTO_NODES:
+            raise FileFormatError(
+                f"{node.file}:{node.line}: expected PROTOs that stand for at most {MOST_PROTO_NODES} nodes, got more"
+            )
+        root.name = node.name
+        return root
+
+    def _render(self, proto: ProtoFile, values: dict[str, Value], node: Node) -> str:
+        """The text that a PROTO's template makes of an instance's values."""
+        given: dict[str, Any] = {}
+        for name, field in proto.fields.items():
+            if name in proto.template_fields:
+                default, default_place = proto.default(name), f"{proto.path}:{field.line}"
+                given[name] = {
+                    "value": script_value(values[name], field.type, f"{node.file}:{node.line}", self._describe),
+                    "defaultValue": script_value(default, field.type, default_place, self._describe),
+                }
+        context = self._context(proto)
+        if "context" in proto.body:
+            context["id"] = len(self._expanded)
+        key = (proto.path, repr((given, context)))
+        if key not in self._rendered:
+            variables = {"fields": given, "context": context}
+            assert proto.language is not None
+            self._rendered[key] = render(proto.body, proto.language, variables, str(proto.path), proto.body_line)
+        return self._rendered[key]
+
+    def _describe(self, node: Node) -> dict[str, tuple[str, Value, Value]] | None:
+        """The type, value and default of each field of an instance; None for other nodes, and without a file."""
+        proto = None if node.type in BUILTIN_NODES else self._find(node)
+        if proto is None:
+            return None
+        values = proto.values(node, node.protos, strict=self._strict)
+        given = {name: proto.default(name) for name in proto.fields if name in node.fields}
+        return {name: (field.type, values[name], given.get(name, values[name])) for name, field in proto.fields.items()}
+
+    def _context(self, proto: ProtoFile) -> dict[str, Any]:
+        """What templates may know of where they are."""
+        version, path = self._world.version, self._world.path.absolute()
+        info = next((node for node in self._world.nodes if node.type == "WorldInfo"), None)
+        axes = "ENU" if version >= Version(2020, 2) else "NUE"
+        return {
+            "world": str(path),
+            "proto": str(proto.path.absolute()),
+            "project_path": str(path.parent.parent),
+            "webots_version": {"major": str(version), "revision": "0"},
+            "webots_home": "",
+            "temporary_files_path": "",
+            "os": "linux",
+            "coordinate_system": info.text("coordinateSystem", axes) if info else axes,
+        }
+
+    def _find(self, node: Node) -> ProtoFile | None:
+        """The file of an instance's PROTO."""
+        key = (node.type, node.file)
+        if key not in self._found:
+            path = next((path for path in self._candidates(node) if _is_file(path)), None)
+            self._found[key] = None if path is None else self._read(path)
+        return self._found[key]
+
+    def _read(self, path: Path) -> ProtoFile:
+        path = path.resolve()
+        if path not in self._files:
+            self._files[path] = read_proto(path)
+            self._urls[str(path)] = self._files[path].externprotos
+        return self._files[path]
+
+    def _candidates(self, node: Node) -> Iterator[Path]:
+        """Where a PROTO's file may be, best first."""
+        name, folder = f"{node.type}.proto", Path(node.file).parent
+        for url in self._urls.get(node.file, self._world.externprotos):
+            url = url.replace("\\", "/")
+            if PurePosixPath(url).name != name:
+                continue
+            in_tree = _IN_TREE.fullmatch(url)
+            if in_tree:
+                for root in self._search_path:
+                    yield root / in_tree[1].lstrip("/")
+                    yield root / in_tree[1].removeprefix("projects/").lstrip("/")
+            elif "://" not in url:
+                yield folder / url
+        yield folder / name
+        if self._index is None:
+            self._index = self._make_index()
+        if name in self._index:
+            yield self._index[name]
+
+    def _make_index(self) -> dict[str, Path]:
+        here = self._world.path.absolute().parent
+        index: dict[str, Path] = {}
+        for root in (here.parent / "protos", here / "protos", *self._search_path):
+            for folder, folders, files in os.walk(root):
+                folders[:] = sorted(name for name in folders if not name.startswith("."))
+                for file in sorted(files):
+                    if file.endswith(".proto"):
+                        index.setdefault(file, Path(folder, file))
+        return index
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # a name that is too long, or holds a zero byte
+        return False

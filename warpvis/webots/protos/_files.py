@@ -1,0 +1,181 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""PROTO files: an interface of typed fields with defaults, and a body.
+
+Webots' documentation: https://cyberbotics.com/doc/reference/proto-definition. The grammar::
+
+    file  := header ("EXTERNPROTO" string)* "PROTO" name "[" field* "]" "{" body "}"
+    field := kind type ["{" value* "}"] name value
+    kind  := "field" | "hiddenField" | "unconnectedField" | "vrmlField" | "w3dField"
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn
+
+from warpvis.webots._grammar import Parser, read_text, read_version
+from warpvis.webots._nodes import Node, Value, Version, described
+from warpvis.webots.protos._templates import Language, language_of
+
+_KINDS = {"field", "hiddenField", "unconnectedField", "vrmlField", "w3dField"}
+_WIDTHS = {"Bool": 1, "Int32": 1, "Float": 1, "String": 1, "Vec2f": 2, "Vec3f": 3, "Color": 3, "Rotation": 4, "Node": 1}
+_TYPES = {prefix + name for prefix in ("SF", "MF") for name in _WIDTHS}
+_LITERALS: dict[str, tuple[Any, str]] = {"Bool": (bool, "TRUE or FALSE"), "String": (str, "strings")}
+
+
+@dataclass(frozen=True)
+class ProtoField:
+    """A field of a PROTO's interface.
+
+    Attributes:
+        type: Like ``SFVec3f``.
+        default: Text of the default; it is parsed for every instance, for it may hold PROTOs itself.
+        line: Line of that text.
+        allowed: The values that it may have; empty if any. Nodes may be of types derived from the allowed ones, so they
+            are not checked.
+    """
+
+    type: str
+    default: str
+    line: int
+    allowed: tuple[float | str | bool, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ProtoFile:
+    """A PROTO file.
+
+    Attributes:
+        path: The file.
+        version: Version of its header: the body's, whatever the world's is.
+        externprotos: Urls of the PROTO files that it names.
+        name: Name of the PROTO.
+        fields: Its interface.
+        body: Text from its opening brace to the end of the file.
+        body_line: Line at which that begins.
+        language: Language of the body's template; None if it is none.
+        template_fields: Names of the fields that the template reads.
+    """
+
+    path: Path
+    version: Version
+    externprotos: list[str]
+    name: str
+    fields: dict[str, ProtoField]
+    body: str
+    body_line: int
+    language: Language | None
+    template_fields: frozenset[str]
+
+    def values(self, instance: Node, protos: tuple[str, ...], *, strict: bool) -> dict[str, Value]:
+        """The fields' values in an instance: what it says, else the defaults.
+
+        Args:
+            instance: A node of this type.
+            protos: `Node.protos` of the nodes in defaults.
+            strict: Whether fields that the interface lacks are an error; Webots leaves them out.
+
+        Raises:
+            FileFormatError: A value is not of the field's type, or is not allowed.
+        """
+        unknown = next((name for name in instance.fields if name not in self.fields), None)
+        if unknown is not None and strict:
+            instance.refuse(unknown, "a field of the PROTO's interface", "another")
+        return {
+            name: _checked(field, name, instance) if name in instance.fields else self.default(name, protos)
+            for name, field in self.fields.items()
+        }
+
+    def default(self, name: str, protos: tuple[str, ...] = ()) -> Value:
+        """The default of a field, parsed anew."""
+        field = self.fields[name]
+        return Parser(field.default, str(self.path), self.version, first_line=field.line, protos=protos).value()
+
+
+def read_proto(path: Path) -> ProtoFile:
+    """Read a PROTO file.
+
+    Raises:
+        FileFormatError: The file cannot be read, or something in its interface is not as the grammar says.
+    """
+    text = read_text(path)
+    version = read_version(text, str(path))
+    parser = Parser(text, str(path), version)
+    externprotos = parser.externprotos()
+    if parser.token != "PROTO":
+        parser.fail("EXTERNPROTO or PROTO")
+    parser.advance()
+    if parser.kind == "word" and not path.name.lower().endswith(f"{parser.token}.proto".lower()):
+        parser.fail(f"a PROTO of the file's name {path.stem!r}")
+    name = parser.take("word", "a name after PROTO")
+    parser.take("[", f"'[' after PROTO {name}")
+    fields: dict[str, ProtoField] = {}
+    while parser.kind != "]":
+        field_name, field = _read_field(parser, str(path), version)
+        fields[field_name] = field
+    parser.advance()
+    start, line = parser.start + 1, parser.line()
+    if parser.kind != "{":
+        parser.fail("'{' and the body of the PROTO")
+    head, body = parser.text[: start - 1], parser.text[start:]
+    read = set(re.findall(r"\bfields\s*\.\s*(\w+)", body))
+    used = fields if re.search(r"\bfields\b\s*[^\s.]", body) else read & set(fields)  # all, if not by name
+    language = language_of(head, body)
+    return ProtoFile(path, version, externprotos, name, fields, body, line, language, frozenset(used))
+
+
+def _read_field(parser: Parser, file: str, version: Version) -> tuple[str, ProtoField]:
+    if parser.token not in _KINDS:
+        parser.fail("a field or ']'")
+    parser.advance()
+    field_type = parser.token
+    if field_type not in _TYPES:
+        parser.fail("a type of fields, like SFVec3f")
+    parser.advance()
+    allowed: list[Any] = []
+    if parser.kind == "{":
+        parser.advance()
+        while parser.kind != "}":
+            value = parser.value("an allowed value or '}'")
+            allowed += value if isinstance(value, list) else []
+        parser.advance()
+    name = parser.take("word", f"the name of a field of type {field_type}")
+    start, line = parser.start, parser.line()
+    value = parser.value(f"a default of {name!r}")
+    field = ProtoField(field_type, parser.text[start : parser.start], line, tuple(allowed))
+    _checked(field, name, Node("PROTO", {name: value}, None, file, line, version))
+    return name, field
+
+
+def _checked(field: ProtoField, name: str, instance: Node) -> Value:
+    """An instance's value of a field, which must be of its type and allowed."""
+    value: Any = instance.fields[name]
+    kind, single = field.type[2:], field.type.startswith("SF")
+    if kind == "Node":
+        if not single:
+            return [*instance.nodes(name)]
+        return instance.node(name)
+    wanted, words = _LITERALS.get(kind, (float, "numbers"))
+    if not isinstance(value, list):
+        _refuse(instance, name, field, described(value))
+    for item in value:
+        if type(item) is not wanted:
+            instance.refuse(name, words, described(item))
+        if kind == "Int32" and not item.is_integer():
+            instance.refuse(name, "whole numbers", described(item))
+    width = _WIDTHS[kind]
+    if len(value) != width if single else len(value) % width:
+        _refuse(instance, name, field, f"{len(value)} values")
+    allowed = [field.allowed[i : i + width] for i in range(0, len(field.allowed), width)]
+    for i in range(0, len(value) if allowed else 0, width):
+        if tuple(value[i : i + width]) not in allowed:
+            choices = ", ".join(" ".join(map(described, choice)) for choice in allowed)
+            instance.refuse(name, f"one of {choices}", " ".join(map(described, value[i : i + width])))
+    return value
+
+
+def _refuse(instance: Node, name: str, field: ProtoField, got: str) -> NoReturn:
+    instance.refuse(name, f"a value of type {field.type}", got)

@@ -1,0 +1,295 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Templates of PROTO files: JavaScript between ``%<`` and ``>%``, in old files Lua between ``%{`` and ``}%``.
+
+A template becomes a program that puts the text between its statements together. Sources:
+https://cyberbotics.com/doc/reference/javascript-procedural-proto and lua-procedural-proto. The engines are quickjs-ng
+and lupa, of the extra ``[webots]``; a program has no files and no network, and its time and memory are limited.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from typing import Any, Literal, NamedTuple, NoReturn, TypeAlias
+
+from warpvis.errors import FileFormatError
+from warpvis.webots._nodes import Node, Value, shown
+from warpvis.webots.protos._template_library import JAVASCRIPT, LUA, LUA_MODULES
+
+Language: TypeAlias = Literal["javascript", "lua"]
+Describe: TypeAlias = Callable[[Node], "dict[str, tuple[str, Value, Value]] | None"]
+
+SECONDS = 5
+"""Longest that a JavaScript template may run."""
+_LUA_STEPS = 200_000_000  # about as long
+_MEMORY = 256 << 20  # bytes
+_STACK = 512 << 10  # bytes; threads have stacks of a few MiB
+_MOST_VALUES = 1_000_000  # that a template may be given
+_MOST_NESTED = 60  # nodes in them
+_PROTO_COST = 100  # values that an instance of a PROTO counts as: its defaults have to be parsed
+
+_MARKS = {"javascript": ("%<", ">%"), "lua": ("%{", "}%")}
+_IMPORT = re.compile(r"""\bimport\s*(\*\s*as\s+\w+|\{[^}]*\})\s*from\s*(["'])(?:[\w./]*/)?(\w+)(?:\.js)?\2""")
+_KEYS = {"Vec2f": "xy", "Vec3f": "xyz", "Color": "rgb", "Rotation": "xyza"}
+
+
+class _Piece(NamedTuple):
+    kind: Literal["text", "statement", "value"]
+    text: str
+    line: int
+
+
+def language_of(head: str, body: str) -> Language | None:
+    """The language of a PROTO's template, from the text before its body; None for a body that is no template."""
+    if re.search(r"^#\s*template language:\s*javascript", head, re.MULTILINE):
+        return "javascript" if "%<" in body else None
+    return "lua" if "%{" in body else "javascript" if "%<" in body else None
+
+
+def render(body: str, language: Language, variables: dict[str, Any], file: str, first_line: int) -> str:
+    """The text that a template makes.
+
+    Args:
+        body: The template.
+        language: Its language.
+        variables: Global variables, of what JSON can hold; None stands for undefined.
+        file: Name of its file.
+        first_line: Line of the body in it.
+
+    Returns:
+        Text with the line breaks of the template, so that lines agree up to the first loop.
+
+    Raises:
+        FileFormatError: The engine is not installed, or the program fails, or ends at a limit.
+    """
+    pieces = _split(body, *_MARKS[language], file, first_line)
+    program, lines = _program(pieces, language)
+    run = _run_javascript if language == "javascript" else _run_lua
+    try:
+        result = run(program, lines, variables, file)
+    except FileFormatError:
+        raise
+    except (ValueError, MemoryError, TypeError) as error:  # from the engines: zero bytes, no Unicode, no string
+        _fail(file, first_line, f"{type(error).__name__}: {error}")
+    if not isinstance(result, str):
+        raise FileFormatError(f"{file}:{first_line}: expected a template that makes a text, got {shown(str(result))}")
+    return result
+
+
+def script_value(value: Value, field_type: str, place: str, describe: Describe = lambda node: None) -> Any:
+    """A field's value as templates see it: real numbers have six digits, as Webots hands them over.
+
+    Args:
+        value: The value.
+        field_type: Like ``SFVec3f``.
+        place: File and line, for messages.
+        describe: For a node that is an instance of a PROTO, the type, value and default of each of its fields. Of other
+            nodes templates see the fields that the file gives; their types are not known: one value is a single one,
+            two to four numbers are a vector or rotation, more are a list.
+
+    Raises:
+        FileFormatError: The value holds more than a template may be given.
+    """
+    return _Script(place, describe).value(value, field_type)
+
+
+class _Script:
+    """Translates one value, and counts what is in it: a USE stands for a copy here."""
+
+    def __init__(self, place: str, describe: Describe) -> None:
+        self._place = place
+        self._describe = describe
+        self._left = _MOST_VALUES
+        self._depth = 0
+
+    def value(self, value: Value, field_type: str) -> Any:
+        self._count(len(value) if isinstance(value, list) else 1)
+        if isinstance(value, Node):
+            return [self._node(value)] if field_type.startswith("MF") else self._node(value)
+        if value is None:
+            return [] if field_type.startswith("MF") else None
+        if not field_type:
+            return self._untyped(value)
+        keys = _KEYS.get(field_type[2:], "")
+        if field_type[2:] in ("Float", "Vec2f", "Vec3f", "Color", "Rotation"):
+            value = [float(f"{number:.6g}") for number in value]
+        if field_type.startswith("SF"):
+            return _named(value, keys) if keys else value[0]
+        if keys:
+            return [_named(value[i : i + len(keys)], keys) for i in range(0, len(value), len(keys))]
+        return [self._node(item) if isinstance(item, Node) else item for item in value]
+
+    def _untyped(self, value: list[Any]) -> Any:
+        if any(isinstance(item, Node) for item in value):
+            return [self._node(item) for item in value if isinstance(item, Node)]
+        value = [float(f"{item:.6g}") if isinstance(item, float) and item % 1 else item for item in value]
+        if len(value) == 1:
+            return value[0]
+        if not 2 <= len(value) <= 4 or not isinstance(value[0], float):
+            return list(value)
+        named = _named(value, "xyza"[: len(value)])
+        return {**named, **_named(value, "rgb")} if len(value) == 3 else named
+
+    def _node(self, node: Node) -> dict[str, Any]:
+        self._depth += 1
+        if self._depth > _MOST_NESTED:
+            raise FileFormatError(
+                f"{self._place}: expected at most {_MOST_NESTED} nodes within nodes for a template, got more"
+            )
+        fields = {}
+        described = self._describe(node)
+        if described is None:
+            described = {name: ("", value, value) for name, value in node.fields.items()}
+        else:
+            self._count(_PROTO_COST)
+        for name, (field_type, value, default) in described.items():
+            translated = self.value(value, field_type)
+            same = default is value
+            fields[name] = {
+                "value": translated,
+                "defaultValue": translated if same else self.value(default, field_type),
+            }
+        self._depth -= 1
+        return {"node_name": node.type, "fields": fields}
+
+    def _count(self, number: int) -> None:
+        self._left -= number
+        if self._left < 0:
+            raise FileFormatError(f"{self._place}: expected at most {_MOST_VALUES} values for a template, got more")
+
+
+def _named(items: list[Any], keys: str) -> dict[str, Any]:
+    return dict(zip(keys, items, strict=True))
+
+
+def _split(body: str, opening: str, closing: str, file: str, first_line: int) -> list[_Piece]:
+    """The texts, statements and values of a template; a comment hides what is in it, a string does not."""
+    pattern = re.compile(rf'{re.escape(opening)}(?:(=?)(.*?){re.escape(closing)})?|\\.|["#]', re.DOTALL)
+    pieces: list[_Piece] = []
+    in_string = False
+    position, done, line = 0, 0, first_line
+    while (match := pattern.search(body, position)) is not None:
+        position = match.end()
+        if match[0] == "#" and not in_string:
+            end = body.find("\n", position)
+            position = len(body) if end < 0 else end
+        elif match[0] == '"':
+            in_string = not in_string
+        elif match[0].startswith(opening) and match[2] is None:
+            line += body.count("\n", done, match.start())
+            raise FileFormatError(f"{file}:{line}: expected {closing!r} after {opening!r}, got the end of the file")
+        elif match[2] is not None:
+            text = body[done : match.start()]
+            pieces.append(_Piece("text", text, line))
+            line += text.count("\n")
+            pieces.append(_Piece("value" if match[1] else "statement", match[2], line))
+            line += match[2].count("\n")
+            done = position
+    pieces.append(_Piece("text", body[done:], line))
+    return pieces
+
+
+def _program(pieces: list[_Piece], language: Language) -> tuple[str, list[int]]:
+    """A program that puts the text together, and the line of the file for each of its lines."""
+    program: list[str] = []
+    lines: list[int] = []
+    breaks = ""  # the line breaks of statements, so that lines agree
+    for piece in pieces:
+        code = piece.text.rstrip().rstrip(";") if piece.kind == "value" else piece.text
+        if piece.kind == "text":
+            literal = breaks + code
+            breaks = ""
+            program.append(
+                f"_put({json.dumps(literal) if language == 'javascript' else _lua(literal)})" if literal else ""
+            )
+            lines.append(piece.line)
+            continue
+        breaks += "\n" * piece.text.count("\n")
+        if language == "javascript":
+            code = _IMPORT.sub(_imported, code)
+        rows = [piece.line + i for i in range(code.count("\n") + 1)]
+        program += ["_put(", code, ")"] if piece.kind == "value" else [code]
+        lines += [rows[0], *rows, rows[-1]] if piece.kind == "value" else rows
+    return "\n".join(program), lines
+
+
+def _imported(match: re.Match[str]) -> str:
+    """An import statement as a declaration: programs of functions know no imports."""
+    names = match[1].removeprefix("*").strip()
+    names = re.sub(r"\s+as\s+", ": ", names) if names.startswith("{") else names.split()[-1]
+    return f"const {names} = $modules.{match[3]}"
+
+
+def _run_javascript(program: str, lines: list[int], variables: dict[str, Any], file: str) -> Any:
+    try:
+        import quickjs
+    except ImportError:
+        _miss_engine("JavaScript engine quickjs-ng", file, lines[0])
+    context = quickjs.Context()
+    context.set_memory_limit(_MEMORY)
+    context.set_max_stack_size(_STACK)
+    context.set_time_limit(SECONDS)
+    try:
+        context.eval(JAVASCRIPT)
+        for name, value in variables.items():
+            context.set("$json", json.dumps(_without_none(value)))
+            context.eval(f"var {name} = JSON.parse($json)")
+        opening = '(function () { "use strict"; const $pieces = []; const _put = (v) => { $pieces.push(String(v)); };'
+        closing = 'return $pieces.join(""); })()'  # a sum of strings is a rope, which quickjs cannot give to Python
+        return context.eval(f"{opening}\n{program}\n{closing}")
+    except quickjs.JSException as error:
+        message = str(error).strip().split("\n")[0]
+        place = re.search(r"<input>:(\d+)", str(error))
+        line = lines[min(max(int(place[1]) - 2, 0), len(lines) - 1)] if place else lines[0]
+        message = message.replace("InternalError: interrupted", f"one that runs longer than {SECONDS} s")
+        _fail(file, line, message)
+
+
+def _run_lua(program: str, lines: list[int], variables: dict[str, Any], file: str) -> Any:
+    try:
+        from lupa import lua52
+    except ImportError:
+        _miss_engine("Lua engine lupa", file, lines[0])
+    try:
+        runtime = lua52.LuaRuntime(register_eval=False, register_builtins=False, max_memory=_MEMORY)
+        given = "".join(f"{name} = {_lua(value)}\n" for name, value in variables.items())
+        opening = "local _pieces = {} local function _put(v) _pieces[#_pieces + 1] = tostring(v) end"
+        return runtime.eval(LUA)(f"{opening}\n{program}\nreturn table.concat(_pieces)", given, _LUA_STEPS, LUA_MODULES)
+    except lua52.LuaError as error:
+        message = str(error).split("stack traceback:")[0].strip() or "an error without a message"
+        place = re.match(r"template:(\d+): ", message)
+        line = lines[min(max(int(place[1]) - 2, 0), len(lines) - 1)] if place else lines[0]
+        message = message.removeprefix(place[0] if place else "")
+        _fail(file, line, message.replace("the time limit", f"one that runs longer than {SECONDS} s"))
+
+
+def _miss_engine(engine: str, file: str, line: int) -> NoReturn:
+    raise FileFormatError(
+        f"{file}:{line}: expected the {engine} for the PROTO's template, got none: pip install 'warpvis[webots]'"
+    ) from None
+
+
+def _fail(file: str, line: int, message: str) -> NoReturn:
+    raise FileFormatError(f"{file}:{line}: expected a template that runs, got {message}") from None
+
+
+def _without_none(value: Any) -> Any:
+    """A value without the keys whose value is None: reading them gives undefined."""
+    if isinstance(value, dict):
+        return {key: _without_none(item) for key, item in value.items() if item is not None}
+    return [_without_none(item) for item in value] if isinstance(value, list) else value
+
+
+def _lua(value: Any) -> str:
+    """A value as a Lua expression."""
+    if value is None or isinstance(value, bool):
+        return {None: "nil", True: "true", False: "false"}[value]
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"[{_lua(key)}] = {_lua(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list):
+        return "{" + ", ".join(map(_lua, value)) + "}"
+    if isinstance(value, str):
+        return '"' + re.sub(r'[\\"\x00-\x1f]', lambda match: f"\\{ord(match[0]):03d}", value) + '"'
+    return repr(value)
