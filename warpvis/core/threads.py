@@ -110,7 +110,8 @@ def load_module(kernel: Any) -> None:
 
 def run_each(work: Callable[[Any], None], parts: Sequence[Any], threads: int) -> None:
     """Call `work` for each part, on at most so many threads at a time: this one and the pool's."""
-    waiting, failures = iter(parts), []
+    waiting = iter(parts)
+    failures: list[BaseException] = []
 
     def take_parts() -> None:
         for part in waiting:
