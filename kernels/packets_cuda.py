@@ -54,8 +54,8 @@ Packets::cast(tree, still, movables, shape, out, cull_backfaces, view, packet_x,
 """
 
 
-def make_packet_kernel(side: int, with_id: bool, movable: bool) -> wp.Kernel:
-    """A kernel for packets of `side` x `side` pixels.
+def make_packet_function(side: int, with_id: bool, movable: bool) -> wp.Function:
+    """Make the native function of a kernel: what each thread of a warp calls.
 
     Args:
         side: 8, 16 or 32.
@@ -77,6 +77,19 @@ def make_packet_kernel(side: int, with_id: bool, movable: bool) -> wp.Kernel:
         cull_backfaces: bool,
         images: Images,
     ): ...
+
+    return cast_packet
+
+
+def make_packet_kernel(side: int, with_id: bool, movable: bool) -> wp.Kernel:
+    """Make a kernel for packets of `side` x `side` pixels.
+
+    Args:
+        side: 8, 16 or 32.
+        with_id: Whether normals, labels or objects may be asked for.
+        movable: Whether the scene may have movable objects.
+    """
+    cast_packet = make_packet_function(side, with_id, movable)
 
     # More registers than these leave too few warps on a multiprocessor, fewer spill too much.
     @wp.kernel(module="unique", enable_backward=False, grid_stride=False, cuda_max_registers=96 if movable else 80)

@@ -109,11 +109,18 @@ def build_triangles(objects: Sequence[SceneObject], device: wp.Device) -> Triang
     return Triangles(struct, meshes, refits)
 
 
-def build_clusters(objects: Sequence[SceneObject], device: wp.Device) -> Clusters:
-    """The cluster trees, all in the same arrays."""
+def build_clusters(objects: Sequence[SceneObject], device: wp.Device, *, lanes: int | None = None) -> Clusters:
+    """Build the cluster trees, all in the same arrays.
+
+    Args:
+        objects: What is in the scene.
+        device: Where the arrays are to be.
+        lanes: Triangles of a leaf; as many as the device's caster takes by default.
+    """
     from warpvis.kernels.packets import ClusterScene
     from warpvis.scene.closed import provably_closed
 
+    lanes = lanes or (_CPU_LANES if device.is_cpu else _CUDA_LANES)
     static, movable = _part(objects)
     shared = _share_meshes(objects, movable)
     trees, owners = [], []
@@ -121,7 +128,7 @@ def build_clusters(objects: Sequence[SceneObject], device: wp.Device) -> Cluster
     if static:
         closed[static] = [provably_closed(objects[i].vertices, objects[i].faces) for i in static]
         vertices = [objects[i].vertices for i in static]
-        trees.append(_build_tree(*_flatten(vertices, objects, static), closed, device))
+        trees.append(_build_tree(*_flatten(vertices, objects, static), closed, lanes))
         owners.append(_marked(trees[0], closed))
     boxes = [objects[i].bounds for i in static if closed[i]]
     struct = ClusterScene()
@@ -134,7 +141,7 @@ def build_clusters(objects: Sequence[SceneObject], device: wp.Device) -> Cluster
     for mesh in shared:
         owner, part_closed = _owners(mesh, objects)
         tree_of[mesh.movables], mesh_closed[mesh.movables] = len(trees), part_closed[owner].all()
-        trees.append(_build_tree(mesh.vertices, mesh.faces, owner, part_closed, device))
+        trees.append(_build_tree(mesh.vertices, mesh.faces, owner, part_closed, lanes))
         owners.append(_marked(trees[-1], part_closed))
     _concatenate(struct, trees, owners, device)
 
@@ -295,14 +302,13 @@ def _build_tree(
     faces: NDArray[np.int32],
     owner: NDArray[np.int32],
     closed: NDArray[np.bool_],
-    device: wp.Device,
+    lanes: int,
 ) -> ClusterTree:
     from warpvis.kernels.packets_cuda import LEVELS
     from warpvis.scene._bvh import build_cluster_tree
 
-    if device.is_cpu:
-        return build_cluster_tree(vertices, faces, owner, closed, lanes=_CPU_LANES)
-    return build_cluster_tree(vertices, faces, owner, closed, lanes=_CUDA_LANES, most_levels=LEVELS)
+    most_levels = LEVELS if lanes == _CUDA_LANES else None
+    return build_cluster_tree(vertices, faces, owner, closed, lanes=lanes, most_levels=most_levels)
 
 
 def _concatenate(

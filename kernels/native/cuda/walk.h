@@ -110,8 +110,8 @@ struct Walk {
         const float to_x = eye.first_u + (float)packet.first_x, to_y = eye.first_v + (float)packet.first_y;
         const float left = fmaxf(p.crossing ? 0.0f : ceilf(p.left - to_x - slack), 0.0f);
         const float top = fmaxf(p.crossing ? 0.0f : ceilf(p.top - to_y - slack), 0.0f);
-        const float right = fminf(p.crossing ? PACKET_WIDTH : floorf(p.right - to_x + slack), PACKET_WIDTH - 1.0f);
-        const float bottom = fminf(p.crossing ? PACKET_HEIGHT : floorf(p.bottom - to_y + slack), PACKET_HEIGHT - 1.0f);
+        const float right = fminf(p.crossing ? (float)PACKET_WIDTH : floorf(p.right - to_x + slack), PACKET_WIDTH - 1.0f);
+        const float bottom = fminf(p.crossing ? (float)PACKET_HEIGHT : floorf(p.bottom - to_y + slack), PACKET_HEIGHT - 1.0f);
         shown = shown && p.zmin <= eye.far && left <= right && top <= bottom;
         if (shown && p.crossing) shown = enters(eye, to_camera, packet, low, high);
         const float near_w = p.crossing ? 3e38f : 1.00001f * __fdividef(1.0f, p.zmin);

@@ -1,0 +1,260 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The packet caster of CUDA, run by a C++ compiler on the CPU: ``native/cuda_emulator.h`` is its warp.
+
+The text that Warp would give to NVRTC is compiled as it is, with sanitizers, one function a variant. The structs around
+it are made from the kernel's own, so that a field that one side lacks is an error of the compiler.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import struct
+import subprocess
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpvis import Camera, Scene
+from warpvis.kernels import native_source, packets_cuda
+from warpvis.rendering import Renderer
+from warpvis.rendering.casters import RaysCaster, images_struct
+from warpvis.scene.geometry import build_clusters
+
+NATIVE = Path(__file__).parent / "native"
+HEADERS = Path(native_source.__file__).parent / "native"
+
+_FLAGS = ["-std=c++17", "-g1", "-Wall", "-Wextra", "-fno-omit-frame-pointer", "-fno-optimize-sibling-calls"]
+# Without optimisation: a compiler that does not know of warps may copy a call, which then would be two.
+_CHECKED = ["-O0", "-ffp-contract=off", "-ftrivial-auto-var-init=pattern", "--coverage"]
+_CHECKED += ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-Wno-unused-function"]
+_UNCHECKED = ["-O2", "-DEMULATOR_ASAN"]
+_SHARED = "__shared__ Workplace place;"
+_ABSENT, _GIVEN, _IMAGE = range(3)
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One of the kernels, for a compute capability."""
+
+    side: int
+    with_id: bool
+    movable: bool
+    arch: int = 900
+
+    @property
+    def name(self) -> str:
+        return f"packet_{self.side}_{int(self.with_id)}_{int(self.movable)}_{self.arch}"
+
+
+REQUIRED = os.environ.get("WARPVIS_REQUIRE_CXX") == "1"
+"""Whether a compiler must be there, and find nothing to warn of."""
+
+
+def find_compiler() -> str | None:
+    """A C++ compiler of this machine."""
+    names = (os.environ.get("CXX", ""), "g++", "clang++")
+    return next((path for name in names if name and (path := shutil.which(name))), None)
+
+
+class Emulator:
+    """An executable that holds some variants."""
+
+    def __init__(self, folder: Path, variants: tuple[Variant, ...], compiler: str) -> None:
+        """Compile it in a folder."""
+        self.variants = variants
+        self._compiler, self._folder = compiler, folder
+        self.program = folder / "cuda_emulator"
+        functions = [_native_function(variant) for variant in variants]
+        arguments = functions[0].input_types
+        assert all(function.input_types.keys() == arguments.keys() for function in functions)
+        self.arguments = {name: kind for name, kind in arguments.items() if name not in _PLACE}
+        (folder / "cuda_launch.h").write_text(_launch_header(self.arguments, variants))
+        sources = [NATIVE / "cuda_main.cpp", NATIVE / "cuda_warp.cpp"]
+        for variant, function in zip(variants, functions, strict=True):
+            sources.append(folder / f"{variant.name}.cpp")
+            sources[-1].write_text(_variant_source(variant, function))
+
+        def compile_one(source: Path) -> str:
+            target = folder / f"{source.stem}.o"
+            options = _UNCHECKED if source.name == "cuda_warp.cpp" else _CHECKED
+            options = [*options, "-Werror"] if REQUIRED else options
+            paths = [f"-I{NATIVE}", f"-I{folder}", "-c", str(source), "-o", str(target)]
+            _run([compiler, *_FLAGS, *options, *paths], folder)
+            return str(target)
+
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            objects = list(pool.map(compile_one, sources))
+        _run([compiler, *_CHECKED, *objects, "-o", str(self.program)], folder)
+
+    def launch(self, variant: Variant, size: tuple[int, int, int], arguments: dict[str, Any]) -> None:
+        """Run a launch of so many views, rows and columns of packets, and write the images among its arguments."""
+        images: list[np.ndarray] = []
+        parts = [struct.pack("4i", self.variants.index(variant), *size)]
+        for name, kind in self.arguments.items():
+            _write(parts, images, kind, arguments[name], is_image=name == "images")
+        result = subprocess.run([self.program], input=b"".join(parts), capture_output=True)
+        if result.returncode:
+            raise AssertionError(result.stderr.decode()[-4000:])
+        at = 0
+        for image in images:
+            image[...] = np.frombuffer(result.stdout, image.dtype, image.size, at).reshape(image.shape)
+            at += image.nbytes
+        assert at == len(result.stdout)
+
+    def lines_that_never_ran(self) -> list[str]:
+        """Lines of the CUDA headers that no launch came to, in no variant: each as its file, number and text."""
+        ran: dict[tuple[str, int, str], bool] = {}
+        for variant in self.variants:
+            file = ""
+            for line in _run([*_gcov(self._compiler), "-t", f"{variant.name}.gcda"], self._folder).splitlines():
+                count, number, text = (part.strip() for part in (line + "::").split(":", 2))
+                text = text.removesuffix("::")
+                if number == "0" and text.startswith("Source:"):
+                    file = text.removeprefix("Source:")
+                elif count != "-" and Path(file).is_relative_to(HEADERS):
+                    key = (Path(file).name, int(number), text)
+                    ran[key] = ran.get(key, False) or count not in ("#####", "=====")
+        assert len(ran) > 400
+        return [f"{name}:{number}: {text}" for (name, number, text), once in sorted(ran.items()) if not once]
+
+
+class EmulatedCaster(RaysCaster):
+    """What `Renderer` calls instead of the caster of its device; images of the scene's trees of 32 lanes."""
+
+    def __init__(self, emulator: Emulator, variant: Variant, scene: Scene, camera: Camera, cull: bool) -> None:
+        super().__init__(scene, camera, cull_backfaces=cull, threads=1)
+        self._emulator = emulator
+        self._variant = variant
+
+    def cast(self, poses: wp.array, worlds: Any, images: list[wp.array | None]) -> None:
+        scene, camera, side = self._scene, self._camera, self._variant.side
+        clusters = build_clusters(scene.objects, scene.device, lanes=32)
+        arguments = {
+            "scene": clusters.struct,
+            "camera": camera.device_struct(),
+            "poses": poses,
+            "worlds": worlds,
+            "cull_backfaces": self._cull_backfaces,
+            "images": images_struct(images),
+        }
+        size = (len(poses), -(-camera.height // side), -(-camera.width // side))
+        self._emulator.launch(self._variant, size, arguments)
+
+
+def emulated_renderer(emulator: Emulator, variant: Variant, scene: Scene, camera: Camera, **options: Any) -> Renderer:
+    """A `Renderer` whose images the emulator makes."""
+    renderer = Renderer(scene, camera, **options)
+    cull = options.get("cull_backfaces", False)
+    renderer._caster = EmulatedCaster(emulator, variant, scene, camera, cull)  # type: ignore[assignment]
+    return renderer
+
+
+_PLACE = ("view", "packet_y", "packet_x")
+_SCALARS = {int: "int", wp.int32: "int", float: "float", wp.float32: "float", wp.float64: "double", bool: "bool"}
+_SCALARS |= {wp.bool: "bool", wp.uint8: "unsigned char"}
+_FORMATS = {"int": "i", "float": "f", "double": "d", "bool": "?"}
+_ELEMENTS = {wp.vec3: "Vec3", wp.vec4: "Vec4", wp.transform: "Transform", **_SCALARS}
+
+
+def _native_function(variant: Variant) -> Any:
+    """The function that the kernel calls; its text says of every line in which file it is."""
+    plain = packets_cuda.read_native
+
+    def read_marked(*names: str) -> str:
+        return "\n".join(f'#line 1 "{HEADERS / name}"\n{plain(name)}' for name in names)
+
+    packets_cuda.read_native = read_marked
+    try:
+        return packets_cuda.make_packet_function(variant.side, variant.with_id, variant.movable)
+    finally:
+        packets_cuda.read_native = plain
+
+
+def _is_array(kind: Any) -> bool:
+    return hasattr(kind, "dtype") and hasattr(kind, "ndim")
+
+
+def _is_struct(kind: Any) -> bool:
+    return not _is_array(kind) and hasattr(kind, "vars")
+
+
+def _cpp_type(kind: Any) -> str:
+    if _is_array(kind):
+        return f"Array<{_ELEMENTS[kind.dtype]}>"
+    return kind.key.split(".")[-1] if _is_struct(kind) else _SCALARS[kind]
+
+
+def _fields(kind: Any) -> dict[str, Any]:
+    return {name: var.type for name, var in kind.vars.items()}
+
+
+def _struct(name: str, fields: dict[str, Any]) -> str:
+    """A struct's definition, and the function that reads it."""
+    members = "".join(f"    {_cpp_type(kind)} {field};\n" for field, kind in fields.items())
+    reads = "".join(f"    read(reader, value.{field});\n" for field in fields)
+    return f"struct {name} {{\n{members}}};\ninline void read(Reader& reader, {name}& value) {{\n{reads}}}\n"
+
+
+def _launch_header(arguments: dict[str, Any], variants: tuple[Variant, ...]) -> str:
+    structs = {_cpp_type(kind): _fields(kind) for kind in arguments.values() if _is_struct(kind)}
+    text = ['#pragma once\n#include "cuda_emulator.h"\n#include "cuda_reader.h"\n']
+    text += [_struct(name, fields) for name, fields in structs.items()]
+    text.append(_struct("Arguments", arguments))
+    names = [variant.name for variant in variants]
+    text += [f"void {name}(void* arguments, int view, int packet_y, int packet_x);\n" for name in names]
+    text.append(f"enum {{ VARIANTS = {len(names)} }};\n")
+    text.append(f"static void (*const packet_functions[])(void*, int, int, int) = {{{', '.join(names)}}};\n")
+    return "".join(text)
+
+
+def _variant_source(variant: Variant, function: Any) -> str:
+    parameters = ", ".join(f"{_cpp_type(kind)} {name}" for name, kind in function.input_types.items())
+    given = ", ".join(name if name in _PLACE else f"all.{name}" for name in function.input_types)
+    assert function.native_snippet.count(_SHARED) == 1
+    memory = "Workplace& place = *(Workplace*)emulator::shared_memory(sizeof(Workplace));"
+    body = function.native_snippet.replace(_SHARED, memory)
+    return (
+        f'#define __CUDA_ARCH__ {variant.arch}\n#include "cuda_launch.h"\n'
+        f"static void cast_packet({parameters}) {{\n{body}}}\n"
+        f"void {variant.name}(void* arguments, int view, int packet_y, int packet_x) {{\n"
+        f"    const Arguments& all = *(const Arguments*)arguments;\n    cast_packet({given});\n}}\n"
+    )
+
+
+def _write(parts: list[bytes], images: list[np.ndarray], kind: Any, value: Any, is_image: bool) -> None:
+    """Append a value as `read` of its type takes it."""
+    if _is_struct(kind):
+        for field, field_kind in _fields(kind).items():
+            _write(parts, images, field_kind, getattr(value, field), is_image)
+    elif _is_array(kind):
+        shape = (0,) * 4 if value is None else (*value.shape, *(0,) * (4 - len(value.shape)))
+        there = value is not None and bool(value.ptr)
+        data = value.numpy() if there else np.zeros(0)
+        parts.append(struct.pack("=5iq", (_IMAGE if is_image else _GIVEN) if there else _ABSENT, *shape, data.nbytes))
+        if there and is_image:
+            images.append(data)
+        elif there:
+            parts.append(np.ascontiguousarray(data).tobytes())
+    else:
+        parts.append(struct.pack(_FORMATS[_SCALARS[kind]], value))
+
+
+def _gcov(compiler: str) -> list[str]:
+    """The tool that reads what code of a compiler has counted."""
+    if "clang" not in Path(compiler).name:
+        return ["gcov"]
+    folder = Path(compiler).resolve().parent
+    return [next((str(path) for path in sorted(folder.glob("llvm-cov*"))), "llvm-cov"), "gcov"]
+
+
+def _run(command: list[str], folder: Path) -> str:
+    result = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    if result.returncode:
+        raise AssertionError(f"{' '.join(command)}\n{result.stderr[-4000:]}")
+    return result.stdout

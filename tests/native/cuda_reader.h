@@ -1,0 +1,50 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// A kernel's arguments, as tests/cuda_emulator.py writes them.
+
+#pragma once
+
+#include <stddef.h>
+
+enum { DIMENSIONS = 4 };
+
+// What kernels use of Warp's arrays.
+template <class T>
+struct Array {
+    T* data;
+    int shape[DIMENSIONS];
+};
+
+struct Vec3 {
+    float value[3];
+};
+struct Vec4 {
+    float value[4];
+};
+struct Transform {
+    float value[7];
+};
+
+struct Reader {
+    enum { ABSENT, GIVEN, IMAGE };  // kinds of arrays
+    enum { MOST_IMAGES = 8 };
+    struct Image {
+        char* data;
+        size_t bytes;
+    };
+    Image images[MOST_IMAGES];
+    int image_count;
+
+    void bytes(void* to, size_t count);
+    void* array(int* shape);
+};
+
+template <class T>
+static inline void read(Reader& reader, T& value) {
+    reader.bytes(&value, sizeof(value));
+}
+template <class T>
+static inline void read(Reader& reader, Array<T>& array) {
+    array.data = (T*)reader.array(array.shape);
+}

@@ -1,0 +1,291 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The packet caster of CUDA on a machine without a GPU: what an emulated warp draws, by lanes in several orders.
+
+Every launch here is run once for each order of lanes, ends the process where lanes diverge, memory is misused or
+behaviour is undefined, and must write the same bytes in all orders.
+"""
+
+import numpy as np
+import pytest
+import test_attached
+import test_solids
+import trimesh
+import warp as wp
+from cuda_emulator import REQUIRED, Emulator, Variant, emulated_renderer, find_compiler
+from test_worlds import ALL, MESHES, STILL, assert_bits_equal, build, eyes, far_away, random_poses, view_of
+
+import warpvis as wv
+from warpvis.scene import solids
+from warpvis.scene.worlds import parse_worlds
+
+from compare import assert_matches_reference
+
+SIDES = (8, 16, 32)
+VARIANTS = tuple(Variant(side, with_id, movable) for side in SIDES for with_id in (0, 1) for movable in (0, 1))
+OLD = Variant(16, True, True, arch=700)  # before the warp's reductions
+CAMERA = wv.Camera.from_fov(45, 37, hfov=0.994837, near=0.05, far=100.0)
+
+
+@pytest.fixture(scope="module")
+def emulator(tmp_path_factory):
+    """All variants, compiled with sanitizers, and counting which lines run."""
+    compiler = find_compiler()
+    if compiler is None:
+        if REQUIRED:
+            pytest.fail("WARPVIS_REQUIRE_CXX=1, but there is no clang++ or g++ here", pytrace=False)
+        pytest.skip("no clang++ or g++ here")
+    return Emulator(tmp_path_factory.mktemp("cuda_emulator"), (*VARIANTS, OLD), compiler)
+
+
+def render(emulator, scene, poses, *, side=16, camera=CAMERA, outputs=ALL, cull_backfaces=False, **options):
+    """Images of the variant that a GPU would take."""
+    with_id = bool(set(outputs) - {"depth", "points"})
+    variant = Variant(side, with_id, bool(scene.movable))
+    renderer = emulated_renderer(emulator, variant, scene, camera, outputs=outputs, cull_backfaces=cull_backfaces)
+    return renderer.render(poses, **options)
+
+
+def moved(count=5, seed=1):
+    return random_poses(np.random.default_rng(seed), count)
+
+
+@pytest.mark.parametrize("cull_backfaces", [False, True])
+@pytest.mark.parametrize("side", SIDES)
+def test_what_stays(emulator, side, cull_backfaces):
+    """From outside all closed objects, and from inside one."""
+    scene = build("cpu", moved(), movable=False)
+    inside = wv.look_at((0.2, 0.1, 0.5), (1, 0.3, 0.6))[None]
+    poses = np.concatenate([eyes(2), inside]).astype(np.float32)
+    views = render(emulator, scene, poses, side=side, cull_backfaces=cull_backfaces)
+    assert_matches_reference(views, scene, CAMERA, poses, cull_backfaces=cull_backfaces)
+
+
+@pytest.mark.parametrize("cull_backfaces", [False, True])
+@pytest.mark.parametrize("side", SIDES)
+def test_what_moves(emulator, side, cull_backfaces):
+    """In several worlds, one of which two views share."""
+    rows, world = random_poses(np.random.default_rng(2), 2, 5), np.array([1, 0, 1])
+    scene = build("cpu", np.tile(STILL, (5, 1)), movable=True)
+    poses = eyes(3)
+    options = {"object_poses": rows, "world": world}
+    views = render(emulator, scene, poses, side=side, cull_backfaces=cull_backfaces, **options)
+    for index, row in enumerate(rows[world]):
+        twin, one = build("cpu", row, movable=False), slice(index, index + 1)
+        assert_matches_reference(view_of(views, index), twin, CAMERA, poses[one], cull_backfaces=cull_backfaces)
+
+
+def test_all_variants_draw_the_same(emulator):
+    """Whatever the packets' size, and what else is asked for."""
+    for movable in (False, True):
+        scene = build("cpu", moved(), movable=movable)
+        expected = render(emulator, scene, eyes(1))
+        for variant in (*VARIANTS, OLD):
+            if variant.movable != movable:
+                continue
+            outputs = ALL if variant.with_id else ("depth", "points")
+            images = emulated_renderer(emulator, variant, scene, CAMERA, outputs=outputs).render(eyes(1))
+            assert_bits_equal(images, expected)
+
+
+@pytest.mark.parametrize("output", ALL)
+def test_an_image_alone_is_the_same(emulator, output):
+    scene = build("cpu", moved(), movable=True)
+    assert_bits_equal(render(emulator, scene, eyes(1), outputs=(output,)), render(emulator, scene, eyes(1)))
+
+
+@pytest.mark.parametrize("size", [(1, 1), (7, 3), (33, 31), (70, 1)])
+def test_images_that_are_no_multiple_of_packets(emulator, size):
+    scene = build("cpu", moved(), movable=True)
+    camera = wv.Camera.from_fov(*size, hfov=0.9, near=0.05, far=100.0)
+    for side in SIDES:
+        views = render(emulator, scene, eyes(2), side=side, camera=camera)
+        assert_matches_reference(views, scene, camera, eyes(2))
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("name", test_solids.SHAPES)
+def test_solids_of_every_kind(emulator, name, side):
+    """From the side, from above, from inside, and so near that the other way of computing a root is taken."""
+    scene = test_solids.build("cpu", [(0, 0, 2, 0, 0, 0, 1)], names=[name])
+    reach = scene.objects[1].solid.extent
+    places = [(1.4, -0.5, 2.3), (0.2, 0.1, 3.6), (0.3, 1.6, 0.8), (reach[0] + 1e-3, 0, 2), (0.01, 0.02, 2.01)]
+    targets = [(0, 0, 2), (0, 0, 2), (0, 0, 2), (0, 1, 2), (1, 0.1, 2.4)]
+    poses = np.array([wv.look_at(*both) for both in zip(places, targets, strict=True)]).astype(np.float32)
+    camera = wv.Camera.from_fov(45, 37, hfov=1.2, near=1e-6, far=100.0)
+    views = render(emulator, scene, poses[:4], side=side, camera=camera)
+    assert (views.segmentation.numpy() == 1).any(axis=(1, 2)).all()
+    assert_matches_reference(views, scene, camera, poses[:4])
+    # From inside, it is the triangles that are seen.
+    twin = test_solids.build("cpu", [(0, 0, 2, 0, 0, 0, 1)], names=[name])
+    twin.update_vertices(name, twin[name].mesh_vertices)
+    inside = [render(emulator, one, poses[4:], side=side, camera=camera) for one in (scene, twin)]
+    assert_bits_equal(*inside)
+    assert np.isfinite(inside[0].depth.numpy()).any()
+
+
+def test_solids_among_meshes(emulator):
+    """More of them than are set up at a time, cutting into each other, some around the camera."""
+    rng = np.random.default_rng(0)
+    names = [*test_solids.SHAPES, *test_solids.SHAPES]
+    scene = wv.Scene()
+    for index, (name, pose) in enumerate(zip(names, random_poses(rng, 16), strict=True)):
+        shape, scale = test_solids.SHAPES[name]
+        scene.add(shape, name=f"{name}_{index}", scale=scale, pose=pose, movable=True)
+    for pose in random_poses(rng, 3):
+        scene.add(MESHES[0], pose=pose, movable=True)
+    middle = wv.look_at((0.1, 0, 0.6), (1, 0, 0.5))[None].astype(np.float32)
+    poses = np.concatenate([eyes(1), middle])
+    assert_matches_reference(render(emulator, scene, poses), scene, CAMERA, poses)
+
+
+@pytest.mark.parametrize("gone", [(), ("lamp",), ("table", "ball")])
+def test_what_is_attached_to_something(emulator, gone):
+    table, ball = random_poses(np.random.default_rng(2), 2)
+    scene, twin = (test_attached.build("cpu", table, ball, attached=flag) for flag in (True, False))
+    views = render(emulator, scene, eyes(2), exclude=list(gone))
+    shown = wv.Scene()
+    for item in twin.objects:
+        vertices = item.vertices - ([0, 0, 1e4] if item.name in gone else [0, 0, 0])
+        shown.add((vertices, item.faces), name=item.name, label=item.label)
+    assert_matches_reference(views, shown, CAMERA, eyes(2))
+
+
+def test_what_is_excluded(emulator):
+    """Of what stays and what moves, in each view something else."""
+    rows = moved()
+    for movable in (False, True):
+        scene = build("cpu", rows, movable=movable)
+        flags = np.zeros((3, len(scene)), dtype=np.uint8)
+        gone = [(0, 3), (1,), ()]
+        for view, numbers in enumerate(gone):
+            flags[view, [scene.index(f"moved_{number}") for number in numbers]] = 1
+        views = render(emulator, scene, eyes(3), exclude=flags)
+        for view, numbers in enumerate(gone):
+            twin = build("cpu", far_away(rows, *numbers), movable=False)
+            assert_matches_reference(view_of(views, view), twin, CAMERA, eyes(3)[view : view + 1])
+
+
+def test_inside_a_closed_body_that_is_excluded(emulator):
+    rows = np.array([(2.0, 0, 1.0, 0, 0, 0, 1), (0, 0, 0.5, 0, 0, 0, 1)])
+    meshes = [trimesh.creation.box((1, 1, 1)), MESHES[1]]
+    pose = wv.look_at((2.1, 0, 1.1), (0, 0, 0.5))[None].astype(np.float32)
+    for movable in (False, True):
+        scene = build("cpu", rows, movable=movable, meshes=meshes)
+        inside = render(emulator, scene, pose)
+        assert (inside.segmentation.numpy() == scene.index("moved_0")).all()
+        twin = build("cpu", far_away(rows, 0), movable=False, meshes=meshes)
+        assert_matches_reference(render(emulator, scene, pose, exclude=["moved_0"]), twin, CAMERA, pose)
+
+
+def test_a_world_that_is_not_there_shows_nothing(emulator):
+    rows = random_poses(np.random.default_rng(7), 2, 5)
+    scene = build("cpu", rows[0], movable=True)
+    renderer = emulated_renderer(emulator, Variant(16, True, True), scene, CAMERA, outputs=ALL)
+    worlds = parse_worlds(scene, 3, rows, np.zeros(3, dtype=np.int32), None)
+    worlds.world = wp.array([1, 2, -1], dtype=wp.int32, device="cpu")
+    views = renderer.render(eyes(3), object_poses=rows, world=[1, 0, 0])
+    seen = render(emulator, scene, eyes(1), object_poses=rows[1:])
+    renderer._caster.cast(renderer._caster.parse_poses(eyes(3), "opencv"), worlds, renderer._asked_for(views))
+    assert_bits_equal(view_of(views, 0), seen)
+    assert np.isposinf(views.depth.numpy()[1:]).all()
+    assert np.isnan(views.points.numpy()[1:]).all() and np.isnan(views.normals.numpy()[1:]).all()
+    assert (views.segmentation.numpy()[1:] == -1).all() and (views.labels.numpy()[1:] == 0).all()
+
+
+def test_poses_that_are_no_poses_see_nothing(emulator):
+    poses = eyes(4)
+    poses[1], poses[2, 3:], poses[3, 0] = np.nan, 0.0, np.inf
+    for movable in (False, True):
+        scene = build("cpu", moved(), movable=movable)
+        renderer = emulated_renderer(emulator, Variant(16, True, movable), scene, CAMERA, outputs=ALL)
+        views = renderer.render(eyes(4))
+        array = wp.array(poses, dtype=wp.transform, device="cpu")
+        renderer._caster.cast(array, parse_worlds(scene, 4, None, None, None), renderer._asked_for(views))
+        assert np.isfinite(views.depth.numpy()[0]).any()
+        assert np.isinf(views.depth.numpy()[1:]).all()
+        assert (views.segmentation.numpy()[1:] == -1).all()
+
+
+@pytest.mark.parametrize("solid", [False, True])
+def test_more_objects_than_a_list_holds(emulator, solid):
+    """Nothing stays; the objects fill two lists and part of a third."""
+    rows = random_poses(np.random.default_rng(15), 520, spread=1.5)
+    shapes = [solids.sphere(0.06, tolerance=0.01), trimesh.creation.box((0.1, 0.06, 0.08))]
+    scene, twin = wv.Scene(), wv.Scene()
+    for index, row in enumerate(rows):
+        shape = shapes[0] if solid and index % 7 else shapes[1]
+        scene.add(shape, name=f"object_{index}", pose=row, movable=True)
+        twin.add(shape, name=f"object_{index}", pose=row, movable=shape is not shapes[1])
+    views = render(emulator, scene, eyes(1), side=32)
+    assert_matches_reference(views, twin, CAMERA, eyes(1))
+
+
+def test_many_small_triangles_in_a_deep_tree(emulator):
+    """Two thousand and more, most of them smaller than a pixel, and one that fills the image behind them."""
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.4)
+    for movable in (False, True):
+        scene = wv.Scene()
+        scene.add(trimesh.creation.box((6, 6, 0.02)), name="floor", label="ground")
+        scene.add(ball, name="ball", pose=(0, 0, 0.6, 0, 0, 0, 1), movable=movable)
+        poses = np.concatenate([eyes(1), eyes(1, radius=7.0)])
+        outputs = ("depth", "points", "segmentation")  # of neighbours that share an edge, either normal is right
+        assert_matches_reference(render(emulator, scene, poses, side=32, outputs=outputs), scene, CAMERA, poses)
+
+
+def test_slivers_and_grazing_planes(emulator):
+    """Triangles for which single precision is not enough: small and large ones."""
+    rng = np.random.default_rng(5)
+    ends = rng.uniform(-1, 1, (60, 2, 3))
+    corners = np.concatenate([ends, ends[:, 1:] + rng.normal(size=(60, 1, 3)) * 2e-3], axis=1)
+    camera = wv.Camera.from_fov(45, 37, hfov=0.9, near=1e-3, far=1000.0)
+    pose = np.array([wv.look_at((3, 0.2, 0.01 + 1e-4), (0, 0, 0.01)), wv.look_at((3, 0, 0.4), (0, 0, 0))])
+    for movable in (False, True):
+        scene = wv.Scene()
+        scene.add(trimesh.creation.box((600, 600, 0.02)), name="floor")
+        faces = np.arange(180).reshape(-1, 3)
+        scene.add((corners.reshape(-1, 3), faces), name="slivers", pose=(0, 0, 0.5, 0, 0, 0, 1), movable=movable)
+        views = render(emulator, scene, pose.astype(np.float32), camera=camera)
+        assert_matches_reference(views, scene, camera, pose.astype(np.float32))
+
+
+@pytest.mark.parametrize("movable", [False, True])
+def test_a_camera_on_a_surface_and_too_near(emulator, movable):
+    """A surface that the camera lies in is not seen; what is nearer than `near` is not either, and hides."""
+    wall = (np.array([(0, -3, -3), (0, 3, -3), (0, 3, 3), (0, -3, 3)]), np.array([(0, 1, 2), (0, 2, 3)]))
+    scene, twin = wv.Scene(), wv.Scene()
+    for one in (scene, twin):
+        one.add(trimesh.creation.box((6, 6, 1)), name="floor", pose=(0, 0, -0.5, 0, 0, 0, 1))
+        one.add(trimesh.creation.box((1, 1, 1)), name="box", pose=(2, 0, 0.5, 0, 0, 0, 1), movable=movable)
+    scene.add(wall, name="wall", movable=movable)
+    camera = wv.Camera.from_fov(45, 37, hfov=1.4, near=0.2, far=3.0)
+    places, targets = [(0, 0.1, 0.4), (1.4, 0, 0.5)], [(1, 0.2, 0.3), (2, 0, 0.5)]
+    poses = np.array([wv.look_at(*both) for both in zip(places, targets, strict=True)]).astype(np.float32)
+    views = render(emulator, scene, poses, camera=camera)
+    assert_matches_reference(views, twin, camera, poses)
+    assert np.isneginf(views.depth.numpy()[1]).any() and np.isfinite(views.depth.numpy()[0]).any()
+
+
+def test_far_from_the_origin(emulator):
+    """What single precision cannot hold of a moved camera's place is kept apart: not a bit changes."""
+    rows, poses = moved(seed=14), eyes(1)
+    rows[:, :3], poses[:, :3] = np.round(rows[:, :3] * 64) / 64, np.round(poses[:, :3] * 64) / 64
+    scene = build("cpu", rows, movable=True, static=False)
+    outputs, offset = ("depth", "normals", "segmentation"), np.array([8192, -8192, 4096, 0, 0, 0, 0])
+    here = render(emulator, scene, poses, outputs=outputs, object_poses=rows)
+    there = render(emulator, scene, poses + offset, outputs=outputs, object_poses=rows + offset)
+    assert_bits_equal(there, here)
+    assert np.isfinite(here.depth.numpy()).any()
+
+
+# The lines that no scene reaches, and why.
+UNREACHED: dict[str, str] = {}
+
+
+def test_every_line_runs(emulator, request):
+    """By all the tests above: what no test runs, nobody knows."""
+    chosen = {item.function for item in request.session.items if item.path == request.path}
+    if not all(value in chosen for name, value in globals().items() if name.startswith("test_") and callable(value)):
+        pytest.skip("only some of this file's tests ran")
+    missed = emulator.lines_that_never_ran()
+    assert [line for line in missed if line not in UNREACHED] == []
