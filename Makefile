@@ -5,13 +5,14 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 
-.PHONY: demo test test-lanes lint bench format clean
+.PHONY: demo test test-lanes mutate lint bench format clean
 
 demo: $(STAMP)
 	$(BIN)/warpvis demo --out demo
 
 test: $(STAMP)
 	-@./scripts/ensure_egl.sh
+	-@./scripts/ensure_clang.sh $(BIN)/python
 	$(BIN)/python -m pytest
 
 # The casters' tests again, compiled for AVX2 alone and for Warp's generic x86-64, which has AVX.
@@ -20,6 +21,11 @@ LANE_TESTS := $(addprefix tests/test_,$(addsuffix .py,casters packets worlds poi
 test-lanes: $(STAMP)
 	WARPVIS_CPU_FLAGS="-target-cpu haswell" $(BIN)/python -m pytest -q $(LANE_TESTS)
 	WARPVIS_CPU_FLAGS="" $(BIN)/python -m pytest -q $(LANE_TESTS)
+
+# Small mistakes in the casters' code, each of which a test has to notice. `make mutate MUTANTS="--count 60 --seed 3"`
+mutate: $(STAMP)
+	-@./scripts/ensure_clang.sh $(BIN)/python
+	$(BIN)/python scripts/mutate.py $(MUTANTS)
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -1,15 +1,18 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Fixtures: the devices of this machine, and EGL for the tests that render with MuJoCo."""
+"""Fixtures: the devices of this machine; and what some tests need of it: EGL, Clang, or any C++ compiler."""
 
 from __future__ import annotations
 
 import os
 import subprocess
 import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import pytest
 import warp as wp
+from native_build import find_clang, find_compiler
 
 wp.config.log_level = wp.LOG_WARNING
 if "WARPVIS_CPU_FLAGS" in os.environ:  # "-target-cpu haswell" for AVX2 alone, "" for Warp's generic target
@@ -35,28 +38,67 @@ def _probe_gl() -> str:
 _NO_GL = _probe_gl()
 if not _NO_GL:
     os.environ["MUJOCO_GL"] = "egl"
-_skipped: list[str] = []
+
+
+@dataclass(frozen=True)
+class Need:
+    """What tests of a marker need of the machine. Where it is missing they skip, or fail if a variable says so."""
+
+    variable: str
+    missing: Callable[[], str]
+    """Why it is not there; empty if it is."""
+    title: str
+    tests: str
+    packages: str
+    skipped: list[str] = field(default_factory=list)
+
+
+NEEDS = {
+    "gl": Need(
+        "WARPVIS_REQUIRE_GL",
+        lambda: _NO_GL,
+        "NO OPENGL",
+        "that compare with mujoco.Renderer",
+        "libegl1 libegl-mesa0 libgl1-mesa-dri",
+    ),
+    "clang": Need(
+        "WARPVIS_REQUIRE_CLANG",
+        lambda: find_clang()[1],
+        "NO CLANG",
+        "of the C++ in kernels/native",
+        "clang-19 libclang-rt-19-dev",
+    ),
+    "cxx": Need(
+        "WARPVIS_REQUIRE_CXX",
+        lambda: "" if find_compiler() else "no g++ or clang++ is here",
+        "NO C++ COMPILER",
+        "of the C++ in kernels/native/cuda, by an emulated warp,",
+        "g++",
+    ),
+}
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Skip tests that need GL where there is none, or fail them where it is required."""
-    if item.get_closest_marker("gl") and _NO_GL:
-        if os.environ.get("WARPVIS_REQUIRE_GL") == "1":
-            pytest.fail(f"WARPVIS_REQUIRE_GL=1, but mujoco.Renderer does not work here: {_NO_GL}", pytrace=False)
-        _skipped.append(item.nodeid)
-        pytest.skip(f"no EGL: {_NO_GL}")
+    """Skip tests whose need is not met, or fail them where it is required."""
+    for marker, need in NEEDS.items():
+        why = item.get_closest_marker(marker) and need.missing()
+        if not why:
+            continue
+        if os.environ.get(need.variable) == "1":
+            pytest.fail(f"{need.variable}=1, but this test cannot run here: {why}", pytrace=False)
+        need.skipped.append(item.nodeid)
+        pytest.skip(f"{need.title.lower()}: {why}")
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Say loudly what was left out."""
-    if _skipped:
-        terminalreporter.section("NO OPENGL", yellow=True, bold=True)
-        terminalreporter.line(
-            f"{len(_skipped)} tests that compare with mujoco.Renderer were SKIPPED: no EGL here ({_NO_GL}).",
-            yellow=True,
-            bold=True,
-        )
-        terminalreporter.line("On Debian and Ubuntu: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri", yellow=True)
+    for need in NEEDS.values():
+        if not need.skipped:
+            continue
+        terminalreporter.section(need.title, yellow=True, bold=True)
+        line = f"{len(need.skipped)} tests {need.tests} were SKIPPED: {need.missing()}."
+        terminalreporter.line(line, yellow=True, bold=True)
+        terminalreporter.line(f"On Debian and Ubuntu: apt-get install {need.packages}", yellow=True)
 
 
 @pytest.fixture(params=["cpu", "cuda:0"])

@@ -9,7 +9,6 @@ it are made from the kernel's own, so that a field that one side lacks is an err
 from __future__ import annotations
 
 import os
-import shutil
 import struct
 import subprocess
 from concurrent.futures import ThreadPoolExecutor
@@ -54,12 +53,6 @@ class Variant:
 
 REQUIRED = os.environ.get("WARPVIS_REQUIRE_CXX") == "1"
 """Whether a compiler must be there, and find nothing to warn of."""
-
-
-def find_compiler() -> str | None:
-    """A C++ compiler of this machine."""
-    names = (os.environ.get("CXX", ""), "g++", "clang++")
-    return next((path for name in names if name and (path := shutil.which(name))), None)
 
 
 class Emulator:

@@ -12,7 +12,8 @@ import test_attached
 import test_solids
 import trimesh
 import warp as wp
-from cuda_emulator import REQUIRED, Emulator, Variant, emulated_renderer, find_compiler
+from cuda_emulator import Emulator, Variant, emulated_renderer
+from native_build import find_compiler
 from test_worlds import ALL, MESHES, STILL, assert_bits_equal, build, eyes, far_away, random_poses, view_of
 
 import warpvis as wv
@@ -20,6 +21,8 @@ from warpvis.scene import solids
 from warpvis.scene.worlds import parse_worlds
 
 from compare import assert_matches_reference
+
+pytestmark = pytest.mark.cxx
 
 SIDES = (8, 16, 32)
 VARIANTS = tuple(Variant(side, with_id, movable) for side in SIDES for with_id in (0, 1) for movable in (0, 1))
@@ -31,10 +34,7 @@ CAMERA = wv.Camera.from_fov(45, 37, hfov=0.994837, near=0.05, far=100.0)
 def emulator(tmp_path_factory):
     """All variants, compiled with sanitizers, and counting which lines run."""
     compiler = find_compiler()
-    if compiler is None:
-        if REQUIRED:
-            pytest.fail("WARPVIS_REQUIRE_CXX=1, but there is no clang++ or g++ here", pytrace=False)
-        pytest.skip("no clang++ or g++ here")
+    assert compiler is not None
     return Emulator(tmp_path_factory.mktemp("cuda_emulator"), (*VARIANTS, OLD), compiler)
 
 

@@ -1,0 +1,281 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Make small mistakes in the code, one at a time, and see whether the tests notice.
+
+    python scripts/mutate.py --count 40 --seed 7
+    python scripts/mutate.py --at kernels/native/cpu/raster.h:239
+
+Each mistake is made in a copy of the tree, never in the tree itself. One that no test notices has survived: either a
+test is missing, or nothing that is asked of the code depends on it. `scripts/equivalent_mutants.toml` lists the latter,
+each with its reason; any other survivor makes this exit with 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import queue
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import tomllib
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from mutants import Mutant, choose, mutants_of
+
+ROOT = Path(__file__).resolve().parent.parent
+EQUIVALENTS = Path(__file__).resolve().parent / "equivalent_mutants.toml"
+FILES = ("kernels/native/cpu/*.h", "kernels/native/shared/*.h", "warpvis/rendering/**/*.py")
+PYTEST = f"{shlex.quote(sys.executable)} -m pytest -q -x -p no:cacheprovider"
+
+_NATIVE = ("native_cpu",)
+_PICTURES = ("casters", "packets", "worlds", "solids", "points", "point_packets", "object_visibility", "cluster_tree")
+_RENDER = ("render", "casters", "packets", "worlds", "panorama", "threads", "bad_input", "object_visibility")
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What became of a mutant: "killed", "survived", "equivalent", or "stillborn" where it does not compile."""
+
+    mutant: Mutant
+    outcome: str
+    why: str = ""
+    seconds: float = 0.0
+
+
+class Copies:
+    """Copies of the tree, each with a cache of its own for what is compiled, and the processes that run in them."""
+
+    def __init__(self, folder: Path, count: int) -> None:
+        """Copy what is tracked, and what is new and not ignored."""
+        names = subprocess.run(
+            ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+            cwd=ROOT,
+            capture_output=True,
+            check=True,
+        ).stdout.decode()
+        self._running: set[subprocess.Popen[str]] = set()
+        self._lock = threading.Lock()
+        self._stopped = False
+        self.idle: queue.SimpleQueue[Path] = queue.SimpleQueue()
+        for number in range(count):
+            copy = folder / f"copy_{number}" / "tree"
+            for name in filter(None, names.split("\0")):
+                if (ROOT / name).is_file():
+                    (copy / name).parent.mkdir(parents=True, exist_ok=True)
+                    shutil.copy2(ROOT / name, copy / name)
+            self.idle.put(copy)
+
+    def run(self, command: str, copy: Path, limit: float) -> tuple[int, str]:
+        """Run a command in a copy: its exit status and its output; 124 if it took too long."""
+        environment = {
+            **os.environ,
+            "WARP_CACHE_PATH": str(copy.parent / "warp"),
+            "WARPVIS_NATIVE_CACHE": str(copy.parent / "native"),
+            "PYTHONDONTWRITEBYTECODE": "1",
+        }
+        with self._lock:
+            if self._stopped:
+                return 130, "interrupted"
+            process = subprocess.Popen(
+                shlex.split(command),
+                cwd=copy,
+                env=environment,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+                errors="replace",
+                start_new_session=True,
+            )
+            self._running.add(process)
+        try:
+            return _finish(process, limit)
+        finally:
+            with self._lock:
+                self._running.discard(process)
+
+    def stop(self) -> None:
+        """End what runs, and start nothing more."""
+        with self._lock:
+            self._stopped = True
+            for process in self._running:
+                _end(process)
+
+
+def _finish(process: subprocess.Popen[str], limit: float) -> tuple[int, str]:
+    try:
+        output, _ = process.communicate(timeout=limit)
+        return process.returncode, output
+    except subprocess.TimeoutExpired:
+        _end(process)
+        process.communicate()
+        return 124, f"took longer than {limit:.0f} s"
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    """End a process and what it started: it leads a session of its own."""
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGKILL)
+
+
+def tests_for(path: str, copy: Path) -> list[str]:
+    """Commands that are to notice a mistake in a file, the quickest first."""
+    groups = [_RENDER] if path.endswith(".py") else [_NATIVE, _PICTURES]
+    found = []
+    for group in groups:
+        files = [f"tests/test_{name}.py" for name in group]
+        found.append(" ".join([PYTEST, *(name for name in files if (copy / name).is_file())]))
+    return found
+
+
+def compiles(mutant: Mutant, text: str, copy: Path, copies: Copies) -> bool:
+    """Whether a mutant's file is still a program; a compiler that says no is no test."""
+    if mutant.path.endswith(".py"):
+        try:
+            compile(text, mutant.path, "exec")
+        except SyntaxError:
+            return False
+        return True
+    status, _ = copies.run(f"{shlex.quote(sys.executable)} tests/native_build.py --syntax", copy, 120.0)
+    return status == 0
+
+
+def judge(mutant: Mutant, copies: Copies, commands: list[str] | None, limits: dict[str, float]) -> Verdict:
+    """Make one mistake in a copy of the tree, run the tests there, and take it back."""
+    copy, begun = copies.idle.get(), time.monotonic()
+    target = copy / mutant.path
+    original = target.read_text(encoding="utf-8")
+    try:
+        text = mutant.apply(original)
+        target.write_text(text, encoding="utf-8")
+        if not compiles(mutant, text, copy, copies):
+            return Verdict(mutant, "stillborn")
+        for command in commands or tests_for(mutant.path, copy):
+            status, output = copies.run(command, copy, limits[command])
+            if status:
+                return Verdict(mutant, "killed", _first_failure(output), time.monotonic() - begun)
+        return Verdict(mutant, "survived", "", time.monotonic() - begun)
+    finally:
+        target.write_text(original, encoding="utf-8")
+        copies.idle.put(copy)
+
+
+def _first_failure(output: str) -> str:
+    lines = output.strip().splitlines()
+    marked = [line for line in lines if line.startswith(("FAILED", "ERROR"))]
+    return (marked or lines or ["no output"])[-1 if not marked else 0][:160]
+
+
+def known_equivalents(path: Path = EQUIVALENTS) -> dict[tuple[str, str, str], str]:
+    """Reasons by file, line and mutated line, both without their indentation."""
+    if not path.is_file():
+        return {}
+    entries = tomllib.loads(path.read_text(encoding="utf-8")).get("mutant", [])
+    return {(entry["file"], entry["line"], entry["becomes"]): entry["reason"] for entry in entries}
+
+
+def collect(patterns: list[str], at: list[str]) -> list[Mutant]:
+    """All mutants of the files, or those at some places."""
+    places = [place.rsplit(":", 1) for place in at]
+    paths = {name for name, _ in places} or {
+        str(path.relative_to(ROOT)) for pattern in patterns for path in sorted(ROOT.glob(pattern))
+    }
+    found = [m for path in sorted(paths) for m in mutants_of(path, (ROOT / path).read_text(encoding="utf-8"))]
+    return [m for m in found if not places or [m.path, str(m.number)] in places]
+
+
+def check_baseline(mutants: list[Mutant], copies: Copies, commands: list[str] | None, limit: float) -> dict[str, float]:
+    """Run the tests without a mistake, which have to pass; what each command may take with one."""
+    copy = copies.idle.get()
+    limits: dict[str, float] = {}
+    for path in dict.fromkeys(mutant.path for mutant in mutants):
+        for command in commands or tests_for(path, copy):
+            if command in limits:
+                continue
+            begun = time.monotonic()
+            status, output = copies.run(command, copy, limit)
+            if status:
+                sys.exit(f"without any mutant, this fails:\n{command}\n{output[-3000:]}")
+            limits[command] = 60.0 + 5.0 * (time.monotonic() - begun)
+    copies.idle.put(copy)
+    return limits
+
+
+def report(verdicts: list[Verdict]) -> int:
+    """Print what survived and how many of each there are; the number of survivors that nothing excuses."""
+    for verdict in verdicts:
+        if verdict.outcome == "survived":
+            mutant = verdict.mutant
+            print(f"\nSURVIVED {mutant.place} ({mutant.kind})\n- {mutant.before}\n+ {mutant.after}")
+    counts = {name: sum(v.outcome == name for v in verdicts) for name in ("killed", "survived", "equivalent")}
+    print(
+        "\n" + ", ".join(f"{count} {name}" for name, count in counts.items()) + f", of {sum(counts.values())} mutants"
+    )
+    return counts["survived"]
+
+
+def main() -> int:
+    """Run from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--files", nargs="+", default=list(FILES), help="patterns of files to make mistakes in")
+    parser.add_argument("--at", nargs="+", default=[], metavar="FILE:LINE", help="all mutants of these lines")
+    parser.add_argument("--count", type=int, default=20, help="how many mutants to choose")
+    parser.add_argument("--seed", type=int, default=0, help="which ones")
+    parser.add_argument("--jobs", type=int, default=1, help="mutants at a time, each in a copy of its own")
+    parser.add_argument("--limit", type=float, default=1200.0, help="seconds that tests without mutants may take")
+    parser.add_argument("--command", action="append", help="what is to notice mistakes, instead of the tests")
+    parser.add_argument("--list", action="store_true", help="print the mutants, and make none")
+    arguments = parser.parse_args()
+
+    mutants = collect(arguments.files, arguments.at)
+    equivalents = known_equivalents()
+    # Stillborn ones are replaced by the next ones.
+    waiting = mutants if arguments.at else choose(mutants, 2 * arguments.count, arguments.seed)
+    wanted = len(waiting) if arguments.at else min(arguments.count, len(waiting))
+    if arguments.list:
+        for mutant in waiting[:wanted]:
+            print(f"{mutant.place} ({mutant.kind})\n- {mutant.before.strip()}\n+ {mutant.after.strip()}")
+        return 0
+    if not waiting:
+        sys.exit("no mutants: no such files or lines")
+
+    verdicts: list[Verdict] = []
+    with tempfile.TemporaryDirectory(prefix="warpvis_mutants_") as folder:
+        copies = Copies(Path(folder), arguments.jobs)
+        pool = ThreadPoolExecutor(arguments.jobs)
+        try:
+            limits = check_baseline(waiting, copies, arguments.command, arguments.limit)
+            rest = iter(waiting)
+
+            def work() -> None:
+                while len(verdicts) < wanted and (mutant := next(rest, None)) is not None:
+                    key = (mutant.path, mutant.before.strip(), mutant.after.strip())
+                    if key in equivalents:
+                        verdict = Verdict(mutant, "equivalent", equivalents[key])
+                    else:
+                        verdict = judge(mutant, copies, arguments.command, limits)
+                    if verdict.outcome != "stillborn":
+                        verdicts.append(verdict)
+                        change = f"{mutant.before.strip()}  ->  {mutant.after.strip()}"
+                        print(f"{verdict.outcome} {mutant.place} ({verdict.seconds:.0f} s) {change}  {verdict.why}")
+                        sys.stdout.flush()
+
+            for done in [pool.submit(work) for _ in range(arguments.jobs)]:
+                done.result()
+        except KeyboardInterrupt:
+            print("\ninterrupted; so far:")
+        finally:
+            copies.stop()
+            pool.shutdown(cancel_futures=True)
+    return 1 if report(verdicts[:wanted]) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,32 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Included once for each number of lanes, after the headers of the tree: what kernels/tree.py does with them.
+
+inline BuiltTree build(const Mesh& given, const std::vector<int>& owner_of, const std::vector<unsigned char>& closed_of,
+                       bool evenly, int depth) {
+    const int count = given.count();
+    const Exact<float> vertices(given.vertices);
+    const Exact<int> faces(given.faces), owner(owner_of);
+    const Exact<unsigned char> closed(closed_of);
+    Exact<v8> items(count);
+    Exact<Split> splits(count);
+    for (int i = 0; i < count; ++i) Items::load(vertices.data, faces.data, i, items.data);
+    Splitter::split_all(items.data, splits.data, 0, count, 0, depth, -1);
+    Exact<Collapser::Binary> binaries(count);
+    Exact<int> children((size_t)count * LANES, 0x55555555), ranges(2 * (size_t)count), counts(3);
+    Collapser::collapse(splits.data, count, evenly, binaries.data, children.data, ranges.data, counts.data);
+    BuiltTree tree;
+    tree.lanes = LANES, tree.nodes = counts[0], tree.leaves = counts[1], tree.levels = counts[2];
+    tree.children = Exact<int>(std::vector<int>(children.data, children.data + tree.nodes * LANES));
+    tree.leaf_rows = Exact<float>((size_t)tree.leaves * LEAF_ROWS * LANES);
+    tree.node_rows = Exact<float>((size_t)tree.nodes * NODE_ROWS * LANES);
+    tree.triangles = Exact<int>((size_t)tree.leaves * LANES);
+    tree.owners = Exact<int>((size_t)tree.leaves * LANES);
+    Exact<float> bounds((size_t)tree.leaves * NODE_ROWS);
+    for (int leaf = 0; leaf < tree.leaves; ++leaf)
+        Leaves::fill(vertices.data, faces.data, owner.data, closed.data, items.data, ranges.data, leaf,
+                     tree.leaf_rows.data, tree.triangles.data, tree.owners.data, bounds.data);
+    Nodes::fit(tree.children.data, bounds.data, tree.nodes, tree.node_rows.data);
+    return tree;
+}

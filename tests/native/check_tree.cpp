@@ -1,0 +1,161 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Trees of 16 and 32 lanes: every triangle is there once, and bounds are exact.
+
+#include "check.h"
+
+// Meshes that are hard to split: all in one place, on a line, ever farther apart, and ordinary ones.
+static Mesh hard_mesh(Random& random) {
+    const int count = random.pick({1, 2, 15, 16, 17, 31, 32, 33, 64, 65, 128, 129, 300, 1200});
+    const int kind = random.whole(0, 5);
+    if (kind == 0) return meshes::soup(random, count, 1);
+    if (kind == 1) return meshes::box(1, 2, 3, random.whole(1, 9));
+    Mesh mesh;
+    for (int i = 0; i < count; ++i) {
+        const double step = kind == 2   ? 0
+                            : kind == 3 ? i
+                            : kind == 4 ? std::pow(2.0, i % 120 - 60)
+                                        : random.whole(0, 3);
+        const double size = kind == 4 ? step / 4 : random.pick({0.0, 0.5});
+        const int a = mesh.add(step, 0, kind == 5 ? random.real(0, 1) : 0);
+        mesh.face(a, mesh.add(step + size, size, 0), mesh.add(step, size, size));
+    }
+    return mesh;
+}
+
+struct Checker {
+    const Mesh& mesh;
+    const BuiltTree& tree;
+    const std::vector<int>& owner;
+    const std::vector<unsigned char>& closed;
+    std::vector<int> times_seen, times_visited;
+    int levels = 0;
+    const char* wrong = nullptr;
+
+    void say(bool right, const char* what) {
+        if (!right && !wrong) wrong = what;
+    }
+
+    struct Under {
+        float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
+        std::vector<int> triangles;
+        bool all_closed = true;
+    };
+
+    Vec corner(int triangle, int k) const {
+        const float* p = &mesh.vertices[3 * mesh.faces[3 * triangle + k]];
+        return {p[0], p[1], p[2]};
+    }
+
+    void add_leaf(int leaf, Under& under) {
+        const int lanes = tree.lanes;
+        say(leaf < tree.leaves, "a leaf that is not there");
+        if (leaf >= tree.leaves) return;
+        bool ended = false;
+        for (int k = 0; k < lanes; ++k) {
+            const int triangle = tree.triangles[leaf * lanes + k],
+                      real = triangle < 0 ? tree.triangles[leaf * lanes] : triangle;
+            say(triangle >= 0 || k > 0, "an empty leaf");
+            say(!(ended && triangle >= 0), "a gap in a leaf");
+            ended |= triangle < 0;
+            say(real >= 0 && real < mesh.count(), "no such triangle");
+            if (wrong) return;
+            say(tree.owners[leaf * lanes + k] == owner[real], "owner");
+            for (int row = 0; row < 9; ++row) {
+                const int from = mesh.faces[3 * real + (triangle < 0 ? 0 : row / 3)];
+                say(tree.leaf_rows[(leaf * 9 + row) * lanes + k] == mesh.vertices[3 * from + row % 3], "corner");
+            }
+            if (triangle < 0) continue;
+            times_seen[triangle] += 1;
+            under.triangles.push_back(triangle);
+            under.all_closed &= closed[owner[triangle]] != 0;
+            for (int i = 0; i < 9; ++i) {
+                const float value = mesh.vertices[3 * mesh.faces[3 * triangle + i / 3] + i % 3];
+                under.low[i % 3] = std::min(under.low[i % 3], value);
+                under.high[i % 3] = std::max(under.high[i % 3], value);
+            }
+        }
+    }
+
+    void check_bounds(const float* row, const Under& under) {
+        for (int k = 0; k < 3; ++k) {
+            say(row[k * tree.lanes] == under.low[k], "least corner");
+            say(row[(3 + k) * tree.lanes] == under.high[k], "greatest corner");
+        }
+        const double cutoff = row[9 * tree.lanes];
+        const Vec axis = {row[6 * tree.lanes], row[7 * tree.lanes], row[8 * tree.lanes]};
+        say(cutoff == 2.0 || under.all_closed, "a cone of what is not closed");
+        if (cutoff == 2.0) return;
+        say(cutoff >= 1e-3 && cutoff < 1, "cutoff");
+        for (int triangle : under.triangles) {
+            const Vec a = corner(triangle, 0), n = (corner(triangle, 1) - a).cross(corner(triangle, 2) - a);
+            if (n.length() == 0) continue;
+            const double cosine = n.dot(axis) / n.length() / axis.length();
+            say(cosine > 0 && std::sqrt(std::max(0.0, 1 - cosine * cosine)) <= cutoff, "a normal outside of its cone");
+        }
+    }
+
+    Under visit(int node, int level) {
+        Under all;
+        say(node < tree.nodes && level <= tree.levels, "a node that is not there");
+        if (wrong) return all;
+        times_visited[node] += 1;
+        levels = std::max(levels, level);
+        bool ended = false;
+        for (int k = 0; k < tree.lanes; ++k) {
+            const int child = tree.children[node * tree.lanes + k];
+            const float* row = &tree.node_rows[(size_t)node * 10 * tree.lanes + k];
+            Under under;
+            if (child == 0) {
+                say(row[0] == 3e38f && row[3 * tree.lanes] == -3e38f, "bounds of no child");
+                ended = true;
+                continue;
+            }
+            say(!ended, "a gap in a node");
+            say(child < 0 || child > node, "a child before its parent");
+            if (child > 0) under = visit(child, level + 1);
+            if (child < 0) add_leaf(~child, under);
+            if (wrong) return all;
+            check_bounds(row, under);
+            all.triangles.insert(all.triangles.end(), under.triangles.begin(), under.triangles.end());
+            all.all_closed &= under.all_closed;
+            for (int i = 0; i < 3; ++i) {
+                all.low[i] = std::min(all.low[i], under.low[i]);
+                all.high[i] = std::max(all.high[i], under.high[i]);
+            }
+        }
+        return all;
+    }
+
+    const char* fault(bool evenly) {
+        times_seen.assign(mesh.count(), 0), times_visited.assign(tree.nodes, 0);
+        visit(0, 1);
+        for (int times : times_seen) say(times == 1, "a triangle is not there once");
+        for (int times : times_visited) say(times == 1, "a node is not there once");
+        say(levels == tree.levels, "levels");
+        // Halved from the root on, a tree of leaves that are full but for the last takes the fewest levels.
+        int least = 1;
+        for (long long most = tree.lanes * (long long)tree.lanes; most < mesh.count(); most *= tree.lanes) ++least;
+        say(!evenly || tree.levels <= least + 1, "more levels than even parting takes");
+        return wrong;
+    }
+};
+
+static void check_scene(uint64_t seed) {
+    Random random(seed);
+    const Mesh mesh = hard_mesh(random);
+    const std::vector<unsigned char> closed = {1, (unsigned char)random.chance(0.5)};
+    std::vector<int> owner;
+    for (int i = 0; i < mesh.count(); ++i) owner.push_back(random.chance(0.05));
+    const bool evenly = random.chance(0.3);
+    const int depth = evenly ? 64 : random.pick({0, 0, 60, 64});
+    for (int lanes : {16, 32}) {
+        const BuiltTree tree = build_tree(lanes, mesh, owner, closed, evenly, depth);
+        Checker checker = {mesh, tree, owner, closed, {}, {}, 0, nullptr};
+        const char* fault = checker.fault(evenly);
+        if (fault) fail(seed, lanes, fault, "%d triangles", mesh.count());
+    }
+}
+
+int main(int count, char** arguments) { return check_all(count, arguments, check_scene); }

@@ -1,0 +1,42 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The headers for the CPU, each group as Warp pastes it into a function of its own, in a namespace each.
+
+#pragma once
+
+#include "memory.h"
+
+namespace casting {
+#include "shared/constants.h"
+#include "shared/images.h"
+#include "shared/pose.h"
+#include "cpu/lanes.h"
+#include "cpu/setup.h"
+#include "cpu/raster.h"
+#include "cpu/solids.h"
+#include "cpu/worlds.h"
+#include "cpu/output.h"
+#include "cpu/sparse.h"
+#include "cpu/walk.h"
+#include "cpu/movables.h"
+#include "cpu/packets.h"
+#include "cpu/points.h"
+#include "cpu/silhouettes.h"
+}  // namespace casting
+
+namespace building_16 {
+enum { LANES = 16 };
+#include "cpu/tree.h"
+#include "cpu/tree_collapse.h"
+#include "cpu/tree_bounds.h"
+#include "build.h"
+}  // namespace building_16
+
+namespace building_32 {
+enum { LANES = 32 };
+#include "cpu/tree.h"
+#include "cpu/tree_collapse.h"
+#include "cpu/tree_bounds.h"
+#include "build.h"
+}  // namespace building_32

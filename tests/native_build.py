@@ -1,0 +1,137 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Compiles the C++ of `kernels/native` that Warp compiles for CPUs, and what `tests/native` checks it with, by Clang.
+
+python tests/native_build.py --syntax    # whether all of it compiles
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+CHECKS = ("tree", "images", "points", "silhouettes")
+LEAST_CLANG = 17
+"""The first Clang that knows the vector builtins of the headers."""
+
+_FLAGS = ("-std=c++17", "-Wall", "-Wextra", "-Werror", "-Ikernels/native")
+# Faults end the program at once; frame pointers make their reports readable.
+_SANITIZERS = ("-O1", "-g1", "-fno-omit-frame-pointer", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+_TARGET = ("-march=native",) if platform.machine() in ("x86_64", "AMD64") else ()
+# Sanitizers' libraries are a package of their own.
+_PROBE = "#include <vector>\nint main() { return (int)std::vector<int>(1)[0]; }\n"
+
+
+@cache
+def find_clang() -> tuple[str, str]:
+    """The newest clang++ that compiles with sanitizers, and an empty string; or an empty string, and why there is none.
+
+    `CLANGXX` names one that is taken instead of those that are found.
+    """
+    named = os.environ.get("CLANGXX")
+    names = [named] if named else [*(f"clang++-{version}" for version in range(30, LEAST_CLANG - 1, -1)), "clang++"]
+    why = f"no clang++ of version {LEAST_CLANG} or later is here"
+    for name in names:
+        if not (path := shutil.which(name)):
+            continue
+        version = subprocess.run([path, "-dumpversion"], capture_output=True, text=True).stdout.strip()
+        if not version or int(version.split(".")[0]) < LEAST_CLANG:
+            why = f"{name} is of version {version or 'unknown'}, and {LEAST_CLANG} is the least"
+            continue
+        with tempfile.TemporaryDirectory() as folder:
+            command = [path, *_SANITIZERS, "-x", "c++", "-", "-o", str(Path(folder) / "probe")]
+            result = subprocess.run(command, input=_PROBE, capture_output=True, text=True)
+        if result.returncode == 0:
+            return path, ""
+        why = f"{name} has no sanitizers: {result.stderr.strip().splitlines()[-1]}"
+    return "", why
+
+
+@cache
+def find_compiler() -> str | None:
+    """Any C++ compiler, for code that needs nothing of Clang's: `CXX`, or what is there of g++ and clang++."""
+    names = (os.environ.get("CXX", ""), "g++", "clang++")
+    return next((path for name in names if name and (path := shutil.which(name))), None) or find_clang()[0] or None
+
+
+def sources(name: str) -> list[Path]:
+    """The files that one of the objects is made of: only `cast` holds the native code."""
+    own = [path for path in (ROOT / "tests" / "native").iterdir() if path.suffix == ".h" or path.stem == name]
+    native = [*ROOT.glob("kernels/native/cpu/*.h"), *ROOT.glob("kernels/native/shared/*.h")]
+    return sorted([*own, *native] if name == "cast" else own)
+
+
+def run_clang(*options: str) -> subprocess.CompletedProcess[str]:
+    """Run the compiler in the repository's root."""
+    clang, why = find_clang()
+    assert clang, why
+    return subprocess.run([clang, *options], cwd=ROOT, capture_output=True, text=True)
+
+
+def compile_object(folder: Path, name: str) -> Path:
+    """Compile one of the sources, unless that was done before: the same, in the same way, by the same compiler.
+
+    Raises:
+        AssertionError: The compiler refuses; what it says is the error's text.
+    """
+    options = [*_FLAGS, *_TARGET, *(_SANITIZERS if name == "cast" else ("-O1",))]
+    digest = hashlib.sha256(" ".join([run_clang("--version").stdout, platform.processor(), *options]).encode())
+    for path in sources(name):
+        digest.update(path.name.encode() + path.read_bytes())
+    target = folder / f"{name}-{digest.hexdigest()[:16]}.o"
+    if not target.is_file():
+        for old in folder.glob(f"{name}-*.o"):  # one version is kept
+            old.unlink()
+        fresh = target.with_suffix(f".{os.getpid()}.tmp")
+        result = run_clang(*options, "-c", f"tests/native/{name}.cpp", "-o", str(fresh))
+        assert result.returncode == 0, result.stderr
+        fresh.rename(target)
+    return target
+
+
+def build(folder: Path) -> Path:
+    """Make the checks' programs, ``check_<name>`` for every name of `CHECKS`.
+
+    The native code has sanitizers in it; the truth that it is compared with has none, and is quicker so.
+
+    Args:
+        folder: Where objects and programs are kept.
+
+    Returns:
+        The folder.
+
+    Raises:
+        AssertionError: The compiler refuses; what it says is the error's text.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    names = ["cast", *(f"check_{name}" for name in CHECKS)]
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        cast, *checks = pool.map(lambda name: compile_object(folder, name), names)
+        for result in pool.map(
+            lambda made: run_clang(*_SANITIZERS, str(cast), str(made[0]), "-o", str(folder / made[1])),
+            zip(checks, names[1:], strict=True),
+        ):
+            assert result.returncode == 0, result.stderr
+    return folder
+
+
+def main() -> int:
+    """Say whether the native code compiles, without making a program of it, or keeping to warnings."""
+    if why := find_clang()[1]:
+        sys.exit(why)
+    result = run_clang(*_FLAGS, "-w", "-fsyntax-only", "tests/native/cast.cpp")
+    print(result.stderr, end="")
+    return result.returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main())
