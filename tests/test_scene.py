@@ -124,3 +124,54 @@ def test_a_scene_moves_to_another_device(device):
     depth = wv.render(scene.to(device), wv.Camera.kinect(), wv.look_at((0, 0, 0), (1, 0, 0))).depth
     assert str(depth.device) == device
     assert depth.numpy()[0, 120, 160] == 2.5
+
+
+def volume(item):
+    return trimesh.Trimesh(item.vertices, item.faces, process=False).volume
+
+
+@pytest.mark.parametrize("mirror", [(-1, 1, 1), (1, 1, -2), (-1, -1, -1)])
+@pytest.mark.parametrize("suffix", ["glb", "gltf"])
+def test_mirrored_nodes_still_face_outwards(tmp_path, mirror, suffix):
+    """Two nodes of one box: one mirrored by its matrix, one by its parent's."""
+    file, box = trimesh.Scene(), trimesh.creation.box((2, 4, 6))
+    matrix = np.diag([*map(float, mirror), 1.0])
+    matrix[:3, 3] = (10, 0, 0)
+    file.add_geometry(box, node_name="as it is", geom_name="box")
+    file.graph.update(frame_from="world", frame_to="mirrored", matrix=matrix, geometry="box")
+    file.graph.update(frame_from="world", frame_to="parent", matrix=matrix)
+    file.graph.update(frame_from="parent", frame_to="child", matrix=matrix, geometry="box")
+    exported = file.export(file_type=suffix)
+    if suffix == "gltf":
+        for name, content in exported.items():
+            (tmp_path / name).write_bytes(content)
+    else:
+        (tmp_path / "model.glb").write_bytes(exported)
+    scene = Scene.load(tmp_path / f"model.{suffix}")
+    size = abs(np.prod(mirror))
+    volumes = {item.name: volume(item) for item in scene}
+    assert volumes == pytest.approx({"as it is": 48, "mirrored": 48 * size, "child": 48 * size**2})
+
+
+def test_a_mirrored_box_shuts_out_whom_it_holds(tmp_path):
+    """Culling and room to stand go by what faces outwards."""
+    file = trimesh.Scene()
+    file.add_geometry(trimesh.creation.box((4, 4, 4)), geom_name="box", node_name="box")
+    file.graph.update(frame_from="world", frame_to="box", matrix=np.diag([-1.0, 1, 1, 1]), geometry="box")
+    file.export(tmp_path / "box.glb")
+    scene = Scene.load(tmp_path / "box.glb")
+    inside, outside = wv.look_at((0, 0, 0.5), (1, 0, 0.5)), wv.look_at((-5, 0, 0.5), (1, 0, 0.5))
+    room = wv.planning.standing_room(scene, [inside, outside], radius=0.1)
+    assert room.tolist() == [False, True]
+    camera = wv.Camera.from_fov(8, 8, hfov=0.2)
+    views = wv.render(scene, camera, [inside, outside], cull_backfaces=True)
+    depth = views.depth.numpy()
+    assert np.isinf(depth[0]).all() and np.allclose(depth[1], 3)
+
+
+def test_mirrors_are_refused_by_name():
+    scene, box = Scene(), trimesh.creation.box()
+    with pytest.raises(wv.errors.PoseError, match="pose of 'box' must be rotations, not mirrors"):
+        scene.add(box, name="box", pose=np.diag([-1.0, 1, 1, 1]))
+    with pytest.raises(wv.errors.SceneError, match="one or three positive numbers"):
+        scene.add(box, name="box", scale=(-1, 1, 1))

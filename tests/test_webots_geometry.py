@@ -372,6 +372,15 @@ def test_units_and_axes_of_collada(tmp_path, type, asset, high, new_high):
         assert mesh.volume == pytest.approx(2 * unit**3) and mesh.is_watertight  # so it is turned, and not mirrored
 
 
+def test_mirrored_nodes_of_collada_still_face_outwards(tmp_path):
+    pytest.importorskip("collada")
+    moved, mirrored = "<translate>10 0 0</translate>", "<scale>-1 1 1</scale><translate>10 0 0</translate>"
+    (tmp_path / "a.dae").write_text(COLLADA.format("").replace(moved, mirrored))
+    vertices, faces = tessellate(parse('Mesh { url "a.dae" }', file=tmp_path / "lab.wbt"))
+    parts = trimesh.Trimesh(vertices, faces, process=False).split()
+    assert [part.volume for part in parts] == pytest.approx([1, 1])
+
+
 def test_collada_units_are_checked(tmp_path):
     pytest.importorskip("collada")
     for unit in ("0", "-1", "nan", "metre"):

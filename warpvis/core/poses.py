@@ -174,7 +174,8 @@ def _rows_from_matrices(matrices: NDArray[np.float64], name: str) -> NDArray[np.
     _refuse(name, (matrices[:, 3] != [0, 0, 0, 1]).any(axis=1), "must have the last row 0 0 0 1")
     rotation = matrices[:, :3, :3]
     error = np.abs(rotation @ rotation.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
-    _refuse(name, (error > _ROTATION_TOLERANCE) | (np.linalg.det(rotation) < 0), "must be rotations without scale")
+    _refuse(name, error > _ROTATION_TOLERANCE, "must be rotations without scale")
+    _refuse(name, np.linalg.det(rotation) < 0, "must be rotations, not mirrors")
     return np.concatenate([matrices[:, :3, 3], _quaternions(rotation)], axis=1)
 
 

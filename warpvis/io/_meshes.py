@@ -14,6 +14,7 @@ import numpy as np
 from warpvis.core.labels import Label, LabelPatterns
 from warpvis.core.poses import check_up
 from warpvis.errors import FileFormatError, SceneError
+from warpvis.scene import keep_winding
 
 if TYPE_CHECKING:
     import trimesh
@@ -49,7 +50,8 @@ def load_scene(
     patterns = LabelPatterns(labels)
     for name, mesh, placement, own_label in _parts(loaded, path):
         corners = np.c_[mesh.vertices, np.ones(len(mesh.vertices))] @ (upright @ placement).T
-        scene.add((corners[:, :3], mesh.faces), name=name, label=patterns.label(name, own_label), scale=scale)
+        faces = keep_winding(mesh.faces, placement[:3, :3])
+        scene.add((corners[:, :3], faces), name=name, label=patterns.label(name, own_label), scale=scale)
     if not len(scene):
         raise SceneError(f"{path}: holds no triangles")
     patterns.require_used((item.name for item in scene.objects), path)

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from warpvis.scene import solids
-from warpvis.scene._object import SceneObject as SceneObject
+from warpvis.scene._object import SceneObject as SceneObject, keep_winding as keep_winding
 from warpvis.scene._scene import Scene as Scene, require_scene as require_scene
 
 __all__ = [

@@ -103,6 +103,16 @@ def check_mesh(mesh: Any, name: str) -> tuple[NDArray[np.float64], NDArray[np.in
     return vertices, faces.astype(np.int32)
 
 
+def keep_winding(faces: NDArray[Any], linear: NDArray[np.float64]) -> NDArray[Any]:
+    """Order the corners of triangles so that those that faced outwards still do where a placement has taken them.
+
+    Args:
+        faces: Corner indices, shape ``(m, 3)``.
+        linear: What the placement does besides moving, shape ``(3, 3)``; one that mirrors turns triangles round.
+    """
+    return faces[:, ::-1] if np.linalg.det(linear) < 0 else faces
+
+
 def check_scale(scale: float | ArrayLike, name: str) -> NDArray[np.float64]:
     """A factor of size, or three of them.
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from warpvis.core.arrays import FARTHEST
 from warpvis.core.labels import Label
 from warpvis.errors import FileFormatError, SceneError
-from warpvis.scene import Scene
+from warpvis.scene import Scene, keep_winding
 from warpvis.webots._depth_cameras import DEPTH_CAMERAS, expand_depth_camera
 from warpvis.webots._devices import Device, read_device
 from warpvis.webots._grammar import World, parse_world
@@ -329,8 +329,7 @@ class _Reader:
         placed = vertices @ step.place.linear.T + step.place.offset
         if not (np.abs(placed) <= FARTHEST).all():
             raise FileFormatError(f"{node.file}:{node.line}: expected {node.type} within {FARTHEST:g} m of the origin")
-        if np.linalg.det(step.place.linear) < 0:
-            faces = faces[:, ::-1]
+        faces = keep_winding(faces, step.place.linear)
         owner.parts.append((placed, faces))
         owner.level.append(is_level(placed, faces, "xyz".index(self.up)))
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.errors import FileFormatError
+from warpvis.scene import keep_winding
 from warpvis.webots._nodes import Node, Version
 from warpvis.webots.shapes._extrusion import extrusion
 from warpvis.webots.shapes._polygons import (
@@ -249,7 +250,8 @@ def _read(path: Path, changed: int) -> list[tuple[str, tuple[NDArray[np.float64]
             mesh = scene.geometry[key]
             if len(getattr(mesh, "faces", ())):
                 vertices = np.asarray(mesh.vertices, dtype=np.float64) @ placement[:3, :3].T + placement[:3, 3]
-                parts.append((str(name), (vertices @ linear.T, np.asarray(mesh.faces, dtype=np.int64))))
+                faces = keep_winding(np.asarray(mesh.faces, dtype=np.int64), placement[:3, :3])
+                parts.append((str(name), (vertices @ linear.T, faces)))
     except Exception as error:  # trimesh's readers raise what they like
         raise FileFormatError(f"{path}: does not read as {kind.upper()}: {error or type(error).__name__}") from None
     if not parts:
