@@ -175,3 +175,14 @@ def test_mirrors_are_refused_by_name():
         scene.add(box, name="box", pose=np.diag([-1.0, 1, 1, 1]))
     with pytest.raises(wv.errors.SceneError, match="one or three positive numbers"):
         scene.add(box, name="box", scale=(-1, 1, 1))
+
+
+def test_an_unnamed_object_takes_the_next_free_name():
+    scene, box = Scene(), trimesh.creation.box()
+    for name in ("object_1", None, "object_3", None, None):
+        scene.add(box, name=name)
+    assert [item.name for item in scene] == ["object_1", "object_2", "object_3", "object_4", "object_5"]
+    scene = Scene()
+    scene.add(box, name="object_1")
+    assert scene.add(box) == 1
+    assert [item.name for item in scene] == ["object_1", "object_2"]

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Iterator, Mapping
 from threading import Lock
@@ -104,7 +105,8 @@ class Scene:
                 vertices [m] of shape ``(n, 3)``, corner indices of shape ``(m, 3)``. Of a movable
                 `warpvis.scene.solids.Solid`, rays meet the true round surface, from outside; elsewhere its
                 triangles stand for it.
-            name: A name that no other object has; ``object_0``, ``object_1``, ... by default.
+            name: A name that no other object has; by default ``object_`` and the object's index, or the next
+                number that is free.
             label: What its pixels are labelled.
             pose: Object to world, ``x y z qx qy qz qw`` or a 4x4 matrix; identity by default.
             scale: Factor of size, or three of them along the mesh's axes, applied before the pose.
@@ -121,7 +123,7 @@ class Scene:
             PoseError: The pose is not a pose.
         """
         index = len(self._objects)
-        name = f"object_{index}" if name is None else str(name)
+        name = self._free_name() if name is None else str(name)
         if name in self._index:
             raise SceneError(f"the scene already has an object named {name!r}; give another name")
         vertices, faces = check_mesh(mesh, name)
@@ -148,6 +150,11 @@ class Scene:
         self._movable += [index] if movable and attach_to is None else []
         self._forget()
         return index
+
+    def _free_name(self) -> str:
+        """The first of ``object_0``, ``object_1``, ..., from the number of objects on, that no object has."""
+        numbers = itertools.count(len(self._objects))
+        return next(name for name in map("object_{}".format, numbers) if name not in self._index)
 
     def _attach(self, attach_to: str, mesh: Any, name: str, placed: NDArray[np.float64]) -> dict[str, Any]:
         """What an object knows of the one that it is attached to, from its vertices in the world."""
