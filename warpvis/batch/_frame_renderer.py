@@ -8,7 +8,6 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -186,7 +185,7 @@ def make_scene(scene: Any, device: Any) -> Scene:
     Raises:
         WarpvisError: It is none, or there is no such device.
     """
-    if isinstance(scene, str | Path):
+    if isinstance(scene, str | os.PathLike):
         scene = Scene.load(scene, device="cpu" if device is None else device)
     elif callable(scene):
         scene = scene()

@@ -1,0 +1,92 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Whatever takes a path takes text and any `os.PathLike`, which need not be a `pathlib.Path`."""
+
+import json
+import os
+
+import numpy as np
+import pytest
+import trimesh
+
+import warpvis as wv
+from warpvis.batch import FrameRenderer, verify
+
+
+class Place:
+    """A path that is nothing but one."""
+
+    def __init__(self, path):
+        self.path = str(path)
+
+    def __fspath__(self):
+        return self.path
+
+
+FORMS = {"text": str, "PathLike": Place}
+CAMERA = wv.Camera.from_fov(8, 6, hfov=1.0)
+POSE = np.array([[0.0, 0, 0, 0, 0, 0, 1]])
+
+
+@pytest.fixture(params=FORMS)
+def at(request, tmp_path):
+    """Names of files in a folder, in one of the forms."""
+    return lambda name: FORMS[request.param](tmp_path / name)
+
+
+@pytest.fixture
+def box_file(tmp_path):
+    trimesh.creation.box(transform=trimesh.transformations.translation_matrix((0, 0, 3))).export(tmp_path / "box.ply")
+    return "box.ply"
+
+
+def test_scenes(at, box_file):
+    scene = wv.Scene.load(at(box_file))
+    assert len(scene) == 1
+    scene.export(at("box.glb"))
+    assert wv.Scene.load(at("box.glb")).triangle_count == 12
+
+
+def test_frame_renderers_and_batches(at, box_file, tmp_path):
+    seen = FrameRenderer(at(box_file), CAMERA)({"camera_to_world": POSE})
+    assert seen["depth"][0, 3, 4] == 2.5
+    wv.render_batch(at(box_file), CAMERA, wv.Frames.from_poses(POSE), at("set"), threads=1)
+    assert verify(at("set")).ok
+    assert json.loads((tmp_path / "set" / "manifest.json").read_text())["scene"]["file"] == "box.ply"
+
+
+def test_poses_cameras_and_points(at, tmp_path):
+    (tmp_path / "walk.txt").write_text("0 0 0 0 0 0 0 1\n")
+    (tmp_path / "camera.json").write_text('{"width": 8, "height": 6, "hfov": 1.0}')
+    (tmp_path / "points.txt").write_text("1 2 3\n")
+    np.testing.assert_array_equal(wv.read_frames(at("walk.txt")).camera_to_world, POSE)
+    np.testing.assert_array_equal(wv.io.read_poses(at("walk.txt"))[1], POSE)
+    np.testing.assert_array_equal(wv.io.read_points(at("points.txt")), [[1, 2, 3]])
+    assert wv.io.load_camera(at("camera.json")) == CAMERA
+
+
+def test_depth_files(at, tmp_path):
+    wv.io.save_depth_png(np.ones((6, 8)), at("one.png"))
+    with wv.io.DepthArchive(at("all.npz"), (1, 6, 8)) as archive:
+        archive.append(np.ones((1, 6, 8), dtype=np.float32))
+    assert {"one.png", "all.npz"} <= set(os.listdir(tmp_path))
+
+
+def test_maps_and_pictures(at, tmp_path):
+    scene = wv.Scene()
+    scene.add(trimesh.creation.box(), pose=(0, 0, 3, 0, 0, 0, 1), label="object")
+    views = wv.render(scene, CAMERA, POSE)
+    wv.voxel_map(views.depth, CAMERA, POSE, bounds=[[-1, -1, 2], [1, 1, 4]], cell=0.5).save(at("voxels.npz"))
+    seen = wv.floor_map(views.points, views.labels, bounds=[[-1, -1], [1, 1]], cell=0.1)
+    seen.save(at("map.png"))
+    wv.viz.save_depth(views.depth.numpy()[0], at("depth.png"))
+    assert {"voxels.npz", "map.png", "depth.png"} <= set(os.listdir(tmp_path))
+
+
+def test_webots_worlds(at, tmp_path):
+    (tmp_path / "protos").mkdir()
+    (tmp_path / "lab.wbt").write_text(
+        '#VRML_SIM R2023b utf8\nSolid { name "box" children [ Shape { geometry Box { } } ] }\n'
+    )
+    assert len(wv.webots.load_webots(at("lab.wbt"), search_path=at("protos")).scene) == 1
+    assert len(wv.webots.load_webots(at("lab.wbt"), search_path=[at("protos")]).scene) == 1
