@@ -101,7 +101,7 @@ CASES = {
         "zero-length.* 7 of 8, at index 0, .*4, ...",
     ),
     "scaled matrices": (lambda: wv.core.poses.parse_poses(scaled_matrix(2)), "rotations without scale"),
-    "mirroring matrices": (lambda: wv.core.poses.parse_poses(np.diag([1, 1, -1, 1])), "rotations without scale"),
+    "mirroring matrices": (lambda: wv.core.poses.parse_poses(np.diag([1, 1, -1, 1])), "rotations, not mirrors"),
     "projective matrices": (lambda: wv.core.poses.parse_poses(np.ones((4, 4))), "last row 0 0 0 1"),
     "unknown convention": (
         lambda: wv.core.poses.parse_poses(POSE, convention="blender"),
@@ -266,6 +266,10 @@ CASES = {
         lambda: wv.maps.classify_rendered(DEPTH, np.zeros((1, 2, 2), int), box_scene()),
         r"objects must have shape \(1, 240, 320\), got \(1, 2, 2\)",
     ),
+    "classified strangers": (
+        lambda: wv.maps.classify_rendered(DEPTH, np.full(DEPTH.shape, 1), box_scene()),
+        "objects must be from -1 to 0, indices of the scene's objects, got -1 to 1",
+    ),
     "classified scene": (lambda: wv.maps.classify_rendered(DEPTH, DEPTH, None), "scene must be a warpvis.Scene"),
     # Maps
     "map of depth": (lambda: wv.floor_map(DEPTH, LABELS, bounds=SQUARE), r"points must have shape \(V, H, W, 3\)"),
@@ -275,6 +279,14 @@ CASES = {
     ),
     "labels beyond bytes": (lambda: wv.floor_map(POINTS, LABELS + 300.0, bounds=SQUARE), "labels must be uint8"),
     "large labels": (lambda: wv.floor_map(POINTS, LABELS * np.int64(300), bounds=SQUARE), "must fit uint8"),
+    "unknown labels": (
+        lambda: wv.floor_map(POINTS, LABELS * np.uint8(9), bounds=SQUARE),
+        "labels must be from 0 to 5, values of Label, got 9",
+    ),
+    "unknown Warp labels": (
+        lambda: wv.floor_map(POINTS, wp.full(LABELS.shape, 6, dtype=wp.uint8, device="cpu"), bounds=SQUARE),
+        "labels must be from 0 to 5, values of Label, got 6",
+    ),
     "empty bounds": (lambda: wv.floor_map(POINTS, LABELS, bounds=((0, 0), (0, 1))), "bounds must be the least"),
     "bounds of one": (lambda: wv.floor_map(POINTS, LABELS, bounds=(1, 2)), "bounds must be the least"),
     "no cell": (lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE, cell=0), "cell must be a positive number"),

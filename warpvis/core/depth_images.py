@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth images that callers bring, checked and put on a device."""
+"""Depth and label images that callers bring, checked and put on a device."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import Any
 
 import warp as wp
 
-from warpvis.core.arrays import as_numpy, as_warp, get_device
+from warpvis.core.arrays import as_numpy, as_warp, get_device, on_gpu
 from warpvis.core.camera import Camera, require_camera
+from warpvis.core.labels import Label
 from warpvis.errors import ArrayError
 
 
@@ -30,6 +31,29 @@ def read_depth(depth: Any, camera: Camera, device: Any) -> wp.array:
     if getattr(depth, "ndim", 0) == 2:
         depth = depth.reshape((1, *depth.shape))
     return as_warp(depth, wp.float32, ("V", camera.height, camera.width), name="depth", device=device)
+
+
+def read_labels(labels: Any, shape: tuple[int, ...], device: wp.Device) -> wp.array:
+    """Images of `Label` values, uint8, on a device; those that came from the host hold no other values.
+
+    Args:
+        labels: The images; one of shape ``(H, W)`` where a single view is wanted.
+        shape: ``(V, H, W)``.
+        device: Where they have to be.
+
+    Raises:
+        ArrayError: They are not what they have to be.
+    """
+    if getattr(labels, "ndim", 0) == 2 and shape[0] == 1:
+        labels = labels.reshape((1, *labels.shape))
+    result = as_warp(labels, wp.uint8, shape, name="labels", device=device)
+    if not on_gpu(labels):
+        greatest = int(
+            as_numpy(labels.numpy() if isinstance(labels, wp.array) else labels, name="labels").max(initial=0)
+        )
+        if greatest > max(Label):
+            raise ArrayError(f"labels must be from 0 to {int(max(Label))}, values of Label, got {greatest}")
+    return result
 
 
 def _device_of(array: Any) -> str:

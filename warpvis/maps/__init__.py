@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from warpvis.maps._classification import Sphere, back_project as back_project, classify as classify, classify_rendered
-from warpvis.maps._floor_map import MAP_LEGEND, FloorMap as FloorMap, floor_map as floor_map
+from warpvis.maps._floor_map import MAP_LEGEND, FloorMap as FloorMap, floor_map as floor_map, map_numbers as map_numbers
 from warpvis.maps._floor_plan import PlanVisibility, plan_visibility
 from warpvis.maps._voxel_map import (
     Voxel,

@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike
 
-from warpvis.core.arrays import as_numpy, as_warp, check_metres, check_out, empty
+from warpvis.core.arrays import as_numpy, as_warp, check_metres, check_out, empty, on_gpu
 from warpvis.core.camera import Camera
 from warpvis.core.depth_images import read_depth
 from warpvis.core.labels import Label
@@ -182,7 +182,7 @@ def classify_rendered(
 
     require_scene(scene)
     depth = as_warp(depth, wp.float32, ("V", "H", "W"), name="depth", device=scene.device)
-    objects = as_warp(objects, wp.int32, depth.shape, name="objects", device=scene.device)
+    objects = _read_objects(objects, depth, scene)
     reach = check_metres(max_range, "max_range", infinite=True)
     labels = _allocate(out, wp.uint8, depth, "out")
     object_label = scene.object_labels()
@@ -194,6 +194,20 @@ def classify_rendered(
         threads=threads,
     )
     return labels
+
+
+def _read_objects(objects: Any, depth: wp.array, scene: Scene) -> wp.array:
+    """Images of objects, of the shape of depth; those of the host index the scene's objects."""
+    result = as_warp(objects, wp.int32, depth.shape, name="objects", device=scene.device)
+    if not on_gpu(objects):
+        host = result.numpy()
+        least, greatest = int(host.min(initial=-1)), int(host.max(initial=-1))
+        if least < -1 or greatest >= len(scene):
+            raise ArrayError(
+                f"objects must be from -1 to {len(scene) - 1}, indices of the scene's objects, "
+                f"got {least} to {greatest}"
+            )
+    return result
 
 
 def _read_images(

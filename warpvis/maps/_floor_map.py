@@ -13,6 +13,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, as_warp, check_metres, empty, get_device
+from warpvis.core.depth_images import read_labels
 from warpvis.core.labels import Label
 from warpvis.core.poses import check_up
 from warpvis.core.threads import launch_images
@@ -108,11 +109,27 @@ def floor_map(
     Raises:
         WarpvisError: A shape, dtype, device or value is not what it has to be.
     """
-    from warpvis.kernels import floor_map as kernels
-
     device = points.device if isinstance(points, wp.array) else get_device("cpu")
     points = as_warp(points, wp.vec3, ("V", "H", "W"), name="points", device=device)
-    labels = as_warp(labels, wp.uint8, points.shape, name="labels", device=device)
+    labels = read_labels(labels, points.shape, device)
+    return map_numbers(points, labels, bounds=bounds, cell=cell, up=up, sigma=sigma, robots=robots, threads=threads)
+
+
+def map_numbers(
+    points: wp.array,
+    labels: wp.array,
+    *,
+    bounds: ArrayLike,
+    cell: float,
+    up: Literal["z", "y"],
+    sigma: float = 0.01,
+    robots: ArrayLike = (),
+    threads: int | None = None,
+) -> FloorMap:
+    """As `floor_map`, of Warp arrays whose labels may be any numbers: the highest one counts. For our own pictures."""
+    from warpvis.kernels import floor_map as kernels
+
+    device = points.device
     low, high = _check_bounds(bounds, up)
     columns, rows = _check_cells(high - low, cell)
 

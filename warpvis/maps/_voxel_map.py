@@ -18,10 +18,9 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.arrays import as_numpy, as_warp, check_metres, empty, get_device, on_gpu
+from warpvis.core.arrays import as_numpy, check_metres, empty, get_device
 from warpvis.core.camera import Camera
-from warpvis.core.depth_images import read_depth
-from warpvis.core.labels import Label
+from warpvis.core.depth_images import read_depth, read_labels
 from warpvis.core.poses import Convention, check_up, parse_poses
 from warpvis.core.threads import launch_images, launch_small
 from warpvis.errors import ArrayError, FileFormatError
@@ -227,7 +226,7 @@ def voxel_map(
     poses = parse_poses(camera_to_world, convention=convention, device=device)
     if len(poses) != len(images):
         raise ArrayError(f"depth has {len(images)} views and camera_to_world has {len(poses)}; give one pose a view")
-    pixel_labels = None if labels is None else _read_labels(labels, images)
+    pixel_labels = None if labels is None else read_labels(labels, images.shape, device)
     result = _map_for(bounds, cell, up, device, out)
     _add_views(result, images, pixel_labels, camera, poses, threads)
     return result
@@ -334,18 +333,6 @@ def _zeros(shape: tuple[int, ...], dtype: Any, device: wp.Device) -> wp.array:
     array = empty(shape, dtype, name="the map", device=device)
     array.zero_()
     return array
-
-
-def _read_labels(labels: Any, depth: wp.array) -> wp.array:
-    if getattr(labels, "ndim", 0) == 2 and len(depth) == 1:
-        labels = labels.reshape((1, *labels.shape))
-    result = as_warp(labels, wp.uint8, depth.shape, name="labels", device=depth.device)
-    if not on_gpu(labels):
-        host = as_numpy(labels.numpy() if isinstance(labels, wp.array) else labels, name="labels")
-        greatest = int(host.max(initial=0))
-        if greatest > max(Label):
-            raise ArrayError(f"labels must be from 0 to {int(max(Label))}, values of Label, got {greatest}")
-    return result
 
 
 def _check_grid(bounds: ArrayLike, cell: Any) -> tuple[tuple[float, float, float], tuple[int, int, int], float]:

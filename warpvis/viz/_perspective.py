@@ -11,12 +11,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.camera import Camera
 from warpvis.core.labels import Label
 from warpvis.core.poses import poses_to_matrices
-from warpvis.maps import FloorMap, floor_map
+from warpvis.maps import FloorMap, map_numbers
 from warpvis.scene import Scene
 from warpvis.visibility import Agent, Perspective, State
 from warpvis.viz._agent_views import AgentView, agent_view, views_of_faces
@@ -162,8 +163,8 @@ def _floor_map(shown: Shown, agent: Agent) -> tuple[FloorMap, NDArray[np.float64
         codes[index] = len(Label) + _MAP_ORDER.index(state)
     cells = []
     for face in views_of_faces(scene, agent, shown.view, object_poses=shown.object_poses):
-        numbers = codes[face.segmentation.numpy()]
-        seen_floor = floor_map(face.points, numbers, bounds=bounds, cell=cell, up=scene.up)
+        numbers = wp.array(codes[face.segmentation.numpy()], dtype=wp.uint8, device=scene.device)
+        seen_floor = map_numbers(face.points, numbers, bounds=bounds, cell=cell, up=scene.up)
         cells.append(seen_floor.cells.numpy())
     palette = [[GREYS.get(label, _UNSEEN)] * 3 for label in Label]
     palette += [[part / 255 for part in STATE_COLORS[state]] for state in _MAP_ORDER]
