@@ -80,6 +80,46 @@ def test_the_likeliest_object_comes_first():
         assert proposal.fractions[name] > 0.5
 
 
+def moving_scene(places=None):
+    """Experiment 2 with a movable ball and a movable box of a robot's size, elsewhere, or added where `places` says."""
+    experiment, scene = scenes.EXPERIMENTS[1].build(), wv.Scene()
+    movable = {"ball": (0, 0, 0), "crate": (-3, -3, 0.25)}
+    movable = movable if places is None else dict(zip(movable, places, strict=True))
+    for item in experiment:
+        if item.name != "ball":
+            scene.add((item.vertices, item.faces), name=item.name, label=item.label)
+    middle = experiment["ball"].bounds.mean(axis=0)
+    ball = (experiment["ball"].vertices - middle, experiment["ball"].faces)
+    options = {"movable": True}
+    scene.add(ball, name="ball", label="object", pose=(*movable["ball"], 0, 0, 0, 1), **options)
+    scene.add(trimesh.creation.box((0.5, 0.5, 0.5)), name="crate", pose=(*movable["crate"], 0, 0, 0, 1), **options)
+    return scene
+
+
+def test_objects_are_where_the_perspective_had_them():
+    """In two worlds: the ball is where experiment 2 has it, and then a crate stands where the robot went at first."""
+    _, robot, human = second_experiment()
+    ball = tuple(map(float, scenes.EXPERIMENTS[1].build()["ball"].bounds.mean(axis=0)))
+    away = (-3.0, -3.0, 0.25)
+    first = ask(moving_scene([ball, away]), robot, human)
+    crate = (float(first.pose[0]), float(first.pose[1]), 0.25)
+    second = ask(moving_scene([ball, crate]), robot, human)
+    assert np.abs(first.pose[:2] - second.pose[:2]).max() > 0.2
+
+    scene = moving_scene()
+    worlds = np.zeros((2, 2, 7))
+    worlds[..., 6] = 1
+    worlds[:, 0, :3], worlds[:, 1, :3] = ball, [away, crate]
+    seen = perspective(scene, (robot, human), object_poses=worlds)
+    for view, expected in enumerate((first, second)):
+        found = seen.candidates("human", "robot", view=view)
+        proposal = propose_view(scene, robot, found)
+        np.testing.assert_allclose(proposal.pose, expected.pose, atol=1e-6)
+        assert proposal.fractions == pytest.approx(expected.fractions, abs=1e-3)
+    other = propose_view(scene, robot, seen.candidates("human", "robot", view=0), object_poses=worlds[1])
+    np.testing.assert_allclose(other.pose, second.pose, atol=1e-6)
+
+
 def test_y_up():
     """A scene turned to y up has the same answer, turned."""
     scene, robot, human = second_experiment()

@@ -141,6 +141,7 @@ def _report(found: list[Candidate], missed: list[str], proposal: Proposal | None
     candidates = []
     for item in found:
         fields = asdict(item)
+        del fields["object_poses"]
         del fields["state"]  # of the person and the robot, in this order; elsewhere the robot comes first
         candidates.append(fields | {"robot_sees": item.state == State.BOTH})
     return {

@@ -14,7 +14,7 @@ from warpvis.core.camera import Camera
 from warpvis.core.poses import check_up
 from warpvis.errors import ArrayError, CameraError
 from warpvis.planning._best_views import best_views, pose_grid
-from warpvis.planning._free_space import standing_room
+from warpvis.planning._free_space import one_world, standing_room
 from warpvis.scene import Scene
 from warpvis.visibility import Agent, Candidate, State
 
@@ -47,6 +47,7 @@ def propose_view(
     step: float = 0.1,
     radius: float = 0.2,
     floor: float = 0.0,
+    object_poses: Any = None,
 ) -> Proposal | None:
     """Where a robot near its present place sees the most of the objects that only the person sees.
 
@@ -55,13 +56,15 @@ def propose_view(
     places that see about as much, the nearest is taken.
 
     Args:
-        scene: The world, in which movable objects are where they were added.
+        scene: The world.
         robot: The robot, at one pose, with a `Camera`.
         candidates: What `Perspective.candidates` found of the person and the robot.
         reach: How far the robot may go [m].
         step: Distance of neighbouring places [m].
         radius: Radius of the robot, an upright cylinder around its camera [m].
         floor: Height of the floor [m].
+        object_poses: Where the movable objects are, as for `Renderer.render`, in one world; by default where they were
+            when the candidates were found.
 
     Returns:
         The pose; None if the robot sees all that the person sees, or no place in reach shows any of it.
@@ -77,9 +80,12 @@ def propose_view(
     if not missed:
         return None
     here, vertical = robot.poses[0], check_up(scene.up)
-    target = scene[missed[0].object].bounds.astype(np.float64).mean(axis=0)
+    moved = missed[0].object_poses if object_poses is None else object_poses
+    corners = one_world(scene, moved, None)[0][scene.index(missed[0].object)]
+    target = np.stack([corners.min(axis=0), corners.max(axis=0)]).astype(np.float64).mean(axis=0)
     places = pose_grid(here[:3], radius=reach, step=step, height=float(here[vertical]), look_at=target, up=scene.up)
-    room = standing_room(scene, places, radius=radius, floor=floor, exclude=list(robot.body) or None)
+    options: dict[str, Any] = {"object_poses": moved, "exclude": list(robot.body) or None}
+    room = standing_room(scene, places, radius=radius, floor=floor, **options)
     if not room.any():
         return None
     found = best_views(
@@ -90,7 +96,7 @@ def propose_view(
         weights=[item.score for item in missed],
         start=here,
         tie=_TIE,
-        exclude=list(robot.body) or None,
+        **options,
     )
     best = int(found.order[0])
     if found.scores[best] <= 0:

@@ -8,7 +8,7 @@ import enum
 import itertools
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -56,6 +56,8 @@ class Candidate:
     """Whether the person (first) and the robot (second) see it; None without a robot."""
     robot_fraction: float | None
     """Share of its silhouette that the robot sees; None without a robot."""
+    object_poses: NDArray[np.float32] | None = field(default=None, repr=False, compare=False)
+    """Where the movable objects are in the situation, rows ``x y z qx qy qz qw``, ``(M, 7)``; None if none are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +89,9 @@ class Perspective:
     """Whether the object is part of the agent's own body, which it does not see, ``(A, K)``."""
     scene_objects: tuple[str, ...]
     """Names of all objects of the scene."""
+    object_poses: NDArray[np.float32] | None = None
+    """Where the movable objects are in each situation, or in all of them, rows ``x y z qx qy qz qw``, ``(V, M, 7)`` or
+    ``(1, M, 7)``; None if nothing is movable."""
 
     @property
     def visible(self) -> NDArray[np.bool_]:
@@ -142,6 +147,7 @@ class Perspective:
                     attended=bool(self.attended[who, view, k]),
                     state=None if states is None else State(states[k]),
                     robot_fraction=None if other is None else float(self.fraction[other, view, k]),
+                    object_poses=self.objects_at(view),
                 )
             )
         return sorted(found, key=lambda candidate: (not candidate.attended, -candidate.score))
@@ -161,6 +167,12 @@ class Perspective:
         own = {name for name, its in zip(self.objects, self.body[self._agent(robot)], strict=True) if its}
         found = self.candidates(human, robot, view=view, labels=labels)
         return [item.object for item in found if item.state == State.FIRST and item.object not in own]
+
+    def objects_at(self, view: int) -> NDArray[np.float32] | None:
+        """Where the movable objects are in a situation, ``(M, 7)``; None if nothing is movable."""
+        if self.object_poses is None:
+            return None
+        return self.object_poses[self._view(view) if len(self.object_poses) > 1 else 0]
 
     def report(self, view: int = 0) -> dict[str, Any]:
         """One situation in full, of plain Python values that `json.dumps` takes."""
@@ -298,6 +310,7 @@ def perspective(
         gaze_angle=np.stack(angles).astype(np.float32),
         body=np.array([[items[index].name in agent.body for index in indices] for agent in agents]),
         scene_objects=tuple(item.name for item in items),
+        object_poses=situations.rows(),
     )
 
 

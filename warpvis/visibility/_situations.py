@@ -59,6 +59,13 @@ class Situations:
             world=np.ascontiguousarray(np.broadcast_to(worlds, count)) if several else None,
         )
 
+    def rows(self) -> NDArray[np.float32] | None:
+        """Poses of the movable objects in every situation, ``(count, M, 7)``, or ``(1, M, 7)``; None if none is."""
+        if self.object_poses is None:
+            return None
+        rows = np.array(self.object_poses.numpy(), dtype=np.float32)
+        return rows if self.world is None else rows[self.world]
+
     def middles(self, scene: Scene, indices: Sequence[int]) -> NDArray[np.float64]:
         """Middles of objects' boxes in the world of every situation [m], shape ``(count, K, 3)``, or ``(1, K, 3)``.
 

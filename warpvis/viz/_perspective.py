@@ -70,7 +70,7 @@ def save_perspective(
             agents can be seen.
         target: What is in the middle then [m]; the middle of the scene by default.
         proposed: A pose to which the first agent could go, row ``x y z qx qy qz qw``, to be drawn on its map.
-        object_poses: Where the movable objects are in this situation, ``(M, 7)``; where they were added by default.
+        object_poses: Where the movable objects are in this situation, ``(M, 7)``; by default where `seen` has them.
 
     Raises:
         WarpvisError: These are not two agents of `seen`, an argument is not what it has to be, or the picture cannot be

@@ -73,7 +73,8 @@ class Shown:
             colors[scene.index(name)] = GREYS[Label.HUMAN]
         for index, state in states.items():
             colors[index] = np.array(STATE_COLORS[state]) / 255
-        return cls(scene, (first, second), view, states, colors, object_poses)
+        moved = seen.objects_at(view) if object_poses is None else object_poses
+        return cls(scene, (first, second), view, states, colors, moved)
 
     @property
     def bodies(self) -> set[int]:
