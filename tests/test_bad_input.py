@@ -350,7 +350,7 @@ def test_arrays_of_another_device_are_refused(device):
 
 FILES = {
     "missing": ("box.obj", None, r"box.obj: no such file"),
-    "no mesh": ("box.txt", b"hello", r"box.txt: '.txt' is not a mesh format; trimesh reads .*glb"),
+    "no mesh": ("box.txt", b"hello", r"box.txt: '.txt' is no format of scenes; those are .*glb"),
     "without triangles": ("box.obj", b"hello", r"box.obj: holds no triangles"),
     "broken PLY": ("box.ply", b"ply\nformat ascii 1.0\nelement vertex 3\n", r"box.ply: does not read as PLY"),
     "broken GLB": ("box.glb", b"junk", r"box.glb: does not read as GLB"),

@@ -348,7 +348,6 @@ BAD = {
     "unknown label": (lambda folder: load_text(folder, solid(""), labels={"*": "cat"}), "label must be one of"),
     "scale": (lambda folder: Scene.load(write_world(folder), scale=0.1), "leave out scale and file_up"),
     "file_up": (lambda folder: Scene.load(write_world(folder), file_up="y"), "leave out scale and file_up"),
-    "up": (lambda folder: Scene.load(write_world(folder), up="y"), "vertical axis is z: leave out up"),
 }
 
 

@@ -71,11 +71,11 @@ class LabelPatterns:
         self._patterns = {pattern: Label.parse(label) for pattern, label in labels.items()}
         self._unused = set(self._patterns)
 
-    def label(self, name: str, own: Label | int | str) -> Label | int | str:
-        """What the last pattern says that fits an object's name; its own label if none does."""
-        label = own
+    def label(self, name: str, own: Label | int | str, aliases: Iterable[str] = ()) -> Label | int | str:
+        """What the last pattern says that fits an object's name or an alias; its own label if none does."""
+        label, names = own, (name, *aliases)
         for pattern, given in self._patterns.items():
-            if fnmatch.fnmatchcase(name, pattern):
+            if any(fnmatch.fnmatchcase(one, pattern) for one in names):
                 label = given
                 self._unused.discard(pattern)
         return label

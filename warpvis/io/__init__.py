@@ -13,8 +13,8 @@ from warpvis.io._depth import (
     save_depth_png,
     too_far_for_millimetres as too_far_for_millimetres,
 )
-from warpvis.io._meshes import export_scene as export_scene, load_scene as load_scene
 from warpvis.io._points import read_points
+from warpvis.io._scene_files import export_scene as export_scene, read_parts as read_parts
 from warpvis.io.poses._frames import read_frames as read_frames
 from warpvis.io.poses._tum import read_poses
 

@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Iterator, Mapping
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from threading import Lock
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -59,33 +60,51 @@ class Scene:
         path: str | os.PathLike[str],
         *,
         device: Any = "cpu",
-        up: Literal["z", "y"] = "z",
+        up: Literal["z", "y"] | None = None,
         file_up: Literal["z", "y"] | None = None,
         scale: float = 1.0,
         labels: Mapping[str, Label | int | str] | None = None,
+        movable: bool | Sequence[str] = False,
+        search_path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
+        strict: bool = False,
     ) -> Scene:
-        """Read a mesh file: OBJ, STL, PLY, GLB, and what else trimesh reads; or a Webots world, ``.wbt``.
+        """Read a file: OBJ, STL, PLY, GLB, and what else trimesh reads; or a Webots world.
 
         Every named part of the file becomes one object. Its label is, first, what `labels` says; second, what the
-        file says (``"label"`` in a glTF node's or mesh's ``extras``); else `Label.OBSTACLE`. Of a Webots world, which
-        says itself which axis is up, see `warpvis.webots.load_webots` for names, labels, and devices.
+        file says (``"label"`` in a glTF node's or mesh's ``extras``); else `Label.OBSTACLE`. Of a Webots world
+        (``.wbt``), see `warpvis.webots.load_webots` for names, labels, and devices.
 
         Args:
             path: The file.
             device: Where the scene is rendered.
-            up: The scene's vertical axis; a Webots world's is its own.
+            up: The scene's vertical axis. By default a Webots world's own, else ``"z"``.
             file_up: The file's vertical axis. By default ``"y"`` for glTF, as its specification says, and the scene's
-                own for every other format; where the two differ, the geometry is turned upright.
-            scale: Factor from the file's unit to metres (0.001 for millimetres).
+                own for every other mesh format; where the two differ, the geometry is turned upright. A Webots world
+                says it itself.
+            scale: Factor from a mesh file's unit to metres (0.001 for millimetres); a Webots world is in metres.
             labels: Labels by name; a name may be a pattern (``"wall_*"``), and the last one that fits counts.
+            movable: Names or patterns of the objects that are movable, each with a pose of its own; or True for what
+                the file says moves.
+            search_path: Folders to look for other files in that the file names: PROTO files and meshes of Webots,
+                buffers of glTF.
+            strict: Whether what cannot be shown is an error. By default it is left out, and a warning names it.
 
         Raises:
-            FileFormatError: The file is missing or does not parse.
-            SceneError: It holds no triangles, or a label's pattern fits nothing.
+            FileFormatError: The file is missing or does not parse, or something cannot be shown and `strict` is set.
+            SceneError: It holds no triangles, a pattern fits nothing, or an argument has no meaning for such a file.
         """
-        from warpvis.io import load_scene
+        from warpvis.io import read_parts
 
-        return load_scene(cls(device=device, up=up), path, file_up=file_up, scale=scale, labels=labels or {})
+        if up is not None:
+            check_up(up)
+        found = read_parts(path, search_path=search_path, strict=strict)
+        scene = cls(device=device, up=found.scene_up(up))
+        given: dict[str, Any] = {"file_up": file_up, "scale": scale, "labels": labels, "movable": movable}
+        for item in found.objects(scene.up, **given):
+            scene.add(**item)
+        for message in found.warnings:
+            warnings.warn(message, stacklevel=2)
+        return scene
 
     def add(
         self,

@@ -10,7 +10,7 @@ from warpvis.webots._nodes import Node, Version
 from warpvis.webots._range_images import find_device, render_range
 from warpvis.webots._ranges import add_noise, distort_pixels, quantise, range_values
 from warpvis.webots._recognition import Recognised, recognise, segmentation_image
-from warpvis.webots._world import WebotsWorld, load_webots
+from warpvis.webots._world import WebotsWorld, load_webots, read_world as read_world
 
 __all__ = [
     "DepthEye",

@@ -14,9 +14,9 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.labels import Label, LabelPatterns
+from warpvis.core.labels import Label
 from warpvis.errors import FileFormatError
-from warpvis.scene import Scene
+from warpvis.scene import Part
 from warpvis.webots._grammar import World
 from warpvis.webots._nodes import Node, Version
 
@@ -174,22 +174,18 @@ def names_of(names: Mapping[Thing, list[str]], things: Iterable[Thing]) -> tuple
     return tuple(name for thing in things for name in names.get(thing, ()))
 
 
-def add_objects(
-    scene: Scene, things: Iterable[Thing], labels: Mapping[str, Label | int | str], path: Path
-) -> dict[Thing, list[str]]:
-    """Add what has triangles to the scene; the names of the objects that it became."""
-    patterns = LabelPatterns(labels)
+def make_parts(things: Iterable[Thing]) -> tuple[list[Part], dict[Thing, list[str]]]:
+    """The objects that what has triangles becomes, and their names."""
+    made: list[Part] = []
     names: dict[Thing, list[str]] = {}
     taken = Names()
     for thing in things:
         if not thing.parts:
             continue
-        for wanted, own_label, parts in _objects_of(thing):
-            name = taken.take(wanted)
-            scene.add(_joined(parts), name=name, label=patterns.label(name, own_label))
-            names.setdefault(thing, []).append(name)
-    patterns.require_used((item.name for item in scene.objects), path)
-    return names
+        for wanted, label, parts in _objects_of(thing):
+            made.append(Part(taken.take(wanted), _joined(parts), label))
+            names.setdefault(thing, []).append(made[-1].name)
+    return made, names
 
 
 def _objects_of(thing: Thing) -> list[tuple[str, Label, list[Any]]]:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from warpvis.core.arrays import FARTHEST
 from warpvis.core.labels import Label
 from warpvis.errors import FileFormatError, SceneError
-from warpvis.scene import Scene, keep_winding
+from warpvis.scene import FileParts, Scene, keep_winding
 from warpvis.webots._depth_cameras import DEPTH_CAMERAS, expand_depth_camera
 from warpvis.webots._devices import Device, read_device
 from warpvis.webots._grammar import World, parse_world
@@ -32,9 +32,9 @@ from warpvis.webots._parts import (
     Place,
     Step,
     Thing,
-    add_objects,
     corrected_scale,
     is_level,
+    make_parts,
     names_of,
     skipped_message,
     vertical_axis,
@@ -142,33 +142,45 @@ def load_webots(
     path = Path(path)
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file")
-    parsed = parse_world(path)
-    search_path = [search_path] if isinstance(search_path, str | os.PathLike) else list(search_path)
-    reader = _Reader(parsed, [Path(folder) for folder in search_path], strict)
+    folders = [search_path] if isinstance(search_path, str | os.PathLike) else search_path
+    reader, names, found = _read(path, [Path(folder) for folder in folders], strict)
+    scene = Scene(device=device, up=reader.up)
+    for item in found.objects(scene.up, labels=labels):
+        scene.add(**item)
+    for message in found.warnings:
+        warnings.warn(message, stacklevel=2)
+    return WebotsWorld(
+        scene,
+        path,
+        reader.version,
+        reader.devices,
+        {name: names_of(names, things) for name, things in reader.robots.items()},
+        {name: (node, names_of(names, things)) for name, (node, things) in reader.recognisable.items()},
+        dict(reader.skipped),
+        reader.corrections(),
+        reader.describe(names),
+    )
+
+
+def read_world(path: Path, *, search_path: Sequence[Path], strict: bool) -> FileParts:
+    """The objects of a world alone; see `load_webots`."""
+    return _read(path, search_path, strict)[2]
+
+
+def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[_Reader, dict[Thing, list[str]], FileParts]:
+    """What a walk through the world found, the names of the objects that it becomes, and the objects."""
+    reader = _Reader(parse_world(path), list(search_path), strict)
     reader.walk()
     message = skipped_message(path, reader.skipped, reader.reasons, search_path)
     if message and strict:
         raise FileFormatError(message)
     if not any(thing.parts for thing in reader.things):
         raise SceneError(f"{message}; nothing is left" if message else f"{path}: holds no triangles")
-    scene = Scene(device=device, up=reader.up)
-    names = add_objects(scene, reader.things, labels or {}, path)
-    if message:
-        warnings.warn(message, stacklevel=2)
-    notes = tuple(note for item in reader.devices.values() for note in item.notes) + tuple(reader.notes)
-    if notes:
-        warnings.warn(f"{path}: {'; '.join(notes)}", stacklevel=2)
-    return WebotsWorld(
-        scene,
-        path,
-        parsed.version,
-        reader.devices,
-        {name: names_of(names, things) for name, things in reader.robots.items()},
-        {name: (node, names_of(names, things)) for name, (node, things) in reader.recognisable.items()},
-        dict(reader.skipped),
-        notes,
-        reader.describe(names),
-    )
+    parts, names = make_parts(reader.things)
+    notes = reader.corrections()
+    sentences = [message, f"{path}: {'; '.join(notes)}" if notes else ""]
+    found = FileParts(path, parts, up=reader.up, settled=True, warnings=tuple(filter(None, sentences)))
+    return reader, names, found
 
 
 class _Reader:
@@ -176,6 +188,7 @@ class _Reader:
 
     def __init__(self, world: World, search_path: list[Path], strict: bool) -> None:
         self.up: Literal["z", "y"] = vertical_axis(world)
+        self.version = world.version
         self.things: list[Thing] = []
         self.devices: dict[str, Device] = {}
         self.robots: dict[str, list[Thing]] = {}
@@ -373,6 +386,10 @@ class _Reader:
         scale, note = corrected_scale(node)
         self.notes += [note] if note else []
         return scale
+
+    def corrections(self) -> tuple[str, ...]:
+        """Values that were corrected, as Webots corrects them."""
+        return tuple(note for item in self.devices.values() for note in item.notes) + tuple(self.notes)
 
     def _skip(self, what: str) -> None:
         self.skipped[what] = self.skipped.get(what, 0) + 1

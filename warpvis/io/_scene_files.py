@@ -1,0 +1,61 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Files that hold scenes: which reader reads them, and how a scene is written."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from warpvis.errors import FileFormatError
+from warpvis.io._meshes import read_mesh_file
+from warpvis.scene import Y_UP_TO_Z_UP, FileParts
+
+if TYPE_CHECKING:
+    from warpvis.scene import Scene
+
+_WEBOTS = (".wbt",)
+
+
+def read_parts(
+    path: str | os.PathLike[str],
+    *,
+    search_path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
+    strict: bool = False,
+) -> FileParts:
+    """The objects of a file; see `warpvis.Scene.load` for the arguments.
+
+    Raises:
+        FileFormatError: The file is missing or does not parse, or something cannot be shown and `strict` is set.
+        SceneError: `search_path` has no meaning for such a file.
+    """
+    path = Path(path)
+    folders = [search_path] if isinstance(search_path, str | os.PathLike) else search_path
+    where = [Path(folder) for folder in folders]
+    if not path.is_file():
+        raise FileFormatError(f"{path}: no such file")
+    missing = next((folder for folder in where if not folder.is_dir()), None)
+    if missing is not None:
+        raise FileFormatError(f"{missing}: is no folder, and the search path is of folders")
+    kind = path.suffix.lower()
+    if kind in _WEBOTS:
+        from warpvis.webots import read_world
+
+        return read_world(path, search_path=where, strict=strict)
+    return read_mesh_file(path, search_path=where, strict=strict)
+
+
+def export_scene(scene: Scene, path: str | os.PathLike[str]) -> None:
+    """Write a scene as binary glTF; see `Scene.export`."""
+    path = Path(path)
+    if path.suffix.lower() != ".glb":
+        raise FileFormatError(f"{path}: scenes are exported as binary glTF, so the name must end in .glb")
+    exported = scene.to_trimesh()
+    if scene.up == "z":
+        exported.apply_transform(Y_UP_TO_Z_UP.T)
+    try:
+        path.write_bytes(exported.export(file_type="glb"))
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be written: {error.strerror}") from None

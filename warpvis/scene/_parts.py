@@ -1,0 +1,141 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What readers of files find, and how it becomes objects of a scene."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.labels import Label, LabelPatterns
+from warpvis.core.poses import check_up, poses_to_matrices, poses_to_opencv
+from warpvis.errors import SceneError
+from warpvis.scene._object import check_scale
+from warpvis.scene.solids import Solid
+
+Axis = Literal["z", "y"]
+"""A vertical axis."""
+
+# Turns geometry whose vertical axis is y upright in a world whose vertical axis is z: (x, y, z) to (x, -z, y).
+Y_UP_TO_Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One object of a file: what `Scene.add` takes."""
+
+    name: str
+    """A name that no other part of the file has."""
+    mesh: tuple[NDArray[np.float64], NDArray[np.integer[Any]]] | Solid
+    """Vertices, shape ``(n, 3)``, and corner indices, shape ``(m, 3)``; or a round solid."""
+    label: Label = Label.OBSTACLE
+    """What its pixels are labelled unless the user says otherwise."""
+    pose: NDArray[np.float64] | None = None
+    """Part to file, a row ``x y z qx qy qz qw`` or a 4x4 matrix; None for the identity."""
+    movable: bool = False
+    """Whether the file says that it moves."""
+    attach_to: str | None = None
+    """Name of an earlier part that it moves with; None if it moves by itself, or stays."""
+    aliases: tuple[str, ...] = ()
+    """Other names that patterns may mean it by: its body's."""
+
+    def fits(self, pattern: str) -> bool:
+        """Whether a pattern (``"wall_*"``) means this part."""
+        return any(fnmatch.fnmatchcase(name, pattern) for name in (self.name, *self.aliases))
+
+
+@dataclass(frozen=True, eq=False)
+class FileParts:
+    """What a reader gives: a file's parts, and how they are meant."""
+
+    path: Path
+    """The file."""
+    parts: Sequence[Part]
+    """Its parts, in the order of the scene's objects."""
+    up: Axis | None = None
+    """The vertical axis of its geometry, as the file or its format says; None if neither does."""
+    settled: bool = False
+    """Whether the format is in metres and says which axis is up, so that a user has no say in either."""
+
+    warnings: tuple[str, ...] = ()
+    """Sentences about what is left out, or was corrected."""
+
+    def scene_up(self, up: Axis | None) -> Axis:
+        """The vertical axis of a scene of these parts, of which the user asked for `up` or for none."""
+        return up or (self.up if self.settled and self.up else "z")
+
+    def objects(
+        self,
+        scene_up: Axis,
+        *,
+        file_up: Axis | None = None,
+        scale: float = 1.0,
+        labels: Mapping[str, Label | int | str] | None = None,
+        movable: bool | Sequence[str] = False,
+    ) -> list[dict[str, Any]]:
+        """Arguments for `Scene.add`, for each part.
+
+        Args:
+            scene_up: The scene's vertical axis, to which geometry is turned.
+            file_up: The file's vertical axis; what the file says by default, else the scene's.
+            scale: Factor from the file's unit to metres.
+            labels: Labels by name or pattern; the last one that fits counts.
+            movable: Whether what the file says moves is movable; or names and patterns of what is, each by itself.
+
+        Raises:
+            SceneError: There are no parts, a pattern fits none of them, or an argument has no meaning for the file.
+        """
+        if not self.parts:
+            raise SceneError(f"{self.path}: holds no triangles")
+        if self.settled and (scale != 1 or file_up is not None):
+            raise SceneError(
+                f"{self.path}: such a file is in metres and says which axis is up: leave out scale and file_up"
+            )
+        check_scale(scale, str(self.path))
+        axis = file_up or self.up or scene_up
+        check_up(axis)
+        upright = None if axis == scene_up else (Y_UP_TO_Z_UP if axis == "y" else Y_UP_TO_Z_UP.T)
+        patterns = LabelPatterns(labels or {})
+        objects = []
+        for part in _moving(self, movable):
+            mesh, pose = _turned(part, upright)
+            given = {"mesh": mesh, "name": part.name, "pose": pose, "scale": scale}
+            given["label"] = patterns.label(part.name, part.label, part.aliases)
+            objects.append(given | {"movable": part.movable, "attach_to": part.attach_to})
+        patterns.require_used((part.name for part in self.parts), self.path)
+        return objects
+
+
+def _moving(file: FileParts, movable: bool | Sequence[str]) -> list[Part]:
+    """The parts, of which those are movable that shall be."""
+    if isinstance(movable, str):
+        movable = [movable]
+    if movable is True:
+        if not any(part.movable for part in file.parts):
+            raise SceneError(f"{file.path}: nothing in it is said to move: name what is movable")
+        return list(file.parts)
+    wanted = list(movable) if movable else []
+    if not all(isinstance(pattern, str) for pattern in wanted):
+        raise SceneError(f"movable must be true, false, or names of objects, got {movable!r}")
+    unused = [pattern for pattern in wanted if not any(part.fits(pattern) for part in file.parts)]
+    if unused:
+        some = ", ".join(repr(part.name) for part in file.parts[:10])
+        raise SceneError(f"movable {unused[0]!r} fits no object of {file.path}, which has {some}")
+    return [replace(part, movable=any(map(part.fits, wanted)), attach_to=None) for part in file.parts]
+
+
+def _turned(part: Part, upright: NDArray[np.float64] | None) -> tuple[Any, Any]:
+    """Mesh and pose of a part, turned upright: the pose if there is one, else the vertices."""
+    if upright is None:
+        return part.mesh, part.pose
+    if part.pose is None and not isinstance(part.mesh, Solid):
+        vertices, faces = part.mesh
+        return (np.asarray(vertices) @ upright[:3, :3].T, faces), None
+    pose = np.eye(4) if part.pose is None else poses_to_matrices(poses_to_opencv(part.pose)[0])
+    return part.mesh, upright @ pose
