@@ -5,7 +5,7 @@
 import warp as wp
 
 from warpvis.kernels.constants import LABEL_EMPTY, LABEL_GROUND, LABEL_OBSTACLE
-from warpvis.kernels.pinhole import PinholeCamera, Window, back_project_pixel
+from warpvis.kernels.pinhole import PinholeCamera, Window, back_project_pixel, shown_depth
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -46,9 +46,9 @@ def nearest_sphere(spheres: Spheres, point: wp.vec3) -> int:
 
 
 @wp.func
-def has_depth(depth: float, max_range: float) -> bool:
-    """False for all ways to say "nothing measured": NaN, infinities, zero, beyond the maximum range."""
-    return wp.isfinite(depth) and depth > 0.0 and depth <= max_range
+def has_depth(depth: float, near: float, max_range: float) -> bool:
+    """False for all ways to say "no point": NaN, infinities, zero or less, too near, beyond the maximum range."""
+    return wp.isfinite(depth) and depth > 0.0 and depth >= near and depth <= max_range
 
 
 @wp.kernel
@@ -62,11 +62,12 @@ def back_project(
     # Out:
     points_out: wp.array3d[wp.vec3],
 ):
-    """World points of depth images, equations (3) to (6)."""
+    """World points of depth images, equations (3) to (6); NaN where the camera measured none."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
-    points_out[view, y, x] = back_project_pixel(camera, camera_to_world[view], y, x, depth_in[view, y, x])
+    depth = shown_depth(camera, depth_in[view, y, x])
+    points_out[view, y, x] = back_project_pixel(camera, camera_to_world[view], y, x, depth)
 
 
 @wp.kernel
@@ -92,7 +93,7 @@ def classify_depth(
     depth = depth_in[view, y, x]
     label = EMPTY
     sphere = int(-1)
-    if has_depth(depth, max_range):
+    if has_depth(depth, camera.near, max_range):
         point = back_project_pixel(camera, camera_to_world[view], y, x, depth)
         if point[ground.up] - ground.height < ground.sigma:
             label = GROUND
@@ -127,6 +128,6 @@ def label_objects(
 
     index = segmentation_in[view, y, x]
     label = EMPTY
-    if has_depth(depth_in[view, y, x], max_range) and index >= 0 and index < object_label.shape[0]:
+    if has_depth(depth_in[view, y, x], 0.0, max_range) and index >= 0 and index < object_label.shape[0]:
         label = object_label[index]
     labels_out[view, y, x] = label

@@ -70,6 +70,20 @@ def forward_axis(rotation: wp.quatd) -> wp.vec3d:
 
 
 @wp.func
+def shown_depth(camera: PinholeCamera, depth: float) -> float:
+    """What was measured, as REP 117 has it: -inf nearer than near, +inf beyond far; NaN where nothing was."""
+    if depth == -wp.inf:
+        return depth
+    if not depth > 0.0:
+        return wp.nan
+    if depth < camera.near:
+        return -wp.inf
+    if depth > camera.far:
+        return wp.inf
+    return depth
+
+
+@wp.func
 def back_project_pixel(camera: PinholeCamera, pose: wp.transform, y: int, x: int, depth: float) -> wp.vec3:
     """World point of a pixel and its depth: equations (3) to (6), and NaN where there is no depth."""
     if not wp.isfinite(depth):

@@ -8,7 +8,7 @@ Points come in rows of `POINTS_PER_ROW`, so that threads of the CPU pool share o
 import warp as wp
 
 from warpvis.kernels import constants
-from warpvis.kernels.pinhole import PinholeCamera, Window, pose_origin, pose_rotation
+from warpvis.kernels.pinhole import PinholeCamera, Window, pose_origin, pose_rotation, shown_depth
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -142,7 +142,7 @@ def judge_points_measured(
     # Out:
     status_out: wp.array2d[wp.uint8],
 ):
-    """The same by the pixel that a point is in; unknown where it has no depth. +inf is far, -inf near (REP 117)."""
+    """The same by the pixel that a point is in; unknown where it has no depth, hidden where that is too near."""
     view, row, column = wp.tid()
     view += window.first_view
     index = point_index(window, row, column)
@@ -152,9 +152,9 @@ def judge_points_measured(
     at = pixels[view, index]
     surface = float(wp.inf)
     if wp.isfinite(at[0]):
-        surface = measured[view, int(at[1]), int(at[0])]
+        surface = shown_depth(camera, measured[view, int(at[1]), int(at[0])])
     status = judge(camera, at, depth[view, index], surface, tolerance)
     in_range = status == VISIBLE or status == OCCLUDED
-    if in_range and (wp.isnan(surface) or (wp.isfinite(surface) and surface <= 0.0)):
+    if in_range and wp.isnan(surface):
         status = UNKNOWN
     status_out[view, index] = status

@@ -4,7 +4,7 @@
 
 import warp as wp
 
-from warpvis.kernels.pinhole import PinholeCamera, Window, pixel_ray
+from warpvis.kernels.pinhole import PinholeCamera, Window, pixel_ray, shown_depth
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -29,20 +29,6 @@ class VoxelGrid:
 @wp.func
 def flat_index(grid: VoxelGrid, i: int, j: int, k: int) -> int:
     return (i * grid.size[1] + j) * grid.size[2] + k
-
-
-@wp.func
-def shown_depth(camera: PinholeCamera, depth: float) -> float:
-    """A pixel's depth as REP 117 has it: -inf nearer than near, +inf beyond far; NaN where nothing was measured."""
-    if depth == -wp.inf:
-        return depth
-    if not depth > 0.0:
-        return wp.nan
-    if depth < camera.near:
-        return -wp.inf
-    if depth > camera.far:
-        return wp.inf
-    return depth
 
 
 @wp.func

@@ -21,7 +21,13 @@ from reference_silhouettes import (  # noqa: F401
     measure_silhouettes_packets,
     spread_poses,
 )
-from reference_voxels import highest_labels, judge_voxels, mark_surface_points, merge_voxels  # noqa: F401
+from reference_voxels import (  # noqa: F401
+    highest_labels,
+    judge_voxels,
+    mark_surface_points,
+    merge_voxels,
+    shown_depth,
+)
 
 from warpvis import Camera, Label, Scene, SceneObject, Visibility
 from warpvis.core.poses import poses_to_matrices, quaternion_product
@@ -237,6 +243,11 @@ def edge_distance(scene: Scene, camera: Camera, pose: NDArray, pixels: NDArray) 
 
 
 def back_project(camera: Camera, pose: NDArray, depth: NDArray) -> NDArray[np.float64]:
+    return _points(camera, pose, shown_depth(camera, depth))
+
+
+def _points(camera: Camera, pose: NDArray, depth: NDArray) -> NDArray[np.float64]:
+    """The same of finite depths, whatever the camera's range."""
     matrix = poses_to_matrices(np.asarray(pose, dtype=np.float32))
     with np.errstate(invalid="ignore"):
         local = pixel_rays(camera) * np.asarray(depth, dtype=np.float64)[..., None]
@@ -244,9 +255,9 @@ def back_project(camera: Camera, pose: NDArray, depth: NDArray) -> NDArray[np.fl
     return np.where(np.isfinite(depth)[..., None], points, np.nan)
 
 
-def _has_depth(depth: NDArray, max_range: float) -> NDArray[np.bool_]:
+def _has_depth(depth: NDArray, max_range: float, near: float = 0.0) -> NDArray[np.bool_]:
     with np.errstate(invalid="ignore"):
-        return np.isfinite(depth) & (depth > 0) & (depth <= max_range)
+        return np.isfinite(depth) & (depth > 0) & (depth >= np.float32(near)) & (depth <= max_range)
 
 
 def classify_depth(
@@ -261,8 +272,8 @@ def classify_depth(
     max_range: float | None = None,
 ) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.float64]]:
     """Labels, spheres, and how far each pixel is from changing its label [m]."""
-    valid = _has_depth(depth, camera.far if max_range is None else max_range)
-    points = back_project(camera, pose, np.where(valid, depth, np.nan))
+    valid = _has_depth(depth, camera.far if max_range is None else max_range, camera.near)
+    points = _points(camera, pose, np.where(valid, depth, np.nan))
     height = points[..., up] - ground_height
     margin = np.abs(height - sigma)
     ratio = np.full((len(spheres) + 1, *depth.shape), np.inf)
@@ -482,13 +493,12 @@ def judge_points_measured(
 ) -> NDArray[np.uint8]:
     at, distance = project_points(camera, pose, points)
     x, y = np.where(np.isfinite(at), at, 0).astype(int).T
-    surface = np.asarray(depth, dtype=np.float64)[y, x]
+    surface = shown_depth(camera, depth)[y, x]
     length = np.linalg.norm(camera.back_project(at, np.ones(len(at))), axis=1)
     with np.errstate(invalid="ignore"):
         status = _judge(camera, at, distance, (distance - surface) * length - tolerance)
-        nothing = np.isnan(surface) | (np.isfinite(surface) & (surface <= 0))
     in_range = (status == Visibility.VISIBLE) | (status == Visibility.OCCLUDED)
-    return np.where(in_range & nothing, Visibility.UNKNOWN, status).astype(np.uint8)
+    return np.where(in_range & np.isnan(surface), Visibility.UNKNOWN, status).astype(np.uint8)
 
 
 def _judge(camera: Camera, at: NDArray, depth: NDArray, margin: NDArray) -> NDArray[np.uint8]:

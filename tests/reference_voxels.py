@@ -12,7 +12,7 @@ from warpvis.core.poses import poses_to_matrices
 from warpvis.maps import Voxel
 
 
-def _shown(camera: Camera, depth: NDArray) -> NDArray[np.float64]:
+def shown_depth(camera: Camera, depth: NDArray) -> NDArray[np.float64]:
     """Depth by REP 117: -inf is too near, +inf is nothing in range, NaN is not measured."""
     depth = np.asarray(depth, dtype=np.float32)
     result = np.where((depth > 0) | np.isneginf(depth), depth, np.nan).astype(np.float64)
@@ -34,7 +34,7 @@ def mark_surface_points(
     marks = np.zeros(size, dtype=np.int32)
     y, x = np.mgrid[: camera.height, : camera.width]
     for view, matrix in enumerate(poses_to_matrices(np.asarray(poses, dtype=np.float32))):
-        shown = _shown(camera, depth[view])
+        shown = shown_depth(camera, depth[view])
         measured = np.where(np.isfinite(shown), shown, np.nan)
         points = camera.back_project(np.stack([x, y], axis=-1) + 0.5, measured) @ matrix[:3, :3].T + matrix[:3, 3]
         label = np.full(shown.shape, Label.OBSTACLE) if labels is None else labels[view]
@@ -64,7 +64,7 @@ def judge_voxels(
         column, row = at[in_image].astype(int).T
         sight = centers[in_image] - matrix[:3, 3]
         z = sight @ matrix[:3, 2]
-        shown = _shown(camera, depth[view])[row, column]
+        shown = shown_depth(camera, depth[view])[row, column]
         label = np.full(len(z), Label.OBSTACLE) if labels is None else labels[view][row, column]
 
         on_surface = np.isfinite(shown)

@@ -157,8 +157,10 @@ def test_an_image_of_zeros_sees_nothing(worlds):
     """So it is before the first measurement."""
     device = worlds["R2023b"].devices["range-finder"]
     eye = DepthEye(RangeFinder(device, np.zeros((240, 320))))
-    assert np.isposinf(eye.depth()).all()
+    assert np.isnan(eye.depth()).all()
     assert not eye.classify([0, 0, 0, 0, 0, 0, 1]).numpy().any()
+    space = wv.voxel_map(eye.depth(), eye.camera, eye.pose([0, 0, 0, 0, 0, 0, 1]), bounds=[[-1, -1, -1], [1, 1, 1]])
+    assert not space.states.numpy().any()  # OUTSIDE: nothing is known to be free
 
 
 def bad_eye(worlds, image, kind="pointer"):

@@ -66,7 +66,8 @@ def back_project(
         out: Where to write, shape ``(V, H, W)`` `wp.vec3`.
 
     Returns:
-        Points in the world frame [m], shape ``(V, H, W)`` vec3; NaN where depth is not finite.
+        Points in the world frame [m], shape ``(V, H, W)`` vec3; NaN where the camera measured none: where depth is not
+        finite, zero or less, nearer than its `near`, or beyond its `far`.
 
     Raises:
         WarpvisError: A shape, dtype, device or value is not what it has to be.
@@ -104,7 +105,8 @@ def classify(
 ) -> wp.array:
     """Label every pixel of depth images, measured or rendered, by the paper's cases.
 
-    In this order, a pixel is `Label.EMPTY` without depth (NaN, infinite, zero or less, or beyond `max_range`),
+    In this order, a pixel is `Label.EMPTY` without a point (its depth is NaN, infinite, zero or less, nearer than the
+    camera's `near`, or beyond `max_range`),
     `Label.GROUND` where its world point is lower than `sigma` above the floor, labelled as a sphere's object where
     ``||C_obj - P|| < size/2`` (of several spheres, the one it lies deepest in), and else `Label.OBSTACLE`. Images
     that warpvis rendered know their objects exactly: for them see `classify_rendered`.

@@ -100,8 +100,9 @@ def point_visibility_from_depth(
     """The same against depth images that a sensor measured: each point by the pixel that it is in.
 
     Args:
-        depth: Planar depth [m], shape ``(V, H, W)`` float32, or ``(H, W)`` for one view. Beyond all range is +inf, too
-            near is -inf (REP 117); where it is 0, negative or NaN, nothing was measured.
+        depth: Planar depth [m], shape ``(V, H, W)`` float32, or ``(H, W)`` for one view. +inf is nothing up to the
+            camera's `far`, and so is a finite depth beyond it; -inf is something nearer than `near`, which hides all
+            behind it, and so is a depth between 0 and `near` (REP 117). 0, negative and NaN is not measured.
         camera: The camera that took the images.
         camera_to_world: Where it was, as for `Renderer.render`.
         points: Points in the world frame [m], shape ``(N, 3)``.

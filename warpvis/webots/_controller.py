@@ -77,7 +77,9 @@ class DepthEye:
         """The device as a camera."""
 
     def depth(self) -> NDArray[np.float32]:
-        """The device's image as planar depth [m], shape ``(H, W)``; +inf where it measured nothing.
+        """The device's image as planar depth [m], shape ``(H, W)``; NaN where it has no image yet, which is 0.
+
+        +inf is nothing in its range or, since Webots does not tell them apart, something nearer than its least range.
 
         Raises:
             ArrayError: There is no image yet, or it is of another size than the device.
@@ -87,10 +89,11 @@ class DepthEye:
         if values.size != size[0] * size[1]:
             raise ArrayError(f"the range image must have {size[1]} x {size[0]} values, got {values.size}")
         with np.errstate(invalid="ignore"):
-            nothing = ~((values > 0) & (values < far))
+            missing, beyond = ~(values > 0), values >= far
             if self._version < UNBIASED:  # z' = f (z - n) / (f - n)
                 values = (self._near + values * ((far - self._near) / far)).astype(np.float32)
-        return np.where(nothing, np.float32(np.inf), values).reshape(size)
+        values = np.where(beyond, np.float32(np.inf), values)
+        return np.where(missing, np.float32(np.nan), values).reshape(size)
 
     def pose(self, node_pose: ArrayLike | None = None) -> NDArray[np.float64]:
         """OpenCV camera to world, ``x y z qx qy qz qw``, shape ``(7,)``.
