@@ -1,13 +1,19 @@
-# `make demo` and `make test` work on a fresh Debian or Ubuntu with Python 3.11 or later: each first makes .venv from
-# constraints.txt.
+# `make demo` and `make test` work on a fresh Debian or Ubuntu with Python 3.11 or later: each first installs what it
+# needs, and no more, into .venv, at the versions of constraints.txt.
 
 VENV := .venv
 BIN := $(VENV)/bin
+# Python writes the bytecode of what it imports; pip would of everything.
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
+
+# Stamps: what the package itself needs is there; so is what the tests and the linters need.
+CORE := $(VENV)/core
 STAMP := $(VENV)/installed
 
+.DELETE_ON_ERROR:
 .PHONY: demo test test-lanes mutate lint bench format clean
 
-demo: $(STAMP)
+demo: $(CORE)
 	$(BIN)/warpvis demo --out demo
 
 test: $(STAMP)
@@ -40,11 +46,18 @@ format: $(STAMP)
 bench: $(STAMP)
 	-@./scripts/ensure_egl.sh
 	-@./scripts/ensure_peers.sh $(BIN)/python
-	$(BIN)/python bench/run.py --readme
+	$(BIN)/python bench/run.py --figures
 
-$(STAMP): pyproject.toml constraints.txt scripts/make_venv.sh
+$(VENV)/pyvenv.cfg: scripts/make_venv.sh
 	./scripts/make_venv.sh $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,lint]'
+	touch $@
+
+$(CORE): $(VENV)/pyvenv.cfg pyproject.toml constraints.txt
+	$(INSTALL) -e .
+	touch $@
+
+$(STAMP): $(CORE)
+	$(INSTALL) -e '.[test,lint]'
 	touch $@
 
 clean:
