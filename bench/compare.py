@@ -30,7 +30,7 @@ from timing import take_turns
 import warpvis as wv
 
 MARK = "bench"
-"""Of the tables in the README."""
+"""Of the tables in docs/figures.md."""
 
 TOLERANCE = 1e-3
 
@@ -181,16 +181,16 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--rounds", type=count, default=9)
     parser.add_argument("--skip-more", action="store_true", help="leave out the second table")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all times there")
-    parser.add_argument("--readme", type=Path, metavar="FILE", help="put the tables there, between its marks")
+    parser.add_argument("--markdown", type=Path, metavar="FILE", help="put the tables there, between its marks")
     return parser.parse_args(arguments)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the comparison; the tables go to standard output."""
     options = _parse(arguments)
-    if options.readme:
+    if options.markdown:
         try:
-            split_marked(options.readme, MARK)
+            split_marked(options.markdown, MARK)
         except (OSError, ValueError) as error:
             _say(f"compare.py: {error}")
             return 2
@@ -206,8 +206,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _say(others.warning())
     if options.json:
         write_json(options.json, results, more)
-    if options.readme:
-        write_marked(options.readme, MARK, tables)
+    if options.markdown:
+        write_marked(options.markdown, MARK, tables)
     return 0
 
 

@@ -8,7 +8,7 @@ A method that fails, however it does, is a line. What is known is written to a J
 
   python bench/gpu.py                                       everything, within minutes
   python bench/gpu.py --cases room-320 --peers bare newton  one case, and some peers
-  python bench/gpu.py --markdown docs/gpu.md                with the tables between that file's marks
+  python bench/gpu.py --markdown docs/figures.md            with the tables between that file's marks
   python bench/gpu.py --device cpu --views 2 --rounds 1     whether all make the same picture, without a GPU
 """
 
@@ -32,7 +32,7 @@ from gpu_timing import Run, enough_calls, wall_seconds
 from gpu_work import Case, Method, Prepared, Result, Subject, agreement
 from marked import split_marked, write_marked
 
-_MARK = "gpu"  # of the tables in docs/gpu.md
+_MARK = "gpu"  # of the tables in docs/figures.md
 
 # name: title, preset, width, height, views
 CASES = {

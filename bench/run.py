@@ -86,17 +86,17 @@ def _seconds(bench: dict[str, Any]) -> float:
     return bench["stats"]["median"] / bench["extra_info"].get("views", 1)
 
 
-def run_comparison(arguments: Sequence[str], readme: bool) -> int:
+def run_comparison(arguments: Sequence[str], figures: bool) -> int:
     """Run compare.py and return its exit code."""
     command = [sys.executable, str(ROOT / "bench" / "compare.py"), *arguments]
-    return subprocess.call([*command, "--readme", "README.md"] if readme else command, cwd=ROOT)
+    return subprocess.call([*command, "--markdown", "docs/figures.md"] if figures else command, cwd=ROOT)
 
 
 def main() -> int:
     """Run everything; the exit code is 0 unless something fails."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--fail", action="store_true", help="exit with 1 if a benchmark became slower")
-    parser.add_argument("--readme", action="store_true", help="put the table of the peers into README.md")
+    parser.add_argument("--figures", action="store_true", help="put the tables of the peers into docs/figures.md")
     options, for_compare = parser.parse_known_args()
 
     storage, name = ROOT / ".benchmarks" / machine_id(), commit_name()
@@ -111,7 +111,7 @@ def main() -> int:
     print(others.warning(), flush=True)
     for older in set(storage.glob(f"*/*_{name}.json")) - {new}:
         older.unlink()
-    code = run_comparison(for_compare, options.readme)
+    code = run_comparison(for_compare, options.figures)
     return 1 if options.fail and slower else code
 
 

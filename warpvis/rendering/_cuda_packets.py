@@ -49,7 +49,7 @@ def packet_side(views: int, width: int, height: int, processors: int, large_pack
     """Pixels a side of a packet: as many as leave enough packets for all multiprocessors; images do not depend on it.
 
     The larger a packet, the fewer of them set up the same triangle; the smaller, the sooner the last one is done. See
-    docs/gpu.md for the measurements.
+    docs/internals/gpu.md for the measurements.
 
     Args:
         views: Images to make.

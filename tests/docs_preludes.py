@@ -1,0 +1,134 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the pages of the documentation take for granted: scenes, poses, files, models."""
+
+import shutil
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import trimesh
+
+import warpvis as wv
+
+ROOT = Path(__file__).parent.parent
+
+_ARM = """
+<mujoco>
+  <worldbody>
+    <geom name="floor" type="plane" size="2 2 .1"/>
+    <camera name="head" pos="0 -1.5 1" xyaxes="1 0 0 0 .5 .9"/>
+    <body name="arm" pos="0 0 .5">
+      <joint name="shoulder" type="hinge" axis="0 1 0"/>
+      <geom name="upper" type="capsule" size=".06" fromto="0 0 0 .3 0 .2"/>
+      <camera name="wrist" pos=".3 0 .3"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+# Pages say what a user does, on a machine with a GPU; here the same is done on a CPU, with less of it.
+_SMALLER = {
+    '"cuda:0"': '"cpu"',
+    "nworld=4096": "nworld=16",
+    "count=100000": "count=20",
+    "count=360": "count=8",
+    "step=0.1": "step=0.5",
+    "spacing=0.02": "spacing=0.2",
+}
+
+
+def made_smaller(code):
+    """A page's code, with less work in it."""
+    for large, small in _SMALLER.items():
+        code = code.replace(large, small)
+    return code
+
+
+def prepare(page, folder):
+    """The names that a page's code uses; the files that it reads are put into the folder."""
+    names = {"wv": wv, "np": np}
+    make = globals().get(f"_{page}")
+    if make is not None:
+        names |= make(folder)
+    return names
+
+
+def _room():
+    """A floor, a table with a cup and a ball behind a wall, a robot and a person."""
+    scene = wv.Scene()
+    scene.add(trimesh.creation.box((8, 6, 0.02)), name="floor", label="ground", pose=(2, 0, -0.01, 0, 0, 0, 1))
+    scene.add(trimesh.creation.box((0.1, 2, 1)), name="wall", pose=(2, 1.5, 0.5, 0, 0, 0, 1))
+    scene.add(trimesh.creation.icosphere(radius=0.1), name="cup", label="object", pose=(2, 0, 0.8, 0, 0, 0, 1))
+    scene.add(trimesh.creation.icosphere(radius=0.1), name="ball", label="object", pose=(3, 0.4, 0.1, 0, 0, 0, 1))
+    scene.add(trimesh.creation.cylinder(0.2, 1), name="robot", label="robot", pose=(0, 0, 0.5, 0, 0, 0, 1))
+    scene.add(trimesh.creation.cylinder(0.2, 1.5), name="person", label="human", pose=(4, 0, 0.75, 0, 0, 0, 1))
+    return scene
+
+
+def _poses(count=3):
+    return np.array([wv.look_at((-1, -0.3 * i, 1.2), (2, 0, 0.8)) for i in range(count)])
+
+
+def _save_poses(path, count=6):
+    np.savetxt(path, np.column_stack([np.arange(count), _poses(count)]))
+
+
+def _rendering(folder):
+    _room().export(folder / "lab.glb")
+    K = wv.Camera.from_fov(640, 480, hfov=1.0).to_K(pixel_center=0.0)
+    pixels = np.random.default_rng(1).uniform((0, 0), (640, 480), (3, 50, 2))
+    return {"K": K, "poses": _poses(), "other_poses": _poses()[::-1], "pixels": pixels}
+
+
+def _worlds(folder):
+    box = trimesh.creation.box((0.1, 0.1, 0.1))
+    object_poses = np.tile(np.array([0, 0, 0, 0, 0, 0, 1], dtype=np.float32), (2, 22, 1))
+    object_poses[..., 0] = np.linspace(1, 3, 22)
+    return {
+        "table": trimesh.creation.box((1, 1, 0.1)),
+        "gripper": trimesh.creation.box((0.2, 0.1, 0.1)),
+        "finger": trimesh.creation.box((0.02, 0.02, 0.1)),
+        "finger_pose": (0, 0, 0.1, 0, 0, 0, 1),
+        "cube": box,
+        "camera": wv.Camera.kinect(),
+        "poses": _poses(),
+        "object_poses": object_poses,
+        "world": np.array([1, 0, 1], dtype=np.int32),
+    }
+
+
+def _visibility(folder):
+    scene = _room()
+    scene.export(folder / "room.glb")
+    _save_poses(folder / "poses.txt")
+    return {
+        "scene": scene,
+        "camera": wv.Camera.from_fov(64, 48, hfov=1.0),
+        "robot_at": (0.0, -1.5, 0.0),
+        "cup_at": (2, 0, 0.8),
+        "eyes": _poses()[:, :3],
+        "targets": np.array([[3, 0.4, 0.1], [2.5, 1.5, 0.2]]),
+    }
+
+
+def _mujoco(folder):
+    import mujoco_warp
+
+    model = mujoco.MjModel.from_xml_string(_ARM)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    warp_data = mujoco_warp.put_data(model, data, nworld=16)
+    return {"model": model, "data": data, "warp_data": warp_data, "qpos": np.tile(data.qpos, (16, 1))}
+
+
+def _webots(folder):
+    shutil.copy(ROOT / "scenes" / "webots" / "experiment_3_R2023b.wbt", folder / "lab.wbt")
+    (folder / "webots" / "projects").mkdir(parents=True)
+    return {}
+
+
+def _batch(folder):
+    _room().export(folder / "room.glb")
+    _save_poses(folder / "walk.txt")
+    return {}

@@ -1,0 +1,160 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the documentation says is true: its code runs, its links, files, names and commands are there."""
+
+import importlib
+import re
+import shlex
+import subprocess
+import sys
+import types
+from pathlib import Path
+
+import docs_preludes as preludes
+import pytest
+
+import warpvis as wv
+from warpvis.cli import main
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text()
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+CHANGES = ROOT / "CHANGELOG.md"
+
+PAGE = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+
+
+def fences(page, language):
+    return re.findall(rf"^```{language}\n(.*?)^```", page.read_text(), re.DOTALL | re.MULTILINE)
+
+
+def code_words(page):
+    """What stands between backticks or in fences, word by word."""
+    text = page.read_text()
+    fenced = re.findall(r"^```\w*\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+    quoted = re.findall(r"`([^`\n]+)`", re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE))
+    return [word for piece in [*fenced, *quoted] for word in piece.split()]
+
+
+def slug(heading):
+    """The anchor that GitHub gives to a heading."""
+    return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
+
+
+def find(dotted):
+    """The thing of a dotted name; `AttributeError` or `ImportError` if there is none."""
+    first, *rest = dotted.split(".")
+    thing = importlib.import_module(first)
+    for name in rest:
+        # A dataclass's field without a default is no attribute of the class.
+        if name in getattr(thing, "__dataclass_fields__", ()):
+            thing = thing.__dataclass_fields__[name]
+        elif isinstance(thing, types.ModuleType) and not hasattr(thing, name):
+            thing = importlib.import_module(f"{thing.__name__}.{name}")
+        else:
+            thing = getattr(thing, name)
+    return thing
+
+
+def test_the_quickstart_runs_as_written(tmp_path):
+    code = re.search(r"## Quickstart.*?```python\n(.*?)```", README, re.DOTALL)[1]
+    assert len([line for line in code.splitlines() if line.strip()]) <= 12
+    (tmp_path / "quickstart.py").write_text(code)
+    result = subprocess.run([sys.executable, "quickstart.py"], cwd=tmp_path, capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    promised = re.search(r"## Quickstart.*?```text\n(.*?)```", README, re.DOTALL)[1]
+    printed = [line for line in result.stdout.splitlines() if not line.startswith(("Warp ", "Module ", "   "))]
+    assert "\n".join(printed).strip() == promised.strip()
+    assert (tmp_path / "map.png").is_file()
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES[1:] if fences(page, "python")], ids=lambda page: page.stem)
+def test_code_runs(page, tmp_path, monkeypatch):
+    """All Python of a page, one fence after the other, after what the page takes for granted."""
+    monkeypatch.chdir(tmp_path)
+    names = preludes.prepare(page.stem, tmp_path)
+    for number, code in enumerate(fences(page, "python")):
+        exec(compile(preludes.made_smaller(code), f"{page.name}, fence {number}", "exec"), names)
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if "warpvis " in "".join(fences(page, "bash"))], ids=str)
+def test_commands_run(page, tmp_path, monkeypatch, capsys):
+    """All calls of ``warpvis`` in a page's shell fences."""
+    monkeypatch.chdir(tmp_path)
+    preludes.prepare(page.stem, tmp_path)
+    for line in preludes.made_smaller("".join(fences(page, "bash"))).splitlines():
+        if line.startswith("warpvis "):
+            monkeypatch.setattr(sys, "argv", shlex.split(line))
+            try:
+                main()
+            except SystemExit as stop:
+                assert not stop.code, f"{line}\n{capsys.readouterr().err}"
+
+
+@pytest.mark.parametrize("page", [*PAGES, CHANGES], ids=lambda page: page.stem)
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)]+)\)", page.read_text()):
+        if "://" in target:
+            continue
+        file, _, anchor = target.partition("#")
+        there = (page.parent / file).resolve() if file else page
+        assert there.exists(), target
+        assert there.is_relative_to(ROOT), target
+        if anchor:
+            headings = re.findall(r"^#+ (.+)$", there.read_text(), re.MULTILINE)
+            assert anchor in map(slug, headings), target
+
+
+@PAGE
+def test_files_are_there(page):
+    """Paths from the repository's root, and headers by their bare names."""
+    for word in code_words(page):
+        path = word.strip("(),;:").split("::")[0]
+        if re.fullmatch(r"(warpvis|kernels|tests|bench|docs|scripts|examples|scenes|\.ci)/[\w./*{},-]+", path):
+            patterns = [path.replace("{cpu,cuda,shared}", kind) for kind in ("cpu", "cuda", "shared")]
+            assert all(list(ROOT.glob(pattern)) for pattern in patterns), path
+        if re.fullmatch(r"\w+\.h", path):
+            assert list((ROOT / "kernels" / "native").rglob(path)), path
+
+
+@PAGE
+def test_names_are_there(page):
+    """``wv.name`` and ``warpvis.name`` everywhere, and ``Name.attribute`` of a class at the top."""
+    words = " ".join(code_words(page))
+    dotted = re.findall(r"(?<![\w./'\[-])(?:wv|warpvis)((?:\.[A-Za-z]\w*)+)", words)
+    for name in re.findall(r"(?<![\w.])[A-Z]\w+\.[a-z]\w+", words):
+        if name.split(".")[0] in wv.__all__:
+            dotted.append(f".{name}")
+    for name in dotted:
+        try:
+            find(f"warpvis{name}")
+        except (AttributeError, ImportError) as error:
+            pytest.fail(f"{page.name} names warpvis{name}, which is not there: {error}")
+
+
+def test_the_top_is_explained():
+    """Every function and class at the top is in the README or in a page that a user reads."""
+    text = " ".join(" ".join(code_words(page)) for page in PAGES)
+    missing = [name for name in wv.__all__ if not (name.startswith("_") or re.search(rf"\b{name}\b", text))]
+    assert missing == []
+
+
+def test_old_names_are_gone():
+    """The changelog's table of names: the new ones are there, the old ones are not, and no page uses them."""
+    table = re.search(r"\| old name \| new name \|\n\|[-| ]+\|\n(.*?)\n\n", CHANGES.read_text(), re.DOTALL)[1]
+    rows = [re.findall(r"`(wv(?:\.\w+)+)`", line) for line in table.splitlines()]
+    assert len(rows) > 30
+    words = {word for page in PAGES for word in code_words(page)}
+    for row in rows:
+        old, new = row
+        find(new.replace("wv", "warpvis", 1))
+        with pytest.raises((AttributeError, ImportError)):
+            find(old.replace("wv", "warpvis", 1))
+        assert not any(re.search(rf"\b{re.escape(old)}\b", word) for word in words), old
+
+
+def test_make_targets_are_there():
+    makefile = (ROOT / "Makefile").read_text()
+    for page in PAGES:
+        for target in re.findall(r"(?:^    |`)make ([a-z][a-z-]*)", page.read_text(), re.MULTILINE):
+            assert re.search(rf"^{target}:", makefile, re.MULTILINE), f"{page.name}: make {target}"
