@@ -35,7 +35,7 @@ def thing_of(geom: int) -> str:
 # All geoms of a thing, where they are, as one mesh.
 geoms = scene_from_mujoco(model, movable="all")
 meshes: dict[str, list[trimesh.Trimesh]] = {}
-for item, geom, pose in zip(geoms, geoms.geom_ids, poses_to_matrices(geom_poses(data, geoms)), strict=True):
+for item, geom, pose in zip(geoms.scene, geoms.geom_ids, poses_to_matrices(geom_poses(data, geoms)), strict=True):
     mesh = trimesh.Trimesh(item.mesh_vertices, item.faces, process=False).apply_transform(pose)
     meshes.setdefault(thing_of(int(geom)), []).append(mesh)
 labels = {"floor": "ground", "table": "obstacle", "frame": "obstacle", "left arm": "robot", "right arm": "robot"}

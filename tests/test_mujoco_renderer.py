@@ -11,13 +11,14 @@ import mujoco
 import mujoco.rollout
 import numpy as np
 import pytest
+import trimesh
 import warp as wp
 from mujoco_models import ROBOTS, robot_model, shapes_model
 
 import warpvis as wv
 from warpvis.mujoco import BatchRenderer, Kinematics, Renderer, WorldPoses, camera_poses, geom_poses
 
-GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)
+GEOM, UNKNOWN = int(mujoco.mjtObj.mjOBJ_GEOM), int(mujoco.mjtObj.mjOBJ_UNKNOWN)
 BALL = """<mujoco><statistic extent="2"/><visual><map znear=".01" zfar="50"/></visual><worldbody>
   <body name="ball"><freejoint/><geom name="ball" size=".2"/></body>
   <body name="mark" mocap="true" pos="0 .6 0"><geom name="mark" type="box" size=".1 .1 .1"/></body>
@@ -227,7 +228,7 @@ def expected_views(batch, worlds, cameras):
         )
         for data in worlds:
             pose = camera_poses(data, MODEL, [camera])[0]
-            views.append(renderer.render(pose, object_poses=geom_poses(data, batch.scene)))
+            views.append(renderer.render(pose, object_poses=geom_poses(data, batch.mujoco_scene)))
     return [np.concatenate([getattr(view, name).numpy() for view in views]) for name in ("depth", "segmentation")]
 
 
@@ -290,6 +291,30 @@ def test_segmentation_of_a_batch(device):
     for data, got in zip(worlds, geoms.numpy(), strict=True):
         _, segmentation = images(renderer, data, "eye")
         assert np.array_equal(got, segmentation[..., 0])
+
+
+def test_objects_of_ones_own_are_rendered(device):
+    """Added before or after the first image, movable or not; geoms are still told apart from them."""
+    data, box = ball_data(), trimesh.creation.box((0.1, 0.1, 0.1))
+    renderer, batch = Renderer(MODEL, 24, 32, device=device), batch_of(device=device)
+    before, _ = images(renderer, data, "eye")
+    assert before[12, 16] == pytest.approx(1.8, abs=1e-2)
+    batch.render([data, data], cameras="eye")
+    for name, x, movable in (("fixed", -0.5, False), ("loose", -0.75, True)):
+        for scene in (renderer.scene, batch.scene):
+            scene.add(box, name=name, pose=(x, 0, 0, 0, 0, 0, 1), movable=movable)
+        depth, segmentation = images(renderer, data, "eye")
+        assert depth[12, 16] == pytest.approx(2 + x - 0.05, abs=1e-5)
+        assert segmentation[12, 16].tolist() == [-1, UNKNOWN] and [1, GEOM] in segmentation.reshape(-1, 2).tolist()
+        views = batch.render([data, data], cameras="eye")
+        assert np.array_equal(views.depth.numpy()[1], depth) and np.array_equal(*views.depth.numpy())
+        assert np.array_equal(batch.geom_ids(views).numpy()[1], segmentation[..., 0])
+    # The geoms' poses go on to be MuJoCo's.
+    moved = ball_data(y=0.5)
+    depth, segmentation = images(renderer, moved, "eye")
+    views = batch.render([data, moved], cameras="eye")
+    assert np.array_equal(views.depth.numpy()[1], depth)
+    assert np.array_equal(batch.geom_ids(views).numpy()[1], segmentation[..., 0])
 
 
 def test_depth_of_a_batch_follows_rep_117():

@@ -2,7 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """MuJoCo's geoms as triangles: their error is bounded as stated, and MuJoCo's rays see the same."""
 
+import copy
 import math
+import os
+import pickle
+import subprocess
+import sys
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -23,6 +29,7 @@ from warpvis.mujoco import (
     geom_poses,
     scene_from_mujoco,
 )
+from warpvis.mujoco._cameras import Frustum, camera_of_frustum
 from warpvis.scene import solids
 from warpvis.scene.closed import provably_closed
 
@@ -152,13 +159,14 @@ def test_a_height_field_has_mujocos_heights():
 
 def test_every_geom_that_mujoco_draws_is_an_object():
     model, _ = shapes_model()
-    scene = scene_from_mujoco(model)
-    assert isinstance(scene, MujocoScene) and scene.model is model
+    geoms = scene_from_mujoco(model)
+    scene = geoms.scene
+    assert isinstance(geoms, MujocoScene) and geoms.geom_count == model.ngeom
     left_out = {"hidden", "hidden_by_material", "no_colour", "collision"}
     names = [model.geom(geom).name for geom in range(model.ngeom)]
-    assert scene.geom_ids.tolist() == [geom for geom, name in enumerate(names) if name not in left_out]
-    assert {int(model.geom_type[geom]) for geom in scene.geom_ids} == set(range(9))  # every type there is
-    for index, geom in enumerate(scene.geom_ids):
+    assert geoms.geom_ids.tolist() == [geom for geom, name in enumerate(names) if name not in left_out]
+    assert {int(model.geom_type[geom]) for geom in geoms.geom_ids} == set(range(9))  # every type there is
+    for index, geom in enumerate(geoms.geom_ids):
         item = scene.objects[index]
         assert item.name == (names[geom] or item.name)
         assert item.label == (wv.Label.GROUND if names[geom] in ("the_floor", "shelf", "hills") else wv.Label.OBSTACLE)
@@ -169,22 +177,21 @@ def test_objects_without_a_name_are_named_as_their_body():
       <geom size="1"/><geom size="1"/>
       <body name="cup"><geom size="1"/><geom name="cup_1" size="1"/><geom size="1"/></body>
       <body><geom size="1"/></body>""")
-    names = [item.name for item in scene_from_mujoco(model)]
+    names = [item.name for item in scene_from_mujoco(model).scene]
     assert names == ["world", "world_1", "cup", "cup_1", "cup_2", "body_2"]
 
 
 def test_groups_are_chosen():
     model, _ = shapes_model()
-    assert "collision" in scene_from_mujoco(model, geom_groups=(3,))
-    assert len(scene_from_mujoco(model, geom_groups=(3,))) == 1
-    assert len(scene_from_mujoco(model, geom_groups=range(6))) == len(scene_from_mujoco(model)) + 1
-    assert len(scene_from_mujoco(model, geom_groups=())) == 0
+    assert [item.name for item in scene_from_mujoco(model, geom_groups=(3,)).scene] == ["collision"]
+    assert len(scene_from_mujoco(model, geom_groups=range(6)).scene) == len(scene_from_mujoco(model).scene) + 1
+    assert len(scene_from_mujoco(model, geom_groups=()).scene) == 0
 
 
 def test_labels_and_what_is_left_out_go_by_name_of_geom_or_body():
     model, _ = shapes_model()
     labels = {"*": "object", "hand": "robot", "the_*": "obstacle"}
-    scene = scene_from_mujoco(model, labels=labels, exclude=["ball", "hil*"])
+    scene = scene_from_mujoco(model, labels=labels, exclude=["ball", "hil*"]).scene
     assert scene["hand"].label == wv.Label.ROBOT
     assert scene["the_floor"].label == wv.Label.OBSTACLE
     assert scene["egg"].label == wv.Label.OBJECT
@@ -193,15 +200,16 @@ def test_labels_and_what_is_left_out_go_by_name_of_geom_or_body():
 
 def test_what_moves():
     model, _ = shapes_model()
-    scene = scene_from_mujoco(model)
+    geoms = scene_from_mujoco(model)
+    scene = geoms.scene
     moving = {item.name for item in scene if item.movable}
     still = {"the_floor", "shelf", "hills", "fixed_box", "field"}
     assert moving == {item.name for item in scene} - still
     assert "own_colour" in moving and scene["own_colour"].solid  # the true surface is seen of what has a pose
     assert {"target", "under_target"} <= moving  # a mocap body and what hangs on it
-    assert scene.movable_geoms.tolist() == [scene.geom_ids[index] for index in scene.movable]
-    assert len(scene_from_mujoco(model, movable="all").movable) == len(scene)
-    assert {item.name for item in scene_from_mujoco(model, static=False)} == moving - {"own_colour"}
+    assert geoms.movable_geoms.tolist() == [geoms.geom_ids[index] for index in scene.movable]
+    assert len(scene_from_mujoco(model, movable="all").movable_geoms) == len(scene)
+    assert {item.name for item in scene_from_mujoco(model, static=False).scene} == moving - {"own_colour"}
 
 
 def test_what_moves_together_shares_a_pose():
@@ -213,19 +221,20 @@ def test_what_moves_together_shares_a_pose():
              <body name="c" pos="0 1 0"><joint/><geom type="box" size=".3 .2 .1"/></body></body>
            <body name="m" mocap="true"><geom type="box" size=".1 .1 .1"/><geom type="box" size=".2 .1 .1"/></body>"""
     )
-    scene = scene_from_mujoco(model)
+    geoms = scene_from_mujoco(model)
+    scene = geoms.scene
     carriers = [None if item.carrier is None else scene.objects[item.carrier].name for item in scene]
     assert [item.name for item in scene] == ["world", "a", "a_1", "b", "c", "m", "m_1"]
     assert carriers == [None, None, None, "a", None, None, "m"]
-    assert scene.movable_geoms.tolist() == [1, 2, 4, 5]
+    assert geoms.movable_geoms.tolist() == [1, 2, 4, 5]
     data = mujoco.MjData(model)
     data.qpos[:7] = [0.3, 0.2, 0.5, 0.5, 0.5, 0.5, 0.5]
     mujoco.mj_kinematics(model, data)
-    place = poses_to_matrices(geom_poses(data, scene)[0].astype(np.float64))
+    place = poses_to_matrices(geom_poses(data, geoms)[0].astype(np.float64))
     corners = scene["b"].mesh_vertices @ place[:3, :3].T + place[:3, 3]
     true = tessellation.box((0.3, 0.2, 0.1))[0] @ data.geom_xmat[3].reshape(3, 3).T + data.geom_xpos[3]
     np.testing.assert_allclose(corners, true, atol=1e-6)
-    assert all(item.carrier is None for item in scene_from_mujoco(model, movable="all"))
+    assert all(item.carrier is None for item in scene_from_mujoco(model, movable="all").scene)
 
 
 def test_geoms_of_one_shape_share_their_mesh():
@@ -234,7 +243,7 @@ def test_geoms_of_one_shape_share_their_mesh():
            <geom size=".1 .2 .3" type="box"/><geom size=".1 .2 .3" type="box" pos="0 1 0"/><geom size=".2"/></body>""",
         '<asset><mesh name="tetra" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset>',
     )
-    scene = scene_from_mujoco(model, movable="all")
+    scene = scene_from_mujoco(model, movable="all").scene
     first, second, box, other_box, sphere = (item.mesh_vertices for item in scene)
     assert np.array_equal(first, second) and np.array_equal(box, other_box)
     assert not np.array_equal(box[: len(first)], first[: len(box)]) and len(sphere) > len(box)
@@ -242,10 +251,67 @@ def test_geoms_of_one_shape_share_their_mesh():
 
 def test_another_device_has_the_same_scene(device):
     model, _ = shapes_model()
-    scene = scene_from_mujoco(model, exclude=["egg"], labels={"hand": "robot"}).to(device)
-    assert isinstance(scene, MujocoScene) and str(scene.device) == device
+    geoms = scene_from_mujoco(model, exclude=["egg"], labels={"hand": "robot"}).to(device)
+    scene = geoms.scene
+    assert isinstance(geoms, MujocoScene) and str(scene.device) == device
     assert "egg" not in scene and scene["hand"].label == wv.Label.ROBOT
-    assert len(scene.geom_ids) == len(scene)
+    assert len(geoms.geom_ids) == len(scene)
+
+
+def rendered(geoms, data):
+    """Depth and segmentation of a small image."""
+    eye, model = wv.Camera.from_fov(32, 24, hfov=1), data.model
+    renderer = wv.Renderer(geoms.scene, eye, outputs=("depth", "segmentation"))
+    views = renderer.render(camera_poses(data, model, [model.camera("front").id]), object_poses=geom_poses(data, geoms))
+    return views.depth.numpy().tobytes() + views.segmentation.numpy().tobytes()
+
+
+ANOTHER_PROCESS = """
+import pickle, sys
+from test_mujoco_scene import rendered
+from mujoco_models import shapes_model
+sys.stdout.buffer.write(rendered(pickle.load(sys.stdin.buffer), shapes_model()[1]))
+"""
+
+
+def test_another_process_renders_the_same_of_a_pickle():
+    model, data = shapes_model()
+    geoms = scene_from_mujoco(model)
+    geoms.scene.add(trimesh.creation.box((0.1, 0.2, 0.3)), name="crate", pose=(0, -1, 0.5, 0, 0, 0, 1), movable=True)
+    expected = rendered(geoms, data)
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}
+    command = [sys.executable, "-c", ANOTHER_PROCESS]
+    result = subprocess.run(command, input=pickle.dumps(geoms), capture_output=True, env=environment, check=True)
+    assert result.stdout[-len(expected) :] == expected
+
+
+@pytest.mark.parametrize("make", [copy.copy, copy.deepcopy, lambda geoms: geoms.to("cpu")], ids=["copy", "deep", "to"])
+def test_a_copy_renders_the_same_and_is_extended_alone(make):
+    model, data = shapes_model()
+    geoms = scene_from_mujoco(model, labels={"hand": "robot"})
+    expected = rendered(geoms, data)
+    again = make(geoms)
+    assert isinstance(again, MujocoScene) and rendered(again, data) == expected
+    again.scene.add(trimesh.creation.box((0.1, 0.2, 0.3)), name="crate", pose=(0, -1, 0.5, 0, 0, 0, 1))
+    assert rendered(again, data) != expected and rendered(geoms, data) == expected
+    assert "crate" not in geoms.scene
+
+
+def test_objects_of_ones_own_stay_where_they_were_added_unless_moved(device):
+    model, data = shapes_model()
+    geoms = scene_from_mujoco(model, device=device)
+    crate = (0.5, -1, 0.25, 0, 0, 0.6, 0.8)
+    geoms.scene.add(trimesh.creation.box((0.1, 0.2, 0.3)), name="crate", pose=crate, movable=True)
+    geoms.scene.add(
+        trimesh.creation.box((0.1, 0.2, 0.3)), name="lid", pose=(0.5, -1, 0.5, 0, 0, 0, 1), attach_to="crate"
+    )
+    rows = geom_poses(data, geoms)
+    alone = geom_poses(data, scene_from_mujoco(model))
+    assert rows.shape == (len(alone) + 1, 7) and np.array_equal(rows[:-1], alone)
+    np.testing.assert_allclose(rows[-1], crate, atol=1e-6)
+    several = geom_poses(WorldPoses.of([data, data]), geoms)
+    assert several.shape == (2, *rows.shape) and np.array_equal(several[1], rows)
+    assert geoms.geoms_of_objects().tolist() == [*geoms.geom_ids.tolist(), -1, -1]
 
 
 def place(data, rng):
@@ -264,7 +330,7 @@ def test_poses_are_mujocos():
         mujoco.mj_forward(model, data)
         worlds.append(WorldPoses.of([data]))
         rows = geom_poses(data, scene)
-        assert rows.shape == (len(scene.movable), 7) and rows.dtype == np.float32
+        assert rows.shape == (len(scene.movable_geoms), 7) and rows.dtype == np.float32
         expected = reference.geom_transforms(data.geom_xpos[None], data.geom_xmat[None], [0], scene.movable_geoms)[0]
         assert np.abs(poses_to_matrices(rows) - expected).max() < 1e-6
         eyes = camera_poses(data, model, [0, 4])
@@ -274,7 +340,7 @@ def test_poses_are_mujocos():
     xpos = np.concatenate([world.geom_xpos for world in worlds])
     xmat = np.concatenate([world.geom_xmat for world in worlds])
     rows = geom_poses(WorldPoses(xpos, xmat), scene)
-    assert rows.shape == (5, len(scene.movable), 7)
+    assert rows.shape == (5, len(scene.movable_geoms), 7)
     assert np.array_equal(rows, geom_poses(WorldPoses(xpos, xmat.reshape(5, -1, 3, 3)), scene))
     assert np.array_equal(rows[3], geom_poses(worlds[3], scene)[0])
 
@@ -320,7 +386,7 @@ def test_every_pixel_agrees_with_mj_ray(camera, device, caster, tolerance=2e-4):
     scene = scene_from_mujoco(model, tolerance=tolerance, device=device)
     eye = camera_from_mujoco(model, camera, 64, 48)
     pose = camera_poses(data, model, [model.camera(camera).id])[0]
-    renderer = wv.Renderer(scene, eye, outputs=("depth", "segmentation", "normals"), caster=caster)
+    renderer = wv.Renderer(scene.scene, eye, outputs=("depth", "segmentation", "normals"), caster=caster)
     views = renderer.render(pose, object_poses=geom_poses(data, scene))
     depth, normals = views.depth.numpy()[0].astype(np.float64), views.normals.numpy()[0].astype(np.float64)
     geoms = reference.geoms_of_objects(views.segmentation.numpy()[0], scene.geom_ids)
@@ -367,6 +433,17 @@ def test_a_camera_by_field_of_view_has_square_pixels():
             assert getattr(got, name) == pytest.approx(getattr(expected, name), rel=1e-6)
     free = camera_from_mujoco(model, -1, 320, 200)
     assert free.vfov == pytest.approx(math.radians(model.vis.global_.fovy))
+
+
+def test_a_frustum_is_numbers():
+    """The image's sides on the near plane: an axis off the middle, and pixels that are not square."""
+    got = camera_of_frustum(Frustum(up=0.1, down=0.3, left=0.2, right=0.6, near=0.5, far=9), 80, 20)
+    assert (got.width, got.height, got.near, got.far) == (80, 20, 0.5, 9)
+    assert (got.fx, got.fy, got.cx, got.cy) == pytest.approx((50, 25, 20, 5))
+    square = camera_of_frustum(Frustum(up=0.1, down=0.1, left=0, right=0, near=0.5, far=9), 80, 20)
+    assert square.fx == square.fy == pytest.approx(50) and (square.cx, square.cy) == (40, 10)
+    with pytest.raises(wv.WarpvisError, match="must have a near plane, a field of view and a sensor size above 0"):
+        camera_of_frustum(Frustum(up=0.1, down=0.1, left=0, right=0, near=0, far=9), 80, 20)
 
 
 MODEL = mujoco.MjModel.from_xml_string(SHAPES)

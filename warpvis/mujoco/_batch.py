@@ -19,11 +19,20 @@ from warpvis.core.camera import Camera
 from warpvis.core.labels import Label
 from warpvis.errors import ArrayError, CameraError, SceneError
 from warpvis.mujoco._cameras import camera_from_mujoco, camera_id
-from warpvis.mujoco._poses import Kinematics, WorldPoses, camera_transforms, object_transforms, world_count
+from warpvis.mujoco._poses import (
+    Kinematics,
+    WorldPoses,
+    camera_transforms,
+    object_places,
+    object_transforms,
+    world_count,
+)
 from warpvis.mujoco._scene import DEFAULT_GROUPS, DEFAULT_TOLERANCE, check_groups, scene_from_mujoco
 from warpvis.rendering import Output, Renderer as SceneRenderer, Views, views_for
+from warpvis.scene import Scene
 
-_Key = tuple[tuple[int, ...], bytes, Any]
+# Cameras, worlds, how many objects move, and the stream that work is queued on.
+_Key = tuple[tuple[int, ...], bytes, int, int | None]
 
 # So many choices of cameras and worlds are remembered.
 _MOST_PLACES = 16
@@ -36,6 +45,7 @@ class _Workplace:
     cameras: wp.array
     worlds: wp.array
     world_of_view: wp.array
+    geoms: wp.array
     objects: wp.array
     eyes: wp.array
 
@@ -93,7 +103,7 @@ class BatchRenderer:
         options: dict[str, Any] = {"tolerance": tolerance, "labels": labels, "exclude": exclude, "device": device}
         self.model = model
         groups = check_groups(geom_groups)
-        self.scene = scene_from_mujoco(model, geom_groups=groups, **options)
+        self.mujoco_scene = scene_from_mujoco(model, geom_groups=groups, **options)
         if not len(self.scene):
             raise SceneError(f"the model has no geoms to render in groups {groups}; see geom_groups=")
         self.nworld, self.height, self.width = nworld, height, width
@@ -103,6 +113,11 @@ class BatchRenderer:
         self._render_options["threads"] = threads
         self._renderers: dict[Camera, SceneRenderer] = {}
         self._idle: dict[_Key, _Workplace] = {}
+
+    @property
+    def scene(self) -> Scene:
+        """What is rendered: the geoms, and objects that are added to them, which stay where they were added."""
+        return self.mujoco_scene.scene
 
     def render(
         self,
@@ -136,7 +151,8 @@ class BatchRenderer:
         poses, indices = self._read_worlds(poses, worlds)
         device, count = self.scene.device, len(indices)
         # Work on another stream may not be done with the memory.
-        key = (tuple(chosen), indices.tobytes(), None if device.is_cpu else device.stream.cuda_stream)
+        stream = None if device.is_cpu else device.stream.cuda_stream
+        key = (tuple(chosen), indices.tobytes(), len(self.scene.movable), stream)
         place = self._take(key, chosen, indices)
         views = self._render_from(poses, chosen, place, (len(chosen) * count, self.height, self.width), out)
         self._give_back(key, place)
@@ -147,7 +163,7 @@ class BatchRenderer:
     ) -> Views:
         device, count = self.scene.device, len(place.worlds)
         if place.objects.size:
-            object_transforms(poses, self.scene, place.worlds, out=place.objects)
+            object_transforms(poses, self.mujoco_scene, place.worlds, geoms=place.geoms, out=place.objects)
         camera_transforms(poses, self.model, place.cameras, place.worlds, device=device, out=place.eyes)
         runs = [(camera, len(list(run))) for camera, run in groupby(chosen, key=self._camera)]
         if len(runs) == 1:
@@ -162,7 +178,7 @@ class BatchRenderer:
         return views
 
     def geom_ids(self, views: Views, *, out: wp.array | None = None) -> wp.array:
-        """The geom that every pixel shows, -1 for none.
+        """Say which geom every pixel shows; -1 for none, and for objects that were added to the scene.
 
         Args:
             views: What `render` returned, with `objects`.
@@ -181,7 +197,7 @@ class BatchRenderer:
         shape, device = views.segmentation.shape, views.segmentation.device
         out = empty(shape, wp.int32, name="geoms", device=device) if out is None else out
         check_out(out, wp.int32, shape, name="out", device=device)
-        ids = wp.array(self.scene.geom_ids, dtype=wp.int32, device=device)
+        ids = wp.array(self.mujoco_scene.geoms_of_objects(), dtype=wp.int32, device=device)
         inputs = [views.segmentation.flatten(), ids, out.flatten()]
         wp.launch(geoms_of_objects, dim=out.size, inputs=inputs, device=device)
         return out
@@ -219,7 +235,8 @@ class BatchRenderer:
             cameras=wp.array(list(cameras), dtype=wp.int32, device=device),
             worlds=wp.array(worlds, dtype=wp.int32, device=device),
             world_of_view=wp.array(world_of_view, dtype=wp.int32, device=device),
-            objects=wp.empty((count, len(self.scene.movable_geoms)), dtype=wp.transform, device=device),
+            geoms=wp.array(self.mujoco_scene.movable_geoms, dtype=wp.int32, device=device),
+            objects=object_places(self.mujoco_scene, count),
             eyes=wp.empty((len(cameras), count), dtype=wp.transform, device=device),
         )
 

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import functools
-from typing import Any
+from typing import NamedTuple
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
@@ -19,10 +19,25 @@ _TRACKING = int(mujoco.mjtCamera.mjCAMERA_TRACKING)
 _FIXED = int(mujoco.mjtCamera.mjCAMERA_FIXED)
 
 
+class Frustum(NamedTuple):
+    """What a camera sees: its image's sides on the near plane, and the clipping planes [m]."""
+
+    up: float
+    """From the optical axis to the image's upper side."""
+    down: float
+    left: float
+    right: float
+    near: float
+    far: float
+
+
 def camera_from_mujoco(
-    model: Any, camera: int | str | Any = -1, width: int | None = None, height: int | None = None
+    model: mujoco.MjModel,
+    camera: int | str | mujoco.MjvCamera = -1,
+    width: int | None = None,
+    height: int | None = None,
 ) -> Camera:
-    """The camera that MuJoCo renders with, from the frustum that MuJoCo computes.
+    """Make the camera that MuJoCo renders with, from the frustum that MuJoCo computes.
 
     `mjv_cameraFrustum` (src/engine/engine_vis_visualize.c) has the frustum of a field of view or of a focal length,
     principal point and sensor size, and `setView` (src/render/classic/render_gl3.c) what becomes of it in an image: a
@@ -43,17 +58,24 @@ def camera_from_mujoco(
     """
     viewer = viewer_camera(model, camera)
     _refuse_orthographic(model, viewer)
-    width, height = _image_size(model, viewer, width, height)
-    frustum = np.zeros((3, 2), dtype=np.float32)
-    mujoco.mjv_cameraFrustum(*frustum, model, viewer)
-    return _from_frustum(frustum.tobytes(), width, height)
+    return camera_of_frustum(_frustum(model, viewer), *_image_size(model, viewer, width, height))
+
+
+def _frustum(model: mujoco.MjModel, viewer: mujoco.MjvCamera) -> Frustum:
+    """Compute the frustum of one of MuJoCo's cameras, in MuJoCo's single precision."""
+    vertical_horizontal_clip = np.zeros((3, 2), dtype=np.float32)
+    mujoco.mjv_cameraFrustum(*vertical_horizontal_clip, model, viewer)
+    return Frustum(*vertical_horizontal_clip.ravel().tolist())
 
 
 @functools.lru_cache(maxsize=256)
-def _from_frustum(frustum: bytes, width: int, height: int) -> Camera:
-    """The camera of a frustum as `mjv_cameraFrustum` makes it: vertical, horizontal and clip, two float32 each."""
-    # Distances from the optical axis to the four sides of the image, on the near plane.
-    up, down, left, right, near, far = np.frombuffer(frustum, dtype=np.float32).tolist()
+def camera_of_frustum(frustum: Frustum, width: int, height: int) -> Camera:
+    """Make the camera of a frustum; one without a width has square pixels.
+
+    Raises:
+        CameraError: It is empty.
+    """
+    up, down, left, right, near, far = frustum
     if left + right == 0:  # the viewport's aspect ratio counts
         left = right = (up + down) / 2 * width / height
     if min(near, up + down, left + right) <= 0:
@@ -70,8 +92,8 @@ def _from_frustum(frustum: bytes, width: int, height: int) -> Camera:
     )
 
 
-def viewer_camera(model: Any, camera: int | str | Any) -> Any:
-    """A `mujoco.MjvCamera` for a camera's name, its id, -1 for the default free camera, or itself.
+def viewer_camera(model: mujoco.MjModel, camera: int | str | mujoco.MjvCamera) -> mujoco.MjvCamera:
+    """Make a `mujoco.MjvCamera` for a camera's name, its id, -1 for the default free camera, or itself.
 
     Raises:
         CameraError: There is no such camera, or its type is `mjCAMERA_USER`, which says nothing of a pose.
@@ -95,8 +117,8 @@ def viewer_camera(model: Any, camera: int | str | Any) -> Any:
     return viewer
 
 
-def camera_id(model: Any, camera: int | str) -> int:
-    """The id of one of the model's cameras, given by name or id.
+def camera_id(model: mujoco.MjModel, camera: int | str) -> int:
+    """Find the id of one of the model's cameras, given by name or id.
 
     Raises:
         CameraError: There is none.
@@ -111,8 +133,8 @@ def camera_id(model: Any, camera: int | str) -> int:
     raise CameraError(f"camera {camera!r} is not in the model, which has {names}")
 
 
-def viewer_pose(data: Any, viewer: Any) -> NDArray[np.float32]:
-    """Pose of the OpenCV camera of a `mujoco.MjvCamera`, a row ``x y z qx qy qz qw``, shape ``(7,)``, camera to world.
+def viewer_pose(data: mujoco.MjData, viewer: mujoco.MjvCamera) -> NDArray[np.float32]:
+    """Compute the pose of the OpenCV camera of a `mujoco.MjvCamera`: ``x y z qx qy qz qw``, camera to world, ``(7,)``.
 
     `mjv_cameraFrame` (src/engine/engine_vis_visualize.c) has where it is and its axes forward, up and right.
     """
@@ -125,7 +147,7 @@ def viewer_pose(data: Any, viewer: Any) -> NDArray[np.float32]:
     return np.array([*position.tolist(), x, y, z, w], dtype=np.float32)
 
 
-def _refuse_orthographic(model: Any, viewer: Any) -> None:
+def _refuse_orthographic(model: mujoco.MjModel, viewer: mujoco.MjvCamera) -> None:
     if viewer.type == _FIXED:
         orthographic = model.cam_projection[viewer.fixedcamid] == mujoco.mjtProjection.mjPROJ_ORTHOGRAPHIC
     else:
@@ -135,7 +157,9 @@ def _refuse_orthographic(model: Any, viewer: Any) -> None:
         raise CameraError(f"{name} is orthographic; only perspective cameras are rendered")
 
 
-def _image_size(model: Any, viewer: Any, width: int | None, height: int | None) -> tuple[int, int]:
+def _image_size(
+    model: mujoco.MjModel, viewer: mujoco.MjvCamera, width: int | None, height: int | None
+) -> tuple[int, int]:
     if (width is None) != (height is None):
         raise CameraError("give both width and height, or neither for the camera's own resolution")
     if width is not None and height is not None:

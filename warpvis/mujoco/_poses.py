@@ -20,13 +20,8 @@ from warpvis.mujoco._scene import MujocoScene
 
 FULL_PHYSICS = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 
-# Name, elements of a world, and the shape of one: mjData's fields as MuJoCo, MJX and MuJoCo Warp all call them.
-_FIELDS: dict[str, tuple[str, Any]] = {
-    "geom_xpos": ("ngeom", wp.vec3),
-    "geom_xmat": ("ngeom", wp.mat33),
-    "cam_xpos": ("ncam", wp.vec3),
-    "cam_xmat": ("ncam", wp.mat33),
-}
+# mjData's fields as MuJoCo, MJX and MuJoCo Warp all call them, and what one geom or camera has there.
+_FIELDS = {"geom_xpos": wp.vec3, "geom_xmat": wp.mat33, "cam_xpos": wp.vec3, "cam_xmat": wp.mat33}
 
 
 @dataclass
@@ -49,7 +44,9 @@ class WorldPoses:
 
 
 def geom_poses(source: Any, scene: MujocoScene) -> NDArray[np.float32]:
-    """Poses of a scene's movable geoms, as `Renderer.render` takes them for `object_poses`.
+    """Give the poses of a scene's movable objects, as `Renderer.render` takes them for `object_poses`.
+
+    Movable objects that were added to the scene come last, at the poses that they were added with.
 
     Args:
         source: A `mujoco.MjData` after `mj_forward` or `mj_kinematics`; or anything with the arrays `geom_xpos` and
@@ -67,7 +64,7 @@ def geom_poses(source: Any, scene: MujocoScene) -> NDArray[np.float32]:
 
 
 def camera_poses(source: Any, model: Any, cameras: Sequence[int]) -> NDArray[np.float32]:
-    """Poses of some of a model's cameras, as `Renderer.render` takes them.
+    """Give the poses of some of a model's cameras, as `Renderer.render` takes them.
 
     Args:
         source: As for `geom_poses`, with `cam_xpos` and `cam_xmat`.
@@ -86,20 +83,47 @@ def camera_poses(source: Any, model: Any, cameras: Sequence[int]) -> NDArray[np.
 
 
 def object_transforms(
-    source: Any, scene: MujocoScene, worlds: wp.array | None = None, *, out: wp.array | None = None
+    source: Any,
+    scene: MujocoScene,
+    worlds: wp.array | None = None,
+    *,
+    geoms: wp.array | None = None,
+    out: wp.array | None = None,
 ) -> wp.array:
-    """What `geom_poses` gives, for some worlds or all, shape ``(W, M)`` `wp.transform` on the scene's device."""
+    """Make what `geom_poses` gives, for some worlds or all.
+
+    Args:
+        source: As for `geom_poses`.
+        scene: What `scene_from_mujoco` made.
+        worlds: Indices of the worlds, int32 on the scene's device; all by default.
+        geoms: The scene's `movable_geoms` on its device, by a caller who keeps them there.
+        out: What `object_places` made, to write into.
+
+    Returns:
+        Geom to world, shape ``(W, M)`` `wp.transform` on the scene's device.
+    """
     from warpvis.kernels import mujoco as kernels
 
-    device = scene.device
-    position, rotation = (_read(source, name, scene.model, device) for name in ("geom_xpos", "geom_xmat"))
+    device = scene.scene.device
+    position, rotation = (_read(source, name, scene.geom_count, device) for name in ("geom_xpos", "geom_xmat"))
     _check_equal_worlds(position, rotation, "geom_xpos", "geom_xmat")
     worlds = all_of(position.shape[0], device) if worlds is None else worlds
-    geoms = scene.movable_geom_array
-    out = wp.empty((len(worlds), len(geoms)), dtype=wp.transform, device=device) if out is None else out
+    geoms = wp.array(scene.movable_geoms, dtype=wp.int32, device=device) if geoms is None else geoms
+    out = object_places(scene, len(worlds)) if out is None else out
     inputs = [position, rotation, worlds, geoms, out]
-    wp.launch(kernels.geom_transforms, dim=out.shape, inputs=inputs, device=device)
+    wp.launch(kernels.geom_transforms, dim=(len(worlds), len(geoms)), inputs=inputs, device=device)
     return out
+
+
+def object_places(scene: MujocoScene, worlds: int) -> wp.array:
+    """Allocate poses of all that moves in some worlds, shape ``(worlds, M)`` `wp.transform` on the scene's device.
+
+    Everything is where it was added, so that only the geoms' columns, the first ones, have to be written.
+    """
+    objects = scene.scene.objects
+    rows = np.array([objects[index].pose for index in scene.scene.movable], dtype=np.float32).reshape(-1, 7)
+    places = np.ascontiguousarray(np.broadcast_to(rows, (worlds, *rows.shape)))
+    return wp.array(places, dtype=wp.transform, shape=places.shape[:2], device=scene.scene.device)
 
 
 def camera_transforms(
@@ -111,10 +135,10 @@ def camera_transforms(
     device: wp.Device,
     out: wp.array | None = None,
 ) -> wp.array:
-    """What `camera_poses` gives, for some worlds or all, shape ``(cameras, W)`` `wp.transform` on `device`."""
+    """Make what `camera_poses` gives, for some worlds or all, shape ``(cameras, W)`` `wp.transform` on `device`."""
     from warpvis.kernels import mujoco as kernels
 
-    position, rotation = (_read(source, name, model, device) for name in ("cam_xpos", "cam_xmat"))
+    position, rotation = (_read(source, name, model.ncam, device) for name in ("cam_xpos", "cam_xmat"))
     _check_equal_worlds(position, rotation, "cam_xpos", "cam_xmat")
     worlds = all_of(position.shape[0], device) if worlds is None else worlds
     if not isinstance(cameras, wp.array):
@@ -235,16 +259,15 @@ def _get(source: Any, name: str) -> Any:
     return value
 
 
-def _read(source: Any, name: str, model: Any, device: wp.Device) -> wp.array:
-    """A field of all worlds on a device, shape ``(W, ngeom or ncam)``, without a copy where memory can be shared."""
-    value = _get(source, name)
-    count_name, dtype = _FIELDS[name]
+def _read(source: Any, name: str, count: int, device: wp.Device) -> wp.array:
+    """Read a field of all worlds on a device, shape ``(W, count)``, without a copy where memory can be shared."""
+    value, dtype = _get(source, name), _FIELDS[name]
     if not isinstance(value, wp.array):
         if isinstance(source, mujoco.MjData):
             value = value[None]
         if dtype is wp.mat33 and getattr(value, "ndim", 0) == 3 and value.shape[2] == 9:
             value = value.reshape((value.shape[0], value.shape[1], 3, 3))
-    return as_warp(value, dtype, ("W", getattr(model, count_name)), name=name, device=device)
+    return as_warp(value, dtype, ("W", count), name=name, device=device)
 
 
 def _check_equal_worlds(position: wp.array, rotation: wp.array, first: str, second: str) -> None:

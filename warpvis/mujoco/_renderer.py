@@ -18,10 +18,11 @@ from warpvis.errors import ArrayError, SceneError, WarpvisError
 from warpvis.mujoco._cameras import camera_from_mujoco, viewer_camera, viewer_pose
 from warpvis.mujoco._scene import DEFAULT_GROUPS, DEFAULT_TOLERANCE, MujocoScene, check_groups, scene_from_mujoco
 from warpvis.rendering import Output, Renderer as SceneRenderer
+from warpvis.scene import Scene
 
 _STATIC = int(mujoco.mjtVisFlag.mjVIS_STATIC)
 _HULLS = int(mujoco.mjtVisFlag.mjVIS_CONVEXHULL)
-_GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)
+_GEOM, _UNKNOWN = int(mujoco.mjtObj.mjOBJ_GEOM), int(mujoco.mjtObj.mjOBJ_UNKNOWN)
 
 _MOST_RENDERERS = 64  # a camera whose field of view changes all the time must not fill the memory
 
@@ -91,8 +92,12 @@ class Renderer:
         return self._model
 
     @property
-    def scene(self) -> MujocoScene:
-        """What the last `update_scene` chose to show: a `warpvis.Scene`, not a `mujoco.MjvScene`."""
+    def scene(self) -> Scene:
+        """What the last `update_scene` chose to show: a `warpvis.Scene`, not a `mujoco.MjvScene`.
+
+        Objects may be added to it, and show while `update_scene` chooses the same groups of geoms. Movable ones stay
+        where they were added.
+        """
         return self._stage.scene
 
     @property
@@ -148,7 +153,8 @@ class Renderer:
 
         Returns:
             Depth: planar, in metres, shape ``(height, width)`` float32, with MuJoCo's far value where nothing is.
-            Segmentation: pairs of a geom's id and mjOBJ_GEOM, or -1 and -1, shape ``(height, width, 2)`` int32.
+            Segmentation: pairs of a geom's id and mjOBJ_GEOM, -1 and mjOBJ_UNKNOWN for objects that were added to
+            `scene`, -1 and -1 for nothing, shape ``(height, width, 2)`` int32.
 
         Raises:
             WarpvisError: Neither is enabled, `update_scene` was not called, or `out` has another shape.
@@ -190,7 +196,7 @@ class Renderer:
 
     def _segmentation(self) -> NDArray[np.int32]:
         image = self._cast("segmentation")
-        return np.full((*self._size, 2), -1, dtype=np.int32) if image is None else self._stage.meanings[image]
+        return np.full((*self._size, 2), -1, dtype=np.int32) if image is None else self._stage.meanings()[image]
 
     def _cast(self, output: Output) -> NDArray[Any] | None:
         """One image of one view; None if there are no geoms."""
@@ -227,22 +233,26 @@ class Renderer:
 class _Stage:
     """A scene, where its geoms are now, and the renderers for it."""
 
-    def __init__(self, scene: MujocoScene) -> None:
+    def __init__(self, mujoco_scene: MujocoScene) -> None:
         from warpvis.kernels.mujoco import geom_transforms
 
-        self.scene = scene
+        self.scene = mujoco_scene.scene
         self.renderers: dict[tuple[Output, Camera], SceneRenderer] = {}
-        geoms = scene.geom_ids
-        self.meanings = np.full((len(geoms) + 1, 2), -1, dtype=np.int32)
-        """Geom and type of every object, and at last of none, which is object -1."""
-        self.meanings[:-1, 0], self.meanings[:-1, 1] = geoms, _GEOM
-        position = wp.zeros((1, scene.model.ngeom), dtype=wp.vec3, device="cpu")
-        rotation = wp.zeros((1, scene.model.ngeom), dtype=wp.mat33, device="cpu")
-        places = wp.zeros((1, len(scene.movable_geoms)), dtype=wp.transform, device="cpu")
+        self._geoms = mujoco_scene.geoms_of_objects
+        position = wp.zeros((1, mujoco_scene.geom_count), dtype=wp.vec3, device="cpu")
+        rotation = wp.zeros((1, mujoco_scene.geom_count), dtype=wp.mat33, device="cpu")
+        places = wp.zeros((1, len(mujoco_scene.movable_geoms)), dtype=wp.transform, device="cpu")
         self._position, self._rotation, self._places = position.numpy()[0], rotation.numpy()[0], places.numpy()
-        world, movable = (wp.array(ids, dtype=wp.int32, device="cpu") for ids in ([0], scene.movable_geoms))
+        world, movable = (wp.array(ids, dtype=wp.int32, device="cpu") for ids in ([0], mujoco_scene.movable_geoms))
         inputs = [position, rotation, world, movable, places]
         self._place = wp.launch(geom_transforms, dim=places.shape, inputs=inputs, device="cpu", record_cmd=True)
+
+    def meanings(self) -> NDArray[np.int32]:
+        """List the geom and type of every object, and at last of none, which is object -1."""
+        geoms = self._geoms()
+        pairs = np.full((len(geoms) + 1, 2), -1, dtype=np.int32)
+        pairs[:-1, 0], pairs[:-1, 1] = geoms, np.where(geoms < 0, _UNKNOWN, _GEOM)
+        return pairs
 
     def update(self, data: Any) -> None:
         """Take over where the geoms are."""
@@ -250,11 +260,16 @@ class _Stage:
         self._rotation[:] = data.geom_xmat.reshape(-1, 3, 3)
 
     def object_poses(self) -> NDArray[np.float32] | None:
-        """Rows of the movable objects, shape ``(1, M, 7)``; None if nothing moves."""
-        if self._places.size == 0:
-            return None
-        self._place.launch()
-        return self._places
+        """Make rows of the movable objects, shape ``(1, M, 7)``; None if nothing moves."""
+        geoms = self._places.shape[1]
+        if geoms:
+            self._place.launch()
+        added = self.scene.movable[geoms:]
+        if not added:
+            return self._places if geoms else None
+        objects = self.scene.objects
+        rows = np.array([[objects[index].pose for index in added]], dtype=np.float32)
+        return np.concatenate([self._places, rows], axis=1)
 
 
 def _background(near: float, far: float) -> np.float32:

@@ -4,17 +4,18 @@
 
 from __future__ import annotations
 
+import copy
 import fnmatch
-import functools
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any, Literal
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
-import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.labels import Label
+from warpvis.core.types import DeviceLike
 from warpvis.errors import SceneError
 from warpvis.mujoco import _tessellation as tessellation
 from warpvis.mujoco._tessellation import Mesh
@@ -33,32 +34,39 @@ _GROUND_NAMES = ("*floor*", "*ground*")
 _GEOM = mujoco.mjtGeom
 
 
-class MujocoScene(Scene):
-    """A scene of a MuJoCo model's geoms; `scene_from_mujoco` makes it."""
+@dataclass(frozen=True, eq=False)
+class MujocoScene:
+    """A MuJoCo model's geoms as a scene, and which geom is which object; `scene_from_mujoco` makes it.
 
-    def __init__(self, model: Any, *, device: Any = "cpu") -> None:
-        """Make a scene of that model without objects."""
-        super().__init__(device=device)
-        self.model: Any = model
-        """The `mujoco.MjModel`."""
-        self.geom_ids: NDArray[np.int32] = np.zeros(0, dtype=np.int32)
-        """The geom of every object, shape ``(objects,)``."""
-        self.movable_geoms: NDArray[np.int32] = np.zeros(0, dtype=np.int32)
-        """The geoms whose poses say where all that moves is: the columns of object poses, shape ``(M,)``."""
-        self._remake: Callable[..., MujocoScene] = functools.partial(MujocoScene, model)
+    Objects that are added to `scene` come after the geoms' own.
+    """
 
-    @functools.cached_property
-    def movable_geom_array(self) -> wp.array:
-        """`movable_geoms` on the scene's device, shape ``(M,)`` int32."""
-        return wp.array(self.movable_geoms, dtype=wp.int32, device=self.device)
+    scene: Scene
+    """The geoms as objects, in the order of `geom_ids`, and whatever was added to them."""
+    geom_ids: NDArray[np.int32]
+    """The geom of each of the scene's first objects, shape ``(G,)``."""
+    movable_geoms: NDArray[np.int32]
+    """The geoms whose poses say where all that moves is: the first columns of object poses, shape ``(M,)``."""
+    geom_count: int
+    """How many geoms the model has, shown or not."""
 
-    def to(self, device: Any) -> MujocoScene:
-        """The same scene for another device."""
-        return self._remake(device=device)
+    def __copy__(self) -> MujocoScene:
+        """Share the meshes only: what is added to the copy is not in this one."""
+        return replace(self, scene=copy.copy(self.scene))
+
+    def to(self, device: DeviceLike) -> MujocoScene:
+        """Return the same scene for another device."""
+        return replace(self, scene=self.scene.to(device))
+
+    def geoms_of_objects(self) -> NDArray[np.int32]:
+        """List the geom of every object of the scene, shape ``(objects,)``; -1 of those that were added to it."""
+        geoms = np.full(len(self.scene), -1, dtype=np.int32)
+        geoms[: len(self.geom_ids)] = self.geom_ids
+        return geoms
 
 
 def scene_from_mujoco(
-    model: Any,
+    model: mujoco.MjModel,
     *,
     geom_groups: Iterable[int] = DEFAULT_GROUPS,
     tolerance: float = DEFAULT_TOLERANCE,
@@ -66,9 +74,9 @@ def scene_from_mujoco(
     exclude: Iterable[str] = (),
     movable: Movable = "bodies",
     static: bool = True,
-    device: Any = "cpu",
+    device: DeviceLike = "cpu",
 ) -> MujocoScene:
-    """The geoms of a MuJoCo model, one object each, whether or not they collide.
+    """Make a scene of a MuJoCo model's geoms, one object each, whether or not they collide.
 
     What MuJoCo's renderer leaves out is left out: geoms whose colour has alpha 0 (`addGeomGeoms` in
     src/engine/engine_vis_visualize.c). So are sites, tendons, skins and flexes, which MuJoCo draws. Sizes, meshes,
@@ -113,17 +121,7 @@ def scene_from_mujoco(
         for geom in range(model.ngeom)
         if _group(model, geom) in groups and geom not in left_out and (static or moves[geom])
     ]
-    scene = MujocoScene(model, device=device)
-    scene._remake = functools.partial(
-        scene_from_mujoco,
-        model,
-        geom_groups=groups,
-        tolerance=tolerance,
-        labels=labels,
-        exclude=exclude,
-        movable=movable,
-        static=static,
-    )
+    scene = Scene(device=device)
     poses, kept = _initial_poses(model), []
     first_of: dict[int, str] = {}  # the object of a piece that has the pose
     for geom, shape in _meshes(model, shown, tolerance):
@@ -133,18 +131,17 @@ def scene_from_mujoco(
         moving = bool(moves[geom]) or alone
         scene.add(shape, name=name, label=wanted[geom], pose=poses[geom], movable=moving, attach_to=carrier)
         kept.append(geom)
-    scene.geom_ids = np.array(kept, dtype=np.int32)
-    scene.movable_geoms = scene.geom_ids[list(scene.movable)]
-    return scene
+    geom_ids = np.array(kept, dtype=np.int32)
+    return MujocoScene(scene, geom_ids, geom_ids[list(scene.movable)], int(model.ngeom))
 
 
-def _rigid_piece(model: Any, geom: int) -> int:
+def _rigid_piece(model: mujoco.MjModel, geom: int) -> int:
     """A body that the geom's body is welded to, the same one for all that move together."""
     body = int(model.geom_bodyid[geom])
     return int(model.body_weldid[body]) or body  # 0, the world, is said of mocap bodies too
 
 
-def movable_bodies(model: Any) -> NDArray[np.bool_]:
+def movable_bodies(model: mujoco.MjModel) -> NDArray[np.bool_]:
     """Which bodies can move: those not welded to the world, mocap bodies, and what hangs on these, shape ``(nbody,)``.
 
     `bodycategory` in src/engine/engine_vis_visualize.c; older MuJoCo counts mocap bodies as welded to the world.
@@ -168,20 +165,20 @@ def check_groups(groups: Iterable[int]) -> tuple[int, ...]:
     return tuple(sorted({int(group) for group in groups}))
 
 
-def _group(model: Any, geom: int) -> int:
+def _group(model: mujoco.MjModel, geom: int) -> int:
     """The group that a geom counts for: MuJoCo clamps it."""
     return min(max(int(model.geom_group[geom]), 0), mujoco.mjNGROUP - 1)
 
 
-def _meshes(model: Any, geoms: Iterable[int], tolerance: float) -> list[tuple[int, Mesh | Solid]]:
+def _meshes(model: mujoco.MjModel, geoms: Iterable[int], tolerance: float) -> list[tuple[int, Mesh | Solid]]:
     """Those geoms that are drawn, and their shapes in their frames: the same arrays for geoms of the same shape."""
-    shared: dict[tuple[Any, ...], Mesh | Solid | None] = {}
+    shared: dict[tuple[float, ...], Mesh | Solid | None] = {}
     drawn = []
     for geom in geoms:
         if _alpha(model, geom) == 0:
             continue
         kind = int(model.geom_type[geom])
-        key: tuple[Any, ...] = (kind, int(model.geom_dataid[geom]))
+        key: tuple[float, ...] = (kind, int(model.geom_dataid[geom]))
         if model.geom_dataid[geom] < 0:
             key = (kind, *model.geom_size[geom].tolist())
         if key not in shared:
@@ -192,14 +189,14 @@ def _meshes(model: Any, geoms: Iterable[int], tolerance: float) -> list[tuple[in
     return drawn
 
 
-def _alpha(model: Any, geom: int) -> float:
+def _alpha(model: mujoco.MjModel, geom: int) -> float:
     """Opacity: the material's, unless the geom has a colour of its own (`setMaterial` in engine_vis_visualize.c)."""
     rgba, material = model.geom_rgba[geom], int(model.geom_matid[geom])
     own = material < 0 or rgba.tolist() != [0.5, 0.5, 0.5, 1.0]
     return float(rgba[3] if own else model.mat_rgba[material][3])
 
 
-def _mesh(model: Any, geom: int, tolerance: float) -> Mesh | Solid | None:
+def _mesh(model: mujoco.MjModel, geom: int, tolerance: float) -> Mesh | Solid | None:
     """A geom's shape in its own frame; None where it has none."""
     kind, data = int(model.geom_type[geom]), int(model.geom_dataid[geom])
     a, b, c = model.geom_size[geom].tolist()
@@ -221,20 +218,20 @@ def _mesh(model: Any, geom: int, tolerance: float) -> Mesh | Solid | None:
     return _compiled_mesh(model, data) if data >= 0 else None  # meshes, and signed distance fields that have one
 
 
-def _compiled_mesh(model: Any, mesh: int) -> Mesh | None:
+def _compiled_mesh(model: mujoco.MjModel, mesh: int) -> Mesh | None:
     first_vertex, first_face = model.mesh_vertadr[mesh], model.mesh_faceadr[mesh]
     vertices = model.mesh_vert[first_vertex : first_vertex + model.mesh_vertnum[mesh]]
     faces = model.mesh_face[first_face : first_face + model.mesh_facenum[mesh]]
     return (vertices.astype(np.float64), faces.astype(np.int32)) if len(faces) else None
 
 
-def _height_field(model: Any, field: int) -> Mesh:
+def _height_field(model: mujoco.MjModel, field: int) -> Mesh:
     rows, columns, first = model.hfield_nrow[field], model.hfield_ncol[field], model.hfield_adr[field]
     elevation = model.hfield_data[first : first + rows * columns].reshape(rows, columns)
     return tessellation.height_field(elevation.astype(np.float64), np.array(model.hfield_size[field]))
 
 
-def _object_names(model: Any) -> list[str]:
+def _object_names(model: mujoco.MjModel) -> list[str]:
     """Names of all geoms' objects, all different."""
     names = [model.geom(geom).name for geom in range(model.ngeom)]
     taken, last = {name for name in names if name}, dict.fromkeys(range(model.nbody), -1)
@@ -249,7 +246,7 @@ def _object_names(model: Any) -> list[str]:
 
 
 def _assign_labels(
-    model: Any, names: list[str], labels: Mapping[str, Label | int | str], exclude: tuple[str, ...]
+    model: mujoco.MjModel, names: list[str], labels: Mapping[str, Label | int | str], exclude: tuple[str, ...]
 ) -> tuple[list[Label], set[int]]:
     """Every geom's label, and the geoms that are left out."""
     wanted = [_default_label(model, geom, name) for geom, name in enumerate(names)]
@@ -259,12 +256,12 @@ def _assign_labels(
     return wanted, {geom for pattern in exclude for geom in _fitting(model, names, pattern, "exclude")}
 
 
-def _default_label(model: Any, geom: int, name: str) -> Label:
+def _default_label(model: mujoco.MjModel, geom: int, name: str) -> Label:
     flat = int(model.geom_type[geom]) in (_GEOM.mjGEOM_PLANE, _GEOM.mjGEOM_HFIELD)
     return Label.GROUND if flat or _fits(name.lower(), _GROUND_NAMES) else Label.OBSTACLE
 
 
-def _fitting(model: Any, names: list[str], pattern: str, argument: str) -> list[int]:
+def _fitting(model: mujoco.MjModel, names: list[str], pattern: str, argument: str) -> list[int]:
     """The geoms whose object or body has a name that fits."""
     bodies = [model.body(body).name for body in range(model.nbody)]
     fitting = [
@@ -282,7 +279,7 @@ def _fits(name: str, patterns: Iterable[str]) -> bool:
     return any(fnmatch.fnmatchcase(name, pattern) for pattern in patterns)
 
 
-def _initial_poses(model: Any) -> NDArray[np.float64]:
+def _initial_poses(model: mujoco.MjModel) -> NDArray[np.float64]:
     """Geoms to world as the model is at first, matrices of shape ``(ngeom, 4, 4)``."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
