@@ -280,8 +280,8 @@ def classify_depth(
     ratio[-1] = 1.0  # the outside
     for i, sphere in enumerate(spheres):
         distance = np.linalg.norm(points - np.array(sphere.center), axis=-1)
-        ratio[i] = distance / (sphere.size / 2)
-        margin = np.minimum(margin, np.abs(distance - sphere.size / 2))
+        ratio[i] = distance / (sphere.diameter / 2)
+        margin = np.minimum(margin, np.abs(distance - sphere.diameter / 2))
     sphere = np.argmin(np.where(np.isnan(ratio), np.inf, ratio), axis=0)
     sphere = np.where(sphere == len(spheres), -1, sphere)
     with np.errstate(invalid="ignore"):

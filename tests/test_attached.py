@@ -56,7 +56,7 @@ def test_it_moves_along(device, caster, cull_backfaces):
     world = np.array([1, 0, 2, 2, 0])
     scene = build(device, *first)
     renderer = wv.Renderer(scene, SMALL, outputs=ALL, caster=caster, cull_backfaces=cull_backfaces)
-    views = renderer.render(cameras, object_poses=poses, world=world)
+    views = renderer.render(cameras, object_poses=poses, world_index=world)
     for view in range(len(cameras)):
         twin = build(device, *poses[world[view]], attached=False)
         one = slice(view, view + 1)

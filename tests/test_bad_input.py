@@ -205,23 +205,26 @@ CASES = {
         "2 are not or have none, of 'left' in world 0, 'right' in world 0",
     ),
     "zero object quaternions": (
-        lambda: render_moved(object_poses=moved(3, bad=[(2, 0)], value=0), world=[0, 0]),
+        lambda: render_moved(object_poses=moved(3, bad=[(2, 0)], value=0), world_index=[0, 0]),
         "1 are not or have none, of 'left' in world 2",
     ),
     "worlds and views": (
         lambda: render_moved(object_poses=moved(3)),
-        "object_poses are of 3 worlds and there are 2 views; say world= of each view",
+        "object_poses are of 3 worlds and there are 2 views; say world_index= of each view",
     ),
     "world out of range": (
-        lambda: render_moved(object_poses=moved(3), world=[0, 3]),
-        "world must be from 0 to 2, the worlds of object_poses, got 3 for view 1",
+        lambda: render_moved(object_poses=moved(3), world_index=[0, 3]),
+        "world_index must be from 0 to 2, the worlds of object_poses, got 3 for view 1",
     ),
     "negative world": (
-        lambda: render_moved(world=[-1, 0]),
+        lambda: render_moved(world_index=[-1, 0]),
         "from 0 to 0, the worlds of object_poses, got -1 for view 0",
     ),
-    "worlds of three views": (lambda: render_moved(world=[0, 0, 0]), r"world must have shape \(2,\), got \(3,\)"),
-    "half a world": (lambda: render_moved(world=[0.5, 0]), "world must be int32, got float64"),
+    "worlds of three views": (
+        lambda: render_moved(world_index=[0, 0, 0]),
+        r"world_index must have shape \(2,\), got \(3,\)",
+    ),
+    "half a world": (lambda: render_moved(world_index=[0.5, 0]), "world_index must be int32, got float64"),
     "exclude a stranger": (lambda: render_moved(exclude=["ball"]), "no object 'ball'; it has 'box', 'left', 'right'"),
     "exclude a number too great": (lambda: render_moved(exclude=[3]), "objects from 0 to 2, got 3"),
     "exclude a negative number": (lambda: render_moved(exclude=[-1]), "objects from 0 to 2, got -1"),
@@ -232,8 +235,8 @@ CASES = {
     "exclude a number alone": (lambda: render_moved(exclude=2), r"exclude must be names or indices .*got shape \(\)"),
     "exclude an unknown name": (lambda: render_moved(exclude="ball"), "no object 'ball'"),
     "points of the image in no world": (
-        lambda: wv.Renderer(moving_scene(), KINECT).render_at(POSE, np.zeros((1, 5, 2)), world=[1]),
-        "world must be from 0 to 0",
+        lambda: wv.Renderer(moving_scene(), KINECT).render_at(POSE, np.zeros((1, 5, 2)), world_index=[1]),
+        "world_index must be from 0 to 0",
     ),
     # Classification
     "depth of millimetres": (lambda: wv.classify(DEPTH.astype(np.uint16), KINECT, POSE), "in metres.*divide"),
@@ -242,8 +245,8 @@ CASES = {
     "more poses than depth": (lambda: wv.classify(DEPTH, KINECT, [POSE] * 3), "depth has 1 views and camera.* has 3"),
     "spheres of three": (lambda: wv.classify(DEPTH, KINECT, POSE, spheres=[[1, 2, 3]]), r"shape \(S, 4\)"),
     "negative sigma": (
-        lambda: wv.classify(DEPTH, KINECT, POSE, sigma=-1),
-        "sigma must be a number of metres from 0 up, got -1",
+        lambda: wv.classify(DEPTH, KINECT, POSE, ground_tolerance=-1),
+        "ground_tolerance must be a number of metres from 0 up, got -1",
     ),
     "NaN ground": (lambda: wv.classify(DEPTH, KINECT, POSE, ground_height=np.nan), "ground_height must be a finite"),
     "negative range": (
@@ -256,7 +259,7 @@ CASES = {
         "out must have dtype uint8, got int32",
     ),
     "camera of no kind": (lambda: wv.back_project(DEPTH, None, POSE), "camera must be a warpvis.Camera"),
-    "sphere without size": (lambda: Sphere((0, 0, 0), 0), "size of a sphere must be a positive number"),
+    "sphere without size": (lambda: Sphere((0, 0, 0), 0), "diameter of a sphere must be a positive number"),
     "sphere at NaN": (lambda: Sphere((0, np.nan, 0), 1), "center of a sphere must be three finite numbers"),
     "objects of floats": (
         lambda: wv.maps.classify_rendered(DEPTH, DEPTH, box_scene()),
@@ -289,9 +292,12 @@ CASES = {
     ),
     "empty bounds": (lambda: wv.floor_map(POINTS, LABELS, bounds=((0, 0), (0, 1))), "bounds must be the least"),
     "bounds of one": (lambda: wv.floor_map(POINTS, LABELS, bounds=(1, 2)), "bounds must be the least"),
-    "no cell": (lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE, cell=0), "cell must be a positive number"),
+    "no cell": (
+        lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE, cell_size=0),
+        "cell_size must be a positive number",
+    ),
     "tiny cells": (
-        lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE, cell=1e-9),
+        lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE, cell_size=1e-9),
         "too large; give a larger cell",
     ),
     "robots of two": (
@@ -299,8 +305,8 @@ CASES = {
         "robots must be finite",
     ),
     "map sigma": (
-        lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE, sigma=-1),
-        "sigma must be a number of metres from 0 up",
+        lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE, level_tolerance=-1),
+        "level_tolerance must be a number of metres from 0 up",
     ),
     "picture of no kind": (
         lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE).save("map.xyz"),

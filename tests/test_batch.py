@@ -71,7 +71,7 @@ def moving_frames(*, world=None):
     poses = np.tile([-0.5, 0.3, 0.5, 0, 0, 0, 1], (20, 1, 1))
     poses[:, 0, 2] += np.linspace(0, 1, 20)
     poses = poses if world is None else poses[:4]
-    return Frames.from_poses(make_poses(20), object_poses=poses, world=world)
+    return Frames.from_poses(make_poses(20), object_poses=poses, world_index=world)
 
 
 @pytest.mark.parametrize("world", [None, np.arange(20) % 4])
@@ -79,7 +79,7 @@ def test_every_frame_has_its_world(tmp_path, world):
     scene, frames = make_scene(movable=True), moving_frames(world=world)
     run(tmp_path / "out", scene=scene, frames=frames)
     expected = wv.render(
-        scene, CAMERA, make_poses(20), outputs=("depth",), object_poses=frames.object_poses, world=world
+        scene, CAMERA, make_poses(20), outputs=("depth",), object_poses=frames.object_poses, world_index=world
     )
     np.testing.assert_array_equal(read_npz(tmp_path / "out", "depth"), expected.depth.numpy())
     still = wv.render(scene, CAMERA, make_poses(20), outputs=("depth",)).depth.numpy()

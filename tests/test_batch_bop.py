@@ -73,7 +73,7 @@ def plan_of(scene, frames, *, camera=CAMERA, shard_frames=SHARD, chosen=OBJECTS,
 
 def images_of(scene, plan, frames, layout):
     """What the job's renderer gives a format that asks for masks of any depth."""
-    moved = {"object_poses": frames.object_poses, "world": frames.world}
+    moved = {"object_poses": frames.object_poses, "world_index": frames.world_index}
     depth = wv.render(scene, plan.camera, frames.camera_to_world, outputs=("depth",), **moved).depth
     anywhere = dataclasses.replace(plan.camera, near=0.0, far=math.inf)
     options = {"objects": plan.chosen, "delta": layout.delta, "masks": layout.masks, **moved}
@@ -369,9 +369,11 @@ def test_depth_that_16_bits_cannot_hold_is_told(tmp_path):
 
 
 def test_many_frames_in_few_worlds(tmp_path):
-    """`Frames.world` says which pose of the cart a frame has."""
+    """`Frames.world_index` says which pose of the cart a frame has."""
     scene, frames = table(), walk()
-    few = dataclasses.replace(frames, object_poses=frames.object_poses[:3], world=np.arange(FRAMES, dtype=np.int32) % 3)
+    few = dataclasses.replace(
+        frames, object_poses=frames.object_poses[:3], world_index=np.arange(FRAMES, dtype=np.int32) % 3
+    )
     whole = dataclasses.replace(frames, object_poses=frames.object_poses[np.arange(FRAMES) % 3])
     one = dataclasses.replace(frames, object_poses=frames.object_poses[:1])
     poses = [Bop(plan_of(scene, f))._poses(f, np.tile(np.eye(4), (FRAMES, 1, 1))) for f in (few, whole, one)]

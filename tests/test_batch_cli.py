@@ -34,7 +34,7 @@ def workspace(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("in the way")
     np.savez(tmp_path / "worlds.npz", object_poses=np.tile([0, 0, 0.5, 0, 0, 0, 1.0], (9, 1, 1)))
     np.savez(tmp_path / "two.npz", object_poses=np.tile([0, 0, 0.5, 0, 0, 0, 1.0], (9, 2, 1)))
-    np.savez(tmp_path / "empty.npz", world=np.zeros(9, dtype=np.int32))
+    np.savez(tmp_path / "empty.npz", world_index=np.zeros(9, dtype=np.int32))
     return tmp_path
 
 

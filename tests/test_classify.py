@@ -47,7 +47,7 @@ def test_classes_match_their_twin(depth, sigma, max_range, device):
     spheres = (*EXPERIMENT.spheres, Sphere((1.3, 0.35, 1.0), 0.9, Label.ROBOT))  # spheres that overlap
     owner = wp.empty(depth.shape, dtype=wp.int32, device=device)
     labels = wv.classify(
-        depth, CAMERA, EXPERIMENT.poses(), spheres=spheres, sigma=sigma, max_range=max_range, device=device,
+        depth, CAMERA, EXPERIMENT.poses(), spheres=spheres, ground_tolerance=sigma, max_range=max_range, device=device,
         spheres_out=owner,
     )  # fmt: skip
     expected, sphere, margin = reference.classify_depth(
@@ -81,7 +81,7 @@ def test_ground_is_below_sigma_over_the_floor(device):
         obstacle,
         obstacle,
     ]
-    wider = wv.classify(depth, camera, down, sigma=0.02, device=device).numpy()[0, 0]
+    wider = wv.classify(depth, camera, down, ground_tolerance=0.02, device=device).numpy()[0, 0]
     assert wider.tolist() == [ground, ground, ground, obstacle]
     higher = wv.classify(depth, camera, down, ground_height=0.7, device=device).numpy()[0, 0]
     assert higher.tolist() == [ground] * 3 + [obstacle]
@@ -102,7 +102,7 @@ def test_spheres_are_rows_or_objects():
     depth = wv.render(EXPERIMENT.build(), CAMERA, EXPERIMENT.poses()).depth
     ball = EXPERIMENT.spheres[0]
     one = wv.classify(depth, CAMERA, EXPERIMENT.poses(), spheres=[ball]).numpy()
-    other = wv.classify(depth, CAMERA, EXPERIMENT.poses(), spheres=np.array([[*ball.center, ball.size]])).numpy()
+    other = wv.classify(depth, CAMERA, EXPERIMENT.poses(), spheres=np.array([[*ball.center, ball.diameter]])).numpy()
     np.testing.assert_array_equal(one, other)
     assert (one == Label.OBJECT).any()
 

@@ -51,7 +51,7 @@ def test_distances_from_a_box_and_a_ball(device):
     expected = [1, 0.1, 2, np.sqrt(2), np.sqrt(3), 0, 1.5]
     np.testing.assert_allclose(got, expected, atol=1e-3)
     np.testing.assert_allclose(got[:6], expected[:6], atol=1e-6)
-    assert (clearance(scene, points, most=1.2).numpy() == np.where(got < 1.2, got, np.inf)).all()
+    assert (clearance(scene, points, max_distance=1.2).numpy() == np.where(got < 1.2, got, np.inf)).all()
     assert clearance(scene, points, objects=["ball"]).numpy()[2] == pytest.approx(6.5, abs=1e-6)
     assert clearance(scene, points, exclude=["box"]).numpy()[2] == pytest.approx(6.5, abs=1e-6)
     assert np.isinf(clearance(scene, points, objects=["box"], exclude=[0]).numpy()).all()
@@ -67,7 +67,7 @@ def test_distances_match_every_triangle(device):
     expected = reference.nearest_surface(corners, points)
     for threads in (1, 2):
         np.testing.assert_allclose(clearance(scene, points, threads=threads).numpy(), expected, atol=1e-6)
-    near = clearance(scene, points, most=0.5).numpy()
+    near = clearance(scene, points, max_distance=0.5).numpy()
     sure = np.abs(expected - 0.5) > 1e-5
     np.testing.assert_allclose(near[sure], reference.nearest_surface(corners, points, 0.5)[sure], atol=1e-6)
 
@@ -182,8 +182,8 @@ def test_room_is_where_no_point_of_a_surface_is(device):
         ({"scene": wv.Scene()}, "the scene has no objects; add() one first"),
         ({"points": np.zeros(3)}, "points must have shape (N, 3), got (3,)"),
         ({"points": [(0, 0, np.nan)]}, "points must be finite: 1 are not, the first at 0"),
-        ({"most": -0.1}, "most must be a number of metres from 0 up, got -0.1"),
-        ({"most": np.nan}, "most must be a number of metres from 0 up, got nan"),
+        ({"max_distance": -0.1}, "max_distance must be a number of metres from 0 up, got -0.1"),
+        ({"max_distance": np.nan}, "max_distance must be a number of metres from 0 up, got nan"),
         ({"objects": ["ball"]}, "the scene has no object 'ball'; it has 'floor', 'table', 'pillar', 'sill'"),
         ({"objects": []}, "objects must be one or more different ones of the scene's, got []"),
         ({"exclude": [7]}, "exclude must name objects from 0 to 3, got 7"),

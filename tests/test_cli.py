@@ -214,7 +214,7 @@ def test_poses_of_seven_numbers_and_other_axes(lab, monkeypatch, capsys):
 
 def test_where_the_robot_may_go(lab, monkeypatch, capsys):
     given = ("perspective", "lab.glb", "--robot", ROBOT, "--human", HUMAN, *BODIES)
-    for more in (("--reach", "0.3"), ("--robot-radius", "5"), ("--floor", "-1")):
+    for more in (("--max-distance", "0.3"), ("--robot-radius", "5"), ("--floor", "-1")):
         code, out, _ = run_here(monkeypatch, capsys, lab, *given, *more)
         assert code == 0
         assert ("that has room for it shows any of that." in out) == (more[0] != "--floor")
@@ -335,8 +335,8 @@ POSES = ("--poses", "poses.txt")
         (("perspective", "lab.glb", *LOOK, "--labels", "cup=object"), "labels for 'cup' fit no object of lab.glb"),
         (("perspective", "lab.glb", *LOOK, "--camera", "none.json", "--out", "x"), "none.json: cannot be read"),
         (
-            ("perspective", "lab.glb", *LOOK, "--reach", "-1", "--out", "x"),
-            "--reach must be a number of metres from 0 up",
+            ("perspective", "lab.glb", *LOOK, "--max-distance", "-1", "--out", "x"),
+            "--max-distance must be a number of metres from 0 up",
         ),
         (
             ("perspective", "lab.glb", *LOOK, "--robot-radius", "0"),

@@ -68,7 +68,7 @@ def test_what_moves(emulator, side, cull_backfaces):
     rows, world = random_poses(np.random.default_rng(2), 2, 5), np.array([1, 0, 1])
     scene = build("cpu", np.tile(STILL, (5, 1)), movable=True)
     poses = eyes(3)
-    options = {"object_poses": rows, "world": world}
+    options = {"object_poses": rows, "world_index": world}
     views = render(emulator, scene, poses, side=side, cull_backfaces=cull_backfaces, **options)
     for index, row in enumerate(rows[world]):
         twin, one = build("cpu", row, movable=False), slice(index, index + 1)
@@ -184,7 +184,7 @@ def test_a_world_that_is_not_there_shows_nothing(emulator):
     renderer = emulated_renderer(emulator, Variant(16, True, True), scene, CAMERA, outputs=ALL)
     worlds = parse_worlds(scene, 3, rows, np.zeros(3, dtype=np.int32), None)
     worlds.world = wp.array([1, 2, -1], dtype=wp.int32, device="cpu")
-    views = renderer.render(eyes(3), object_poses=rows, world=[1, 0, 0])
+    views = renderer.render(eyes(3), object_poses=rows, world_index=[1, 0, 0])
     seen = render(emulator, scene, eyes(1), object_poses=rows[1:])
     renderer._caster.cast(renderer._caster.parse_poses(eyes(3), "opencv"), worlds, renderer._asked_for(views))
     assert_bits_equal(view_of(views, 0), seen)

@@ -49,7 +49,7 @@ def test_what_it_hides(meaning, depth, device):
     points = np.array([(1.25, 0, 1), (3.25, 0, 1)], dtype=np.float32)
     status = wv.point_visibility_from_depth(image(depth), CAMERA, POSE, points, device=device).numpy()[0]
     space = wv.voxel_map(
-        image(depth), CAMERA, POSE, bounds=[[0, -0.25, 0.75], [4.5, 0.25, 1.25]], device=device, cell=0.5
+        image(depth), CAMERA, POSE, bounds=[[0, -0.25, 0.75], [4.5, 0.25, 1.25]], device=device, cell_size=0.5
     )
     states = space.states.numpy()[[2, 6], 0, 0]
     hidden, seen = (Visibility.OCCLUDED, Voxel.HIDDEN), (Visibility.VISIBLE, Voxel.FREE)
@@ -81,5 +81,5 @@ def test_rendered_images_mean_the_same(device):
     assert np.isneginf(views.depth.numpy()).all()
     assert np.isnan(views.points.numpy()).all() and not views.labels.numpy().any()
     assert not wv.maps.classify_rendered(views.depth, views.segmentation, scene).numpy().any()
-    space = wv.voxel_map_from_scene(scene, CAMERA, POSE, bounds=[[0, -0.25, 0.75], [4.5, 0.25, 1.25]], cell=0.5)
+    space = wv.voxel_map_from_scene(scene, CAMERA, POSE, bounds=[[0, -0.25, 0.75], [4.5, 0.25, 1.25]], cell_size=0.5)
     assert space.states.numpy()[:, 0, 0].tolist() == [Voxel.OUTSIDE, *[Voxel.HIDDEN] * 7, Voxel.OUTSIDE]

@@ -123,7 +123,7 @@ def test_tops_of_obstacles(result):
     cells = result.floor_map.cells.numpy()[0]
     rows, columns = np.nonzero(cells == wv.Label.OBSTACLE)
     left, _, bottom, _ = result.floor_map.bounds
-    x, y = left + (columns + 0.5) * result.floor_map.cell, bottom + (rows + 0.5) * result.floor_map.cell
+    x, y = left + (columns + 0.5) * result.floor_map.cell_size, bottom + (rows + 0.5) * result.floor_map.cell_size
 
     def covered(name):
         low, high = result.scene[name].bounds[:, :2]

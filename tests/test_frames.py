@@ -33,7 +33,7 @@ def test_rows_are_normalised_and_times_count_by_default():
     directions = rows[:, 3:] / np.linalg.norm(rows[:, 3:], axis=1, keepdims=True)
     np.testing.assert_allclose(frames.camera_to_world[:, 3:], directions, atol=1e-15)
     np.testing.assert_array_equal(frames.timestamps, np.arange(50.0))
-    assert frames.object_poses is None and frames.world is None and frames.source == {}
+    assert frames.object_poses is None and frames.world_index is None and frames.source == {}
 
 
 @pytest.mark.parametrize("convention", ["opencv", "opengl", "ros"])
@@ -79,8 +79,8 @@ def test_slices_cut_worlds_along():
     assert one.object_poses.shape == (1, 2, 7)
     assert one[3:].object_poses.shape == (1, 2, 7)
 
-    named = Frames.from_poses(random_rows(5), object_poses=worlds(3), world=[0, 2, 2, 1, 0], source={"seed": 1})
-    assert named[2:4].world.tolist() == [2, 1] and named.world.dtype == np.int32
+    named = Frames.from_poses(random_rows(5), object_poses=worlds(3), world_index=[0, 2, 2, 1, 0], source={"seed": 1})
+    assert named[2:4].world_index.tolist() == [2, 1] and named.world_index.dtype == np.int32
     np.testing.assert_array_equal(named[2:4].object_poses, named.object_poses)
     assert named[2:4].source == {"seed": 1}
     assert len(named[9:]) == 0
@@ -128,7 +128,7 @@ BAD = {
     "no convention": (([POSE],), {"convention": None}, "convention must be one of"),
     "times": (([POSE],), {"timestamps": [0, 1]}, "timestamps must be 1 seconds, one a frame, got int64 of shape (2,)"),
     "NaN time": (([POSE],), {"timestamps": [np.nan]}, "timestamps must be finite: 1 are not, the first at index 0"),
-    "worlds": (([POSE] * 3,), {"object_poses": worlds(2)}, "object_poses are of 2 worlds and there are 3 frames; say"),
+    "worlds": (([POSE] * 3,), {"object_poses": worlds(2)}, "object_poses are of 2 worlds and there are 3 frames; give"),
     "objects": (([POSE],), {"object_poses": [POSE[:6]]}, "object_poses must have shape (W, M, 7), rows x y z qx qy qz"),
     "no objects": (([POSE],), {"object_poses": np.zeros((1, 0, 7))}, "object_poses must have shape (W, M, 7)"),
     "object NaN": (([POSE],), {"object_poses": [[np.nan] * 7]}, "object_poses must be finite numbers of at most 1e18"),
@@ -137,13 +137,21 @@ BAD = {
         {"object_poses": [POSE, np.zeros(7)]},
         "object_poses must not have a zero-length quaternion: 1 have, of object 1 in world 0",
     ),
-    "world alone": (([POSE],), {"world": [0]}, "world says which of object_poses a frame has, so give object_poses"),
+    "world alone": (
+        ([POSE],),
+        {"world_index": [0]},
+        "world_index says which of object_poses a frame has, so give object_poses",
+    ),
     "no such world": (
         ([POSE] * 2,),
-        {"world": [0, 3], "object_poses": worlds(3)},
-        "world must be from 0 to 2, the worlds of object_poses, got 3 for frame 1",
+        {"world_index": [0, 3], "object_poses": worlds(3)},
+        "world_index must be from 0 to 2, the worlds of object_poses, got 3 for frame 1",
     ),
-    "half a world": (([POSE],), {"world": [0.5], "object_poses": worlds(3)}, "world must be 1 whole numbers, one a fr"),
+    "half a world": (
+        ([POSE],),
+        {"world_index": [0.5], "object_poses": worlds(3)},
+        "world_index must be 1 whole numbers, one a fr",
+    ),
     "source": (
         ([POSE],),
         {"source": {"a": object()}},

@@ -60,12 +60,12 @@ def test_a_wall(device):
     scene = wall_scene(device)
     eyes = [(0, 0, 0.5), (0, 1, 1.5), (0, 0, 3.0)]
     targets = [(4, 0, 0), (8, 1, 0), (8, -1, 0.25), (1, 1, 0), (2, 0, 0.5), (2, 0, 1)]
-    got = heights(scene, eyes, targets, most=20)
+    got = heights(scene, eyes, targets, max_height=20)
     for row, eye in zip(got, eyes, strict=True):
         for height, (x, _, z) in zip(row, targets, strict=True):
             behind = eye[2] + (WALL_TOP - eye[2]) * x / 2 - z if x > 2 else 0.0  # by similar triangles
             assert height == pytest.approx(max(behind, 0.0), abs=1e-5)
-    raised = heights(scene, eyes, targets, most=20, raises="eye")
+    raised = heights(scene, eyes, targets, max_height=20, raises="eye")
     for row, eye in zip(raised, eyes, strict=True):
         for height, (x, _, z) in zip(row, targets, strict=True):
             behind = (WALL_TOP - z * 2 / x) * x / (x - 2) - eye[2] if x > 2 else 0.0
@@ -76,9 +76,9 @@ def test_more_than_the_most_is_infinite(device):
     scene = wall_scene(device)
     needed = heights(scene, (0, 0, 0.5), (8, 0, 0))[0, 0]
     assert needed == pytest.approx(2.5)
-    assert heights(scene, (0, 0, 0.5), (8, 0, 0), most=2.4)[0, 0] == np.inf
-    assert heights(scene, (0, 0, 0.5), (8, 0, 0), most=2.6)[0, 0] == needed
-    assert heights(scene, (0, 0, 0.5), [(8, 0, 0), (1, 0, 0)], most=0).tolist() == [[np.inf, 0]]
+    assert heights(scene, (0, 0, 0.5), (8, 0, 0), max_height=2.4)[0, 0] == np.inf
+    assert heights(scene, (0, 0, 0.5), (8, 0, 0), max_height=2.6)[0, 0] == needed
+    assert heights(scene, (0, 0, 0.5), [(8, 0, 0), (1, 0, 0)], max_height=0).tolist() == [[np.inf, 0]]
 
 
 def test_under_a_bridge_a_point_is_seen_through_a_window(device):
@@ -122,8 +122,8 @@ def test_triangles_anywhere_match_the_union_of_their_shadows(up, raises, device)
     vertices, eyes, targets = (rows[:, axes].astype(np.float32) for rows in (vertices, eyes, targets))
     scene = wv.Scene(device=device, up=up)
     scene.add((vertices, faces))
-    got = minimum_height(scene, eyes, targets, raises=raises, most=3.0).numpy()
-    options = {"up": "xyz".index(up), "raise_eyes": raises == "eye", "most": 3.0, "tolerance": 1e-4}
+    got = minimum_height(scene, eyes, targets, raises=raises, max_height=3.0).numpy()
+    options = {"up": "xyz".index(up), "raise_eyes": raises == "eye", "max_height": 3.0, "tolerance": 1e-4}
     expected = reference.climb(corners_of(scene), eyes, targets, **options)
     assert (np.isinf(got) == np.isinf(expected)).all()
     np.testing.assert_allclose(got, expected, atol=2e-6)
@@ -137,7 +137,7 @@ def test_the_answer_is_the_least_height_of_a_free_line():
     scene.add((vertices, faces))
     eye = np.array([-1.0, 0, 1])
     targets = rng.uniform([3, -1, 0], [6, 1, 2], (60, 3)).astype(np.float32).astype(np.float64)
-    got = heights(scene, eye, targets, most=50)[0]
+    got = heights(scene, eye, targets, max_height=50)[0]
     for target, height in zip(targets, got, strict=True):
         share = 1e-4 / np.linalg.norm(target - eye)
         assert not is_blocked(vertices[faces], eye, target + [0, 0, height + 1e-5], share)
@@ -208,8 +208,8 @@ def test_threads_change_nothing(device):
         ({"scene": 3}, "scene must be a warpvis.Scene, got int"),
         ({"scene": wv.Scene()}, "the scene has no objects; add() one first"),
         ({"raises": "both"}, 'raises must be "target" or "eye", got \'both\''),
-        ({"most": -1}, "most must be a number of metres from 0 up, got -1"),
-        ({"most": np.inf}, "most must be a number of metres from 0 up, got inf"),
+        ({"max_height": -1}, "max_height must be a number of metres from 0 up, got -1"),
+        ({"max_height": np.inf}, "max_height must be a number of metres from 0 up, got inf"),
         ({"tolerance": 0}, "tolerance must be a positive number of metres, got 0"),
         ({"tolerance": "1"}, "tolerance must be a positive number of metres, got '1'"),
         ({"eyes": np.zeros(3)}, "eyes must have shape (E, 3), got (3,)"),

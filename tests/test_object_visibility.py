@@ -172,7 +172,9 @@ def test_worlds_and_exclusion_are_those_of_single_calls(device, caster):
     worlds, which = worlds_of(scene, 3), np.array([2, 0, 2, 1], dtype=np.int32)
     flags = np.zeros((4, len(scene)), dtype=np.uint8)
     flags[1, scene.index("wall")] = flags[3, scene.index("cart")] = 1
-    together = object_visibility(scene, SMALL, poses, object_poses=worlds, world=which, exclude=flags, caster=caster)
+    together = object_visibility(
+        scene, SMALL, poses, object_poses=worlds, world_index=which, exclude=flags, caster=caster
+    )
     for view in range(4):
         names = [item.name for item, flag in zip(scene, flags[view], strict=True) if flag]
         alone = object_visibility(
@@ -272,7 +274,7 @@ def test_no_views():
         ({"canvas": (-1, 0, 0, 0)}, "canvas must be four whole numbers of pixels"),
         ({"object_poses": np.zeros((1, 5, 7))}, r"object_poses must have shape \(W, 2, 7\)"),
         ({"exclude": ["cup"]}, "the scene has no object 'cup'"),
-        ({"world": [7]}, "world must be from 0 to 0"),
+        ({"world_index": [7]}, "world_index must be from 0 to 0"),
     ],
 )
 def test_bad_input(arguments, message):

@@ -151,7 +151,7 @@ def test_worlds_and_exclusion(projection, device):
     scene, rays = build(device, rows[0], movable=True), wide_rays(*size, AROUND, projection)
     arguments = {"projection": projection, "outputs": ALL}
     poses, world = eyes(3), [1, 0, 1]
-    views = render_wide(scene, *size, AROUND, poses, object_poses=rows, world=world, **arguments)
+    views = render_wide(scene, *size, AROUND, poses, object_poses=rows, world_index=world, **arguments)
     for view in range(3):
         twin = build("cpu", rows[world[view]], movable=False)
         assert_matches_reference(view_of(views, view), twin, poses[view : view + 1], rays)

@@ -221,11 +221,11 @@ def test_worlds(device):
     middles = np.array([[(-0.5, 0, 0.1), (-0.5, 0.4, 0.1)], [(0.5, 0, 0.1), (0.1, 0, 0.1)]])
     expected = np.stack([agent.angles_to(middles) for agent in agents])
     assert seen.gaze_angle == pytest.approx(expected, abs=1e-5)
-    named = perspective(scene, agents, object_poses=places, world=[1, 0, 1], objects=["ball", "rider"])
+    named = perspective(scene, agents, object_poses=places, world_index=[1, 0, 1], objects=["ball", "rider"])
     assert (named.status == seen.status[:, [1, 0, 1]]).all()
     assert (named.gaze_angle == seen.gaze_angle[:, [1, 0, 1]]).all()
     moved = Agent.kinect("robot", np.tile(agents[1].poses, (3, 1)))
-    assert perspective(scene, moved, object_poses=places, world=[1, 0, 1]).visible[0, :, 1].tolist() == [1, 0, 1]
+    assert perspective(scene, moved, object_poses=places, world_index=[1, 0, 1]).visible[0, :, 1].tolist() == [1, 0, 1]
     default = perspective(scene, agents, objects=["ball", "rider"])
     assert (default.status[:, 0] == seen.status[:, 0]).all()
     assert (default.gaze_angle[:, 0] == seen.gaze_angle[:, 0]).all()
@@ -310,9 +310,9 @@ FOUR = np.tile(ROBOT_EYES, (4, 1))
     [
         ({"scene": 3}, "scene must be a warpvis.Scene, got int"),
         ({"scene": wv.Scene()}, "the scene has no objects; add() one first"),
-        ({"agents": []}, "agents must be one or more of warpvis.visibility.Agent, got none"),
-        ({"agents": [wv.Camera.kinect()]}, "agents must be one or more of warpvis.visibility.Agent, got Camera"),
-        ({"agents": 3}, "agents must be one or more of warpvis.visibility.Agent, got int"),
+        ({"agents": []}, "agents must be one or more of warpvis.Agent, got none"),
+        ({"agents": [wv.Camera.kinect()]}, "agents must be one or more of warpvis.Agent, got Camera"),
+        ({"agents": 3}, "agents must be one or more of warpvis.Agent, got int"),
         (
             {"agents": [Agent.kinect("me", ROBOT_EYES), Agent.human("me", HUMAN_EYES)]},
             "agents must have different names, got 'me' more than once",
@@ -332,10 +332,10 @@ FOUR = np.tile(ROBOT_EYES, (4, 1))
             "agents and worlds must be of one situation or all of as many: 'a' has 4 poses, object_poses has 3 worlds",
         ),
         (
-            {"agents": Agent.kinect("a", FOUR), "world": [0, 0]},
-            "agents and worlds must be of one situation or all of as many: 'a' has 4 poses, world has 2 worlds",
+            {"agents": Agent.kinect("a", FOUR), "world_index": [0, 0]},
+            "agents and worlds must be of one situation or all of as many: 'a' has 4 poses, world_index has 2 worlds",
         ),
-        ({"world": [0, 1]}, "world must be from 0 to 0, the worlds of object_poses, got 1 for view 1"),
+        ({"world_index": [0, 1]}, "world_index must be from 0 to 0, the worlds of object_poses, got 1 for view 1"),
         ({"object_poses": np.zeros((1, 2, 7))}, "object_poses must have shape (W, 1, 7)"),
     ],
 )

@@ -163,8 +163,10 @@ def test_maps_show_what_each_agent_sees(case):
         assert (grey | ball).all()
         rows, columns = np.nonzero(ball)
         left, _, bottom, _ = floor_map.bounds
-        places = np.stack([left + (columns + 0.5) * floor_map.cell, bottom + (rows + 0.5) * floor_map.cell], axis=1)
-        assert (np.abs(places - scene["ball"].bounds[:, :2].mean(axis=0)) < 0.1 + floor_map.cell).all()
+        places = np.stack(
+            [left + (columns + 0.5) * floor_map.cell_size, bottom + (rows + 0.5) * floor_map.cell_size], axis=1
+        )
+        assert (np.abs(places - scene["ball"].bounds[:, :2].mean(axis=0)) < 0.1 + floor_map.cell_size).all()
 
 
 def test_maps_have_no_gap_between_faces():
@@ -176,8 +178,8 @@ def test_maps_have_no_gap_between_faces():
     shown = Shown.of(scene, (robot, human), perspective(scene, (robot, human)), 0, None, None)
     floor_map, rgb = _floor_map(shown, human)
     radii, angles = np.meshgrid(np.linspace(0.8, 2.5, 60), np.radians(np.linspace(-60, 60, 400)))
-    columns = ((radii * np.cos(angles) - floor_map.bounds[0]) / floor_map.cell).astype(int)
-    rows = ((radii * np.sin(angles) - floor_map.bounds[2]) / floor_map.cell).astype(int)
+    columns = ((radii * np.cos(angles) - floor_map.bounds[0]) / floor_map.cell_size).astype(int)
+    rows = ((radii * np.sin(angles) - floor_map.bounds[2]) / floor_map.cell_size).astype(int)
     assert (rgb[rows, columns] > 0.5).all()
 
 

@@ -99,7 +99,7 @@ def test_worlds_solids_and_exclusion(device, caster):
     worlds = np.array([[[2, 0, 0, 0, 0, 0, 1]], [[2, 0.5, 0, 0, 0, 0, 1]]], dtype=np.float32)
     points = [(3, 0, 0), (1.7, 0, 0), (3, 0.75, 0)]
     hidden = np.array([[0], [0], [1]], dtype=np.uint8)
-    options = {"object_poses": worlds, "world": np.array([0, 1, 0]), "exclude": hidden, "caster": caster}
+    options = {"object_poses": worlds, "world_index": np.array([0, 1, 0]), "exclude": hidden, "caster": caster}
     status = wv.point_visibility(scene, CAMERA, poses, points, **options).numpy()
     seen, behind = int(Visibility.VISIBLE), int(Visibility.OCCLUDED)
     assert status.tolist() == [[behind, seen, seen], [seen, seen, behind], [seen, seen, seen]]
@@ -136,7 +136,7 @@ def test_worlds_match_twins_in_which_nothing_moves(device, caster):
         twins.append(twin)
     twins[1].objects[0].vertices[:, 2] -= 1e4
     points = rng.uniform((0.5, -1.2, -1), (3.5, 1.2, 1), (3000, 3)).astype(np.float32)
-    options = {"object_poses": worlds, "world": world, "exclude": exclude, "twins": twins, "caster": caster}
+    options = {"object_poses": worlds, "world_index": world, "exclude": exclude, "twins": twins, "caster": caster}
     for tolerance in (0.0, 0.01):
         found = assert_matches(scene, CAMERA, poses.astype(np.float32), points, tolerance=tolerance, **options)
         assert found == {0, 1, 2, 3, 4}

@@ -59,7 +59,7 @@ def test_npz_holds_worlds(tmp_path):
             tmp_path / "job.npz",
             camera_to_world=ROWS,
             object_poses=objects,
-            world=world,
+            world_index=world,
             other=["a"],
             **{name: TIMES},
         )
@@ -67,7 +67,7 @@ def test_npz_holds_worlds(tmp_path):
         assert frames.camera_to_world.tobytes() == ROWS.tobytes()
         np.testing.assert_array_equal(frames.timestamps, TIMES)
         np.testing.assert_array_equal(frames.object_poses, objects)
-        assert frames.world.tolist() == world
+        assert frames.world_index.tolist() == world
         assert frames.source == {"file": "job.npz", "format": "npz", "convention": "opencv"}
 
 
@@ -259,8 +259,8 @@ BAD_FILES = [
     ),
     (
         "poses.npz",
-        save(np.savez, camera_to_world=ROWS, world=["a"] * 6, object_poses=np.ones((2, 1, 7))),
-        "poses.npz: world must be an array of numbers, got dtype <U1",
+        save(np.savez, camera_to_world=ROWS, world_index=["a"] * 6, object_poses=np.ones((2, 1, 7))),
+        "poses.npz: world_index must be an array of numbers, got dtype <U1",
     ),
     ("poses.parquet", b"PAR1 no table PAR1", "poses.parquet: does not read as Parquet: "),
     ("poses.parquet", b"", "poses.parquet: does not read as Parquet: "),

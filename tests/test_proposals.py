@@ -60,7 +60,7 @@ def test_it_stays_where_it_misses_nothing(number):
     assert ask(experiment.build(), *experiment.agents()) is None
 
 
-@pytest.mark.parametrize("options", [{"reach": 0.0}, {"reach": 0.3}, {"radius": 5.0}])
+@pytest.mark.parametrize("options", [{"max_distance": 0.0}, {"max_distance": 0.3}, {"radius": 5.0}])
 def test_it_stays_where_no_place_helps(options):
     assert ask(*second_experiment(), **options) is None
 
@@ -74,7 +74,7 @@ def test_the_likeliest_object_comes_first():
     robot = Agent.kinect("robot", wv.look_at((-1, 0, 0.7), (1, 0, 0.7)))
     for name, y in (("left", 1.5), ("right", -1.5)):
         human = Agent.human("human", wv.look_at((3, 0, 1.6), (1.5, y, 0.1)))
-        proposal = ask(scene, robot, human, reach=3.0, step=0.25)
+        proposal = ask(scene, robot, human, max_distance=3.0, step=0.25)
         assert set(proposal.fractions) == {"left", "right"}
         assert max(proposal.fractions, key=proposal.fractions.get) == name
         assert proposal.fractions[name] > 0.5
@@ -144,7 +144,7 @@ def test_y_up():
             "camera of 'robot' must be a warpvis.Camera",
         ),
         ({"robot": Agent.kinect("robot", scenes.EXPERIMENTS[0].poses(2))}, "'robot' must have one pose to start from"),
-        ({"reach": -1}, "radius must be a number of metres"),
+        ({"max_distance": -1}, "max_distance must be a number of metres"),
         ({"step": 0}, "step must be a positive number of metres"),
         ({"radius": 0}, "radius must be a positive number of metres"),
         ({"floor": float("nan")}, "floor must be a finite number of metres"),

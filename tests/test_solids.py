@@ -114,7 +114,7 @@ def test_worlds_and_exclusion(device, caster):
     hidden = np.zeros((6, len(scene)), dtype=np.uint8)
     hidden[np.arange(6), 1 + np.arange(6)] = 1
     renderer = wv.Renderer(scene, SMALL, outputs=ALL, caster=caster)
-    views = renderer.render(cameras, object_poses=poses, world=world, exclude=hidden)
+    views = renderer.render(cameras, object_poses=poses, world_index=world, exclude=hidden)
     for view in range(6):
         names = [name for index, name in enumerate(SHAPES) if index != view]
         twin = build(device, poses[world[view]][[index for index in range(len(SHAPES)) if index != view]], names=names)

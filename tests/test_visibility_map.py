@@ -22,7 +22,7 @@ def test_maps_match_their_twin(number, device):
     views = wv.render(scene, camera, experiment.poses())
     # Faces of the scene's boxes lie on round numbers: off them, no point is on the border of two cells.
     low = np.array([-2.013, -1.987])
-    floor_map = wv.floor_map(views.points, views.labels, bounds=(low, (2, 2)), cell=0.05, robots=ROBOT)
+    floor_map = wv.floor_map(views.points, views.labels, bounds=(low, (2, 2)), cell_size=0.05, robots=ROBOT)
     marks = reference.mark_cells(
         views.points.numpy()[0], views.labels.numpy()[0], low, 0.05, floor_map.cells.shape[1:], 0.01
     )
@@ -37,7 +37,7 @@ def test_every_seen_point_marks_its_cell(device):
     experiment = scenes.EXPERIMENTS[0]
     scene = experiment.build(device)
     views = wv.render(scene, experiment.camera, experiment.poses())
-    floor_map = wv.floor_map(views.points, views.labels, bounds=((-2, -2), (2, 2)), cell=0.02)
+    floor_map = wv.floor_map(views.points, views.labels, bounds=((-2, -2), (2, 2)), cell_size=0.02)
     assert floor_map.cells.shape == (1, 200, 200)
     cells = floor_map.cells.numpy()[0]
     labels, points = views.labels.numpy()[0], views.points.numpy()[0]
@@ -56,7 +56,7 @@ def test_seen_ground_has_no_gaps_between_pixels(device):
     pose = wv.look_at((-3.5, 0, 1), (0, 0, 0))
     camera = wv.Camera.from_fov(40, 30, hfov=0.9, far=6)
     views = wv.render(scene, camera, pose)
-    cells = wv.floor_map(views.points, views.labels, bounds=scene.bounds, cell=0.02).cells.numpy()[0]
+    cells = wv.floor_map(views.points, views.labels, bounds=scene.bounds, cell_size=0.02).cells.numpy()[0]
     assert (cells == Label.GROUND).mean() > 0.2
     for row in cells == Label.GROUND:
         steps = np.diff(np.flatnonzero(row))
@@ -67,9 +67,9 @@ def test_the_higher_label_wins_and_the_robot_covers_all(device):
     points = np.zeros((1, 1, 3, 3), dtype=np.float32)
     labels = np.array([[[Label.HUMAN, Label.OBSTACLE, Label.OBJECT]]], dtype=np.uint8)
     bounds = ((-1, -1), (1, 1))
-    cells = wv.floor_map(points, labels, bounds=bounds, cell=1.0).cells.numpy()[0]
+    cells = wv.floor_map(points, labels, bounds=bounds, cell_size=1.0).cells.numpy()[0]
     assert cells.tolist() == [[0, 0], [0, Label.HUMAN]]
-    cells = wv.floor_map(points, labels, bounds=bounds, cell=1.0, robots=[(0.5, 0.5, 0.1)]).cells.numpy()[0]
+    cells = wv.floor_map(points, labels, bounds=bounds, cell_size=1.0, robots=[(0.5, 0.5, 0.1)]).cells.numpy()[0]
     assert cells.tolist() == [[0, 0], [0, Label.ROBOT]]
 
 
@@ -88,7 +88,7 @@ def test_maps_of_several_views_are_their_own(device):
 
 def test_legend_colours_and_areas():
     points = np.zeros((1, 1, 1, 3), dtype=np.float32)
-    floor_map = wv.floor_map(points, np.array([[[1]]], dtype=np.uint8), bounds=((0, 0), (1, 2)), cell=0.5)
+    floor_map = wv.floor_map(points, np.array([[[1]]], dtype=np.uint8), bounds=((0, 0), (1, 2)), cell_size=0.5)
     assert floor_map.bounds == (0, 1, 0, 2)
     assert floor_map.area("ground").tolist() == [0.25]
     assert floor_map.rgb().shape == (1, 4, 2, 3)
@@ -101,7 +101,7 @@ def test_legend_colours_and_areas():
 def test_worlds_with_y_up():
     """The map's axes are z and x, which keeps it a view from above."""
     points = np.array([[[[3.0, 0.0, 1.0]]]], dtype=np.float32)
-    floor_map = wv.floor_map(points, np.array([[[1]]]), bounds=((0, 0, 0), (4, 1, 2)), cell=1.0, up="y")
+    floor_map = wv.floor_map(points, np.array([[[1]]]), bounds=((0, 0, 0), (4, 1, 2)), cell_size=1.0, up="y")
     assert floor_map.axes == ("z", "x")
     assert floor_map.cells.shape == (1, 4, 2)
     assert floor_map.cells.numpy()[0, 3, 1] == Label.GROUND

@@ -47,7 +47,7 @@ def single(poses):
 
 
 def assert_matches_twin(result, depth, labels, poses, camera=CAMERA):
-    grid = (np.array(result.origin), result.cell)
+    grid = (np.array(result.origin), result.cell_size)
     marks = reference.mark_surface_points(camera, single(poses), depth, labels, *grid, result.states.shape)
     states, highest = reference.judge_voxels(camera, single(poses), depth, labels, *grid, marks)
     # A point within a rounding error of a voxel's border may fall on either side of it.
@@ -58,7 +58,7 @@ def assert_matches_twin(result, depth, labels, poses, camera=CAMERA):
 
 def at(result, point):
     """State and label of the voxel that holds a point."""
-    index = tuple(np.floor((np.array(point) - result.origin) / result.cell).astype(int))
+    index = tuple(np.floor((np.array(point) - result.origin) / result.cell_size).astype(int))
     return Voxel(result.states.numpy()[index]), Label(result.labels.numpy()[index])
 
 
@@ -111,7 +111,7 @@ def test_surfaces_have_no_holes_between_pixels(device):
     scene.add(trimesh.creation.box((0.2, 9, 9)), name="wall", pose=(2.113, 0, 0, 0, 0, 0, 1))
     camera = wv.Camera.from_fov(30, 30, hfov=1.2)
     pose = wv.look_at((0, 0, 0), (1, 0, 0))
-    result = voxel_map_from_scene(scene, camera, pose, bounds=((1, -0.6, -0.6), (3, 0.6, 0.6)), cell=0.03)
+    result = voxel_map_from_scene(scene, camera, pose, bounds=((1, -0.6, -0.6), (3, 0.6, 0.6)), cell_size=0.03)
     states = result.states.numpy()
     wall = int((2.013 - 1) / 0.03)
     assert (states[wall] == Voxel.SURFACE).all()
@@ -154,7 +154,7 @@ def test_threads_change_nothing(least_x, device):
     views, bounds = render(build(device)), [(least_x, *BOUNDS[0, 1:]), BOUNDS[1]]
     cell = 0.031 if least_x < 0 else 0.011
     maps = [
-        voxel_map(views.depth, CAMERA, POSES, bounds=bounds, cell=cell, labels=views.labels, threads=threads)
+        voxel_map(views.depth, CAMERA, POSES, bounds=bounds, cell_size=cell, labels=views.labels, threads=threads)
         for threads in (1, 2, 3, 1)
     ]
     assert all(same(maps[0], other) for other in maps[1:])
@@ -181,9 +181,9 @@ def test_the_floor_map_shows_what_visibility_map_does(device):
     floor_map = result.floor_map()
     # One row of pixels: of points alone, without the level surface between neighbours.
     points, labels = views.points.numpy().reshape(1, 1, -1, 3), views.labels.numpy().reshape(1, 1, -1)
-    of_points = wv.floor_map(points, labels, bounds=BOUNDS, cell=CELL)
+    of_points = wv.floor_map(points, labels, bounds=BOUNDS, cell_size=CELL)
     assert floor_map.bounds == pytest.approx(of_points.bounds)
-    assert (floor_map.cell, floor_map.up) == (CELL, "z")
+    assert (floor_map.cell_size, floor_map.up) == (CELL, "z")
     assert str(floor_map.cells.device) == device
 
     cells, least = floor_map.cells.numpy()[0], of_points.cells.numpy()[0]
@@ -196,7 +196,7 @@ def test_the_floor_map_shows_what_visibility_map_does(device):
     np.testing.assert_array_equal(cells, reference.highest_labels(result.labels.numpy(), 2))
 
     drawn = result.floor_map(robots=robots).cells.numpy()[0]
-    expected = wv.floor_map(points, labels, bounds=BOUNDS, cell=CELL, robots=robots).cells.numpy()[0]
+    expected = wv.floor_map(points, labels, bounds=BOUNDS, cell_size=CELL, robots=robots).cells.numpy()[0]
     assert ((drawn == Label.ROBOT) == (expected == Label.ROBOT)).all()
     assert (drawn[drawn != Label.ROBOT] == cells[drawn != Label.ROBOT]).all()
 
@@ -254,7 +254,7 @@ def test_what_a_whole_image_of_one_value_says(value, state, reach, device):
     depth = np.full((8, 8), value, dtype=np.float32)
     bounds = ((0.5, -0.3, -0.3), (2.5, 0.3, 0.3))
     pose = wv.look_at((0, 0, 0), (1, 0, 0))
-    result = voxel_map(depth, camera, pose, bounds=bounds, cell=0.1, device=device)
+    result = voxel_map(depth, camera, pose, bounds=bounds, cell_size=0.1, device=device)
     x = result.centers()[..., 0]
     expected = np.full(x.shape, Voxel.OUTSIDE)
     if reach:
@@ -281,7 +281,7 @@ def test_views_in_parts_of_worlds_that_move(device, monkeypatch):
     )
     arguments = {
         "object_poses": np.array([[[-0.4, -0.3, 0.5, 0, 0, 0, 1]], [[0, -0.6, 0.5, 0, 0, 0, 1]]], dtype=np.float32),
-        "world": np.array([1, 0, 1]),
+        "world_index": np.array([1, 0, 1]),
         "exclude": np.array([[0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 1, 0]], dtype=np.uint8),
     }
     views = wv.render(scene, CAMERA, POSES, outputs=("depth", "labels"), **arguments)
@@ -304,17 +304,17 @@ def test_the_box_of_a_scene_by_default(device):
     corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
     scene.add((corners, np.array([[0, 1, 2], [0, 2, 3]])), name="floor", label="ground")
     scene.add(trimesh.creation.box((0.2, 0.2, 0.4)), name="box", pose=(0.3, 0, 0.2, 0, 0, 0, 1))
-    result = voxel_map_from_scene(scene, CAMERA, POSES[0], cell=0.1)
+    result = voxel_map_from_scene(scene, CAMERA, POSES[0], cell_size=0.1)
     np.testing.assert_allclose(result.bounds, [[-1.15, -1.15, -0.15], [1.15, 1.15, 0.55]], atol=1e-6)
     states = result.states.numpy()
     assert not (states[:, :, 0] == Voxel.SURFACE).any()
     assert (states[:, :, 1] == Voxel.SURFACE).sum() > 150
-    assert same(voxel_map_from_scene(scene, CAMERA, POSES[0], cell=0.1, out=result), result)
+    assert same(voxel_map_from_scene(scene, CAMERA, POSES[0], cell_size=0.1, out=result), result)
 
 
 def test_centers_counts_volumes_and_files(tmp_path, device):
     views = render(build(device))
-    result = voxel_map(views.depth, CAMERA, POSES, bounds=((0, 0, 0), (1, 0.8, 0.6)), cell=0.1, up="y")
+    result = voxel_map(views.depth, CAMERA, POSES, bounds=((0, 0, 0), (1, 0.8, 0.6)), cell_size=0.1, up="y")
     centers = result.centers()
     assert centers.shape == (10, 8, 6, 3)
     assert centers.dtype == np.float32
@@ -326,7 +326,7 @@ def test_centers_counts_volumes_and_files(tmp_path, device):
     assert sum(map(result.volume, Voxel)) == pytest.approx(0.48)
     result.save(tmp_path / "map")
     with np.load(tmp_path / "map") as saved:
-        assert set(saved) == {"states", "labels", "origin", "cell", "up"}
+        assert set(saved) == {"states", "labels", "origin", "cell_size", "up"}
         np.testing.assert_array_equal(saved["states"], states)
         np.testing.assert_array_equal(saved["labels"], result.labels.numpy())
         assert (tuple(saved["origin"]), saved["cell"], saved["up"]) == ((0, 0, 0), 0.1, "y")
@@ -343,10 +343,13 @@ UNIT = ((0, 0, 0), (1, 1, 1))
         ({"bounds": ((0, 0, 0), (1, 0, 1))}, "bounds must be the least and the greatest corner of a box"),
         ({"bounds": ((0, 0, 0), (1, np.nan, 1))}, "bounds must be the least and the greatest corner of a box"),
         ({"bounds": "room"}, "bounds must be an array of numbers"),
-        ({"cell": 0}, "cell must be a positive number of metres, got 0"),
-        ({"cell": np.nan}, "cell must be a positive number of metres, got nan"),
-        ({"cell": "5 cm"}, "cell must be a positive number of metres, got '5 cm'"),
-        ({"cell": 1e-4}, "a grid of 10000 x 10000 x 10000 voxels is too large, 2147483647 are the most; give a larger"),
+        ({"cell_size": 0}, "cell_size must be a positive number of metres, got 0"),
+        ({"cell_size": np.nan}, "cell_size must be a positive number of metres, got nan"),
+        ({"cell_size": "5 cm"}, "cell_size must be a positive number of metres, got '5 cm'"),
+        (
+            {"cell_size": 1e-4},
+            "a grid of 10000 x 10000 x 10000 voxels is too large, 2147483647 are the most; give a larger",
+        ),
         ({"depth": DEPTH[:, 1:]}, "depth must have shape (V, 120, 160), got (1, 119, 160)"),
         ({"depth": (DEPTH * 1000).astype(np.uint16)}, "depth must be in metres, a float array, got uint16"),
         ({"camera_to_world": np.tile(POSES[0], (2, 1))}, "depth has 1 views and camera_to_world has 2; give one pose"),
@@ -358,11 +361,11 @@ UNIT = ((0, 0, 0), (1, 1, 1))
         ({"convention": "blender"}, "convention must be one of"),
         ({"device": "cuda:99"}, "device 'cuda:99' is not on this machine"),
         ({"threads": 0}, "threads must be a whole number from 1 up, got 0"),
-        ({"out": np.zeros((10, 10, 10))}, "out must be a warpvis.maps.VoxelMap, got ndarray"),
+        ({"out": np.zeros((10, 10, 10))}, "out must be a warpvis.VoxelMap, got ndarray"),
     ],
 )
 def test_bad_input(change, said):
-    given = {"depth": DEPTH, "camera": CAMERA, "camera_to_world": POSES[0], "bounds": UNIT, "cell": 0.1, **change}
+    given = {"depth": DEPTH, "camera": CAMERA, "camera_to_world": POSES[0], "bounds": UNIT, "cell_size": 0.1, **change}
     with pytest.raises(wv.WarpvisError) as error:
         voxel_map(**given)
     assert said in str(error.value)
@@ -371,14 +374,14 @@ def test_bad_input(change, said):
 @pytest.mark.parametrize(
     ("change", "got"),
     [
-        ({"cell": 0.2}, "5 x 5 x 5 voxels of 0.2 m from (0.0, 0.0, 0.0), z up"),
+        ({"cell_size": 0.2}, "5 x 5 x 5 voxels of 0.2 m from (0.0, 0.0, 0.0), z up"),
         ({"bounds": ((0, 0, 0.05), (1, 1, 1.05))}, "10 x 10 x 10 voxels of 0.1 m from (0.0, 0.0, 0.05), z up"),
         ({"bounds": ((0, 0, 0), (1, 2, 1))}, "10 x 20 x 10 voxels of 0.1 m from (0.0, 0.0, 0.0), z up"),
         ({"up": "y"}, "10 x 10 x 10 voxels of 0.1 m from (0.0, 0.0, 0.0), y up"),
     ],
 )
 def test_maps_of_other_grids_do_not_go_together(change, got):
-    given = {"depth": DEPTH, "camera": CAMERA, "camera_to_world": POSES[0], "bounds": UNIT, "cell": 0.1}
+    given = {"depth": DEPTH, "camera": CAMERA, "camera_to_world": POSES[0], "bounds": UNIT, "cell_size": 0.1}
     first, other = voxel_map(**given), voxel_map(**{**given, **change})
     wanted = "10 x 10 x 10 voxels of 0.1 m from (0.0, 0.0, 0.0), z up"
     before = first.states.numpy().copy()
@@ -392,18 +395,20 @@ def test_maps_of_other_grids_do_not_go_together(change, got):
 
 
 def test_bad_calls(tmp_path):
-    scene, result = build(), voxel_map(DEPTH, CAMERA, POSES[0], bounds=UNIT, cell=0.1)
+    scene, result = build(), voxel_map(DEPTH, CAMERA, POSES[0], bounds=UNIT, cell_size=0.1)
     calls = {
         "scene must be a warpvis.Scene, got int": lambda: voxel_map_from_scene(3, CAMERA, POSES),
         "the scene has no objects": lambda: voxel_map_from_scene(wv.Scene(), CAMERA, POSES),
-        "cell must be a positive number of metres, got -1": lambda: voxel_map_from_scene(scene, CAMERA, POSES, cell=-1),
-        "out must be a warpvis.maps.VoxelMap, got int": lambda: voxel_map_from_scene(scene, CAMERA, POSES, out=3),
+        "cell_size must be a positive number of metres, got -1": lambda: voxel_map_from_scene(
+            scene, CAMERA, POSES, cell_size=-1
+        ),
+        "out must be a warpvis.VoxelMap, got int": lambda: voxel_map_from_scene(scene, CAMERA, POSES, out=3),
         "out must be of 20 x 20 x 20 voxels of 0.05 m": lambda: voxel_map_from_scene(scene, CAMERA, POSES, out=result),
         "the scene has no object 'robot'": lambda: voxel_map_from_scene(scene, CAMERA, POSES, exclude=["robot"]),
         "object_poses were given, but no object": lambda: voxel_map_from_scene(
             scene, CAMERA, POSES, object_poses=POSES
         ),
-        "the other map must be a warpvis.maps.VoxelMap, got NoneType": lambda: result.merge(None),
+        "the other map must be a warpvis.VoxelMap, got NoneType": lambda: result.merge(None),
         "state of a voxel must be one of OUTSIDE (0), HIDDEN (1), FREE (2), SURFACE (3), got 'empty'": (
             lambda: result.volume("empty")
         ),

@@ -94,7 +94,7 @@ def test_moved_objects_show_what_a_scene_built_there_does(static, cull_backfaces
     rows, world = random_poses(np.random.default_rng(1), 3, 5), np.array([2, 0, 1, 1, 2])
     scene = build(device, np.tile(STILL, (5, 1)), movable=True, static=static)
     renderer = wv.Renderer(scene, SMALL, outputs=ALL, caster=caster, cull_backfaces=cull_backfaces)
-    views = renderer.render(eyes(5), object_poses=rows, world=world)
+    views = renderer.render(eyes(5), object_poses=rows, world_index=world)
     twins = [build("cpu", rows[index], movable=False, static=static) for index in world]
     assert_views_match_twins(views, SMALL, eyes(5), twins, cull_backfaces=cull_backfaces)
 
@@ -151,15 +151,15 @@ def test_worlds_of_a_call(device, caster):
     for index in range(3):
         alone = renderer.render(eyes(3)[index], object_poses=rows[index])
         assert_bits_equal(view_of(each, index), alone)
-    assert_bits_equal(renderer.render(eyes(3), object_poses=rows, world=[0, 1, 2]), each)
-    turned = renderer.render(eyes(3), object_poses=rows[::-1], world=np.array([2, 1, 0], dtype=np.int64))
+    assert_bits_equal(renderer.render(eyes(3), object_poses=rows, world_index=[0, 1, 2]), each)
+    turned = renderer.render(eyes(3), object_poses=rows[::-1], world_index=np.array([2, 1, 0], dtype=np.int64))
     assert_bits_equal(turned, each)
     default = renderer.render(eyes(3))
     assert_bits_equal(renderer.render(eyes(3), object_poses=rows[0]), default)
-    assert_bits_equal(renderer.render(eyes(3), object_poses=rows, world=[0, 0, 0]), default)
+    assert_bits_equal(renderer.render(eyes(3), object_poses=rows, world_index=[0, 0, 0]), default)
     transforms = wp.array(rows, dtype=wp.transform, shape=(3, 5), device=device)
     numbers = wp.array([0, 1, 2], dtype=wp.int32, device=device)
-    assert_bits_equal(renderer.render(eyes(3), object_poses=transforms, world=numbers), each)
+    assert_bits_equal(renderer.render(eyes(3), object_poses=transforms, world_index=numbers), each)
 
 
 def test_quaternions_of_any_length(device, caster):
@@ -177,7 +177,7 @@ def test_a_world_that_is_not_there_shows_nothing(device, caster):
     renderer = wv.Renderer(scene, SMALL, outputs=ALL, caster=caster)
     worlds = parse_worlds(scene, 4, rows, np.zeros(4, dtype=np.int32), None)
     worlds.world = wp.array([1, 2, -1, 0], dtype=wp.int32, device=device)
-    views = renderer.render(eyes(4), object_poses=rows, world=[1, 0, 0, 0])
+    views = renderer.render(eyes(4), object_poses=rows, world_index=[1, 0, 0, 0])
     renderer._caster.cast(renderer._caster.parse_poses(eyes(4), "opencv"), worlds, renderer._asked_for(views))
     assert (views.segmentation.numpy()[1:3] == -1).all()
     assert np.isposinf(views.depth.numpy()[1:3]).all()
@@ -238,7 +238,7 @@ def test_nothing_leaks_between_worlds_and_views(device, caster):
     scene = build(device, rows[0], movable=True)
     flags = rng.uniform(size=(9, len(scene))) < 0.4
     renderer = wv.Renderer(scene, SMALL, outputs=ALL, caster=caster)
-    views = renderer.render(eyes(9), object_poses=rows, world=world, exclude=flags)
+    views = renderer.render(eyes(9), object_poses=rows, world_index=world, exclude=flags)
     for index, pose in enumerate(eyes(9)):
         alone = renderer.render(pose, object_poses=rows[world[index]], exclude=np.flatnonzero(flags[index]).tolist())
         assert_bits_equal(view_of(views, index), alone)
@@ -253,7 +253,7 @@ def test_points_of_the_image(device, caster):
     pixels = np.tile(np.stack([x, y], axis=-1).reshape(1, -1, 2), (2, 1, 1)).astype(np.float32)
     flags = np.zeros((2, len(scene)), dtype=bool)
     flags[0, [1, 3]], flags[1, 0] = True, True
-    arguments = {"object_poses": rows, "world": [1, 0], "exclude": flags}
+    arguments = {"object_poses": rows, "world_index": [1, 0], "exclude": flags}
     image = renderer.render(eyes(2), **arguments)
     points = renderer.render_at(eyes(2), pixels, **arguments)
     assert wrong_depth(points.depth.numpy(), image.depth.numpy().reshape(2, -1).astype(np.float64)).mean() <= 2e-4

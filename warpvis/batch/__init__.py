@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""From poses to a dataset on disk, in shards, safe to interrupt: see `warpvis.batch.render_batch`.
+"""From poses to a dataset on disk, in shards, safe to interrupt: see `warpvis.render_batch`.
 
 A dataset is a folder, or an fsspec URL::
 

@@ -114,7 +114,7 @@ class Dataset:
         """Write the manifest, if it is not there, and the poses."""
         frames = self._plan.frames
         arrays = {"camera_to_world": frames.camera_to_world, "timestamps": frames.timestamps}
-        arrays |= {name: getattr(frames, name) for name in ("object_poses", "world")}
+        arrays |= {name: getattr(frames, name) for name in ("object_poses", "world_index")}
         with self._store.new_files() as files:
             files.write_text(MANIFEST, manifest_text(self._manifest))
             files.write(POSES, *npz_parts({name: array for name, array in arrays.items() if array is not None}))

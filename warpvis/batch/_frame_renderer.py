@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from warpvis.core.frames import Frames
 
 VISIBILITY = "visibility"
-"""The output that is no image: what `warpvis.visibility.object_visibility` says."""
+"""The output that is no image: what `warpvis.object_visibility` says."""
 
 
 class FrameRenderer:
@@ -96,7 +96,7 @@ class FrameRenderer:
         Args:
             batch: ``camera_to_world``, rows ``x y z qx qy qz qw`` of OpenCV cameras, shape ``(n, 7)``; optionally
                 ``object_poses``, of every frame's own world ``(n, M, 7)``, of one world ``(1, M, 7)``, or of W worlds
-                with every frame's ``world``, shape ``(n,)``. What else it holds is handed on.
+                with every frame's ``world_index``, shape ``(n,)``. What else it holds is handed on.
 
         Returns:
             The batch's own arrays; one of every image, ``(n, H, W)`` or ``(n, H, W, 3)``; for visibility
@@ -112,7 +112,9 @@ class FrameRenderer:
         if "camera_to_world" not in batch:
             raise ArrayError(f"a batch must hold camera_to_world, got {', '.join(batch) or 'nothing'}")
         poses = np.asarray(batch["camera_to_world"])
-        moved: dict[str, Any] = {name: batch[name] for name in ("object_poses", "world") if batch.get(name) is not None}
+        moved: dict[str, Any] = {
+            name: batch[name] for name in ("object_poses", "world_index") if batch.get(name) is not None
+        }
         found: dict[str, NDArray[Any]] = {}
         if self._renderer is not None:
             single = poses.astype(np.float32) if poses.dtype == np.float64 and poses.ndim == 2 else poses
@@ -158,10 +160,10 @@ def frames_batch(frames: Frames, part: slice) -> dict[str, NDArray[Any]]:
     batch: dict[str, NDArray[Any]] = {"camera_to_world": some.camera_to_world}
     if some.object_poses is not None:
         batch["object_poses"] = some.object_poses
-        if some.world is not None:
-            worlds, batch["world"] = np.unique(some.world, return_inverse=True)
+        if some.world_index is not None:
+            worlds, batch["world_index"] = np.unique(some.world_index, return_inverse=True)
             batch["object_poses"] = some.object_poses[worlds]
-            batch["world"] = batch["world"].astype(np.int32)
+            batch["world_index"] = batch["world_index"].astype(np.int32)
     return batch
 
 

@@ -69,7 +69,7 @@ def describe_camera(camera: Camera) -> dict[str, Any]:
 
 def frames_hash(frames: Frames) -> str:
     """SHA-256 of the poses, times and worlds of frames."""
-    return hash_values(frames.camera_to_world, frames.timestamps, frames.object_poses, frames.world)
+    return hash_values(frames.camera_to_world, frames.timestamps, frames.object_poses, frames.world_index)
 
 
 def versions(*packages: str) -> dict[str, str]:

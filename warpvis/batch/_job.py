@@ -26,7 +26,7 @@ class Plan:
     camera: Camera
     """The camera of all frames."""
     outputs: tuple[str, ...]
-    """Names of the images, and ``"visibility"`` for what `warpvis.visibility.object_visibility` says."""
+    """Names of the images, and ``"visibility"`` for what `warpvis.object_visibility` says."""
     shard_frames: int
     """Frames of a shard."""
     object_names: tuple[str, ...] = ()

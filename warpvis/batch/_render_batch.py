@@ -95,7 +95,7 @@ def render_batch(
     Args:
         scene: A scene, a file for `Scene.load`, or a function that makes a scene.
         camera: The camera of all frames.
-        frames: Poses, and where the objects are; see `warpvis.io.read_frames` and
+        frames: Poses, and where the objects are; see `warpvis.read_frames` and
             `warpvis.pose_generators`.
         out: Folder, new or empty, or an fsspec URL.
         format: ``"npz"``, ``"zarr"``, ``"png"``, ``"tum"``, ``"bop"``, ``"nerfstudio"``, ``"colmap"``, ``"ply"`` or

@@ -99,7 +99,9 @@ def _check_poses(store: Store, manifest: Mapping[str, Any]) -> Iterator[str]:
 
     try:
         with np.load(io.BytesIO(store.read(POSES) or b"")) as arrays:
-            found = {name: arrays.get(name) for name in ("camera_to_world", "timestamps", "object_poses", "world")}
+            found = {
+                name: arrays.get(name) for name in ("camera_to_world", "timestamps", "object_poses", "world_index")
+            }
         if frames_hash(Frames(**found)) != manifest["poses"]["sha256"]:
             yield f"{POSES}: holds other poses than the manifest says"
     except Exception:  # whatever NumPy and zipfile raise for what is no such file

@@ -212,7 +212,7 @@ def _with_worlds(frames: Frames, path: Path) -> Frames:
 
     try:
         with np.load(path) as arrays:
-            found = {name: arrays[name] for name in ("object_poses", "world") if name in arrays}
+            found = {name: arrays[name] for name in ("object_poses", "world_index") if name in arrays}
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror or error}") from None
     except Exception:  # whatever NumPy and zipfile raise for what is no such file
@@ -224,7 +224,7 @@ def _with_worlds(frames: Frames, path: Path) -> Frames:
     except WarpvisError as error:
         raise FileFormatError(f"{path}: {error}") from None
     source = {**frames.source, "worlds": path.name}
-    return replace(frames, object_poses=moved.object_poses, world=moved.world, source=source)
+    return replace(frames, object_poses=moved.object_poses, world_index=moved.world_index, source=source)
 
 
 def _print_summary(summary: BatchSummary, layout: str, *, quiet: bool) -> None:

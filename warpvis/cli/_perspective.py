@@ -49,7 +49,7 @@ class Perspective:
     """The world's vertical axis."""
     file_up: Literal["z", "y"] | None = None
     """The file's vertical axis; y for glTF and the world's for other formats by default."""
-    reach: float = 2.0
+    max_distance: float = 2.0
     """How far the robot may go to see more [m]."""
     robot_radius: float = 0.2
     """The robot's radius [m]: it goes only where it has room, up to its camera's height."""
@@ -65,11 +65,15 @@ class Perspective:
         from warpvis.planning import propose_view
         from warpvis.visibility import State, perspective
 
-        reach, radius = (
-            check_metres(self.reach, "--reach"),
+        max_distance, radius = (
+            check_metres(self.max_distance, "--max-distance"),
             check_metres(self.robot_radius, "--robot-radius", zero=False),
         )
-        room = {"reach": reach, "radius": radius, "floor": check_metres(self.floor, "--floor", signed=True)}
+        room = {
+            "max_distance": max_distance,
+            "radius": radius,
+            "floor": check_metres(self.floor, "--floor", signed=True),
+        }
         scene, robot, human = self._read()
         bodies = {*robot.body, *human.body}
         if any(item.label == Label.OBJECT and item.name not in bodies for item in scene):
@@ -92,7 +96,7 @@ class Perspective:
             write_json(self.out / "perspective.json", {"file": str(self.file), **seen.report(), **report})
         print(seen.table())
         print()
-        print(_in_words(found, missed, proposal, self.reach))
+        print(_in_words(found, missed, proposal, self.max_distance))
         if self.out is not None:
             print(f"\n{self.out / 'perspective.json'}, {self.out / 'perspective.png'}")
 
@@ -151,7 +155,7 @@ def _report(found: list[Candidate], missed: list[str], proposal: Proposal | None
     }
 
 
-def _in_words(found: list[Candidate], missed: list[str], proposal: Proposal | None, reach: float) -> str:
+def _in_words(found: list[Candidate], missed: list[str], proposal: Proposal | None, max_distance: float) -> str:
     """The candidates as a table, and what the robot has to do."""
     if not found:
         return "The person sees none of the objects, and can mean none of them."
@@ -166,7 +170,7 @@ def _in_words(found: list[Candidate], missed: list[str], proposal: Proposal | No
         return "\n".join([*lines, "The robot sees all of them."])
     lines.append(f"The robot must move to see {', '.join(missed)}.")
     if proposal is None:
-        lines.append(f"No place within {reach:g} m that has room for it shows any of that.")
+        lines.append(f"No place within {max_distance:g} m that has room for it shows any of that.")
     else:
         place = " ".join(f"{number:.3f}" for number in proposal.pose)
         shares = ", ".join(f"{name} {share:.2f}" for name, share in proposal.fractions.items())

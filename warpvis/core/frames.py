@@ -35,7 +35,7 @@ class Frames:
     object_poses: NDArray[np.float32] | None = None
     """Poses of the M movable objects in W worlds, as for `Renderer.render`, shape ``(W, M, 7)``; None for where they
     were added."""
-    world: NDArray[np.int32] | None = None
+    world_index: NDArray[np.int32] | None = None
     """Every frame's world, shape ``(V,)``; None if there is one world, or W == V and each frame has its own."""
     source: Mapping[str, Any] = field(default_factory=dict)
     """Where the frames come from, of what JSON can hold: ``{"file": "walk.txt", "format": "tum"}``."""
@@ -52,10 +52,10 @@ class Frames:
         if not isinstance(part, slice):
             raise ArrayError(f"frames are cut by slices, frames[a:b], got {part!r}")
         objects = self.object_poses
-        if objects is not None and self.world is None and len(objects) > 1:
+        if objects is not None and self.world_index is None and len(objects) > 1:
             objects = objects[part]
-        world = None if self.world is None else self.world[part]
-        return Frames(self.camera_to_world[part], self.timestamps[part], objects, world, self.source)
+        world_index = None if self.world_index is None else self.world_index[part]
+        return Frames(self.camera_to_world[part], self.timestamps[part], objects, world_index, self.source)
 
     @classmethod
     def from_poses(
@@ -65,7 +65,7 @@ class Frames:
         convention: Convention = "opencv",
         timestamps: Any = None,
         object_poses: Any = None,
-        world: Any = None,
+        world_index: Any = None,
         source: Mapping[str, Any] | None = None,
     ) -> Frames:
         """Frames of poses, which are checked; quaternions of cameras are normalised.
@@ -78,7 +78,7 @@ class Frames:
             object_poses: Poses of the M movable objects in W worlds, rows ``x y z qx qy qz qw`` [m], shape
                 ``(W, M, 7)``, or ``(M, 7)`` for one world. They are kept in single precision and not normalised;
                 casters do that.
-            world: Every frame's world, whole numbers from 0 to W - 1, shape ``(V,)``.
+            world_index: Every frame's world, whole numbers from 0 to W - 1, shape ``(V,)``.
             source: Where the frames come from, of what JSON can hold.
 
         Raises:
@@ -89,11 +89,11 @@ class Frames:
         count = len(rows)
         objects = None if object_poses is None else _object_rows(object_poses)
         worlds = None
-        if world is not None:
-            worlds = _check_world(world, count, objects)
+        if world_index is not None:
+            worlds = _check_world(world_index, count, objects)
         elif objects is not None and len(objects) not in (1, count):
             raise ArrayError(
-                f"object_poses are of {len(objects)} worlds and there are {count} frames; say world= of each frame"
+                f"object_poses are of {len(objects)} worlds and there are {count} frames; give each frame's world_index"
             )
         return cls(rows, _check_timestamps(timestamps, count), objects, worlds, _check_source(source))
 
@@ -159,19 +159,19 @@ def _check_timestamps(timestamps: Any, count: int) -> NDArray[np.float64]:
     return times
 
 
-def _check_world(world: Any, count: int, objects: NDArray[np.float32] | None) -> NDArray[np.int32]:
+def _check_world(world_index: Any, count: int, objects: NDArray[np.float32] | None) -> NDArray[np.int32]:
     if objects is None:
-        raise ArrayError("world says which of object_poses a frame has, so give object_poses")
-    worlds = _host(world, "world")
+        raise ArrayError("world_index says which of object_poses a frame has, so give object_poses")
+    worlds = _host(world_index, "world_index")
     if worlds.dtype.kind not in "iu" or worlds.shape != (count,):
         raise ArrayError(
-            f"world must be {count} whole numbers, one a frame, got {worlds.dtype} of shape {worlds.shape}"
+            f"world_index must be {count} whole numbers, one a frame, got {worlds.dtype} of shape {worlds.shape}"
         )
     bad = np.flatnonzero((worlds < 0) | (worlds >= len(objects)))
     if len(bad):
         raise ArrayError(
-            f"world must be from 0 to {len(objects) - 1}, the worlds of object_poses, got {worlds[bad[0]]} for frame "
-            f"{bad[0]}"
+            f"world_index must be from 0 to {len(objects) - 1}, the worlds of object_poses, got {worlds[bad[0]]} for "
+            f"frame {bad[0]}"
         )
     return worlds.astype(np.int32)
 

@@ -18,7 +18,7 @@ class Label(enum.IntEnum):
     EMPTY = constants.LABEL_EMPTY
     """No depth, or beyond the maximum range."""
     GROUND = constants.LABEL_GROUND
-    """The floor; in a measured image every point lower than `sigma`."""
+    """The floor; in a measured image every point lower than `ground_tolerance`."""
     OBSTACLE = constants.LABEL_OBSTACLE
     """Any other surface."""
     OBJECT = constants.LABEL_OBJECT

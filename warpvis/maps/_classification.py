@@ -25,12 +25,12 @@ from warpvis.scene import Scene, require_scene
 
 @dataclass(frozen=True)
 class Sphere:
-    """An object as the paper's test sees it: everything within half its size of its centre is part of it."""
+    """An object as the paper's test sees it: everything within half its diameter of its centre is part of it."""
 
     center: tuple[float, float, float]
     """Centre in the world frame [m]."""
-    size: float
-    """Diameter [m]."""
+    diameter: float
+    """Diameter [m]: the paper's size."""
     label: Label = Label.OBJECT
     """What pixels inside are labelled."""
 
@@ -38,8 +38,8 @@ class Sphere:
         center = as_numpy(self.center, name="center of a sphere")
         if center.shape != (3,) or not np.isfinite(center).all():
             raise SceneError(f"center of a sphere must be three finite numbers, got {center.tolist()}")
-        if not (math.isfinite(self.size) and self.size > 0):
-            raise SceneError(f"size of a sphere must be a positive number of metres, got {self.size}")
+        if not (math.isfinite(self.diameter) and self.diameter > 0):
+            raise SceneError(f"diameter of a sphere must be a positive number of metres, got {self.diameter}")
         object.__setattr__(self, "center", tuple(map(float, center)))
         object.__setattr__(self, "label", Label.parse(self.label))
 
@@ -93,7 +93,7 @@ def classify(
     camera_to_world: Any,
     *,
     spheres: Sequence[Sphere] | ArrayLike = (),
-    sigma: float = 0.01,
+    ground_tolerance: float = 0.01,
     ground_height: float = 0.0,
     up: Literal["z", "y"] = "z",
     max_range: float | None = None,
@@ -106,17 +106,17 @@ def classify(
     """Label every pixel of depth images, measured or rendered, by the paper's cases.
 
     In this order, a pixel is `Label.EMPTY` without a point (its depth is NaN, infinite, zero or less, nearer than the
-    camera's `near`, or beyond `max_range`),
-    `Label.GROUND` where its world point is lower than `sigma` above the floor, labelled as a sphere's object where
-    ``||C_obj - P|| < size/2`` (of several spheres, the one it lies deepest in), and else `Label.OBSTACLE`. Images
-    that warpvis rendered know their objects exactly: for them see `classify_rendered`.
+    camera's `near`, or beyond `max_range`), `Label.GROUND` where its world point is lower than `ground_tolerance` above
+    the floor, labelled as a sphere's object where ``||C_obj - P|| < diameter/2`` (of several spheres, the one it lies
+    deepest in), and else `Label.OBSTACLE`. Images that warpvis rendered know their objects exactly: for them see
+    `classify_rendered`.
 
     Args:
         depth: Planar depth [m], shape ``(V, H, W)`` float32, or ``(H, W)`` for one view.
         camera: The camera that took the images.
         camera_to_world: Its poses, shape ``(V, 7)`` or ``(V, 4, 4)``.
-        spheres: The objects: `Sphere`s, or rows ``x y z size`` [m] of shape ``(S, 4)``, labelled `Label.OBJECT`.
-        sigma: Height below which a point is ground [m]; sensors are noisy.
+        spheres: The objects: `Sphere`s, or rows ``x y z diameter`` [m] of shape ``(S, 4)``, labelled `Label.OBJECT`.
+        ground_tolerance: Height below which a point is ground [m]; sensors are noisy.
         ground_height: Height of the floor [m].
         up: The world's vertical axis.
         max_range: Greatest depth that counts [m]; the camera's `far` by default.
@@ -137,7 +137,7 @@ def classify(
     depth, poses = _read_images(depth, camera, camera_to_world, convention, device)
     ground = kernels.Ground()
     ground.up = check_up(up)
-    ground.sigma = check_metres(sigma, "sigma", infinite=True)
+    ground.sigma = check_metres(ground_tolerance, "ground_tolerance", infinite=True)
     ground.height = _check_finite(ground_height, "ground_height")
     reach = _check_range(max_range, camera)
     balls = _device_spheres(spheres, depth.device)
@@ -232,12 +232,12 @@ def _device_spheres(spheres: Sequence[Sphere] | ArrayLike, device: wp.Device) ->
         rows = as_numpy(spheres, name="spheres")
         if rows.ndim != 2 or rows.shape[1] != 4:
             raise ArrayError(
-                f"spheres must be warpvis.maps.Sphere objects or have shape (S, 4), x y z size, got {rows.shape}"
+                f"spheres must be warpvis.maps.Sphere objects or have shape (S, 4), x y z diameter, got {rows.shape}"
             )
         balls = [Sphere(tuple(row[:3]), float(row[3])) for row in rows]
     struct = Spheres()
     struct.center = wp.array([ball.center for ball in balls], dtype=wp.vec3, device=device, shape=(len(balls),))
-    struct.size = wp.array([ball.size for ball in balls], dtype=wp.float32, device=device)
+    struct.size = wp.array([ball.diameter for ball in balls], dtype=wp.float32, device=device)
     struct.label = wp.array([int(ball.label) for ball in balls], dtype=wp.uint8, device=device)
     return struct
 

@@ -43,7 +43,7 @@ class FloorMap:
     """`Label` of what was seen over each cell, ``(V, rows, columns)`` uint8; row 0 has the least second coordinate."""
     bounds: tuple[float, float, float, float]
     """First coordinate's least and greatest, then the second's [m]: matplotlib's ``extent``."""
-    cell: float
+    cell_size: float
     """Side of a cell [m]."""
     up: Literal["z", "y"]
     """The world's vertical axis. The map's axes are x and y where z is up, z and x where y is up."""
@@ -67,7 +67,7 @@ class FloorMap:
     def area(self, label: Label | int | str) -> NDArray[np.float64]:
         """Floor area of a label in each view [m^2], shape ``(V,)``."""
         count = (self.cells.numpy() == Label.parse(label)).sum(axis=(1, 2))
-        return count * self.cell**2
+        return count * self.cell_size**2
 
     def save(self, path: str | os.PathLike[str], *, view: int = 0) -> None:
         """Write one view's map as a picture with axes and a legend."""
@@ -81,25 +81,25 @@ def floor_map(
     labels: Any,
     *,
     bounds: ArrayLike,
-    cell: float = 0.02,
+    cell_size: float = 0.02,
     up: Literal["z", "y"] = "z",
-    sigma: float = 0.01,
+    level_tolerance: float = 0.01,
     robots: ArrayLike = (),
     threads: int | None = None,
 ) -> FloorMap:
     """Project seen points to the floor: the paper's figure (c).
 
     A cell shows the highest `Label` of the points over it. Where neighbouring pixels of one label lie level (all of
-    the ground; the tops of obstacles, within `sigma`), the surface between them counts as seen.
+    the ground; the tops of obstacles, within `level_tolerance`), the surface between them counts as seen.
 
     Args:
         points: World points [m], shape ``(V, H, W)`` vec3, NaN where there is none.
         labels: Their labels, shape ``(V, H, W)`` uint8.
         bounds: Least and greatest corner of the map [m], shape ``(2, 2)`` on the floor's axes (x and y where z is up,
             z and x where y is up), or ``(2, 3)`` in the world (a scene's `bounds`).
-        cell: Side of a cell [m].
+        cell_size: Side of a cell [m].
         up: The world's vertical axis.
-        sigma: Greatest difference in height of neighbouring points of a level surface [m].
+        level_tolerance: Greatest difference in height of neighbouring points of a level surface [m].
         robots: Discs to draw: rows of centre on the floor's axes and radius [m], shape ``(R, 3)``.
         threads: CPU threads, all cores by default; a view is one thread's work.
 
@@ -112,7 +112,16 @@ def floor_map(
     device = points.device if isinstance(points, wp.array) else get_device("cpu")
     points = as_warp(points, wp.vec3, ("V", "H", "W"), name="points", device=device)
     labels = read_labels(labels, points.shape, device)
-    return map_numbers(points, labels, bounds=bounds, cell=cell, up=up, sigma=sigma, robots=robots, threads=threads)
+    return map_numbers(
+        points,
+        labels,
+        bounds=bounds,
+        cell_size=cell_size,
+        up=up,
+        level_tolerance=level_tolerance,
+        robots=robots,
+        threads=threads,
+    )
 
 
 def map_numbers(
@@ -120,9 +129,9 @@ def map_numbers(
     labels: wp.array,
     *,
     bounds: ArrayLike,
-    cell: float,
+    cell_size: float,
     up: Literal["z", "y"],
-    sigma: float = 0.01,
+    level_tolerance: float = 0.01,
     robots: ArrayLike = (),
     threads: int | None = None,
 ) -> FloorMap:
@@ -131,12 +140,16 @@ def map_numbers(
 
     device = points.device
     low, high = _check_bounds(bounds, up)
-    columns, rows = _check_cells(high - low, cell)
+    columns, rows = _check_cells(high - low, cell_size)
 
     grid = kernels.Grid()
     grid.first_axis, grid.second_axis = _FLOOR_AXES[up]
     grid.up_axis = check_up(up)
-    grid.origin, grid.cell, grid.level = wp.vec2(*low), cell, check_metres(sigma, "sigma", infinite=True)
+    grid.origin, grid.cell, grid.level = (
+        wp.vec2(*low),
+        cell_size,
+        check_metres(level_tolerance, "level_tolerance", infinite=True),
+    )
     discs = _check_robots(robots, device)
 
     shape = (len(points), rows, columns)
@@ -158,7 +171,7 @@ def map_numbers(
         threads=threads,
     )
     first, second = low.tolist()
-    return FloorMap(cells, (first, first + columns * cell, second, second + rows * cell), cell, up)
+    return FloorMap(cells, (first, first + columns * cell_size, second, second + rows * cell_size), cell_size, up)
 
 
 def _check_bounds(bounds: ArrayLike, up: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -174,13 +187,15 @@ def _check_bounds(bounds: ArrayLike, up: str) -> tuple[NDArray[np.float64], NDAr
     return corners[0], corners[1]
 
 
-def _check_cells(size: NDArray[np.float64], cell: float) -> tuple[int, int]:
-    if not (np.isfinite(cell) and cell > 0):
-        raise ArrayError(f"cell must be a positive number of metres, got {cell}")
+def _check_cells(size: NDArray[np.float64], cell_size: float) -> tuple[int, int]:
+    if not (np.isfinite(cell_size) and cell_size > 0):
+        raise ArrayError(f"cell_size must be a positive number of metres, got {cell_size}")
     # A map of 4 m in cells of 2 cm has 200 of them, whatever the quotient's last digit says.
-    columns, rows = np.ceil(size / cell - 1e-6)
+    columns, rows = np.ceil(size / cell_size - 1e-6)
     if columns * rows > _MOST_CELLS:
-        raise ArrayError(f"a map of {columns:.0f} x {rows:.0f} cells is too large; give a larger cell than {cell} m")
+        raise ArrayError(
+            f"a map of {columns:.0f} x {rows:.0f} cells is too large; give a larger cell_size than {cell_size} m"
+        )
     return int(columns), int(rows)
 
 

@@ -71,7 +71,7 @@ class VoxelMap:
     """Highest `Label` of the surface points in every cube, ``(nx, ny, nz)`` uint8; EMPTY where there are none."""
     origin: tuple[float, float, float]
     """Least corner of the box [m]."""
-    cell: float
+    cell_size: float
     """Side of a cube [m]."""
     up: Literal["z", "y"]
     """The world's vertical axis."""
@@ -80,7 +80,7 @@ class VoxelMap:
     def bounds(self) -> NDArray[np.float64]:
         """Least and greatest corner of the box [m], shape ``(2, 3)``."""
         low = np.array(self.origin)
-        return np.stack([low, low + self.cell * np.array(self.states.shape)])
+        return np.stack([low, low + self.cell_size * np.array(self.states.shape)])
 
     def centers(self) -> NDArray[np.float32]:
         """The middles of the cubes [m], shape ``(nx, ny, nz, 3)``."""
@@ -89,7 +89,7 @@ class VoxelMap:
     def _middles(self) -> list[NDArray[np.float32]]:
         """The middles' coordinates along x, y and z."""
         sizes = zip(self.origin, self.states.shape, strict=True)
-        return [(low + self.cell * (np.arange(count) + 0.5)).astype(np.float32) for low, count in sizes]
+        return [(low + self.cell_size * (np.arange(count) + 0.5)).astype(np.float32) for low, count in sizes]
 
     def counts(self) -> dict[Voxel, int]:
         """How many cubes are in each state."""
@@ -98,7 +98,7 @@ class VoxelMap:
 
     def volume(self, state: Voxel | int | str) -> float:
         """Space in a state [m^3]."""
-        return self.counts()[Voxel.parse(state)] * self.cell**3
+        return self.counts()[Voxel.parse(state)] * self.cell_size**3
 
     def floor_map(self, *, robots: ArrayLike = ()) -> FloorMap:
         """The paper's map: the seen surface projected to the floor.
@@ -128,7 +128,9 @@ class VoxelMap:
         middles, points = self._middles(), np.zeros((*shape, 3), dtype=np.float32)
         points[..., column_axis], points[..., row_axis] = middles[column_axis], middles[row_axis][:, None]
         places = wp.array(points, dtype=wp.vec3, device=device)
-        return floor_map(places, labels, bounds=self.bounds, cell=self.cell, up=self.up, sigma=0.0, robots=robots)
+        return floor_map(
+            places, labels, bounds=self.bounds, cell_size=self.cell_size, up=self.up, level_tolerance=0.0, robots=robots
+        )
 
     def merge(self, other: VoxelMap) -> VoxelMap:
         """A new map of what this one or another one saw: of every cube the higher state and the higher label.
@@ -139,8 +141,8 @@ class VoxelMap:
         from warpvis.kernels import voxels as kernels
 
         device = self.states.device
-        _check_same_grid(other, "the other map", self.origin, self.states.shape, self.cell, self.up, device)
-        result = VoxelMap(wp.clone(self.states), wp.clone(self.labels), self.origin, self.cell, self.up)
+        _check_same_grid(other, "the other map", self.origin, self.states.shape, self.cell_size, self.up, device)
+        result = VoxelMap(wp.clone(self.states), wp.clone(self.labels), self.origin, self.cell_size, self.up)
         launch_images(
             kernels.merge_voxels,
             self.states.shape,
@@ -150,13 +152,13 @@ class VoxelMap:
         return result
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write a NumPy ``.npz`` file of `states`, `labels`, `origin`, `cell` and `up`.
+        """Write a NumPy ``.npz`` file of `states`, `labels`, `origin`, `cell_size` and `up`.
 
         Raises:
             FileFormatError: The file cannot be written.
         """
         arrays: dict[str, Any] = {"states": self.states.numpy(), "labels": self.labels.numpy()}
-        arrays |= {"origin": np.array(self.origin), "cell": np.float64(self.cell), "up": np.array(self.up)}
+        arrays |= {"origin": np.array(self.origin), "cell_size": np.float64(self.cell_size), "up": np.array(self.up)}
         try:
             with open(path, "wb") as file:  # of that very name: NumPy would add a suffix
                 np.savez_compressed(file, **arrays)
@@ -170,7 +172,7 @@ def voxel_map(
     camera_to_world: Any,
     *,
     bounds: ArrayLike,
-    cell: float = 0.05,
+    cell_size: float = 0.05,
     labels: Any = None,
     up: Literal["z", "y"] = "z",
     convention: Convention = "opencv",
@@ -203,7 +205,7 @@ def voxel_map(
         camera_to_world: Its poses, shape ``(V, 7)`` or ``(V, 4, 4)``.
         bounds: Least and greatest corner of the box [m], shape ``(2, 3)``. Voxels begin at the least one; the last of
             an axis may reach beyond the greatest.
-        cell: Side of a voxel [m].
+        cell_size: Side of a voxel [m].
         labels: `Label` of every pixel, as `classify` or `Renderer.render` gives them, of the shape of `depth`, uint8;
             by default every surface is `Label.OBSTACLE`.
         up: The world's vertical axis, which `VoxelMap.floor_map` looks along.
@@ -227,7 +229,7 @@ def voxel_map(
     if len(poses) != len(images):
         raise ArrayError(f"depth has {len(images)} views and camera_to_world has {len(poses)}; give one pose a view")
     pixel_labels = None if labels is None else read_labels(labels, images.shape, device)
-    result = _map_for(bounds, cell, up, device, out)
+    result = _map_for(bounds, cell_size, up, device, out)
     _add_views(result, images, pixel_labels, camera, poses, threads)
     return result
 
@@ -238,9 +240,9 @@ def voxel_map_from_scene(
     camera_to_world: Any,
     *,
     bounds: ArrayLike | None = None,
-    cell: float = 0.05,
+    cell_size: float = 0.05,
     object_poses: Any = None,
-    world: Any = None,
+    world_index: Any = None,
     exclude: Any = None,
     convention: Convention = "opencv",
     threads: int | None = None,
@@ -255,9 +257,9 @@ def voxel_map_from_scene(
         bounds: Least and greatest corner of the box [m], shape ``(2, 3)``. By default those of `out`, or else the
             scene's, with movable objects where they were added, and one and a half voxels more on every side: a floor
             or a wall that ends the scene then lies in the middle of voxels, not on their border.
-        cell: Side of a voxel [m].
+        cell_size: Side of a voxel [m].
         object_poses: As for `Renderer.render`. One map shows all worlds that the views are of.
-        world: As for `Renderer.render`.
+        world_index: As for `Renderer.render`.
         exclude: As for `Renderer.render`.
         convention: Axes of the camera frame of the poses.
         threads: CPU threads, all cores by default.
@@ -272,27 +274,32 @@ def voxel_map_from_scene(
     renderer = Renderer(scene, camera, outputs=("depth", "labels"), threads=threads)
     scene.require_objects()
     poses = parse_poses(camera_to_world, convention=convention, device=scene.device)
-    worlds = parse_worlds(scene, len(poses), object_poses, world, exclude)
+    worlds = parse_worlds(scene, len(poses), object_poses, world_index, exclude)
     box: Any = bounds
     if box is None and out is not None:
         box = _require_map(out, "out").bounds
     elif box is None:
-        box = scene.bounds.astype(np.float64) + [[-1.5 * check_metres(cell, "cell", zero=False)], [1.5 * cell]]
-    result = _map_for(box, cell, scene.up, scene.device, out)
+        box = scene.bounds.astype(np.float64) + [
+            [-1.5 * check_metres(cell_size, "cell_size", zero=False)],
+            [1.5 * cell_size],
+        ]
+    result = _map_for(box, cell_size, scene.up, scene.device, out)
     step = max(1, _PIXELS_AT_A_TIME // (camera.width * camera.height))
     for first in range(0, len(poses), step):
         part = slice(first, min(first + step, len(poses)))
         seen, some = part_of(worlds, part), poses[part]
         places = seen.object_poses if scene.movable else None
-        views = renderer.render(some, object_poses=places, world=seen.world, exclude=seen.excluded)
+        views = renderer.render(some, object_poses=places, world_index=seen.world, exclude=seen.excluded)
         _add_views(result, views.depth, views.labels, camera, some, threads)
     return result
 
 
-def _map_for(bounds: ArrayLike, cell: Any, up: Literal["z", "y"], device: wp.Device, out: VoxelMap | None) -> VoxelMap:
+def _map_for(
+    bounds: ArrayLike, cell_size: Any, up: Literal["z", "y"], device: wp.Device, out: VoxelMap | None
+) -> VoxelMap:
     """A map of which nothing is known yet, or `out` if that is there and of this grid."""
     check_up(up)
-    origin, size, side = _check_grid(bounds, cell)
+    origin, size, side = _check_grid(bounds, cell_size)
     if out is None:
         return VoxelMap(_zeros(size, wp.uint8, device), _zeros(size, wp.uint8, device), origin, side, up)
     _check_same_grid(out, "out", origin, size, side, up, device)
@@ -310,7 +317,7 @@ def _add_views(
     frames = [wp.empty(len(poses), dtype=dtype, device=device) for dtype in (wp.vec3d, wp.mat33d)]
     launch_small(camera_frames, len(poses), [poses, *frames], device)
     grid, lens = kernels.VoxelGrid(), camera.device_struct()
-    grid.origin, grid.cell, grid.size = wp.vec3d(*target.origin), target.cell, wp.vec3i(*size)
+    grid.origin, grid.cell, grid.size = wp.vec3d(*target.origin), target.cell_size, wp.vec3i(*size)
     # Flat: Warp counts the bytes from one index of a first axis to the next in 32 bits.
     marks = _zeros((math.prod(size),), wp.int32, device)
     launch_images(
@@ -335,9 +342,9 @@ def _zeros(shape: tuple[int, ...], dtype: Any, device: wp.Device) -> wp.array:
     return array
 
 
-def _check_grid(bounds: ArrayLike, cell: Any) -> tuple[tuple[float, float, float], tuple[int, int, int], float]:
+def _check_grid(bounds: ArrayLike, cell_size: Any) -> tuple[tuple[float, float, float], tuple[int, int, int], float]:
     """Origin, size and side of a grid's voxels."""
-    side = check_metres(cell, "cell", zero=False)
+    side = check_metres(cell_size, "cell_size", zero=False)
     corners = as_numpy(bounds, name="bounds").astype(np.float64)
     if corners.shape != (2, 3) or not np.isfinite(corners).all() or (corners[1] <= corners[0]).any():
         raise ArrayError(
@@ -348,7 +355,7 @@ def _check_grid(bounds: ArrayLike, cell: Any) -> tuple[tuple[float, float, float
     if x * y * z > _MOST_VOXELS:
         raise ArrayError(
             f"a grid of {x:.0f} x {y:.0f} x {z:.0f} voxels is too large, {_MOST_VOXELS} are the most; "
-            f"give a larger cell than {side} m"
+            f"give a larger cell_size than {side} m"
         )
     first, second, third = corners[0].tolist()
     return (first, second, third), (int(x), int(y), int(z)), side
@@ -356,22 +363,28 @@ def _check_grid(bounds: ArrayLike, cell: Any) -> tuple[tuple[float, float, float
 
 def _require_map(value: Any, name: str) -> VoxelMap:
     if not isinstance(value, VoxelMap):
-        raise ArrayError(f"{name} must be a warpvis.maps.VoxelMap, got {type(value).__name__}")
+        raise ArrayError(f"{name} must be a warpvis.VoxelMap, got {type(value).__name__}")
     return value
 
 
 def _check_same_grid(
-    other: Any, name: str, origin: tuple[float, ...], size: tuple[int, ...], cell: float, up: str, device: wp.Device
+    other: Any,
+    name: str,
+    origin: tuple[float, ...],
+    size: tuple[int, ...],
+    cell_size: float,
+    up: str,
+    device: wp.Device,
 ) -> None:
     theirs = _require_map(other, name)
     if theirs.states.device != get_device(device):
         raise ArrayError(f"{name} must be on device {device}, got {theirs.states.device}")
-    wanted = _describe(size, cell, origin, up)
-    got = _describe(theirs.states.shape, theirs.cell, theirs.origin, theirs.up)
+    wanted = _describe(size, cell_size, origin, up)
+    got = _describe(theirs.states.shape, theirs.cell_size, theirs.origin, theirs.up)
     if got != wanted:
         raise ArrayError(f"{name} must be of {wanted}, got {got}")
 
 
-def _describe(size: tuple[int, ...], cell: float, origin: tuple[float, ...], up: str) -> str:
+def _describe(size: tuple[int, ...], cell_size: float, origin: tuple[float, ...], up: str) -> str:
     x, y, z = size
-    return f"{x} x {y} x {z} voxels of {cell} m from {origin}, {up} up"
+    return f"{x} x {y} x {z} voxels of {cell_size} m from {origin}, {up} up"

@@ -213,7 +213,9 @@ class BatchRenderer:
         """Render views through cameras of the same intrinsics."""
         if camera not in self._renderers:
             self._renderers[camera] = SceneRenderer(self.scene, camera, **self._render_options)
-        worlds = {"object_poses": place.objects, "world": place.world_of_view[views]} if place.objects.size else {}
+        worlds = (
+            {"object_poses": place.objects, "world_index": place.world_of_view[views]} if place.objects.size else {}
+        )
         return self._renderers[camera].render(place.eyes.flatten()[views], **worlds, out=out)
 
     def _take(self, key: _Key, cameras: Sequence[int], worlds: NDArray[np.int32]) -> _Workplace:

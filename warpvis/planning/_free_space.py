@@ -30,7 +30,7 @@ def clearance(
     scene: Scene,
     points: Any,
     *,
-    most: float = math.inf,
+    max_distance: float = math.inf,
     objects: Sequence[str | int] | None = None,
     exclude: Any = None,
     object_poses: Any = None,
@@ -44,7 +44,7 @@ def clearance(
     Args:
         scene: The surfaces.
         points: Points in the world frame [m], shape ``(N, 3)``.
-        most: Surfaces farther than this are not looked for [m]; less is faster.
+        max_distance: Surfaces farther than this are not looked for [m]; less is faster.
         objects: Names or indices of the objects whose surfaces count; all by default.
         exclude: Names or indices of objects whose surfaces do not count.
         object_poses: Where the movable objects are, in one world: rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
@@ -52,15 +52,15 @@ def clearance(
         threads: CPU threads to use; all cores of this process by default.
 
     Returns:
-        Distances [m], shape ``(N,)`` float32, on the scene's device; +inf where nothing is nearer than `most`, NaN
-        where a point of a GPU is not finite.
+        Distances [m], shape ``(N,)`` float32, on the scene's device; +inf where nothing is nearer than `max_distance`,
+        NaN where a point of a GPU is not finite.
 
     Raises:
         WarpvisError: An argument is not what it has to be.
     """
     from warpvis.kernels.clearance import nearest_surface
 
-    most = check_metres(most, "most", infinite=True)
+    max_distance = check_metres(max_distance, "max_distance", infinite=True)
     vertices, excluded = one_world(scene, object_poses, exclude)
     chosen = [index for index in choose_objects(scene, objects) if not excluded[index]]
     device = scene.device
@@ -70,7 +70,7 @@ def clearance(
         distance.fill_(math.inf)
         return distance
     mesh = build_mesh(scene, vertices, chosen)
-    given = [places, min(most, _FARTHEST), distance]
+    given = [places, min(max_distance, _FARTHEST), distance]
     launch_points(
         nearest_surface, (1, len(places)), lambda window: [mesh.id, window, *given], device=device, threads=threads
     )

@@ -27,7 +27,7 @@ def minimum_height(
     targets: Any,
     *,
     raises: Literal["target", "eye"] = "target",
-    most: float = 10.0,
+    max_height: float = 10.0,
     tolerance: float = 1e-4,
     object_poses: Any = None,
     exclude: Any = None,
@@ -48,7 +48,7 @@ def minimum_height(
         eyes: Points to see from, in the world frame [m], shape ``(E, 3)``.
         targets: Points to be seen [m], shape ``(N, 3)``.
         raises: Which of the two is raised, along the scene's up axis: the ``"target"``, or the ``"eye"``.
-        most: Greatest height looked for [m].
+        max_height: Greatest height looked for [m].
         tolerance: How far from its ends a line may be blocked and count as free [m], as targets lie on surfaces. It is
             measured before raising; of a line that gets longer, the same share at either end does not count.
             Points within twice the tolerance see each other.
@@ -59,7 +59,7 @@ def minimum_height(
 
     Returns:
         Heights [m], shape ``(E, N)`` float32, on the scene's device: 0 where the line is free as it is, +inf where
-        raising by `most` does not suffice, NaN where an input of a GPU was not finite.
+        raising by `max_height` does not suffice, NaN where an input of a GPU was not finite.
 
     Raises:
         WarpvisError: An argument is not what it has to be.
@@ -68,7 +68,7 @@ def minimum_height(
 
     if raises not in ("target", "eye"):
         raise ArrayError(f'raises must be "target" or "eye", got {raises!r}')
-    most = check_metres(most, "most")
+    max_height = check_metres(max_height, "max_height")
     tolerance = check_metres(tolerance, "tolerance", zero=False)
     vertices, excluded = one_world(scene, object_poses, exclude)
     device = scene.device
@@ -79,7 +79,7 @@ def minimum_height(
         heights.zero_()
         return heights
     blockers, _tree = _build_blockers(corners_of(scene, vertices, chosen), check_up(scene.up), device)
-    given = [viewers, points, raises == "eye", wp.float64(most), wp.float64(tolerance), heights]
+    given = [viewers, points, raises == "eye", wp.float64(max_height), wp.float64(tolerance), heights]
     launch_points(climb, heights.shape, lambda window: [blockers, window, *given], device=device, threads=threads)
     return heights
 

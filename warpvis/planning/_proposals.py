@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.core.arrays import check_metres
 from warpvis.core.camera import Camera
 from warpvis.core.poses import check_up
 from warpvis.errors import ArrayError, CameraError
@@ -43,7 +44,7 @@ def propose_view(
     robot: Agent,
     candidates: list[Candidate],
     *,
-    reach: float = 2.0,
+    max_distance: float = 2.0,
     step: float = 0.1,
     radius: float = 0.2,
     floor: float = 0.0,
@@ -59,7 +60,7 @@ def propose_view(
         scene: The world.
         robot: The robot, at one pose, with a `Camera`.
         candidates: What `Perspective.candidates` found of the person and the robot.
-        reach: How far the robot may go [m].
+        max_distance: How far the robot may go [m].
         step: Distance of neighbouring places [m].
         radius: Radius of the robot, an upright cylinder around its camera [m].
         floor: Height of the floor [m].
@@ -79,11 +80,14 @@ def propose_view(
     missed = [item for item in candidates if item.state == State.FIRST and item.object not in robot.body]
     if not missed:
         return None
+    max_distance = check_metres(max_distance, "max_distance")
     here, vertical = robot.poses[0], check_up(scene.up)
     moved = missed[0].object_poses if object_poses is None else object_poses
     corners = one_world(scene, moved, None)[0][scene.index(missed[0].object)]
     target = np.stack([corners.min(axis=0), corners.max(axis=0)]).astype(np.float64).mean(axis=0)
-    places = pose_grid(here[:3], radius=reach, step=step, height=float(here[vertical]), look_at=target, up=scene.up)
+    places = pose_grid(
+        here[:3], radius=max_distance, step=step, height=float(here[vertical]), look_at=target, up=scene.up
+    )
     options: dict[str, Any] = {"object_poses": moved, "exclude": list(robot.body) or None}
     room = standing_room(scene, places, radius=radius, floor=floor, **options)
     if not room.any():

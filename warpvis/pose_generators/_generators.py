@@ -273,7 +273,7 @@ class _Room:
 
     def __call__(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
         reach = self.clearance * (1 + _ROOM_FOR_ROUNDING)
-        room = free_distance(self.scene, places, most=reach, **self.options).numpy() >= self.clearance
+        room = free_distance(self.scene, places, max_distance=reach, **self.options).numpy() >= self.clearance
         if room.any():
             room[room] = ~inside_solids(self.scene, places[room], **self.options)
         return room

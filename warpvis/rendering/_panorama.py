@@ -37,7 +37,7 @@ def render_wide(
     outputs: Sequence[Output] = ("depth",),
     cull_backfaces: bool = False,
     object_poses: Any = None,
-    world: Any = None,
+    world_index: Any = None,
     exclude: Any = None,
     convention: Convention = "opencv",
     threads: int | None = None,
@@ -68,7 +68,7 @@ def render_wide(
         outputs: The images to make, as for `Renderer`.
         cull_backfaces: See through triangles from behind, as for `Renderer`.
         object_poses: As for `Renderer.render`.
-        world: As for `Renderer.render`.
+        world_index: As for `Renderer.render`.
         exclude: As for `Renderer.render`.
         convention: Axes of the camera frame of the poses.
         threads: CPU threads to use; all cores of this process by default.
@@ -87,7 +87,7 @@ def render_wide(
     names = _check_outputs(outputs)
     scene.require_objects()
     poses = parse_poses(camera_to_world, convention=convention, device=scene.device)
-    worlds = parse_worlds(scene, len(poses), object_poses, world, exclude)
+    worlds = parse_worlds(scene, len(poses), object_poses, world_index, exclude)
     threads = check_threads(threads)
     shape = (len(poses), camera.height, camera.width)
     views = views_for(names, shape, scene.device)

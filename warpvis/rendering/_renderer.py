@@ -113,7 +113,7 @@ class Renderer:
         camera_to_world: Any,
         *,
         object_poses: Any = None,
-        world: Any = None,
+        world_index: Any = None,
         exclude: Any = None,
         convention: Convention = "opencv",
         out: Views | None = None,
@@ -130,8 +130,8 @@ class Renderer:
             object_poses: Where the movable objects (`Scene.movable`, M of them) are in each of W worlds: object to
                 world, rows ``x y z qx qy qz qw``, shape ``(W, M, 7)`` or ``(M, 7)``, or `wp.transform` of shape
                 ``(W, M)``. By default in one world, where they were added.
-            world: Index of every view's world, shape ``(V,)`` int32. By default all views are of the one world, or if
-                there are V of them, each of its own.
+            world_index: Index of every view's world, shape ``(V,)`` int32. By default all views are of the one world,
+                or if there are V of them, each of its own.
             exclude: What is not seen: names or indices of objects, or for every view its own flags, shape
                 ``(V, objects)``. A robot's camera excludes the robot's body.
             convention: Axes of the camera frame of the poses: ``"opencv"``, ``"opengl"`` or ``"ros"``.
@@ -142,12 +142,12 @@ class Renderer:
 
         Raises:
             PoseError: The poses are malformed; the first few offending views are named.
-            ArrayError: `out`, `world` or `exclude` does not fit.
+            ArrayError: `out`, `world_index` or `exclude` does not fit.
             SceneError: The scene is empty, or has no object that `exclude` names.
         """
         self.scene.require_objects()
         poses = self._caster.parse_poses(camera_to_world, convention)
-        worlds = parse_worlds(self.scene, len(poses), object_poses, world, exclude)
+        worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude)
         shape = (len(poses), self.camera.height, self.camera.width)
         on_host = self._on_host(shape, out)
         device = wp.get_device("cpu") if on_host else self.scene.device
@@ -164,7 +164,7 @@ class Renderer:
         pixels: Any,
         *,
         object_poses: Any = None,
-        world: Any = None,
+        world_index: Any = None,
         exclude: Any = None,
         convention: Convention = "opencv",
         out: Views | None = None,
@@ -176,7 +176,7 @@ class Renderer:
             pixels: Coordinates ``(x, y)`` [px] from the image's top left corner, N for every view, shape ``(V, N, 2)``;
                 a pixel's centre is its index + 0.5. Outside the image, and where a coordinate is NaN, nothing is seen.
             object_poses: As for `render`.
-            world: As for `render`.
+            world_index: As for `render`.
             exclude: As for `render`.
             convention: Axes of the camera frame of the poses.
             out: Results of an earlier call to write into, of the same shape.
@@ -190,7 +190,7 @@ class Renderer:
         self.scene.require_objects()
         device = self.scene.device
         poses = self._caster.parse_poses(camera_to_world, convention)
-        worlds = parse_worlds(self.scene, len(poses), object_poses, world, exclude)
+        worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude)
         points = as_warp(pixels, wp.vec2, (len(poses), "N"), name="pixels", device=device)
         views = views_for(self.outputs, points.shape, device, out)
         rows = [image if image is None else _as_rows(image) for image in self._asked_for(views)]
@@ -287,7 +287,7 @@ def render(
     caster: Caster = "auto",
     cull_backfaces: bool = False,
     object_poses: Any = None,
-    world: Any = None,
+    world_index: Any = None,
     exclude: Any = None,
     convention: Convention = "opencv",
     threads: int | None = None,
@@ -305,5 +305,10 @@ def render(
         device_bytes=device_bytes,
     )
     return renderer.render(
-        camera_to_world, object_poses=object_poses, world=world, exclude=exclude, convention=convention, out=out
+        camera_to_world,
+        object_poses=object_poses,
+        world_index=world_index,
+        exclude=exclude,
+        convention=convention,
+        out=out,
     )

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _LEAST_SQUARE = 1e-12  # of a quaternion's length
 
 
-def parse_worlds(scene: Scene, views: int, object_poses: Any, world: Any, exclude: Any) -> Any:
+def parse_worlds(scene: Scene, views: int, object_poses: Any, world_index: Any, exclude: Any) -> Any:
     """A `warpvis.kernels.worlds.Worlds` of a call's arguments; see `Renderer.render`.
 
     Where nothing moves and nothing is said, it is one that holds no arrays.
@@ -31,20 +31,22 @@ def parse_worlds(scene: Scene, views: int, object_poses: Any, world: Any, exclud
 
     Raises:
         PoseError: The poses of the objects are malformed.
-        ArrayError: `world` or `exclude` is.
+        ArrayError: `world_index` or `exclude` is.
         SceneError: `exclude` names an object that the scene does not have.
     """
     from warpvis.kernels.worlds import Worlds
 
-    if object_poses is None and world is None and exclude is None and not scene.movable:
+    if object_poses is None and world_index is None and exclude is None and not scene.movable:
         return _still_world()
     worlds = Worlds()
     worlds.object_poses = _parse_object_poses(scene, object_poses)
     count = worlds.object_poses.shape[0]
-    if world is not None:
-        worlds.world = _parse_world(world, views, count, scene.device)
+    if world_index is not None:
+        worlds.world = _parse_world(world_index, views, count, scene.device)
     elif count not in (1, views):
-        raise ArrayError(f"object_poses are of {count} worlds and there are {views} views; say world= of each view")
+        raise ArrayError(
+            f"object_poses are of {count} worlds and there are {views} views; say world_index= of each view"
+        )
     exclude = (exclude,) if isinstance(exclude, str) else exclude
     if exclude is not None and not (hasattr(exclude, "__len__") and len(exclude) == 0):
         worlds.excluded = _parse_exclude(scene, views, exclude)
@@ -125,15 +127,16 @@ def _check_device_poses(poses: Any, count: int, device: wp.Device) -> wp.array:
         raise PoseError(str(error)) from None
 
 
-def _parse_world(world: Any, views: int, count: int, device: wp.Device) -> wp.array:
-    result = as_warp(world, wp.int32, (views,), name="world", device=device)
-    if on_gpu(world):
+def _parse_world(world_index: Any, views: int, count: int, device: wp.Device) -> wp.array:
+    result = as_warp(world_index, wp.int32, (views,), name="world_index", device=device)
+    if on_gpu(world_index):
         return result
-    host = as_numpy(world.numpy() if isinstance(world, wp.array) else world, name="world")
+    host = as_numpy(world_index.numpy() if isinstance(world_index, wp.array) else world_index, name="world_index")
     bad = np.flatnonzero((host < 0) | (host >= count))
     if len(bad):
         raise ArrayError(
-            f"world must be from 0 to {count - 1}, the worlds of object_poses, got {host[bad[0]]} for view {bad[0]}"
+            f"world_index must be from 0 to {count - 1}, the worlds of object_poses, got {host[bad[0]]} for view "
+            f"{bad[0]}"
         )
     return result
 

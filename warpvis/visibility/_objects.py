@@ -89,7 +89,7 @@ def object_visibility(
     skip_unseen: bool = False,
     masks: bool = False,
     object_poses: Any = None,
-    world: Any = None,
+    world_index: Any = None,
     exclude: Any = None,
     convention: Convention = "opencv",
     caster: Caster = "auto",
@@ -116,7 +116,7 @@ def object_visibility(
             fraction is 0 all the same, and it saves time where many views see few objects.
         masks: Whether to make `ObjectVisibility.masks`.
         object_poses: As for `Renderer.render`.
-        world: As for `Renderer.render`.
+        world_index: As for `Renderer.render`.
         exclude: As for `Renderer.render`. In a view that excludes it, an object has no pixels.
         convention: Axes of the camera frame of the poses.
         caster: As for `Renderer`.
@@ -140,7 +140,7 @@ def object_visibility(
     device = scene.device
     poses = parse_poses(camera_to_world, convention=convention, device=device)
     views, count = len(poses), len(chosen)
-    worlds = parse_worlds(scene, views, object_poses, world, exclude)
+    worlds = parse_worlds(scene, views, object_poses, world_index, exclude)
 
     # Whatever is too near or too far to be measured hides what is behind it all the same.
     eye = dataclasses.replace(camera, near=0.0, far=math.inf)

@@ -251,7 +251,7 @@ def perspective(
     min_fraction: float = 0.0,
     delta: float = 0.0,
     object_poses: Any = None,
-    world: Any = None,
+    world_index: Any = None,
     threads: int | None = None,
 ) -> Perspective:
     """What agents see of a scene's objects, by `object_visibility` from where each of them is.
@@ -267,8 +267,8 @@ def perspective(
         min_fraction: Least visible share of the silhouette by which it is seen.
         delta: How far behind what is seen a surface may lie and still be seen [m]; see `object_visibility`.
         object_poses: Where the movable objects are in each of W worlds, as for `Renderer.render`.
-        world: Every situation's world, as for `Renderer.render`. By default all situations are of the one world, or if
-            there are V of them, each of its own.
+        world_index: Every situation's world, as for `Renderer.render`. By default all situations are of the one world,
+            or if there are V of them, each of its own.
         threads: CPU threads to use; all cores of this process by default.
 
     Raises:
@@ -280,7 +280,7 @@ def perspective(
     if not 0 <= min_fraction <= 1:
         raise ArrayError(f"min_fraction must be from 0 to 1, got {min_fraction!r}")
     indices = choose_objects(scene, objects)
-    situations = Situations.parse(scene, agents, object_poses, world)
+    situations = Situations.parse(scene, agents, object_poses, world_index)
     look = _Look(scene, indices, situations, min_pixels, delta, threads)
     shape = (situations.count, len(indices))
 
@@ -343,9 +343,9 @@ class _Look:
     def _at(
         self, agent: Agent, camera: Camera, poses: NDArray[np.float64], canvas: tuple[int, int, int, int]
     ) -> ObjectVisibility:
-        world = self.situations.world
+        world_index = self.situations.world_index
         # Who stands still in a world that stands still looks once.
-        views = len(poses) if world is None else self.situations.count
+        views = len(poses) if world_index is None else self.situations.count
         return object_visibility(
             self.scene,
             camera,
@@ -355,7 +355,7 @@ class _Look:
             canvas=canvas,
             min_pixels=self.min_pixels,
             object_poses=self.situations.object_poses,
-            world=world,
+            world_index=world_index,
             exclude=agent.body or None,
             threads=self.threads,
         )
@@ -391,7 +391,7 @@ def _check_agents(scene: Scene, agents: Sequence[Agent]) -> list[Agent]:
     agents = list(agents) if isinstance(agents, Iterable) else [agents]
     wrong = [type(agent).__name__ for agent in agents if not isinstance(agent, Agent)]
     if wrong or not agents:
-        raise SceneError(f"agents must be one or more of warpvis.visibility.Agent, got {', '.join(wrong) or 'none'}")
+        raise SceneError(f"agents must be one or more of warpvis.Agent, got {', '.join(wrong) or 'none'}")
     names = [agent.name for agent in agents]
     twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
     if twice:

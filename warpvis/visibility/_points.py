@@ -30,7 +30,7 @@ def point_visibility(
     tolerance: float = 1e-4,
     occluders: bool = False,
     object_poses: Any = None,
-    world: Any = None,
+    world_index: Any = None,
     exclude: Any = None,
     convention: Convention = "opencv",
     caster: Caster = "auto",
@@ -47,7 +47,7 @@ def point_visibility(
             need some: they are not exactly where rays meet it.
         occluders: Whether to return what hides the points, too.
         object_poses: As for `Renderer.render`.
-        world: As for `Renderer.render`.
+        world_index: As for `Renderer.render`.
         exclude: As for `Renderer.render`.
         convention: Axes of the camera frame of the poses.
         caster: As for `Renderer`.
@@ -69,7 +69,7 @@ def point_visibility(
     eye = dataclasses.replace(camera, near=0.0)
     outputs: list[Output] = ["depth", "segmentation"] if occluders else ["depth"]
     renderer = Renderer(scene, eye, outputs=outputs, caster=caster, threads=threads)
-    arrangement = {"object_poses": object_poses, "world": world, "exclude": exclude}
+    arrangement = {"object_poses": object_poses, "world_index": world_index, "exclude": exclude}
     if scene.device.is_cpu and renderer.caster == "packets":
         rows = host_poses(camera_to_world, convention=convention)
         places = as_points(points, "points", "N", scene.device)

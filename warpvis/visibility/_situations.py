@@ -28,11 +28,11 @@ class Situations:
     """How many situations there are."""
     object_poses: wp.array | None
     """Poses of the movable objects in the worlds, ``(W, M)`` transforms; None if nothing is movable."""
-    world: NDArray[np.int32] | None
+    world_index: NDArray[np.int32] | None
     """World of each situation, ``(count,)``; None if there is only one world."""
 
     @classmethod
-    def parse(cls, scene: Scene, agents: Sequence[Agent], object_poses: Any, world: Any) -> Situations:
+    def parse(cls, scene: Scene, agents: Sequence[Agent], object_poses: Any, world_index: Any) -> Situations:
         """The situations that agents and worlds make: each has one for all of them, or one for each.
 
         Raises:
@@ -40,15 +40,15 @@ class Situations:
             PoseError: The poses of the objects are malformed.
         """
         counts = {f"{agent.name!r} has {len(agent.poses)} poses": len(agent.poses) for agent in agents}
-        if world is None:
+        if world_index is None:
             # As if for one view, in whichever world: how many there are is what is to be found out.
             poses = parse_worlds(scene, 1, object_poses, [0], None).object_poses
             worlds = np.arange(len(poses), dtype=np.int32)
         else:
-            worlds = as_warp(world, wp.int32, ("V",), name="world", device=scene.device).numpy()
+            worlds = as_warp(world_index, wp.int32, ("V",), name="world_index", device=scene.device).numpy()
             poses = parse_worlds(scene, len(worlds), object_poses, worlds, None).object_poses
-        if world is not None or len(worlds) > 1:
-            counts[f"{'object_poses' if world is None else 'world'} has {len(worlds)} worlds"] = len(worlds)
+        if world_index is not None or len(worlds) > 1:
+            counts[f"{'object_poses' if world_index is None else 'world_index'} has {len(worlds)} worlds"] = len(worlds)
         count = max(counts.values())
         if any(number not in (1, count) for number in counts.values()):
             raise ArrayError(f"agents and worlds must be of one situation or all of as many: {', '.join(counts)}")
@@ -56,7 +56,7 @@ class Situations:
         return cls(
             count=count,
             object_poses=poses if scene.movable else None,
-            world=np.ascontiguousarray(np.broadcast_to(worlds, count)) if several else None,
+            world_index=np.ascontiguousarray(np.broadcast_to(worlds, count)) if several else None,
         )
 
     def rows(self) -> NDArray[np.float32] | None:
@@ -64,7 +64,7 @@ class Situations:
         if self.object_poses is None:
             return None
         rows = np.array(self.object_poses.numpy(), dtype=np.float32)
-        return rows if self.world is None else rows[self.world]
+        return rows if self.world_index is None else rows[self.world_index]
 
     def middles(self, scene: Scene, indices: Sequence[int]) -> NDArray[np.float64]:
         """Middles of objects' boxes in the world of every situation [m], shape ``(count, K, 3)``, or ``(1, K, 3)``.
@@ -82,4 +82,4 @@ class Situations:
                 frames = poses_to_matrices(rows[:, column])
                 middle = frames[:, :3, :3] @ middle + frames[:, :3, 3]
             middles[:, k] = middle
-        return middles if self.world is None else middles[self.world]
+        return middles if self.world_index is None else middles[self.world_index]

@@ -155,7 +155,7 @@ def _floor_map(shown: Shown, agent: Agent) -> tuple[FloorMap, NDArray[np.float64
     scene, bounds = shown.scene, shown.bounds
     margin = 0.03 * np.linalg.norm(bounds[1] - bounds[0])
     bounds = bounds + [[-margin], [margin]]
-    cell = max(_LEAST_CELL, float((bounds[1] - bounds[0]).max()) / _CELLS)
+    cell_size = max(_LEAST_CELL, float((bounds[1] - bounds[0]).max()) / _CELLS)
     # Of what falls on one cell the map shows the highest number: what has a state comes after all labels.
     codes = np.array([*(item.label for item in scene), Label.EMPTY], dtype=np.uint8)
     codes[list(shown.bodies)] = Label.HUMAN
@@ -164,7 +164,7 @@ def _floor_map(shown: Shown, agent: Agent) -> tuple[FloorMap, NDArray[np.float64
     cells = []
     for face in views_of_faces(scene, agent, shown.view, object_poses=shown.object_poses):
         numbers = wp.array(codes[face.segmentation.numpy()], dtype=wp.uint8, device=scene.device)
-        seen_floor = map_numbers(face.points, numbers, bounds=bounds, cell=cell, up=scene.up)
+        seen_floor = map_numbers(face.points, numbers, bounds=bounds, cell_size=cell_size, up=scene.up)
         cells.append(seen_floor.cells.numpy())
     palette = [[GREYS.get(label, _UNSEEN)] * 3 for label in Label]
     palette += [[part / 255 for part in STATE_COLORS[state]] for state in _MAP_ORDER]

@@ -127,7 +127,7 @@ class DepthEye:
         node_pose: ArrayLike | None = None,
         *,
         bounds: ArrayLike,
-        cell: float = 0.02,
+        cell_size: float = 0.02,
         up: Literal["z", "y"] = "z",
         **options: Any,
     ) -> FloorMap:
@@ -136,9 +136,9 @@ class DepthEye:
         Args:
             node_pose: As for `pose`.
             bounds: As for `warpvis.floor_map`.
-            cell: Likewise.
+            cell_size: Likewise.
             up: The world's vertical axis.
-            **options: Of `warpvis.classify`: `spheres`, `sigma`, `ground_height`, ...
+            **options: Of `warpvis.classify`: `spheres`, `ground_tolerance`, `ground_height`, ...
 
         Raises:
             WarpvisError: An argument is not what it has to be.
@@ -146,7 +146,14 @@ class DepthEye:
         depth, pose = self.depth(), self.pose(node_pose)  # once: the simulation goes on
         labels = classify(depth, self.camera, pose, up=up, **options)
         points = back_project(depth, self.camera, pose)
-        return floor_map(points, labels, bounds=bounds, cell=cell, up=up, sigma=options.get("sigma", 0.01))
+        return floor_map(
+            points,
+            labels,
+            bounds=bounds,
+            cell_size=cell_size,
+            up=up,
+            level_tolerance=options.get("ground_tolerance", 0.01),
+        )
 
     def _values(self) -> NDArray[np.float32]:
         """The device's flat image: a list, a buffer of single precision, or a pointer to one."""

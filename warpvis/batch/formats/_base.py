@@ -47,7 +47,7 @@ VISIBILITY_ARRAYS = {
     "silhouette_box": ("int32", (4,)),
 }
 """What the output ``"visibility"`` adds to a shard: arrays ``(n, K, ...)``, their dtype and last axes. They are what
-`warpvis.visibility.ObjectVisibility` has, whose `fraction` is called ``visible_fraction``."""
+`warpvis.ObjectVisibility` has, whose `fraction` is called ``visible_fraction``."""
 
 
 class Format(Protocol):
@@ -64,7 +64,7 @@ class Format(Protocol):
     masks: bool = False
     """Whether a shard's images must have ``"masks"``, of `warpvis.ObjectVisibility`, ``(n, K, H, W)`` uint8."""
     delta: float = 0.0
-    """`delta` of `warpvis.visibility.object_visibility` [m]; the format may take it from the plan's options."""
+    """`delta` of `warpvis.object_visibility` [m]; the format may take it from the plan's options."""
     any_depth: ClassVar[bool] = False
     """Whether visibility is asked for from 0 to infinity, whatever the camera's range is."""
     object_label: ClassVar[Label | None] = None

@@ -209,7 +209,7 @@ def _poses_of_object(frames: Frames, column: int) -> NDArray[np.float32]:
     """Poses of a movable object in every frame, or in the one world of all, shape ``(n or 1, 7)``."""
     assert frames.object_poses is not None  # a plan has them if anything moves
     rows = frames.object_poses[:, column]
-    return rows if frames.world is None else rows[frames.world]
+    return rows if frames.world_index is None else rows[frames.world_index]
 
 
 def _inverse(matrices: NDArray[np.float64]) -> NDArray[np.float64]:

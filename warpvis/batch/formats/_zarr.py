@@ -99,7 +99,7 @@ class Zarr(Format):
         if "visibility" in plan.outputs:
             self._create_visibility(group)
         beside: dict[str, Any] = {"camera_to_world": frames.camera_to_world, "timestamps": frames.timestamps}
-        beside |= {"object_poses": frames.object_poses, "world": frames.world}
+        beside |= {"object_poses": frames.object_poses, "world_index": frames.world_index}
         for name, array in beside.items():
             if array is not None:
                 _create_whole(group, name, array)

@@ -31,7 +31,7 @@ class FilePoses:
     """Time of every pose [s], shape ``(V,)``."""
     object_poses: Any = None
     """See `Frames`."""
-    world: Any = None
+    world_index: Any = None
     """See `Frames`."""
     details: Mapping[str, Any] = field(default_factory=dict)
     """What else says where the poses come from."""
@@ -52,7 +52,7 @@ class FilePoses:
                 convention=axes,
                 timestamps=self.timestamps,
                 object_poses=self.object_poses,
-                world=self.world,
+                world_index=self.world_index,
                 source=source,
             )
         except WarpvisError as error:

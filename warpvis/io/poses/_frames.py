@@ -45,7 +45,7 @@ def read_frames(
     - ``tum``: text of lines ``timestamp tx ty tz qx qy qz qw``; every suffix that is not named below.
     - ``npy``: an array ``(V, 7)``, rows ``x y z qx qy qz qw``, or ``(V, 4, 4)``.
     - ``npz``: such an array, ``camera_to_world``, and optionally ``timestamps`` (or ``timestamp``) ``(V,)``,
-      ``object_poses`` ``(W, M, 7)`` and ``world`` ``(V,)``, see `Frames`; other arrays are not read. What
+      ``object_poses`` ``(W, M, 7)`` and ``world_index`` ``(V,)``, see `Frames`; other arrays are not read. What
       ``warpvis render`` writes is one.
     - ``csv``, ``parquet``: columns ``x y z qx qy qz qw`` (``tx ty tz``), optionally ``timestamp`` (``time``, ``t``);
       in any order, among others.
@@ -111,7 +111,7 @@ def _read_npy(path: Path) -> FilePoses:
 
 
 def _read_npz(path: Path) -> FilePoses:
-    wanted = ("camera_to_world", "timestamps", "timestamp", "object_poses", "world")
+    wanted = ("camera_to_world", "timestamps", "timestamp", "object_poses", "world_index")
     with _load(path, "NPZ", np.lib.npyio.NpzFile) as archive:
         try:
             arrays = {name: archive[name] for name in wanted if name in archive}
@@ -128,7 +128,7 @@ def _read_npz(path: Path) -> FilePoses:
         poses.place,
         timestamps=arrays.get("timestamps", arrays.get("timestamp")),
         object_poses=arrays.get("object_poses"),
-        world=arrays.get("world"),
+        world_index=arrays.get("world_index"),
     )
 
 
