@@ -1,14 +1,14 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ``packets`` caster on CUDA: a warp takes a block of pixels down a cluster tree of 32 lanes.
+"""The ``packets`` caster on CUDA: a warp takes a block of pixels down a BVH of 32 lanes.
 
-The C++ is in ``kernels/native/cuda_*.h``. There is a kernel for every size of packet, with and without
+The C++ is in ``kernels/native/cuda/``. There is a kernel for every size of packet, with and without
 what tells objects apart, and with and without objects that move.
 """
 
 import warp as wp
 
-from warpvis.kernels.images import Images
+from warpvis.kernels.images import NATIVE_IMAGES, Images
 from warpvis.kernels.native_source import read_native
 from warpvis.kernels.packets import ClusterScene
 from warpvis.kernels.pinhole import PinholeCamera
@@ -19,7 +19,11 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 LEVELS = 8
 """Levels of nodes that a tree may have at most."""
 
+_SHARED_HEADERS = ("shared/constants.h", "shared/images.h", "shared/pose.h")
+
 _HEADERS = (
+    "cuda/bvh.h",
+    "cuda/scene.h",
     "cuda/setup.h",
     "cuda/raster.h",
     "cuda/walk.h",
@@ -30,27 +34,25 @@ _HEADERS = (
 )
 
 _CAST = """
-__shared__ Workplace place;
+__shared__ WarpMemory memory;
 const unsigned char* excluded = nullptr;
 const int excluded_row = min(view, worlds.excluded.shape[0] - 1);
 if (worlds.excluded.data) excluded = worlds.excluded.data + excluded_row * scene.object_count;
-const Tree tree = {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data, scene.static_root, 0,
-                   scene.all_closed != 0, excluded};
-const Still still = {scene.closed_boxes.data, scene.closed_object.data, scene.closed_count};
 const int world_count = worlds.object_poses.shape[0];
 const int world = worlds.world.data ? worlds.world.data[view] : world_count == 1 ? 0 : view;
 const float* object_poses = nullptr;
 if (world >= 0 && world < world_count)
-    object_poses = (const float*)worlds.object_poses.data + (long long)world * scene.movable_count * 7;
-const Movables movables = {MOVABLE ? scene.movable_count : 0, scene.movable_object.data, scene.movable_root.data,
-                           scene.movable_leaf.data, scene.movable_first_id.data, scene.movable_closed.data,
-                           scene.movable_boxes.data, scene.movable_solid.data, (const float*)scene.movable_size.data,
-                           object_poses, excluded};
-const View shape = {(int)camera.width, (int)camera.height, {camera.fx, camera.fy}, {camera.cx, camera.cy},
-                    camera.near, camera.far, (const float*)(poses.data + view)};
-const Outputs out = {images.depth.data, (float*)images.points.data, (float*)images.normals.data, images.labels.data,
-                     images.segmentation.data, scene.object_label.data};
-Packets::cast(tree, still, movables, shape, out, cull_backfaces, view, packet_x, packet_y, place);
+    object_poses = (const float*)worlds.object_poses.data + (long long)world * scene.movable_count * POSE_WORDS;
+const Scene all = {
+    {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data, scene.static_root, 0,
+     scene.all_closed != 0, excluded},
+    {scene.closed_boxes.data, scene.closed_object.data, scene.closed_count},
+    {MOVABLE ? scene.movable_count : 0, scene.movable_object.data, scene.movable_root.data, scene.movable_leaf.data,
+     scene.movable_first_id.data, scene.movable_closed.data, scene.movable_boxes.data, scene.movable_solid.data,
+     (const float*)scene.movable_size.data, object_poses, excluded}};
+const View shape = {view, (int)camera.width, (int)camera.height, {camera.fx, camera.fy}, {camera.cx, camera.cy},
+                    camera.near, camera.far, (const float*)(poses.data + view), cull_backfaces};
+Packets::cast(all, shape, out, packet_x, packet_y, memory);
 """
 
 
@@ -65,7 +67,7 @@ def make_packet_function(side: int, with_id: bool, movable: bool) -> wp.Function
     head = f"enum {{ PACKET_WIDTH = {side}, PACKET_HEIGHT = {side}, LEVELS = {LEVELS}, MOVABLE = {int(movable)} }};\n"
     kind = "cuda/depth_id.h" if with_id else "cuda/depth.h"
 
-    @wp.func_native(head + read_native("cuda/lanes.h", kind, *_HEADERS) + _CAST)
+    @wp.func_native(head + read_native(*_SHARED_HEADERS, "cuda/lanes.h", kind, *_HEADERS) + NATIVE_IMAGES + _CAST)
     def cast_packet(
         scene: ClusterScene,
         camera: PinholeCamera,

@@ -33,7 +33,7 @@ _FLAGS = ["-std=c++17", "-g1", "-Wall", "-Wextra", "-fno-omit-frame-pointer", "-
 _CHECKED = ["-O0", "-ffp-contract=off", "-ftrivial-auto-var-init=pattern", "--coverage"]
 _CHECKED += ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-Wno-unused-function"]
 _UNCHECKED = ["-O2", "-DEMULATOR_ASAN"]
-_SHARED = "__shared__ Workplace place;"
+_SHARED = "__shared__ WarpMemory memory;"
 _ABSENT, _GIVEN, _IMAGE = range(3)
 
 
@@ -210,8 +210,8 @@ def _variant_source(variant: Variant, function: Any) -> str:
     parameters = ", ".join(f"{_cpp_type(kind)} {name}" for name, kind in function.input_types.items())
     given = ", ".join(name if name in _PLACE else f"all.{name}" for name in function.input_types)
     assert function.native_snippet.count(_SHARED) == 1
-    memory = "Workplace& place = *(Workplace*)emulator::shared_memory(sizeof(Workplace));"
-    body = function.native_snippet.replace(_SHARED, memory)
+    borrowed = "WarpMemory& memory = *(WarpMemory*)emulator::shared_memory(sizeof(WarpMemory));"
+    body = function.native_snippet.replace(_SHARED, borrowed)
     return (
         f'#define __CUDA_ARCH__ {variant.arch}\n#include "cuda_launch.h"\n'
         f"static void cast_packet({parameters}) {{\n{body}}}\n"

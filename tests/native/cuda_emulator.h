@@ -4,8 +4,8 @@
 // What kernels/native/cuda/*.h use of CUDA, for an ordinary C++ compiler: a warp of 32 lanes, each a fiber.
 //
 // A lane runs until it calls an intrinsic that synchronises the warp; then the next lane runs. When all have come, the
-// emulator checks that they came to the same call, by the same way, computes what each gets, and goes on. In which order
-// lanes run is one of several: what depends on it is a race.
+// emulator checks that they came to the same call, by the same way, computes what each gets, and goes on. In which
+// order lanes run is one of several: what depends on it is a race.
 
 #pragma once
 
@@ -119,7 +119,8 @@ static inline float __fdividef(float a, float b) {
     if (size > 8.507059e37f) return size <= 3.4028235e38f && fabsf(a) <= 3.4028235e38f ? 0.0f : a * (1.0f / b) * 0.0f;
     const float exact = a / b;
     if (!(fabsf(exact) > 1e-30f && fabsf(exact) < 1e30f)) return exact;
-    const int wrong = (int)((__float_as_uint(b) * 2654435761u) >> 30) - 1;  // from -1 to 2, the same for the same divisor
+    const int wrong =
+        (int)((__float_as_uint(b) * 2654435761u) >> 30) - 1;  // from -1 to 2, the same for the same divisor
     return __uint_as_float(__float_as_uint(exact) + (unsigned)wrong);
 }
 

@@ -18,7 +18,9 @@ void require(bool condition, const char* what) {
 
 }  // namespace
 
-void Reader::bytes(void* to, size_t count) { require(fread(to, 1, count, stdin) == count, "the launch ends too early"); }
+void Reader::bytes(void* to, size_t count) {
+    require(fread(to, 1, count, stdin) == count, "the launch ends too early");
+}
 
 // Each array in memory of its own, exactly as large as it is, so that the address sanitizer sees what is beyond.
 void* Reader::array(int* shape) {
@@ -51,7 +53,8 @@ int main() {
     char* expected[Reader::MOST_IMAGES];
     for (int order = 0; order < emulator::ORDERS; ++order) {
         // What nobody writes is different in every order.
-        for (int i = 0; i < reader.image_count; ++i) memset(reader.images[i].data, 0x51 + order, reader.images[i].bytes);
+        for (int i = 0; i < reader.image_count; ++i)
+            memset(reader.images[i].data, 0x51 + order, reader.images[i].bytes);
         emulator::run(launch, (emulator::Order)order);
         for (int i = 0; i < reader.image_count; ++i) {
             const Reader::Image& image = reader.images[i];

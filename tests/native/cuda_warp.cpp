@@ -104,8 +104,8 @@ void go(Place& from, Place& to) { swapcontext(&from.context, &to.context); }
 NOT_INLINED void leave(Lane* from, Lane* to) {
     Place& here = from ? from->place : outside;
 #ifdef EMULATOR_ASAN
-    __sanitizer_start_switch_fiber(from && from->finished ? nullptr : &here.fake_stack,
-                                   to ? to->stack : outside_stack, to ? (size_t)STACK_BYTES : outside_stack_bytes);
+    __sanitizer_start_switch_fiber(from && from->finished ? nullptr : &here.fake_stack, to ? to->stack : outside_stack,
+                                   to ? (size_t)STACK_BYTES : outside_stack_bytes);
 #endif
     if (to) threadIdx.x = (unsigned)(to - lanes);
     go(here, to ? to->place : outside);

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ``packets`` caster on CUDA: one warp takes a block of pixels of a view down the cluster tree."""
+"""The ``packets`` caster on CUDA: one warp takes a block of pixels of a view down the BVH."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from typing import Any
 
 import warp as wp
 
+from warpvis.kernels.constants import CUDA_LANES
 from warpvis.rendering.casters import RaysCaster, images_struct
-
-_WARP = 32
 
 
 class CudaPacketsCaster(RaysCaster):
@@ -31,10 +30,10 @@ class CudaPacketsCaster(RaysCaster):
         lens, outputs = camera.device_struct(), images_struct(images)
         wp.launch(
             _kernel(side, with_id, moving),
-            dim=(views, -(-camera.height // side), -(-camera.width // side), _WARP),
+            dim=(views, -(-camera.height // side), -(-camera.width // side), CUDA_LANES),
             inputs=[clusters.struct, lens, poses, worlds, self._cull_backfaces, outputs],
             device=device,
-            block_dim=_WARP,
+            block_dim=CUDA_LANES,
         )
 
 

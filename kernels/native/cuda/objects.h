@@ -1,209 +1,213 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Objects that move: each is a tree in its own frame, drawn by a camera that is moved into that frame. Depth and pixels
+// Objects that move: each has a BVH in its own frame, drawn by a camera that is moved into that frame. Depth and pixels
 // are the same there.
 
-// The movable objects of one view's world.
-struct Movables {
-    int count;
-    const int* object;  // -1 where several objects move together: then the owners of triangles tell
-    const int* root;  // of the tree in the nodes
-    const int* leaf;  // the first leaf of the tree
-    const int* first_id;  // the number of the first triangle, ascending
-    const int* closed;
-    const float* boxes;  // in the objects' frames
-    const int* solid;  // which kind of Shape they are
-    const float* size;  // of a shape: three sizes, and half its length
-    const float* poses;  // object to world
-    const unsigned char* excluded;  // by object; null for none
+// Movable objects that a packet may see and that are not drawn yet, some at a time.
+struct ObjectQueue {
+    enum { SIZE = MOVABLE ? 256 : 1, WORDS = (SIZE + LANES - 1) / LANES };
 
-    static inline int first_of(const Movables& all, int m) {
-        return __ldg(all.first_id + m) - __ldg(all.leaf + m) * LANES;
-    }
+    unsigned visits[SIZE];
+    unsigned solids[WORDS];  // a bit each: whether its true surface is drawn
 
-    // Which of them a triangle belongs to; -1 for what stays.
-    static inline int owner_of(const Movables& all, unsigned id) {
-        int low = -1, high = all.count;
-        while (high - low > 1) {
-            const int middle = (low + high) >> 1;
-            if ((unsigned)__ldg(all.first_id + middle) <= id)
-                low = middle;
-            else
-                high = middle;
-        }
-        return low;
-    }
+    inline bool is_solid(int at) const { return solids[at / LANES] >> (at % LANES) & 1; }
+    // It is drawn by its triangles.
+    inline void unset_solid(int at) { atomicAnd(solids + at / LANES, ~(1u << at % LANES)); }
 };
 
-struct Objects {
-    enum {
-        AT_A_TIME = MOVABLE ? 256 : 1,
-        SOLIDS = (int)((LEVELS - 1) * sizeof(Walk::Level) / sizeof(Solid)),  // that have room where levels are
-    };
-    // What is to be drawn yet.
-    struct List {
-        unsigned visits[AT_A_TIME];
-        unsigned round[(AT_A_TIME + 31) / 32];  // which are solids, a bit each
-    };
+enum {
+    BVH_STACK = LEVELS - 1,  // all levels of nodes but the last
+    SOLIDS_AT_A_TIME = (int)(BVH_STACK * sizeof(Walk::Level) / sizeof(Solid)),  // as many as have room there
+};
+static_assert(SOLIDS_AT_A_TIME >= 1 && SOLIDS_AT_A_TIME <= (int)LANES, "a lane sets up a solid");
 
+// A warp's shared memory.
+struct WarpMemory {
+    Camera world;
+    Triangle triangle;
+    union {  // of a BVH, or of solids
+        Walk::Level levels[BVH_STACK];
+        Solid solids[SOLIDS_AT_A_TIME];
+    };
+    unsigned triangles[TriangleQueue::SIZE];
+    Key z_buffer[Packet::PIXELS];
+    Camera moved;  // into the frame of an object
+    ObjectQueue objects;
+};
+static_assert(sizeof(WarpMemory) <= 48 * 1024, "what a block may have without asking for more");
+
+// How much wider a box is in the frame of an object, by the rounding of the camera's distance.
+constexpr float MOVED_BOX_SLACK = 1e-6f;
+
+struct ObjectPass {
     // In single precision, which is enough for a box: one lane an object.
-    static inline unsigned visit(const Eye& world, const Packet& packet, const Movables& all, int m) {
-        const float* pose = all.poses + 7 * (long long)m;
-        const int object = __ldg(all.object + m);
-        const bool shown = !(all.excluded && object >= 0 && all.excluded[object]);
+    static inline unsigned visit(const Camera& world, const Packet& packet, const Movables& movables, int m) {
+        const float* pose = movables.pose(m);
+        const int object = __ldg(movables.object + m);
+        const bool shown = !(movables.excluded && object >= 0 && movables.excluded[object]);
         float x = __ldg(pose + 3), y = __ldg(pose + 4), z = __ldg(pose + 5), w = __ldg(pose + 6);
         const float scale = 1.0f / sqrtf(x * x + y * y + z * z + w * w);
         x *= scale, y *= scale, z *= scale, w *= scale;
-        const Vec axis[3] = {{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)},
-                             {2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)},
-                             {2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)}};
-        const Vec origin = inside(axis, Vec::minus(world.origin, Vec{__ldg(pose), __ldg(pose + 1), __ldg(pose + 2)}));
-        const Vec rows[3] = {inside(axis, world.to_camera[0]), inside(axis, world.to_camera[1]),
-                             inside(axis, world.to_camera[2])};
-        const float* box = all.boxes + 6 * (long long)m;
+        // As Pose::axes_of, which is in double precision.
+        const Vec3 axis[3] = {{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)},
+                              {2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)},
+                              {2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)}};
+        const Vec3 origin =
+            inside(axis, Vec3::minus(world.origin, Vec3{__ldg(pose), __ldg(pose + 1), __ldg(pose + 2)}));
+        const Vec3 rows[3] = {inside(axis, world.to_camera[0]), inside(axis, world.to_camera[1]),
+                              inside(axis, world.to_camera[2])};
+        const float* box = movables.box(m);
         // As much wider as the origin may be wrong.
-        const float margin = 1e-6f * (fabsf(origin.x) + fabsf(origin.y) + fabsf(origin.z));
-        const Vec wider = {margin, margin, margin};
-        const Vec low = Vec::minus(Vec::minus(Vec{__ldg(box), __ldg(box + 1), __ldg(box + 2)}, origin), wider);
-        const Vec high = Vec::plus(Vec::minus(Vec{__ldg(box + 3), __ldg(box + 4), __ldg(box + 5)}, origin), wider);
+        const float margin = MOVED_BOX_SLACK * (fabsf(origin.x) + fabsf(origin.y) + fabsf(origin.z));
+        const Vec3 wider = {margin, margin, margin};
+        const Vec3 low = Vec3::minus(Vec3::minus(Vec3{__ldg(box), __ldg(box + 1), __ldg(box + 2)}, origin), wider);
+        const Vec3 high = Vec3::plus(Vec3::minus(Vec3{__ldg(box + 3), __ldg(box + 4), __ldg(box + 5)}, origin), wider);
         return Walk::visit(world, rows, packet, low, high, shown);
     }
-    static inline Vec inside(const Vec* axis, Vec v) {
-        return Vec{Vec::dot(axis[0], v), Vec::dot(axis[1], v), Vec::dot(axis[2], v)};
+    static inline Vec3 inside(const Vec3* axis, Vec3 v) {
+        return Vec3{Vec3::dot(axis[0], v), Vec3::dot(axis[1], v), Vec3::dot(axis[2], v)};
     }
 
     // Move the world's camera into the frame of an object; a lane takes a coordinate of a ray, or of the origin.
-    static inline void move(const Eye& world, const Movables& all, int m, bool cull, Eye* moved) {
+    static inline void move(const Camera& world, const Movables& movables, int m, bool cull, Camera& moved) {
         const int lane = Warp::lane(), row = lane / 3, k = lane % 3;
-        const float* pose = all.poses + 7 * (long long)m;
-        Exact axis[3];
-        Pose::axes(pose, axis);
-        const Exact along = k == 0 ? axis[0] : k == 1 ? axis[1] : axis[2];
+        const float* pose = movables.pose(m);
+        Vec3d axis[3];
+        PoseRow::axes(pose, axis);
+        const Vec3d along = k == 0 ? axis[0] : k == 1 ? axis[1] : axis[2];
         if (row < 3) {
-            const double value = Exact::dot(along, world.exact_rays[row]);
-            (&moved->exact_rays[row].x)[k] = value;
-            (&moved->to_camera[row].x)[k] = (float)(value * world.focal_squared[row]);
+            const double value = Vec3d::dot(along, world.exact_rays[row]);
+            (&moved.exact_rays[row].x)[k] = value;
+            (&moved.to_camera[row].x)[k] = (float)(value * world.focal_squared[row]);
         } else if (row == 3) {
-            const double value = Exact::dot(along, Exact::minus(world.exact_origin, Pose::position(pose)));
-            (&moved->exact_origin.x)[k] = value;
-            (&moved->origin.x)[k] = (float)value;
-            (&moved->rest.x)[k] = (float)(value - (float)value);
+            const double value = Vec3d::dot(along, Vec3d::minus(world.exact_origin, PoseRow::position(pose)));
+            (&moved.exact_origin.x)[k] = value;
+            (&moved.origin.x)[k] = (float)value;
+            (&moved.rest.x)[k] = (float)(value - (float)value);
         }
         Warp::sync();
-        const bool inside = Box::holds(all.boxes + 6 * (long long)m, moved->origin);
+        const bool inside = Box::holds(movables.box(m), moved.origin);
         if (lane == 0) {
-            moved->skip_back_faces = __ldg(all.closed + m) && !inside;
-            moved->cull_back_faces = cull || moved->skip_back_faces;
+            moved.skip_back_faces = __ldg(movables.closed + m) && !inside;
+            moved.cull_back_faces = cull || moved.skip_back_faces;
         }
         Warp::sync();
     }
 
-    // Draw what stays and then the objects, the nearest first. `eye` and `list` are room for one each, `solids` for SOLIDS;
-    // `levels` may be in the same place.
-    static inline void draw(Tree tree, const Eye& world, Packet& packet, const Movables& all, bool cull, Eye* eye,
-                            List* list, Solid* solids, Walk::Level* levels, Queue queue, Triangle* slot) {
-        const unsigned char* excluded = tree.excluded;
-        if (Warp::lane() == 0) *eye = world;
+    // Draw what stays and then the objects, the nearest first.
+    static inline void draw(const Scene& scene, const View& view, Packet& packet, WarpMemory& memory) {
+        const Movables& movables = scene.movables;
+        Bvh bvh = scene.bvh;
+        if (Warp::lane() == 0) memory.moved = memory.world;
         Warp::sync();
-        Chunk chunk = {0, 0};
-        bool some = tree.root >= 0;
+        QueuedRange queued = {0, 0};
+        bool some = bvh.root >= 0;
         for (;;) {
-            // One place for both, though the eye is the world's at first: the code of a walk is long.
-            if (some) Walk::draw(tree, *eye, packet, levels, queue, slot);
+            // One call for both, though the camera is the world's at first: the code of a walk is long.
+            if (some) Walk::draw(bvh, memory.moved, packet, memory.levels, {memory.triangles, 0}, &memory.triangle);
             Warp::sync();
-            const int m = draw_to_triangles(world, packet, all, chunk, list, solids);
+            const int m = draw_to_triangles(movables, packet, queued, memory);
             if (m < 0) return;
-            move(world, all, m, cull, eye);
-            tree.root = __ldg(all.root + m);
-            tree.first_id = Movables::first_of(all, m);
-            tree.excluded = __ldg(all.object + m) < 0 ? excluded : nullptr;
+            move(memory.world, movables, m, view.cull_back_faces, memory.moved);
+            bvh.root = __ldg(movables.root + m);
+            bvh.first_id = movables.id_offset(m);
+            bvh.excluded = __ldg(movables.object + m) < 0 ? scene.bvh.excluded : nullptr;
             some = true;
         }
     }
 
-    // The objects that are in a list.
-    struct Chunk {
+    // The objects that are in the queue, or have been.
+    struct QueuedRange {
         int first, count;
     };
 
     // Draw solids until it is the turn of an object that is seen by its triangles, which is returned; -1 at the end.
-    static inline int draw_to_triangles(const Eye& world, Packet& packet, const Movables& all, Chunk& chunk, List* list,
-                                        Solid* solids) {
+    static inline int draw_to_triangles(const Movables& movables, Packet& packet, QueuedRange& queued,
+                                        WarpMemory& memory) {
         for (;;) {
-            int at;
-            unsigned visit;
-            const int taken = take(*list, chunk.count, at, visit);
-            if (taken > 0) {
-                draw_solids(world, packet, all, chunk.first, at, visit, taken, *list, solids);
-            } else if (taken < 0) {
-                if (!Walk::hidden(packet, visit)) return chunk.first + at;
+            const Taken taken = take(memory.objects, queued.count);
+            if (taken.solids > 0) {
+                draw_solids(movables, packet, queued.first, taken, memory);
+            } else if (taken.solids < 0) {
+                if (!Walk::hidden(packet, taken.visit)) return queued.first + taken.at;
             } else {
-                chunk.first += chunk.count;
-                chunk.count = min(all.count - chunk.first, (int)AT_A_TIME);
-                if (chunk.count == 0) return -1;
-                look(world, packet, all, chunk.first, chunk.count, *list);
+                queued.first += queued.count;
+                queued.count = min(movables.count - queued.first, (int)ObjectQueue::SIZE);
+                if (queued.count == 0) return -1;
+                fill(movables, packet, queued, memory);
             }
         }
     }
 
-    static inline void look(const Eye& world, const Packet& packet, const Movables& all, int first, int count,
-                            List& list) {
+    // Queue objects, a lane each.
+    static inline void fill(const Movables& movables, const Packet& packet, QueuedRange queued, WarpMemory& memory) {
         const int lane = Warp::lane();
         Warp::sync();
-        for (int i = lane; i < (count + 31) / 32 * 32; i += 32) {
-            const int m = first + min(i, count - 1);
-            const unsigned found = visit(world, packet, all, m), round = Warp::lanes_where(__ldg(all.solid + m) != 0);
-            list.visits[i] = i < count ? found : 0;
-            if (lane == 0) list.round[i / 32] = round;
+        for (int i = lane; i < (queued.count + LANES - 1) / LANES * LANES; i += LANES) {
+            const int m = queued.first + min(i, queued.count - 1);
+            const unsigned found = visit(memory.world, packet, movables, m);
+            const unsigned solids = Warp::ballot(__ldg(movables.solid + m) != SOLID_NONE);
+            memory.objects.visits[i] = i < queued.count ? found : 0;
+            if (lane == 0) memory.objects.solids[i / LANES] = solids;
         }
         Warp::sync();
     }
 
-    // The next objects of a list, the nearest first, each a lane's: as many solids as there is room for, or, if that comes
-    // first, one to be drawn by its triangles, which all lanes get. How many solids; -1 for the other.
-    static inline int take(List& list, int count, int& mine, unsigned& my_visit) {
+    // What is drawn next: so many solids, each of them a lane's, or, where `solids` is -1, an object by its triangles,
+    // which is every lane's. 0 for nothing.
+    struct Taken {
+        int solids;
+        int at;  // in the queue
+        unsigned visit;
+    };
+
+    // Take the nearest objects from the queue: as many solids as there is room for, or, if that comes first, one that
+    // is drawn by its triangles.
+    static inline Taken take(ObjectQueue& queue, int count) {
         const int lane = Warp::lane();
-        int taken = 0;
-        mine = 0, my_visit = 0;
-        while (taken < SOLIDS) {
+        Taken mine = {0, 0, 0};
+        while (mine.solids < SOLIDS_AT_A_TIME) {
             unsigned best = 0;
             int at = 0;
-            for (int i = lane; i < count; i += 32)
-                if (list.visits[i] > best) best = list.visits[i], at = i;
-            const unsigned next = Warp::most(best);
+            for (int i = lane; i < count; i += LANES)
+                if (queue.visits[i] > best) best = queue.visits[i], at = i;
+            const unsigned next = Warp::reduce_max(best);
             if (next == 0) break;
-            const int k = Warp::first_of(Warp::lanes_where(best == next));
-            const int found = Warp::from(at, k);
-            const bool round = list.round[found / 32] >> (found % 32) & 1;
-            if (!round && taken > 0) break;
-            if (lane == k) list.visits[at] = 0;
-            if (lane == taken || !round) mine = found, my_visit = next;
-            if (!round) return -1;
-            ++taken;
+            const int k = Warp::first_lane(Warp::ballot(best == next));
+            const int found = Warp::shuffle(at, k);
+            const bool solid = queue.is_solid(found);
+            if (!solid && mine.solids > 0) break;
+            if (lane == k) queue.visits[at] = 0;
+            if (lane == mine.solids || !solid) mine.at = found, mine.visit = next;
+            if (!solid) {
+                mine.solids = -1;
+                break;
+            }
+            ++mine.solids;
         }
-        return taken;
+        return mine;
     }
 
     // Each of the first lanes sets up a solid, then all draw one after the other.
-    static inline void draw_solids(const Eye& world, Packet& packet, const Movables& all, int first, int at,
-                                   unsigned visit, int taken, List& list, Solid* solids) {
-        const int lane = Warp::lane(), m = first + at;
+    static inline void draw_solids(const Movables& movables, Packet& packet, int first, Taken taken,
+                                   WarpMemory& memory) {
+        const int lane = Warp::lane(), m = first + taken.at;
         bool outside = false;
         Warp::sync();
-        if (lane < taken) {
-            outside = solids[lane].set_up(world, all.poses + 7 * (long long)m, __ldg(all.solid + m),
-                                          all.size + 4 * (long long)m, __ldg(all.first_id + m));
+        if (lane < taken.solids) {
+            outside = memory.solids[lane].set_up(memory.world, movables.pose(m), __ldg(movables.solid + m),
+                                                 movables.solid_size(m), __ldg(movables.first_id + m));
             if (!outside) {  // it is triangles that are seen, and it is still to be drawn
-                list.visits[at] = visit;
-                atomicAnd(list.round + at / 32, ~(1u << at % 32));
+                memory.objects.visits[taken.at] = taken.visit;
+                memory.objects.unset_solid(taken.at);
             }
         }
         Warp::sync();
-        for (unsigned left = Warp::lanes_where(outside); left; left = Warp::without_first(left)) {
-            const int k = Warp::first_of(left);
-            const unsigned blocks = Walk::open_blocks(packet, Warp::from(visit, k));
-            if (blocks) solids[k].draw(packet, blocks);
+        for (unsigned left = Warp::ballot(outside); left; left = Warp::without_first_lane(left)) {
+            const int k = Warp::first_lane(left);
+            const unsigned blocks = Walk::open_blocks(packet, Warp::shuffle(taken.visit, k));
+            if (blocks) memory.solids[k].draw(packet, blocks);
         }
         Warp::sync();
     }

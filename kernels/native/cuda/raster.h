@@ -1,45 +1,55 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A packet's pixels, in shared memory, and how triangles are drawn into them: small ones a lane each, larger ones by all
-// lanes together, a block of 8 x 4 pixels at a time.
+// A packet's pixels, in shared memory, and how triangles are drawn into them: small ones a lane each, larger ones by
+// all lanes together, a block of pixels at a time.
 
 struct Packet {
-    Key* nearest;  // [block][pixel]
+    enum { PIXELS = BLOCKS * LANES, NO_TRIANGLE = 0xffffffffu };
+
+    Key* z_buffer;  // [block][pixel]
     int first_x, first_y;  // in the view
-    unsigned block_least;  // least w of this lane's block, in bits
-    unsigned stale;  // blocks where that may be more by now
+    unsigned block_min_inv_z;  // least 1 / z of this lane's block, as bits
+    unsigned stale_blocks;  // blocks where that may be more by now
 
     // Where a pixel is. Blocks of one row begin at different banks, so that a row of pixels is read without conflict.
-    static inline int slot(int block, int pixel) {
-        return block * 32 + ((pixel + block % BLOCK_COLUMNS * (32 / BLOCK_COLUMNS)) & 31);
+    static inline int index(int block, int pixel) {
+        return block * LANES + ((pixel + block % BLOCK_COLUMNS * (LANES / BLOCK_COLUMNS)) & (LANES - 1));
     }
-    static inline int block_of(int x, int y) { return (y >> 2) * BLOCK_COLUMNS + (x >> 3); }
-    static inline int slot_at(int x, int y) { return slot(block_of(x, y), (y & 3) * 8 + (x & 7)); }
-    static inline int block_x(int block) { return block % BLOCK_COLUMNS * 8; }
-    static inline int block_y(int block) { return block / BLOCK_COLUMNS * 4; }
+    static inline int block_of(int x, int y) {
+        return (y >> BLOCK_HEIGHT_BITS) * BLOCK_COLUMNS + (x >> BLOCK_WIDTH_BITS);
+    }
+    static inline int index_at(int x, int y) {
+        return index(block_of(x, y), (y & (BLOCK_HEIGHT - 1)) * BLOCK_WIDTH + (x & (BLOCK_WIDTH - 1)));
+    }
+    static inline int block_x(int block) { return block % BLOCK_COLUMNS * BLOCK_WIDTH; }
+    static inline int block_y(int block) { return block / BLOCK_COLUMNS * BLOCK_HEIGHT; }
+    // A lane's pixel in a block.
+    static inline int pixel_x(int lane) { return lane & (BLOCK_WIDTH - 1); }
+    static inline int pixel_y(int lane) { return lane >> BLOCK_WIDTH_BITS; }
 
     // Nothing seen yet. What lies outside the image counts as very near, so that it hides and never shows.
     inline void begin(int columns, int rows) {
         const int lane = Warp::lane();
         for (int block = 0; block < BLOCKS; ++block) {
-            const bool inside = block_x(block) + (lane & 7) < columns && block_y(block) + (lane >> 3) < rows;
-            nearest[slot(block, lane)] = Nearest::key(inside ? 0.0f : 3e38f, 0xffffffffu);
+            const bool inside = block_x(block) + pixel_x(lane) < columns && block_y(block) + pixel_y(lane) < rows;
+            z_buffer[index(block, lane)] = DepthKey::of(inside ? 0.0f : NOWHERE, NO_TRIANGLE);
         }
         const bool seen = lane < BLOCKS && block_x(lane) < columns && block_y(lane) < rows;
-        block_least = __float_as_uint(seen ? 0.0f : 3e38f);
-        stale = 0;
+        block_min_inv_z = __float_as_uint(seen ? 0.0f : NOWHERE);
+        stale_blocks = 0;
         Warp::sync();
     }
 
+    // Look again at the blocks that were drawn into.
     inline void refresh() {
         const int lane = Warp::lane();
-        for (unsigned left = stale; left; left = Warp::without_first(left)) {
-            const int block = Warp::first_of(left);
-            const unsigned least = Warp::least(Nearest::w_bits(nearest[slot(block, lane)]));
-            if (lane == block) block_least = least;
+        for (unsigned left = stale_blocks; left; left = Warp::without_first_lane(left)) {
+            const int block = Warp::first_lane(left);
+            const unsigned least = Warp::reduce_min(DepthKey::inv_z_bits(z_buffer[index(block, lane)]));
+            if (lane == block) block_min_inv_z = least;
         }
-        stale = 0;
+        stale_blocks = 0;
     }
 };
 
@@ -47,46 +57,46 @@ struct Raster {
     // A triangle of at most this many pixels is drawn by its lane alone, if enough others are.
     enum { SMALL_AREA = 64, STEPS_PER_LANE = 5 };
 
-    // Draw each lane's triangle, of the first so many lanes. `slot` has room for one.
-    static inline void draw(const Tree& tree, const Eye& eye, Packet& packet, const Triangle& t, int count,
-                            Triangle* slot) {
+    // Draw each lane's triangle, of the first so many lanes. `broadcast` has room for one.
+    static inline void draw(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t, int count,
+                            Triangle* broadcast) {
         const int lane = Warp::lane();
         const int area = lane < count ? (t.x1 - t.x0 + 1) * (t.y1 - t.y0 + 1) : 0;
         const bool small = area > 0 && area <= SMALL_AREA;
-        unsigned larger = Warp::lanes_where(area > 0);
-        const unsigned small_lanes = Warp::lanes_where(small);
+        unsigned larger = Warp::ballot(area > 0);
+        const unsigned small_lanes = Warp::ballot(small);
         if (small_lanes) {
-            const int steps = Warp::most(small ? area : 0);
+            const int steps = Warp::reduce_max(small ? area : 0);
             if (steps <= STEPS_PER_LANE * __popc(small_lanes)) {
-                draw_small(tree, eye, packet, t, small ? area : 0, steps);
+                draw_small(bvh, camera, packet, t, small ? area : 0, steps);
                 larger &= ~small_lanes;
             }
         }
-        for (; larger; larger = Warp::without_first(larger)) {
-            if (lane == Warp::first_of(larger)) *slot = t;
+        for (; larger; larger = Warp::without_first_lane(larger)) {
+            if (lane == Warp::first_lane(larger)) *broadcast = t;
             Warp::sync();
-            draw_large(tree, eye, packet, *slot);
+            draw_large(bvh, camera, packet, *broadcast);
             Warp::sync();
         }
         packet.refresh();
     }
 
     // Each lane goes through the pixels of its own triangle's bounds, all lanes at the same time.
-    static inline void draw_small(const Tree& tree, const Eye& eye, Packet& packet, const Triangle& t, int area,
+    static inline void draw_small(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t, int area,
                                   int steps) {
         unsigned touched = 0;
         int x = t.x0, y = t.y0;
         // The same as floats, in the view: whole numbers, so that counting them up is exact.
-        const float first_x = Whole::of(packet.first_x + x);
-        float view_x = first_x, view_y = Whole::of(packet.first_y + y);
+        const float first_x = SmallInt::to_float(packet.first_x + x);
+        float view_x = first_x, view_y = SmallInt::to_float(packet.first_y + y);
         for (int step = 0; step < steps; ++step) {
             if (step < area) {
-                const float u = view_x + eye.first_u, v = view_y + eye.first_v;
+                const float u = view_x + camera.first_u, v = view_y + camera.first_v;
                 if (t.covers(u, v)) {
-                    const float w =
-                        t.exact ? t.clamp(ExactPlane::of(eye, tree.corners(t.place)).at(u, v)) : t.w_at(u, v);
-                    const Key key = Nearest::key(w, t.place + tree.first_id);
-                    Key* at = packet.nearest + Packet::slot_at(x, y);
+                    const float inv_z =
+                        t.exact ? t.clamp(ExactPlane::of(camera, bvh.corners(t.slot)).at(u, v)) : t.inv_z_at(u, v);
+                    const Key key = DepthKey::of(inv_z, t.slot + bvh.first_id);
+                    Key* at = packet.z_buffer + Packet::index_at(x, y);
                     if (key > *at) {
                         atomicMax(at, key);
                         touched |= 1u << Packet::block_of(x, y);
@@ -102,20 +112,20 @@ struct Raster {
                 }
             }
         }
-        packet.stale |= Warp::united(touched);
+        packet.stale_blocks |= Warp::reduce_or(touched);
         Warp::sync();
     }
 
     // All lanes on one triangle: first each on a block, to see which are touched, then each on a pixel of those.
-    static inline void draw_large(const Tree& tree, const Eye& eye, Packet& packet, const Triangle t) {
+    static inline void draw_large(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle t) {
         const int lane = Warp::lane();
         const int block_x = Packet::block_x(lane), block_y = Packet::block_y(lane);
-        const float u0 = Whole::of(packet.first_x + block_x) + eye.first_u,
-                    u1 = Whole::of(packet.first_x + block_x + 7) + eye.first_u;
-        const float v0 = Whole::of(packet.first_y + block_y) + eye.first_v,
-                    v1 = Whole::of(packet.first_y + block_y + 3) + eye.first_v;
-        bool touched =
-            lane < BLOCKS && block_x + 7 >= t.x0 && block_x <= t.x1 && block_y + 3 >= t.y0 && block_y <= t.y1;
+        const float u0 = SmallInt::to_float(packet.first_x + block_x) + camera.first_u,
+                    u1 = SmallInt::to_float(packet.first_x + block_x + BLOCK_WIDTH - 1) + camera.first_u;
+        const float v0 = SmallInt::to_float(packet.first_y + block_y) + camera.first_v,
+                    v1 = SmallInt::to_float(packet.first_y + block_y + BLOCK_HEIGHT - 1) + camera.first_v;
+        bool touched = lane < BLOCKS && block_x + BLOCK_WIDTH - 1 >= t.x0 && block_x <= t.x1 &&
+                       block_y + BLOCK_HEIGHT - 1 >= t.y0 && block_y <= t.y1;
         bool covered = true;
         for (int e = 0; e < 3; ++e) {
             // An edge's value is greatest, and least, at corners of a block. Rounding keeps the order, so that the test
@@ -124,65 +134,68 @@ struct Raster {
             touched &= t.edge[e].at(right ? u1 : u0, down ? v1 : v0) >= 0.0f;
             covered &= t.edge[e].at(right ? u0 : u1, down ? v0 : v1) >= 0.0f;
         }
-        const float near_w = t.exact ? t.most_w : t.w_at(t.slope_u >= 0.0f ? u1 : u0, t.slope_v >= 0.0f ? v1 : v0);
-        touched &= __float_as_uint(near_w) >= packet.block_least;
-        const unsigned whole = Warp::lanes_where(covered);
-        const unsigned blocks = Warp::lanes_where(touched);
+        const float nearest_inv_z =
+            t.exact ? t.max_inv_z : t.inv_z_at(t.slope_u >= 0.0f ? u1 : u0, t.slope_v >= 0.0f ? v1 : v0);
+        touched &= __float_as_uint(nearest_inv_z) >= packet.block_min_inv_z;
+        const unsigned whole = Warp::ballot(covered);
+        const unsigned blocks = Warp::ballot(touched);
         if (!blocks) return;
-        packet.stale |= blocks;
-        const unsigned id = t.place + tree.first_id;
+        packet.stale_blocks |= blocks;
+        const unsigned id = t.slot + bvh.first_id;
         if (t.exact) {
-            const ExactPlane plane = ExactPlane::of(eye, tree.corners(t.place));
-            for (unsigned left = blocks; left; left = Warp::without_first(left)) {
-                const int block = Warp::first_of(left);
+            const ExactPlane plane = ExactPlane::of(camera, bvh.corners(t.slot));
+            for (unsigned left = blocks; left; left = Warp::without_first_lane(left)) {
+                const int block = Warp::first_lane(left);
                 float u, v;
-                pixel(eye, packet, block, u, v);
+                pixel(camera, packet, block, u, v);
                 put(packet, block, (whole >> block & 1) || t.covers(u, v), t.clamp(plane.at(u, v)), id);
             }
         } else {
-            for (unsigned left = blocks; left; left = Warp::without_first(left)) {
-                const int block = Warp::first_of(left);
+            for (unsigned left = blocks; left; left = Warp::without_first_lane(left)) {
+                const int block = Warp::first_lane(left);
                 float u, v;
-                pixel(eye, packet, block, u, v);
-                put(packet, block, (whole >> block & 1) || t.covers(u, v), t.w_at(u, v), id);
+                pixel(camera, packet, block, u, v);
+                put(packet, block, (whole >> block & 1) || t.covers(u, v), t.inv_z_at(u, v), id);
             }
         }
     }
 
     // This lane's pixel of a block.
-    static inline void pixel(const Eye& eye, const Packet& packet, int block, float& u, float& v) {
+    static inline void pixel(const Camera& camera, const Packet& packet, int block, float& u, float& v) {
         const int lane = Warp::lane();
-        u = Whole::of(packet.first_x + Packet::block_x(block) + (lane & 7)) + eye.first_u;
-        v = Whole::of(packet.first_y + Packet::block_y(block) + (lane >> 3)) + eye.first_v;
+        u = SmallInt::to_float(packet.first_x + Packet::block_x(block) + Packet::pixel_x(lane)) + camera.first_u;
+        v = SmallInt::to_float(packet.first_y + Packet::block_y(block) + Packet::pixel_y(lane)) + camera.first_v;
     }
 
-    static inline void put(Packet& packet, int block, bool inside, float w, unsigned id) {
-        Key* at = packet.nearest + Packet::slot(block, Warp::lane());
-        const Key key = Nearest::key(w, id);
+    static inline void put(Packet& packet, int block, bool inside, float inv_z, unsigned id) {
+        Key* at = packet.z_buffer + Packet::index(block, Warp::lane());
+        const Key key = DepthKey::of(inv_z, id);
         if (inside && key > *at) *at = key;
     }
 };
 
 // Triangles that wait until there are enough for all lanes. Of most leaves, only few are seen.
-struct Queue {
-    unsigned* places;  // two for a lane
+struct TriangleQueue {
+    enum { SIZE = 2 * LANES };  // less than a lane each waits when as many are added
+
+    unsigned* slots;
     int count;
 
-    inline void add(bool wanted, unsigned place) {
-        const unsigned lanes = Warp::lanes_where(wanted);
-        if (wanted) places[count + __popc(lanes & ((1u << Warp::lane()) - 1))] = place;
+    inline void add(bool wanted, unsigned slot) {
+        const unsigned lanes = Warp::ballot(wanted);
+        if (wanted) slots[count + __popc(lanes & ((1u << Warp::lane()) - 1))] = slot;
         count += __popc(lanes);
         Warp::sync();
     }
 
     // One for each lane, as far as there are; the others wait on.
-    inline int take(unsigned& place) {
+    inline int take(unsigned& slot) {
         const int lane = Warp::lane(), taken = min(count, (int)LANES);
-        place = places[min(lane, taken - 1)];
+        slot = slots[min(lane, taken - 1)];
         count -= taken;
-        const unsigned next = places[LANES + lane];
+        const unsigned next = slots[LANES + lane];
         Warp::sync();
-        places[lane] = next;
+        slots[lane] = next;
         Warp::sync();
         return taken;
     }

@@ -4,53 +4,60 @@
 // Round solids: an object that stands for one shows its true surface where the camera is outside of it.
 //
 // All is computed in the solid's shape: its object's frame, with x, y and z divided by three sizes. There the solid is
-// the unit ball, or all of the unit cylinder about z that is at most `half` from the middle, or the same with unit balls
-// about the middles of its ends. From a camera at o, the ray in direction d is at o + z d at depth z, and w = 1 / z.
+// the unit ball, or all of the unit cylinder about z that is at most `half` from the middle, or the same with unit
+// balls about the middles of its ends. From a camera at o, the ray in direction d is at o + z d at depth z, and w = 1 /
+// z.
 //
-// A ray meets a unit ball about 0 where C w^2 - 2 B w + A = 0: A = d.d, B = -o.d, C = o.o - 1. That it meets it at all is
-// a small difference near the outline, B^2 - A C, which is A - e.e too, with e = o x d. Like d, e is linear in the
-// pixel's place, and about a pixel by the object's middle its terms are small: single precision is enough for each pixel,
-// where the coefficients are computed in double precision. Where the camera almost touches the ball, C is small, and so
-// are both terms of the first difference: there it is the better one. The cylinder is the same without z.
+// A ray meets a unit ball about 0 where C w^2 - 2 B w + A = 0: A = d.d, B = -o.d, C = o.o - 1. That it meets it at all
+// is a small difference near the outline, B^2 - A C, which is A - e.e too, with e = o x d. Like d, e is linear in the
+// pixel's coordinates, and about a pixel by the object's middle its terms are small: single precision is enough for
+// each pixel, where the coefficients are computed in double precision. Where the camera almost touches the ball, C is
+// small, and so are both terms of the first difference: there it is the better one. The cylinder is the same without z.
 
-struct Shape {
-    enum { BALL = 1, CYLINDER = 2, CAPSULE = 3 };  // 0 is an object that is but its triangles
-    // Parts of the surface: of a capsule and a cylinder, the round side and the ends. A cylinder shows only one end.
-    enum { SIDE = 0, END = 1, LOWER_END = 2 };
+// How much rounding may be wrong: of what a solid reaches, and of where its side ends.
+constexpr float REACH_SLACK = 1.001f, SIDE_SLACK = 1e-6f;
+// C of a ball or a side that the camera almost touches.
+constexpr float SMALL_C = 0.1f;
+// The root of less is slow, and next to nothing.
+constexpr float LEAST_ROOT = 1e-30f;
+// From the first pixel of a block to its middle.
+constexpr float HALF_BLOCK_WIDTH = 0.5f * (BLOCK_WIDTH - 1), HALF_BLOCK_HEIGHT = 0.5f * (BLOCK_HEIGHT - 1);
 
+// A solid in its shape.
+struct UnitSolid {
     // The axes of a pose, divided by the sizes: they turn vectors into the shape, and gradients out of it.
-    static inline void axes(const float* pose, const float* size, Exact* axis) {
-        Pose::axes(pose, axis);
-        for (int i = 0; i < 3; ++i) axis[i] = Exact::times(axis[i], 1.0 / __ldg(size + i));
+    static inline void axes(const float* pose, const float* size, Vec3d* axis) {
+        PoseRow::axes(pose, axis);
+        for (int i = 0; i < 3; ++i) axis[i] = Vec3d::times(axis[i], 1.0 / __ldg(size + i));
     }
-    static inline Exact inside(const Exact* axis, Exact v) {
-        return Exact{Exact::dot(axis[0], v), Exact::dot(axis[1], v), Exact::dot(axis[2], v)};
+    static inline Vec3d inside(const Vec3d* axis, Vec3d v) {
+        return Vec3d{Vec3d::dot(axis[0], v), Vec3d::dot(axis[1], v), Vec3d::dot(axis[2], v)};
     }
 
-    static inline double across(Exact o) { return __fma_rn(o.x, o.x, __dmul_rn(o.y, o.y)); }
+    static inline double across(Vec3d o) { return __fma_rn(o.x, o.x, __dmul_rn(o.y, o.y)); }
 
     // Whether the camera is outside of a solid. All that depends on it must ask for it in this way.
-    static inline bool outside(int kind, double half, Exact o) {
+    static inline bool outside(int kind, double half, Vec3d o) {
         const double beyond = fmax(fabs(o.z) - half, 0.0);
-        return kind == CYLINDER ? across(o) > 1.0 || beyond > 0.0 : __fma_rn(beyond, beyond, across(o)) > 1.0;
+        return kind == SOLID_CYLINDER ? across(o) > 1.0 || beyond > 0.0 : __fma_rn(beyond, beyond, across(o)) > 1.0;
     }
 
     // Where the middle of the ball or of the flat end is that a part belongs to.
     static inline double middle(int kind, double half, double origin_z, int part) {
-        if (kind == BALL) return 0.0;
-        return part == LOWER_END || (kind == CYLINDER && origin_z < 0.0) ? -half : half;
+        if (kind == SOLID_BALL) return 0.0;
+        return part == PART_LOWER || (kind == SOLID_CYLINDER && origin_z < 0.0) ? -half : half;
     }
 
     // The gradient of a part where a ray in direction d meets it: outwards, of any length.
-    static inline Exact gradient(int kind, double half, Exact o, Exact d, int part) {
-        if (kind == CYLINDER && part != SIDE) return Exact{0.0, 0.0, o.z < 0.0 ? -1.0 : 1.0};
-        if (kind != BALL && part == SIDE)
+    static inline Vec3d gradient(int kind, double half, Vec3d o, Vec3d d, int part) {
+        if (kind == SOLID_CYLINDER && part != PART_SIDE) return Vec3d{0.0, 0.0, o.z < 0.0 ? -1.0 : 1.0};
+        if (kind != SOLID_BALL && part == PART_SIDE)
             o.z = d.z = 0.0;
         else
             o.z -= middle(kind, half, o.z, part);
-        const double a = Exact::dot(d, d), b = -Exact::dot(o, d), c = Exact::dot(o, o) - 1.0;
+        const double a = Vec3d::dot(d, d), b = -Vec3d::dot(o, d), c = Vec3d::dot(o, o) - 1.0;
         const double z = c / (b + sqrt(fmax(b * b - a * c, 0.0)));
-        return Exact{o.x + z * d.x, o.y + z * d.y, o.z + z * d.z};
+        return Vec3d{o.x + z * d.x, o.y + z * d.y, o.z + z * d.z};
     }
 };
 
@@ -58,54 +65,55 @@ struct Shape {
 struct alignas(16) Solid {
     enum { FEW_BLOCKS = 4 };  // that it takes as long to draw as to look which of them may show it
 
-    // Linear in the place of a pixel: the ray's direction, z of e, and B of the side.
+    // Linear in the coordinates of a pixel: the ray's direction, z of e, and B of the side.
     Linear dx, dy, dz, ez, toward;
     float inverse;  // 1 / C of the side, 0 if the camera is not outside of the whole cylinder
-    float touching;  // C of the side where it is small, else 0
+    float small_c;  // C of the side where it is small, else 0
 
     struct End {
         Linear ex, ey;  // of e, seen from the middle of the end
         float z;  // of the camera, from there
         float inverse;  // what w is a multiple of: 1 / C of a ball, -1 / z of a flat end, 0 if that faces away
-        float touching;  // C of a ball where it is small, else 0
+        float small_c;  // C of a ball where it is small, else 0
     } ends[2];
 
     float reach;  // square of how far the solid reaches from its middle, and a little more
     float low, high;  // the side's ends
     float z;  // of the camera
-    float x, y;  // the pixel of the view from which places are counted
+    float x, y;  // the pixel of the view from which coordinates are counted
     int kind;
     int first_id;
 
     // The pixel where an object's middle is seen, or the nearest to it. It depends on the view and the object only.
-    inline void find_place(const Eye& eye, Vec middle) {
-        const float depth = Vec::dot(eye.to_camera[2], middle), w = depth > 0.0f ? __frcp_rn(depth) : 0.0f;
+    inline void find_anchor(const Camera& camera, Vec3 middle) {
+        const float depth = Vec3::dot(camera.to_camera[2], middle), inv_z = depth > 0.0f ? __frcp_rn(depth) : 0.0f;
         // Pixels' middles are at halves in many a view, and so is what is in its middle: not where rounding would turn.
         const float turn = 0.8125f;
-        x = floorf(__fmaf_rn(Vec::dot(eye.to_camera[0], middle), w, turn - eye.first_u));
-        y = floorf(__fmaf_rn(Vec::dot(eye.to_camera[1], middle), w, turn - eye.first_v));
-        x = fmaxf(fminf(x, eye.last_x), 0.0f);
-        y = fmaxf(fminf(y, eye.last_y), 0.0f);
+        x = floorf(__fmaf_rn(Vec3::dot(camera.to_camera[0], middle), inv_z, turn - camera.first_u));
+        y = floorf(__fmaf_rn(Vec3::dot(camera.to_camera[1], middle), inv_z, turn - camera.first_v));
+        x = fmaxf(fminf(x, camera.last_x), 0.0f);
+        y = fmaxf(fminf(y, camera.last_y), 0.0f);
     }
 
     // A lane sets up its own solid; false if the camera is not outside.
-    inline bool set_up(const Eye& eye, const float* pose, int solid_kind, const float* size, int id) {
+    inline bool set_up(const Camera& camera, const float* pose, int solid_kind, const float* size, int id) {
         kind = solid_kind, first_id = id;
         const double half = __ldg(size + 3);
-        const Exact from = Exact::minus(eye.exact_origin, Pose::position(pose));
-        Exact axis[3];
-        Shape::axes(pose, size, axis);
-        const Exact o = Shape::inside(axis, from);
-        if (!Shape::outside(kind, half, o)) return false;
-        find_place(eye, Exact::times(from, -1.0).rounded());
-        const double end = Shape::middle(kind, half, o.z, Shape::END), above = o.z - end, below = o.z + end;
-        set_inverses(Shape::across(o) - 1.0, above, below, fabs(o.z) > half);
+        const Vec3d from = Vec3d::minus(camera.exact_origin, PoseRow::position(pose));
+        Vec3d axis[3];
+        UnitSolid::axes(pose, size, axis);
+        const Vec3d o = UnitSolid::inside(axis, from);
+        if (!UnitSolid::outside(kind, half, o)) return false;
+        find_anchor(camera, Vec3d::times(from, -1.0).rounded());
+        const double end = UnitSolid::middle(kind, half, o.z, PART_UPPER), above = o.z - end, below = o.z + end;
+        set_inverses(UnitSolid::across(o) - 1.0, above, below, fabs(o.z) > half);
         set_sides((float)o.z, (float)half);
         set_reach((float)half);
-        const Exact right = Shape::inside(axis, eye.exact_rays[0]), down = Shape::inside(axis, eye.exact_rays[1]);
-        const Exact forward = Shape::inside(axis, eye.exact_rays[2]);
-        const double u = (double)x + eye.first_u, v = (double)y + eye.first_v;
-        const Exact here = {__fma_rn(u, right.x, __fma_rn(v, down.x, forward.x)),
+        const Vec3d right = UnitSolid::inside(axis, camera.exact_rays[0]),
+                    down = UnitSolid::inside(axis, camera.exact_rays[1]);
+        const Vec3d forward = UnitSolid::inside(axis, camera.exact_rays[2]);
+        const double u = (double)x + camera.first_u, v = (double)y + camera.first_v;
+        const Vec3d here = {__fma_rn(u, right.x, __fma_rn(v, down.x, forward.x)),
                             __fma_rn(u, right.y, __fma_rn(v, down.y, forward.y)),
                             __fma_rn(u, right.z, __fma_rn(v, down.z, forward.z))};
         set_column(&Linear::u, o, above, below, right);
@@ -115,36 +123,36 @@ struct alignas(16) Solid {
     }
     inline void set_inverses(double side, double above, double below, bool beyond) {
         inverse = side > 0.0 ? __frcp_rn((float)side) : 0.0f;
-        touching = touching_of((float)side);
+        small_c = small_or_0((float)side);
         ends[0].z = (float)above;
         ends[1].z = (float)below;
-        if (kind == Shape::CYLINDER) {
+        if (kind == SOLID_CYLINDER) {
             ends[0].inverse = beyond ? __frcp_rn((float)-above) : 0.0f;
         } else {
             set_ball(ends[0], (float)__fma_rn(above, above, side));
             set_ball(ends[1], (float)__fma_rn(below, below, side));
         }
     }
-    static inline float touching_of(float c) { return c > 0.0f && c < 0.1f ? c : 0.0f; }
+    static inline float small_or_0(float c) { return c > 0.0f && c < SMALL_C ? c : 0.0f; }
     static inline void set_ball(End& end, float c) {
         end.inverse = __frcp_rn(c);
-        end.touching = touching_of(c);
+        end.small_c = small_or_0(c);
     }
     inline void set_sides(float origin_z, float half) {
         z = origin_z;
         // No gap is left between the side and a flat end that is seen, however they are rounded.
-        const bool end = kind == Shape::CYLINDER && ends[0].inverse != 0.0f;
-        const float more = end ? __fmul_rn(1e-6f, fabsf(z) + half) : 0.0f;
+        const bool end = kind == SOLID_CYLINDER && ends[0].inverse != 0.0f;
+        const float more = end ? __fmul_rn(SIDE_SLACK, fabsf(z) + half) : 0.0f;
         low = -half - (z < 0.0f ? more : 0.0f);
         high = half + (z < 0.0f ? 0.0f : more);
     }
     inline void set_reach(float half) {
-        const float ends = kind == Shape::CAPSULE ? half + 1.0f : half;
-        reach = 1.001f * __fmaf_rn(ends, ends, kind == Shape::CYLINDER ? 1.0f : 0.0f);
-        if (kind == Shape::BALL) reach = 1.001f;
+        const float ends = kind == SOLID_CAPSULE ? half + 1.0f : half;
+        reach = REACH_SLACK * __fmaf_rn(ends, ends, kind == SOLID_CYLINDER ? 1.0f : 0.0f);
+        if (kind == SOLID_BALL) reach = REACH_SLACK;
     }
     // The coefficients of u, of v, or of neither: d are the direction's.
-    inline void set_column(float Linear::* column, Exact o, double above, double below, Exact d) {
+    inline void set_column(float Linear::* column, Vec3d o, double above, double below, Vec3d d) {
         dx.*column = (float)d.x;
         dy.*column = (float)d.y;
         dz.*column = (float)d.z;
@@ -157,13 +165,12 @@ struct alignas(16) Solid {
     }
 
     // Of the quadratic equation, from A, A - e.e and B.
-    static inline float discriminant(float a, float rest, float b, float touching) {
-        return touching > 0.0f ? __fmaf_rn(b, b, -__fmul_rn(a, touching)) : rest;
+    static inline float discriminant(float a, float rest, float b, float small_c) {
+        return small_c > 0.0f ? __fmaf_rn(b, b, -__fmul_rn(a, small_c)) : rest;
     }
     // w where a ray meets something round; 0 if it does not.
     static inline float meet(float b, float discriminant, float inverse) {
-        // The root of what is next to nothing, or less, is slow.
-        const float w = __fmul_rn(b + __fsqrt_rn(fmaxf(discriminant, 1e-30f)), inverse);
+        const float w = __fmul_rn(b + __fsqrt_rn(fmaxf(discriminant, LEAST_ROOT)), inverse);
         return discriminant >= 0.0f && b > 0.0f ? w : 0.0f;
     }
 
@@ -172,27 +179,28 @@ struct alignas(16) Solid {
         const float to_x = dx.at(u, v), to_y = dy.at(u, v), to_z = dz.at(u, v), e_z = ez.at(u, v), b = toward.at(u, v);
         const float a = __fmaf_rn(to_x, to_x, __fmul_rn(to_y, to_y));
         const float rest = __fmaf_rn(-e_z, e_z, a);
-        part = Shape::SIDE;
-        if (kind == Shape::BALL) return ball(ends[0], u, v, to_z, a, rest, b);
-        const float end_w = kind == Shape::CYLINDER && ends[0].inverse != 0.0f ? flat(ends[0], u, v, to_z) : 0.0f;
-        const float w = meet(b, discriminant(a, rest, b, touching), inverse), height = __fmaf_rn(z, w, to_z);
+        part = PART_SIDE;
+        if (kind == SOLID_BALL) return ball(ends[0], u, v, to_z, a, rest, b);
+        const float end_w = kind == SOLID_CYLINDER && ends[0].inverse != 0.0f ? flat(ends[0], u, v, to_z) : 0.0f;
+        const float w = meet(b, discriminant(a, rest, b, small_c), inverse), height = __fmaf_rn(z, w, to_z);
         const bool within = w > 0.0f && height >= __fmul_rn(low, w) && height <= __fmul_rn(high, w);
-        if (kind == Shape::CYLINDER) {
-            if (end_w > 0.0f) part = Shape::END;
+        if (kind == SOLID_CYLINDER) {
+            if (end_w > 0.0f) part = PART_UPPER;
             return end_w > 0.0f ? end_w : within ? w : 0.0f;
         }
-        // Where the ray enters the endless cylinder decides what it meets: the end by which it does so, if not the side.
+        // Where the ray enters the endless cylinder decides what it meets: the end by which it does so, if not the
+        // side.
         const bool to_end = !within && (w > 0.0f || inverse == 0.0f);
         if (!Warp::any(to_end)) return within ? w : 0.0f;
         const bool lower = (inverse == 0.0f ? z : height) < 0.0f;
-        if (to_end) part = lower ? Shape::LOWER_END : Shape::END;
+        if (to_end) part = lower ? PART_LOWER : PART_UPPER;
         const float ball_w = ball(ends[lower], u, v, to_z, a, rest, b);
         return within ? w : to_end ? ball_w : 0.0f;
     }
     static inline float ball(const End& end, float u, float v, float to_z, float a, float rest, float side_b) {
         const float e_x = end.ex.at(u, v), e_y = end.ey.at(u, v), b = __fmaf_rn(-end.z, to_z, side_b);
         const float all = __fmaf_rn(-e_x, e_x, __fmaf_rn(-e_y, e_y, __fmaf_rn(to_z, to_z, rest)));
-        return meet(b, discriminant(__fmaf_rn(to_z, to_z, a), all, b, end.touching), end.inverse);
+        return meet(b, discriminant(__fmaf_rn(to_z, to_z, a), all, b, end.small_c), end.inverse);
     }
     static inline float flat(const End& end, float u, float v, float to_z) {
         const float e_x = end.ex.at(u, v), e_y = end.ey.at(u, v);
@@ -201,7 +209,9 @@ struct alignas(16) Solid {
     }
 
     // How much a linear value changes from the middle of a block to its pixels, and its greatest and least size there.
-    static inline float spread(const Linear& l) { return __fmaf_rn(3.5f, fabsf(l.u), 1.5f * fabsf(l.v)); }
+    static inline float spread(const Linear& l) {
+        return __fmaf_rn(HALF_BLOCK_WIDTH, fabsf(l.u), HALF_BLOCK_HEIGHT * fabsf(l.v));
+    }
     static inline float most(const Linear& l, float u, float v) { return fabsf(l.at(u, v)) + spread(l); }
     static inline float least(const Linear& l, float u, float v) { return fmaxf(fabsf(l.at(u, v)) - spread(l), 0.0f); }
     static inline Linear between(const Linear& a, const Linear& b) {
@@ -210,37 +220,39 @@ struct alignas(16) Solid {
 
     // Of some blocks, those that have rays which may meet the endless cylinder and the ball that reaches as far as the
     // solid, each tested by a lane. Rounding cannot make it leave one out that shows the solid.
-    inline unsigned met(const Packet& packet, unsigned blocks) const {
+    inline unsigned blocks_met(const Packet& packet, unsigned blocks) const {
         const int lane = Warp::lane();
-        const float u = Whole::of(packet.first_x + Packet::block_x(lane)) - x + 3.5f;
-        const float v = Whole::of(packet.first_y + Packet::block_y(lane)) - y + 1.5f;
+        const float u = SmallInt::to_float(packet.first_x + Packet::block_x(lane)) - x + HALF_BLOCK_WIDTH;
+        const float v = SmallInt::to_float(packet.first_y + Packet::block_y(lane)) - y + HALF_BLOCK_HEIGHT;
         const float to_x = most(dx, u, v), to_y = most(dy, u, v), to_z = most(dz, u, v);
         const float e_x = least(between(ends[0].ex, ends[1].ex), u, v),
                     e_y = least(between(ends[0].ey, ends[1].ey), u, v);
         const float e_z = least(ez, u, v), side = to_x * to_x + to_y * to_y;
         bool meets = e_x * e_x + e_y * e_y + e_z * e_z <= reach * (side + to_z * to_z);
-        if (kind != Shape::BALL) {
-            meets &= e_z * e_z <= 1.001f * side;
-            if (inverse > 0.0f) meets &= toward.at(u, v) + 1.001f * spread(toward) > 0.0f;
+        if (kind != SOLID_BALL) {
+            meets &= e_z * e_z <= REACH_SLACK * side;
+            if (inverse > 0.0f) meets &= toward.at(u, v) + REACH_SLACK * spread(toward) > 0.0f;
         }
-        return blocks & Warp::lanes_where(meets);
+        return blocks & Warp::ballot(meets);
     }
 
     // Draw it into blocks of pixels.
     inline void draw(Packet& packet, unsigned blocks) const {
         const int lane = Warp::lane();
-        if (__popc(blocks) > FEW_BLOCKS) blocks = met(packet, blocks);
-        const float u0 = Whole::of(packet.first_x + (lane & 7)) - x, v0 = Whole::of(packet.first_y + (lane >> 3)) - y;
-        for (; blocks; blocks = Warp::without_first(blocks)) {
-            const int block = Warp::first_of(blocks);
+        if (__popc(blocks) > FEW_BLOCKS) blocks = blocks_met(packet, blocks);
+        const float u0 = SmallInt::to_float(packet.first_x + Packet::pixel_x(lane)) - x,
+                    v0 = SmallInt::to_float(packet.first_y + Packet::pixel_y(lane)) - y;
+        for (; blocks; blocks = Warp::without_first_lane(blocks)) {
+            const int block = Warp::first_lane(blocks);
             int part;
-            const float w = at(u0 + Whole::of(Packet::block_x(block)), v0 + Whole::of(Packet::block_y(block)), part);
-            Key* place = packet.nearest + Packet::slot(block, lane);
-            const Key key = Nearest::key(fminf(w, 3e37f), first_id + part);
-            Key nearest = *place;
-            if (w > 0.0f && key > nearest) *place = nearest = key;
-            const unsigned least = Warp::least(Nearest::w_bits(nearest));
-            if (lane == block) packet.block_least = least;
+            const float w = at(u0 + SmallInt::to_float(Packet::block_x(block)),
+                               v0 + SmallInt::to_float(Packet::block_y(block)), part);
+            Key* stored = packet.z_buffer + Packet::index(block, lane);
+            const Key key = DepthKey::of(fminf(w, MOST_INV_Z), first_id + part);
+            Key nearest = *stored;
+            if (w > 0.0f && key > nearest) *stored = nearest = key;
+            const unsigned least = Warp::reduce_min(DepthKey::inv_z_bits(nearest));
+            if (lane == block) packet.block_min_inv_z = least;
         }
     }
 };

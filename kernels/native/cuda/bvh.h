@@ -1,0 +1,125 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The packet caster on CUDA: a warp takes a packet, PACKET_WIDTH x PACKET_HEIGHT pixels of a view, down the BVH.
+//
+// Space is the camera's, with x and y scaled by the focal lengths: the ray of a pixel is (u, v, 1), where u and v are
+// its distances in pixels from the principal point. On which side of a triangle's edge the ray passes, and 1 / z of the
+// triangle's plane, are then linear in u and v.
+//
+// A pixel gets the same value of an edge and of 1 / z wherever they are computed, and whatever the packet: two
+// triangles that share an edge get exactly opposite values there, so that no ray slips between them, and an image does
+// not depend on the packets' size.
+
+enum {
+    LEAF_WORDS = LEAF_ROWS * LANES,
+    NODE_WORDS = NODE_ROWS * LANES,
+    BLOCK_WIDTH_BITS = 3,
+    BLOCK_HEIGHT_BITS = 2,
+    BLOCK_WIDTH = 1 << BLOCK_WIDTH_BITS,  // pixels
+    BLOCK_HEIGHT = 1 << BLOCK_HEIGHT_BITS,
+    BLOCK_COLUMNS = PACKET_WIDTH / BLOCK_WIDTH,
+    BLOCK_ROWS = PACKET_HEIGHT / BLOCK_HEIGHT,
+    BLOCKS = BLOCK_COLUMNS * BLOCK_ROWS,
+};
+static_assert((int)BLOCK_WIDTH * BLOCK_HEIGHT == (int)LANES, "a lane draws a pixel of a block");
+static_assert((int)BLOCKS <= (int)LANES, "lane b keeps what is known of block b");
+static_assert(PACKET_WIDTH % BLOCK_WIDTH == 0 && PACKET_HEIGHT % BLOCK_HEIGHT == 0, "a packet is of whole blocks");
+
+// The greatest 1 / z: nearer than this, a surface is as near as can be.
+constexpr float MOST_INV_Z = 3e37f;
+
+struct Bvh {
+    const float* leaves;  // [leaf][LEAF_ROWS][lane]
+    const int* owners;  // [leaf][lane]: object of a triangle; its complement where the object is closed
+    const float* nodes;  // [node][NODE_ROWS][lane]
+    const int* children;  // [node][lane]: a node, or the complement of a leaf
+    int root;
+    int first_id;  // what the number of a triangle is more than its slot in the leaves
+    bool all_closed;  // whether every object is
+    const unsigned char* excluded;  // [object]: whether the view must not see it; null where it sees them all
+
+    static inline int object_of(int owner) { return owner < 0 ? ~owner : owner; }
+    // The nine coordinates of the triangle in a slot, one a row from here.
+    inline const float* corners(unsigned slot) const {
+        return leaves + (long long)(slot / LANES) * LEAF_WORDS + slot % LANES;
+    }
+};
+
+struct Box {
+    // Whether a point is in a box: least and greatest corner.
+    static inline bool holds(const float* box, Vec3 p) {
+        return p.x >= __ldg(box) && p.x <= __ldg(box + 3) && p.y >= __ldg(box + 1) && p.y <= __ldg(box + 4) &&
+               p.z >= __ldg(box + 2) && p.z <= __ldg(box + 5);
+    }
+};
+
+// A value that is linear in u and v.
+struct Linear {
+    float u, v, one;
+
+    inline float at(float at_u, float at_v) const { return __fmaf_rn(u, at_u, __fmaf_rn(v, at_v, one)); }
+};
+
+// Three coordinates in double precision.
+struct Vec3d {
+    double x, y, z;
+
+    static inline Vec3d of(const float* p, int stride) { return Vec3d{p[0], p[stride], p[2 * stride]}; }
+    static inline Vec3d minus(Vec3d a, Vec3d b) { return Vec3d{a.x - b.x, a.y - b.y, a.z - b.z}; }
+    static inline double dot(Vec3d a, Vec3d b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+    static inline Vec3d cross(Vec3d a, Vec3d b) {
+        return Vec3d{a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+    }
+    static inline Vec3d times(Vec3d a, double by) { return Vec3d{a.x * by, a.y * by, a.z * by}; }
+    inline Vec3 rounded() const { return Vec3{(float)x, (float)y, (float)z}; }
+
+    // Of a triangle, of any length.
+    static inline Vec3d normal(const float* corners) {
+        const Vec3d a = of(corners, LANES);
+        return cross(minus(of(corners + 3 * LANES, LANES), a), minus(of(corners + 6 * LANES, LANES), a));
+    }
+};
+
+static_assert(sizeof(Vec3d) == 3 * sizeof(double), "rows of axes are read as numbers");
+
+// A row x y z qx qy qz qw of an array of poses.
+struct PoseRow {
+    // What its x, y and z axis are outside of its frame, in double precision.
+    static inline void axes(const float* row, Vec3d* axis) {
+        const double x = __ldg(row + 3), y = __ldg(row + 4), z = __ldg(row + 5), w = __ldg(row + 6);
+        const double two = 2.0 / (x * x + y * y + z * z + w * w);  // which normalises the quaternion
+        Pose::axes_of(x, y, z, w, two, (double (*)[3])axis);
+    }
+    static inline Vec3d position(const float* row) { return Vec3d{__ldg(row), __ldg(row + 1), __ldg(row + 2)}; }
+    // A direction out of its frame.
+    static inline Vec3d turned_out(const Vec3d* axis, Vec3d v) {
+        return Vec3d{axis[0].x * v.x + axis[1].x * v.y + axis[2].x * v.z,
+                     axis[0].y * v.x + axis[1].y * v.y + axis[2].y * v.z,
+                     axis[0].z * v.x + axis[1].z * v.y + axis[2].z * v.z};
+    }
+};
+
+// The camera in the world or in the frame of an object that moves, and how that frame turns into its space. It lies in
+// shared memory: all lanes read the same.
+struct Camera {
+    Vec3 origin, rest;  // their sum is the origin: in an object's frame, single precision need not be enough for it
+    Vec3 to_camera[3];  // rows: x scaled by fx, y scaled by fy, z
+    double focal_squared[3];  // rows of to_camera, divided by the exact rays
+    float first_u, first_v;  // u and v of the view's first pixel
+    float last_x, last_y;  // the view's last column and row
+    float far;
+    float blur;  // how far rounding may move a corner, in pixels
+    bool skip_back_faces;  // of objects that are closed, since the camera is outside them all
+    bool cull_back_faces;  // of all objects
+    Vec3d exact_origin;
+    Vec3d exact_rays[3];  // a ray is u times the first, plus v times the second, plus the third
+
+    inline Vec3 relative(Vec3 p) const {
+        const Vec3 from = Vec3::minus(p, origin);
+        return MOVABLE ? Vec3::minus(from, rest) : from;
+    }
+    inline Vec3 turn(Vec3 p) const {
+        return Vec3{Vec3::dot(to_camera[0], p), Vec3::dot(to_camera[1], p), Vec3::dot(to_camera[2], p)};
+    }
+};
