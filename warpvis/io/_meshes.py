@@ -48,7 +48,7 @@ def _read(path: Path, search_path: Sequence[Path]) -> trimesh.Scene:
     if kind not in trimesh.available_formats():
         known = ", ".join(sorted(trimesh.available_formats()))
         raise FileFormatError(
-            f"{path}: {path.suffix or 'no suffix'!r} is no format of scenes; those are Webots' wbt, and {known}"
+            f"{path}: {path.suffix or 'no suffix'!r} is no format of scenes; those are wbt, xml, urdf, and {known}"
         )
     # Face order and shared corners stay as they are in the file.
     options: dict[str, Any] = {"process": False}

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from warpvis.scene import Scene
 
 _WEBOTS = (".wbt",)
+_MUJOCO = (".xml", ".urdf")
 
 
 def read_parts(
@@ -44,6 +45,10 @@ def read_parts(
         from warpvis.webots import read_world
 
         return read_world(path, search_path=where, strict=strict)
+    if kind in _MUJOCO:
+        from warpvis.mujoco import read_model
+
+        return read_model(path, search_path=where, strict=strict)
     return read_mesh_file(path, search_path=where, strict=strict)
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from warpvis.mujoco._batch import BatchRenderer
 from warpvis.mujoco._cameras import camera_from_mujoco
+from warpvis.mujoco._model_files import read_model
 from warpvis.mujoco._poses import Kinematics, WorldPoses, camera_poses, geom_poses
 from warpvis.mujoco._renderer import Renderer
 from warpvis.mujoco._scene import MujocoScene, scene_from_mujoco
@@ -26,5 +27,6 @@ __all__ = [
     "camera_from_mujoco",
     "camera_poses",
     "geom_poses",
+    "read_model",
     "scene_from_mujoco",
 ]

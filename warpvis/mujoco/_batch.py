@@ -19,6 +19,7 @@ from warpvis.core.camera import Camera
 from warpvis.core.labels import Label
 from warpvis.errors import ArrayError, CameraError, SceneError
 from warpvis.mujoco._cameras import camera_from_mujoco, camera_id
+from warpvis.mujoco._geoms import DEFAULT_GROUPS, DEFAULT_TOLERANCE, check_groups
 from warpvis.mujoco._poses import (
     Kinematics,
     WorldPoses,
@@ -27,7 +28,7 @@ from warpvis.mujoco._poses import (
     object_transforms,
     world_count,
 )
-from warpvis.mujoco._scene import DEFAULT_GROUPS, DEFAULT_TOLERANCE, check_groups, scene_from_mujoco
+from warpvis.mujoco._scene import scene_from_mujoco
 from warpvis.rendering import Output, Renderer as SceneRenderer, Views, views_for
 from warpvis.scene import Scene
 

@@ -16,7 +16,8 @@ from warpvis.core.camera import Camera
 from warpvis.core.labels import Label
 from warpvis.errors import ArrayError, SceneError, WarpvisError
 from warpvis.mujoco._cameras import camera_from_mujoco, viewer_camera, viewer_pose
-from warpvis.mujoco._scene import DEFAULT_GROUPS, DEFAULT_TOLERANCE, MujocoScene, check_groups, scene_from_mujoco
+from warpvis.mujoco._geoms import DEFAULT_GROUPS, DEFAULT_TOLERANCE, check_groups
+from warpvis.mujoco._scene import MujocoScene, scene_from_mujoco
 from warpvis.rendering import Output, Renderer as SceneRenderer
 from warpvis.scene import Scene
 

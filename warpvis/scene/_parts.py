@@ -45,6 +45,10 @@ class Part:
     aliases: tuple[str, ...] = ()
     """Other names that patterns may mean it by: its body's."""
 
+    def arguments(self) -> dict[str, Any]:
+        """Name the arguments of `Scene.add` that add it."""
+        return {name: getattr(self, name) for name in ("mesh", "name", "label", "pose", "movable", "attach_to")}
+
     def fits(self, pattern: str) -> bool:
         """Whether a pattern (``"wall_*"``) means this part."""
         return any(fnmatch.fnmatchcase(name, pattern) for name in (self.name, *self.aliases))
@@ -105,9 +109,8 @@ class FileParts:
         objects = []
         for part in _moving(self, movable):
             mesh, pose = _turned(part, upright)
-            given = {"mesh": mesh, "name": part.name, "pose": pose, "scale": scale}
-            given["label"] = patterns.label(part.name, part.label, part.aliases)
-            objects.append(given | {"movable": part.movable, "attach_to": part.attach_to})
+            label = patterns.label(part.name, part.label, part.aliases)
+            objects.append({**part.arguments(), "mesh": mesh, "pose": pose, "label": label, "scale": scale})
         patterns.require_used((part.name for part in self.parts), self.path)
         return objects
 

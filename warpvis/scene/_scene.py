@@ -68,25 +68,26 @@ class Scene:
         search_path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
         strict: bool = False,
     ) -> Scene:
-        """Read a file: OBJ, STL, PLY, GLB, and what else trimesh reads; or a Webots world.
+        """Read a file: OBJ, STL, PLY, GLB, and what else trimesh reads; a Webots world; a MuJoCo model; a URDF robot.
 
         Every named part of the file becomes one object. Its label is, first, what `labels` says; second, what the
         file says (``"label"`` in a glTF node's or mesh's ``extras``); else `Label.OBSTACLE`. Of a Webots world
-        (``.wbt``), see `warpvis.webots.load_webots` for names, labels, and devices.
+        (``.wbt``), see `warpvis.webots.load_webots` for names, labels, and devices; of MJCF (``.xml``) and
+        URDF (``.urdf``), which MuJoCo compiles, `warpvis.mujoco.read_model`.
 
         Args:
             path: The file.
             device: Where the scene is rendered.
             up: The scene's vertical axis. By default a Webots world's own, else ``"z"``.
             file_up: The file's vertical axis. By default ``"y"`` for glTF, as its specification says, and the scene's
-                own for every other mesh format; where the two differ, the geometry is turned upright. A Webots world
-                says it itself.
-            scale: Factor from a mesh file's unit to metres (0.001 for millimetres); a Webots world is in metres.
+                own for every other mesh format; where the two differ, the geometry is turned upright. Webots, MJCF and
+                URDF say it themselves.
+            scale: Factor from a mesh file's unit to metres (0.001 for millimetres); the others are in metres.
             labels: Labels by name; a name may be a pattern (``"wall_*"``), and the last one that fits counts.
             movable: Names or patterns of the objects that are movable, each with a pose of its own; or True for what
-                the file says moves.
+                MJCF or URDF says moves, one pose for each body.
             search_path: Folders to look for other files in that the file names: PROTO files and meshes of Webots,
-                buffers of glTF.
+                meshes and includes of MJCF, packages and meshes of URDF, buffers of glTF.
             strict: Whether what cannot be shown is an error. By default it is left out, and a warning names it.
 
         Raises:

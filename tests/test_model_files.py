@@ -1,0 +1,213 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""`Scene.load` of MJCF and URDF: what MuJoCo compiles, where it is, what it is called, and what is refused."""
+
+import warnings
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+from mujoco_models import SHAPES
+
+import warpvis as wv
+from warpvis import Label, Scene
+from warpvis.errors import FileFormatError, SceneError
+from warpvis.mujoco import scene_from_mujoco
+
+BOX = '<geometry><box size="1 2 4"/></geometry>'
+MESH = '<geometry><mesh filename="%s" scale=".5 .5 .5"/></geometry>'
+ROBOT = f"""<robot name="arm">
+  <link name="base"><visual>{BOX}</visual><collision><geometry><sphere radius="9"/></geometry></collision></link>
+  <link name="upper"><visual name="v"><origin xyz="0 0 1"/><geometry><cylinder radius=".1" length="1"/></geometry>
+  </visual></link>
+  <link name="hand"><visual name="v">{MESH % "package://robots/meshes/hand.stl"}</visual></link>
+  <joint name="turn" type="revolute"><parent link="base"/><child link="upper"/><origin xyz="2 0 0" rpy="0 1.5707963 0"/>
+    <axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="weld" type="fixed"><parent link="upper"/><child link="hand"/><origin xyz="0 0 3"/></joint>
+</robot>"""
+
+
+def load(path, **options):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return Scene.load(path, **options)
+
+
+@pytest.fixture
+def package(tmp_path):
+    """A ROS package of a robot: robots/urdf/arm.urdf and robots/meshes/hand.stl."""
+    for name in ("urdf", "meshes"):
+        (tmp_path / "robots" / name).mkdir(parents=True)
+    trimesh.creation.box((2, 2, 2)).export(tmp_path / "robots" / "meshes" / "hand.stl")
+    (tmp_path / "robots" / "urdf" / "arm.urdf").write_text(ROBOT)
+    return tmp_path / "robots"
+
+
+def bounds(scene, name):
+    return scene[name].bounds.round(4).tolist()
+
+
+def test_a_model_is_what_mujoco_compiles(tmp_path, device):
+    path = tmp_path / "shapes.xml"
+    path.write_text(SHAPES)
+    expected = scene_from_mujoco(mujoco.MjModel.from_xml_string(SHAPES), device=device).scene
+    moving = load(path, movable=True, device=device)
+    still = load(path, device=device)
+    assert still.movable == () and (still.up, moving.up) == ("z", "z")
+    for scene in (still, moving):
+        assert [(item.name, item.label) for item in scene] == [(item.name, item.label) for item in expected]
+        for item in scene:
+            np.testing.assert_allclose(item.vertices, expected[item.name].vertices, atol=1e-6)
+    for item in moving:
+        if expected[item.name].solid is None or item.movable:
+            other = expected[item.name]
+            assert (item.movable, item.carrier is None) == (other.movable, other.carrier is None)
+    assert {item.name for item in expected if item.movable and not moving[item.name].movable} == {"own_colour"}
+
+
+def test_a_real_robot_loads():
+    package = pytest.importorskip("mujoco_warp")
+    path = Path(package.__file__).parent / "test_data" / "aloha_pot" / "scene.xml"
+    expected = scene_from_mujoco(mujoco.MjModel.from_xml_path(str(path))).scene
+    scene = load(path, movable=True, labels={"*": "robot"})
+    assert [item.name for item in scene] == [item.name for item in expected]
+    assert scene.triangle_count == expected.triangle_count and {item.label for item in scene} == {Label.ROBOT}
+    camera, pose = wv.Camera.from_fov(64, 48, hfov=1.0), wv.look_at((0.5, -1.5, 0.8), (0, 0, 0.2))
+    depths = [wv.render(one, camera, pose).depth.numpy() for one in (scene, expected)]
+    np.testing.assert_allclose(*depths, atol=1e-5)
+
+
+def test_a_mujoco_pattern_may_name_a_body(tmp_path):
+    (tmp_path / "shapes.xml").write_text(SHAPES)
+    scene = load(tmp_path / "shapes.xml", labels={"arm": "robot", "hand*": "human"}, movable=["brick"])
+    assert (scene["upper"].label, scene["hand"].label) == (Label.ROBOT, Label.HUMAN)
+    assert [scene.objects[index].name for index in scene.movable] == ["brick"]
+    np.testing.assert_allclose(scene["brick"].pose[:3], [0.8, -0.5, 0.2], atol=1e-6)
+
+
+def test_models_are_turned_to_another_axis(tmp_path):
+    (tmp_path / "shapes.xml").write_text(SHAPES)
+    upright, turned = load(tmp_path / "shapes.xml"), load(tmp_path / "shapes.xml", up="y", movable=True)
+    for item in turned:
+        x, z, y = upright[item.name].vertices.T
+        np.testing.assert_allclose(item.vertices, np.stack([x, y, -z], axis=1), atol=1e-5)
+
+
+def test_a_robot_is_what_it_looks_like(package):
+    scene = load(package / "urdf" / "arm.urdf")
+    assert [item.name for item in scene] == ["base", "v", "hand"]
+    assert {item.label for item in scene} == {Label.ROBOT} and scene.movable == ()
+    assert bounds(scene, "base") == [[-0.5, -1, -2], [0.5, 1, 2]]
+    assert bounds(scene, "hand") == [[4.5, -0.5, -0.5], [5.5, 0.5, 0.5]]
+    np.testing.assert_allclose(scene["v"].bounds, [[2.5, -0.1, -0.1], [3.5, 0.1, 0.1]], atol=2e-3)
+
+
+def test_links_that_move_are_movable(package):
+    scene = load(package / "urdf" / "arm.urdf", movable=True, labels={"upper": "human"})
+    assert [scene.objects[index].name for index in scene.movable] == ["v", "hand"]
+    assert scene["v"].label == Label.HUMAN and not scene["base"].movable
+    assert scene["v"].solid is not None  # exactly round
+
+
+def test_a_robot_without_looks_shows_what_collides(package):
+    path = package / "urdf" / "arm.urdf"
+    path.write_text(ROBOT.replace("visual", "collision"))
+    np.testing.assert_allclose(load(path)["base_1"].bounds, [[-9, -9, -9], [9, 9, 9]], atol=2e-3)
+    assert [item.name for item in load(path)] == ["base", "base_1", "v", "hand"]
+
+
+@pytest.mark.parametrize("url", ["package://far/hand.stl", "model://far/hand.stl", "hand.stl", "sub/hand.stl"])
+def test_meshes_are_found_on_the_search_path(package, tmp_path, url):
+    folder = tmp_path / "else" / "far"
+    for place in (folder, folder / "sub"):
+        place.mkdir(parents=True)
+        trimesh.creation.box((2, 2, 2)).export(place / "hand.stl")
+    path = package / "urdf" / "arm.urdf"
+    path.write_text(ROBOT.replace("package://robots/meshes/hand.stl", url))
+    with pytest.warns(UserWarning, match=rf"arm.urdf: left out {url}, of which no file was found") as caught:
+        assert [item.name for item in Scene.load(path)] == ["base", "v"]
+    assert caught[0].filename == __file__
+    with pytest.raises(FileFormatError, match=f"left out {url}"):
+        load(path, strict=True)
+    for root in [folder] + [folder.parent] * ("://" in url):
+        assert bounds(load(path, strict=True, search_path=root), "hand") == [[4.5, -0.5, -0.5], [5.5, 0.5, 0.5]]
+
+
+@pytest.mark.parametrize("name", ["hand.ply", "hand.glb", "hand.obj", "text.stl", "hand.off"])
+def test_meshes_that_mujoco_does_not_read_itself(package, name):
+    path = package / "urdf" / "arm.urdf"
+    mesh = trimesh.creation.box((2, 2, 2))
+    mesh.export(package / "meshes" / name, file_type="stl_ascii" if name == "text.stl" else None)
+    path.write_text(ROBOT.replace("hand.stl", name))
+    assert bounds(load(path), "hand") == [[4.5, -0.5, -0.5], [5.5, 0.5, 0.5]]
+    assert len(load(path)["hand"].faces) == 12
+
+
+def test_parts_of_a_model_are_found_on_the_search_path(tmp_path):
+    (tmp_path / "lib" / "assets").mkdir(parents=True)
+    (tmp_path / "own").mkdir()
+    trimesh.creation.box((2, 2, 2)).export(tmp_path / "lib" / "assets" / "crate.stl")
+    include = '<mujocoinclude><asset><mesh name="crate" file="crate.stl"/></asset></mujocoinclude>'
+    (tmp_path / "lib" / "parts.xml").write_text(include)
+    path = tmp_path / "own" / "room.xml"
+    path.write_text(
+        '<mujoco><compiler meshdir="assets"/><include file="parts.xml"/>'
+        '<worldbody><geom name="crate" type="mesh" mesh="crate" pos="0 0 5"/></worldbody></mujoco>'
+    )
+    with pytest.raises(FileFormatError, match=r"room.xml: MuJoCo does not compile it: .*parts.xml"):
+        load(path)
+    for search_path in (tmp_path / "lib", [tmp_path / "lib", tmp_path / "lib" / "assets"]):
+        assert bounds(load(path, search_path=search_path), "crate") == [[-1, -1, 4], [1, 1, 6]]
+    with pytest.raises(FileFormatError, match=r"parts.xml: is a part that MJCF files include: give the file that"):
+        load(tmp_path / "lib" / "parts.xml")
+
+
+def test_what_is_soft_is_named_or_refused(tmp_path):
+    soft = '<flexcomp name="cloth" type="grid" dim="2" count="3 3 1" spacing=".1 .1 .1" radius=".01"/>'
+    text = SHAPES.replace("<worldbody>", f"<worldbody>{soft}")
+    (tmp_path / "cloth.xml").write_text(text)
+    with pytest.warns(UserWarning, match=r"cloth.xml: left out 1 flexes, which have no fixed shape"):
+        Scene.load(tmp_path / "cloth.xml")
+    with pytest.raises(FileFormatError, match="left out 1 flexes"):
+        load(tmp_path / "cloth.xml", strict=True)
+
+
+LINK = '<robot name="r"><link name="a"><visual>%s</visual></link></robot>'
+BAD = {
+    "other XML": (
+        "lab.xml",
+        "<scene/>",
+        {},
+        r"lab.xml: is XML of <scene>, and neither MJCF, .* nor URDF, with <robot>",
+    ),
+    "no XML": ("lab.xml", "<mujoco>\n<worldbody>\n</mujoco>", {}, r"lab.xml:3: does not read as XML: mismatched tag"),
+    "no text": ("lab.urdf", "\x00\x01", {}, r"lab.urdf:1: does not read as XML"),
+    "xacro": (
+        "lab.urdf",
+        '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="a"/></robot>',
+        {},
+        "lab.urdf: is a xacro file, of which xacro makes URDF first",
+    ),
+    "MJCF": ("lab.xml", "<mujoco><worldbody><geom/></worldbody></mujoco>", {}, "lab.xml: MuJoCo does not compile it: "),
+    "URDF": ("lab.urdf", LINK % "<geometry><torus/></geometry>", {}, "lab.urdf: MuJoCo does not compile it: XML Error"),
+    "nothing": ("lab.xml", "<mujoco/>", {}, "lab.xml: holds no triangles"),
+    "no geometry": ("lab.urdf", '<robot name="r"><link name="a"/></robot>', {}, "lab.urdf: holds no triangles"),
+    "scale": ("lab.urdf", LINK % BOX, {"scale": 2}, "in metres and says which axis is up: leave out scale and file_up"),
+    "file_up": ("lab.urdf", LINK % BOX, {"file_up": "y"}, "leave out scale and file_up"),
+    "labels": ("lab.urdf", LINK % BOX, {"labels": {"b": "human"}}, "labels for 'b' fit no object of .*, which has 'a'"),
+    "movable": ("lab.urdf", LINK % BOX, {"movable": ["b"]}, "movable 'b' fits no object of .*, which has 'a'"),
+    "nothing moves": ("lab.urdf", LINK % BOX, {"movable": True}, "nothing in it is said to move"),
+    "damaged mesh": ("lab.urdf", LINK % MESH % "bad.ply", {}, "bad.ply: does not read as PLY"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_files_are_one_sentence(tmp_path, case):
+    name, text, options, message = BAD[case]
+    (tmp_path / name).write_text(text)
+    (tmp_path / "bad.ply").write_text("ply\nformat ascii 1.0\nelement vertex many\n")
+    with pytest.raises((FileFormatError, SceneError), match=message) as caught:
+        load(tmp_path / name, **options)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,207 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""A MuJoCo model's geoms as parts of a scene: which are drawn, their shapes, names, labels and poses."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Iterable, Sequence
+
+import mujoco  # noqa: TID253 - the whole package is about it
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.labels import Label
+from warpvis.errors import SceneError
+from warpvis.mujoco import _tessellation as tessellation
+from warpvis.mujoco._tessellation import Mesh
+from warpvis.scene import Part, solids
+from warpvis.scene.solids import DEFAULT_TOLERANCE, Solid
+
+DEFAULT_GROUPS = (0, 1, 2)
+"""The geom groups that MuJoCo draws by default (`mjv_defaultOption` in src/engine/engine_vis_init.c)."""
+
+INFINITE_PLANE = 10.0
+"""Half size of an infinite plane, in times the distance of the far clipping plane."""
+
+_GROUND_NAMES = ("*floor*", "*ground*")
+_GEOM = mujoco.mjtGeom
+
+
+def geom_parts(
+    model: mujoco.MjModel,
+    geoms: Iterable[int],
+    names: Sequence[str],
+    labels: Sequence[Label],
+    *,
+    tolerance: float = DEFAULT_TOLERANCE,
+    alone: bool = False,
+) -> list[tuple[int, Part]]:
+    """Make parts of those geoms that are drawn, where they are as the model is at first.
+
+    Args:
+        model: The model.
+        geoms: Geoms to show.
+        names: Every geom's name.
+        labels: Every geom's label.
+        tolerance: Most distance between round shapes and their triangles [m].
+        alone: Whether each moves by itself, also those that are welded to the world.
+
+    Returns:
+        Geoms and their parts. Movable are round solids, and geoms of bodies that can move: those of one rigid piece are
+        attached to its first.
+    """
+    moves = movable_bodies(model)[model.geom_bodyid]
+    poses = _initial_poses(model)
+    first_of: dict[int, str] = {}  # the part of a piece that has the pose
+    parts = []
+    for geom, shape in _meshes(model, geoms, tolerance):
+        name, by_itself = names[geom], alone or isinstance(shape, Solid)
+        first = first_of.setdefault(_rigid_piece(model, geom), name) if moves[geom] and not by_itself else name
+        part = Part(
+            name,
+            shape,
+            labels[geom],
+            poses[geom],
+            movable=bool(moves[geom]) or by_itself,
+            attach_to=None if first == name else first,
+            aliases=(model.body(model.geom_bodyid[geom]).name,),
+        )
+        parts.append((geom, part))
+    return parts
+
+
+def shown_geoms(model: mujoco.MjModel, groups: Sequence[int]) -> list[int]:
+    """List the geoms of some groups."""
+    return [geom for geom in range(model.ngeom) if _group(model, geom) in groups]
+
+
+def _rigid_piece(model: mujoco.MjModel, geom: int) -> int:
+    """A body that the geom's body is welded to, the same one for all that move together."""
+    body = int(model.geom_bodyid[geom])
+    return int(model.body_weldid[body]) or body  # 0, the world, is said of mocap bodies too
+
+
+def movable_bodies(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Which bodies can move: those not welded to the world, mocap bodies, and what hangs on these, shape ``(nbody,)``.
+
+    `bodycategory` in src/engine/engine_vis_visualize.c; older MuJoCo counts mocap bodies as welded to the world.
+    """
+    moves = (np.asarray(model.body_weldid) != 0) | (np.asarray(model.body_mocapid) >= 0)
+    for body in range(1, model.nbody):  # parents come first
+        moves[body] |= moves[model.body_parentid[body]]
+    return moves
+
+
+def check_groups(groups: Iterable[int]) -> tuple[int, ...]:
+    """The groups as a sorted tuple.
+
+    Raises:
+        SceneError: One is not a whole number from 0 to 5.
+    """
+    known = range(mujoco.mjNGROUP)
+    groups = (groups,) if isinstance(groups, int) else tuple(groups)
+    if not all(group in known for group in groups):
+        raise SceneError(f"geom_groups must be of 0 to {known[-1]}, got {groups}")
+    return tuple(sorted({int(group) for group in groups}))
+
+
+def _group(model: mujoco.MjModel, geom: int) -> int:
+    """The group that a geom counts for: MuJoCo clamps it."""
+    return min(max(int(model.geom_group[geom]), 0), mujoco.mjNGROUP - 1)
+
+
+def _meshes(model: mujoco.MjModel, geoms: Iterable[int], tolerance: float) -> list[tuple[int, Mesh | Solid]]:
+    """Those geoms that are drawn, and their shapes in their frames: the same arrays for geoms of the same shape."""
+    shared: dict[tuple[float, ...], Mesh | Solid | None] = {}
+    drawn = []
+    for geom in geoms:
+        if _alpha(model, geom) == 0:
+            continue
+        kind = int(model.geom_type[geom])
+        key: tuple[float, ...] = (kind, int(model.geom_dataid[geom]))
+        if model.geom_dataid[geom] < 0:
+            key = (kind, *model.geom_size[geom].tolist())
+        if key not in shared:
+            shared[key] = _mesh(model, geom, tolerance)
+        mesh = shared[key]
+        if mesh is not None:
+            drawn.append((geom, mesh))
+    return drawn
+
+
+def _alpha(model: mujoco.MjModel, geom: int) -> float:
+    """Opacity: the material's, unless the geom has a colour of its own (`setMaterial` in engine_vis_visualize.c)."""
+    rgba, material = model.geom_rgba[geom], int(model.geom_matid[geom])
+    own = material < 0 or rgba.tolist() != [0.5, 0.5, 0.5, 1.0]
+    return float(rgba[3] if own else model.mat_rgba[material][3])
+
+
+def _mesh(model: mujoco.MjModel, geom: int, tolerance: float) -> Mesh | Solid | None:
+    """A geom's shape in its own frame; None where it has none."""
+    kind, data = int(model.geom_type[geom]), int(model.geom_dataid[geom])
+    a, b, c = model.geom_size[geom].tolist()
+    if kind == _GEOM.mjGEOM_PLANE:
+        far = INFINITE_PLANE * model.vis.map.zfar * model.stat.extent
+        return tessellation.plane(a if a > 0 else far, b if b > 0 else far)
+    if kind == _GEOM.mjGEOM_HFIELD:
+        return _height_field(model, data)
+    if kind == _GEOM.mjGEOM_SPHERE:
+        return solids.sphere(a, tolerance=tolerance)
+    if kind == _GEOM.mjGEOM_CAPSULE:
+        return solids.capsule(a, b, tolerance=tolerance)
+    if kind == _GEOM.mjGEOM_ELLIPSOID:
+        return solids.ellipsoid((a, b, c), tolerance=tolerance)
+    if kind == _GEOM.mjGEOM_CYLINDER:
+        return solids.cylinder(a, b, tolerance=tolerance)
+    if kind == _GEOM.mjGEOM_BOX:
+        return tessellation.box((a, b, c))
+    return _compiled_mesh(model, data) if data >= 0 else None  # meshes, and signed distance fields that have one
+
+
+def _compiled_mesh(model: mujoco.MjModel, mesh: int) -> Mesh | None:
+    first_vertex, first_face = model.mesh_vertadr[mesh], model.mesh_faceadr[mesh]
+    vertices = model.mesh_vert[first_vertex : first_vertex + model.mesh_vertnum[mesh]]
+    faces = model.mesh_face[first_face : first_face + model.mesh_facenum[mesh]]
+    return (vertices.astype(np.float64), faces.astype(np.int32)) if len(faces) else None
+
+
+def _height_field(model: mujoco.MjModel, field: int) -> Mesh:
+    rows, columns, first = model.hfield_nrow[field], model.hfield_ncol[field], model.hfield_adr[field]
+    elevation = model.hfield_data[first : first + rows * columns].reshape(rows, columns)
+    return tessellation.height_field(elevation.astype(np.float64), np.array(model.hfield_size[field]))
+
+
+def object_names(model: mujoco.MjModel) -> list[str]:
+    """Names of all geoms' objects, all different."""
+    names = [model.geom(geom).name for geom in range(model.ngeom)]
+    taken, last = {name for name in names if name}, dict.fromkeys(range(model.nbody), -1)
+    for geom, body in enumerate(model.geom_bodyid.tolist()):
+        while not names[geom]:
+            last[body] += 1
+            name = (model.body(body).name or f"body_{body}") + (f"_{last[body]}" if last[body] else "")
+            if name not in taken:
+                names[geom] = name
+                taken.add(name)
+    return names
+
+
+def default_label(model: mujoco.MjModel, geom: int, name: str) -> Label:
+    """Label a geom by its shape and name: ground, or an obstacle."""
+    flat = int(model.geom_type[geom]) in (_GEOM.mjGEOM_PLANE, _GEOM.mjGEOM_HFIELD)
+    return Label.GROUND if flat or fits(name.lower(), _GROUND_NAMES) else Label.OBSTACLE
+
+
+def fits(name: str, patterns: Iterable[str]) -> bool:
+    """Tell whether a name fits one of the patterns."""
+    return any(fnmatch.fnmatchcase(name, pattern) for pattern in patterns)
+
+
+def _initial_poses(model: mujoco.MjModel) -> NDArray[np.float64]:
+    """Geoms to world as the model is at first, matrices of shape ``(ngeom, 4, 4)``."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    poses = np.zeros((model.ngeom, 4, 4))
+    poses[:, :3, :3] = data.geom_xmat.reshape(-1, 3, 3)
+    poses[:, :3, 3], poses[:, 3, 3] = data.geom_xpos, 1
+    return poses

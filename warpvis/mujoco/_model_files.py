@@ -1,0 +1,161 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Files of models, MJCF and URDF, as the parts of a scene."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import mujoco  # noqa: TID253 - the whole package is about it
+
+from warpvis.core.labels import Label
+from warpvis.errors import FileFormatError
+from warpvis.mujoco._geoms import DEFAULT_GROUPS, default_label, geom_parts, movable_bodies, object_names, shown_geoms
+from warpvis.mujoco._urdf import compile_urdf
+from warpvis.scene import FileParts, Part
+
+_INCLUDES = ("include", "model")
+_FOLDERS = ("assetdir", "meshdir", "texturedir")
+_XACRO = "{http://www.ros.org/wiki/xacro}"
+
+
+def read_model(path: Path, *, search_path: Sequence[Path] = (), strict: bool = False) -> FileParts:
+    """The geoms of a model's file, MJCF or URDF, where they are at the model's initial state.
+
+    Of MJCF, geoms of the groups 0 to 2 show, as in MuJoCo's viewer. Of URDF, the visual elements do; the collision
+    elements only if the file has no other. Names and labels are those of `scene_from_mujoco`, but that what a URDF
+    file holds is `Label.ROBOT` where it is not ground. Patterns may mean a geom by its body's name, too. Parts of
+    bodies that are not welded to the world are movable, those of one body together.
+
+    Args:
+        path: The file. Its root says which it is: ``<mujoco>`` or ``<robot>``.
+        search_path: Folders to look in for what is not where the file says: includes, meshes, height fields and
+            textures of MJCF; packages (``package://NAME/...``) and meshes of URDF. Packages are found above the file,
+            too.
+        strict: Whether what cannot be shown is an error: meshes of URDF without a file; flexes and skins.
+
+    Raises:
+        FileFormatError: The file is neither, MuJoCo does not compile it, or something cannot be shown and `strict` is
+            set.
+    """
+    root = _parse(path)
+    left_out: list[str] = []
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # MuJoCo's are of how things would move
+            model, groups, missing = _compile(path, root, search_path)
+    except ValueError as error:
+        if isinstance(error, FileFormatError):
+            raise
+        raise FileFormatError(f"{path}: MuJoCo does not compile it: {' '.join(str(error).split())}") from None
+    if missing:
+        some = ", ".join(dict.fromkeys(missing))
+        left_out.append(f"{some}, of which no file was found beside it, in packages above it, or on the search path")
+    soft = [f"{count} {what}" for count, what in ((model.nflex, "flexes"), (model.nskin, "skins")) if count]
+    left_out += [f"{' and '.join(soft)}, which have no fixed shape"] if soft else []
+    message = f"{path}: left out {'; '.join(left_out)}" if left_out else ""
+    if strict and message:
+        raise FileFormatError(message)
+    parts = _parts(model, groups, robot=root.tag == "robot")
+    return FileParts(path, parts, up="z", settled=True, warnings=(message,) if message else ())
+
+
+def _parts(model: mujoco.MjModel, groups: Sequence[int], *, robot: bool) -> list[Part]:
+    names = object_names(model)
+    labels = [default_label(model, geom, name) for geom, name in enumerate(names)]
+    if robot:
+        labels = [Label.ROBOT if label == Label.OBSTACLE else label for label in labels]
+    moves = movable_bodies(model)[model.geom_bodyid]
+    parts = geom_parts(model, shown_geoms(model, groups), names, labels)
+    # Round shapes that stay are triangles here; the scene of a MujocoScene has them move so that they are exact.
+    return [replace(part, movable=bool(moves[geom])) for geom, part in parts]
+
+
+def _parse(path: Path) -> ElementTree.Element:
+    """The root of an XML file that is MJCF or URDF.
+
+    Raises:
+        FileFormatError: It is neither.
+    """
+    try:
+        root = ElementTree.parse(path).getroot()
+    except ElementTree.ParseError as error:
+        raise FileFormatError(f"{path}:{error.position[0]}: does not read as XML: {error}") from None
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
+    if any(str(element.tag).startswith(_XACRO) for element in root.iter()):
+        raise FileFormatError(f"{path}: is a xacro file, of which xacro makes URDF first: xacro in.xacro > out.urdf")
+    if root.tag == "mujocoinclude":
+        raise FileFormatError(f"{path}: is a part that MJCF files include: give the file that includes it")
+    if root.tag not in ("mujoco", "robot"):
+        raise FileFormatError(
+            f"{path}: is XML of <{root.tag}>, and neither MJCF, which begins with <mujoco>, nor URDF, with <robot>"
+        )
+    return root
+
+
+def _compile(
+    path: Path, root: ElementTree.Element, search_path: Sequence[Path]
+) -> tuple[mujoco.MjModel, tuple[int, ...], list[str]]:
+    """The model, the groups of its geoms that show, and the meshes of which no file was found."""
+    if root.tag == "robot":
+        return compile_urdf(path, root, search_path)
+    return _compile_mjcf(path, root, search_path), DEFAULT_GROUPS, []
+
+
+def _compile_mjcf(path: Path, root: ElementTree.Element, search_path: Sequence[Path]) -> mujoco.MjModel:
+    if not search_path:
+        return mujoco.MjSpec.from_file(str(path)).compile()
+    include: dict[str, bytes] = {}
+    assets: dict[str, bytes] = {}
+    for element in _all_elements(path, root, search_path, include):
+        for key, name in element.items():
+            if element.tag not in _INCLUDES and key.startswith("file"):
+                found = _find(path, name, search_path, _folders(root))
+                if found is not None:
+                    assets[name] = found.read_bytes()
+    return mujoco.MjSpec.from_file(str(path), include=include or None, assets=assets or None).compile()
+
+
+def _all_elements(
+    path: Path, root: ElementTree.Element, search_path: Sequence[Path], include: dict[str, bytes]
+) -> Iterator[ElementTree.Element]:
+    """The elements of a file and of those that it includes; files that are elsewhere are put into `include`."""
+    pending, seen = [root], set()
+    while pending:
+        for element in pending.pop().iter():
+            yield element
+            name = element.get("file", "")
+            if element.tag in _INCLUDES and name and name not in seen:
+                seen.add(name)
+                found = _find(path, name, search_path)
+                if found is not None:
+                    include[name] = found.read_bytes()
+                beside = path.parent / name
+                if found is not None or beside.is_file():
+                    pending.append(_parse_part(found or beside))
+
+
+def _parse_part(path: Path) -> ElementTree.Element:
+    try:
+        return ElementTree.parse(path).getroot()
+    except ElementTree.ParseError as error:
+        raise FileFormatError(f"{path}:{error.position[0]}: does not read as XML: {error}") from None
+
+
+def _folders(root: ElementTree.Element) -> list[str]:
+    """Where the model says that its assets are."""
+    return ["", *(item.get(name, "") for item in root.iter("compiler") for name in _FOLDERS if item.get(name))]
+
+
+def _find(path: Path, name: str, search_path: Sequence[Path], folders: Sequence[str] = ("",)) -> Path | None:
+    """A file on the search path; None if it is where the model says, or nowhere."""
+    if any((path.parent / folder / name).is_file() for folder in folders):
+        return None
+    tails = [*(Path(folder) / name for folder in folders), Path(Path(name).name)]
+    places = [root / tail for root in search_path for tail in tails]
+    return next((place for place in places if place.is_file()), None)
