@@ -133,7 +133,12 @@ BAD = {
     "nothing moves": ("box.stl", {"movable": True}, SceneError, "nothing in it is said to move: name what"),
     "numbers": ("box.stl", {"movable": [0]}, SceneError, "movable must be true, false, or names of objects"),
     "suffix": ("box.xyzw", {}, FileFormatError, "no such file"),
-    "format": ("box.docx", {}, FileFormatError, r"box.docx: '.docx' is no format of scenes; those are Webots' wbt"),
+    "format": (
+        "box.docx",
+        {},
+        FileFormatError,
+        r"box.docx: '.docx' is no format of scenes; those are wbt, xml, urdf, and .*glb",
+    ),
 }
 
 
