@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Named scenes, used alike by the demo, the tests, the benchmarks and the pictures. Installed as ``warpvis.scenes``."""
+"""Name scenes that demo, tests, benchmarks and pictures use alike. The package installs as ``warpvis.scenes``."""
 
 from warpvis.scenes.benchmark import BENCHMARK_SCENES
 from warpvis.scenes.experiments import EXPERIMENTS, Experiment

@@ -119,7 +119,15 @@ def _mujoco(folder):
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     warp_data = mujoco_warp.put_data(model, data, nworld=16)
-    return {"model": model, "data": data, "warp_data": warp_data, "qpos": np.tile(data.qpos, (16, 1))}
+    return {
+        "model": model,
+        "data": data,
+        "warp_data": warp_data,
+        "qpos": np.tile(data.qpos, (16, 1)),
+        "cup": trimesh.creation.cylinder(0.04, 0.1),
+        "camera": wv.Camera.kinect(),
+        "camera_to_world": _poses(1),
+    }
 
 
 def _webots(folder):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's four experiments, end to end, and what the person sees in each: what ``warpvis demo`` runs."""
+"""Run the paper's four experiments, end to end, with what the person sees in each: ``warpvis demo``."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The exceptions of warpvis: each message is one sentence that says what was given and what is wanted."""
+"""Define the exceptions of warpvis. Each message is one sentence that says what was given and what is wanted."""
 
 
 class WarpvisError(ValueError):

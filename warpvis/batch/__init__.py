@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""From poses to a dataset on disk, in shards, safe to interrupt: see `warpvis.render_batch`.
+"""Render poses to a dataset on disk, in shards, safe to interrupt: `warpvis.render_batch`.
 
 A dataset is a folder, or an fsspec URL::
 
@@ -10,9 +10,9 @@ A dataset is a folder, or an fsspec URL::
     shards/000012.json   the record of a shard, with bytes and CRC-32 of its files; written after them
     index.json           the record of what covers the whole dataset; its presence means that it is complete
 
-`job` says what is to be made, `formats` what a format must do; `writer` renders and writes shards in one process,
-`local` and `cluster` do so in one or many, `dataset`, `records` and `stores` keep the folder, `manifest` and `identity`
-tell whether a job may go on with it, `verify` whether it is sound.
+`_job` says what is to be made, `formats` lays out files. `_writer` renders and writes shards in one process, `engines`
+do so in one or many. `_dataset`, `_records` and `storage` keep the folder. `_manifest` and `_identity` tell whether a
+job may go on with it, `_verify` whether it is sound.
 """
 
 from __future__ import annotations

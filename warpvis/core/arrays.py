@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Arrays in and out: anything with ``__dlpack__`` or ``__array__`` goes in, `wp.array` comes out."""
+"""Check arrays: anything with ``__dlpack__`` or ``__array__`` goes in, `wp.array` comes out."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _KINDS = {wp.float32: "fiu", wp.int32: "iu", wp.uint8: "iu"}
 
 
 def get_device(device: Any) -> wp.Device:
-    """The Warp device of that name.
+    """Return the Warp device of that name.
 
     Raises:
         ArrayError: The machine has no such device.
@@ -38,7 +38,7 @@ def get_device(device: Any) -> wp.Device:
 
 
 def as_warp(value: Any, dtype: Any, shape: Shape, *, name: str, device: wp.Device) -> wp.array:
-    """`value` as a Warp array on `device`, without a copy where memory can be shared.
+    """Return `value` as a Warp array on `device`, without a copy where memory can be shared.
 
     Args:
         value: Any array: Warp's, NumPy's, a PyTorch or JAX tensor, nested lists.
@@ -73,7 +73,7 @@ def as_warp(value: Any, dtype: Any, shape: Shape, *, name: str, device: wp.Devic
 
 
 def as_points(points: Any, name: str, count: str, device: wp.Device) -> wp.array:
-    """Points as vec3 on a device; those that came from the host are finite.
+    """Return points as vec3 on a device, and check that those of the host are finite.
 
     Raises:
         ArrayError: They are not what they have to be.
@@ -89,7 +89,7 @@ def as_points(points: Any, name: str, count: str, device: wp.Device) -> wp.array
 
 
 def as_numpy(value: Any, *, name: str) -> np.ndarray:
-    """`value` as a NumPy array, shared where possible.
+    """Return `value` as a NumPy array that shares its memory where possible.
 
     Raises:
         ArrayError: It is not an array of numbers.
@@ -112,7 +112,7 @@ def check_shape(got: tuple[int, ...], wanted: Shape, *, name: str) -> None:
 
 
 def empty(shape: tuple[int, ...], dtype: Any, *, name: str, device: wp.Device) -> wp.array:
-    """A new array, or a sentence that says how much memory there would have to be."""
+    """Allocate an array; if there is no memory, say how much there would have to be."""
     try:
         return aligned_empty(shape, dtype) if device.is_cpu else wp.empty(shape, dtype=dtype, device=device)
     except (MemoryError, RuntimeError, ValueError) as error:
@@ -124,7 +124,7 @@ def empty(shape: tuple[int, ...], dtype: Any, *, name: str, device: wp.Device) -
 
 
 def aligned_empty(shape: tuple[int, ...], dtype: Any) -> wp.array:
-    """CPU memory that begins at a cache line, of large pages where it is large: NumPy asks the system for them."""
+    """Allocate CPU memory that begins at a cache line. NumPy asks the system for large pages where it is large."""
     components = getattr(dtype, "_shape_", ())
     scalar = np.dtype(wp.dtype_to_numpy(getattr(dtype, "_wp_scalar_type_", dtype)))
     size = math.prod((*shape, *components)) * scalar.itemsize
@@ -135,7 +135,7 @@ def aligned_empty(shape: tuple[int, ...], dtype: Any) -> wp.array:
 
 
 def check_out(out: Any, dtype: Any, shape: tuple[int, ...], *, name: str, device: wp.Device) -> wp.array:
-    """`out` itself, if kernels can write to it.
+    """Return `out` itself if kernels can write to it.
 
     Raises:
         ArrayError: It is not a Warp array of this dtype, shape and device.
@@ -146,7 +146,7 @@ def check_out(out: Any, dtype: Any, shape: tuple[int, ...], *, name: str, device
 
 
 def as_point(value: ArrayLike, name: str, error: type[WarpvisError] = ArrayError) -> NDArray[np.float64]:
-    """One point, shape ``(3,)``.
+    """Return one point as float64, shape ``(3,)``.
 
     Raises:
         WarpvisError: It is none; of the class `error`.
@@ -158,7 +158,7 @@ def as_point(value: ArrayLike, name: str, error: type[WarpvisError] = ArrayError
 
 
 def check_metres(value: Any, name: str, *, signed: bool = False, zero: bool = True, infinite: bool = False) -> float:
-    """`value` as a number of metres.
+    """Return `value` as a number of metres.
 
     Raises:
         ArrayError: It is not a number, or it is negative, zero or infinite where that is not allowed.
@@ -171,7 +171,7 @@ def check_metres(value: Any, name: str, *, signed: bool = False, zero: bool = Tr
 
 
 def format_shape(shape: Shape, dtype: Any = None) -> str:
-    """The shape as messages show it, with the components of a vector dtype."""
+    """Write a shape as messages show it, with the components of a vector dtype."""
     sizes = (*shape, *getattr(dtype, "_shape_", ()))
     return "(" + ", ".join(str(size) for size in sizes) + ("," if len(sizes) == 1 else "") + ")"
 
@@ -200,7 +200,7 @@ def _fits(host: np.ndarray, target: np.dtype) -> bool:
 
 
 def surely_finite(numbers: np.ndarray) -> bool:
-    """Whether all numbers of a contiguous float array are known to be finite, from their sum of squares.
+    """Tell whether all numbers of a contiguous float array are known to be finite, from their sum of squares.
 
     That takes a tenth of the time of looking at each. False says nothing: squares of large numbers overflow.
     """
@@ -210,7 +210,7 @@ def surely_finite(numbers: np.ndarray) -> bool:
 
 
 def on_gpu(value: Any) -> bool:
-    """Whether an array of whatever library lies on a GPU."""
+    """Tell whether an array of whatever library lies on a GPU."""
     if isinstance(value, wp.array):
         return not value.device.is_cpu
     return hasattr(value, "__cuda_array_interface__") or (

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pinhole cameras: intrinsics, image size and depth range."""
+"""Describe pinhole cameras: intrinsics, image size and depth range."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Camera:
         far: float = math.inf,
         vertical: Literal["square", "linear"] = "square",
     ) -> Camera:
-        """Camera with its principal point in the image's centre.
+        """Make a camera with its principal point in the image's centre.
 
         Args:
             width: Image width [px].
@@ -103,7 +103,7 @@ class Camera:
     def from_mujoco(
         cls, model: Any, camera: int | str = -1, width: int | None = None, height: int | None = None
     ) -> Camera:
-        """A MuJoCo model's camera; see `warpvis.mujoco.camera_from_mujoco`.
+        """Make a camera of a MuJoCo model's; see `warpvis.mujoco.camera_from_mujoco`.
 
         Args:
             model: A `mujoco.MjModel`.
@@ -129,7 +129,7 @@ class Camera:
         near: float = 0.0,
         far: float = math.inf,
     ) -> Camera:
-        """Camera from an intrinsic matrix.
+        """Make a camera from an intrinsic matrix.
 
         Args:
             K: Intrinsics ``[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`` [px], shape ``(3, 3)``.
@@ -162,11 +162,11 @@ class Camera:
 
     @classmethod
     def kinect(cls, *, vertical: Literal["square", "linear"] = "square") -> Camera:
-        """The paper's camera: a Kinect, 320x240, ``ax`` = 0.994837 rad (57 degrees), 0.3 to 4.5 m."""
+        """Make the paper's camera: a Kinect, 320x240, ``ax`` = 0.994837 rad (57 degrees), 0.3 to 4.5 m."""
         return cls.from_fov(320, 240, hfov=0.994837, near=0.3, far=4.5, vertical=vertical)
 
     def to_K(self, *, pixel_center: float = 0.5) -> NDArray[np.float64]:  # noqa: N802
-        """Intrinsic matrix, shape ``(3, 3)`` [px], for a convention of pixel centres (0.0: OpenCV, ROS, BOP)."""
+        """Return the intrinsic matrix [px], shape ``(3, 3)``; `pixel_center` is 0.0 for OpenCV, ROS and BOP."""
         import numpy as np
 
         shift = _check_pixel_center(pixel_center) - 0.5
@@ -183,7 +183,7 @@ class Camera:
         return math.atan2(self.cy, self.fy) + math.atan2(self.height - self.cy, self.fy)
 
     def project(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Image coordinates of camera-frame points.
+        """Project camera-frame points to image coordinates.
 
         Args:
             points: Points in the camera frame [m], shape ``(..., 3)``.
@@ -200,7 +200,7 @@ class Camera:
         return np.stack([self.fx * points[..., 0] / z + self.cx, self.fy * points[..., 1] / z + self.cy], axis=-1)
 
     def back_project(self, pixels: ArrayLike, depth: ArrayLike) -> NDArray[np.float64]:
-        """Camera-frame points of image coordinates and their depth, equations (3) to (5).
+        """Turn image coordinates and their depth into camera-frame points, equations (3) to (5).
 
         Args:
             pixels: Coordinates ``(x, y)`` [px], shape ``(..., 2)``; a pixel's centre is its index + 0.5.
@@ -220,7 +220,7 @@ class Camera:
         return np.stack(np.broadcast_arrays(x, y, z), axis=-1)
 
     def device_struct(self) -> Any:
-        """The camera as the kernels take it (a `warpvis.kernels.pinhole.PinholeCamera`)."""
+        """Return the camera as kernels take it, a `warpvis.kernels.pinhole.PinholeCamera`."""
         from warpvis.kernels.pinhole import PinholeCamera
 
         camera = PinholeCamera()
@@ -231,7 +231,7 @@ class Camera:
 
 
 def require_camera(camera: Any) -> Camera:
-    """`camera` itself; a `CameraError` if it is none."""
+    """Return `camera` itself; raise `CameraError` if it is none."""
     if not isinstance(camera, Camera):
         raise CameraError(f"camera must be a warpvis.Camera, got {type(camera).__name__}")
     return camera

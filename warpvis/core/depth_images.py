@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth and label images that callers bring, checked and put on a device."""
+"""Check depth and label images that callers bring, and put them on a device."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from warpvis.errors import ArrayError
 
 
 def read_depth(depth: Any, camera: Camera, device: Any) -> wp.array:
-    """Depth images that a camera took, shape ``(V, H, W)``, on a device; by default where they are.
+    """Return depth images that a camera took, shape ``(V, H, W)``, on a device; by default where they are.
 
     Raises:
         WarpvisError: They, the camera or the device are not what they have to be.
@@ -34,7 +34,7 @@ def read_depth(depth: Any, camera: Camera, device: Any) -> wp.array:
 
 
 def read_labels(labels: Any, shape: tuple[int, ...], device: wp.Device) -> wp.array:
-    """Images of `Label` values, uint8, on a device; those that came from the host hold no other values.
+    """Return images of `Label` values, uint8, on a device; those of the host are checked to hold no other values.
 
     Args:
         labels: The images; one of shape ``(H, W)`` where a single view is wanted.

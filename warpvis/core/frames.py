@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Frames: what is to be rendered, one camera pose in one world each."""
+"""Hold frames: what is to be rendered, one camera pose in one world each."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LEAST_LENGTH = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """V frames. Everything is NumPy, on the host; `from_poses` checks what it is given."""
+    """V frames, each a camera pose in a world, as NumPy arrays; `from_poses` checks what it is given."""
 
     camera_to_world: NDArray[np.float64]
     """Rows ``x y z qx qy qz qw`` [m] of the OpenCV camera frame, unit quaternions, shape ``(V, 7)``."""
@@ -44,7 +44,7 @@ class Frames:
         return len(self.camera_to_world)
 
     def __getitem__(self, part: slice) -> Frames:
-        """The frames of a slice; worlds are cut along where each frame has its own.
+        """Return the frames of a slice; worlds are cut along where each frame has its own.
 
         Raises:
             ArrayError: `part` is not a slice.
@@ -68,7 +68,7 @@ class Frames:
         world_index: Any = None,
         source: Mapping[str, Any] | None = None,
     ) -> Frames:
-        """Frames of poses, which are checked; quaternions of cameras are normalised.
+        """Make frames of poses, check them, and normalise the cameras' quaternions.
 
         Args:
             poses: Camera-to-world poses: rows ``x y z qx qy qz qw`` [m], shape ``(V, 7)``, or matrices, shape

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The classes of a pixel or a point."""
+"""Name the classes of a pixel and of a point."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Label(enum.IntEnum):
 
     @classmethod
     def parse(cls, value: Label | int | str) -> Label:
-        """Label from itself, its number or its name in any case.
+        """Return a label from itself, its number or its name in any case.
 
         Raises:
             SceneError: There is no such label.
@@ -72,7 +72,7 @@ class LabelPatterns:
         self._unused = set(self._patterns)
 
     def label(self, name: str, own: Label | int | str, aliases: Iterable[str] = ()) -> Label | int | str:
-        """What the last pattern says that fits an object's name or an alias; its own label if none does."""
+        """Return what the last pattern says that fits an object's name or an alias; its own label if none does."""
         label, names = own, (name, *aliases)
         for pattern, given in self._patterns.items():
             if any(fnmatch.fnmatchcase(one, pattern) for one in names):
@@ -81,7 +81,7 @@ class LabelPatterns:
         return label
 
     def require_used(self, names: Iterable[str], path: object) -> None:
-        """A `SceneError` if a pattern fits none of a file's objects."""
+        """Raise `SceneError` if a pattern fits none of a file's objects."""
         if self._unused:
             some = ", ".join(map(repr, list(names)[:10]))
             wrong = ", ".join(map(repr, sorted(self._unused)))

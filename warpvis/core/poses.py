@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Camera poses: camera to world, as ``x y z qx qy qz qw`` rows or 4x4 matrices, in three conventions of axes."""
+"""Read camera poses: camera to world, rows ``x y z qx qy qz qw`` or 4x4 matrices, in several conventions of axes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _LEAST_LENGTH = 1e-6
 def parse_poses(
     poses: Any, *, convention: Convention = "opencv", device: Any = "cpu", name: str = "camera_to_world"
 ) -> wp.array:
-    """Poses as the casters take them.
+    """Return poses as casters take them.
 
     Poses of the host are checked one by one. Poses already on a GPU stay there and are not read back: only their
     shape, dtype and device are checked.
@@ -65,7 +65,7 @@ def parse_poses(
 
 
 def host_poses(poses: Any, *, convention: Convention = "opencv", name: str = "camera_to_world") -> NDArray[np.float32]:
-    """Poses for a caster on the CPU: what `parse_poses` gives, as rows ``(V, 7)``, at the least cost.
+    """Return poses for a caster on the CPU: what `parse_poses` gives, as rows ``(V, 7)``, at the least cost.
 
     Rows that are well, as they mostly are, pass after two looks. They are not normalised: casters do that themselves.
     """
@@ -81,7 +81,7 @@ def host_poses(poses: Any, *, convention: Convention = "opencv", name: str = "ca
 
 
 def poses_to_opencv(poses: ArrayLike, convention: Convention = "opencv", *, name: str = "poses") -> NDArray[np.float64]:
-    """Poses of the host as checked, normalised rows of the OpenCV camera frame, shape ``(V, 7)``."""
+    """Turn poses of the host into checked, normalised rows of the OpenCV camera frame, shape ``(V, 7)``."""
     array = as_numpy(poses, name=name).astype(np.float64)
     if array.shape in ((7,), (4, 4)):
         array = array[None]
@@ -99,7 +99,7 @@ def poses_to_opencv(poses: ArrayLike, convention: Convention = "opencv", *, name
 
 
 def poses_to_matrices(poses: ArrayLike) -> NDArray[np.float64]:
-    """Rows ``x y z qx qy qz qw``, shape ``(..., 7)``, as matrices, shape ``(..., 4, 4)``."""
+    """Turn rows ``x y z qx qy qz qw``, shape ``(..., 7)``, into matrices, shape ``(..., 4, 4)``."""
     rows = np.asarray(poses, dtype=np.float64)
     x, y, z, w = np.moveaxis(rows[..., 3:] / np.linalg.norm(rows[..., 3:], axis=-1, keepdims=True), -1, 0)
     matrices = np.zeros((*rows.shape[:-1], 4, 4))
@@ -112,7 +112,7 @@ def poses_to_matrices(poses: ArrayLike) -> NDArray[np.float64]:
 
 
 def look_at(eye: ArrayLike, target: ArrayLike, *, up: str | ArrayLike = "z") -> NDArray[np.float64]:
-    """Pose of an OpenCV camera at `eye` that looks at `target`.
+    """Return the pose of an OpenCV camera at `eye` that looks at `target`.
 
     Args:
         eye: Camera position in the world [m], shape ``(3,)``.
@@ -141,14 +141,14 @@ def look_at(eye: ArrayLike, target: ArrayLike, *, up: str | ArrayLike = "z") -> 
 
 
 def check_up(up: str) -> int:
-    """Index of the world's vertical axis."""
+    """Return the index of the world's vertical axis."""
     if up not in ("z", "y"):
         raise PoseError(f'up must be "z" or "y", got {up!r}')
     return "xyz".index(up)
 
 
 def quaternion_product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Hamilton products ``a b`` of ``x y z w`` quaternions, shapes ``(..., 4)``: first `b` rotates, then `a`."""
+    """Multiply ``x y z w`` quaternions, shapes ``(..., 4)``: Hamilton's ``a b``, first `b` rotates, then `a`."""
     ax, ay, az, aw = np.moveaxis(a, -1, 0)
     bx, by, bz, bw = np.moveaxis(b, -1, 0)
     return np.stack(

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""CPU work over all cores: Warp runs a CPU kernel on the calling thread, so each thread launches its own views."""
+"""Spread CPU work over all cores: Warp runs a kernel on the calling thread, so each thread launches its own views."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _load_lock = Lock()
 
 
 def core_count() -> int:
-    """Cores this process may run on."""
+    """Return how many cores this process may run on."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -155,7 +155,7 @@ def _begun(futures: list[Future[None]]) -> list[Future[None]]:
 
 
 def check_threads(threads: int | None) -> int:
-    """The number of threads to use; all cores for None."""
+    """Return the number of threads to use; all cores for None."""
     if threads is None:
         return core_count()
     if isinstance(threads, bool) or int(threads) != threads or threads < 1:

@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Files in and out: meshes, cameras, points, poses, depth images."""
+"""Read and write files: meshes, cameras, points, poses and depth images, one module a format.
+
+`wv.Scene.load` and `wv.read_frames` choose the reader by the file's name.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth becomes labels and maps: classified pixels, floor maps, voxels."""
+"""Turn depth images into labels and maps: classified pixels, floor maps and voxels.
+
+They take measured images and rendered ones alike. `plan_visibility` says what a 2D floor plan would have said instead.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where to stand and look: best views, what views cover, free space, heights, proposals."""
+"""Find where to stand and look: best views, what views cover, free space, heights, and proposals for a robot."""
 
 from __future__ import annotations
 

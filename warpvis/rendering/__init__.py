@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Poses become images: depth, points, normals, labels and segmentation, by two casters on CPU and CUDA."""
+"""Turn poses into images: depth, points, normals, labels and segmentation, by two casters on CPU and CUDA.
+
+`packets` is the fast caster, `rays` the reference. `render_wide` makes cylindrical and spherical images.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is there: objects, instances and solids in the world, worlds of them, and the trees that casters walk."""
+"""Hold what is there: objects and solids, the worlds in which they move, and the trees that casters walk."""
 
 from __future__ import annotations
 

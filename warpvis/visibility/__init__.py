@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Who sees which points and objects of the world, how much of them, and why not the rest."""
+"""Say who sees which points and objects of the world, how much of them, and why not the rest."""
 
 from __future__ import annotations
 

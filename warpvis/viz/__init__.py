@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures: a depth image in metres, a floor map with its legend, a scene from outside, who sees what at a glance."""
+"""Draw pictures: a depth image in metres, a floor map with its legend, a scene from outside, who sees what."""
 
 from __future__ import annotations
 

@@ -1,3 +1,3 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""PROTO files, and expanders of the well-known ones."""
+"""Find and expand PROTO nodes: from their files, through their templates, and the well-known ones without a file."""
