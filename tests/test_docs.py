@@ -3,6 +3,7 @@
 """What the documentation says is true: its code runs, its links, files, names and commands are there."""
 
 import importlib
+import inspect
 import re
 import shlex
 import subprocess
@@ -151,6 +152,27 @@ def test_old_names_are_gone():
         with pytest.raises((AttributeError, ImportError)):
             find(old.replace("wv", "warpvis", 1))
         assert not any(re.search(rf"\b{re.escape(old)}\b", word) for word in words), old
+
+
+def test_old_options_are_gone():
+    """The changelog's table of options: functions have the new ones, and the old ones no more."""
+    table = re.search(r"\| option \| is called \| of \|\n\|[-| ]+\|\n(.*?)\n\n", CHANGES.read_text(), re.DOTALL)[1]
+    rows = [re.findall(r"`([\w.]+)`", line) for line in table.splitlines()]
+    assert len(rows) > 5
+    for old, new, *functions in rows:
+        for function in functions:
+            thing = find(f"warpvis.{function}")
+            parameters = inspect.signature(thing).parameters
+            assert new in parameters and old not in parameters, f"{function}: {', '.join(parameters)}"
+
+
+def test_benchmarks_find_their_place(monkeypatch):
+    """The page of figures has the marks that `make bench` and bench/gpu.py write between."""
+    monkeypatch.syspath_prepend(ROOT / "bench")
+    marked = importlib.import_module("marked")
+    for name in ("bench", "gpu"):
+        head, tail = marked.split_marked(ROOT / "docs" / "figures.md", name)
+        assert head.startswith("# Figures") and tail.strip()
 
 
 def test_make_targets_are_there():
