@@ -15,7 +15,7 @@ from warpvis import scenes
 from warpvis.visibility import Agent, FieldOfView, State, perspective
 from warpvis.viz import save_perspective, save_sightings
 from warpvis.viz._agent_views import agent_view, views_of_faces
-from warpvis.viz._drawing import save_figure
+from warpvis.viz._figures import save_figure
 from warpvis.viz._perspective import _floor_map, draw_perspective
 from warpvis.viz._sightings import STATUS_COLORS
 from warpvis.viz._states import STATE_COLORS, Shown
@@ -156,7 +156,8 @@ def test_maps_show_what_each_agent_sees(case):
     shown = Shown.of(scene, agents, seen, 0, ["object"], None)
     sees = {agents[0]: state in (State.FIRST, State.BOTH), agents[1]: state in (State.SECOND, State.BOTH)}
     for agent, its in sees.items():
-        floor_map, rgb = _floor_map(shown, agent)
+        floor_map = _floor_map(shown, agent)
+        rgb = floor_map.colors
         ball = np.abs(rgb * 255 - STATE_COLORS[state]).max(axis=2) < 0.5
         assert ball.any() == its
         grey = (rgb == rgb[..., :1]).all(axis=2)
@@ -176,11 +177,11 @@ def test_maps_have_no_gap_between_faces():
     human = Agent.human("human", wv.look_at((0, 0, 1.6), (2, 0, 1.0)), resolution=60)
     robot = Agent.kinect("robot", wv.look_at((2, 0, 0.7), (0, 0, 0)))
     shown = Shown.of(scene, (robot, human), perspective(scene, (robot, human)), 0, None, None)
-    floor_map, rgb = _floor_map(shown, human)
+    floor_map = _floor_map(shown, human)
     radii, angles = np.meshgrid(np.linspace(0.8, 2.5, 60), np.radians(np.linspace(-60, 60, 400)))
     columns = ((radii * np.cos(angles) - floor_map.bounds[0]) / floor_map.cell_size).astype(int)
     rows = ((radii * np.sin(angles) - floor_map.bounds[2]) / floor_map.cell_size).astype(int)
-    assert (rgb[rows, columns] > 0.5).all()
+    assert (floor_map.colors[rows, columns] > 0.5).all()
 
 
 def test_faces_for_maps_are_those_of_the_agent():
@@ -265,7 +266,7 @@ def test_situations_and_movable_objects():
         shown = Shown.of(scene, (robot, human), seen, view, ["object"], worlds[view])
         assert shown.states == {2: state}
         for agent, its in zip((robot, human), (view == 0, view == 1), strict=True):
-            _, rgb = _floor_map(shown, agent)
+            rgb = _floor_map(shown, agent).colors
             assert (np.abs(rgb * 255 - STATE_COLORS[state]).max(axis=2) < 0.5).any() == its
         ball = agent_view(scene, (robot, human)[view], view, object_poses=worlds[view]).objects == 2
         assert ball.sum() > 100
@@ -286,11 +287,11 @@ def test_y_up():
     )
     seen, other = perspective(scene, agents), perspective(turned, others)
     for agent, its_other in zip(agents, others, strict=True):
-        floor_map, rgb = _floor_map(Shown.of(scene, agents, seen, 0, ["object"], None), agent)
-        other_map, other_rgb = _floor_map(Shown.of(turned, others, other, 0, ["object"], None), its_other)
+        floor_map = _floor_map(Shown.of(scene, agents, seen, 0, ["object"], None), agent)
+        other_map = _floor_map(Shown.of(turned, others, other, 0, ["object"], None), its_other)
         assert other_map.axes == ("z", "x")
         np.testing.assert_allclose(other_map.bounds, floor_map.bounds, atol=1e-6)
-        assert (np.abs(rgb - other_rgb).max(axis=2) < 1e-6).mean() > 0.998
+        assert (np.abs(floor_map.colors - other_map.colors).max(axis=2) < 1e-6).mean() > 0.998
     names = [text.get_text() for text in draw_perspective(turned, others, other, **DEFAULTS).axes[0].texts]
     assert {"robot", "human"} <= set(names)
 

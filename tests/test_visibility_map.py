@@ -2,12 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """The floor map against its twin, and what its cells have to mean."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
+from PIL import Image
 
 import warpvis as wv
 from warpvis import Label, scenes
+from warpvis.maps import MAP_LEGEND
 from warpvis.scenes.experiments import ROBOT_AT, ROBOT_RADIUS
+from warpvis.viz import save_map
 
 import reference
 
@@ -105,3 +111,41 @@ def test_worlds_with_y_up():
     assert floor_map.axes == ("z", "x")
     assert floor_map.cells.shape == (1, 4, 2)
     assert floor_map.cells.numpy()[0, 3, 1] == Label.GROUND
+
+
+def test_a_saved_map_has_the_colours_of_its_legend(tmp_path):
+    """Row 0 is at the bottom of the picture, and every cell has its value's colour."""
+    cells = np.array([[0, 7], [3, 3], [7, 0]], dtype=np.uint8)
+    legend = {0: ("nothing", (10, 20, 30)), 3: ("three", (250, 0, 0)), 7: ("seven", (0, 0, 250))}
+    save_map(cells, tmp_path / "map.png", bounds=(0, 2, 0, 3), legend=legend, axes=("z", "x"))
+    pixels = np.asarray(Image.open(tmp_path / "map.png").convert("RGB"))
+    red = (pixels == (250, 0, 0)).all(axis=2)
+    rows = np.flatnonzero(red.sum(axis=1) > 100)  # the middle row of cells, and not its patch in the legend
+    columns = np.flatnonzero(red[rows[0]])
+    side = len(rows)
+    assert side == pytest.approx(len(columns) / 2, abs=2) and side > 50
+    left, right = columns[0] + side // 2, columns[-1] - side // 2
+    above, below = rows[0] - side // 2, rows[-1] + side // 2
+    colors = [tuple(pixels[row, column].tolist()) for row in (above, below) for column in (left, right)]
+    assert colors == [(0, 0, 250), (10, 20, 30), (10, 20, 30), (0, 0, 250)]
+
+
+def test_a_map_has_values_of_its_legend(tmp_path):
+    with pytest.raises(wv.WarpvisError, match="cells must have values of the legend, got 9"):
+        save_map([[0, 9]], tmp_path / "map.png", bounds=(0, 2, 0, 1), legend=MAP_LEGEND)
+    with pytest.raises(wv.WarpvisError, match=r"cells must have shape \(rows, columns\), got \(1, 1, 2\)"):
+        save_map([[[0, 1]]], tmp_path / "map.png", bounds=(0, 2, 0, 1), legend=MAP_LEGEND)
+
+
+def test_saving_a_map_needs_no_planning_and_no_visibility(tmp_path):
+    code = f"""
+import sys
+import numpy as np, warpvis as wv
+points = np.array([[[(0.1, 0.1, 0)]]], dtype=np.float32)
+wv.floor_map(points, np.ones((1, 1, 1), np.uint8), bounds=[[0, 0], [1, 1]]).save({str(tmp_path / "map.png")!r})
+above = ("warpvis.planning", "warpvis.visibility")
+found = [name for name in sys.modules if name.startswith(above)]
+assert not found, found
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
+    assert (tmp_path / "map.png").is_file()

@@ -4,7 +4,50 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Protocol
+
 import warp as wp
+from numpy.typing import ArrayLike
 
 DeviceLike = wp.Device | str | None
 """A device or its name: ``"cpu"``, ``"cuda:0"``, ...; None for Warp's current one."""
+
+
+class SupportsDLPack(Protocol):
+    """An array of any library, on any device, that says where its memory is."""
+
+    def __dlpack__(self, *, stream: int | None = None) -> object:
+        """Hand over the memory."""
+
+    def __dlpack_device__(self) -> tuple[int, int]:
+        """Say where it is."""
+
+
+ArrayInput = ArrayLike | SupportsDLPack | wp.array
+"""An array of Warp, NumPy, PyTorch, JAX, ..., or nested lists of numbers."""
+
+PoseLike = ArrayInput
+"""Rows ``x y z qx qy qz qw``, ``(V, 7)`` or ``(7,)``; matrices, ``(V, 4, 4)`` or ``(4, 4)``; transforms of Warp."""
+
+ObjectPoses = ArrayInput | None
+"""Rows ``x y z qx qy qz qw`` of the movable objects, ``(W, M, 7)`` or ``(M, 7)``; None for where they were added."""
+
+Excluded = str | Sequence[str | int] | ArrayInput | None
+"""Names or indices of objects, or flags of shape ``(V, objects)``."""
+
+
+class HasMesh(Protocol):
+    """A triangle mesh, such as a `trimesh.Trimesh`."""
+
+    @property
+    def vertices(self) -> ArrayLike:
+        """Corners [m], shape ``(n, 3)``."""
+
+    @property
+    def faces(self) -> ArrayLike:
+        """Corner indices of the triangles, shape ``(m, 3)``."""
+
+
+MeshLike = HasMesh | tuple[ArrayLike, ArrayLike]
+"""A mesh, or the pair of its vertices and faces."""

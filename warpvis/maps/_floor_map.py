@@ -70,10 +70,16 @@ class FloorMap:
         return count * self.cell_size**2
 
     def save(self, path: str | os.PathLike[str], *, view: int = 0) -> None:
-        """Write one view's map as a picture with axes and a legend."""
+        """Write one view's map as a picture with axes and a legend.
+
+        Raises:
+            WarpvisError: There is no such view, or the picture cannot be written.
+        """
         from warpvis.viz import save_map
 
-        save_map(self, path, view=view)
+        if view not in range(len(self.cells)):
+            raise ArrayError(f"view must be one of the map's {len(self.cells)}, counted from 0, got {view!r}")
+        save_map(self.cells.numpy()[view], path, bounds=self.bounds, legend=self.legend, axes=self.axes)
 
 
 def floor_map(

@@ -2,17 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Draw pictures: a depth image in metres, a floor map with its legend, a scene from outside, who sees what."""
 
-from __future__ import annotations
+import lazy_loader
 
-from warpvis.viz._overview import save_depth, save_map, save_overview, view_from_outside
-from warpvis.viz._perspective import save_perspective
-from warpvis.viz._sightings import save_sightings
-
-__all__ = [
-    "save_depth",
-    "save_map",
-    "save_overview",
-    "save_perspective",
-    "save_sightings",
-    "view_from_outside",
-]
+# `FloorMap.save` comes here from below: who draws a map needs no planning and no visibility.
+# `__init__.pyi` beside this file is the table of names.
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

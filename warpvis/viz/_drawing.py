@@ -1,13 +1,11 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What pictures have in common: figures, shaded scenes, lines in space, floor maps. `warpvis.viz` is public."""
+"""What pictures have in common: shaded scenes, lines in space, agents' names. `warpvis.viz` is public."""
 
 from __future__ import annotations
 
-import os
 import textwrap
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,16 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.camera import Camera
 from warpvis.core.poses import poses_to_matrices, poses_to_opencv
-from warpvis.errors import ArrayError, FileFormatError
-from warpvis.maps import FloorMap
 from warpvis.rendering import Output, render
 from warpvis.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
-_DPI = 130
 _BACKGROUND = np.array([1.0, 1.0, 1.0])
 # Along the floor's two axes and up.
 _LIGHT = (-0.45, -0.35, 0.82)
@@ -36,30 +30,6 @@ OUTSIDE_CAMERA = Camera.from_fov(640, 480, hfov=0.88)
 """The camera that pictures from outside are taken with."""
 
 Colors = Callable[[NDArray[np.float32], NDArray[np.int32], NDArray[np.uint8]], NDArray[np.float64]]
-
-
-def new_figure(width: float, height: float, *, gap: float = 0.04167) -> Figure:
-    """A figure of that size [inches] with gaps between its panels [inches, matplotlib's by default]."""
-    # Not pyplot: that keeps figures, and picks a screen, for the whole process.
-    from matplotlib.figure import Figure
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
-
-    return Figure(figsize=(width, height), dpi=_DPI, layout=ConstrainedLayoutEngine(w_pad=gap, h_pad=gap))
-
-
-def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
-    """Write a figure.
-
-    Raises:
-        FileFormatError: It cannot be written there, or not in that format.
-    """
-    path = Path(path)
-    try:
-        figure.savefig(path)
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from None
-    except ValueError as error:  # matplotlib: "Format 'xyz' is not supported (supported formats: ...)"
-        raise FileFormatError(f"{path}: {error}") from None
 
 
 def light_on(normals: NDArray[np.floating], up: str) -> NDArray[np.float64]:
@@ -125,16 +95,6 @@ def draw_lines(
     for line in lines:
         points = to_picture(camera, camera_to_world, line)
         axes.plot(*points.T, color="#222222", linewidth=0.8, linestyle=linestyle)
-
-
-def draw_map(axes: Axes, floor_map: FloorMap, view: int, title: str, *, rgb: NDArray[Any] | None = None) -> None:
-    """Draw one view's map, in its own colours or in those given, ``(rows, columns, 3)``."""
-    if view not in range(len(floor_map.cells)):
-        raise ArrayError(f"view must be one of the map's {len(floor_map.cells)}, counted from 0, got {view!r}")
-    colors = floor_map.rgb()[view] if rgb is None else rgb
-    axes.imshow(colors, origin="lower", extent=floor_map.bounds, interpolation="nearest")
-    first, second = floor_map.axes
-    axes.set(title=title, xlabel=f"{first} [m]", ylabel=f"{second} [m]")
 
 
 def draw_arrow(axes: Axes, start: ArrayLike, end: ArrayLike, linestyle: str = "-") -> None:

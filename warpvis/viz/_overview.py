@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A depth image in metres, a floor map with its legend, a scene from outside, and all three beside each other."""
+"""A depth image in metres, a scene from outside, and both beside a floor map."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,20 +15,21 @@ from warpvis.core.arrays import as_numpy, check_shape
 from warpvis.core.camera import Camera
 from warpvis.core.labels import Label
 from warpvis.core.poses import look_at, poses_to_matrices, poses_to_opencv
+from warpvis.core.types import ArrayInput
 from warpvis.maps import MAP_LEGEND, FloorMap
 from warpvis.rendering import Views
 from warpvis.scene import Scene
-from warpvis.viz._drawing import OUTSIDE_CAMERA, draw_lines, draw_map, frustum, new_figure, save_figure, shaded_picture
+from warpvis.viz._drawing import OUTSIDE_CAMERA, draw_lines, frustum, shaded_picture
+from warpvis.viz._figures import draw_legend, draw_map, new_figure, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _UNSEEN_TINT = np.array([0.60, 0.62, 0.66])
 
 
 def save_depth(
-    depth: Any,
+    depth: ArrayInput,
     path: str | os.PathLike[str],
     *,
     title: str = "Depth",
@@ -47,14 +48,6 @@ def save_depth(
     """
     figure = new_figure(5.4, 4.2)
     _draw_depth(figure.subplots(), as_numpy(depth, name="depth"), title, depth_range)
-    save_figure(figure, path)
-
-
-def save_map(floor_map: FloorMap, path: str | os.PathLike[str], *, view: int = 0, title: str = "Seen floor") -> None:
-    """Write one view's floor map as a picture with axes in metres and a legend."""
-    figure = new_figure(5.0, 5.4)
-    draw_map(figure.subplots(), floor_map, view, title)
-    _add_legend(figure, floor_map, columns=2)
     save_figure(figure, path)
 
 
@@ -89,8 +82,8 @@ def save_overview(
     outside, image, plan = figure.subplots(1, 3, width_ratios=(1.33, 1.45, 1.0))
     _draw_outside(outside, scene, camera, camera_to_world, views, eye, target)
     _draw_depth(image, views.depth.numpy()[0], "Depth image", (camera.near, camera.far))
-    draw_map(plan, floor_map, 0, "Seen floor")
-    _add_legend(figure, floor_map, columns=6)
+    draw_map(plan, floor_map.rgb()[0], floor_map.bounds, floor_map.axes, "Seen floor")
+    draw_legend(figure, floor_map.legend, columns=6)
     figure.suptitle(title, fontsize=14, fontweight="bold")
     save_figure(figure, path)
 
@@ -101,9 +94,10 @@ def view_from_outside(
     outside_to_world: ArrayLike,
     camera: Camera,
     camera_to_world: ArrayLike,
-    views: Views,
+    depth: ArrayInput,
+    segmentation: ArrayInput,
 ) -> NDArray[np.float64]:
-    """A shaded picture of a scene in which only what a camera sees has colour.
+    """Make a shaded picture of a scene in which only what a camera sees has colour.
 
     Args:
         scene: The world.
@@ -111,17 +105,21 @@ def view_from_outside(
         outside_to_world: Its pose.
         camera: The camera whose view is shown.
         camera_to_world: Its pose.
-        views: Depth and objects of that camera, one view.
+        depth: What that camera sees: planar depth [m], shape ``(h, w)``.
+        segmentation: The objects that it sees, shape ``(h, w)``, -1 for none.
 
     Returns:
         Red, green and blue from 0 to 1, shape ``(H, W, 3)``.
     """
     palette = np.array([MAP_LEGEND[label][1] for label in Label]) / 255
+    image = (as_numpy(depth, name="depth"), as_numpy(segmentation, name="segmentation"))
+    for name, array in zip(("depth", "segmentation"), image, strict=True):
+        check_shape(array.shape, (camera.height, camera.width), name=name)
 
     def colors(
         points: NDArray[np.float32], objects: NDArray[np.int32], labels: NDArray[np.uint8]
     ) -> NDArray[np.float64]:
-        seen = _seen_from(points, objects, camera, camera_to_world, views)
+        seen = _seen_from(points, objects, camera, camera_to_world, *image)
         return np.where(seen[..., None], palette[labels], 0.25 * palette[labels] + 0.75 * _UNSEEN_TINT)
 
     return shaded_picture(scene, outside, outside_to_world, colors)
@@ -132,15 +130,16 @@ def _seen_from(
     objects: NDArray[np.int32],
     camera: Camera,
     camera_to_world: ArrayLike,
-    views: Views,
+    depth: NDArray[np.float32],
+    segmentation: NDArray[np.int32],
 ) -> NDArray[np.bool_]:
     """Whether points show up in a camera's image: at or beside their pixel, at their depth and of their object."""
     matrix = poses_to_matrices(poses_to_opencv(camera_to_world))[0]
     local = (points.astype(np.float64) - matrix[:3, 3]) @ matrix[:3, :3]
     z = local[..., 2]
     pixels = np.floor(np.nan_to_num(camera.project(local), nan=-9)).clip(-9, 1e6).astype(np.int64)
-    depth = np.pad(views.depth.numpy()[0], 1, constant_values=np.inf)
-    image = np.pad(views.segmentation.numpy()[0], 1, constant_values=-1)
+    depth = np.pad(depth, 1, constant_values=np.inf)
+    objects_seen = np.pad(segmentation, 1, constant_values=-1)
     inside = ((pixels >= 0) & (pixels < [camera.width, camera.height])).all(axis=-1) & (z > 0)
     columns, rows = np.where(inside[..., None], pixels + 1, 0)[..., 0], np.where(inside, pixels[..., 1] + 1, 0)
     seen = np.zeros(z.shape, dtype=bool)
@@ -148,7 +147,7 @@ def _seen_from(
         for dx in (-1, 0, 1):
             row, column = np.maximum(rows + dy, 0), np.maximum(columns + dx, 0)
             near = np.abs(depth[row, column] - z) < 0.03 + 0.02 * z
-            seen |= inside & near & (image[row, column] == objects)
+            seen |= inside & near & (objects_seen[row, column] == objects)
     return seen
 
 
@@ -163,7 +162,8 @@ def _draw_outside(
 ) -> None:
     outside = OUTSIDE_CAMERA
     pose = look_at(eye, target, up=scene.up)
-    axes.imshow(view_from_outside(scene, outside, pose, camera, camera_to_world, views))
+    seen = (views.depth.numpy()[0], views.segmentation.numpy()[0])
+    axes.imshow(view_from_outside(scene, outside, pose, camera, camera_to_world, *seen))
     draw_lines(axes, outside, pose, frustum(camera, camera_to_world, reach=1.0))
     axes.set(xlim=(0, outside.width), ylim=(outside.height, 0), title="From outside (coloured: seen)")
     axes.set_axis_off()
@@ -183,13 +183,3 @@ def _draw_depth(axes: Axes, depth: NDArray[np.float32], title: str, depth_range:
     axes.set(title=title, xlabel="x [px]", ylabel="y [px]")
     bar = axes.figure.colorbar(shown, ax=axes, shrink=0.85, pad=0.02)
     bar.set_label("planar depth [m], grey: none")
-
-
-def _add_legend(figure: Figure, floor_map: FloorMap, columns: int) -> None:
-    from matplotlib.patches import Patch
-
-    handles = [
-        Patch(facecolor=np.array(color) / 255, edgecolor="black", linewidth=0.5, label=meaning)
-        for meaning, color in floor_map.legend.values()
-    ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)

@@ -8,7 +8,7 @@ import math
 import os
 import textwrap
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import warp as wp
@@ -17,11 +17,12 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.core.camera import Camera
 from warpvis.core.labels import Label
 from warpvis.core.poses import poses_to_matrices
-from warpvis.maps import FloorMap, map_numbers
+from warpvis.maps import map_numbers
 from warpvis.scene import Scene
 from warpvis.visibility import Agent, Perspective, State
 from warpvis.viz._agent_views import AgentView, agent_view, views_of_faces
-from warpvis.viz._drawing import draw_arrow, draw_map, draw_name, light_on, new_figure, save_figure, white_edge
+from warpvis.viz._drawing import draw_arrow, draw_name, light_on, white_edge
+from warpvis.viz._figures import Bounds, draw_map, new_figure, save_figure
 from warpvis.viz._outside import draw_outside
 from warpvis.viz._states import GREYS, STATE_COLORS, Shown
 
@@ -113,11 +114,10 @@ def draw_perspective(
     maps = [_floor_map(shown, agent) for agent in shown.agents]
     for column, agent in enumerate(shown.agents, start=1):
         _draw_view(panels[0, column], shown, agent)
-        floor_map, rgb = maps[column - 1]
-        draw_map(
-            panels[1, column], floor_map, 0, textwrap.fill(f"Floor that the {agent.name} sees", _PANEL_WIDTH), rgb=rgb
-        )
-        _draw_places(panels[1, column], shown, floor_map, proposed if column == 1 else None)
+        floor = maps[column - 1]
+        heading = textwrap.fill(f"Floor that the {agent.name} sees", _PANEL_WIDTH)
+        draw_map(panels[1, column], floor.colors, floor.bounds, floor.axes, heading)
+        _draw_places(panels[1, column], shown, floor, proposed if column == 1 else None)
     figure.suptitle(textwrap.fill(title, _TITLE_WIDTH), fontsize=14, fontweight="bold")
     return figure
 
@@ -150,8 +150,20 @@ def _depth_shaded(shown: Shown, seen: AgentView) -> NDArray[np.float64]:
     return picture
 
 
-def _floor_map(shown: Shown, agent: Agent) -> tuple[FloorMap, NDArray[np.float64]]:
-    """The floor that an agent sees with all its faces, and its colours ``(rows, columns, 3)``."""
+class _Floor(NamedTuple):
+    """A map of the floor in colour."""
+
+    colors: NDArray[np.float64]
+    """Red, green and blue from 0 to 1, shape ``(rows, columns, 3)``, row 0 at the bottom."""
+    bounds: Bounds
+    axes: tuple[str, str]
+    """Names of the axis to the right and of the one upwards."""
+    cell_size: float
+    """Side of a cell [m]."""
+
+
+def _floor_map(shown: Shown, agent: Agent) -> _Floor:
+    """Draw up the floor that an agent sees with all its faces."""
     scene, bounds = shown.scene, shown.bounds
     margin = 0.03 * np.linalg.norm(bounds[1] - bounds[0])
     bounds = bounds + [[-margin], [margin]]
@@ -168,10 +180,11 @@ def _floor_map(shown: Shown, agent: Agent) -> tuple[FloorMap, NDArray[np.float64
         cells.append(seen_floor.cells.numpy())
     palette = [[GREYS.get(label, _UNSEEN)] * 3 for label in Label]
     palette += [[part / 255 for part in STATE_COLORS[state]] for state in _MAP_ORDER]
-    return seen_floor, np.array(palette)[np.max(cells, axis=0)[0]]
+    colors = np.array(palette)[np.max(cells, axis=0)[0]]
+    return _Floor(colors, seen_floor.bounds, seen_floor.axes, seen_floor.cell_size)
 
 
-def _draw_places(axes: Axes, shown: Shown, floor_map: FloorMap, proposed: ArrayLike | None) -> None:
+def _draw_places(axes: Axes, shown: Shown, floor_map: _Floor, proposed: ArrayLike | None) -> None:
     """The agents on a map, each with an arrow that shows its heading, and where the first could go."""
     floor = ["xyz".index(axis) for axis in floor_map.axes]
     left, right, bottom, top = floor_map.bounds

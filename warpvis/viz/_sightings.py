@@ -18,7 +18,8 @@ from warpvis.errors import ArrayError
 from warpvis.rendering import render
 from warpvis.scene import Scene
 from warpvis.visibility import object_visibility
-from warpvis.viz._drawing import light_on, new_figure, save_figure
+from warpvis.viz._drawing import light_on
+from warpvis.viz._figures import new_figure, save_figure
 
 STATUS_COLORS: dict[Visibility, tuple[int, int, int]] = {
     Visibility.VISIBLE: (17, 119, 51),

@@ -1,0 +1,110 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Figures, and maps of the floor in them, from arrays alone: this module knows nothing of scenes and views."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from warpvis.core.arrays import as_numpy
+from warpvis.core.labels import Label
+from warpvis.errors import ArrayError, FileFormatError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_DPI = 130
+
+_Meaning = tuple[str, tuple[int, int, int]]
+Legend = Mapping[int, _Meaning] | Mapping[Label, _Meaning]
+"""What each value of a map means, and its colour: red, green, blue, 0 to 255."""
+Bounds = tuple[float, float, float, float]
+"""A map's left, right, bottom and top border [m]: matplotlib's ``extent``."""
+
+
+def new_figure(width: float, height: float, *, gap: float = 0.04167) -> Figure:
+    """Make a figure of that size [inches] with gaps between its panels [inches, matplotlib's by default]."""
+    # Not pyplot: that keeps figures, and picks a screen, for the whole process.
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    return Figure(figsize=(width, height), dpi=_DPI, layout=ConstrainedLayoutEngine(w_pad=gap, h_pad=gap))
+
+
+def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
+    """Write a figure.
+
+    Raises:
+        FileFormatError: It cannot be written there, or not in that format.
+    """
+    path = Path(path)
+    try:
+        figure.savefig(path)
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from None
+    except ValueError as error:  # matplotlib: "Format 'xyz' is not supported (supported formats: ...)"
+        raise FileFormatError(f"{path}: {error}") from None
+
+
+def save_map(
+    cells: ArrayLike,
+    path: str | os.PathLike[str],
+    *,
+    bounds: Bounds,
+    legend: Legend,
+    axes: tuple[str, str] = ("x", "y"),
+    title: str = "Seen floor",
+) -> None:
+    """Write a map of the floor as a picture with axes in metres and a legend.
+
+    Args:
+        cells: Values of the cells, shape ``(rows, columns)``, row 0 at the bottom.
+        path: Picture to write.
+        bounds: The map's left, right, bottom and top border [m].
+        legend: Meaning and colour (red, green, blue; 0 to 255) of every value; `warpvis.maps.MAP_LEGEND` for labels.
+        axes: Names of the axis to the right and of the one upwards.
+        title: Heading.
+
+    Raises:
+        ArrayError: The cells are not a table, or one has a value that the legend has not.
+        FileFormatError: The picture cannot be written.
+    """
+    values = as_numpy(cells, name="cells")
+    if values.ndim != 2:
+        raise ArrayError(f"cells must have shape (rows, columns), got {values.shape}")
+    colors = np.zeros((*values.shape, 3), dtype=np.uint8)
+    known = np.zeros(values.shape, dtype=bool)
+    for value, (_, color) in legend.items():
+        colors[values == value] = color
+        known |= values == value
+    if not known.all():
+        raise ArrayError(f"cells must have values of the legend, got {values[~known][0]}")
+    figure = new_figure(5.0, 5.4)
+    draw_map(figure.subplots(), colors, bounds, axes, title)
+    draw_legend(figure, legend, columns=2)
+    save_figure(figure, path)
+
+
+def draw_map(axes: Axes, colors: ArrayLike, bounds: Bounds, names: tuple[str, str], title: str) -> None:
+    """Draw a map's colours, shape ``(rows, columns, 3)``, row 0 at the bottom, over axes of those names."""
+    axes.imshow(np.asarray(colors), origin="lower", extent=bounds, interpolation="nearest")
+    first, second = names
+    axes.set(title=title, xlabel=f"{first} [m]", ylabel=f"{second} [m]")
+
+
+def draw_legend(figure: Figure, legend: Legend, columns: int) -> None:
+    """Write below a figure what a map's colours mean."""
+    from matplotlib.patches import Patch
+
+    handles = [
+        Patch(facecolor=np.array(color) / 255, edgecolor="black", linewidth=0.5, label=meaning)
+        for meaning, color in legend.values()
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
