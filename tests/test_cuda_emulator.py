@@ -266,6 +266,25 @@ def test_a_camera_on_a_surface_and_too_near(emulator, movable):
     assert np.isneginf(views.depth.numpy()[1]).any() and np.isfinite(views.depth.numpy()[0]).any()
 
 
+@pytest.mark.parametrize("movable", [False, True])
+@pytest.mark.parametrize("nearest", [-1.0, 0.01])
+def test_what_passes_the_camera_is_seen_to_the_edge_of_a_packet(emulator, nearest, movable):
+    """From behind the camera, or close before it, to far away; and beside all rays but those of a last row or column."""
+    for axis, sign in ((1, -1), (1, 1), (0, -1), (0, 1)):
+        corners = np.zeros((4, 3))
+        corners[:, axis], corners[:, 1 - axis], corners[:, 2] = 1e-3 * sign, [-2, 2, 2, -2], [nearest, nearest, 4, 4]
+        scene = wv.Scene()
+        scene.add((corners, np.array([(0, 1, 2), (0, 2, 3)])), name="sheet", movable=movable)
+        center = np.array([22.5, 18.5])
+        center[axis] = 32 - 0.6 * sign  # packets of all sizes end there
+        camera = wv.Camera(45, 37, 40.0, 40.0, *center, near=1e-4, far=100.0)
+        pose = np.array([STILL], dtype=np.float32)
+        views = render(emulator, scene, pose, camera=camera)
+        assert_matches_reference(views, scene, camera, pose)
+        last, seen = 32 if sign < 0 else 31, np.isfinite(views.depth.numpy()[0]).any(axis=axis)
+        assert seen[last] and not seen[last + 1 if sign < 0 else last - 1]
+
+
 def test_far_from_the_origin(emulator):
     """What single precision cannot hold of a moved camera's place is kept apart: not a bit changes."""
     rows, poses = moved(seed=14), eyes(1)
