@@ -2,7 +2,7 @@
 # See to a Clang with sanitizers, which compiles the native code's own tests. Never fails: without it they skip, loudly.
 # Clang 17 is the first that knows all the vector builtins used; of those that apt offers, the newest is taken.
 python=${1:-python3}
-has_clang() { "$python" "$(dirname "$0")/../tests/native_build.py" --syntax >/dev/null 2>&1; }
+has_clang() { "$python" "$(dirname "$0")/../tests/native_build.py" --has-clang >/dev/null 2>&1; }
 
 has_clang && exit 0
 as_root=

@@ -33,9 +33,12 @@ from mutants import Mutant, choose, mutants_of
 ROOT = Path(__file__).resolve().parent.parent
 EQUIVALENTS = Path(__file__).resolve().parent / "equivalent_mutants.toml"
 FILES = ("kernels/native/cpu/*.h", "kernels/native/shared/*.h", "warpvis/rendering/**/*.py")
-PYTEST = f"{shlex.quote(sys.executable)} -m pytest -q -x -p no:cacheprovider"
+STILLBORN = 3
+"""Exit status of a command that finds that the code does not compile: that is no test."""
+PYTHON = shlex.quote(sys.executable)
+PYTEST = f"{PYTHON} -m pytest -q -x -p no:cacheprovider"
+NATIVE = f"{PYTHON} tests/native_build.py"
 
-_NATIVE = ("native_cpu",)
 _PICTURES = ("casters", "packets", "worlds", "solids", "points", "point_packets", "object_visibility", "cluster_tree")
 _RENDER = ("render", "casters", "packets", "worlds", "panorama", "threads", "bad_input", "object_visibility")
 
@@ -63,7 +66,7 @@ class Copies:
         ).stdout.decode()
         self._running: set[subprocess.Popen[str]] = set()
         self._lock = threading.Lock()
-        self._stopped = False
+        self.stopped = False
         self.idle: queue.SimpleQueue[Path] = queue.SimpleQueue()
         for number in range(count):
             copy = folder / f"copy_{number}" / "tree"
@@ -79,10 +82,11 @@ class Copies:
             **os.environ,
             "WARP_CACHE_PATH": str(copy.parent / "warp"),
             "WARPVIS_NATIVE_CACHE": str(copy.parent / "native"),
+            "WARPVIS_NATIVE_FLAGS": "-w",  # a mutant is not noticed by what it leaves unused
             "PYTHONDONTWRITEBYTECODE": "1",
         }
         with self._lock:
-            if self._stopped:
+            if self.stopped:
                 return 130, "interrupted"
             process = subprocess.Popen(
                 shlex.split(command),
@@ -104,7 +108,7 @@ class Copies:
     def stop(self) -> None:
         """End what runs, and start nothing more."""
         with self._lock:
-            self._stopped = True
+            self.stopped = True
             for process in self._running:
                 _end(process)
 
@@ -127,24 +131,18 @@ def _end(process: subprocess.Popen[str]) -> None:
 
 def tests_for(path: str, copy: Path) -> list[str]:
     """Commands that are to notice a mistake in a file, the quickest first."""
-    groups = [_RENDER] if path.endswith(".py") else [_NATIVE, _PICTURES]
-    found = []
-    for group in groups:
-        files = [f"tests/test_{name}.py" for name in group]
-        found.append(" ".join([PYTEST, *(name for name in files if (copy / name).is_file())]))
-    return found
+    names = _RENDER if path.endswith(".py") else _PICTURES
+    files = [f"tests/test_{name}.py" for name in names if (copy / f"tests/test_{name}.py").is_file()]
+    first = [] if path.endswith(".py") else [NATIVE]
+    return [*first, " ".join([PYTEST, *files])]
 
 
-def compiles(mutant: Mutant, text: str, copy: Path, copies: Copies) -> bool:
-    """Whether a mutant's file is still a program; a compiler that says no is no test."""
-    if mutant.path.endswith(".py"):
-        try:
-            compile(text, mutant.path, "exec")
-        except SyntaxError:
-            return False
-        return True
-    status, _ = copies.run(f"{shlex.quote(sys.executable)} tests/native_build.py --syntax", copy, 120.0)
-    return status == 0
+def is_program(path: str, text: str) -> bool:
+    """Whether a Python file can be compiled. Of C++, its tests say so."""
+    try:
+        return not path.endswith(".py") or bool(compile(text, path, "exec"))
+    except SyntaxError:
+        return False
 
 
 def judge(mutant: Mutant, copies: Copies, commands: list[str] | None, limits: dict[str, float]) -> Verdict:
@@ -155,10 +153,12 @@ def judge(mutant: Mutant, copies: Copies, commands: list[str] | None, limits: di
     try:
         text = mutant.apply(original)
         target.write_text(text, encoding="utf-8")
-        if not compiles(mutant, text, copy, copies):
+        if not is_program(mutant.path, text):
             return Verdict(mutant, "stillborn")
         for command in commands or tests_for(mutant.path, copy):
             status, output = copies.run(command, copy, limits[command])
+            if status == STILLBORN:
+                return Verdict(mutant, "stillborn")
             if status:
                 return Verdict(mutant, "killed", _first_failure(output), time.monotonic() - begun)
         return Verdict(mutant, "survived", "", time.monotonic() - begun)
@@ -247,6 +247,8 @@ def main() -> int:
         sys.exit("no mutants: no such files or lines")
 
     verdicts: list[Verdict] = []
+    for number in (signal.SIGINT, signal.SIGTERM):  # also where a shell has them ignored
+        signal.signal(number, signal.default_int_handler)
     with tempfile.TemporaryDirectory(prefix="warpvis_mutants_") as folder:
         copies = Copies(Path(folder), arguments.jobs)
         pool = ThreadPoolExecutor(arguments.jobs)
@@ -261,6 +263,8 @@ def main() -> int:
                         verdict = Verdict(mutant, "equivalent", equivalents[key])
                     else:
                         verdict = judge(mutant, copies, arguments.command, limits)
+                    if copies.stopped:
+                        return
                     if verdict.outcome != "stillborn":
                         verdicts.append(verdict)
                         change = f"{mutant.before.strip()}  ->  {mutant.after.strip()}"

@@ -7,6 +7,7 @@ python tests/native_build.py --syntax    # whether all of it compiles
 
 from __future__ import annotations
 
+import argparse
 import hashlib
 import os
 import platform
@@ -19,13 +20,22 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-CHECKS = ("tree", "images", "points", "silhouettes")
+SCENES = {"tree": 1500, "images": 600, "points": 160, "silhouettes": 120}
+"""The checks, and of how many random scenes: a few seconds."""
+
 LEAST_CLANG = 17
 """The first Clang that knows the vector builtins of the headers."""
 
 _FLAGS = ("-std=c++17", "-Wall", "-Wextra", "-Werror", "-Ikernels/native")
-# Faults end the program at once; frame pointers make their reports readable.
-_SANITIZERS = ("-O1", "-g1", "-fno-omit-frame-pointer", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+# Faults end the program at once; frame pointers make their reports readable. What is not initialised holds nonsense.
+_SANITIZERS = (
+    "-O1",
+    "-g1",
+    "-fno-omit-frame-pointer",
+    "-fsanitize=address,undefined",
+    "-fno-sanitize-recover=all",
+    "-ftrivial-auto-var-init=pattern",
+)
 _TARGET = ("-march=native",) if platform.machine() in ("x86_64", "AMD64") else ()
 # Sanitizers' libraries are a package of their own.
 _PROBE = "#include <vector>\nint main() { return (int)std::vector<int>(1)[0]; }\n"
@@ -63,6 +73,11 @@ def find_compiler() -> str | None:
     return next((path for name in names if name and (path := shutil.which(name))), None) or find_clang()[0] or None
 
 
+def cache_folder() -> Path:
+    """Where objects and programs are kept: pytest's cache, or what `WARPVIS_NATIVE_CACHE` names."""
+    return Path(os.environ.get("WARPVIS_NATIVE_CACHE") or ROOT / ".pytest_cache" / "native")
+
+
 def sources(name: str) -> list[Path]:
     """The files that one of the objects is made of: only `cast` holds the native code."""
     own = [path for path in (ROOT / "tests" / "native").iterdir() if path.suffix == ".h" or path.stem == name]
@@ -84,6 +99,7 @@ def compile_object(folder: Path, name: str) -> Path:
         AssertionError: The compiler refuses; what it says is the error's text.
     """
     options = [*_FLAGS, *_TARGET, *(_SANITIZERS if name == "cast" else ("-O1",))]
+    options += os.environ.get("WARPVIS_NATIVE_FLAGS", "").split()
     digest = hashlib.sha256(" ".join([run_clang("--version").stdout, platform.processor(), *options]).encode())
     for path in sources(name):
         digest.update(path.name.encode() + path.read_bytes())
@@ -99,7 +115,7 @@ def compile_object(folder: Path, name: str) -> Path:
 
 
 def build(folder: Path) -> Path:
-    """Make the checks' programs, ``check_<name>`` for every name of `CHECKS`.
+    """Make the checks' programs, ``check_<name>`` for every name of `SCENES`.
 
     The native code has sanitizers in it; the truth that it is compared with has none, and is quicker so.
 
@@ -113,7 +129,7 @@ def build(folder: Path) -> Path:
         AssertionError: The compiler refuses; what it says is the error's text.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    names = ["cast", *(f"check_{name}" for name in CHECKS)]
+    names = ["cast", *(f"check_{name}" for name in SCENES)]
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
         cast, *checks = pool.map(lambda name: compile_object(folder, name), names)
         for result in pool.map(
@@ -124,13 +140,34 @@ def build(folder: Path) -> Path:
     return folder
 
 
+def run_check(folder: Path, name: str, scenes: int) -> str:
+    """Run one of the programs over random scenes; what it says if it finds a fault, an empty string if it does not."""
+    options = {"UBSAN_OPTIONS": "print_stacktrace=1", "ASAN_OPTIONS": "detect_stack_use_after_return=1"}
+    command = [str(folder / f"check_{name}"), "0", str(scenes)]
+    result = subprocess.run(command, capture_output=True, text=True, env={**os.environ, **options})
+    fine = result.returncode == 0 and f"0 faults in {scenes} scenes" in result.stdout
+    return "" if fine else f"exit status {result.returncode}\n{result.stdout}{result.stderr}"[:8000]
+
+
 def main() -> int:
-    """Say whether the native code compiles, without making a program of it, or keeping to warnings."""
+    """Compile and run all checks: 0 if no fault was found, 1 if one was, 3 if the native code does not compile."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--has-clang", action="store_true", help="only say whether there is a compiler")
+    arguments = parser.parse_args()
     if why := find_clang()[1]:
         sys.exit(why)
-    result = run_clang(*_FLAGS, "-w", "-fsyntax-only", "tests/native/cast.cpp")
-    print(result.stderr, end="")
-    return result.returncode
+    if arguments.has_clang:
+        return 0
+    try:
+        folder = build(cache_folder())
+    except AssertionError as error:
+        print(error)
+        return 3
+    for name, scenes in SCENES.items():
+        if fault := run_check(folder, name, scenes):
+            print(f"check_{name}: {fault}")
+            return 1
+    return 0
 
 
 if __name__ == "__main__":

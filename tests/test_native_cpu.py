@@ -8,36 +8,27 @@ one of them again.
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
 from pathlib import Path
 
 import pytest
-from native_build import CHECKS, ROOT, build
+from native_build import ROOT, SCENES, build, cache_folder, run_check
 
 from warpvis.kernels.packets import HEADERS
 
 pytestmark = pytest.mark.clang
 
-SCENES = {"tree": 1500, "images": 240, "points": 160, "silhouettes": 120}
-"""Random scenes of each check: a few seconds."""
-
 
 @pytest.fixture(scope="session")
-def programs(request) -> Path:
+def programs() -> Path:
     """The folder of the checks' programs, which are kept from one session to the next."""
-    cache = os.environ.get("WARPVIS_NATIVE_CACHE")
-    return build(Path(cache) if cache else request.config.rootpath / ".pytest_cache" / "native")
+    return build(cache_folder())
 
 
-@pytest.mark.parametrize("check", CHECKS)
+@pytest.mark.parametrize("check", SCENES)
 def test_random_scenes(programs, check):
-    options = {"UBSAN_OPTIONS": "print_stacktrace=1", "ASAN_OPTIONS": "detect_stack_use_after_return=1"}
-    command = [str(programs / f"check_{check}"), "0", str(SCENES[check])]
-    result = subprocess.run(command, capture_output=True, text=True, env={**os.environ, **options})
-    assert result.returncode == 0, (result.stdout + result.stderr)[-6000:]
-    assert f"0 faults in {SCENES[check]} scenes" in result.stdout
+    fault = run_check(programs, check, SCENES[check])
+    assert not fault, fault
 
 
 def test_the_checks_have_the_headers_that_warp_compiles():

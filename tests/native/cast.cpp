@@ -15,6 +15,16 @@ BuiltTree build_tree(int lanes, const Mesh& mesh, const std::vector<int>& owner,
                        : building_32::build(mesh, owner, closed, evenly, depth);
 }
 
+unsigned turned_away(const BuiltTree& tree, int node, const float* camera) {
+    using casting::Lanes;
+    const float* rows = tree.node_rows.data + (size_t)node * 160;
+    casting::Points box[2];
+    for (int k = 0; k < 2; ++k)
+        box[k] = {Lanes::load(rows + 48 * k) - camera[0], Lanes::load(rows + 48 * k + 16) - camera[1],
+                  Lanes::load(rows + 48 * k + 32) - camera[2]};
+    return Lanes::bits(casting::Walk::faces_away(rows, box[0], box[1]));
+}
+
 // Joins trees of many meshes into the same arrays.
 struct Joiner {
     std::vector<float> leaves, nodes, boxes, size, closed_boxes;

@@ -47,6 +47,9 @@ struct Shares {
 BuiltTree build_tree(int lanes, const Mesh& mesh, const std::vector<int>& owner,
                      const std::vector<unsigned char>& closed, bool evenly, int depth);
 
+// The children of a node of 16 lanes whose triangles all face away from a camera, one bit for each.
+unsigned turned_away(const BuiltTree& tree, int node, const float* camera);
+
 Clusters cluster(const Scene& scene);
 
 enum { DEPTH = 1, POINTS = 2, NORMALS = 4, LABELS = 8, OBJECTS = 16, ALL_OUTPUTS = 31 };

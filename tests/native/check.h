@@ -30,7 +30,7 @@ inline Lens random_lens(Random& random, double scale) {
     const int* size = sizes[random.whole(0, 8)];
     Lens lens;
     lens.width = size[0], lens.height = size[1];
-    const double wide = random.pick({0.3, 0.5, 0.8, 1.5, 12.0}) * std::max(size[0], size[1]);
+    const double wide = random.pick({0.3, 0.5, 0.8, 1.5, 12.0, 60.0}) * std::max(size[0], size[1]);
     lens.fx = wide;
     lens.fy = wide * random.pick({1.0, 1.0, 0.7});
     lens.cx = size[0] * 0.5, lens.cy = size[1] * 0.5;

@@ -5,12 +5,33 @@
 
 #include "check.h"
 
+// Small triangles on top of each other, which all face the same way: what they see of a camera depends on nothing but
+// how high it is, and their boxes are long that way.
+static Mesh stack(Random& random, int count) {
+    Mesh mesh;
+    const int axis = random.whole(0, 2), way = random.pick({-1, 1});
+    for (int i = 0; i < count; ++i) {
+        const double height = random.real(-1, 1);
+        int corner[3];
+        for (int k = 0; k < 3; ++k) {
+            double p[3];
+            p[axis] = height;
+            p[(axis + 1) % 3] = 0.01 * (k == 1), p[(axis + 2) % 3] = 0.01 * (k == 2);
+            corner[k] = mesh.add(p[0], p[1], p[2]);
+        }
+        mesh.face(corner[0], corner[way > 0 ? 1 : 2], corner[way > 0 ? 2 : 1]);
+    }
+    return mesh;
+}
+
 // Meshes that are hard to split: all in one place, on a line, ever farther apart, and ordinary ones.
 static Mesh hard_mesh(Random& random) {
     const int count = random.pick({1, 2, 15, 16, 17, 31, 32, 33, 64, 65, 128, 129, 300, 1200});
-    const int kind = random.whole(0, 5);
+    const int kind = random.whole(0, 7);
     if (kind == 0) return meshes::soup(random, count, 1);
     if (kind == 1) return meshes::box(1, 2, 3, random.whole(1, 9));
+    if (kind == 6) return meshes::grid(random, random.whole(10, 45), 0.1, random.pick({0.0, 1e-3, 0.02}));
+    if (kind == 7) return stack(random, count);
     Mesh mesh;
     for (int i = 0; i < count; ++i) {
         const double step = kind == 2   ? 0
@@ -29,6 +50,7 @@ struct Checker {
     const BuiltTree& tree;
     const std::vector<int>& owner;
     const std::vector<unsigned char>& closed;
+    const std::vector<Vec>& cameras;
     std::vector<int> times_seen, times_visited;
     int levels = 0;
     const char* wrong = nullptr;
@@ -96,6 +118,18 @@ struct Checker {
         }
     }
 
+    // A child that is passed over has no triangle that faces the camera.
+    void check_turned(int node, int child, const Under& under) {
+        for (const Vec& camera : cameras) {
+            const float at[3] = {(float)camera.x, (float)camera.y, (float)camera.z};
+            if (!(turned_away(tree, node, at) >> child & 1)) continue;
+            for (int triangle : under.triangles) {
+                const Vec a = corner(triangle, 0), n = (corner(triangle, 1) - a).cross(corner(triangle, 2) - a);
+                say(n.dot(a - Vec{at[0], at[1], at[2]}) >= -1e-6 * n.length(), "a triangle that is not turned away");
+            }
+        }
+    }
+
     Under visit(int node, int level) {
         Under all;
         say(node < tree.nodes && level <= tree.levels, "a node that is not there");
@@ -118,6 +152,7 @@ struct Checker {
             if (child < 0) add_leaf(~child, under);
             if (wrong) return all;
             check_bounds(row, under);
+            if (tree.lanes == 16) check_turned(node, k, under);
             all.triangles.insert(all.triangles.end(), under.triangles.begin(), under.triangles.end());
             all.all_closed &= under.all_closed;
             for (int i = 0; i < 3; ++i) {
@@ -150,9 +185,11 @@ static void check_scene(uint64_t seed) {
     for (int i = 0; i < mesh.count(); ++i) owner.push_back(random.chance(0.05));
     const bool evenly = random.chance(0.3);
     const int depth = evenly ? 64 : random.pick({0, 0, 60, 64});
+    std::vector<Vec> cameras;
+    for (int i = 0; i < 6; ++i) cameras.push_back({random.real(-2, 2), random.real(-2, 2), random.real(-2, 2)});
     for (int lanes : {16, 32}) {
         const BuiltTree tree = build_tree(lanes, mesh, owner, closed, evenly, depth);
-        Checker checker = {mesh, tree, owner, closed, {}, {}, 0, nullptr};
+        Checker checker = {mesh, tree, owner, closed, cameras, {}, {}, 0, nullptr};
         const char* fault = checker.fault(evenly);
         if (fault) fail(seed, lanes, fault, "%d triangles", mesh.count());
     }

@@ -57,6 +57,7 @@ struct Scene {
     std::vector<Movable> movables;
     double scale = 1, offset[3] = {0, 0, 0};
     bool is_room = false;  // a closed mesh surrounds all cameras
+    bool has_floor = false;  // which cameras see at grazing angles
 };
 
 namespace meshes {
@@ -77,10 +78,10 @@ inline Mesh soup(Random& random, int count, double size) {
             for (int k = 0; k < 3; ++k)
                 mesh.vertices[3 * corner[2] + k] =
                     (mesh.vertices[3 * corner[0] + k] + mesh.vertices[3 * corner[1] + k]) / 2;
-        if (kind == 2)  // a sliver
+        const double thin = size * random.pick({1e-3, 1e-4, 1e-2});
+        if (kind == 2 || kind == 5)  // a sliver
             for (int k = 0; k < 3; ++k)
-                mesh.vertices[3 * corner[2] + k] =
-                    mesh.vertices[3 * corner[0] + k] + (float)random.real(0, 1e-3 * size);
+                mesh.vertices[3 * corner[2] + k] = mesh.vertices[3 * corner[0] + k] + (float)random.real(0, thin);
         if (kind == 3 && mesh.count() > 0)  // shares an edge with the one before
             corner[0] = mesh.faces[mesh.faces.size() - 1], corner[1] = mesh.faces[mesh.faces.size() - 2];
         mesh.face(corner[0], corner[1], corner[2]);
@@ -139,21 +140,21 @@ inline Mesh revolved(const std::vector<double>& ring, const std::vector<double>&
     return mesh;
 }
 
-inline Mesh of_solid(int kind, const float* size) {
+inline Mesh of_solid(int kind, const float* size, int stacks = 8, int slices = 10) {
     std::vector<double> ring, height;
     if (kind == CYLINDER) {
         ring = {0, 1, 1, 0};
         height = {-size[3], -size[3], size[3], size[3]};
     } else {
         const double half = kind == CAPSULE ? size[3] : 0.0;
-        for (int i = 0; i <= 8; ++i) {
-            const double angle = M_PI * (i / 8.0 - 0.5);
+        for (int i = 0; i <= stacks; ++i) {
+            const double angle = M_PI * (i / (double)stacks - 0.5);
             ring.push_back(std::cos(angle));
-            height.push_back(std::sin(angle) + (i < 4 ? -half : half));
-            if (i == 4 && half > 0) ring.push_back(1.0), height.insert(height.end() - 1, -half);
+            height.push_back(std::sin(angle) + (i < stacks / 2 ? -half : half));
+            if (i == stacks / 2 && half > 0) ring.push_back(1.0), height.insert(height.end() - 1, -half);
         }
     }
-    return revolved(ring, height, 10, size);
+    return revolved(ring, height, slices, size);
 }
 
 // A surface in waves that faces along z, of squares whose corners are at whole numbers of a step.
@@ -182,7 +183,7 @@ inline Mesh any(Random& random, double size) {
             return box(random.real(0.1, 1) * size, random.real(0.1, 1) * size, random.real(0.1, 1) * size, 1);
         case 4: {
             const float ball[3] = {(float)(0.5 * size), (float)(0.7 * size), (float)(0.4 * size)};
-            return of_solid(BALL, ball);
+            return random.chance(0.5) ? of_solid(BALL, ball) : of_solid(BALL, ball, 20, 40);
         }
         case 5:
             return grid(random, random.whole(2, 9), 0.25 * size, random.pick({0.0, 0.2}) * size);
@@ -229,13 +230,16 @@ inline Scene random_scene(Random& random) {
     if (random.chance(0.25))
         for (double& o : scene.offset) o = random.real(-1e4, 1e4) * scene.scale;
     scene.is_room = random.chance(0.2);
+    scene.has_floor = !scene.is_room && random.chance(0.25);
     const int movables = random.pick({0, 0, 1, 3, 15, 16, 17, 35});
-    const int still = scene.is_room ? 1 : random.whole(movables ? 0 : 1, 3);
+    const int still = scene.is_room || scene.has_floor ? 1 : random.whole(movables ? 0 : 1, 3);
     for (int i = 0; i < still; ++i) {
         Object object;
         object.mesh = meshes::any(random, 1.5 * scene.scale);
         if (scene.is_room && i == 0) {
             object.mesh = meshes::box(4 * scene.scale, 4 * scene.scale, 4 * scene.scale, random.pick({1, 2, 8}));
+        } else if (scene.has_floor && i == 0) {
+            object.mesh = meshes::grid(random, 12, 0.25 * scene.scale, random.pick({0.0, 1e-3, 1e-2}) * scene.scale);
         } else {
             const double away[3] = {random.real(-2, 2) * scene.scale, random.real(-2, 2) * scene.scale,
                                     random.real(-2, 2) * scene.scale};
@@ -257,6 +261,11 @@ inline void random_pose(Random& random, const Scene& scene, float* row) {
         for (int k = 0; k < 3; ++k) row[k] = (float)(scene.offset[k] + random.whole(-2, 2) * scene.scale);
     for (int k = 3; k < 7; ++k) row[k] = kind == 0 ? (k == 6) : (float)random.real(-1, 1);
     if (kind == 1) row[3] = row[4] = 0.0f, row[5] = row[6] = 0.7f;
+    if (scene.has_floor && random.chance(0.7)) {  // low above the floor, along it
+        const float turned[4] = {0.5f, -0.5f, 0.5f, -0.5f};
+        row[2] = (float)(scene.offset[2] + random.pick({1e-4, 1e-3, 1e-2, 0.1, -0.01}) * scene.scale);
+        for (int k = 3; k < 7; ++k) row[k] = turned[k - 3] + (float)random.real(-0.02, 0.02);
+    }
     double length = 0;
     for (int k = 3; k < 7; ++k) length += (double)row[k] * row[k];
     if (length < 0.01) row[6] += 1.0f;

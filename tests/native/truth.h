@@ -66,7 +66,7 @@ struct Hit {
 };
 
 constexpr double EPSILON = 5e-7;  // of a corner, in parts of its distance: eight roundings
-constexpr double TOLERANCE = 2e-5;  // of a depth, in parts of it
+constexpr double TOLERANCE = 1e-5;  // of a depth, in parts of it
 constexpr double ENDLESS = std::numeric_limits<double>::infinity();
 
 struct TrueTriangle {
