@@ -8,6 +8,7 @@ import re
 import shlex
 import subprocess
 import sys
+import tomllib
 import types
 from pathlib import Path
 
@@ -21,6 +22,8 @@ ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 CHANGES = ROOT / "CHANGELOG.md"
+
+_EXPLAINED_FROM = 45  # the column of the map at which explanations begin
 
 PAGE = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 
@@ -164,6 +167,16 @@ def test_old_options_are_gone():
             thing = find(f"warpvis.{function}")
             parameters = inspect.signature(thing).parameters
             assert new in parameters and old not in parameters, f"{function}: {', '.join(parameters)}"
+
+
+def test_the_map_shows_the_layers_that_the_linter_holds():
+    """From the top down, with what stands side by side on one line."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    layers = project["tool"]["importlinter"]["contracts"][0]["layers"]
+    held = [set(re.findall(r"warpvis\.(\w+)", layer)) for layer in layers]
+    drawn = fences(ROOT / "docs" / "architecture.md", "text")[0].split("\n\n")[0]
+    names = [set(re.findall(r"\w+", line[:_EXPLAINED_FROM])) for line in drawn.splitlines()]
+    assert [line for line in names if line] == held
 
 
 def test_benchmarks_find_their_place(monkeypatch):
