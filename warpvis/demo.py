@@ -172,7 +172,7 @@ def run_demo(out: Path, *, device: Any = "cpu") -> dict[str, Any]:
         raise FileFormatError(f"{out / 'summary.json'}: cannot be written: {error.strerror}") from None
     print(f"{format_table(sightings)}\n\n{format_states(shared)}")
     speed = f"{summary['frames_per_second']:.0f} frames per second"
-    print(f"\n{speed} (320x240, depth + points + labels + objects) on {summary['device']}")
+    print(f"\n{speed} (320x240, depth, points, labels, segmentation) on {summary['device']}")
     print(f"pictures and summary.json: {out}")
     return summary
 
