@@ -269,7 +269,7 @@ def test_a_camera_on_a_surface_and_too_near(emulator, movable):
 @pytest.mark.parametrize("movable", [False, True])
 @pytest.mark.parametrize("nearest", [-1.0, 0.01])
 def test_what_passes_the_camera_is_seen_to_the_edge_of_a_packet(emulator, nearest, movable):
-    """From behind the camera, or close before it, to far away; and beside all rays but those of a last row or column."""
+    """From behind the camera, or close before it, to far away; and beside all rays but a last row's or column's."""
     for axis, sign in ((1, -1), (1, 1), (0, -1), (0, 1)):
         corners = np.zeros((4, 3))
         corners[:, axis], corners[:, 1 - axis], corners[:, 2] = 1e-3 * sign, [-2, 2, 2, -2], [nearest, nearest, 4, 4]
