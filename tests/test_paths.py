@@ -90,3 +90,32 @@ def test_webots_worlds(at, tmp_path):
     )
     assert len(wv.webots.load_webots(at("lab.wbt"), search_path=at("protos")).scene) == 1
     assert len(wv.webots.load_webots(at("lab.wbt"), search_path=[at("protos")]).scene) == 1
+
+
+@pytest.mark.parametrize("path", [None, 0, 1, True, 2.5, b"a", "", "a\0b", [], object()])
+def test_what_is_no_path_is_refused(path):
+    """A number above all: Python takes it for a file that is open, such as the standard output."""
+    depth = np.ones((6, 8), dtype=np.float32)
+    space = wv.voxel_map(depth, CAMERA, POSE, bounds=[[-1, -1, 0.5], [1, 1, 1.5]])
+    takers = [
+        wv.Scene.load,
+        wv.read_frames,
+        wv.io.read_poses,
+        wv.io.read_points,
+        wv.io.load_camera,
+        wv.webots.load_webots,
+        verify,
+        space.save,
+        lambda place: wv.io.save_depth_png(depth, place),
+        lambda place: wv.io.DepthArchive(place, (1, 6, 8)),
+        lambda place: wv.viz.save_depth(depth, place),
+        lambda place: wv.render_batch(FLAG, CAMERA, wv.Frames.from_poses(POSE), place, threads=1),
+        FLAG.export,
+    ]
+    for take in takers:
+        with pytest.raises(wv.errors.FileFormatError):
+            take(path)
+
+
+FLAG = wv.Scene()
+FLAG.add(([[0, 0, 1], [1, 0, 1], [0, 1, 1]], [[0, 1, 2]]))

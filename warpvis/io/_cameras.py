@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from warpvis.core.camera import Camera
+from warpvis.core.checks import as_path
 from warpvis.errors import CameraError, FileFormatError
 
 _COMMON = {"width", "height", "near", "far"}
@@ -28,7 +29,7 @@ def load_camera(name_or_path: str) -> Camera:
     """
     if name_or_path == "kinect":
         return Camera.kinect()
-    path = Path(name_or_path)
+    path = as_path(name_or_path, "name_or_path")
     try:
         fields = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

@@ -8,13 +8,13 @@ import os
 import struct
 import zipfile
 import zlib
-from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.core.checks import as_path
 from warpvis.errors import ArrayError, FileFormatError
 
 _MOST = 65_535
@@ -98,7 +98,7 @@ def save_depth_png(depth: ArrayLike, path: str | os.PathLike[str]) -> None:
     if millimetres.ndim != 2:
         raise ArrayError(f"depth must have shape (H, W), got {millimetres.shape}")
     try:
-        Path(path).write_bytes(encode_png(millimetres))
+        as_path(path).write_bytes(encode_png(millimetres))
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from None
 
@@ -123,7 +123,7 @@ class DepthArchive:
         Raises:
             FileFormatError: The file cannot be written.
         """
-        self.path = Path(path)
+        self.path = as_path(path)
         self.shape = shape
         self._written = 0
         # Under another name until it is whole: what is called depth.npz can be trusted.

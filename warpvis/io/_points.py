@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.core.checks import as_path
 from warpvis.errors import FileFormatError
 from warpvis.io._text import read_lines
 
@@ -33,7 +34,7 @@ def read_points(path: str | os.PathLike[str]) -> NDArray[np.float64]:
     Raises:
         FileFormatError: The file is missing, holds no points, or a line or a row is malformed; it is named.
     """
-    path = Path(path)
+    path = as_path(path)
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file")
     readers = {".npy": _read_npy, ".ply": _read_ply}

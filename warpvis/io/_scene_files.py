@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from warpvis.core.checks import as_path
 from warpvis.errors import FileFormatError
 from warpvis.io._meshes import read_mesh_file
 from warpvis.scene import Y_UP_TO_Z_UP, FileParts
@@ -32,9 +32,9 @@ def read_parts(
         FileFormatError: The file is missing or does not parse, or something cannot be shown and `strict` is set.
         SceneError: `search_path` has no meaning for such a file.
     """
-    path = Path(path)
+    path = as_path(path)
     folders = [search_path] if isinstance(search_path, str | os.PathLike) else search_path
-    where = [Path(folder) for folder in folders]
+    where = [as_path(folder, "search_path") for folder in folders]
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file")
     missing = next((folder for folder in where if not folder.is_dir()), None)
@@ -54,7 +54,7 @@ def read_parts(
 
 def export_scene(scene: Scene, path: str | os.PathLike[str]) -> None:
     """Write a scene as binary glTF; see `Scene.export`."""
-    path = Path(path)
+    path = as_path(path)
     if path.suffix.lower() != ".glb":
         raise FileFormatError(f"{path}: scenes are exported as binary glTF, so the name must end in .glb")
     exported = scene.to_trimesh()

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, check_metres, empty, get_device
 from warpvis.core.camera import Camera
+from warpvis.core.checks import as_path
 from warpvis.core.depth_images import read_depth, read_labels
 from warpvis.core.poses import Convention, check_up, parse_poses
 from warpvis.core.threads import launch_images, launch_small
@@ -160,7 +161,7 @@ class VoxelMap:
         arrays: dict[str, Any] = {"states": self.states.numpy(), "labels": self.labels.numpy()}
         arrays |= {"origin": np.array(self.origin), "cell_size": np.float64(self.cell_size), "up": np.array(self.up)}
         try:
-            with open(path, "wb") as file:  # of that very name: NumPy would add a suffix
+            with as_path(path).open("wb") as file:  # of that very name: NumPy would add a suffix
                 np.savez_compressed(file, **arrays)
         except OSError as error:
             raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from None

@@ -6,13 +6,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from warpvis.core.arrays import as_numpy
+from warpvis.core.checks import as_path
 from warpvis.core.labels import Label
 from warpvis.errors import ArrayError, FileFormatError
 
@@ -44,7 +44,7 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
     Raises:
         FileFormatError: It cannot be written there, or not in that format.
     """
-    path = Path(path)
+    path = as_path(path)
     try:
         figure.savefig(path)
     except OSError as error:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import FARTHEST
+from warpvis.core.checks import as_path
 from warpvis.core.labels import Label
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.scene import FileParts, Scene, keep_winding
@@ -139,11 +140,11 @@ def load_webots(
         FileFormatError: The file is missing or does not parse, or something cannot be read and `strict` is set.
         SceneError: The world has no geometry, or a label's pattern fits nothing.
     """
-    path = Path(path)
+    path = as_path(path)
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file")
     folders = [search_path] if isinstance(search_path, str | os.PathLike) else search_path
-    reader, names, found = _read(path, [Path(folder) for folder in folders], strict)
+    reader, names, found = _read(path, [as_path(folder, "search_path") for folder in folders], strict)
     scene = Scene(device=device, up=reader.up)
     for item in found.objects(scene.up, labels=labels):
         scene.add(**item)

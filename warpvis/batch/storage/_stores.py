@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import IO, Any, Protocol
 
 from warpvis.batch.storage._output import ShardFiles, files_below
+from warpvis.core.checks import as_path
 from warpvis.errors import FileFormatError
 
 _PART = ".part-"
@@ -225,12 +226,13 @@ def open_store(out: str | os.PathLike[str]) -> Store:
     Raises:
         FileFormatError: It is a file, or a URL that cannot be opened.
     """
+    as_path(out, "out")
     text = os.fspath(out)
     if text.startswith("file://"):
         text = text.removeprefix("file://")
     if "://" in text:
         return RemoteStore(text)
-    path = Path(text)
+    path = as_path(text, "out")
     if path.exists() and not path.is_dir():
         raise FileFormatError(f"{path}: is a file; a dataset needs a folder")
     return LocalStore(path)

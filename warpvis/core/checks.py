@@ -1,0 +1,111 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What single arguments have to be: whole numbers, numbers, paths. `warpvis.core.arrays` checks arrays."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Collection, Iterable
+from numbers import Integral, Real
+from pathlib import Path
+from typing import Any
+
+from warpvis.errors import ArrayError, FileFormatError, WarpvisError
+
+
+def is_number(value: Any) -> bool:
+    """Tell whether a value is a real number, of Python or NumPy, that double precision has; infinity and NaN are."""
+    if not isinstance(value, Real) or isinstance(value, bool):
+        return False
+    try:
+        float(value)
+    except OverflowError:
+        return False
+    return True
+
+
+def is_whole(value: Any) -> bool:
+    """Tell whether a value is an integer of Python or NumPy."""
+    return isinstance(value, Integral) and not isinstance(value, bool)
+
+
+def check_whole(value: Any, name: str, *, least: int = 1, error: type[WarpvisError] = ArrayError) -> int:
+    """`value` as a whole number from `least` up.
+
+    Raises:
+        WarpvisError: It is none; of the class `error`.
+    """
+    if not is_whole(value) or value < least:
+        raise error(f"{name} must be a whole number from {least} up, got {value!r}")
+    return int(value)
+
+
+def check_number(
+    value: Any,
+    name: str,
+    *,
+    least: float = -math.inf,
+    most: float = math.inf,
+    error: type[WarpvisError] = ArrayError,
+) -> float:
+    """`value` as a finite number within limits.
+
+    Raises:
+        WarpvisError: It is none; of the class `error`.
+    """
+    if not is_number(value) or not math.isfinite(value) or not least <= value <= most:
+        limits = "a finite number" if least == -math.inf else f"a finite number from {least:g} up"
+        limits = limits if most == math.inf else f"a number from {least:g} to {most:g}"
+        raise error(f"{name} must be {limits}, got {value!r}")
+    return float(value)
+
+
+def check_choice(value: Any, name: str, choices: Collection[str], error: type[WarpvisError] = ArrayError) -> str:
+    """`value`, if it is one of the words to choose from.
+
+    Raises:
+        WarpvisError: It is none; of the class `error`.
+    """
+    if not isinstance(value, str) or value not in choices:
+        raise error(f"{name} must be one of {', '.join(map(repr, choices))}, got {value!r}")
+    return value
+
+
+def check_text(value: Any, name: str, error: type[WarpvisError] = ArrayError) -> str:
+    """`value`, if it is text.
+
+    Raises:
+        WarpvisError: It is none; of the class `error`.
+    """
+    if not isinstance(value, str):
+        raise error(f"{name} must be text, got {value!r}")
+    return value
+
+
+def as_items(value: Any, name: str, error: type[WarpvisError] = ArrayError) -> list[Any]:
+    """What is given one by one, as a list; text alone is one item.
+
+    Raises:
+        WarpvisError: It cannot be gone through; of the class `error`.
+    """
+    if isinstance(value, str):
+        return [value]
+    if not isinstance(value, Iterable) or isinstance(value, bytes):
+        raise error(f"{name} must be a list, got {value!r}")
+    try:
+        return list(value)
+    except TypeError:  # arrays without a dimension look as if they had items
+        raise error(f"{name} must be a list, got {value!r}") from None
+
+
+def as_path(path: Any, name: str = "path") -> Path:
+    """A path of text or any `os.PathLike`: never a number, which Python's files take for an open file.
+
+    Raises:
+        FileFormatError: It is none.
+    """
+    text = path if isinstance(path, str) else os.fspath(path) if isinstance(path, os.PathLike) else None
+    if not isinstance(text, str) or not text or "\0" in text:
+        raise FileFormatError(f"{name} must be the name of a file, text or an os.PathLike, got {path!r}")
+    return Path(text)
