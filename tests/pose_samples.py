@@ -7,6 +7,14 @@ import numpy as np
 from warpvis.core.frames import Frames
 from warpvis.core.poses import poses_to_matrices
 
+
+def unit(poses):
+    """Poses of 7 numbers with their quaternions made 1 long."""
+    poses = np.array(poses, dtype=np.float64)
+    poses[..., 3:] /= np.linalg.norm(poses[..., 3:], axis=-1, keepdims=True)
+    return poses
+
+
 RNG = np.random.default_rng(0)
 TURNS = np.linalg.qr(RNG.normal(size=(6, 3, 3)))[0]
 TURNS *= np.linalg.det(TURNS)[:, None, None]  # no mirrors

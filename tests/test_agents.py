@@ -124,7 +124,7 @@ def test_poses_in_every_form_are_one():
     given = [POSE, [POSE], poses_to_matrices(POSE), wp.array([POSE], dtype=wp.transform, device="cpu")]
     for pose in given:
         assert np.allclose(Agent.human("human", pose).poses, POSE[None])
-    assert np.allclose(Agent.kinect("robot", ros, convention="ros").poses, POSE[None])
+    assert np.allclose(Agent.kinect("robot", ros, convention="ros_body").poses, POSE[None])
     assert Agent.kinect("robot", np.tile(POSE, (4, 1))).poses.shape == (4, 7)
 
 
@@ -167,7 +167,7 @@ def test_angles():
             "attention of 'robot' must be a warpvis.Camera or None, got float",
         ),
         (lambda: Agent.kinect("robot", POSE, body=[3]), "body of 'robot' must be names of objects, got (3,)"),
-        (lambda: Agent.kinect("robot", np.zeros(7)), "pose of 'robot' must not have a zero-length quaternion"),
+        (lambda: Agent.kinect("robot", np.zeros(7)), "pose of 'robot' must have quaternions of length 1, got 0"),
         (lambda: Agent.kinect("robot", np.zeros(6)), "pose of 'robot' must have shape (V, 7)"),
         (lambda: Agent.kinect("robot", POSE, convention="unity"), "convention must be one of"),
     ],

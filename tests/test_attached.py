@@ -5,6 +5,7 @@
 import numpy as np
 import pytest
 import trimesh
+from pose_samples import unit
 from test_worlds import ALL, OPEN_BOX, SMALL, assert_bits_equal, eyes, random_poses, view_of
 
 import warpvis as wv
@@ -64,7 +65,7 @@ def test_it_moves_along(device, caster, cull_backfaces):
 
 
 def test_from_among_its_parts(device, caster):
-    table = np.array([0, 0, 1, 0, 0, 0.3, 0.9])
+    table = unit([0, 0, 1, 0, 0, 0.3, 0.9])
     scene, twin = (build(device, table, (0, 3, 1, 0, 0, 0, 1), attached=flag) for flag in (True, False))
     cameras = np.array([wv.look_at((0.05, 0.02, 1.1), (0.3, 0.4, 1.2)), wv.look_at((-0.1, 0, 1.15), (-0.2, 0.1, 1.2))])
     assert_matches_reference(render(scene, cameras, caster), twin, SMALL, cameras)

@@ -98,14 +98,14 @@ CASES = {
     ),
     "zero quaternions": (
         lambda: wv.core.poses.parse_poses(poses_with(0, *range(7))),
-        "zero-length.* 7 of 8, at index 0, .*4, ...",
+        "length 1, got 0: .* 7 of 8, at index 0, .*4, ...",
     ),
     "scaled matrices": (lambda: wv.core.poses.parse_poses(scaled_matrix(2)), "rotations without scale"),
     "mirroring matrices": (lambda: wv.core.poses.parse_poses(np.diag([1, 1, -1, 1])), "rotations, not mirrors"),
     "projective matrices": (lambda: wv.core.poses.parse_poses(np.ones((4, 4))), "last row 0 0 0 1"),
     "unknown convention": (
         lambda: wv.core.poses.parse_poses(POSE, convention="blender"),
-        "'opencv', 'opengl', 'ros', got 'blender'",
+        "'opencv', 'opengl', 'ros_body', 'ros_optical', got 'blender'",
     ),
     "unknown device": (lambda: wv.core.poses.parse_poses(POSE, device="gpu"), "device 'gpu' is not on this machine"),
     "look at itself": (lambda: wv.look_at((1, 2, 3), (1, 2, 3)), "must be apart"),
@@ -198,15 +198,15 @@ CASES = {
     "object poses of words": (lambda: render_moved(object_poses="home"), "object_poses must be an array of numbers"),
     "NaN object poses": (
         lambda: render_moved(object_poses=moved(2, bad=[(0, 0), (1, 1)])),
-        "must be finite and have a rotation: 2 are not or have none, of 'left' in world 0, 'right' in world 1$",
+        "must be finite: wrong in 2, of 'left' in world 0, 'right' in world 1$",
     ),
     "infinite object places": (
         lambda: render_moved(object_poses=moved(1) + [np.inf, 0, 0, 0, 0, 0, 0]),
-        "2 are not or have none, of 'left' in world 0, 'right' in world 0",
+        "must be finite: wrong in 2, of 'left' in world 0, 'right' in world 0",
     ),
     "zero object quaternions": (
         lambda: render_moved(object_poses=moved(3, bad=[(2, 0)], value=0), world_index=[0, 0]),
-        "1 are not or have none, of 'left' in world 2",
+        "length 1, got 0: wrong in 1, of 'left' in world 2",
     ),
     "worlds and views": (
         lambda: render_moved(object_poses=moved(3)),
@@ -384,7 +384,7 @@ TRAJECTORIES = {
     "words": ("0 0 0 0 0 0 0 1\n# fine\n1 2 3 4 5 6 seven 8\n", r"poses.txt:3: expected the 8 numbers 'timestamp tx"),
     "too few": ("0 0 0 0 0 0 1\n", r"poses.txt:1: expected the 8 numbers .*, got 7 words"),
     "not finite": ("0 0 0 nan 0 0 0 1\n", r"poses.txt:1: numbers must be finite"),
-    "zero quaternion": ("\n0 0 0 0 0 0 0 0\n", r"poses.txt:2: the quaternion qx qy qz qw must not have zero length"),
+    "zero quaternion": ("\n0 0 0 0 0 0 0 0\n", r"poses.txt:2: the quaternion qx qy qz qw must have length 1, got 0"),
     "empty": ("# nothing\n", r"poses.txt: holds no lines"),
     "binary": (b"\xff\xfe\x00", r"poses.txt: is not a text file"),
     "missing": (None, r"poses.txt: cannot be read: No such file"),
@@ -469,7 +469,7 @@ COMMANDS = {
     ),
     "demo on no device": ("demo --out o --device tpu", "device 'tpu' is not on this machine"),
     "demo into a file": ("demo --out file", "warpvis: file: cannot be made a folder"),
-    "negative scale": ("render box.stl --poses poses.txt --out o --scale -1", "scale of 'box' must be"),
+    "negative scale": ("render box.stl --poses poses.txt --out o --scale -1", "scale of 'box.stl' must be"),
 }
 
 

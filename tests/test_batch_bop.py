@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
+from pose_samples import unit
 
 import warpvis as wv
 from warpvis.batch import render_batch
@@ -33,9 +34,8 @@ def table():
     scene.add(trimesh.creation.box((8, 8, 0.1)), name="floor", label="ground", pose=(0, 0, -0.05, 0, 0, 0, 1))
     scene.add(trimesh.creation.box((0.1, 1.0, 0.6)), name="wall", pose=(0.9, 0.2, 0.3, 0, 0, 0.2, 0.98))
     scene.add(trimesh.creation.icosahedron(), name="ball", label="object", scale=0.35, pose=(1.6, 0.1, 0.4, 0, 0, 0, 1))
-    scene.add(
-        trimesh.creation.box((0.3, 0.2, 0.5)), name="cup", label="object", pose=(0.4, -0.5, 0.25, 0, 0.1, 0.3, 0.94)
-    )
+    tilted = unit((0.4, -0.5, 0.25, 0, 0.1, 0.3, 0.94))
+    scene.add(trimesh.creation.box((0.3, 0.2, 0.5)), name="cup", label="object", pose=tilted)
     scene.add(
         trimesh.creation.box((0.5, 0.3, 0.2)), name="cart", label="object", movable=True, pose=(0, 0, 1, 0, 0, 0, 1)
     )
@@ -53,7 +53,7 @@ def walk(seed=7):
     cart = np.concatenate(
         [rng.uniform([-0.5, -1, 0.1], [2, 1, 0.5], (FRAMES, 3)), rng.normal(size=(FRAMES, 4))], axis=1
     )
-    return Frames.from_poses(np.array(poses), object_poses=cart[:, None].astype(np.float32))
+    return Frames.from_poses(np.array(poses), object_poses=unit(cart)[:, None].astype(np.float32))
 
 
 def plan_of(scene, frames, *, camera=CAMERA, shard_frames=SHARD, chosen=OBJECTS, **changes):

@@ -206,7 +206,7 @@ def test_candidates_in_every_form_are_the_same(device):
     ros = np.concatenate([grid[:, :3], quaternion_product(grid[:, 3:], np.array([0.5, -0.5, 0.5, 0.5]))], axis=1)
     expected = best_views(scene, CAMERA, grid, objects=["ball"])
     on_device = wp.array(grid, dtype=wp.transform, device=device)
-    for given, convention in ((on_device, "opencv"), (poses_to_matrices(grid), "opencv"), (ros, "ros")):
+    for given, convention in ((on_device, "opencv"), (poses_to_matrices(grid), "opencv"), (ros, "ros_body")):
         views = best_views(scene, CAMERA, given, objects=["ball"], convention=convention)
         assert views.values == pytest.approx(expected.values, abs=0.02)  # rounding moves a pixel at an edge
         assert np.allclose(poses_to_matrices(views.candidates), poses_to_matrices(grid), atol=1e-5)

@@ -2,13 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Intrinsics: the conventions of fields of view and pixel centres, and projection against back-projection."""
 
+import dataclasses
 import math
+import warnings
 
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from warpvis import Camera
+import warpvis as wv
+from warpvis import Camera, FieldOfView
 
 fields = st.floats(0.05, 3.0)
 sizes = st.integers(1, 4000)
@@ -45,6 +48,7 @@ def test_fields_of_view_come_back(width, height, fov):
     assert Camera.from_fov(width, height, vfov=fov).vfov == pytest.approx(fov)
 
 
+@pytest.mark.filterwarnings("ignore::warpvis.errors.IntrinsicsWarning")
 @given(
     st.sampled_from([0.0, 0.5]), st.floats(1, 5000), st.floats(1, 5000), st.floats(-100, 4000), st.floats(-100, 4000)
 )
@@ -72,3 +76,33 @@ def test_projection_undoes_back_projection(fov, depth, x, y):
 
 def test_points_behind_the_camera_have_no_image():
     assert np.isnan(Camera.kinect().project([[0, 0, -1.0], [0.1, 0.2, 0]])).all()
+
+
+@pytest.mark.parametrize(
+    ("intrinsics", "said"),
+    [
+        ((0.9, 1.2, 0.5, 0.5), "fx=0.9, fy=1.2, less than a pixel"),
+        ((525, 525, 640.5, 240), r"the principal point \(640.5, 240\) is outside of the image of 640 x 480 pixels"),
+        ((525, 525, 320, -0.25), r"the principal point \(320, -0.25\)"),
+    ],
+)
+def test_intrinsics_that_are_rarely_meant_warn_once(intrinsics, said):
+    with pytest.warns(wv.errors.IntrinsicsWarning, match=said) as caught:
+        camera = Camera(640, 480, *intrinsics)
+    assert len(caught) == 1 and caught[0].filename == __file__
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        dataclasses.replace(camera, near=0.1)
+
+
+def test_a_normalised_matrix_warns():
+    with pytest.warns(wv.errors.IntrinsicsWarning, match="intrinsics are in pixels"):
+        Camera.from_K([[0.8, 0, 0.5], [0, 1.1, 0.5], [0, 0, 1]], 320, 240)
+
+
+def test_usual_intrinsics_do_not_warn():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Camera(641, 481, 1.0, 1.0, 0.0, 481.0)
+        Camera.kinect()
+        FieldOfView(3.0, 1.0, 1.2).faces()

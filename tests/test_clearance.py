@@ -5,6 +5,7 @@
 import numpy as np
 import pytest
 import trimesh
+from pose_samples import unit
 
 import warpvis as wv
 from warpvis import scenes
@@ -148,7 +149,7 @@ def test_room_matches_every_triangle_by_itself(device):
     scene = wv.Scene(device=device)
     scene.add((corners.reshape(-1, 3), np.arange(75).reshape(-1, 3)))
     for i, shape in enumerate(shapes):
-        scene.add(shape, pose=(2.0 + i, 0.2, 0.6, *rng.normal(size=4)))
+        scene.add(shape, pose=unit((2.0 + i, 0.2, 0.6, *rng.normal(size=4))))
     cameras = rng.uniform([-1.5, -1.5, -0.1], [3.8, 1.5, 1.4], (120, 3)).astype(np.float32)
     triangles = np.concatenate([item.vertices[item.faces] for item in scene.objects])
     closed = np.arange(len(triangles)) >= len(corners)

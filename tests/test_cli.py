@@ -203,7 +203,7 @@ def test_poses_of_seven_numbers_and_other_axes(lab, monkeypatch, capsys):
     row = wv.core.poses.look_at((-1.77, 0, 0.7), (0, 0, 0.39))
     opengl = wv.core.poses.quaternion_product(row[3:], np.array([1.0, 0, 0, 0]))
     tables = []
-    for pose, convention in ((ROBOT, "ros"), (row, "opencv"), ([*row[:3], *opengl], "opengl")):
+    for pose, convention in ((ROBOT, "ros_body"), (row, "opencv"), ([*row[:3], *opengl], "opengl")):
         text = pose if isinstance(pose, str) else " ".join(map(repr, map(float, pose)))
         given = ("perspective", "lab.glb", "--robot", text, "--human", HUMAN, *BODIES, "--convention", convention)
         code, out, _ = run_here(monkeypatch, capsys, lab, *given)
@@ -321,7 +321,7 @@ POSES = ("--poses", "poses.txt")
         ),
         (
             ("perspective", "lab.glb", "--robot", "0 0 1 0 0 0 0", "--human", HUMAN),
-            "--robot must not have a zero-length",
+            "--robot must have quaternions of length 1, got 0",
         ),
         (
             ("perspective", "lab.glb", *LOOK, "--robot-body", "bot", "--out", "x"),

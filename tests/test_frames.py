@@ -8,6 +8,7 @@ import pickle
 import numpy as np
 import pytest
 import warp as wp
+from pose_samples import unit
 
 import warpvis as wv
 from warpvis.core.frames import Frames
@@ -17,11 +18,11 @@ POSE = (0.0, 0, 1, 0, 0, 0, 1)
 
 
 def random_rows(count, seed=0):
-    return np.random.default_rng(seed).normal(size=(count, 7))
+    return unit(np.random.default_rng(seed).normal(size=(count, 7)))
 
 
 def worlds(count, objects=2):
-    return np.random.default_rng(1).normal(size=(count, objects, 7))
+    return unit(np.random.default_rng(1).normal(size=(count, objects, 7)))
 
 
 def test_rows_are_normalised_and_times_count_by_default():
@@ -36,7 +37,7 @@ def test_rows_are_normalised_and_times_count_by_default():
     assert frames.object_poses is None and frames.world_index is None and frames.source == {}
 
 
-@pytest.mark.parametrize("convention", ["opencv", "opengl", "ros"])
+@pytest.mark.parametrize("convention", ["opencv", "opengl", "ros_body", "ros_optical"])
 def test_matrices_and_conventions(convention):
     rows = random_rows(20)
     matrices = poses_to_matrices(rows)
@@ -117,13 +118,13 @@ BAD = {
     "no turn": (
         ([POSE, np.zeros(7)],),
         {},
-        "poses must not have a zero-length quaternion: wrong in 1 of 2, at index 1",
+        "poses must have quaternions of length 1, got 0: wrong in 1 of 2, at index 1",
     ),
     "scale": ((np.eye(4)[None] * [2, 2, 2, 1],), {}, "poses must be rotations without scale"),
     "convention": (
         ([POSE],),
         {"convention": "blender"},
-        "convention must be one of 'opencv', 'opengl', 'ros', got 'bl",
+        "convention must be one of 'opencv', 'opengl', 'ros_body', 'ros_optical', got 'bl",
     ),
     "no convention": (([POSE],), {"convention": None}, "convention must be one of"),
     "times": (([POSE],), {"timestamps": [0, 1]}, "timestamps must be 1 seconds, one a frame, got int64 of shape (2,)"),
@@ -135,7 +136,7 @@ BAD = {
     "object turn": (
         ([POSE],),
         {"object_poses": [POSE, np.zeros(7)]},
-        "object_poses must not have a zero-length quaternion: 1 have, of object 1 in world 0",
+        "object_poses must have quaternions of length 1, got 0: wrong in 1, of object 1 in world 0",
     ),
     "world alone": (
         ([POSE],),

@@ -90,7 +90,7 @@ FRAME = ("frames", 2, "transform_matrix")
         (changed(nerfstudio(), *FRAME, 1, 3, to=10**400), "poses.json: transform_matrix of frame 2 must be 4 x 4 fin"),
         (changed(nerfstudio(), *FRAME, 1, 3, to=1e19), "poses.json: frame 2: poses must be finite numbers of at mo"),
         (changed(nerfstudio(), *FRAME, 3, 0, to=1), "poses.json: frame 2: poses must have the last row 0 0 0 1"),
-        (changed(nerfstudio(), *FRAME, to=MIRROR), "poses.json: frame 2: poses must be rotations without scale"),
+        (changed(nerfstudio(), *FRAME, to=MIRROR), "poses.json: frame 2: poses must be rotations, not mirrors"),
         ({"first": {}}, 'poses.json: image ids must be whole numbers, got "first"'),
         ({"-1": {}}, 'poses.json: image ids must be whole numbers, got "-1"'),
         ({"1": {}, "01": {}}, "poses.json: image 1 is there twice, as '1' and '01'"),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 import warp as wp
+from pose_samples import unit
 
 import warpvis as wv
 from warpvis.visibility import BOP_DELTA, _objects as module, object_visibility
@@ -29,9 +30,13 @@ def desk(device="cpu"):
         pose=(1.6, 0, 0.3, 0, 0, 0, 1),
     )
     scene.add(trimesh.creation.torus(0.3, 0.1, 16, 8), name="ring", pose=(0.6, -0.4, 0.5, 0.5, 0.5, 0.5, 0.5))
-    scene.add(trimesh.creation.box((0.2, 0.3, 0.4)), name="cart", movable=True, pose=(0.3, 0.7, 0.2, 0, 0, 0.38, 0.92))
+    scene.add(
+        trimesh.creation.box((0.2, 0.3, 0.4)), name="cart", movable=True, pose=unit((0.3, 0.7, 0.2, 0, 0, 0.38, 0.92))
+    )
     scene.add(trimesh.creation.box((0.1, 0.1, 0.6)), name="mast", attach_to="cart", pose=(0.3, 0.7, 0.7, 0, 0, 0, 1))
-    scene.add(wv.scene.solids.capsule(0.15, 0.4), name="arm", movable=True, pose=(0.9, 0.1, 0.6, 0.3, 0.1, 0, 0.95))
+    scene.add(
+        wv.scene.solids.capsule(0.15, 0.4), name="arm", movable=True, pose=unit((0.9, 0.1, 0.6, 0.3, 0.1, 0, 0.95))
+    )
     scene.add(trimesh.creation.box((0.02, 0.3, 0.3)), name="sheet", pose=(1.29, 0, 0.3, 0, 0, 0, 1))
     return scene
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 import warp as wp
+from pose_samples import unit
 
 import warpvis as wv
 from warpvis import scenes
@@ -75,7 +76,7 @@ def test_leaving_out_back_faces_changes_nothing(monkeypatch, device):
         dented.vertices += 0.03 * np.sin(20 * dented.vertices[:, [1, 2, 0]])
         scene.add(dented, name="dented", pose=(0.9, 0.1, 0.4, 0, 0, 0, 1))
         open_box = trimesh.creation.box((0.4, 0.4, 0.4))
-        scene.add((open_box.vertices, open_box.faces[2:]), name="open", pose=(-0.5, 0, 0.6, 0.1, 0.2, 0.3, 0.9))
+        scene.add((open_box.vertices, open_box.faces[2:]), name="open", pose=unit((-0.5, 0, 0.6, 0.1, 0.2, 0.3, 0.9)))
         return scene
 
     poses = np.concatenate([scenes.PRESETS["room"].poses(8), np.zeros((3, 7), dtype=np.float32)])

@@ -5,6 +5,7 @@
 import numpy as np
 import pytest
 import trimesh
+from pose_samples import unit
 from reference_panorama import wide_rays
 from test_solids import build as build_solids
 from test_worlds import ALL, assert_bits_equal, build, eyes, far_away, random_poses, view_of
@@ -107,7 +108,7 @@ def test_inside_a_ball_all_lengths_are_its_radius(projection, device):
     scene = wv.Scene(device=device)
     scene.add(ball, pose=(1, 2, 3, 0, 0, 0, 1))
     nearest = np.linalg.norm(ball.triangles_center, axis=1).min()
-    pose = (1, 2, 3, 0.1, 0.2, 0.3, 0.9)
+    pose = unit((1, 2, 3, 0.1, 0.2, 0.3, 0.9))
     for size in ((64, 32), (33, 33), (5, 40)):
         views = render_wide(scene, *size, AROUND, pose, projection=projection, outputs=("depth", "points"))
         depth, points = views.depth.numpy()[0], views.points.numpy()[0]

@@ -13,15 +13,23 @@ from warpvis.core.poses import _OPENCV_TO, poses_to_matrices, poses_to_opencv
 
 import reference
 
-rows = arrays(np.float64, (3, 7), elements=st.floats(-10, 10)).filter(
-    lambda poses: (np.linalg.norm(poses[:, 3:], axis=1) > 0.1).all()
+
+def with_unit_quaternions(poses):
+    return np.c_[poses[:, :3], poses[:, 3:] / np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)]
+
+
+rows = (
+    arrays(np.float64, (3, 7), elements=st.floats(-10, 10))
+    .filter(lambda poses: (np.linalg.norm(poses[:, 3:], axis=1) > 0.1).all())
+    .map(with_unit_quaternions)
 )
 
 # Axes of each camera frame, in OpenCV's: x right, y down, z forward.
 AXES = {
     "opencv": np.eye(3),
     "opengl": np.array([[1, 0, 0], [0, -1, 0], [0, 0, -1]]),  # right, up, backward
-    "ros": np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]]),  # forward, left, up
+    "ros_body": np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]]),  # forward, left, up
+    "ros_optical": np.eye(3),
 }
 
 
@@ -55,7 +63,7 @@ def test_one_pose_is_one_view():
 
 
 def test_quaternions_are_normalised():
-    stored = wv.core.poses.parse_poses([[0, 0, 0, 0, 0, 0, 5.0]]).numpy()
+    stored = wv.core.poses.parse_poses([[0, 0, 0, 0, 0, 0, 1.0009]]).numpy()
     np.testing.assert_array_equal(stored, [[0, 0, 0, 0, 0, 0, 1]])
 
 
@@ -110,3 +118,59 @@ def test_device_arrays_are_poses_too(convention, form, device):
     parsed = wv.core.poses.parse_poses(given, convention=convention, device=device)
     assert parsed.device == wp.get_device(device)
     np.testing.assert_allclose(poses_to_matrices(parsed.numpy()), expected, atol=2e-6)
+
+
+SCENE = wv.Scene()
+SCENE.add(([[0, 0, 1], [1, 0, 1], [0, 1, 1]], [[0, 1, 2]]), name="flag", movable=True)
+CAMERA = wv.Camera.from_fov(8, 6, hfov=1.0)
+IDENTITY = [0, 0, 0, 0, 0, 0, 1]
+
+# Whatever takes a pose of 7 numbers, by what its message calls the pose.
+TAKERS = {
+    "camera_to_world": lambda rows: wv.render(SCENE, CAMERA, rows),
+    "camera_to_world of floats": lambda rows: wv.render(SCENE, CAMERA, np.asarray(rows, dtype=np.float32)),
+    "object_poses": lambda rows: wv.render(SCENE, CAMERA, IDENTITY, object_poses=rows),
+    "object_poses of frames": lambda rows: wv.Frames.from_poses(IDENTITY, object_poses=rows),
+    "poses": wv.Frames.from_poses,
+    "pose of 'box'": lambda rows: wv.Scene().add(
+        ([[0, 0, 1], [1, 0, 1], [0, 1, 1]], [[0, 1, 2]]), name="box", pose=rows
+    ),
+    "pose of 'eye'": lambda rows: wv.Agent("eye", CAMERA, rows),
+    "candidates": lambda rows: wv.planning.best_views(SCENE, CAMERA, rows, objects=["flag"]),
+}
+
+
+@pytest.mark.parametrize("taker", TAKERS)
+@pytest.mark.parametrize("length", [0.0, 0.5, 0.9985, 1.0015, 2.0, 1e6])
+def test_quaternions_of_other_lengths_are_refused(taker, length):
+    row = np.array([[0, 0, 0, 0, 0.6 * length, 0, 0.8 * length]])
+    with pytest.raises(wv.errors.PoseError) as error:
+        TAKERS[taker](row)
+    assert f"{taker.split(' of f')[0]} must have quaternions of length 1, got {length:.6g}" in str(error.value)
+
+
+@pytest.mark.parametrize("taker", TAKERS)
+@pytest.mark.parametrize("length", [0.9992, 1.0008])
+def test_quaternions_of_rounded_numbers_are_taken(taker, length):
+    TAKERS[taker](np.array([[0, 0, 0, 0, 0.6 * length, 0, 0.8 * length]]))
+
+
+def test_rows_that_begin_with_the_quaternion_are_named():
+    swapped = np.array([[0.5, 0.5, 0.5, 0.5, 3.0, 4.0, 1.0]])
+    for take in TAKERS.values():
+        with pytest.raises(wv.errors.PoseError, match="rows are x y z qx qy qz qw, the place first"):
+            take(swapped)
+
+
+def test_ros_alone_is_no_convention():
+    for take in (
+        lambda axes: wv.render(SCENE, CAMERA, IDENTITY, convention=axes),
+        lambda axes: wv.Frames.from_poses([IDENTITY], convention=axes),
+        lambda axes: wv.Agent("eye", CAMERA, IDENTITY, convention=axes),
+        lambda axes: wv.read_frames("walk.txt", convention=axes),
+        lambda axes: wv.maps.plan_visibility(SCENE, CAMERA, wv.look_at((0, 0, 0), (1, 0, 0)), convention=axes),
+    ):
+        with pytest.raises(wv.errors.PoseError, match=r'say "ros_body" \(x forward.*"ros_optical" \(x right'):
+            take("ros")
+        with pytest.raises(wv.errors.PoseError, match="must be one of 'opencv', 'opengl', 'ros_body', 'ros_optical'"):
+            take("blender")

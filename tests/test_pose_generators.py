@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 import trimesh
+from pose_samples import unit
 
 import warpvis as wv
 from warpvis.core.poses import poses_to_matrices
@@ -260,7 +261,7 @@ def test_inside_matches_solid_angles(device):
     shapes = [trimesh.creation.icosphere(subdivisions=1, radius=0.5), trimesh.creation.box((0.6, 0.7, 0.8))]
     shapes.append(trimesh.creation.torus(0.5, 0.2, major_sections=12, minor_sections=8))
     for i, shape in enumerate(shapes):
-        scene.add(shape, pose=(0.3 * i, 0.1, 0.2 * i, *rng.normal(size=4)), movable=i == 1)
+        scene.add(shape, pose=unit((0.3 * i, 0.1, 0.2 * i, *rng.normal(size=4))), movable=i == 1)
     points = rng.uniform(-0.6, 1.1, (400, 3)).astype(np.float32)
     corners = np.concatenate([item.vertices[item.faces] for item in scene])
     expected = reference.find_inside(corners, points)

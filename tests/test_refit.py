@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 import warp as wp
+from pose_samples import unit
 
 import warpvis as wv
 from warpvis.core.threads import core_count
@@ -21,9 +22,9 @@ SMALL = wv.Camera.from_fov(64, 48, hfov=0.994837, near=0.05, far=100.0)
 BALL = trimesh.creation.icosphere(subdivisions=2, radius=0.4)
 VERTICES = np.asarray(BALL.vertices, dtype=np.float32)
 BOX = trimesh.creation.box((0.4, 0.3, 0.5))
-POSE = (0.2, -0.3, 0.6, 0.3, 0.1, 0.2, 0.9)
-OTHER = (-0.7, 0.5, 0.5, 0.0, 0.3, 0.1, 0.8)
-THIRD = (0.4, 0.9, 0.7, 0.1, 0.2, 0.0, 1.0)
+POSE = unit((0.2, -0.3, 0.6, 0.3, 0.1, 0.2, 0.9))
+OTHER = unit((-0.7, 0.5, 0.5, 0.0, 0.3, 0.1, 0.8))
+THIRD = unit((0.4, 0.9, 0.7, 0.1, 0.2, 0.0, 1.0))
 
 
 def wobble(seed, amount=0.15):
@@ -59,7 +60,7 @@ def build(device, *balls, poses=(POSE, OTHER, THIRD), movable=True):
     for index, vertices in enumerate(balls):
         mesh = (vertices, BALL.faces)
         scene.add(mesh, name=f"ball_{index}", label="object", pose=poses[index], movable=movable)
-    scene.add(BOX, name="box", pose=(-0.9, -0.6, 0.3, 0, 0, 0.2, 1), movable=movable)
+    scene.add(BOX, name="box", pose=unit((-0.9, -0.6, 0.3, 0, 0, 0.2, 1)), movable=movable)
     return scene
 
 

@@ -96,14 +96,14 @@ def write_bag(folder, topics, storage="mcap"):
 
 
 KINDS = {
-    "PoseStamped": ([pose_stamped(*item) for item in enumerate(ROWS)], "ros"),
-    "PoseWithCovarianceStamped": ([covariance_stamped(*item) for item in enumerate(ROWS)], "ros"),
+    "PoseStamped": ([pose_stamped(*item) for item in enumerate(ROWS)], "ros_body"),
+    "PoseWithCovarianceStamped": ([covariance_stamped(*item) for item in enumerate(ROWS)], "ros_body"),
     "TransformStamped": ([transform_stamped(*item) for item in enumerate(ROWS)], "opencv"),
-    "transform of a body": ([transform_stamped(*item, child="base") for item in enumerate(ROWS)], "ros"),
-    "Odometry": ([odometry(*item) for item in enumerate(ROWS)], "ros"),
+    "transform of a body": ([transform_stamped(*item, child="base") for item in enumerate(ROWS)], "ros_body"),
+    "Odometry": ([odometry(*item) for item in enumerate(ROWS)], "ros_body"),
     "optical Odometry": ([odometry(*item, child="left_optical_frame") for item in enumerate(ROWS)], "opencv"),
-    "Path": ([path(0, ROWS[:2]), path(1, ROWS[::-1]), path(2, ROWS)], "ros"),
-    "PoseArray": ([pose_array(0, ROWS[:2]), pose_array(1, ROWS[2:])], "ros"),
+    "Path": ([path(0, ROWS[:2]), path(1, ROWS[::-1]), path(2, ROWS)], "ros_body"),
+    "PoseArray": ([pose_array(0, ROWS[:2]), pose_array(1, ROWS[2:])], "ros_body"),
     "TFMessage": ([transforms(transform_stamped(i, row)) for i, row in enumerate(ROWS)], "opencv"),
 }
 
@@ -118,7 +118,7 @@ def test_every_kind_of_message_in_both_storages(tmp_path, kind, storage):
     for place in (tmp_path / "bag", file):
         frames = read_frames(place)
         matrices, given = poses_to_matrices(frames.camera_to_world), poses_to_matrices(ROWS)
-        turn = given[:, :3, :3] @ (ROS.T if convention == "ros" else np.eye(3))
+        turn = given[:, :3, :3] @ (ROS.T if convention == "ros_body" else np.eye(3))
         np.testing.assert_allclose(matrices[:, :3, :3], turn, atol=1e-12)
         np.testing.assert_array_equal(matrices[:, :3, 3], ROWS[:, :3])
         np.testing.assert_allclose(frames.timestamps, times, rtol=1e-15)
@@ -175,7 +175,7 @@ def test_stamps_of_zero_are_none(tmp_path):
         ),
         (
             {"/pose": [pose_stamped(0, ROWS[0]), pose_stamped(1, np.zeros(7))]},
-            ": topic /pose: pose 1: poses must not have a zero-length quaternion",
+            ": topic /pose: pose 1: poses must have quaternions of length 1, got 0",
         ),
         (
             {"/pose": [pose_stamped(0, [np.nan] * 7)]},

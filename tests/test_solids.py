@@ -5,6 +5,7 @@
 import numpy as np
 import pytest
 import trimesh
+from pose_samples import unit
 from test_worlds import ALL, SMALL, assert_bits_equal, eyes, random_poses, view_of
 
 import warpvis as wv
@@ -79,7 +80,7 @@ def test_from_far_away_and_far_from_the_origin(device, caster, distance, offset)
     for index, name in enumerate(SHAPES):
         shape, scale = SHAPES[name]
         at = np.round(place + [0, 1.5 * (index - 3.5), 0])
-        scene.add(shape, name=name, scale=scale, pose=(*at, 0.1, 0.2, 0.3, 0.9), movable=True)
+        scene.add(shape, name=name, scale=scale, pose=unit((*at, 0.1, 0.2, 0.3, 0.9)), movable=True)
     camera = wv.Camera.from_fov(192, 48, hfov=2 * np.arctan(6.5 / distance), near=0.05, far=1000.0)
     cameras = np.array([wv.look_at(np.round(place) - [distance, 0, 0], np.round(place))])
     assert_matches_reference(render(scene, camera, cameras, caster), scene, camera, cameras)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Define the exceptions of warpvis. Each message is one sentence that says what was given and what is wanted."""
+"""Define the exceptions of warpvis, and its warning. Messages say in a sentence what was given and what is wanted."""
 
 
 class WarpvisError(ValueError):
@@ -25,3 +25,7 @@ class SceneError(WarpvisError):
 
 class FileFormatError(WarpvisError):
     """A file is missing, does not parse, or cannot hold what is asked of it."""
+
+
+class IntrinsicsWarning(UserWarning):
+    """Intrinsics make a camera, though one that is rarely meant."""

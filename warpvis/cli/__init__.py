@@ -57,7 +57,7 @@ class Render:
     """Camera poses, camera to world, a line each: timestamp tx ty tz qx qy qz qw (TUM)."""
     camera: str = "kinect"
     """kinect, or a JSON file with width, height, hfov (radians) or K, near and far (metres)."""
-    convention: Literal["opencv", "opengl", "ros"] = "opencv"
+    convention: Literal["opencv", "opengl", "ros_body", "ros_optical"] = "opencv"
     """Axes of the camera frame of the poses."""
     scale: float = 1.0
     """Metres in a unit of the file (0.001 for millimetres)."""

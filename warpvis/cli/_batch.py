@@ -63,7 +63,7 @@ class Batch:
     """Where to compute: cpu, cuda:0, ..., several with commas, or cuda:all; by Ray cpu, or cuda for a GPU each."""
     threads: int | None = None
     """CPU threads that render; all cores by default. Ray's workers have their share of the cores."""
-    convention: Literal["opencv", "opengl", "ros"] | None = None
+    convention: Literal["opencv", "opengl", "ros_body", "ros_optical"] | None = None
     """Axes of the camera frame of the poses; those of the pose file's format by default."""
     file_format: str | None = None
     """The pose file's format, where its name does not tell: tum, npy, npz, csv, parquet, nerfstudio, bop, ros."""

@@ -48,7 +48,7 @@ class Check:
     """How far behind the first surface on its ray a point still counts as seen [m]."""
     labels: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=LABEL ...")] = ()
     """What objects are: "ball=object" "wall_*=obstacle" ..."""
-    convention: Literal["opencv", "opengl", "ros"] = "opencv"
+    convention: Literal["opencv", "opengl", "ros_body", "ros_optical"] = "opencv"
     """Axes of the camera frame of the poses."""
     scale: float = 1.0
     """Metres in a unit of the mesh file (0.001 for millimetres)."""

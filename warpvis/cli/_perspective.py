@@ -41,7 +41,7 @@ class Perspective:
     """What objects are: "ball=object" "wall_*=obstacle" ...; the person may mean objects, or all if none is one."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
     """Folder to write perspective.json and perspective.png to."""
-    convention: Literal["opencv", "opengl", "ros"] = "opencv"
+    convention: Literal["opencv", "opengl", "ros_body", "ros_optical"] = "opencv"
     """Axes of the camera frame of poses with seven numbers."""
     scale: float = 1.0
     """Metres in a unit of the file (0.001 for millimetres)."""

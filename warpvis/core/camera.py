@@ -5,10 +5,12 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
-from warpvis.errors import CameraError
+from warpvis.errors import CameraError, IntrinsicsWarning
 
 if TYPE_CHECKING:
     import numpy as np
@@ -55,6 +57,7 @@ class Camera:
             raise CameraError(f"focal lengths must be positive, got fx={self.fx}, fy={self.fy}")
         if self.near < 0 or self.far <= self.near:
             raise CameraError(f"the depth range needs 0 <= near < far, got near={self.near}, far={self.far}")
+        _warn_of(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
 
     @classmethod
     def from_fov(
@@ -235,6 +238,18 @@ def require_camera(camera: Any) -> Camera:
     if not isinstance(camera, Camera):
         raise CameraError(f"camera must be a warpvis.Camera, got {type(camera).__name__}")
     return camera
+
+
+@lru_cache(maxsize=1024)  # once for each: cameras are made anew where only their range differs
+def _warn_of(width: int, height: int, fx: float, fy: float, cx: float, cy: float) -> None:
+    """Warn of intrinsics that are rarely meant: of another image size, or divided by the image's."""
+    problem = ""
+    if min(fx, fy) < 1:
+        problem = f"focal lengths are fx={fx:g}, fy={fy:g}, less than a pixel: intrinsics are in pixels"
+    elif not (0 <= cx <= width and 0 <= cy <= height):
+        problem = f"the principal point ({cx:g}, {cy:g}) is outside of the image of {width} x {height} pixels"
+    if problem:
+        warnings.warn(f"{problem}; are the intrinsics of an image of this size?", IntrinsicsWarning, stacklevel=4)
 
 
 def _check_size(width: int, height: int) -> None:

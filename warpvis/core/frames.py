@@ -7,21 +7,19 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import FARTHEST, as_numpy
-from warpvis.core.poses import Convention, poses_to_opencv
+from warpvis.core.poses import Convention, check_convention, not_unit, poses_to_opencv, wrong_length
 from warpvis.errors import ArrayError, PoseError
 
 # Squared lengths of normalised quaternions are this near to 1; they are not normalised again, so that poses which were
 # saved and read back are the same to the last bit.
 _UNIT_ROUNDING = 4e-15
-
-_LEAST_LENGTH = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +97,7 @@ class Frames:
 
 
 def _camera_rows(poses: Any, convention: Convention) -> NDArray[np.float64]:
-    if convention not in get_args(Convention):
-        raise PoseError(f"convention must be one of {', '.join(map(repr, get_args(Convention)))}, got {convention!r}")
+    convention = check_convention(convention)
     given = _host(poses, "poses")
     if given.dtype.kind == "b":
         raise PoseError("poses must be numbers, got booleans")
@@ -126,10 +123,10 @@ def _object_rows(poses: Any) -> NDArray[np.float32]:
         )
     _check_size(given.astype(np.float64), "object_poses")
     rows = given.astype(np.float32)
-    bad = np.argwhere(~(np.linalg.norm(rows[..., 3:].astype(np.float64), axis=2) > _LEAST_LENGTH))
+    bad = np.argwhere(not_unit(rows))
     if len(bad):
         where = ", ".join(f"object {m} in world {w}" for w, m in bad[:3])
-        raise PoseError(f"object_poses must not have a zero-length quaternion: {len(bad)} have, of {where}")
+        raise PoseError(f"object_poses {wrong_length(rows[tuple(bad[0])])}: wrong in {len(bad)}, of {where}")
     return rows
 
 

@@ -14,21 +14,26 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.core.arrays import as_numpy, as_point, get_device
 from warpvis.errors import PoseError
 
-Convention = Literal["opencv", "opengl", "ros"]
+Convention = Literal["opencv", "opengl", "ros_body", "ros_optical"]
 
 # Quaternion (x, y, z, w) of the OpenCV camera frame (x right, y down, z forward) in each frame that poses may be given
-# for: OpenGL is x right, y up, z backward; ROS bodies (REP 103) are x forward, y left, z up.
+# for: OpenGL is x right, y up, z backward; ROS bodies (REP 103) are x forward, y left, z up; ROS's optical frames are
+# OpenCV's.
 _OPENCV_TO: dict[str, tuple[float, float, float, float]] = {
     "opencv": (0.0, 0.0, 0.0, 1.0),
     "opengl": (1.0, 0.0, 0.0, 0.0),
-    "ros": (-0.5, 0.5, -0.5, 0.5),
+    "ros_body": (-0.5, 0.5, -0.5, 0.5),
+    "ros_optical": (0.0, 0.0, 0.0, 1.0),
 }
 
 # How far from orthonormal a rotation may be: matrices printed with four decimals pass, scaled ones do not.
 _ROTATION_TOLERANCE = 1e-3
 
-# A quaternion shorter than this has no direction.
-_LEAST_LENGTH = 1e-6
+# Squares of lengths that surely are within that, in single precision.
+_LEAST_SQUARE, _MOST_SQUARE = 0.9981, 1.0019
+
+# How far from 1 a quaternion's length may be: what was printed with three decimals passes, what is none does not.
+LENGTH_TOLERANCE = 1e-3
 
 
 def parse_poses(
@@ -43,7 +48,7 @@ def parse_poses(
         poses: Camera-to-world poses: rows ``x y z qx qy qz qw`` [m], shape ``(V, 7)`` or ``(7,)`` for one view, or
             matrices, shape ``(V, 4, 4)`` or ``(4, 4)``.
         convention: Axes of the camera frame the poses are for: ``"opencv"`` (x right, y down, z forward), ``"opengl"``
-            (x right, y up, z backward) or ``"ros"`` (x forward, y left, z up).
+            (x right, y up, z backward), ``"ros_body"`` (x forward, y left, z up) or ``"ros_optical"`` (as OpenCV's).
         device: Where the result lives.
         name: What messages call the poses.
 
@@ -54,8 +59,7 @@ def parse_poses(
         PoseError: Shape, values or convention are wrong; the first few offending views are named.
     """
     device = get_device(device)
-    if convention not in _OPENCV_TO:
-        raise PoseError(f"convention must be one of {', '.join(map(repr, _OPENCV_TO))}, got {convention!r}")
+    convention = check_convention(convention)
     if isinstance(poses, wp.array) and not poses.device.is_cpu:
         return _parse_on_device(poses, convention, device, name)
     if hasattr(poses, "__cuda_array_interface__"):
@@ -74,14 +78,19 @@ def host_poses(poses: Any, *, convention: Convention = "opencv", name: str = "ca
             squared = np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:])
             total = poses.sum()
         # A sum is finite only if its terms are.
-        well = math.isfinite(total) and squared.min(initial=1.0) > 0.5 and squared.max(initial=1.0) < 2.0
-        if well and convention == "opencv":
+        well = (
+            math.isfinite(total)
+            and squared.min(initial=1.0) > _LEAST_SQUARE
+            and squared.max(initial=1.0) < _MOST_SQUARE
+        )
+        if well and check_convention(convention) == "opencv":
             return poses
     return parse_poses(poses, convention=convention, device="cpu", name=name).numpy().view(np.float32).reshape(-1, 7)
 
 
 def poses_to_opencv(poses: ArrayLike, convention: Convention = "opencv", *, name: str = "poses") -> NDArray[np.float64]:
     """Turn poses of the host into checked, normalised rows of the OpenCV camera frame, shape ``(V, 7)``."""
+    convention = check_convention(convention)
     array = as_numpy(poses, name=name).astype(np.float64)
     if array.shape in ((7,), (4, 4)):
         array = array[None]
@@ -147,6 +156,22 @@ def check_up(up: str) -> int:
     return "xyz".index(up)
 
 
+def check_convention(convention: Any) -> Convention:
+    """Name the axes of a camera frame; those of OpenCV have one name.
+
+    Raises:
+        PoseError: There is no such convention.
+    """
+    if convention == "ros":
+        raise PoseError(
+            'convention "ros" may mean two frames: say "ros_body" (x forward, y left, z up) or "ros_optical" '
+            '(x right, y down, z forward, as "opencv")'
+        )
+    if not isinstance(convention, str) or convention not in _OPENCV_TO:
+        raise PoseError(f"convention must be one of {', '.join(map(repr, _OPENCV_TO))}, got {convention!r}")
+    return "opencv" if convention == "ros_optical" else convention  # type: ignore[return-value]
+
+
 def quaternion_product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     """Multiply ``x y z w`` quaternions, shapes ``(..., 4)``: Hamilton's ``a b``, first `b` rotates, then `a`."""
     ax, ay, az, aw = np.moveaxis(a, -1, 0)
@@ -162,10 +187,29 @@ def quaternion_product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArra
     )
 
 
+def not_unit(rows: NDArray[Any]) -> NDArray[np.bool_]:
+    """Tell which rows ``x y z qx qy qz qw`` have a quaternion that is none: its length is not 1, or not a number."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        length = np.linalg.norm(rows[..., 3:].astype(np.float64), axis=-1)
+        return ~(np.abs(length - 1) <= LENGTH_TOLERANCE)
+
+
+def wrong_length(row: NDArray[Any]) -> str:
+    """Say what is wanted of the quaternion of a row that is `not_unit`, what it is, and why, where that can be seen."""
+    length = float(np.linalg.norm(row[3:].astype(np.float64)))
+    swapped = (
+        length > LENGTH_TOLERANCE and abs(float(np.linalg.norm(row[:4].astype(np.float64))) - 1) <= LENGTH_TOLERANCE
+    )
+    hint = ", though of its first four numbers it is 1; rows are x y z qx qy qz qw, the place first" if swapped else ""
+    return f"must have quaternions of length 1, got {length:.6g}{hint}"
+
+
 def _check_rows(rows: NDArray[np.float64], name: str) -> NDArray[np.float64]:
     _refuse(name, ~np.isfinite(rows).all(axis=1), "must be finite")
+    bad = not_unit(rows)
+    if bad.any():
+        _refuse(name, bad, wrong_length(rows[bad.argmax()]))
     length = np.linalg.norm(rows[:, 3:], axis=1)
-    _refuse(name, length < _LEAST_LENGTH, "must not have a zero-length quaternion")
     return np.concatenate([rows[:, :3], rows[:, 3:] / length[:, None]], axis=1)
 
 

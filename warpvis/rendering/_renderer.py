@@ -134,7 +134,8 @@ class Renderer:
                 or if there are V of them, each of its own.
             exclude: What is not seen: names or indices of objects, or for every view its own flags, shape
                 ``(V, objects)``. A robot's camera excludes the robot's body.
-            convention: Axes of the camera frame of the poses: ``"opencv"``, ``"opengl"`` or ``"ros"``.
+            convention: Axes of the camera frame of the poses: ``"opencv"``, ``"opengl"``, ``"ros_body"`` or
+                ``"ros_optical"``.
             out: Images of an earlier call to write into, of the same number of views.
 
         Returns:

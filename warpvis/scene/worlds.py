@@ -13,13 +13,15 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_numpy, as_warp, on_gpu, surely_finite
+from warpvis.core.poses import not_unit, wrong_length
 from warpvis.errors import ArrayError, PoseError
 
 if TYPE_CHECKING:
     from warpvis.scene._scene import Scene
 
 
-_LEAST_SQUARE = 1e-12  # of a quaternion's length
+# Squares of a quaternion's length that are surely within the tolerance, in single precision.
+_LEAST_SQUARE, _MOST_SQUARE = 0.9981, 1.0019
 
 
 def parse_worlds(scene: Scene, views: int, object_poses: Any, world_index: Any, exclude: Any) -> Any:
@@ -105,14 +107,14 @@ def _checked_rows(rows: NDArray[Any], scene: Scene) -> NDArray[np.float32]:
     with np.errstate(invalid="ignore", over="ignore"):
         x, y, z, w = (rows[..., k] for k in range(3, 7))
         squared = x * x + y * y + z * z + w * w
-        if surely_finite(rows) and squared.min() > _LEAST_SQUARE:
+        if surely_finite(rows) and squared.min() > _LEAST_SQUARE and squared.max() < _MOST_SQUARE:
             return rows
-        bad = np.argwhere(~(np.isfinite(rows).all(axis=2) & (squared > _LEAST_SQUARE)))
-    if len(bad):
-        names = [f"{scene.objects[scene.movable[m]].name!r} in world {w}" for w, m in bad[:3]]
-        raise PoseError(
-            f"object_poses must be finite and have a rotation: {len(bad)} are not or have none, of {', '.join(names)}"
-        )
+        finite = np.isfinite(rows).all(axis=2)
+    for bad in (np.argwhere(~finite), np.argwhere(not_unit(rows))):
+        if len(bad):
+            wanted = wrong_length(rows[tuple(bad[0])]) if finite.all() else "must be finite"
+            names = [f"{scene.objects[scene.movable[m]].name!r} in world {w}" for w, m in bad[:3]]
+            raise PoseError(f"object_poses {wanted}: wrong in {len(bad)}, of {', '.join(names)}")
     return rows
 
 

@@ -112,7 +112,7 @@ class DepthEye:
             if len(rows) != 1:
                 raise PoseError(f"node_pose must be one pose, got {len(rows)}")
             matrix = poses_to_matrices(rows[0])
-        return poses_to_opencv(matrix @ self._mount, "ros" if self._version.z_up else "opengl", name="the pose")[0]
+        return poses_to_opencv(matrix @ self._mount, "ros_body" if self._version.z_up else "opengl", name="the pose")[0]
 
     def points(self, node_pose: ArrayLike | None = None) -> Any:
         """Measured points in the world [m], shape ``(1, H, W)`` vec3; NaN where nothing was measured."""

@@ -154,7 +154,7 @@ def read_device(
         noise=noise,
         resolution=resolution,
         lens=_lens(node.node("lens")),
-        pose=poses_to_opencv(matrix, "ros" if node.version.z_up else "opengl")[0],
+        pose=poses_to_opencv(matrix, "ros_body" if node.version.z_up else "opengl")[0],
         version=node.version,
         recognition=None if measures else node.node("recognition"),
         notes=tuple(notes),

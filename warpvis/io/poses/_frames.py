@@ -10,9 +10,10 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from warpvis.core.checks import as_path
 from warpvis.core.frames import Frames
-from warpvis.core.poses import Convention
-from warpvis.errors import FileFormatError, PoseError
+from warpvis.core.poses import Convention, check_convention
+from warpvis.errors import FileFormatError
 from warpvis.io._json import read_json
 from warpvis.io.poses._bop import parse_bop
 from warpvis.io.poses._file_poses import FilePoses, first_line
@@ -61,8 +62,8 @@ def read_frames(
     Args:
         path: The file, or the folder of a ROS 2 bag.
         convention: Axes of the camera frame that the poses are for. By default the format's: ``"opengl"`` for
-            nerfstudio; for ROS ``"opencv"`` where the frame's name ends in ``_optical_frame`` and ``"ros"`` elsewhere;
-            ``"opencv"`` for every other.
+            nerfstudio; for ROS ``"opencv"`` where the frame's name ends in ``_optical_frame`` and ``"ros_body"``
+            elsewhere; ``"opencv"`` for every other.
         file_format: The file's format; by default its suffix tells, and of JSON files the content.
         topic: Of a ROS 2 bag: the topic to read.
 
@@ -74,9 +75,9 @@ def read_frames(
             image or message.
         PoseError: `convention` is none.
     """
-    path = Path(path)
-    if convention is not None and convention not in get_args(Convention):
-        raise PoseError(f"convention must be one of {', '.join(map(repr, get_args(Convention)))}, got {convention!r}")
+    path = as_path(path)
+    if convention is not None:
+        check_convention(convention)
     if file_format is not None and file_format not in get_args(PoseFormat):
         raise FileFormatError(f"file_format must be one of {', '.join(get_args(PoseFormat))}, got {file_format!r}")
     if not os.path.exists(path):

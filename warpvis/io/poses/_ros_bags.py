@@ -119,7 +119,7 @@ def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped]) -> File
     return FilePoses(
         np.array(rows, dtype=np.float64),
         lambda index: f"{place}: pose {index}",
-        "opencv" if children[0].endswith(_OPTICAL) else "ros",
+        "opencv" if children[0].endswith(_OPTICAL) else "ros_body",
         times if times.any() else None,
         details={"topic": f"{topic}:{child}" if child else topic},
     )

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import math
 import os
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.core.checks import as_path
+from warpvis.core.poses import LENGTH_TOLERANCE
 from warpvis.errors import FileFormatError
 from warpvis.io._text import read_lines
 
@@ -34,7 +35,7 @@ def read_poses(path: str | os.PathLike[str]) -> tuple[NDArray[np.float64], NDArr
     Raises:
         FileFormatError: The file is missing, holds no poses, or a line is malformed; it is named.
     """
-    path = Path(path)
+    path = as_path(path)
     lines = read_lines(path, _LINE)
     rows = [
         _parse_line(line, f"{path}:{number}")
@@ -57,6 +58,7 @@ def _parse_line(line: str, place: str) -> list[float]:
         raise FileFormatError(f"{place}: expected the 8 numbers '{_LINE}', got {line.strip()!r}") from None
     if not all(map(math.isfinite, values)):
         raise FileFormatError(f"{place}: numbers must be finite, got {line.strip()!r}")
-    if math.hypot(*values[4:]) < 1e-6:
-        raise FileFormatError(f"{place}: the quaternion qx qy qz qw must not have zero length")
+    length = math.hypot(*values[4:])
+    if abs(length - 1) > LENGTH_TOLERANCE:
+        raise FileFormatError(f"{place}: the quaternion qx qy qz qw must have length 1, got {length:.6g}")
     return values
