@@ -434,7 +434,7 @@ def workspace(tmp_path):
 
 COMMANDS = {
     "no mesh": ("render none.obj --poses poses.txt --out o", "warpvis: none.obj: no such file"),
-    "no poses": ("render box.stl --poses none.txt --out o", "warpvis: none.txt: cannot be read: No such file"),
+    "no poses": ("render box.stl --poses none.txt --out o", "warpvis: none.txt: no such file"),
     "broken poses": ("render box.stl --poses broken.txt --out o", "warpvis: broken.txt:1: expected the 8 numbers"),
     "no camera": ("render box.stl --poses poses.txt --out o --camera c", 'a camera is "kinect" or a JSON file'),
     "broken camera": ("render box.stl --poses poses.txt --out o --camera broken.json", "broken.json:2: is not JSON"),
@@ -452,7 +452,7 @@ COMMANDS = {
     "no device": ("render box.stl --poses poses.txt --out o --device cuda:9", "device 'cuda:9' is not on this machine"),
     "a file for a folder": (
         "render box.stl --poses poses.txt --out file",
-        "warpvis: file/depth: cannot be made a folder",
+        "warpvis: file/npz: cannot be written: Not a directory",
     ),
     "demo on no device": ("demo --out o --device tpu", "device 'tpu' is not on this machine"),
     "demo into a file": ("demo --out file", "warpvis: file: cannot be made a folder"),
