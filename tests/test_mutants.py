@@ -1,0 +1,120 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Mutants of `scripts/mutate.py`: what is changed and what is not, and those that are known to change nothing."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "scripts"))
+
+import mutate  # noqa: E402
+from mutants import Mutant, choose, mutants_of  # noqa: E402
+
+CPP = """\
+#include "x.h"  // 1 < 2
+static_assert(1 < 2, "a < b");
+// while (a < b)
+for (int i = 0; i < count; ++i) sum += -rows[i] * 0.25f;
+if (!done && least(a, b) == 0) image.touch(block);
+Points& at = all & mask ? none : "a + b";
+"""
+
+PYTHON = '''\
+"""1 < 2"""
+import a
+def f(x: int | None = None) -> int | None:
+    """3 < 4"""
+    if x is not None and x < max(2, 3):
+        pool.run(x)
+    return x
+'''
+
+
+def changes(path: str, text: str, number: int) -> set[str]:
+    return {mutant.after.strip() for mutant in mutants_of(path, text) if mutant.number == number}
+
+
+def test_every_kind_of_mistake_is_made_in_cpp():
+    loop = changes("x.h", CPP, 4)
+    assert "for (int i = 0; i <= count; ++i) sum += -rows[i] * 0.25f;" in loop
+    assert "for (int i = 1; i < count; ++i) sum += -rows[i] * 0.25f;" in loop
+    assert "for (int i = 0; i < count; ++i) sum += rows[i] * 0.25f;" in loop
+    assert "for (int i = 0; i < count; ++i) sum -= -rows[i] * 0.25f;" in loop
+    assert "for (int i = 0; i < count; ++i) sum += -rows[i] * 0.5f;" in loop
+    branch = changes("x.h", CPP, 5)
+    assert "if (done && least(a, b) == 0) image.touch(block);" in branch
+    assert "if (!done || least(a, b) == 0) image.touch(block);" in branch
+    assert "if (!done && most(a, b) == 0) image.touch(block);" in branch
+    assert "if (!done && least(a, b) != 0) image.touch(block);" in branch
+    assert ";" in branch
+
+
+def test_no_mistake_is_made_outside_of_code():
+    assert not any(changes("x.h", CPP, number) for number in (1, 2, 3))
+    assert changes("x.h", CPP, 6) == {'Points& at = all | mask ? none : "a + b";'}
+    assert not any(changes("x.py", PYTHON, number) for number in (1, 2, 3, 4))
+
+
+def test_mistakes_in_python():
+    assert changes("x.py", PYTHON, 5) == {
+        "if x is None and x < max(2, 3):",
+        "if x is not None or x < max(2, 3):",
+        "if x is not None and x <= max(2, 3):",
+        "if x is not None and x < min(2, 3):",
+        *(f"if x is not None and x < max({two}, {three}):" for two, three in ((1, 3), (3, 3), (2, 2), (2, 4))),
+    }
+    assert changes("x.py", PYTHON, 6) == {"pass"}
+
+
+def test_a_seed_chooses_the_same_mutants():
+    mutants = mutants_of("x.h", CPP)
+    assert choose(mutants, 5, 7) == choose(mutants, 5, 7) != choose(mutants, 5, 8)
+    assert len(choose(mutants, 1000, 0)) == len(set(mutants))
+
+
+def test_a_mutant_changes_one_line():
+    mutant = mutants_of("x.h", CPP)[0]
+    before, after = CPP.split("\n"), mutant.apply(CPP).split("\n")
+    assert [number for number in range(len(before)) if before[number] != after[number]] == [mutant.number - 1]
+
+
+@pytest.mark.parametrize("key", mutate.known_equivalents(), ids=lambda key: f"{key[0]}: {key[2]}")
+def test_known_equivalents_are_mutants_of_lines_that_are_there(key):
+    path, line, becomes = key
+    assert mutate.known_equivalents()[key]
+    found = {(m.before.strip(), m.after.strip()) for m in mutants_of(path, (ROOT / path).read_text(encoding="utf-8"))}
+    assert (line, becomes) in found, "the line is gone: take the entry away, or say what the line is now"
+
+
+class Tree:
+    """A tree of one file, whose test is a program that reads it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.idle = mutate.queue.SimpleQueue()
+        (folder / "x.py").write_text("value = 1 < 2\n", encoding="utf-8")
+        self.idle.put(folder)
+        self.folder = folder
+
+    def run(self, command: str, copy: Path, limit: float) -> tuple[int, str]:
+        text = (copy / "x.py").read_text(encoding="utf-8")
+        return (0 if eval(command, {"text": text}) else 1), "said"
+
+
+@pytest.mark.parametrize(("command", "outcome"), [("'<=' not in text", "killed"), ("'value' in text", "survived")])
+def test_a_mutant_is_judged_by_a_command_and_taken_back(tmp_path, command, outcome):
+    tree = Tree(tmp_path)
+    mutant = Mutant("x.py", 1, "relation", "value = 1 < 2", "value = 1 <= 2")
+    verdict = mutate.judge(mutant, tree, [command], {command: 1.0})
+    assert verdict.outcome == outcome
+    assert (tmp_path / "x.py").read_text(encoding="utf-8") == "value = 1 < 2\n"
+    assert tree.idle.get_nowait() == tmp_path
+
+
+def test_what_does_not_compile_is_no_mutant(tmp_path):
+    mutant = Mutant("x.py", 1, "sign", "value = 1 < 2", "value = 1 <")
+    assert mutate.judge(mutant, Tree(tmp_path), ["True"], {"True": 1.0}).outcome == "stillborn"
