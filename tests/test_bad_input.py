@@ -16,8 +16,7 @@ import warp as wp
 
 import warpvis as wv
 from warpvis import Camera, Label, Scene
-from warpvis.io import DepthArchive, read_poses, save_depth_png
-from warpvis.io._depth import depth_to_millimetres
+from warpvis.io import depth_to_units, read_poses, save_depth_png
 from warpvis.maps import Sphere
 
 KINECT = Camera.kinect()
@@ -405,28 +404,16 @@ def test_depth_files(tmp_path):
         save_depth_png(DEPTH, tmp_path / "depth.png")
     with pytest.raises(wv.errors.FileFormatError, match="cannot be written"):
         save_depth_png(DEPTH[0], tmp_path / "nowhere" / "depth.png")
-    with pytest.raises(wv.errors.FileFormatError, match="cannot be written"):
-        DepthArchive(tmp_path / "nowhere" / "depth.npz", (1, 2, 2))
-    with (
-        pytest.raises(wv.errors.ArrayError, match="0 of 2 views were written"),
-        DepthArchive(tmp_path / "a.npz", (2, 2, 2)),
-    ):
-        pass
-    with (
-        pytest.raises(wv.errors.ArrayError, match="does not continue 0 views"),
-        DepthArchive(tmp_path / "a.npz", (1, 2, 2)) as archive,
-    ):
-        archive.append(DEPTH)
     assert os.listdir(tmp_path) == []
 
 
 def test_nothing_is_clamped_into_millimetres():
     depth = [0.0004, 0.001, 65.535, 65.536, np.inf, -np.inf, np.nan, -1.0]
-    assert depth_to_millimetres(depth).tolist() == [0, 1, 65535, 0, 0, 0, 0, 0]
+    assert depth_to_units(depth, 1000).tolist() == [0, 1, 65535, 0, 0, 0, 0, 0]
 
 
 def run_cli(*arguments, cwd):
-    command = [sys.executable, "-m", "warpvis.cli", *map(str, arguments)]
+    command = [sys.executable, "-m", "warpvis", *map(str, arguments)]
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True)
 
 
@@ -447,7 +434,7 @@ def workspace(tmp_path):
 
 COMMANDS = {
     "no mesh": ("render none.obj --poses poses.txt --out o", "warpvis: none.obj: no such file"),
-    "no poses": ("render box.stl --poses none.txt --out o", "warpvis: none.txt: cannot be read: No such file"),
+    "no poses": ("render box.stl --poses none.txt --out o", "warpvis: none.txt: no such file"),
     "broken poses": ("render box.stl --poses broken.txt --out o", "warpvis: broken.txt:1: expected the 8 numbers"),
     "no camera": ("render box.stl --poses poses.txt --out o --camera c", 'a camera is "kinect" or a JSON file'),
     "broken camera": ("render box.stl --poses poses.txt --out o --camera broken.json", "broken.json:2: is not JSON"),
@@ -465,7 +452,7 @@ COMMANDS = {
     "no device": ("render box.stl --poses poses.txt --out o --device cuda:9", "device 'cuda:9' is not on this machine"),
     "a file for a folder": (
         "render box.stl --poses poses.txt --out file",
-        "warpvis: file/depth: cannot be made a folder",
+        "warpvis: file/npz: cannot be written: Not a directory",
     ),
     "demo on no device": ("demo --out o --device tpu", "device 'tpu' is not on this machine"),
     "demo into a file": ("demo --out file", "warpvis: file: cannot be made a folder"),

@@ -14,7 +14,7 @@ import pytest
 from batch_jobs import CAMERA, make_poses, make_scene, tree
 
 import warpvis as wv
-from warpvis.cli._batch import Batch, Verify
+from warpvis.cli._datasets import Batch, Verify
 
 ORBIT = "orbit target=0,0,0.4 radius=3 height=1 count=9"
 
@@ -39,7 +39,7 @@ def workspace(tmp_path, monkeypatch):
 
 
 def cli(*arguments):
-    command = [sys.executable, "-m", "warpvis.cli", *arguments]
+    command = [sys.executable, "-m", "warpvis", *arguments]
     return subprocess.run(command, capture_output=True, text=True)
 
 
@@ -94,13 +94,13 @@ def test_poses_from_a_file_and_outputs(workspace):
 def test_worlds_from_a_file(workspace):
     batch(movable=("ball",), worlds=Path("worlds.npz"), outputs=("depth", "segmentation"))
     scene = wv.Scene()
-    for item in sorted(wv.Scene.load("scene.glb"), key=lambda item: item.name == "ball"):
+    for item in wv.Scene.load("scene.glb"):
         height = 0.5 if item.name == "ball" else 0.0
         scene.add((item.vertices + [0, 0, height], item.faces), name=item.name)
     views, found = wv.render(scene, CAMERA, make_poses(9)), np.load("out/shard-000000.npz")
     assert (found["segmentation"] == views.segmentation.numpy()).mean() > 0.999
     np.testing.assert_allclose(found["depth"], views.depth.numpy(), rtol=1e-5)
-    assert (found["segmentation"] == 2).any()
+    assert (found["segmentation"] == scene.index("ball")).any()
 
 
 BAD = {
@@ -119,7 +119,19 @@ BAD = {
     "camera": ({"camera": "lens"}, "lens: cannot be read"),
     "device": ({"device": "cuda:99"}, "device 'cuda:99' is not on this machine"),
     "labels": ({"labels": ("cat=human",)}, "labels for 'cat' fit no object"),
-    "movable": ({"movable": ("cat",)}, "the scene has no object 'cat'"),
+    "movable": ({"movable": ("cat",)}, "movable 'cat' fits no object of scene.glb, which has 'ball', 'box', 'floor'"),
+    "movable without worlds": (
+        {"movable": ("ball",)},
+        "--movable has no effect without poses of objects: give --worlds",
+    ),
+    "worlds without movable": (
+        {"worlds": Path("worlds.npz")},
+        "poses of 1 objects, and the scene has 0 that are movable",
+    ),
+    "spec in axes": ({"poses": ORBIT, "convention": "opengl"}, "poses that are made need no --convention"),
+    "spec of a topic": ({"poses": ORBIT, "topic": "/tf"}, "poses that are made need no --topic"),
+    "topic": ({"topic": "/tf"}, "topic= is for ROS 2 bags"),
+    "search path": ({"search_path": (Path("taken"),)}, "its geometry is all in one file: leave out search_path"),
     "worlds": (
         {"movable": ("ball",), "worlds": Path("two.npz")},
         "the frames have poses of 2 objects, and the scene has 1",
@@ -156,7 +168,7 @@ def test_an_interrupted_job_says_how_to_go_on(workspace):
     many = ORBIT.replace("count=9", "count=100000")
     assert many != ORBIT
     command = ("batch", "scene.glb", "--poses", many, "--camera", "camera.json", "--out", "out", "--shard-frames", "4")
-    job = subprocess.Popen([sys.executable, "-m", "warpvis.cli", *command], stderr=subprocess.PIPE, text=True)
+    job = subprocess.Popen([sys.executable, "-m", "warpvis", *command], stderr=subprocess.PIPE, text=True)
     while not (workspace / "out" / "shards").is_dir() and job.poll() is None:
         time.sleep(0.05)
     job.send_signal(signal.SIGINT)

@@ -13,12 +13,12 @@ from PIL import Image
 
 import warpvis as wv
 from warpvis.cli import main
-from warpvis.demo import format_states, format_table, run_experiment
+from warpvis.cli.demo import format_states, format_table, run_experiment
 from warpvis.scenes import EXPERIMENTS
 
 
 def run_cli(*arguments, cwd):
-    command = [sys.executable, "-m", "warpvis.cli", *map(str, arguments)]
+    command = [sys.executable, "-m", "warpvis", *map(str, arguments)]
     result = subprocess.run(command, cwd=cwd, capture_output=True, text=True)
     assert result.returncode == 0, result.stderr
     return result
@@ -80,19 +80,19 @@ def test_render_writes_metres_and_millimetres(tmp_path):
     result = run_cli(
         "render", "box.stl", "--poses", "poses.txt", "--camera", "camera.json", "--out", "out", cwd=tmp_path
     )
-    assert "4 views" in result.stdout
-    assert "farther than 65.535 m" in result.stderr
+    assert "frames: 4, shards: 1, " in result.stdout
+    assert "warning: " in result.stderr and "pixels have a depth that 16 bits of 1000 units a metre" in result.stderr
 
-    stored = np.load(tmp_path / "out" / "depth.npz")
+    stored = np.load(tmp_path / "out" / "npz" / "shard-000000.npz")
     camera = wv.Camera.from_fov(64, 48, hfov=0.5)
     depth = wv.render(wv.Scene.load(tmp_path / "box.stl"), camera, poses).depth.numpy()
     np.testing.assert_array_equal(stored["depth"], depth)
     np.testing.assert_array_equal(stored["K"], camera.to_K())
     np.testing.assert_allclose(stored["camera_to_world"], poses, atol=1e-6)
-    assert stored["timestamp"].tolist() == [0.5, 1.5, 2.5, 3.5]
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["depth", "depth.npz"]
+    assert stored["timestamps"].tolist() == [0.5, 1.5, 2.5, 3.5]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["npz", "png"]
     for view in range(4):
-        image = Image.open(tmp_path / "out" / "depth" / f"{view:06d}.png")
+        image = Image.open(tmp_path / "out" / "png" / "depth" / "000000" / f"{view:06d}.png")
         assert image.mode == "I;16"
         millimetres = np.asarray(image)
         metres = np.where(np.isfinite(depth[view]) & (depth[view] < 65.5355), depth[view], 0)
@@ -108,7 +108,7 @@ def test_conventions_reach_the_renderer(tmp_path):
             *f"render box.stl --poses poses.txt --out {convention} --convention {convention} --quiet".split(),
             cwd=tmp_path,
         )
-        assert np.load(tmp_path / convention / "depth.npz")["depth"].min() == nearest
+        assert np.load(tmp_path / convention / "npz" / "shard-000000.npz")["depth"].min() == nearest
 
 
 @pytest.fixture(scope="module")
@@ -199,17 +199,26 @@ def test_labels_say_what_the_person_may_mean(lab, monkeypatch, capsys):
     assert "The robot must move to see ball." in out
 
 
-def test_poses_of_seven_numbers_and_other_axes(lab, monkeypatch, capsys):
+def test_poses_of_seven_numbers_of_other_axes_and_of_files(lab, tmp_path, monkeypatch, capsys):
     row = wv.core.poses.look_at((-1.77, 0, 0.7), (0, 0, 0.39))
-    opengl = wv.core.poses.quaternion_product(row[3:], np.array([1.0, 0, 0, 0]))
+    opengl = [*row[:3], *wv.core.poses.quaternion_product(row[3:], np.array([1.0, 0, 0, 0]))]
+    np.save(tmp_path / "pose.npy", [opengl])
+    np.save(tmp_path / "poses.npy", [row, row])
+    seven, other = (" ".join(map(repr, map(float, pose))) for pose in (row, opengl))
     tables = []
-    for pose, convention in ((ROBOT, "ros_body"), (row, "opencv"), ([*row[:3], *opengl], "opengl")):
-        text = pose if isinstance(pose, str) else " ".join(map(repr, map(float, pose)))
-        given = ("perspective", "lab.glb", "--robot", text, "--human", HUMAN, *BODIES, "--convention", convention)
-        code, out, _ = run_here(monkeypatch, capsys, lab, *given)
+    for pose, *more in ((ROBOT,), (seven,), (other, "opengl"), (tmp_path / "pose.npy", "opengl")):
+        given = ("perspective", "lab.glb", "--robot", pose, "--human", HUMAN, *BODIES)
+        code, out, _ = run_here(monkeypatch, capsys, lab, *given, *("--convention", *more)[: 2 * len(more)])
         assert code == 0
         tables.append(out)
-    assert tables[0] == tables[1] == tables[2]
+    assert len(set(tables)) == 1
+    for pose, more, said in (
+        (ROBOT, ("--convention", "opengl"), "poses that are given by what they look at take no --convention"),
+        (seven, ("--topic", "/tf"), "poses that are given as numbers take no --topic"),
+        (tmp_path / "poses.npy", (), f"--robot must be one pose, and {tmp_path / 'poses.npy'} holds 2"),
+    ):
+        given = ("perspective", "lab.glb", "--robot", pose, "--human", HUMAN, *more)
+        assert run_here(monkeypatch, capsys, lab, *given) == (2, "", f"warpvis: {said}\n")
 
 
 def test_where_the_robot_may_go(lab, monkeypatch, capsys):
@@ -349,8 +358,8 @@ POSES = ("--poses", "poses.txt")
             "experiment_1 comes with its robot and its",
         ),
         (("check", "none.glb", *POSES, "--out", "x.json"), "none.glb: no such file"),
-        (("check", "lab.glb", "--poses", "none.txt", "--out", "x.json"), "none.txt: cannot be read"),
-        (("check", "lab.glb", "--poses", "points.csv"), "points.csv:1: expected the 8 numbers"),
+        (("check", "lab.glb", "--poses", "none.txt", "--out", "x.json"), "none.txt: no such file"),
+        (("check", "lab.glb", "--poses", "points.csv"), "points.csv:1: expected the column names"),
         (("check", "lab.glb", *POSES, "--points", "poses.txt"), "poses.txt:1: expected three finite numbers 'x y z'"),
         (("check", "lab.glb", *POSES, "--points", "p.csv"), "p.csv: no such file"),
         (

@@ -81,7 +81,9 @@ def test_code_runs(page, tmp_path, monkeypatch):
         exec(compile(preludes.made_smaller(code), f"{page.name}, fence {number}", "exec"), names)
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if "warpvis " in "".join(fences(page, "bash"))], ids=str)
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if "warpvis " in "".join(fences(page, "bash"))], ids=lambda page: page.stem
+)
 def test_commands_run(page, tmp_path, monkeypatch, capsys):
     """All calls of ``warpvis`` in a page's shell fences."""
     monkeypatch.chdir(tmp_path)

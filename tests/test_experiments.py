@@ -8,7 +8,7 @@ import trimesh
 
 import warpvis as wv
 from warpvis import scenes
-from warpvis.demo import format_states, run_experiment
+from warpvis.cli.demo import format_states, run_experiment
 from warpvis.scenes import experiments
 from warpvis.visibility import State
 

@@ -378,7 +378,7 @@ def test_scene_load_opens_worlds(device):
 
 
 def run_cli(*arguments, cwd, code=0):
-    command = [sys.executable, "-m", "warpvis.cli", *map(str, arguments)]
+    command = [sys.executable, "-m", "warpvis", *map(str, arguments)]
     result = subprocess.run(command, cwd=cwd, capture_output=True, text=True)
     assert result.returncode == code, result.stderr
     return result
@@ -416,7 +416,7 @@ def test_poses_and_a_camera_work_for_worlds_too(tmp_path):
     path = WORLDS / "experiment_3_R2023b.wbt"
     run_cli("render", path, "--poses", "poses.txt", "--camera", "camera.json", "--out", "out", cwd=tmp_path)
     depth = wv.render(Scene.load(path), wv.Camera.from_fov(32, 24, hfov=1), pose).depth.numpy()
-    np.testing.assert_array_equal(np.load(tmp_path / "out" / "depth.npz")["depth"], depth)
+    np.testing.assert_array_equal(np.load(tmp_path / "out" / "npz" / "shard-000000.npz")["depth"], depth)
 
 
 @pytest.mark.parametrize(
@@ -425,7 +425,10 @@ def test_poses_and_a_camera_work_for_worlds_too(tmp_path):
         (("render", "box.stl", "--out", "out"), "give --poses"),
         (("render", "world.wbt", "--out", "out"), "has no range finder; its devices are: none"),
         (("render", "world.wbt", "--out", "out", "--device-name", "eye"), "the world has no device 'eye'"),
-        (("info", "box.stl"), "box.stl: info is of Webots worlds"),
+        (("render", "world.wbt", "--out", "out", "--labels", "a=human"), "have their own poses: give no --labels"),
+        (("render", "world.wbt", "--out", "out", "--format", "png"), "have their own poses: give no --format"),
+        (("info", "world.wbt", "--up", "z"), "info of a Webots world takes no --up"),
+        (("info", "--scale", "2"), "info of this machine takes no --scale"),
         (("info", "none.wbt"), "none.wbt: no such file"),
     ],
 )

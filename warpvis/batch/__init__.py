@@ -18,11 +18,12 @@ job may go on with it, `_verify` whether it is sound.
 from __future__ import annotations
 
 from warpvis.batch._frame_renderer import FrameRenderer, check_outputs as check_outputs
-from warpvis.batch._render_batch import BatchSummary, render_batch as render_batch
+from warpvis.batch._render_batch import BatchSummary, make_plan as make_plan, render_batch as render_batch
 from warpvis.batch._verify import verify
 from warpvis.batch._warmup import warmup
 from warpvis.batch.engines._local import parse_devices as parse_devices
 from warpvis.batch.formats._base import find_format as find_format
+from warpvis.batch.formats._npz import npz_parts as npz_parts
 
 __all__ = [
     "BatchSummary",

@@ -8,22 +8,18 @@ Nothing heavy is imported until a command runs, so that ``--help`` answers at on
 from __future__ import annotations
 
 import sys
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from warpvis.cli._batch import Batch, Verify, Warmup
 from warpvis.cli._check import Check
-from warpvis.cli._inputs import make_folder
+from warpvis.cli._datasets import Batch, Render, Verify, Warmup
+from warpvis.cli._inputs import MaybeSceneFile, SceneOptions, parse_labels, refuse_options, scene_options
+from warpvis.cli._output import format_rows
 from warpvis.cli._perspective import Perspective
-from warpvis.errors import FileFormatError, PoseError, WarpvisError
-
-if TYPE_CHECKING:
-    from warpvis.rendering import Renderer
-
-_VIEWS_AT_A_TIME = 16
+from warpvis.errors import WarpvisError
 
 
 @dataclass(frozen=True)
@@ -37,150 +33,58 @@ class Demo:
 
     def run(self) -> None:
         """Run the command."""
-        from warpvis.demo import run_demo
+        from warpvis.cli.demo import run_demo
 
         run_demo(self.out, device=self.device)
 
 
-@dataclass(frozen=True)
-class Render:
-    """Render depth images of a mesh file: OUT/depth.npz in metres, OUT/depth/*.png in millimetres (16 bit, 0: none).
+@dataclass(frozen=True, kw_only=True)
+class Info(SceneOptions):
+    """Print versions, devices and cores; or what a scene's file holds."""
 
-    Of a Webots world without --poses: the images of its range finders, in OUT/NAME/depth.npz and OUT/NAME/depth.
-    """
-
-    file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE")]
-    """Mesh file: OBJ, STL, PLY, GLB, ...; or a Webots world, .wbt."""
-    out: Path
-    """Folder to write to."""
-    poses: Path | None = None
-    """Camera poses, camera to world, a line each: timestamp tx ty tz qx qy qz qw (TUM)."""
-    camera: str = "kinect"
-    """kinect, or a JSON file with width, height, hfov (radians) or K, near and far (metres)."""
-    convention: Literal["opencv", "opengl", "ros_body", "ros_optical"] = "opencv"
-    """Axes of the camera frame of the poses."""
-    scale: float = 1.0
-    """Metres in a unit of the file (0.001 for millimetres)."""
-    up: Literal["z", "y"] = "z"
-    """The world's vertical axis."""
-    file_up: Literal["z", "y"] | None = None
-    """The file's vertical axis; y for glTF and the world's for other formats by default."""
-    device: str = "cpu"
-    """Where to compute: cpu, cuda:0, ..."""
-    device_name: str | None = None
-    """Of a Webots world: the one range finder to render; all by default."""
-    version_exact: bool = False
-    """Of a Webots world: the values that the Webots of its header gives, instead of true depth."""
-    search_path: tuple[Path, ...] = ()
-    """Of a Webots world: folders to look for PROTO files in."""
-    quiet: bool = False
-    """No progress bar and no summary."""
+    file: MaybeSceneFile = None
 
     def run(self) -> None:
         """Run the command."""
-        if self.poses is None:
-            self._render_devices()
-        else:
-            self._render_poses(self.poses)
-
-    def _render_devices(self) -> None:
-        from warpvis.cli._webots import is_world, render_world
-
-        if not is_world(self.file):
-            raise PoseError(f"give --poses, a file of the camera's poses: {self.file} is no Webots world with cameras")
-        render_world(
-            self.file,
-            self.out,
-            device_name=self.device_name,
-            version_exact=self.version_exact,
-            search_path=self.search_path,
-            device=self.device,
-            quiet=self.quiet,
-        )
-
-    def _render_poses(self, poses: Path) -> None:
-        from warpvis.core.camera import Camera
-        from warpvis.io import load_camera, read_poses
-        from warpvis.rendering import Renderer
-        from warpvis.scene import Scene
-
-        camera: Camera = load_camera(self.camera)
-        times, rows = read_poses(poses)
-        scene = Scene.load(self.file, device=self.device, up=self.up, file_up=self.file_up, scale=self.scale)
-        make_folder(self.out / "depth")
-        renderer = Renderer(scene, camera, outputs=("depth",))
-        too_far = self._write(renderer, times, rows)
-        if too_far:
-            print(
-                f"warning: {too_far} pixels are farther than 65.535 m, which 16 bits of millimetres cannot hold: "
-                "they are 0 in the PNG files and right in depth.npz",
-                file=sys.stderr,
-            )
-        if not self.quiet:
-            print(f"{len(rows)} views of {scene!r}: {self.out / 'depth.npz'}, {self.out / 'depth'}/*.png")
-
-    def _write(self, renderer: Renderer, times: Any, rows: Any) -> int:
-        """Render and write all views, some at a time; the number of pixels that millimetres cannot hold."""
-        import numpy as np
-        from tqdm import tqdm
-
-        from warpvis.core.poses import poses_to_opencv
-        from warpvis.io import DepthArchive, save_depth_png, too_far_for_millimetres
-
-        poses = poses_to_opencv(rows, self.convention, name=str(self.poses)).astype(np.float32)
-        camera = renderer.camera
-        beside: dict[str, Any] = {"K": camera.to_K(), "camera_to_world": poses, "timestamp": times}
-        too_far = 0
-        with (
-            DepthArchive(self.out / "depth.npz", (len(poses), camera.height, camera.width), **beside) as archive,
-            tqdm(total=len(poses), unit="view", disable=self.quiet or not sys.stderr.isatty()) as progress,
-        ):
-            for start in range(0, len(poses), _VIEWS_AT_A_TIME):
-                depth = renderer.render(poses[start : start + _VIEWS_AT_A_TIME]).depth.numpy()
-                archive.append(depth)
-                too_far += too_far_for_millimetres(depth)
-                for index, image in enumerate(depth, start=start):
-                    save_depth_png(image, self.out / "depth" / f"{index:06d}.png")
-                    progress.update()
-        return too_far
-
-
-@dataclass(frozen=True)
-class Info:
-    """Print versions, devices and cores; or what a Webots world holds."""
-
-    file: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="FILE")] = None
-    """A Webots world, .wbt."""
-    search_path: tuple[Path, ...] = ()
-    """Folders to look for the world's PROTO files in."""
-
-    def run(self) -> None:
-        """Run the command."""
-        if self.file is None:
-            self._print_versions()
-            return
         from warpvis.cli._webots import is_world, print_world
 
-        if not is_world(self.file):
-            raise FileFormatError(f"{self.file}: info is of Webots worlds, whose names end in .wbt")
-        print_world(self.file, self.search_path)
+        if self.file is None:
+            refuse_options(self, scene_options, "info of this machine takes")
+            _print_versions()
+        elif is_world(self.file):
+            own = [name for name in scene_options if name not in ("search_path", "strict", "labels")]
+            refuse_options(self, own, "info of a Webots world takes")
+            labels = parse_labels(self.labels)
+            print_world(self.file, search_path=self.search_path, strict=self.strict, labels=labels)
+        else:
+            self._print_objects(self.file)
 
-    def _print_versions(self) -> None:
-        import platform
-        from importlib.metadata import version
+    def _print_objects(self, file: Path) -> None:
+        scene = self.load_scene(file)
+        print(f"{file}: {scene.up} up, {len(scene)} objects, {scene.triangle_count} triangles")
+        rows = []
+        for item in scene:
+            corners = [" ".join(f"{value:.4g}" for value in corner) for corner in item.bounds]
+            rows.append([item.name, item.label.name.lower(), str(len(item.faces)), *corners])
+        print(format_rows(["object", "label", "triangles", "least corner [m]", "greatest corner [m]"], rows))
 
-        import warp as wp
 
-        import warpvis
-        from warpvis.core.threads import core_count
+def _print_versions() -> None:
+    import platform
+    from importlib.metadata import version
 
-        print(f"warpvis {warpvis.__version__}")
-        print(f"python  {platform.python_version()} on {platform.platform()}")
-        for package in ("warp-lang", "numpy", "trimesh", "mujoco"):
-            print(f"{package} {version(package)}")
-        print(f"cores   {core_count()}")
-        for device in wp.get_devices():
-            print(f"device  {device.alias}: {device.name}")
+    import warp as wp
+
+    import warpvis
+    from warpvis.core.threads import core_count
+
+    print(f"warpvis {warpvis.__version__}")
+    print(f"python  {platform.python_version()} on {platform.platform()}")
+    for package in ("warp-lang", "numpy", "trimesh", "mujoco"):
+        print(f"{package} {version(package)}")
+    print(f"cores   {core_count()}")
+    for device in wp.get_devices():
+        print(f"device  {device.alias}: {device.name}")
 
 
 def main() -> None:
@@ -189,7 +93,10 @@ def main() -> None:
     command = tyro.cli(commands, prog="warpvis", description=_DESCRIPTION)
     try:
         _quiet_warp()
-        command.run()
+        with warnings.catch_warnings():
+            warnings.simplefilter("default", UserWarning)
+            warnings.showwarning = _show_warning
+            command.run()
     except WarpvisError as error:
         print(f"warpvis: {error}", file=sys.stderr)
         sys.exit(2)
@@ -200,6 +107,11 @@ def main() -> None:
 
 
 _DESCRIPTION = "What a camera at a pose sees: depth images and 3D visibility, on CPU or CUDA."
+
+
+def _show_warning(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
+    """Print a warning as one sentence, as errors are."""
+    print(f"warning: {message}", file=sys.stderr)
 
 
 def _quiet_warp() -> None:

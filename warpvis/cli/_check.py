@@ -4,13 +4,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from warpvis.cli._inputs import format_rows, parse_labels, require_place, write_json
+from warpvis.cli._inputs import FrameOptions, Names, Poses, SceneFile, refuse_options, split_names
+from warpvis.cli._output import format_rows, require_place, write_json
 from warpvis.errors import ArrayError, FileFormatError
 
 if TYPE_CHECKING:
@@ -18,64 +20,45 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from warpvis.core.camera import Camera
+    from warpvis.core.frames import Frames
     from warpvis.scene import Scene
     from warpvis.visibility import ObjectVisibility
 
 _LINES_PRINTED = 40
 
 
-@dataclass(frozen=True)
-class Check:
+@dataclass(frozen=True, kw_only=True)
+class Check(FrameOptions):
     """Say of every pose how much of each object is seen, or which points are, and why the others are not."""
 
-    file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE")]
-    """Mesh file: OBJ, STL, PLY, GLB, ..."""
-    poses: Path
-    """Camera poses, camera to world, a line each: timestamp tx ty tz qx qy qz qw (TUM)."""
+    file: SceneFile
+    poses: Poses
     points: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """Points of the world in metres, in place of objects: text or CSV of lines x y z, .npy of shape (N, 3), or .ply."""
-    objects: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")] = ()
+    objects: Names = ()
     """Names of the objects; all by default."""
-    exclude: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")] = ()
+    exclude: Names = ()
     """Names of objects that the camera does not see, such as the robot that carries it."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """File to write: .json for all that is known, or .npy for the points' status alone, (poses, points) uint8."""
     picture: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """Picture to write of the first pose: its depth, and the objects coloured by their status (.png, .pdf or .svg)."""
-    camera: str = "kinect"
-    """kinect, or a JSON file with width, height, hfov (radians) or K, near and far (metres)."""
     tolerance: float = 1e-4
     """How far behind the first surface on its ray a point still counts as seen [m]."""
-    labels: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=LABEL ...")] = ()
-    """What objects are: "ball=object" "wall_*=obstacle" ..."""
-    convention: Literal["opencv", "opengl", "ros_body", "ros_optical"] = "opencv"
-    """Axes of the camera frame of the poses."""
-    scale: float = 1.0
-    """Metres in a unit of the mesh file (0.001 for millimetres)."""
-    up: Literal["z", "y"] = "z"
-    """The world's vertical axis."""
-    file_up: Literal["z", "y"] | None = None
-    """The mesh file's vertical axis; y for glTF and the world's for other formats by default."""
     device: str = "cpu"
     """Where to compute: cpu, cuda:0, ..."""
 
     def run(self) -> None:
         """Run the command."""
-        from warpvis.core.poses import poses_to_opencv
-        from warpvis.io import load_camera, read_points, read_poses
-        from warpvis.scene import Scene
+        from warpvis.io import read_points
 
         self._check_options()
-        camera = load_camera(self.camera)
-        times, rows = read_poses(self.poses)
-        poses = poses_to_opencv(rows, self.convention, name=str(self.poses))
         points = None if self.points is None else read_points(self.points)
-        form: dict[str, Any] = {"up": self.up, "file_up": self.file_up, "scale": self.scale}
-        scene = Scene.load(self.file, device=self.device, labels=parse_labels(self.labels), **form)
+        scene, camera, frames = self.load(self.file, self.poses, device=self.device)
         if points is None:
-            self._check_objects(scene, camera, times, poses)
+            self._check_objects(scene, camera, frames)
         else:
-            self._check_points(scene, camera, times, poses, points)
+            self._check_points(scene, camera, frames, points)
         written = [str(path) for path in (self.out, self.picture) if path is not None]
         if written:
             print(f"\n{', '.join(written)}")
@@ -85,24 +68,32 @@ class Check:
             raise ArrayError("give either --points or --objects, not both")
         if self.points is not None and self.picture is not None:
             raise ArrayError("--picture shows objects, so it does not go with --points")
+        if self.points is None:
+            refuse_options(self, ("tolerance",), "without --points there is")
         if self.out is not None:
             require_place(self.out, [".json"] if self.points is None else [".json", ".npy"])
         if self.picture is not None:
             require_place(self.picture, [".png", ".pdf", ".svg"])
 
-    def _check_objects(self, scene: Scene, camera: Camera, times: Any, poses: NDArray[np.float64]) -> None:
+    def _check_objects(self, scene: Scene, camera: Camera, frames: Frames) -> None:
         from warpvis.visibility import object_visibility
 
-        exclude = self.exclude or None
-        names = self.objects or [item.name for item in scene if item.name not in self.exclude]
-        seen = object_visibility(scene, camera, poses, objects=names, exclude=exclude)
-        views = _object_report(scene, seen, times, poses)
+        objects, exclude = split_names(self.objects), split_names(self.exclude)
+        names = objects or [item.name for item in scene if item.name not in exclude]
+        given: dict[str, Any] = {"exclude": exclude or None, **_worlds(frames)}
+        seen = object_visibility(scene, camera, frames.camera_to_world, objects=names, **given)
+        views = _object_report(scene, seen, frames)
         if self.picture is not None:
             from warpvis.viz import save_sightings
 
-            shown = self.objects or _of_interest(scene, self.exclude)
-            title = f"{self.file.name}, first of {len(poses)} poses"
-            save_sightings(scene, camera, poses[0], self.picture, objects=shown, exclude=exclude, title=title)
+            shown = objects or _of_interest(scene, exclude)
+            title = f"{self.file.name}, first of {len(frames)} poses"
+            first = frames[:1]
+            how: dict[str, Any] = {"objects": shown, "exclude": exclude or None, "title": title}
+            if first.object_poses is not None:
+                world = 0 if first.world_index is None else first.world_index[0]
+                how["object_poses"] = first.object_poses[world]
+            save_sightings(scene, camera, first.camera_to_world[0], self.picture, **how)
         if self.out is not None:
             write_json(self.out, {"file": str(self.file), "views": views})
         rows = []
@@ -114,16 +105,14 @@ class Check:
         print(format_rows(["view", "object", "visible", "pixels", "status", "hidden by"], rows[:_LINES_PRINTED]))
         _say_more(len(rows))
 
-    def _check_points(
-        self, scene: Scene, camera: Camera, times: Any, poses: NDArray[np.float64], points: NDArray[np.float64]
-    ) -> None:
+    def _check_points(self, scene: Scene, camera: Camera, frames: Frames, points: NDArray[np.float64]) -> None:
         import numpy as np
 
         from warpvis.core.labels import Visibility
         from warpvis.visibility import point_visibility
 
-        given: dict[str, Any] = {"tolerance": self.tolerance, "exclude": self.exclude or None}
-        found: Any = point_visibility(scene, camera, poses, points, **given)
+        given: dict[str, Any] = {"tolerance": self.tolerance, "exclude": split_names(self.exclude) or None}
+        found: Any = point_visibility(scene, camera, frames.camera_to_world, points, **given, **_worlds(frames))
         status = found.numpy()
         kinds = [kind for kind in Visibility if kind != Visibility.UNKNOWN][::-1]
         counts = [{kind.name: int((row == kind).sum()) for kind in kinds} for row in status]
@@ -135,7 +124,7 @@ class Check:
         elif self.out is not None:
             names = np.array([kind.name for kind in Visibility])
             views = [
-                {**_pose_report(k, times, poses), "counts": counts[k], "status": names[row].tolist()}
+                {**_pose_report(k, frames), "counts": counts[k], "status": names[row].tolist()}
                 for k, row in enumerate(status)
             ]
             write_json(self.out, {"file": str(self.file), "points": str(self.points), "views": views})
@@ -145,7 +134,7 @@ class Check:
         _say_more(len(rows))
 
 
-def _of_interest(scene: Scene, exclude: tuple[str, ...]) -> list[str]:
+def _of_interest(scene: Scene, exclude: Sequence[str]) -> list[str]:
     """What a picture colours unless told: what is labelled object, or else all but the ground."""
     from warpvis.core.labels import Label
 
@@ -157,13 +146,17 @@ def _of_interest(scene: Scene, exclude: tuple[str, ...]) -> list[str]:
     return [item.name for item in scene]
 
 
-def _pose_report(view: int, times: Any, poses: NDArray[np.float64]) -> dict[str, Any]:
-    return {"view": view, "timestamp": float(times[view]), "pose": poses[view].tolist()}
+def _worlds(frames: Frames) -> dict[str, Any]:
+    """Where the objects are, as visibility takes it."""
+    return {"object_poses": frames.object_poses, "world_index": frames.world_index}
 
 
-def _object_report(
-    scene: Scene, seen: ObjectVisibility, times: Any, poses: NDArray[np.float64]
-) -> list[dict[str, Any]]:
+def _pose_report(view: int, frames: Frames) -> dict[str, Any]:
+    pose = frames.camera_to_world[view].tolist()
+    return {"view": view, "timestamp": float(frames.timestamps[view]), "pose": pose}
+
+
+def _object_report(scene: Scene, seen: ObjectVisibility, frames: Frames) -> list[dict[str, Any]]:
     """What is known of every view and object, of plain Python values."""
     from warpvis.core.labels import Visibility
 
@@ -171,7 +164,7 @@ def _object_report(
     boxes = {name: getattr(seen, name).numpy() for name in ("visible_box", "silhouette_box")}
     status, occluder = seen.status.numpy(), seen.occluder.numpy()
     views = []
-    for v in range(len(poses)):
+    for v in range(len(frames)):
         objects = []
         for k, name in enumerate(seen.names):
             hides = int(occluder[v, k])
@@ -183,7 +176,7 @@ def _object_report(
                 **{key: values[v, k].tolist() for key, values in boxes.items()},
             }
             objects.append(entry)
-        views.append({**_pose_report(v, times, poses), "objects": objects})
+        views.append({**_pose_report(v, frames), "objects": objects})
     return views
 
 

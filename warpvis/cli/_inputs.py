@@ -1,21 +1,218 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the commands read from the words of the command line, and how they write: nothing heavy until it is called."""
+"""What all commands take alike: scenes, cameras and poses. Nothing heavy is imported until it is called."""
 
 from __future__ import annotations
 
-import json
+import os
 from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from warpvis.errors import FileFormatError, PoseError, SceneError
+import tyro
+
+from warpvis.errors import FileFormatError, PoseError, SceneError, WarpvisError
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from warpvis.core.poses import Convention
+    from warpvis.core.camera import Camera
+    from warpvis.core.frames import Frames
+    from warpvis.scene import Scene
+
+Axes = Literal["opencv", "opengl", "ros_body", "ros_optical"]
+
+FILE_HELP = "A mesh file (OBJ, STL, PLY, GLB, ...), a Webots world (.wbt), MJCF (.xml) or URDF (.urdf)."
+_POSES = (
+    "Camera poses, camera to world: a file (TUM text, .npy, .npz, .csv, .parquet, transforms.json, scene_camera.json, "
+    'a ROS 2 bag), or what makes them: "orbit target=0,0,0.5 radius=2 height=1 count=360", "random count=1000 seed=1 '
+    'clearance=0.3".'
+)
+
+SceneFile = Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FILE", help=FILE_HELP)]
+"""The argument FILE."""
+MaybeSceneFile = Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[FILE]", help=FILE_HELP)]
+"""The same where it may be left out."""
+Poses = Annotated[str, tyro.conf.arg(metavar="FILE|SPEC", help=_POSES)]
+"""The option --poses."""
+MaybePoses = Annotated[str | None, tyro.conf.arg(metavar="FILE|SPEC", help=_POSES)]
+"""The same where it may be left out."""
+Names = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME,...")]
+"""Names, with commas or spaces between; a name with spaces in it is one word of the shell."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneOptions:
+    """How a scene's file is read."""
+
+    labels: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=LABEL ...")] = ()
+    """What objects are: "ball=object" "wall_*=obstacle" ..."""
+    scale: float = 1.0
+    """Metres in a unit of a mesh file (0.001 for millimetres)."""
+    up: Literal["z", "y"] | None = None
+    """The scene's vertical axis; a Webots world's own by default, else z."""
+    file_up: Literal["z", "y"] | None = None
+    """A mesh file's vertical axis; y for glTF and the scene's for other formats by default."""
+    search_path: tuple[Path, ...] = ()
+    """Folders to look for what the file names: PROTO files, meshes, packages, includes."""
+    strict: bool = False
+    """What cannot be shown is an error; by default a warning names it."""
+
+    def load_scene(self, file: Path, *, device: str = "cpu", movable: Sequence[str] = ()) -> Scene:
+        """Load the scene."""
+        from warpvis.scene import Scene
+
+        how: dict[str, Any] = {name: getattr(self, name) for name in scene_options if name != "labels"}
+        return Scene.load(file, device=device, labels=parse_labels(self.labels), movable=list(movable), **how)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewpointOptions(SceneOptions):
+    """How a scene, a camera and poses are read."""
+
+    camera: str = "kinect"
+    """kinect, or a JSON file with width, height, hfov (radians) or K, near and far (metres)."""
+    convention: Axes | None = None
+    """Axes of the camera frame of the poses; those of the pose file's format by default."""
+    file_format: Literal["tum", "npy", "npz", "csv", "parquet", "nerfstudio", "bop", "ros"] | None = None
+    """The pose file's format, where its name does not tell."""
+    topic: str | None = None
+    """Of a ROS 2 bag: the topic of the poses."""
+
+    def read_poses(self, path: str) -> Frames:
+        """Read a pose file."""
+        from warpvis.io import read_frames
+
+        form: Any = {"convention": self.convention, "file_format": self.file_format, "topic": self.topic}
+        return read_frames(path, **form)
+
+    def load_pose(self, text: str, option: str, up: str) -> NDArray[np.float64]:
+        """Read one pose: six numbers, eye and target; seven, a row; or a file or spec of one pose.
+
+        Args:
+            text: ``x y z tx ty tz``, ``x y z qx qy qz qw`` for the axes of `convention`, or as for --poses.
+            option: What messages call it.
+            up: The scene's vertical axis, which points up in the images of the first form.
+
+        Returns:
+            Row ``x y z qx qy qz qw`` of the OpenCV frame, shape ``(7,)``.
+
+        Raises:
+            PoseError: It is none of these.
+        """
+        from warpvis.core.poses import look_at, poses_to_opencv
+
+        numbers = _numbers(text)
+        if len(numbers) == 7:
+            return poses_to_opencv(numbers, self.convention or "opencv", name=option)[0]
+        if len(numbers) == 6:
+            try:
+                return look_at(numbers[:3], numbers[3:], up=up)
+            except PoseError as error:
+                raise PoseError(f"{option}: {error}") from None
+        if not numbers and os.path.exists(text):
+            frames = self.read_poses(text)
+            if len(frames) != 1:
+                raise PoseError(f"{option} must be one pose, and {text} holds {len(frames)}")
+            return frames.camera_to_world[0]
+        raise PoseError(
+            f"{option} must be 6 numbers, where the eyes are and what they look at, 'x y z tx ty tz' (metres), "
+            f"a pose of 7, 'x y z qx qy qz qw', or a file of one pose, got {text!r}"
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameOptions(ViewpointOptions):
+    """How a scene, a camera and the frames to see of it are read."""
+
+    movable: Names = ()
+    """Names or patterns of the objects that --worlds, or object_poses of the pose file, places, in the file's order."""
+    worlds: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """Where the movable objects are: .npz with object_poses, rows x y z qx qy qz qw, (W, M, 7), of what mesh files hold
+    in the file's frame; and, unless each frame has a world of its own, world_index, (frames,)."""
+
+    def load(self, file: Path, poses: str, *, device: str = "cpu") -> tuple[Scene, Camera, Frames]:
+        """Load all three.
+
+        Raises:
+            WarpvisError: One does not load, they do not fit, or an option has no effect.
+        """
+        from warpvis.io import load_camera
+        from warpvis.pose_generators import frames_from_spec, looks_like_spec
+
+        camera = load_camera(self.camera)
+        made = looks_like_spec(poses)
+        frames = None
+        if made:
+            refuse_options(self, ("convention", "file_format", "topic"), "poses that are made need")
+        else:
+            frames = self.read_poses(poses)
+        scene = self.load_scene(file, device=device, movable=split_names(self.movable))
+        if frames is None:
+            frames = frames_from_spec(poses, scene, up=scene.up)
+        if self.worlds is not None:
+            frames = _with_worlds(frames, self.worlds)
+        placed = 0 if frames.object_poses is None else frames.object_poses.shape[1]
+        if self.movable and not placed:
+            raise SceneError("--movable has no effect without poses of objects: give --worlds")
+        if placed and placed != len(scene.movable):
+            raise PoseError(
+                f"the frames have poses of {placed} objects, and the scene has {len(scene.movable)} that are movable; "
+                "--movable names them"
+            )
+        return scene, camera, frames
+
+
+scene_options = tuple(field.name for field in fields(SceneOptions))
+"""Names of the options that say how a scene's file is read."""
+viewpoint_options = tuple(field.name for field in fields(ViewpointOptions))
+"""Those, and how a camera and poses are."""
+
+
+def given_options(command: Any, names: Sequence[str]) -> list[str]:
+    """List the options that are not what they are by default."""
+    defaults = {field.name: field.default for field in fields(command)}
+    return [name for name in names if getattr(command, name) != defaults[name]]
+
+
+def refuse_options(command: Any, names: Sequence[str], why: str) -> None:
+    """Refuse options that would have no effect.
+
+    Raises:
+        SceneError: One is given.
+    """
+    given = given_options(command, names)
+    if given:
+        listed = ", ".join("--" + name.replace("_", "-") for name in given)
+        raise SceneError(f"{why} no {listed}")
+
+
+def check_viewpoints(command: ViewpointOptions, texts: Sequence[str]) -> None:
+    """Refuse options that have no effect on poses as `ViewpointOptions.load_pose` takes them.
+
+    Raises:
+        SceneError: One is given.
+    """
+    counts = [len(_numbers(text)) for text in texts]
+    if all(counts):
+        refuse_options(command, ("file_format", "topic"), "poses that are given as numbers take")
+    if all(count == 6 for count in counts):
+        refuse_options(command, ("convention",), "poses that are given by what they look at take")
+
+
+def _numbers(text: str) -> list[float]:
+    """The numbers of a text; none if it is something else."""
+    try:
+        return [float(word) for word in text.replace(",", " ").split()]
+    except ValueError:
+        return []
+
+
+def split_names(words: Sequence[str]) -> list[str]:
+    """Split names at commas."""
+    return [name for word in words for name in word.split(",") if name]
 
 
 def parse_labels(words: Sequence[str]) -> dict[str, str]:
@@ -33,80 +230,28 @@ def parse_labels(words: Sequence[str]) -> dict[str, str]:
     return labels
 
 
-def parse_viewpoint(text: str, option: str, up: str, convention: Convention) -> NDArray[np.float64]:
-    """A pose from six numbers, eye and target, or from seven, a row.
-
-    Args:
-        text: ``x y z tx ty tz``, or ``x y z qx qy qz qw`` for the axes of `convention`.
-        option: What messages call it.
-        up: The world's vertical axis, which points up in the images of the first form.
-        convention: Axes of the camera frame of the second form.
-
-    Returns:
-        Row ``x y z qx qy qz qw`` of the OpenCV frame, shape ``(7,)``.
+def _with_worlds(frames: Frames, path: Path) -> Frames:
+    """The frames, with the objects' poses from a file.
 
     Raises:
-        PoseError: It is neither.
+        FileFormatError: It cannot be read, or does not hold such poses.
     """
-    from warpvis.core.poses import look_at, poses_to_opencv
+    import numpy as np
+
+    from warpvis.core.frames import Frames
 
     try:
-        numbers = [float(word) for word in text.replace(",", " ").split()]
-    except ValueError:
-        numbers = []
-    if len(numbers) not in (6, 7):
-        raise PoseError(
-            f"{option} must be 6 numbers, where the eyes are and what they look at, 'x y z tx ty tz' (metres), "
-            f"or a pose of 7, 'x y z qx qy qz qw', got {text!r}"
-        )
-    if len(numbers) == 7:
-        return poses_to_opencv(numbers, convention, name=option)[0]
-    try:
-        return look_at(numbers[:3], numbers[3:], up=up)
-    except PoseError as error:
-        raise PoseError(f"{option}: {error}") from None
-
-
-def make_folder(path: Path) -> None:
-    """Make a folder and those above it.
-
-    Raises:
-        FileFormatError: It cannot be made.
-    """
-    try:
-        path.mkdir(parents=True, exist_ok=True)
+        with np.load(path) as arrays:
+            found = {name: arrays[name] for name in ("object_poses", "world_index") if name in arrays}
     except OSError as error:
-        raise FileFormatError(f"{path}: cannot be made a folder: {error.strerror}") from None
-
-
-def require_place(path: Path, suffixes: Sequence[str]) -> None:
-    """Refuse, before anything is computed, a file that could not be written.
-
-    Raises:
-        FileFormatError: Its name has another ending, it is a folder, or the folder for it is missing.
-    """
-    if path.suffix.lower() not in suffixes:
-        raise FileFormatError(f"{path}: the name must end in {' or '.join(suffixes)}")
-    if path.is_dir():
-        raise FileFormatError(f"{path}: cannot be written: it is a folder")
-    if not path.parent.is_dir():
-        raise FileFormatError(f"{path}: cannot be written: there is no folder {path.parent}")
-
-
-def write_json(path: Path, content: Any) -> None:
-    """Write plain Python values as JSON.
-
-    Raises:
-        FileFormatError: The file cannot be written.
-    """
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except Exception:  # whatever NumPy and zipfile raise for what is no such file
+        raise FileFormatError(f"{path}: is not an .npz file") from None
+    if "object_poses" not in found:
+        raise FileFormatError(f"{path}: holds no array object_poses")
     try:
-        path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be written: {error.strerror}") from None
-
-
-def format_rows(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table of fixed width as text."""
-    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
-    lines = [header, ["-" * width for width in widths], *rows]
-    return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in lines)
+        moved = Frames.from_poses(frames.camera_to_world, **found)
+    except WarpvisError as error:
+        raise FileFormatError(f"{path}: {error}") from None
+    source = {**frames.source, "worlds": path.name}
+    return replace(frames, object_poses=moved.object_poses, world_index=moved.world_index, source=source)

@@ -7,12 +7,20 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from warpvis.cli._inputs import format_rows, make_folder, parse_labels, parse_viewpoint, write_json
-from warpvis.errors import PoseError, SceneError
+from warpvis.cli._inputs import (
+    FILE_HELP,
+    ViewpointOptions,
+    check_viewpoints,
+    refuse_options,
+    split_names,
+    viewpoint_options,
+)
+from warpvis.cli._output import format_rows, make_folder, write_json
+from warpvis.errors import PoseError
 
 if TYPE_CHECKING:
     from warpvis.planning import Proposal
@@ -21,34 +29,25 @@ if TYPE_CHECKING:
     from warpvis.visibility import Agent, Candidate
 
 
-@dataclass(frozen=True)
-class Perspective:
+_EXPERIMENTS = "experiment_1 to experiment_4, which need no other option"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Perspective(ViewpointOptions):
     """Which objects a robot and a person see, which the person may mean, and where the robot could go to see them."""
 
-    file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE")]
-    """Mesh file: OBJ, STL, PLY, GLB, ...; or experiment_1 to experiment_4, which need no other option."""
+    file: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FILE", help=f"{FILE_HELP} Or {_EXPERIMENTS}.")]
     robot: Annotated[str | None, tyro.conf.arg(metavar="POSE")] = None
-    """The robot's camera: where it is and what it looks at, "x y z tx ty tz" (metres), or "x y z qx qy qz qw"."""
+    """The robot's camera: where it is and what it looks at, "x y z tx ty tz" (metres), or "x y z qx qy qz qw"; or a
+    file of one pose."""
     human: Annotated[str | None, tyro.conf.arg(metavar="POSE")] = None
     """The person's eyes, likewise."""
-    camera: str = "kinect"
-    """The robot's camera: kinect, or a JSON file with width, height, hfov (radians) or K, near and far (metres)."""
     robot_body: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")] = ()
     """Names of the objects that are the robot itself, which it does not see."""
     human_body: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")] = ()
     """Names of the objects that are the person, likewise."""
-    labels: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=LABEL ...")] = ()
-    """What objects are: "ball=object" "wall_*=obstacle" ...; the person may mean objects, or all if none is one."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
     """Folder to write perspective.json and perspective.png to."""
-    convention: Literal["opencv", "opengl", "ros_body", "ros_optical"] = "opencv"
-    """Axes of the camera frame of poses with seven numbers."""
-    scale: float = 1.0
-    """Metres in a unit of the file (0.001 for millimetres)."""
-    up: Literal["z", "y"] = "z"
-    """The world's vertical axis."""
-    file_up: Literal["z", "y"] | None = None
-    """The file's vertical axis; y for glTF and the world's for other formats by default."""
     max_distance: float = 2.0
     """How far the robot may go to see more [m]."""
     robot_radius: float = 0.2
@@ -103,7 +102,6 @@ class Perspective:
     def _read(self) -> tuple[Scene, Agent, Agent]:
         """The scene and the two agents."""
         from warpvis.io import load_camera
-        from warpvis.scene import Scene
         from warpvis.visibility import Agent
 
         experiment = None if self.file.exists() else _experiment(str(self.file))
@@ -115,21 +113,18 @@ class Perspective:
                 raise PoseError(f"{option} must say where the eyes are and what they look at, 'x y z tx ty tz'")
         assert self.robot is not None and self.human is not None
         camera = load_camera(self.camera)
-        eyes = parse_viewpoint(self.robot, "--robot", self.up, self.convention)
-        robot = Agent("robot", camera, eyes, body=self.robot_body)
-        eyes = parse_viewpoint(self.human, "--human", self.up, self.convention)
-        human = Agent.human("human", eyes, body=self.human_body)
-        form: dict[str, Any] = {"up": self.up, "file_up": self.file_up, "scale": self.scale}
-        scene = Scene.load(self.file, device=self.device, labels=parse_labels(self.labels), **form)
+        check_viewpoints(self, (self.robot, self.human))
+        scene = self.load_scene(self.file, device=self.device)
+        eyes = self.load_pose(self.robot, "--robot", scene.up)
+        robot = Agent("robot", camera, eyes, body=tuple(split_names(self.robot_body)))
+        eyes = self.load_pose(self.human, "--human", scene.up)
+        human = Agent.human("human", eyes, body=tuple(split_names(self.human_body)))
         return scene, robot, human
 
     def _refuse_options(self, name: str) -> None:
         """An experiment has its own agents, labels and units."""
-        own = ("robot", "human", "camera", "robot_body", "human_body", "labels", "scale", "up", "file_up", "convention")
-        given = [option for option in own if getattr(self, option) != getattr(type(self), option)]
-        if given:
-            options = ", ".join("--" + option.replace("_", "-") for option in given)
-            raise SceneError(f"{name} comes with its robot and its person, so it takes no {options}")
+        own = ("robot", "human", "robot_body", "human_body", *viewpoint_options)
+        refuse_options(self, own, f"{name} comes with its robot and its person, so it takes")
 
 
 def _experiment(name: str) -> Experiment | None:

@@ -5,17 +5,17 @@
 from __future__ import annotations
 
 import re
-import sys
-import warnings
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from warpvis.cli._inputs import make_folder
-from warpvis.errors import SceneError
+from warpvis.cli._output import make_folder
+from warpvis.errors import FileFormatError, SceneError
 
 if TYPE_CHECKING:
-    from warpvis.webots import Device, WebotsWorld
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from warpvis.webots import Device
 
 
 def is_world(path: Path | None) -> bool:
@@ -23,10 +23,13 @@ def is_world(path: Path | None) -> bool:
     return path is not None and path.suffix.lower() == ".wbt"
 
 
-def print_world(path: Path, search_path: Sequence[Path]) -> None:
-    """The tree of what was read, the devices, and what was left out."""
-    world = _load(path, search_path, "cpu")
-    print(f"{path}: {world.version}, {world.scene.up} up, {len(world.scene)} objects, {_triangles(world)}")
+def print_world(path: Path, **how: Any) -> None:
+    """Print the tree of what was read, the devices, and what was left out; `how` is for `load_webots`."""
+    from warpvis.webots import load_webots
+
+    world = load_webots(path, **how)
+    triangles = f"{world.scene.triangle_count} triangles"
+    print(f"{path}: {world.version}, {world.scene.up} up, {len(world.scene)} objects, {triangles}")
     print(world.tree)
     for name, device in world.devices.items():
         place = " ".join(f"{value:.4g}" for value in device.pose)
@@ -41,14 +44,14 @@ def render_world(
     *,
     device_name: str | None,
     version_exact: bool,
-    search_path: Sequence[Path],
-    device: str,
     quiet: bool,
+    threads: int | None,
+    **how: Any,
 ) -> None:
     """Render range finders of a world to OUT/NAME/depth.npz and OUT/NAME/depth/000000.png."""
-    from warpvis.webots import find_device, render_range
+    from warpvis.webots import find_device, load_webots, render_range
 
-    world = _load(path, search_path, device)
+    world = load_webots(path, **how)
     names = [name for name, item in world.devices.items() if item.measures]
     if device_name is not None:
         find_device(world, device_name)
@@ -57,39 +60,28 @@ def render_world(
         known = ", ".join(map(repr, world.devices)) or "none"
         raise SceneError(f"{path} has no range finder; its devices are: {known}; give --poses and --camera")
     for name in names:
-        image = render_range(world, name, webots_version="header" if version_exact else None)
+        image = render_range(world, name, webots_version="header" if version_exact else None, threads=threads)
         folder = out / re.sub(r"[^\w .-]|^\.+", "_", name)
         _write(folder, world.devices[name], image)
         if not quiet:
             print(f"{name}: {folder / 'depth.npz'}, {folder / 'depth' / '000000.png'}")
 
 
-def _load(path: Path, search_path: Sequence[Path], device: str) -> WebotsWorld:
-    from warpvis.webots import load_webots
-
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        world = load_webots(path, device=device, search_path=list(search_path))
-    for warning in caught:
-        print(f"warning: {warning.message}", file=sys.stderr)
-    return world
-
-
-def _triangles(world: WebotsWorld) -> str:
-    return f"{world.scene.triangle_count} triangles"
-
-
-def _write(folder: Path, device: Device, image: Any) -> None:
+def _write(folder: Path, device: Device, image: NDArray[np.float32]) -> None:
     import numpy as np
 
-    from warpvis.io import DepthArchive, save_depth_png
+    from warpvis.batch import npz_parts
+    from warpvis.io import save_depth_png
 
     make_folder(folder / "depth")
-    beside: dict[str, Any] = {"camera_to_world": device.pose[None].astype(np.float32), "timestamp": np.zeros(1)}
+    arrays: dict[str, Any] = {"depth": image[None], "timestamps": np.zeros(1)}
+    arrays["camera_to_world"] = device.pose[None].astype(np.float32)
     if device.projection == "planar":
-        beside["K"] = device.camera.to_K()
+        arrays["K"] = device.camera.to_K()
     else:
-        beside |= {"projection": np.array(device.projection), "hfov": np.array(device.fov)}
-    with DepthArchive(folder / "depth.npz", (1, *image.shape), **beside) as archive:
-        archive.append(image[None])
+        arrays |= {"projection": np.array(device.projection), "hfov": np.array(device.fov)}
+    try:
+        (folder / "depth.npz").write_bytes(b"".join(npz_parts(arrays)))
+    except OSError as error:
+        raise FileFormatError(f"{folder / 'depth.npz'}: cannot be written: {error.strerror}") from None
     save_depth_png(image, folder / "depth" / "000000.png")

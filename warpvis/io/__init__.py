@@ -9,12 +9,10 @@ from __future__ import annotations
 
 from warpvis.io._cameras import load_camera
 from warpvis.io._depth import (
-    DepthArchive,
     count_lost as count_lost,
     depth_to_units as depth_to_units,
     encode_png as encode_png,
     save_depth_png,
-    too_far_for_millimetres as too_far_for_millimetres,
 )
 from warpvis.io._points import read_points
 from warpvis.io._scene_files import export_scene as export_scene, read_parts as read_parts
@@ -22,7 +20,6 @@ from warpvis.io.poses._frames import read_frames as read_frames
 from warpvis.io.poses._tum import read_poses
 
 __all__ = [
-    "DepthArchive",
     "load_camera",
     "read_points",
     "read_poses",

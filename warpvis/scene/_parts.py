@@ -96,7 +96,8 @@ class FileParts:
             SceneError: There are no parts, a pattern fits none of them, or an argument has no meaning for the file.
         """
         if not self.parts:
-            raise SceneError(f"{self.path}: holds no triangles")
+            left_out = next(iter(self.warnings), None)
+            raise SceneError(f"{left_out}; nothing is left" if left_out else f"{self.path}: holds no triangles")
         if self.settled and (scale != 1 or file_up is not None):
             raise SceneError(
                 f"{self.path}: such a file is in metres and says which axis is up: leave out scale and file_up"

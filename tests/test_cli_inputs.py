@@ -1,0 +1,193 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""All commands take scenes, cameras and poses alike, and refuse options that have no effect."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+import trimesh
+
+import warpvis as wv
+from warpvis.cli import main
+
+URDF = """<robot name="cart"><link name="cart"><visual><geometry><mesh filename="package://far/box.stl"/></geometry>
+</visual></link></robot>"""
+MJCF = """<mujoco><worldbody><geom name="floor" type="plane" size="3 3 .1"/>
+<body name="cart" pos="0 0 .5"><freejoint/><geom name="box" type="box" size=".5 .5 .5"/></body></worldbody></mujoco>"""
+WORLD = """#VRML_SIM R2023b utf8
+Solid { translation 0 0 0.5 name "box" children [ Shape { geometry Box { size 1 1 1 } } ] }"""
+ORBIT = "orbit target=0,0,0.5 radius=3 height=1 count=3"
+FILES = ["room.obj", "room.glb", "room.stl", "room.ply", "room.xml", "cart.urdf", "world.wbt"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A box in every format, and poses and worlds for it."""
+    folder = tmp_path_factory.mktemp("inputs")
+    box = trimesh.creation.box()
+    for suffix in ("obj", "glb", "stl", "ply"):
+        box.export(folder / f"room.{suffix}")
+    (folder / "lib" / "far").mkdir(parents=True)
+    box.export(folder / "lib" / "far" / "box.stl")
+    (folder / "cart.urdf").write_text(URDF)
+    (folder / "room.xml").write_text(MJCF)
+    (folder / "world.wbt").write_text(WORLD)
+    (folder / "scene.xml").write_text("<scene/>")
+    (folder / "camera.json").write_text(json.dumps({"width": 16, "height": 12, "hfov": 1.0}))
+    poses = np.array([wv.look_at((-4, 0, 0), (1, 0, 0)), wv.look_at((0, -3, 1), (0, 0, 0))])
+    np.savetxt(folder / "poses.txt", np.column_stack([[0.5, 1.5], poses]))
+    np.save(folder / "poses.npy", poses)
+    np.savez(folder / "poses.npz", camera_to_world=poses)
+    np.savetxt(folder / "poses.csv", poses, delimiter=",", header="x,y,z,qx,qy,qz,qw", comments="")
+    matrices = wv.core.poses.poses_to_matrices(poses) @ np.diag([1.0, -1, -1, 1])
+    frames = [{"transform_matrix": matrix.tolist()} for matrix in matrices]
+    (folder / "transforms.json").write_text(json.dumps({"frames": frames}))
+    np.savez(folder / "worlds.npz", object_poses=[[[0, 0, 100.0, 0, 0, 0, 1]], [[0, 0, 0, 0, 0, 0, 1]]])
+    return folder
+
+
+@pytest.fixture
+def run(folder, monkeypatch, capsys):
+    """Run a command in the folder: exit code, standard output and standard error."""
+
+    def call(*arguments):
+        monkeypatch.chdir(folder)
+        monkeypatch.setattr(sys, "argv", ["warpvis", *map(str, arguments)])
+        code = 0
+        try:
+            main()
+        except SystemExit as stop:
+            code = stop.code
+        printed = capsys.readouterr()
+        return code, printed.out, printed.err
+
+    return call
+
+
+def search(file):
+    return ("--search-path", "lib", "--strict") if file == "cart.urdf" else ()
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_every_command_takes_every_scene(run, tmp_path, file):
+    given = ("--poses", ORBIT, "--camera", "camera.json", *search(file))
+    code, out, error = run("render", file, *given, "--out", tmp_path / "render")
+    assert (code, error) == (0, "") and out.count("frames: 3, shards: 1, ") == 2
+    code, _, error = run("batch", file, *given, "--out", tmp_path / "batch")
+    assert (code, error) == (0, "")
+    names = ("render/npz/shard-000000.npz", "batch/shard-000000.npz")
+    depths = [np.load(tmp_path / name)["depth"] for name in names]
+    np.testing.assert_array_equal(*depths)
+    assert np.isfinite(depths[0][:, 6, 8]).all()
+    code, out, error = run("check", file, *given)
+    assert (code, error) == (0, "") and "visible" in out
+    code, out, error = run("info", file, *search(file))
+    assert (code, error) == (0, "") and f"{file}: " in out and " up, " in out
+    eyes = ("--robot", "-4 0 1 0 0 0.5", "--human", "-4 1 1 0 0 0.5")
+    code, out, error = run("perspective", file, *eyes, "--camera", "camera.json", *search(file))
+    assert (code, error) == (0, "") and "The robot sees all of them." in out
+
+
+@pytest.mark.parametrize("command", ["render", "check", "batch"])
+@pytest.mark.parametrize("poses", ["poses.txt", "poses.npy", "poses.npz", "poses.csv", "transforms.json"])
+def test_every_command_takes_every_pose_file(run, tmp_path, command, poses):
+    out = tmp_path / ("report.json" if command == "check" else "out")
+    code, _, error = run(command, "room.stl", "--poses", poses, "--camera", "camera.json", "--out", out)
+    assert (code, error) == (0, "")
+    expected = np.load("poses.npy")
+    if command == "check":
+        found = [view["pose"] for view in json.loads(out.read_text())["views"]]
+    else:
+        found = np.load(out / ("npz" if command == "render" else "") / "shard-000000.npz")["camera_to_world"]
+    np.testing.assert_allclose(np.abs(found), np.abs(expected), atol=1e-6)  # a quaternion and its negative are one
+
+
+def test_labels_and_axes_reach_every_command(run, tmp_path):
+    given = ("--poses", "poses.txt", "--camera", "camera.json", "--labels", "room=human", "--up", "y", "--scale", "2")
+    outputs = ("--outputs", "depth,labels", "--out", tmp_path)
+    assert run("render", "room.stl", *given, *outputs)[0] == 0
+    found = np.load(tmp_path / "npz" / "shard-000000.npz")
+    assert set(np.unique(found["labels"])) == {0, int(wv.Label.HUMAN)}
+    assert found["depth"][0, 6, 8] == pytest.approx(3)
+    assert "room    human" in run("info", "room.stl", "--labels", "room=human")[1]
+
+
+def test_objects_move_in_every_command(run, tmp_path):
+    """In the first frame's world the box is far away, in the second it is where it was."""
+    given = ("room.stl", "--poses", "poses.npy", "--camera", "camera.json", "--movable", "r*", "--worlds", "worlds.npz")
+    assert run("render", *given, "--out", tmp_path / "out")[0] == 0
+    depth = np.load(tmp_path / "out" / "npz" / "shard-000000.npz")["depth"]
+    assert np.isfinite(depth[0]).sum() == 0 < np.isfinite(depth[1]).sum()
+    picture = tmp_path / "first.png"
+    code, out, _ = run("check", *given, "--picture", picture)
+    assert code == 0 and picture.is_file()
+    assert [line.split()[2] for line in out.splitlines()[2:4]] == ["0.00", "1.00"]
+    (tmp_path / "points.txt").write_text("-0.5 0 0\n")
+    code, out, _ = run("check", *given, "--points", tmp_path / "points.txt", "--tolerance", "0.001")
+    assert code == 0
+
+
+def test_render_checks_all_formats_before_it_writes(run, tmp_path):
+    given = ("render", "room.stl", "--poses", ORBIT, "--out", tmp_path / "out")
+    for more, said in (
+        (("--outputs", "points"), "format 'png' holds"),
+        (("--format", "npz,tiff"), "format must be one of"),
+        (("--option", "scale=5"), "format 'npz' has no option 'scale'"),
+    ):
+        code, _, error = run(*given, *more)
+        assert code == 2 and said in error and not (tmp_path / "out").exists()
+    (tmp_path / "out" / "png").mkdir(parents=True)
+    (tmp_path / "out" / "png" / "mine").write_text("")
+    code, _, error = run(*given)
+    assert code == 2 and "png: is there already" in error and not (tmp_path / "out" / "npz").exists()
+    assert run(*given, "--format", "tum")[0] == 0
+    assert (tmp_path / "out" / "tum" / "depth.txt").is_file()
+
+
+NO_EFFECT = {
+    "tolerance": (
+        ("check", "room.stl", "--poses", ORBIT, "--tolerance", "1"),
+        "without --points there is no --tolerance",
+    ),
+    "convention": (("check", "room.stl", "--poses", ORBIT, "--convention", "opengl"), "are made need no --convention"),
+    "topic": (
+        ("render", "room.stl", "--poses", "poses.npy", "--topic", "/tf", "--out", "x"),
+        "topic= is for ROS 2 bags",
+    ),
+    "movable": (("check", "room.stl", "--poses", ORBIT, "--movable", "room"), "--movable has no effect without poses"),
+    "worlds": (("check", "room.stl", "--poses", "poses.npy", "--worlds", "worlds.npz"), "has 0 that are movable"),
+    "search path": (("info", "room.stl", "--search-path", "lib"), "its geometry is all in one file"),
+    "scale": (("check", "room.xml", "--poses", ORBIT, "--scale", "2"), "leave out scale and file_up"),
+    "file_up": (("check", "world.wbt", "--poses", ORBIT, "--file-up", "y"), "leave out scale and file_up"),
+    "device name": (
+        ("render", "world.wbt", "--poses", ORBIT, "--device-name", "eye", "--out", "x"),
+        "with --poses no device is rendered: give no --device-name",
+    ),
+    "experiment": (("perspective", "experiment_1", "--strict"), "so it takes no --strict"),
+    "labels": (("info", "--labels", "a=human"), "info of this machine takes no --labels"),
+    "other XML": (("info", "scene.xml"), "scene.xml: is XML of <scene>"),
+    "missing mesh": (("info", "cart.urdf", "--strict"), "left out package://far/box.stl"),
+    "nothing left": (("info", "cart.urdf"), "cart.urdf: left out package://far/box.stl"),
+}
+
+
+@pytest.mark.parametrize("case", NO_EFFECT)
+def test_options_without_effect_are_errors(run, folder, case):
+    command, said = NO_EFFECT[case]
+    before = sorted(folder.iterdir())
+    code, out, error = run(*command)
+    assert code == 2 and out == "" and said in error
+    assert error.startswith("warpvis: ") and error.count("\n") == 1
+    assert sorted(folder.iterdir()) == before
+
+
+def test_warnings_are_sentences(run, folder):
+    (folder / "two.urdf").write_text(
+        URDF.replace("</link>", '<visual><geometry><box size="1 1 1"/></geometry></visual></link>')
+    )
+    code, out, error = run("info", "two.urdf")
+    (folder / "two.urdf").unlink()
+    assert code == 0 and "cart    robot" in out
+    assert error.startswith("warning: two.urdf: left out package://far/box.stl, of which") and error.count("\n") == 1

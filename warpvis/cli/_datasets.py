@@ -1,0 +1,225 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The commands that write images: ``warpvis render`` and ``batch``; and ``warpvis verify`` and ``warmup``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import tyro
+
+from warpvis.cli._inputs import FrameOptions, MaybePoses, Names, Poses, SceneFile, refuse_options, split_names
+from warpvis.errors import FileFormatError, PoseError
+
+if TYPE_CHECKING:
+    from warpvis.batch import BatchSummary
+    from warpvis.core.camera import Camera
+    from warpvis.core.frames import Frames
+    from warpvis.scene import Scene
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImageOptions(FrameOptions):
+    """Which images are made, and where."""
+
+    outputs: Names = ()
+    """What to make: depth, points, normals, labels, segmentation, visibility; the format's usual ones by default."""
+    objects: Names = ()
+    """Objects that visibility is of; all by default."""
+    exclude: Names = ()
+    """Objects that the camera does not see, such as the robot that carries it."""
+    option: Annotated[tuple[str, ...], tyro.conf.arg(metavar="KEY=VALUE ...")] = ()
+    """The format's own options."""
+    threads: int | None = None
+    """CPU threads that render; all cores by default."""
+    quiet: bool = False
+    """No progress bar and no summary."""
+
+    def chosen(self) -> dict[str, Any]:
+        """Name the arguments of `render_batch` that these options are."""
+        from warpvis.batch import check_outputs
+
+        return {
+            "outputs": check_outputs(split_names(self.outputs)) if self.outputs else None,
+            "options": _parse_options(self.option),
+            "objects": split_names(self.objects) or None,
+            "exclude": split_names(self.exclude) or None,
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Render(ImageOptions):
+    """Render depth images to look at: OUT/npz in metres, OUT/png in millimetres (16 bit, 0: none), or other formats.
+
+    Of a Webots world without --poses: the images of its range finders, OUT/NAME/depth.npz and OUT/NAME/depth.
+    """
+
+    file: SceneFile
+    out: Path
+    """Folder to write to; each format has a folder of its own in it, new or empty."""
+    poses: MaybePoses = None
+    format: Names = ("npz", "png")
+    """npz, zarr, png, tum, bop, nerfstudio, colmap, ply or ros2."""
+    device: str = "cpu"
+    """Where to compute: cpu, cuda:0, ..."""
+    device_name: str | None = None
+    """Of a Webots world: the one range finder to render; all by default."""
+    version_exact: bool = False
+    """Of a Webots world: the values that the Webots of its header gives, instead of true depth."""
+
+    def run(self) -> None:
+        """Run the command."""
+        from warpvis.cli._webots import is_world, render_world
+
+        if self.poses is not None:
+            refuse_options(self, ("device_name", "version_exact"), "with --poses no device is rendered: give")
+            self._render_poses(self.poses)
+        elif not is_world(self.file):
+            raise PoseError(f"give --poses, a file of the camera's poses: {self.file} is no Webots world with cameras")
+        else:
+            other = (*_FRAMES, *_IMAGES, "format", "labels", "up", "scale", "file_up", "exclude", "objects", "movable")
+            refuse_options(self, tuple(dict.fromkeys(other)), "a world's range finders have their own poses: give")
+            same = ("device_name", "version_exact", "device", "search_path", "strict", "threads", "quiet")
+            how: dict[str, Any] = {name: getattr(self, name) for name in same}
+            render_world(self.file, self.out, **how)
+
+    def _render_poses(self, poses: str) -> None:
+        from warpvis.batch import find_format, render_batch
+
+        formats = dict.fromkeys(split_names(self.format))
+        kinds = {name: find_format(name) for name in formats}
+        if not kinds:
+            raise FileFormatError("--format must name a format, got none")
+        chosen = self.chosen()
+        scene, camera, frames = self.load(self.file, poses, device=self.device)
+        for kind in kinds.values():
+            self._check(kind, scene, camera, frames, chosen)
+        for name in kinds:
+            where: dict[str, Any] = {"threads": self.threads, "quiet": self.quiet, "source": self.file.name}
+            summary = render_batch(scene, camera, frames, self.out / name, format=name, **where, **chosen)
+            print_summary(summary, name, quiet=self.quiet)
+
+    def _check(self, kind: Any, scene: Scene, camera: Camera, frames: Frames, chosen: dict[str, Any]) -> None:
+        """Refuse what one of the formats would refuse, before anything is written."""
+        from warpvis.batch import make_plan
+
+        kind(make_plan(scene, camera, frames, kind, **chosen))
+        folder = self.out / kind.name
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise FileFormatError(f"{folder}: is there already; give a new or an empty folder")
+
+
+_FRAMES = ("camera", "convention", "file_format", "topic", "movable", "worlds")
+_IMAGES = ("outputs", "option")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Batch(ImageOptions):
+    """Render frames to a dataset in a folder, in shards. --resume goes on after an interruption, to the same bytes."""
+
+    file: SceneFile
+    poses: Poses
+    out: str
+    """Folder to write to, new or empty, or an fsspec URL."""
+    format: str = "npz"
+    """npz, zarr, png, tum, bop, nerfstudio, colmap, ply or ros2."""
+    shard_frames: int | None = None
+    """Frames of a shard; by default as many as make 64 MiB of images, at most 1000."""
+    resume: bool = False
+    """Go on with what an earlier call began."""
+    engine: Literal["local", "ray"] = "local"
+    """This machine, or a Ray cluster, whose workers have their share of the cores."""
+    workers: int | None = None
+    """Workers of a Ray cluster; by default one for each GPU, or for each core."""
+    address: str | None = None
+    """Of the Ray cluster; by default one that Ray finds, or a new one of this machine."""
+    device: str = "cpu"
+    """Where to compute: cpu, cuda:0, ..., several with commas, or cuda:all; by Ray cpu, or cuda for a GPU each."""
+
+    def run(self) -> None:
+        """Run the command."""
+        from warpvis.batch import find_format, render_batch
+
+        find_format(self.format)
+        chosen = self.chosen()
+        scene, camera, frames = self.load(self.file, self.poses)
+        same = ("device", "format", "shard_frames", "resume", "engine", "workers", "address", "threads", "quiet")
+        given: dict[str, Any] = {name: getattr(self, name) for name in same}
+        try:
+            summary = render_batch(scene, camera, frames, self.out, source=self.file.name, **given, **chosen)
+        except KeyboardInterrupt:
+            print(f"warpvis: interrupted; the same command with --resume goes on with {self.out}", file=sys.stderr)
+            raise
+        print_summary(summary, self.format, quiet=self.quiet)
+
+
+@dataclass(frozen=True)
+class Verify:
+    """Read every file of a dataset and compare it with its record; exit 0 only if it is complete and sound."""
+
+    dataset: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="DIR")]
+    """The dataset: a folder or an fsspec URL."""
+
+    def run(self) -> None:
+        """Run the command."""
+        from warpvis.batch import verify
+
+        report = verify(self.dataset)
+        for problem in report.problems:
+            print(problem)
+        print(
+            f"{report.out}: {'complete and sound' if report.ok else f'{len(report.problems)} problems'}: "
+            f"{report.whole_shards} of {report.shards} shards ({report.format}, {report.frames} frames), "
+            f"{report.files} files, {report.bytes / 1e9:.3f} GB"
+        )
+        if report.damaged:
+            print(f"to make again what is damaged: delete {', '.join(report.damaged)}, and resume the batch")
+        if not report.ok:
+            sys.exit(1)
+
+
+@dataclass(frozen=True)
+class Warmup:
+    """Compile ahead what rendering needs, into the cache that all processes share (WARP_CACHE_PATH)."""
+
+    device: str = "cpu"
+    """What to compile for: cpu, cuda:0, ..., or cuda:all."""
+
+    def run(self) -> None:
+        """Run the command."""
+        import warp as wp
+
+        from warpvis.batch import parse_devices, warmup
+
+        for device in parse_devices(self.device):
+            print(f"{device}: {warmup(device):.1f} s", flush=True)
+        print(f"cache: {wp.config.kernel_cache_dir}")
+
+
+def _parse_options(words: Sequence[str]) -> dict[str, str]:
+    options = {}
+    for word in words:
+        key, equals, value = word.partition("=")
+        if not (key and equals):
+            raise FileFormatError(f"--option must be given as KEY=VALUE, such as compression=zstd, got {word!r}")
+        options[key] = value
+    return options
+
+
+def print_summary(summary: BatchSummary, layout: str, *, quiet: bool) -> None:
+    """Print what was made, and warn of what was lost."""
+    for message, count in summary.warnings.items():
+        print(f"warning: {count} {message}", file=sys.stderr)
+    if quiet:
+        return
+    size = f"{summary.bytes / 1e6:,.1f} MB"
+    print(f"frames: {summary.frames}, shards: {summary.shards}, {size} ({layout}): {summary.out}")
+    if summary.rendered_frames:
+        rate = f"{summary.frames_per_second:.0f} frames/s"
+        print(f"{summary.rendered_frames} of them rendered in {summary.seconds:.1f} s, {rate}")
+    else:
+        print("nothing was left to do")
