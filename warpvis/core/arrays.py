@@ -5,12 +5,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError, WarpvisError
 
 Shape = tuple[int | str, ...]
@@ -24,7 +24,7 @@ _CACHE_LINE = 64
 _KINDS = {wp.float32: "fiu", wp.int32: "iu", wp.uint8: "iu"}
 
 
-def get_device(device: Any) -> wp.Device:
+def get_device(device: DeviceLike) -> wp.Device:
     """Return the Warp device of that name.
 
     Raises:
@@ -37,7 +37,7 @@ def get_device(device: Any) -> wp.Device:
         raise ArrayError(f"device {str(device)!r} is not on this machine, which has: {known}") from None
 
 
-def as_warp(value: Any, dtype: Any, shape: Shape, *, name: str, device: wp.Device) -> wp.array:
+def as_warp(value: ArrayInput | None, dtype: type, shape: Shape, *, name: str, device: wp.Device) -> wp.array:
     """Return `value` as a Warp array on `device`, without a copy where memory can be shared.
 
     Args:
@@ -72,7 +72,7 @@ def as_warp(value: Any, dtype: Any, shape: Shape, *, name: str, device: wp.Devic
     return wp.array(host, dtype=dtype, device=device, copy=not device.is_cpu)
 
 
-def as_points(points: Any, name: str, count: str, device: wp.Device) -> wp.array:
+def as_points(points: ArrayInput, name: str, count: str, device: wp.Device) -> wp.array:
     """Return points as vec3 on a device, and check that those of the host are finite.
 
     Raises:
@@ -88,7 +88,7 @@ def as_points(points: Any, name: str, count: str, device: wp.Device) -> wp.array
     return places
 
 
-def as_numpy(value: Any, *, name: str) -> np.ndarray:
+def as_numpy(value: ArrayInput, *, name: str) -> np.ndarray:
     """Return `value` as a NumPy array that shares its memory where possible.
 
     Raises:
@@ -111,7 +111,7 @@ def check_shape(got: tuple[int, ...], wanted: Shape, *, name: str) -> None:
         raise ArrayError(f"{name} must have shape {format_shape(wanted)}, got {got}")
 
 
-def empty(shape: tuple[int, ...], dtype: Any, *, name: str, device: wp.Device) -> wp.array:
+def empty(shape: tuple[int, ...], dtype: type, *, name: str, device: wp.Device) -> wp.array:
     """Allocate an array; if there is no memory, say how much there would have to be."""
     try:
         return aligned_empty(shape, dtype) if device.is_cpu else wp.empty(shape, dtype=dtype, device=device)
@@ -123,7 +123,7 @@ def empty(shape: tuple[int, ...], dtype: Any, *, name: str, device: wp.Device) -
         ) from None
 
 
-def aligned_empty(shape: tuple[int, ...], dtype: Any) -> wp.array:
+def aligned_empty(shape: tuple[int, ...], dtype: type) -> wp.array:
     """Allocate CPU memory that begins at a cache line. NumPy asks the system for large pages where it is large."""
     components = getattr(dtype, "_shape_", ())
     scalar = np.dtype(wp.dtype_to_numpy(getattr(dtype, "_wp_scalar_type_", dtype)))
@@ -134,7 +134,7 @@ def aligned_empty(shape: tuple[int, ...], dtype: Any) -> wp.array:
     return wp.array(host, dtype=dtype, shape=shape, device="cpu", copy=False)
 
 
-def check_out(out: Any, dtype: Any, shape: tuple[int, ...], *, name: str, device: wp.Device) -> wp.array:
+def check_out(out: wp.array, dtype: type, shape: tuple[int, ...], *, name: str, device: wp.Device) -> wp.array:
     """Return `out` itself if kernels can write to it.
 
     Raises:
@@ -157,7 +157,7 @@ def as_point(value: ArrayLike, name: str, error: type[WarpvisError] = ArrayError
     return point
 
 
-def check_metres(value: Any, name: str, *, signed: bool = False, zero: bool = True, infinite: bool = False) -> float:
+def check_metres(value: float, name: str, *, signed: bool = False, zero: bool = True, infinite: bool = False) -> float:
     """Return `value` as a number of metres.
 
     Raises:
@@ -170,13 +170,13 @@ def check_metres(value: Any, name: str, *, signed: bool = False, zero: bool = Tr
     return float(value)
 
 
-def format_shape(shape: Shape, dtype: Any = None) -> str:
+def format_shape(shape: Shape, dtype: type | None = None) -> str:
     """Write a shape as messages show it, with the components of a vector dtype."""
     sizes = (*shape, *getattr(dtype, "_shape_", ()))
     return "(" + ", ".join(str(size) for size in sizes) + ("," if len(sizes) == 1 else "") + ")"
 
 
-def _check_warp(array: wp.array, dtype: Any, shape: Shape, *, name: str, device: wp.Device) -> wp.array:
+def _check_warp(array: wp.array, dtype: type, shape: Shape, *, name: str, device: wp.Device) -> wp.array:
     if array.device != device:
         raise ArrayError(f"{name} must be on device {device}, got {array.device}")
     if not wp.types.types_equal(array.dtype, dtype):
@@ -187,7 +187,7 @@ def _check_warp(array: wp.array, dtype: Any, shape: Shape, *, name: str, device:
     return array
 
 
-def _dtype_name(dtype: Any) -> str:
+def _dtype_name(dtype: type) -> str:
     vectors = {wp.vec2: "wp.vec2", wp.vec3: "wp.vec3", wp.vec4: "wp.vec4", wp.transform: "wp.transform"}
     return vectors.get(dtype, dtype.__name__)
 
@@ -209,7 +209,7 @@ def surely_finite(numbers: np.ndarray) -> bool:
         return bool(np.isfinite(np.dot(flat, flat)))
 
 
-def on_gpu(value: Any) -> bool:
+def on_gpu(value: object) -> bool:
     """Tell whether an array of whatever library lies on a GPU."""
     if isinstance(value, wp.array):
         return not value.device.is_cpu

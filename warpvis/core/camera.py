@@ -8,13 +8,16 @@ import math
 import warnings
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from warpvis.errors import CameraError, IntrinsicsWarning
 
 if TYPE_CHECKING:
+    import mujoco
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
+
+    from warpvis.kernels.pinhole import PinholeCamera
 
 
 @dataclass(frozen=True)
@@ -104,7 +107,7 @@ class Camera:
 
     @classmethod
     def from_mujoco(
-        cls, model: Any, camera: int | str = -1, width: int | None = None, height: int | None = None
+        cls, model: mujoco.MjModel, camera: int | str = -1, width: int | None = None, height: int | None = None
     ) -> Camera:
         """Make a camera of a MuJoCo model's; see `warpvis.mujoco.camera_from_mujoco`.
 
@@ -222,7 +225,7 @@ class Camera:
         y = z * (pixels[..., 1] - self.cy) / self.fy
         return np.stack(np.broadcast_arrays(x, y, z), axis=-1)
 
-    def device_struct(self) -> Any:
+    def device_struct(self) -> PinholeCamera:
         """Return the camera as kernels take it, a `warpvis.kernels.pinhole.PinholeCamera`."""
         from warpvis.kernels.pinhole import PinholeCamera
 
@@ -233,7 +236,7 @@ class Camera:
         return camera
 
 
-def require_camera(camera: Any) -> Camera:
+def require_camera(camera: object) -> Camera:
     """Return `camera` itself; raise `CameraError` if it is none."""
     if not isinstance(camera, Camera):
         raise CameraError(f"camera must be a warpvis.Camera, got {type(camera).__name__}")

@@ -9,12 +9,12 @@ import os
 from collections.abc import Collection, Iterable
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from warpvis.errors import ArrayError, FileFormatError, WarpvisError
 
 
-def is_number(value: Any) -> bool:
+def is_number(value: object) -> TypeGuard[float]:
     """Tell whether a value is a real number, of Python or NumPy, that double precision has; infinity and NaN are."""
     if not isinstance(value, Real) or isinstance(value, bool):
         return False
@@ -25,12 +25,12 @@ def is_number(value: Any) -> bool:
     return True
 
 
-def is_whole(value: Any) -> bool:
+def is_whole(value: object) -> TypeGuard[int]:
     """Tell whether a value is an integer of Python or NumPy."""
     return isinstance(value, Integral) and not isinstance(value, bool)
 
 
-def check_whole(value: Any, name: str, *, least: int = 1, error: type[WarpvisError] = ArrayError) -> int:
+def check_whole(value: object, name: str, *, least: int = 1, error: type[WarpvisError] = ArrayError) -> int:
     """`value` as a whole number from `least` up.
 
     Raises:
@@ -42,7 +42,7 @@ def check_whole(value: Any, name: str, *, least: int = 1, error: type[WarpvisErr
 
 
 def check_number(
-    value: Any,
+    value: object,
     name: str,
     *,
     least: float = -math.inf,
@@ -61,7 +61,7 @@ def check_number(
     return float(value)
 
 
-def check_choice(value: Any, name: str, choices: Collection[str], error: type[WarpvisError] = ArrayError) -> str:
+def check_choice(value: object, name: str, choices: Collection[str], error: type[WarpvisError] = ArrayError) -> str:
     """`value`, if it is one of the words to choose from.
 
     Raises:
@@ -72,7 +72,7 @@ def check_choice(value: Any, name: str, choices: Collection[str], error: type[Wa
     return value
 
 
-def check_text(value: Any, name: str, error: type[WarpvisError] = ArrayError) -> str:
+def check_text(value: object, name: str, error: type[WarpvisError] = ArrayError) -> str:
     """`value`, if it is text.
 
     Raises:
@@ -83,7 +83,7 @@ def check_text(value: Any, name: str, error: type[WarpvisError] = ArrayError) ->
     return value
 
 
-def as_items(value: Any, name: str, error: type[WarpvisError] = ArrayError) -> list[Any]:
+def as_items(value: object, name: str, error: type[WarpvisError] = ArrayError) -> list[Any]:
     """What is given one by one, as a list; text alone is one item.
 
     Raises:
@@ -99,7 +99,7 @@ def as_items(value: Any, name: str, error: type[WarpvisError] = ArrayError) -> l
         raise error(f"{name} must be a list, got {value!r}") from None
 
 
-def as_path(path: Any, name: str = "path") -> Path:
+def as_path(path: object, name: str = "path") -> Path:
     """A path of text or any `os.PathLike`: never a number, which Python's files take for an open file.
 
     Raises:

@@ -4,17 +4,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import warp as wp
 
 from warpvis.core.arrays import as_numpy, as_warp, get_device, on_gpu
 from warpvis.core.camera import Camera, require_camera
 from warpvis.core.labels import Label
+from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError
 
 
-def read_depth(depth: Any, camera: Camera, device: Any) -> wp.array:
+def read_depth(depth: ArrayInput, camera: Camera, device: DeviceLike) -> wp.array:
     """Return depth images that a camera took, shape ``(V, H, W)``, on a device; by default where they are.
 
     Raises:
@@ -33,7 +32,7 @@ def read_depth(depth: Any, camera: Camera, device: Any) -> wp.array:
     return as_warp(depth, wp.float32, ("V", camera.height, camera.width), name="depth", device=device)
 
 
-def read_labels(labels: Any, shape: tuple[int, ...], device: wp.Device) -> wp.array:
+def read_labels(labels: ArrayInput, shape: tuple[int, ...], device: wp.Device) -> wp.array:
     """Return images of `Label` values, uint8, on a device; those of the host are checked to hold no other values.
 
     Args:
@@ -56,7 +55,7 @@ def read_labels(labels: Any, shape: tuple[int, ...], device: wp.Device) -> wp.ar
     return result
 
 
-def _device_of(array: Any) -> str:
+def _device_of(array: object) -> str:
     """Warp's name of the device a foreign array is on."""
     kind, index = array.__dlpack_device__() if hasattr(array, "__dlpack_device__") else (1, 0)
     return f"cuda:{index}" if kind == 2 else "cpu"

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import FARTHEST, as_numpy
 from warpvis.core.poses import Convention, check_convention, not_unit, poses_to_opencv, wrong_length
+from warpvis.core.types import ArrayInput, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, PoseError
 
 # Squared lengths of normalised quaternions are this near to 1; they are not normalised again, so that poses which were
@@ -58,12 +59,12 @@ class Frames:
     @classmethod
     def from_poses(
         cls,
-        poses: Any,
+        poses: PoseLike,
         *,
         convention: Convention = "opencv",
-        timestamps: Any = None,
-        object_poses: Any = None,
-        world_index: Any = None,
+        timestamps: ArrayInput | None = None,
+        object_poses: ObjectPoses = None,
+        world_index: ArrayInput | None = None,
         source: Mapping[str, Any] | None = None,
     ) -> Frames:
         """Make frames of poses, check them, and normalise the cameras' quaternions.
@@ -96,7 +97,7 @@ class Frames:
         return cls(rows, _check_timestamps(timestamps, count), objects, worlds, _check_source(source))
 
 
-def _camera_rows(poses: Any, convention: Convention) -> NDArray[np.float64]:
+def _camera_rows(poses: PoseLike, convention: Convention) -> NDArray[np.float64]:
     convention = check_convention(convention)
     given = _host(poses, "poses")
     if given.dtype.kind == "b":
@@ -113,7 +114,7 @@ def _camera_rows(poses: Any, convention: Convention) -> NDArray[np.float64]:
     return rows
 
 
-def _object_rows(poses: Any) -> NDArray[np.float32]:
+def _object_rows(poses: PoseLike) -> NDArray[np.float32]:
     given = _host(poses, "object_poses")
     given = given[None] if given.ndim == 2 else given
     if given.dtype.kind == "b" or given.ndim != 3 or given.shape[2] != 7 or not given.size:
@@ -143,7 +144,7 @@ def _check_size(array: NDArray[np.float64], name: str) -> None:
         )
 
 
-def _check_timestamps(timestamps: Any, count: int) -> NDArray[np.float64]:
+def _check_timestamps(timestamps: ArrayInput | None, count: int) -> NDArray[np.float64]:
     if timestamps is None:
         return np.arange(count, dtype=np.float64)
     times = _host(timestamps, "timestamps")
@@ -156,7 +157,7 @@ def _check_timestamps(timestamps: Any, count: int) -> NDArray[np.float64]:
     return times
 
 
-def _check_world(world_index: Any, count: int, objects: NDArray[np.float32] | None) -> NDArray[np.int32]:
+def _check_world(world_index: ArrayInput | None, count: int, objects: NDArray[np.float32] | None) -> NDArray[np.int32]:
     if objects is None:
         raise ArrayError("world_index says which of object_poses a frame has, so give object_poses")
     worlds = _host(world_index, "world_index")
@@ -185,5 +186,5 @@ def _check_source(source: Mapping[str, Any] | None) -> dict[str, Any]:
     raise ArrayError(f"source must be a mapping of what JSON can hold, got {source!r}")
 
 
-def _host(value: Any, name: str) -> NDArray[Any]:
+def _host(value: ArrayInput, name: str) -> np.ndarray:
     return as_numpy(value.numpy() if isinstance(value, wp.array) else value, name=name)

@@ -5,13 +5,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, as_point, get_device
+from warpvis.core.types import DeviceLike, PoseLike
 from warpvis.errors import PoseError
 
 Convention = Literal["opencv", "opengl", "ros_body", "ros_optical"]
@@ -37,7 +38,7 @@ LENGTH_TOLERANCE = 1e-3
 
 
 def parse_poses(
-    poses: Any, *, convention: Convention = "opencv", device: Any = "cpu", name: str = "camera_to_world"
+    poses: PoseLike, *, convention: Convention = "opencv", device: DeviceLike = "cpu", name: str = "camera_to_world"
 ) -> wp.array:
     """Return poses as casters take them.
 
@@ -68,7 +69,9 @@ def parse_poses(
     return wp.array(rows.astype(np.float32), dtype=wp.transform, device=device)
 
 
-def host_poses(poses: Any, *, convention: Convention = "opencv", name: str = "camera_to_world") -> NDArray[np.float32]:
+def host_poses(
+    poses: PoseLike, *, convention: Convention = "opencv", name: str = "camera_to_world"
+) -> NDArray[np.float32]:
     """Return poses for a caster on the CPU: what `parse_poses` gives, as rows ``(V, 7)``, at the least cost.
 
     Rows that are well, as they mostly are, pass after two looks. They are not normalised: casters do that themselves.
@@ -156,7 +159,7 @@ def check_up(up: str) -> int:
     return "xyz".index(up)
 
 
-def check_convention(convention: Any) -> Convention:
+def check_convention(convention: object) -> Convention:
     """Name the axes of a camera frame; those of OpenCV have one name.
 
     Raises:
@@ -187,14 +190,14 @@ def quaternion_product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArra
     )
 
 
-def not_unit(rows: NDArray[Any]) -> NDArray[np.bool_]:
+def not_unit(rows: np.ndarray) -> NDArray[np.bool_]:
     """Tell which rows ``x y z qx qy qz qw`` have a quaternion that is none: its length is not 1, or not a number."""
     with np.errstate(invalid="ignore", over="ignore"):
         length = np.linalg.norm(rows[..., 3:].astype(np.float64), axis=-1)
         return ~(np.abs(length - 1) <= LENGTH_TOLERANCE)
 
 
-def wrong_length(row: NDArray[Any]) -> str:
+def wrong_length(row: np.ndarray) -> str:
     """Say what is wanted of the quaternion of a row that is `not_unit`, what it is, and why, where that can be seen."""
     length = float(np.linalg.norm(row[3:].astype(np.float64)))
     swapped = (
@@ -279,7 +282,7 @@ def _as_poses(poses: wp.array, name: str) -> tuple[bool, wp.array]:
     )
 
 
-def _from_foreign(poses: Any, name: str) -> wp.array:
+def _from_foreign(poses: PoseLike, name: str) -> wp.array:
     try:
         return wp.from_dlpack(poses)
     except Exception as error:  # foreign libraries raise what they like

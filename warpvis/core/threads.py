@@ -8,10 +8,11 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from threading import Lock
-from typing import Any
+from typing import TypeVar
 
 import warp as wp
 
+from warpvis.core.types import KernelArguments
 from warpvis.errors import ArrayError
 from warpvis.kernels.pinhole import Window
 
@@ -29,6 +30,8 @@ _pool_size = 0
 _pool_lock = Lock()
 _load_lock = Lock()
 
+_Part = TypeVar("_Part")
+
 
 def core_count() -> int:
     """Return how many cores this process may run on."""
@@ -36,9 +39,9 @@ def core_count() -> int:
 
 
 def launch_images(
-    kernel: Any,
+    kernel: wp.Kernel,
     shape: tuple[int, int, int],
-    arguments: Callable[[Window], list[Any]],
+    arguments: Callable[[Window], KernelArguments],
     *,
     device: wp.Device,
     threads: int | None = None,
@@ -77,9 +80,9 @@ def launch_images(
 
 
 def launch_points(
-    kernel: Any,
+    kernel: wp.Kernel,
     shape: tuple[int, int],
-    arguments: Callable[[Window], list[Any]],
+    arguments: Callable[[Window], KernelArguments],
     *,
     device: wp.Device,
     threads: int | None = None,
@@ -95,20 +98,20 @@ def launch_points(
     launch_images(kernel, (views, rows, POINTS_PER_ROW), arguments, device=device, threads=threads)
 
 
-def launch_small(kernel: Any, shape: int | tuple[int, ...], inputs: list[Any], device: wp.Device) -> None:
+def launch_small(kernel: wp.Kernel, shape: int | tuple[int, ...], inputs: KernelArguments, device: wp.Device) -> None:
     """Launch what is too little work for several threads."""
     if device.is_cpu:
         load_module(kernel)
     wp.launch(kernel, dim=shape, inputs=inputs, device=device)
 
 
-def load_module(kernel: Any) -> None:
+def load_module(kernel: wp.Kernel) -> None:
     """Compile and load a kernel's module for the CPU: two threads must not do it at the same time."""
     with _load_lock:
         wp.load_module(kernel.module, "cpu")
 
 
-def run_each(work: Callable[[Any], None], parts: Sequence[Any], threads: int) -> None:
+def run_each(work: Callable[[_Part], object], parts: Sequence[_Part], threads: int) -> None:
     """Call `work` for each part, on at most so many threads at a time: this one and the pool's."""
     waiting = iter(parts)
     failures: list[BaseException] = []

@@ -51,3 +51,6 @@ class HasMesh(Protocol):
 
 MeshLike = HasMesh | tuple[ArrayLike, ArrayLike]
 """A mesh, or the pair of its vertices and faces."""
+
+KernelArguments = Sequence[object]
+"""What a kernel is launched with: arrays, structs and numbers."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import warp as wp
@@ -19,8 +19,12 @@ from warpvis.core.depth_images import read_depth
 from warpvis.core.labels import Label
 from warpvis.core.poses import Convention, check_up, parse_poses
 from warpvis.core.threads import launch_images
+from warpvis.core.types import ArrayInput, DeviceLike, PoseLike
 from warpvis.errors import ArrayError, SceneError
 from warpvis.scene import Scene, require_scene
+
+if TYPE_CHECKING:
+    from warpvis.kernels.classify import Spheres
 
 
 @dataclass(frozen=True)
@@ -45,12 +49,12 @@ class Sphere:
 
 
 def back_project(
-    depth: Any,
+    depth: ArrayInput,
     camera: Camera,
-    camera_to_world: Any,
+    camera_to_world: PoseLike,
     *,
     convention: Convention = "opencv",
-    device: Any = None,
+    device: DeviceLike = None,
     threads: int | None = None,
     out: wp.array | None = None,
 ) -> wp.array:
@@ -88,9 +92,9 @@ def back_project(
 
 
 def classify(
-    depth: Any,
+    depth: ArrayInput,
     camera: Camera,
-    camera_to_world: Any,
+    camera_to_world: PoseLike,
     *,
     spheres: Sequence[Sphere] | ArrayLike = (),
     ground_tolerance: float = 0.01,
@@ -98,7 +102,7 @@ def classify(
     up: Literal["z", "y"] = "z",
     max_range: float | None = None,
     convention: Convention = "opencv",
-    device: Any = None,
+    device: DeviceLike = None,
     threads: int | None = None,
     out: wp.array | None = None,
     spheres_out: wp.array | None = None,
@@ -156,8 +160,8 @@ def classify(
 
 
 def classify_rendered(
-    depth: Any,
-    objects: Any,
+    depth: ArrayInput,
+    objects: ArrayInput,
     scene: Scene,
     *,
     max_range: float = math.inf,
@@ -198,7 +202,7 @@ def classify_rendered(
     return labels
 
 
-def _read_objects(objects: Any, depth: wp.array, scene: Scene) -> wp.array:
+def _read_objects(objects: ArrayInput, depth: wp.array, scene: Scene) -> wp.array:
     """Images of objects, of the shape of depth; those of the host index the scene's objects."""
     result = as_warp(objects, wp.int32, depth.shape, name="objects", device=scene.device)
     if not on_gpu(objects):
@@ -213,7 +217,7 @@ def _read_objects(objects: Any, depth: wp.array, scene: Scene) -> wp.array:
 
 
 def _read_images(
-    depth: Any, camera: Camera, camera_to_world: Any, convention: Convention, device: Any
+    depth: ArrayInput, camera: Camera, camera_to_world: PoseLike, convention: Convention, device: DeviceLike
 ) -> tuple[wp.array, wp.array]:
     """Depth images and as many poses, on one device."""
     depth = read_depth(depth, camera, device)
@@ -223,11 +227,11 @@ def _read_images(
     return depth, poses
 
 
-def _device_spheres(spheres: Sequence[Sphere] | ArrayLike, device: wp.Device) -> Any:
+def _device_spheres(spheres: Sequence[Sphere] | ArrayLike, device: wp.Device) -> Spheres:
     from warpvis.kernels.classify import Spheres
 
     if isinstance(spheres, Sequence) and all(isinstance(item, Sphere) for item in spheres):
-        balls: list[Any] = list(spheres)
+        balls = [ball for ball in spheres if isinstance(ball, Sphere)]
     else:
         rows = as_numpy(spheres, name="spheres")
         if rows.ndim != 2 or rows.shape[1] != 4:
@@ -242,7 +246,7 @@ def _device_spheres(spheres: Sequence[Sphere] | ArrayLike, device: wp.Device) ->
     return struct
 
 
-def _allocate(out: wp.array | None, dtype: Any, like: wp.array, name: str) -> wp.array:
+def _allocate(out: wp.array | None, dtype: type, like: wp.array, name: str) -> wp.array:
     if out is None:
         return empty(like.shape, dtype, name="the result", device=like.device)
     return check_out(out, dtype, like.shape, name=name, device=like.device)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import warp as wp
@@ -17,6 +17,7 @@ from warpvis.core.depth_images import read_labels
 from warpvis.core.labels import Label
 from warpvis.core.poses import check_up
 from warpvis.core.threads import launch_images
+from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
 
 # The floor's axes, in the order that makes the map a view from above: first to the right, second upwards.
@@ -83,8 +84,8 @@ class FloorMap:
 
 
 def floor_map(
-    points: Any,
-    labels: Any,
+    points: ArrayInput,
+    labels: ArrayInput,
     *,
     bounds: ArrayLike,
     cell_size: float = 0.02,

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from warpvis.core.camera import Camera, require_camera
 from warpvis.core.labels import Label
 from warpvis.core.poses import Convention, check_up, poses_to_matrices, poses_to_opencv
+from warpvis.core.types import PoseLike
 from warpvis.errors import PoseError
 from warpvis.scene import Scene, require_scene
 
@@ -41,7 +41,7 @@ class PlanVisibility:
 def plan_visibility(
     scene: Scene,
     camera: Camera,
-    camera_to_world: Any,
+    camera_to_world: PoseLike,
     *,
     exclude: Sequence[str] = (),
     convention: Convention = "opencv",

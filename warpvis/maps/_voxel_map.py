@@ -12,7 +12,7 @@ import enum
 import math
 import os
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import warp as wp
@@ -24,6 +24,7 @@ from warpvis.core.checks import as_path
 from warpvis.core.depth_images import read_depth, read_labels
 from warpvis.core.poses import Convention, check_up, parse_poses
 from warpvis.core.threads import launch_images, launch_small
+from warpvis.core.types import ArrayInput, DeviceLike, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, FileFormatError
 from warpvis.maps._floor_map import FloorMap, floor_map
 from warpvis.rendering import Renderer
@@ -158,26 +159,31 @@ class VoxelMap:
         Raises:
             FileFormatError: The file cannot be written.
         """
-        arrays: dict[str, Any] = {"states": self.states.numpy(), "labels": self.labels.numpy()}
-        arrays |= {"origin": np.array(self.origin), "cell_size": np.float64(self.cell_size), "up": np.array(self.up)}
         try:
             with as_path(path).open("wb") as file:  # of that very name: NumPy would add a suffix
-                np.savez_compressed(file, **arrays)
+                np.savez_compressed(
+                    file,
+                    states=self.states.numpy(),
+                    labels=self.labels.numpy(),
+                    origin=np.array(self.origin),
+                    cell_size=np.float64(self.cell_size),
+                    up=np.array(self.up),
+                )
         except OSError as error:
             raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from None
 
 
 def voxel_map(
-    depth: Any,
+    depth: ArrayInput,
     camera: Camera,
-    camera_to_world: Any,
+    camera_to_world: PoseLike,
     *,
     bounds: ArrayLike,
     cell_size: float = 0.05,
-    labels: Any = None,
+    labels: ArrayInput | None = None,
     up: Literal["z", "y"] = "z",
     convention: Convention = "opencv",
-    device: Any = None,
+    device: DeviceLike = None,
     threads: int | None = None,
     out: VoxelMap | None = None,
 ) -> VoxelMap:
@@ -238,13 +244,13 @@ def voxel_map(
 def voxel_map_from_scene(
     scene: Scene,
     camera: Camera,
-    camera_to_world: Any,
+    camera_to_world: PoseLike,
     *,
     bounds: ArrayLike | None = None,
     cell_size: float = 0.05,
-    object_poses: Any = None,
-    world_index: Any = None,
-    exclude: Any = None,
+    object_poses: ObjectPoses = None,
+    world_index: ArrayInput | None = None,
+    exclude: Excluded = None,
     convention: Convention = "opencv",
     threads: int | None = None,
     out: VoxelMap | None = None,
@@ -276,7 +282,7 @@ def voxel_map_from_scene(
     scene.require_objects()
     poses = parse_poses(camera_to_world, convention=convention, device=scene.device)
     worlds = parse_worlds(scene, len(poses), object_poses, world_index, exclude)
-    box: Any = bounds
+    box: ArrayLike | None = bounds
     if box is None and out is not None:
         box = _require_map(out, "out").bounds
     elif box is None:
@@ -296,7 +302,7 @@ def voxel_map_from_scene(
 
 
 def _map_for(
-    bounds: ArrayLike, cell_size: Any, up: Literal["z", "y"], device: wp.Device, out: VoxelMap | None
+    bounds: ArrayLike, cell_size: float, up: Literal["z", "y"], device: wp.Device, out: VoxelMap | None
 ) -> VoxelMap:
     """A map of which nothing is known yet, or `out` if that is there and of this grid."""
     check_up(up)
@@ -337,13 +343,13 @@ def _add_views(
     )
 
 
-def _zeros(shape: tuple[int, ...], dtype: Any, device: wp.Device) -> wp.array:
+def _zeros(shape: tuple[int, ...], dtype: type, device: wp.Device) -> wp.array:
     array = empty(shape, dtype, name="the map", device=device)
     array.zero_()
     return array
 
 
-def _check_grid(bounds: ArrayLike, cell_size: Any) -> tuple[tuple[float, float, float], tuple[int, int, int], float]:
+def _check_grid(bounds: ArrayLike, cell_size: float) -> tuple[tuple[float, float, float], tuple[int, int, int], float]:
     """Origin, size and side of a grid's voxels."""
     side = check_metres(cell_size, "cell_size", zero=False)
     corners = as_numpy(bounds, name="bounds").astype(np.float64)
@@ -362,14 +368,14 @@ def _check_grid(bounds: ArrayLike, cell_size: Any) -> tuple[tuple[float, float, 
     return (first, second, third), (int(x), int(y), int(z)), side
 
 
-def _require_map(value: Any, name: str) -> VoxelMap:
+def _require_map(value: object, name: str) -> VoxelMap:
     if not isinstance(value, VoxelMap):
         raise ArrayError(f"{name} must be a warpvis.VoxelMap, got {type(value).__name__}")
     return value
 
 
 def _check_same_grid(
-    other: Any,
+    other: ArrayInput,
     name: str,
     origin: tuple[float, ...],
     size: tuple[int, ...],

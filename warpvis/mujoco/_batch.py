@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import Any
+from typing import Any, cast
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
@@ -17,11 +17,13 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.core.arrays import as_numpy, check_out, empty
 from warpvis.core.camera import Camera
 from warpvis.core.labels import Label
+from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError, CameraError, SceneError
 from warpvis.mujoco._cameras import camera_from_mujoco, camera_id
 from warpvis.mujoco._geoms import DEFAULT_GROUPS, DEFAULT_TOLERANCE, check_groups
 from warpvis.mujoco._poses import (
     Kinematics,
+    PoseSource,
     WorldPoses,
     camera_transforms,
     object_places,
@@ -65,7 +67,7 @@ class BatchRenderer:
 
     def __init__(
         self,
-        model: Any,
+        model: mujoco.MjModel,
         nworld: int | None = None,
         *,
         height: int = 240,
@@ -76,7 +78,7 @@ class BatchRenderer:
         labels: Mapping[str, Label | int | str] | None = None,
         exclude: Iterable[str] = (),
         cull_backfaces: bool = True,
-        device: Any = "cpu",
+        device: DeviceLike = "cpu",
         threads: int | None = None,
     ) -> None:
         """Prepare to render.
@@ -122,7 +124,7 @@ class BatchRenderer:
 
     def render(
         self,
-        poses: Any,
+        poses: PoseSource | Sequence[mujoco.MjData] | ArrayInput,
         *,
         cameras: int | str | Sequence[int | str] | None = None,
         worlds: ArrayLike | None = None,
@@ -160,7 +162,12 @@ class BatchRenderer:
         return views
 
     def _render_from(
-        self, poses: Any, chosen: Sequence[int], place: _Workplace, shape: tuple[int, int, int], out: Views | None
+        self,
+        poses: PoseSource,
+        chosen: Sequence[int],
+        place: _Workplace,
+        shape: tuple[int, int, int],
+        out: Views | None,
     ) -> Views:
         device, count = self.scene.device, len(place.worlds)
         if place.objects.size:
@@ -253,20 +260,25 @@ class BatchRenderer:
             raise CameraError("there must be a camera to render; the model or the list of cameras has none")
         return ids
 
-    def _read_worlds(self, poses: Any, worlds: ArrayLike | None) -> tuple[Any, NDArray[np.int32]]:
+    def _read_worlds(
+        self, poses: PoseSource | Sequence[mujoco.MjData] | ArrayInput, worlds: ArrayLike | None
+    ) -> tuple[PoseSource, NDArray[np.int32]]:
         """A source of poses, and which of its worlds to render."""
-        several = isinstance(poses, list | tuple) and all(isinstance(data, mujoco.MjData) for data in poses)
-        if several and len(poses):
+        if isinstance(poses, list | tuple) and len(poses) and all(isinstance(data, mujoco.MjData) for data in poses):
             poses = WorldPoses.of(poses)
-        joints = None if hasattr(poses, "geom_xpos") else as_numpy(poses, name="poses")
-        count = world_count(poses) if joints is None else len(np.atleast_1d(joints))
+        if hasattr(poses, "geom_xpos"):
+            source = cast(PoseSource, poses)
+            return source, self._chosen_worlds(worlds, world_count(source))
+        joints = as_numpy(cast("ArrayInput", poses), name="poses")
+        chosen = self._chosen_worlds(worlds, len(np.atleast_1d(joints)))
+        source = self.kinematics.from_qpos(joints if worlds is None else joints[chosen])
+        return source, np.arange(len(chosen), dtype=np.int32)
+
+    def _chosen_worlds(self, worlds: ArrayLike | None, count: int) -> NDArray[np.int32]:
+        """Check which of so many worlds are to be rendered."""
         if self.nworld not in (None, count):
             raise ArrayError(f"poses must be of nworld = {self.nworld} worlds, got {count}")
-        chosen = _check_worlds(worlds, count)
-        if joints is not None:
-            poses = self.kinematics.from_qpos(joints if worlds is None else joints[chosen])
-            chosen = np.arange(len(chosen), dtype=np.int32)
-        return poses, chosen
+        return _check_worlds(worlds, count)
 
 
 def _check_worlds(worlds: ArrayLike | None, count: int) -> NDArray[np.int32]:

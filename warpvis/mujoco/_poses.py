@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Protocol
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, as_warp
 from warpvis.core.threads import check_threads, run_each
+from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
 from warpvis.mujoco._scene import MujocoScene
 
@@ -24,26 +25,38 @@ FULL_PHYSICS = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 _FIELDS = {"geom_xpos": wp.vec3, "geom_xmat": wp.mat33, "cam_xpos": wp.vec3, "cam_xmat": wp.mat33}
 
 
+class PoseSource(Protocol):
+    """What poses are read from: a `mujoco.MjData`, or the arrays of W worlds that MuJoCo Warp, MJX and others have."""
+
+    @property
+    def geom_xpos(self) -> ArrayInput:
+        """Positions of the geoms [m], shape ``(W, ngeom, 3)``."""
+
+    @property
+    def geom_xmat(self) -> ArrayInput:
+        """Their rotations, shape ``(W, ngeom, 3, 3)`` or ``(W, ngeom, 9)``."""
+
+
 @dataclass
 class WorldPoses:
     """Poses of all geoms and cameras of a model in W worlds, in world frames; arrays of the host or of a GPU."""
 
-    geom_xpos: Any
+    geom_xpos: ArrayInput
     """Positions of the geoms [m], shape ``(W, ngeom, 3)``."""
-    geom_xmat: Any
+    geom_xmat: ArrayInput
     """Their rotations, geom to world, shape ``(W, ngeom, 3, 3)`` or ``(W, ngeom, 9)``."""
-    cam_xpos: Any = None
+    cam_xpos: ArrayInput | None = None
     """Positions of the cameras [m], shape ``(W, ncam, 3)``."""
-    cam_xmat: Any = None
+    cam_xmat: ArrayInput | None = None
     """Their rotations, shape ``(W, ncam, 3, 3)`` or ``(W, ncam, 9)``: they look along -z with y up."""
 
     @classmethod
-    def of(cls, worlds: Sequence[Any]) -> WorldPoses:
+    def of(cls, worlds: Sequence[mujoco.MjData]) -> WorldPoses:
         """The poses that several `mujoco.MjData` have now, copied."""
         return cls(*(np.stack([getattr(data, name) for data in worlds]) for name in _FIELDS))
 
 
-def geom_poses(source: Any, scene: MujocoScene) -> NDArray[np.float32]:
+def geom_poses(source: PoseSource, scene: MujocoScene) -> NDArray[np.float32]:
     """Give the poses of a scene's movable objects, as `Renderer.render` takes them for `object_poses`.
 
     Movable objects that were added to the scene come last, at the poses that they were added with.
@@ -63,7 +76,7 @@ def geom_poses(source: Any, scene: MujocoScene) -> NDArray[np.float32]:
     return rows[0] if isinstance(source, mujoco.MjData) else rows
 
 
-def camera_poses(source: Any, model: Any, cameras: Sequence[int]) -> NDArray[np.float32]:
+def camera_poses(source: PoseSource, model: mujoco.MjModel, cameras: Sequence[int]) -> NDArray[np.float32]:
     """Give the poses of some of a model's cameras, as `Renderer.render` takes them.
 
     Args:
@@ -83,7 +96,7 @@ def camera_poses(source: Any, model: Any, cameras: Sequence[int]) -> NDArray[np.
 
 
 def object_transforms(
-    source: Any,
+    source: PoseSource,
     scene: MujocoScene,
     worlds: wp.array | None = None,
     *,
@@ -127,8 +140,8 @@ def object_places(scene: MujocoScene, worlds: int) -> wp.array:
 
 
 def camera_transforms(
-    source: Any,
-    model: Any,
+    source: PoseSource,
+    model: mujoco.MjModel,
     cameras: Sequence[int] | wp.array,
     worlds: wp.array | None = None,
     *,
@@ -154,7 +167,7 @@ def all_of(count: int, device: wp.Device) -> wp.array:
     return wp.array(np.arange(count, dtype=np.int32), dtype=wp.int32, device=device)
 
 
-def world_count(source: Any, field: str = "geom_xpos") -> int:
+def world_count(source: PoseSource, field: str = "geom_xpos") -> int:
     """How many worlds a source of poses has."""
     value = _get(source, field)
     return 1 if isinstance(source, mujoco.MjData) else int(value.shape[0])
@@ -163,7 +176,7 @@ def world_count(source: Any, field: str = "geom_xpos") -> int:
 class Kinematics:
     """Poses from joint positions or states, by MuJoCo on several threads."""
 
-    def __init__(self, model: Any, *, threads: int | None = None) -> None:
+    def __init__(self, model: mujoco.MjModel, *, threads: int | None = None) -> None:
         """Prepare.
 
         Args:
@@ -172,7 +185,7 @@ class Kinematics:
         """
         self._model = model
         self._threads = check_threads(threads)
-        self._spare: list[Any] = []
+        self._spare: list[mujoco.MjData] = []
 
     def from_qpos(
         self, qpos: ArrayLike, *, mocap_pos: ArrayLike | None = None, mocap_quat: ArrayLike | None = None
@@ -195,7 +208,7 @@ class Kinematics:
                 if len(parts[name]) != len(rows):
                     raise ArrayError(f"{name} must be of {len(rows)} worlds as qpos is, got {len(parts[name])}")
 
-        def place(data: Any, world: int) -> None:
+        def place(data: mujoco.MjData, world: int) -> None:
             for name, values in parts.items():
                 getattr(data, name)[:] = values[world]
 
@@ -219,7 +232,7 @@ class Kinematics:
         rows = _check_rows(array, (size,), "states")
         return self._run(lambda data, world: mujoco.mj_setState(self._model, data, rows[world], spec), len(rows))
 
-    def _run(self, place: Callable[[Any, int], None], count: int) -> WorldPoses:
+    def _run(self, place: Callable[[mujoco.MjData, int], None], count: int) -> WorldPoses:
         model = self._model
         shapes = {"geom_xpos": (model.ngeom, 3), "geom_xmat": (model.ngeom, 9)}
         shapes |= {"cam_xpos": (model.ncam, 3), "cam_xmat": (model.ncam, 9)}
@@ -243,14 +256,14 @@ class Kinematics:
         self._spare.extend(spare)
         return WorldPoses(**arrays)
 
-    def _take(self) -> Any:
+    def _take(self) -> mujoco.MjData:
         try:
             return self._spare.pop()
         except IndexError:  # the first call, or several calls at the same time
             return mujoco.MjData(self._model)
 
 
-def _get(source: Any, name: str) -> Any:
+def _get(source: PoseSource, name: str) -> ArrayInput:
     value = getattr(source, name, None)
     if value is None:
         raise ArrayError(
@@ -259,7 +272,7 @@ def _get(source: Any, name: str) -> Any:
     return value
 
 
-def _read(source: Any, name: str, count: int, device: wp.Device) -> wp.array:
+def _read(source: PoseSource, name: str, count: int, device: wp.Device) -> wp.array:
     """Read a field of all worlds on a device, shape ``(W, count)``, without a copy where memory can be shared."""
     value, dtype = _get(source, name), _FIELDS[name]
     if not isinstance(value, wp.array):

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
 from warpvis.core.labels import Label
+from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, SceneError, WarpvisError
 from warpvis.mujoco._cameras import camera_from_mujoco, viewer_camera, viewer_pose
 from warpvis.mujoco._geoms import DEFAULT_GROUPS, DEFAULT_TOLERANCE, check_groups
@@ -42,17 +43,17 @@ class Renderer:
 
     def __init__(
         self,
-        model: Any,
+        model: mujoco.MjModel,
         height: int = 240,
         width: int = 320,
         max_geom: int = 10000,
-        font_scale: Any = None,
+        font_scale: object = None,
         *,
         tolerance: float = DEFAULT_TOLERANCE,
         labels: Mapping[str, Label | int | str] | None = None,
         exclude: Iterable[str] = (),
         cull_backfaces: bool = True,
-        device: Any = "cpu",
+        device: DeviceLike = "cpu",
         threads: int | None = None,
     ) -> None:
         """Prepare to render.
@@ -80,7 +81,7 @@ class Renderer:
         self._options: dict[str, Any] = {"tolerance": tolerance, "labels": labels, "exclude": tuple(exclude)}
         self._options["device"] = device
         self._render_options: dict[str, Any] = {"cull_backfaces": cull_backfaces, "threads": threads}
-        self._stages: dict[tuple[Any, ...], _Stage] = {}
+        self._stages: dict[tuple[tuple[int, ...], bool], _Stage] = {}
         self._stage = self._stage_of(DEFAULT_GROUPS, static=True)
         self._mode = "color"
         self._camera: Camera | None = None
@@ -88,7 +89,7 @@ class Renderer:
         self._closed = False
 
     @property
-    def model(self) -> Any:
+    def model(self) -> mujoco.MjModel:
         """The `mujoco.MjModel`."""
         return self._model
 
@@ -127,7 +128,12 @@ class Renderer:
         """Stop to render segmentation."""
         self._mode = "color" if self._mode == "segmentation" else self._mode
 
-    def update_scene(self, data: Any, camera: int | str | Any = -1, scene_option: Any = None) -> None:
+    def update_scene(
+        self,
+        data: mujoco.MjData,
+        camera: int | str | mujoco.MjvCamera = -1,
+        scene_option: mujoco.MjvOption | None = None,
+    ) -> None:
         """Take over where everything is now.
 
         Args:
@@ -146,7 +152,7 @@ class Renderer:
         self._stage = self._chosen_stage(scene_option)
         self._stage.update(data)
 
-    def render(self, *, out: NDArray[Any] | None = None) -> NDArray[Any]:
+    def render(self, *, out: np.ndarray | None = None) -> np.ndarray:
         """Render what `update_scene` took over.
 
         Args:
@@ -199,7 +205,7 @@ class Renderer:
         image = self._cast("segmentation")
         return np.full((*self._size, 2), -1, dtype=np.int32) if image is None else self._stage.meanings()[image]
 
-    def _cast(self, output: Output) -> NDArray[Any] | None:
+    def _cast(self, output: Output) -> np.ndarray | None:
         """One image of one view; None if there are no geoms."""
         camera, stage = self._camera, self._stage
         assert camera is not None
@@ -215,7 +221,7 @@ class Renderer:
         views = stage.renderers[output, camera].render(self._pose[None], object_poses=stage.object_poses())
         return getattr(views, output).numpy()[0]
 
-    def _chosen_stage(self, option: Any) -> _Stage:
+    def _chosen_stage(self, option: mujoco.MjvOption | None) -> _Stage:
         if option is None:
             return self._stage_of(DEFAULT_GROUPS, static=True)
         if option.flags[_HULLS]:
@@ -255,7 +261,7 @@ class _Stage:
         pairs[:-1, 0], pairs[:-1, 1] = geoms, np.where(geoms < 0, _UNKNOWN, _GEOM)
         return pairs
 
-    def update(self, data: Any) -> None:
+    def update(self, data: mujoco.MjData) -> None:
         """Take over where the geoms are."""
         self._position[:] = data.geom_xpos
         self._rotation[:] = data.geom_xmat.reshape(-1, 3, 3)

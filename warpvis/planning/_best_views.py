@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.core.arrays import as_numpy, as_point, empty
 from warpvis.core.camera import Camera
 from warpvis.core.poses import Convention, check_up, parse_poses, poses_to_opencv
+from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds
@@ -118,7 +119,7 @@ def pose_grid(
 def best_views(
     scene: Scene,
     camera: Camera,
-    candidates: Any,
+    candidates: PoseLike,
     *,
     objects: Sequence[str | int],
     weights: ArrayLike | None = None,
@@ -130,7 +131,7 @@ def best_views(
     radius: float | None = None,
     floor: float = 0.0,
     delta: float = 0.0,
-    object_poses: Any = None,
+    object_poses: ObjectPoses = None,
     exclude: Sequence[str | int] | str | None = None,
     convention: Convention = "opencv",
     threads: int | None = None,
@@ -202,7 +203,7 @@ def best_views(
     return BestViews(order, scores, values, lengths if known else None, names, rows)
 
 
-def _look(scene: Scene, camera: Camera, rows: NDArray[np.float64], field: str, options: dict[str, Any]) -> NDArray[Any]:
+def _look(scene: Scene, camera: Camera, rows: NDArray[np.float64], field: str, options: dict[str, Any]) -> np.ndarray:
     """One field of `object_visibility` for all poses, ``(C, K)``: the device's results are read back once."""
     objects = options["objects"]
     poses = wp.array(rows.astype(np.float32), dtype=wp.transform, device=scene.device)
@@ -234,7 +235,7 @@ def _room(
     return as_numpy(room.numpy() if isinstance(room, wp.array) else room, name="room").astype(bool)
 
 
-def _candidate_rows(candidates: Any, convention: Convention) -> NDArray[np.float64]:
+def _candidate_rows(candidates: PoseLike, convention: Convention) -> NDArray[np.float64]:
     given = candidates.numpy() if isinstance(candidates, wp.array) else candidates
     if np.size(given) == 0:
         raise ArrayError("candidates must be one or more poses, got none")
@@ -242,7 +243,9 @@ def _candidate_rows(candidates: Any, convention: Convention) -> NDArray[np.float
     return rows.astype(np.float64).reshape(-1, 7)
 
 
-def _path_lengths(scene: Scene, rows: NDArray[np.float64], start: Any, path_lengths: Any) -> NDArray[np.float64]:
+def _path_lengths(
+    scene: Scene, rows: NDArray[np.float64], start: ArrayInput | None, path_lengths: ArrayInput | None
+) -> NDArray[np.float64]:
     """Way to every candidate [m], shape ``(C,)``; 0 if nothing is said of it."""
     if start is not None and path_lengths is not None:
         raise ArrayError("give either start or path_lengths, not both")
@@ -273,7 +276,7 @@ def _check_weights(weights: ArrayLike | None, count: int) -> NDArray[np.float64]
     return numbers
 
 
-def _check_exclude(exclude: Any) -> list[str | int] | None:
+def _check_exclude(exclude: Excluded) -> list[str | int] | None:
     if exclude is None:
         return None
     items = [exclude] if isinstance(exclude, str) else list(exclude)

@@ -8,7 +8,6 @@ import heapq
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -18,6 +17,7 @@ from warpvis.core.arrays import as_numpy, as_points, check_metres, empty
 from warpvis.core.camera import Camera
 from warpvis.core.labels import Label, Visibility
 from warpvis.core.poses import Convention, parse_poses
+from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, PoseError, SceneError
 from warpvis.planning._free_space import one_world
 from warpvis.scene import Scene
@@ -56,7 +56,7 @@ def surface_samples(
     spacing: float = 0.05,
     objects: Sequence[str | int] | None = None,
     labels: Sequence[Label | int | str] | Label | int | str | None = None,
-    object_poses: Any = None,
+    object_poses: ObjectPoses = None,
     seed: int = 0,
 ) -> Samples:
     """Points that are spread evenly over the surfaces of objects, the same ones every time.
@@ -149,14 +149,14 @@ class Coverage:
 def coverage(
     scene: Scene,
     camera: Camera,
-    camera_to_world: Any,
+    camera_to_world: PoseLike,
     *,
-    samples: Samples | Any = None,
-    weights: Any = None,
+    samples: Samples | ArrayInput | None = None,
+    weights: ArrayInput | None = None,
     k: int | None = None,
     tolerance: float = 1e-3,
-    object_poses: Any = None,
-    exclude: Any = None,
+    object_poses: ObjectPoses = None,
+    exclude: Excluded = None,
     convention: Convention = "opencv",
     threads: int | None = None,
 ) -> Coverage:
@@ -196,7 +196,7 @@ def coverage(
         raise PoseError("camera_to_world must have at least one pose, got 0")
     count = len(poses) if k is None else _check_k(k, len(poses), "views")
     worlds = parse_worlds(scene, len(poses), object_poses, None, exclude)
-    hidden: Any = worlds.excluded if worlds.excluded is not None and worlds.excluded.size else None
+    hidden: wp.array | None = worlds.excluded if worlds.excluded is not None and worlds.excluded.size else None
     samples = _read_samples(scene, samples, object_poses, hidden)
     areas = samples.areas * _read_weights(weights, len(samples))
     if not areas.any():
@@ -206,7 +206,7 @@ def coverage(
     step = max(1, _PAIRS // len(samples))
     for first in range(0, len(poses), step):
         part = slice(first, min(first + step, len(poses)))
-        status: Any = point_visibility(
+        status: wp.array = point_visibility(
             scene,
             camera,
             poses[part],
@@ -264,7 +264,11 @@ def _spread(
     return a + shares[:, :1] * (b - a) + shares[:, 1:] * (c - a), faces
 
 
-def _choose(scene: Scene, objects: Any, labels: Any) -> list[int]:
+def _choose(
+    scene: Scene,
+    objects: Sequence[str | int] | None,
+    labels: Sequence[Label | int | str] | Label | int | str | None,
+) -> list[int]:
     if labels is None:
         return choose_objects(scene, objects)
     if objects is not None:
@@ -277,7 +281,9 @@ def _choose(scene: Scene, objects: Any, labels: Any) -> list[int]:
     return chosen
 
 
-def _read_samples(scene: Scene, samples: Any, object_poses: Any, hidden: Any) -> Samples:
+def _read_samples(
+    scene: Scene, samples: Samples | ArrayInput | None, object_poses: ObjectPoses, hidden: wp.array | None
+) -> Samples:
     if samples is None:
         in_view = np.arange(len(scene)) if hidden is None else np.flatnonzero((hidden.numpy() == 0).any(axis=0))
         if not len(in_view):
@@ -294,7 +300,7 @@ def _read_samples(scene: Scene, samples: Any, object_poses: Any, hidden: Any) ->
     return Samples(points, np.full_like(points, np.nan), np.ones(len(points)), np.full(len(points), -1, dtype=np.int32))
 
 
-def _read_weights(weights: Any, count: int) -> NDArray[np.float64]:
+def _read_weights(weights: ArrayInput | None, count: int) -> NDArray[np.float64]:
     if weights is None:
         return np.ones(count)
     factors = as_numpy(weights, name="weights").astype(np.float64)
@@ -306,7 +312,7 @@ def _read_weights(weights: Any, count: int) -> NDArray[np.float64]:
     return factors
 
 
-def _check_k(k: Any, most: int, what: str) -> int:
+def _check_k(k: int, most: int, what: str) -> int:
     if isinstance(k, bool) or not isinstance(k, int | np.integer) or not 1 <= k <= most:
         raise ArrayError(f"k must be a whole number from 1 to the {most} {what}, got {k!r}")
     return int(k)

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -16,6 +15,7 @@ from warpvis.core.arrays import as_points, check_metres, empty, surely_finite
 from warpvis.core.labels import Label
 from warpvis.core.poses import check_up, parse_poses, poses_to_matrices
 from warpvis.core.threads import launch_points
+from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import PoseError
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.closed import has_no_boundary
@@ -28,12 +28,12 @@ _FARTHEST = 1e19
 
 def clearance(
     scene: Scene,
-    points: Any,
+    points: ArrayInput,
     *,
     max_distance: float = math.inf,
     objects: Sequence[str | int] | None = None,
-    exclude: Any = None,
-    object_poses: Any = None,
+    exclude: Excluded = None,
+    object_poses: ObjectPoses = None,
     threads: int | None = None,
 ) -> wp.array:
     """Distance from points to the nearest surface, on either side of it.
@@ -79,13 +79,13 @@ def clearance(
 
 def standing_room(
     scene: Scene,
-    camera_to_world: Any,
+    camera_to_world: PoseLike,
     *,
     radius: float,
     floor: float = 0.0,
     step: float = 0.01,
-    exclude: Any = None,
-    object_poses: Any = None,
+    exclude: Excluded = None,
+    object_poses: ObjectPoses = None,
     threads: int | None = None,
 ) -> NDArray[np.bool_]:
     """Whether an upright robot has room where its camera is.
@@ -132,7 +132,9 @@ def standing_room(
     return room.numpy() != 0
 
 
-def one_world(scene: Any, object_poses: Any, exclude: Any) -> tuple[list[NDArray[np.float32]], NDArray[np.bool_]]:
+def one_world(
+    scene: Scene, object_poses: ObjectPoses, exclude: Excluded
+) -> tuple[list[NDArray[np.float32]], NDArray[np.bool_]]:
     """All objects' vertices in one world [m], shapes ``(n, 3)``, and which objects are excluded, shape ``(objects,)``.
 
     Args:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import warp as wp
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from warpvis.core.arrays import as_points, check_metres, empty
 from warpvis.core.poses import check_up
 from warpvis.core.threads import launch_points
+from warpvis.core.types import ArrayInput, Excluded, ObjectPoses
 from warpvis.errors import ArrayError
 from warpvis.planning._free_space import corners_of, one_world
 from warpvis.scene import Scene
@@ -23,14 +24,14 @@ _ROUNDING = 4e-6
 
 def minimum_height(
     scene: Scene,
-    eyes: Any,
-    targets: Any,
+    eyes: ArrayInput,
+    targets: ArrayInput,
     *,
     raises: Literal["target", "eye"] = "target",
     max_height: float = 10.0,
     tolerance: float = 1e-4,
-    object_poses: Any = None,
-    exclude: Any = None,
+    object_poses: ObjectPoses = None,
+    exclude: Excluded = None,
     threads: int | None = None,
 ) -> wp.array:
     """The least height by which each target must be raised to be in each eye's line of sight.
@@ -84,7 +85,7 @@ def minimum_height(
     return heights
 
 
-def _build_blockers(corners: NDArray[np.float32], up: int, device: wp.Device) -> tuple[Any, wp.Bvh]:
+def _build_blockers(corners: NDArray[np.float32], up: int, device: wp.Device) -> tuple[wp.array, wp.Bvh]:
     """A `warpvis.kernels.heights.Blockers`, and the tree that it refers to, in boxes with room for rounding."""
     from warpvis.kernels.heights import Blockers
 

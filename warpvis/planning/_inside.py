@@ -4,8 +4,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
@@ -13,12 +11,18 @@ from numpy.typing import NDArray
 from warpvis.core.arrays import as_points, empty
 from warpvis.core.poses import check_up
 from warpvis.core.threads import launch_points
+from warpvis.core.types import ArrayInput, Excluded, ObjectPoses
 from warpvis.planning._free_space import build_mesh, may_hold, one_world
 from warpvis.scene import Scene
 
 
 def inside_solids(
-    scene: Scene, points: Any, *, exclude: Any = None, object_poses: Any = None, threads: int | None = None
+    scene: Scene,
+    points: ArrayInput,
+    *,
+    exclude: Excluded = None,
+    object_poses: ObjectPoses = None,
+    threads: int | None = None,
 ) -> NDArray[np.bool_]:
     """Whether points are inside of closed objects whose triangles face outwards.
 

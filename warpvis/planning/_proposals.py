@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from warpvis.core.arrays import check_metres
 from warpvis.core.camera import Camera
 from warpvis.core.poses import check_up
+from warpvis.core.types import ObjectPoses
 from warpvis.errors import ArrayError, CameraError
 from warpvis.planning._best_views import best_views, pose_grid
 from warpvis.planning._free_space import one_world, standing_room
@@ -48,7 +49,7 @@ def propose_view(
     step: float = 0.1,
     radius: float = 0.2,
     floor: float = 0.0,
-    object_poses: Any = None,
+    object_poses: ObjectPoses = None,
 ) -> Proposal | None:
     """Where a robot near its present place sees the most of the objects that only the person sees.
 

@@ -10,13 +10,14 @@ top of its image.
 from __future__ import annotations
 
 import math
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import FARTHEST, as_numpy, as_point, check_metres
 from warpvis.core.poses import check_up
+from warpvis.core.types import Excluded
 from warpvis.errors import ArrayError, PoseError
 from warpvis.planning import clearance as free_distance, inside_solids, look_along, pose_grid
 from warpvis.scene import Scene
@@ -162,7 +163,7 @@ def grid(
 
 
 def random_poses(
-    scene_or_bounds: Any,
+    scene_or_bounds: Scene | ArrayLike,
     *,
     count: int,
     seed: int,
@@ -170,7 +171,7 @@ def random_poses(
     clearance: float = 0.0,
     look: Literal["level", "any"] | ArrayLike = "level",
     up: Up | None = None,
-    exclude: Any = None,
+    exclude: Excluded = None,
     threads: int | None = None,
 ) -> NDArray[np.float64]:
     """Cameras at random, uniformly within a box where there is room.
@@ -201,10 +202,14 @@ def random_poses(
         PoseError: Of a million places or more, fewer than one in 10,000 had room.
         WarpvisError: An argument is not what it has to be.
     """
-    scene = scene_or_bounds if isinstance(scene_or_bounds, Scene) else None
-    if scene is None and bounds is not None:
+    scene: Scene | None = None
+    if isinstance(scene_or_bounds, Scene):
+        scene = scene_or_bounds
+        box = scene.bounds if bounds is None else bounds
+    elif bounds is not None:
         raise ArrayError("bounds= is the box of a scene; give a scene, or the bounds alone")
-    box = bounds if bounds is not None else scene_or_bounds if scene is None else scene.bounds
+    else:
+        box = scene_or_bounds
     low, high = _check_bounds(box)
     vertical = check_up(up or (scene.up if scene else "z"))
     count, seed = _check_count(count), _check_whole(seed, "seed", 0)
@@ -267,7 +272,7 @@ def along(
 class _Room:
     """Whether places have room in a scene."""
 
-    def __init__(self, scene: Scene, clearance: float, exclude: Any, threads: int | None) -> None:
+    def __init__(self, scene: Scene, clearance: float, exclude: Excluded, threads: int | None) -> None:
         self.scene, self.clearance = scene, clearance
         self.options = {"exclude": exclude, "threads": threads}
 
@@ -351,19 +356,19 @@ def _check_bounds(bounds: ArrayLike) -> NDArray[np.float64]:
     return corners
 
 
-def _check_count(count: Any) -> int:
+def _check_count(count: int) -> int:
     if _check_whole(count, "count", 1) > MOST_POSES:
         raise ArrayError(f"count must be at most {MOST_POSES}, got {count}")
     return int(count)
 
 
-def _check_whole(value: Any, name: str, least: int) -> int:
+def _check_whole(value: float, name: str, least: int) -> int:
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
         raise ArrayError(f"{name} must be a whole number from {least} up, got {value!r}")
     return int(value)
 
 
-def _check_angle(value: Any, name: str) -> float:
+def _check_angle(value: float, name: str) -> float:
     number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
     if not number or not math.isfinite(value):
         raise ArrayError(f"{name} must be a finite number of radians, got {value!r}")

@@ -5,18 +5,21 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 import warp as wp
 
 from warpvis.kernels.constants import CUDA_LANES
 from warpvis.rendering.casters import RaysCaster, images_struct
 
+if TYPE_CHECKING:
+    from warpvis.kernels.worlds import Worlds
+
 
 class CudaPacketsCaster(RaysCaster):
     """A warp a packet; points of the image are cast as rays."""
 
-    def cast(self, poses: wp.array, worlds: Any, images: list[wp.array | None]) -> None:
+    def cast(self, poses: wp.array, worlds: Worlds, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
         views, device = len(poses), self._scene.device
         if views == 0:
@@ -38,7 +41,7 @@ class CudaPacketsCaster(RaysCaster):
 
 
 @cache
-def _kernel(side: int, with_id: bool, movable: bool) -> Any:
+def _kernel(side: int, with_id: bool, movable: bool) -> wp.Kernel:
     from warpvis.kernels.packets_cuda import make_packet_kernel
 
     return make_packet_kernel(side, with_id, movable)

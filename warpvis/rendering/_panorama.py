@@ -6,17 +6,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from warpvis.core.poses import Convention, parse_poses
 from warpvis.core.threads import check_threads, launch_images
+from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, CameraError
 from warpvis.rendering._renderer import OUTPUTS, Output, Views, views_for
 from warpvis.rendering.casters import images_struct
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds
+
+if TYPE_CHECKING:
+    from warpvis.kernels.panorama import WideCamera
 
 Projection = Literal["cylindrical", "spherical"]
 
@@ -29,16 +33,16 @@ def render_wide(
     width: int,
     height: int,
     hfov: float,
-    camera_to_world: Any,
+    camera_to_world: PoseLike,
     *,
     projection: Projection = "cylindrical",
     near: float = 0.0,
     far: float = math.inf,
     outputs: Sequence[Output] = ("depth",),
     cull_backfaces: bool = False,
-    object_poses: Any = None,
-    world_index: Any = None,
-    exclude: Any = None,
+    object_poses: ObjectPoses = None,
+    world_index: ArrayInput | None = None,
+    exclude: Excluded = None,
     convention: Convention = "opencv",
     threads: int | None = None,
 ) -> Views:
@@ -103,7 +107,7 @@ def render_wide(
     return views
 
 
-def _wide_camera(width: Any, height: Any, hfov: Any, projection: Any, near: Any, far: Any) -> Any:
+def _wide_camera(width: int, height: int, hfov: float, projection: str, near: float, far: float) -> WideCamera:
     """A `warpvis.kernels.panorama.WideCamera`, checked."""
     from warpvis.kernels.panorama import WideCamera
 
@@ -112,9 +116,9 @@ def _wide_camera(width: Any, height: Any, hfov: Any, projection: Any, near: Any,
     for name, value in (("width", width), ("height", height)):
         if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < 1:
             raise CameraError(f"{name} must be a whole number of pixels from 1 up, got {value!r}")
-    for name, value in (("hfov", hfov), ("near", near), ("far", far)):
-        if not isinstance(value, int | float | np.integer | np.floating) or isinstance(value, bool):
-            raise CameraError(f"{name} must be a number, got {value!r}")
+    for name, number in (("hfov", hfov), ("near", near), ("far", far)):
+        if not isinstance(number, int | float | np.integer | np.floating) or isinstance(number, bool):
+            raise CameraError(f"{name} must be a number, got {number!r}")
     if not 0 < hfov <= _WIDEST:
         hint = "; fields of view are in radians" if hfov > _WIDEST else ""
         raise CameraError(f"hfov must be more than 0 and at most 2 pi radians, got {hfov}{hint}")

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import warp as wp
 
@@ -15,16 +15,20 @@ from warpvis.core.arrays import as_warp, check_out, empty
 from warpvis.core.camera import Camera, require_camera
 from warpvis.core.poses import Convention
 from warpvis.core.threads import check_threads
+from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
 from warpvis.rendering._cuda_packets import CudaPacketsCaster
 from warpvis.rendering.casters import PacketsCaster, RaysCaster
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds, part_of
 
+if TYPE_CHECKING:
+    from warpvis.kernels.worlds import Worlds
+
 Output = Literal["depth", "points", "normals", "labels", "segmentation"]
 Caster = Literal["auto", "packets", "rays"]
 
-OUTPUTS: dict[str, Any] = {
+OUTPUTS: dict[str, type] = {
     "depth": wp.float32,
     "points": wp.vec3,
     "normals": wp.vec3,
@@ -44,16 +48,16 @@ class Views:
     `Label.EMPTY` and the object is -1.
     """
 
-    depth: Any = None
+    depth: wp.array = None
     """Planar depth [m], ``(V, H, W)`` float32: +inf where nothing is hit or it lies beyond the camera's `far`, -inf
     where something is nearer than its `near` (REP 117)."""
-    points: Any = None
+    points: wp.array = None
     """Seen points in the world frame [m], ``(V, H, W)`` vec3."""
-    normals: Any = None
+    normals: wp.array = None
     """Unit normals of the seen triangles in the world frame, towards the camera, ``(V, H, W)`` vec3."""
-    labels: Any = None
+    labels: wp.array = None
     """`Label` values, ``(V, H, W)`` uint8."""
-    segmentation: Any = None
+    segmentation: wp.array = None
     """Indices into the scene's objects, ``(V, H, W)`` int32."""
 
 
@@ -110,11 +114,11 @@ class Renderer:
 
     def render(
         self,
-        camera_to_world: Any,
+        camera_to_world: PoseLike,
         *,
-        object_poses: Any = None,
-        world_index: Any = None,
-        exclude: Any = None,
+        object_poses: ObjectPoses = None,
+        world_index: ArrayInput | None = None,
+        exclude: Excluded = None,
         convention: Convention = "opencv",
         out: Views | None = None,
     ) -> Views:
@@ -161,12 +165,12 @@ class Renderer:
 
     def render_at(
         self,
-        camera_to_world: Any,
-        pixels: Any,
+        camera_to_world: PoseLike,
+        pixels: ArrayInput,
         *,
-        object_poses: Any = None,
-        world_index: Any = None,
-        exclude: Any = None,
+        object_poses: ObjectPoses = None,
+        world_index: ArrayInput | None = None,
+        exclude: Excluded = None,
         convention: Convention = "opencv",
         out: Views | None = None,
     ) -> Views:
@@ -198,7 +202,7 @@ class Renderer:
         self._caster.cast_at(poses, worlds, _as_rows(points), rows)
         return views
 
-    def render_parsed(self, poses: wp.array, worlds: Any, *, out: Views | None = None) -> Views:
+    def render_parsed(self, poses: wp.array, worlds: Worlds, *, out: Views | None = None) -> Views:
         """As `render`, of what `parse_poses` and `parse_worlds` made of a caller's arguments, for our own modules.
 
         The images stay on the scene's device, whatever their size.
@@ -220,7 +224,7 @@ class Renderer:
     def _bytes_per_pixel(self) -> int:
         return sum(wp.types.type_size_in_bytes(OUTPUTS[name]) for name in self.outputs)
 
-    def _cast_in_parts(self, poses: wp.array, worlds: Any, images: list[wp.array | None]) -> None:
+    def _cast_in_parts(self, poses: wp.array, worlds: Worlds, images: list[wp.array | None]) -> None:
         """Cast as many views at a time as fit `device_bytes`, at least one, and copy them to the host's images."""
         pixels = self.camera.height * self.camera.width
         step = min(len(poses), max(1, self.device_bytes // (pixels * self._bytes_per_pixel())))
@@ -265,7 +269,9 @@ def _choose_caster(caster: Caster) -> Literal["packets", "rays"]:
     return "packets" if caster == "auto" else caster
 
 
-def _caster_class(caster: Literal["packets", "rays"], device: wp.Device) -> Any:
+def _caster_class(
+    caster: Literal["packets", "rays"], device: wp.Device
+) -> type[RaysCaster] | type[PacketsCaster] | type[CudaPacketsCaster]:
     if caster == "rays":
         return RaysCaster
     return PacketsCaster if device.is_cpu else CudaPacketsCaster
@@ -282,14 +288,14 @@ def _check_device_bytes(device_bytes: int | None, device: wp.Device) -> int:
 def render(
     scene: Scene,
     camera: Camera,
-    camera_to_world: Any,
+    camera_to_world: PoseLike,
     *,
     outputs: Sequence[Output] = DEFAULT_OUTPUTS,
     caster: Caster = "auto",
     cull_backfaces: bool = False,
-    object_poses: Any = None,
-    world_index: Any = None,
-    exclude: Any = None,
+    object_poses: ObjectPoses = None,
+    world_index: ArrayInput | None = None,
+    exclude: Excluded = None,
     convention: Convention = "opencv",
     threads: int | None = None,
     device_bytes: int | None = None,

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
@@ -15,8 +15,14 @@ from numpy.typing import NDArray
 from warpvis.core.camera import Camera
 from warpvis.core.poses import Convention, host_poses, parse_poses
 from warpvis.core.threads import launch_images, load_module, run_together
+from warpvis.core.types import KernelArguments, PoseLike
 from warpvis.kernels.constants import COUNTER_FINISHED, JOB_COUNTERS, POSE_WORDS, TILE_SIDE
 from warpvis.scene import Scene
+
+if TYPE_CHECKING:
+    from warpvis.kernels.images import Images
+    from warpvis.kernels.packets import PacketJob
+    from warpvis.kernels.worlds import Worlds
 
 # A strip is a thread's part of the rows that are left, divided by this.
 _SHARES_PER_THREAD = 2
@@ -37,17 +43,17 @@ class RaysCaster:
         self._cull_backfaces = cull_backfaces
         self._threads = threads
 
-    def parse_poses(self, poses: Any, convention: Convention) -> wp.array:
+    def parse_poses(self, poses: PoseLike, convention: Convention) -> wp.array:
         """Poses as this caster takes them, checked."""
         return parse_poses(poses, convention=convention, device=self._scene.device)
 
-    def cast(self, poses: wp.array, worlds: Any, images: list[wp.array | None]) -> None:
+    def cast(self, poses: wp.array, worlds: Worlds, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
         from warpvis.kernels.rays import cast_rays
 
         self._launch(cast_rays, (len(poses), self._camera.height, self._camera.width), poses, [worlds], images)
 
-    def cast_at(self, poses: wp.array, worlds: Any, pixels: wp.array, images: list[wp.array | None]) -> None:
+    def cast_at(self, poses: wp.array, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
         """The same through image points, shape ``(V, 1, N)`` vec2, as are the images'."""
         from warpvis.kernels.rays import cast_rays_at
 
@@ -55,10 +61,10 @@ class RaysCaster:
 
     def _launch(
         self,
-        kernel: Any,
+        kernel: wp.Kernel,
         shape: tuple[int, int, int],
         poses: wp.array,
-        others: list[Any],
+        others: KernelArguments,
         images: list[wp.array | None],
     ) -> None:
         triangles, camera, outputs = self._scene.triangles(), self._camera.device_struct(), images_struct(images)
@@ -79,15 +85,15 @@ class _Workspace:
     """
 
     key: tuple[int, ...]
-    job: Any
+    job: PacketJob
     counter: np.ndarray
     poses: wp.array
     pose_rows: np.ndarray
-    launch: Any
-    packed: dict[str, Any]
+    launch: wp.Launch
+    packed: dict[str, object]
     """The arguments that may change, by name, as they are packed now."""
 
-    def pack(self, **arguments: Any) -> None:
+    def pack(self, **arguments: object) -> None:
         """Put arguments into the launch."""
         for name, value in arguments.items():
             if value is not self.packed[name]:
@@ -107,20 +113,20 @@ class PacketsCaster:
         self._idle: list[_Workspace] = []
         self._loaded = False
 
-    def parse_poses(self, poses: Any, convention: Convention) -> np.ndarray:
+    def parse_poses(self, poses: PoseLike, convention: Convention) -> np.ndarray:
         """Poses as this caster takes them, checked."""
         return host_poses(poses, convention=convention)
 
-    def cast(self, poses: np.ndarray, worlds: Any, images: list[wp.array | None]) -> None:
+    def cast(self, poses: np.ndarray, worlds: Worlds, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
         self._run(poses, worlds, None, images)
 
-    def cast_at(self, poses: np.ndarray, worlds: Any, pixels: wp.array, images: list[wp.array | None]) -> None:
+    def cast_at(self, poses: np.ndarray, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
         """The same through image points, shape ``(V, 1, N)`` vec2, as are the images'."""
         if pixels.size:
             self._run(poses, worlds, pixels, images)
 
-    def _run(self, poses: np.ndarray, worlds: Any, pixels: wp.array | None, images: list[wp.array | None]) -> None:
+    def _run(self, poses: np.ndarray, worlds: Worlds, pixels: wp.array | None, images: list[wp.array | None]) -> None:
         from warpvis.kernels import packets
 
         views = len(poses)
@@ -167,7 +173,7 @@ class PacketsCaster:
         launch = wp.launch(packets.cast_packets, dim=1, inputs=inputs, device="cpu", record_cmd=True)
         return _Workspace(key, job, counter, poses, rows, launch, changing)
 
-    def _make_job(self, views: int, depth: int, movables: int, points: int) -> tuple[Any, np.ndarray]:
+    def _make_job(self, views: int, depth: int, movables: int, points: int) -> tuple[PacketJob, np.ndarray]:
         from warpvis.kernels.packets import PacketJob
 
         camera, job = self._camera, PacketJob()
@@ -195,7 +201,7 @@ class PacketsCaster:
         return job, counter
 
 
-def images_struct(images: Sequence[wp.array | None]) -> Any:
+def images_struct(images: Sequence[wp.array | None]) -> Images:
     """The `warpvis.kernels.images.Images` of depth, points, normals, labels and segmentation; None is not made."""
     from warpvis.kernels.images import NAMES, Images
 

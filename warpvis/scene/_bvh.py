@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import warp as wp
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import aligned_empty
 from warpvis.core.threads import check_threads, load_module, run_each
+from warpvis.core.types import KernelArguments
 from warpvis.errors import ArrayError, SceneError
 
 LEAF_ROWS = 9
@@ -151,7 +152,7 @@ def _check_size(count: int, lanes: int, most_levels: int | None, lane_counts: tu
         )
 
 
-def _arrange(tree: Any, items: wp.array, lanes: int, most_levels: int | None, threads: int) -> _Nodes:
+def _arrange(tree: wp.Bvh, items: wp.array, lanes: int, most_levels: int | None, threads: int) -> _Nodes:
     """Sort the items into leaves, and make the nodes above them."""
     count = items.size // 8
     splits = aligned_empty((count * 4,), wp.int32)
@@ -174,7 +175,7 @@ def _shallow_root(count: int, lanes: int, most_levels: int) -> int:
     return max(0, _DEEPEST - left)
 
 
-def _split(kernel: Any, items: wp.array, splits: wp.array, lanes: int, root_depth: int, threads: int) -> None:
+def _split(kernel: wp.Kernel, items: wp.array, splits: wp.array, lanes: int, root_depth: int, threads: int) -> None:
     """Split the items into a binary tree: large ranges once at a time until there are enough, then each to its leaves.
 
     A range is ``(begin, end, link, depth)``; its link is where its split is found: twice its parent's, and 1 more on
@@ -197,7 +198,7 @@ def _split(kernel: Any, items: wp.array, splits: wp.array, lanes: int, root_dept
     run_each(lambda part: _launch(kernel, [lanes, *part, _ALL, items, splits]), ready, threads)
 
 
-def _collapse(kernel: Any, splits: wp.array, lanes: int, *, evenly: bool) -> _Nodes:
+def _collapse(kernel: wp.Kernel, splits: wp.array, lanes: int, *, evenly: bool) -> _Nodes:
     """Make nodes of the binary tree's: of the least area, or, `evenly`, of log2(lanes) of its levels or more each."""
     count = splits.size // 4
     # As large as for leaves of one triangle: what is not written takes no memory.
@@ -210,15 +211,15 @@ def _collapse(kernel: Any, splits: wp.array, lanes: int, *, evenly: bool) -> _No
     return _Nodes(kept, leaf_ranges, *counts.numpy().tolist())
 
 
-def _launch_parts(kernel: Any, count: int, arguments: Callable[[int], list[Any]], threads: int) -> None:
+def _launch_parts(kernel: wp.Kernel, count: int, arguments: Callable[[int], KernelArguments], threads: int) -> None:
     """Launch a kernel over `count` thread indices in parts; `arguments` takes the first of a part."""
     step = max(1024, -(-count // (4 * threads)))
     run_each(lambda first: _launch(kernel, arguments(first), min(step, count - first)), range(0, count, step), threads)
 
 
-def _launch(kernel: Any, arguments: list[Any], count: int = 1) -> None:
+def _launch(kernel: wp.Kernel, arguments: KernelArguments, count: int = 1) -> None:
     wp.launch(kernel, dim=count, inputs=arguments, device="cpu")
 
 
-def _wrap(array: NDArray[Any]) -> wp.array:
+def _wrap(array: np.ndarray) -> wp.array:
     return wp.array(array, copy=False, device="cpu")

@@ -6,13 +6,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.labels import Label
+from warpvis.core.types import MeshLike
 from warpvis.errors import SceneError
 from warpvis.scene.solids import Solid
 
@@ -70,7 +70,7 @@ def by_itself(item: SceneObject, objects: Sequence[SceneObject]) -> SceneObject:
     return item
 
 
-def check_mesh(mesh: Any, name: str) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def check_mesh(mesh: MeshLike, name: str) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Vertices [m], shape ``(n, 3)``, and faces, ``(m, 3)``, of a mesh that `Scene.add` was given.
 
     Raises:
@@ -103,7 +103,7 @@ def check_mesh(mesh: Any, name: str) -> tuple[NDArray[np.float64], NDArray[np.in
     return vertices, faces.astype(np.int32)
 
 
-def keep_winding(faces: NDArray[Any], linear: NDArray[np.float64]) -> NDArray[Any]:
+def keep_winding(faces: np.ndarray, linear: NDArray[np.float64]) -> np.ndarray:
     """Order the corners of triangles so that those that faced outwards still do where a placement has taken them.
 
     Args:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.labels import Label, LabelPatterns
 from warpvis.core.poses import check_up, poses_to_matrices, poses_to_opencv
+from warpvis.core.types import MeshLike, PoseLike
 from warpvis.errors import SceneError
 from warpvis.scene._object import check_scale
 from warpvis.scene.solids import Solid
@@ -32,7 +33,7 @@ class Part:
 
     name: str
     """A name that no other part of the file has."""
-    mesh: tuple[NDArray[np.float64], NDArray[np.integer[Any]]] | Solid
+    mesh: tuple[NDArray[np.float64], NDArray[np.integer]] | Solid
     """Vertices, shape ``(n, 3)``, and corner indices, shape ``(m, 3)``; or a round solid."""
     label: Label = Label.OBSTACLE
     """What its pixels are labelled unless the user says otherwise."""
@@ -134,7 +135,7 @@ def _moving(file: FileParts, movable: bool | Sequence[str]) -> list[Part]:
     return [replace(part, movable=any(map(part.fits, wanted)), attach_to=None) for part in file.parts]
 
 
-def _turned(part: Part, upright: NDArray[np.float64] | None) -> tuple[Any, Any]:
+def _turned(part: Part, upright: NDArray[np.float64] | None) -> tuple[MeshLike, PoseLike | None]:
     """Mesh and pose of a part, turned upright: the pose if there is one, else the vertices."""
     if upright is None:
         return part.mesh, part.pose

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from warpvis.core.arrays import FARTHEST, as_numpy, as_warp, on_gpu
 from warpvis.core.poses import poses_to_matrices
 from warpvis.core.threads import check_threads, load_module, run_each
+from warpvis.core.types import ArrayInput, KernelArguments
 from warpvis.errors import ArrayError, SceneError
 from warpvis.scene._bvh import LEAF_ROWS, NODE_ROWS
 from warpvis.scene._object import SceneObject
@@ -56,7 +57,7 @@ class DeformingObject(SceneObject):
         return (self.mesh_vertices @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32)
 
 
-def parse_vertices(vertices: Any, item: SceneObject, device: wp.Device) -> wp.array:
+def parse_vertices(vertices: ArrayInput, item: SceneObject, device: wp.Device) -> wp.array:
     """An object's new vertices as vec3: on the host if they came from there, and checked; else on the device.
 
     Raises:
@@ -80,7 +81,7 @@ def parse_vertices(vertices: Any, item: SceneObject, device: wp.Device) -> wp.ar
     return result
 
 
-def check_values(vertices: NDArray[Any], name: str) -> None:
+def check_values(vertices: np.ndarray, name: str) -> None:
     """Raise a `SceneError` unless all are finite and not too far away for single precision."""
     if np.abs(vertices).max(initial=0) <= FARTHEST:  # false for NaN too
         return
@@ -91,7 +92,7 @@ def check_values(vertices: NDArray[Any], name: str) -> None:
     raise SceneError(f"vertices of {name!r} must lie within 1e18 m of the origin of its frame")
 
 
-def _as_vectors(value: Any) -> Any:
+def _as_vectors(value: ArrayInput) -> ArrayInput:
     """A Warp array of rows of three numbers as one of vectors, in the same memory; anything else as it is."""
     if isinstance(value, wp.array) and value.dtype == wp.float32 and value.ndim == 2 and value.shape[1] == 3:
         return value.view(wp.vec3).reshape((value.shape[0],)) if value.is_contiguous else value
@@ -134,7 +135,7 @@ class ClusterRefit:
         # Recorded launches do not own what they were given.
         self._kept = [corners, leaf_slots, node_slots, order, leaves, nodes, box, points]
 
-        def record(kernel: Any, count: int, arguments: list[Any]) -> Any:
+        def record(kernel: wp.Kernel, count: int, arguments: KernelArguments) -> wp.Launch:
             return wp.launch(kernel, dim=(count, parts), inputs=arguments, device=device, record_cmd=True)
 
         self._threads = check_threads(None) if device.is_cpu and tree.leaf_count > 2 * _LEAST_LEAVES else 1

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.core.arrays import FARTHEST, get_device
 from warpvis.core.labels import Label
 from warpvis.core.poses import check_up, poses_to_matrices, poses_to_opencv
+from warpvis.core.types import ArrayInput, DeviceLike, MeshLike
 from warpvis.errors import SceneError
 from warpvis.scene._object import SceneObject, as_it_is, by_itself, check_mesh, check_scale
 from warpvis.scene.geometry import Clusters, Triangles, build_clusters, build_triangles, label_array
@@ -36,7 +37,7 @@ class Scene:
         0
     """
 
-    def __init__(self, *, device: Any = "cpu", up: Literal["z", "y"] = "z") -> None:
+    def __init__(self, *, device: DeviceLike = "cpu", up: Literal["z", "y"] = "z") -> None:
         """Make an empty scene.
 
         Args:
@@ -59,7 +60,7 @@ class Scene:
         cls,
         path: str | os.PathLike[str],
         *,
-        device: Any = "cpu",
+        device: DeviceLike = "cpu",
         up: Literal["z", "y"] | None = None,
         file_up: Literal["z", "y"] | None = None,
         scale: float = 1.0,
@@ -109,7 +110,7 @@ class Scene:
 
     def add(
         self,
-        mesh: Any,
+        mesh: MeshLike,
         *,
         name: str | None = None,
         label: Label | int | str = Label.OBSTACLE,
@@ -176,7 +177,7 @@ class Scene:
         numbers = itertools.count(len(self._objects))
         return next(name for name in map("object_{}".format, numbers) if name not in self._index)
 
-    def _attach(self, attach_to: str, mesh: Any, name: str, placed: NDArray[np.float64]) -> dict[str, Any]:
+    def _attach(self, attach_to: str, mesh: MeshLike, name: str, placed: NDArray[np.float64]) -> dict[str, Any]:
         """What an object knows of the one that it is attached to, from its vertices in the world."""
         index = self.index(attach_to)
         item = self._objects[index]
@@ -203,7 +204,7 @@ class Scene:
                 f"object {item.name!r} is of one piece with {some}, so its vertices stay; do not attach them"
             )
 
-    def update_vertices(self, name: str, vertices: Any) -> None:
+    def update_vertices(self, name: str, vertices: ArrayInput) -> None:
         """Deform a movable object: its vertices are elsewhere from now on, its triangles stay.
 
         The first call for an object gives it a tree of its own, of which no back faces are left out, makes triangles of
@@ -294,7 +295,7 @@ class Scene:
     def __repr__(self) -> str:
         return f"Scene({len(self)} objects, {self.triangle_count} triangles, device={str(self.device)!r})"
 
-    def to(self, device: Any) -> Scene:
+    def to(self, device: DeviceLike) -> Scene:
         """The same scene for another device."""
         scene = Scene(device=device, up=self.up)
         scene._objects = [as_it_is(item) for item in self._objects]
@@ -388,7 +389,7 @@ class Scene:
         return self._objects
 
 
-def require_scene(scene: Any) -> Scene:
+def require_scene(scene: object) -> Scene:
     """`scene` itself; a `SceneError` if it is none."""
     if not isinstance(scene, Scene):
         raise SceneError(f"scene must be a warpvis.Scene, got {type(scene).__name__}")

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
@@ -16,6 +16,8 @@ from warpvis.core.arrays import get_device
 from warpvis.errors import SceneError
 
 if TYPE_CHECKING:
+    from warpvis.kernels.packets import ClusterScene
+    from warpvis.kernels.rays import TriangleScene
     from warpvis.scene._bvh import ClusterTree
     from warpvis.scene._object import SceneObject
     from warpvis.scene._refit import ClusterRefit
@@ -27,8 +29,7 @@ _CPU_LANES, _CUDA_LANES = 16, 32
 class Triangles:
     """A scene's triangles on its device, as the ``rays`` caster takes them."""
 
-    struct: Any
-    """A `warpvis.kernels.rays.TriangleScene`."""
+    struct: TriangleScene
     meshes: list[wp.Mesh]
     """Own the memory and the trees that `struct` refers to: of what stays, if anything does, and of what moves."""
     refits: dict[int, wp.Mesh] = field(default_factory=dict)
@@ -44,8 +45,7 @@ class Triangles:
 class Clusters:
     """A scene's triangles in cluster trees on its device, as the ``packets`` caster takes them."""
 
-    struct: Any
-    """A `warpvis.kernels.packets.ClusterScene`."""
+    struct: ClusterScene
     depth: int
     """Levels of nodes of the deepest tree."""
     bytes_per_triangle: float
@@ -54,7 +54,7 @@ class Clusters:
     """Whether all movable objects are solids."""
     refits: dict[int, ClusterRefit] = field(default_factory=dict)
     """What makes the tree of an object that deforms hold its points, by object."""
-    idle: list[Any] = field(default_factory=list)
+    idle: list[object] = field(default_factory=list)
     """Memory that `warpvis.visibility._point_packets` works with when it is called."""
 
 
@@ -219,7 +219,7 @@ def _share_meshes(objects: Sequence[SceneObject], movable: Sequence[int]) -> lis
     """The different meshes among movable objects, in the order in which they first come."""
     from warpvis.scene._refit import check_values
 
-    meshes: dict[Any, _Mesh] = {}
+    meshes: dict[int | tuple[bytes, bytes], _Mesh] = {}
     pieces = _pieces(objects)
     for position, index in enumerate(movable):
         item, piece = objects[index], pieces[index]
@@ -248,7 +248,7 @@ def _solids(objects: Sequence[SceneObject], movable: Sequence[int], device: wp.D
 
 
 def _make_refits(
-    struct: Any, trees: Sequence[ClusterTree], shared: Sequence[_Mesh], movable: Sequence[int]
+    struct: ClusterScene, trees: Sequence[ClusterTree], shared: Sequence[_Mesh], movable: Sequence[int]
 ) -> dict[int, ClusterRefit]:
     """What refits the trees of objects that deform, in the arrays that hold all trees. Those of `shared` come last."""
     from warpvis.scene._bvh import LEAF_ROWS, NODE_ROWS
@@ -312,7 +312,7 @@ def _build_tree(
 
 
 def _concatenate(
-    struct: Any, trees: Sequence[ClusterTree], owners: Sequence[NDArray[np.int32]], device: wp.Device
+    struct: ClusterScene, trees: Sequence[ClusterTree], owners: Sequence[NDArray[np.int32]], device: wp.Device
 ) -> None:
     """All trees' arrays one after the other; a child is a node, or the complement of a leaf, of the whole arrays."""
     if len(trees) == 1:
@@ -339,7 +339,7 @@ def _first_leaves(trees: Sequence[ClusterTree]) -> NDArray[np.int64]:
     return np.cumsum([0] + [tree.leaf_count for tree in trees])[:-1]
 
 
-def _join(parts: Sequence[NDArray[Any]], dtype: Any, device: wp.Device) -> wp.array:
+def _join(parts: Sequence[np.ndarray], dtype: type, device: wp.Device) -> wp.array:
     """The parts one after the other, on the CPU from a multiple of 64 bytes on."""
     from warpvis.core.arrays import aligned_empty
 

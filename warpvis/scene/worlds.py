@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_numpy, as_warp, on_gpu, surely_finite
 from warpvis.core.poses import not_unit, wrong_length
+from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, PoseError
 
 if TYPE_CHECKING:
+    from warpvis.kernels.worlds import Worlds
     from warpvis.scene._scene import Scene
 
 
@@ -24,7 +26,9 @@ if TYPE_CHECKING:
 _LEAST_SQUARE, _MOST_SQUARE = 0.9981, 1.0019
 
 
-def parse_worlds(scene: Scene, views: int, object_poses: Any, world_index: Any, exclude: Any) -> Any:
+def parse_worlds(
+    scene: Scene, views: int, object_poses: ObjectPoses, world_index: ArrayInput | None, exclude: Excluded
+) -> Worlds:
     """A `warpvis.kernels.worlds.Worlds` of a call's arguments; see `Renderer.render`.
 
     Where nothing moves and nothing is said, it is one that holds no arrays.
@@ -56,14 +60,14 @@ def parse_worlds(scene: Scene, views: int, object_poses: Any, world_index: Any, 
 
 
 @cache
-def _still_world() -> Any:
+def _still_world() -> Worlds:
     """Nothing moves, and nothing is excluded."""
     from warpvis.kernels.worlds import Worlds
 
     return Worlds()
 
 
-def part_of(worlds: Any, views: slice) -> Any:
+def part_of(worlds: Worlds, views: slice) -> Worlds:
     """The worlds of some of the views."""
     from warpvis.kernels.worlds import Worlds
 
@@ -78,7 +82,7 @@ def part_of(worlds: Any, views: slice) -> Any:
     return part
 
 
-def _parse_object_poses(scene: Scene, poses: Any) -> wp.array:
+def _parse_object_poses(scene: Scene, poses: PoseLike) -> wp.array:
     movable = scene.movable
     if poses is None:
         rows = np.array([scene.objects[index].pose for index in movable], dtype=np.float32).reshape(1, -1, 7)
@@ -101,7 +105,7 @@ def _parse_object_poses(scene: Scene, poses: Any) -> wp.array:
     return wp.array(checked, dtype=wp.transform, shape=checked.shape[:2], device=device, copy=not device.is_cpu)
 
 
-def _checked_rows(rows: NDArray[Any], scene: Scene) -> NDArray[np.float32]:
+def _checked_rows(rows: np.ndarray, scene: Scene) -> NDArray[np.float32]:
     """The rows in single precision; casters normalise them."""
     rows = np.ascontiguousarray(rows, dtype=np.float32)
     with np.errstate(invalid="ignore", over="ignore"):
@@ -118,7 +122,7 @@ def _checked_rows(rows: NDArray[Any], scene: Scene) -> NDArray[np.float32]:
     return rows
 
 
-def _check_device_poses(poses: Any, count: int, device: wp.Device) -> wp.array:
+def _check_device_poses(poses: PoseLike, count: int, device: wp.Device) -> wp.array:
     if not isinstance(poses, wp.array):
         poses = wp.from_dlpack(poses)
     if wp.types.types_equal(poses.dtype, wp.float32) and poses.ndim == 3 and poses.shape[2] == 7:
@@ -129,7 +133,7 @@ def _check_device_poses(poses: Any, count: int, device: wp.Device) -> wp.array:
         raise PoseError(str(error)) from None
 
 
-def _parse_world(world_index: Any, views: int, count: int, device: wp.Device) -> wp.array:
+def _parse_world(world_index: ArrayInput | None, views: int, count: int, device: wp.Device) -> wp.array:
     result = as_warp(world_index, wp.int32, (views,), name="world_index", device=device)
     if on_gpu(world_index):
         return result
@@ -143,7 +147,7 @@ def _parse_world(world_index: Any, views: int, count: int, device: wp.Device) ->
     return result
 
 
-def _parse_exclude(scene: Scene, views: int, exclude: Any) -> wp.array:
+def _parse_exclude(scene: Scene, views: int, exclude: Excluded) -> wp.array:
     """Flags ``(views or 1, objects)`` of an array of them, or of names and indices that hold for all views."""
     count = len(scene)
     if isinstance(exclude, Sequence) and all(isinstance(item, str | int | np.integer) for item in exclude):

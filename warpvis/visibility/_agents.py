@@ -8,7 +8,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
 from warpvis.core.poses import Convention, parse_poses, poses_to_matrices, quaternion_product
+from warpvis.core.types import PoseLike
 from warpvis.errors import CameraError, SceneError
 
 # A pinhole spends ever more pixels on ever less: at 40 degrees from its axis, a row has 1.7 times as many a degree.
@@ -124,7 +124,7 @@ class Agent:
     """What reports call it."""
     camera: Camera | FieldOfView
     """How it sees."""
-    pose: Any = field(repr=False)
+    pose: PoseLike = field(repr=False)
     """Its eyes, camera to world: one pose, or one for each of V situations, shape ``(V, 7)`` or ``(V, 4, 4)``."""
     body: tuple[str, ...] = ()
     """Names of the objects that are the agent itself: it neither sees them nor do they hide anything from it. Others
@@ -154,7 +154,7 @@ class Agent:
 
     @classmethod
     def kinect(
-        cls, name: str, pose: Any, *, body: Sequence[str] | str = (), convention: Convention = "opencv"
+        cls, name: str, pose: PoseLike, *, body: Sequence[str] | str = (), convention: Convention = "opencv"
     ) -> Agent:
         """A robot with the paper's camera, `Camera.kinect`: 57 degrees wide, 0.3 to 4.5 m."""
         return cls(name, Camera.kinect(), pose, body=_tuple_of(body), convention=convention)
@@ -163,7 +163,7 @@ class Agent:
     def human(
         cls,
         name: str,
-        pose: Any,
+        pose: PoseLike,
         *,
         body: Sequence[str] | str = (),
         near: float = 0.0,

@@ -8,7 +8,6 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -17,6 +16,7 @@ from warpvis.core.arrays import check_metres, empty
 from warpvis.core.camera import Camera, require_camera
 from warpvis.core.poses import Convention, parse_poses
 from warpvis.core.threads import launch_small
+from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, SceneError
 from warpvis.rendering import Caster, Output, Renderer, Views
 from warpvis.scene import Scene, require_scene
@@ -80,7 +80,7 @@ class ObjectVisibility:
 def object_visibility(
     scene: Scene,
     camera: Camera,
-    camera_to_world: Any,
+    camera_to_world: PoseLike,
     *,
     objects: Sequence[str | int] | None = None,
     delta: float = 0.0,
@@ -88,9 +88,9 @@ def object_visibility(
     min_pixels: int = 1,
     skip_unseen: bool = False,
     masks: bool = False,
-    object_poses: Any = None,
-    world_index: Any = None,
-    exclude: Any = None,
+    object_poses: ObjectPoses = None,
+    world_index: ArrayInput | None = None,
+    exclude: Excluded = None,
     convention: Convention = "opencv",
     caster: Caster = "auto",
     threads: int | None = None,
@@ -213,13 +213,13 @@ def _first(views: Views | None, size: int) -> Views | None:
     return Views(**{name: image if image is None else image[:size] for name, image in images.items()})
 
 
-def _check_min_pixels(min_pixels: Any) -> int:
+def _check_min_pixels(min_pixels: int) -> int:
     if isinstance(min_pixels, bool) or not isinstance(min_pixels, int | np.integer) or min_pixels < 1:
         raise ArrayError(f"min_pixels must be a whole number from 1 up, got {min_pixels!r}")
     return int(min_pixels)
 
 
-def _check_canvas(canvas: Any, camera: Camera) -> tuple[int, int, int, int]:
+def _check_canvas(canvas: Sequence[float] | None, camera: Camera) -> tuple[int, int, int, int]:
     if canvas is None:
         return camera.width, camera.height, camera.width, camera.height
     sides = tuple(canvas) if isinstance(canvas, Sequence) else ()

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
 from warpvis.core.labels import Label, Visibility
+from warpvis.core.types import ArrayInput, ObjectPoses
 from warpvis.errors import ArrayError, SceneError
 from warpvis.scene import Scene, require_scene
 from warpvis.visibility._agents import Agent
@@ -250,8 +251,8 @@ def perspective(
     min_pixels: int = 1,
     min_fraction: float = 0.0,
     delta: float = 0.0,
-    object_poses: Any = None,
-    world_index: Any = None,
+    object_poses: ObjectPoses = None,
+    world_index: ArrayInput | None = None,
     threads: int | None = None,
 ) -> Perspective:
     """What agents see of a scene's objects, by `object_visibility` from where each of them is.

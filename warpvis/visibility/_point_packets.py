@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import warp as wp
@@ -19,6 +19,10 @@ from warpvis.kernels.constants import COUNTER_FINISHED, JOB_COUNTERS
 from warpvis.rendering.casters import NOTE_WORDS, TILE, VISIT_WORDS
 from warpvis.scene import Scene
 from warpvis.scene.geometry import Clusters
+
+if TYPE_CHECKING:
+    from warpvis.kernels.point_packets import PointJob
+    from warpvis.kernels.worlds import Worlds
 
 # Points of a view that are worked on at a time, which bounds the memory.
 _MOST_POINTS = 1 << 20
@@ -62,7 +66,7 @@ class _Workplace:
     """What one call at a time works with. To get that much memory from the system takes longer than to use it."""
 
     layout: _Layout
-    job: Any
+    job: PointJob
     counter: NDArray[np.int32]
 
 
@@ -70,7 +74,7 @@ def judge_by_packets(
     scene: Scene,
     camera: Camera,
     poses: NDArray[np.float32],
-    worlds: Any,
+    worlds: Worlds,
     points: wp.array,
     tolerance: float,
     status: wp.array,
@@ -138,7 +142,7 @@ def _take(clusters: Clusters, layout: _Layout) -> _Workplace:
     """A workplace that nobody uses: callers on several threads each have their own."""
     while clusters.idle:
         try:
-            place = clusters.idle.pop()
+            place = cast(_Workplace, clusters.idle.pop())
         except IndexError:  # another thread was quicker
             break
         if place.layout == layout:

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import warp as wp
 
@@ -14,6 +13,7 @@ from warpvis.core.camera import Camera, require_camera
 from warpvis.core.depth_images import read_depth
 from warpvis.core.poses import Convention, host_poses, parse_poses
 from warpvis.core.threads import launch_points, launch_small
+from warpvis.core.types import ArrayInput, DeviceLike, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
 from warpvis.rendering import Caster, Output, Renderer, Views
 from warpvis.scene import Scene, require_scene
@@ -24,14 +24,14 @@ from warpvis.visibility._point_packets import judge_by_packets
 def point_visibility(
     scene: Scene,
     camera: Camera,
-    camera_to_world: Any,
-    points: Any,
+    camera_to_world: PoseLike,
+    points: ArrayInput,
     *,
     tolerance: float = 1e-4,
     occluders: bool = False,
-    object_poses: Any = None,
-    world_index: Any = None,
-    exclude: Any = None,
+    object_poses: ObjectPoses = None,
+    world_index: ArrayInput | None = None,
+    exclude: Excluded = None,
     convention: Convention = "opencv",
     caster: Caster = "auto",
     threads: int | None = None,
@@ -87,14 +87,14 @@ def point_visibility(
 
 
 def point_visibility_from_depth(
-    depth: Any,
+    depth: ArrayInput,
     camera: Camera,
-    camera_to_world: Any,
-    points: Any,
+    camera_to_world: PoseLike,
+    points: ArrayInput,
     *,
     tolerance: float = 0.01,
     convention: Convention = "opencv",
-    device: Any = None,
+    device: DeviceLike = None,
     threads: int | None = None,
 ) -> wp.array:
     """The same against depth images that a sensor measured: each point by the pixel that it is in.
@@ -134,7 +134,7 @@ def point_visibility_from_depth(
     return status
 
 
-def _project(camera: Camera, poses: wp.array, points: Any, threads: int | None) -> tuple[wp.array, wp.array]:
+def _project(camera: Camera, poses: wp.array, points: ArrayInput, threads: int | None) -> tuple[wp.array, wp.array]:
     """Where points are in the images, shape ``(V, N)`` vec2, and their depths, shape ``(V, N)``."""
     from warpvis.kernels.points import camera_frames, project_points
 

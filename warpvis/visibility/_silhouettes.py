@@ -5,17 +5,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import warp as wp
 
 from warpvis.core.camera import Camera
 from warpvis.core.threads import launch_images, launch_small, load_module, run_together
+from warpvis.core.types import KernelArguments
 from warpvis.kernels.constants import COUNTER_FINISHED, JOB_COUNTERS
 from warpvis.rendering import Views
 from warpvis.rendering.casters import NOTE_WORDS, TILE, VISIT_WORDS
 from warpvis.scene import Scene
+
+if TYPE_CHECKING:
+    from warpvis.kernels.pinhole import Window
+    from warpvis.kernels.silhouettes import Comparison
+    from warpvis.kernels.worlds import Worlds
 
 _MOST_TILES = 512  # as in kernels/native/silhouettes.h
 
@@ -73,7 +79,13 @@ class Surveyor:
         self._words = _scratch_words(camera.width + left + right, clusters.depth, len(scene)) if self._packets else 0
 
     def count(
-        self, poses: wp.array, worlds: Any, seen: Views, counts: wp.array, hidden_by: wp.array, masks: wp.array | None
+        self,
+        poses: wp.array,
+        worlds: Worlds,
+        seen: Views,
+        counts: wp.array,
+        hidden_by: wp.array,
+        masks: wp.array | None,
     ) -> None:
         """Add to the counters; see `warpvis.kernels.silhouettes.measure_silhouettes`."""
         from warpvis.kernels.silhouettes import Comparison
@@ -87,7 +99,7 @@ class Surveyor:
         else:
             self._count_by_rays(poses, worlds, compared, outputs)
 
-    def _spread(self, worlds: Any) -> Any:
+    def _spread(self, worlds: Worlds) -> Worlds:
         """The same worlds, in which every object has a pose."""
         from warpvis.kernels.silhouettes import spread_poses
         from warpvis.kernels.worlds import Worlds
@@ -102,7 +114,9 @@ class Surveyor:
         launch_small(spread_poses, shape, inputs, self._device)
         return everywhere
 
-    def _count_by_rays(self, poses: wp.array, worlds: Any, compared: Any, outputs: list[Any]) -> None:
+    def _count_by_rays(
+        self, poses: wp.array, worlds: Worlds, compared: Comparison, outputs: list[wp.array | None]
+    ) -> None:
         from warpvis.kernels.silhouettes import measure_silhouettes
 
         triangles, camera = self._apart.triangles(), self._camera.device_struct()
@@ -119,13 +133,15 @@ class Surveyor:
         for part in parts:
             given = [part, worlds, compared, threads, *outputs]
 
-            def arguments(window: Any, given: list[Any] = given) -> list[Any]:
+            def arguments(window: Window, given: KernelArguments = given) -> KernelArguments:
                 return [triangles.struct, self._chosen, camera, poses, window, *given]
 
             shape = (len(poses), len(self._chosen.index), threads)
             launch_images(measure_silhouettes, shape, arguments, device=self._device, threads=self._threads)
 
-    def _count_by_packets(self, poses: wp.array, worlds: Any, compared: Any, outputs: list[Any]) -> None:
+    def _count_by_packets(
+        self, poses: wp.array, worlds: Worlds, compared: Comparison, outputs: list[wp.array | None]
+    ) -> None:
         from warpvis.kernels.silhouette_packets import SurveyJob, measure_silhouettes_packets
 
         load_module(measure_silhouettes_packets)

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_warp
 from warpvis.core.poses import poses_to_matrices
+from warpvis.core.types import ArrayInput, ObjectPoses
 from warpvis.errors import ArrayError
 from warpvis.scene import Scene
 from warpvis.scene.worlds import parse_worlds
@@ -32,7 +32,9 @@ class Situations:
     """World of each situation, ``(count,)``; None if there is only one world."""
 
     @classmethod
-    def parse(cls, scene: Scene, agents: Sequence[Agent], object_poses: Any, world_index: Any) -> Situations:
+    def parse(
+        cls, scene: Scene, agents: Sequence[Agent], object_poses: ObjectPoses, world_index: ArrayInput | None
+    ) -> Situations:
         """The situations that agents and worlds make: each has one for all of them, or one for each.
 
         Raises:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
+from warpvis.core.types import ObjectPoses
 from warpvis.rendering import Renderer, Views, render
 from warpvis.scene import Scene
 from warpvis.visibility import Agent, FieldOfView
@@ -36,7 +37,7 @@ class AgentView:
     """The border of the field of attention in these coordinates, ``(n, 2)``; of none if there is no such field."""
 
 
-def agent_view(scene: Scene, agent: Agent, view: int = 0, *, object_poses: Any = None) -> AgentView:
+def agent_view(scene: Scene, agent: Agent, view: int = 0, *, object_poses: ObjectPoses = None) -> AgentView:
     """What an agent sees in one situation.
 
     The picture of a `FieldOfView` has the angles to the side and upwards for axes, as on a globe, so that it can be
@@ -59,7 +60,7 @@ def pose_of(agent: Agent, view: int) -> NDArray[np.float64]:
     return agent.poses[view if len(agent.poses) > 1 else 0]
 
 
-def views_of_faces(scene: Scene, agent: Agent, view: int = 0, *, object_poses: Any = None) -> list[Views]:
+def views_of_faces(scene: Scene, agent: Agent, view: int = 0, *, object_poses: ObjectPoses = None) -> list[Views]:
     """Points, labels and objects of all its images in one situation."""
     options = {"object_poses": object_poses, "exclude": agent.body or None}
     found = []

@@ -13,11 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.camera import Camera
 from warpvis.core.poses import poses_to_matrices, poses_to_opencv
+from warpvis.core.types import ObjectPoses
 from warpvis.rendering import Output, render
 from warpvis.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.patheffects import withStroke
 
 _BACKGROUND = np.array([1.0, 1.0, 1.0])
 # Along the floor's two axes and up.
@@ -40,7 +42,7 @@ def light_on(normals: NDArray[np.floating], up: str) -> NDArray[np.float64]:
 
 
 def shaded_picture(
-    scene: Scene, camera: Camera, camera_to_world: ArrayLike, colors: Colors, *, object_poses: Any = None
+    scene: Scene, camera: Camera, camera_to_world: ArrayLike, colors: Colors, *, object_poses: ObjectPoses = None
 ) -> NDArray[np.float64]:
     """A picture of a scene in given colours, shaded by the light and smoothed.
 
@@ -113,7 +115,7 @@ def draw_name(
     axes.annotate(textwrap.fill(name, _NAME_WIDTH), _xy(place), offset, textcoords="offset points", **options)
 
 
-def white_edge() -> list[Any]:
+def white_edge() -> list[withStroke]:
     """What makes black lines stand out on dark ground."""
     from matplotlib.patheffects import withStroke
 

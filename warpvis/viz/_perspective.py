@@ -8,7 +8,7 @@ import math
 import os
 import textwrap
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import warp as wp
@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.core.camera import Camera
 from warpvis.core.labels import Label
 from warpvis.core.poses import poses_to_matrices
+from warpvis.core.types import ObjectPoses
 from warpvis.maps import map_numbers
 from warpvis.scene import Scene
 from warpvis.visibility import Agent, Perspective, State
@@ -53,7 +54,7 @@ def save_perspective(
     eye: ArrayLike | None = None,
     target: ArrayLike | None = None,
     proposed: ArrayLike | None = None,
-    object_poses: Any = None,
+    object_poses: ObjectPoses = None,
 ) -> None:
     """Write one picture of two agents' views: the scene from outside, what each sees, and the floor that each sees.
 
@@ -103,7 +104,7 @@ def draw_perspective(
     eye: ArrayLike | None,
     target: ArrayLike | None,
     proposed: ArrayLike | None,
-    object_poses: Any,
+    object_poses: ObjectPoses,
 ) -> Figure:
     """The figure that `save_perspective` writes."""
     shown = Shown.of(scene, agents, seen, view, labels, object_poses)
@@ -227,7 +228,7 @@ def _draw_legend(axes: Axes, shown: Shown, proposed: bool) -> None:
         State.SECOND: f"only the {second} sees",
         State.NEITHER: "neither sees",
     }
-    handles: list[Any] = []
+    handles: list[Patch | Line2D] = []
     for state, word in words.items():
         names = [shown.scene.objects[index].name for index, its in shown.states.items() if its == state]
         text = f"{word}: {', '.join(names) or 'nothing'}"

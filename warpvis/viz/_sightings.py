@@ -7,13 +7,13 @@ from __future__ import annotations
 import os
 import textwrap
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from warpvis.core.camera import Camera
 from warpvis.core.labels import Visibility
 from warpvis.core.poses import Convention, poses_to_opencv
+from warpvis.core.types import Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
 from warpvis.rendering import render
 from warpvis.scene import Scene
@@ -43,13 +43,13 @@ _LEGEND_WIDTH = 80
 def save_sightings(
     scene: Scene,
     camera: Camera,
-    camera_to_world: Any,
+    camera_to_world: PoseLike,
     path: str | os.PathLike[str],
     *,
     objects: Sequence[str | int] | None = None,
     title: str = "What is seen of the objects",
-    object_poses: Any = None,
-    exclude: Any = None,
+    object_poses: ObjectPoses = None,
+    exclude: Excluded = None,
     convention: Convention = "opencv",
 ) -> None:
     """Write a picture of one view: its depth in grey, and objects in the colour of their status, `STATUS_COLORS`.

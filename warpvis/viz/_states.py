@@ -6,12 +6,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.labels import Label
+from warpvis.core.types import ObjectPoses
 from warpvis.errors import ArrayError, SceneError
 from warpvis.scene import Scene
 from warpvis.visibility import Agent, Perspective, State
@@ -41,7 +41,7 @@ class Shown:
     """State of every coloured object by its index in the scene."""
     colors: NDArray[np.float64]
     """Red, green and blue of every object from 0 to 1, and white for -1, shape ``(objects + 1, 3)``."""
-    object_poses: Any
+    object_poses: ObjectPoses
 
     @classmethod
     def of(
@@ -51,7 +51,7 @@ class Shown:
         seen: Perspective,
         view: int,
         labels: Sequence[Label | int | str] | None,
-        object_poses: Any,
+        object_poses: ObjectPoses,
     ) -> Shown:
         """What is to be shown; see `warpvis.viz.save_perspective` for the arguments and errors."""
         if len(agents) != 2 or any(agent.name not in seen.agents for agent in agents):
