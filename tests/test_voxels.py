@@ -329,7 +329,7 @@ def test_centers_counts_volumes_and_files(tmp_path, device):
         assert set(saved) == {"states", "labels", "origin", "cell_size", "up"}
         np.testing.assert_array_equal(saved["states"], states)
         np.testing.assert_array_equal(saved["labels"], result.labels.numpy())
-        assert (tuple(saved["origin"]), saved["cell"], saved["up"]) == ((0, 0, 0), 0.1, "y")
+        assert (tuple(saved["origin"]), saved["cell_size"], saved["up"]) == ((0, 0, 0), 0.1, "y")
 
 
 DEPTH = np.ones((1, 120, 160), dtype=np.float32)

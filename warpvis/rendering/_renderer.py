@@ -48,6 +48,7 @@ class Views:
     `Label.EMPTY` and the object is -1.
     """
 
+    # Typed as what was asked for: who reads an image has asked for it.
     depth: wp.array = None
     """Planar depth [m], ``(V, H, W)`` float32: +inf where nothing is hit or it lies beyond the camera's `far`, -inf
     where something is nearer than its `near` (REP 117)."""
