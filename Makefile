@@ -11,7 +11,7 @@ CORE := $(VENV)/core
 STAMP := $(VENV)/installed
 
 .DELETE_ON_ERROR:
-.PHONY: demo test test-lanes mutate lint bench format clean
+.PHONY: demo test test-lanes test-lowest mutate lint bench format clean
 
 demo: $(CORE)
 	$(BIN)/warpvis demo --out demo
@@ -27,6 +27,20 @@ LANE_TESTS := $(addprefix tests/test_,$(addsuffix .py,casters packets worlds poi
 test-lanes: $(STAMP)
 	WARPVIS_CPU_FLAGS="-target-cpu haswell" $(BIN)/python -m pytest -q $(LANE_TESTS)
 	WARPVIS_CPU_FLAGS="" $(BIN)/python -m pytest -q $(LANE_TESTS)
+
+# The lowest versions that pyproject.toml names of every dependency, in a virtual environment of their own: of all first,
+# then of the package's own once more, since those of the tests want newer ones.
+LOWEST := .venv-lowest
+LOWEST_INSTALL = $(LOWEST)/bin/uv pip install --quiet --python $(LOWEST)/bin/python --resolution lowest-direct
+LOWEST_TESTS := $(addprefix tests/test_,$(addsuffix .py,camera pose scene scene_files casters worlds interop ros_bags \
+	point_files pose_files batch_layouts mujoco_scene webots_worlds perspective_pictures cli))
+
+test-lowest:
+	./scripts/make_venv.sh $(LOWEST)
+	$(LOWEST)/bin/python -m pip install --quiet --disable-pip-version-check uv
+	$(LOWEST_INSTALL) -e '.[test]'
+	$(LOWEST_INSTALL) --upgrade -e .
+	$(LOWEST)/bin/python -m pytest -q -m "not gl" $(LOWEST_TESTS)
 
 # Small mistakes in the casters' code, each of which a test has to notice. `make mutate MUTANTS="--count 60 --seed 3"`
 mutate: $(STAMP)
