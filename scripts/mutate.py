@@ -173,12 +173,12 @@ def _first_failure(output: str) -> str:
     return (marked or lines or ["no output"])[-1 if not marked else 0][:160]
 
 
-def known_equivalents(path: Path = EQUIVALENTS) -> dict[tuple[str, str, str], str]:
-    """Reasons by file, line and mutated line, both without their indentation."""
+def known_equivalents(path: Path = EQUIVALENTS) -> dict[tuple[str, str], str]:
+    """Reasons by a line and what it becomes, both without their indentation."""
     if not path.is_file():
         return {}
     entries = tomllib.loads(path.read_text(encoding="utf-8")).get("mutant", [])
-    return {(entry["file"], entry["line"], entry["becomes"]): entry["reason"] for entry in entries}
+    return {(entry["line"], entry["becomes"]): entry["reason"] for entry in entries}
 
 
 def collect(patterns: list[str], at: list[str]) -> list[Mutant]:
@@ -258,7 +258,7 @@ def main() -> int:
 
             def work() -> None:
                 while len(verdicts) < wanted and (mutant := next(rest, None)) is not None:
-                    key = (mutant.path, mutant.before.strip(), mutant.after.strip())
+                    key = (mutant.before.strip(), mutant.after.strip())
                     if key in equivalents:
                         verdict = Verdict(mutant, "equivalent", equivalents[key])
                     else:
