@@ -165,7 +165,7 @@ def _arrange(tree: wp.Bvh, items: wp.array, lanes: int, most_levels: int | None,
 
 
 def _shallow_root(count: int, lanes: int, most_levels: int) -> int:
-    """The depth to begin at, for ranges to be halved so early that the tree has at most `most_levels` levels.
+    """Compute the depth to begin at, for ranges to be halved so early that the tree has at most `most_levels` levels.
 
     Such nodes as `_collapse` makes evenly hold log2(lanes) levels of the binary tree each. Of all these, halving takes
     ceil(log2(n)) for n leaves. The heuristic is left the rest.

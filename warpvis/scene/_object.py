@@ -54,14 +54,14 @@ class SceneObject:
 
 
 def as_it_is(item: SceneObject) -> SceneObject:
-    """The object with the vertices it has now, whatever becomes of them."""
+    """Return the object with the vertices it has now, whatever becomes of them."""
     if item.points is None:
         return item
     return SceneObject(item.name, item.label, item.vertices, item.faces, item.mesh_vertices, item.pose)
 
 
 def by_itself(item: SceneObject, objects: Sequence[SceneObject]) -> SceneObject:
-    """The object, movable, and of one piece with no other."""
+    """Return the object, movable, and of one piece with no other."""
     if item.carrier is not None:
         return replace(item, pose=objects[item.carrier].pose, carrier=None)
     if item.pose is None:
@@ -71,7 +71,7 @@ def by_itself(item: SceneObject, objects: Sequence[SceneObject]) -> SceneObject:
 
 
 def check_mesh(mesh: MeshLike, name: str) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Vertices [m], shape ``(n, 3)``, and faces, ``(m, 3)``, of a mesh that `Scene.add` was given.
+    """Return the vertices [m], shape ``(n, 3)``, and faces, ``(m, 3)``, of a mesh that `Scene.add` was given.
 
     Raises:
         SceneError: It is empty or malformed.
@@ -114,7 +114,7 @@ def keep_winding(faces: np.ndarray, linear: NDArray[np.float64]) -> np.ndarray:
 
 
 def check_scale(scale: float | ArrayLike, name: str) -> NDArray[np.float64]:
-    """A factor of size, or three of them.
+    """Check a factor of size, or three of them.
 
     Raises:
         SceneError: They are not positive numbers.

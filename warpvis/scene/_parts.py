@@ -51,7 +51,7 @@ class Part:
         return {name: getattr(self, name) for name in ("mesh", "name", "label", "pose", "movable", "attach_to")}
 
     def fits(self, pattern: str) -> bool:
-        """Whether a pattern (``"wall_*"``) means this part."""
+        """Tell whether a pattern (``"wall_*"``) means this part."""
         return any(fnmatch.fnmatchcase(name, pattern) for name in (self.name, *self.aliases))
 
 
@@ -72,7 +72,7 @@ class FileParts:
     """Sentences about what is left out, or was corrected."""
 
     def scene_up(self, up: Axis | None) -> Axis:
-        """The vertical axis of a scene of these parts, of which the user asked for `up` or for none."""
+        """Return the vertical axis of a scene of these parts, of which the user asked for `up` or for none."""
         return up or (self.up if self.settled and self.up else "z")
 
     def objects(
@@ -84,7 +84,7 @@ class FileParts:
         labels: Mapping[str, Label | int | str] | None = None,
         movable: bool | Sequence[str] = False,
     ) -> list[dict[str, Any]]:
-        """Arguments for `Scene.add`, for each part.
+        """Make arguments for `Scene.add`, for each part.
 
         Args:
             scene_up: The scene's vertical axis, to which geometry is turned.
@@ -118,7 +118,7 @@ class FileParts:
 
 
 def _moving(file: FileParts, movable: bool | Sequence[str]) -> list[Part]:
-    """The parts, of which those are movable that shall be."""
+    """Return the parts, of which those are movable that shall be."""
     if isinstance(movable, str):
         movable = [movable]
     if movable is True:
@@ -136,7 +136,7 @@ def _moving(file: FileParts, movable: bool | Sequence[str]) -> list[Part]:
 
 
 def _turned(part: Part, upright: NDArray[np.float64] | None) -> tuple[MeshLike, PoseLike | None]:
-    """Mesh and pose of a part, turned upright: the pose if there is one, else the vertices."""
+    """Return the mesh and pose of a part, turned upright: the pose if there is one, else the vertices."""
     if upright is None:
         return part.mesh, part.pose
     if part.pose is None and not isinstance(part.mesh, Solid):

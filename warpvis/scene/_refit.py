@@ -34,7 +34,7 @@ class DeformingObject(SceneObject):
     """
 
     def __init__(self, item: SceneObject, device: wp.Device) -> None:
-        """The same object, with room for its vertices."""
+        """Make the same object, with room for its vertices."""
         for name in ("name", "label", "faces", "pose"):
             object.__setattr__(self, name, getattr(item, name))
         object.__setattr__(self, "_points", wp.empty(len(item.vertices), dtype=wp.vec3, device=device))
@@ -58,7 +58,7 @@ class DeformingObject(SceneObject):
 
 
 def parse_vertices(vertices: ArrayInput, item: SceneObject, device: wp.Device) -> wp.array:
-    """An object's new vertices as vec3: on the host if they came from there, and checked; else on the device.
+    """Read an object's new vertices as vec3: on the host if they came from there, and checked; else on the device.
 
     Raises:
         SceneError: They are not what they have to be.
@@ -93,7 +93,7 @@ def check_values(vertices: np.ndarray, name: str) -> None:
 
 
 def _as_vectors(value: ArrayInput) -> ArrayInput:
-    """A Warp array of rows of three numbers as one of vectors, in the same memory; anything else as it is."""
+    """View a Warp array of rows of three numbers as one of vectors; return anything else as it is."""
     if isinstance(value, wp.array) and value.dtype == wp.float32 and value.ndim == 2 and value.shape[1] == 3:
         return value.view(wp.vec3).reshape((value.shape[0],)) if value.is_contiguous else value
     return value
@@ -163,7 +163,7 @@ class ClusterRefit:
 
 
 def leaf_vertices(tree: ClusterTree, faces: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Corner indices of the triangles in their lanes, shape ``(leaves, 3, lanes)``, as `ClusterTree.leaves` has."""
+    """Lay out the triangles' corner indices in lanes, shape ``(leaves, 3, lanes)``, as `ClusterTree.leaves` has."""
     triangles = tree.triangles.numpy().reshape(-1, tree.lanes)
     unused = triangles < 0
     used = np.where(unused, triangles[:, :1], triangles)
@@ -174,7 +174,7 @@ def leaf_vertices(tree: ClusterTree, faces: NDArray[np.int32]) -> NDArray[np.int
 def _slots(
     children: NDArray[np.int32], leaf_count: int
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], list[NDArray[np.int32]]]:
-    """Each leaf's place among the children and each node's, -1 for the root; and the levels' nodes, deepest first."""
+    """Find each leaf's place among the children, each node's, -1 for the root, and the levels' nodes, deepest first."""
     leaf_slots = np.empty(leaf_count, dtype=np.int32)
     node_slots = np.full(len(children), -1, dtype=np.int32)
     flat = children.ravel()

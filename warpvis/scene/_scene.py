@@ -173,12 +173,12 @@ class Scene:
         return index
 
     def _free_name(self) -> str:
-        """The first of ``object_0``, ``object_1``, ..., from the number of objects on, that no object has."""
+        """Find the first of ``object_0``, ``object_1``, ..., from the number of objects on, that no object has."""
         numbers = itertools.count(len(self._objects))
         return next(name for name in map("object_{}".format, numbers) if name not in self._index)
 
     def _attach(self, attach_to: str, mesh: MeshLike, name: str, placed: NDArray[np.float64]) -> dict[str, Any]:
-        """What an object knows of the one that it is attached to, from its vertices in the world."""
+        """Work out what an object knows of the one that it is attached to, from its vertices in the world."""
         index = self.index(attach_to)
         item = self._objects[index]
         if item.pose is None:
@@ -193,7 +193,7 @@ class Scene:
         return {"mesh_vertices": inside.astype(np.float32), "carrier": index}
 
     def _require_alone(self, index: int) -> None:
-        """A `SceneError` if an object moves with others."""
+        """Raise a `SceneError` if an object moves with others."""
         item = self._objects[index]
         others = [other.name for other in self._objects if other.carrier == index]
         if item.carrier is not None:
@@ -271,7 +271,7 @@ class Scene:
         return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
 
     def index(self, name: str) -> int:
-        """Index of the object of that name.
+        """Return the index of the object of that name.
 
         Raises:
             SceneError: There is none.
@@ -296,14 +296,14 @@ class Scene:
         return f"Scene({len(self)} objects, {self.triangle_count} triangles, device={str(self.device)!r})"
 
     def to(self, device: DeviceLike) -> Scene:
-        """The same scene for another device."""
+        """Return the same scene for another device."""
         scene = Scene(device=device, up=self.up)
         scene._objects = [as_it_is(item) for item in self._objects]
         scene._index, scene._movable = dict(self._index), list(self._movable)
         return scene
 
     def __getstate__(self) -> dict[str, Any]:
-        """What another process makes the same scene of: its objects, and no trees."""
+        """Return what another process makes the same scene of: its objects, and no trees."""
         objects = [as_it_is(item) for item in self._objects]
         return {"device": str(self.device), "up": self.up, "objects": objects, "movable": list(self._movable)}
 
@@ -313,7 +313,7 @@ class Scene:
         self._index = {item.name: index for index, item in enumerate(self._objects)}
 
     def to_trimesh(self) -> trimesh.Scene:
-        """The objects as a `trimesh.Scene` in the same frame, with names kept and labels in the meshes' metadata."""
+        """Make a `trimesh.Scene` of the objects in the same frame, with names, and labels in the meshes' metadata."""
         import trimesh
 
         scene = trimesh.Scene()
@@ -334,7 +334,7 @@ class Scene:
         export_scene(self, path)
 
     def triangles(self) -> Triangles:
-        """The triangles and Warp's tree of them, built when first asked for after a change.
+        """Return the triangles and Warp's tree of them, built when first asked for after a change.
 
         Raises:
             SceneError: The scene is empty.
@@ -345,7 +345,7 @@ class Scene:
             return self._triangles
 
     def clusters(self) -> Clusters:
-        """The cluster tree, built when first asked for after a change.
+        """Return the cluster tree, built when first asked for after a change.
 
         Raises:
             SceneError: The scene is empty.
@@ -356,7 +356,7 @@ class Scene:
             return self._clusters
 
     def apart(self) -> Scene:
-        """The same objects, each with a pose and a tree of its own, so that one can be looked at as if it were alone.
+        """Return the same objects, each with a pose and a tree of its own, so that one can be looked at as if alone.
 
         It is made when first asked for after a change. Its columns of `object_poses` are the objects: what stays here
         has its vertices in the world, and the identity for a pose.
@@ -376,21 +376,21 @@ class Scene:
             return self._apart
 
     def object_labels(self) -> wp.array:
-        """Labels of the objects on the scene's device, shape ``(objects,)`` uint8."""
+        """Return labels of the objects on the scene's device, shape ``(objects,)`` uint8."""
         return label_array(self.require_objects(), self.device)
 
     def _forget(self) -> None:
         self._triangles = self._clusters = self._apart = None
 
     def require_objects(self) -> list[SceneObject]:
-        """The objects; a `SceneError` if there are none."""
+        """Return the objects; a `SceneError` if there are none."""
         if not self._objects:
             raise SceneError("the scene has no objects; add() one first")
         return self._objects
 
 
 def require_scene(scene: object) -> Scene:
-    """`scene` itself; a `SceneError` if it is none."""
+    """Return `scene` itself; a `SceneError` if it is none."""
     if not isinstance(scene, Scene):
         raise SceneError(f"scene must be a warpvis.Scene, got {type(scene).__name__}")
     return scene

@@ -15,7 +15,7 @@ _SEED = np.uint64(0x9E3779B97F4A7C15)
 
 
 def provably_closed(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> bool:
-    """Whether it is certain that the mesh's back faces are hidden by its front faces, seen from outside of its bounds.
+    """Tell whether the mesh's back faces are certainly hidden by its front faces, seen from outside of its bounds.
 
     It is for star-shaped meshes, such as boxes, balls and capsules, and so are most convex ones:
 
@@ -40,7 +40,7 @@ def provably_closed(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> 
 
 
 def has_no_boundary(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> bool:
-    """Whether the sum over all directed edges is zero, each a number of 64 bits that its opposite has negated.
+    """Tell whether the sum of all directed edges is zero, each a number of 64 bits that its opposite has negated.
 
     The numbers are hashes of where the ends are, zero for an edge of no length. A boundary's edges add up to zero by
     chance about once in 2^60.
@@ -64,7 +64,7 @@ def _hash_places(vertices: NDArray[np.float32]) -> NDArray[np.uint64]:
 
 
 def _mix(x: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """One step of splitmix64, in place: every bit of the input changes half the bits of the result."""
+    """Take one step of splitmix64, in place: every bit of the input changes half the bits of the result."""
     x += _SEED
     x ^= x >> np.uint64(30)
     x *= np.uint64(0xBF58476D1CE4E5B9)

@@ -72,12 +72,12 @@ class _Mesh:
 
 
 def label_array(objects: Sequence[SceneObject], device: wp.Device) -> wp.array:
-    """The objects' labels, shape ``(objects,)`` uint8."""
+    """Return the objects' labels, shape ``(objects,)`` uint8."""
     return wp.array([int(item.label) for item in objects], dtype=wp.uint8, device=device)
 
 
 def build_triangles(objects: Sequence[SceneObject], device: wp.Device) -> Triangles:
-    """Warp's meshes, with a tree each."""
+    """Build Warp's meshes, with a tree each."""
     from warpvis.kernels.rays import TriangleScene
 
     static, movable = _part(objects)
@@ -173,13 +173,13 @@ def build_clusters(objects: Sequence[SceneObject], device: wp.Device, *, lanes: 
 
 
 def _part(objects: Sequence[SceneObject]) -> tuple[list[int], list[int]]:
-    """Indices of the objects that stay, and of those that have a pose in every world."""
+    """Return indices of the objects that stay, and of those that have a pose in every world."""
     static = [index for index, item in enumerate(objects) if not item.movable]
     return static, [index for index, item in enumerate(objects) if item.pose is not None]
 
 
 def _pieces(objects: Sequence[SceneObject]) -> dict[int, list[int]]:
-    """What moves together, by the object that has the pose: itself, and what is attached to it."""
+    """Group what moves together, by the object that has the pose: itself, and what is attached to it."""
     pieces = {index: [index] for index, item in enumerate(objects) if item.pose is not None}
     for index, item in enumerate(objects):
         if item.carrier is not None:
@@ -188,7 +188,7 @@ def _pieces(objects: Sequence[SceneObject]) -> dict[int, list[int]]:
 
 
 def _one_object(movable: Sequence[int], meshes: Sequence[_Mesh], device: wp.Device) -> wp.array:
-    """The objects that have a pose, shape ``(M,)`` int32; -1 for those of which the triangles know whose they are."""
+    """List the objects that have a pose, ``(M,)`` int32; -1 for those of which the triangles know whose they are."""
     objects = np.array(movable, dtype=np.int32)
     for mesh in meshes:
         if mesh.owner is not None:
@@ -197,7 +197,7 @@ def _one_object(movable: Sequence[int], meshes: Sequence[_Mesh], device: wp.Devi
 
 
 def _owners(mesh: _Mesh, objects: Sequence[SceneObject]) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
-    """Of a mesh that moves, whose the triangles are, 0 if it is of one object, and which owners are closed."""
+    """Tell whose a moving mesh's triangles are, 0 if it is of one object, and which owners are closed."""
     from warpvis.scene.closed import provably_closed
 
     if mesh.owner is None:
@@ -210,13 +210,13 @@ def _owners(mesh: _Mesh, objects: Sequence[SceneObject]) -> tuple[NDArray[np.int
 
 
 def _marked(tree: ClusterTree, closed: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """A tree's owners, an object's complement where its back faces can be left out: casters read them like this."""
+    """Mark a tree's owners as casters read them: an object's complement where its back faces can be left out."""
     owners = tree.owners.numpy()
     return np.where(closed[owners], ~owners, owners)
 
 
 def _share_meshes(objects: Sequence[SceneObject], movable: Sequence[int]) -> list[_Mesh]:
-    """The different meshes among movable objects, in the order in which they first come."""
+    """Find the different meshes among movable objects, in the order in which they first come."""
     from warpvis.scene._refit import check_values
 
     meshes: dict[int | tuple[bytes, bytes], _Mesh] = {}
@@ -238,7 +238,7 @@ def _share_meshes(objects: Sequence[SceneObject], movable: Sequence[int]) -> lis
 
 
 def _solids(objects: Sequence[SceneObject], movable: Sequence[int], device: wp.Device) -> tuple[wp.array, wp.array]:
-    """Of movable objects: the kind of solid, ``(M,)`` int32, and its radii and half length, ``(M,)`` vec4."""
+    """Return movable objects' kinds of solid, ``(M,)`` int32, and their radii and half lengths, ``(M,)`` vec4."""
     kinds, sizes = np.zeros(len(movable), dtype=np.int32), np.ones((len(movable), 4), dtype=np.float32)
     for position, index in enumerate(movable):
         solid = objects[index].solid
@@ -250,7 +250,7 @@ def _solids(objects: Sequence[SceneObject], movable: Sequence[int], device: wp.D
 def _make_refits(
     struct: ClusterScene, trees: Sequence[ClusterTree], shared: Sequence[_Mesh], movable: Sequence[int]
 ) -> dict[int, ClusterRefit]:
-    """What refits the trees of objects that deform, in the arrays that hold all trees. Those of `shared` come last."""
+    """Make what refits the trees of objects that deform, in the arrays of all trees. Those of `shared` come last."""
     from warpvis.scene._bvh import LEAF_ROWS, NODE_ROWS
     from warpvis.scene._refit import ClusterRefit
 
@@ -276,7 +276,7 @@ def _make_refits(
 def _flatten(
     vertices: Sequence[NDArray[np.float32]], objects: Sequence[SceneObject], indices: Sequence[int]
 ) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]:
-    """All vertices of some objects, given in one frame, all their faces, and the faces' objects."""
+    """Gather all vertices of some objects, given in one frame, all their faces, and the faces' objects."""
     first = np.cumsum([0] + [len(part) for part in vertices])
     faces = [objects[index].faces + start for index, start in zip(indices, first, strict=False)]
     owner = np.repeat(np.array(indices, dtype=np.int32), [len(part) for part in faces])
@@ -314,7 +314,7 @@ def _build_tree(
 def _concatenate(
     struct: ClusterScene, trees: Sequence[ClusterTree], owners: Sequence[NDArray[np.int32]], device: wp.Device
 ) -> None:
-    """All trees' arrays one after the other; a child is a node, or the complement of a leaf, of the whole arrays."""
+    """Join all trees' arrays; a child is a node, or the complement of a leaf, of the whole arrays."""
     if len(trees) == 1:
         tree = trees[0]
         np.copyto(tree.owners.numpy(), owners[0])
@@ -340,7 +340,7 @@ def _first_leaves(trees: Sequence[ClusterTree]) -> NDArray[np.int64]:
 
 
 def _join(parts: Sequence[np.ndarray], dtype: type, device: wp.Device) -> wp.array:
-    """The parts one after the other, on the CPU from a multiple of 64 bytes on."""
+    """Join the parts one after the other, on the CPU from a multiple of 64 bytes on."""
     from warpvis.core.arrays import aligned_empty
 
     joined = aligned_empty((sum(len(part) for part in parts),), dtype)
@@ -356,7 +356,7 @@ def _mesh_vertices(item: SceneObject) -> NDArray[np.float32]:
 def _boxes(
     objects: Sequence[SceneObject], movable: Sequence[int], meshes: Sequence[_Mesh]
 ) -> list[NDArray[np.float32]]:
-    """Least and greatest corner of every movable: of its triangles, and of a solid that they stand for."""
+    """Return the least and greatest corner of every movable: of its triangles, and of a solid that they stand for."""
     boxes = [np.zeros((2, 3), dtype=np.float32)] * len(movable)
     for mesh in meshes:
         box = np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])

@@ -65,7 +65,7 @@ class Solid:
         height: NDArray[np.float64],
         slices: int,
     ) -> Solid:
-        """One whose triangles are those of a line turned about z, and stretched."""
+        """Make one whose triangles are those of a line turned about z, and stretched."""
         radii = np.asarray(radii, dtype=np.float64)
         vertices, faces = _revolve(ring, height, slices)
         return cls(kind, radii, half, vertices * radii, faces)
@@ -77,13 +77,13 @@ class Solid:
         return self.radii * [1.0, 1.0, 1.0 if self.kind == SolidKind.BALL else ends]
 
     def scaled(self, factors: ArrayLike) -> Solid:
-        """The same, stretched further along its axes."""
+        """Return the same, stretched further along its axes."""
         factors = np.asarray(factors, dtype=np.float64)
         return Solid(self.kind, self.radii * factors, self.half, self.vertices * factors, self.faces)
 
 
 def largest_error(tolerance: float, radius: float) -> float:
-    """The most that triangles of a round shape may be away from its true surface [m].
+    """Return the most that triangles of a round shape may be away from its true surface [m].
 
     Args:
         tolerance: The tolerance [m].
@@ -93,7 +93,7 @@ def largest_error(tolerance: float, radius: float) -> float:
 
 
 def sphere(radius: float, *, tolerance: float = DEFAULT_TOLERANCE) -> Solid:
-    """A sphere.
+    """Make a sphere.
 
     Args:
         radius: Its radius [m].
@@ -107,7 +107,7 @@ def sphere(radius: float, *, tolerance: float = DEFAULT_TOLERANCE) -> Solid:
 
 
 def ellipsoid(half_axes: ArrayLike, *, tolerance: float = DEFAULT_TOLERANCE) -> Solid:
-    """An ellipsoid.
+    """Make an ellipsoid.
 
     Args:
         half_axes: Its half axes along x, y and z [m].
@@ -125,7 +125,7 @@ def ellipsoid(half_axes: ArrayLike, *, tolerance: float = DEFAULT_TOLERANCE) -> 
 
 
 def capsule(radius: float, half_length: float, *, tolerance: float = DEFAULT_TOLERANCE) -> Solid:
-    """A cylinder about the z axis with half balls at its ends.
+    """Make a cylinder about the z axis with half balls at its ends.
 
     Args:
         radius: Its radius [m].
@@ -147,7 +147,7 @@ def capsule(radius: float, half_length: float, *, tolerance: float = DEFAULT_TOL
 
 
 def cylinder(radius: float, half_length: float, *, tolerance: float = DEFAULT_TOLERANCE) -> Solid:
-    """A cylinder about the z axis, from ``-half_length`` to ``half_length``.
+    """Make a cylinder about the z axis, from ``-half_length`` to ``half_length``.
 
     Args:
         radius: Its radius [m].
@@ -181,7 +181,7 @@ def check_metres(name: str, value: ArrayLike, shape: tuple[int, ...] = ()) -> No
 
 
 def _ball_grid(radius: float, tolerance: float) -> tuple[int, float]:
-    """Stacks of a unit ball of twice as many slices, an even number, and how far from the middle its corners are.
+    """Make stacks of a unit ball of twice as many slices, an even number, and say how far out its corners are.
 
     A ball of m stacks and 2 m slices with its corners at distance 1 comes as near as ``q = cos(pi / 2m)^2`` to the
     middle, at the middles of the faces by the equator. Corners at ``2 / (1 + q)`` make both errors ``(1-q) / (1+q)``.
@@ -196,7 +196,7 @@ def _ball_grid(radius: float, tolerance: float) -> tuple[int, float]:
 def _revolve(
     ring: NDArray[np.float64], height: NDArray[np.float64], slices: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """The surface that a line from the z axis back to it, going up on the right, makes when it is turned about z.
+    """Make the surface that a line from the z axis back to it, going up on the right, makes when turned about z.
 
     Args:
         ring: Distance of the line's points from the axis, shape ``(k,)``; the first and the last count as 0.

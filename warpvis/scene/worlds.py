@@ -29,7 +29,7 @@ _LEAST_SQUARE, _MOST_SQUARE = 0.9981, 1.0019
 def parse_worlds(
     scene: Scene, views: int, object_poses: ObjectPoses, world_index: ArrayInput | None, exclude: Excluded
 ) -> Worlds:
-    """A `warpvis.kernels.worlds.Worlds` of a call's arguments; see `Renderer.render`.
+    """Make a `warpvis.kernels.worlds.Worlds` of a call's arguments; see `Renderer.render`.
 
     Where nothing moves and nothing is said, it is one that holds no arrays.
 
@@ -61,14 +61,14 @@ def parse_worlds(
 
 @cache
 def _still_world() -> Worlds:
-    """Nothing moves, and nothing is excluded."""
+    """Make worlds in which nothing moves, and nothing is excluded."""
     from warpvis.kernels.worlds import Worlds
 
     return Worlds()
 
 
 def part_of(worlds: Worlds, views: slice) -> Worlds:
-    """The worlds of some of the views."""
+    """Return the worlds of some of the views."""
     from warpvis.kernels.worlds import Worlds
 
     part = Worlds()
@@ -106,7 +106,7 @@ def _parse_object_poses(scene: Scene, poses: PoseLike) -> wp.array:
 
 
 def _checked_rows(rows: np.ndarray, scene: Scene) -> NDArray[np.float32]:
-    """The rows in single precision; casters normalise them."""
+    """Return the rows in single precision; casters normalise them."""
     rows = np.ascontiguousarray(rows, dtype=np.float32)
     with np.errstate(invalid="ignore", over="ignore"):
         x, y, z, w = (rows[..., k] for k in range(3, 7))
@@ -148,7 +148,7 @@ def _parse_world(world_index: ArrayInput | None, views: int, count: int, device:
 
 
 def _parse_exclude(scene: Scene, views: int, exclude: Excluded) -> wp.array:
-    """Flags ``(views or 1, objects)`` of an array of them, or of names and indices that hold for all views."""
+    """Make flags ``(views or 1, objects)`` of an array of them, or of names and indices that hold for all views."""
     count = len(scene)
     if isinstance(exclude, Sequence) and all(isinstance(item, str | int | np.integer) for item in exclude):
         flags = np.zeros((1, count), dtype=np.uint8)
