@@ -48,10 +48,10 @@ def _kernel(side: int, with_id: bool, movable: bool) -> wp.Kernel:
 
 
 def packet_side(views: int, width: int, height: int, processors: int, large_packets: int = 64) -> int:
-    """Pixels a side of a packet: as many as leave enough packets for all multiprocessors; images do not depend on it.
+    """Choose the pixels a side of a packet: as many as leave enough packets for all multiprocessors.
 
-    The larger a packet, the fewer of them set up the same triangle; the smaller, the sooner the last one is done. See
-    docs/internals/gpu.md for the measurements.
+    Images do not depend on it. The larger a packet, the fewer of them set up the same triangle; the smaller, the sooner
+    the last one is done. See docs/internals/gpu.md for the measurements.
 
     Args:
         views: Images to make.

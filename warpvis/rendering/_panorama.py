@@ -108,7 +108,7 @@ def render_wide(
 
 
 def _wide_camera(width: int, height: int, hfov: float, projection: str, near: float, far: float) -> WideCamera:
-    """A `warpvis.kernels.panorama.WideCamera`, checked."""
+    """Make a `warpvis.kernels.panorama.WideCamera` of checked arguments."""
     from warpvis.kernels.panorama import WideCamera
 
     if projection not in ("cylindrical", "spherical"):

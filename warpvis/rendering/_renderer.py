@@ -175,7 +175,7 @@ class Renderer:
         convention: Convention = "opencv",
         out: Views | None = None,
     ) -> Views:
-        """What is seen at any points of the image, instead of at its pixels' centres.
+        """Render what is seen at any points of the image, instead of at its pixels' centres.
 
         Args:
             camera_to_world: Poses, as for `render`.
@@ -204,7 +204,7 @@ class Renderer:
         return views
 
     def render_parsed(self, poses: wp.array, worlds: Worlds, *, out: Views | None = None) -> Views:
-        """As `render`, of what `parse_poses` and `parse_worlds` made of a caller's arguments, for our own modules.
+        """Render what `parse_poses` and `parse_worlds` made of a caller's arguments: `render` for our own modules.
 
         The images stay on the scene's device, whatever their size.
         """
@@ -214,7 +214,7 @@ class Renderer:
         return views
 
     def _on_host(self, shape: tuple[int, ...], out: Views | None) -> bool:
-        """Whether the images of a GPU go to the host's memory."""
+        """Tell whether the images of a GPU go to the host's memory."""
         if self.scene.device.is_cpu:
             return False
         if out is None:
@@ -240,12 +240,12 @@ class Renderer:
         wp.synchronize_stream(self.scene.device.stream)
 
     def _asked_for(self, views: Views) -> list[wp.array | None]:
-        """The images in the casters' order; None for those that nobody asked for, though `views` may have them."""
+        """List the images in the casters' order; None for those that nobody asked for, though `views` may have them."""
         return [getattr(views, name) if name in self.outputs else None for name in OUTPUTS]
 
 
 def views_for(outputs: Sequence[str], shape: tuple[int, ...], device: wp.Device, out: Views | None = None) -> Views:
-    """New images of these outputs, or `out` if that is there and fits.
+    """Return new images of these outputs, or `out` if that is there and fits.
 
     Raises:
         ArrayError: `out` does not fit, or memory could not be had.
@@ -260,7 +260,7 @@ def views_for(outputs: Sequence[str], shape: tuple[int, ...], device: wp.Device,
 
 
 def _as_rows(array: wp.array) -> wp.array:
-    """``(V, N)`` as ``(V, 1, N)``: an image of one row, in the same memory."""
+    """View ``(V, N)`` as ``(V, 1, N)``: an image of one row, in the same memory."""
     return array.reshape((array.shape[0], 1, array.shape[1]))
 
 

@@ -44,7 +44,7 @@ class RaysCaster:
         self._threads = threads
 
     def parse_poses(self, poses: PoseLike, convention: Convention) -> wp.array:
-        """Poses as this caster takes them, checked."""
+        """Check poses, and return them as this caster takes them."""
         return parse_poses(poses, convention=convention, device=self._scene.device)
 
     def cast(self, poses: wp.array, worlds: Worlds, images: list[wp.array | None]) -> None:
@@ -54,7 +54,7 @@ class RaysCaster:
         self._launch(cast_rays, (len(poses), self._camera.height, self._camera.width), poses, [worlds], images)
 
     def cast_at(self, poses: wp.array, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
-        """The same through image points, shape ``(V, 1, N)`` vec2, as are the images'."""
+        """Cast through image points, shape ``(V, 1, N)`` vec2, as are the images'."""
         from warpvis.kernels.rays import cast_rays_at
 
         self._launch(cast_rays_at, pixels.shape, poses, [worlds, pixels], images)
@@ -114,7 +114,7 @@ class PacketsCaster:
         self._loaded = False
 
     def parse_poses(self, poses: PoseLike, convention: Convention) -> np.ndarray:
-        """Poses as this caster takes them, checked."""
+        """Check poses, and return them as this caster takes them."""
         return host_poses(poses, convention=convention)
 
     def cast(self, poses: np.ndarray, worlds: Worlds, images: list[wp.array | None]) -> None:
@@ -122,7 +122,7 @@ class PacketsCaster:
         self._run(poses, worlds, None, images)
 
     def cast_at(self, poses: np.ndarray, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
-        """The same through image points, shape ``(V, 1, N)`` vec2, as are the images'."""
+        """Cast through image points, shape ``(V, 1, N)`` vec2, as are the images'."""
         if pixels.size:
             self._run(poses, worlds, pixels, images)
 
@@ -152,7 +152,7 @@ class PacketsCaster:
         self._idle.append(space)
 
     def _take(self, *key: int) -> _Workspace:
-        """A workspace that nobody uses, for numbers of views, levels of the trees, movable objects, and points.
+        """Return a workspace that nobody uses, for numbers of views, levels of the trees, movable objects, and points.
 
         Callers on several threads each have their own.
         """
@@ -202,7 +202,7 @@ class PacketsCaster:
 
 
 def images_struct(images: Sequence[wp.array | None]) -> Images:
-    """The `warpvis.kernels.images.Images` of depth, points, normals, labels and segmentation; None is not made."""
+    """Make `warpvis.kernels.images.Images` of depth, points, normals, labels and segmentation; None is not made."""
     from warpvis.kernels.images import NAMES, Images
 
     struct = Images()
@@ -213,7 +213,7 @@ def images_struct(images: Sequence[wp.array | None]) -> Images:
 
 
 def split_rows(views: int, height: int, threads: int, *, equal: bool = False) -> NDArray[np.int32]:
-    """Where the strips of a view begin, multiples of 16, and where the last one ends.
+    """Say where the strips of a view begin, multiples of 16, and where the last one ends.
 
     With views for all threads, a view is one strip. Else each strip is a share of the rows that are left, so that the
     last ones are small and threads end at about the same time (guided self-scheduling: Polychronopoulos and Kuck 1987);
