@@ -85,14 +85,14 @@ class FieldOfView:
         return math.ceil(self.hfov / _WIDEST_FACE - 1e-9)
 
     def _camera(self, hfov: float) -> Camera:
-        """A face's camera: whole numbers of pixels and the exact angles, so its pixels are square up to rounding."""
+        """Make a face's camera: whole numbers of pixels and exact angles, so its pixels are square up to rounding."""
         wide, high = 2 * math.tan(hfov / 2), math.tan(self.up) + math.tan(self.down)
         width, height = (max(1, round(self.resolution * extent)) for extent in (wide, high))
         fx, fy = width / wide, height / high
         return Camera(width, height, fx, fy, width / 2, fy * math.tan(self.up), self.near, self.far)
 
     def faces(self) -> tuple[Face, ...]:
-        """The images, from left to right."""
+        """Return the images, from left to right."""
         count = self._count
         hfov = self.hfov / count
         camera = self._camera(hfov)
@@ -156,7 +156,7 @@ class Agent:
     def kinect(
         cls, name: str, pose: PoseLike, *, body: Sequence[str] | str = (), convention: Convention = "opencv"
     ) -> Agent:
-        """A robot with the paper's camera, `Camera.kinect`: 57 degrees wide, 0.3 to 4.5 m."""
+        """Make a robot with the paper's camera, `Camera.kinect`: 57 degrees wide, 0.3 to 4.5 m."""
         return cls(name, Camera.kinect(), pose, body=_tuple_of(body), convention=convention)
 
     @classmethod
@@ -171,7 +171,7 @@ class Agent:
         resolution: float = _HUMAN_RESOLUTION,
         convention: Convention = "opencv",
     ) -> Agent:
-        """A person who looks along the camera's axis, head and eyes still.
+        """Make a person who looks along the camera's axis, head and eyes still.
 
         The field of view is that of both eyes together: 200 degrees wide, 60 degrees up and 75 down. Perimetry gives
         one eye 102 to 110 degrees outwards (Lestak et al., Clinical Ophthalmology 15, 2021, 3241) and, as lids and brow
@@ -211,12 +211,12 @@ class Agent:
         return (Face(self.camera, (0.0, 0.0, 0.0, 1.0), (width, height, width, height)),)
 
     def face_poses(self, face: Face) -> NDArray[np.float64]:
-        """Where a face's camera is, camera to world, rows ``x y z qx qy qz qw``, shape ``(V, 7)``."""
+        """Say where a face's camera is, camera to world, rows ``x y z qx qy qz qw``, shape ``(V, 7)``."""
         turned = quaternion_product(self.poses[:, 3:], np.array(face.rotation))
         return np.concatenate([self.poses[:, :3], turned], axis=1)
 
     def angles_to(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Angles between its axis and points of the world [rad].
+        """Compute angles between its axis and points of the world [rad].
 
         Args:
             points: K points for each of its V poses, or for all, shape ``(V or 1, K, 3)``.
@@ -230,5 +230,5 @@ class Agent:
 
 
 def _tuple_of(names: Sequence[str] | str) -> tuple[str, ...]:
-    """Names, of which a single one may stand alone."""
+    """Return names, of which a single one may stand alone."""
     return (names,) if isinstance(names, str) else tuple(names)

@@ -95,7 +95,7 @@ def object_visibility(
     caster: Caster = "auto",
     threads: int | None = None,
 ) -> ObjectVisibility:
-    """Visible pixels, whole silhouettes, visible fractions, boxes, masks and reasons of objects in many views.
+    """Measure objects in many views: visible pixels, silhouettes and fractions, boxes, masks, why they are not seen.
 
     An object's silhouette is what the image would show of it if it were alone in the world, on a canvas that reaches
     beyond the image: BOP's definition (Hodan et al., "BOP: Benchmark for 6D Object Pose Estimation", ECCV 2018; code
@@ -166,7 +166,7 @@ def object_visibility(
 
 
 def choose_objects(scene: Scene, objects: Sequence[str | int] | None) -> list[int]:
-    """Indices of objects given by name or index, all for None.
+    """Return indices of objects given by name or index, all for None.
 
     Raises:
         SceneError: There is no such object, one is given twice, or none is given.
@@ -188,7 +188,7 @@ def choose_objects(scene: Scene, objects: Sequence[str | int] | None) -> list[in
 
 
 def _allocate(scene: Scene, chosen: Sequence[int], shape: tuple[int, int], camera: Camera | None) -> ObjectVisibility:
-    """Room for the results; of masks too if a camera is given."""
+    """Allocate room for the results; of masks too if a camera is given."""
     names = tuple(scene.objects[index].name for index in chosen)
     arrays = {name: empty(shape, dtype, name=name, device=scene.device) for name, dtype in (_COUNTED | _JUDGED).items()}
     masks = None
@@ -199,14 +199,14 @@ def _allocate(scene: Scene, chosen: Sequence[int], shape: tuple[int, int], camer
 
 
 def _parts(views: int, camera: Camera, images: int, hidden: int, device: wp.Device) -> list[slice]:
-    """Views that are looked at together."""
+    """Yield views that are looked at together."""
     most = _CPU_BYTES if device.is_cpu else _CUDA_BYTES
     step = max(1, most // (camera.width * camera.height * 4 * images + hidden * 4))
     return [slice(first, min(first + step, views)) for first in range(0, views, step)]
 
 
 def _first(views: Views | None, size: int) -> Views | None:
-    """The first images of an earlier part, to be written to again."""
+    """Return the first images of an earlier part, to be written to again."""
     if views is None:
         return None
     images = {"depth": views.depth, "segmentation": views.segmentation}

@@ -100,7 +100,7 @@ class Perspective:
         return self.status == Visibility.VISIBLE
 
     def states(self, first: str, second: str) -> NDArray[np.uint8]:
-        """`State` of every object for two agents, ``(V, K)``. An agent does not see its own body.
+        """Return the `State` of every object for two agents, ``(V, K)``. An agent does not see its own body.
 
         Raises:
             SceneError: There is no agent of that name.
@@ -116,7 +116,7 @@ class Perspective:
         view: int = 0,
         labels: Sequence[Label | int | str] | None = (Label.OBJECT,),
     ) -> list[Candidate]:
-        """The objects that a person may mean: those that they see, the likeliest first.
+        """Return the objects that a person may mean: those that they see, the likeliest first.
 
         What the person attends to comes before what is in the corner of their eye; then the greater `Candidate.score`
         comes first, then the order of the scene's objects.
@@ -161,7 +161,7 @@ class Perspective:
         view: int = 0,
         labels: Sequence[Label | int | str] | None = (Label.OBJECT,),
     ) -> list[str]:
-        """Names of the objects that the person sees and the robot does not, in the order of `candidates`.
+        """Return names of the objects that the person sees and the robot does not, in the order of `candidates`.
 
         The robot must move to see these: the person may mean one of them. The robot's own body is none of them.
         """
@@ -170,13 +170,13 @@ class Perspective:
         return [item.object for item in found if item.state == State.FIRST and item.object not in own]
 
     def objects_at(self, view: int) -> NDArray[np.float32] | None:
-        """Where the movable objects are in a situation, ``(M, 7)``; None if nothing is movable."""
+        """Say where the movable objects are in a situation, ``(M, 7)``; None if nothing is movable."""
         if self.object_poses is None:
             return None
         return self.object_poses[self._view(view) if len(self.object_poses) > 1 else 0]
 
     def report(self, view: int = 0) -> dict[str, Any]:
-        """One situation in full, of plain Python values that `json.dumps` takes."""
+        """Report one situation in full, in plain Python values that `json.dumps` takes."""
         view = self._view(view)
         pairs = [(pair, self.states(*pair)[view]) for pair in itertools.combinations(self.agents, 2)]
         objects = []
@@ -187,7 +187,7 @@ class Perspective:
         return {"view": view, "agents": list(self.agents), "objects": objects}
 
     def _entry(self, agent: int, view: int, k: int) -> dict[str, Any]:
-        """What `report` says of an agent and an object."""
+        """Return what `report` says of an agent and an object."""
         at = (agent, view, k)
         return {
             "visible": bool(self.visible[at]),
@@ -202,7 +202,7 @@ class Perspective:
         }
 
     def table(self, view: int = 0) -> str:
-        """One situation as text of fixed width: a row for every object, a column for every agent and every pair.
+        """Write one situation as text of fixed width: a row for every object, a column for every agent and pair.
 
         An agent's column has the visible fraction, or why the agent does not see the object.
         """
@@ -220,7 +220,7 @@ class Perspective:
         return "\n".join("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
 
     def _cell(self, agent: int, view: int, k: int) -> str:
-        """What `table` says of an agent and an object."""
+        """Return what `table` says of an agent and an object."""
         at = (agent, view, k)
         if self.body[agent, k]:
             return "own body"
@@ -255,7 +255,7 @@ def perspective(
     world_index: ArrayInput | None = None,
     threads: int | None = None,
 ) -> Perspective:
-    """What agents see of a scene's objects, by `object_visibility` from where each of them is.
+    """Find what agents see of a scene's objects, by `object_visibility` from where each of them is.
 
     The counts of a wide `FieldOfView` are sums over its faces; fractions and reasons come from the sums. An agent with
     a body is an object to the others.
@@ -327,7 +327,7 @@ class _Look:
     threads: int | None
 
     def around(self, agent: Agent) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """An agent's `_COUNTS` summed over its faces, ``(5, views, K)``, and what hides most of an object."""
+        """Sum an agent's `_COUNTS` over its faces, ``(5, views, K)``, and find what hides most of an object."""
         faces = [self._at(agent, face.camera, agent.face_poses(face), face.canvas) for face in agent.faces]
         counts = np.stack([[getattr(seen, name).numpy() for name in _COUNTS] for seen in faces])
         hidden = np.stack([_hidden_pixels(one) for one in counts])
@@ -336,7 +336,7 @@ class _Look:
         return counts.sum(axis=0, dtype=np.int32), np.take_along_axis(occluders, most, axis=0)[0]
 
     def attention(self, agent: Agent) -> NDArray[np.int32]:
-        """Pixels of each object in the field of attention, ``(views, K)``; no end of them without one."""
+        """Count pixels of each object in the field of attention, ``(views, K)``; no end of them without one."""
         if agent.attention is None:
             return np.array(np.iinfo(np.int32).max, dtype=np.int32)
         return self._at(agent, agent.attention, agent.poses, (0, 0, 0, 0)).visible_pixels.numpy()
@@ -363,13 +363,13 @@ class _Look:
 
 
 def _hidden_pixels(counts: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Pixels of the images in which objects are in range and behind something."""
+    """Count pixels of the images in which objects are in range and behind something."""
     visible, image, _, too_near, too_far = counts
     return np.maximum(image - visible - too_near - too_far, 0)
 
 
 def _status(counts: NDArray[np.int32], seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """`Visibility` from `_COUNTS`: VISIBLE where `seen`, else the reason of most pixels in the images."""
+    """Make `Visibility` of `_COUNTS`: VISIBLE where `seen`, else the reason of most pixels in the images."""
     _, image, silhouette, too_near, too_far = counts
     hidden = _hidden_pixels(counts)
     reasons = np.array([Visibility.OCCLUDED, Visibility.TOO_NEAR, Visibility.TOO_FAR], dtype=np.uint8)
@@ -383,7 +383,7 @@ def _status(counts: NDArray[np.int32], seen: NDArray[np.bool_]) -> NDArray[np.ui
 
 
 def _state_word(state: int, first: str, second: str) -> str:
-    """How `table` says it."""
+    """Return the word that `table` has for a state."""
     return ("neither", f"{first} only", f"{second} only", "both")[state]
 
 

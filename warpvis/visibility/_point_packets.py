@@ -128,7 +128,7 @@ def _lay_out(camera: Camera, triangles: int, views: int, count: int, with_id: bo
 
 
 def _scale(camera: Camera, triangles: int, count: int) -> float:
-    """Pixels of an image, whose cells are 4 x 4 of them, to one of the camera's.
+    """Choose pixels of an image, whose cells are 4 x 4 of them, to one of the camera's.
 
     Small cells let the walk pass over more, large ones fill packets. This number of them is near the fastest one for 10
     to a million points in scenes of 5.4 k to 1.2 M triangles.
@@ -139,7 +139,7 @@ def _scale(camera: Camera, triangles: int, count: int) -> float:
 
 
 def _take(clusters: Clusters, layout: _Layout) -> _Workplace:
-    """A workplace that nobody uses: callers on several threads each have their own."""
+    """Return a workplace that nobody uses: callers on several threads each have their own."""
     while clusters.idle:
         try:
             place = cast(_Workplace, clusters.idle.pop())

@@ -36,7 +36,7 @@ def point_visibility(
     caster: Caster = "auto",
     threads: int | None = None,
 ) -> wp.array | tuple[wp.array, wp.array]:
-    """Whether points can be seen, and if not, why: by the ray through each point, not by pixels.
+    """Tell whether points can be seen, and if not, why: by the ray through each point, not by pixels.
 
     Args:
         scene: What may be in the way.
@@ -97,7 +97,7 @@ def point_visibility_from_depth(
     device: DeviceLike = None,
     threads: int | None = None,
 ) -> wp.array:
-    """The same against depth images that a sensor measured: each point by the pixel that it is in.
+    """Tell the same from depth images that a sensor measured: each point by the pixel that it is in.
 
     Args:
         depth: Planar depth [m], shape ``(V, H, W)`` float32, or ``(H, W)`` for one view. +inf is nothing up to the
@@ -135,7 +135,7 @@ def point_visibility_from_depth(
 
 
 def _project(camera: Camera, poses: wp.array, points: ArrayInput, threads: int | None) -> tuple[wp.array, wp.array]:
-    """Where points are in the images, shape ``(V, N)`` vec2, and their depths, shape ``(V, N)``."""
+    """Find where points are in the images, shape ``(V, N)`` vec2, and their depths, shape ``(V, N)``."""
     from warpvis.kernels.points import camera_frames, project_points
 
     device = poses.device

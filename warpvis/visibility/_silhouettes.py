@@ -100,7 +100,7 @@ class Surveyor:
             self._count_by_rays(poses, worlds, compared, outputs)
 
     def _spread(self, worlds: Worlds) -> Worlds:
-        """The same worlds, in which every object has a pose."""
+        """Return the same worlds, in which every object has a pose."""
         from warpvis.kernels.silhouettes import spread_poses
         from warpvis.kernels.worlds import Worlds
 
@@ -156,7 +156,7 @@ class Surveyor:
 
 
 def _columns(scene: Scene) -> np.ndarray:
-    """Of every object, its place among those with a pose: its own, its carrier's, or -1 if it stays."""
+    """Find every object's place among those with a pose: its own, its carrier's, or -1 if it stays."""
     columns = np.full(len(scene), -1, dtype=np.int32)
     columns[list(scene.movable)] = np.arange(len(scene.movable))
     for index, item in enumerate(scene.objects):
@@ -166,7 +166,7 @@ def _columns(scene: Scene) -> np.ndarray:
 
 
 def _scratch_words(width: int, depth: int, objects: int) -> int:
-    """Memory of a thread, as kernels/native/silhouettes.h carves it for a canvas of this width."""
+    """Count the memory of a thread, as kernels/native/silhouettes.h carves it for a canvas of this width."""
     tiles = max(_MOST_TILES, -(-(width + TILE) // TILE))
     blocks = tiles * (256 + 16 + 1 + 4 + 1)
     return blocks + (depth + 1) * 16 * VISIT_WORDS + objects * NOTE_WORDS + 64

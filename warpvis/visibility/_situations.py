@@ -35,7 +35,7 @@ class Situations:
     def parse(
         cls, scene: Scene, agents: Sequence[Agent], object_poses: ObjectPoses, world_index: ArrayInput | None
     ) -> Situations:
-        """The situations that agents and worlds make: each has one for all of them, or one for each.
+        """Make the situations that agents and worlds make: each has one for all of them, or one for each.
 
         Raises:
             ArrayError: They are not of one number of situations.
@@ -62,14 +62,14 @@ class Situations:
         )
 
     def rows(self) -> NDArray[np.float32] | None:
-        """Poses of the movable objects in every situation, ``(count, M, 7)``, or ``(1, M, 7)``; None if none is."""
+        """Return the movable objects' poses in every situation, ``(count, M, 7)`` or ``(1, M, 7)``; None if none is."""
         if self.object_poses is None:
             return None
         rows = np.array(self.object_poses.numpy(), dtype=np.float32)
         return rows if self.world_index is None else rows[self.world_index]
 
     def middles(self, scene: Scene, indices: Sequence[int]) -> NDArray[np.float64]:
-        """Middles of objects' boxes in the world of every situation [m], shape ``(count, K, 3)``, or ``(1, K, 3)``.
+        """Return middles of objects' boxes in the world of every situation [m], ``(count, K, 3)`` or ``(1, K, 3)``.
 
         The box of a movable object has the axes of its own frame, that of any other the axes of the world.
         """
