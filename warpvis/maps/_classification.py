@@ -58,7 +58,7 @@ def back_project(
     threads: int | None = None,
     out: wp.array | None = None,
 ) -> wp.array:
-    """World points of depth images, by equations (3) to (6).
+    """Compute world points of depth images, by equations (3) to (6).
 
     Args:
         depth: Planar depth [m], shape ``(V, H, W)`` float32, or ``(H, W)`` for one view.
@@ -203,7 +203,7 @@ def classify_rendered(
 
 
 def _read_objects(objects: ArrayInput, depth: wp.array, scene: Scene) -> wp.array:
-    """Images of objects, of the shape of depth; those of the host index the scene's objects."""
+    """Read images of objects, of the shape of depth; those of the host index the scene's objects."""
     result = as_warp(objects, wp.int32, depth.shape, name="objects", device=scene.device)
     if not on_gpu(objects):
         host = result.numpy()
@@ -219,7 +219,7 @@ def _read_objects(objects: ArrayInput, depth: wp.array, scene: Scene) -> wp.arra
 def _read_images(
     depth: ArrayInput, camera: Camera, camera_to_world: PoseLike, convention: Convention, device: DeviceLike
 ) -> tuple[wp.array, wp.array]:
-    """Depth images and as many poses, on one device."""
+    """Read depth images and as many poses, on one device."""
     depth = read_depth(depth, camera, device)
     poses = parse_poses(camera_to_world, convention=convention, device=depth.device)
     if len(poses) != len(depth):

@@ -61,12 +61,12 @@ class FloorMap:
         return "xyz"[first], "xyz"[second]
 
     def rgb(self) -> NDArray[np.uint8]:
-        """The maps in colour, ``(V, rows, columns, 3)``, in the order of `cells` (row 0 at the bottom of a picture)."""
+        """Colour the maps, ``(V, rows, columns, 3)``, in the order of `cells` (row 0 at the bottom of a picture)."""
         palette = np.array([MAP_LEGEND[label][1] for label in Label], dtype=np.uint8)
         return palette[self.cells.numpy()]
 
     def area(self, label: Label | int | str) -> NDArray[np.float64]:
-        """Floor area of a label in each view [m^2], shape ``(V,)``."""
+        """Measure the floor area of a label in each view [m^2], shape ``(V,)``."""
         count = (self.cells.numpy() == Label.parse(label)).sum(axis=(1, 2))
         return count * self.cell_size**2
 
@@ -142,7 +142,7 @@ def map_numbers(
     robots: ArrayLike = (),
     threads: int | None = None,
 ) -> FloorMap:
-    """As `floor_map`, of Warp arrays whose labels may be any numbers: the highest one counts. For our own pictures."""
+    """Make `floor_map` of Warp arrays whose labels may be any numbers: the highest one counts. For our own pictures."""
     from warpvis.kernels import floor_map as kernels
 
     device = points.device

@@ -46,7 +46,7 @@ def plan_visibility(
     exclude: Sequence[str] = (),
     convention: Convention = "opencv",
 ) -> PlanVisibility:
-    """Which objects a 2D line of sight on the floor plan reaches.
+    """Find which objects a 2D line of sight on the floor plan reaches.
 
     From the camera's place on the plan, one line runs along the horizontal direction of every image column, as far as
     the camera measures. Outlines are the edges of all triangles seen from above; objects labelled ground have none.
@@ -87,7 +87,7 @@ def plan_visibility(
 
 
 def _edges(corners: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Edges of all triangles on the plan, each once, shape ``(n, 2, 2)``."""
+    """Return edges of all triangles on the plan, each once, shape ``(n, 2, 2)``."""
     pairs = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     edges = corners[np.unique(pairs, axis=0)].astype(np.float64)
     return edges[(edges[:, 0] != edges[:, 1]).any(axis=1)]
@@ -96,7 +96,7 @@ def _edges(corners: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np
 def _column_directions(
     camera: Camera, rotation: NDArray[np.float64], floor: list[int], view: int
 ) -> NDArray[np.float64]:
-    """Directions on the plan with a length of 1 along the camera's heading, so that range is depth, ``(W, 2)``."""
+    """Compute directions on the plan of length 1 along the camera's heading, so that range is depth, ``(W, 2)``."""
     heading = rotation[floor, 2]
     if np.linalg.norm(heading) < 1e-6:
         raise PoseError(f"camera_to_world must not look straight up or down on a floor plan: view {view} does")
@@ -108,7 +108,7 @@ def _column_directions(
 def _nearest_edge(
     origin: NDArray[np.float64], directions: NDArray[np.float64], edges: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Parameter of each ray's first crossing with a segment, +inf without one, shape ``(rays,)``."""
+    """Compute the parameter of each ray's first crossing with a segment, +inf without one, shape ``(rays,)``."""
     nearest = np.full(len(directions), np.inf)
     for start in range(0, len(edges), _EDGES_AT_A_TIME):
         a = edges[start : start + _EDGES_AT_A_TIME, 0] - origin

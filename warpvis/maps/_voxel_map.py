@@ -51,7 +51,7 @@ class Voxel(enum.IntEnum):
 
     @classmethod
     def parse(cls, value: Voxel | int | str) -> Voxel:
-        """State from itself, its number or its name in any case.
+        """Return the state from itself, its number or its name in any case.
 
         Raises:
             ArrayError: There is no such state.
@@ -85,25 +85,25 @@ class VoxelMap:
         return np.stack([low, low + self.cell_size * np.array(self.states.shape)])
 
     def centers(self) -> NDArray[np.float32]:
-        """The middles of the cubes [m], shape ``(nx, ny, nz, 3)``."""
+        """Return the middles of the cubes [m], shape ``(nx, ny, nz, 3)``."""
         return np.stack(np.meshgrid(*self._middles(), indexing="ij"), axis=-1)
 
     def _middles(self) -> list[NDArray[np.float32]]:
-        """The middles' coordinates along x, y and z."""
+        """Return the middles' coordinates along x, y and z."""
         sizes = zip(self.origin, self.states.shape, strict=True)
         return [(low + self.cell_size * (np.arange(count) + 0.5)).astype(np.float32) for low, count in sizes]
 
     def counts(self) -> dict[Voxel, int]:
-        """How many cubes are in each state."""
+        """Count how many cubes are in each state."""
         numbers = np.bincount(self.states.numpy().ravel(), minlength=len(Voxel))
         return {state: int(numbers[state]) for state in Voxel}
 
     def volume(self, state: Voxel | int | str) -> float:
-        """Space in a state [m^3]."""
+        """Measure the space in a state [m^3]."""
         return self.counts()[Voxel.parse(state)] * self.cell_size**3
 
     def floor_map(self, *, robots: ArrayLike = ()) -> FloorMap:
-        """The paper's map: the seen surface projected to the floor.
+        """Make the paper's map: the seen surface projected to the floor.
 
         A cell of the floor shows the highest `Label` of the cubes over it, `Label.EMPTY` where no surface was seen.
         It is what `floor_map` makes of the points that lie in the box, seen from all views together, and of those
@@ -135,7 +135,7 @@ class VoxelMap:
         )
 
     def merge(self, other: VoxelMap) -> VoxelMap:
-        """A new map of what this one or another one saw: of every cube the higher state and the higher label.
+        """Make a new map of what this one or another one saw: of every cube the higher state and the higher label.
 
         Raises:
             ArrayError: The other map is of another grid, or on another device.
@@ -187,7 +187,7 @@ def voxel_map(
     threads: int | None = None,
     out: VoxelMap | None = None,
 ) -> VoxelMap:
-    """Which voxels of a box depth images show to be free, which hold a seen surface, and which are hidden.
+    """Tell which voxels of a box depth images show to be free, which hold a seen surface, and which are hidden.
 
     A voxel is, by the first of these that is true in any view:
 
@@ -255,7 +255,7 @@ def voxel_map_from_scene(
     threads: int | None = None,
     out: VoxelMap | None = None,
 ) -> VoxelMap:
-    """The map of what views of a scene show: `voxel_map` of their depth and labels, which are rendered in parts.
+    """Map what views of a scene show: `voxel_map` of their depth and labels, which are rendered in parts.
 
     Args:
         scene: What is seen; its vertical axis is the map's.
@@ -304,7 +304,7 @@ def voxel_map_from_scene(
 def _map_for(
     bounds: ArrayLike, cell_size: float, up: Literal["z", "y"], device: wp.Device, out: VoxelMap | None
 ) -> VoxelMap:
-    """A map of which nothing is known yet, or `out` if that is there and of this grid."""
+    """Make a map of which nothing is known yet, or `out` if that is there and of this grid."""
     check_up(up)
     origin, size, side = _check_grid(bounds, cell_size)
     if out is None:
@@ -350,7 +350,7 @@ def _zeros(shape: tuple[int, ...], dtype: type, device: wp.Device) -> wp.array:
 
 
 def _check_grid(bounds: ArrayLike, cell_size: float) -> tuple[tuple[float, float, float], tuple[int, int, int], float]:
-    """Origin, size and side of a grid's voxels."""
+    """Check a grid's box, and return origin, size and side of a grid's voxels."""
     side = check_metres(cell_size, "cell_size", zero=False)
     corners = as_numpy(bounds, name="bounds").astype(np.float64)
     if corners.shape != (2, 3) or not np.isfinite(corners).all() or (corners[1] <= corners[0]).any():
