@@ -51,7 +51,7 @@ class BestViews:
     """The candidates, rows ``x y z qx qy qz qw`` of the OpenCV frame, ``(C, 7)``."""
 
     def pose(self, rank: int = 0) -> NDArray[np.float64]:
-        """The pose that comes at this place in the order, row ``x y z qx qy qz qw`` of the OpenCV frame, ``(7,)``."""
+        """Return the pose at this place in the order, row ``x y z qx qy qz qw`` of the OpenCV frame, ``(7,)``."""
         return self.candidates[self.order[rank]]
 
 
@@ -66,7 +66,7 @@ def pose_grid(
     pitch: float = 0.0,
     up: Literal["z", "y"] = "z",
 ) -> NDArray[np.float64]:
-    """Camera poses over a disc of the floor, on a square grid around its middle.
+    """Make camera poses over a disc of the floor, on a square grid around its middle.
 
     Args:
         center: Middle of the disc [m], a point of the world, shape ``(3,)``; its height does not count.
@@ -204,7 +204,7 @@ def best_views(
 
 
 def _look(scene: Scene, camera: Camera, rows: NDArray[np.float64], field: str, options: dict[str, Any]) -> np.ndarray:
-    """One field of `object_visibility` for all poses, ``(C, K)``: the device's results are read back once."""
+    """Return one field of `object_visibility` for all poses, ``(C, K)``: the device's results are read back once."""
     objects = options["objects"]
     poses = wp.array(rows.astype(np.float32), dtype=wp.transform, device=scene.device)
     values = None
@@ -220,7 +220,7 @@ def _look(scene: Scene, camera: Camera, rows: NDArray[np.float64], field: str, o
 
 
 def _ranked(scores: NDArray[np.float32], lengths: NDArray[np.float64], tie: float) -> NDArray[np.int64]:
-    """Indices from the best to the worst."""
+    """Rank indices from the best to the worst."""
     exact = scores.astype(np.float64)
     levels = np.floor(exact / tie + _TIE_ROUNDING) if tie > 0 else exact
     return np.lexsort((-exact, lengths, -levels))
@@ -246,7 +246,7 @@ def _candidate_rows(candidates: PoseLike, convention: Convention) -> NDArray[np.
 def _path_lengths(
     scene: Scene, rows: NDArray[np.float64], start: ArrayInput | None, path_lengths: ArrayInput | None
 ) -> NDArray[np.float64]:
-    """Way to every candidate [m], shape ``(C,)``; 0 if nothing is said of it."""
+    """Compute the way to every candidate [m], shape ``(C,)``; 0 if nothing is said of it."""
     if start is not None and path_lengths is not None:
         raise ArrayError("give either start or path_lengths, not both")
     if path_lengths is not None:
@@ -286,7 +286,7 @@ def _check_exclude(exclude: Excluded) -> list[str | int] | None:
 
 
 def look_along(places: NDArray[np.float64], forward: NDArray[np.float64], vertical: int) -> NDArray[np.float64]:
-    """Poses at places ``(C, 3)`` that look along directions of any length, upright: `look_at` for many."""
+    """Make poses at places ``(C, 3)`` that look along directions of any length, upright: `look_at` for many."""
     right = np.cross(forward, np.eye(3)[vertical])
     axes = np.stack([right, np.cross(forward, right), forward], axis=2)
     matrices = np.tile(np.eye(4), (len(places), 1, 1))

@@ -59,7 +59,7 @@ def surface_samples(
     object_poses: ObjectPoses = None,
     seed: int = 0,
 ) -> Samples:
-    """Points that are spread evenly over the surfaces of objects, the same ones every time.
+    """Spread points evenly over the surfaces of objects, the same ones every time.
 
     An object gets its area / `spacing`^2 of them, at least one, each of which stands for an equal share of its area.
     Triangles get theirs by systematic sampling in proportion to their areas; within triangles they follow the sequence
@@ -134,7 +134,7 @@ class Coverage:
         return np.cumsum(self.gain)
 
     def best(self, k: int) -> NDArray[np.int64]:
-        """The first k views of `order`: they cover at least 1 - 1/e, 63 %, of what the best k views could.
+        """Return the first k views of `order`: they cover at least 1 - 1/e, 63 %, of what the best k views could.
 
         Raises:
             ArrayError: `order` has fewer views, or k is less than 1.
@@ -142,7 +142,7 @@ class Coverage:
         return self.order[: _check_k(k, len(self.order), "views of order")]
 
     def unseen(self) -> NDArray[np.bool_]:
-        """Which samples no view sees, shape ``(N,)``."""
+        """Tell which samples no view sees, shape ``(N,)``."""
         return np.logical_not(self.seen.any(axis=0))
 
 
@@ -160,7 +160,7 @@ def coverage(
     convention: Convention = "opencv",
     threads: int | None = None,
 ) -> Coverage:
-    """How much surface views cover, alone and together, and which views to take if only some can be.
+    """Measure how much surface views cover, alone and together, and choose views if only some can be taken.
 
     A sample is covered by a view if `point_visibility` calls it `Visibility.VISIBLE`: in the image, in range, and
     hidden by nothing. Surfaces have two sides, and both count: a floor is seen from below, too, where nothing is in
@@ -226,14 +226,14 @@ def coverage(
 
 
 def _area(areas: NDArray[np.float64], which: NDArray[np.bool_]) -> float:
-    """Sum of some areas, all in one order: what is in a smaller set never sums up to more, even by rounding."""
+    """Sum some areas, all in one order: what is in a smaller set never sums up to more, even by rounding."""
     return float((areas * which).sum())
 
 
 def _choose_views(
     seen: NDArray[np.bool_], areas: NDArray[np.float64], alone: NDArray[np.float64], count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Views in greedy order, and what each adds: the one on top of the heap is chosen once its gain is up to date."""
+    """Choose views greedily, and say what each adds: the top of the heap is chosen once its gain is up to date."""
     left = areas.copy()
     heap = [(-area, view, 0) for view, area in enumerate(alone)]
     heapq.heapify(heap)
@@ -254,7 +254,7 @@ def _choose_views(
 def _spread(
     corners: NDArray[np.float64], areas: NDArray[np.float64], count: int, rng: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Points of triangles of these areas (of any scale), and which triangle each is of."""
+    """Spread points over triangles of these areas (of any scale), and say which triangle each is of."""
     ends = np.cumsum(areas)
     marks = (np.arange(count) + rng.random()) / count * ends[-1]
     faces = np.minimum(np.searchsorted(ends, marks, side="right"), len(areas) - 1)

@@ -36,7 +36,7 @@ def clearance(
     object_poses: ObjectPoses = None,
     threads: int | None = None,
 ) -> wp.array:
-    """Distance from points to the nearest surface, on either side of it.
+    """Measure the distance from points to the nearest surface, on either side of it.
 
     Surfaces are triangles; of a movable `warpvis.scene.solids.Solid`, too, the triangles count. Those without an area
     may be passed over. The nearest one is found in single precision, its distance is computed in double.
@@ -88,7 +88,7 @@ def standing_room(
     object_poses: ObjectPoses = None,
     threads: int | None = None,
 ) -> NDArray[np.bool_]:
-    """Whether an upright robot has room where its camera is.
+    """Tell whether an upright robot has room where its camera is.
 
     The robot is an upright cylinder around the camera, from `step` above the floor up to the camera's height. It has
     room if no triangle comes into the cylinder, and its top is not inside of a closed object whose triangles face
@@ -135,7 +135,7 @@ def standing_room(
 def one_world(
     scene: Scene, object_poses: ObjectPoses, exclude: Excluded
 ) -> tuple[list[NDArray[np.float32]], NDArray[np.bool_]]:
-    """All objects' vertices in one world [m], shapes ``(n, 3)``, and which objects are excluded, shape ``(objects,)``.
+    """Return all objects' vertices in one world [m], ``(n, 3)``, and which are excluded, ``(objects,)``.
 
     Args:
         scene: A scene that has objects.
@@ -170,12 +170,12 @@ def one_world(
 
 
 def corners_of(scene: Scene, vertices: Sequence[NDArray[np.float32]], chosen: Sequence[int]) -> NDArray[np.float32]:
-    """Corners of the chosen objects' triangles, shape ``(T, 3, 3)``, one object after the other."""
+    """Gather corners of the chosen objects' triangles, shape ``(T, 3, 3)``, one object after the other."""
     return np.concatenate([vertices[index][scene.objects[index].faces] for index in chosen])
 
 
 def build_mesh(scene: Scene, vertices: Sequence[NDArray[np.float32]], chosen: Sequence[int]) -> wp.Mesh:
-    """One `wp.Mesh` of some of the scene's objects, where `one_world` says they are."""
+    """Build one `wp.Mesh` of some of the scene's objects, where `one_world` says they are."""
     device = scene.device
     corners = corners_of(scene, vertices, chosen).reshape(-1, 3)
     return wp.Mesh(
@@ -186,7 +186,7 @@ def build_mesh(scene: Scene, vertices: Sequence[NDArray[np.float32]], chosen: Se
 
 
 def may_hold(vertices: NDArray[np.float32], faces: NDArray[np.int32], points: NDArray[np.float32]) -> bool:
-    """Whether points can be inside of an object: some are in its box, and it is closed and faces outwards."""
+    """Tell whether points can be inside of an object: some are in its box, and it is closed and faces outwards."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     if not ((points >= low) & (points <= high)).all(axis=1).any() or not has_no_boundary(vertices, faces):
         return False

@@ -34,7 +34,7 @@ def minimum_height(
     exclude: Excluded = None,
     threads: int | None = None,
 ) -> wp.array:
-    """The least height by which each target must be raised to be in each eye's line of sight.
+    """Find the least height by which each target must be raised to be in each eye's line of sight.
 
     Lines of sight are straight, from point to point; there is no field of view. GDAL's viewshed asks the same of height
     fields (output mode ``GROUND``). Among triangle meshes a point may be hidden again when it is raised further, under
@@ -86,7 +86,7 @@ def minimum_height(
 
 
 def _build_blockers(corners: NDArray[np.float32], up: int, device: wp.Device) -> tuple[wp.array, wp.Bvh]:
-    """A `warpvis.kernels.heights.Blockers`, and the tree that it refers to, in boxes with room for rounding."""
+    """Build a `warpvis.kernels.heights.Blockers` and the tree that it refers to, in boxes with room for rounding."""
     from warpvis.kernels.heights import Blockers
 
     corners = corners[..., [(up + 1) % 3, (up + 2) % 3, up]]  # the kernel's third axis is up

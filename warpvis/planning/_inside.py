@@ -24,7 +24,7 @@ def inside_solids(
     object_poses: ObjectPoses = None,
     threads: int | None = None,
 ) -> NDArray[np.bool_]:
-    """Whether points are inside of closed objects whose triangles face outwards.
+    """Tell whether points are inside of closed objects whose triangles face outwards.
 
     Above a point inside of such objects, more triangles that face up than such that face down are passed. An object
     counts if its triangles have no boundary and enclose a positive volume; one that faces inwards, as the walls of a

@@ -36,7 +36,7 @@ class Proposal:
     """Visible share of the silhouette of every object that has to be seen, by name."""
 
     def report(self) -> dict[str, Any]:
-        """The same as plain Python values that `json.dumps` takes."""
+        """Report the same in plain Python values that `json.dumps` takes."""
         return {"pose": self.pose.tolist(), "distance": self.distance, "fractions": self.fractions}
 
 
@@ -51,7 +51,7 @@ def propose_view(
     floor: float = 0.0,
     object_poses: ObjectPoses = None,
 ) -> Proposal | None:
-    """Where a robot near its present place sees the most of the objects that only the person sees.
+    """Find where a robot near its present place sees the most of the objects that only the person sees.
 
     The camera keeps its height and looks at the likeliest of the objects. Places are those of `pose_grid` at which the
     robot has `standing_room`. Objects weigh as much as the person is likely to mean them, by `Candidate.score`. Of
