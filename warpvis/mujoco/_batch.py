@@ -211,7 +211,7 @@ class BatchRenderer:
         return out
 
     def camera(self, camera: int | str) -> Camera:
-        """Intrinsics of one of the model's cameras in this renderer's image size."""
+        """Return intrinsics of one of the model's cameras in this renderer's image size."""
         return self._camera(camera_id(self.model, camera))
 
     def _camera(self, index: int) -> Camera:
@@ -227,7 +227,7 @@ class BatchRenderer:
         return self._renderers[camera].render(place.eyes.flatten()[views], **worlds, out=out)
 
     def _take(self, key: _Key, cameras: Sequence[int], worlds: NDArray[np.int32]) -> _Workplace:
-        """Memory that nobody uses, of an earlier call for the same cameras and worlds, or new."""
+        """Return memory that nobody uses, of an earlier call for the same cameras and worlds, or new."""
         try:
             return self._idle.pop(key)
         except KeyError:
@@ -263,7 +263,7 @@ class BatchRenderer:
     def _read_worlds(
         self, poses: PoseSource | Sequence[mujoco.MjData] | ArrayInput, worlds: ArrayLike | None
     ) -> tuple[PoseSource, NDArray[np.int32]]:
-        """A source of poses, and which of its worlds to render."""
+        """Read a source of poses, and which of its worlds to render."""
         if isinstance(poses, list | tuple) and len(poses) and all(isinstance(data, mujoco.MjData) for data in poses):
             poses = WorldPoses.of(poses)
         if hasattr(poses, "geom_xpos"):

@@ -77,13 +77,13 @@ def shown_geoms(model: mujoco.MjModel, groups: Sequence[int]) -> list[int]:
 
 
 def _rigid_piece(model: mujoco.MjModel, geom: int) -> int:
-    """A body that the geom's body is welded to, the same one for all that move together."""
+    """Return a body that the geom's body is welded to, the same one for all that move together."""
     body = int(model.geom_bodyid[geom])
     return int(model.body_weldid[body]) or body  # 0, the world, is said of mocap bodies too
 
 
 def movable_bodies(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Which bodies can move: those not welded to the world, mocap bodies, and what hangs on these, shape ``(nbody,)``.
+    """Tell which bodies can move, ``(nbody,)``: those not welded to the world, mocap bodies, and what hangs on these.
 
     `bodycategory` in src/engine/engine_vis_visualize.c; older MuJoCo counts mocap bodies as welded to the world.
     """
@@ -94,7 +94,7 @@ def movable_bodies(model: mujoco.MjModel) -> NDArray[np.bool_]:
 
 
 def check_groups(groups: Iterable[int]) -> tuple[int, ...]:
-    """The groups as a sorted tuple.
+    """Return the groups as a sorted tuple.
 
     Raises:
         SceneError: One is not a whole number from 0 to 5.
@@ -107,12 +107,12 @@ def check_groups(groups: Iterable[int]) -> tuple[int, ...]:
 
 
 def _group(model: mujoco.MjModel, geom: int) -> int:
-    """The group that a geom counts for: MuJoCo clamps it."""
+    """Return the group that a geom counts for: MuJoCo clamps it."""
     return min(max(int(model.geom_group[geom]), 0), mujoco.mjNGROUP - 1)
 
 
 def _meshes(model: mujoco.MjModel, geoms: Iterable[int], tolerance: float) -> list[tuple[int, Mesh | Solid]]:
-    """Those geoms that are drawn, and their shapes in their frames: the same arrays for geoms of the same shape."""
+    """Make the shapes of those geoms that are drawn, in their frames: the same arrays for geoms of the same shape."""
     shared: dict[tuple[float, ...], Mesh | Solid | None] = {}
     drawn = []
     for geom in geoms:
@@ -131,14 +131,14 @@ def _meshes(model: mujoco.MjModel, geoms: Iterable[int], tolerance: float) -> li
 
 
 def _alpha(model: mujoco.MjModel, geom: int) -> float:
-    """Opacity: the material's, unless the geom has a colour of its own (`setMaterial` in engine_vis_visualize.c)."""
+    """Return the opacity: the material's, unless the geom has a colour (`setMaterial` in engine_vis_visualize.c)."""
     rgba, material = model.geom_rgba[geom], int(model.geom_matid[geom])
     own = material < 0 or rgba.tolist() != [0.5, 0.5, 0.5, 1.0]
     return float(rgba[3] if own else model.mat_rgba[material][3])
 
 
 def _mesh(model: mujoco.MjModel, geom: int, tolerance: float) -> Mesh | Solid | None:
-    """A geom's shape in its own frame; None where it has none."""
+    """Make a geom's shape in its own frame; None where it has none."""
     kind, data = int(model.geom_type[geom]), int(model.geom_dataid[geom])
     a, b, c = model.geom_size[geom].tolist()
     if kind == _GEOM.mjGEOM_PLANE:
@@ -173,7 +173,7 @@ def _height_field(model: mujoco.MjModel, field: int) -> Mesh:
 
 
 def object_names(model: mujoco.MjModel) -> list[str]:
-    """Names of all geoms' objects, all different."""
+    """Name all geoms' objects, all differently."""
     names = [model.geom(geom).name for geom in range(model.ngeom)]
     taken, last = {name for name in names if name}, dict.fromkeys(range(model.nbody), -1)
     for geom, body in enumerate(model.geom_bodyid.tolist()):
@@ -198,7 +198,7 @@ def fits(name: str, patterns: Iterable[str]) -> bool:
 
 
 def _initial_poses(model: mujoco.MjModel) -> NDArray[np.float64]:
-    """Geoms to world as the model is at first, matrices of shape ``(ngeom, 4, 4)``."""
+    """Return geoms to world as the model is at first, matrices of shape ``(ngeom, 4, 4)``."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     poses = np.zeros((model.ngeom, 4, 4))

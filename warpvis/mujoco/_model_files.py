@@ -24,7 +24,7 @@ _XACRO = "{http://www.ros.org/wiki/xacro}"
 
 
 def read_model(path: Path, *, search_path: Sequence[Path] = (), strict: bool = False) -> FileParts:
-    """The geoms of a model's file, MJCF or URDF, where they are at the model's initial state.
+    """Read the geoms of a model's file, MJCF or URDF, where they are at the model's initial state.
 
     Of MJCF, geoms of the groups 0 to 2 show, as in MuJoCo's viewer. Of URDF, the visual elements do; the collision
     elements only if the file has no other. Names and labels are those of `scene_from_mujoco`, but that what a URDF
@@ -76,7 +76,7 @@ def _parts(model: mujoco.MjModel, groups: Sequence[int], *, robot: bool) -> list
 
 
 def _parse(path: Path) -> ElementTree.Element:
-    """The root of an XML file that is MJCF or URDF.
+    """Parse the root of an XML file that is MJCF or URDF.
 
     Raises:
         FileFormatError: It is neither.
@@ -101,7 +101,7 @@ def _parse(path: Path) -> ElementTree.Element:
 def _compile(
     path: Path, root: ElementTree.Element, search_path: Sequence[Path]
 ) -> tuple[mujoco.MjModel, tuple[int, ...], list[str]]:
-    """The model, the groups of its geoms that show, and the meshes of which no file was found."""
+    """Compile the model; return it, the groups of its geoms that show, and the meshes of which no file was found."""
     if root.tag == "robot":
         return compile_urdf(path, root, search_path)
     return _compile_mjcf(path, root, search_path), DEFAULT_GROUPS, []
@@ -124,7 +124,7 @@ def _compile_mjcf(path: Path, root: ElementTree.Element, search_path: Sequence[P
 def _all_elements(
     path: Path, root: ElementTree.Element, search_path: Sequence[Path], include: dict[str, bytes]
 ) -> Iterator[ElementTree.Element]:
-    """The elements of a file and of those that it includes; files that are elsewhere are put into `include`."""
+    """Yield the elements of a file and of those that it includes; files that are elsewhere are put into `include`."""
     pending, seen = [root], set()
     while pending:
         for element in pending.pop().iter():
@@ -148,12 +148,12 @@ def _parse_part(path: Path) -> ElementTree.Element:
 
 
 def _folders(root: ElementTree.Element) -> list[str]:
-    """Where the model says that its assets are."""
+    """Say where the model says that its assets are."""
     return ["", *(item.get(name, "") for item in root.iter("compiler") for name in _FOLDERS if item.get(name))]
 
 
 def _find(path: Path, name: str, search_path: Sequence[Path], folders: Sequence[str] = ("",)) -> Path | None:
-    """A file on the search path; None if it is where the model says, or nowhere."""
+    """Find a file on the search path; None if it is where the model says, or nowhere."""
     if any((path.parent / folder / name).is_file() for folder in folders):
         return None
     tails = [*(Path(folder) / name for folder in folders), Path(Path(name).name)]

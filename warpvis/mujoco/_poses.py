@@ -52,7 +52,7 @@ class WorldPoses:
 
     @classmethod
     def of(cls, worlds: Sequence[mujoco.MjData]) -> WorldPoses:
-        """The poses that several `mujoco.MjData` have now, copied."""
+        """Copy the poses that several `mujoco.MjData` have now, copied."""
         return cls(*(np.stack([getattr(data, name) for data in worlds]) for name in _FIELDS))
 
 
@@ -163,12 +163,12 @@ def camera_transforms(
 
 
 def all_of(count: int, device: wp.Device) -> wp.array:
-    """Indices from 0 up, shape ``(count,)`` int32."""
+    """Return indices from 0 up, shape ``(count,)`` int32."""
     return wp.array(np.arange(count, dtype=np.int32), dtype=wp.int32, device=device)
 
 
 def world_count(source: PoseSource, field: str = "geom_xpos") -> int:
-    """How many worlds a source of poses has."""
+    """Count the worlds of a source of poses."""
     value = _get(source, field)
     return 1 if isinstance(source, mujoco.MjData) else int(value.shape[0])
 
@@ -190,7 +190,7 @@ class Kinematics:
     def from_qpos(
         self, qpos: ArrayLike, *, mocap_pos: ArrayLike | None = None, mocap_quat: ArrayLike | None = None
     ) -> WorldPoses:
-        """Poses of W worlds.
+        """Compute poses of W worlds.
 
         Args:
             qpos: Joint positions, shape ``(W, nq)``.
@@ -215,7 +215,7 @@ class Kinematics:
         return self._run(place, len(rows))
 
     def from_states(self, states: ArrayLike, spec: int = FULL_PHYSICS) -> WorldPoses:
-        """Poses of W worlds.
+        """Compute poses of W worlds.
 
         Args:
             states: Rows as `mj_getState` makes them, such as those of `mujoco.rollout`, shape ``(W, n)``, or

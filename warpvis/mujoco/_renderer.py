@@ -206,7 +206,7 @@ class Renderer:
         return np.full((*self._size, 2), -1, dtype=np.int32) if image is None else self._stage.meanings()[image]
 
     def _cast(self, output: Output) -> np.ndarray | None:
-        """One image of one view; None if there are no geoms."""
+        """Cast one image of one view; None if there are no geoms."""
         camera, stage = self._camera, self._stage
         assert camera is not None
         if not len(stage.scene):
@@ -229,7 +229,7 @@ class Renderer:
         return self._stage_of(np.flatnonzero(option.geomgroup).tolist(), static=bool(option.flags[_STATIC]))
 
     def _stage_of(self, groups: Iterable[int], *, static: bool) -> _Stage:
-        """The scene of some groups, made when first needed."""
+        """Return the stage of some groups, made when first needed."""
         key = (check_groups(groups), static)
         if key not in self._stages:
             scene = scene_from_mujoco(self._model, geom_groups=key[0], static=static, **self._options)
@@ -280,7 +280,7 @@ class _Stage:
 
 
 def _background(near: float, far: float) -> np.float32:
-    """The depth that `mujoco.Renderer` has where nothing is: its far plane, by its own rounding.
+    """Compute the depth that `mujoco.Renderer` has where nothing is: its far plane, by its own rounding.
 
     As `render` in mujoco/rendering/classic/renderer.py computes it from a depth buffer of 0.
     """

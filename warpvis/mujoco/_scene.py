@@ -127,7 +127,7 @@ def scene_from_mujoco(
 def _assign_labels(
     model: mujoco.MjModel, names: list[str], labels: Mapping[str, Label | int | str], exclude: tuple[str, ...]
 ) -> tuple[list[Label], set[int]]:
-    """Every geom's label, and the geoms that are left out."""
+    """Choose every geom's label, and the geoms that are left out."""
     wanted = [default_label(model, geom, name) for geom, name in enumerate(names)]
     for pattern, label in labels.items():
         for geom in _fitting(model, names, pattern, "labels"):
@@ -136,7 +136,7 @@ def _assign_labels(
 
 
 def _fitting(model: mujoco.MjModel, names: list[str], pattern: str, argument: str) -> list[int]:
-    """The geoms whose object or body has a name that fits."""
+    """Find the geoms whose object or body has a name that fits."""
     bodies = [model.body(body).name for body in range(model.nbody)]
     fitting = [
         geom

@@ -18,14 +18,14 @@ SLAB = 1e-4
 
 
 def box(half_sizes: tuple[float, float, float]) -> Mesh:
-    """A box of three half sizes [m], exactly."""
+    """Make a box of three half sizes [m], exactly."""
     corners = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
     quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
     return corners * np.asarray(half_sizes, dtype=np.float64), _split_quads(quads)
 
 
 def plane(half_x: float, half_y: float) -> Mesh:
-    """The rectangle z = 0 of two half sizes [m] as the top of a slab, so that it shows from both sides.
+    """Make the rectangle z = 0 of two half sizes [m] as the top of a slab, so that it shows from both sides.
 
     MuJoCo draws planes from both sides though it culls back faces (`renderGeom` in src/render/classic/render_gl3.c).
     """
@@ -35,7 +35,7 @@ def plane(half_x: float, half_y: float) -> Mesh:
 
 
 def height_field(elevation: NDArray[np.float64], size: NDArray[np.float64]) -> Mesh:
-    """A height field with its sides and bottom, exactly as MuJoCo draws it.
+    """Make a height field with its sides and bottom, exactly as MuJoCo draws it.
 
     Cells are split along the diagonal from their least corner (`mjr_uploadHField` in src/render/classic/
     render_context.c; collisions and rays do the same).

@@ -89,7 +89,7 @@ def _point_to_file(
 
 
 def _find_mesh(url: str, path: Path, search_path: Sequence[Path]) -> Path | None:
-    """The file of a mesh: of a package in a folder of the search path or above the file, or beside the file."""
+    """Find the file of a mesh: of a package in a folder of the search path or above the file, or beside the file."""
     folder = path.resolve().parent
     scheme = _SCHEME.fullmatch(url)
     kind, rest = (scheme[1], scheme[2]) if scheme else ("", url)
@@ -105,7 +105,7 @@ def _find_mesh(url: str, path: Path, search_path: Sequence[Path]) -> Path | None
 
 
 def _is_read_by_mujoco(path: Path) -> bool:
-    """Whether MuJoCo reads a mesh file itself: OBJ, MSH, and binary STL."""
+    """Tell whether MuJoCo reads a mesh file itself: OBJ, MSH, and binary STL."""
     suffix = path.suffix.lower()
     if suffix != ".stl":
         return suffix in _READ_BY_MUJOCO
@@ -116,7 +116,7 @@ def _is_read_by_mujoco(path: Path) -> bool:
 
 
 def _as_obj(path: Path) -> bytes:
-    """A mesh file of a kind that MuJoCo does not read, by trimesh, as OBJ."""
+    """Convert a mesh file of a kind that MuJoCo does not read to OBJ, by trimesh."""
     import trimesh
 
     try:
