@@ -38,7 +38,7 @@ class AgentView:
 
 
 def agent_view(scene: Scene, agent: Agent, view: int = 0, *, object_poses: ObjectPoses = None) -> AgentView:
-    """What an agent sees in one situation.
+    """Render what an agent sees in one situation.
 
     The picture of a `FieldOfView` has the angles to the side and upwards for axes, as on a globe, so that it can be
     wider than any pinhole's. It ends where the field's images end.
@@ -56,12 +56,12 @@ def agent_view(scene: Scene, agent: Agent, view: int = 0, *, object_poses: Objec
 
 
 def pose_of(agent: Agent, view: int) -> NDArray[np.float64]:
-    """Its pose in a situation, row ``x y z qx qy qz qw``."""
+    """Return its pose in a situation, row ``x y z qx qy qz qw``."""
     return agent.poses[view if len(agent.poses) > 1 else 0]
 
 
 def views_of_faces(scene: Scene, agent: Agent, view: int = 0, *, object_poses: ObjectPoses = None) -> list[Views]:
-    """Points, labels and objects of all its images in one situation."""
+    """Render points, labels and objects of all its images in one situation."""
     options = {"object_poses": object_poses, "exclude": agent.body or None}
     found = []
     faces = agent.faces
@@ -108,7 +108,7 @@ def _panorama(scene: Scene, agent: Agent, view: int, options: dict[str, Any]) ->
 
 
 def _border_rays(camera: Camera) -> NDArray[np.float64]:
-    """Rays along an image's border, around it, shape ``(n, 3)``."""
+    """Make rays along an image's border, around it, shape ``(n, 3)``."""
     w, h = camera.width, camera.height
     corners = np.array([(0, 0), (w, 0), (w, h), (0, h), (0, 0)], dtype=np.float64)
     steps = np.linspace(0, 1, 30)[:, None]

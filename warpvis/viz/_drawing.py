@@ -35,7 +35,7 @@ Colors = Callable[[NDArray[np.float32], NDArray[np.int32], NDArray[np.uint8]], N
 
 
 def light_on(normals: NDArray[np.floating], up: str) -> NDArray[np.float64]:
-    """How bright surfaces are by their normals, shape ``(..., 3)``: 0.55 in the shade to 1."""
+    """Compute how bright surfaces are by their normals, shape ``(..., 3)``: 0.55 in the shade to 1."""
     first, second, height = _LIGHT
     light = np.array([first, second, height] if up == "z" else [second, height, first])
     return 0.55 + 0.45 * np.clip(normals @ (light / np.linalg.norm(light)), 0, 1)
@@ -44,7 +44,7 @@ def light_on(normals: NDArray[np.floating], up: str) -> NDArray[np.float64]:
 def shaded_picture(
     scene: Scene, camera: Camera, camera_to_world: ArrayLike, colors: Colors, *, object_poses: ObjectPoses = None
 ) -> NDArray[np.float64]:
-    """A picture of a scene in given colours, shaded by the light and smoothed.
+    """Make a picture of a scene in given colours, shaded by the light and smoothed.
 
     Args:
         scene: The world.
@@ -72,7 +72,7 @@ def shaded_picture(
 
 
 def frustum(camera: Camera, camera_to_world: ArrayLike, reach: float) -> list[NDArray[np.float64]]:
-    """World lines from the camera to the image's corners at a depth, and around them."""
+    """Make world lines from the camera to the image's corners at a depth, and around them."""
     matrix = poses_to_matrices(poses_to_opencv(camera_to_world))[0]
     w, h = camera.width, camera.height
     corners = camera.back_project([(0, 0), (w, 0), (w, h), (0, h)], np.full(4, reach))
@@ -81,7 +81,7 @@ def frustum(camera: Camera, camera_to_world: ArrayLike, reach: float) -> list[ND
 
 
 def to_picture(camera: Camera, camera_to_world: ArrayLike, points: ArrayLike) -> NDArray[np.float64]:
-    """Where points of the world are in a picture [px], shape ``(n, 2)``; NaN behind the camera."""
+    """Find where points of the world are in a picture [px], shape ``(n, 2)``; NaN behind the camera."""
     to_camera = np.linalg.inv(poses_to_matrices(camera_to_world))
     return camera.project(np.asarray(points) @ to_camera[:3, :3].T + to_camera[:3, 3])
 
@@ -116,7 +116,7 @@ def draw_name(
 
 
 def white_edge() -> list[withStroke]:
-    """What makes black lines stand out on dark ground."""
+    """Make what makes black lines stand out on dark ground."""
     from matplotlib.patheffects import withStroke
 
     return [withStroke(linewidth=3.2, foreground="white")]

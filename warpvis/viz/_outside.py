@@ -65,7 +65,7 @@ def _crop(axes: Axes, drawn: NDArray[np.float64], camera: Camera) -> None:
 
 
 def _outside_pose(shown: Shown, eye: ArrayLike | None, target: ArrayLike | None) -> NDArray[np.float64]:
-    """Where the picture from outside is taken: where asked for, or where most of what matters is in sight."""
+    """Choose where the picture from outside is taken: where asked for, or with most of what matters in sight."""
     scene = shown.scene
     low, high = shown.bounds
     middle = (low + high) / 2 if target is None else np.asarray(target, dtype=np.float64)
@@ -89,7 +89,7 @@ def _outside_pose(shown: Shown, eye: ArrayLike | None, target: ArrayLike | None)
 
 
 def _directions(vertical: int) -> list[NDArray[np.float64]]:
-    """Unit vectors from the middle of the scene to where it may be looked at from."""
+    """List unit vectors from the middle of the scene to where it may be looked at from."""
     found = []
     for height in _OUTSIDE_HEIGHTS:
         for angle in (np.arange(_OUTSIDE_AZIMUTHS) + 0.5) * (2 * math.pi / _OUTSIDE_AZIMUTHS):
@@ -102,7 +102,7 @@ def _directions(vertical: int) -> list[NDArray[np.float64]]:
 def _distance(
     pose: NDArray[np.float64], middle: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
 ) -> float:
-    """How far from the middle the picture is taken so that a box fills it [m]."""
+    """Compute how far from the middle the picture is taken so that a box fills it [m]."""
     camera = OUTSIDE_CAMERA
     corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
     x, y, z = ((corners - middle) @ poses_to_matrices(pose)[:3, :3]).T

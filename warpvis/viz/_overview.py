@@ -133,7 +133,7 @@ def _seen_from(
     depth: NDArray[np.float32],
     segmentation: NDArray[np.int32],
 ) -> NDArray[np.bool_]:
-    """Whether points show up in a camera's image: at or beside their pixel, at their depth and of their object."""
+    """Tell whether points show up in a camera's image: at or beside their pixel, at their depth, of their object."""
     matrix = poses_to_matrices(poses_to_opencv(camera_to_world))[0]
     local = (points.astype(np.float64) - matrix[:3, 3]) @ matrix[:3, :3]
     z = local[..., 2]

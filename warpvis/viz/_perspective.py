@@ -106,7 +106,7 @@ def draw_perspective(
     proposed: ArrayLike | None,
     object_poses: ObjectPoses,
 ) -> Figure:
-    """The figure that `save_perspective` writes."""
+    """Draw the figure that `save_perspective` writes."""
     shown = Shown.of(scene, agents, seen, view, labels, object_poses)
     figure = new_figure(13.5, 8.2, gap=0.11)
     panels = figure.subplots(2, 3, width_ratios=(1.1, 1.0, 1.0), height_ratios=(0.8, 1.0))
@@ -139,7 +139,7 @@ def _draw_view(axes: Axes, shown: Shown, agent: Agent) -> None:
 
 
 def _depth_shaded(shown: Shown, seen: AgentView) -> NDArray[np.float64]:
-    """Greys that fade with the distance, and what has a state in its colour; ``(h, w, 3)``."""
+    """Make greys that fade with the distance, and what has a state in its colour; ``(h, w, 3)``."""
     there = np.isfinite(seen.distance)
     near, far = (seen.distance[there].min(), seen.distance[there].max()) if there.any() else (0.0, 1.0)
     fade = np.clip((np.where(there, seen.distance, far) - near) / max(far - near, 1e-9), 0, 1)
@@ -186,7 +186,7 @@ def _floor_map(shown: Shown, agent: Agent) -> _Floor:
 
 
 def _draw_places(axes: Axes, shown: Shown, floor_map: _Floor, proposed: ArrayLike | None) -> None:
-    """The agents on a map, each with an arrow that shows its heading, and where the first could go."""
+    """Draw the agents on a map, each with an arrow that shows its heading, and where the first could go."""
     floor = ["xyz".index(axis) for axis in floor_map.axes]
     left, right, bottom, top = floor_map.bounds
     length = 0.12 * max(right - left, top - bottom)

@@ -108,6 +108,6 @@ def save_sightings(
 
 
 def _farthest(depth: np.ndarray) -> float:
-    """Depth that is nearly white [m]; the greatest in the image is a little darker, to differ from none."""
+    """Return depth that is nearly white [m]; the greatest in the image is a little darker, to differ from none."""
     finite = depth[np.isfinite(depth)]
     return 1.15 * float(finite.max()) if finite.size else 1.0

@@ -53,7 +53,7 @@ class Shown:
         labels: Sequence[Label | int | str] | None,
         object_poses: ObjectPoses,
     ) -> Shown:
-        """What is to be shown; see `warpvis.viz.save_perspective` for the arguments and errors."""
+        """Choose what is to be shown; see `warpvis.viz.save_perspective` for the arguments and errors."""
         if len(agents) != 2 or any(agent.name not in seen.agents for agent in agents):
             names = ", ".join(repr(agent.name) for agent in agents)
             raise SceneError(f"agents must be two of those that perspective was asked about, got {names or 'none'}")
@@ -88,5 +88,5 @@ class Shown:
         return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
     def pose(self, agent: int) -> NDArray[np.float64]:
-        """Pose of the first (0) or second (1) agent, row ``x y z qx qy qz qw``."""
+        """Return the pose of the first (0) or second (1) agent, row ``x y z qx qy qz qw``."""
         return pose_of(self.agents[agent], self.view)
