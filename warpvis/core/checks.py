@@ -31,7 +31,7 @@ def is_whole(value: object) -> TypeGuard[int]:
 
 
 def check_whole(value: object, name: str, *, least: int = 1, error: type[WarpvisError] = ArrayError) -> int:
-    """`value` as a whole number from `least` up.
+    """Return `value` as a whole number from `least` up.
 
     Raises:
         WarpvisError: It is none; of the class `error`.
@@ -49,7 +49,7 @@ def check_number(
     most: float = math.inf,
     error: type[WarpvisError] = ArrayError,
 ) -> float:
-    """`value` as a finite number within limits.
+    """Return `value` as a finite number within limits.
 
     Raises:
         WarpvisError: It is none; of the class `error`.
@@ -62,7 +62,7 @@ def check_number(
 
 
 def check_choice(value: object, name: str, choices: Collection[str], error: type[WarpvisError] = ArrayError) -> str:
-    """`value`, if it is one of the words to choose from.
+    """Return `value` if it is one of the words to choose from.
 
     Raises:
         WarpvisError: It is none; of the class `error`.
@@ -73,7 +73,7 @@ def check_choice(value: object, name: str, choices: Collection[str], error: type
 
 
 def check_text(value: object, name: str, error: type[WarpvisError] = ArrayError) -> str:
-    """`value`, if it is text.
+    """Return `value` if it is text.
 
     Raises:
         WarpvisError: It is none; of the class `error`.
@@ -84,7 +84,7 @@ def check_text(value: object, name: str, error: type[WarpvisError] = ArrayError)
 
 
 def as_items(value: object, name: str, error: type[WarpvisError] = ArrayError) -> list[Any]:
-    """What is given one by one, as a list; text alone is one item.
+    """Return what is given one by one, as a list; text alone is one item.
 
     Raises:
         WarpvisError: It cannot be gone through; of the class `error`.
@@ -100,7 +100,7 @@ def as_items(value: object, name: str, error: type[WarpvisError] = ArrayError) -
 
 
 def as_path(path: object, name: str = "path") -> Path:
-    """A path of text or any `os.PathLike`: never a number, which Python's files take for an open file.
+    """Read a path of text or any `os.PathLike`: never a number, which Python's files take for an open file.
 
     Raises:
         FileFormatError: It is none.

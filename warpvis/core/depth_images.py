@@ -56,6 +56,6 @@ def read_labels(labels: ArrayInput, shape: tuple[int, ...], device: wp.Device) -
 
 
 def _device_of(array: object) -> str:
-    """Warp's name of the device a foreign array is on."""
+    """Return Warp's name of the device a foreign array is on."""
     kind, index = array.__dlpack_device__() if hasattr(array, "__dlpack_device__") else (1, 0)
     return f"cuda:{index}" if kind == 2 else "cpu"

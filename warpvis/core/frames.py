@@ -175,7 +175,7 @@ def _check_world(world_index: ArrayInput | None, count: int, objects: NDArray[np
 
 
 def _check_source(source: Mapping[str, Any] | None) -> dict[str, Any]:
-    """The source as it is when it was written as JSON and read back: two of them compare."""
+    """Return the source as it is when it was written as JSON and read back: two of them compare."""
     if source is None:
         return {}
     try:

@@ -227,7 +227,7 @@ def _rows_from_matrices(matrices: NDArray[np.float64], name: str) -> NDArray[np.
 
 
 def _quaternions(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Unit quaternions ``x y z w`` of rotation matrices, by the largest of the four components (Shepperd 1978)."""
+    """Compute unit quaternions ``x y z w`` of rotation matrices, by the largest component (Shepperd 1978)."""
     m00, m11, m22 = rotations[:, 0, 0], rotations[:, 1, 1], rotations[:, 2, 2]
     squares = np.stack([1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22, 1 + m00 + m11 + m22], axis=1)
     # Row k of `products` is 4 q_k (x, y, z, w); the row with the largest diagonal loses no digits.
@@ -264,7 +264,7 @@ def _parse_on_device(poses: wp.array, convention: str, device: wp.Device, name: 
 
 
 def _as_poses(poses: wp.array, name: str) -> tuple[bool, wp.array]:
-    """Whether a device array holds matrices, and the array as `wp.mat44` or `wp.transform` elements."""
+    """Tell whether a device array holds matrices, and view it as `wp.mat44` or `wp.transform` elements."""
     for dtype, shape in ((wp.transform, (7,)), (wp.mat44, (4, 4))):
         matrices = dtype is wp.mat44
         if poses.ndim == 1 and wp.types.types_equal(poses.dtype, dtype):

@@ -153,7 +153,7 @@ def run_together(work: Callable[[], None], workers: int, all_finished: Callable[
 
 
 def _begun(futures: list[Future[None]]) -> list[Future[None]]:
-    """Those that could not be cancelled."""
+    """Return those that could not be cancelled."""
     return [future for future in futures if not future.cancel()]
 
 
@@ -167,7 +167,7 @@ def check_threads(threads: int | None) -> int:
 
 
 def _split(views: int, height: int, width: int, threads: int, split_views: bool) -> list[tuple[int, int, int, int]]:
-    """Pieces ``(view, view_count, row, row_count)`` of about equal size that cover all rows of all views."""
+    """Make pieces ``(view, view_count, row, row_count)`` of about equal size that cover all rows of all views."""
     if threads == 1:
         return [(0, views, 0, height)]
     pixels = max(views * height * width // (threads * _PIECES_PER_THREAD), _LEAST_PIXELS)
@@ -200,7 +200,7 @@ def _submit(work: Callable[[], None], count: int) -> list[Future[None]]:
 
 
 def _forget_pool() -> None:
-    """A forked child has the pool's object but none of its threads."""
+    """Forget the pool: a forked child has its object but none of its threads."""
     global _pool, _pool_lock, _load_lock
     _pool, _pool_lock, _load_lock = None, Lock(), Lock()
 
