@@ -48,7 +48,7 @@ _ROOM_FOR_ROUNDING = 1e-3
 def orbit(
     target: ArrayLike, *, radius: float, height: float, count: int, up: Up = "z", start: float = 0.0
 ) -> NDArray[np.float64]:
-    """Cameras on a level circle around a point, which they look at.
+    """Place cameras on a level circle around a point, which they look at.
 
     Args:
         target: The point [m], shape ``(3,)``.
@@ -83,7 +83,7 @@ def sphere(
     min_elevation: float = -math.pi / 2,
     max_elevation: float = math.pi / 2,
 ) -> NDArray[np.float64]:
-    """Cameras spread evenly over a sphere around a point, which they look at.
+    """Place cameras spread evenly over a sphere around a point, which they look at.
 
     They lie on a Fibonacci lattice: each stands for the same area, on a spiral by the golden angle from the least
     elevation to the greatest (Swinbank and Purser 2006, https://doi.org/10.1256/qj.05.227). None is at a pole of a
@@ -126,7 +126,7 @@ def grid(
     look_at: ArrayLike | None = None,
     up: Up = "z",
 ) -> NDArray[np.float64]:
-    """Cameras on a cubic grid in a box.
+    """Place cameras on a cubic grid in a box.
 
     Args:
         bounds: Least and greatest corner of the box [m], shape ``(2, 3)``. The grid begins at the least corner.
@@ -174,7 +174,7 @@ def random_poses(
     exclude: Excluded = None,
     threads: int | None = None,
 ) -> NDArray[np.float64]:
-    """Cameras at random, uniformly within a box where there is room.
+    """Place cameras at random, uniformly within a box where there is room.
 
     With a clearance, places are drawn again that are nearer to a surface, or inside of a closed object whose triangles
     face outwards (see `warpvis.planning.inside_solids`). Movable objects are where they were added. What is outside of
@@ -233,7 +233,7 @@ def random_poses(
 def along(
     path: ArrayLike, *, count: int, look: Literal["forward"] | ArrayLike = "forward", up: Up = "z"
 ) -> NDArray[np.float64]:
-    """Cameras along a path of straight pieces, evenly spaced by its length, from its first point to its last.
+    """Place cameras along a path of straight pieces, evenly spaced by its length, from its first point to its last.
 
     Args:
         path: The points [m], shape ``(n, 3)``; equal neighbours count as one.
@@ -292,7 +292,7 @@ def _draw(
     target: NDArray[np.float64] | None,
     judge: _Room | None,
 ) -> NDArray[np.float64]:
-    """The random numbers of the first candidates that are good, ``(count, 5)``.
+    """Draw the random numbers of the first candidates that are good, ``(count, 5)``.
 
     Every candidate takes as many numbers, whatever they are used for, so it does not matter how many are drawn at once.
     """
@@ -318,7 +318,7 @@ def _draw(
 
 
 def _directions(headings: NDArray[np.float64], pitches: NDArray[np.float64], vertical: int) -> NDArray[np.float64]:
-    """Unit vectors by their angles from the floor's first axis, and above the floor [rad], shape ``(n, 3)``."""
+    """Make unit vectors of angles from the floor's first axis, and above the floor [rad], shape ``(n, 3)``."""
     directions = np.empty((len(headings), 3))
     directions[:, (vertical + 1) % 3] = np.cos(headings) * np.cos(pitches)
     directions[:, (vertical + 2) % 3] = np.sin(headings) * np.cos(pitches)
@@ -336,7 +336,7 @@ def _look_at(places: NDArray[np.float64], target: NDArray[np.float64], vertical:
 
 
 def _look_along(places: NDArray[np.float64], forward: NDArray[np.float64], vertical: int) -> NDArray[np.float64]:
-    """Poses at places that look along directions of any length but 0; see the module for straight up and down."""
+    """Make poses that look along directions of any length but 0; see the module for straight up and down."""
     first, second = (vertical + 1) % 3, (vertical + 2) % 3
     rows = np.empty((len(places), 7))
     for start in range(0, len(places), _AT_A_TIME):

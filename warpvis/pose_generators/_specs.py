@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def looks_like_spec(text: str) -> bool:
-    """Whether a text is a generator's spec and not the name of a file.
+    """Tell whether a text is a generator's spec and not the name of a file.
 
     It is if there is no file of that name, and it begins with a generator's name or goes on with words ``key=value``.
     """
@@ -39,7 +39,7 @@ def looks_like_spec(text: str) -> bool:
 
 
 def frames_from_spec(text: str, scene: Scene | None = None, *, up: Literal["z", "y"] | None = None) -> Frames:
-    """Frames of a generator that a text names: ``NAME key=value ...``.
+    """Make frames of a generator that a text names: ``NAME key=value ...``.
 
     - ``orbit target=X,Y,Z radius=R height=H count=N [start=A]``
     - ``sphere target=X,Y,Z radius=R count=N [min_elevation=A] [max_elevation=A]``
