@@ -105,7 +105,6 @@ def test_what_is_no_path_is_refused(path):
         verify,
         space.save,
         lambda place: wv.io.save_depth_png(depth, place),
-        lambda place: wv.io.DepthArchive(place, (1, 6, 8)),
         lambda place: wv.viz.save_depth(depth, place),
         lambda place: wv.render_batch(FLAG, CAMERA, wv.Frames.from_poses(POSE), place, threads=1),
         FLAG.export,

@@ -133,6 +133,8 @@ BAD = {
     "nothing moves": ("box.stl", {"movable": True}, SceneError, "nothing in it is said to move: name what"),
     "numbers": ("box.stl", {"movable": [0]}, SceneError, "movable must be true, false, or names of objects"),
     "suffix": ("box.xyzw", {}, FileFormatError, "no such file"),
+    "folder": ("buffers", {}, FileFormatError, "buffers: is a folder"),
+    "no format": ("plain", {}, FileFormatError, "plain: a name without a suffix is no format of scenes"),
     "format": (
         "box.docx",
         {},
@@ -146,6 +148,7 @@ BAD = {
 def test_bad_input_is_one_sentence(folder, case):
     name, options, kind, message = BAD[case]
     (folder / "box.docx").write_text("no mesh")
+    (folder / "plain").write_text("no mesh")
     with pytest.raises(kind, match=message) as caught:
         load(folder / name, **options)
     assert "\n" not in str(caught.value)

@@ -47,9 +47,8 @@ def _read(path: Path, search_path: Sequence[Path]) -> trimesh.Scene:
     kind = path.suffix.lower().lstrip(".")
     if kind not in trimesh.available_formats():
         known = ", ".join(sorted(trimesh.available_formats()))
-        raise FileFormatError(
-            f"{path}: {path.suffix or 'no suffix'!r} is no format of scenes; those are wbt, xml, urdf, and {known}"
-        )
+        given = repr(path.suffix) if path.suffix else "a name without a suffix"
+        raise FileFormatError(f"{path}: {given} is no format of scenes; those are wbt, xml, urdf, and {known}")
     # Face order and shared corners stay as they are in the file.
     options: dict[str, Any] = {"process": False}
     try:

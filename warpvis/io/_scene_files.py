@@ -36,7 +36,7 @@ def read_parts(
     folders = [search_path] if isinstance(search_path, str | os.PathLike) else search_path
     where = [as_path(folder, "search_path") for folder in folders]
     if not path.is_file():
-        raise FileFormatError(f"{path}: no such file")
+        raise FileFormatError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}")
     missing = next((folder for folder in where if not folder.is_dir()), None)
     if missing is not None:
         raise FileFormatError(f"{missing}: is no folder, and the search path is of folders")
