@@ -47,15 +47,19 @@ mutate: $(STAMP)
 	-@./scripts/ensure_clang.sh $(BIN)/python
 	$(BIN)/python scripts/mutate.py $(MUTANTS)
 
+NATIVE := $(wildcard kernels/native/*/*.h tests/native/*.h tests/native/*.cpp)
+
 lint: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/clang-format --dry-run -Werror $(NATIVE)
 	$(BIN)/python scripts/typecheck.py
 	$(BIN)/lint-imports
 
 format: $(STAMP)
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+	$(BIN)/clang-format -i $(NATIVE)
 
 bench: $(STAMP)
 	-@./scripts/ensure_egl.sh

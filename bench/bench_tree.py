@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import warpvis as wv
-from warpvis.scene._bvh import build_cluster_tree
+from warpvis.scene._bvh import build_bvh
 
 NAMES = ["experiment_3", "room", "blobs_77k", "blobs_1m"]
 
@@ -39,5 +39,5 @@ def test_lanes(benchmark, scene_of, name, lanes):
     faces = np.concatenate([item.faces + start for item, start in zip(scene.objects, first, strict=False)])
     owner = np.repeat(np.arange(len(scene)), [len(item.faces) for item in scene.objects])
     arguments = (vertices, faces, owner, np.ones(len(scene), dtype=bool))
-    benchmark.pedantic(build_cluster_tree, arguments, {"lanes": lanes}, rounds=rounds(scene), warmup_rounds=1)
+    benchmark.pedantic(build_bvh, arguments, {"lanes": lanes}, rounds=rounds(scene), warmup_rounds=1)
     benchmark.extra_info["triangles"] = scene.triangle_count

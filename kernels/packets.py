@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ``packets`` caster on CPU cores: views, or strips of them, walk a cluster tree of sixteen lanes.
+"""The ``packets`` caster on CPU cores: views, or strips of them, walk a BVH of as many lanes as a SIMD register has.
 
 The C++ is in ``kernels/native/``; Warp's own Clang compiles it. It holds structs of static functions only, because a
 native function's text goes into a function's body.
@@ -16,8 +16,8 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 
 @wp.struct
-class ClusterScene:
-    """Cluster trees in the same arrays: of all that stays, then of each mesh that moves.
+class BvhScene:
+    """BVHs in the same arrays: of all that stays, then of each mesh that moves.
 
     Of a triangle, ``owners`` holds the object, or its complement if that is closed; of one that moves, and alone, 0 or
     its complement. Triangles are numbered by their places in leaves: first those that stay, then those of each movable
@@ -30,6 +30,7 @@ class ClusterScene:
     children: wp.array[wp.int32]
     object_label: wp.array[wp.uint8]
     object_count: int
+    levels: int  # of nodes, of the deepest tree
     static_root: int  # -1 if nothing stays
     static_object: wp.array[wp.int32]  # those that stay
     closed_boxes: wp.array[float]  # of closed objects that stay
@@ -49,8 +50,7 @@ class ClusterScene:
 
 @wp.struct
 class PacketJob:
-    """Images to make, in units of strips. Counters, from 0: the next unit, the workers that
-    entered, and those that finished.
+    """Images to make, in units of strips. Counters, from 0, are a `JobCounter` of ``native/shared``.
 
     With `points`, rays go through that many points of every view, at x y x y ... [px], instead of its pixels' centres;
     the outputs' shape is then (views, 1, points).
@@ -72,10 +72,11 @@ class PacketJob:
     points: int
     at: wp.array[float]
     counter: wp.array[wp.int32]
-    scratch: wp.array2d[float]
+    scratch: wp.array2d[wp.uint8]  # of each worker; None to measure how many bytes each needs
+    scratch_bytes: wp.array[wp.int64]
 
 
-NO_SCENE, NO_WORLDS, NO_IMAGES = ClusterScene(), Worlds(), Images()
+NO_SCENE, NO_WORLDS, NO_IMAGES = BvhScene(), Worlds(), Images()
 """What a launch is packed with while nobody asks for images."""
 
 HEADERS = (
@@ -83,6 +84,11 @@ HEADERS = (
     "shared/images.h",
     "shared/pose.h",
     "cpu/lanes.h",
+    "cpu/arena.h",
+    "cpu/workers.h",
+    "cpu/image.h",
+    "cpu/bvh.h",
+    "cpu/camera.h",
     "cpu/setup.h",
     "cpu/raster.h",
     "cpu/solids.h",
@@ -95,32 +101,39 @@ HEADERS = (
 )
 
 SCENE = """
-const Tree tree = {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data,
-                   scene.static_root, scene.all_closed != 0};
-const Movables movables = {scene.movable_count, scene.movable_object.data, scene.movable_root.data,
-                           scene.movable_leaf.data, scene.movable_first_id.data, scene.movable_closed.data,
-                           scene.movable_boxes.data, scene.movable_solid.data,
-                           (const float*)scene.movable_size.data, (const float*)worlds.object_poses.data,
-                           worlds.object_poses.shape[0], worlds.world.data, worlds.excluded.data,
-                           worlds.excluded.shape[0], scene.object_count, scene.static_object.data,
-                           scene.static_object.shape[0]};
+static_assert(sizeof(wp::transform) == POSE_WORDS * sizeof(float) && sizeof(wp::vec4) == SOLID_WORDS * sizeof(float),
+              "poses and solids are read as rows of numbers");
+const Scene drawn = {
+    {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data, scene.static_root,
+     scene.all_closed != 0, scene.closed_boxes.data, scene.closed_object.data, scene.closed_count},
+    {scene.movable_count, scene.movable_object.data, scene.movable_root.data, scene.movable_leaf.data,
+     scene.movable_first_id.data, scene.movable_closed.data, scene.movable_boxes.data, scene.movable_solid.data,
+     (const float*)scene.movable_size.data, (const float*)worlds.object_poses.data, worlds.object_poses.shape[0],
+     worlds.world.data, worlds.excluded.data, worlds.excluded.shape[0], scene.object_count, scene.static_object.data,
+     scene.static_object.shape[0]}};
 """
-"""The structs of ``kernels/native`` of a `ClusterScene` named ``scene`` and `Worlds` named ``worlds``."""
+"""The structs of ``kernels/native/cpu`` of a `BvhScene` named ``scene`` and `Worlds` named ``worlds``."""
 
 _CAST = """
 const Job shape = {job.views, job.height, job.width, job.strips, job.strip_rows.data, job.most_rows,
                    {job.focal_x, job.focal_y}, {job.center_x, job.center_y}, job.near, job.far,
-                   job.cull_backfaces != 0, (const float*)poses.data, scene.closed_boxes.data,
-                   scene.closed_object.data, scene.closed_count, job.points, job.at.data};
-const int worker = __atomic_fetch_add(job.counter.data + Packets::entered, 1, __ATOMIC_SEQ_CST);
-float* scratch = (float*)((char*)job.scratch.data + (long long)worker * job.scratch.strides[0]);
-Packets::run(tree, movables, shape, out, scratch, job.counter.data);
+                   job.cull_backfaces != 0, (const float*)poses.data, job.points, job.at.data};
+if (!job.scratch.data) {
+    Arena measured = Arena::at(nullptr);
+    StripMemory::carve(measured, shape, scene.movable_count, scene.levels);
+    job.scratch_bytes.data[0] = measured.used;
+    return;
+}
+const int worker = Workers::enter(job.counter.data);
+Arena arena = Arena::at((char*)job.scratch.data + (long long)worker * job.scratch.strides[0]);
+const StripMemory memory = StripMemory::carve(arena, shape, scene.movable_count, scene.levels);
+Packets::run(drawn, shape, out, memory, job.counter.data);
 """
 
 
 @wp.func_native(read_native(*HEADERS) + SCENE + NATIVE_IMAGES + _CAST)
 def cast_units(
-    scene: ClusterScene,
+    scene: BvhScene,
     job: PacketJob,
     poses: wp.array[wp.transform],
     worlds: Worlds,
@@ -131,7 +144,7 @@ def cast_units(
 @wp.kernel
 def cast_packets(
     # Scene:
-    scene: ClusterScene,
+    scene: BvhScene,
     # Cameras:
     job: PacketJob,
     camera_to_world: wp.array[wp.transform],

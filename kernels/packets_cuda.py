@@ -10,7 +10,7 @@ import warp as wp
 
 from warpvis.kernels.images import NATIVE_IMAGES, Images
 from warpvis.kernels.native_source import read_native
-from warpvis.kernels.packets import ClusterScene
+from warpvis.kernels.packets import BvhScene
 from warpvis.kernels.pinhole import PinholeCamera
 from warpvis.kernels.worlds import Worlds
 
@@ -69,7 +69,7 @@ def make_packet_function(side: int, with_id: bool, movable: bool) -> wp.Function
 
     @wp.func_native(head + read_native(*_SHARED_HEADERS, "cuda/lanes.h", kind, *_HEADERS) + NATIVE_IMAGES + _CAST)
     def cast_packet(
-        scene: ClusterScene,
+        scene: BvhScene,
         camera: PinholeCamera,
         poses: wp.array[wp.transform],
         worlds: Worlds,
@@ -97,7 +97,7 @@ def make_packet_kernel(side: int, with_id: bool, movable: bool) -> wp.Kernel:
     @wp.kernel(module="unique", enable_backward=False, grid_stride=False, cuda_max_registers=96 if movable else 80)
     def cast_packets_cuda(
         # Scene:
-        scene: ClusterScene,
+        scene: BvhScene,
         # Cameras:
         camera: PinholeCamera,
         camera_to_world: wp.array[wp.transform],

@@ -5,19 +5,16 @@
 import warp as wp
 
 from warpvis.kernels.native_source import read_native
-from warpvis.kernels.packets import HEADERS, SCENE, ClusterScene
+from warpvis.kernels.packets import HEADERS, SCENE, BvhScene
 from warpvis.kernels.pinhole import PinholeCamera
 from warpvis.kernels.worlds import Worlds
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
-CHUNK = 8192
-"""Points that are projected at a time; as `PointJob::chunk` in ``native/points.h``."""
-
 
 @wp.struct
 class PointJob:
-    """How the work is shared out, and memory for it.
+    """How the work is shared out, and memory for it, at multiples of a cache line.
 
     The image is drawn in pixels of its own, `scale` to a pixel of the camera: a power of two, which rounds nothing.
     """
@@ -25,12 +22,13 @@ class PointJob:
     scale: wp.float64
     batch: int  # points of a view that are worked on at a time
     strip_tiles: int  # rows of tiles in a strip
-    whole: int  # whether a unit of work is a view, not a part of one
-    lanes: int  # that a desk has room for
-    with_id: int  # whether lanes note what hides their points
-    desks: wp.array2d[float]  # one for all workers, or if units are views, one each
-    scratch: wp.array2d[float]  # of each worker
-    counter: wp.array[wp.int32]  # from 0: next unit, workers that entered, workers that finished, units that are done
+    views_are_units: int  # whether a unit of work is a view, not a part of one
+    with_id: int  # whether lanes tell what hides their points
+    bins: wp.array2d[wp.uint8]  # one for all workers, or if units are views, one each; None to measure
+    scratch: wp.array2d[wp.uint8]  # of each worker
+    bytes: wp.array[wp.int64]  # that bins and scratch need
+    counter: wp.array[wp.int32]  # from 0
+    taken: wp.array[wp.int32]  # [worker]: whether somebody works with its memory; from 0
 
 
 _JUDGE = """
@@ -46,23 +44,33 @@ shape.center[1] = camera.cy * job.scale;
 shape.near = camera.near;
 shape.far = camera.far;
 shape.poses = (const float*)camera_to_world.data;
-shape.closed_boxes = scene.closed_boxes.data;
-shape.closed_object = scene.closed_object.data;
-shape.closed_count = scene.closed_count;
-const PointJob asked = {(const float*)points.data, points.shape[0], job.batch, job.strip_tiles, job.whole != 0, width,
-                        height, tolerance, status.data, occluders.data};
-const int worker = __atomic_fetch_add(job.counter.data + Packets::entered, 1, __ATOMIC_SEQ_CST);
-const int desk_number = job.whole ? worker : 0;
-float* desk_memory = (float*)((char*)job.desks.data + (long long)desk_number * job.desks.strides[0]);
-const Desk desk = Desk::carve(desk_memory, asked, (shape.height + 15) >> 4, job.lanes, job.with_id != 0);
-float* scratch = (float*)((char*)job.scratch.data + (long long)worker * job.scratch.strides[0]);
-PointPackets::run(tree, movables, shape, asked, desk, scratch, job.counter.data);
+const PointJob asked = {(const float*)points.data, points.shape[0], job.batch, job.strip_tiles,
+                        job.views_are_units != 0, job.with_id != 0, width, height, tolerance, status.data,
+                        occluders.data};
+const int tiles_x = Grid::tiles(shape.width), tiles_y = Grid::tiles(shape.height);
+if (!job.bins.data) {
+    Arena bins = Arena::at(nullptr), scratch = Arena::at(nullptr);
+    PointBins::carve(bins, asked, tiles_x, tiles_y);
+    PointMemory::carve(scratch, asked, tiles_x, scene.movable_count, scene.levels);
+    job.bytes.data[0] = bins.used;
+    job.bytes.data[1] = scratch.used;
+    return;
+}
+Workers::enter(job.counter.data);
+const int slot = Workers::take_memory(job.taken.data);
+Arena shared = Arena::at((char*)job.bins.data + (job.views_are_units ? slot : 0) * (long long)job.bins.strides[0]);
+Arena own = Arena::at((char*)job.scratch.data + slot * (long long)job.scratch.strides[0]);
+const PointBins bins = PointBins::carve(shared, asked, tiles_x, tiles_y);
+const PointMemory memory = PointMemory::carve(own, asked, tiles_x, scene.movable_count, scene.levels);
+const PointWork work = {drawn, shape, asked, bins};
+PointPackets::of(work, memory).run(job.counter.data);
+Workers::give_back_memory(job.taken.data, slot);
 """
 
 
 @wp.func_native(read_native(*HEADERS, "cpu/points.h") + SCENE + _JUDGE)
 def judge_units(
-    scene: ClusterScene,
+    scene: BvhScene,
     camera: PinholeCamera,
     camera_to_world: wp.array[wp.transform],
     job: PointJob,
@@ -77,7 +85,7 @@ def judge_units(
 @wp.kernel
 def judge_points_packets(
     # Scene:
-    scene: ClusterScene,
+    scene: BvhScene,
     # Cameras:
     camera: PinholeCamera,
     camera_to_world: wp.array[wp.transform],

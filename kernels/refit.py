@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A cluster tree follows its vertices: corners of the leaves, and boxes from the leaves up; see `warpvis.scene._refit`.
+"""A BVH follows its vertices: corners of the leaves, and boxes from the leaves up; see `warpvis.scene._refit`.
 
 A leaf or a node is one thread's work on the CPU, and a warp's on CUDA, where each lane of it takes a lane: `parts` says
 how many threads share one. Slots are places among a tree's children, ``node * lanes + lane``.
@@ -8,18 +8,18 @@ how many threads share one. Slots are places among a tree's children, ``node * l
 
 import warp as wp
 
-from warpvis.kernels.constants import NOWHERE
+from warpvis.kernels.constants import CUDA_LANES, NODE_HIGH_ROW, NODE_LOW_ROW, NOWHERE
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 
 @wp.func_native(
-    """
+    f"""
 #if defined(__CUDA_ARCH__)
-    for (int other = 16; other; other >>= 1) {
+    for (int other = {CUDA_LANES // 2}; other; other >>= 1) {{
         const float theirs = __shfl_xor_sync(0xffffffffu, value, other);
         value = theirs < value ? theirs : value;
-    }
+    }}
 #endif
     return value;
     """
@@ -28,7 +28,7 @@ def least_of_parts(value: float) -> float: ...
 
 
 @wp.struct
-class Box:
+class Aabb:
     """The least and the greatest corner."""
 
     low: wp.vec3
@@ -36,17 +36,17 @@ class Box:
 
 
 @wp.func
-def no_box() -> Box:
-    box = Box()
+def no_box() -> Aabb:
+    box = Aabb()
     box.low = wp.vec3(NOWHERE)
     box.high = wp.vec3(-NOWHERE)
     return box
 
 
 @wp.func
-def box_of_parts(box: Box) -> Box:
+def box_of_parts(box: Aabb) -> Aabb:
     """The box around those of all threads that share a leaf or a node, for each of them."""
-    whole = Box()
+    whole = Aabb()
     low, high = box.low, box.high
     whole.low = wp.vec3(least_of_parts(low[0]), least_of_parts(low[1]), least_of_parts(low[2]))
     whole.high = -wp.vec3(least_of_parts(-high[0]), least_of_parts(-high[1]), least_of_parts(-high[2]))
@@ -54,11 +54,17 @@ def box_of_parts(box: Box) -> Box:
 
 
 @wp.func
-def set_child_box(box: Box, slot: int, nodes_out: wp.array3d[float]):
+def set_child_box(box: Aabb, slot: int, nodes_out: wp.array3d[float]):
     lanes = nodes_out.shape[2]
     for axis in range(3):
-        nodes_out[slot // lanes, axis, slot % lanes] = box.low[axis]
-        nodes_out[slot // lanes, 3 + axis, slot % lanes] = box.high[axis]
+        nodes_out[slot // lanes, NODE_LOW_ROW + axis, slot % lanes] = box.low[axis]
+        nodes_out[slot // lanes, NODE_HIGH_ROW + axis, slot % lanes] = box.high[axis]
+
+
+@wp.func
+def corner_of_child(nodes: wp.array3d[float], node: int, row: int, lane: int) -> wp.vec3:
+    """A corner of a child's box, whose coordinates are in three rows from `row` on."""
+    return wp.vec3(nodes[node, row, lane], nodes[node, row + 1, lane], nodes[node, row + 2, lane])
 
 
 @wp.kernel
@@ -111,10 +117,8 @@ def refit_nodes(
 
     box = no_box()
     for lane in range(part, nodes_out.shape[2], parts):
-        box.low = wp.min(box.low, wp.vec3(nodes_out[node, 0, lane], nodes_out[node, 1, lane], nodes_out[node, 2, lane]))
-        box.high = wp.max(
-            box.high, wp.vec3(nodes_out[node, 3, lane], nodes_out[node, 4, lane], nodes_out[node, 5, lane])
-        )
+        box.low = wp.min(box.low, corner_of_child(nodes_out, node, NODE_LOW_ROW, lane))
+        box.high = wp.max(box.high, corner_of_child(nodes_out, node, NODE_HIGH_ROW, lane))
     box = box_of_parts(box)
     if part == 0:
         slot = node_slots[node]

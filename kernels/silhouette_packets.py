@@ -5,7 +5,7 @@
 import warp as wp
 
 from warpvis.kernels.native_source import read_native
-from warpvis.kernels.packets import HEADERS, SCENE, ClusterScene
+from warpvis.kernels.packets import HEADERS, SCENE, BvhScene
 from warpvis.kernels.pinhole import PinholeCamera
 from warpvis.kernels.silhouettes import Canvas, Chosen, Comparison
 from warpvis.kernels.worlds import Worlds
@@ -14,11 +14,12 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 
 @wp.struct
-class SurveyJob:
-    """What workers share: counters, from 0, as of a `PacketJob`, and memory for each of them."""
+class SilhouetteJob:
+    """What workers share: counters, from 0, as of a `PacketJob`, and memory for each of them, all zero."""
 
     counter: wp.array[wp.int32]
-    scratch: wp.array2d[float]
+    scratch: wp.array2d[wp.uint8]  # of each worker; None to measure how many bytes each needs
+    scratch_bytes: wp.array[wp.int64]
 
 
 _MEASURE = """
@@ -32,23 +33,31 @@ shape.center[0] = camera.cx;
 shape.center[1] = camera.cy;
 shape.far = __builtin_inff();
 shape.poses = (const float*)camera_to_world.data;
-const Survey survey = {chosen.index.shape[0], chosen.index.data, scene.object_count,
-                       {canvas.x0, canvas.y0, canvas.x1, canvas.y1}, canvas.seen_only != 0,
-                       camera.near, camera.far, seen.segmentation.data, seen.depth.data, seen.delta,
-                       (char*)counts.data, counts.strides[0], counts.strides[1], hidden_by.data, masks.data};
-const int worker = __atomic_fetch_add(job.counter.data + Packets::entered, 1, __ATOMIC_SEQ_CST);
-float* scratch = (float*)((char*)job.scratch.data + (long long)worker * job.scratch.strides[0]);
-Silhouettes::run(tree, movables, shape, survey, scratch, job.counter.data);
+const SilhouetteJob asked = {chosen.index.shape[0], chosen.index.data, scene.object_count,
+                             {canvas.x0, canvas.y0, canvas.x1, canvas.y1}, canvas.seen_only != 0,
+                             camera.near, camera.far, seen.segmentation.data, seen.depth.data, seen.delta,
+                             (char*)counts.data, counts.strides[0], counts.strides[1], hidden_by.data, masks.data};
+if (!job.scratch.data) {
+    Arena measured = Arena::at(nullptr);
+    SilhouetteMemory::carve(measured, asked, scene.movable_count, scene.levels);
+    job.scratch_bytes.data[0] = measured.used;
+    return;
+}
+const int worker = Workers::enter(job.counter.data);
+Arena arena = Arena::at((char*)job.scratch.data + (long long)worker * job.scratch.strides[0]);
+const SilhouetteMemory memory = SilhouetteMemory::carve(arena, asked, scene.movable_count, scene.levels);
+const Silhouettes silhouettes = {drawn, shape, asked, memory};
+silhouettes.run(job.counter.data);
 """
 
 
 @wp.func_native(read_native(*HEADERS, "cpu/silhouettes.h") + SCENE + _MEASURE)
 def measure_units(
-    scene: ClusterScene,
+    scene: BvhScene,
     chosen: Chosen,
     camera: PinholeCamera,
     camera_to_world: wp.array[wp.transform],
-    job: SurveyJob,
+    job: SilhouetteJob,
     canvas: Canvas,
     worlds: Worlds,
     seen: Comparison,
@@ -61,12 +70,12 @@ def measure_units(
 @wp.kernel
 def measure_silhouettes_packets(
     # Scene:
-    scene: ClusterScene,
+    scene: BvhScene,
     chosen: Chosen,
     # Cameras:
     camera: PinholeCamera,
     camera_to_world: wp.array[wp.transform],
-    job: SurveyJob,
+    job: SilhouetteJob,
     # In:
     canvas: Canvas,
     worlds: Worlds,

@@ -16,7 +16,7 @@ import trimesh
 import warp as wp
 
 from warpvis.errors import ArrayError, SceneError
-from warpvis.scene._bvh import ClusterTree, build_cluster_tree
+from warpvis.scene._bvh import Bvh, build_bvh
 from warpvis.scene.closed import provably_closed
 from warpvis.scenes import PRESETS, shapes
 
@@ -33,8 +33,8 @@ class Input:
     owner: np.ndarray
     closed: np.ndarray
 
-    def build(self, **options) -> ClusterTree:
-        return build_cluster_tree(self.vertices, self.faces, self.owner, self.closed, **options)
+    def build(self, **options) -> Bvh:
+        return build_bvh(self.vertices, self.faces, self.owner, self.closed, **options)
 
 
 def soup(corners, closed=True) -> Input:
@@ -114,7 +114,7 @@ def case(request):
     return given, given.build(lanes=lanes)
 
 
-def subtrees(tree: ClusterTree):
+def subtrees(tree: Bvh):
     """``(node, lane, triangles below, level)`` of every child, children after those below them."""
     children = tree.children.numpy().reshape(-1, tree.lanes)
     triangles = tree.triangles.numpy().reshape(-1, tree.lanes)
@@ -208,7 +208,7 @@ def test_leaves_are_filled_and_the_tree_is_small(case):
     assert all(getattr(tree, name).ptr % 64 == 0 for name in ARRAYS)
 
 
-def assert_equal(first: ClusterTree, other: ClusterTree):
+def assert_equal(first: Bvh, other: Bvh):
     for array in ARRAYS:
         assert getattr(first, array).numpy().tobytes() == getattr(other, array).numpy().tobytes()
 
@@ -265,20 +265,21 @@ def test_a_tree_has_levels_and_16_or_32_lanes():
 
 def split_natively(given: Input, most_splits: int, lanes: int):
     """The items' boxes in their new order, and the splits."""
-    from warpvis.kernels import tree
+    from warpvis.kernels import bvh
+    from warpvis.kernels.constants import ITEM_WORDS, SPLIT_WORDS
 
     count = len(given.faces)
     vertices, faces = wp.array(given.vertices.ravel(), device="cpu"), wp.array(given.faces.ravel(), device="cpu")
-    # As tree.py wants it: at a multiple of 32 bytes.
-    memory = np.zeros(count * 8 + 16, dtype=np.float32)
+    # As bvh.py wants it: at a multiple of 32 bytes.
+    memory = np.zeros(count * ITEM_WORDS + 16, dtype=np.float32)
     start = -memory.ctypes.data % 64 // 4
-    items = wp.array(memory[start : start + count * 8], copy=False, device="cpu")
-    splits = wp.zeros(count * 4, dtype=wp.int32, device="cpu")
-    wp.launch(tree.load_items, dim=count, inputs=[vertices, faces, 0, items], device="cpu")
-    loaded = items.numpy().reshape(-1, 8).copy()
-    wp.launch(tree.split_range, dim=1, inputs=[lanes, 0, count, 0, 0, most_splits, items, splits], device="cpu")
-    rows = items.numpy().reshape(-1, 8)
-    return loaded, np.concatenate([rows[:, :3], -rows[:, 4:7]], axis=1), splits.numpy().reshape(-1, 4)
+    items = wp.array(memory[start : start + count * ITEM_WORDS], copy=False, device="cpu")
+    splits = wp.zeros(count * SPLIT_WORDS, dtype=wp.int32, device="cpu")
+    wp.launch(bvh.load_items, dim=count, inputs=[vertices, faces, 0, items], device="cpu")
+    loaded = items.numpy().reshape(-1, ITEM_WORDS).copy()
+    wp.launch(bvh.split_range, dim=1, inputs=[lanes, 0, count, 0, 0, most_splits, items, splits], device="cpu")
+    rows = items.numpy().reshape(-1, ITEM_WORDS)
+    return loaded, np.concatenate([rows[:, :3], -rows[:, 4:7]], axis=1), splits.numpy().reshape(-1, SPLIT_WORDS)
 
 
 def test_items_are_boxes_and_indices():

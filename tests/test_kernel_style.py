@@ -99,3 +99,56 @@ def test_kernels_are_never_imported_as_a_top_level_package():
         p for folder in ("warpvis", "kernels", "scenes", "tests", "bench") for p in (ROOT / folder).rglob("*.py")
     ]:
         assert not re.search(r"^\s*(from|import) (kernels|scenes)\b", path.read_text(), re.MULTILINE), path
+
+
+HEADERS = sorted((ROOT / "kernels" / "native").glob("*/*.h"))
+MOST_NATIVE_PARAMETERS, MOST_NATIVE_LINES = 8, 60
+_NO_FUNCTIONS = {"if", "for", "while", "switch", "return", "sizeof", "alignof", "static_assert", "decltype"}
+
+
+def closing(code, start):
+    """Where the bracket that is open before a place is closed, and how many commas are between at its own level."""
+    depth, commas = 1, 0
+    for place in range(start, len(code)):
+        character = code[place]
+        depth += (character in "([{") - (character in ")]}")
+        commas += character == "," and depth == 1
+        if depth == 0:
+            return place, commas
+    raise AssertionError("a bracket is never closed")
+
+
+def native_functions(text):
+    """Name, parameters and lines of every function that has a body."""
+    code = re.sub(r'//[^\n]*|"(?:\\.|[^"\\\n])*"', lambda match: " " * len(match[0]), text)
+    for match in re.finditer(r"\b([A-Za-z_]\w*)\s*\(", code):
+        if match[1] in _NO_FUNCTIONS:
+            continue
+        end, commas = closing(code, match.end())
+        body = re.compile(r"\s*(?:const)?\s*\{").match(code, end + 1)
+        if body:
+            last, _ = closing(code, body.end())
+            parameters = commas + 1 if code[match.end() : end].strip() else 0
+            yield match[1], parameters, code.count("\n", match.start(), last) + 1
+
+
+@pytest.mark.parametrize("path", HEADERS, ids=lambda path: f"{path.parent.name}/{path.name}")
+def test_native_functions_are_short_and_take_few_parameters(path):
+    functions = list(native_functions(path.read_text()))
+    assert not {name: lines for name, _, lines in functions if lines > MOST_NATIVE_LINES}
+    assert not {name: count for name, count, _ in functions if count > MOST_NATIVE_PARAMETERS}
+
+
+def test_native_functions_are_all_found():
+    """Were they not, the rules above would hold of anything."""
+    text = """
+    struct A {
+        static inline int none() { return f(1, 2); }
+        inline void two(int (*a)[3], const B& b) const {
+            if (a) { g(a, b, 3); }
+        }
+        static __attribute__((noinline)) void nine(int a, int b, int c, int d, int e, int f, int g, int h, int i) {}
+    };
+    """
+    assert list(native_functions(text)) == [("none", 0, 1), ("two", 2, 3), ("nine", 9, 1)]
+    assert sum(len(list(native_functions(path.read_text()))) for path in HEADERS) > 250

@@ -2,7 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Points judged by packets: however the work is parted, whoever calls, and as the other caster judges them."""
 
+import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,6 +13,7 @@ import trimesh
 
 import warpvis as wv
 from warpvis import Visibility, scenes
+from warpvis.kernels.constants import COUNTER_DONE, COUNTER_NEXT_UNIT
 from warpvis.scene import solids
 from warpvis.visibility import _point_packets as point_packets
 
@@ -137,3 +141,53 @@ def test_odd_image_sizes(size):
     points = np.random.default_rng(2).uniform(*scene.bounds, (20_000, 3)).astype(np.float32)
     packets, rays = (wv.point_visibility(scene, camera, preset.poses(2), points, caster=c) for c in ("packets", "rays"))
     assert (packets.numpy() != rays.numpy()).sum() <= 1
+
+
+def test_a_worker_that_waits_for_another_leaves_its_core(room, monkeypatch):
+    """The first strip has to wait for a chunk that somebody took and never does: no worker may spin until then."""
+    held = []
+    monkeypatch.setattr(point_packets, "run_together", lambda work, *_: held.append(work))
+    judge(room, 5000, threads=2)  # one chunk, then strips
+    launch, counter, units, _ = held[0].args
+    launch.launch()  # so that the chunk's points lie there
+    counter[:] = 0
+    counter[COUNTER_NEXT_UNIT] = 1
+    worker = threading.Thread(target=launch.launch, daemon=True)
+    worker.start()
+    worker.join(20)
+    assert not worker.is_alive()
+    assert counter.tolist() == [1, 0, 0, 0]  # the strip is nobody's yet, and nobody is at work
+    counter[COUNTER_DONE] = 1
+    launch.launch()
+    assert counter.tolist() == [units, 1, 1, units]
+
+
+def test_idle_workers_sleep(room, monkeypatch):
+    """Of eight workers one is at work for long: the others sleep, and take what is left when that is done."""
+    launches, lock = [], threading.Lock()
+
+    class OneChunk:
+        def __init__(self, launch, counter):
+            self.launch_now, self.counter = launch.launch, counter
+
+        def launch(self):
+            with lock:
+                launches.append(threading.get_ident())
+                first = len(launches) == 1
+            if first:  # it has taken the chunk, and takes its time
+                self.counter[COUNTER_NEXT_UNIT] = 1
+                time.sleep(0.3)
+                self.counter[COUNTER_NEXT_UNIT] = 0
+            self.launch_now()
+
+    run_together = point_packets.run_together
+
+    def together(work, workers, all_finished):
+        launch, counter, units, event = work.args
+        run_together(partial(work.func, OneChunk(launch, counter), counter, units, event), workers, all_finished)
+
+    wanted = judge(room, 5000, threads=1)
+    monkeypatch.setattr(point_packets, "run_together", together)
+    assert judge(room, 5000, threads=8) == wanted
+    most = 8 * (0.3 / point_packets._LONGEST_PAUSE + 20)
+    assert 8 < len(launches) < most  # they came again, after pauses

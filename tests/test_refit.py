@@ -10,7 +10,7 @@ from pose_samples import unit
 
 import warpvis as wv
 from warpvis.core.threads import core_count
-from warpvis.scene._bvh import build_cluster_tree
+from warpvis.scene._bvh import build_bvh
 from warpvis.scene._refit import leaf_vertices
 from warpvis.scene.closed import provably_closed
 
@@ -325,7 +325,7 @@ def test_kernels_match_their_twins(lanes, parts):
 
     faces, vertices = BALL.faces.astype(np.int32), wobble(4)
     owner = np.zeros(len(faces), dtype=np.int32)
-    tree = build_cluster_tree(VERTICES, faces, owner, np.array([False]), lanes=lanes)
+    tree = build_bvh(VERTICES, faces, owner, np.array([False]), lanes=lanes)
     corners = leaf_vertices(tree, faces)
     np.testing.assert_array_equal(
         reference.refit_leaves(VERTICES, corners)[0], tree.leaves.numpy().reshape(-1, 9, lanes)

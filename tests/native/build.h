@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Included once for each number of lanes, after the headers of the tree: what kernels/tree.py does with them.
+// Included once for each number of lanes, after the headers of the tree: what kernels/bvh.py does with them.
 
-inline BuiltTree build(const Mesh& given, const std::vector<int>& owner_of, const std::vector<unsigned char>& closed_of,
-                       bool evenly, int depth) {
+inline BuiltTree build(const ::Mesh& given, const std::vector<int>& owner_of,
+                       const std::vector<unsigned char>& closed_of, bool evenly, int depth) {
     const int count = given.count();
     const Exact<float> vertices(given.vertices);
     const Exact<int> faces(given.faces), owner(owner_of);
@@ -24,9 +24,9 @@ inline BuiltTree build(const Mesh& given, const std::vector<int>& owner_of, cons
     tree.triangles = Exact<int>((size_t)tree.leaves * LANES);
     tree.owners = Exact<int>((size_t)tree.leaves * LANES);
     Exact<float> bounds((size_t)tree.leaves * NODE_ROWS);
-    for (int leaf = 0; leaf < tree.leaves; ++leaf)
-        Leaves::fill(vertices.data, faces.data, owner.data, closed.data, items.data, ranges.data, leaf,
-                     tree.leaf_rows.data, tree.triangles.data, tree.owners.data, bounds.data);
+    const Mesh mesh = {vertices.data, faces.data, owner.data, closed.data};
+    const Leaves leaves = {tree.leaf_rows.data, tree.triangles.data, tree.owners.data, bounds.data};
+    for (int leaf = 0; leaf < tree.leaves; ++leaf) leaves.fill(mesh, items.data, ranges.data, leaf);
     Nodes::fit(tree.children.data, bounds.data, tree.nodes, tree.node_rows.data);
     return tree;
 }

@@ -133,47 +133,41 @@ Clusters cluster(const Scene& scene) {
     return clusters;
 }
 
-static casting::Tree tree_of(const Clusters& c) {
-    return {c.leaves.data, c.owners.data, c.nodes.data, c.children.data, c.static_root, c.all_closed};
+static casting::Scene scene_of(const Clusters& c, const Worlds& worlds) {
+    return {{c.leaves.data, c.owners.data, c.nodes.data, c.children.data, c.static_root, c.all_closed,
+             c.closed_boxes.data, c.closed_object.data, (int)c.closed_object.count},
+            {(int)c.object.count, c.object.data, c.root.data, c.first_leaf.data, c.first_id.data, c.closed.data,
+             c.boxes.data, c.solid.data, c.size.data, worlds.poses.data, worlds.worlds, worlds.world.data,
+             worlds.excluded.data, worlds.excluded_views, (int)c.labels.count, c.still.data, (int)c.still.count}};
 }
 
-static casting::Movables movables_of(const Clusters& c, const Worlds& worlds) {
-    return {(int)c.object.count, c.object.data,     c.root.data,          c.first_leaf.data,     c.first_id.data,
-            c.closed.data,       c.boxes.data,      c.solid.data,         c.size.data,           worlds.poses.data,
-            worlds.worlds,       worlds.world.data, worlds.excluded.data, worlds.excluded_views, (int)c.labels.count,
-            c.still.data,        (int)c.still.count};
-}
-
-static casting::Job job_of(const Clusters& c, const Worlds& worlds, const Lens& lens) {
+static casting::Job job_of(const Worlds& worlds, const Lens& lens) {
     casting::Job job = casting::Job();
     job.views = worlds.views, job.height = lens.height, job.width = lens.width;
     job.focal[0] = lens.fx, job.focal[1] = lens.fy, job.center[0] = lens.cx, job.center[1] = lens.cy;
     job.near = lens.near, job.far = lens.far;
     job.poses = worlds.cameras.data;
-    job.closed_boxes = c.closed_boxes.data, job.closed_object = c.closed_object.data;
-    job.closed_count = (int)c.closed_object.count;
     return job;
 }
 
-// Words of memory that warpvis.casters gives to a thread.
-static size_t cast_words(const casting::Job& job, const Clusters& c) {
-    const size_t tiles_x = (job.width + 15) / 16, tiles_y = (job.most_rows + 15) / 16, points = job.points;
-    size_t words = tiles_x * tiles_y * (2 * 256 + 16 + 1 + 4 + 1) + tiles_x * 128 + (c.levels + 1) * 16 * 6 + 64;
-    words += c.object.count * 65;
-    const size_t cells = tiles_x * tiles_y * 16;
-    if (points) words += cells + 32 + 5 * (points + 15 * std::min(cells, points) + 16);
-    return words;
+// As many bytes as an arena says that carving takes.
+template <class Carve>
+static size_t measure(Carve carve) {
+    casting::Arena arena = casting::Arena::at(nullptr);
+    carve(arena);
+    return (size_t)arena.used;
 }
 
 // Run a job's workers, each in memory of its own, which holds zeros at first.
 template <class Run>
-static void run_workers(const Shares& shares, size_t words, int* counter, Run run) {
-    std::vector<Exact<float>> memory;
+static void run_workers(const Shares& shares, size_t bytes, int* counter, Run run) {
+    std::vector<Exact<char>> memory;
     std::vector<std::thread> threads;
-    for (int i = 0; i < shares.workers; ++i) memory.emplace_back(words, 0.0f, shares.shift);
+    for (int i = 0; i < shares.workers; ++i) memory.emplace_back(bytes);
     const auto work = [&](int i) {
-        __atomic_fetch_add(counter + casting::Packets::entered, 1, __ATOMIC_SEQ_CST);
-        run(memory[i].data);
+        casting::Workers::enter(counter);
+        casting::Arena arena = casting::Arena::at(memory[i].data);
+        run(arena);
     };
     for (int i = 1; i < shares.workers; ++i) threads.emplace_back(work, i);
     work(0);
@@ -182,7 +176,7 @@ static void run_workers(const Shares& shares, size_t words, int* counter, Run ru
 
 Pictures cast(const Clusters& c, const Worlds& worlds, const Lens& lens, const Shares& shares, bool cull,
               unsigned outputs, const Exact<float>& at, int points) {
-    casting::Job job = job_of(c, worlds, lens);
+    casting::Job job = job_of(worlds, lens);
     const Exact<int> rows(shares.strip_rows);
     job.strips = (int)rows.count - 1, job.strip_rows = rows.data;
     for (int i = 0; i < job.strips; ++i) job.most_rows = std::max(job.most_rows, rows[i + 1] - rows[i]);
@@ -197,17 +191,21 @@ Pictures cast(const Clusters& c, const Worlds& worlds, const Lens& lens, const S
     if (outputs & OBJECTS) made.objects = Exact<int>(pixels, -7, shares.shift);
     const casting::Images out = {made.depth.data,  made.points.data,  made.normals.data,
                                  made.labels.data, made.objects.data, c.labels.data};
-    const casting::Tree tree = tree_of(c);
-    const casting::Movables movables = movables_of(c, worlds);
-    Exact<int> counter(3, 0);
-    run_workers(shares, cast_words(job, c), counter.data,
-                [&](float* memory) { casting::Packets::run(tree, movables, job, out, memory, counter.data); });
+    const casting::Scene scene = scene_of(c, worlds);
+    const auto carve = [&](casting::Arena& arena) {
+        return casting::StripMemory::carve(arena, job, scene.movables.count, c.levels);
+    };
+    Exact<int> counter(casting::JOB_COUNTERS, 0);
+    run_workers(shares, measure(carve), counter.data, [&](casting::Arena& arena) {
+        const casting::StripMemory memory = carve(arena);
+        casting::Packets::run(scene, job, out, memory, counter.data);
+    });
     return made;
 }
 
 Statuses judge_points(const Clusters& c, const Worlds& worlds, const Lens& lens, const Shares& shares,
                       const Layout& layout, const Exact<float>& places) {
-    casting::Job job = job_of(c, worlds, lens);
+    casting::Job job = job_of(worlds, lens);
     const double width = lens.width * layout.scale, height = lens.height * layout.scale;
     job.width = (int)std::ceil(width), job.height = (int)std::ceil(height);
     for (int k = 0; k < 2; ++k) job.focal[k] *= layout.scale, job.center[k] *= layout.scale;
@@ -215,33 +213,41 @@ Statuses judge_points(const Clusters& c, const Worlds& worlds, const Lens& lens,
     Statuses made;
     made.status = Exact<unsigned char>((size_t)job.views * count, 77, shares.shift);
     if (layout.occluders) made.occluders = Exact<int>((size_t)job.views * count, -7, shares.shift);
-    const casting::PointJob points = {places.data, count,  layout.batch,     layout.strip_tiles, layout.whole,
-                                      width,       height, layout.tolerance, made.status.data,   made.occluders.data};
-    const size_t tiles_x = (job.width + 15) / 16, tiles_y = (job.height + 15) / 16, chunks = points.chunks();
-    const size_t strips = (tiles_y + layout.strip_tiles - 1) / layout.strip_tiles, tiles = tiles_x * layout.strip_tiles;
-    const size_t lanes = layout.batch + 15 * std::min<size_t>(tiles * strips * 16, layout.batch);
-    size_t desk_words =
-        (chunks * tiles_y + 15) / 16 * 16 + chunks * points.chunk * 4 + lanes * (layout.with_id ? 5 : 4);
-    desk_words = (desk_words + 15) / 16 * 16;
-    size_t words = (layout.batch + 16) * 4 + tiles * (16 + 16 + 1 + 4 + 1) + 16 + tiles_x * 16;
-    words += c.object.count * 65 + (c.levels + 1) * 16 * 6 + 2 * 16;
-    words = (words + 15) / 16 * 16;
-    const casting::Tree tree = tree_of(c);
-    const casting::Movables movables = movables_of(c, worlds);
-    Exact<int> counter(4, 0);
-    Exact<float> shared(desk_words, 0.0f);
-    run_workers(shares, words, counter.data, [&](float* memory) {
-        Exact<float> own(layout.whole ? desk_words : 0, 0.0f);
-        const casting::Desk desk = casting::Desk::carve(layout.whole ? own.data : shared.data, points, (int)tiles_y,
-                                                        (long long)lanes, layout.with_id);
-        casting::PointPackets::run(tree, movables, job, points, desk, memory, counter.data);
+    const casting::PointJob points = {places.data,        count, layout.batch, layout.strip_tiles, layout.whole,
+                                      layout.with_id,     width, height,       layout.tolerance,   made.status.data,
+                                      made.occluders.data};
+    const int tiles_x = casting::Grid::tiles(job.width), tiles_y = casting::Grid::tiles(job.height);
+    const casting::Scene scene = scene_of(c, worlds);
+    const auto carve_bins = [&](casting::Arena& arena) {
+        return casting::PointBins::carve(arena, points, tiles_x, tiles_y);
+    };
+    const auto carve = [&](casting::Arena& arena) {
+        return casting::PointMemory::carve(arena, points, tiles_x, scene.movables.count, c.levels);
+    };
+    Exact<int> counter(casting::JOB_COUNTERS, 0);
+    Exact<char> shared(measure(carve_bins));
+    const int chunks = points.chunks(), strips = points.strips(tiles_y);
+    const int units = job.views * points.batches() * (layout.whole ? 1 : chunks + strips);
+    run_workers(shares, measure(carve), counter.data, [&](casting::Arena& arena) {
+        const casting::PointMemory memory = carve(arena);
+        Exact<char> own(layout.whole ? measure(carve_bins) : 0);
+        casting::Arena place = casting::Arena::at(layout.whole ? own.data : shared.data);
+        const casting::PointBins bins = carve_bins(place);
+        const casting::PointWork work = {scene, job, points, bins};
+        const casting::PointPackets packets = casting::PointPackets::of(work, memory);
+        packets.run(counter.data);
+        while (__atomic_load_n(counter.data + casting::COUNTER_NEXT_UNIT, __ATOMIC_SEQ_CST) < units) {
+            std::this_thread::yield();  // it had to wait for others
+            casting::Workers::enter(counter.data);
+            packets.run(counter.data);
+        }
     });
     return made;
 }
 
 Counts count_objects(const Clusters& c, const Worlds& worlds, const Lens& lens, const Shares& shares,
                      const Compared& with) {
-    casting::Job job = job_of(c, worlds, lens);
+    casting::Job job = job_of(worlds, lens);
     job.far = INFINITY;
     const int chosen = (int)with.chosen.size(), objects = (int)c.labels.count, pairs = job.views * chosen;
     const Exact<int> indices(with.chosen);
@@ -249,27 +255,29 @@ Counts count_objects(const Clusters& c, const Worlds& worlds, const Lens& lens, 
     made.counts = Exact<int>((size_t)COUNTERS * pairs, 0);
     made.hidden_by = Exact<int>((size_t)pairs * objects, 0);
     if (with.masks) made.masks = Exact<unsigned char>((size_t)pairs * lens.height * lens.width, 0);
-    const casting::Survey survey = {chosen,
-                                    indices.data,
-                                    objects,
-                                    {with.canvas[0], with.canvas[1], with.canvas[2], with.canvas[3]},
-                                    with.seen_only,
-                                    lens.near,
-                                    lens.far,
-                                    with.seen.data,
-                                    with.depth.data,
-                                    with.delta,
-                                    (char*)made.counts.data,
-                                    pairs * 4LL,
-                                    chosen * 4LL,
-                                    made.hidden_by.data,
-                                    made.masks.data};
-    const size_t tiles = std::max(512, (with.canvas[2] - with.canvas[0] + 16 + 15) / 16);
-    const size_t words = tiles * (256 + 16 + 1 + 4 + 1) + (c.levels + 1) * 16 * 6 + c.object.count * 65 + 64;
-    const casting::Tree tree = tree_of(c);
-    const casting::Movables movables = movables_of(c, worlds);
-    Exact<int> counter(3, 0);
-    run_workers(shares, words, counter.data,
-                [&](float* memory) { casting::Silhouettes::run(tree, movables, job, survey, memory, counter.data); });
+    const casting::SilhouetteJob asked = {chosen,
+                                          indices.data,
+                                          objects,
+                                          {with.canvas[0], with.canvas[1], with.canvas[2], with.canvas[3]},
+                                          with.seen_only,
+                                          lens.near,
+                                          lens.far,
+                                          with.seen.data,
+                                          with.depth.data,
+                                          with.delta,
+                                          (char*)made.counts.data,
+                                          pairs * 4LL,
+                                          chosen * 4LL,
+                                          made.hidden_by.data,
+                                          made.masks.data};
+    const casting::Scene scene = scene_of(c, worlds);
+    const auto carve = [&](casting::Arena& arena) {
+        return casting::SilhouetteMemory::carve(arena, asked, scene.movables.count, c.levels);
+    };
+    Exact<int> counter(casting::JOB_COUNTERS, 0);
+    run_workers(shares, measure(carve), counter.data, [&](casting::Arena& arena) {
+        const casting::SilhouetteMemory memory = carve(arena);
+        casting::Silhouettes{scene, job, asked, memory}.run(counter.data);
+    });
     return made;
 }

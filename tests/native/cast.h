@@ -24,7 +24,7 @@ struct Worlds {
     }
 };
 
-// The arrays of kernels/packets.py's ClusterScene.
+// The arrays of kernels/packets.py's BvhScene.
 struct Clusters {
     Exact<float> leaves, nodes;
     Exact<int> owners, children;

@@ -12,6 +12,11 @@ namespace casting {
 #include "shared/images.h"
 #include "shared/pose.h"
 #include "cpu/lanes.h"
+#include "cpu/arena.h"
+#include "cpu/workers.h"
+#include "cpu/image.h"
+#include "cpu/bvh.h"
+#include "cpu/camera.h"
 #include "cpu/setup.h"
 #include "cpu/raster.h"
 #include "cpu/solids.h"
@@ -27,16 +32,18 @@ namespace casting {
 
 namespace building_16 {
 enum { LANES = 16 };
-#include "cpu/tree.h"
-#include "cpu/tree_collapse.h"
-#include "cpu/tree_bounds.h"
+#include "shared/constants.h"
+#include "cpu/bvh_split.h"
+#include "cpu/bvh_collapse.h"
+#include "cpu/bvh_bounds.h"
 #include "build.h"
 }  // namespace building_16
 
 namespace building_32 {
 enum { LANES = 32 };
-#include "cpu/tree.h"
-#include "cpu/tree_collapse.h"
-#include "cpu/tree_bounds.h"
+#include "shared/constants.h"
+#include "cpu/bvh_split.h"
+#include "cpu/bvh_collapse.h"
+#include "cpu/bvh_bounds.h"
 #include "build.h"
 }  // namespace building_32

@@ -134,6 +134,13 @@ def aligned_empty(shape: tuple[int, ...], dtype: type) -> wp.array:
     return wp.array(host, dtype=dtype, shape=shape, device="cpu", copy=False)
 
 
+def aligned_zeros(shape: tuple[int, ...], dtype: type) -> wp.array:
+    """Allocate the same, all zero."""
+    array = aligned_empty(shape, dtype)
+    array.zero_()
+    return array
+
+
 def check_out(out: wp.array, dtype: type, shape: tuple[int, ...], *, name: str, device: wp.Device) -> wp.array:
     """Return `out` itself if kernels can write to it.
 

@@ -105,6 +105,12 @@ def launch_small(kernel: wp.Kernel, shape: int | tuple[int, ...], inputs: Kernel
     wp.launch(kernel, dim=shape, inputs=inputs, device=device)
 
 
+def launch_once(kernel: wp.Kernel, inputs: list[object]) -> None:
+    """Launch one thread of a kernel on the CPU, here."""
+    load_module(kernel)
+    wp.launch(kernel, dim=1, inputs=inputs, device="cpu")
+
+
 def load_module(kernel: wp.Kernel) -> None:
     """Compile and load a kernel's module for the CPU: two threads must not do it at the same time."""
     with _load_lock:

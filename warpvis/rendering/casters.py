@@ -12,16 +12,17 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpvis.core.arrays import aligned_zeros
 from warpvis.core.camera import Camera
 from warpvis.core.poses import Convention, host_poses, parse_poses
-from warpvis.core.threads import launch_images, load_module, run_together
+from warpvis.core.threads import launch_images, launch_once, load_module, run_together
 from warpvis.core.types import KernelArguments, PoseLike
 from warpvis.kernels.constants import COUNTER_FINISHED, JOB_COUNTERS, POSE_WORDS, TILE_SIDE
 from warpvis.scene import Scene
 
 if TYPE_CHECKING:
     from warpvis.kernels.images import Images
-    from warpvis.kernels.packets import PacketJob
+    from warpvis.kernels.packets import BvhScene, PacketJob
     from warpvis.kernels.worlds import Worlds
 
 # A strip is a thread's part of the rows that are left, divided by this.
@@ -29,8 +30,6 @@ _SHARES_PER_THREAD = 2
 TILE = TILE_SIDE
 # Of `warpvis.kernels.packets.cast_packets`.
 _ARGUMENTS = ("scene", "job", "poses", "worlds", "images")
-VISIT_WORDS = 6
-NOTE_WORDS = 58 + VISIT_WORDS + 1  # of a movable object: its frame, its visit, and its place in their order
 
 
 class RaysCaster:
@@ -81,7 +80,8 @@ class RaysCaster:
 class _Workspace:
     """What one call at a time works with: the job as kernels take it, the memory it refers to, and a packed launch.
 
-    To pack a launch takes longer than many a strip: what stays the same from call to call stays packed.
+    To pack a launch takes longer than many a strip: what stays the same from call to call stays packed. The job and the
+    images are packed by reference: a launch reads what they hold then.
     """
 
     key: tuple[int, ...]
@@ -89,6 +89,7 @@ class _Workspace:
     counter: np.ndarray
     poses: wp.array
     pose_rows: np.ndarray
+    images: Images
     launch: wp.Launch
     packed: dict[str, object]
     """The arguments that may change, by name, as they are packed now."""
@@ -102,7 +103,7 @@ class _Workspace:
 
 
 class PacketsCaster:
-    """All pixels of a view, or of a strip of it, walk a cluster tree together; on CPU cores."""
+    """All pixels of a view, or of a strip of it, walk a BVH together; on CPU cores."""
 
     def __init__(self, scene: Scene, camera: Camera, *, cull_backfaces: bool, threads: int) -> None:
         """Prepare to cast."""
@@ -137,27 +138,31 @@ class PacketsCaster:
             self._loaded = True
         clusters = self._scene.clusters()
         points = 0 if pixels is None else pixels.shape[2]
-        space = self._take(views, clusters.depth, clusters.struct.movable_count, points)
+        space = self._take(clusters.struct, views, points)
         workers = min(self._threads, views * space.job.strips)
         space.counter[:] = 0
         space.pose_rows[:] = poses
         if pixels is not None:
             space.job.at = pixels.flatten().view(wp.float32).flatten()
-            space.launch.set_param_at_index(_ARGUMENTS.index("job"), space.job)
-        space.pack(scene=clusters.struct, worlds=worlds, images=images_struct(images))
+        space.pack(scene=clusters.struct, worlds=worlds)
+        fill_images(space.images, images)
         run_together(space.launch.launch, workers, lambda: bool(space.counter[COUNTER_FINISHED] == workers))
         # What the caller drops must not live on here.
-        space.job.at = None
-        space.pack(worlds=packets.NO_WORLDS, images=packets.NO_IMAGES)
+        fill_images(space.images, [None] * len(images))
+        if pixels is not None:
+            space.job.at = None
+        if worlds.object_poses is not None or worlds.world is not None or worlds.excluded is not None:
+            space.pack(worlds=packets.NO_WORLDS)
         self._idle.append(space)
 
-    def _take(self, *key: int) -> _Workspace:
-        """Return a workspace that nobody uses, for numbers of views, levels of the trees, movable objects, and points.
+    def _take(self, scene: BvhScene, views: int, points: int) -> _Workspace:
+        """Return a workspace that nobody uses, for a scene and numbers of views and of points.
 
         Callers on several threads each have their own.
         """
         from warpvis.kernels import packets
 
+        key = (scene.levels, scene.movable_count, views, points)
         while self._idle:
             try:
                 space = self._idle.pop()
@@ -165,16 +170,17 @@ class PacketsCaster:
                 break
             if space.key == key:
                 return space
-        job, counter = self._make_job(*key)
-        rows = np.empty((key[0], POSE_WORDS), dtype=np.float32)
+        job, counter = self._make_job(scene, views, points)
+        rows = np.empty((views, POSE_WORDS), dtype=np.float32)
         poses = wp.array(rows, dtype=wp.transform, device="cpu", copy=False)
-        changing = {"scene": packets.NO_SCENE, "worlds": packets.NO_WORLDS, "images": packets.NO_IMAGES}
-        inputs = [changing["scene"], job, poses, changing["worlds"], changing["images"]]
+        images = packets.Images()
+        changing = {"scene": packets.NO_SCENE, "worlds": packets.NO_WORLDS}
+        inputs = [changing["scene"], job, poses, changing["worlds"], images]
         launch = wp.launch(packets.cast_packets, dim=1, inputs=inputs, device="cpu", record_cmd=True)
-        return _Workspace(key, job, counter, poses, rows, launch, changing)
+        return _Workspace(key, job, counter, poses, rows, images, launch, changing)
 
-    def _make_job(self, views: int, depth: int, movables: int, points: int) -> tuple[PacketJob, np.ndarray]:
-        from warpvis.kernels.packets import PacketJob
+    def _make_job(self, scene: BvhScene, views: int, points: int) -> tuple[PacketJob, np.ndarray]:
+        from warpvis.kernels.packets import NO_IMAGES, NO_WORLDS, PacketJob, cast_packets
 
         camera, job = self._camera, PacketJob()
         job.views, job.height, job.width = views, camera.height, camera.width
@@ -188,28 +194,29 @@ class PacketsCaster:
         job.cull_backfaces = int(self._cull_backfaces)
         counter = np.zeros(JOB_COUNTERS, dtype=np.int32)
         job.counter = wp.array(counter, dtype=wp.int32, device="cpu", copy=False)
-        tiles_x, tiles_y = -(-camera.width // TILE), -(-job.most_rows // TILE)
-        # As `Scratch` in kernels/native/packets.h carves it: w and id of every pixel, what is known of blocks and
-        # tiles, four rows of each, and a stack with room for all children of a node on every level.
-        words = tiles_x * tiles_y * (2 * 256 + 16 + 1 + 4 + 1) + tiles_x * 128 + (depth + 1) * 16 * VISIT_WORDS + 64
-        words += movables * NOTE_WORDS
-        if points:  # their cells and packets, as `Scratch` carves them
-            cells = tiles_x * tiles_y * 16
-            words += cells + 32 + 5 * (points + 15 * min(cells, points) + 16)
         job.points = points
-        job.scratch = wp.zeros((self._threads, words), dtype=wp.float32, device="cpu")
+        job.scratch_bytes = wp.zeros(1, dtype=wp.int64, device="cpu")
+        launch_once(cast_packets, [scene, job, None, NO_WORLDS, NO_IMAGES])
+        job.scratch = aligned_zeros((self._threads, int(job.scratch_bytes.numpy()[0])), wp.uint8)
         return job, counter
 
 
 def images_struct(images: Sequence[wp.array | None]) -> Images:
     """Make `warpvis.kernels.images.Images` of depth, points, normals, labels and segmentation; None is not made."""
-    from warpvis.kernels.images import NAMES, Images
+    from warpvis.kernels.images import Images
 
     struct = Images()
-    for name, image in zip(NAMES, images, strict=True):
-        if image is not None:
-            setattr(struct, name, image)
+    fill_images(struct, images)
     return struct
+
+
+def fill_images(struct: Images, images: Sequence[wp.array | None]) -> None:
+    """Make a `warpvis.kernels.images.Images` of these, in its fields' order."""
+    from warpvis.kernels.images import NAMES
+
+    for name, image in zip(NAMES, images, strict=True):
+        if image is not getattr(struct, name):
+            setattr(struct, name, image)
 
 
 def split_rows(views: int, height: int, threads: int, *, equal: bool = False) -> NDArray[np.int32]:

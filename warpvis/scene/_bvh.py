@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The cluster tree: leaves of 16 or 32 triangles and nodes of as many children, for casters that test all at once."""
+"""The BVH: leaves of 16 or 32 triangles and nodes of as many children, for casters that test all at once."""
 
 from __future__ import annotations
 
@@ -16,26 +16,18 @@ from warpvis.core.arrays import aligned_empty
 from warpvis.core.threads import check_threads, load_module, run_each
 from warpvis.core.types import KernelArguments
 from warpvis.errors import ArrayError, SceneError
-
-LEAF_ROWS = 9
-"""Numbers a triangle: its corners' coordinates."""
-NODE_ROWS = 10
-"""Numbers a child: its box, and the axis and cutoff of its normal cone."""
+from warpvis.kernels.constants import BINARY_WORDS, HALVING_DEPTH, ITEM_WORDS, LEAF_ROWS, NODE_ROWS, SPLIT_WORDS
 
 # Ranges of fewer triangles are not worth a launch of their own.
 _LEAST_RANGE = 16384
 # Ranges a thread gets on average, so that they end at about the same time. The tree does not depend on it.
 _RANGES_PER_THREAD = 8
-# Words of a Collapser::Binary, beside one a lane.
-_BINARY_SIZE = 6
-# DEEPEST of native/tree.h: from this depth on, ranges are halved.
-_DEEPEST = 64
 # No limit to the number of splits.
 _ALL = -1
 
 
 @dataclass(frozen=True)
-class ClusterTree:
+class Bvh:
     """Triangles in clusters, and the tree above them, on the CPU. Node 0 is the root.
 
     Arrays are flat, start at a multiple of 64 bytes, and hold `lanes` lanes a row.
@@ -83,7 +75,7 @@ class _Nodes(NamedTuple):
     depth: int
 
 
-def build_cluster_tree(
+def build_bvh(
     vertices: NDArray[np.float32],
     faces: NDArray[np.int32],
     owner: NDArray[np.int32],
@@ -92,7 +84,7 @@ def build_cluster_tree(
     lanes: int = 16,
     most_levels: int | None = None,
     threads: int | None = None,
-) -> ClusterTree:
+) -> Bvh:
     """Build the tree by the surface area heuristic, with a leaf's cost the same however few triangles it has.
 
     Args:
@@ -109,12 +101,12 @@ def build_cluster_tree(
         ArrayError: `lanes` is not 16 or 32.
         SceneError: No tree of at most `most_levels` levels holds so many triangles.
     """
-    from warpvis.kernels import tree
+    from warpvis.kernels import bvh
 
     count = len(faces)
-    _check_size(count, lanes, most_levels, tree.LANE_COUNTS)
+    _check_size(count, lanes, most_levels, bvh.LANE_COUNTS)
     threads = check_threads(threads) if count > 2 * _LEAST_RANGE else 1
-    load_module(tree.load_items)
+    load_module(bvh.load_items)
     scene = [
         _wrap(np.ascontiguousarray(vertices, dtype=np.float32).ravel()),
         _wrap(np.ascontiguousarray(faces, dtype=np.int32).ravel()),
@@ -122,22 +114,22 @@ def build_cluster_tree(
         _wrap(np.ascontiguousarray(closed, dtype=np.uint8)),
     ]
 
-    items = aligned_empty((count * 8,), wp.float32)
-    _launch_parts(tree.load_items, count, lambda first: [*scene[:2], first, items], threads)
-    children, leaf_ranges, node_count, leaf_count, depth = _arrange(tree, items, lanes, most_levels, threads)
+    items = aligned_empty((count * ITEM_WORDS,), wp.float32)
+    _launch_parts(bvh.load_items, count, lambda first: [*scene[:2], first, items], threads)
+    children, leaf_ranges, node_count, leaf_count, depth = _arrange(items, lanes, most_levels, threads)
 
     leaves = aligned_empty((leaf_count * LEAF_ROWS * lanes,), wp.float32)
     triangles, owners = (aligned_empty((leaf_count * lanes,), wp.int32) for _ in range(2))
     bounds = aligned_empty((leaf_count * NODE_ROWS,), wp.float32)
     _launch_parts(
-        tree.fill_leaves,
+        bvh.fill_leaves,
         leaf_count,
         lambda first: [*scene, lanes, items, leaf_ranges, first, leaves, triangles, owners, bounds],
         threads,
     )
     nodes = aligned_empty((node_count * NODE_ROWS * lanes,), wp.float32)
-    _launch(tree.fit_nodes, [lanes, children, bounds, node_count, nodes])
-    return ClusterTree(leaves, triangles, owners, nodes, children, lanes, depth, leaf_count, node_count, count)
+    _launch(bvh.fit_nodes, [lanes, children, bounds, node_count, nodes])
+    return Bvh(leaves, triangles, owners, nodes, children, lanes, depth, leaf_count, node_count, count)
 
 
 def _check_size(count: int, lanes: int, most_levels: int | None, lane_counts: tuple[int, ...]) -> None:
@@ -152,15 +144,17 @@ def _check_size(count: int, lanes: int, most_levels: int | None, lane_counts: tu
         )
 
 
-def _arrange(tree: wp.Bvh, items: wp.array, lanes: int, most_levels: int | None, threads: int) -> _Nodes:
+def _arrange(items: wp.array, lanes: int, most_levels: int | None, threads: int) -> _Nodes:
     """Sort the items into leaves, and make the nodes above them."""
-    count = items.size // 8
-    splits = aligned_empty((count * 4,), wp.int32)
-    _split(tree.split_range, items, splits, lanes, 0, threads)
-    nodes = _collapse(tree.collapse_tree, splits, lanes, evenly=False)
+    from warpvis.kernels import bvh
+
+    count = items.size // ITEM_WORDS
+    splits = aligned_empty((count * SPLIT_WORDS,), wp.int32)
+    _split(bvh.split_range, items, splits, lanes, 0, threads)
+    nodes = _collapse(bvh.collapse_tree, splits, lanes, evenly=False)
     if most_levels is not None and nodes.depth > most_levels:
-        _split(tree.split_range, items, splits, lanes, _shallow_root(count, lanes, most_levels), threads)
-        nodes = _collapse(tree.collapse_tree, splits, lanes, evenly=True)
+        _split(bvh.split_range, items, splits, lanes, _shallow_root(count, lanes, most_levels), threads)
+        nodes = _collapse(bvh.collapse_tree, splits, lanes, evenly=True)
     return nodes
 
 
@@ -172,7 +166,7 @@ def _shallow_root(count: int, lanes: int, most_levels: int) -> int:
     """
     leaves = -(-count // lanes)
     left = most_levels * (lanes.bit_length() - 1) - (leaves - 1).bit_length()
-    return max(0, _DEEPEST - left)
+    return max(0, HALVING_DEPTH - left)
 
 
 def _split(kernel: wp.Kernel, items: wp.array, splits: wp.array, lanes: int, root_depth: int, threads: int) -> None:
@@ -181,7 +175,7 @@ def _split(kernel: wp.Kernel, items: wp.array, splits: wp.array, lanes: int, roo
     A range is ``(begin, end, link, depth)``; its link is where its split is found: twice its parent's, and 1 more on
     the right.
     """
-    links = splits.numpy().reshape(-1, 4)[:, :2]
+    links = splits.numpy().reshape(-1, SPLIT_WORDS)[:, :2]
     count = len(links)
     large = max(_LEAST_RANGE, count // (threads * _RANGES_PER_THREAD)) if threads > 1 else count
     pending, ready = [(0, count, 0, root_depth)], []
@@ -200,9 +194,9 @@ def _split(kernel: wp.Kernel, items: wp.array, splits: wp.array, lanes: int, roo
 
 def _collapse(kernel: wp.Kernel, splits: wp.array, lanes: int, *, evenly: bool) -> _Nodes:
     """Make nodes of the binary tree's: of the least area, or, `evenly`, of log2(lanes) of its levels or more each."""
-    count = splits.size // 4
+    count = splits.size // SPLIT_WORDS
     # As large as for leaves of one triangle: what is not written takes no memory.
-    sizes = (count * (_BINARY_SIZE + lanes), count * lanes, count * 2, 3)
+    sizes = (count * (BINARY_WORDS + lanes), count * lanes, count * 2, 3)
     binaries, children, leaf_ranges, counts = (aligned_empty((size,), wp.int32) for size in sizes)
     _launch(kernel, [lanes, splits, count, int(evenly), binaries, children, leaf_ranges, counts])
     used = int(counts.numpy()[0]) * lanes

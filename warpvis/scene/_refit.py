@@ -15,11 +15,11 @@ from warpvis.core.poses import poses_to_matrices
 from warpvis.core.threads import check_threads, load_module, run_each
 from warpvis.core.types import ArrayInput, KernelArguments
 from warpvis.errors import ArrayError, SceneError
-from warpvis.scene._bvh import LEAF_ROWS, NODE_ROWS
+from warpvis.kernels.constants import LEAF_ROWS, NODE_ROWS
 from warpvis.scene._object import SceneObject
 
 if TYPE_CHECKING:
-    from warpvis.scene._bvh import ClusterTree
+    from warpvis.scene._bvh import Bvh
 
 # Leaves of fewer are not worth a launch of their own, nor another thread.
 _LEAST_LEAVES = 512
@@ -99,7 +99,7 @@ def _as_vectors(value: ArrayInput) -> ArrayInput:
     return value
 
 
-class ClusterRefit:
+class BvhRefit:
     """Refits one cluster tree. Everything is made ready here: a refit allocates nothing and waits for nothing on CUDA.
 
     Args:
@@ -113,7 +113,7 @@ class ClusterRefit:
 
     def __init__(
         self,
-        tree: ClusterTree,
+        tree: Bvh,
         faces: NDArray[np.int32],
         points: wp.array,
         leaves: wp.array,
@@ -162,8 +162,8 @@ class ClusterRefit:
             launch.launch()
 
 
-def leaf_vertices(tree: ClusterTree, faces: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Lay out the triangles' corner indices in lanes, shape ``(leaves, 3, lanes)``, as `ClusterTree.leaves` has."""
+def leaf_vertices(tree: Bvh, faces: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Lay out the triangles' corner indices in lanes, shape ``(leaves, 3, lanes)``, as `Bvh.leaves` has."""
     triangles = tree.triangles.numpy().reshape(-1, tree.lanes)
     unused = triangles < 0
     used = np.where(unused, triangles[:, :1], triangles)

@@ -14,15 +14,14 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import get_device
 from warpvis.errors import SceneError
+from warpvis.kernels.constants import BOX_WORDS, CPU_LANES, CUDA_LANES, LEAF_ROWS, NODE_ROWS, SOLID_WORDS
 
 if TYPE_CHECKING:
-    from warpvis.kernels.packets import ClusterScene
+    from warpvis.kernels.packets import BvhScene
     from warpvis.kernels.rays import TriangleScene
-    from warpvis.scene._bvh import ClusterTree
+    from warpvis.scene._bvh import Bvh
     from warpvis.scene._object import SceneObject
-    from warpvis.scene._refit import ClusterRefit
-
-_CPU_LANES, _CUDA_LANES = 16, 32
+    from warpvis.scene._refit import BvhRefit
 
 
 @dataclass(frozen=True)
@@ -45,14 +44,14 @@ class Triangles:
 class Clusters:
     """A scene's triangles in cluster trees on its device, as the ``packets`` caster takes them."""
 
-    struct: ClusterScene
+    struct: BvhScene
     depth: int
     """Levels of nodes of the deepest tree."""
     bytes_per_triangle: float
     """Memory of the trees."""
     moves_solids_only: bool = False
     """Whether all movable objects are solids."""
-    refits: dict[int, ClusterRefit] = field(default_factory=dict)
+    refits: dict[int, BvhRefit] = field(default_factory=dict)
     """What makes the tree of an object that deforms hold its points, by object."""
     idle: list[object] = field(default_factory=list)
     """Memory that `warpvis.visibility._point_packets` works with when it is called."""
@@ -117,10 +116,10 @@ def build_clusters(objects: Sequence[SceneObject], device: wp.Device, *, lanes: 
         device: Where the arrays are to be.
         lanes: Triangles of a leaf; as many as the device's caster takes by default.
     """
-    from warpvis.kernels.packets import ClusterScene
+    from warpvis.kernels.packets import BvhScene
     from warpvis.scene.closed import provably_closed
 
-    lanes = lanes or (_CPU_LANES if device.is_cpu else _CUDA_LANES)
+    lanes = lanes or (CPU_LANES if device.is_cpu else CUDA_LANES)
     static, movable = _part(objects)
     shared = _share_meshes(objects, movable)
     trees, owners = [], []
@@ -131,7 +130,7 @@ def build_clusters(objects: Sequence[SceneObject], device: wp.Device, *, lanes: 
         trees.append(_build_tree(*_flatten(vertices, objects, static), closed, lanes))
         owners.append(_marked(trees[0], closed))
     boxes = [objects[i].bounds for i in static if closed[i]]
-    struct = ClusterScene()
+    struct = BvhScene()
     struct.closed_boxes = _floats(boxes, device)
     struct.closed_object = wp.array([i for i in static if closed[i]], dtype=wp.int32, device=device)
     struct.closed_count, struct.all_closed = len(boxes), int(closed[static].all())
@@ -162,6 +161,7 @@ def build_clusters(objects: Sequence[SceneObject], device: wp.Device, *, lanes: 
     struct.movable_boxes = _floats(_boxes(objects, movable, shared), device)
     struct.object_label = label_array(objects, device)
     struct.object_count = len(objects)
+    struct.levels = max(tree.depth for tree in trees)
     size = sum(tree.bytes_per_triangle * tree.triangle_count for tree in trees)
     return Clusters(
         struct,
@@ -209,7 +209,7 @@ def _owners(mesh: _Mesh, objects: Sequence[SceneObject]) -> tuple[NDArray[np.int
     return mesh.owner, flags
 
 
-def _marked(tree: ClusterTree, closed: NDArray[np.bool_]) -> NDArray[np.int32]:
+def _marked(tree: Bvh, closed: NDArray[np.bool_]) -> NDArray[np.int32]:
     """Mark a tree's owners as casters read them: an object's complement where its back faces can be left out."""
     owners = tree.owners.numpy()
     return np.where(closed[owners], ~owners, owners)
@@ -239,7 +239,7 @@ def _share_meshes(objects: Sequence[SceneObject], movable: Sequence[int]) -> lis
 
 def _solids(objects: Sequence[SceneObject], movable: Sequence[int], device: wp.Device) -> tuple[wp.array, wp.array]:
     """Return movable objects' kinds of solid, ``(M,)`` int32, and their radii and half lengths, ``(M,)`` vec4."""
-    kinds, sizes = np.zeros(len(movable), dtype=np.int32), np.ones((len(movable), 4), dtype=np.float32)
+    kinds, sizes = np.zeros(len(movable), dtype=np.int32), np.ones((len(movable), SOLID_WORDS), dtype=np.float32)
     for position, index in enumerate(movable):
         solid = objects[index].solid
         if solid is not None:
@@ -248,11 +248,10 @@ def _solids(objects: Sequence[SceneObject], movable: Sequence[int], device: wp.D
 
 
 def _make_refits(
-    struct: ClusterScene, trees: Sequence[ClusterTree], shared: Sequence[_Mesh], movable: Sequence[int]
-) -> dict[int, ClusterRefit]:
+    struct: BvhScene, trees: Sequence[Bvh], shared: Sequence[_Mesh], movable: Sequence[int]
+) -> dict[int, BvhRefit]:
     """Make what refits the trees of objects that deform, in the arrays of all trees. Those of `shared` come last."""
-    from warpvis.scene._bvh import LEAF_ROWS, NODE_ROWS
-    from warpvis.scene._refit import ClusterRefit
+    from warpvis.scene._refit import BvhRefit
 
     refits = {}
     first = len(trees) - len(shared)
@@ -262,13 +261,13 @@ def _make_refits(
             continue
         (position,) = mesh.movables
         leaf_size, node_size = LEAF_ROWS * tree.lanes, NODE_ROWS * tree.lanes
-        refits[movable[position]] = ClusterRefit(
+        refits[movable[position]] = BvhRefit(
             tree,
             mesh.faces,
             mesh.points,
             struct.leaves[leaf * leaf_size : (leaf + tree.leaf_count) * leaf_size],
             struct.nodes[node * node_size : (node + tree.node_count) * node_size],
-            struct.movable_boxes[position * 6 : position * 6 + 6],
+            struct.movable_boxes[position * BOX_WORDS : (position + 1) * BOX_WORDS],
         )
     return refits
 
@@ -303,16 +302,16 @@ def _build_tree(
     owner: NDArray[np.int32],
     closed: NDArray[np.bool_],
     lanes: int,
-) -> ClusterTree:
+) -> Bvh:
     from warpvis.kernels.packets_cuda import LEVELS
-    from warpvis.scene._bvh import build_cluster_tree
+    from warpvis.scene._bvh import build_bvh
 
-    most_levels = LEVELS if lanes == _CUDA_LANES else None
-    return build_cluster_tree(vertices, faces, owner, closed, lanes=lanes, most_levels=most_levels)
+    most_levels = LEVELS if lanes == CUDA_LANES else None
+    return build_bvh(vertices, faces, owner, closed, lanes=lanes, most_levels=most_levels)
 
 
 def _concatenate(
-    struct: ClusterScene, trees: Sequence[ClusterTree], owners: Sequence[NDArray[np.int32]], device: wp.Device
+    struct: BvhScene, trees: Sequence[Bvh], owners: Sequence[NDArray[np.int32]], device: wp.Device
 ) -> None:
     """Join all trees' arrays; a child is a node, or the complement of a leaf, of the whole arrays."""
     if len(trees) == 1:
@@ -331,11 +330,11 @@ def _concatenate(
     struct.children = _join(children, wp.int32, device)
 
 
-def _first_nodes(trees: Sequence[ClusterTree]) -> NDArray[np.int64]:
+def _first_nodes(trees: Sequence[Bvh]) -> NDArray[np.int64]:
     return np.cumsum([0] + [tree.node_count for tree in trees])[:-1]
 
 
-def _first_leaves(trees: Sequence[ClusterTree]) -> NDArray[np.int64]:
+def _first_leaves(trees: Sequence[Bvh]) -> NDArray[np.int64]:
     return np.cumsum([0] + [tree.leaf_count for tree in trees])[:-1]
 
 

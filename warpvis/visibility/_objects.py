@@ -21,7 +21,7 @@ from warpvis.errors import ArrayError, SceneError
 from warpvis.rendering import Caster, Output, Renderer, Views
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds, part_of
-from warpvis.visibility._silhouettes import Surveyor
+from warpvis.visibility._silhouettes import SilhouetteCounter
 
 BOP_DELTA = 0.015
 """The `delta` of BOP's toolkit [m] (``scripts/calc_gt_info.py``); 0.005 for ITODD and for renderings to train with."""
@@ -147,7 +147,7 @@ def object_visibility(
     outputs: list[Output] = ["depth", "segmentation"] if delta > 0 else ["segmentation"]
     renderer = Renderer(scene, eye, outputs=outputs, caster=caster, threads=threads)
     kind, threads = renderer.caster, renderer.threads
-    surveyor = Surveyor(
+    surveyor = SilhouetteCounter(
         scene, camera, chosen, canvas=canvas, delta=delta, skip_unseen=bool(skip_unseen), caster=kind, threads=threads
     )
     result = _allocate(scene, chosen, (views, count), camera if masks else None)

@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
+from threading import Event
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -14,9 +16,15 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import aligned_empty
 from warpvis.core.camera import Camera
-from warpvis.core.threads import load_module, run_together
-from warpvis.kernels.constants import COUNTER_FINISHED, JOB_COUNTERS
-from warpvis.rendering.casters import NOTE_WORDS, TILE, VISIT_WORDS
+from warpvis.core.threads import launch_once, load_module, run_together
+from warpvis.kernels.constants import (
+    COUNTER_FINISHED,
+    COUNTER_NEXT_UNIT,
+    CPU_LANES,
+    JOB_COUNTERS,
+    POINT_CHUNK,
+    TILE_SIDE,
+)
 from warpvis.scene import Scene
 from warpvis.scene.geometry import Clusters
 
@@ -29,9 +37,11 @@ _MOST_POINTS = 1 << 20
 # A view of at most so many is one worker's, if there are views for all.
 _MOST_WHOLE = 1 << 15
 _STRIPS = 16
-# Of an image, in pixels: the number of a cell in a row of tiles has to fit a `Spot` in kernels/native/points.h.
+# What a worker sleeps that has to wait for others [s]: at first, and at most.
+_SHORTEST_PAUSE, _LONGEST_PAUSE = 5e-5, 1e-3
+# Of an image, in pixels: the number of a cell in a row of tiles has to fit a `ProjectedPoint` of native/cpu/points.h.
 _MOST_SIDE = 1 << 18
-# Workplaces that a scene keeps: for so many callers at a time.
+# Workspaces that a scene keeps: for so many callers at a time.
 _KEPT = 2
 
 
@@ -40,29 +50,18 @@ class _Layout:
     """The image of a job in its own pixels, and how the work is parted."""
 
     scale: float
-    tiles_x: int
-    tiles_y: int
+    side: tuple[int, int]
+    """Its pixels."""
     strip_tiles: int
     batch: int
-    chunks: int
     with_id: bool
-    whole: bool
+    views_are_units: bool
+    units: int
     workers: int
-
-    @property
-    def desks(self) -> int:
-        return self.workers if self.whole else 1
-
-    @property
-    def lanes(self) -> int:
-        """Of a desk, at most: a packet is never emptier than by 15, and there is none for a cell without points."""
-        strips = -(-self.tiles_y // self.strip_tiles)
-        cells = self.tiles_x * self.strip_tiles * strips * TILE
-        return self.batch + 15 * min(cells, self.batch)
 
 
 @dataclass
-class _Workplace:
+class _Workspace:
     """What one call at a time works with. To get that much memory from the system takes longer than to use it."""
 
     layout: _Layout
@@ -103,28 +102,42 @@ def judge_by_packets(
     # Solids are drawn with what is first along a ray.
     with_id = occluders is not None or any(item.solid is not None for item in scene.objects)
     layout = _lay_out(camera, scene.triangle_count, len(poses), len(points), with_id, threads)
-    place = _take(clusters, layout)
-    place.counter[:] = 0
+    space = _take(clusters, layout)
+    space.counter[:] = 0
     rows = wp.array(np.ascontiguousarray(poses), dtype=wp.transform, device="cpu", copy=False)
     lens = camera.device_struct()
-    inputs = [clusters.struct, lens, rows, place.job, worlds, points, tolerance, status, occluders]
+    inputs = [clusters.struct, lens, rows, space.job, worlds, points, tolerance, status, occluders]
+    if space.job.bins is None:
+        _make_memory(space, inputs)
     launch = wp.launch(judge_points_packets, dim=1, inputs=inputs, device="cpu", record_cmd=True)
-    run_together(launch.launch, layout.workers, lambda: bool(place.counter[COUNTER_FINISHED] == layout.workers))
+    work = partial(_work, launch, space.counter, layout.units, Event())
+    run_together(work, layout.workers, lambda: bool(space.counter[COUNTER_FINISHED] == layout.workers))
     if len(clusters.idle) < _KEPT:
-        clusters.idle.append(place)
+        clusters.idle.append(space)
+
+
+def _work(launch: wp.Launch, counter: NDArray[np.int32], units: int, all_taken: Event) -> None:
+    """Take units of work until none is left. A worker that has to wait for others sleeps: it may be on their core."""
+    pause = _SHORTEST_PAUSE
+    launch.launch()
+    while counter[COUNTER_NEXT_UNIT] < units:
+        if all_taken.wait(pause):
+            return
+        pause = min(2 * pause, _LONGEST_PAUSE)
+        launch.launch()
+    all_taken.set()
 
 
 def _lay_out(camera: Camera, triangles: int, views: int, count: int, with_id: bool, threads: int) -> _Layout:
-    from warpvis.kernels.point_packets import CHUNK
-
-    batch = min(-(-count // TILE) * TILE, _MOST_POINTS)
+    batch = min(-(-count // CPU_LANES) * CPU_LANES, _MOST_POINTS)
     scale = _scale(camera, triangles, batch)
-    tiles_x, tiles_y = (-(-math.ceil(side * scale) // TILE) for side in (camera.width, camera.height))
-    strip_tiles, chunks = -(-tiles_y // _STRIPS), -(-batch // CHUNK)
+    width, height = math.ceil(camera.width * scale), math.ceil(camera.height * scale)
+    tiles_y = -(-height // TILE_SIDE)
+    strip_tiles, chunks = -(-tiles_y // _STRIPS), -(-batch // POINT_CHUNK)
     whole = threads == 1 or (count <= _MOST_WHOLE and views >= 2 * threads)
     turns = views * -(-count // batch)
     units = turns if whole else turns * (chunks + -(-tiles_y // strip_tiles))
-    return _Layout(scale, tiles_x, tiles_y, strip_tiles, batch, chunks, with_id, whole, min(threads, units))
+    return _Layout(scale, (width, height), strip_tiles, batch, with_id, whole, units, min(threads, units))
 
 
 def _scale(camera: Camera, triangles: int, count: int) -> float:
@@ -138,33 +151,36 @@ def _scale(camera: Camera, triangles: int, count: int) -> float:
     return min(scale, 2.0 ** math.floor(math.log2(_MOST_SIDE / max(camera.width, camera.height))))
 
 
-def _take(clusters: Clusters, layout: _Layout) -> _Workplace:
-    """Return a workplace that nobody uses: callers on several threads each have their own."""
+def _take(clusters: Clusters, layout: _Layout) -> _Workspace:
+    """Return a workspace that nobody uses: callers on several threads each have their own."""
     while clusters.idle:
         try:
-            place = cast(_Workplace, clusters.idle.pop())
+            space = cast(_Workspace, clusters.idle.pop())
         except IndexError:  # another thread was quicker
             break
-        if place.layout == layout:
-            return place
-    return _make(clusters, layout)
+        if space.layout == layout:
+            return space
+    return _make(layout)
 
 
-def _make(clusters: Clusters, layout: _Layout) -> _Workplace:
-    from warpvis.kernels.point_packets import CHUNK, PointJob
+def _make(layout: _Layout) -> _Workspace:
+    from warpvis.kernels.point_packets import PointJob
 
     job, counter = PointJob(), np.zeros(JOB_COUNTERS, dtype=np.int32)
     job.scale, job.batch, job.strip_tiles = layout.scale, layout.batch, layout.strip_tiles
-    job.whole, job.with_id, job.lanes = int(layout.whole), int(layout.with_id), layout.lanes
-    # As `Desk` in kernels/native/points.h carves it: where rows of spots end, spots, and lanes.
-    words = -(-layout.chunks * layout.tiles_y // TILE) * TILE + layout.chunks * CHUNK * 4
-    words += layout.lanes * (5 if layout.with_id else 4)
-    job.desks = aligned_empty((layout.desks, -(-words // TILE) * TILE), wp.float32)
-    # As `PointPackets::strip` and `PointStrip::carve` do: spots, what is known of cells and tiles, where cells end, and
-    # notes of movable objects with a stack that has room for all children of a node on every level.
-    tiles = layout.tiles_x * layout.strip_tiles
-    words = (layout.batch + TILE) * 4 + tiles * (16 + 16 + 1 + 4 + 1) + TILE + layout.tiles_x * 16
-    words += clusters.struct.movable_count * NOTE_WORDS + (clusters.depth + 1) * 16 * VISIT_WORDS + 2 * TILE
-    job.scratch = aligned_empty((layout.workers, -(-words // TILE) * TILE), wp.float32)
+    job.views_are_units, job.with_id = int(layout.views_are_units), int(layout.with_id)
     job.counter = wp.array(counter, dtype=wp.int32, device="cpu", copy=False)
-    return _Workplace(layout, job, counter)
+    job.taken = wp.zeros(layout.workers, dtype=wp.int32, device="cpu")
+    job.bytes = wp.zeros(2, dtype=wp.int64, device="cpu")
+    return _Workspace(layout, job, counter)
+
+
+def _make_memory(space: _Workspace, inputs: list[object]) -> None:
+    """Get memory for a job: without any, a launch says how much it needs."""
+    from warpvis.kernels.point_packets import judge_points_packets
+
+    launch_once(judge_points_packets, inputs)
+    bins, scratch = space.job.bytes.numpy().tolist()
+    workers = space.layout.workers
+    space.job.bins = aligned_empty((workers if space.layout.views_are_units else 1, bins), wp.uint8)
+    space.job.scratch = aligned_empty((workers, scratch), wp.uint8)

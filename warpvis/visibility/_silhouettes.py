@@ -10,20 +10,18 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import warp as wp
 
+from warpvis.core.arrays import aligned_zeros
 from warpvis.core.camera import Camera
-from warpvis.core.threads import launch_images, launch_small, load_module, run_together
+from warpvis.core.threads import launch_images, launch_once, launch_small, run_together
 from warpvis.core.types import KernelArguments
 from warpvis.kernels.constants import COUNTER_FINISHED, JOB_COUNTERS
 from warpvis.rendering import Views
-from warpvis.rendering.casters import NOTE_WORDS, TILE, VISIT_WORDS
 from warpvis.scene import Scene
 
 if TYPE_CHECKING:
     from warpvis.kernels.pinhole import Window
     from warpvis.kernels.silhouettes import Comparison
     from warpvis.kernels.worlds import Worlds
-
-_MOST_TILES = 512  # as in kernels/native/silhouettes.h
 
 
 # Of a GPU: enough threads to fill it, whatever the number of objects and views, and no more than a large silhouette
@@ -32,7 +30,7 @@ _CUDA_THREADS = 1 << 20
 _LEAST_THREADS, _MOST_THREADS = 32, 4096
 
 
-class Surveyor:
+class SilhouetteCounter:
     """Counts pixels of chosen objects of a scene, again and again."""
 
     def __init__(
@@ -76,7 +74,6 @@ class Surveyor:
         self._canvas.x0, self._canvas.y0 = -left, -top
         self._canvas.x1, self._canvas.y1 = camera.width + right, camera.height + bottom
         self._canvas.seen_only = int(skip_unseen and any(canvas))
-        self._words = _scratch_words(camera.width + left + right, clusters.depth, len(scene)) if self._packets else 0
 
     def count(
         self,
@@ -142,15 +139,16 @@ class Surveyor:
     def _count_by_packets(
         self, poses: wp.array, worlds: Worlds, compared: Comparison, outputs: list[wp.array | None]
     ) -> None:
-        from warpvis.kernels.silhouette_packets import SurveyJob, measure_silhouettes_packets
+        from warpvis.kernels.silhouette_packets import SilhouetteJob, measure_silhouettes_packets
 
-        load_module(measure_silhouettes_packets)
         workers = min(self._threads, len(poses) * len(self._chosen.index))
-        counter, job = np.zeros(JOB_COUNTERS, dtype=np.int32), SurveyJob()
+        counter, job = np.zeros(JOB_COUNTERS, dtype=np.int32), SilhouetteJob()
         job.counter = wp.array(counter, dtype=wp.int32, device="cpu", copy=False)
-        job.scratch = wp.zeros((workers, self._words), dtype=wp.float32, device="cpu")
+        job.scratch_bytes = wp.zeros(1, dtype=wp.int64, device="cpu")
         scene, camera = self._apart.clusters().struct, self._camera.device_struct()
         arguments = [scene, self._chosen, camera, poses, job, self._canvas, worlds, compared, *outputs]
+        launch_once(measure_silhouettes_packets, arguments)  # without memory, it says how much it needs
+        job.scratch = aligned_zeros((workers, int(job.scratch_bytes.numpy()[0])), wp.uint8)
         launch = wp.launch(measure_silhouettes_packets, dim=1, inputs=arguments, device="cpu", record_cmd=True)
         run_together(launch.launch, workers, lambda: bool(counter[COUNTER_FINISHED] == workers))
 
@@ -163,10 +161,3 @@ def _columns(scene: Scene) -> np.ndarray:
         if item.carrier is not None:
             columns[index] = columns[item.carrier]
     return columns
-
-
-def _scratch_words(width: int, depth: int, objects: int) -> int:
-    """Count the memory of a thread, as kernels/native/silhouettes.h carves it for a canvas of this width."""
-    tiles = max(_MOST_TILES, -(-(width + TILE) // TILE))
-    blocks = tiles * (256 + 16 + 1 + 4 + 1)
-    return blocks + (depth + 1) * 16 * VISIT_WORDS + objects * NOTE_WORDS + 64

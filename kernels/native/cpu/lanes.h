@@ -1,15 +1,20 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Sixteen lanes: Clang's vector types, which it maps to AVX-512, AVX2, SSE or NEON registers alike.
+// SIMD lanes: Clang's vector types, which it maps to AVX-512, AVX2, SSE or NEON registers alike.
 // Comparisons give integer lanes, -1 where true and 0 where false, and `mask ? a : b` selects lane by lane.
 
-typedef float Floats __attribute__((ext_vector_type(16)));
-typedef int Ints __attribute__((ext_vector_type(16)));
+enum { LANES = CPU_LANES };
+static_assert(LANES == 16, "shuffles below are written for as many");
+
+typedef float Floats __attribute__((ext_vector_type(LANES)));
+typedef int Ints __attribute__((ext_vector_type(LANES)));
 
 struct Lanes {
     static inline Floats all(float value) { return (Floats)(value); }
     static inline Ints all_ints(int value) { return (Ints)(value); }
+    static inline Ints index() { return Ints{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15}; }
+    static inline Floats index_floats() { return Floats{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15}; }
 
     // Callers' arrays may start anywhere: no alignment is assumed.
     static inline Floats load(const float* from) {
@@ -26,21 +31,21 @@ struct Lanes {
     static inline void store(int* to, Ints value) { __builtin_memcpy(to, &value, sizeof value); }
 
     // As selections, these are one instruction each; the builtins take three, to be right about NaN.
-    static inline Floats least(Floats a, Floats b) { return a < b ? a : b; }
-    static inline Floats most(Floats a, Floats b) { return a > b ? a : b; }
-    static inline Floats least(Floats a, Floats b, Floats c) { return least(a, least(b, c)); }
-    static inline Floats most(Floats a, Floats b, Floats c) { return most(a, most(b, c)); }
+    static inline Floats min(Floats a, Floats b) { return a < b ? a : b; }
+    static inline Floats max(Floats a, Floats b) { return a > b ? a : b; }
+    static inline Floats min(Floats a, Floats b, Floats c) { return min(a, min(b, c)); }
+    static inline Floats max(Floats a, Floats b, Floats c) { return max(a, max(b, c)); }
     // The least of all lanes, by halves. The builtin is slower, to be right about NaN.
-    static inline float least_of(Floats a) {
-        a = least(a, __builtin_shufflevector(a, a, 8, 9, 10, 11, 12, 13, 14, 15, 0, 1, 2, 3, 4, 5, 6, 7));
-        a = least(a, __builtin_shufflevector(a, a, 4, 5, 6, 7, 0, 1, 2, 3, 4, 5, 6, 7, 0, 1, 2, 3));
-        a = least(a, __builtin_shufflevector(a, a, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1));
+    static inline float min_of(Floats a) {
+        a = min(a, __builtin_shufflevector(a, a, 8, 9, 10, 11, 12, 13, 14, 15, 0, 1, 2, 3, 4, 5, 6, 7));
+        a = min(a, __builtin_shufflevector(a, a, 4, 5, 6, 7, 0, 1, 2, 3, 4, 5, 6, 7, 0, 1, 2, 3));
+        a = min(a, __builtin_shufflevector(a, a, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1));
         return a[0] < a[1] ? a[0] : a[1];
     }
-    static inline Floats size(Floats a) { return __builtin_elementwise_abs(a); }
+    static inline Floats abs(Floats a) { return __builtin_elementwise_abs(a); }
     // One bit for every true lane, so that a loop can visit just those.
     static inline unsigned bits(Ints mask) {
-        typedef bool Bools __attribute__((ext_vector_type(16)));
+        typedef bool Bools __attribute__((ext_vector_type(LANES)));
         const Bools narrow = __builtin_convertvector(mask, Bools);
         unsigned short word;
         __builtin_memcpy(&word, &narrow, sizeof word);

@@ -1,25 +1,25 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The objects of a view's world that it may see. Each has a tree in its own frame, into which the camera is moved:
+// The objects of a view's world that it may see. Each has a bvh in its own frame, into which the camera is moved:
 // rigid motion changes neither depths nor where things are in the image, and moving an object rebuilds nothing.
 
-// Sixteen objects' boxes in camera space: their centres, and half of each of their edges.
-struct MovedBoxes {
+// Objects' boxes in camera space, one in each lane: their centres, and half of each of their edges.
+struct OrientedBoxes {
     Points center, half[3];
 
-    // A column of sixteen rows; the last one again where there are fewer.
+    // A column of as many rows as there are lanes; the last one again where there are fewer.
     static inline Doubles column(const float* rows, int stride, int last) {
-        float value[16];
-        for (int k = 0; k < 16; ++k) value[k] = rows[(k < last ? k : last) * stride];
+        float value[LANES];
+        for (int k = 0; k < LANES; ++k) value[k] = rows[(k < last ? k : last) * stride];
         return __builtin_convertvector(Lanes::load(value), Doubles);
     }
     static inline Floats narrow(Doubles value) { return __builtin_convertvector(value, Floats); }
 
-    // The axes of sixteen objects in the world, of quaternions of any length.
+    // As `Pose::axes_of`, of an object in each lane, for quaternions of any length: a function's body has no templates.
     static inline void axes(const float* row, int last, Doubles (*axis)[3]) {
-        const Doubles x = column(row + 3, 7, last), y = column(row + 4, 7, last), z = column(row + 5, 7, last),
-                      w = column(row + 6, 7, last);
+        const Doubles x = column(row + 3, POSE_WORDS, last), y = column(row + 4, POSE_WORDS, last),
+                      z = column(row + 5, POSE_WORDS, last), w = column(row + 6, POSE_WORDS, last);
         const Doubles s = 2.0 / ((x * x + y * y) + (z * z + w * w));
         axis[0][0] = 1.0 - s * (y * y + z * z);
         axis[0][1] = s * (x * y + z * w);
@@ -33,20 +33,20 @@ struct MovedBoxes {
     }
 
     // Centres in double precision: an object may be far from the origin of its frame, which may be far from the world's.
-    static inline MovedBoxes of(const float* box, const float* row, int last, const Pose& camera, const Eye& eye,
-                                const double* focal) {
-        MovedBoxes moved;
+    static inline OrientedBoxes of(const float* box, const float* row, int last, const View& view) {
+        OrientedBoxes moved;
+        const double* focal = view.job.focal;
         Doubles axis[3][3], center[3];
         axes(row, last, axis);
-        for (int k = 0; k < 3; ++k) center[k] = column(row + k, 7, last) - camera.position[k];
+        for (int k = 0; k < 3; ++k) center[k] = column(row + k, POSE_WORDS, last) - view.pose.position[k];
         for (int i = 0; i < 3; ++i) {
-            const Doubles low = column(box + i, 6, last), high = column(box + 3 + i, 6, last);
+            const Doubles low = column(box + i, BOX_WORDS, last), high = column(box + 3 + i, BOX_WORDS, last);
             for (int k = 0; k < 3; ++k) center[k] += axis[i][k] * (0.5 * (low + high));
             const Floats size = narrow(0.5 * (high - low));
             const Points edge = {narrow(axis[i][0]) * size, narrow(axis[i][1]) * size, narrow(axis[i][2]) * size};
-            moved.half[i] = Eye::turn(eye, edge);  // in the world's frame nothing is left of the origin
+            moved.half[i] = view.camera.turn(edge);  // in the world's frame nothing is left of the origin
         }
-        const ExactRow* m = camera.axis;
+        const ExactRow* m = view.pose.axis;
         moved.center.x = narrow((m[0][0] * center[0] + m[0][1] * center[1] + m[0][2] * center[2]) * focal[0]);
         moved.center.y = narrow((m[1][0] * center[0] + m[1][1] * center[1] + m[1][2] * center[2]) * focal[1]);
         moved.center.z = narrow(m[2][0] * center[0] + m[2][1] * center[1] + m[2][2] * center[2]);
@@ -56,12 +56,13 @@ struct MovedBoxes {
     // Whether the boxes reach to the inner side of a plane through the camera.
     inline Ints reach(float x, float y, float z) const {
         Floats farthest = x * center.x + (y * center.y + z * center.z);
-        for (int i = 0; i < 3; ++i) farthest += Lanes::size(x * half[i].x + (y * half[i].y + z * half[i].z));
+        for (int i = 0; i < 3; ++i) farthest += Lanes::abs(x * half[i].x + (y * half[i].y + z * half[i].z));
         return farthest >= Lanes::all(0.0f);
     }
 
     // Where they are in the image.
-    inline Bounds bounds(const Eye& eye, const Image& image, float center_x, float center_y, Ints shown) const {
+    inline ScreenBounds bounds(float far, const Image& image, Ints shown) const {
+        const float center_x = image.center_x, center_y = image.center_y;
         shown &= reach(0.0f, 0.0f, 1.0f) & reach(1.0f, 0.0f, center_x) & reach(-1.0f, 0.0f, image.width - center_x) &
                  reach(0.0f, 1.0f, center_y) & reach(0.0f, -1.0f, image.height - center_y);
         const Points zero = {Lanes::all(0.0f), Lanes::all(0.0f), Lanes::all(0.0f)};
@@ -71,7 +72,7 @@ struct MovedBoxes {
             term[i][0] = Points::minus(middle, half[i]);
             term[i][1] = Points::plus(middle, half[i]);
         }
-        return Bounds::of(term, eye.far, image, center_x, center_y, shown);
+        return ScreenBounds::of(term, far, image, shown);
     }
 };
 
@@ -81,51 +82,66 @@ struct Queue {
     int* order;  // the nearest first
     int count;
 
-    inline void fill(const Movables& movables, const World& world, const Pose& camera, const Eye& eye,
-                     const Image& image, const double* focal, float center_x, float center_y) {
-        const Ints lane = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
-        for (int first = 0; first < movables.count; first += 16) {
-            const int last = movables.count - 1 - first;
-            const float* box = movables.boxes + (long long)first * 6;
-            const float* row = world.poses + (long long)first * 7;
-            const MovedBoxes boxes = MovedBoxes::of(box, row, last, camera, eye, focal);
-            add(movables, world, first, boxes.bounds(eye, image, center_x, center_y, lane <= Lanes::all_ints(last)));
+    // A little nearer than the boxes of the trees inside: corners of these come of longer sums.
+    static constexpr float nearer() { return 1.0001f; }
+
+    // Objects from `first` on, as many as there are lanes.
+    static inline ScreenBounds bounds(const View& view, const Image& image, int first, Ints wanted) {
+        const Movables& movables = view.scene.movables;
+        const float* box = movables.boxes + (long long)first * BOX_WORDS;
+        const float* row = view.world.poses + (long long)first * POSE_WORDS;
+        const OrientedBoxes boxes = OrientedBoxes::of(box, row, movables.count - 1 - first, view);
+        return boxes.bounds(view.camera.far, image, wanted);
+    }
+    // One object; false if it is not in the image.
+    static inline bool find(const View& view, const Image& image, int movable, Visit& found) {
+        const ScreenBounds all = bounds(view, image, movable, Lanes::index() == Lanes::all_ints(0));
+        if (!Lanes::any(all.shown)) return false;
+        found = all.lanes(nearer()).visit(0, movable);
+        return true;
+    }
+
+    inline void fill(const View& view, const Image& image) {
+        const Movables& movables = view.scene.movables;
+        for (int first = 0; first < movables.count; first += LANES) {
+            const Ints wanted = Lanes::index() <= Lanes::all_ints(movables.count - 1 - first);
+            add(movables, view.world, first, bounds(view, image, first, wanted));
         }
         sort();
     }
 
-    inline void add(const Movables& movables, const World& world, int first, const Bounds& bounds) {
+    inline void add(const Movables& movables, const World& world, int first, const ScreenBounds& bounds) {
         if (!Lanes::any(bounds.shown)) return;
-        float near[16];
-        int x0[16], y0[16], x1[16], y1[16];
-        // A little nearer than the boxes of the trees inside: these corners come of longer sums.
-        Lanes::store(near, bounds.nearest_w * 1.0001f);
-        bounds.store(x0, y0, x1, y1);
+        const ScreenBounds::Lane lanes = bounds.lanes(nearer());
         for (unsigned rest = Lanes::bits(bounds.shown); rest; rest &= rest - 1) {
             const int k = Lanes::first_lane(rest);
-            if (world.excludes(movables.object[first + k])) continue;
-            visits[count++] = Visit{first + k, near[k], x0[k], y0[k], x1[k], y1[k]};
+            if (!world.excludes(movables.object[first + k])) visits[count++] = lanes.visit(k, first + k);
         }
     }
 
     // By eighths of powers of two, which is near enough: the order changes the time, not the image.
-    enum { bucket_bits = 20, buckets = 256 };
-    static inline int bucket(float w) {
-        const int middle = 127 << 3;  // of w = 1
+    enum {
+        FRACTION_BITS = 23,  // of a float
+        BIN_BITS = FRACTION_BITS - 3,
+        BIN_OF_ONE = 127 << 3,
+        BINS = 256,
+        NEARER_BINS = 64,  // than 1 m
+    };
+    static inline int bin_of(float inv_z) {
         int bits;
-        __builtin_memcpy(&bits, &w, sizeof bits);
-        const int place = middle + 64 - (bits >> bucket_bits);
-        return place < 0 ? 0 : place < buckets ? place : buckets - 1;
+        __builtin_memcpy(&bits, &inv_z, sizeof bits);
+        const int place = BIN_OF_ONE + NEARER_BINS - (bits >> BIN_BITS);
+        return place < 0 ? 0 : place < BINS ? place : BINS - 1;
     }
     inline void sort() {
-        int start[buckets + 1];
+        int start[BINS + 1];
         if (count < 2) {
             order[0] = 0;
             return;
         }
-        for (int b = 0; b <= buckets; ++b) start[b] = 0;
-        for (int i = 0; i < count; ++i) start[bucket(visits[i].nearest_w) + 1] += 1;
-        for (int b = 0; b < buckets; ++b) start[b + 1] += start[b];
-        for (int i = 0; i < count; ++i) order[start[bucket(visits[i].nearest_w)]++] = i;
+        for (int b = 0; b <= BINS; ++b) start[b] = 0;
+        for (int i = 0; i < count; ++i) start[bin_of(visits[i].nearest_inv_z) + 1] += 1;
+        for (int b = 0; b < BINS; ++b) start[b + 1] += start[b];
+        for (int i = 0; i < count; ++i) order[start[bin_of(visits[i].nearest_inv_z)]++] = i;
     }
 };

@@ -1,28 +1,12 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// From w and id of every pixel to depth, points, normals, labels and objects, each written once.
+// From inv_z and id of every pixel to depth, points, normals, labels and segmentation, each written once.
 
-struct Job {
-    int views, height, width;
-    int strips;  // of a view
-    const int* strip_rows;  // where they begin, and where the last one ends; multiples of 16, but for that
-    int most_rows;  // of a strip
-    double focal[2], center[2];
-    float near, far;
-    bool cull_back_faces;
-    const float* poses;  // [view]: x y z qx qy qz qw
-    const float* closed_boxes;  // of closed objects that stay: least and greatest corner
-    const int* closed_object;  // which they are
-    int closed_count;
-    int points;  // of a view, where rays go through points instead of pixels, or 0
-    const float* at;  // [view][point]: x and y in pixels
-};
-
-// Rows of sixteen pixels on their way out; only `count` of them where the image ends.
+// Rows of as many pixels as there are lanes on their way out; only `count` of them where the image ends.
 struct Write {
     // Past the caches, where a whole line of one is written: what is rendered is not read again here.
-    static inline bool aligned(const void* to) { return ((unsigned long long)to & 63) == 0; }
+    static inline bool aligned(const void* to) { return ((unsigned long long)to & (Arena::ALIGNMENT - 1)) == 0; }
     static inline void stream(float* to, Floats value) {
         if (aligned(to))
             __builtin_nontemporal_store(value, (Floats*)to);
@@ -36,20 +20,20 @@ struct Write {
             Lanes::store(to, value);
     }
     static inline void row(float* to, Floats value, int count) {
-        if (count == 16)
+        if (count == LANES)
             stream(to, value);
         else
             for (int i = 0; i < count; ++i) to[i] = value[i];
     }
     static inline void row(int* to, Ints value, int count) {
-        if (count == 16)
+        if (count == LANES)
             stream(to, value);
         else
             for (int i = 0; i < count; ++i) to[i] = value[i];
     }
     // x0 y0 z0 x1 y1 z1 ...: first x and y are put in place, then z between them.
     static inline void row(float* to, Points p, int count) {
-        if (count < 16) {
+        if (count < LANES) {
             for (int i = 0; i < count; ++i) {
                 to[3 * i] = p.x[i];
                 to[3 * i + 1] = p.y[i];
@@ -61,16 +45,17 @@ struct Write {
         const Floats b = __builtin_shufflevector(p.x, p.y, 21, 0, 6, 22, 0, 7, 23, 0, 8, 24, 0, 9, 25, 0, 10, 26);
         const Floats c = __builtin_shufflevector(p.x, p.y, 0, 11, 27, 0, 12, 28, 0, 13, 29, 0, 14, 30, 0, 15, 31, 0);
         stream(to, __builtin_shufflevector(a, p.z, 0, 1, 16, 3, 4, 17, 6, 7, 18, 9, 10, 19, 12, 13, 20, 15));
-        stream(to + 16, __builtin_shufflevector(b, p.z, 0, 21, 2, 3, 22, 5, 6, 23, 8, 9, 24, 11, 12, 25, 14, 15));
-        stream(to + 32, __builtin_shufflevector(c, p.z, 26, 1, 2, 27, 4, 5, 28, 7, 8, 29, 10, 11, 30, 13, 14, 31));
+        stream(to + LANES, __builtin_shufflevector(b, p.z, 0, 21, 2, 3, 22, 5, 6, 23, 8, 9, 24, 11, 12, 25, 14, 15));
+        stream(to + 2 * LANES,
+               __builtin_shufflevector(c, p.z, 26, 1, 2, 27, 4, 5, 28, 7, 8, 29, 10, 11, 30, 13, 14, 31));
     }
 };
 
-// Four blocks of 4 x 4 to four rows of 16.
-struct Four {
+// Blocks that lie side by side, a tile across, to rows of pixels.
+struct Blocks {
     static inline void transpose(const float* blocks, Floats* rows) {
-        const Floats a = Lanes::load(blocks), b = Lanes::load(blocks + 16);
-        const Floats c = Lanes::load(blocks + 32), d = Lanes::load(blocks + 48);
+        const Floats a = Lanes::load(blocks), b = Lanes::load(blocks + BLOCK_PIXELS);
+        const Floats c = Lanes::load(blocks + 2 * BLOCK_PIXELS), d = Lanes::load(blocks + 3 * BLOCK_PIXELS);
         const Floats ab01 = __builtin_shufflevector(a, b, 0, 1, 2, 3, 16, 17, 18, 19, 4, 5, 6, 7, 20, 21, 22, 23);
         const Floats cd01 = __builtin_shufflevector(c, d, 0, 1, 2, 3, 16, 17, 18, 19, 4, 5, 6, 7, 20, 21, 22, 23);
         const Floats ab23 = __builtin_shufflevector(a, b, 8, 9, 10, 11, 24, 25, 26, 27, 12, 13, 14, 15, 28, 29, 30, 31);
@@ -84,34 +69,34 @@ struct Four {
     static inline void transpose(const int* blocks, Ints* rows) { transpose((const float*)blocks, (Floats*)rows); }
 };
 
-// The world's axes as the camera's rays need them: a ray is forward + u * right + v * down.
-struct Rays {
-    float right[3], down[3], forward[3];
+// Writes images of a view, of what its z-buffer holds.
+struct Writer {
+    Lookup lookup;
+    const Camera& camera;
+    Rays rays;
+    const Image& image;
+    const Job& job;
+    const Images& out;
+    long long view;
+    Mode mode;
 
-    inline Points at(Floats u, float v) const {
-        return Points{u * right[0] + (v * down[0] + forward[0]), u * right[1] + (v * down[1] + forward[1]),
-                      u * right[2] + (v * down[2] + forward[2])};
-    }
-};
-
-struct Strip {
     // Normals of what a row of pixels shows, from u and v of the first one on.
-    static inline Points normals(Lookup& lookup, Ints ids, Ints seen, double u, double v) {
-        if (!lookup.moving) return triangle_normals(lookup, ids, Lanes::bits(seen));
+    inline Points normals(Ints ids, Ints seen, double u, double v) {
+        if (!lookup.moving) return triangle_normals(ids, Lanes::bits(seen));
         const Doubles column = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
         const Floats none = Lanes::all(0.0f);
         Points round = {none, none, none};
         const Ints solid = lookup.solid_normals(ids, seen, u + column, v + (Doubles)(0.0), round);
-        const Points n = triangle_normals(lookup, ids, Lanes::bits(seen & ~solid));
+        const Points n = triangle_normals(ids, Lanes::bits(seen & ~solid));
         return Points{solid ? round.x : n.x, solid ? round.y : n.y, solid ? round.z : n.z};
     }
 
     // Normals of the triangles that it shows; neighbours mostly share one.
-    static inline Points triangle_normals(Lookup& lookup, Ints ids, unsigned seen) {
-        int id[16], previous = -1;
-        float n[3][16], last[3] = {0, 0, 0};
+    inline Points triangle_normals(Ints ids, unsigned seen) {
+        int id[LANES], previous = -1;
+        float n[3][LANES], last[3] = {0, 0, 0};
         Lanes::store(id, ids);
-        for (int k = 0; k < 16; ++k) {
+        for (int k = 0; k < LANES; ++k) {
             const bool here = (seen >> k) & 1;
             if (here && id[k] != previous) lookup.normal_of(previous = id[k], last);
             for (int c = 0; c < 3; ++c) n[c][k] = here ? last[c] : __builtin_nanf("");
@@ -119,10 +104,10 @@ struct Strip {
         return Points{Lanes::load(n[0]), Lanes::load(n[1]), Lanes::load(n[2])};
     }
 
-    // Objects of a block's pixels, -1 where nothing is seen; `id` holds triangles or already objects.
-    static inline Ints objects(Lookup& lookup, Ints id, Ints seen, bool owner_id) {
-        if (owner_id) return seen ? id : Lanes::all_ints(-1);
-        int of[16];
+    // Objects of a row's pixels, -1 where nothing is seen; `id` holds triangles or already objects.
+    inline Ints objects(Ints id, Ints seen) {
+        if (mode != MODE_TRIANGLES) return seen ? id : Lanes::all_ints(-1);
+        int of[LANES];
         Lanes::store(of, id);
         for (unsigned left = Lanes::bits(seen); left; left &= left - 1) {
             const int k = Lanes::first_lane(left);
@@ -133,68 +118,110 @@ struct Strip {
 
     // Neighbours mostly show one object.
     static inline void labels(unsigned char* to, const unsigned char* object_label, Ints objects, int count) {
-        int object[16], previous = -1;
-        unsigned char label = 0;
+        int object[LANES], previous = -1;
+        unsigned char label = LABEL_EMPTY;
         Lanes::store(object, objects);
         for (int k = 0; k < count; ++k) {
-            if (object[k] != previous) label = (previous = object[k]) < 0 ? 0 : object_label[object[k]];
+            if (object[k] != previous)
+                label = (previous = object[k]) < 0 ? (unsigned char)LABEL_EMPTY : object_label[object[k]];
             to[k] = label;
         }
     }
 
-    // Write sixteen pixels of a row, once, to each image that was asked for.
-    static inline void write_row(Lookup& lookup, const Eye& eye, const Rays& rays, const Image& image, const Job& job,
-                                 const Images& out, long long view, int x, int y, Floats w, Ints id, bool owner_id) {
-        const Floats column = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
-        const int count = image.width - x < 16 ? image.width - x : 16;
-        const long long at = (view * job.height + image.first_row + y) * job.width + x;
+    // What of a row's pixels is in range.
+    struct Range {
+        Floats z, depth;
+        Ints seen;
 
-        const Floats z = 1.0f / w, infinity = Lanes::all(__builtin_inff());
-        const Ints far_enough = z >= Lanes::all(job.near);
-        const Ints seen = far_enough & (z <= Lanes::all(job.far)) & (w > Lanes::all(0.0f));
-        if (out.depth) Write::row(out.depth + at, seen ? z : (far_enough ? infinity : -infinity), count);
-        if (out.points) {
-            const Points ray = rays.at((column + (float)x) + eye.first_u, (float)(y + image.first_row) + eye.first_v);
+        static inline Range of(Floats inv_z, float near, float far) {
+            const Floats z = 1.0f / inv_z, infinity = Lanes::all(__builtin_inff());
+            const Ints far_enough = z >= Lanes::all(near);
+            const Ints seen = far_enough & (z <= Lanes::all(far)) & (inv_z > Lanes::all(0.0f));
+            return Range{z, seen ? z : (far_enough ? infinity : -infinity), seen};
+        }
+        // Points of rays that begin at the origin; NaN where nothing is in range.
+        inline Points along(const Points& ray, const float* origin) const {
             const Floats reach = seen ? z : Lanes::all(__builtin_nanf(""));
-            const Points point = {reach * ray.x + eye.origin[0], reach * ray.y + eye.origin[1],
-                                  reach * ray.z + eye.origin[2]};
-            Write::row(out.points + at * 3, point, count);
+            return Points{reach * ray.x + origin[0], reach * ray.y + origin[1], reach * ray.z + origin[2]};
         }
-        if (out.normals) {
+    };
+
+    // Write as many pixels of a row as there are lanes, once, to each image that was asked for: some need an id, and the
+    // mode says whether normals are among them.
+    inline void row(int x, int y, Floats inv_z, Ints id) {
+        const int count = count_from(x, image.width);
+        const long long at = (view * job.height + image.first_row + y) * job.width + x;
+        const Range range = Range::of(inv_z, job.near, job.far);
+        const Ints seen = range.seen;
+        if (out.depth) Write::row(out.depth + at, range.depth, count);
+        if (out.points) {
+            const Points ray = rays.at((Lanes::index_floats() + (float)x) + camera.first_u,
+                                       (float)(y + image.first_row) + camera.first_v);
+            Write::row(out.points + at * 3, range.along(ray, camera.origin), count);
+        }
+        if (mode == MODE_TRIANGLES) {
             const double u = x + 0.5 - job.center[0], v = y + image.first_row + 0.5 - job.center[1];
-            Write::row(out.normals + at * 3, normals(lookup, id, seen, u, v), count);
+            Write::row(out.normals + at * 3, normals(id, seen, u, v), count);
         }
-        if (!(out.segmentation || out.labels)) return;
-        const Ints object = objects(lookup, id, seen, owner_id);
+        if (mode == MODE_TRIANGLES && !(out.segmentation || out.labels)) return;
+        const Ints object = objects(id, seen);
         if (out.segmentation) Write::row(out.segmentation + at, object, count);
         if (out.labels) labels(out.labels + at, out.object_label, object, count);
     }
 
-    // Four rows of pixels, out of a row of blocks, which are left empty. They wait in memory that stays in cache, so
-    // that the images are written from beginning to end: four places at a time are twice as slow.
-    static inline void write(Lookup& lookup, const Eye& eye, const Rays& rays, const Image& image, const Job& job,
-                             const Images& out, long long view, bool with_id, bool owner_id) {
-        const int stride = image.tiles_x * 16;
-        for (int y = 0; y < image.height; y += 4) {
-            for (int x = 0; x < image.width; x += 16) {
-                const int first = Image::column_part(x) + image.row_part(y);
-                Floats w[4];
-                Four::transpose(image.w + first, w);
-                for (int r = 0; r < 4; ++r) Lanes::store(image.rows + r * stride + x, w[r]);
-                for (int block = 0; block < 4; ++block) Lanes::store(image.w + first + block * 16, Lanes::all(0.0f));
-                if (!with_id) continue;
-                Ints id[4];
-                Four::transpose(image.id + first, id);
-                for (int r = 0; r < 4; ++r) Lanes::store(image.id_rows + r * stride + x, id[r]);
+    // Rows of pixels, out of a row of blocks, which are left empty. They wait in memory that stays in cache, so that the
+    // images are written from beginning to end: as many places at a time as a block has rows are twice as slow.
+    inline void strip() {
+        const int stride = image.tiles_x * TILE_SIDE;
+        for (int y = 0; y < image.height; y += BLOCK_SIDE) {
+            for (int x = 0; x < image.width; x += TILE_SIDE) unpack(x, y, stride);
+            const int rows = image.height - y < BLOCK_SIDE ? image.height - y : BLOCK_SIDE;
+            if (mode == MODE_DEPTH) {
+                for (int r = 0; r < rows; ++r) plain_row(y + r, image.rows + r * stride);
+                continue;
             }
-            const int rows = image.height - y < 4 ? image.height - y : 4;
             for (int r = 0; r < rows; ++r)
-                for (int x = 0; x < image.width; x += 16) {
+                for (int x = 0; x < image.width; x += LANES) {
                     const int at = r * stride + x;
-                    const Ints id = with_id ? Lanes::load(image.id_rows + at) : Lanes::all_ints(0);
-                    write_row(lookup, eye, rays, image, job, out, view, x, y + r, Lanes::load(image.rows + at), id,
-                              owner_id);
+                    row(x, y + r, Lanes::load(image.rows + at), Lanes::load(image.id_rows + at));
                 }
         }
+    }
+    // A row where nothing is asked for that needs an id. Stores may change all that is in memory, as far as the compiler
+    // knows: loops of their own keep what they need in registers.
+    inline void plain_row(int y, const float* row_inv_z) const {
+        const long long first = (view * job.height + image.first_row + y) * job.width;
+        if (out.depth) depth_row(out.depth + first, row_inv_z, image.width, job.near, job.far);
+        if (out.points) point_row(out.points + first * 3, row_inv_z, y);
+    }
+    static inline void depth_row(float* to, const float* row_inv_z, int width, float near, float far) {
+        for (int x = 0; x < width; x += LANES)
+            Write::row(to + x, Range::of(Lanes::load(row_inv_z + x), near, far).depth, count_from(x, width));
+    }
+    inline void point_row(float* to, const float* row_inv_z, int y) const {
+        const int width = image.width;
+        const float near = job.near, far = job.far, v = (float)(y + image.first_row) + camera.first_v;
+        const float first_u = camera.first_u, origin[3] = {camera.origin[0], camera.origin[1], camera.origin[2]};
+        const Rays from = rays;
+        for (int x = 0; x < width; x += LANES) {
+            const Range range = Range::of(Lanes::load(row_inv_z + x), near, far);
+            const Points ray = from.at((Lanes::index_floats() + (float)x) + first_u, v);
+            Write::row(to + 3LL * x, range.along(ray, origin), count_from(x, width));
+        }
+    }
+    static inline int count_from(int x, int width) { return width - x < LANES ? width - x : LANES; }
+
+    // The blocks from a pixel on, a tile across.
+    inline void unpack(int x, int y, int stride) {
+        const int first = Image::column_part(x) + image.row_part(y);
+        Floats inv_z[BLOCK_SIDE];
+        Blocks::transpose(image.inv_z + first, inv_z);
+        for (int r = 0; r < BLOCK_SIDE; ++r) Lanes::store(image.rows + r * stride + x, inv_z[r]);
+        for (int block = 0; block < BLOCKS_ACROSS; ++block)
+            Lanes::store(image.inv_z + first + block * BLOCK_PIXELS, Lanes::all(0.0f));
+        if (mode == MODE_DEPTH) return;
+        Ints id[BLOCK_SIDE];
+        Blocks::transpose(image.id + first, id);
+        for (int r = 0; r < BLOCK_SIDE; ++r) Lanes::store(image.id_rows + r * stride + x, id[r]);
     }
 };

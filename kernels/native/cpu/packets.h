@@ -1,207 +1,178 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Views and strips of views: what a thread takes from the work.
+// Views and strips of views: what a worker takes from the work.
 
-struct Scratch {
-    // The image of one thread in a piece of memory, given in units of four bytes, and the rest of it. Everything has its
-    // place there whatever the height of a strip, so that what one leaves empty is empty for the next.
-    static inline Image carve(float* memory, const Job& job, int strip, bool with_id, float** rest) {
-        Image image;
-        image.width = job.width;
-        image.first_row = job.strip_rows[strip];
-        image.height = job.strip_rows[strip + 1] - image.first_row;
-        image.view_height = job.height;
-        image.tiles_x = (image.width + 15) >> 4;
-        image.tiles_y = (image.height + 15) >> 4;
-        const int points = job.points;
-        const long long tiles = (long long)image.tiles_x * ((job.most_rows + 15) >> 4);
-        memory += (-(unsigned long long)memory & 63) / 4;  // a register's worth must not straddle two cache lines
-        image.empty = (int*)memory;
-        memory += 16;
-        image.rows = memory;
-        image.id_rows = (int*)(memory + image.tiles_x * 64);
-        memory += image.tiles_x * 128;
-        image.first_packet = nullptr;
-        image.judge = nullptr;
-        if (points > 0) {
-            const long long cells = tiles * 16, spare = cells < points ? cells : points;
-            const long long lanes = (points + 15 * spare + 15) / 16 * 16;
-            image.first_packet = (int*)memory;
-            memory += (cells + 16) / 16 * 16;
-            image.point_index = (int*)memory;
-            image.point_u = memory + lanes;
-            image.point_v = memory + 2 * lanes;
-            memory += 3 * lanes;
-            image.w = memory;
-            image.id = (int*)(memory + lanes);
-            memory += 2 * lanes;
-            return carve_blocks(image, memory, tiles, rest);
-        }
-        image.w = memory;
-        memory += tiles * 256;
-        image.id = with_id ? (int*)memory : nullptr;
-        if (with_id) memory += tiles * 256;
-        return carve_blocks(image, memory, tiles, rest);
-    }
-
-    static inline Image carve_blocks(Image image, float* memory, long long tiles, float** rest) {
-        image.block_least = memory;
-        memory += tiles * 16;
-        image.tile_least = memory;
-        memory += tiles;
-        image.block_stale = (unsigned char*)memory;
-        memory += tiles * 4;
-        image.tile_stale = (unsigned char*)memory;
-        memory += (tiles + 3) / 4;
-        *rest = memory;
-        return image;
-    }
-};
-
-// What a thread notes of movable objects, and the stack of its walks.
-struct Notes {
+// What a walk works with: movable objects as the view has them, and the nodes that wait.
+struct Traversal {
     Frame* frames;  // [movable], of those that are drawn
     Visit* visits;  // [movable]
     int* order;  // [movable]
     Visit* stack;
 
-    static inline Notes carve(float* memory, int movables) {
-        Notes notes;
-        memory += (-(unsigned long long)memory & 7) / 4;
-        notes.frames = (Frame*)memory;
-        notes.visits = (Visit*)(notes.frames + movables);
-        notes.order = (int*)(notes.visits + movables);
-        notes.stack = (Visit*)(notes.order + movables);
-        return notes;
+    static inline Traversal carve(Arena& arena, int movables, int levels) {
+        Traversal traversal;
+        traversal.frames = (Frame*)arena.take(movables * (long long)sizeof(Frame));
+        traversal.visits = (Visit*)arena.take(movables * (long long)sizeof(Visit));
+        traversal.order = arena.ints(movables);
+        traversal.stack = (Visit*)arena.take(Walk::stack_size(levels) * (long long)sizeof(Visit));
+        return traversal;
+    }
+};
+static_assert(alignof(Frame) <= Arena::ALIGNMENT, "pieces of an arena are aligned to no more");
+
+// A worker's memory for strips of a job. Everything has its place there whatever the height of a strip, so that what one
+// leaves empty is empty for the next.
+struct StripMemory {
+    Image image;
+    Traversal traversal;
+
+    static inline StripMemory carve(Arena& arena, const Job& job, int movables, int levels) {
+        StripMemory memory;
+        Image& image = memory.image;
+        image.set_size(job.width, job.most_rows, 0, job.height);
+        const long long tiles = image.tiles();
+        image.empty = arena.ints(1);
+        image.rows = arena.floats((long long)image.tiles_x * TILE_SIDE * BLOCK_SIDE);
+        image.id_rows = arena.ints((long long)image.tiles_x * TILE_SIDE * BLOCK_SIDE);
+        image.first_packet = nullptr;
+        image.occlusion = nullptr;
+        if (job.points > 0)
+            carve_points(arena, image, job.points, tiles * TILE_BLOCKS);
+        else
+            carve_pixels(arena, image, tiles * TILE_PIXELS);
+        image.take_blocks(arena, tiles);
+        memory.traversal = Traversal::carve(arena, movables, levels);
+        return memory;
+    }
+    static inline void carve_pixels(Arena& arena, Image& image, long long pixels) {
+        image.inv_z = arena.floats(pixels);
+        image.id = arena.ints(pixels);
+    }
+    static inline void carve_points(Arena& arena, Image& image, long long points, long long cells) {
+        const long long lanes = Sparse::most_lanes(points, cells);
+        image.first_packet = arena.ints(cells + 1);
+        image.point_index = arena.ints(lanes);
+        image.point_u = arena.floats(lanes);
+        image.point_v = arena.floats(lanes);
+        image.inv_z = arena.floats(lanes);
+        image.id = arena.ints(lanes);
+    }
+
+    // The image of one strip.
+    inline Image strip(const Job& job, int strip) const {
+        Image part = image;
+        part.set_size(job.width, job.strip_rows[strip + 1] - job.strip_rows[strip], job.strip_rows[strip], job.height);
+        part.set_center(job.center);
+        return part;
     }
 };
 
 struct Packets {
-    static inline void unit(const Tree& tree, const Movables& movables, const Job& job, const Images& out,
-                            float* scratch, int unit, bool with_id, bool owner_id) {
-        const int view = unit / job.strips;
-        float* rest;
-        const Image image = Scratch::carve(scratch, job, unit % job.strips, with_id, &rest);
+    static inline void unit(const Scene& scene, const Job& job, const Images& out, const StripMemory& memory, int unit,
+                            Mode mode) {
+        const int index = unit / job.strips;
+        const Image image = memory.strip(job, unit % job.strips);
         if (job.points)
-            Sparse::place(image, job.at + (long long)view * job.points * 2, job.points, job.center[0], job.center[1]);
+            Sparse::place(image, job.at + (long long)index * job.points * 2, job.points, job.center);
         else
             image.begin();
-        const Notes notes = Notes::carve(rest, movables.count);
-        const World world = movables.of_view(view);
-        const Pose pose = Pose::from(job.poses + (long long)view * 7);
-        const Eye eye = View::eye(pose, job);
-        if (world.known) draw(tree, movables, world, job, pose, eye, image, notes, with_id, owner_id);
+        const View view = View::of(scene, job, scene.movables.of_view(index), job.pose_of(index));
+        if (view.world.exists) draw(view, image, memory.traversal, mode);
         // Two copies of the code again: one that knows that no triangle belongs to a movable object, and is faster.
-        const double* camera = eye.exact_origin;
-        if (movables.count > 0 && !owner_id)
-            write(Lookup::of(tree, movables, notes.frames, camera, true), eye, image, job, out, view, true, false);
+        const bool moving = scene.movables.count > 0 && mode == MODE_TRIANGLES;
+        if (moving)
+            write(view, image, out, index, Lookup::of(scene, memory.traversal.frames, view.pose.position, true),
+                  MODE_TRIANGLES);
         else
-            write(Lookup::of(tree, movables, notes.frames, camera, false), eye, image, job, out, view, with_id,
-                  owner_id);
+            write(view, image, out, index, Lookup::of(scene, memory.traversal.frames, view.pose.position, false), mode);
     }
 
-    static inline void write(Lookup lookup, const Eye& eye, const Image& image, const Job& job, const Images& out,
-                             int view, bool with_id, bool owner_id) {
-        if (job.points)
-            Sparse::write(lookup, eye, View::rays(eye), image, job, out, view, owner_id);
+    static inline void write(const View& view, const Image& image, const Images& out, int index, Lookup lookup,
+                             Mode mode) {
+        Writer writer = {lookup, view.camera, Rays::of(view.camera), image, view.job, out, index, mode};
+        if (view.job.points)
+            Sparse::write(writer);
         else
-            Strip::write(lookup, eye, View::rays(eye), image, job, out, view, with_id, owner_id);
+            writer.strip();
     }
 
     // What stays where it is, then what moves: where much is hidden, that is much faster than the other way round, and
     // elsewhere as fast.
-    static inline void draw(const Tree& tree, const Movables& movables, const World& world, const Job& job,
-                            const Pose& pose, const Eye& in_world, const Image& image, const Notes& notes, bool with_id,
-                            bool owner_id) {
-        const float center_x = (float)job.center[0], center_y = (float)(job.center[1] - image.first_row);
-        if (tree.root >= 0) {
-            Eye eye = in_world;
-            look_at_static(eye, tree, movables, world, job, pose);
-            const Piece piece = {tree.root, 0, tree.owners, 16};
-            const Pyramid pyramid = View::pyramid(eye, image, center_x, center_y);
-            Walk::draw(tree, piece, eye, pyramid, image, center_x, center_y, notes.stack, with_id, owner_id);
+    static inline void draw(const View& view, const Image& image, const Traversal& traversal, Mode mode) {
+        const Bvh& bvh = view.scene.bvh;
+        const Movables& movables = view.scene.movables;
+        if (bvh.root >= 0) {
+            const Instance instance = {bvh.root, 0, bvh.owners, LANES};
+            Walk::draw(bvh, instance, static_camera(view), image, traversal.stack, mode);
         }
         if (movables.count == 0) return;
-        Queue queue = {notes.visits, notes.order, 0};
-        queue.fill(movables, world, pose, in_world, image, job.focal, center_x, center_y);
+        Queue queue = {traversal.visits, traversal.order, 0};
+        queue.fill(view, image);
         for (int i = 0; i < queue.count; ++i) {
             const Visit& visit = queue.visits[queue.order[i]];
-            if (image.hides(visit.x0, visit.y0, visit.x1, visit.y1, visit.nearest_w)) continue;
-            const Eye eye = look_at_movable(movables, world, visit.child, job, pose, notes.frames);
-            const Solid& solid = notes.frames[visit.child].solid;
-            if (solid.kind != Solid::none) {
-                const int id = owner_id ? movables.object[visit.child] : movables.first_id[visit.child];
-                const Solids::Place place = {visit.x0, visit.y0, visit.x1, visit.y1, visit.nearest_w};
-                Solids::draw(solid, eye, image, job.center, place, id, with_id, !owner_id);
-                continue;
-            }
-            const Ints owner = Lanes::all_ints(movables.object[visit.child]);
-            const Piece piece = movables.piece(tree, visit.child, (const int*)&owner);
-            const Pyramid pyramid = View::pyramid(eye, image, center_x, center_y);
-            Walk::draw(tree, piece, eye, pyramid, image, center_x, center_y, notes.stack, with_id, owner_id);
+            if (!image.hides(visit.x0, visit.y0, visit.x1, visit.y1, visit.nearest_inv_z))
+                draw_movable(view, image, traversal, visit, mode);
         }
     }
 
-    static inline void look_at_static(Eye& eye, const Tree& tree, const Movables& movables, const World& world,
-                                      const Job& job, const Pose& pose) {
-        eye.skip_back_faces = View::outside_all(job, world, pose);
+    static inline void draw_movable(const View& view, const Image& image, const Traversal& traversal,
+                                    const Visit& visit, Mode mode) {
+        const Movables& movables = view.scene.movables;
+        const int movable = visit.child;
+        const Camera camera = movable_camera(view, movable, traversal.frames[movable]);
+        const Solid& solid = traversal.frames[movable].solid;
+        if (solid.kind != SOLID_NONE) {
+            const int id = mode == MODE_TRIANGLES ? movables.first_id[movable] : movables.object[movable];
+            Solids::draw(solid, camera, image, view.job.center, visit, id, mode);
+            return;
+        }
+        const Ints owner = Lanes::all_ints(movables.object[movable]);
+        const Instance instance = movables.instance(view.scene.bvh, movable, (const int*)&owner);
+        Walk::draw(view.scene.bvh, instance, camera, image, traversal.stack, mode);
+    }
+
+    static inline Camera static_camera(const View& view) {
+        Camera camera = view.camera;
+        camera.skip_back_faces = view.scene.outside_all(view.world, view.pose);
         // Where that means all back faces, it need not be looked up whose they are.
-        eye.cull_back_faces = job.cull_back_faces || (eye.skip_back_faces && tree.all_closed);
-        eye.excluded = movables.excludes_static(world) ? world.excluded : nullptr;
+        camera.cull_back_faces |= camera.skip_back_faces && view.scene.bvh.all_closed;
+        if (view.scene.movables.excludes_static(view.world)) camera.excluded = view.world.excluded;
+        return camera;
     }
 
-    // The camera in the frame of an object, which is noted.
-    static inline Eye look_at_movable(const Movables& movables, const World& world, int movable, const Job& job,
-                                      const Pose& pose, Frame* frames) {
-        const Pose place = Pose::from(world.poses + (long long)movable * 7), there = pose.seen_from(place);
-        __builtin_memcpy(frames[movable].axis, place.axis, sizeof place.axis);
-        __builtin_memcpy(frames[movable].camera, there.position, sizeof there.position);
-        Eye eye = View::eye(there, job);
-        note_solid(frames[movable].solid, movables, movable, eye);
-        eye.skip_back_faces = movables.closed[movable] && !there.inside(movables.boxes + (long long)movable * 6);
-        eye.cull_back_faces = job.cull_back_faces || eye.skip_back_faces;
-        if (movables.object[movable] < 0) eye.excluded = world.excluded;
-        return eye;
+    // The camera in the frame of an object, which is kept.
+    static inline Camera movable_camera(const View& view, int movable, Frame& frame) {
+        const Movables& movables = view.scene.movables;
+        const Pose object = Pose::from(view.world.poses + (long long)movable * POSE_WORDS);
+        const Pose there = view.pose.seen_from(object);
+        __builtin_memcpy(frame.axis, object.axis, sizeof object.axis);
+        __builtin_memcpy(frame.viewpoint, there.position, sizeof there.position);
+        Camera camera = Camera::of(there, view.job);
+        frame.solid = movables.solid_of(movable, camera);
+        camera.skip_back_faces =
+            movables.closed[movable] && !there.inside(movables.boxes + (long long)movable * BOX_WORDS);
+        camera.cull_back_faces |= camera.skip_back_faces;
+        if (movables.object[movable] < 0) camera.excluded = view.world.excluded;
+        return camera;
     }
 
-    // From inside, an object's triangles are seen whatever it is.
-    static inline void note_solid(Solid& noted, const Movables& movables, int movable, const Eye& eye) {
-        noted.kind = Solid::none;
-        if (movables.solid[movable] == Solid::none) return;
-        noted = Solid::of(movables.solid[movable], movables.size + (long long)movable * 4, eye);
-        if (!noted.outside()) noted.kind = Solid::none;
-    }
-
-    // Counters that the workers of a job share.
-    enum { next_unit, entered, finished };
-
-    // Wait for the other workers that have begun, but not for long: one may have lost its core. Whoever launched them
-    // sees by `finished` whether all are done.
-    static inline void await_others(int* counter) {
-        __atomic_thread_fence(__ATOMIC_SEQ_CST);  // what was written past the caches has to be there
-        __atomic_fetch_add(counter + finished, 1, __ATOMIC_SEQ_CST);
-        for (int spin = 0; spin < 100000; ++spin)
-            if (__atomic_load_n(counter + finished, __ATOMIC_ACQUIRE) >=
-                __atomic_load_n(counter + entered, __ATOMIC_ACQUIRE))
-                return;
+    static inline void work(const Scene& scene, const Job& job, const Images& out, const StripMemory& memory,
+                            int* counter, Mode mode) {
+        const int units = job.views * job.strips;
+        for (int next; (next = Workers::take(counter)) < units;) unit(scene, job, out, memory, next, mode);
     }
 
     // Take units of work, strips of views, until none are left; other threads take from the same counter.
-    static inline void run(const Tree& tree, const Movables& movables, const Job& job, const Images& out,
-                           float* scratch, int* counter) {
-        const int units = job.views * job.strips;
-        const bool owner_id = !out.normals;
-        const bool with_id = out.normals || out.segmentation || out.labels || job.points;
-        for (;;) {
-            const int next = __atomic_fetch_add(counter + next_unit, 1, __ATOMIC_RELAXED);
-            if (next >= units) break;
-            // Two copies of the code: one that knows that nobody asks for objects, and is faster.
-            if (with_id)
-                unit(tree, movables, job, out, scratch, next, true, owner_id);
-            else
-                unit(tree, movables, job, out, scratch, next, false, true);
-        }
-        await_others(counter);
+    static inline void run(const Scene& scene, const Job& job, const Images& out, const StripMemory& memory,
+                           int* counter) {
+        // Copies of the code for each mode: those that know that nobody asks for triangles, or for objects, are faster.
+        if (out.normals)
+            work(scene, job, out, memory, counter, MODE_TRIANGLES);
+        else if (out.segmentation || out.labels || job.points)
+            work(scene, job, out, memory, counter, MODE_OBJECTS);
+        else
+            work(scene, job, out, memory, counter, MODE_DEPTH);
+        Workers::finish(counter);
     }
 };

@@ -1,85 +1,89 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// From sixteen triangles to pixels: small ones a pixel of each at a time, large ones block by block, slivers by
+// From a leaf's triangles to pixels: small ones a pixel of each at a time, large ones block by block, slivers by
 // rows.
 
 struct Raster {
+    // What takes a mode is always inlined, so that there is a copy for each that walks know.
     // Triangles of at most this many pixels a side are drawn together, a lane each.
-    enum { small_side = 6 };
+    enum { SMALL_SIDE = 6 };
     // Triangles that touch at most this many blocks are drawn block by block without looking at tiles first.
-    enum { most_blocks = 20 };
+    enum { MOST_BLOCKS = 20 };
     // Larger ones that cover less than a pixel of so many rows are drawn row by row.
-    enum { rows_of_pixel = 2 };
+    enum { ROWS_OF_PIXEL = 2 };
 
-    static inline void draw(const Eye& eye, const Image& image, const Cluster& cluster, bool with_id, bool owner_id) {
+    static inline __attribute__((always_inline)) void draw(const Camera& camera, const Image& image,
+                                                           const Triangles& triangles, Mode mode) {
         // By their size in the whole view: how a triangle is drawn must not depend on where a strip cuts it.
-        const Ints small = cluster.shown & (cluster.x1 - cluster.x0 < Lanes::all_ints(small_side)) &
-                           (cluster.view_y1 - cluster.view_y0 < Lanes::all_ints(small_side));
-        Ints inexact = loses_digits(eye, cluster);
-        if (Lanes::any(small)) draw_small(eye, image, cluster, small, inexact, with_id, owner_id);
-        const Ints larger = cluster.shown & ~small;
+        const Ints small = triangles.shown & (triangles.x1 - triangles.x0 < Lanes::all_ints(SMALL_SIDE)) &
+                           (triangles.view_y1 - triangles.view_y0 < Lanes::all_ints(SMALL_SIDE));
+        Ints inexact = loses_digits(camera, triangles);
+        if (Lanes::any(small)) draw_small(camera, image, triangles, small, inexact, mode);
+        const Ints larger = triangles.shown & ~small;
         if (!Lanes::any(larger)) return;
-        inexact |= turns(eye, cluster);
-        const Ints blocks =
-            ((cluster.x1 >> 2) - (cluster.x0 >> 2) + 1) * ((cluster.view_y1 >> 2) - (cluster.view_y0 >> 2) + 1);
-        const Ints medium = larger & ~inexact & (blocks <= Lanes::all_ints(most_blocks));
+        inexact |= turns(camera, triangles);
+        const Ints blocks = ((triangles.x1 >> BLOCK_SHIFT) - (triangles.x0 >> BLOCK_SHIFT) + 1) *
+                            ((triangles.view_y1 >> BLOCK_SHIFT) - (triangles.view_y0 >> BLOCK_SHIFT) + 1);
+        const Ints medium = larger & ~inexact & (blocks <= Lanes::all_ints(MOST_BLOCKS));
         for (unsigned left = Lanes::bits(medium); left; left &= left - 1)
-            draw_medium(eye, image, cluster, Lanes::first_lane(left), with_id, owner_id);
-        const Floats rows = __builtin_convertvector(cluster.view_y1 - cluster.view_y0 + 1, Floats);
-        const Ints thin = larger & ~medium & (cluster.area * (float)rows_of_pixel <= rows);
+            draw_medium(camera, image, triangles, Lanes::first_lane(left), mode);
+        const Floats rows = __builtin_convertvector(triangles.view_y1 - triangles.view_y0 + 1, Floats);
+        const Ints thin = larger & ~medium & (triangles.area * (float)ROWS_OF_PIXEL <= rows);
         for (unsigned left = Lanes::bits(thin); left; left &= left - 1)
-            draw_thin(eye, image, cluster, Lanes::first_lane(left), with_id, owner_id);
+            draw_thin(camera, image, triangles, Lanes::first_lane(left), mode);
         for (unsigned left = Lanes::bits(larger & ~medium & ~thin); left; left &= left - 1)
-            draw_large(eye, image, cluster, Lanes::first_lane(left), with_id, owner_id);
+            draw_large(camera, image, triangles, Lanes::first_lane(left), mode);
     }
 
-    // Seen at a grazing angle, w is a small difference of large terms, and single precision is not enough.
-    static inline Ints loses_digits(const Eye& eye, const Cluster& t) {
-        const Floats u0 = __builtin_convertvector(t.x0, Floats) + eye.first_u;
-        const Floats u1 = __builtin_convertvector(t.x1, Floats) + eye.first_u;
-        const Floats v0 = __builtin_convertvector(t.view_y0, Floats) + eye.first_v;
-        const Floats v1 = __builtin_convertvector(t.view_y1, Floats) + eye.first_v;
-        const Floats u = Lanes::most(Lanes::size(u0), Lanes::size(u1)),
-                     v = Lanes::most(Lanes::size(v0), Lanes::size(v1));
-        return Lanes::size(t.w.u) * u + (Lanes::size(t.w.v) * v + Lanes::size(t.w.one)) > 16.0f * t.least_w;
+    // Seen at a grazing angle, inv_z is a small difference of large terms, and single precision is not enough.
+    static inline Ints loses_digits(const Camera& camera, const Triangles& t) {
+        const Floats u0 = __builtin_convertvector(t.x0, Floats) + camera.first_u;
+        const Floats u1 = __builtin_convertvector(t.x1, Floats) + camera.first_u;
+        const Floats v0 = __builtin_convertvector(t.view_y0, Floats) + camera.first_v;
+        const Floats v1 = __builtin_convertvector(t.view_y1, Floats) + camera.first_v;
+        const Floats u = Lanes::max(Lanes::abs(u0), Lanes::abs(u1)), v = Lanes::max(Lanes::abs(v0), Lanes::abs(v1));
+        return Lanes::abs(t.inv_z.u) * u + (Lanes::abs(t.inv_z.v) * v + Lanes::abs(t.inv_z.one)) > 16.0f * t.min_inv_z;
     }
 
     // Nor is it where the rounding of corners turns the plane of a sliver.
-    static inline Ints turns(const Eye& eye, const Cluster& t) {
+    static inline Ints turns(const Camera& camera, const Triangles& t) {
         const Floats width = __builtin_convertvector(t.x1 - t.x0, Floats);
         const Floats height = __builtin_convertvector(t.view_y1 - t.view_y0, Floats);
-        const Floats change = Lanes::size(t.w.u) * width + Lanes::size(t.w.v) * height;
-        return eye.blur * (width + height) * change > 6e-6f * t.least_w * t.area;
+        const Floats change = Lanes::abs(t.inv_z.u) * width + Lanes::abs(t.inv_z.v) * height;
+        return camera.blur * (width + height) * change > 6e-6f * t.min_inv_z * t.area;
     }
 
-    static inline int id_of(const Cluster& cluster, int lane, bool owner_id) {
-        if (!owner_id) return cluster.first_id + lane;
-        return Tree::object_of(cluster.owners[lane]);
+    static inline int id_of(const Triangles& triangles, int lane, Mode mode) {
+        if (mode == MODE_DEPTH) return 0;
+        if (mode == MODE_TRIANGLES) return triangles.first_id + lane;
+        return Bvh::object_of(triangles.owners[lane]);
     }
 
     // Of two surfaces at one depth, that of the lesser id is seen, whichever comes first.
-    static inline void put(const Image& image, int pixel, float w, int id, bool with_id) {
-        float& old = image.w[pixel];
-        if (with_id) {
-            if (w < old || (w == old && id >= image.id[pixel])) return;
+    static inline __attribute__((always_inline)) void put(const Image& image, int pixel, float inv_z, int id,
+                                                          Mode mode) {
+        float& old = image.inv_z[pixel];
+        if (mode != MODE_DEPTH) {
+            if (inv_z < old || (inv_z == old && id >= image.id[pixel])) return;
             image.id[pixel] = id;
-        } else if (w <= old) {
+        } else if (inv_z <= old) {
             return;
         }
-        old = w;
-        image.touch(pixel >> 4);
+        old = inv_z;
+        image.touch((unsigned)pixel / BLOCK_PIXELS);
     }
 
-    static inline float exact_w(const Eye& eye, const Cluster& t, int k, float u, float v) {
-        const ExactPlane plane = ExactPlane::of(eye, t.corners, k);
-        const float w = (float)(plane.u * u + (plane.v * v + plane.one));
-        return w < t.least_w[k] ? t.least_w[k] : w > t.most_w[k] ? t.most_w[k] : w;
+    static inline float exact_inv_z(const Camera& camera, const Triangles& t, int k, float u, float v) {
+        const ExactPlane plane = ExactPlane::of(camera, t.corners, k);
+        const float inv_z = (float)(plane.u * u + (plane.v * v + plane.one));
+        return inv_z < t.min_inv_z[k] ? t.min_inv_z[k] : inv_z > t.max_inv_z[k] ? t.max_inv_z[k] : inv_z;
     }
 
     // Lane k looks at the pixel (x, y) of its own triangle's bounds; all lanes step through x and y together.
-    static inline void draw_small(const Eye& eye, const Image& image, const Cluster& t, Ints small, Ints inexact,
-                                  bool with_id, bool owner_id) {
+    static inline __attribute__((always_inline)) void draw_small(const Camera& camera, const Image& image,
+                                                                 const Triangles& t, Ints small, Ints inexact,
+                                                                 Mode mode) {
         const Floats none = Lanes::all(0.0f);
         const Ints last_x = small ? t.x1 : Lanes::all_ints(-1), last_y = small ? t.y1 : Lanes::all_ints(-1);
         const unsigned rounded = Lanes::bits(inexact);
@@ -87,102 +91,100 @@ struct Raster {
         const int steps_y = __builtin_reduce_max(small ? t.y1 - t.y0 : Lanes::all_ints(0));
         for (int dy = 0; dy <= steps_y; ++dy) {
             const Ints y = t.y0 + dy;
-            const Floats v = __builtin_convertvector(y + image.first_row, Floats) + eye.first_v;
+            const Floats v = __builtin_convertvector(y + image.first_row, Floats) + camera.first_v;
             const Floats row0 = t.edge[0].row(v), row1 = t.edge[1].row(v), row2 = t.edge[2].row(v);
-            const Floats row_w = t.w.row(v);
+            const Floats row_inv_z = t.inv_z.row(v);
             for (int dx = 0; dx <= steps_x; ++dx) {
                 const Ints x = t.x0 + dx;
-                const Floats u = __builtin_convertvector(x, Floats) + eye.first_u;
-                const Floats inner = Lanes::least(t.edge[0].at(u, row0), t.edge[1].at(u, row1), t.edge[2].at(u, row2));
+                const Floats u = __builtin_convertvector(x, Floats) + camera.first_u;
+                const Floats inner = Lanes::min(t.edge[0].at(u, row0), t.edge[1].at(u, row1), t.edge[2].at(u, row2));
                 const unsigned hits = Lanes::bits((inner >= none) & (x <= last_x) & (y <= last_y));
                 if (!hits) continue;
-                const Floats w = Lanes::most(Lanes::least(t.w.at(u, row_w), t.most_w), t.least_w);
-                float value[16];
-                int at_x[16], at_y[16];
-                Lanes::store(value, w);
+                const Floats inv_z = Lanes::max(Lanes::min(t.inv_z.at(u, row_inv_z), t.max_inv_z), t.min_inv_z);
+                float value[LANES];
+                int at_x[LANES], at_y[LANES];
+                Lanes::store(value, inv_z);
                 Lanes::store(at_x, x);
                 Lanes::store(at_y, y);
                 for (unsigned left = hits & rounded; left; left &= left - 1) {
                     const int k = Lanes::first_lane(left);
-                    value[k] = exact_w(eye, t, k, u[k], v[k]);
+                    value[k] = exact_inv_z(camera, t, k, u[k], v[k]);
                 }
                 for (unsigned left = hits; left; left &= left - 1) {
                     const int k = Lanes::first_lane(left);
                     const int pixel = Image::column_part(at_x[k]) + image.row_part(at_y[k]);
-                    put(image, pixel, value[k], with_id ? id_of(t, k, owner_id) : 0, with_id);
+                    put(image, pixel, value[k], id_of(t, k, mode), mode);
                 }
             }
         }
     }
 
     // A triangle of a few blocks.
-    static inline void draw_medium(const Eye& eye, const Image& image, const Cluster& t, int k, bool with_id,
-                                   bool owner_id) {
+    static inline __attribute__((always_inline)) void draw_medium(const Camera& camera, const Image& image,
+                                                                  const Triangles& t, int k, Mode mode) {
         const Linear e0 = Linear::of_lane(t.edge[0], k), e1 = Linear::of_lane(t.edge[1], k),
                      e2 = Linear::of_lane(t.edge[2], k);
-        const Linear plane = Linear::of_lane(t.w, k);
-        const Floats least_w = Lanes::all(t.least_w[k]), most_w = Lanes::all(t.most_w[k]);
-        const int id = with_id ? id_of(t, k, owner_id) : 0;
-        const int bx0 = t.x0[k] >> 2, bx1 = t.x1[k] >> 2, by0 = t.y0[k] >> 2, by1 = t.y1[k] >> 2;
+        const Linear plane = Linear::of_lane(t.inv_z, k);
+        const Floats min_inv_z = Lanes::all(t.min_inv_z[k]), max_inv_z = Lanes::all(t.max_inv_z[k]);
+        const int id = id_of(t, k, mode);
+        const int bx0 = t.x0[k] >> BLOCK_SHIFT, bx1 = t.x1[k] >> BLOCK_SHIFT, by0 = t.y0[k] >> BLOCK_SHIFT,
+                  by1 = t.y1[k] >> BLOCK_SHIFT;
         for (int by = by0; by <= by1; ++by) {
-            const Floats v = (pixel_row() + (float)(by * 4 + image.first_row)) + eye.first_v;
-            const Floats row0 = e0.row(v), row1 = e1.row(v), row2 = e2.row(v), row_w = plane.row(v);
+            const Floats v = (Grid::row_floats() + (float)(by * BLOCK_SIDE + image.first_row)) + camera.first_v;
+            const Floats row0 = e0.row(v), row1 = e1.row(v), row2 = e2.row(v), row_inv_z = plane.row(v);
             for (int bx = bx0; bx <= bx1; ++bx) {
-                const Floats u = (pixel_column() + (float)(bx * 4)) + eye.first_u;
-                const Floats w = Lanes::most(Lanes::least(plane.at(u, row_w), most_w), least_w);
-                const Ints inside = Lanes::least(e0.at(u, row0), e1.at(u, row1), e2.at(u, row2)) >= Lanes::all(0.0f);
+                const Floats u = (Grid::column_floats() + (float)(bx * BLOCK_SIDE)) + camera.first_u;
+                const Floats inv_z = Lanes::max(Lanes::min(plane.at(u, row_inv_z), max_inv_z), min_inv_z);
+                const Ints inside = Lanes::min(e0.at(u, row0), e1.at(u, row1), e2.at(u, row2)) >= Lanes::all(0.0f);
                 const int block = image.block_at(bx, by);
-                blend(image, block, block, inside, w, id, with_id);
+                blend(image, block, block, inside, inv_z, id, mode);
             }
         }
     }
 
-    // Where the pixels of a block are in it. Whole numbers: sums of them are exact, in whatever order.
-    static inline Floats pixel_column() { return Floats{0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3}; }
-    static inline Floats pixel_row() { return Floats{0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3}; }
-
     // Keep the nearer surface in each pixel of a block, or in each point of a packet in it.
-    static inline void blend(const Image& image, int packet, int block, Ints inside, Floats w, int id, bool with_id) {
-        float* at = image.w + packet * 16;
+    static inline __attribute__((always_inline)) void blend(const Image& image, int packet, int block, Ints inside,
+                                                            Floats inv_z, int id, Mode mode) {
+        float* at = image.inv_z + packet * LANES;
         const Floats old = Lanes::load(at);
-        if (!with_id) {
-            const Ints hit = inside & (w > old);
+        if (mode == MODE_DEPTH) {
+            const Ints hit = inside & (inv_z > old);
             if (!Lanes::any(hit)) return;
-            Lanes::store(at, hit ? w : old);
+            Lanes::store(at, hit ? inv_z : old);
         } else {
-            int* id_at = image.id + packet * 16;
+            int* id_at = image.id + packet * LANES;
             const Ints old_id = Lanes::load(id_at), new_id = Lanes::all_ints(id);
-            const Ints hit = inside & ((w > old) | ((w == old) & (new_id < old_id)));
+            const Ints hit = inside & ((inv_z > old) | ((inv_z == old) & (new_id < old_id)));
             if (!Lanes::any(hit)) return;
-            Lanes::store(at, hit ? w : old);
+            Lanes::store(at, hit ? inv_z : old);
             Lanes::store(id_at, hit ? new_id : old_id);
         }
         image.touch(block);
     }
 
-    // A sliver, by sixteen rows of pixels at a time: most of them it passes between two pixels' centres.
-    static inline void draw_thin(const Eye& eye, const Image& image, const Cluster& t, int k, bool with_id,
-                                 bool owner_id) {
-        const Ints lane = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
-        const int id = with_id ? id_of(t, k, owner_id) : 0;
+    // A sliver, by a row of pixels in each lane: most of them it passes between two pixels' centres.
+    static inline __attribute__((always_inline)) void draw_thin(const Camera& camera, const Image& image,
+                                                                const Triangles& t, int k, Mode mode) {
+        const Ints lane = Lanes::index();
+        const int id = id_of(t, k, mode);
         Linear edge[3];
         for (int e = 0; e < 3; ++e) edge[e] = Linear::of_lane(t.edge[e], k);
-        for (int first = t.y0[k]; first <= t.y1[k]; first += 16) {
+        for (int first = t.y0[k]; first <= t.y1[k]; first += LANES) {
             const Ints y = lane + first;
-            const Floats v = __builtin_convertvector(y + image.first_row, Floats) + eye.first_v;
+            const Floats v = __builtin_convertvector(y + image.first_row, Floats) + camera.first_v;
             Floats left = Lanes::all((float)t.x0[k]), right = Lanes::all((float)t.x1[k]);
-            for (int e = 0; e < 3; ++e) narrow(eye, edge[e], v, v, left, right);
+            for (int e = 0; e < 3; ++e) narrow(camera, edge[e], v, v, left, right);
             Ints here = y <= Lanes::all_ints(t.y1[k]);
             for (Floats x = __builtin_elementwise_ceil(left);; x += 1.0f) {
                 here &= x <= right;
                 if (!Lanes::any(here)) break;
-                const Floats u = x + eye.first_u;
-                const Floats inner = Lanes::least(edge[0].at(u, edge[0].row(v)), edge[1].at(u, edge[1].row(v)),
-                                                  edge[2].at(u, edge[2].row(v)));
+                const Floats u = x + camera.first_u;
+                const Floats inner = Lanes::min(edge[0].at(u, edge[0].row(v)), edge[1].at(u, edge[1].row(v)),
+                                                edge[2].at(u, edge[2].row(v)));
                 for (unsigned hits = Lanes::bits(here & (inner >= Lanes::all(0.0f))); hits; hits &= hits - 1) {
                     const int r = Lanes::first_lane(hits);
                     const int pixel = Image::column_part((int)x[r]) + image.row_part(first + r);
-                    put(image, pixel, exact_w(eye, t, k, u[r], v[r]), id, with_id);
+                    put(image, pixel, exact_inv_z(camera, t, k, u[r], v[r]), id, mode);
                 }
             }
         }
@@ -190,76 +192,93 @@ struct Raster {
 
     // Rows from `left` to `right`, between v0 and v1 in the image, without what lies beyond an edge by more than rounding
     // can be wrong.
-    static inline void narrow(const Eye& eye, const Linear& edge, Floats v0, Floats v1, Floats& left, Floats& right) {
+    static inline void narrow(const Camera& camera, const Linear& edge, Floats v0, Floats v1, Floats& left,
+                              Floats& right) {
         const float by = -1.0f / edge.u[0];
         if (!(__builtin_fabsf(by) < 1e30f)) return;  // it runs along the rows
-        const Floats x0 = edge.row(v0) * by - eye.first_u, x1 = edge.row(v1) * by - eye.first_u;
-        const Floats size = Lanes::size(edge.v) * Lanes::most(Lanes::size(v0), Lanes::size(v1)) + Lanes::size(edge.one);
+        const Floats x0 = edge.row(v0) * by - camera.first_u, x1 = edge.row(v1) * by - camera.first_u;
+        const Floats size = Lanes::abs(edge.v) * Lanes::max(Lanes::abs(v0), Lanes::abs(v1)) + Lanes::abs(edge.one);
         const Floats slack = 0.01f + 4e-7f * __builtin_fabsf(by) * size;
         if (edge.u[0] > 0.0f)
-            left = Lanes::most(left, Lanes::least(x0, x1) - slack);
+            left = Lanes::max(left, Lanes::min(x0, x1) - slack);
         else
-            right = Lanes::least(right, Lanes::most(x0, x1) + slack);
+            right = Lanes::min(right, Lanes::max(x0, x1) + slack);
     }
 
-    // A triangle of many pixels, in scalars, for sixteen pixels or blocks at a time.
+    // A triangle of many pixels, in scalars, for as many pixels or blocks at a time as there are lanes.
     struct Large {
         Linear edge[3];
         ExactPlane plane;
-        Floats slope;  // w in a block, less w at its first pixel
-        float least_w, most_w;
+        Floats slope;  // inv_z in a block, less inv_z at its first pixel
+        float min_inv_z, max_inv_z;
         int id;
+        int x0, x1, y0, y1;
+
+        static inline Large of(const Camera& camera, const Triangles& t, int k, Mode mode) {
+            Large one;
+            for (int e = 0; e < 3; ++e) one.edge[e] = Linear::of_lane(t.edge[e], k);
+            one.plane = ExactPlane::of(camera, t.corners, k);
+            one.slope = (float)one.plane.u * Grid::column_floats() + (float)one.plane.v * Grid::row_floats();
+            one.min_inv_z = t.min_inv_z[k];
+            one.max_inv_z = t.max_inv_z[k];
+            one.id = id_of(t, k, mode);
+            one.x0 = t.x0[k], one.x1 = t.x1[k], one.y0 = t.y0[k], one.y1 = t.y1[k];
+            return one;
+        }
     };
 
-    static inline void draw_large(const Eye& eye, const Image& image, const Cluster& t, int k, bool with_id,
-                                  bool owner_id) {
-        Large one;
-        for (int e = 0; e < 3; ++e) one.edge[e] = Linear::of_lane(t.edge[e], k);
-        one.plane = ExactPlane::of(eye, t.corners, k);
-        one.slope = (float)one.plane.u * pixel_column() + (float)one.plane.v * pixel_row();
-        one.least_w = t.least_w[k];
-        one.most_w = t.most_w[k];
-        one.id = with_id ? id_of(t, k, owner_id) : 0;
-        const int x0 = t.x0[k], x1 = t.x1[k], y0 = t.y0[k], y1 = t.y1[k];
-        const int tx0 = x0 >> 4, tx1 = x1 >> 4, ty0 = y0 >> 4, ty1 = y1 >> 4;
-        int from[16], to[16];  // tiles of a row
+    static inline __attribute__((always_inline)) void draw_large(const Camera& camera, const Image& image,
+                                                                 const Triangles& t, int k, Mode mode) {
+        const Large one = Large::of(camera, t, k, mode);
+        const int ty0 = one.y0 >> TILE_SHIFT, ty1 = one.y1 >> TILE_SHIFT;
+        int from[LANES], to[LANES];  // tiles of a row
         for (int ty = ty0; ty <= ty1; ++ty) {
-            const int row = (ty - ty0) & 15;
-            if (row == 0) touched_tiles(eye, image, t, k, ty, tx0, tx1, from, to);
-            for (int tx = from[row]; tx <= to[row]; ++tx) draw_tile(eye, image, one, tx, ty, x0, x1, y0, y1, with_id);
+            const int row = (ty - ty0) & (LANES - 1);
+            if (row == 0) touched_tiles(camera, image, one, ty, from, to);
+            for (int tx = from[row]; tx <= to[row]; ++tx) draw_tile(camera, image, one, tx, ty, mode);
         }
     }
 
-    // What of sixteen rows of tiles is between a triangle's edges; all of it where there is too little to gain.
-    static inline void touched_tiles(const Eye& eye, const Image& image, const Cluster& t, int k, int first, int tx0,
-                                     int tx1, int* from, int* to) {
+    // What of a row of tiles in each lane is between a triangle's edges; all of it where there is too little to gain.
+    static inline void touched_tiles(const Camera& camera, const Image& image, const Large& t, int first, int* from,
+                                     int* to) {
+        const int tx0 = t.x0 >> TILE_SHIFT, tx1 = t.x1 >> TILE_SHIFT;
         Ints begin = Lanes::all_ints(tx0), end = Lanes::all_ints(tx1);
         if (tx1 - tx0 > 2) {
-            const Ints lane = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
-            const Floats top = __builtin_convertvector((lane + first) * 16 + image.first_row, Floats) + eye.first_v;
-            Floats left = Lanes::all((float)(tx0 * 16)), right = Lanes::all((float)(tx1 * 16 + 15));
-            for (int e = 0; e < 3; ++e) narrow(eye, Linear::of_lane(t.edge[e], k), top, top + 15.0f, left, right);
+            const Ints y = (Lanes::index() + first) * (int)TILE_SIDE + image.first_row;
+            const Floats top = __builtin_convertvector(y, Floats) + camera.first_v;
+            const float last = TILE_SIDE - 1;
+            Floats left = Lanes::all((float)(tx0 * TILE_SIDE)), right = Lanes::all((float)(tx1 * TILE_SIDE) + last);
+            for (int e = 0; e < 3; ++e) narrow(camera, t.edge[e], top, top + last, left, right);
             const Ints some = left <= right;
-            begin = __builtin_convertvector(some ? left : Lanes::all(16.0f), Ints) >> 4;
-            end = __builtin_convertvector(some ? Lanes::most(right, Lanes::all(0.0f)) : Lanes::all(0.0f), Ints) >> 4;
+            const Floats nowhere = Lanes::all((float)TILE_SIDE), none = Lanes::all(0.0f);  // begins after it ends
+            begin = __builtin_convertvector(some ? left : nowhere, Ints) >> TILE_SHIFT;
+            end = __builtin_convertvector(some ? Lanes::max(right, none) : none, Ints) >> TILE_SHIFT;
         }
         Lanes::store(from, begin);
         Lanes::store(to, end);
     }
 
+    // A block of a tile that a large triangle touches.
+    struct TouchedBlock {
+        int index, x, y;
+        float inv_z;  // at its first pixel
+        bool covered;
+    };
+
     // An edge's value is greatest, and least, at corners of a block: rounding does not change the order, so that the
     // test of the corner pixel never contradicts that of another pixel.
-    static inline void draw_tile(const Eye& eye, const Image& image, const Large& t, int tx, int ty, int x0, int x1,
-                                 int y0, int y1, bool with_id) {
-        const Ints block_x = {0, 4, 8, 12, 0, 4, 8, 12, 0, 4, 8, 12, 0, 4, 8, 12};
-        const Ints block_y = {0, 0, 0, 0, 4, 4, 4, 4, 8, 8, 8, 8, 12, 12, 12, 12};
-        const Ints x = block_x + tx * 16, y = block_y + ty * 16;
+    static inline __attribute__((always_inline)) void draw_tile(const Camera& camera, const Image& image,
+                                                                const Large& t, int tx, int ty, Mode mode) {
+        const int last = BLOCK_SIDE - 1;
+        const Ints block_x = Grid::block_x(), block_y = Grid::block_y();
+        const Ints x = block_x + tx * TILE_SIDE, y = block_y + ty * TILE_SIDE;
         const Floats none = Lanes::all(0.0f);
-        const Floats u0 = __builtin_convertvector(x, Floats) + eye.first_u;
-        const Floats u1 = __builtin_convertvector(x + 3, Floats) + eye.first_u;
-        const Floats v0 = __builtin_convertvector(y + image.first_row, Floats) + eye.first_v;
-        const Floats v1 = __builtin_convertvector(y + 3 + image.first_row, Floats) + eye.first_v;
-        Ints touched = (x + 3 >= x0) & (x <= x1) & (y + 3 >= y0) & (y <= y1);
+        const Floats u0 = __builtin_convertvector(x, Floats) + camera.first_u;
+        const Floats u1 = __builtin_convertvector(x + last, Floats) + camera.first_u;
+        const Floats v0 = __builtin_convertvector(y + image.first_row, Floats) + camera.first_v;
+        const Floats v1 = __builtin_convertvector(y + last + image.first_row, Floats) + camera.first_v;
+        Ints touched = (x + last >= t.x0) & (x <= t.x1) & (y + last >= t.y0) & (y <= t.y1);
         Ints covered = touched;
         for (int e = 0; e < 3; ++e) {
             const Linear& edge = t.edge[e];
@@ -277,28 +296,30 @@ struct Raster {
                      offset_y = __builtin_convertvector(block_y, Floats);
         const float reach = 3.0f * ((pu > 0 ? pu : 0) + (pv > 0 ? pv : 0));
         Floats nearest = (pu * offset_x + pv * offset_y) + ((float)base + reach);
-        nearest = Lanes::least(nearest * 1.00001f + 1e-30f, Lanes::all(t.most_w));
-        touched &= ~(Lanes::load(image.block_least + tile * 16) > nearest);
+        nearest = Lanes::min(nearest * 1.00001f + 1e-30f, Lanes::all(t.max_inv_z));
+        touched &= ~(Lanes::load(image.block_min + tile * TILE_BLOCKS) > nearest);
 
         const unsigned whole = Lanes::bits(covered);
         for (unsigned left = Lanes::bits(touched); left; left &= left - 1) {
             const int b = Lanes::first_lane(left);
             const double at_block = base + t.plane.u * block_x[b] + t.plane.v * block_y[b];
-            draw_block(eye, image, t, tile * 16 + b, x[b], y[b], (float)at_block, (whole >> b) & 1, with_id);
+            const TouchedBlock block = {tile * TILE_BLOCKS + b, x[b], y[b], (float)at_block, ((whole >> b) & 1) != 0};
+            draw_block(camera, image, t, block, mode);
         }
     }
 
-    static inline void draw_block(const Eye& eye, const Image& image, const Large& t, int block, int x, int y,
-                                  float w_of_first, bool covered, bool with_id) {
-        const Floats w = Lanes::most(Lanes::least(t.slope + w_of_first, Lanes::all(t.most_w)), Lanes::all(t.least_w));
+    static inline __attribute__((always_inline)) void draw_block(const Camera& camera, const Image& image,
+                                                                 const Large& t, const TouchedBlock& block, Mode mode) {
+        const Floats inv_z =
+            Lanes::max(Lanes::min(t.slope + block.inv_z, Lanes::all(t.max_inv_z)), Lanes::all(t.min_inv_z));
         Ints inside = Lanes::all_ints(-1);
-        if (!covered) {
-            const Floats u = (pixel_column() + (float)x) + eye.first_u;
-            const Floats v = (pixel_row() + (float)(y + image.first_row)) + eye.first_v;
+        if (!block.covered) {
+            const Floats u = (Grid::column_floats() + (float)block.x) + camera.first_u;
+            const Floats v = (Grid::row_floats() + (float)(block.y + image.first_row)) + camera.first_v;
             const Linear* e = t.edge;
-            inside = Lanes::least(e[0].at(u, e[0].row(v)), e[1].at(u, e[1].row(v)), e[2].at(u, e[2].row(v))) >=
+            inside = Lanes::min(e[0].at(u, e[0].row(v)), e[1].at(u, e[1].row(v)), e[2].at(u, e[2].row(v))) >=
                      Lanes::all(0.0f);
         }
-        blend(image, block, block, inside, w, t.id, with_id);
+        blend(image, block.index, block.index, inside, inv_z, t.id, mode);
     }
 };

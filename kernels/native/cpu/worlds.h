@@ -1,25 +1,17 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Objects that move: where they are in a view's world, and which of them a triangle belongs to.
-
-// A tree to draw, what stays where it is or one object that moves, and whose its triangles are.
-struct Piece {
-    int root;
-    int number;  // of a triangle, less its place in the leaves
-    const int* owners;  // of leaf 0
-    int owner_step;  // from the owners of a leaf to those of the next: 0 where there is but one
-};
+// What is drawn: what stays, and objects that move; where they are in a view's world, and whose a triangle is.
 
 // An object's axes in the world, and the camera in its frame: what normals take of a pose.
 struct Frame {
-    double axis[3][3], camera[3];
+    double axis[3][3], viewpoint[3];
     Solid solid;  // with the camera outside; of another kind than none, it is what the object is drawn as
 };
 
 // What one view sees: where movable objects are, and what is left out.
 struct World {
-    bool known;  // if there is no such world, nothing is seen
+    bool exists;  // if it does not, nothing is seen
     const float* poses;  // [movable]: x y z qx qy qz qw, object to world
     const unsigned char* excluded;  // [object]: not 0 for what is not seen; null if nothing is excluded
 
@@ -34,23 +26,23 @@ struct Movables {
     const int* first_leaf;  // of its tree
     const int* first_id;  // number of its first triangle, ascending
     const int* closed;  // whether its back faces are hidden from outside of its box
-    const float* boxes;  // [movable][6]: least and greatest corner in its frame
+    const float* boxes;  // [movable][BOX_WORDS]: least and greatest corner in its frame
     const int* solid;  // its kind
-    const float* size;  // [movable][4]: of a solid, factors along x, y and z, and half length before them
-    const float* poses;  // [world][movable][7]
+    const float* size;  // [movable][SOLID_WORDS]: of a solid, factors along x, y and z, and half length before them
+    const float* poses;  // [world][movable][POSE_WORDS]
     int worlds;
     const int* world;  // [view]; null: the one world, or if there are several, for each view its own
     const unsigned char* excluded;  // [view or 1][object], or null
     int excluded_views;
     int objects;  // of the scene
-    const int* still;  // those that stay
-    int still_count;
+    const int* static_object;  // those that stay
+    int static_count;
 
     inline World of_view(int view) const {
         const int index = world ? world[view] : worlds == 1 ? 0 : view;
         World result;
-        result.known = count == 0 || (index >= 0 && index < worlds);
-        result.poses = poses + (long long)(result.known ? index : 0) * count * 7;
+        result.exists = count == 0 || (index >= 0 && index < worlds);
+        result.poses = poses + (long long)(result.exists ? index : 0) * count * POSE_WORDS;
         const int row = view < excluded_views ? view : excluded_views - 1;
         result.excluded = excluded ? excluded + (long long)row * objects : nullptr;
         return result;
@@ -58,16 +50,26 @@ struct Movables {
 
     // Whether a view leaves out anything that stays where it is.
     inline bool excludes_static(const World& world) const {
-        for (int i = 0; i < still_count && world.excluded; ++i)
-            if (world.excluded[still[i]]) return true;
+        for (int i = 0; i < static_count && world.excluded; ++i)
+            if (world.excluded[static_object[i]]) return true;
         return false;
     }
 
-    // Its tree; `owner` is its index among all objects, sixteen times.
-    inline Piece piece(const Tree& tree, int movable, const int* owner) const {
-        const int number = first_id[movable] - first_leaf[movable] * 16;
-        return object[movable] < 0 ? Piece{root[movable], number, tree.owners, 16}
-                                   : Piece{root[movable], number, owner, 0};
+    // The solid as which it is seen by a camera in its frame: from inside, triangles are seen whatever it is.
+    inline Solid solid_of(int movable, const Camera& camera) const {
+        Solid found;
+        found.kind = SOLID_NONE;
+        if (solid[movable] == SOLID_NONE) return found;
+        found = Solid::of(solid[movable], size + (long long)movable * SOLID_WORDS, camera);
+        if (!found.outside()) found.kind = SOLID_NONE;
+        return found;
+    }
+
+    // Its tree; `owner` is its index among all objects, in every lane.
+    inline Instance instance(const Bvh& bvh, int movable, const int* owner) const {
+        const int number = first_id[movable] - first_leaf[movable] * LANES;
+        return object[movable] < 0 ? Instance{root[movable], number, bvh.owners, LANES}
+                                   : Instance{root[movable], number, owner, 0};
     }
 
     // The object that a triangle belongs to, by the triangle's number; the first one also answers for lesser numbers.
@@ -82,40 +84,66 @@ struct Movables {
     }
 };
 
+struct Scene {
+    Bvh bvh;  // of what stays, and of each mesh that moves
+    Movables movables;
+
+    // Whether a camera is outside the boxes of all closed objects that stay where they are and may be seen, so that their
+    // back faces are hidden behind their front faces.
+    inline bool outside_all(const World& world, const Pose& pose) const {
+        for (int i = 0; i < bvh.closed_count; ++i)
+            if (pose.inside(bvh.closed_boxes + i * BOX_WORDS) && !world.excludes(bvh.closed_object[i])) return false;
+        return true;
+    }
+};
+
+// One view of a scene.
+struct View {
+    const Scene& scene;
+    const Job& job;
+    World world;
+    Pose pose;
+    Camera camera;  // in the world
+
+    static inline View of(const Scene& scene, const Job& job, const World& world, const Pose& pose) {
+        return View{scene, job, world, pose, Camera::of(pose, job)};
+    }
+};
+
 // Triangles by their numbers: whose they are, and how they face. Neighbouring pixels mostly ask for the same object.
 struct Lookup {
-    const Tree& tree;
+    const Bvh& bvh;
     const Movables& movables;
     const Frame* frames;  // of movable objects that were drawn
-    const double* camera;  // in the world
+    const double* viewpoint;  // in the world
     int first_movable;  // numbers from here on are of movable objects
     int first, end;  // numbers of the object found last
     int movable;  // which that is
     bool moving;  // whether any can be; a constant, so that there is code that knows that none is
 
-    static inline Lookup of(const Tree& tree, const Movables& movables, const Frame* frames, const double* camera,
-                            bool moving) {
-        return Lookup{tree, movables, frames, camera, moving ? movables.first_id[0] : 0, 0, 0, 0, moving};
+    static inline Lookup of(const Scene& scene, const Frame* frames, const double* viewpoint, bool moving) {
+        return Lookup{scene.bvh, scene.movables, frames, viewpoint, moving ? scene.movables.first_id[0] : 0, 0, 0,
+                      0,         moving};
     }
 
     inline void find(int id) {
         if (id >= first && id < end) return;
         movable = movables.find(id);
         first = movables.first_id[movable];
-        end = movable + 1 < movables.count ? movables.first_id[movable + 1] : 0x7fffffff;
+        end = movable + 1 < movables.count ? movables.first_id[movable + 1] : __INT_MAX__;
     }
 
     inline int object_of(int id) {
-        if (!moving || id < first_movable) return Tree::object_of(tree.owners[id]);
+        if (!moving || id < first_movable) return Bvh::object_of(bvh.owners[id]);
         find(id);
         const int alone = movables.object[movable];
-        return alone >= 0 ? alone : Tree::object_of(tree.owners[id - first + movables.first_leaf[movable] * 16]);
+        return alone >= 0 ? alone : Bvh::object_of(bvh.owners[id - first + movables.first_leaf[movable] * LANES]);
     }
 
     // Unit normal of a triangle in the world, towards the camera.
     inline void normal_of(int id, float* n) {
         if (!moving || id < first_movable)
-            normal_there(camera, id, n);
+            normal_there(viewpoint, id, n);
         else
             movable_normal(id, n);
     }
@@ -123,20 +151,20 @@ struct Lookup {
         find(id);
         const Frame& frame = frames[movable];
         float there[3];
-        normal_there(frame.camera, id - first + movables.first_leaf[movable] * 16, there);
+        normal_there(frame.viewpoint, id - first + movables.first_leaf[movable] * LANES, there);
         for (int k = 0; k < 3; ++k)
             n[k] = (float)(there[0] * frame.axis[0][k] + there[1] * frame.axis[1][k] + there[2] * frame.axis[2][k]);
     }
 
-    // Unit normals where sixteen rays show solids, into those lanes of `n`; which these are.
+    // Unit normals where rays show solids, into those lanes of `n`; which these are.
     inline Ints solid_normals(Ints ids, Ints seen, Doubles u, Doubles v, Points& n) {
-        int id[16];
+        int id[LANES];
         Ints solid = Lanes::all_ints(0);
         Lanes::store(id, ids);
         for (unsigned left = Lanes::bits(seen & (ids >= first_movable)); left;) {
             find(id[Lanes::first_lane(left)]);
             const Ints here = seen & (ids >= first) & (ids < end);
-            if (frames[movable].solid.kind != Solid::none) {
+            if (frames[movable].solid.kind != SOLID_NONE) {
                 const Points found = normals_of(frames[movable], ids - first, u, v);
                 n.x = here ? found.x : n.x;
                 n.y = here ? found.y : n.y;
@@ -159,8 +187,9 @@ struct Lookup {
     }
 
     // In the frame of its tree, of the triangle at a place in the leaves.
-    inline void normal_there(const double* eye, int slot, float* n) const {
-        const ExactTriangle t = ExactTriangle::of(eye, tree.leaves + (long long)(slot >> 4) * 144, slot & 15);
+    inline void normal_there(const double* from, int slot, float* n) const {
+        const float* corners = bvh.leaf((unsigned)slot / LANES);
+        const ExactTriangle t = ExactTriangle::of(from, corners, (unsigned)slot % LANES);
         const double* c = t.normal;
         const double towards = t.volume() > 0 ? -1.0 : 1.0;
         const double length = __builtin_sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]);

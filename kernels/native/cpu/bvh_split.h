@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The builder of the cluster tree: leaves of LANES triangles, nodes of LANES children. kernels/tree.py puts that
-// constant, 16 or 32, before this text.
+// The builder of the BVH: leaves of LANES triangles, nodes of LANES children. kernels/bvh.py puts that constant, 16 or 32,
+// before this text.
 //
 // Warp pastes this text into the body of a function, without the standard library: hence local structs of static
-// functions, and constants as enums. kernels/tree.py holds the kernels that call them, in this order: Items::load and
-// Splitter::split_all here, Collapser::collapse in tree_collapse.h, Leaves::fill and Nodes::fit in tree_bounds.h.
+// functions, and constants as enums. kernels/bvh.py holds the kernels that call them, in this order: Items::load and
+// Splitter::split_all here, Collapser::collapse in bvh_collapse.h, Leaves::fill and Nodes::fit in bvh_bounds.h.
 
 typedef float v4 __attribute__((ext_vector_type(4)));
 typedef float v8 __attribute__((ext_vector_type(8)));
@@ -20,15 +20,12 @@ enum {
     BINS = 16,  // of one axis, where a range is too large to sort
     SMALL = 4 * LANES,  // ranges of at most this many items are sorted
     STEPS = (1 << 30) / SMALL,  // of one axis, to sort by: a step and an item's place fit 30 bits
-    DEEPEST = 64,  // from this depth on ranges are halved, so that no input makes a deep tree
-    LEAF_ROWS = 9,  // ax ay az bx by bz cx cy cz
-    NODE_ROWS = 10,  // min x y z, max x y z, cone axis x y z, cone cutoff
 };
 
-// A box is its lower corner and its negated upper corner, so that the union of two is one minimum. Lanes 3 and 7 are
+// An AABB is its lower corner and its negated upper corner, so that the union of two is one minimum. Lanes 3 and 7 are
 // free; an item is a triangle's box with the triangle's index there, as two floats that hold 16 bits each.
-struct Box {
-    static v8 empty() { return (v8)(3e38f); }
+struct Aabb {
+    static v8 empty() { return (v8)(NOWHERE); }
 
     // One instruction, where __builtin_elementwise_min takes care of NaNs, which there are none of.
     static v8 unite(v8 a, v8 b) { return a < b ? a : b; }
@@ -56,6 +53,8 @@ struct Box {
     }
 };
 
+static_assert(sizeof(v8) == ITEM_WORDS * sizeof(float), "Python gets memory for items");
+
 struct Items {
     static int triangle(v8 item) { return ((int)item.s7 << 16) | (int)item.s3; }
 
@@ -64,7 +63,7 @@ struct Items {
         const float* b = vertices + 3 * (long long)faces[3 * (long long)triangle + 1];
         const float* c = vertices + 3 * (long long)faces[3 * (long long)triangle + 2];
         v4 pa = {a[0], a[1], a[2], 0.0f}, pb = {b[0], b[1], b[2], 0.0f}, pc = {c[0], c[1], c[2], 0.0f};
-        v8 item = Box::unite(Box::of_point(pa), Box::unite(Box::of_point(pb), Box::of_point(pc)));
+        v8 item = Aabb::unite(Aabb::of_point(pa), Aabb::unite(Aabb::of_point(pb), Aabb::of_point(pc)));
         item.s3 = (float)(triangle & 0xffff);
         item.s7 = (float)(triangle >> 16);
         items[triangle] = item;
@@ -78,6 +77,8 @@ struct Split {
     int child[2];  // the children's splits, 0 where the child is a leaf
     float area[2];  // half the surface area of the children's boxes
 };
+
+static_assert(sizeof(Split) == SPLIT_WORDS * sizeof(int), "Python gets memory for splits, and reads the children");
 
 struct Choice {
     int axis, bin, left_count;
@@ -115,33 +116,33 @@ struct Splitter {
 
         void fill(const v8* items, int begin, int end, Grid grid) {
             for (int axis = 0; axis < 3; ++axis)
-                for (int k = 0; k < BINS; ++k) box[axis][k] = Box::empty(), count[axis][k] = 0;
+                for (int k = 0; k < BINS; ++k) box[axis][k] = Aabb::empty(), count[axis][k] = 0;
             for (int i = begin; i < end; ++i) {
                 const v8 item = items[i];
-                const i4 cell = grid.cells(Box::centre(item));
+                const i4 cell = grid.cells(Aabb::centre(item));
                 add(0, cell.x, item), add(1, cell.y, item), add(2, cell.z, item);
             }
         }
 
         void add(int axis, int k, v8 item) {
-            box[axis][k] = Box::unite(box[axis][k], item);
+            box[axis][k] = Aabb::unite(box[axis][k], item);
             ++count[axis][k];
         }
 
         void choose(int axis, int total, Choice& best) const {
             float right_area[BINS];
-            v8 right = Box::empty();
+            v8 right = Aabb::empty();
             for (int k = BINS - 1; k > 0; --k) {
-                right = Box::unite(right, box[axis][k]);
-                right_area[k] = Box::half_area(right);
+                right = Aabb::unite(right, box[axis][k]);
+                right_area[k] = Aabb::half_area(right);
             }
-            v8 left = Box::empty();
+            v8 left = Aabb::empty();
             int left_count = 0;
             for (int k = 1; k < BINS; ++k) {
-                left = Box::unite(left, box[axis][k - 1]);
+                left = Aabb::unite(left, box[axis][k - 1]);
                 left_count += count[axis][k - 1];
                 if (left_count == 0 || left_count == total) continue;
-                const float left_area = Box::half_area(left), per_item = 1.0f / total;
+                const float left_area = Aabb::half_area(left), per_item = 1.0f / total;
                 const float c =
                     cost(left_area, left_count, per_item) + cost(right_area[k], total - left_count, per_item);
                 if (c < best.cost) best = Choice{axis, k, left_count, c, left_area, right_area[k]};
@@ -155,17 +156,17 @@ struct Splitter {
                           v8& right_centres) {
         const int axis = choice.axis;
         const float origin = grid.origin[axis], scale = grid.scale[axis], bound = (float)choice.bin;
-        v8 left = Box::empty(), right = Box::empty();
+        v8 left = Aabb::empty(), right = Aabb::empty();
         int border = begin;
         for (int i = begin; i < end; ++i) {
             const float* corner = (const float*)(items + i);
             const bool is_left = (corner[axis] - corner[4 + axis] - origin) * scale < bound;
-            const v8 item = items[i], centre = Box::of_point(Box::centre(item));
+            const v8 item = items[i], centre = Aabb::of_point(Aabb::centre(item));
             items[i] = items[border];
             items[border] = item;
             border += is_left;
-            left = Box::unite(left, is_left ? centre : Box::empty());
-            right = Box::unite(right, is_left ? Box::empty() : centre);
+            left = Aabb::unite(left, is_left ? centre : Aabb::empty());
+            right = Aabb::unite(right, is_left ? Aabb::empty() : centre);
         }
         left_centres = left;
         right_centres = right;
@@ -192,7 +193,7 @@ struct Splitter {
 
     // Splits a small range where it is cheapest of all places along the three axes; sorts the items along that axis.
     static Choice split_sorted(v8* items, int count) {
-        const v8 centres = Box::of_centres(items, 0, count);
+        const v8 centres = Aabb::of_centres(items, 0, count);
         const float per_item = 1.0f / count;
         int orders[3][SMALL];
         float right_area[SMALL];
@@ -200,15 +201,15 @@ struct Splitter {
         for (int axis = 0; axis < 3; ++axis) {
             int* order = orders[axis];
             sort(items, count, axis, centres[axis], -centres[4 + axis], order);
-            v8 right = Box::empty();
+            v8 right = Aabb::empty();
             for (int i = count - 1; i > 0; --i) {
-                right = Box::unite(right, items[order[i]]);
-                right_area[i] = Box::half_area(right);
+                right = Aabb::unite(right, items[order[i]]);
+                right_area[i] = Aabb::half_area(right);
             }
-            v8 left = Box::empty();
+            v8 left = Aabb::empty();
             for (int i = 1; i < count; ++i) {
-                left = Box::unite(left, items[order[i - 1]]);
-                const float area = Box::half_area(left);
+                left = Aabb::unite(left, items[order[i - 1]]);
+                const float area = Aabb::half_area(left);
                 const float c = cost(area, i, per_item) + cost(right_area[i], count - i, per_item);
                 if (c < best.cost) best = Choice{axis, 0, i, c, area, right_area[i]};
             }
@@ -226,8 +227,8 @@ struct Splitter {
                       0,
                       half,
                       0.0f,
-                      Box::half_area(Box::of_items(items, begin, middle)),
-                      Box::half_area(Box::of_items(items, middle, end))};
+                      Aabb::half_area(Aabb::of_items(items, begin, middle)),
+                      Aabb::half_area(Aabb::of_items(items, middle, end))};
     }
 
     struct Range {
@@ -241,7 +242,7 @@ struct Splitter {
 
     static Choice split(v8* items, const Range& range, v8& left_centres, v8& right_centres) {
         left_centres = right_centres = range.centres;
-        if (range.depth >= DEEPEST) return halve(items, range.begin, range.end);
+        if (range.depth >= HALVING_DEPTH) return halve(items, range.begin, range.end);
         if (range.count() <= SMALL) return split_sorted(items + range.begin, range.count());
         const Grid grid = Grid::of(range.centres);
         Bins bins;
@@ -258,7 +259,7 @@ struct Splitter {
     static void split_all(v8* items, Split* splits, int begin, int end, int link, int depth, int most_splits) {
         Range stack[64];
         int waiting = 0;
-        stack[waiting++] = Range{begin, end, link, depth, Box::of_centres(items, begin, end)};
+        stack[waiting++] = Range{begin, end, link, depth, Aabb::of_centres(items, begin, end)};
         while (waiting > 0) {
             const Range range = stack[--waiting];
             int& name = splits[range.link / 2].child[range.link % 2];

@@ -1,12 +1,14 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Goes after tree.h.
+// Goes after bvh_split.h.
 
 // Makes nodes of LANES children of the binary tree's nodes of two, so that the boxes of all nodes together have the
 // least surface area, and a random ray visits the fewest nodes (Ylitie, Karras and Laine 2017, section 3.1).
 struct Collapser {
-    enum { MOST_LEVELS = DEEPEST + 31 };  // of the binary tree: from DEEPEST on, items are halved at most 31 times
+    enum {
+        MOST_LEVELS = HALVING_DEPTH + 31
+    };  // of the binary tree: from HALVING_DEPTH on, items are halved at most 31 times
 
     // A node of the binary tree. cost[i]: the least area of the nodes that its subtree takes as at most i + 1 parts,
     // each a node or a leaf.
@@ -16,6 +18,8 @@ struct Collapser {
         float area;
         float cost[LANES];
     };
+
+    static_assert(sizeof(Binary) == (BINARY_WORDS + LANES) * sizeof(int), "Python gets memory for them");
 
     // A subtree that becomes at most `most` parts.
     struct Part {

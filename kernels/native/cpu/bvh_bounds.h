@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Goes after tree.h.
+// Goes after bvh_split.h.
 
 // What a node holds of a child: a box, and a cone that holds all its normals. A cone is an axis and a cutoff, the sine
 // of its half angle and a little more; or NEVER, where it says nothing about which way the triangles face.
@@ -41,11 +41,13 @@ struct Bounds {
         __builtin_memcpy(row, leaf, sizeof(row));
         for (int axis = 0; axis < 3; ++axis) {
             const Floats a = row[axis], b = row[3 + axis], c = row[6 + axis];
-            bounds[axis] = __builtin_reduce_min(__builtin_elementwise_min(a, __builtin_elementwise_min(b, c)));
-            bounds[3 + axis] = __builtin_reduce_max(__builtin_elementwise_max(a, __builtin_elementwise_max(b, c)));
+            bounds[NODE_LOW_ROW + axis] =
+                __builtin_reduce_min(__builtin_elementwise_min(a, __builtin_elementwise_min(b, c)));
+            bounds[NODE_HIGH_ROW + axis] =
+                __builtin_reduce_max(__builtin_elementwise_max(a, __builtin_elementwise_max(b, c)));
         }
-        bounds[6] = bounds[7] = bounds[8] = 0.0f;
-        bounds[9] = never();
+        for (int axis = 0; axis < 3; ++axis) bounds[CONE_AXIS_ROW + axis] = 0.0f;
+        bounds[CONE_CUTOFF_ROW] = never();
         if (!closed) return;
         Doubles corner[LEAF_ROWS];
         for (int r = 0; r < LEAF_ROWS; ++r) corner[r] = __builtin_convertvector(row[r], Doubles);
@@ -56,9 +58,10 @@ struct Bounds {
         const Truths flat = !(squared > (Doubles)(1e-300));
         const Doubles scale = flat ? (Doubles)(0.0) : 1.0 / __builtin_elementwise_sqrt(squared);
         nx *= scale, ny *= scale, nz *= scale;
-        if (!mean_axis(nx, ny, nz, bounds + 6)) return;
-        const Doubles cosine = nx * (double)bounds[6] + ny * (double)bounds[7] + nz * (double)bounds[8];
-        bounds[9] = cutoff(least(flat ? (Doubles)(1.0) : cosine));
+        if (!mean_axis(nx, ny, nz, bounds + CONE_AXIS_ROW)) return;
+        const float* axis = bounds + CONE_AXIS_ROW;
+        const Doubles cosine = nx * (double)axis[0] + ny * (double)axis[1] + nz * (double)axis[2];
+        bounds[CONE_CUTOFF_ROW] = cutoff(least(flat ? (Doubles)(1.0) : cosine));
     }
 
     // The same of a node, from its rows. The angle between the axes and a child's own half angle add up.
@@ -66,45 +69,60 @@ struct Bounds {
         Floats row[NODE_ROWS];
         __builtin_memcpy(row, node, sizeof(row));
         for (int axis = 0; axis < 3; ++axis) {
-            bounds[axis] = __builtin_reduce_min(row[axis]);
-            bounds[3 + axis] = __builtin_reduce_max(row[3 + axis]);
+            bounds[NODE_LOW_ROW + axis] = __builtin_reduce_min(row[NODE_LOW_ROW + axis]);
+            bounds[NODE_HIGH_ROW + axis] = __builtin_reduce_max(row[NODE_HIGH_ROW + axis]);
         }
-        bounds[6] = bounds[7] = bounds[8] = 0.0f;
-        bounds[9] = never();
+        for (int axis = 0; axis < 3; ++axis) bounds[CONE_AXIS_ROW + axis] = 0.0f;
+        bounds[CONE_CUTOFF_ROW] = never();
         Ints used;
         __builtin_memcpy(&used, children, sizeof(used));
         used = used != 0;
-        if (__builtin_reduce_max(used ? row[9] : (Floats)(0.0f)) >= 1.0f) return;
-        const Doubles x = __builtin_convertvector(used ? row[6] : (Floats)(0.0f), Doubles);
-        const Doubles y = __builtin_convertvector(used ? row[7] : (Floats)(0.0f), Doubles);
-        const Doubles z = __builtin_convertvector(used ? row[8] : (Floats)(0.0f), Doubles);
-        if (!mean_axis(x, y, z, bounds + 6)) return;
-        const Doubles between = __builtin_elementwise_min(
-            x * (double)bounds[6] + y * (double)bounds[7] + z * (double)bounds[8], (Doubles)(1.0));
-        const Doubles sine = __builtin_convertvector(row[9], Doubles);
+        if (__builtin_reduce_max(used ? row[CONE_CUTOFF_ROW] : (Floats)(0.0f)) >= 1.0f) return;
+        const Doubles x = __builtin_convertvector(used ? row[CONE_AXIS_ROW] : (Floats)(0.0f), Doubles);
+        const Doubles y = __builtin_convertvector(used ? row[CONE_AXIS_ROW + 1] : (Floats)(0.0f), Doubles);
+        const Doubles z = __builtin_convertvector(used ? row[CONE_AXIS_ROW + 2] : (Floats)(0.0f), Doubles);
+        if (!mean_axis(x, y, z, bounds + CONE_AXIS_ROW)) return;
+        const float* axis = bounds + CONE_AXIS_ROW;
+        const Doubles between =
+            __builtin_elementwise_min(x * (double)axis[0] + y * (double)axis[1] + z * (double)axis[2], (Doubles)(1.0));
+        const Doubles sine = __builtin_convertvector(row[CONE_CUTOFF_ROW], Doubles);
         const Doubles cosine = between * root(1.0 - sine * sine) - root(1.0 - between * between) * sine;
-        bounds[9] = cutoff(least(__builtin_convertvector(used, Truths) ? cosine : (Doubles)(1.0)));
+        bounds[CONE_CUTOFF_ROW] = cutoff(least(__builtin_convertvector(used, Truths) ? cosine : (Doubles)(1.0)));
     }
 };
 
+// The triangles, and what is known of their objects.
+struct Mesh {
+    const float* vertices;
+    const int* faces;
+    const int* owner;  // [triangle]: its object
+    const unsigned char* closed;  // [object]
+};
+
+// What leaves hold, as in warpvis/cluster_tree.py.
 struct Leaves {
-    static void fill(const float* vertices, const int* faces, const int* owner, const unsigned char* closed,
-                     const v8* items, const int* range, long long leaf, float* leaves, int* triangles, int* owners,
-                     float* bounds) {
+    float* rows;  // [leaf][LEAF_ROWS][lane]
+    int* triangles;  // [leaf][lane]
+    int* owners;  // [leaf][lane]
+    float* bounds;  // [leaf][NODE_ROWS]
+
+    // `range`: of each leaf, its first item and the first after them.
+    inline void fill(const Mesh& mesh, const v8* items, const int* range, long long leaf) const {
         const int begin = range[2 * leaf], count = range[2 * leaf + 1] - begin;
-        float* rows = leaves + leaf * LEAF_ROWS * LANES;
+        float* to = rows + leaf * LEAF_ROWS * LANES;
         bool all_closed = true;
         for (int k = 0; k < LANES; ++k) {
             const int triangle = Items::triangle(items[begin + (k < count ? k : 0)]);
+            const int* corners = mesh.faces + 3 * (long long)triangle;
             triangles[leaf * LANES + k] = k < count ? triangle : -1;
-            owners[leaf * LANES + k] = owner[triangle];
-            all_closed &= closed[owner[triangle]] != 0;
+            owners[leaf * LANES + k] = mesh.owner[triangle];
+            all_closed &= mesh.closed[mesh.owner[triangle]] != 0;
             for (int corner = 0; corner < 3; ++corner) {
-                const float* p = vertices + 3 * (long long)faces[3 * (long long)triangle + (k < count ? corner : 0)];
-                for (int axis = 0; axis < 3; ++axis) rows[(3 * corner + axis) * LANES + k] = p[axis];
+                const float* p = mesh.vertices + 3 * (long long)corners[k < count ? corner : 0];
+                for (int axis = 0; axis < 3; ++axis) to[(3 * corner + axis) * LANES + k] = p[axis];
             }
         }
-        Bounds::of_leaf(rows, all_closed, bounds + leaf * NODE_ROWS);
+        Bounds::of_leaf(to, all_closed, bounds + leaf * NODE_ROWS);
     }
 };
 
@@ -115,8 +133,8 @@ struct Nodes {
             float* rows = nodes + node * NODE_ROWS * LANES;
             for (int k = 0; k < LANES; ++k) {
                 const int child = children[node * LANES + k];
-                float bounds[NODE_ROWS] = {3e38f,  3e38f, 3e38f, -3e38f, -3e38f,
-                                           -3e38f, 0.0f,  0.0f,  0.0f,   Bounds::never()};
+                float bounds[NODE_ROWS] = {NOWHERE,  NOWHERE, NOWHERE, -NOWHERE, -NOWHERE,
+                                           -NOWHERE, 0.0f,    0.0f,    0.0f,     Bounds::never()};
                 if (child < 0) __builtin_memcpy(bounds, leaf_bounds + (long long)~child * NODE_ROWS, sizeof(bounds));
                 if (child > 0)
                     Bounds::of_node(nodes + (long long)child * NODE_ROWS * LANES, children + (long long)child * LANES,

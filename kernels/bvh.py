@@ -1,22 +1,23 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The cluster tree's builder, for the CPU: see ``native/tree.h`` and `warpvis.scene._bvh`.
+"""The BVH's builder, for the CPU: see ``native/cpu/bvh_split.h`` and `warpvis.scene._bvh`.
 
-Items are 8 floats a triangle, and splits 4 numbers of 32 bits for every place where the items are split.
+Items are `ITEM_WORDS` numbers of 32 bits a triangle; splits are `SPLIT_WORDS` for every place where items are split.
 """
 
 import warp as wp
 
+from warpvis.kernels.constants import CPU_LANES, CUDA_LANES
 from warpvis.kernels.native_source import read_native
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
-LANE_COUNTS = (16, 32)
+LANE_COUNTS = (CPU_LANES, CUDA_LANES)
 """Triangles of a leaf and children of a node: what a tree can have. Kernels take it as `lanes`."""
 
-_TREE = read_native("cpu/tree.h")
-_COLLAPSE = read_native("cpu/tree.h", "cpu/tree_collapse.h")
-_BOUNDS = read_native("cpu/tree.h", "cpu/tree_bounds.h")
+_SPLIT = read_native("shared/constants.h", "cpu/bvh_split.h")
+_COLLAPSE = _SPLIT + read_native("cpu/bvh_collapse.h")
+_BOUNDS = _SPLIT + read_native("cpu/bvh_bounds.h")
 
 
 def _with_lanes(lanes: int, text: str) -> str:
@@ -30,13 +31,13 @@ def _with_any_lanes(text: str) -> str:
 
 # Items are the same for any number of lanes.
 @wp.func_native(
-    _with_lanes(16, _TREE + "Items::load((const float*)vertices, (const int*)faces, triangle, (v8*)items);")
+    _with_lanes(CPU_LANES, _SPLIT + "Items::load((const float*)vertices, (const int*)faces, triangle, (v8*)items);")
 )
 def load_item_native(vertices: wp.uint64, faces: wp.uint64, triangle: int, items: wp.uint64): ...
 
 
 @wp.func_native(
-    _with_any_lanes(_TREE + "Splitter::split_all((v8*)items, (Split*)splits, begin, end, link, depth, most_splits);")
+    _with_any_lanes(_SPLIT + "Splitter::split_all((v8*)items, (Split*)splits, begin, end, link, depth, most_splits);")
 )
 def split_range_native(
     lanes: int, items: wp.uint64, splits: wp.uint64, begin: int, end: int, link: int, depth: int, most_splits: int
@@ -68,9 +69,9 @@ def collapse_native(
     _with_any_lanes(
         _BOUNDS
         + """
-        Leaves::fill((const float*)vertices, (const int*)faces, (const int*)owner, (const unsigned char*)closed,
-                     (const v8*)items, (const int*)leaf_ranges, leaf, (float*)leaves, (int*)triangles, (int*)owners,
-                     (float*)leaf_bounds);
+        const Mesh mesh = {(const float*)vertices, (const int*)faces, (const int*)owner, (const unsigned char*)closed};
+        const Leaves filled = {(float*)leaves, (int*)triangles, (int*)owners, (float*)leaf_bounds};
+        filled.fill(mesh, (const v8*)items, (const int*)leaf_ranges, leaf);
         """
     )
 )

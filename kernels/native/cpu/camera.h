@@ -1,0 +1,128 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Cameras in the frame of what is drawn.
+//
+// Space is the camera's, with x and y scaled by the focal lengths: the ray of a pixel is (u, v, 1), where u and v are
+// its distances in pixels from the principal point. All that is needed is then linear in u and v: on which side of a
+// triangle's edge the ray passes, and inv_z = 1 / z of the triangle's plane.
+//
+// The same expressions in the same order give the value of an edge at a pixel wherever it is needed: two triangles
+// that share an edge get exactly opposite values there, so that no ray slips between them.
+
+// The images to make, in units of strips.
+struct Job {
+    int views, height, width;
+    int strips;  // of a view
+    const int* strip_rows;  // where they begin, and where the last one ends; multiples of TILE_SIDE, but for that
+    int most_rows;  // of a strip
+    double focal[2], center[2];
+    float near, far;
+    bool cull_back_faces;
+    const float* poses;  // [view]: x y z qx qy qz qw
+    int points;  // of a view, where rays go through points instead of pixels, or 0
+    const float* at;  // [view][point]: x and y in pixels
+
+    inline Pose pose_of(int view) const { return Pose::from(poses + (long long)view * POSE_WORDS); }
+};
+
+typedef float Row[3];
+typedef double ExactRow[3];
+
+// Where the camera is in the frame of a tree, the world's or an object's, and how that turns into its space.
+struct Camera {
+    float origin[3];
+    float to_camera[3][3];  // rows: x scaled by fx, y scaled by fy, z
+    double exact_origin[3];
+    double exact_to_camera[3][3];  // rows: x and y divided by the focal lengths, z: a ray is their sum by u, v and 1
+    float rest[3];  // what rounding took from the origin, in camera space: 0 in the world's frame
+    float first_u, first_v;  // u and v of pixel (0, 0) of the view
+    float far;
+    float blur;  // how far rounding may move a corner, in pixels
+    bool skip_back_faces;  // of objects that are closed, since the camera is outside them all
+    bool cull_back_faces;  // of all objects, because the caller wants it
+    const unsigned char* excluded;  // [object]: not 0 for what is not seen; null if all that is drawn may be
+
+    static inline Camera of(const Pose& pose, const Job& job) {
+        Camera camera;
+        for (int k = 0; k < 3; ++k) {
+            camera.exact_origin[k] = pose.position[k];
+            camera.origin[k] = (float)pose.position[k];
+            for (int i = 0; i < 3; ++i) {
+                const double f = i < 2 ? job.focal[i] : 1.0;
+                camera.to_camera[i][k] = (float)(pose.axis[i][k] * f);
+                camera.exact_to_camera[i][k] = pose.axis[i][k] / f;
+            }
+        }
+        for (int i = 0; i < 3; ++i) {
+            double rest = 0.0;
+            for (int k = 0; k < 3; ++k) rest += pose.axis[i][k] * (camera.exact_origin[k] - camera.origin[k]);
+            camera.rest[i] = (float)(i < 2 ? rest * job.focal[i] : rest);
+        }
+        camera.first_u = (float)(0.5 - job.center[0]);
+        camera.first_v = (float)(0.5 - job.center[1]);
+        camera.far = job.far * 1.00001f;
+        camera.blur = 6e-8f * ((float)(job.focal[0] + job.focal[1]) + (float)(job.width + job.height));
+        camera.skip_back_faces = false;
+        camera.cull_back_faces = job.cull_back_faces;
+        camera.excluded = nullptr;
+        return camera;
+    }
+
+    inline Points relative(Floats x, Floats y, Floats z) const {
+        return Points{x - origin[0], y - origin[1], z - origin[2]};
+    }
+    // Into camera space, from places relative to the rounded origin.
+    inline Points turn(Points p) const {
+        const Row* m = to_camera;
+        return Points{m[0][0] * p.x + (m[0][1] * p.y + (m[0][2] * p.z - rest[0])),
+                      m[1][0] * p.x + (m[1][1] * p.y + (m[1][2] * p.z - rest[1])),
+                      m[2][0] * p.x + (m[2][1] * p.y + (m[2][2] * p.z - rest[2]))};
+    }
+};
+
+// What an image shows: a point relative to the rounded origin is inside where all planes give more than `least`.
+struct Frustum {
+    enum { PLANES = 5 };  // the camera's, left, right, top, bottom
+
+    float plane[PLANES][3], least[PLANES];
+
+    static inline Frustum of(const Camera& camera, const Image& image) {
+        Frustum frustum;
+        const Row* m = camera.to_camera;
+        const float center_x = image.center_x, center_y = image.center_y;
+        for (int k = 0; k < 3; ++k) {
+            frustum.plane[0][k] = m[2][k];
+            frustum.plane[1][k] = m[0][k] + center_x * m[2][k];
+            frustum.plane[2][k] = (image.width - center_x) * m[2][k] - m[0][k];
+            frustum.plane[3][k] = m[1][k] + center_y * m[2][k];
+            frustum.plane[4][k] = (image.height - center_y) * m[2][k] - m[1][k];
+        }
+        const float* rest = camera.rest;
+        frustum.least[0] = rest[2];
+        frustum.least[1] = rest[0] + center_x * rest[2];
+        frustum.least[2] = (image.width - center_x) * rest[2] - rest[0];
+        frustum.least[3] = rest[1] + center_y * rest[2];
+        frustum.least[4] = (image.height - center_y) * rest[2] - rest[1];
+        return frustum;
+    }
+};
+
+// The world's axes as the camera's rays need them: a ray is forward + u * right + v * down.
+struct Rays {
+    float right[3], down[3], forward[3];
+
+    static inline Rays of(const Camera& camera) {
+        Rays rays;
+        for (int k = 0; k < 3; ++k) {
+            rays.right[k] = (float)camera.exact_to_camera[0][k];
+            rays.down[k] = (float)camera.exact_to_camera[1][k];
+            rays.forward[k] = (float)camera.exact_to_camera[2][k];
+        }
+        return rays;
+    }
+    inline Points at(Floats u, float v) const {
+        return Points{u * right[0] + (v * down[0] + forward[0]), u * right[1] + (v * down[1] + forward[1]),
+                      u * right[2] + (v * down[2] + forward[2])};
+    }
+};
