@@ -116,7 +116,7 @@ BAD = {
     "output": ({"outputs": ("depth,colour",)}, "^outputs must be some of depth, .*, got colour"),
     "option": ({"option": ("fast",)}, "^--option must be given as KEY=VALUE, .*, got 'fast'"),
     "unknown option": ({"option": ("fast=1",)}, "format 'npz' has no option 'fast'"),
-    "camera": ({"camera": "lens"}, "lens: cannot be read"),
+    "camera": ({"camera": "lens"}, "lens: no such file; a camera is"),
     "device": ({"device": "cuda:99"}, "device 'cuda:99' is not on this machine"),
     "labels": ({"labels": ("cat=human",)}, "labels for 'cat' fit no object"),
     "movable": ({"movable": ("cat",)}, "movable 'cat' fits no object of scene.glb, which has 'ball', 'box', 'floor'"),
@@ -136,8 +136,8 @@ BAD = {
         {"movable": ("ball",), "worlds": Path("two.npz")},
         "the frames have poses of 2 objects, and the scene has 1",
     ),
-    "no worlds": ({"worlds": Path("empty.npz")}, "^empty.npz: holds no array object_poses"),
-    "no npz": ({"worlds": Path("poses.txt")}, "^poses.txt: is not an .npz file"),
+    "no worlds": ({"worlds": Path("empty.npz")}, "^empty.npz: expected an array object_poses, got world"),
+    "no npz": ({"worlds": Path("poses.txt")}, "^poses.txt: does not read as NPZ: "),
     "url": ({"out": "nosuch://bucket/name"}, "^nosuch://bucket/name: cannot be opened: "),
 }
 

@@ -44,6 +44,13 @@ def test_ply(tmp_path, encoding):
     np.testing.assert_array_equal(read_points(tmp_path / "mesh.PLY"), box.vertices)
 
 
+def test_the_mark_that_spreadsheets_write_is_no_number(tmp_path):
+    (tmp_path / "points.csv").write_text("\ufeff1,2,3\n", encoding="utf-8")
+    assert read_points(tmp_path / "points.csv").tolist() == [[1, 2, 3]]
+    (tmp_path / "walk.txt").write_text("\ufeff0 1 2 3 0 0 0 1\n", encoding="utf-8")
+    assert wv.io.read_poses(tmp_path / "walk.txt")[1].tolist() == [[1, 2, 3, 0, 0, 0, 1]]
+
+
 def save_npy(array):
     return lambda path: np.save(path, array, allow_pickle=True)
 
@@ -73,7 +80,7 @@ def save_npz(path):
         ("points.npy", b"PK\x03\x04 no zip", "points.npy: does not read as NPY: "),
         ("points.npy", save_npy(np.array(["a b c"])), "points.npy: expected an array of numbers of shape (N, 3), got"),
         ("points.npy", save_npy(np.array([[{}, 1, 2]])), "points.npy: does not read as NPY: "),
-        ("points.npy", save_npz, "points.npy: expected an array of numbers of shape (N, 3), got an archive"),
+        ("points.npy", save_npz, "points.npy: does not read as NPY: it is an archive"),
         ("points.npy", save_npy(np.empty((0, 3))), "points.npy: holds no points"),
         ("points.npy", save_npy(np.array([[0, 0, 0], [0, np.nan, 0]])), "points.npy: points must be finite, and 1 are"),
         ("points.ply", b"ply\nformat", "points.ply: does not read as PLY: "),

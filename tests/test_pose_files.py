@@ -77,7 +77,7 @@ def test_what_render_writes_is_read(tmp_path, monkeypatch):
     paths = ["--poses", str(tmp_path / "walk.txt"), "--out", str(tmp_path / "out"), "--quiet"]
     monkeypatch.setattr(sys, "argv", ["warpvis", "render", str(tmp_path / "box.obj"), *paths])
     main()
-    one, two = read_frames(tmp_path / "walk.txt"), read_frames(tmp_path / "out" / "depth.npz")
+    one, two = read_frames(tmp_path / "walk.txt"), read_frames(tmp_path / "out" / "npz" / "shard-000000.npz")
     np.testing.assert_allclose(one.camera_to_world, two.camera_to_world, atol=1e-6)
     np.testing.assert_array_equal(one.timestamps, two.timestamps)
 

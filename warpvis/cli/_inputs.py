@@ -236,19 +236,10 @@ def _with_worlds(frames: Frames, path: Path) -> Frames:
     Raises:
         FileFormatError: It cannot be read, or does not hold such poses.
     """
-    import numpy as np
-
     from warpvis.core.frames import Frames
+    from warpvis.io import read_archive
 
-    try:
-        with np.load(path) as arrays:
-            found = {name: arrays[name] for name in ("object_poses", "world_index") if name in arrays}
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except Exception:  # whatever NumPy and zipfile raise for what is no such file
-        raise FileFormatError(f"{path}: is not an .npz file") from None
-    if "object_poses" not in found:
-        raise FileFormatError(f"{path}: holds no array object_poses")
+    found: dict[str, Any] = read_archive(path, ("object_poses", "world_index"), "object_poses")
     try:
         moved = Frames.from_poses(frames.camera_to_world, **found)
     except WarpvisError as error:

@@ -4,13 +4,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 from warpvis.core.camera import Camera
 from warpvis.core.checks import as_path
 from warpvis.errors import CameraError, FileFormatError
+from warpvis.io._files import read_json
 
 _COMMON = {"width", "height", "near", "far"}
 _FROM_K = _COMMON | {"K", "pixel_center"}
@@ -30,16 +30,9 @@ def load_camera(name_or_path: str) -> Camera:
     if name_or_path == "kinect":
         return Camera.kinect()
     path = as_path(name_or_path, "name_or_path")
-    try:
-        fields = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise FileFormatError(
-            f'{path}: cannot be read: {error.strerror}; a camera is "kinect" or a JSON file'
-        ) from None
-    except json.JSONDecodeError as error:
-        raise FileFormatError(f"{path}:{error.lineno}: is not JSON: {error.msg}") from None
-    except UnicodeDecodeError:
-        raise FileFormatError(f"{path}: is not a JSON text file") from None
+    if not path.is_file():
+        raise FileFormatError(f'{path}: no such file; a camera is "kinect" or a JSON file')
+    fields = read_json(path)
     return _camera_from_fields(fields, path)
 
 

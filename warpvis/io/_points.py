@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.checks import as_path
 from warpvis.errors import FileFormatError
-from warpvis.io._text import read_lines
+from warpvis.io._files import first_line, read_array, read_lines
 
 _LINE = "x y z"
 
@@ -71,13 +71,11 @@ def _parse_words(words: list[str], place: str) -> list[float]:
 
 
 def _read_npy(path: Path) -> NDArray[np.float64]:
-    try:
-        array = np.load(path, allow_pickle=False)
-    except Exception as error:  # a file that looks like an archive has errors of its own
-        raise FileFormatError(f"{path}: does not read as NPY: {error or type(error).__name__}") from None
-    if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiu" or array.ndim != 2 or array.shape[1] != 3:
-        got = f"{array.dtype} of shape {array.shape}" if isinstance(array, np.ndarray) else "an archive"
-        raise FileFormatError(f"{path}: expected an array of numbers of shape (N, 3), got {got}")
+    array = read_array(path)
+    if array.dtype.kind not in "fiu" or array.ndim != 2 or array.shape[1] != 3:
+        raise FileFormatError(
+            f"{path}: expected an array of numbers of shape (N, 3), got {array.dtype} of shape {array.shape}"
+        )
     return array.astype(np.float64)
 
 
@@ -88,4 +86,4 @@ def _read_ply(path: Path) -> NDArray[np.float64]:
         loaded = trimesh.load(path, process=False)
         return np.asarray(loaded.vertices, dtype=np.float64).reshape(-1, 3)
     except Exception as error:  # trimesh's readers raise what they like
-        raise FileFormatError(f"{path}: does not read as PLY: {error or type(error).__name__}") from None
+        raise FileFormatError(f"{path}: does not read as PLY: {first_line(error)}") from None

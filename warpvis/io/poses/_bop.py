@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from warpvis.errors import FileFormatError
-from warpvis.io._json import as_numbers, shorten
+from warpvis.io._files import as_numbers, shorten
 from warpvis.io.poses._file_poses import FilePoses
 
 _MILLIMETRES = 1000.0

@@ -76,8 +76,3 @@ class FilePoses:
             middle = (fine + count) // 2
             fine, count = (fine, middle) if problem(middle) else (middle, count)
         raise FileFormatError(f"{self.place(fine)}: {problem(count)}")
-
-
-def first_line(error: Exception) -> str:
-    """What a library's error says, for a message of one sentence."""
-    return (str(error).strip().splitlines() or [type(error).__name__])[0]

@@ -14,9 +14,9 @@ from warpvis.core.checks import as_path
 from warpvis.core.frames import Frames
 from warpvis.core.poses import Convention, check_convention
 from warpvis.errors import FileFormatError
-from warpvis.io._json import read_json
+from warpvis.io._files import read_archive, read_array, read_json
 from warpvis.io.poses._bop import parse_bop
-from warpvis.io.poses._file_poses import FilePoses, first_line
+from warpvis.io.poses._file_poses import FilePoses
 from warpvis.io.poses._nerfstudio import parse_nerfstudio
 from warpvis.io.poses._tables import read_csv, read_parquet
 from warpvis.io.poses._tum import read_poses
@@ -108,19 +108,12 @@ def _read_tum(path: Path) -> FilePoses:
 
 
 def _read_npy(path: Path) -> FilePoses:
-    return _row_poses(path, _load(path, "NPY", np.ndarray), "the array")
+    return _row_poses(path, read_array(path), "the array")
 
 
 def _read_npz(path: Path) -> FilePoses:
     wanted = ("camera_to_world", "timestamps", "timestamp", "object_poses", "world_index")
-    with _load(path, "NPZ", np.lib.npyio.NpzFile) as archive:
-        try:
-            arrays = {name: archive[name] for name in wanted if name in archive}
-        except Exception as error:  # so do damaged archives
-            raise FileFormatError(f"{path}: does not read as NPZ: {first_line(error)}") from None
-        names = list(archive)
-    if "camera_to_world" not in arrays:
-        raise FileFormatError(f"{path}: expected an array camera_to_world, got {', '.join(names) or 'no arrays'}")
+    arrays = read_archive(path, wanted, "camera_to_world")
     if "timestamp" in arrays and "timestamps" in arrays:
         raise FileFormatError(f"{path}: expected timestamps or timestamp, got both")
     poses = _row_poses(path, arrays["camera_to_world"], "camera_to_world")
@@ -131,19 +124,6 @@ def _read_npz(path: Path) -> FilePoses:
         object_poses=arrays.get("object_poses"),
         world_index=arrays.get("world_index"),
     )
-
-
-def _load(path: Path, kind: str, wanted: type) -> Any:
-    try:
-        loaded = np.load(path, allow_pickle=False)
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror or first_line(error)}") from None
-    except Exception as error:  # a file that looks like an archive has errors of its own
-        raise FileFormatError(f"{path}: does not read as {kind}: {first_line(error)}") from None
-    if not isinstance(loaded, wanted):
-        got = "one array" if kind == "NPZ" else "an archive"
-        raise FileFormatError(f"{path}: does not read as {kind}: it is {got}")
-    return loaded
 
 
 def _row_poses(path: Path, array: Any, name: str) -> FilePoses:

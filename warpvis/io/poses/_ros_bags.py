@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from warpvis.errors import FileFormatError
-from warpvis.io.poses._file_poses import FilePoses, first_line
+from warpvis.io._files import first_line
+from warpvis.io.poses._file_poses import FilePoses
 
 _OPTICAL = "_optical_frame"
 

@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.errors import FileFormatError
-from warpvis.io._json import shorten
-from warpvis.io._text import read_lines
-from warpvis.io.poses._file_poses import FilePoses, first_line
+from warpvis.io._files import first_line, read_lines, shorten
+from warpvis.io.poses._file_poses import FilePoses
 
 _TIME = "timestamp"
 _POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
@@ -38,8 +37,6 @@ def read_csv(path: Path) -> FilePoses:
         FileFormatError: The file is something else, or a line is malformed; it is named.
     """
     lines = read_lines(path, "x,y,z,qx,qy,qz,qw")
-    if lines:
-        lines[0] = lines[0].removeprefix("\ufeff")  # spreadsheets write it
     reader = csv.reader(lines)
     columns: dict[str, int] = {}
     width, rows, numbers = 0, [], []

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from warpvis.core.checks import as_path
 from warpvis.core.poses import LENGTH_TOLERANCE
 from warpvis.errors import FileFormatError
-from warpvis.io._text import read_lines
+from warpvis.io._files import read_lines
 
 _LINE = "timestamp tx ty tz qx qy qz qw"
 

@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""JSON files, and the numbers in them."""
+"""Read text, JSON and NumPy files: all readers say what is wrong with one in the same words."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,53 @@ def read_json(path: Path) -> Any:
         raise FileFormatError(f"{path}: is not JSON that can be read: it is nested too deeply") from None
     except ValueError as error:  # a whole number of thousands of digits
         raise FileFormatError(f"{path}: is not JSON that can be read: {error}") from None
+
+
+def read_array(path: Path) -> NDArray[Any]:
+    """Read the array of a ``.npy`` file.
+
+    Raises:
+        FileFormatError: It cannot be read, or is something else.
+    """
+    loaded = _load_numpy(path, "NPY")
+    if not isinstance(loaded, np.ndarray):
+        loaded.close()
+        raise FileFormatError(f"{path}: does not read as NPY: it is an archive")
+    return loaded
+
+
+def read_archive(path: Path, wanted: Sequence[str], needed: str) -> dict[str, NDArray[Any]]:
+    """Read some arrays of a ``.npz`` file.
+
+    Args:
+        path: The file.
+        wanted: Names of the arrays; others are not read.
+        needed: The one that has to be there.
+
+    Raises:
+        FileFormatError: It cannot be read, is something else, or has no such array.
+    """
+    loaded = _load_numpy(path, "NPZ")
+    if isinstance(loaded, np.ndarray):
+        raise FileFormatError(f"{path}: does not read as NPZ: it is one array")
+    with loaded:
+        names = list(loaded)
+        try:
+            arrays = {name: loaded[name] for name in wanted if name in names}
+        except Exception as error:  # so do damaged archives
+            raise FileFormatError(f"{path}: does not read as NPZ: {first_line(error)}") from None
+    if needed not in arrays:
+        raise FileFormatError(f"{path}: expected an array {needed}, got {', '.join(names) or 'no arrays'}")
+    return arrays
+
+
+def _load_numpy(path: Path, kind: str) -> Any:
+    try:
+        return np.load(path, allow_pickle=False)
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror or first_line(error)}") from None
+    except Exception as error:  # a file that looks like an archive has errors of its own
+        raise FileFormatError(f"{path}: does not read as {kind}: {first_line(error)}") from None
 
 
 def as_numbers(value: Any, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
@@ -80,3 +128,22 @@ def _leaves(value: Any, shape: tuple[int, ...]) -> list[Any] | None:
             return None
         items = [element for item in items for element in item]
     return items
+
+
+def read_lines(path: Path, line: str) -> list[str]:
+    """The lines of a file that should hold some like `line`.
+
+    Raises:
+        FileFormatError: The file cannot be read, or is not text.
+    """
+    try:
+        return path.read_text(encoding="utf-8-sig").splitlines()  # spreadsheets write a mark
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise FileFormatError(f"{path}: is not a text file of lines '{line}'") from None
+
+
+def first_line(error: Exception) -> str:
+    """What a library's error says, for a message of one sentence."""
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]
