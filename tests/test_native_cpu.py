@@ -35,4 +35,13 @@ def test_the_checks_have_the_headers_that_warp_compiles():
     text = (ROOT / "tests" / "native" / "headers.h").read_text(encoding="utf-8")
     casting = text.split("namespace casting {")[1].split("}")[0]
     included = re.findall(r'#include "([^"]+)"', casting)
-    assert included == [*HEADERS, "cpu/points.h", "cpu/silhouettes.h"]
+    guarded = ["guarded_arena.h" if name == "cpu/arena.h" else name for name in HEADERS]
+    assert included == [*guarded, "cpu/points.h", "cpu/silhouettes.h"]
+
+
+def test_the_guarded_arena_has_the_face_of_the_real_one():
+    face = re.compile(r"inline [^(]+\([^)]*\)|^    char\* base;|^    long long used;", re.MULTILINE)
+    places = ("kernels/native/cpu/arena.h", "tests/native/guarded_arena.h")
+    real, guarded = (face.findall((ROOT / place).read_text(encoding="utf-8")) for place in places)
+    assert real == guarded
+    assert len(real) == 7

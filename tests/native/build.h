@@ -3,6 +3,17 @@
 //
 // Included once for each number of lanes, after the headers of the tree: what kernels/bvh.py does with them.
 
+// Whether a range's split, and all below it, say how large the boxes of their parts are.
+inline bool has_exact_areas(const Exact<v8>& items, const Exact<Split>& splits, int split, int begin, int end) {
+    if (split == 0) return true;
+    const float left = Aabb::half_area(Aabb::of_items(items.data, begin, split));
+    const float right = Aabb::half_area(Aabb::of_items(items.data, split, end));
+    const Split& here = splits[split];
+    return here.area[0] == left && here.area[1] == right &&
+           has_exact_areas(items, splits, here.child[0], begin, split) &&
+           has_exact_areas(items, splits, here.child[1], split, end);
+}
+
 inline BuiltTree build(const ::Mesh& given, const std::vector<int>& owner_of,
                        const std::vector<unsigned char>& closed_of, bool evenly, int depth) {
     const int count = given.count();
@@ -13,10 +24,12 @@ inline BuiltTree build(const ::Mesh& given, const std::vector<int>& owner_of,
     Exact<Split> splits(count);
     for (int i = 0; i < count; ++i) Items::load(vertices.data, faces.data, i, items.data);
     Splitter::split_all(items.data, splits.data, 0, count, 0, depth, -1);
+    const bool exact_areas = has_exact_areas(items, splits, splits[0].child[0], 0, count);
     Exact<Collapser::Binary> binaries(count);
     Exact<int> children((size_t)count * LANES, 0x55555555), ranges(2 * (size_t)count), counts(3);
     Collapser::collapse(splits.data, count, evenly, binaries.data, children.data, ranges.data, counts.data);
     BuiltTree tree;
+    tree.exact_areas = exact_areas;
     tree.lanes = LANES, tree.nodes = counts[0], tree.leaves = counts[1], tree.levels = counts[2];
     tree.children = Exact<int>(std::vector<int>(children.data, children.data + tree.nodes * LANES));
     tree.leaf_rows = Exact<float>((size_t)tree.leaves * LEAF_ROWS * LANES);

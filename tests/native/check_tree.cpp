@@ -24,14 +24,27 @@ static Mesh stack(Random& random, int count) {
     return mesh;
 }
 
+// Triangles with another one behind each that faces the other way: their normals add up to nothing. Some have no area.
+static Mesh sheets(Random& random, int count) {
+    Mesh mesh;
+    for (int i = 0; i < count; ++i) {
+        const double x = random.whole(0, 9), y = random.whole(0, 9), size = random.pick({0.0, 1.0});
+        const int a = mesh.add(x, y, 0), b = mesh.add(x + size, y, 0), c = mesh.add(x, y + size, 0);
+        mesh.face(a, b, c);
+        mesh.face(a, c, b);
+    }
+    return mesh;
+}
+
 // Meshes that are hard to split: all in one place, on a line, ever farther apart, and ordinary ones.
 static Mesh hard_mesh(Random& random) {
     const int count = random.pick({1, 2, 15, 16, 17, 31, 32, 33, 64, 65, 128, 129, 300, 1200});
-    const int kind = random.whole(0, 7);
+    const int kind = random.whole(0, 8);
     if (kind == 0) return meshes::soup(random, count, 1);
     if (kind == 1) return meshes::box(1, 2, 3, random.whole(1, 9));
     if (kind == 6) return meshes::grid(random, random.whole(10, 45), 0.1, random.pick({0.0, 1e-3, 0.02}));
     if (kind == 7) return stack(random, count);
+    if (kind == 8) return sheets(random, count);
     Mesh mesh;
     for (int i = 0; i < count; ++i) {
         const double step = kind == 2   ? 0
@@ -166,6 +179,7 @@ struct Checker {
     const char* fault(bool evenly) {
         times_seen.assign(mesh.count(), 0), times_visited.assign(tree.nodes, 0);
         visit(0, 1);
+        say(tree.exact_areas, "area of a part");
         for (int times : times_seen) say(times == 1, "a triangle is not there once");
         for (int times : times_visited) say(times == 1, "a node is not there once");
         say(levels == tree.levels, "levels");

@@ -5,6 +5,8 @@
 
 #pragma once
 
+#include <sanitizer/asan_interface.h>
+
 #include "memory.h"
 
 namespace casting {
@@ -12,7 +14,7 @@ namespace casting {
 #include "shared/images.h"
 #include "shared/pose.h"
 #include "cpu/lanes.h"
-#include "cpu/arena.h"
+#include "guarded_arena.h"
 #include "cpu/workers.h"
 #include "cpu/image.h"
 #include "cpu/bvh.h"

@@ -47,4 +47,5 @@ struct BuiltTree {
     int lanes = 0, nodes = 0, leaves = 0, levels = 0;
     Exact<float> leaf_rows, node_rows;
     Exact<int> children, triangles, owners;
+    bool exact_areas = true;  // whether all splits say how large their parts' boxes are, to the last bit
 };

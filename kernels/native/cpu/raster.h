@@ -173,7 +173,7 @@ struct Raster {
             const Ints y = lane + first;
             const Floats v = __builtin_convertvector(y + image.first_row, Floats) + camera.first_v;
             Floats left = Lanes::all((float)t.x0[k]), right = Lanes::all((float)t.x1[k]);
-            for (int e = 0; e < 3; ++e) narrow(camera, edge[e], v, v, left, right);
+            for (const Linear& of : edge) narrow(camera, of, v, v, left, right);
             Ints here = y <= Lanes::all_ints(t.y1[k]);
             for (Floats x = __builtin_elementwise_ceil(left);; x += 1.0f) {
                 here &= x <= right;
@@ -249,7 +249,7 @@ struct Raster {
             const Floats top = __builtin_convertvector(y, Floats) + camera.first_v;
             const float last = TILE_SIDE - 1;
             Floats left = Lanes::all((float)(tx0 * TILE_SIDE)), right = Lanes::all((float)(tx1 * TILE_SIDE) + last);
-            for (int e = 0; e < 3; ++e) narrow(camera, t.edge[e], top, top + last, left, right);
+            for (const Linear& edge : t.edge) narrow(camera, edge, top, top + last, left, right);
             const Ints some = left <= right;
             const Floats nowhere = Lanes::all((float)TILE_SIDE), none = Lanes::all(0.0f);  // begins after it ends
             begin = __builtin_convertvector(some ? left : nowhere, Ints) >> TILE_SHIFT;
@@ -280,8 +280,7 @@ struct Raster {
         const Floats v1 = __builtin_convertvector(y + last + image.first_row, Floats) + camera.first_v;
         Ints touched = (x + last >= t.x0) & (x <= t.x1) & (y + last >= t.y0) & (y <= t.y1);
         Ints covered = touched;
-        for (int e = 0; e < 3; ++e) {
-            const Linear& edge = t.edge[e];
+        for (const Linear& edge : t.edge) {
             const Ints right = edge.u >= none, down = edge.v >= none;
             touched &= edge.at(right ? u1 : u0, edge.row(down ? v1 : v0)) >= none;
             covered &= edge.at(right ? u0 : u1, edge.row(down ? v0 : v1)) >= none;

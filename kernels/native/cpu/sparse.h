@@ -121,8 +121,7 @@ struct Sparse {
                      v1 = v0 + side;
         const int tile = ty * image.tiles_x + tx;
         Ints touched = Lanes::load(image.block_min + tile * TILE_BLOCKS) <= Lanes::all(one.triangles.max_inv_z[one.k]);
-        for (int e = 0; e < 3; ++e) {
-            const Linear& edge = one.edge[e];
+        for (const Linear& edge : one.edge) {
             const Floats u = edge.u >= Lanes::all(0.0f) ? u1 : u0, v = edge.v >= Lanes::all(0.0f) ? v1 : v0;
             touched &= edge.at(u, edge.row(v)) >= Lanes::all(0.0f);
         }
