@@ -11,11 +11,11 @@ _GAP = 1e-6
 
 
 def climb(
-    corners: NDArray, eyes: NDArray, targets: NDArray, *, up: int, raise_eyes: bool, most: float, tolerance: float
+    corners: NDArray, eyes: NDArray, targets: NDArray, *, up: int, raise_eyes: bool, max_height: float, tolerance: float
 ) -> NDArray[np.float64]:
     """Least heights of shape (E, N); `corners` of the triangles have shape (T, 3, 3)."""
     pairs = [(target, eye) if raise_eyes else (eye, target) for eye in eyes for target in targets]
-    heights = [_first_gap(shadows(corners, *pair, up, tolerance), most) for pair in pairs]
+    heights = [_first_gap(shadows(corners, *pair, up, tolerance), max_height) for pair in pairs]
     return np.array(heights).reshape(len(eyes), len(targets))
 
 
@@ -52,10 +52,10 @@ def shadows(corners: NDArray, fixed: NDArray, raised: NDArray, up: int, toleranc
     return np.sort(np.stack([one, other], axis=1), axis=1) - (raised - fixed)[up]
 
 
-def _first_gap(intervals: NDArray, most: float) -> float:
+def _first_gap(intervals: NDArray, max_height: float) -> float:
     height = 0.0
     for low, high in intervals[intervals[:, 0].argsort()]:
         if low - _GAP > height:
             break
         height = max(height, high)
-    return height if height <= most else np.inf
+    return height if height <= max_height else np.inf

@@ -306,7 +306,7 @@ def test_objects_of_ones_own_stay_where_they_were_added_unless_moved(device):
         trimesh.creation.box((0.1, 0.2, 0.3)), name="lid", pose=(0.5, -1, 0.5, 0, 0, 0, 1), attach_to="crate"
     )
     rows = geom_poses(data, geoms)
-    alone = geom_poses(data, scene_from_mujoco(model))
+    alone = geom_poses(data, scene_from_mujoco(model, device=device))
     assert rows.shape == (len(alone) + 1, 7) and np.array_equal(rows[:-1], alone)
     np.testing.assert_allclose(rows[-1], crate, atol=1e-6)
     several = geom_poses(WorldPoses.of([data, data]), geoms)

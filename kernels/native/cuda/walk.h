@@ -29,7 +29,8 @@ struct Visit {
     static inline int row(unsigned visit, int at) { return visit >> at & ((1 << ROW_BITS) - 1); }
     static inline bool touches(unsigned visit, int block) {
         const int bx = block % BLOCK_COLUMNS, by = block / BLOCK_COLUMNS;
-        return bx >= column(visit, X0) && bx <= column(visit, X1) && by >= row(visit, Y0) && by <= row(visit, Y1);
+        // Without a branch: every step of a walk asks this.
+        return (bx >= column(visit, X0)) & (bx <= column(visit, X1)) & (by >= row(visit, Y0)) & (by <= row(visit, Y1));
     }
     static inline unsigned nearest_inv_z(unsigned visit) { return visit & ~BLOCK_MASK; }
 };
