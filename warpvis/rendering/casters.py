@@ -129,6 +129,7 @@ class PacketsCaster:
 
     def _run(self, poses: np.ndarray, worlds: Worlds, pixels: wp.array | None, images: list[wp.array | None]) -> None:
         from warpvis.kernels import packets
+        from warpvis.kernels.images import NAMES
 
         views = len(poses)
         if views == 0:
@@ -145,10 +146,13 @@ class PacketsCaster:
         if pixels is not None:
             space.job.at = pixels.flatten().view(wp.float32).flatten()
         space.pack(scene=clusters.struct, worlds=worlds)
-        fill_images(space.images, images)
+        asked = [(name, image) for name, image in zip(NAMES, images, strict=True) if image is not None]
+        for name, image in asked:
+            setattr(space.images, name, image)
         run_together(space.launch.launch, workers, lambda: bool(space.counter[COUNTER_FINISHED] == workers))
         # What the caller drops must not live on here.
-        fill_images(space.images, [None] * len(images))
+        for name, _ in asked:
+            setattr(space.images, name, None)
         if pixels is not None:
             space.job.at = None
         if worlds.object_poses is not None or worlds.world is not None or worlds.excluded is not None:
@@ -203,20 +207,13 @@ class PacketsCaster:
 
 def images_struct(images: Sequence[wp.array | None]) -> Images:
     """Make `warpvis.kernels.images.Images` of depth, points, normals, labels and segmentation; None is not made."""
-    from warpvis.kernels.images import Images
+    from warpvis.kernels.images import NAMES, Images
 
     struct = Images()
-    fill_images(struct, images)
-    return struct
-
-
-def fill_images(struct: Images, images: Sequence[wp.array | None]) -> None:
-    """Make a `warpvis.kernels.images.Images` of these, in its fields' order."""
-    from warpvis.kernels.images import NAMES
-
     for name, image in zip(NAMES, images, strict=True):
-        if image is not getattr(struct, name):
+        if image is not None:
             setattr(struct, name, image)
+    return struct
 
 
 def split_rows(views: int, height: int, threads: int, *, equal: bool = False) -> NDArray[np.int32]:
