@@ -40,7 +40,7 @@ PYTEST = f"{PYTHON} -m pytest -q -x -p no:cacheprovider"
 NATIVE = f"{PYTHON} tests/native_build.py"
 
 _PICTURES = ("casters", "packets", "worlds", "solids", "points", "point_packets", "object_visibility", "cluster_tree")
-_RENDER = ("casters", "panorama", "worlds", "packets", "bad_input", "interop", "threads")
+_RENDER = ("rendering", "panorama", "casters", "worlds", "packets", "interop", "threads", "bad_input")
 
 
 @dataclass(frozen=True)

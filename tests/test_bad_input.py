@@ -148,6 +148,15 @@ CASES = {
     "render a mesh": (lambda: wv.render(BOX, KINECT, POSE), "scene must be a warpvis.Scene, got Trimesh"),
     "render through K": (lambda: wv.render(box_scene(), K, POSE), "camera must be a warpvis.Camera, got list"),
     "unknown output": (lambda: wv.render(box_scene(), KINECT, POSE, outputs=("rgb",)), "depth, points, .*got rgb"),
+    "no device_bytes": (
+        lambda: wv.render(box_scene(), KINECT, POSE, device_bytes=0),
+        "device_bytes .*from 1 up, got 0",
+    ),
+    "true device_bytes": (lambda: wv.render(box_scene(), KINECT, POSE, device_bytes=True), "device_bytes .*got True"),
+    "device_bytes in words": (
+        lambda: wv.render(box_scene(), KINECT, POSE, device_bytes="all"),
+        "device_bytes must be a whole number from 1 up, got 'all'",
+    ),
     "no outputs": (lambda: wv.render(box_scene(), KINECT, POSE, outputs=()), "got none"),
     "no threads": (lambda: wv.render(box_scene(), KINECT, POSE, threads=0), "threads must be .* got 0"),
     "half a thread": (lambda: wv.render(box_scene(), KINECT, POSE, threads=0.5), "threads must be .* got 0.5"),

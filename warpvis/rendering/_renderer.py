@@ -13,6 +13,7 @@ import warp as wp
 
 from warpvis.core.arrays import as_warp, check_out, empty
 from warpvis.core.camera import Camera, require_camera
+from warpvis.core.checks import check_whole
 from warpvis.core.poses import Convention
 from warpvis.core.threads import check_threads
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
@@ -281,9 +282,7 @@ def _caster_class(
 def _check_device_bytes(device_bytes: int | None, device: wp.Device) -> int:
     if device_bytes is None:
         return 0 if device.is_cpu else device.total_memory // 2
-    if isinstance(device_bytes, bool) or int(device_bytes) != device_bytes or device_bytes < 1:
-        raise ArrayError(f"device_bytes must be a whole number from 1 up, got {device_bytes!r}")
-    return int(device_bytes)
+    return check_whole(device_bytes, "device_bytes")
 
 
 def render(
