@@ -158,19 +158,22 @@ static size_t measure(Carve carve) {
     return (size_t)arena.used;
 }
 
-// Run a job's workers, each in memory of its own, which holds zeros at first.
+// Run a job's workers, each in memory that it takes, which holds zeros at first.
 template <class Run>
 static void run_workers(const Shares& shares, size_t bytes, int* counter, Run run) {
     std::vector<Exact<char>> memory;
     std::vector<std::thread> threads;
+    Exact<int> taken(shares.workers);
     for (int i = 0; i < shares.workers; ++i) memory.emplace_back(bytes);
-    const auto work = [&](int i) {
+    const auto work = [&] {
         casting::Workers::enter(counter);
-        casting::Arena arena = casting::Arena::at(memory[i].data);
+        const int slot = casting::Workers::take_memory(taken.data);
+        casting::Arena arena = casting::Arena::at(memory[slot].data);
         run(arena);
+        casting::Workers::give_back_memory(taken.data, slot);
     };
-    for (int i = 1; i < shares.workers; ++i) threads.emplace_back(work, i);
-    work(0);
+    for (int i = 1; i < shares.workers; ++i) threads.emplace_back(work);
+    work();
     for (std::thread& thread : threads) thread.join();
 }
 

@@ -48,6 +48,21 @@ static std::vector<float> random_places(Random& random, const Scene& scene, cons
     return places;
 }
 
+// A camera and points that are in its image by so little that their columns and rows, rounded, are those after the last.
+static void put_on_borders(Random& random, Lens& lens, Worlds& worlds, std::vector<float>& places) {
+    static const float nowhere[7] = {0, 0, 0, 0, 0, 0, 1};
+    for (int view = 0; view < worlds.views; ++view) std::copy_n(nowhere, 7, &worlds.cameras[7 * view]);
+    const double depth = random.pick({3.0, 5.0, 7.0, 10.0, 19.0, 25.0, 100.0});
+    lens.cx = lens.cy = 0;
+    lens.fx = std::nextafter(lens.width * depth, 0.0);
+    lens.fy = std::nextafter(lens.height * depth, 0.0);
+    for (size_t i = 0; i < places.size(); i += 3) {
+        places[i] = random.pick({1.0f, 1.0f, 0.5f, 0.0f});
+        places[i + 1] = random.pick({1.0f, 1.0f, 0.5f, 0.0f});
+        places[i + 2] = (float)depth;
+    }
+}
+
 // What is wrong with a point's status; null for nothing.
 static const char* fault_of(const Truth& truth, const Aim& aim, float tolerance, int status, const int* occluder,
                             std::vector<Hit>& hits) {
@@ -80,10 +95,11 @@ static void check_scene(uint64_t seed) {
     Random random(seed);
     const Scene scene = random_scene(random);
     const Clusters clusters = cluster(scene);
-    const Lens lens = random_lens(random, scene.scale);
-    const Worlds worlds = random_worlds(random, scene);
+    Lens lens = random_lens(random, scene.scale);
+    Worlds worlds = random_worlds(random, scene);
     const int count = random.pick({1, 15, 16, 17, 300, 300, 8192, 8193});
-    const std::vector<float> places = random_places(random, scene, worlds, count);
+    std::vector<float> places = random_places(random, scene, worlds, count);
+    if (random.chance(0.1)) put_on_borders(random, lens, worlds, places);
     Layout layout;
     layout.scale = random.pick({1.0, 0.25, 0.0625, 2.0, 4.0});
     layout.batch = random.chance(0.5) ? (count + 15) / 16 * 16 : random.pick({16, 64, 8192});
