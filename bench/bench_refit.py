@@ -22,7 +22,7 @@ import warpvis as wv
 DEVICES = ["cpu", *map(str, wp.get_cuda_devices()[:1])]
 SUBDIVISIONS = 8
 MOST_TIMES = 2.0
-"""The cluster tree's refit takes at most this many times as long as that of `wp.Mesh`."""
+"""The BVH's refit takes at most this many times as long as that of `wp.Mesh`."""
 
 
 def begin(device: str) -> wv.Scene:
@@ -43,7 +43,7 @@ def refit_of(built: Callable[[wv.Scene], Any], scene: wv.Scene) -> Callable[[], 
 
 
 @pytest.mark.benchmark(group="refit")
-@pytest.mark.parametrize("built", [wv.Scene.clusters, wv.Scene.triangles], ids=["clusters", "triangles"])
+@pytest.mark.parametrize("built", [wv.Scene.bvh, wv.Scene.triangles], ids=["bvh", "triangles"])
 @pytest.mark.parametrize("device", DEVICES)
 def test_refit(benchmark, device, built):
     scene = build(device)
@@ -62,7 +62,7 @@ def test_refit(benchmark, device, built):
 def test_update(benchmark, device):
     """All of a call, with vertices on the device, for the caster that is the faster one."""
     scene = begin(device)
-    scene.clusters()
+    scene.bvh()
     vertices = wp.clone(scene["ball"].points)
 
     def update_and_wait():
@@ -73,12 +73,12 @@ def test_update(benchmark, device):
 
 
 def compare(device: str, rounds: int) -> list[float]:
-    """Seconds of the refit of `Scene.clusters()`, and of `wp.Mesh`: the best of rounds in which they take turns."""
+    """Seconds of the refit of `Scene.bvh()`, and of `wp.Mesh`: the best of rounds in which they take turns."""
     from gpu_timing import HostTimer, WarpTimer, enough_calls
 
     scene = build(device)
     timer = HostTimer() if scene.device.is_cpu else WarpTimer(scene.device)
-    runs = [refit_of(built, scene) for built in (wv.Scene.clusters, wv.Scene.triangles)]
+    runs = [refit_of(built, scene) for built in (wv.Scene.bvh, wv.Scene.triangles)]
     runs = [timer.record(run) or run for run in runs]
     calls = [enough_calls(timer.device_seconds(run, 2)) for run in runs]
     times = [[timer.device_seconds(run, count) for run, count in zip(runs, calls, strict=True)] for _ in range(rounds)]
@@ -86,14 +86,14 @@ def compare(device: str, rounds: int) -> list[float]:
 
 
 def main() -> None:
-    """Print the times, and whether the cluster tree's is what it must be."""
+    """Print the times, and whether the BVH's is what it must be."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--device", default=DEVICES[-1])
     parser.add_argument("--rounds", type=int, default=9)
     arguments = parser.parse_args()
     clusters, mesh = compare(arguments.device, arguments.rounds)
     print(f"{build(arguments.device).triangle_count:,} triangles, {wp.get_device(arguments.device).name}")
-    print(f"Scene.clusters() {1e3 * clusters:.3f} ms, wp.Mesh {1e3 * mesh:.3f} ms: {clusters / mesh:.2f} times as long")
+    print(f"Scene.bvh() {1e3 * clusters:.3f} ms, wp.Mesh {1e3 * mesh:.3f} ms: {clusters / mesh:.2f} times as long")
     print(f"at most {MOST_TIMES:g} times: {'reached' if clusters <= MOST_TIMES * mesh else 'MISSED'}")
 
 

@@ -32,9 +32,9 @@ _ONE_ALONE = f"{_ONE}, 1 thread"
 _ONE_OPEN3D = "One view of 640x480, Open3D"
 _BATCH_OF_TWO = f"{_BATCH} views on 2 threads, times as fast as on 1"
 _ONE_OF_TWO = "One view of 640x480 on 2 threads, times as fast as on 1"
-_CLUSTERS = "Building `Scene.clusters()`"
+_CLUSTERS = "Building `Scene.bvh()`"
 _MESH = 'Building `wp.Mesh`, `bvh_constructor="sah"`'
-_MEMORY = "Memory of the clusters, bytes per triangle"
+_MEMORY = "Memory of the BVH, bytes per triangle"
 _NARROW = "`packets` compiled for {}, of native speed"
 
 
@@ -115,7 +115,7 @@ def _two_threads(preset: wv.scenes.ScenePreset, rounds: int) -> Iterator[Figure]
 
 
 def _building(preset: wv.scenes.ScenePreset) -> Iterator[Figure]:
-    """Seconds for the cluster tree and for Warp's tree of the same triangles."""
+    """Seconds for the BVH and for Warp's tree of the same triangles."""
     scene = preset.build()
     first = np.cumsum([0] + [len(item.vertices) for item in scene])
     vertices = np.concatenate([item.vertices for item in scene])
@@ -126,10 +126,10 @@ def _building(preset: wv.scenes.ScenePreset) -> Iterator[Figure]:
         return wp.Mesh(points, wp.array(faces.ravel(), dtype=wp.int32, device="cpu"), bvh_constructor="sah")
 
     mesh()  # warm, as the clusters are
-    clusters, other = _medians([lambda: scene.to(scene.device).clusters(), mesh], _BUILDS)
+    clusters, other = _medians([lambda: scene.to(scene.device).bvh(), mesh], _BUILDS)
     yield Figure(_CLUSTERS, preset.name, clusters, f"{clusters:.2f} s")
     yield Figure(_MESH, preset.name, other, f"{other:.2f} s{_beside(other, clusters)}")
-    memory = scene.clusters().bytes_per_triangle
+    memory = scene.bvh().bytes_per_triangle
     yield Figure(_MEMORY, preset.name, memory, f"{memory:.0f}")
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What `kernels.points` judges by rays or rendered points, by packets on CPU cores: the C++ is ``native/points.h``."""
+"""What `kernels.points` judges by rays or rendered points, by packets on CPU cores, in ``native/cpu/points.h``."""
 
 import warp as wp
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What `kernels.silhouettes` counts by rays, by packets on CPU cores: the C++ is ``kernels/native/silhouettes.h``."""
+"""What `kernels.silhouettes` counts by rays, by packets on CPU cores, in ``native/cpu/silhouettes.h``."""
 
 import warp as wp
 

@@ -39,7 +39,7 @@ PYTHON = shlex.quote(sys.executable)
 PYTEST = f"{PYTHON} -m pytest -q -x -p no:cacheprovider"
 NATIVE = f"{PYTHON} tests/native_build.py"
 
-_PICTURES = ("casters", "packets", "worlds", "solids", "points", "point_packets", "object_visibility", "cluster_tree")
+_PICTURES = ("casters", "packets", "worlds", "solids", "points", "point_packets", "object_visibility", "bvh")
 _RENDER = ("rendering", "panorama", "casters", "worlds", "packets", "interop", "threads", "bad_input")
 
 

@@ -23,7 +23,7 @@ from warpvis import Camera, Scene
 from warpvis.kernels import native_source, packets_cuda
 from warpvis.rendering import Renderer
 from warpvis.rendering.casters import RaysCaster, images_struct
-from warpvis.scene.geometry import build_clusters
+from warpvis.scene.geometry import build_scene_bvh
 
 NATIVE = Path(__file__).parent / "native"
 HEADERS = Path(native_source.__file__).parent / "native"
@@ -127,7 +127,7 @@ class EmulatedCaster(RaysCaster):
 
     def cast(self, poses: wp.array, worlds: Any, images: list[wp.array | None]) -> None:
         scene, camera, side = self._scene, self._camera, self._variant.side
-        clusters = build_clusters(scene.objects, scene.device, lanes=32)
+        clusters = build_scene_bvh(scene.objects, scene.device, lanes=32)
         arguments = {
             "scene": clusters.struct,
             "camera": camera.device_struct(),

@@ -112,7 +112,7 @@ def test_scenes_pickle():
     scene = make_scene(movable=True)
     scene.add(trimesh.creation.box(), name="hat", attach_to="ball")
     scene.add(wv.scene.solids.sphere(0.2), name="bead", movable=True, pose=(0, 1, 1, 0, 0, 0, 1))
-    scene.clusters()
+    scene.bvh()
     copy = pickle.loads(pickle.dumps(scene))
     assert scene_hash(copy) == scene_hash(scene) == scene_hash(scene.to("cpu"))
     assert (copy.up, copy.movable, copy.index("hat")) == (scene.up, scene.movable, scene.index("hat"))

@@ -83,11 +83,11 @@ def test_leaving_out_back_faces_changes_nothing(monkeypatch, device):
     eyes = [(0.9, 0.1, 0.4), (0.9 + 0.29, 0.1 + 0.29, 0.4 + 0.29), (1.5, 0.5, 1.0)]
     poses[8:] = [wv.look_at(eye, (0, 0, 0.3)) for eye in eyes]
     scene = build()
-    assert scene.clusters().struct.closed_count == 6  # all but the open box
+    assert scene.bvh().struct.closed_count == 6  # all but the open box
     lean = wv.render(scene, SMALL, poses, outputs=ALL)
     monkeypatch.setattr("warpvis.scene.closed.provably_closed", lambda vertices, faces: False)
     scene = build()
-    assert scene.clusters().struct.closed_count == 0
+    assert scene.bvh().struct.closed_count == 0
     whole = wv.render(scene, SMALL, poses, outputs=ALL)
     for name in ALL:
         np.testing.assert_array_equal(getattr(lean, name).numpy(), getattr(whole, name).numpy())

@@ -75,7 +75,7 @@ def assert_seen(scene, twin, caster, poses=None, **options):
 def assert_refitted(scene, name):
     """The arrays of the object's tree hold its vertices: leaves, boxes of the children, the whole box."""
     index = scene.index(name)
-    struct, position = scene.clusters().struct, scene.movable.index(index)
+    struct, position = scene.bvh().struct, scene.movable.index(index)
     item = scene[name]
     lanes = 16 if scene.device.is_cpu else 32
     root, first_leaf = (int(getattr(struct, f"movable_{of}").numpy()[position]) for of in ("root", "leaf"))
@@ -112,7 +112,7 @@ def test_deformed_meshes_are_seen(deformation, device, caster):
     vertices = DEFORMATIONS[deformation]()
     scene = build(device, VERTICES)
     scene.update_vertices("ball_0", VERTICES)
-    scene.clusters(), scene.triangles()
+    scene.bvh(), scene.triangles()
     scene.update_vertices("ball_0", vertices)
     assert_seen(scene, build("cpu", vertices, movable=False), caster)
     assert_refitted(scene, "ball_0")
@@ -142,13 +142,13 @@ def test_later_updates_build_nothing(device, caster):
     renderer.render(eyes(1))
     scene.update_vertices("ball_1", wobble(0))
     first = renderer.render(eyes(1))
-    built = scene.clusters(), scene.triangles()
+    built = scene.bvh(), scene.triangles()
     before = first.depth.numpy().copy()
     scene.update_vertices("ball_1", wobble(1))
     assert (renderer.render(eyes(1)).depth.numpy() != before).any()
     scene.update_vertices("ball_1", wobble(0))
     np.testing.assert_array_equal(renderer.render(eyes(1)).depth.numpy(), before)
-    assert (scene.clusters(), scene.triangles()) == built
+    assert (scene.bvh(), scene.triangles()) == built
 
 
 def test_objects_that_shared_the_mesh_stay(device, caster):
@@ -159,7 +159,7 @@ def test_objects_that_shared_the_mesh_stay(device, caster):
         scene.update_vertices("ball_1", vertices)
         assert_seen(scene, build("cpu", VERTICES, vertices, VERTICES, movable=False), caster)
     assert len(scene.triangles().meshes) == 4
-    assert scene.clusters().struct.movable_closed.numpy().tolist() == [1, 0, 1, 1]
+    assert scene.bvh().struct.movable_closed.numpy().tolist() == [1, 0, 1, 1]
     np.testing.assert_array_equal(scene["ball_0"].mesh_vertices, VERTICES)
 
 
@@ -292,10 +292,10 @@ BAD = {
 def test_bad_vertices_change_nothing(case):
     name, vertices, message = BAD[case]
     scene = build("cpu", VERTICES)
-    clusters = scene.clusters()
+    clusters = scene.bvh()
     with pytest.raises(wv.errors.SceneError, match=message):
         scene.update_vertices(name, vertices)
-    assert scene.clusters() is clusters
+    assert scene.bvh() is clusters
 
 
 def test_bad_vertices_of_a_gpu():
@@ -360,7 +360,7 @@ def test_large_meshes_are_refitted_on_several_threads(device):
     for factor in (1, 2, 3):
         scene.update_vertices("ball", mesh.vertices * factor)
         assert_refitted(scene, "ball")
-    refit = scene.clusters().refits[1]
+    refit = scene.bvh().refits[1]
     assert device != "cpu" or core_count() == 1 or len(refit._leaf_launches) > 2
 
 

@@ -128,7 +128,7 @@ def test_instances_of_one_mesh_share_its_tree(device, caster):
     rows = random_poses(np.random.default_rng(4), 2, 40)
     scene = build(device, rows[0], movable=True, static=False, meshes=[ball] * 40)
     alone = build(device, rows[0, :1], movable=True, static=False, meshes=[ball])
-    assert scene.clusters().struct.leaves.size == alone.clusters().struct.leaves.size
+    assert scene.bvh().struct.leaves.size == alone.bvh().struct.leaves.size
     assert len(scene.triangles().meshes) == 1
     views = wv.render(scene, SMALL, eyes(2), outputs=ALL, object_poses=rows, caster=caster)
     twins = [build("cpu", row, movable=False, static=False, meshes=[ball] * 40) for row in rows]

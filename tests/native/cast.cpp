@@ -99,9 +99,9 @@ static void add_movable_tree(Joiner& joiner, const Scene& scene, const Movable& 
     joiner.root.push_back(joiner.add(mesh, owner, closed));
 }
 
-Clusters cluster(const Scene& scene) {
+SceneBvh cluster(const Scene& scene) {
     Joiner joiner;
-    Clusters clusters;
+    SceneBvh clusters;
     Mesh still;
     std::vector<int> owner;
     std::vector<unsigned char> closed(scene.objects.size(), 0), labels;
@@ -133,7 +133,7 @@ Clusters cluster(const Scene& scene) {
     return clusters;
 }
 
-static casting::Scene scene_of(const Clusters& c, const Worlds& worlds) {
+static casting::Scene scene_of(const SceneBvh& c, const Worlds& worlds) {
     return {{c.leaves.data, c.owners.data, c.nodes.data, c.children.data, c.static_root, c.all_closed,
              c.closed_boxes.data, c.closed_object.data, (int)c.closed_object.count},
             {(int)c.object.count, c.object.data, c.root.data, c.first_leaf.data, c.first_id.data, c.closed.data,
@@ -177,7 +177,7 @@ static void run_workers(const Shares& shares, size_t bytes, int* counter, Run ru
     for (std::thread& thread : threads) thread.join();
 }
 
-Pictures cast(const Clusters& c, const Worlds& worlds, const Lens& lens, const Shares& shares, bool cull,
+Pictures cast(const SceneBvh& c, const Worlds& worlds, const Lens& lens, const Shares& shares, bool cull,
               unsigned outputs, const Exact<float>& at, int points) {
     casting::Job job = job_of(worlds, lens);
     const Exact<int> rows(shares.strip_rows);
@@ -206,7 +206,7 @@ Pictures cast(const Clusters& c, const Worlds& worlds, const Lens& lens, const S
     return made;
 }
 
-Statuses judge_points(const Clusters& c, const Worlds& worlds, const Lens& lens, const Shares& shares,
+Statuses judge_points(const SceneBvh& c, const Worlds& worlds, const Lens& lens, const Shares& shares,
                       const Layout& layout, const Exact<float>& places) {
     casting::Job job = job_of(worlds, lens);
     const double width = lens.width * layout.scale, height = lens.height * layout.scale;
@@ -248,7 +248,7 @@ Statuses judge_points(const Clusters& c, const Worlds& worlds, const Lens& lens,
     return made;
 }
 
-Counts count_objects(const Clusters& c, const Worlds& worlds, const Lens& lens, const Shares& shares,
+Counts count_objects(const SceneBvh& c, const Worlds& worlds, const Lens& lens, const Shares& shares,
                      const Compared& with) {
     casting::Job job = job_of(worlds, lens);
     job.far = INFINITY;

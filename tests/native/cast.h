@@ -25,7 +25,7 @@ struct Worlds {
 };
 
 // The arrays of kernels/packets.py's BvhScene.
-struct Clusters {
+struct SceneBvh {
     Exact<float> leaves, nodes;
     Exact<int> owners, children;
     int static_root = -1, levels = 0;
@@ -50,7 +50,7 @@ BuiltTree build_tree(int lanes, const Mesh& mesh, const std::vector<int>& owner,
 // The children of a node of 16 lanes whose triangles all face away from a camera, one bit for each.
 unsigned turned_away(const BuiltTree& tree, int node, const float* camera);
 
-Clusters cluster(const Scene& scene);
+SceneBvh cluster(const Scene& scene);
 
 enum { DEPTH = 1, POINTS = 2, NORMALS = 4, LABELS = 8, OBJECTS = 16, ALL_OUTPUTS = 31 };
 
@@ -62,7 +62,7 @@ struct Pictures {
 };
 
 // `outputs`: a sum of the values above. `at`: x and y of `points` points of each view, or none for pixels' centres.
-Pictures cast(const Clusters& clusters, const Worlds& worlds, const Lens& lens, const Shares& shares, bool cull,
+Pictures cast(const SceneBvh& clusters, const Worlds& worlds, const Lens& lens, const Shares& shares, bool cull,
               unsigned outputs, const Exact<float>& at, int points);
 
 // What of points is seen.
@@ -79,7 +79,7 @@ struct Layout {
     float tolerance = 0;
 };
 
-Statuses judge_points(const Clusters& clusters, const Worlds& worlds, const Lens& lens, const Shares& shares,
+Statuses judge_points(const SceneBvh& clusters, const Worlds& worlds, const Lens& lens, const Shares& shares,
                       const Layout& layout, const Exact<float>& places);
 
 // What of objects is counted, as in kernels/silhouettes.py: visible, image, silhouette, too near, too far, and boxes.
@@ -101,5 +101,5 @@ struct Compared {
     Exact<float> depth;  // the same, or none
 };
 
-Counts count_objects(const Clusters& clusters, const Worlds& worlds, const Lens& lens, const Shares& shares,
+Counts count_objects(const SceneBvh& clusters, const Worlds& worlds, const Lens& lens, const Shares& shares,
                      const Compared& with);

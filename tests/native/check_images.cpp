@@ -103,7 +103,7 @@ static std::vector<float> random_points(Random& random, const Lens& lens, int co
 
 struct Setting {
     Scene scene;
-    Clusters clusters;
+    SceneBvh clusters;
     Lens lens;
     Worlds worlds;
     bool cull;

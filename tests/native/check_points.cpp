@@ -94,7 +94,7 @@ static const char* fault_of(const Truth& truth, const Aim& aim, float tolerance,
 static void check_scene(uint64_t seed) {
     Random random(seed);
     const Scene scene = random_scene(random);
-    const Clusters clusters = cluster(scene);
+    const SceneBvh clusters = cluster(scene);
     Lens lens = random_lens(random, scene.scale);
     Worlds worlds = random_worlds(random, scene);
     const int count = random.pick({1, 15, 16, 17, 300, 300, 8192, 8193});

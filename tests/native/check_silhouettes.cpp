@@ -210,7 +210,7 @@ static void check_scene(uint64_t seed) {
     Worlds worlds = random_worlds(random, given);
     const Scene scene = apart(given);
     spread(given, worlds);
-    const Clusters clusters = cluster(scene);
+    const SceneBvh clusters = cluster(scene);
     const Lens lens = random_lens(random, scene.scale);
     const Compared with = random_comparison(random, scene, lens, worlds.views);
     Shares shares;

@@ -24,7 +24,7 @@ class CudaPacketsCaster(RaysCaster):
         views, device = len(poses), self._scene.device
         if views == 0:
             return
-        clusters, camera = self._scene.clusters(), self._camera
+        clusters, camera = self._scene.bvh(), self._camera
         moving = bool(clusters.struct.movable_count)
         _, _, *of_triangles = images
         large_packets = (12 if clusters.moves_solids_only else 32) if moving else 64

@@ -137,7 +137,7 @@ class PacketsCaster:
         if not self._loaded:
             load_module(packets.cast_packets)
             self._loaded = True
-        clusters = self._scene.clusters()
+        clusters = self._scene.bvh()
         points = 0 if pixels is None else pixels.shape[2]
         space = self._take(clusters.struct, views, points)
         workers = min(self._threads, views * space.job.strips)

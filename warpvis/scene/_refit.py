@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Deforming meshes: where their vertices are, and how a cluster tree follows them without being built again."""
+"""Deforming meshes: where their vertices are, and how a BVH follows them without being built again."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def _as_vectors(value: ArrayInput) -> ArrayInput:
 
 
 class BvhRefit:
-    """Refits one cluster tree. Everything is made ready here: a refit allocates nothing and waits for nothing on CUDA.
+    """Refits one BVH. Everything is made ready here: a refit allocates nothing and waits for nothing on CUDA.
 
     Args:
         tree: The tree, as it was built.

@@ -21,7 +21,7 @@ from warpvis.core.poses import check_up, poses_to_matrices, poses_to_opencv
 from warpvis.core.types import ArrayInput, DeviceLike, MeshLike
 from warpvis.errors import SceneError
 from warpvis.scene._object import SceneObject, as_it_is, by_itself, check_mesh, check_scale
-from warpvis.scene.geometry import Clusters, Triangles, build_clusters, build_triangles, label_array
+from warpvis.scene.geometry import SceneBvh, Triangles, build_scene_bvh, build_triangles, label_array
 from warpvis.scene.solids import Solid
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class Scene:
         self._index: dict[str, int] = {}
         self._movable: list[int] = []
         self._triangles: Triangles | None = None
-        self._clusters: Clusters | None = None
+        self._bvh: SceneBvh | None = None
         self._apart: Scene | None = None
         self._lock = Lock()
 
@@ -245,7 +245,7 @@ class Scene:
                 item = self._objects[index] = DeformingObject(item, self.device)
                 self._forget()
             wp.copy(item.points, given)
-            for built in (self._clusters, self._triangles):
+            for built in (self._bvh, self._triangles):
                 if built is not None:
                     built.refits[index].refit()
 
@@ -344,16 +344,16 @@ class Scene:
                 self._triangles = build_triangles(self.require_objects(), self.device)
             return self._triangles
 
-    def clusters(self) -> Clusters:
-        """Return the cluster tree, built when first asked for after a change.
+    def bvh(self) -> SceneBvh:
+        """Return the BVH, built when first asked for after a change.
 
         Raises:
             SceneError: The scene is empty.
         """
         with self._lock:
-            if self._clusters is None:
-                self._clusters = build_clusters(self.require_objects(), self.device)
-            return self._clusters
+            if self._bvh is None:
+                self._bvh = build_scene_bvh(self.require_objects(), self.device)
+            return self._bvh
 
     def apart(self) -> Scene:
         """Return the same objects, each with a pose and a tree of its own, so that one can be looked at as if alone.
@@ -380,7 +380,7 @@ class Scene:
         return label_array(self.require_objects(), self.device)
 
     def _forget(self) -> None:
-        self._triangles = self._clusters = self._apart = None
+        self._triangles = self._bvh = self._apart = None
 
     def require_objects(self) -> list[SceneObject]:
         """Return the objects; a `SceneError` if there are none."""

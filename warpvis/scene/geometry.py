@@ -41,8 +41,8 @@ class Triangles:
 
 
 @dataclass(frozen=True)
-class Clusters:
-    """A scene's triangles in cluster trees on its device, as the ``packets`` caster takes them."""
+class SceneBvh:
+    """A scene's triangles in BVHs on its device, as the ``packets`` caster takes them."""
 
     struct: BvhScene
     depth: int
@@ -108,8 +108,8 @@ def build_triangles(objects: Sequence[SceneObject], device: wp.Device) -> Triang
     return Triangles(struct, meshes, refits)
 
 
-def build_clusters(objects: Sequence[SceneObject], device: wp.Device, *, lanes: int | None = None) -> Clusters:
-    """Build the cluster trees, all in the same arrays.
+def build_scene_bvh(objects: Sequence[SceneObject], device: wp.Device, *, lanes: int | None = None) -> SceneBvh:
+    """Build the BVHs, all in the same arrays.
 
     Args:
         objects: What is in the scene.
@@ -163,7 +163,7 @@ def build_clusters(objects: Sequence[SceneObject], device: wp.Device, *, lanes: 
     struct.object_count = len(objects)
     struct.levels = max(tree.depth for tree in trees)
     size = sum(tree.bytes_per_triangle * tree.triangle_count for tree in trees)
-    return Clusters(
+    return SceneBvh(
         struct,
         depth=max(tree.depth for tree in trees),
         bytes_per_triangle=size / sum(tree.triangle_count for tree in trees),

@@ -26,7 +26,7 @@ from warpvis.kernels.constants import (
     TILE_SIDE,
 )
 from warpvis.scene import Scene
-from warpvis.scene.geometry import Clusters
+from warpvis.scene.geometry import SceneBvh
 
 if TYPE_CHECKING:
     from warpvis.kernels.point_packets import PointJob
@@ -98,7 +98,7 @@ def judge_by_packets(
     if not status.size:
         return
     load_module(judge_points_packets)
-    clusters = scene.clusters()
+    clusters = scene.bvh()
     # Solids are drawn with what is first along a ray.
     with_id = occluders is not None or any(item.solid is not None for item in scene.objects)
     layout = _lay_out(camera, scene.triangle_count, len(poses), len(points), with_id, threads)
@@ -151,7 +151,7 @@ def _scale(camera: Camera, triangles: int, count: int) -> float:
     return min(scale, 2.0 ** math.floor(math.log2(_MOST_SIDE / max(camera.width, camera.height))))
 
 
-def _take(clusters: Clusters, layout: _Layout) -> _Workspace:
+def _take(clusters: SceneBvh, layout: _Layout) -> _Workspace:
     """Return a workspace that nobody uses: callers on several threads each have their own."""
     while clusters.idle:
         try:

@@ -63,7 +63,7 @@ class SilhouetteCounter:
         self._device, self._camera, self._threads, self._delta = device, camera, threads, delta
         self._packets = caster == "packets" and device.is_cpu
         self._apart = scene.apart()
-        clusters = self._apart.clusters()
+        clusters = self._apart.bvh()
         self._columns = wp.array(_columns(scene), dtype=wp.int32, device=device)
         self._chosen = Chosen()
         self._chosen.index = wp.array(np.array(chosen, dtype=np.int32), dtype=wp.int32, device=device)
@@ -145,7 +145,7 @@ class SilhouetteCounter:
         counter, job = np.zeros(JOB_COUNTERS, dtype=np.int32), SilhouetteJob()
         job.counter = wp.array(counter, dtype=wp.int32, device="cpu", copy=False)
         job.scratch_bytes = wp.zeros(1, dtype=wp.int64, device="cpu")
-        scene, camera = self._apart.clusters().struct, self._camera.device_struct()
+        scene, camera = self._apart.bvh().struct, self._camera.device_struct()
         arguments = [scene, self._chosen, camera, poses, job, self._canvas, worlds, compared, *outputs]
         launch_once(measure_silhouettes_packets, arguments)  # without memory, it says how much it needs
         job.scratch = aligned_zeros((workers, int(job.scratch_bytes.numpy()[0])), wp.uint8)

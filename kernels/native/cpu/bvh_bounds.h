@@ -99,7 +99,7 @@ struct Mesh {
     const unsigned char* closed;  // [object]
 };
 
-// What leaves hold, as in warpvis/cluster_tree.py.
+// What leaves hold, as in warpvis/scene/_bvh.py.
 struct Leaves {
     float* rows;  // [leaf][LEAF_ROWS][lane]
     int* triangles;  // [leaf][lane]

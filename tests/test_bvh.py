@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The cluster tree holds every triangle once, its bounds hold what is below, and it is the same for any threads.
+"""The BVH holds every triangle once, its bounds hold what is below, and it is the same for any threads.
 
 And it is as shallow as asked, whatever the triangles.
 """

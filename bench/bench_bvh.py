@@ -16,7 +16,7 @@ def rounds(scene):
 
 
 @pytest.mark.benchmark(group="tree")
-@pytest.mark.parametrize("build", [wv.Scene.clusters, wv.Scene.triangles], ids=["clusters", "triangles"])
+@pytest.mark.parametrize("build", [wv.Scene.bvh, wv.Scene.triangles], ids=["bvh", "triangles"])
 @pytest.mark.parametrize("name", NAMES)
 def test_build(benchmark, scene_of, name, build):
     scene = scene_of(name)
@@ -32,7 +32,7 @@ def test_build(benchmark, scene_of, name, build):
 @pytest.mark.parametrize("lanes", [16, 32])
 @pytest.mark.parametrize("name", NAMES)
 def test_lanes(benchmark, scene_of, name, lanes):
-    """The cluster tree alone, as wide as the casters on the CPU and on CUDA take it."""
+    """The BVH alone, as wide as the casters on the CPU and on CUDA take it."""
     scene = scene_of(name)
     first = np.cumsum([0] + [len(item.vertices) for item in scene.objects])
     vertices = np.concatenate([item.vertices for item in scene.objects])
