@@ -17,7 +17,7 @@ job may go on with it, `_verify` whether it is sound.
 
 from __future__ import annotations
 
-from warpvis.batch._frame_renderer import FrameRenderer, check_outputs as check_outputs
+from warpvis.batch._frame_renderer import BATCH_OUTPUTS as BATCH_OUTPUTS, FrameRenderer
 from warpvis.batch._render_batch import BatchSummary, make_plan as make_plan, render_batch as render_batch
 from warpvis.batch._verify import verify
 from warpvis.batch._warmup import warmup

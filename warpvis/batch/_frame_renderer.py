@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -15,10 +16,11 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.batch.formats._base import VISIBILITY_ARRAYS
-from warpvis.core.arrays import check_metres
+from warpvis.core.arrays import as_numpy, check_metres, get_device
 from warpvis.core.camera import Camera, require_camera
-from warpvis.errors import ArrayError
-from warpvis.rendering import OUTPUTS, Caster, Renderer, Views
+from warpvis.core.checks import as_items, check_flag, check_mapping
+from warpvis.errors import ArrayError, SceneError
+from warpvis.rendering import OUTPUTS, Caster, Renderer, Views, check_outputs
 from warpvis.scene import Scene, require_scene
 from warpvis.visibility import choose_objects, object_visibility
 
@@ -27,6 +29,10 @@ if TYPE_CHECKING:
 
 VISIBILITY = "visibility"
 """The output that is no image: what `warpvis.object_visibility` says."""
+
+
+BATCH_OUTPUTS = (*OUTPUTS, VISIBILITY)
+"""All outputs of a batch."""
 
 
 class FrameRenderer:
@@ -74,16 +80,16 @@ class FrameRenderer:
         Raises:
             WarpvisError: An argument is not what it has to be.
         """
-        self.outputs = check_outputs(outputs)
+        self.outputs = check_outputs(outputs, BATCH_OUTPUTS)
         self.scene = make_scene(scene, device)
         self.camera = require_camera(camera)
         self.images = tuple(name for name in self.outputs if name != VISIBILITY)
-        self._eye = replace(camera, near=0.0, far=math.inf) if any_depth else camera
-        self._exclude = choose_objects(self.scene, exclude) if exclude is not None and len(exclude) else None
+        self._eye = replace(camera, near=0.0, far=math.inf) if check_flag(any_depth, "any_depth") else camera
+        self._exclude = choose_excluded(self.scene, exclude) or None
         self._visibility = {
             "objects": choose_objects(self.scene, objects) if VISIBILITY in self.outputs else None,
             "delta": check_metres(delta, "delta"),
-            "masks": bool(masks),
+            "masks": check_flag(masks, "masks"),
             "caster": caster,
             "threads": threads,
         }
@@ -105,13 +111,15 @@ class FrameRenderer:
         Raises:
             WarpvisError: The batch is malformed.
         """
-        return {**batch, **self.render(batch)}
+        return {**check_mapping(batch, "a batch"), **self.render(batch)}
 
     def render(self, batch: Mapping[str, NDArray[Any]], *, out: ImageBuffers | None = None) -> dict[str, NDArray[Any]]:
         """The arrays alone, of images in `out` if that is given; they are valid until it is written to again."""
-        if "camera_to_world" not in batch:
-            raise ArrayError(f"a batch must hold camera_to_world, got {', '.join(batch) or 'nothing'}")
-        poses = np.asarray(batch["camera_to_world"])
+        if "camera_to_world" not in check_mapping(batch, "a batch"):
+            raise ArrayError(f"a batch must hold camera_to_world, got {', '.join(map(str, batch)) or 'nothing'}")
+        poses = as_numpy(batch["camera_to_world"], name="camera_to_world")
+        if poses.ndim < 2:
+            raise ArrayError(f"camera_to_world must have shape (n, 7) or (n, 4, 4), got {poses.shape}")
         moved: dict[str, Any] = {
             name: batch[name] for name in ("object_poses", "world_index") if batch.get(name) is not None
         }
@@ -167,18 +175,10 @@ def frames_batch(frames: Frames, part: slice) -> dict[str, NDArray[Any]]:
     return batch
 
 
-def check_outputs(outputs: Sequence[str]) -> tuple[str, ...]:
-    """Names of outputs, each once.
-
-    Raises:
-        ArrayError: There is none, or an unknown one.
-    """
-    names = (outputs,) if isinstance(outputs, str) else tuple(outputs)
-    unknown = [str(name) for name in names if name not in OUTPUTS and name != VISIBILITY]
-    if unknown or not names:
-        known = ", ".join([*OUTPUTS, VISIBILITY])
-        raise ArrayError(f"outputs must be some of {known}, got {', '.join(unknown) or 'none'}")
-    return tuple(dict.fromkeys(names))
+def choose_excluded(scene: Scene, exclude: Any) -> list[int]:
+    """Indices of the objects that no frame shows; none for None or an empty list."""
+    given = [] if exclude is None else as_items(exclude, "exclude", SceneError)
+    return choose_objects(scene, given) if given else []
 
 
 def make_scene(scene: Any, device: Any) -> Scene:
@@ -189,10 +189,14 @@ def make_scene(scene: Any, device: Any) -> Scene:
     """
     if isinstance(scene, str | os.PathLike):
         scene = Scene.load(scene, device="cpu" if device is None else device)
-    elif callable(scene):
+    elif callable(scene) and not isinstance(scene, type):
+        try:
+            inspect.signature(scene).bind()
+        except (TypeError, ValueError):
+            raise SceneError(f"scene must be a scene, a file, or a function without arguments, got {scene!r}") from None
         scene = scene()
     scene = require_scene(scene)
-    return scene if device is None or scene.device == wp.get_device(device) else scene.to(device)
+    return scene if device is None or scene.device == get_device(device) else scene.to(device)
 
 
 def _page_aligned(shape: tuple[int, ...], dtype: Any, pinned: bool) -> wp.array:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from warpvis.batch._dataset import Dataset
-from warpvis.batch._frame_renderer import VISIBILITY, check_outputs, make_scene
+from warpvis.batch._frame_renderer import BATCH_OUTPUTS, VISIBILITY, choose_excluded, make_scene
 from warpvis.batch._job import Plan
 from warpvis.batch._manifest import make_manifest
 from warpvis.batch._records import Record
@@ -24,13 +24,14 @@ from warpvis.batch._writer import Job, Run
 from warpvis.batch.engines._local import parse_devices, run_local
 from warpvis.batch.formats._base import Format, find_format
 from warpvis.core.camera import Camera, require_camera
+from warpvis.core.checks import check_choice, check_mapping
+from warpvis.core.frames import Frames
 from warpvis.core.threads import check_threads
-from warpvis.errors import ArrayError, PoseError
-from warpvis.rendering import OUTPUTS, Caster
+from warpvis.errors import ArrayError, FileFormatError, PoseError
+from warpvis.rendering import OUTPUTS, Caster, check_outputs
 from warpvis.visibility import choose_objects
 
 if TYPE_CHECKING:
-    from warpvis.core.frames import Frames
     from warpvis.scene import Scene
 
 Engine = Literal["local", "ray"]
@@ -149,8 +150,7 @@ def render_batch(
 
 
 def _check_engine(engine: str, threads: int | None, workers: int | None, address: str | None) -> None:
-    if engine not in ("local", "ray"):
-        raise ArrayError(f'engine must be "local" or "ray", got {engine!r}')
+    check_choice(engine, "engine", ("local", "ray"))
     check_threads(threads)
     if engine == "local" and (workers is not None or address is not None):
         raise ArrayError("workers and address are of the engine ray, and the engine is local")
@@ -189,11 +189,13 @@ def make_plan(
     """
     scene.require_objects()
     require_camera(camera)
-    names = check_outputs(kind.default_outputs if outputs is None else outputs)
+    if not isinstance(frames, Frames):
+        raise ArrayError(f"frames must be warpvis.Frames, got {type(frames).__name__}")
+    names = check_outputs(kind.default_outputs if outputs is None else outputs, BATCH_OUTPUTS)
     unfit = [name for name in names if name not in kind.outputs]
     if unfit:
         raise ArrayError(f"format {kind.name!r} holds {', '.join(sorted(kind.outputs))}; it cannot hold {unfit[0]!r}")
-    excluded = choose_objects(scene, exclude) if exclude is not None and len(exclude) else []
+    excluded = choose_excluded(scene, exclude)
     chosen = _choose_seen(scene, kind, objects, excluded) if VISIBILITY in names or objects is not None else ()
     return Plan(
         frames=_place_objects(scene, frames),
@@ -207,7 +209,7 @@ def make_plan(
         chosen=chosen,
         exclude=tuple(excluded),
         up=scene.up,
-        options=dict(options or {}),
+        options={} if options is None else dict(check_mapping(options, "options", FileFormatError)),
     )
 
 

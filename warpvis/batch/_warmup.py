@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpvis.batch._frame_renderer import VISIBILITY, FrameRenderer, check_outputs
+from warpvis.batch._frame_renderer import BATCH_OUTPUTS, VISIBILITY, FrameRenderer
 from warpvis.core.arrays import get_device
 from warpvis.core.camera import Camera
+from warpvis.core.checks import as_items
 from warpvis.core.labels import Label
-from warpvis.rendering import OUTPUTS, Caster
+from warpvis.rendering import OUTPUTS, Caster, check_outputs
 from warpvis.scene import Scene
 
 ALL_OUTPUTS = (*OUTPUTS, VISIBILITY)
@@ -46,10 +47,11 @@ def warmup(
     """
     start = time.perf_counter()
     device = get_device(device)
-    names = check_outputs(outputs)
+    names = check_outputs(outputs, BATCH_OUTPUTS)
     images = [name for name in names if name != VISIBILITY]
+    wanted = as_items(casters, "casters")
     for scene in _scenes(device):
-        for caster in casters:
+        for caster in wanted:
             # On a GPU images of depth alone, and with others, are made by two kernels.
             for some in [part for part in (images[:1], images, [VISIBILITY]) if set(part) <= set(names) and part]:
                 renderer = FrameRenderer(scene, _CAMERA, outputs=some, caster=caster)

@@ -41,10 +41,11 @@ class ImageOptions(FrameOptions):
 
     def chosen(self) -> dict[str, Any]:
         """Name the arguments of `render_batch` that these options are."""
-        from warpvis.batch import check_outputs
+        from warpvis.batch import BATCH_OUTPUTS
+        from warpvis.rendering import check_outputs
 
         return {
-            "outputs": check_outputs(split_names(self.outputs)) if self.outputs else None,
+            "outputs": check_outputs(split_names(self.outputs), BATCH_OUTPUTS) if self.outputs else None,
             "options": _parse_options(self.option),
             "objects": split_names(self.objects) or None,
             "exclude": split_names(self.exclude) or None,

@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.core.checks import is_number
 from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError, WarpvisError
 
@@ -164,16 +165,28 @@ def as_point(value: ArrayLike, name: str, error: type[WarpvisError] = ArrayError
     return point
 
 
-def check_metres(value: float, name: str, *, signed: bool = False, zero: bool = True, infinite: bool = False) -> float:
+def check_metres(
+    value: object,
+    name: str,
+    *,
+    signed: bool = False,
+    zero: bool = True,
+    infinite: bool = False,
+    error: type[WarpvisError] = ArrayError,
+) -> float:
     """Return `value` as a number of metres.
 
     Raises:
-        ArrayError: It is not a number, or it is negative, zero or infinite where that is not allowed.
+        WarpvisError: It is not a number, or it is negative, zero or infinite where that is not allowed; of the class
+            `error`.
     """
-    number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-    if not number or not (signed or value > 0 or (zero and value == 0)) or not (infinite or math.isfinite(value)):
+    if (
+        not is_number(value)
+        or not (signed or value > 0 or (zero and value == 0))
+        or not (infinite or math.isfinite(value))
+    ):
         wanted = "a number of metres from 0 up" if zero else "a positive number of metres"
-        raise ArrayError(f"{name} must be {'a finite number of metres' if signed else wanted}, got {value!r}")
+        raise error(f"{name} must be {'a finite number of metres' if signed else wanted}, got {value!r}")
     return float(value)
 
 

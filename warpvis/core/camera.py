@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
 
-from warpvis.errors import CameraError, IntrinsicsWarning
+from warpvis.core.checks import check_choice, is_number
+from warpvis.errors import ArrayError, CameraError, IntrinsicsWarning
 
 if TYPE_CHECKING:
     import mujoco
@@ -48,14 +49,12 @@ class Camera:
     def __post_init__(self) -> None:
         for name in ("width", "height"):
             value = getattr(self, name)
-            if isinstance(value, bool) or int(value) != value or value < 1:
-                raise CameraError(f"{name} must be a whole number of pixels from 1 up, got {value!r}")
-            object.__setattr__(self, name, int(value))
+            object.__setattr__(self, name, check_size(value, name))
         for name in ("fx", "fy", "cx", "cy", "near", "far"):
-            value = float(getattr(self, name))
-            if math.isnan(value) or (math.isinf(value) and name != "far"):
-                raise CameraError(f"{name} must be a finite number, got {value}")
-            object.__setattr__(self, name, value)
+            value = getattr(self, name)
+            if not is_number(value) or math.isnan(value) or (math.isinf(value) and name != "far"):
+                raise CameraError(f"{name} must be a finite number, got {value!r}")
+            object.__setattr__(self, name, float(value))
         if self.fx <= 0 or self.fy <= 0:
             raise CameraError(f"focal lengths must be positive, got fx={self.fx}, fy={self.fy}")
         if self.near < 0 or self.far <= self.near:
@@ -91,13 +90,12 @@ class Camera:
         """
         if (hfov is None) == (vfov is None):
             raise CameraError("give either hfov or vfov, in radians")
-        if vertical not in ("square", "linear"):
-            raise CameraError(f'vertical must be "square" or "linear", got {vertical!r}')
-        _check_size(width, height)
+        check_choice(vertical, "vertical", ("square", "linear"), CameraError)
+        width, height = check_size(width, "width"), check_size(height, "height")
         if hfov is not None:
             fx = fy = _focal_length(width, hfov, "hfov")
             if vertical == "linear":
-                fy = _focal_length(height, hfov * height / width, "vfov")
+                fy = _focal_length(height, float(hfov) * height / width, "vfov")
         else:
             if vertical == "linear":
                 raise CameraError('vertical="linear" derives the vertical field of view, so give hfov')
@@ -151,10 +149,7 @@ class Camera:
         """
         import numpy as np
 
-        try:
-            matrix = np.asarray(K, dtype=np.float64)
-        except (TypeError, ValueError):
-            raise CameraError(f"K must be a (3, 3) matrix of numbers, got {K!r}") from None
+        matrix = _as_floats(K, "K")
         if matrix.shape != (3, 3):
             raise CameraError(f"K must have shape (3, 3), got {matrix.shape}")
         if np.any(matrix[[0, 1, 2, 2], [1, 0, 0, 1]] != 0) or matrix[2, 2] != 1:
@@ -199,7 +194,7 @@ class Camera:
         """
         import numpy as np
 
-        points = np.asarray(points, dtype=np.float64)
+        points = _as_floats(points, "points")
         if points.shape[-1:] != (3,):
             raise CameraError(f"points must have shape (..., 3), got {points.shape}")
         z = np.where(points[..., 2] > 0, points[..., 2], np.nan)
@@ -217,10 +212,13 @@ class Camera:
         """
         import numpy as np
 
-        pixels = np.asarray(pixels, dtype=np.float64)
-        z = np.asarray(depth, dtype=np.float64)
+        pixels, z = _as_floats(pixels, "pixels"), _as_floats(depth, "depth")
         if pixels.shape[-1:] != (2,):
             raise CameraError(f"pixels must have shape (..., 2), got {pixels.shape}")
+        try:
+            np.broadcast_shapes(pixels.shape[:-1], z.shape)
+        except ValueError:
+            raise CameraError(f"depth must be of shape {pixels.shape[:-1]} as pixels are, got {z.shape}") from None
         x = z * (pixels[..., 0] - self.cx) / self.fx
         y = z * (pixels[..., 1] - self.cy) / self.fy
         return np.stack(np.broadcast_arrays(x, y, z), axis=-1)
@@ -255,20 +253,34 @@ def _warn_of(width: int, height: int, fx: float, fy: float, cx: float, cy: float
         warnings.warn(f"{problem}; are the intrinsics of an image of this size?", IntrinsicsWarning, stacklevel=4)
 
 
-def _check_size(width: int, height: int) -> None:
-    for name, value in (("width", width), ("height", height)):
-        if not value >= 1:
-            raise CameraError(f"{name} must be a whole number of pixels from 1 up, got {value!r}")
+def _as_floats(value: object, name: str) -> NDArray[np.float64]:
+    from warpvis.core.arrays import as_numpy
+
+    try:
+        return as_numpy(value, name=name).astype("float64")
+    except ArrayError as error:
+        raise CameraError(str(error)) from None
+
+
+def check_size(value: object, name: str) -> int:
+    """Return a side of an image: a whole number, of whichever type, that 32 bits hold.
+
+    Raises:
+        CameraError: It is none.
+    """
+    if not is_number(value) or not 1 <= value < 2**31 or int(value) != value:
+        raise CameraError(f"{name} must be a whole number of pixels from 1 up, got {value!r}")
+    return int(value)
 
 
 def _focal_length(size: int, fov: float, name: str) -> float:
-    if not 0 < fov < math.pi:
-        hint = "; fields of view are in radians" if fov >= math.pi else ""
-        raise CameraError(f"{name} must be between 0 and pi radians, got {fov}{hint}")
+    if not is_number(fov) or not 0 < fov < math.pi:
+        hint = "; fields of view are in radians" if is_number(fov) and fov >= math.pi else ""
+        raise CameraError(f"{name} must be between 0 and pi radians, got {fov!r}{hint}")
     return size / 2 / math.tan(fov / 2)
 
 
 def _check_pixel_center(pixel_center: float) -> float:
-    if pixel_center not in (0.0, 0.5):
+    if not is_number(pixel_center) or pixel_center not in (0.0, 0.5):
         raise CameraError(f"pixel_center must be 0.5 or 0.0, got {pixel_center!r}")
     return pixel_center

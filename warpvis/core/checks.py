@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, TypeGuard
@@ -72,6 +72,28 @@ def check_choice(value: object, name: str, choices: Collection[str], error: type
     return value
 
 
+def check_flag(value: object, name: str, error: type[WarpvisError] = ArrayError) -> bool:
+    """Return `value`, if it says yes or no.
+
+    Raises:
+        WarpvisError: It is another thing, whatever Python takes it for; of the class `error`.
+    """
+    if type(value).__name__ in ("bool", "bool_") or (is_whole(value) and value in (0, 1)):
+        return bool(value)
+    raise error(f"{name} must be True or False, got {value!r}")
+
+
+def check_mapping(value: object, name: str, error: type[WarpvisError] = ArrayError) -> Mapping[Any, Any]:
+    """Return `value`, if it is a mapping.
+
+    Raises:
+        WarpvisError: It is none; of the class `error`.
+    """
+    if not isinstance(value, Mapping):
+        raise error(f"{name} must be a mapping, got {value!r}")
+    return value
+
+
 def check_text(value: object, name: str, error: type[WarpvisError] = ArrayError) -> str:
     """Return `value` if it is text.
 
@@ -95,7 +117,7 @@ def as_items(value: object, name: str, error: type[WarpvisError] = ArrayError) -
         raise error(f"{name} must be a list, got {value!r}")
     try:
         return list(value)
-    except TypeError:  # arrays without a dimension look as if they had items
+    except (TypeError, RuntimeError):  # arrays without a dimension look as if they had items
         raise error(f"{name} must be a list, got {value!r}") from None
 
 

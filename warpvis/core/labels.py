@@ -8,6 +8,7 @@ import enum
 import fnmatch
 from collections.abc import Iterable, Mapping
 
+from warpvis.core.checks import check_mapping
 from warpvis.errors import SceneError
 from warpvis.kernels import constants
 
@@ -37,7 +38,7 @@ class Label(enum.IntEnum):
         """
         try:
             return cls[value.upper()] if isinstance(value, str) else cls(value)
-        except (KeyError, ValueError):
+        except (KeyError, ValueError, TypeError):
             names = ", ".join(f"{label.name} ({label.value})" for label in cls)
             raise SceneError(f"label must be one of {names}, got {value!r}") from None
 
@@ -68,6 +69,10 @@ class LabelPatterns:
         Raises:
             SceneError: A label is none.
         """
+        check_mapping(labels, "labels", SceneError)
+        bad = [pattern for pattern in labels if not isinstance(pattern, str)]
+        if bad:
+            raise SceneError(f"labels must be given to names or patterns of names, got {bad[0]!r}")
         self._patterns = {pattern: Label.parse(label) for pattern, label in labels.items()}
         self._unused = set(self._patterns)
 

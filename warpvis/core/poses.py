@@ -154,7 +154,7 @@ def look_at(eye: ArrayLike, target: ArrayLike, *, up: str | ArrayLike = "z") -> 
 
 def check_up(up: str) -> int:
     """Return the index of the world's vertical axis."""
-    if up not in ("z", "y"):
+    if not isinstance(up, str) or up not in ("z", "y"):
         raise PoseError(f'up must be "z" or "y", got {up!r}')
     return "xyz".index(up)
 
@@ -165,7 +165,7 @@ def check_convention(convention: object) -> Convention:
     Raises:
         PoseError: There is no such convention.
     """
-    if convention == "ros":
+    if isinstance(convention, str) and convention == "ros":
         raise PoseError(
             'convention "ros" may mean two frames: say "ros_body" (x forward, y left, z up) or "ros_optical" '
             '(x right, y down, z forward, as "opencv")'

@@ -12,6 +12,7 @@ from typing import TypeVar
 
 import warp as wp
 
+from warpvis.core.checks import is_whole
 from warpvis.core.types import KernelArguments
 from warpvis.errors import ArrayError
 from warpvis.kernels.pinhole import Window
@@ -24,6 +25,9 @@ _LEAST_PIXELS = 4096
 # Rays of one block wait for its slowest: with one query a thread and nothing else, blocks of 64 are 7 % faster than of
 # 256 (H200, three scenes).
 _CUDA_BLOCK = 64
+
+MOST_THREADS = 4096
+"""More CPU threads than this are a mistake: each has memory of its own."""
 
 _pool: ThreadPoolExecutor | None = None
 _pool_size = 0
@@ -167,8 +171,8 @@ def check_threads(threads: int | None) -> int:
     """Return the number of threads to use; all cores for None."""
     if threads is None:
         return core_count()
-    if isinstance(threads, bool) or int(threads) != threads or threads < 1:
-        raise ArrayError(f"threads must be a whole number from 1 up, got {threads!r}")
+    if not is_whole(threads) or not 1 <= threads <= MOST_THREADS:
+        raise ArrayError(f"threads must be a whole number from 1 up to {MOST_THREADS}, got {threads!r}")
     return int(threads)
 
 

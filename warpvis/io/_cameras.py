@@ -27,7 +27,7 @@ def load_camera(name_or_path: str) -> Camera:
         FileFormatError: There is no such file, or it is not JSON.
         CameraError: The file does not describe a camera.
     """
-    if name_or_path == "kinect":
+    if isinstance(name_or_path, str) and name_or_path == "kinect":
         return Camera.kinect()
     path = as_path(name_or_path, "name_or_path")
     if not path.is_file():

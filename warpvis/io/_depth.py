@@ -11,6 +11,7 @@ import zlib
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import as_path
 from warpvis.errors import ArrayError, FileFormatError
 
@@ -36,7 +37,7 @@ def depth_to_units(depth: ArrayLike, scale: float) -> NDArray[np.uint16]:
     Returns:
         Depth in units, the same shape.
     """
-    depth = np.asarray(depth)
+    depth = as_numpy(depth, name="depth")
     units = np.multiply(depth, scale, out=np.empty(depth.shape), dtype=np.float64)
     np.rint(units, out=units)
     np.copyto(units, 0, where=~((units > 0) & (units <= _MOST)))

@@ -8,8 +8,8 @@ import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from warpvis.core.checks import as_path
-from warpvis.errors import FileFormatError
+from warpvis.core.checks import as_items, as_path, check_flag
+from warpvis.errors import FileFormatError, SceneError
 from warpvis.io._meshes import read_mesh_file
 from warpvis.scene import Y_UP_TO_Z_UP, FileParts
 
@@ -32,8 +32,10 @@ def read_parts(
         FileFormatError: The file is missing or does not parse, or something cannot be shown and `strict` is set.
         SceneError: `search_path` has no meaning for such a file.
     """
-    path = as_path(path)
-    folders = [search_path] if isinstance(search_path, str | os.PathLike) else search_path
+    path, strict = as_path(path), check_flag(strict, "strict", FileFormatError)
+    folders = (
+        [search_path] if isinstance(search_path, os.PathLike) else as_items(search_path, "search_path", SceneError)
+    )
     where = [as_path(folder, "search_path") for folder in folders]
     if not path.is_file():
         raise FileFormatError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}")

@@ -42,8 +42,7 @@ class Sphere:
         center = as_numpy(self.center, name="center of a sphere")
         if center.shape != (3,) or not np.isfinite(center).all():
             raise SceneError(f"center of a sphere must be three finite numbers, got {center.tolist()}")
-        if not (math.isfinite(self.diameter) and self.diameter > 0):
-            raise SceneError(f"diameter of a sphere must be a positive number of metres, got {self.diameter}")
+        check_metres(self.diameter, "diameter of a sphere", zero=False, error=SceneError)
         object.__setattr__(self, "center", tuple(map(float, center)))
         object.__setattr__(self, "label", Label.parse(self.label))
 
@@ -257,6 +256,4 @@ def _check_range(max_range: float | None, camera: Camera) -> float:
 
 
 def _check_finite(value: float, name: str) -> float:
-    if not math.isfinite(value):
-        raise ArrayError(f"{name} must be a finite number of metres, got {value}")
-    return float(value)
+    return check_metres(value, name, signed=True)

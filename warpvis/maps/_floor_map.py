@@ -13,6 +13,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, as_warp, check_metres, empty, get_device
+from warpvis.core.checks import is_whole
 from warpvis.core.depth_images import read_labels
 from warpvis.core.labels import Label
 from warpvis.core.poses import check_up
@@ -78,7 +79,7 @@ class FloorMap:
         """
         from warpvis.viz import save_map
 
-        if view not in range(len(self.cells)):
+        if not is_whole(view) or view not in range(len(self.cells)):
             raise ArrayError(f"view must be one of the map's {len(self.cells)}, counted from 0, got {view!r}")
         save_map(self.cells.numpy()[view], path, bounds=self.bounds, legend=self.legend, axes=self.axes)
 
@@ -195,8 +196,7 @@ def _check_bounds(bounds: ArrayLike, up: str) -> tuple[NDArray[np.float64], NDAr
 
 
 def _check_cells(size: NDArray[np.float64], cell_size: float) -> tuple[int, int]:
-    if not (np.isfinite(cell_size) and cell_size > 0):
-        raise ArrayError(f"cell_size must be a positive number of metres, got {cell_size}")
+    check_metres(cell_size, "cell_size", zero=False)
     # A map of 4 m in cells of 2 cm has 200 of them, whatever the quotient's last digit says.
     columns, rows = np.ceil(size / cell_size - 1e-6)
     if columns * rows > _MOST_CELLS:
@@ -207,7 +207,7 @@ def _check_cells(size: NDArray[np.float64], cell_size: float) -> tuple[int, int]
 
 
 def _check_robots(robots: ArrayLike, device: wp.Device) -> wp.array:
-    discs = as_numpy(robots if len(np.shape(robots)) else [], name="robots").astype(np.float32)
+    discs = as_numpy(robots, name="robots").astype(np.float32)
     if discs.size == 0:
         return wp.zeros(0, dtype=wp.vec3, device=device)
     if discs.ndim != 2 or discs.shape[1] != 3 or not np.isfinite(discs).all():

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera, require_camera
+from warpvis.core.checks import as_items
 from warpvis.core.labels import Label
 from warpvis.core.poses import Convention, check_up, poses_to_matrices, poses_to_opencv
 from warpvis.core.types import PoseLike
-from warpvis.errors import PoseError
+from warpvis.errors import PoseError, SceneError
 from warpvis.scene import Scene, require_scene
 
 _EDGES_AT_A_TIME = 20_000
@@ -67,7 +68,7 @@ def plan_visibility(
     vertical = check_up(scene.up)
     floor = [axis for axis in range(3) if axis != vertical]
     poses = poses_to_matrices(poses_to_opencv(camera_to_world, convention, name="camera_to_world"))
-    excluded = {scene.index(name) for name in exclude}
+    excluded = {scene.index(name) for name in as_items(exclude, "exclude", SceneError)}
     outlines = [_edges(item.vertices[:, floor], item.faces) for item in scene.objects]
 
     shape = (len(poses), len(outlines))

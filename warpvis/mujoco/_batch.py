@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, check_out, empty
 from warpvis.core.camera import Camera
+from warpvis.core.checks import as_items, check_whole
 from warpvis.core.labels import Label
 from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError, CameraError, SceneError
@@ -31,7 +32,7 @@ from warpvis.mujoco._poses import (
     world_count,
 )
 from warpvis.mujoco._scene import scene_from_mujoco
-from warpvis.rendering import Output, Renderer as SceneRenderer, Views, views_for
+from warpvis.rendering import Output, Renderer as SceneRenderer, Views, check_outputs, views_for
 from warpvis.scene import Scene
 
 # Cameras, worlds, how many objects move, and the stream that work is queued on.
@@ -100,8 +101,7 @@ class BatchRenderer:
         Raises:
             WarpvisError: An argument is not what it has to be.
         """
-        if nworld is not None and (isinstance(nworld, bool) or int(nworld) != nworld or nworld < 1):
-            raise ArrayError(f"nworld must be a whole number from 1 up, got {nworld!r}")
+        nworld = None if nworld is None else check_whole(nworld, "nworld")
         Camera(width, height, 1, 1, 0, 0)  # checks the size
         options: dict[str, Any] = {"tolerance": tolerance, "labels": labels, "exclude": exclude, "device": device}
         self.model = model
@@ -111,7 +111,7 @@ class BatchRenderer:
             raise SceneError(f"the model has no geoms to render in groups {groups}; see geom_groups=")
         self.nworld, self.height, self.width = nworld, height, width
         self.kinematics = Kinematics(model, threads=threads)
-        self._outputs: tuple[str, ...] = (outputs,) if isinstance(outputs, str) else tuple(outputs)
+        self._outputs = check_outputs(outputs)
         self._render_options: dict[str, Any] = {"outputs": self._outputs, "cull_backfaces": cull_backfaces}
         self._render_options["threads"] = threads
         self._renderers: dict[Camera, SceneRenderer] = {}
@@ -200,7 +200,7 @@ class BatchRenderer:
         """
         from warpvis.kernels.mujoco import geoms_of_objects
 
-        if views.segmentation is None:
+        if not isinstance(views, Views) or views.segmentation is None:
             raise ArrayError('views must have segmentation; make the BatchRenderer with outputs=("segmentation", ...)')
         shape, device = views.segmentation.shape, views.segmentation.device
         out = empty(shape, wp.int32, name="geoms", device=device) if out is None else out
@@ -255,7 +255,7 @@ class BatchRenderer:
             cameras = range(self.model.ncam)
         elif isinstance(cameras, str | int | np.integer):
             cameras = [cameras]
-        ids = [camera_id(self.model, camera) for camera in cameras]
+        ids = [camera_id(self.model, camera) for camera in as_items(cameras, "cameras", CameraError)]
         if not ids:
             raise CameraError("there must be a camera to render; the model or the list of cameras has none")
         return ids

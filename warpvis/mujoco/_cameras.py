@@ -11,7 +11,7 @@ import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.camera import Camera
+from warpvis.core.camera import Camera, check_size
 from warpvis.errors import CameraError
 
 _FREE = int(mujoco.mjtCamera.mjCAMERA_FREE)
@@ -163,9 +163,7 @@ def _image_size(
     if (width is None) != (height is None):
         raise CameraError("give both width and height, or neither for the camera's own resolution")
     if width is not None and height is not None:
-        if min(width, height) < 1:
-            raise CameraError(f"width and height must be from 1 up, got {width} and {height}")
-        return width, height
+        return check_size(width, "width"), check_size(height, "height")
     own = model.cam_resolution[viewer.fixedcamid].tolist() if viewer.type == _FIXED else [1, 1]
     if own == [1, 1]:  # what MuJoCo has where none is given
         raise CameraError("the camera has no resolution of its own; give width and height")

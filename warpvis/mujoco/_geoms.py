@@ -11,6 +11,7 @@ import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.core.checks import as_items, is_whole
 from warpvis.core.labels import Label
 from warpvis.errors import SceneError
 from warpvis.mujoco import _tessellation as tessellation
@@ -100,10 +101,10 @@ def check_groups(groups: Iterable[int]) -> tuple[int, ...]:
         SceneError: One is not a whole number from 0 to 5.
     """
     known = range(mujoco.mjNGROUP)
-    groups = (groups,) if isinstance(groups, int) else tuple(groups)
-    if not all(group in known for group in groups):
-        raise SceneError(f"geom_groups must be of 0 to {known[-1]}, got {groups}")
-    return tuple(sorted({int(group) for group in groups}))
+    given = [groups] if is_whole(groups) else as_items(groups, "geom_groups", SceneError)
+    if not all(is_whole(group) and group in known for group in given):
+        raise SceneError(f"geom_groups must be of 0 to {known[-1]}, got {tuple(given)}")
+    return tuple(sorted({int(group) for group in given}))
 
 
 def _group(model: mujoco.MjModel, geom: int) -> int:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -12,6 +13,7 @@ from xml.etree import ElementTree
 
 import mujoco  # noqa: TID253 - the whole package is about it
 
+from warpvis.core.checks import as_items, as_path, check_flag
 from warpvis.core.labels import Label
 from warpvis.errors import FileFormatError
 from warpvis.mujoco._geoms import DEFAULT_GROUPS, default_label, geom_parts, movable_bodies, object_names, shown_geoms
@@ -23,7 +25,9 @@ _FOLDERS = ("assetdir", "meshdir", "texturedir")
 _XACRO = "{http://www.ros.org/wiki/xacro}"
 
 
-def read_model(path: Path, *, search_path: Sequence[Path] = (), strict: bool = False) -> FileParts:
+def read_model(
+    path: str | os.PathLike[str], *, search_path: Sequence[str | os.PathLike[str]] = (), strict: bool = False
+) -> FileParts:
     """Read the geoms of a model's file, MJCF or URDF, where they are at the model's initial state.
 
     Of MJCF, geoms of the groups 0 to 2 show, as in MuJoCo's viewer. Of URDF, the visual elements do; the collision
@@ -42,12 +46,14 @@ def read_model(path: Path, *, search_path: Sequence[Path] = (), strict: bool = F
         FileFormatError: The file is neither, MuJoCo does not compile it, or something cannot be shown and `strict` is
             set.
     """
+    path, strict = as_path(path), check_flag(strict, "strict", FileFormatError)
+    folders = [as_path(folder, "search_path") for folder in as_items(search_path, "search_path", FileFormatError)]
     root = _parse(path)
     left_out: list[str] = []
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # MuJoCo's are of how things would move
-            model, groups, missing = _compile(path, root, search_path)
+            model, groups, missing = _compile(path, root, folders)
     except ValueError as error:
         if isinstance(error, FileFormatError):
             raise

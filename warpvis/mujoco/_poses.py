@@ -14,6 +14,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, as_warp
+from warpvis.core.checks import as_items, is_whole
 from warpvis.core.threads import check_threads, run_each
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
@@ -52,7 +53,16 @@ class WorldPoses:
 
     @classmethod
     def of(cls, worlds: Sequence[mujoco.MjData]) -> WorldPoses:
-        """Copy the poses that several `mujoco.MjData` have now, copied."""
+        """Copy the poses that several `mujoco.MjData` have now.
+
+        Raises:
+            ArrayError: There are none, or they are no `mujoco.MjData` of one model.
+        """
+        worlds = as_items(worlds, "worlds")
+        if not worlds or not all(isinstance(data, mujoco.MjData) for data in worlds):
+            raise ArrayError(f"worlds must be one or more of mujoco.MjData, got {worlds!r}")
+        if len({(len(data.geom_xpos), len(data.cam_xpos)) for data in worlds}) > 1:
+            raise ArrayError("worlds must be mujoco.MjData of one model, got several numbers of geoms or cameras")
         return cls(*(np.stack([getattr(data, name) for data in worlds]) for name in _FIELDS))
 
 
@@ -72,6 +82,8 @@ def geom_poses(source: PoseSource, scene: MujocoScene) -> NDArray[np.float32]:
     Raises:
         ArrayError: The arrays are not those of the scene's model.
     """
+    if not hasattr(scene, "movable_geoms"):
+        raise ArrayError(f"scene must be what scene_from_mujoco made, got {type(scene).__name__}")
     rows = object_transforms(source, scene).numpy()
     return rows[0] if isinstance(source, mujoco.MjData) else rows
 
@@ -91,7 +103,12 @@ def camera_poses(source: PoseSource, model: mujoco.MjModel, cameras: Sequence[in
     Raises:
         ArrayError: The arrays are not those of the model.
     """
-    rows = camera_transforms(source, model, cameras, device=wp.get_device("cpu")).numpy()
+    if not isinstance(model, mujoco.MjModel):
+        raise ArrayError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
+    ids = as_items(cameras, "cameras")
+    if not all(is_whole(number) and 0 <= number < model.ncam for number in ids):
+        raise ArrayError(f"cameras must be ids from 0 to {model.ncam - 1}, got {cameras!r}")
+    rows = camera_transforms(source, model, ids, device=wp.get_device("cpu")).numpy()
     return rows[:, 0] if isinstance(source, mujoco.MjData) else rows
 
 
@@ -183,6 +200,8 @@ class Kinematics:
             model: A `mujoco.MjModel`.
             threads: CPU threads to use; all cores of this process by default.
         """
+        if not isinstance(model, mujoco.MjModel):
+            raise ArrayError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
         self._model = model
         self._threads = check_threads(threads)
         self._spare: list[mujoco.MjData] = []
@@ -225,7 +244,10 @@ class Kinematics:
         Raises:
             ArrayError: The shape is wrong, or a number is not finite.
         """
-        size = mujoco.mj_stateSize(self._model, spec)
+        known = isinstance(spec, mujoco.mjtState) or is_whole(spec)
+        if not known or not 0 < int(spec) < 1 << int(mujoco.mjtState.mjNSTATE):
+            raise ArrayError(f"spec must be of mujoco.mjtState, got {spec!r}")
+        size = mujoco.mj_stateSize(self._model, int(spec))
         array = as_numpy(states, name="states")
         if array.ndim == 3:
             array = array.reshape(-1, array.shape[-1])
@@ -293,7 +315,7 @@ def _check_rows(values: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray
     if rows.shape[1:] != shape or rows.ndim != len(shape) + 1:
         wanted = ", ".join(map(str, ("W", *shape)))
         raise ArrayError(f"{name} must have shape ({wanted}), got {rows.shape}")
-    bad = np.flatnonzero(~np.isfinite(rows).reshape(len(rows), -1).all(axis=1))
+    bad = np.flatnonzero(~np.isfinite(rows).all(axis=tuple(range(1, rows.ndim))))
     if len(bad):
         raise ArrayError(f"{name} must be finite: not so in {len(bad)} of {len(rows)} worlds, the first {bad[0]}")
     return rows

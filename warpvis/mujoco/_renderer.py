@@ -18,7 +18,7 @@ from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, SceneError, WarpvisError
 from warpvis.mujoco._cameras import camera_from_mujoco, viewer_camera, viewer_pose
 from warpvis.mujoco._geoms import DEFAULT_GROUPS, DEFAULT_TOLERANCE, check_groups
-from warpvis.mujoco._scene import MujocoScene, scene_from_mujoco
+from warpvis.mujoco._scene import MujocoScene, check_patterns, scene_from_mujoco
 from warpvis.rendering import Output, Renderer as SceneRenderer
 from warpvis.scene import Scene
 
@@ -78,7 +78,7 @@ class Renderer:
             raise SceneError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
         Camera(width, height, 1, 1, 0, 0)  # checks the size
         self._model, self._size = model, (int(height), int(width))
-        self._options: dict[str, Any] = {"tolerance": tolerance, "labels": labels, "exclude": tuple(exclude)}
+        self._options: dict[str, Any] = {"tolerance": tolerance, "labels": labels, "exclude": check_patterns(exclude)}
         self._options["device"] = device
         self._render_options: dict[str, Any] = {"cull_backfaces": cull_backfaces, "threads": threads}
         self._stages: dict[tuple[tuple[int, ...], bool], _Stage] = {}
@@ -224,6 +224,8 @@ class Renderer:
     def _chosen_stage(self, option: mujoco.MjvOption | None) -> _Stage:
         if option is None:
             return self._stage_of(DEFAULT_GROUPS, static=True)
+        if not isinstance(option, mujoco.MjvOption):
+            raise SceneError(f"scene_option must be a mujoco.MjvOption, got {type(option).__name__}")
         if option.flags[_HULLS]:
             raise SceneError("scene_option asks for convex hulls (mjVIS_CONVEXHULL), which are not rendered")
         return self._stage_of(np.flatnonzero(option.geomgroup).tolist(), static=bool(option.flags[_STATIC]))

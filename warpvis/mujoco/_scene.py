@@ -7,12 +7,14 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.core.arrays import check_metres
+from warpvis.core.checks import as_items, check_choice, check_flag, check_mapping
 from warpvis.core.labels import Label
 from warpvis.core.types import DeviceLike
 from warpvis.errors import SceneError
@@ -27,7 +29,7 @@ from warpvis.mujoco._geoms import (
     shown_geoms,
 )
 from warpvis.scene import Scene
-from warpvis.scene.solids import DEFAULT_TOLERANCE, check_metres
+from warpvis.scene.solids import DEFAULT_TOLERANCE
 
 Movable = Literal["bodies", "all"]
 
@@ -107,12 +109,14 @@ def scene_from_mujoco(
     """
     if not isinstance(model, mujoco.MjModel):
         raise SceneError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
-    if movable not in ("bodies", "all"):
-        raise SceneError(f'movable must be "bodies" or "all", got {movable!r}')
-    check_metres("tolerance", tolerance)
-    groups, exclude = check_groups(geom_groups), tuple(exclude)
+    check_choice(movable, "movable", ("bodies", "all"), SceneError)
+    static = check_flag(static, "static", SceneError)
+    tolerance = check_metres(tolerance, "tolerance", zero=False, error=SceneError)
+    groups, exclude = check_groups(geom_groups), check_patterns(exclude)
     names = object_names(model)
-    wanted, left_out = _assign_labels(model, names, labels or {}, exclude)
+    labels = {} if labels is None else check_mapping(labels, "labels", SceneError)
+    check_patterns(labels, "labels")
+    wanted, left_out = _assign_labels(model, names, labels, exclude)
     moves = movable_bodies(model)[model.geom_bodyid]
     shown = [geom for geom in shown_geoms(model, groups) if geom not in left_out and (static or moves[geom])]
     scene = Scene(device=device)
@@ -122,6 +126,19 @@ def scene_from_mujoco(
         kept.append(geom)
     geom_ids = np.array(kept, dtype=np.int32)
     return MujocoScene(scene, geom_ids, geom_ids[list(scene.movable)], int(model.ngeom))
+
+
+def check_patterns(patterns: Any, name: str = "exclude") -> tuple[str, ...]:
+    """Return names or patterns of names.
+
+    Raises:
+        SceneError: They are none.
+    """
+    items = as_items(patterns, name, SceneError)
+    wrong = [item for item in items if not isinstance(item, str)]
+    if wrong:
+        raise SceneError(f"{name} must be names or patterns of names, got {wrong[0]!r}")
+    return tuple(items)
 
 
 def _assign_labels(

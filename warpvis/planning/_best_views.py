@@ -13,8 +13,9 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.arrays import as_numpy, as_point, empty
+from warpvis.core.arrays import as_numpy, as_point, check_metres, empty
 from warpvis.core.camera import Camera
+from warpvis.core.checks import as_items, check_choice, check_number, check_whole, is_number
 from warpvis.core.poses import Convention, check_up, parse_poses, poses_to_opencv
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
@@ -28,6 +29,9 @@ _FIELDS = {"fraction": "fraction", "pixels": "visible_pixels"}
 
 # Candidates times objects that are judged in one call: its counters take 150 MB.
 _AT_A_TIME = 1 << 21
+
+# Poses of a grid: 5 GB.
+_MOST_PLACES = 10**8
 
 # Scores are single precision: what is a whole number of ties up to rounding counts as one.
 _TIE_ROUNDING = 1e-4
@@ -52,6 +56,8 @@ class BestViews:
 
     def pose(self, rank: int = 0) -> NDArray[np.float64]:
         """Return the pose at this place in the order, row ``x y z qx qy qz qw`` of the OpenCV frame, ``(7,)``."""
+        if check_whole(rank, "rank", least=0) >= len(self.order):
+            raise ArrayError(f"rank must be from 0 to {len(self.order) - 1}, got {rank!r}")
         return self.candidates[self.order[rank]]
 
 
@@ -90,11 +96,10 @@ def pose_grid(
     vertical = check_up(up)
     first, second = (vertical + 1) % 3, (vertical + 2) % 3
     middle = as_point(center, "center")
-    for name, value, least in (("radius", radius, 0.0), ("step", step, np.nextafter(0.0, 1.0))):
-        if not least <= value < math.inf:
-            raise ArrayError(f"{name} must be a {'positive ' if least else ''}number of metres, got {value}")
-    if not math.isfinite(height):
-        raise ArrayError(f"height must be a finite number of metres, got {height}")
+    radius, step = check_metres(radius, "radius"), check_metres(step, "step", zero=False)
+    height = check_metres(height, "height", signed=True)
+    if (2 * radius / step + 1) ** 2 > _MOST_PLACES:
+        raise ArrayError(f"a disc of radius {radius} m has too many places {step} m apart; give a larger step")
     steps = np.arange(-math.floor(radius / step + 1e-9), math.floor(radius / step + 1e-9) + 1) * step
     grid = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
     grid = grid[np.hypot(*grid.T) <= radius * (1 + 1e-9)]
@@ -105,10 +110,11 @@ def pose_grid(
         forward = as_point(look_at, "look_at") - places
         aside = np.hypot(forward[:, first], forward[:, second]) > 1e-9 * np.abs(forward[:, vertical])
         return look_along(places[aside], forward[aside], vertical)
-    if isinstance(headings, bool) or not isinstance(headings, int | np.integer) or headings < 1:
-        raise ArrayError(f"headings must be a whole number from 1 up, got {headings!r}")
-    if not -math.pi / 2 < pitch < math.pi / 2:
-        raise ArrayError(f"pitch must be between -pi/2 and pi/2 radians, got {pitch}")
+    headings = check_whole(headings, "headings")
+    if headings * len(places) > _MOST_PLACES:
+        raise ArrayError(f"{len(places)} places with {headings} headings each are too many poses")
+    if not is_number(pitch) or not -math.pi / 2 < pitch < math.pi / 2:
+        raise ArrayError(f"pitch must be between -pi/2 and pi/2 radians, got {pitch!r}")
     angles = np.arange(headings) * (2 * math.pi / headings)
     forward = np.empty((headings, 3))
     forward[:, first], forward[:, second] = np.cos(angles) * math.cos(pitch), np.sin(angles) * math.cos(pitch)
@@ -168,12 +174,9 @@ def best_views(
         WarpvisError: An argument is not what it has to be, or no candidate is left.
     """
     require_scene(scene).require_objects()
-    if measure not in _FIELDS:
-        raise ArrayError(f'measure must be "fraction" or "pixels", got {measure!r}')
-    if not 0 <= tie < math.inf:
-        raise ArrayError(f"tie must be a finite number from 0 up, got {tie!r}")
-    if count is not None and (isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1):
-        raise ArrayError(f"count must be a whole number from 1 up, got {count!r}")
+    check_choice(measure, "measure", tuple(_FIELDS))
+    tie = check_number(tie, "tie", least=0.0)
+    count = None if count is None else check_whole(count, "count")
     chosen = choose_objects(scene, objects)
     weights = _check_weights(weights, len(chosen))
     rows = _candidate_rows(candidates, convention)
@@ -237,7 +240,8 @@ def _room(
 
 def _candidate_rows(candidates: PoseLike, convention: Convention) -> NDArray[np.float64]:
     given = candidates.numpy() if isinstance(candidates, wp.array) else candidates
-    if np.size(given) == 0:
+    given = as_numpy(given, name="candidates")
+    if given.size == 0:
         raise ArrayError("candidates must be one or more poses, got none")
     rows = parse_poses(given, convention=convention, name="candidates").numpy()
     return rows.astype(np.float64).reshape(-1, 7)
@@ -260,7 +264,10 @@ def _path_lengths(
     if start is None:
         return np.zeros(len(rows))
     where = as_numpy(start, name="start")
-    point = as_point(start, "start") if where.shape == (3,) else poses_to_opencv(start, name="start")[0, :3]
+    places = as_point(start, "start")[None] if where.shape == (3,) else poses_to_opencv(start, name="start")
+    if len(places) != 1:
+        raise ArrayError(f"start must be a point or one pose, got {len(places)}")
+    point = places[0, :3]
     floor_axes = [axis for axis in range(3) if axis != check_up(scene.up)]
     return np.linalg.norm(rows[:, floor_axes] - point[floor_axes], axis=1)
 
@@ -279,7 +286,7 @@ def _check_weights(weights: ArrayLike | None, count: int) -> NDArray[np.float64]
 def _check_exclude(exclude: Excluded) -> list[str | int] | None:
     if exclude is None:
         return None
-    items = [exclude] if isinstance(exclude, str) else list(exclude)
+    items = as_items(exclude, "exclude")
     if not all(isinstance(item, str | int | np.integer) for item in items):
         raise ArrayError("exclude must be names or indices of objects, which hold for all candidates")
     return items or None

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_numpy, as_points, check_metres, empty
 from warpvis.core.camera import Camera
+from warpvis.core.checks import as_items
 from warpvis.core.labels import Label, Visibility
 from warpvis.core.poses import Convention, parse_poses
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
@@ -273,7 +274,8 @@ def _choose(
         return choose_objects(scene, objects)
     if objects is not None:
         raise SceneError("give objects or labels, not both")
-    wanted = {Label.parse(label) for label in ([labels] if isinstance(labels, str | int) else labels)}
+    given = [labels] if isinstance(labels, str | int) else as_items(labels, "labels", SceneError)
+    wanted = {Label.parse(label) for label in given}
     chosen = [index for index, item in enumerate(scene.objects) if item.label in wanted]
     if not chosen:
         names = ", ".join(label.name for label in sorted(wanted)) or "no label"

@@ -11,10 +11,10 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_points, check_metres, empty
+from warpvis.core.checks import check_choice
 from warpvis.core.poses import check_up
 from warpvis.core.threads import launch_points
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses
-from warpvis.errors import ArrayError
 from warpvis.planning._free_space import corners_of, one_world
 from warpvis.scene import Scene
 
@@ -67,8 +67,7 @@ def minimum_height(
     """
     from warpvis.kernels.heights import climb
 
-    if raises not in ("target", "eye"):
-        raise ArrayError(f'raises must be "target" or "eye", got {raises!r}')
+    check_choice(raises, "raises", ("target", "eye"))
     max_height = check_metres(max_height, "max_height")
     tolerance = check_metres(tolerance, "tolerance", zero=False)
     vertices, excluded = one_world(scene, object_poses, exclude)

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import check_metres
 from warpvis.core.camera import Camera
+from warpvis.core.checks import as_items
 from warpvis.core.poses import check_up
 from warpvis.core.types import ObjectPoses
-from warpvis.errors import ArrayError, CameraError
+from warpvis.errors import ArrayError, CameraError, SceneError
 from warpvis.planning._best_views import best_views, pose_grid
 from warpvis.planning._free_space import one_world, standing_room
-from warpvis.scene import Scene
+from warpvis.scene import Scene, require_scene
 from warpvis.visibility import Agent, Candidate, State
 
 # Places that see the objects equally well up to this: the nearest is taken.
@@ -74,11 +75,18 @@ def propose_view(
     Raises:
         WarpvisError: An argument is not what it has to be.
     """
+    require_scene(scene)
+    if not isinstance(robot, Agent):
+        raise SceneError(f"robot must be a warpvis.Agent, got {type(robot).__name__}")
+    given = as_items(candidates, "candidates", SceneError)
+    wrong = [type(item).__name__ for item in given if not isinstance(item, Candidate)]
+    if wrong:
+        raise SceneError(f"candidates must be what Perspective.candidates found, got {wrong[0]}")
     if not isinstance(robot.camera, Camera):
         raise CameraError(f"camera of {robot.name!r} must be a warpvis.Camera to be placed, got a FieldOfView")
     if len(robot.poses) != 1:
         raise ArrayError(f"{robot.name!r} must have one pose to start from, got {len(robot.poses)}")
-    missed = [item for item in candidates if item.state == State.FIRST and item.object not in robot.body]
+    missed = [item for item in given if item.state == State.FIRST and item.object not in robot.body]
     if not missed:
         return None
     max_distance = check_metres(max_distance, "max_distance")

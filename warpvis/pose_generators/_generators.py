@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import FARTHEST, as_numpy, as_point, check_metres
+from warpvis.core.checks import check_whole, is_number
 from warpvis.core.poses import check_up
 from warpvis.core.types import Excluded
 from warpvis.errors import ArrayError, PoseError
@@ -211,7 +212,7 @@ def random_poses(
     else:
         box = scene_or_bounds
     low, high = _check_bounds(box)
-    vertical = check_up(up or (scene.up if scene else "z"))
+    vertical = check_up(up if up is not None else scene.up if scene is not None else "z")
     count, seed = _check_count(count), _check_whole(seed, "seed", 0)
     clearance = check_metres(clearance, "clearance")
     target = None if isinstance(look, str) else as_point(look, "look")
@@ -362,14 +363,11 @@ def _check_count(count: int) -> int:
     return int(count)
 
 
-def _check_whole(value: float, name: str, least: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise ArrayError(f"{name} must be a whole number from {least} up, got {value!r}")
-    return int(value)
+def _check_whole(value: object, name: str, least: int) -> int:
+    return check_whole(value, name, least=least)
 
 
-def _check_angle(value: float, name: str) -> float:
-    number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-    if not number or not math.isfinite(value):
+def _check_angle(value: object, name: str) -> float:
+    if not is_number(value) or not math.isfinite(value):
         raise ArrayError(f"{name} must be a finite number of radians, got {value!r}")
     return float(value)

@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.core.checks import check_text
 from warpvis.core.frames import Frames
+from warpvis.core.poses import check_up
 from warpvis.errors import PoseError
 from warpvis.io import read_points
 from warpvis.pose_generators import _generators
@@ -30,7 +32,9 @@ def looks_like_spec(text: str) -> bool:
     It is if there is no file of that name, and it begins with a generator's name or goes on with words ``key=value``.
     """
     try:
-        words = shlex.split(text)
+        words = shlex.split(check_text(text, "text", PoseError))
+    except PoseError:
+        raise
     except ValueError:
         words = text.split()
     named = bool(words) and words[0] in _GENERATORS
@@ -63,6 +67,11 @@ def frames_from_spec(text: str, scene: Scene | None = None, *, up: Literal["z", 
             be.
         WarpvisError: The generator refuses its arguments.
     """
+    check_text(text, "text", PoseError)
+    if scene is not None:
+        from warpvis.scene import require_scene
+
+        require_scene(scene)
     try:
         words = shlex.split(text)
     except ValueError as error:
@@ -72,7 +81,8 @@ def frames_from_spec(text: str, scene: Scene | None = None, *, up: Literal["z", 
         raise PoseError(f"a spec of poses begins with one of {', '.join(_GENERATORS)}, got {name!r}")
     generator = _GENERATORS[name]
     given = _parse_keys(name, generator, words[1:])
-    upright = up or (scene.up if scene is not None else "z")
+    upright = up if up is not None else scene.up if scene is not None else "z"
+    check_up(upright)
     if name in ("grid", "random") and "bounds" not in given:
         if scene is None:
             raise PoseError(f"{name} needs bounds=, or a scene")

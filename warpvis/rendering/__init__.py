@@ -14,6 +14,7 @@ from warpvis.rendering._renderer import (
     Output,
     Renderer as Renderer,
     Views as Views,
+    check_outputs as check_outputs,
     render as render,
     views_for as views_for,
 )

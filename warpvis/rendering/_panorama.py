@@ -8,13 +8,12 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
-import numpy as np
-
+from warpvis.core.checks import check_choice, check_flag, is_number, is_whole
 from warpvis.core.poses import Convention, parse_poses
 from warpvis.core.threads import check_threads, launch_images
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
-from warpvis.errors import ArrayError, CameraError
-from warpvis.rendering._renderer import OUTPUTS, Output, Views, views_for
+from warpvis.errors import CameraError
+from warpvis.rendering._renderer import OUTPUTS, Output, Views, check_outputs, views_for
 from warpvis.rendering.casters import images_struct
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds
@@ -88,11 +87,11 @@ def render_wide(
 
     require_scene(scene)
     camera = _wide_camera(width, height, hfov, projection, near, far)
-    names = _check_outputs(outputs)
+    names = check_outputs(outputs)
     scene.require_objects()
     poses = parse_poses(camera_to_world, convention=convention, device=scene.device)
     worlds = parse_worlds(scene, len(poses), object_poses, world_index, exclude)
-    threads = check_threads(threads)
+    threads, culling = check_threads(threads), check_flag(cull_backfaces, "cull_backfaces")
     shape = (len(poses), camera.height, camera.width)
     views = views_for(names, shape, scene.device)
     images = images_struct([getattr(views, name) for name in OUTPUTS])
@@ -100,7 +99,7 @@ def render_wide(
     launch_images(
         cast_wide_rays,
         shape,
-        lambda window: [triangles.struct, camera, poses, window, worlds, bool(cull_backfaces), images],
+        lambda window: [triangles.struct, camera, poses, window, worlds, culling, images],
         device=scene.device,
         threads=threads,
     )
@@ -111,13 +110,12 @@ def _wide_camera(width: int, height: int, hfov: float, projection: str, near: fl
     """Make a `warpvis.kernels.panorama.WideCamera` of checked arguments."""
     from warpvis.kernels.panorama import WideCamera
 
-    if projection not in ("cylindrical", "spherical"):
-        raise CameraError(f'projection must be "cylindrical" or "spherical", got {projection!r}')
+    check_choice(projection, "projection", ("cylindrical", "spherical"), CameraError)
     for name, value in (("width", width), ("height", height)):
-        if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < 1:
+        if not is_whole(value) or not 1 <= value < 2**31:
             raise CameraError(f"{name} must be a whole number of pixels from 1 up, got {value!r}")
     for name, number in (("hfov", hfov), ("near", near), ("far", far)):
-        if not isinstance(number, int | float | np.integer | np.floating) or isinstance(number, bool):
+        if not is_number(number):
             raise CameraError(f"{name} must be a number, got {number!r}")
     if not 0 < hfov <= _WIDEST:
         hint = "; fields of view are in radians" if hfov > _WIDEST else ""
@@ -129,11 +127,3 @@ def _wide_camera(width: int, height: int, hfov: float, projection: str, near: fl
     camera.is_spherical = projection == "spherical"
     camera.near, camera.far = float(near), float(far)
     return camera
-
-
-def _check_outputs(outputs: Sequence[str]) -> tuple[str, ...]:
-    names: tuple[str, ...] = (outputs,) if isinstance(outputs, str) else tuple(outputs)
-    unknown = [str(name) for name in names if name not in OUTPUTS]
-    if unknown or not names:
-        raise ArrayError(f"outputs must be some of {', '.join(OUTPUTS)}, got {', '.join(unknown) or 'none'}")
-    return tuple(dict.fromkeys(names))

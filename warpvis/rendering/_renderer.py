@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -13,7 +13,7 @@ import warp as wp
 
 from warpvis.core.arrays import as_warp, check_out, empty
 from warpvis.core.camera import Camera, require_camera
-from warpvis.core.checks import check_whole
+from warpvis.core.checks import as_items, check_choice, check_flag, check_whole
 from warpvis.core.poses import Convention
 from warpvis.core.threads import check_threads
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
@@ -101,18 +101,16 @@ class Renderer:
         """
         require_scene(scene)
         require_camera(camera)
-        names: tuple[str, ...] = (outputs,) if isinstance(outputs, str) else tuple(outputs)
-        unknown = [str(name) for name in names if name not in OUTPUTS]
-        if unknown or not names:
-            raise ArrayError(f"outputs must be some of {', '.join(OUTPUTS)}, got {', '.join(unknown) or 'none'}")
         self.scene = scene
         self.camera = camera
-        self.outputs = tuple(dict.fromkeys(names))
+        self.outputs = check_outputs(outputs)
         self.threads = check_threads(threads)
         self.caster = _choose_caster(caster)
         self.device_bytes = _check_device_bytes(device_bytes, scene.device)
         kind = _caster_class(self.caster, scene.device)
-        self._caster = kind(scene, camera, cull_backfaces=bool(cull_backfaces), threads=self.threads)
+        self._caster = kind(
+            scene, camera, cull_backfaces=check_flag(cull_backfaces, "cull_backfaces"), threads=self.threads
+        )
 
     def render(
         self,
@@ -245,6 +243,19 @@ class Renderer:
         return [getattr(views, name) if name in self.outputs else None for name in OUTPUTS]
 
 
+def check_outputs(outputs: object, known: Collection[str] = OUTPUTS.keys()) -> tuple[str, ...]:
+    """Take names of outputs, each once, of which a single one may stand alone.
+
+    Raises:
+        ArrayError: There is none, or an unknown one.
+    """
+    names = as_items(outputs, "outputs")
+    unknown = [str(name) for name in names if not isinstance(name, str) or name not in known]
+    if unknown or not names:
+        raise ArrayError(f"outputs must be some of {', '.join(known)}, got {', '.join(unknown) or 'none'}")
+    return tuple(dict.fromkeys(names))
+
+
 def views_for(outputs: Sequence[str], shape: tuple[int, ...], device: wp.Device, out: Views | None = None) -> Views:
     """Return new images of these outputs, or `out` if that is there and fits.
 
@@ -266,8 +277,7 @@ def _as_rows(array: wp.array) -> wp.array:
 
 
 def _choose_caster(caster: Caster) -> Literal["packets", "rays"]:
-    if caster not in ("auto", "packets", "rays"):
-        raise ArrayError(f'caster must be "auto", "packets" or "rays", got {caster!r}')
+    check_choice(caster, "caster", ("auto", "packets", "rays"))
     return "packets" if caster == "auto" else caster
 
 

@@ -119,7 +119,10 @@ def check_scale(scale: float | ArrayLike, name: str) -> NDArray[np.float64]:
     Raises:
         SceneError: They are not positive numbers.
     """
-    factors = np.asarray(scale, dtype=np.float64)
+    try:
+        factors = np.asarray(scale, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError, RuntimeError):  # arrays of other libraries raise what they like
+        raise SceneError(f"scale of {name!r} must be one or three positive numbers, got {scale!r}") from None
     if factors.shape not in ((), (3,)) or not (np.isfinite(factors).all() and (factors > 0).all()):
         raise SceneError(f"scale of {name!r} must be one or three positive numbers, got {scale!r}")
     return factors

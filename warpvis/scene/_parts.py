@@ -13,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.core.checks import as_items
 from warpvis.core.labels import Label, LabelPatterns
 from warpvis.core.poses import check_up, poses_to_matrices, poses_to_opencv
 from warpvis.core.types import MeshLike, PoseLike
@@ -104,10 +105,10 @@ class FileParts:
                 f"{self.path}: such a file is in metres and says which axis is up: leave out scale and file_up"
             )
         check_scale(scale, str(self.path))
-        axis = file_up or self.up or scene_up
+        axis = file_up if file_up is not None else self.up or scene_up
         check_up(axis)
         upright = None if axis == scene_up else (Y_UP_TO_Z_UP if axis == "y" else Y_UP_TO_Z_UP.T)
-        patterns = LabelPatterns(labels or {})
+        patterns = LabelPatterns({} if labels is None else labels)
         objects = []
         for part in _moving(self, movable):
             mesh, pose = _turned(part, upright)
@@ -125,7 +126,7 @@ def _moving(file: FileParts, movable: bool | Sequence[str]) -> list[Part]:
         if not any(part.movable for part in file.parts):
             raise SceneError(f"{file.path}: nothing in it is said to move: name what is movable")
         return list(file.parts)
-    wanted = list(movable) if movable else []
+    wanted = [] if movable is False or movable is None else as_items(movable, "movable", SceneError)
     if not all(isinstance(pattern, str) for pattern in wanted):
         raise SceneError(f"movable must be true, false, or names of objects, got {movable!r}")
     unused = [pattern for pattern in wanted if not any(part.fits(pattern) for part in file.parts)]

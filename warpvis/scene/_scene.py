@@ -16,6 +16,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import FARTHEST, get_device
+from warpvis.core.checks import check_flag
 from warpvis.core.labels import Label
 from warpvis.core.poses import check_up, poses_to_matrices, poses_to_opencv
 from warpvis.core.types import ArrayInput, DeviceLike, MeshLike
@@ -147,6 +148,7 @@ class Scene:
         name = self._free_name() if name is None else str(name)
         if name in self._index:
             raise SceneError(f"the scene already has an object named {name!r}; give another name")
+        movable = check_flag(movable, "movable", SceneError)
         vertices, faces = check_mesh(mesh, name)
         factors = check_scale(scale, name)
         vertices = vertices * factors
@@ -276,7 +278,7 @@ class Scene:
         Raises:
             SceneError: There is none.
         """
-        if name not in self._index:
+        if not isinstance(name, str) or name not in self._index:
             raise SceneError(f"the scene has no object {name!r}; it has {', '.join(map(repr, self._index)) or 'none'}")
         return self._index[name]
 

@@ -15,6 +15,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.core.arrays import as_point, check_metres
 from warpvis.errors import SceneError
 from warpvis.kernels import constants
 
@@ -102,7 +103,7 @@ def sphere(radius: float, *, tolerance: float = DEFAULT_TOLERANCE) -> Solid:
     Raises:
         SceneError: A size or the tolerance is not a positive number.
     """
-    check_metres("radius of a sphere", radius)
+    radius = _check_size(radius, "radius of a sphere")
     return ellipsoid((radius, radius, radius), tolerance=tolerance)
 
 
@@ -117,8 +118,9 @@ def ellipsoid(half_axes: ArrayLike, *, tolerance: float = DEFAULT_TOLERANCE) -> 
     Raises:
         SceneError: A size or the tolerance is not a positive number.
     """
-    check_metres("half_axes of an ellipsoid", half_axes, (3,))
-    check_metres("tolerance", tolerance)
+    half_axes = as_point(half_axes, "half_axes of an ellipsoid", SceneError)
+    _check_size(float(half_axes.min()), "each of half_axes of an ellipsoid")
+    tolerance = _check_size(tolerance, "tolerance")
     stacks, growth = _ball_grid(float(np.max(half_axes)), tolerance)
     angles = np.linspace(-np.pi / 2, np.pi / 2, stacks + 1)
     return Solid.of(SolidKind.BALL, half_axes, 0.0, growth * np.cos(angles), growth * np.sin(angles), 2 * stacks)
@@ -135,9 +137,9 @@ def capsule(radius: float, half_length: float, *, tolerance: float = DEFAULT_TOL
     Raises:
         SceneError: A size or the tolerance is not a positive number.
     """
-    check_metres("radius of a capsule", radius)
-    check_metres("half_length of a capsule", half_length)
-    check_metres("tolerance", tolerance)
+    radius = _check_size(radius, "radius of a capsule")
+    half_length = _check_size(half_length, "half_length of a capsule")
+    tolerance = _check_size(tolerance, "tolerance")
     stacks, growth = _ball_grid(radius, tolerance)
     half = half_length / radius
     angles = np.linspace(-np.pi / 2, 0, stacks // 2 + 1)
@@ -157,9 +159,9 @@ def cylinder(radius: float, half_length: float, *, tolerance: float = DEFAULT_TO
     Raises:
         SceneError: A size or the tolerance is not a positive number.
     """
-    check_metres("radius of a cylinder", radius)
-    check_metres("half_length of a cylinder", half_length)
-    check_metres("tolerance", tolerance)
+    radius = _check_size(radius, "radius of a cylinder")
+    half_length = _check_size(half_length, "half_length of a cylinder")
+    tolerance = _check_size(tolerance, "tolerance")
     error = largest_error(tolerance, radius) / radius
     least_cosine = (1 - error) / (1 + error)
     slices = max(_LEAST_SLICES, math.ceil(math.pi / math.acos(max(least_cosine, 0.0))))
@@ -169,15 +171,8 @@ def cylinder(radius: float, half_length: float, *, tolerance: float = DEFAULT_TO
     return Solid.of(SolidKind.CYLINDER, (radius, radius, radius), half, *rings, slices)
 
 
-def check_metres(name: str, value: ArrayLike, shape: tuple[int, ...] = ()) -> None:
-    """Raise a `SceneError` unless a value is one or so many positive numbers."""
-    try:
-        numbers = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        numbers = np.zeros(0)
-    if numbers.shape != shape or not (np.isfinite(numbers).all() and (numbers > 0).all()):
-        wanted = f"{shape[0]} positive numbers" if shape else "a positive number"
-        raise SceneError(f"{name} must be {wanted} of metres, got {value!r}")
+def _check_size(value: float, name: str) -> float:
+    return check_metres(value, name, zero=False, error=SceneError)
 
 
 def _ball_grid(radius: float, tolerance: float) -> tuple[int, float]:

@@ -14,6 +14,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
+from warpvis.core.checks import as_items, is_number
 from warpvis.core.poses import Convention, parse_poses, poses_to_matrices, quaternion_product
 from warpvis.core.types import PoseLike
 from warpvis.errors import CameraError, SceneError
@@ -66,18 +67,17 @@ class FieldOfView:
     """Pixels per radian in the middle of each face; rounded to whole images."""
 
     def __post_init__(self) -> None:
-        if not 0 < self.hfov <= 2 * math.pi:
-            raise CameraError(f"hfov of a field must be above 0 and up to 2 pi radians, got {self.hfov}")
+        if not is_number(self.hfov) or not 0 < self.hfov <= 2 * math.pi:
+            raise CameraError(f"hfov of a field must be above 0 and up to 2 pi radians, got {self.hfov!r}")
         for name in ("up", "down"):
-            if not 0 <= getattr(self, name) < _HIGHEST:
+            if not is_number(getattr(self, name)) or not 0 <= getattr(self, name) < _HIGHEST:
                 raise CameraError(
                     f"{name} of a field must be from 0 to below {_HIGHEST:.3f} radians (85 degrees), "
                     f"got {getattr(self, name)}"
                 )
         if self.up + self.down <= 0:
             raise CameraError("up and down of a field must not both be 0")
-        if not (math.isfinite(self.resolution) and self.resolution > 0):
-            raise CameraError(f"resolution must be a positive number of pixels per radian, got {self.resolution}")
+        _check_resolution(self.resolution)
         self._camera(self.hfov / self._count)
 
     @property
@@ -190,6 +190,7 @@ class Agent:
             resolution: Pixels per radian. The eye has far more: this decides what is too small to count.
             convention: Axes of the camera frame that `pose` is for.
         """
+        _check_resolution(resolution)
         view = FieldOfView(_HUMAN_HFOV, _HUMAN_UP, _HUMAN_DOWN, near=near, far=far, resolution=resolution)
         size = max(1, round(2 * resolution * math.tan(_HUMAN_ATTENTION / 2)))
         attention = Camera.from_fov(size, size, hfov=_HUMAN_ATTENTION, near=near, far=far)
@@ -231,4 +232,9 @@ class Agent:
 
 def _tuple_of(names: Sequence[str] | str) -> tuple[str, ...]:
     """Return names, of which a single one may stand alone."""
-    return (names,) if isinstance(names, str) else tuple(names)
+    return tuple(as_items(names, "names", SceneError))
+
+
+def _check_resolution(resolution: object) -> None:
+    if not is_number(resolution) or not 0 < resolution < math.inf:
+        raise CameraError(f"resolution must be a positive number of pixels per radian, got {resolution!r}")

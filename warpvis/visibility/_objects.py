@@ -14,6 +14,7 @@ import warp as wp
 
 from warpvis.core.arrays import check_metres, empty
 from warpvis.core.camera import Camera, require_camera
+from warpvis.core.checks import as_items, check_flag
 from warpvis.core.poses import Convention, parse_poses
 from warpvis.core.threads import launch_small
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
@@ -148,9 +149,16 @@ def object_visibility(
     renderer = Renderer(scene, eye, outputs=outputs, caster=caster, threads=threads)
     kind, threads = renderer.caster, renderer.threads
     surveyor = SilhouetteCounter(
-        scene, camera, chosen, canvas=canvas, delta=delta, skip_unseen=bool(skip_unseen), caster=kind, threads=threads
+        scene,
+        camera,
+        chosen,
+        canvas=canvas,
+        delta=delta,
+        skip_unseen=check_flag(skip_unseen, "skip_unseen"),
+        caster=kind,
+        threads=threads,
     )
-    result = _allocate(scene, chosen, (views, count), camera if masks else None)
+    result = _allocate(scene, chosen, (views, count), camera if check_flag(masks, "masks") else None)
     seen = None
     for part in _parts(views, camera, len(outputs), len(scene) * count, device):
         size, some = part.stop - part.start, part_of(worlds, part)
@@ -173,7 +181,7 @@ def choose_objects(scene: Scene, objects: Sequence[str | int] | None) -> list[in
     """
     if objects is None:
         return list(range(len(scene)))
-    given = [objects] if isinstance(objects, str) else list(objects)
+    given = as_items(objects, "objects", SceneError)
     chosen = []
     for item in given:
         if isinstance(item, str):

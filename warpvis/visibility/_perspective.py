@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
+from warpvis.core.checks import as_items, is_number
 from warpvis.core.labels import Label, Visibility
 from warpvis.core.types import ArrayInput, ObjectPoses
 from warpvis.errors import ArrayError, SceneError
@@ -131,7 +132,9 @@ class Perspective:
             WarpvisError: There is no such agent, view or label.
         """
         who, view = self._agent(human), self._view(view)
-        wanted = set(Label) if labels is None else {Label.parse(label) for label in labels}
+        wanted = (
+            set(Label) if labels is None else {Label.parse(label) for label in as_items(labels, "labels", SceneError)}
+        )
         other = None if robot is None else self._agent(robot)
         states = None if robot is None else self.states(human, robot)[view]
         found = []
@@ -232,7 +235,7 @@ class Perspective:
         return status.name.lower().replace("_", " ")
 
     def _agent(self, name: str) -> int:
-        if name not in self.agents:
+        if not isinstance(name, str) or name not in self.agents:
             raise SceneError(f"there is no agent {name!r}; there are {', '.join(map(repr, self.agents))}")
         return self.agents.index(name)
 
@@ -278,7 +281,7 @@ def perspective(
         PoseError: The poses of the objects are malformed.
     """
     agents = _check_agents(scene, agents)
-    if not 0 <= min_fraction <= 1:
+    if not is_number(min_fraction) or not 0 <= min_fraction <= 1:
         raise ArrayError(f"min_fraction must be from 0 to 1, got {min_fraction!r}")
     indices = choose_objects(scene, objects)
     situations = Situations.parse(scene, agents, object_poses, world_index)

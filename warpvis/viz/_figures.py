@@ -6,13 +6,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from warpvis.core.arrays import as_numpy
-from warpvis.core.checks import as_path
+from warpvis.core.checks import as_items, as_path, check_mapping, check_text
 from warpvis.core.labels import Label
 from warpvis.errors import ArrayError, FileFormatError
 
@@ -76,6 +76,14 @@ def save_map(
         ArrayError: The cells are not a table, or one has a value that the legend has not.
         FileFormatError: The picture cannot be written.
     """
+    check_text(title, "title")
+    names = as_items(axes, "axes")
+    if len(names) != 2 or not all(isinstance(name, str) for name in names):
+        raise ArrayError(f"axes must be two names, got {axes!r}")
+    borders = as_numpy(bounds, name="bounds").astype(np.float64)
+    if borders.shape != (4,) or not np.isfinite(borders).all():
+        raise ArrayError(f"bounds must be left, right, bottom and top, got {borders.tolist()}")
+    _check_legend(legend)
     values = as_numpy(cells, name="cells")
     if values.ndim != 2:
         raise ArrayError(f"cells must have shape (rows, columns), got {values.shape}")
@@ -90,6 +98,14 @@ def save_map(
     draw_map(figure.subplots(), colors, bounds, axes, title)
     draw_legend(figure, legend, columns=2)
     save_figure(figure, path)
+
+
+def _check_legend(legend: Any) -> None:
+    for entry in check_mapping(legend, "legend").values():
+        meaning, color = entry if isinstance(entry, tuple | list) and len(entry) == 2 else ("", None)
+        if color is None or as_numpy(color, name="a colour of the legend").shape != (3,):
+            raise ArrayError(f"legend must give a meaning and red, green and blue to every value, got {entry!r}")
+        check_text(meaning, "a meaning of the legend")
 
 
 def draw_map(axes: Axes, colors: ArrayLike, bounds: Bounds, names: tuple[str, str], title: str) -> None:

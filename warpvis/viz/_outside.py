@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.core.arrays import as_point
 from warpvis.core.camera import Camera
 from warpvis.core.poses import check_up, look_at, poses_to_matrices
 from warpvis.planning import best_views
@@ -68,7 +69,7 @@ def _outside_pose(shown: Shown, eye: ArrayLike | None, target: ArrayLike | None)
     """Choose where the picture from outside is taken: where asked for, or with most of what matters in sight."""
     scene = shown.scene
     low, high = shown.bounds
-    middle = (low + high) / 2 if target is None else np.asarray(target, dtype=np.float64)
+    middle = (low + high) / 2 if target is None else as_point(target, "target")
     if eye is not None:
         return look_at(eye, middle, up=scene.up)
     poses, apart = [], []

@@ -4,21 +4,24 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, check_shape
-from warpvis.core.camera import Camera
+from warpvis.core.camera import Camera, require_camera
+from warpvis.core.checks import as_items, check_text, is_number
 from warpvis.core.labels import Label
 from warpvis.core.poses import look_at, poses_to_matrices, poses_to_opencv
 from warpvis.core.types import ArrayInput
+from warpvis.errors import ArrayError
 from warpvis.maps import MAP_LEGEND, FloorMap
 from warpvis.rendering import Views
-from warpvis.scene import Scene
+from warpvis.scene import Scene, require_scene
 from warpvis.viz._drawing import OUTSIDE_CAMERA, draw_lines, frustum, shaded_picture
 from warpvis.viz._figures import draw_legend, draw_map, new_figure, save_figure
 
@@ -46,6 +49,7 @@ def save_depth(
     Raises:
         WarpvisError: `depth` is not one image, or the picture cannot be written.
     """
+    check_text(title, "title")
     figure = new_figure(5.4, 4.2)
     _draw_depth(figure.subplots(), as_numpy(depth, name="depth"), title, depth_range)
     save_figure(figure, path)
@@ -78,6 +82,10 @@ def save_overview(
         eye: Where the scene is looked at from [m].
         target: What is in the middle of the picture [m].
     """
+    check_text(title, "title")
+    require_scene(scene)
+    if not isinstance(_require_views(views, camera), Views) or not isinstance(floor_map, FloorMap):
+        raise ArrayError(f"floor_map must be a warpvis.FloorMap, got {type(floor_map).__name__}")
     figure = new_figure(15.0, 5.0)
     outside, image, plan = figure.subplots(1, 3, width_ratios=(1.33, 1.45, 1.0))
     _draw_outside(outside, scene, camera, camera_to_world, views, eye, target)
@@ -111,6 +119,9 @@ def view_from_outside(
     Returns:
         Red, green and blue from 0 to 1, shape ``(H, W, 3)``.
     """
+    require_scene(scene)
+    require_camera(outside)
+    require_camera(camera)
     palette = np.array([MAP_LEGEND[label][1] for label in Label]) / 255
     image = (as_numpy(depth, name="depth"), as_numpy(segmentation, name="segmentation"))
     for name, array in zip(("depth", "segmentation"), image, strict=True):
@@ -123,6 +134,20 @@ def view_from_outside(
         return np.where(seen[..., None], palette[labels], 0.25 * palette[labels] + 0.75 * _UNSEEN_TINT)
 
     return shaded_picture(scene, outside, outside_to_world, colors)
+
+
+def _require_views(views: Any, camera: Camera) -> Views:
+    """Return `views`, if it has depth and segmentation of a camera's images.
+
+    Raises:
+        ArrayError: It has not.
+    """
+    require_camera(camera)
+    if not isinstance(views, Views) or views.depth is None or views.segmentation is None:
+        raise ArrayError("views must be warpvis.Views with depth and segmentation")
+    for name in ("depth", "segmentation"):
+        check_shape(getattr(views, name).shape, ("V", camera.height, camera.width), name=name)
+    return views
 
 
 def _seen_from(
@@ -174,6 +199,11 @@ def _draw_depth(axes: Axes, depth: NDArray[np.float32], title: str, depth_range:
 
     check_shape(depth.shape, ("H", "W"), name="depth")
     finite = depth[np.isfinite(depth)]
+    if depth_range is not None:
+        ends = as_items(depth_range, "depth_range")
+        if len(ends) != 2 or not all(is_number(end) and not math.isnan(end) for end in ends):
+            raise ArrayError(f"depth_range must be two numbers of metres, got {depth_range!r}")
+        depth_range = (float(ends[0]), float(ends[1]))
     low, high = depth_range or ((finite.min(), finite.max()) if finite.size else (0, 1))
     if not np.isfinite(high):
         high = finite.max() if finite.size else low + 1

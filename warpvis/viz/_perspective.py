@@ -15,8 +15,9 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.camera import Camera
+from warpvis.core.checks import check_text
 from warpvis.core.labels import Label
-from warpvis.core.poses import poses_to_matrices
+from warpvis.core.poses import poses_to_matrices, poses_to_opencv
 from warpvis.core.types import ObjectPoses
 from warpvis.maps import map_numbers
 from warpvis.scene import Scene
@@ -107,6 +108,9 @@ def draw_perspective(
     object_poses: ObjectPoses,
 ) -> Figure:
     """Draw the figure that `save_perspective` writes."""
+    check_text(title, "title")
+    if proposed is not None:
+        proposed = poses_to_opencv(proposed, name="proposed")[0]
     shown = Shown.of(scene, agents, seen, view, labels, object_poses)
     figure = new_figure(13.5, 8.2, gap=0.11)
     panels = figure.subplots(2, 3, width_ratios=(1.1, 1.0, 1.0), height_ratios=(0.8, 1.0))

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from warpvis.core.camera import Camera
+from warpvis.core.checks import check_text
 from warpvis.core.labels import Visibility
 from warpvis.core.poses import Convention, poses_to_opencv
 from warpvis.core.types import Excluded, ObjectPoses, PoseLike
@@ -72,6 +73,7 @@ def save_sightings(
     """
     from matplotlib.patches import Patch
 
+    check_text(title, "title")
     pose = poses_to_opencv(camera_to_world, convention, name="camera_to_world")
     if len(pose) != 1:
         raise ArrayError(f"camera_to_world must be one pose for one picture, got {len(pose)}")

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.core.checks import as_items, is_whole
 from warpvis.core.labels import Label
 from warpvis.core.types import ObjectPoses
 from warpvis.errors import ArrayError, SceneError
-from warpvis.scene import Scene
+from warpvis.scene import Scene, require_scene
 from warpvis.visibility import Agent, Perspective, State
 from warpvis.viz._agent_views import pose_of
 
@@ -54,13 +55,21 @@ class Shown:
         object_poses: ObjectPoses,
     ) -> Shown:
         """Choose what is to be shown; see `warpvis.viz.save_perspective` for the arguments and errors."""
-        if len(agents) != 2 or any(agent.name not in seen.agents for agent in agents):
-            names = ", ".join(repr(agent.name) for agent in agents)
+        require_scene(scene)
+        if not isinstance(seen, Perspective):
+            raise SceneError(f"seen must be what perspective found, got {type(seen).__name__}")
+        two = as_items(agents, "agents", SceneError)
+        if len(two) != 2 or not all(isinstance(agent, Agent) and agent.name in seen.agents for agent in two):
+            names = ", ".join(repr(getattr(agent, "name", agent)) for agent in two)
             raise SceneError(f"agents must be two of those that perspective was asked about, got {names or 'none'}")
-        wanted = set(Label) - {Label.GROUND} if labels is None else {Label.parse(label) for label in labels}
-        first, second = agents
+        wanted = (
+            set(Label) - {Label.GROUND}
+            if labels is None
+            else {Label.parse(label) for label in as_items(labels, "labels", SceneError)}
+        )
+        first, second = two
         found = seen.states(first.name, second.name)
-        if view not in range(len(found)):
+        if not is_whole(view) or view not in range(len(found)):
             raise ArrayError(f"view must be one of {len(found)} situations, counted from 0, got {view!r}")
         bodies = {*first.body, *second.body}
         states = {

@@ -10,14 +10,14 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.arrays import as_numpy
+from warpvis.core.arrays import as_numpy, check_metres
 from warpvis.core.camera import Camera
 from warpvis.core.poses import poses_to_matrices, poses_to_opencv
 from warpvis.errors import ArrayError, PoseError
 from warpvis.maps import FloorMap, back_project, classify, floor_map
 from warpvis.webots._nodes import Version
 from warpvis.webots._parts import rotation_matrix
-from warpvis.webots._ranges import UNBIASED
+from warpvis.webots._ranges import UNBIASED, as_version
 
 
 class DepthEye:
@@ -60,19 +60,23 @@ class DepthEye:
             WarpvisError: An argument is not what it has to be.
         """
         self._device, self._node = range_finder, node
-        self._version = version if isinstance(version, Version) else Version.parse(version)
+        self._version = as_version(version)
         place, turn = as_numpy(translation, name="translation"), as_numpy(rotation, name="rotation")
         if place.shape != (3,) or turn.shape != (4,) or not (np.isfinite(place).all() and np.isfinite(turn).all()):
             raise PoseError("translation and rotation must be three and four finite numbers, as in the device's fields")
         self._mount = np.eye(4)
         self._mount[:3, :3], self._mount[:3, 3] = rotation_matrix(turn.astype(np.float64)), place
-        self._near = float(near)
+        self._near = check_metres(near, "near")
+        asked = ("getWidth", "getHeight", "getFov", "getMinRange", "getMaxRange", "getRangeImage")
+        missing = [name for name in asked if not callable(getattr(range_finder, name, None))]
+        if missing:
+            raise ArrayError(f"range_finder must be a device of Webots, with {missing[0]}(), got {range_finder!r}")
         self.camera: Camera = Camera.from_fov(
-            int(range_finder.getWidth()),
-            int(range_finder.getHeight()),
-            hfov=float(range_finder.getFov()),
-            near=float(range_finder.getMinRange()),
-            far=float(range_finder.getMaxRange()),
+            range_finder.getWidth(),
+            range_finder.getHeight(),
+            hfov=range_finder.getFov(),
+            near=range_finder.getMinRange(),
+            far=range_finder.getMaxRange(),
         )
         """The device as a camera."""
 

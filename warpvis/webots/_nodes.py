@@ -11,6 +11,7 @@ from typing import Any, NoReturn, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.core.checks import check_text
 from warpvis.errors import FileFormatError
 
 _RELEASE = re.compile(r"R(\d{4})([a-z])(?:-rev\d+)?|V(\d{1,3})(?:\.(\d{1,3}))?(?:\.(\d{1,3}))?", re.ASCII)
@@ -48,7 +49,7 @@ class Version:
         Raises:
             FileFormatError: The text is no version.
         """
-        match = _RELEASE.fullmatch(text)
+        match = _RELEASE.fullmatch(check_text(text, "version", FileFormatError))
         if match is None:
             raise FileFormatError(f"expected a Webots version like R2023b or V8.6, got {shown(text)}")
         year, letter, major, minor, patch = match.groups()

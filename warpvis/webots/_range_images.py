@@ -7,10 +7,12 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.core.checks import check_flag
 from warpvis.core.poses import poses_to_matrices
 from warpvis.errors import SceneError
 from warpvis.rendering import Renderer, render_wide
@@ -21,13 +23,21 @@ from warpvis.webots._nodes import Version
 from warpvis.webots._world import WebotsWorld
 
 
+def require_world(world: Any) -> WebotsWorld:
+    """`world` itself; a `SceneError` if it is none."""
+    if not isinstance(world, WebotsWorld):
+        raise SceneError(f"world must be what load_webots gives, got {type(world).__name__}")
+    return world
+
+
 def find_device(world: WebotsWorld, name: str) -> Device:
     """The device of that name.
 
     Raises:
         SceneError: There is none.
     """
-    if name not in world.devices:
+    require_world(world)
+    if not isinstance(name, str) or name not in world.devices:
         known = ", ".join(map(repr, world.devices)) or "none"
         raise SceneError(f"the world has no device {name!r}; it has {known}")
     return world.devices[name]
@@ -66,12 +76,12 @@ def render_range(
         FileFormatError: `webots_version` is no version.
     """
     device = find_device(world, device_name)
-    exclude = list(world.robots.get(device.robot, ())) if exclude_body else []
+    exclude = list(world.robots.get(device.robot, ())) if check_flag(exclude_body, "exclude_body") else []
     if webots_version is None:
         return _depth(world.scene, device, device.min_range, device.max_range, exclude, threads)
     if not device.measures:
         raise SceneError(f"{device_name!r} is a camera: Webots gives no ranges of it, so ask for true depth")
-    version = world.version if webots_version == "header" else Version.parse(webots_version)
+    version = world.version if str(webots_version) == "header" else Version.parse(webots_version)
     pixels = None
     if device.lens is not None and device.projection == "planar":
         lens = device.lens

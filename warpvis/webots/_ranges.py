@@ -17,6 +17,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, check_metres
+from warpvis.core.checks import check_choice, check_flag, is_number, is_whole
 from warpvis.errors import ArrayError
 from warpvis.webots._nodes import Version
 
@@ -77,8 +78,8 @@ def range_values(
     """
     release = as_version(version)
     images = _check_depth(depth)
-    if projection not in PROJECTIONS:
-        raise ArrayError(f"projection must be one of {', '.join(PROJECTIONS)}, got {projection!r}")
+    check_choice(projection, "projection", PROJECTIONS)
+    near_bias = check_flag(near_bias, "near_bias")
     near, max_range = check_metres(near, "near", zero=False), check_metres(max_range, "max_range", zero=False)
     min_range = check_metres(min_range, "min_range")
     if max(near, min_range) >= max_range:
@@ -128,7 +129,7 @@ def add_noise(
     if noise == 0:
         return given
     random = np.random.default_rng(seed).standard_normal(given.shape)
-    noisy = (given + noise * random).astype(np.float32)
+    noisy = np.asarray(given + noise * random, dtype=np.float32)
     if release >= _INFINITE_TOO_FAR:
         noisy[given >= np.float32(max_range)] = np.inf
     return noisy
@@ -148,7 +149,7 @@ def quantise(values: ArrayLike, resolution: float) -> NDArray[np.float32]:
         ArrayError: `resolution` is neither positive nor -1.
     """
     given = as_numpy(values, name="values").astype(np.float32)
-    if resolution == -1:
+    if is_number(resolution) and resolution == -1:
         return given
     step = np.float32(check_metres(resolution, "resolution", zero=False))
     return np.floor(given / step + np.float32(0.5)) * step
@@ -186,7 +187,7 @@ def distort_pixels(
         ArrayError: An argument is not what it has to be.
     """
     for name, value in (("width", width), ("height", height)):
-        if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < 1:
+        if not is_whole(value) or not 1 <= value < 2**31:
             raise ArrayError(f"{name} must be a whole number of pixels from 1 up, got {value!r}")
     middle = _check_pair(center, "center")
     (k1, k2), (p1, p2) = _check_pair(radial, "radial"), _check_pair(tangential, "tangential")

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import FARTHEST
-from warpvis.core.checks import as_path
+from warpvis.core.checks import as_items, as_path, check_flag
 from warpvis.core.labels import Label
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.scene import FileParts, Scene, keep_winding
@@ -143,7 +143,10 @@ def load_webots(
     path = as_path(path)
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file")
-    folders = [search_path] if isinstance(search_path, str | os.PathLike) else search_path
+    folders = (
+        [search_path] if isinstance(search_path, os.PathLike) else as_items(search_path, "search_path", SceneError)
+    )
+    check_flag(strict, "strict")
     reader, names, found = _read(path, [as_path(folder, "search_path") for folder in folders], strict)
     scene = Scene(device=device, up=reader.up)
     for item in found.objects(scene.up, labels=labels):

@@ -112,7 +112,7 @@ def find_format(name: str) -> type[Format]:
     Raises:
         FileFormatError: There is none.
     """
-    if name not in _HOME:
+    if not isinstance(name, str) or name not in _HOME:
         raise FileFormatError(f"format must be one of {', '.join(FORMATS)}, got {name!r}")
     module, kind = _HOME[name]
     return getattr(import_module(f"warpvis.batch.formats._{module}"), kind)

@@ -78,7 +78,7 @@ def read_frames(
     path = as_path(path)
     if convention is not None:
         check_convention(convention)
-    if file_format is not None and file_format not in get_args(PoseFormat):
+    if file_format is not None and not (isinstance(file_format, str) and file_format in get_args(PoseFormat)):
         raise FileFormatError(f"file_format must be one of {', '.join(get_args(PoseFormat))}, got {file_format!r}")
     if not os.path.exists(path):
         raise FileFormatError(f"{path}: no such file")
