@@ -40,3 +40,18 @@ def poses_to_opencv(
     pose = poses_in[view]
     rotation = wp.normalize(wp.transform_get_rotation(pose) * opencv_to_given)
     poses_out[view] = wp.transform(wp.transform_get_translation(pose), rotation)
+
+
+@wp.kernel
+def quaternions_to_xyzw(
+    # In:
+    rows_in: wp.array2d[float],
+    # Out:
+    rows_out: wp.array2d[float],
+):
+    """Rows ``x y z qw qx qy qz`` as rows ``x y z qx qy qz qw``."""
+    row = wp.tid()
+    for k in range(3):
+        rows_out[row, k] = rows_in[row, k]
+        rows_out[row, 3 + k] = rows_in[row, 4 + k]
+    rows_out[row, 6] = rows_in[row, 3]

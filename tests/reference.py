@@ -348,6 +348,10 @@ def poses_to_opencv(poses: NDArray, opencv_to_given: NDArray) -> NDArray[np.floa
     return np.concatenate([rows[:, :3], quaternion_product(unit, opencv_to_given)], axis=1)
 
 
+def quaternions_to_xyzw(rows: NDArray) -> NDArray:
+    return np.asarray(rows)[:, [0, 1, 2, 4, 5, 6, 3]]
+
+
 def poses_from_matrices(matrices: NDArray, opencv_to_given: NDArray) -> NDArray[np.float64]:
     """Matrices of the OpenCV frame, shape (V, 4, 4): quaternions are compared through them, since q and -q are one."""
     turn = poses_to_matrices(np.concatenate([np.zeros(3), opencv_to_given]))

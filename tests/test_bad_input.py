@@ -82,7 +82,7 @@ CASES = {
     "negative focal length": (lambda: Camera(3, 2, -5, 1, 1, 1), "focal lengths must be positive"),
     "K of another shape": (lambda: Camera.from_K(np.eye(4), 3, 2), r"K must have shape \(3, 3\), got \(4, 4\)"),
     "K with skew": (lambda: Camera.from_K([[1, 0.1, 0], [0, 1, 0], [0, 0, 1]], 3, 2), "without skew"),
-    "K of words": (lambda: Camera.from_K("K", 3, 2), "matrix of numbers"),
+    "K of words": (lambda: Camera.from_K("K", 3, 2), "K must be an array of numbers"),
     "unknown pixel centre": (lambda: Camera.from_K(K, 3, 2, pixel_center=1), "pixel_center must be 0.5 or 0.0, got 1"),
     "points of two": (lambda: KINECT.project([1, 2]), r"points must have shape \(..., 3\), got \(2,\)"),
     "image points of three": (lambda: KINECT.back_project([1, 2, 3], 1), r"pixels must have shape \(..., 2\)"),
@@ -455,7 +455,7 @@ COMMANDS = {
     "half a camera": ("render box.stl --poses poses.txt --out o --camera half.json", "half.json: missing height"),
     "camera of words": (
         "render box.stl --poses poses.txt --out o --camera words.json",
-        "words.json: .*must be numbers",
+        "words.json: hfov must be between 0 and pi radians, got 'wide'",
     ),
     "small camera": ("render box.stl --poses poses.txt --out o --camera small.json", "small.json: the depth range"),
     "no device": ("render box.stl --poses poses.txt --out o --device cuda:9", "device 'cuda:9' is not on this machine"),

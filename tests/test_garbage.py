@@ -777,10 +777,11 @@ def test_the_arguments_are_well(table):
 
 
 NAMES = (
-    "Agent Camera Field Floor Frames Label Perspective Renderer Scene Voxel back_ classify floor_ look_ object_ persp "
-    "point_ read_frames render voxel Frame verify warmup load_ read_po read_model save_ Sphere plan_ Batch Kinematics "
-    "Mujoco mujoco World camera_ geom_ scene_ Best Coverage best_ clearance coverage minimum pose_ propose standing "
-    "surface along frames_ grid looks orbit random sphere view_ Depth Lens Version add_ distort find_ quanti range_ recog segm"
+    "Agent Camera Field Floor Frames Label Perspective Renderer Scene Voxel back_ classify floor_ look_ object_ "
+    "persp point_ read_frames render voxel Frame verify warmup load_ read_po read_model save_ Sphere plan_ Batch "
+    "Kinematics Mujoco mujoco World camera_ geom_ scene_ Best Coverage best_ clearance coverage minimum pose_ "
+    "propose standing surface along frames_ grid looks orbit random sphere view_ Depth Lens Version add_ distort "
+    "find_ quanti range_ recog segm "
 ).split()
 
 

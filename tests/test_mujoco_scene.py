@@ -462,7 +462,10 @@ BAD = {
     "no such id": (lambda: camera_from_mujoco(SMALL, 1, 8, 8), "camera 1 is not in the model"),
     "no size": (lambda: camera_from_mujoco(SMALL, "eye"), "no resolution of its own; give width and height"),
     "half a size": (lambda: camera_from_mujoco(SMALL, "eye", 8), "give both width and height"),
-    "size 0": (lambda: camera_from_mujoco(SMALL, "eye", 8, 0), "from 1 up, got 8 and 0"),
+    "size 0": (
+        lambda: camera_from_mujoco(SMALL, "eye", 8, 0),
+        "height must be a whole number of pixels from 1 up",
+    ),
     "orthographic": (lambda: camera_from_mujoco(MODEL, "flat", 8, 8), "'flat' is orthographic; only perspective"),
     "no poses": (lambda: geom_poses(3, scene_from_mujoco(MODEL)), "poses must come from a mujoco.MjData"),
     "other model": (

@@ -176,7 +176,11 @@ BAD = {
         "must have 320 x 240 values, got 7",
     ),
     "no node": (lambda worlds: eye_of(worlds["R2023b"]).pose(), PoseError, "give node_pose, or the eye a node to ask"),
-    "two poses": (lambda worlds: eye_of(worlds["R2023b"]).pose(np.ones((2, 7))), PoseError, "must be one pose, got 2"),
+    "two poses": (
+        lambda worlds: eye_of(worlds["R2023b"]).pose(np.eye(7)[[6, 6]]),
+        PoseError,
+        "must be one pose, got 2",
+    ),
     "pose of six": (lambda worlds: eye_of(worlds["R2023b"]).pose(np.ones(6)), PoseError, r"node_pose must have shape"),
     "rotation of three": (
         lambda worlds: eye_of(worlds["R2023b"], rotation=(0, 0, 1)),

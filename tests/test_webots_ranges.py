@@ -212,7 +212,7 @@ ONE = np.ones((1, 1, 1), dtype=np.float32)
         (lambda: values_of([1.0], "R2023b", min_range=-1), "min_range must be a number of metres from 0 up, got -1"),
         (lambda: values_of([1.0], "R2023b", max_range=INF), "max_range must be a positive number of metres, got inf"),
         (lambda: values_of([1.0], "R2023b", max_range=0.2), "max_range must be beyond near and min_range, got 0.2"),
-        (lambda: values_of([1.0], "R2023b", projection="fisheye"), "projection must be one of 'planar', 'cylindrical'"),
+        (lambda: values_of([1.0], "R2023b", projection="fisheye"), 'projection must be "planar", "cyl'),
         (lambda: values_of([1.0], "R2019a", projection="spherical", near_bias=True), "near_bias is known for planar"),
         (lambda: add_noise(ONE, -1, 4.5, "R2023b", 0), "noise must be a number of metres from 0 up, got -1"),
         (lambda: add_noise(ONE, 1, 0, "R2023b", 0), "max_range must be a positive number of metres, got 0"),

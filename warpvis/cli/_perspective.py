@@ -68,7 +68,7 @@ class Perspective(ViewpointOptions):
             check_metres(self.max_distance, "--max-distance"),
             check_metres(self.robot_radius, "--robot-radius", zero=False),
         )
-        room = {
+        room: dict[str, Any] = {
             "max_distance": max_distance,
             "radius": radius,
             "floor": check_metres(self.floor, "--floor", signed=True),

@@ -68,7 +68,8 @@ def check_choice(value: object, name: str, choices: Collection[str], error: type
         WarpvisError: It is none; of the class `error`.
     """
     if not isinstance(value, str) or value not in choices:
-        raise error(f"{name} must be one of {', '.join(map(repr, choices))}, got {value!r}")
+        *most, last = (f'"{choice}"' for choice in choices)
+        raise error(f"{name} must be {', '.join(most)} or {last}, got {value!r}")
     return value
 
 

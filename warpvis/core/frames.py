@@ -14,7 +14,15 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import FARTHEST, as_numpy
-from warpvis.core.poses import Convention, check_convention, not_unit, poses_to_opencv, wrong_length
+from warpvis.core.poses import (
+    Convention,
+    QuaternionOrder,
+    check_convention,
+    not_unit,
+    poses_to_opencv,
+    to_xyzw,
+    wrong_length,
+)
 from warpvis.core.types import ArrayInput, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, PoseError
 
@@ -62,6 +70,7 @@ class Frames:
         poses: PoseLike,
         *,
         convention: Convention = "opencv",
+        quaternion: QuaternionOrder = "xyzw",
         timestamps: ArrayInput | None = None,
         object_poses: ObjectPoses = None,
         world_index: ArrayInput | None = None,
@@ -73,6 +82,7 @@ class Frames:
             poses: Camera-to-world poses: rows ``x y z qx qy qz qw`` [m], shape ``(V, 7)``, or matrices, shape
                 ``(V, 4, 4)``.
             convention: Axes of the camera frame that the poses are for; see `Renderer.render`.
+            quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
             timestamps: Time of every frame [s], shape ``(V,)``; 0, 1, 2, ... by default.
             object_poses: Poses of the M movable objects in W worlds, rows ``x y z qx qy qz qw`` [m], shape
                 ``(W, M, 7)``, or ``(M, 7)`` for one world. They are kept in single precision and not normalised;
@@ -84,6 +94,8 @@ class Frames:
             PoseError: There are no poses, or poses of cameras or objects are malformed.
             ArrayError: Timestamps, worlds or the source are.
         """
+        poses = to_xyzw(poses, quaternion, "poses")
+        object_poses = to_xyzw(object_poses, quaternion, "object_poses")
         rows = _camera_rows(poses, convention)
         count = len(rows)
         objects = None if object_poses is None else _object_rows(object_poses)

@@ -5,17 +5,19 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.arrays import as_numpy, as_point, get_device
+from warpvis.core.arrays import as_numpy, as_point, get_device, on_gpu
 from warpvis.core.types import DeviceLike, PoseLike
 from warpvis.errors import PoseError
 
 Convention = Literal["opencv", "opengl", "ros_body", "ros_optical"]
+
+QuaternionOrder = Literal["xyzw", "wxyz"]
 
 # Quaternion (x, y, z, w) of the OpenCV camera frame (x right, y down, z forward) in each frame that poses may be given
 # for: OpenGL is x right, y up, z backward; ROS bodies (REP 103) are x forward, y left, z up; ROS's optical frames are
@@ -159,6 +161,31 @@ def check_up(up: str) -> int:
     return "xyz".index(up)
 
 
+def to_xyzw(poses: PoseLike, quaternion: QuaternionOrder, name: str) -> PoseLike:
+    """Return poses with their quaternions in the order ``x y z w``, in which all functions read them.
+
+    Args:
+        poses: Rows of 7 numbers, of any leading shape, or matrices, on the host or on a GPU; or None.
+        quaternion: The order they are given in: ``"xyzw"`` (Warp, TUM, ROS) or ``"wxyz"`` (MuJoCo, COLMAP, USD).
+        name: What messages call the poses.
+
+    Returns:
+        The poses themselves for ``"xyzw"``, and where they are matrices; else reordered copies.
+
+    Raises:
+        PoseError: There is no such order.
+        ArrayError: The poses are no array of numbers.
+    """
+    if not isinstance(quaternion, str) or quaternion not in get_args(QuaternionOrder):
+        raise PoseError(f'quaternion must be "xyzw" or "wxyz", got {quaternion!r}')
+    if quaternion == "xyzw" or poses is None:
+        return poses
+    if on_gpu(poses):
+        return _to_xyzw_on_device(poses if isinstance(poses, wp.array) else _from_foreign(poses, name))
+    rows = as_numpy(poses.numpy() if isinstance(poses, wp.array) else poses, name=name)
+    return rows[..., [0, 1, 2, 4, 5, 6, 3]] if rows.shape[-1:] == (7,) else rows
+
+
 def check_convention(convention: object) -> Convention:
     """Name the axes of a camera frame; those of OpenCV have one name.
 
@@ -261,6 +288,21 @@ def _parse_on_device(poses: wp.array, convention: str, device: wp.Device, name: 
     out = wp.empty(poses.shape, dtype=wp.transform, device=device)
     wp.launch(kernel, dim=poses.shape, inputs=[poses, wp.quat(*_OPENCV_TO[convention]), out], device=device)
     return out
+
+
+def _to_xyzw_on_device(poses: wp.array) -> wp.array:
+    from warpvis.kernels import poses as kernels
+
+    shape = poses.shape
+    if wp.types.types_equal(poses.dtype, wp.transform):
+        poses = poses.contiguous().view(wp.float32)
+    if poses.dtype != wp.float32 or poses.shape[-1] != 7:
+        return poses  # matrices, or what is refused where it is read
+    rows = poses.contiguous().reshape((-1, 7))
+    out = wp.empty(rows.shape, dtype=wp.float32, device=rows.device)
+    wp.launch(kernels.quaternions_to_xyzw, dim=rows.shape[0], inputs=[rows, out], device=rows.device)
+    out = out.reshape(poses.shape)
+    return out.view(wp.transform).reshape(shape) if len(shape) < len(poses.shape) else out
 
 
 def _as_poses(poses: wp.array, name: str) -> tuple[bool, wp.array]:

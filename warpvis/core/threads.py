@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import warp as wp
 
-from warpvis.core.checks import is_whole
+from warpvis.core.checks import check_whole
 from warpvis.core.types import KernelArguments
 from warpvis.errors import ArrayError
 from warpvis.kernels.pinhole import Window
@@ -171,8 +171,8 @@ def check_threads(threads: int | None) -> int:
     """Return the number of threads to use; all cores for None."""
     if threads is None:
         return core_count()
-    if not is_whole(threads) or not 1 <= threads <= MOST_THREADS:
-        raise ArrayError(f"threads must be a whole number from 1 up to {MOST_THREADS}, got {threads!r}")
+    if check_whole(threads, "threads") > MOST_THREADS:
+        raise ArrayError(f"threads must be at most {MOST_THREADS}, got {threads}")
     return int(threads)
 
 

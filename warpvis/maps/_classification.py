@@ -17,7 +17,7 @@ from warpvis.core.arrays import as_numpy, as_warp, check_metres, check_out, empt
 from warpvis.core.camera import Camera
 from warpvis.core.depth_images import read_depth
 from warpvis.core.labels import Label
-from warpvis.core.poses import Convention, check_up, parse_poses
+from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, to_xyzw
 from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput, DeviceLike, PoseLike
 from warpvis.errors import ArrayError, SceneError
@@ -53,6 +53,7 @@ def back_project(
     camera_to_world: PoseLike,
     *,
     convention: Convention = "opencv",
+    quaternion: QuaternionOrder = "xyzw",
     device: DeviceLike = None,
     threads: int | None = None,
     out: wp.array | None = None,
@@ -64,6 +65,7 @@ def back_project(
         camera: The camera that took the images.
         camera_to_world: Its poses, shape ``(V, 7)`` or ``(V, 4, 4)``.
         convention: Axes of the camera frame of the poses.
+        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         device: Where to compute; where `depth` is by default.
         threads: CPU threads, all cores by default.
         out: Where to write, shape ``(V, H, W)`` `wp.vec3`.
@@ -77,6 +79,7 @@ def back_project(
     """
     from warpvis.kernels import classify as kernels
 
+    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     depth, poses = _read_images(depth, camera, camera_to_world, convention, device)
     points = _allocate(out, wp.vec3, depth, "out")
     struct = camera.device_struct()
@@ -101,6 +104,7 @@ def classify(
     up: Literal["z", "y"] = "z",
     max_range: float | None = None,
     convention: Convention = "opencv",
+    quaternion: QuaternionOrder = "xyzw",
     device: DeviceLike = None,
     threads: int | None = None,
     out: wp.array | None = None,
@@ -124,6 +128,7 @@ def classify(
         up: The world's vertical axis.
         max_range: Greatest depth that counts [m]; the camera's `far` by default.
         convention: Axes of the camera frame of the poses.
+        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         device: Where to compute; where `depth` is by default.
         threads: CPU threads, all cores by default.
         out: Where to write the labels, shape ``(V, H, W)`` uint8.
@@ -137,6 +142,7 @@ def classify(
     """
     from warpvis.kernels import classify as kernels
 
+    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     depth, poses = _read_images(depth, camera, camera_to_world, convention, device)
     ground = kernels.Ground()
     ground.up = check_up(up)

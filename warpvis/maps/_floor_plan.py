@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from warpvis.core.camera import Camera, require_camera
 from warpvis.core.checks import as_items
 from warpvis.core.labels import Label
-from warpvis.core.poses import Convention, check_up, poses_to_matrices, poses_to_opencv
+from warpvis.core.poses import Convention, QuaternionOrder, check_up, poses_to_matrices, poses_to_opencv, to_xyzw
 from warpvis.core.types import PoseLike
 from warpvis.errors import PoseError, SceneError
 from warpvis.scene import Scene, require_scene
@@ -46,6 +46,7 @@ def plan_visibility(
     *,
     exclude: Sequence[str] = (),
     convention: Convention = "opencv",
+    quaternion: QuaternionOrder = "xyzw",
 ) -> PlanVisibility:
     """Find which objects a 2D line of sight on the floor plan reaches.
 
@@ -58,11 +59,13 @@ def plan_visibility(
         camera_to_world: Its poses, shape ``(V, 7)`` or ``(V, 4, 4)``.
         exclude: Names of objects that hide nothing, like the robot that carries the camera.
         convention: Axes of the camera frame of the poses.
+        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
 
     Raises:
         SceneError: An excluded object is not in the scene.
         PoseError: A camera looks straight up or down, where columns have no direction on the plan.
     """
+    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     require_scene(scene)
     require_camera(camera)
     vertical = check_up(scene.up)

@@ -22,7 +22,7 @@ from warpvis.core.arrays import as_numpy, check_metres, empty, get_device
 from warpvis.core.camera import Camera
 from warpvis.core.checks import as_path
 from warpvis.core.depth_images import read_depth, read_labels
-from warpvis.core.poses import Convention, check_up, parse_poses
+from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, to_xyzw
 from warpvis.core.threads import launch_images, launch_small
 from warpvis.core.types import ArrayInput, DeviceLike, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, FileFormatError
@@ -183,6 +183,7 @@ def voxel_map(
     labels: ArrayInput | None = None,
     up: Literal["z", "y"] = "z",
     convention: Convention = "opencv",
+    quaternion: QuaternionOrder = "xyzw",
     device: DeviceLike = None,
     threads: int | None = None,
     out: VoxelMap | None = None,
@@ -217,6 +218,7 @@ def voxel_map(
             by default every surface is `Label.OBSTACLE`.
         up: The world's vertical axis, which `VoxelMap.floor_map` looks along.
         convention: Axes of the camera frame of the poses.
+        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         device: Where to compute; by default where `out` is, or else the images.
         threads: CPU threads, all cores by default.
         out: An earlier map of the same grid, which these views are added to: so maps of several cameras and agents
@@ -228,6 +230,7 @@ def voxel_map(
     Raises:
         WarpvisError: A shape, dtype, device or value is not what it has to be.
     """
+    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     if out is not None and device is None:
         device = _require_map(out, "out").states.device
     images = read_depth(depth, camera, device)
@@ -252,6 +255,7 @@ def voxel_map_from_scene(
     world_index: ArrayInput | None = None,
     exclude: Excluded = None,
     convention: Convention = "opencv",
+    quaternion: QuaternionOrder = "xyzw",
     threads: int | None = None,
     out: VoxelMap | None = None,
 ) -> VoxelMap:
@@ -269,6 +273,7 @@ def voxel_map_from_scene(
         world_index: As for `Renderer.render`.
         exclude: As for `Renderer.render`.
         convention: Axes of the camera frame of the poses.
+        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         threads: CPU threads, all cores by default.
         out: An earlier map of the same grid, which these views are added to.
 
@@ -278,6 +283,8 @@ def voxel_map_from_scene(
     Raises:
         WarpvisError: An argument is not what it has to be.
     """
+    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
+    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     renderer = Renderer(scene, camera, outputs=("depth", "labels"), threads=threads)
     scene.require_objects()
     poses = parse_poses(camera_to_world, convention=convention, device=scene.device)

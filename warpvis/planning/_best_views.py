@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.core.arrays import as_numpy, as_point, check_metres, empty
 from warpvis.core.camera import Camera
 from warpvis.core.checks import as_items, check_choice, check_number, check_whole, is_number
-from warpvis.core.poses import Convention, check_up, parse_poses, poses_to_opencv
+from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, poses_to_opencv, to_xyzw
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
 from warpvis.scene import Scene, require_scene
@@ -140,6 +140,7 @@ def best_views(
     object_poses: ObjectPoses = None,
     exclude: Sequence[str | int] | str | None = None,
     convention: Convention = "opencv",
+    quaternion: QuaternionOrder = "xyzw",
     threads: int | None = None,
 ) -> BestViews:
     """Order candidate poses by what a camera there sees of given objects.
@@ -165,6 +166,7 @@ def best_views(
         object_poses: Where the movable objects are, as for `Renderer.render`, in one world.
         exclude: Names or indices of objects that the camera does not see and the robot does not run into: its body.
         convention: Axes of the camera frame that the candidates are for.
+        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         threads: CPU threads to use; all cores of this process by default.
 
     Returns:
@@ -173,6 +175,8 @@ def best_views(
     Raises:
         WarpvisError: An argument is not what it has to be, or no candidate is left.
     """
+    candidates = to_xyzw(candidates, quaternion, "candidates")
+    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     require_scene(scene).require_objects()
     check_choice(measure, "measure", tuple(_FIELDS))
     tie = check_number(tie, "tie", least=0.0)

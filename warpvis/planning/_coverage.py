@@ -17,7 +17,7 @@ from warpvis.core.arrays import as_numpy, as_points, check_metres, empty
 from warpvis.core.camera import Camera
 from warpvis.core.checks import as_items
 from warpvis.core.labels import Label, Visibility
-from warpvis.core.poses import Convention, parse_poses
+from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, PoseError, SceneError
 from warpvis.planning._free_space import one_world
@@ -58,6 +58,7 @@ def surface_samples(
     objects: Sequence[str | int] | None = None,
     labels: Sequence[Label | int | str] | Label | int | str | None = None,
     object_poses: ObjectPoses = None,
+    quaternion: QuaternionOrder = "xyzw",
     seed: int = 0,
 ) -> Samples:
     """Spread points evenly over the surfaces of objects, the same ones every time.
@@ -73,11 +74,13 @@ def surface_samples(
         labels: Or the labels of the objects to sample, such as ``"ground"``.
         object_poses: Where the movable objects are, in one world: rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
             default where they were added.
+        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         seed: Another number moves all of them.
 
     Raises:
         WarpvisError: An argument is not what it has to be.
     """
+    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     spacing = check_metres(spacing, "spacing", zero=False)
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
         raise ArrayError(f"seed must be a whole number from 0 up, got {seed!r}")
@@ -159,6 +162,7 @@ def coverage(
     object_poses: ObjectPoses = None,
     exclude: Excluded = None,
     convention: Convention = "opencv",
+    quaternion: QuaternionOrder = "xyzw",
     threads: int | None = None,
 ) -> Coverage:
     """Measure how much surface views cover, alone and together, and choose views if only some can be taken.
@@ -185,11 +189,14 @@ def coverage(
             default where they were added.
         exclude: What is not seen, as for `Renderer.render`.
         convention: Axes of the camera frame of the poses.
+        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         threads: CPU threads to use; all cores of this process by default.
 
     Raises:
         WarpvisError: An argument is not what it has to be.
     """
+    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
+    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     one_world(scene, object_poses, None)
     device = scene.device
     poses = parse_poses(camera_to_world, convention=convention, device=device)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_points, check_metres, empty, surely_finite
 from warpvis.core.labels import Label
-from warpvis.core.poses import check_up, parse_poses, poses_to_matrices
+from warpvis.core.poses import QuaternionOrder, check_up, parse_poses, poses_to_matrices, to_xyzw
 from warpvis.core.threads import launch_points
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import PoseError
@@ -34,6 +34,7 @@ def clearance(
     objects: Sequence[str | int] | None = None,
     exclude: Excluded = None,
     object_poses: ObjectPoses = None,
+    quaternion: QuaternionOrder = "xyzw",
     threads: int | None = None,
 ) -> wp.array:
     """Measure the distance from points to the nearest surface, on either side of it.
@@ -49,6 +50,7 @@ def clearance(
         exclude: Names or indices of objects whose surfaces do not count.
         object_poses: Where the movable objects are, in one world: rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
             default where they were added.
+        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         threads: CPU threads to use; all cores of this process by default.
 
     Returns:
@@ -60,6 +62,7 @@ def clearance(
     """
     from warpvis.kernels.clearance import nearest_surface
 
+    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     max_distance = check_metres(max_distance, "max_distance", infinite=True)
     vertices, excluded = one_world(scene, object_poses, exclude)
     chosen = [index for index in choose_objects(scene, objects) if not excluded[index]]
@@ -86,6 +89,7 @@ def standing_room(
     step: float = 0.01,
     exclude: Excluded = None,
     object_poses: ObjectPoses = None,
+    quaternion: QuaternionOrder = "xyzw",
     threads: int | None = None,
 ) -> NDArray[np.bool_]:
     """Tell whether an upright robot has room where its camera is.
@@ -105,6 +109,7 @@ def standing_room(
         exclude: Names or indices of objects that do not hinder, such as the robot's own body.
         object_poses: Where the movable objects are, in one world: rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
             default where they were added.
+        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         threads: CPU threads to use; all cores of this process by default.
 
     Returns:
@@ -115,6 +120,8 @@ def standing_room(
     """
     from warpvis.kernels.clearance import find_room
 
+    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
+    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     radius = check_metres(radius, "radius", zero=False)
     low = check_metres(floor, "floor", signed=True) + check_metres(step, "step")
     vertices, excluded = one_world(scene, object_poses, exclude)

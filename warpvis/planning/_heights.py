@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_points, check_metres, empty
 from warpvis.core.checks import check_choice
-from warpvis.core.poses import check_up
+from warpvis.core.poses import QuaternionOrder, check_up, to_xyzw
 from warpvis.core.threads import launch_points
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses
 from warpvis.planning._free_space import corners_of, one_world
@@ -31,6 +31,7 @@ def minimum_height(
     max_height: float = 10.0,
     tolerance: float = 1e-4,
     object_poses: ObjectPoses = None,
+    quaternion: QuaternionOrder = "xyzw",
     exclude: Excluded = None,
     threads: int | None = None,
 ) -> wp.array:
@@ -55,6 +56,7 @@ def minimum_height(
             Points within twice the tolerance see each other.
         object_poses: Where the movable objects are, in one world: rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
             default where they were added.
+        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         exclude: Names or indices of objects that are not in the way.
         threads: CPU threads to use; all cores of this process by default.
 
@@ -67,6 +69,7 @@ def minimum_height(
     """
     from warpvis.kernels.heights import climb
 
+    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     check_choice(raises, "raises", ("target", "eye"))
     max_height = check_metres(max_height, "max_height")
     tolerance = check_metres(tolerance, "tolerance", zero=False)

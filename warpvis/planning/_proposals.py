@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from warpvis.core.arrays import check_metres
 from warpvis.core.camera import Camera
 from warpvis.core.checks import as_items
-from warpvis.core.poses import check_up
+from warpvis.core.poses import QuaternionOrder, check_up, to_xyzw
 from warpvis.core.types import ObjectPoses
 from warpvis.errors import ArrayError, CameraError, SceneError
 from warpvis.planning._best_views import best_views, pose_grid
@@ -51,6 +51,7 @@ def propose_view(
     radius: float = 0.2,
     floor: float = 0.0,
     object_poses: ObjectPoses = None,
+    quaternion: QuaternionOrder = "xyzw",
 ) -> Proposal | None:
     """Find where a robot near its present place sees the most of the objects that only the person sees.
 
@@ -68,6 +69,7 @@ def propose_view(
         floor: Height of the floor [m].
         object_poses: Where the movable objects are, as for `Renderer.render`, in one world; by default where they were
             when the candidates were found.
+        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
 
     Returns:
         The pose; None if the robot sees all that the person sees, or no place in reach shows any of it.
@@ -75,6 +77,7 @@ def propose_view(
     Raises:
         WarpvisError: An argument is not what it has to be.
     """
+    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     require_scene(scene)
     if not isinstance(robot, Agent):
         raise SceneError(f"robot must be a warpvis.Agent, got {type(robot).__name__}")

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
 from warpvis.core.checks import check_choice, check_flag, is_number, is_whole
-from warpvis.core.poses import Convention, parse_poses
+from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
 from warpvis.core.threads import check_threads, launch_images
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import CameraError
@@ -43,6 +43,7 @@ def render_wide(
     world_index: ArrayInput | None = None,
     exclude: Excluded = None,
     convention: Convention = "opencv",
+    quaternion: QuaternionOrder = "xyzw",
     threads: int | None = None,
 ) -> Views:
     """Render views that a pinhole is too narrow for: one ray through every pixel's centre, in equal steps of angle.
@@ -74,6 +75,7 @@ def render_wide(
         world_index: As for `Renderer.render`.
         exclude: As for `Renderer.render`.
         convention: Axes of the camera frame of the poses.
+        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         threads: CPU threads to use; all cores of this process by default.
 
     Returns:
@@ -85,6 +87,8 @@ def render_wide(
     """
     from warpvis.kernels.panorama import cast_wide_rays
 
+    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
+    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     require_scene(scene)
     camera = _wide_camera(width, height, hfov, projection, near, far)
     names = check_outputs(outputs)

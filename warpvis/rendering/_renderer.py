@@ -14,7 +14,7 @@ import warp as wp
 from warpvis.core.arrays import as_warp, check_out, empty
 from warpvis.core.camera import Camera, require_camera
 from warpvis.core.checks import as_items, check_choice, check_flag, check_whole
-from warpvis.core.poses import Convention
+from warpvis.core.poses import Convention, QuaternionOrder, to_xyzw
 from warpvis.core.threads import check_threads
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
@@ -120,6 +120,7 @@ class Renderer:
         world_index: ArrayInput | None = None,
         exclude: Excluded = None,
         convention: Convention = "opencv",
+        quaternion: QuaternionOrder = "xyzw",
         out: Views | None = None,
     ) -> Views:
         """Render one image of each output for every pose.
@@ -140,6 +141,7 @@ class Renderer:
                 ``(V, objects)``. A robot's camera excludes the robot's body.
             convention: Axes of the camera frame of the poses: ``"opencv"``, ``"opengl"``, ``"ros_body"`` or
                 ``"ros_optical"``.
+            quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
             out: Images of an earlier call to write into, of the same number of views.
 
         Returns:
@@ -150,6 +152,8 @@ class Renderer:
             ArrayError: `out`, `world_index` or `exclude` does not fit.
             SceneError: The scene is empty, or has no object that `exclude` names.
         """
+        camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
+        object_poses = to_xyzw(object_poses, quaternion, "object_poses")
         self.scene.require_objects()
         poses = self._caster.parse_poses(camera_to_world, convention)
         worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude)
@@ -172,6 +176,7 @@ class Renderer:
         world_index: ArrayInput | None = None,
         exclude: Excluded = None,
         convention: Convention = "opencv",
+        quaternion: QuaternionOrder = "xyzw",
         out: Views | None = None,
     ) -> Views:
         """Render what is seen at any points of the image, instead of at its pixels' centres.
@@ -184,6 +189,7 @@ class Renderer:
             world_index: As for `render`.
             exclude: As for `render`.
             convention: Axes of the camera frame of the poses.
+            quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
             out: Results of an earlier call to write into, of the same shape.
 
         Returns:
@@ -192,6 +198,8 @@ class Renderer:
         Raises:
             WarpvisError: As `render`; or `pixels` is malformed.
         """
+        camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
+        object_poses = to_xyzw(object_poses, quaternion, "object_poses")
         self.scene.require_objects()
         device = self.scene.device
         poses = self._caster.parse_poses(camera_to_world, convention)
@@ -307,6 +315,7 @@ def render(
     world_index: ArrayInput | None = None,
     exclude: Excluded = None,
     convention: Convention = "opencv",
+    quaternion: QuaternionOrder = "xyzw",
     threads: int | None = None,
     device_bytes: int | None = None,
     out: Views | None = None,
@@ -327,5 +336,6 @@ def render(
         world_index=world_index,
         exclude=exclude,
         convention=convention,
+        quaternion=quaternion,
         out=out,
     )

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.core.arrays import FARTHEST, get_device
 from warpvis.core.checks import check_flag
 from warpvis.core.labels import Label
-from warpvis.core.poses import check_up, poses_to_matrices, poses_to_opencv
+from warpvis.core.poses import QuaternionOrder, check_up, poses_to_matrices, poses_to_opencv, to_xyzw
 from warpvis.core.types import ArrayInput, DeviceLike, MeshLike
 from warpvis.errors import SceneError
 from warpvis.scene._object import SceneObject, as_it_is, by_itself, check_mesh, check_scale
@@ -116,6 +116,7 @@ class Scene:
         name: str | None = None,
         label: Label | int | str = Label.OBSTACLE,
         pose: ArrayLike | None = None,
+        quaternion: QuaternionOrder = "xyzw",
         scale: float | ArrayLike = 1.0,
         movable: bool = False,
         attach_to: str | None = None,
@@ -131,6 +132,7 @@ class Scene:
                 number that is free.
             label: What its pixels are labelled.
             pose: Object to world, ``x y z qx qy qz qw`` or a 4x4 matrix; identity by default.
+            quaternion: Order of the quaternion in a pose of 7 numbers, ``"xyzw"`` or ``"wxyz"``.
             scale: Factor of size, or three of them along the mesh's axes, applied before the pose.
             movable: Whether `Renderer.render` may be told another pose of it for every world. Moving it then rebuilds
                 nothing, and objects of equal meshes share them. What stays where it is renders faster.
@@ -144,6 +146,7 @@ class Scene:
             SceneError: The mesh is empty or malformed, the name is taken, or the object cannot be attached to that.
             PoseError: The pose is not a pose.
         """
+        pose = to_xyzw(pose, quaternion, "pose")
         index = len(self._objects)
         name = self._free_name() if name is None else str(name)
         if name in self._index:

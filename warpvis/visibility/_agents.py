@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
 from warpvis.core.checks import as_items, is_number
-from warpvis.core.poses import Convention, parse_poses, poses_to_matrices, quaternion_product
+from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, poses_to_matrices, quaternion_product, to_xyzw
 from warpvis.core.types import PoseLike
 from warpvis.errors import CameraError, SceneError
 
@@ -134,6 +134,8 @@ class Agent:
     it attends to all that it sees."""
     convention: Convention = "opencv"
     """Axes of the camera frame that `pose` is for. The agent looks along the camera's axis, +z of OpenCV's frame."""
+    quaternion: QuaternionOrder = "xyzw"
+    """Order of the quaternions in `pose`, ``"xyzw"`` or ``"wxyz"``."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
@@ -154,10 +156,16 @@ class Agent:
 
     @classmethod
     def kinect(
-        cls, name: str, pose: PoseLike, *, body: Sequence[str] | str = (), convention: Convention = "opencv"
+        cls,
+        name: str,
+        pose: PoseLike,
+        *,
+        body: Sequence[str] | str = (),
+        convention: Convention = "opencv",
+        quaternion: QuaternionOrder = "xyzw",
     ) -> Agent:
         """Make a robot with the paper's camera, `Camera.kinect`: 57 degrees wide, 0.3 to 4.5 m."""
-        return cls(name, Camera.kinect(), pose, body=_tuple_of(body), convention=convention)
+        return cls(name, Camera.kinect(), pose, body=_tuple_of(body), convention=convention, quaternion=quaternion)
 
     @classmethod
     def human(
@@ -170,6 +178,7 @@ class Agent:
         far: float = math.inf,
         resolution: float = _HUMAN_RESOLUTION,
         convention: Convention = "opencv",
+        quaternion: QuaternionOrder = "xyzw",
     ) -> Agent:
         """Make a person who looks along the camera's axis, head and eyes still.
 
@@ -189,17 +198,21 @@ class Agent:
             far: Greatest depth that they see [m].
             resolution: Pixels per radian. The eye has far more: this decides what is too small to count.
             convention: Axes of the camera frame that `pose` is for.
+            quaternion: Order of the quaternions in `pose`, ``"xyzw"`` or ``"wxyz"``.
         """
         _check_resolution(resolution)
         view = FieldOfView(_HUMAN_HFOV, _HUMAN_UP, _HUMAN_DOWN, near=near, far=far, resolution=resolution)
         size = max(1, round(2 * resolution * math.tan(_HUMAN_ATTENTION / 2)))
         attention = Camera.from_fov(size, size, hfov=_HUMAN_ATTENTION, near=near, far=far)
-        return cls(name, view, pose, body=_tuple_of(body), attention=attention, convention=convention)
+        return cls(
+            name, view, pose, body=_tuple_of(body), attention=attention, convention=convention, quaternion=quaternion
+        )
 
     @cached_property
     def poses(self) -> NDArray[np.float64]:
         """Its poses as rows ``x y z qx qy qz qw`` of the OpenCV frame, shape ``(V, 7)``."""
         given = self.pose.numpy() if isinstance(self.pose, wp.array) else self.pose
+        given = to_xyzw(given, self.quaternion, f"pose of {self.name!r}")
         rows = parse_poses(given, convention=self.convention, name=f"pose of {self.name!r}").numpy()
         return rows.astype(np.float64).reshape(-1, 7)
 

@@ -15,7 +15,7 @@ import warp as wp
 from warpvis.core.arrays import check_metres, empty
 from warpvis.core.camera import Camera, require_camera
 from warpvis.core.checks import as_items, check_flag
-from warpvis.core.poses import Convention, parse_poses
+from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
 from warpvis.core.threads import launch_small
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, SceneError
@@ -93,6 +93,7 @@ def object_visibility(
     world_index: ArrayInput | None = None,
     exclude: Excluded = None,
     convention: Convention = "opencv",
+    quaternion: QuaternionOrder = "xyzw",
     caster: Caster = "auto",
     threads: int | None = None,
 ) -> ObjectVisibility:
@@ -120,6 +121,7 @@ def object_visibility(
         world_index: As for `Renderer.render`.
         exclude: As for `Renderer.render`. In a view that excludes it, an object has no pixels.
         convention: Axes of the camera frame of the poses.
+        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         caster: As for `Renderer`.
         threads: CPU threads to use; all cores of this process by default.
 
@@ -129,6 +131,8 @@ def object_visibility(
     from warpvis.kernels.constants import SILHOUETTE_COUNTERS
     from warpvis.kernels.silhouettes import judge_silhouettes
 
+    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
+    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     require_scene(scene)
     require_camera(camera)
     scene.require_objects()

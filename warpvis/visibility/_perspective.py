@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from warpvis.core.camera import Camera
 from warpvis.core.checks import as_items, is_number
 from warpvis.core.labels import Label, Visibility
+from warpvis.core.poses import QuaternionOrder, to_xyzw
 from warpvis.core.types import ArrayInput, ObjectPoses
 from warpvis.errors import ArrayError, SceneError
 from warpvis.scene import Scene, require_scene
@@ -255,6 +256,7 @@ def perspective(
     min_fraction: float = 0.0,
     delta: float = 0.0,
     object_poses: ObjectPoses = None,
+    quaternion: QuaternionOrder = "xyzw",
     world_index: ArrayInput | None = None,
     threads: int | None = None,
 ) -> Perspective:
@@ -271,6 +273,7 @@ def perspective(
         min_fraction: Least visible share of the silhouette by which it is seen.
         delta: How far behind what is seen a surface may lie and still be seen [m]; see `object_visibility`.
         object_poses: Where the movable objects are in each of W worlds, as for `Renderer.render`.
+        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         world_index: Every situation's world, as for `Renderer.render`. By default all situations are of the one world,
             or if there are V of them, each of its own.
         threads: CPU threads to use; all cores of this process by default.
@@ -280,6 +283,7 @@ def perspective(
         ArrayError: The agents and worlds are not of one number of situations, or a threshold is none.
         PoseError: The poses of the objects are malformed.
     """
+    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     agents = _check_agents(scene, agents)
     if not is_number(min_fraction) or not 0 <= min_fraction <= 1:
         raise ArrayError(f"min_fraction must be from 0 to 1, got {min_fraction!r}")

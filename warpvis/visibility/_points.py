@@ -11,7 +11,7 @@ import warp as wp
 from warpvis.core.arrays import as_points, check_metres, empty
 from warpvis.core.camera import Camera, require_camera
 from warpvis.core.depth_images import read_depth
-from warpvis.core.poses import Convention, host_poses, parse_poses
+from warpvis.core.poses import Convention, QuaternionOrder, host_poses, parse_poses, to_xyzw
 from warpvis.core.threads import launch_points, launch_small
 from warpvis.core.types import ArrayInput, DeviceLike, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
@@ -33,6 +33,7 @@ def point_visibility(
     world_index: ArrayInput | None = None,
     exclude: Excluded = None,
     convention: Convention = "opencv",
+    quaternion: QuaternionOrder = "xyzw",
     caster: Caster = "auto",
     threads: int | None = None,
 ) -> wp.array | tuple[wp.array, wp.array]:
@@ -50,6 +51,7 @@ def point_visibility(
         world_index: As for `Renderer.render`.
         exclude: As for `Renderer.render`.
         convention: Axes of the camera frame of the poses.
+        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         caster: As for `Renderer`.
         threads: CPU threads to use; all cores of this process by default.
 
@@ -61,6 +63,8 @@ def point_visibility(
     Raises:
         WarpvisError: An argument is not what it has to be.
     """
+    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
+    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     require_scene(scene)
     require_camera(camera)
     tolerance = check_metres(tolerance, "tolerance")
@@ -94,6 +98,7 @@ def point_visibility_from_depth(
     *,
     tolerance: float = 0.01,
     convention: Convention = "opencv",
+    quaternion: QuaternionOrder = "xyzw",
     device: DeviceLike = None,
     threads: int | None = None,
 ) -> wp.array:
@@ -108,6 +113,7 @@ def point_visibility_from_depth(
         points: Points in the world frame [m], shape ``(N, 3)``.
         tolerance: How far behind what was measured along its ray a point still counts as seen [m]: the sensor's noise.
         convention: Axes of the camera frame of the poses.
+        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         device: Where to compute; by default where the images are.
         threads: CPU threads to use; all cores of this process by default.
 
@@ -119,6 +125,7 @@ def point_visibility_from_depth(
     """
     from warpvis.kernels.points import judge_points_measured
 
+    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     tolerance = check_metres(tolerance, "tolerance")
     images = read_depth(depth, camera, device)
     device = images.device

@@ -13,7 +13,7 @@ import numpy as np
 from warpvis.core.camera import Camera
 from warpvis.core.checks import check_text
 from warpvis.core.labels import Visibility
-from warpvis.core.poses import Convention, poses_to_opencv
+from warpvis.core.poses import Convention, QuaternionOrder, poses_to_opencv, to_xyzw
 from warpvis.core.types import Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
 from warpvis.rendering import render
@@ -52,6 +52,7 @@ def save_sightings(
     object_poses: ObjectPoses = None,
     exclude: Excluded = None,
     convention: Convention = "opencv",
+    quaternion: QuaternionOrder = "xyzw",
 ) -> None:
     """Write a picture of one view: its depth in grey, and objects in the colour of their status, `STATUS_COLORS`.
 
@@ -67,12 +68,15 @@ def save_sightings(
         object_poses: As for `Renderer.render`.
         exclude: As for `Renderer.render`.
         convention: Axes of the camera frame of the pose.
+        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
 
     Raises:
         WarpvisError: An argument is not what it has to be, or the picture cannot be written.
     """
     from matplotlib.patches import Patch
 
+    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
+    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     check_text(title, "title")
     pose = poses_to_opencv(camera_to_world, convention, name="camera_to_world")
     if len(pose) != 1:
