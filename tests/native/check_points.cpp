@@ -48,7 +48,8 @@ static std::vector<float> random_places(Random& random, const Scene& scene, cons
     return places;
 }
 
-// A camera and points that are in its image by so little that their columns and rows, rounded, are those after the last.
+// A camera and points that are in its image by so little that their columns and rows, rounded, are those after the
+// last.
 static void put_on_borders(Random& random, Lens& lens, Worlds& worlds, std::vector<float>& places) {
     static const float nowhere[7] = {0, 0, 0, 0, 0, 0, 1};
     for (int view = 0; view < worlds.views; ++view) std::copy_n(nowhere, 7, &worlds.cameras[7 * view]);

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 
-// A worker's memory, handed out piece by piece. The same code carves it and, without memory behind it, measures how much
-// is needed: Python asks for that, and has no formula of its own.
+// A worker's memory, handed out piece by piece. The same code carves it and, without memory behind it, measures how
+// much is needed: Python asks for that, and has no formula of its own.
 struct Arena {
     // Every piece begins at a cache line, so that no register's worth straddles two of them.
     enum { ALIGNMENT = 64 };

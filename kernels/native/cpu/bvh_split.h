@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The builder of the BVH: leaves of LANES triangles, nodes of LANES children. kernels/bvh.py puts that constant, 16 or 32,
-// before this text.
+// The builder of the BVH: leaves of LANES triangles, nodes of LANES children. kernels/bvh.py puts that constant, 16 or
+// 32, before this text.
 //
 // Warp pastes this text into the body of a function, without the standard library: hence local structs of static
 // functions, and constants as enums. kernels/bvh.py holds the kernels that call them, in this order: Items::load and

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A worker's z-buffer: the greatest 1 / z of every pixel of a view, or of a strip of it, in blocks of 4 x 4 pixels, one to
-// a register, in tiles of 4 x 4 blocks. Instead of pixels' centres, rays may go through points anywhere: then blocks are
-// cells, which hold the points inside them in packets of as many as there are lanes.
+// A worker's z-buffer: the greatest 1 / z of every pixel of a view, or of a strip of it, in blocks of 4 x 4 pixels, one
+// to a register, in tiles of 4 x 4 blocks. Instead of pixels' centres, rays may go through points anywhere: then blocks
+// are cells, which hold the points inside them in packets of as many as there are lanes.
 
 enum {
     BLOCK_SHIFT = 2,

@@ -32,7 +32,8 @@ struct OrientedBoxes {
         axis[2][2] = 1.0 - s * (x * x + y * y);
     }
 
-    // Centres in double precision: an object may be far from the origin of its frame, which may be far from the world's.
+    // Centres in double precision: an object may be far from the origin of its frame, which may be far from the
+    // world's.
     static inline OrientedBoxes of(const float* box, const float* row, int last, const View& view) {
         OrientedBoxes moved;
         const double* focal = view.job.focal;

@@ -146,8 +146,8 @@ struct Writer {
         }
     };
 
-    // Write as many pixels of a row as there are lanes, once, to each image that was asked for: some need an id, and the
-    // mode says whether normals are among them.
+    // Write as many pixels of a row as there are lanes, once, to each image that was asked for: some need an id, and
+    // the mode says whether normals are among them.
     inline void row(int x, int y, Floats inv_z, Ints id) {
         const int count = count_from(x, image.width);
         const long long at = (view * job.height + image.first_row + y) * job.width + x;
@@ -169,8 +169,8 @@ struct Writer {
         if (out.labels) labels(out.labels + at, out.object_label, object, count);
     }
 
-    // Rows of pixels, out of a row of blocks, which are left empty. They wait in memory that stays in cache, so that the
-    // images are written from beginning to end: as many places at a time as a block has rows are twice as slow.
+    // Rows of pixels, out of a row of blocks, which are left empty. They wait in memory that stays in cache, so that
+    // the images are written from beginning to end: as many places at a time as a block has rows are twice as slow.
     inline void strip() {
         const int stride = image.tiles_x * TILE_SIDE;
         for (int y = 0; y < image.height; y += BLOCK_SIDE) {
@@ -187,8 +187,8 @@ struct Writer {
                 }
         }
     }
-    // A row where nothing is asked for that needs an id. Stores may change all that is in memory, as far as the compiler
-    // knows: loops of their own keep what they need in registers.
+    // A row where nothing is asked for that needs an id. Stores may change all that is in memory, as far as the
+    // compiler knows: loops of their own keep what they need in registers.
     inline void plain_row(int y, const float* row_inv_z) const {
         const long long first = (view * job.height + image.first_row + y) * job.width;
         if (out.depth) depth_row(out.depth + first, row_inv_z, image.width, job.near, job.far);

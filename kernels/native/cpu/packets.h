@@ -21,8 +21,8 @@ struct Traversal {
 };
 static_assert(alignof(Frame) <= Arena::ALIGNMENT, "pieces of an arena are aligned to no more");
 
-// A worker's memory for strips of a job. Everything has its place there whatever the height of a strip, so that what one
-// leaves empty is empty for the next.
+// A worker's memory for strips of a job. Everything has its place there whatever the height of a strip, so that what
+// one leaves empty is empty for the next.
 struct StripMemory {
     Image image;
     Traversal traversal;

@@ -4,9 +4,9 @@
 // Points of the world: where they are in a view's image, and whether anything is in the way of them.
 //
 // First, chunk by chunk, points are projected. Those out of view or out of range are done with; the others are sorted
-// by the rows of tiles that they are in. Then, strip by strip, they are sorted into the cells of a sparse image, in which
-// each lane begins with the greatest inv_z that does not hide its point, as if that had been drawn already: the walk passes
-// over what lies behind all points of a cell, and a lane that anything is nearer than is settled.
+// by the rows of tiles that they are in. Then, strip by strip, they are sorted into the cells of a sparse image, in
+// which each lane begins with the greatest inv_z that does not hide its point, as if that had been drawn already: the
+// walk passes over what lies behind all points of a cell, and a lane that anything is nearer than is settled.
 
 // A point in view and in range.
 struct ProjectedPoint {
@@ -391,8 +391,8 @@ struct PointStrip {
     }
 };
 
-// Units of work. Of a view's batch of points there are first all chunks, then all strips, which wait for the chunks, as the
-// next batch's chunks do for the strips: whoever took those is at work on them.
+// Units of work. Of a view's batch of points there are first all chunks, then all strips, which wait for the chunks, as
+// the next batch's chunks do for the strips: whoever took those is at work on them.
 struct PointPackets {
     const PointWork& work;
     const PointMemory& memory;
@@ -428,8 +428,8 @@ struct PointPackets {
         }
     }
 
-    // Take units of work as `Packets::run` does. Where the next one has to wait for long, return: then the counter shows
-    // that there is work left, and the caller sleeps before it comes again.
+    // Take units of work as `Packets::run` does. Where the next one has to wait for long, return: then the counter
+    // shows that there is work left, and the caller sleeps before it comes again.
     inline void run(int* counter) const {
         int next = __atomic_load_n(counter + COUNTER_NEXT_UNIT, __ATOMIC_RELAXED);
         while (next < units) {

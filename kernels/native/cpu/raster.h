@@ -190,8 +190,8 @@ struct Raster {
         }
     }
 
-    // Rows from `left` to `right`, between v0 and v1 in the image, without what lies beyond an edge by more than rounding
-    // can be wrong.
+    // Rows from `left` to `right`, between v0 and v1 in the image, without what lies beyond an edge by more than
+    // rounding can be wrong.
     static inline void narrow(const Camera& camera, const Linear& edge, Floats v0, Floats v1, Floats& left,
                               Floats& right) {
         const float by = -1.0f / edge.u[0];

@@ -227,8 +227,8 @@ struct Comparison {
     }
 };
 
-// A worker's memory for parts of a canvas. Pixels are at the same place whatever a part's size: counting them leaves them
-// empty.
+// A worker's memory for parts of a canvas. Pixels are at the same place whatever a part's size: counting them leaves
+// them empty.
 struct SilhouetteMemory {
     // Tiles that are drawn at a time: they stay in a core's cache.
     enum { TILES_AT_A_TIME = 512 };

@@ -3,10 +3,11 @@
 //
 // SolidSetup solids seen from outside: rays meet the true surface instead of triangles.
 //
-// The frame is the object's, divided by the solid's factors along x, y and z: there it is a unit ball, or a unit cylinder
-// with flat ends or half balls. A ray is camera + z * d, where z is the depth and d is linear in u and v. With C the
-// square of the camera's distance from a ball's centre less 1, and with p and s the parts of d towards the centre and
-// across, inv_z (w here) solves C w^2 - 2 sqrt(C + 1) p w + p^2 + s^2 = 0. The same holds for a cylinder, without z.
+// The frame is the object's, divided by the solid's factors along x, y and z: there it is a unit ball, or a unit
+// cylinder with flat ends or half balls. A ray is camera + z * d, where z is the depth and d is linear in u and v. With
+// C the square of the camera's distance from a ball's centre less 1, and with p and s the parts of d towards the centre
+// and across, inv_z (w here) solves C w^2 - 2 sqrt(C + 1) p w + p^2 + s^2 = 0. The same holds for a cylinder, without
+// z.
 
 typedef double Doubles __attribute__((ext_vector_type(LANES)));
 
@@ -123,8 +124,8 @@ struct Expansion {
     static inline int pixel(double place, int count) { return place > 0 ? place < count ? (int)place : count - 1 : 0; }
 };
 
-// A value that is linear in u and v, about a place; for where single precision is not enough even from there: w of a plane
-// at a grazing angle is a small difference of large terms.
+// A value that is linear in u and v, about a place; for where single precision is not enough even from there: w of a
+// plane at a grazing angle is a small difference of large terms.
 struct ExactLinearForm {
     double u, v, one;
 
@@ -158,7 +159,8 @@ struct Quadric {
     LinearForm towards, across[2];  // p, and the two parts of t
     float distance, inverse;  // sqrt(C + 1), 1 / C
 
-    // All zero, which no ray hits, for the side of a solid where the camera is between its ends' balls or beyond its end.
+    // All zero, which no ray hits, for the side of a solid where the camera is between its ends' balls or beyond its
+    // end.
     static inline Quadric of(const Solid& solid, int part, const Expansion& local) {
         Quadric q = {local, {0, 0, 0}, {{0, 0, 0}, {0, 0, 0}}, 0.0f, 0.0f};
         double o[3];
@@ -244,8 +246,8 @@ struct SolidSetup {
         return kind == SOLID_CAPSULE ? capsule(x, y) : cylinder(x, y);
     }
 
-    // The balls are whole, so that no ray slips between them and the side. They touch it from inside: where both are hit,
-    // the side counts, though w may be the same.
+    // The balls are whole, so that no ray slips between them and the side. They touch it from inside: where both are
+    // hit, the side counts, though w may be the same.
     inline SolidHit capsule(Floats x, Floats y) const {
         const Side side = Side::of(*this, x, y);
         const Ints straight = side.hit & side.within(half);
@@ -254,8 +256,8 @@ struct SolidSetup {
         return SolidHit{straight ? side.inv_z : Lanes::max(above, below), straight ? Lanes::all_ints(PART_SIDE) : part};
     }
 
-    // Whether rays up to this far away along x and y may meet the solid. All of it is in part 0's ball or endless cylinder,
-    // which says nothing where the camera is in that too.
+    // Whether rays up to this far away along x and y may meet the solid. All of it is in part 0's ball or endless
+    // cylinder, which says nothing where the camera is in that too.
     inline Ints near(Floats x, Floats y, float away) const {
         const Quadric& q = quadric[PART_SIDE];
         if (!(q.distance > 0)) return Lanes::all_ints(-1);
@@ -274,8 +276,8 @@ struct SolidSetup {
         return ((square >= none) & (p > none)) ? inv_z : none;
     }
 
-    // Where rays meet the endless cylinder. How far along, by `reach`: from the roots' mean, which is a form of its own,
-    // since the sum of the camera's place and the way from there loses digits.
+    // Where rays meet the endless cylinder. How far along, by `reach`: from the roots' mean, which is a form of its
+    // own, since the sum of the camera's place and the way from there loses digits.
     struct Side {
         Floats inv_z, along, reach;
         Ints hit;
@@ -308,8 +310,8 @@ struct SolidSetup {
 };
 
 struct Solids {
-    // Each triangle's id stands for one of the solid's parts, in the parts' order. Not part of what calls it: that stays as
-    // small and fast as it is without solids.
+    // Each triangle's id stands for one of the solid's parts, in the parts' order. Not part of what calls it: that
+    // stays as small and fast as it is without solids.
     static __attribute__((noinline)) void draw(const Solid& solid, const Camera& camera, const Image& image,
                                                const double* center, const Visit& visit, int id, Mode mode) {
         const SolidSetup setup = SolidSetup::of(solid, camera, image, center);

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Rays through any points of the image instead of the pixels' centres. The image's blocks of 4 x 4 pixels become cells
-// that hold the points inside them, in packets of as many as there are lanes: each has its own u and v. A cell without points hides
-// everything, so that the walk passes over what no point can see.
+// that hold the points inside them, in packets of as many as there are lanes: each has its own u and v. A cell without
+// points hides everything, so that the walk passes over what no point can see.
 
 // Points of the world, in double precision: for where single precision does not tell whether a surface hides them.
 struct ExactOcclusion {
@@ -27,7 +27,8 @@ struct ExactOcclusion {
 };
 
 struct Sparse {
-    // Lanes that the packets of so many points in so many cells have at most: one may be emptier than full by all but one.
+    // Lanes that the packets of so many points in so many cells have at most: one may be emptier than full by all but
+    // one.
     static inline long long most_lanes(long long points, long long cells) {
         return (points + (LANES - 1) * (points < cells ? points : cells)) / LANES * LANES;
     }

@@ -73,8 +73,8 @@ struct Walk {
 
     static inline Floats row(const float* node, int index) { return Lanes::load(node + index * LANES); }
 
-    // All triangles of the child face away: the directions from the camera to anywhere in its box make less than a right
-    // angle with every normal in the cone.
+    // All triangles of the child face away: the directions from the camera to anywhere in its box make less than a
+    // right angle with every normal in the cone.
     static inline Ints faces_away(const float* node, Points low, Points high) {
         const Points to_center = Points{0.5f * (low.x + high.x), 0.5f * (low.y + high.y), 0.5f * (low.z + high.z)};
         const Points half = Points{0.5f * (high.x - low.x), 0.5f * (high.y - low.y), 0.5f * (high.z - low.z)};
@@ -121,8 +121,8 @@ struct Walk {
         return __builtin_popcount(found);
     }
 
-    // Where each lane's value stands among all of them in ascending order; of equal ones, the lesser lane first. Counting
-    // takes no branches, which a sort would mispredict.
+    // Where each lane's value stands among all of them in ascending order; of equal ones, the lesser lane first.
+    // Counting takes no branches, which a sort would mispredict.
     static inline Ints places(Floats values) {
         const Ints lane = Lanes::index();
         Ints place = Lanes::all_ints(0);

@@ -88,8 +88,8 @@ struct Scene {
     Bvh bvh;  // of what stays, and of each mesh that moves
     Movables movables;
 
-    // Whether a camera is outside the boxes of all closed objects that stay where they are and may be seen, so that their
-    // back faces are hidden behind their front faces.
+    // Whether a camera is outside the boxes of all closed objects that stay where they are and may be seen, so that
+    // their back faces are hidden behind their front faces.
     inline bool outside_all(const World& world, const Pose& pose) const {
         for (int i = 0; i < bvh.closed_count; ++i)
             if (pose.inside(bvh.closed_boxes + i * BOX_WORDS) && !world.excludes(bvh.closed_object[i])) return false;
