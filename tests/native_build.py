@@ -20,7 +20,7 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-SCENES = {"tree": 1500, "images": 600, "points": 160, "silhouettes": 120}
+SCENES = {"tree": 1500, "edges": 1000, "images": 600, "points": 160, "silhouettes": 120}
 """The checks, and of how many random scenes: a few seconds."""
 
 LEAST_CLANG = 17

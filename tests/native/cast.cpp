@@ -25,6 +25,26 @@ unsigned turned_away(const BuiltTree& tree, int node, const float* camera) {
     return Lanes::bits(casting::Walk::faces_away(rows, box[0], box[1]));
 }
 
+static casting::Linear edge_of(const float* edge) {
+    using casting::Lanes;
+    return {Lanes::all(edge[0]), Lanes::all(edge[1]), Lanes::all(edge[2])};
+}
+
+void narrow_columns(const float* edge, float first_u, float v0, float v1, float& left, float& right) {
+    using casting::Lanes;
+    casting::Camera camera = casting::Camera();
+    camera.first_u = first_u;
+    casting::Floats from = Lanes::all(left), to = Lanes::all(right);
+    casting::Raster::narrow(camera, edge_of(edge), Lanes::all(v0), Lanes::all(v1), from, to);
+    left = from[0], right = to[0];
+}
+
+bool is_inside(const float* edge, float u, float v) {
+    using casting::Lanes;
+    const casting::Linear linear = edge_of(edge);
+    return linear.at(Lanes::all(u), linear.row(Lanes::all(v)))[0] >= 0.0f;
+}
+
 // Joins trees of many meshes into the same arrays.
 struct Joiner {
     std::vector<float> leaves, nodes, boxes, size, closed_boxes;
