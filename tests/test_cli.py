@@ -342,7 +342,7 @@ POSES = ("--poses", "poses.txt")
         ),
         (("perspective", "lab.glb", *LOOK, "--labels", "ball=cup"), "label must be one of EMPTY (0), "),
         (("perspective", "lab.glb", *LOOK, "--labels", "cup=object"), "labels for 'cup' fit no object of lab.glb"),
-        (("perspective", "lab.glb", *LOOK, "--camera", "none.json", "--out", "x"), "none.json: cannot be read"),
+        (("perspective", "lab.glb", *LOOK, "--camera", "none.json", "--out", "x"), "none.json: no such file"),
         (
             ("perspective", "lab.glb", *LOOK, "--max-distance", "-1", "--out", "x"),
             "--max-distance must be a number of metres from 0 up",
