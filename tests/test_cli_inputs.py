@@ -44,7 +44,10 @@ def folder(tmp_path_factory):
     matrices = wv.core.poses.poses_to_matrices(poses) @ np.diag([1.0, -1, -1, 1])
     frames = [{"transform_matrix": matrix.tolist()} for matrix in matrices]
     (folder / "transforms.json").write_text(json.dumps({"frames": frames}))
+    np.save(folder / "w_first.npy", poses[:, [0, 1, 2, 6, 3, 4, 5]])
+    np.save(folder / "one.npy", poses[:1, [0, 1, 2, 6, 3, 4, 5]])
     np.savez(folder / "worlds.npz", object_poses=[[[0, 0, 100.0, 0, 0, 0, 1]], [[0, 0, 0, 0, 0, 0, 1]]])
+    np.savez(folder / "w_first.npz", object_poses=[[[0, 0, 100.0, 1, 0, 0, 0]], [[0, 0, 0, 1, 0, 0, 0]]])
     return folder
 
 
@@ -129,6 +132,60 @@ def test_objects_move_in_every_command(run, tmp_path):
     assert code == 0
 
 
+def test_quaternions_with_w_first_in_every_command(run, tmp_path):
+    given = ("room.stl", "--camera", "camera.json", "--movable", "r*", "--worlds")
+    for command in ("render", "batch", "check"):
+        found = {}
+        for poses, worlds, *order in (
+            ("poses.npy", "worlds.npz"),
+            ("w_first.npy", "w_first.npz", "--quaternion", "wxyz"),
+            ("poses.txt", "w_first.npz", "--quaternion", "wxyz"),  # which has an order of its own
+        ):
+            out = tmp_path / f"{command}_{poses}_{worlds}"
+            more = ("--out", out) if command != "check" else ()
+            code, said, error = run(command, *given, worlds, "--poses", poses, *order, *more)
+            assert (code, error) == (0, "")
+            file = out / ("npz" if command == "render" else "") / "shard-000000.npz"
+            found[poses] = said if command == "check" else np.load(file)["depth"].tolist()
+        assert found["poses.npy"] == found["w_first.npy"] == found["poses.txt"]
+    eyes = {"xyzw": np.load("poses.npy")[0], "wxyz": np.load("one.npy")[0]}
+    reports = []
+    for order, row in eyes.items():
+        pose = " ".join(map(repr, row.tolist()))
+        for human in (pose, "one.npy") if order == "wxyz" else (pose,):
+            call = ("perspective", "room.stl", "--camera", "camera.json", "--robot", pose, "--human", human)
+            code, _, error = run(*call, "--quaternion", order, "--out", tmp_path / "seen")
+            assert (code, error) == (0, "")
+            reports.append((tmp_path / "seen" / "perspective.json").read_text())
+    assert len(reports) == 3 and len(set(reports)) == 1
+
+
+def test_experiments_are_scenes_of_every_command(run, tmp_path):
+    code, out, error = run("info", "experiment_3")
+    assert (code, error) == (0, "") and "experiment_3: z up, 6 objects" in out and "ball " in out
+    given = ("experiment_3", "--poses", "orbit target=0,0,0.5 radius=1.9 height=1 count=2", "--camera", "camera.json")
+    assert run("render", *given, "--out", tmp_path / "render")[0] == 0
+    assert run("batch", *given, "--out", tmp_path / "batch")[0] == 0
+    names = ("render/npz/shard-000000.npz", "batch/shard-000000.npz")
+    depths = [np.load(tmp_path / name)["depth"] for name in names]
+    np.testing.assert_array_equal(*depths)
+    assert np.isfinite(depths[0]).any()
+    code, out, error = run("check", *given, "--objects", "ball")
+    assert (code, error) == (0, "") and "ball" in out
+
+
+def test_what_the_model_says_moves(run, tmp_path):
+    """One word in place of the names of bodies; an object of that name is meant by a pattern."""
+    given = ("--poses", "poses.npy", "--camera", "camera.json", "--worlds", "worlds.npz")
+    assert run("render", "room.xml", *given, "--movable", "model", "--out", tmp_path / "out")[0] == 0
+    depth = np.load(tmp_path / "out" / "npz" / "shard-000000.npz")["depth"]
+    assert (depth[0] > depth[1]).any()
+    (tmp_path / "model.stl").write_bytes(trimesh.creation.box().export(file_type="stl"))
+    code, _, error = run("check", tmp_path / "model.stl", *given, "--movable", "model")
+    assert code == 2 and "nothing in it is said to move: name what is movable" in error
+    assert run("check", tmp_path / "model.stl", *given, "--movable", "[m]odel")[0] == 0
+
+
 def test_render_checks_all_formats_before_it_writes(run, tmp_path):
     given = ("render", "room.stl", "--poses", ORBIT, "--out", tmp_path / "out")
     for more, said in (
@@ -161,6 +218,30 @@ NO_EFFECT = {
     "search path": (("info", "room.stl", "--search-path", "lib"), "its geometry is all in one file"),
     "scale": (("check", "room.xml", "--poses", ORBIT, "--scale", "2"), "leave out scale and file_up"),
     "file_up": (("check", "world.wbt", "--poses", ORBIT, "--file-up", "y"), "leave out scale and file_up"),
+    "quaternion of what is made": (
+        ("check", "room.stl", "--poses", ORBIT, "--quaternion", "wxyz"),
+        "poses that are made need no --quaternion",
+    ),
+    "quaternion of TUM": (
+        ("check", "room.stl", "--poses", "poses.txt", "--quaternion", "wxyz"),
+        "poses that are in poses.txt, whose format says what their order is, need no --quaternion",
+    ),
+    "quaternion of a gaze": (
+        ("perspective", "room.stl", "--robot", "0 0 3 0 0 0", "--human", "0 3 3 0 0 0", "--quaternion", "wxyz"),
+        "take no --quaternion",
+    ),
+    "quaternion of a device": (
+        ("render", "world.wbt", "--quaternion", "wxyz", "--out", "x"),
+        "range finders have their own poses: give no --quaternion",
+    ),
+    "labels of an experiment": (
+        ("info", "experiment_2", "--labels", "ball=human"),
+        "experiment_2 is no file, so it takes no --labels",
+    ),
+    "movables of an experiment": (
+        ("check", "experiment_2", "--poses", "poses.npy", "--movable", "ball", "--worlds", "worlds.npz"),
+        "nothing of experiment_2 is movable, so it takes no --movable",
+    ),
     "device name": (
         ("render", "world.wbt", "--poses", ORBIT, "--device-name", "eye", "--out", "x"),
         "with --poses no device is rendered: give no --device-name",

@@ -51,6 +51,30 @@ def test_npy(tmp_path, dtype):
         np.testing.assert_array_equal(frames.timestamps, np.arange(6))
 
 
+def test_quaternions_with_w_first(tmp_path):
+    """Arrays say no order, so the caller does, for cameras and objects."""
+    rows, objects = ROWS[:, [0, 1, 2, 6, 3, 4, 5]], unit(RNG.normal(size=(6, 2, 7))).astype(np.float32)
+    np.save(tmp_path / "poses.npy", rows)
+    np.savez(tmp_path / "poses.npz", camera_to_world=rows, object_poses=objects[..., [0, 1, 2, 6, 3, 4, 5]])
+    for name in ("poses.npy", "poses.npz"):
+        frames = read_frames(tmp_path / name, quaternion="wxyz")
+        np.testing.assert_array_equal(frames.camera_to_world, ROWS)
+        assert frames.source["quaternion"] == "wxyz"
+    np.testing.assert_array_equal(frames.object_poses, objects)
+    np.save(tmp_path / "bad.npy", np.concatenate([rows, rows[:1] * 2]))
+    with pytest.raises(wv.errors.FileFormatError, match=r"bad.npy: pose 6: poses must have quaternions of length 1"):
+        read_frames(tmp_path / "bad.npy", quaternion="wxyz")
+    with pytest.raises(wv.errors.PoseError, match='quaternion must be "xyzw" or "wxyz"'):
+        read_frames(tmp_path / "poses.npy", quaternion="w")
+
+
+@pytest.mark.parametrize("name", ["walk.txt", "walk.csv", "walk.parquet", "transforms.json", "bag"])
+def test_formats_with_an_order_have_it(tmp_path, name):
+    (tmp_path / name).mkdir() if name == "bag" else (tmp_path / name).write_text("")
+    with pytest.raises(wv.errors.FileFormatError, match=r"quaternion= is for \.npy and \.npz: other formats say"):
+        read_frames(tmp_path / name, quaternion="wxyz")
+
+
 def test_npz_holds_worlds(tmp_path):
     objects = unit(RNG.normal(size=(2, 3, 7))).astype(np.float32)
     world = [0, 1, 1, 0, 0, 1]

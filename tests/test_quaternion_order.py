@@ -11,6 +11,7 @@ import warp as wp
 from test_garbage import public_callables
 
 import warpvis as wv
+from warpvis import viz
 from warpvis.core.poses import poses_to_matrices, to_xyzw
 
 CAMERA = wv.Camera.from_fov(16, 12, hfov=1.2, near=0.1, far=20.0)
@@ -142,13 +143,70 @@ def test_other_orders_are_refused():
             wv.render(SCENE, CAMERA, POSES, quaternion=order)
 
 
-# Pictures of what `perspective` found, and a batch, whose arrays are those of `Frames`.
-_WITHOUT = {"save_perspective", "read_frames"}
+def test_a_range_finder_of_webots():
+    class RangeFinder:
+        getWidth = getHeight = lambda self: 4
+        getFov = getMaxRange = lambda self: 1.0
+
+        def getMinRange(self):
+            return 0.1
+
+        def getRangeImage(self, data_type):
+            return [0.5] * 16
+
+    eye = wv.webots.DepthEye(RangeFinder())
+    bounds = {"bounds": [[-4, -4], [4, 4]], "cell_size": 0.5}
+    calls = {
+        "pose": eye.pose,
+        "points": eye.points,
+        "classify": lambda pose, **q: eye.classify(pose, ground_height=0.9, **q),
+        "floor_map": lambda pose, **q: eye.floor_map(pose, **bounds, **q).cells,
+    }
+    for name, call in calls.items():
+        one, other, wrong = (
+            arrays_in(call(pose, **order))[0]
+            for pose, order in ((POSES[0], {}), (w_first(POSES[0]), {"quaternion": "wxyz"}), (w_first(POSES[0]), {}))
+        )
+        np.testing.assert_array_equal(one, other)
+        assert name == "floor_map" or not np.array_equal(one, wrong), name
+
+
+def test_pictures(tmp_path):
+    seen = wv.render(SCENE, CAMERA, POSES[0])
+    image = seen.depth.numpy()[0], seen.segmentation.numpy()[0]
+    plan = wv.floor_map(seen.points, seen.labels, bounds=[[-3, -3], [3, 3]], cell_size=0.5)
+    agents = [wv.Agent("a", CAMERA, POSES[0]), wv.Agent("b", CAMERA, POSES[1])]
+    found = wv.perspective(SCENE, agents)
+    from_here = {"title": "t", "eye": (-3, -3, 3), "target": (0, 0, 0)}
+    pictures = {
+        "view_from_outside": lambda pose, objects, path, **q: viz.view_from_outside(
+            SCENE, CAMERA, pose, CAMERA, pose, *image, **q
+        ),
+        "save_overview": lambda pose, objects, path, **q: viz.save_overview(
+            SCENE, CAMERA, pose, seen, plan, path, **from_here, **q
+        ),
+        "save_perspective": lambda pose, objects, path, **q: viz.save_perspective(
+            SCENE, agents, found, path, labels=None, proposed=pose, object_poses=objects, **from_here, **q
+        ),
+    }
+    for name, picture in pictures.items():
+        made = []
+        for pose, objects, order in (
+            (POSES[1], MOVED[0], {}),
+            (w_first(POSES[1]), w_first(MOVED[0]), {"quaternion": "wxyz"}),
+            (w_first(POSES[1]), w_first(MOVED[0]), {}),
+        ):
+            path = tmp_path / f"{name}.png"
+            pixels = picture(pose, objects, path, **order)
+            made.append(path.read_bytes() if pixels is None else pixels.tobytes())
+        assert made[0] == made[1] != made[2], name
+
+
+_POSES = {"convention", "object_poses", "camera_to_world", "node_pose", "proposed", "pose"}
 
 
 def test_it_is_an_argument_wherever_poses_go_in():
     for name, function in public_callables().items():
         parameters = inspect.signature(function).parameters
-        own = parameters.keys() & {"convention", "object_poses"} and not inspect.isclass(function)
-        if own and name not in _WITHOUT:
+        if parameters.keys() & _POSES and not inspect.isclass(function):
             assert "quaternion" in parameters, name

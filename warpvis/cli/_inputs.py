@@ -20,11 +20,15 @@ if TYPE_CHECKING:
 
     from warpvis.core.camera import Camera
     from warpvis.core.frames import Frames
+    from warpvis.core.poses import QuaternionOrder
     from warpvis.scene import Scene
+    from warpvis.scenes import Experiment
 
 Axes = Literal["opencv", "opengl", "ros_body", "ros_optical"]
+PoseFormat = Literal["tum", "npy", "npz", "csv", "parquet", "nerfstudio", "bop", "ros"]
 
-FILE_HELP = "A mesh file (OBJ, STL, PLY, GLB, ...), a Webots world (.wbt), MJCF (.xml) or URDF (.urdf)."
+_FILES = "A mesh file (OBJ, STL, PLY, GLB, ...), a Webots world (.wbt), MJCF (.xml) or URDF (.urdf)"
+FILE_HELP = f"{_FILES}; or experiment_1 to experiment_4, the demo's."
 _POSES = (
     "Camera poses, camera to world: a file (TUM text, .npy, .npz, .csv, .parquet, transforms.json, scene_camera.json, "
     'a ROS 2 bag), or what makes them: "orbit target=0,0,0.5 radius=2 height=1 count=360", "random count=1000 seed=1 '
@@ -60,12 +64,22 @@ class SceneOptions:
     strict: bool = False
     """What cannot be shown is an error; by default a warning names it."""
 
-    def load_scene(self, file: Path, *, device: str = "cpu", movable: Sequence[str] = ()) -> Scene:
-        """Load the scene."""
+    def load_scene(self, file: Path, *, device: str = "cpu", movable: bool | Sequence[str] = False) -> Scene:
+        """Load the scene: a file, or an experiment of the demo.
+
+        Raises:
+            WarpvisError: It does not load, or an option has no effect on it.
+        """
         from warpvis.scene import Scene
 
+        experiment = find_experiment(file)
+        if experiment is not None:
+            refuse_options(self, scene_options, f"{experiment.name} is no file, so it takes")
+            if movable:
+                raise SceneError(f"nothing of {experiment.name} is movable, so it takes no --movable")
+            return experiment.build(device)
         how: dict[str, Any] = {name: getattr(self, name) for name in scene_options if name != "labels"}
-        return Scene.load(file, device=device, labels=parse_labels(self.labels), movable=list(movable), **how)
+        return Scene.load(file, device=device, labels=parse_labels(self.labels), movable=movable, **how)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,23 +90,38 @@ class ViewpointOptions(SceneOptions):
     """kinect, or a JSON file with width, height, hfov (radians) or K, near and far (metres)."""
     convention: Axes | None = None
     """Axes of the camera frame of the poses; those of the pose file's format by default."""
-    file_format: Literal["tum", "npy", "npz", "csv", "parquet", "nerfstudio", "bop", "ros"] | None = None
+    quaternion: Literal["xyzw", "wxyz"] = "xyzw"
+    """Order of the quaternions in poses of 7 numbers that are given as numbers, or in .npy and .npz files."""
+    file_format: PoseFormat | None = None
     """The pose file's format, where its name does not tell."""
     topic: str | None = None
     """Of a ROS 2 bag: the topic of the poses."""
 
     def read_poses(self, path: str) -> Frames:
-        """Read a pose file."""
+        """Read a pose file; its quaternions are in the order of `quaternion` where its format leaves that open."""
         from warpvis.io import read_frames
 
-        form: Any = {"convention": self.convention, "file_format": self.file_format, "topic": self.topic}
-        return read_frames(path, **form)
+        quaternion = self.quaternion if self.orders(path) else "xyzw"
+        return read_frames(
+            path,
+            convention=self.convention,
+            quaternion=quaternion,
+            file_format=self.file_format,
+            topic=self.topic,
+        )
+
+    def orders(self, path: str) -> bool:
+        """Tell whether `quaternion` has an effect on a pose file."""
+        from warpvis.io import leaves_order_open
+
+        return leaves_order_open(Path(path), self.file_format)
 
     def load_pose(self, text: str, option: str, up: str) -> NDArray[np.float64]:
         """Read one pose: six numbers, eye and target; seven, a row; or a file or spec of one pose.
 
         Args:
-            text: ``x y z tx ty tz``, ``x y z qx qy qz qw`` for the axes of `convention`, or as for --poses.
+            text: ``x y z tx ty tz``, ``x y z qx qy qz qw`` for the axes of `convention` and with the numbers in the
+                order of `quaternion`, or as for --poses.
             option: What messages call it.
             up: The scene's vertical axis, which points up in the images of the first form.
 
@@ -102,11 +131,12 @@ class ViewpointOptions(SceneOptions):
         Raises:
             PoseError: It is none of these.
         """
-        from warpvis.core.poses import look_at, poses_to_opencv
+        from warpvis.core.poses import look_at, poses_to_opencv, to_xyzw
 
         numbers = _numbers(text)
         if len(numbers) == 7:
-            return poses_to_opencv(numbers, self.convention or "opencv", name=option)[0]
+            pose = to_xyzw(numbers, self.quaternion, option)
+            return poses_to_opencv(pose, self.convention or "opencv", name=option)[0]
         if len(numbers) == 6:
             try:
                 return look_at(numbers[:3], numbers[3:], up=up)
@@ -128,7 +158,8 @@ class FrameOptions(ViewpointOptions):
     """How a scene, a camera and the frames to see of it are read."""
 
     movable: Names = ()
-    """Names or patterns of the objects that --worlds, or object_poses of the pose file, places, in the file's order."""
+    """Names or patterns of the objects that --worlds, or object_poses of the pose file, places, in the file's order; or
+    the one word model: what MJCF or URDF says moves, a pose for each body ([m]odel is an object of that name)."""
     worlds: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """Where the movable objects are: .npz with object_poses, rows x y z qx qy qz qw, (W, M, 7), of what mesh files hold
     in the file's frame; and, unless each frame has a world of its own, world_index, (frames,)."""
@@ -149,11 +180,15 @@ class FrameOptions(ViewpointOptions):
             refuse_options(self, ("convention", "file_format", "topic"), "poses that are made need")
         else:
             frames = self.read_poses(poses)
-        scene = self.load_scene(file, device=device, movable=split_names(self.movable))
+        if self.worlds is None and (made or not self.orders(poses)):
+            why = "are made" if made else f"are in {poses}, whose format says what their order is,"
+            refuse_options(self, ("quaternion",), f"poses that {why} need")
+        names = split_names(self.movable)
+        scene = self.load_scene(file, device=device, movable=names == [_BY_MODEL] or names)
         if frames is None:
             frames = frames_from_spec(poses, scene, up=scene.up)
         if self.worlds is not None:
-            frames = _with_worlds(frames, self.worlds)
+            frames = _with_worlds(frames, self.worlds, self.quaternion)
         placed = 0 if frames.object_poses is None else frames.object_poses.shape[1]
         if self.movable and not placed:
             raise SceneError("--movable has no effect without poses of objects: give --worlds")
@@ -169,6 +204,19 @@ scene_options = tuple(field.name for field in fields(SceneOptions))
 """Names of the options that say how a scene's file is read."""
 viewpoint_options = tuple(field.name for field in fields(ViewpointOptions))
 """Those, and how a camera and poses are."""
+
+
+_BY_MODEL = "model"
+"""In place of the names of what is movable: what the model says."""
+
+
+def find_experiment(file: Path) -> Experiment | None:
+    """Return the experiment of the demo that is named in place of a file, if there is no file of that name."""
+    if file.exists():
+        return None
+    from warpvis.scenes import EXPERIMENTS
+
+    return next((experiment for experiment in EXPERIMENTS if experiment.name == str(file)), None)
 
 
 def given_options(command: Any, names: Sequence[str]) -> list[str]:
@@ -200,6 +248,8 @@ def check_viewpoints(command: ViewpointOptions, texts: Sequence[str]) -> None:
         refuse_options(command, ("file_format", "topic"), "poses that are given as numbers take")
     if all(count == 6 for count in counts):
         refuse_options(command, ("convention",), "poses that are given by what they look at take")
+    if not any(count == 7 or (not count and command.orders(text)) for count, text in zip(counts, texts, strict=True)):
+        refuse_options(command, ("quaternion",), "poses by what they look at, and of formats with an order, take")
 
 
 def _numbers(text: str) -> list[float]:
@@ -230,18 +280,21 @@ def parse_labels(words: Sequence[str]) -> dict[str, str]:
     return labels
 
 
-def _with_worlds(frames: Frames, path: Path) -> Frames:
-    """The frames, with the objects' poses from a file.
+def _with_worlds(frames: Frames, path: Path, quaternion: QuaternionOrder) -> Frames:
+    """Return the frames with the objects' poses from a file.
 
     Raises:
         FileFormatError: It cannot be read, or does not hold such poses.
     """
     from warpvis.core.frames import Frames
+    from warpvis.core.poses import to_xyzw
     from warpvis.io import read_archive
 
-    found: dict[str, Any] = read_archive(path, ("object_poses", "world_index"), "object_poses")
+    found = read_archive(path, ("object_poses", "world_index"), "object_poses")
     try:
-        moved = Frames.from_poses(frames.camera_to_world, **found)
+        objects = to_xyzw(found["object_poses"], quaternion, "object_poses")
+        worlds = found.get("world_index")
+        moved = Frames.from_poses(frames.camera_to_world, object_poses=objects, world_index=worlds)
     except WarpvisError as error:
         raise FileFormatError(f"{path}: {error}") from None
     source = {**frames.source, "worlds": path.name}

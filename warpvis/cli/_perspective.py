@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from warpvis.cli._inputs import (
-    FILE_HELP,
+    SceneFile,
     ViewpointOptions,
     check_viewpoints,
+    find_experiment,
     refuse_options,
     split_names,
     viewpoint_options,
@@ -25,18 +26,17 @@ from warpvis.errors import PoseError
 if TYPE_CHECKING:
     from warpvis.planning import Proposal
     from warpvis.scene import Scene
-    from warpvis.scenes import Experiment
     from warpvis.visibility import Agent, Candidate
-
-
-_EXPERIMENTS = "experiment_1 to experiment_4, which need no other option"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Perspective(ViewpointOptions):
-    """Which objects a robot and a person see, which the person may mean, and where the robot could go to see them."""
+    """Say what a robot and a person see, what the person may mean, and where the robot could go to see it.
 
-    file: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FILE", help=f"{FILE_HELP} Or {_EXPERIMENTS}.")]
+    The experiments come with their robot and their person, and need no option.
+    """
+
+    file: SceneFile
     robot: Annotated[str | None, tyro.conf.arg(metavar="POSE")] = None
     """The robot's camera: where it is and what it looks at, "x y z tx ty tz" (metres), or "x y z qx qy qz qw"; or a
     file of one pose."""
@@ -104,7 +104,7 @@ class Perspective(ViewpointOptions):
         from warpvis.io import load_camera
         from warpvis.visibility import Agent
 
-        experiment = None if self.file.exists() else _experiment(str(self.file))
+        experiment = find_experiment(self.file)
         if experiment is not None:
             self._refuse_options(experiment.name)
             return experiment.build(self.device), *experiment.agents()
@@ -125,12 +125,6 @@ class Perspective(ViewpointOptions):
         """An experiment has its own agents, labels and units."""
         own = ("robot", "human", "robot_body", "human_body", *viewpoint_options)
         refuse_options(self, own, f"{name} comes with its robot and its person, so it takes")
-
-
-def _experiment(name: str) -> Experiment | None:
-    from warpvis.scenes import EXPERIMENTS
-
-    return next((experiment for experiment in EXPERIMENTS if experiment.name == name), None)
 
 
 def _report(found: list[Candidate], missed: list[str], proposal: Proposal | None) -> dict[str, Any]:

@@ -176,14 +176,19 @@ def to_xyzw(poses: PoseLike, quaternion: QuaternionOrder, name: str) -> PoseLike
         PoseError: There is no such order.
         ArrayError: The poses are no array of numbers.
     """
-    if not isinstance(quaternion, str) or quaternion not in get_args(QuaternionOrder):
-        raise PoseError(f'quaternion must be "xyzw" or "wxyz", got {quaternion!r}')
+    check_quaternion(quaternion)
     if quaternion == "xyzw" or poses is None:
         return poses
     if on_gpu(poses):
         return _to_xyzw_on_device(poses if isinstance(poses, wp.array) else _from_foreign(poses, name))
     rows = as_numpy(poses.numpy() if isinstance(poses, wp.array) else poses, name=name)
     return rows[..., [0, 1, 2, 4, 5, 6, 3]] if rows.shape[-1:] == (7,) else rows
+
+
+def check_quaternion(quaternion: object) -> None:
+    """Raise a `PoseError` for what is no order of quaternions."""
+    if not isinstance(quaternion, str) or quaternion not in get_args(QuaternionOrder):
+        raise PoseError(f'quaternion must be "xyzw" or "wxyz", got {quaternion!r}')
 
 
 def check_convention(convention: object) -> Convention:

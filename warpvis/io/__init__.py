@@ -17,7 +17,7 @@ from warpvis.io._depth import (
 from warpvis.io._files import read_archive as read_archive
 from warpvis.io._points import read_points
 from warpvis.io._scene_files import export_scene as export_scene, read_parts as read_parts
-from warpvis.io.poses._frames import read_frames as read_frames
+from warpvis.io.poses._frames import leaves_order_open as leaves_order_open, read_frames as read_frames
 from warpvis.io.poses._tum import read_poses
 
 __all__ = [

@@ -16,7 +16,7 @@ from warpvis.core.arrays import as_numpy, check_shape
 from warpvis.core.camera import Camera, require_camera
 from warpvis.core.checks import as_items, check_text, is_number
 from warpvis.core.labels import Label
-from warpvis.core.poses import look_at, poses_to_matrices, poses_to_opencv
+from warpvis.core.poses import QuaternionOrder, look_at, poses_to_matrices, poses_to_opencv, to_xyzw
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
 from warpvis.maps import MAP_LEGEND, FloorMap
@@ -66,6 +66,7 @@ def save_overview(
     title: str,
     eye: Sequence[float],
     target: Sequence[float],
+    quaternion: QuaternionOrder = "xyzw",
 ) -> None:
     """Write one picture of a view: the scene from outside, the depth image and the floor map.
 
@@ -81,7 +82,9 @@ def save_overview(
         title: Heading.
         eye: Where the scene is looked at from [m].
         target: What is in the middle of the picture [m].
+        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
     """
+    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     check_text(title, "title")
     require_scene(scene)
     if not isinstance(_require_views(views, camera), Views) or not isinstance(floor_map, FloorMap):
@@ -104,6 +107,8 @@ def view_from_outside(
     camera_to_world: ArrayLike,
     depth: ArrayInput,
     segmentation: ArrayInput,
+    *,
+    quaternion: QuaternionOrder = "xyzw",
 ) -> NDArray[np.float64]:
     """Make a shaded picture of a scene in which only what a camera sees has colour.
 
@@ -115,10 +120,13 @@ def view_from_outside(
         camera_to_world: Its pose.
         depth: What that camera sees: planar depth [m], shape ``(h, w)``.
         segmentation: The objects that it sees, shape ``(h, w)``, -1 for none.
+        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
 
     Returns:
         Red, green and blue from 0 to 1, shape ``(H, W, 3)``.
     """
+    outside_to_world = to_xyzw(outside_to_world, quaternion, "outside_to_world")
+    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     require_scene(scene)
     require_camera(outside)
     require_camera(camera)

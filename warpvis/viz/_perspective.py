@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.core.camera import Camera
 from warpvis.core.checks import check_text
 from warpvis.core.labels import Label
-from warpvis.core.poses import poses_to_matrices, poses_to_opencv
+from warpvis.core.poses import QuaternionOrder, poses_to_matrices, poses_to_opencv, to_xyzw
 from warpvis.core.types import ObjectPoses
 from warpvis.maps import map_numbers
 from warpvis.scene import Scene
@@ -56,6 +56,7 @@ def save_perspective(
     target: ArrayLike | None = None,
     proposed: ArrayLike | None = None,
     object_poses: ObjectPoses = None,
+    quaternion: QuaternionOrder = "xyzw",
 ) -> None:
     """Write one picture of two agents' views: the scene from outside, what each sees, and the floor that each sees.
 
@@ -74,6 +75,7 @@ def save_perspective(
         target: What is in the middle then [m]; the middle of the scene by default.
         proposed: A pose to which the first agent could go, row ``x y z qx qy qz qw``, to be drawn on its map.
         object_poses: Where the movable objects are in this situation, ``(M, 7)``; by default where `seen` has them.
+        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
 
     Raises:
         WarpvisError: These are not two agents of `seen`, an argument is not what it has to be, or the picture cannot be
@@ -88,8 +90,8 @@ def save_perspective(
         labels=labels,
         eye=eye,
         target=target,
-        proposed=proposed,
-        object_poses=object_poses,
+        proposed=to_xyzw(proposed, quaternion, "proposed"),
+        object_poses=to_xyzw(object_poses, quaternion, "object_poses"),
     )
     save_figure(figure, path)
 

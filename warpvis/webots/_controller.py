@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, check_metres
 from warpvis.core.camera import Camera
-from warpvis.core.poses import poses_to_matrices, poses_to_opencv
+from warpvis.core.poses import QuaternionOrder, poses_to_matrices, poses_to_opencv, to_xyzw
 from warpvis.errors import ArrayError, PoseError
 from warpvis.maps import FloorMap, back_project, classify, floor_map
 from warpvis.webots._nodes import Version
@@ -99,16 +99,18 @@ class DepthEye:
         values = np.where(beyond, np.float32(np.inf), values)
         return np.where(missing, np.float32(np.nan), values).reshape(size)
 
-    def pose(self, node_pose: ArrayLike | None = None) -> NDArray[np.float64]:
+    def pose(self, node_pose: ArrayLike | None = None, *, quaternion: QuaternionOrder = "xyzw") -> NDArray[np.float64]:
         """OpenCV camera to world, ``x y z qx qy qz qw``, shape ``(7,)``.
 
         Args:
             node_pose: Pose of the node in the world, ``x y z qx qy qz qw`` or a 4x4 matrix; by default the node is
                 asked.
+            quaternion: Order of the quaternion in a `node_pose` of 7 numbers, ``"xyzw"`` or ``"wxyz"``.
 
         Raises:
             PoseError: The pose is none, or there is no node to ask.
         """
+        node_pose = to_xyzw(node_pose, quaternion, "node_pose")
         if node_pose is None:
             matrix = self._ask_node()
         else:
@@ -118,13 +120,15 @@ class DepthEye:
             matrix = poses_to_matrices(rows[0])
         return poses_to_opencv(matrix @ self._mount, "ros_body" if self._version.z_up else "opengl", name="the pose")[0]
 
-    def points(self, node_pose: ArrayLike | None = None) -> Any:
+    def points(self, node_pose: ArrayLike | None = None, *, quaternion: QuaternionOrder = "xyzw") -> Any:
         """Measured points in the world [m], shape ``(1, H, W)`` vec3; NaN where nothing was measured."""
-        return back_project(self.depth(), self.camera, self.pose(node_pose))
+        return back_project(self.depth(), self.camera, self.pose(node_pose, quaternion=quaternion))
 
-    def classify(self, node_pose: ArrayLike | None = None, **options: Any) -> Any:
+    def classify(
+        self, node_pose: ArrayLike | None = None, *, quaternion: QuaternionOrder = "xyzw", **options: Any
+    ) -> Any:
         """Labels of the pixels by the paper's cases, shape ``(1, H, W)`` uint8; `options` are `warpvis.classify`'s."""
-        return classify(self.depth(), self.camera, self.pose(node_pose), **options)
+        return classify(self.depth(), self.camera, self.pose(node_pose, quaternion=quaternion), **options)
 
     def floor_map(
         self,
@@ -133,6 +137,7 @@ class DepthEye:
         bounds: ArrayLike,
         cell_size: float = 0.02,
         up: Literal["z", "y"] = "z",
+        quaternion: QuaternionOrder = "xyzw",
         **options: Any,
     ) -> FloorMap:
         """What is seen, projected to the floor.
@@ -142,12 +147,13 @@ class DepthEye:
             bounds: As for `warpvis.floor_map`.
             cell_size: Likewise.
             up: The world's vertical axis.
+            quaternion: As for `pose`.
             **options: Of `warpvis.classify`: `spheres`, `ground_tolerance`, `ground_height`, ...
 
         Raises:
             WarpvisError: An argument is not what it has to be.
         """
-        depth, pose = self.depth(), self.pose(node_pose)  # once: the simulation goes on
+        depth, pose = self.depth(), self.pose(node_pose, quaternion=quaternion)  # once: the simulation goes on
         labels = classify(depth, self.camera, pose, up=up, **options)
         points = back_project(depth, self.camera, pose)
         return floor_map(

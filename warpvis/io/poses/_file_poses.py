@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.frames import Frames
-from warpvis.core.poses import Convention
+from warpvis.core.poses import Convention, QuaternionOrder
 from warpvis.errors import FileFormatError, PoseError, WarpvisError
 
 
@@ -36,8 +36,10 @@ class FilePoses:
     details: Mapping[str, Any] = field(default_factory=dict)
     """What else says where the poses come from."""
 
-    def to_frames(self, path: Path, file_format: str, convention: Convention | None) -> Frames:
-        """The frames.
+    def to_frames(
+        self, path: Path, file_format: str, convention: Convention | None, quaternion: QuaternionOrder = "xyzw"
+    ) -> Frames:
+        """Make the frames, of what has its quaternions in that order.
 
         Raises:
             FileFormatError: There are no poses, or values are not what they have to be; the first is named.
@@ -46,25 +48,28 @@ class FilePoses:
             raise FileFormatError(f"{path}: holds no poses")
         axes = convention or self.convention
         source = {"file": path.name, "format": file_format, "convention": axes, **self.details}
+        if quaternion != "xyzw":
+            source["quaternion"] = quaternion
         try:
             return Frames.from_poses(
                 self.poses,
                 convention=axes,
+                quaternion=quaternion,
                 timestamps=self.timestamps,
                 object_poses=self.object_poses,
                 world_index=self.world_index,
                 source=source,
             )
         except WarpvisError as error:
-            self._refuse_first(axes)
+            self._refuse_first(axes, quaternion)
             raise FileFormatError(f"{path}: {error}") from None
 
-    def _refuse_first(self, convention: Convention) -> None:
+    def _refuse_first(self, convention: Convention, quaternion: QuaternionOrder) -> None:
         """Name the first malformed pose by its place, if one is: halving finds it."""
 
         def problem(count: int) -> str:
             try:
-                Frames.from_poses(self.poses[:count], convention=convention)
+                Frames.from_poses(self.poses[:count], convention=convention, quaternion=quaternion)
             except PoseError as error:
                 return str(error).partition(": ")[0]
             return ""

@@ -12,7 +12,7 @@ import numpy as np
 
 from warpvis.core.checks import as_path
 from warpvis.core.frames import Frames
-from warpvis.core.poses import Convention, check_convention
+from warpvis.core.poses import Convention, QuaternionOrder, check_convention, check_quaternion
 from warpvis.errors import FileFormatError
 from warpvis.io._files import read_archive, read_array, read_json
 from warpvis.io.poses._bop import parse_bop
@@ -38,6 +38,7 @@ def read_frames(
     path: str | os.PathLike[str],
     *,
     convention: Convention | None = None,
+    quaternion: QuaternionOrder = "xyzw",
     file_format: PoseFormat | None = None,
     topic: str | None = None,
 ) -> Frames:
@@ -64,6 +65,8 @@ def read_frames(
         convention: Axes of the camera frame that the poses are for. By default the format's: ``"opengl"`` for
             nerfstudio; for ROS ``"opencv"`` where the frame's name ends in ``_optical_frame`` and ``"ros_body"``
             elsewhere; ``"opencv"`` for every other.
+        quaternion: Order of the quaternions of ``npy`` and ``npz``, of cameras and objects: ``"xyzw"`` or ``"wxyz"``.
+            The other formats define theirs.
         file_format: The file's format; by default its suffix tells, and of JSON files the content.
         topic: Of a ROS 2 bag: the topic to read.
 
@@ -72,22 +75,35 @@ def read_frames(
 
     Raises:
         FileFormatError: The file is missing, holds no poses, or is malformed: it is named, and the line, row, frame,
-            image or message.
-        PoseError: `convention` is none.
+            image or message. Or `topic` or `quaternion` has no effect on such a file.
+        PoseError: `convention` or `quaternion` is none.
     """
     path = as_path(path)
     if convention is not None:
         check_convention(convention)
+    check_quaternion(quaternion)
     if file_format is not None and not (isinstance(file_format, str) and file_format in get_args(PoseFormat)):
         raise FileFormatError(f"file_format must be one of {', '.join(get_args(PoseFormat))}, got {file_format!r}")
     if not os.path.exists(path):
         raise FileFormatError(f"{path}: no such file")
+    if quaternion != "xyzw" and not leaves_order_open(path, file_format):
+        raise FileFormatError(f"{path}: quaternion= is for .npy and .npz: other formats say what their order is")
     kind, poses = _read(path, file_format, topic)
-    return poses.to_frames(path, kind, convention)
+    return poses.to_frames(path, kind, convention, quaternion)
+
+
+def leaves_order_open(path: Path, file_format: PoseFormat | None = None) -> bool:
+    """Tell whether a pose file is of a format that does not define the order of quaternions."""
+    return _known_kind(path, file_format) in ("npy", "npz")
+
+
+def _known_kind(path: Path, file_format: PoseFormat | None) -> PoseFormat | None:
+    """Name the format that the caller or the file's name says, if one does."""
+    return file_format or ("ros" if os.path.isdir(path) else _SUFFIXES.get(path.suffix.lower()))
 
 
 def _read(path: Path, file_format: PoseFormat | None, topic: str | None) -> tuple[str, FilePoses]:
-    kind = file_format or ("ros" if os.path.isdir(path) else _SUFFIXES.get(path.suffix.lower()))
+    kind = _known_kind(path, file_format)
     if topic is not None and kind != "ros":
         raise FileFormatError(f"{path}: topic= is for ROS 2 bags, which this is not")
     if kind == "ros":
