@@ -164,6 +164,16 @@ def test_what_is_no_dataset_is_not_verified(workspace):
         Verify("taken").run()
 
 
+@pytest.mark.parametrize(
+    "manifest",
+    [{}, {"format": "npz", "frames": 9, "shard_frames": 0, "poses": {"sha256": ""}}, {"format": "npz", "frames": "9"}],
+)
+def test_a_manifest_that_does_not_say_what_there_is_is_not_verified(tmp_path, manifest):
+    (tmp_path / "manifest.json").write_text(json.dumps({"warpvis_dataset": 1, **manifest}))
+    with pytest.raises(wv.errors.FileFormatError, match=r"is no dataset: its manifest.json does not say what it holds"):
+        Verify(str(tmp_path)).run()
+
+
 def test_an_interrupted_job_says_how_to_go_on(workspace):
     many = ORBIT.replace("count=9", "count=100000")
     assert many != ORBIT

@@ -3,6 +3,7 @@
 """A batch job that was interrupted, however it was, gives the bytes of one that was not."""
 
 import errno
+import json
 import os
 import shutil
 import signal
@@ -131,6 +132,16 @@ def test_resuming_something_else_is_refused(whole, case):
     with pytest.raises(wv.errors.FileFormatError, match=f"cannot be continued, .*: .*{message}"):
         run(whole, resume=True, **change)
     assert tree(whole) == before
+
+
+@pytest.mark.parametrize("objects", [[], {"floor": 1}])
+def test_resuming_from_a_manifest_whose_objects_are_none_is_refused(tmp_path, whole, objects):
+    shutil.copytree(whole, tmp_path / "out")
+    manifest = json.loads((whole / "manifest.json").read_text())
+    manifest["scene"]["objects"] = objects
+    (tmp_path / "out" / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(wv.errors.FileFormatError, match=r"cannot be continued, .*scene's object"):
+        run(tmp_path / "out", resume=True)
 
 
 def test_folders_that_are_taken(tmp_path, whole):

@@ -5,11 +5,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from warpvis.batch._manifest import MANIFEST, manifest_text, parse_manifest, require_same
+from warpvis.batch._job import frame_arrays
+from warpvis.batch._manifest import MANIFEST, Manifest, manifest_text, parse_manifest, require_same
 from warpvis.batch._records import INDEX_RECORD, Record, commit, read_whole, shard_record
 from warpvis.batch._writer import WorkerLostError
 from warpvis.batch.formats._npz import npz_parts
@@ -27,7 +28,7 @@ POSES = "poses.npz"
 class Dataset:
     """The folder of a job: its manifest, its poses, the records of its shards, and its index."""
 
-    def __init__(self, out: str | os.PathLike[str], plan: Plan, layout: Format, manifest: Mapping[str, Any]) -> None:
+    def __init__(self, out: str | os.PathLike[str], plan: Plan, layout: Format, manifest: Manifest) -> None:
         """The dataset at `out`; nothing is written yet."""
         self._store: Store = open_store(out)
         self._plan, self._layout, self._manifest = plan, layout, manifest
@@ -112,12 +113,9 @@ class Dataset:
 
     def _begin(self, *, known: bool) -> None:
         """Write the manifest, if it is not there, and the poses."""
-        frames = self._plan.frames
-        arrays = {"camera_to_world": frames.camera_to_world, "timestamps": frames.timestamps}
-        arrays |= {name: getattr(frames, name) for name in ("object_poses", "world_index")}
         with self._store.new_files() as files:
             files.write_text(MANIFEST, manifest_text(self._manifest))
-            files.write(POSES, *npz_parts({name: array for name, array in arrays.items() if array is not None}))
+            files.write(POSES, *npz_parts(frame_arrays(self._plan.frames)))
             self._store.put(files, [POSES] if known else [MANIFEST, POSES])
 
     def _missing(self) -> list[int]:

@@ -9,18 +9,19 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING, TypeAlias, TypeGuard
 
 import numpy as np
 import warp as wp
-from numpy.typing import NDArray
 
 from warpvis.batch.formats._base import VISIBILITY_ARRAYS
 from warpvis.core.arrays import as_numpy, check_metres, get_device
 from warpvis.core.camera import Camera, require_camera
 from warpvis.core.checks import as_items, check_flag, check_mapping
+from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, SceneError
-from warpvis.rendering import OUTPUTS, Caster, Renderer, Views, check_outputs
+from warpvis.rendering import OUTPUTS, Caster, Output, Renderer, Views, check_outputs
 from warpvis.scene import Scene, require_scene
 from warpvis.visibility import choose_objects, object_visibility
 
@@ -30,9 +31,14 @@ if TYPE_CHECKING:
 VISIBILITY = "visibility"
 """The output that is no image: what `warpvis.object_visibility` says."""
 
-
 BATCH_OUTPUTS = (*OUTPUTS, VISIBILITY)
 """All outputs of a batch."""
+
+SceneSource: TypeAlias = Scene | str | os.PathLike[str] | Callable[[], Scene]
+"""A scene, a file for `Scene.load`, or a function that makes a scene."""
+
+Batch: TypeAlias = Mapping[str, np.ndarray]
+"""Arrays of frames, by name."""
 
 
 class FrameRenderer:
@@ -49,7 +55,7 @@ class FrameRenderer:
 
     def __init__(
         self,
-        scene: Scene | str | os.PathLike[str] | Callable[[], Scene],
+        scene: SceneSource,
         camera: Camera,
         *,
         outputs: Sequence[str] = ("depth",),
@@ -58,7 +64,7 @@ class FrameRenderer:
         delta: float = 0.0,
         masks: bool = False,
         any_depth: bool = False,
-        device: Any = None,
+        device: DeviceLike = None,
         threads: int | None = None,
         caster: Caster = "auto",
     ) -> None:
@@ -83,20 +89,25 @@ class FrameRenderer:
         self.outputs = check_outputs(outputs, BATCH_OUTPUTS)
         self.scene = make_scene(scene, device)
         self.camera = require_camera(camera)
-        self.images = tuple(name for name in self.outputs if name != VISIBILITY)
-        self._eye = replace(camera, near=0.0, far=math.inf) if check_flag(any_depth, "any_depth") else camera
+        self.images = tuple(name for name in self.outputs if _is_image(name))
+        eye = replace(camera, near=0.0, far=math.inf) if check_flag(any_depth, "any_depth") else camera
         self._exclude = choose_excluded(self.scene, exclude) or None
-        self._visibility = {
-            "objects": choose_objects(self.scene, objects) if VISIBILITY in self.outputs else None,
-            "delta": check_metres(delta, "delta"),
-            "masks": check_flag(masks, "masks"),
-            "caster": caster,
-            "threads": threads,
-        }
-        given: dict[str, Any] = {"outputs": self.images, "caster": caster, "threads": threads}
-        self._renderer = Renderer(self.scene, self.camera, **given) if self.images else None
+        self._object_visibility = partial(
+            object_visibility,
+            self.scene,
+            eye,
+            objects=choose_objects(self.scene, objects) if VISIBILITY in self.outputs else None,
+            delta=check_metres(delta, "delta"),
+            masks=check_flag(masks, "masks"),
+            exclude=self._exclude,
+            caster=caster,
+            threads=threads,
+        )
+        self._renderer = None
+        if self.images:
+            self._renderer = Renderer(self.scene, self.camera, outputs=self.images, caster=caster, threads=threads)
 
-    def __call__(self, batch: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    def __call__(self, batch: Batch) -> dict[str, np.ndarray]:
         """Render a batch of n frames.
 
         Args:
@@ -113,30 +124,27 @@ class FrameRenderer:
         """
         return {**check_mapping(batch, "a batch"), **self.render(batch)}
 
-    def render(self, batch: Mapping[str, NDArray[Any]], *, out: ImageBuffers | None = None) -> dict[str, NDArray[Any]]:
+    def render(self, batch: Batch, *, out: ImageBuffers | None = None) -> dict[str, np.ndarray]:
         """The arrays alone, of images in `out` if that is given; they are valid until it is written to again."""
         if "camera_to_world" not in check_mapping(batch, "a batch"):
             raise ArrayError(f"a batch must hold camera_to_world, got {', '.join(map(str, batch)) or 'nothing'}")
         poses = as_numpy(batch["camera_to_world"], name="camera_to_world")
         if poses.ndim < 2:
             raise ArrayError(f"camera_to_world must have shape (n, 7) or (n, 4, 4), got {poses.shape}")
-        moved: dict[str, Any] = {
-            name: batch[name] for name in ("object_poses", "world_index") if batch.get(name) is not None
-        }
-        found: dict[str, NDArray[Any]] = {}
+        objects, worlds = batch.get("object_poses"), batch.get("world_index")
+        found: dict[str, np.ndarray] = {}
         if self._renderer is not None:
             single = poses.astype(np.float32) if poses.dtype == np.float64 and poses.ndim == 2 else poses
             out = out or ImageBuffers(self.images, self.camera, len(poses))
             views, found = out.first(len(poses))
-            self._renderer.render(single, exclude=self._exclude, out=views, **moved)
+            self._renderer.render(single, object_poses=objects, world_index=worlds, exclude=self._exclude, out=views)
         if VISIBILITY in self.outputs:
-            found |= self._see(poses, moved)
+            found |= self._see(poses, objects, worlds)
         return found
 
-    def _see(self, poses: NDArray[Any], moved: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+    def _see(self, poses: np.ndarray, objects: np.ndarray | None, worlds: np.ndarray | None) -> dict[str, np.ndarray]:
         """What visibility says, by the names of files."""
-        options: Any = {**self._visibility, **moved}
-        seen = object_visibility(self.scene, self._eye, poses, exclude=self._exclude, **options)
+        seen = self._object_visibility(poses, object_poses=objects, world_index=worlds)
         fields = {name: "fraction" if name == "visible_fraction" else name for name in VISIBILITY_ARRAYS}
         arrays = {name: getattr(seen, field) for name, field in fields.items()}
         if seen.masks is not None:
@@ -156,16 +164,16 @@ class ImageBuffers:
         shape = (frames, camera.height, camera.width)
         self._arrays = {name: _page_aligned(shape, OUTPUTS[name], pinned) for name in images}
 
-    def first(self, frames: int) -> tuple[Views, dict[str, NDArray[Any]]]:
+    def first(self, frames: int) -> tuple[Views, dict[str, np.ndarray]]:
         """The first images, as the renderer writes them and as formats read them."""
         views = {name: array if frames == len(array) else array[:frames] for name, array in self._arrays.items()}
         return Views(**views), {name: array.numpy() for name, array in views.items()}
 
 
-def frames_batch(frames: Frames, part: slice) -> dict[str, NDArray[Any]]:
+def frames_batch(frames: Frames, part: slice) -> Batch:
     """What a renderer needs of some of the frames; only the worlds that they are in."""
     some = frames[part]
-    batch: dict[str, NDArray[Any]] = {"camera_to_world": some.camera_to_world}
+    batch: dict[str, np.ndarray] = {"camera_to_world": some.camera_to_world}
     if some.object_poses is not None:
         batch["object_poses"] = some.object_poses
         if some.world_index is not None:
@@ -175,13 +183,13 @@ def frames_batch(frames: Frames, part: slice) -> dict[str, NDArray[Any]]:
     return batch
 
 
-def choose_excluded(scene: Scene, exclude: Any) -> list[int]:
+def choose_excluded(scene: Scene, exclude: Sequence[str | int] | None) -> list[int]:
     """Indices of the objects that no frame shows; none for None or an empty list."""
     given = [] if exclude is None else as_items(exclude, "exclude", SceneError)
     return choose_objects(scene, given) if given else []
 
 
-def make_scene(scene: Any, device: Any) -> Scene:
+def make_scene(scene: SceneSource, device: DeviceLike) -> Scene:
     """The scene that `FrameRenderer` was given, on a device.
 
     Raises:
@@ -199,7 +207,12 @@ def make_scene(scene: Any, device: Any) -> Scene:
     return scene if device is None or scene.device == get_device(device) else scene.to(device)
 
 
-def _page_aligned(shape: tuple[int, ...], dtype: Any, pinned: bool) -> wp.array:
+def _is_image(output: str) -> TypeGuard[Output]:
+    """Tell whether an output is one of the renderer's images."""
+    return output in OUTPUTS
+
+
+def _page_aligned(shape: tuple[int, ...], dtype: type, pinned: bool) -> wp.array:
     """An array of the host that begins at a page of memory."""
     if pinned:
         return wp.empty(shape, dtype=dtype, device="cpu", pinned=True)

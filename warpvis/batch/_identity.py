@@ -9,7 +9,7 @@ import math
 import zlib
 from dataclasses import asdict
 from importlib import metadata
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
@@ -19,7 +19,25 @@ if TYPE_CHECKING:
     from warpvis.scene import Scene, SceneObject
 
 
-def hash_values(*values: Any) -> str:
+class ObjectDescription(TypedDict):
+    """What a manifest says of an object."""
+
+    label: str
+    vertices: int
+    faces: int
+    movable: bool
+    sha256: str
+
+
+class SceneDescription(TypedDict):
+    """What a manifest says of a scene."""
+
+    up: str
+    sha256: str
+    objects: dict[str, ObjectDescription]
+
+
+def hash_values(*values: object) -> str:
     """SHA-256 of arrays, with their dtypes and shapes, and of what `str` says of anything else, as hexadecimal text."""
     digest = hashlib.sha256()
     for value in values:
@@ -40,9 +58,9 @@ def object_hash(item: SceneObject) -> str:
     return hash_values(item.name, int(item.label), item.movable, mesh, item.faces, item.pose, item.carrier, *shape)
 
 
-def describe_scene(scene: Scene) -> dict[str, Any]:
+def describe_scene(scene: Scene) -> SceneDescription:
     """What a manifest says of a scene: of every object its label, its size and its hash, and one hash of them all."""
-    objects = {
+    objects: dict[str, ObjectDescription] = {
         item.name: {
             "label": item.label.name,
             "vertices": len(item.vertices),
@@ -61,7 +79,7 @@ def scene_hash(scene: Scene) -> str:
     return describe_scene(scene)["sha256"]
 
 
-def describe_camera(camera: Camera) -> dict[str, Any]:
+def describe_camera(camera: Camera) -> dict[str, float | None]:
     """A camera's fields; `far` is None where it is infinite, since JSON has no such number."""
     fields = asdict(camera)
     return {**fields, "far": None if math.isinf(camera.far) else camera.far}

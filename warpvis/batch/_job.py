@@ -6,11 +6,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from warpvis.core.camera import Camera
     from warpvis.core.frames import Frames
+
+Options = Mapping[str, str | float]
+"""A format's options by name: texts, numbers or flags."""
+
+
+FRAME_ARRAYS = ("camera_to_world", "timestamps", "object_poses", "world_index")
+"""Names of the arrays of `Frames`, there and in files."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +52,7 @@ class Plan:
     """Indices of objects that no frame shows."""
     up: str = "z"
     """The world's vertical axis."""
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Options = field(default_factory=dict)
     """The format's options, as the user gave them."""
 
     @property
@@ -55,6 +64,12 @@ class Plan:
         """The frames of a shard."""
         first = shard * self.shard_frames
         return slice(first, min(first + self.shard_frames, len(self.frames)))
+
+
+def frame_arrays(frames: Frames) -> dict[str, np.ndarray]:
+    """Return the arrays that frames have, by name."""
+    arrays = {name: getattr(frames, name) for name in FRAME_ARRAYS}
+    return {name: array for name, array in arrays.items() if array is not None}
 
 
 def shard_name(shard: int) -> str:

@@ -6,13 +6,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple, TypedDict
 
-from warpvis.batch._identity import describe_camera, describe_scene, frames_hash, versions
+from warpvis.batch._identity import SceneDescription, describe_camera, describe_scene, frames_hash, versions
+from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 
 if TYPE_CHECKING:
-    from warpvis.batch._job import Plan
+    from warpvis.batch._job import Options, Plan
     from warpvis.batch.formats._base import Format
     from warpvis.scene import Scene
 
@@ -21,9 +22,57 @@ _VERSION = 1
 _MOST_DIFFERENCES = 8
 
 
+class ManifestScene(SceneDescription):
+    """What a manifest says of a scene, and of the file that it was read from."""
+
+    file: str | None
+
+
+class ManifestPoses(TypedDict):
+    """What a manifest says of the frames."""
+
+    source: Mapping[str, Json]
+    sha256: str
+
+
+class Manifest(TypedDict):
+    """What a dataset is made from."""
+
+    warpvis_dataset: int
+    """Version of the manifest's own layout."""
+    format: str
+    options: Options
+    outputs: list[str]
+    frames: int
+    shard_frames: int
+    camera: dict[str, float | None]
+    scene: ManifestScene
+    objects: list[str]
+    """Names of the objects that visibility is of."""
+    exclude: list[str]
+    poses: ManifestPoses
+    seed: Json
+    device: str
+    caster: str
+    versions: dict[str, str]
+
+
+class Contents(NamedTuple):
+    """What a dataset holds when it is complete."""
+
+    format: str
+    """Name of its format."""
+    frames: int
+    """Its frames."""
+    shard_frames: int
+    """Frames of each shard but the last."""
+    poses_sha256: str
+    """Hash of its poses, of `frames_hash`."""
+
+
 def make_manifest(
     plan: Plan, scene: Scene, layout: Format, *, device: str, source: str | None, caster: str
-) -> dict[str, Any]:
+) -> Manifest:
     """The manifest of a job: all of it follows from what the job was given, so it is the same every time.
 
     Args:
@@ -55,12 +104,12 @@ def make_manifest(
     }
 
 
-def manifest_text(manifest: Mapping[str, Any]) -> str:
+def manifest_text(manifest: Manifest) -> str:
     """The file's text."""
     return json.dumps(manifest, indent=1, allow_nan=False) + "\n"
 
 
-def parse_manifest(data: bytes | None) -> dict[str, Any] | None:
+def parse_manifest(data: bytes | None) -> Mapping[str, Json] | None:
     """The manifest that a file holds; None if it is not one."""
     try:
         content = json.loads(data or b"")
@@ -69,14 +118,26 @@ def parse_manifest(data: bytes | None) -> dict[str, Any] | None:
     return content if isinstance(content, dict) and "warpvis_dataset" in content else None
 
 
-def require_same(found: Mapping[str, Any], wanted: Mapping[str, Any], name: str) -> None:
+def read_contents(manifest: Mapping[str, Json]) -> Contents | None:
+    """Take out what a manifest says that its dataset holds; None if it does not say that."""
+    match manifest:
+        case {
+            "format": str(format),
+            "frames": int(frames),
+            "shard_frames": int(shard_frames),
+            "poses": {"sha256": str(poses_sha256)},
+        } if frames > 0 and shard_frames > 0:
+            return Contents(format, frames, shard_frames, poses_sha256)
+    return None
+
+
+def require_same(found: Mapping[str, Json], wanted: Manifest, name: str) -> None:
     """Refuse to go on with a dataset that something else was begun with.
 
     Raises:
         FileFormatError: The manifests differ; the sentence says where.
     """
-    wanted = json.loads(manifest_text(wanted))
-    differences = list(dict.fromkeys(_differences(found, wanted, ())))
+    differences = list(dict.fromkeys(_differences(found, json.loads(manifest_text(wanted)), ())))
     if differences:
         shown = "; ".join(differences[:_MOST_DIFFERENCES])
         more = len(differences) - _MOST_DIFFERENCES
@@ -84,11 +145,12 @@ def require_same(found: Mapping[str, Any], wanted: Mapping[str, Any], name: str)
         raise FileFormatError(f"{name}: cannot be continued, because it was begun with other input: {shown}")
 
 
-def _differences(found: Any, wanted: Any, path: tuple[str, ...]) -> Iterator[str]:
+def _differences(found: Json, wanted: Json, path: tuple[str, ...]) -> Iterator[str]:
     """Each field that is not the same, in words."""
-    if path == ("scene", "objects"):
-        yield from _object_differences(found, wanted)
-    elif isinstance(found, dict) and isinstance(wanted, dict):
+    if isinstance(found, dict) and isinstance(wanted, dict):
+        if path == ("scene", "objects"):
+            yield from _object_differences(found, wanted)
+            return
         for key in dict.fromkeys([*found, *wanted]):
             if path + (key,) != ("scene", "sha256"):  # the objects say it better
                 yield from _differences(found.get(key), wanted.get(key), path + (key,))
@@ -98,19 +160,21 @@ def _differences(found: Any, wanted: Any, path: tuple[str, ...]) -> Iterator[str
         yield f"the {path[-2]} differ" if path[-1] == "sha256" else change
 
 
-def _object_differences(found: Any, wanted: Any) -> Iterator[str]:
+def _object_differences(found: Mapping[str, Json], wanted: Mapping[str, Json]) -> Iterator[str]:
     for name in dict.fromkeys([*found, *wanted]):
         old, new = found.get(name), wanted.get(name)
         if old is None or new is None:
             yield f"the scene's object {name!r} {'is new' if old is None else 'is missing'}"
         elif old != new:
-            keys = [key for key in old if key != "sha256" and old[key] != new.get(key)]
-            changes = ", ".join(f"{key} {old[key]} to {new.get(key)}" for key in keys)
+            changes = ""
+            if isinstance(old, dict) and isinstance(new, dict):
+                keys = [key for key in old if key != "sha256" and old[key] != new.get(key)]
+                changes = ", ".join(f"{key} {old[key]} to {new.get(key)}" for key in keys)
             yield f"the scene's object {name!r} differs" + (f" ({changes})" if changes else "")
     if list(found) != list(wanted) and set(found) == set(wanted):
         yield "the scene's objects are in another order"
 
 
-def _shown(value: Any) -> str:
+def _shown(value: Json) -> str:
     text = json.dumps(value)
     return text if len(text) <= 80 else text[:77] + "..."

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import Any
 
 from warpvis.batch._job import shard_name
 from warpvis.batch.storage._output import FileSum, ShardFiles
@@ -72,7 +71,7 @@ def read_record(store: Store, name: str) -> Record | None:
     if data is None:
         return None
     try:
-        content: Any = json.loads(data)
+        content = json.loads(data)
         files = {file: FileSum(int(item["bytes"]), int(item["crc32"], 16)) for file, item in content["files"].items()}
         warnings = {str(message): int(count) for message, count in content["warnings"].items()}
         return Record(int(content["frames"]), files, warnings)

@@ -7,17 +7,17 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from warpvis.batch._dataset import Dataset
-from warpvis.batch._frame_renderer import BATCH_OUTPUTS, VISIBILITY, choose_excluded, make_scene
-from warpvis.batch._job import Plan
+from warpvis.batch._frame_renderer import BATCH_OUTPUTS, VISIBILITY, SceneSource, choose_excluded, make_scene
+from warpvis.batch._job import Options, Plan
 from warpvis.batch._manifest import make_manifest
 from warpvis.batch._records import Record
 from warpvis.batch._writer import Job, Run
@@ -27,6 +27,7 @@ from warpvis.core.camera import Camera, require_camera
 from warpvis.core.checks import check_choice, check_mapping
 from warpvis.core.frames import Frames
 from warpvis.core.threads import check_threads
+from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, FileFormatError, PoseError
 from warpvis.rendering import OUTPUTS, Caster, check_outputs
 from warpvis.visibility import choose_objects
@@ -67,7 +68,7 @@ class BatchSummary:
 
 
 def render_batch(
-    scene: Any,
+    scene: SceneSource,
     camera: Camera,
     frames: Frames,
     out: str | os.PathLike[str],
@@ -77,8 +78,8 @@ def render_batch(
     objects: Sequence[str | int] | None = None,
     exclude: Sequence[str | int] | None = None,
     shard_frames: int | None = None,
-    options: Mapping[str, Any] | None = None,
-    device: Any = None,
+    options: Options | None = None,
+    device: DeviceLike = None,
     threads: int | None = None,
     caster: Caster = "auto",
     engine: Engine = "local",
@@ -126,10 +127,19 @@ def render_batch(
     if source is None and isinstance(scene, str | os.PathLike):
         source = os.path.basename(os.fspath(scene))
     scene = make_scene(scene, None)
-    device = str(scene.device if device is None else device)
-    devices = parse_devices(device) if engine == "local" else [device]
-    chosen: dict[str, Any] = {"outputs": outputs, "objects": objects, "exclude": exclude}
-    plan = make_plan(scene, camera, frames, kind, shard_frames=shard_frames, options=options, **chosen)
+    device_names = str(scene.device if device is None else device)
+    devices = parse_devices(device_names) if engine == "local" else [device_names]
+    plan = make_plan(
+        scene,
+        camera,
+        frames,
+        kind,
+        outputs=outputs,
+        objects=objects,
+        exclude=exclude,
+        shard_frames=shard_frames,
+        options=options,
+    )
     layout = kind(plan)
     where = "cpu" if devices[0] == "cpu" else "cuda"
     dataset = Dataset(out, plan, layout, make_manifest(plan, scene, layout, device=where, source=source, caster=caster))
@@ -137,8 +147,7 @@ def render_batch(
     # Other processes are handed the scene on the CPU, and take it to their devices.
     scene = scene.to("cpu") if len(devices) > 1 or engine == "ray" else make_scene(scene, devices[0])
     job = Job(plan, scene, format, os.fspath(out), caster)
-    start_engine = _local_engine if engine == "local" else _ray_engine
-    with start_engine(devices, threads, workers, address) as run, dataset.opened(resume=resume) as missing:
+    with _start_engine(engine, devices, threads, workers, address) as run, dataset.opened(resume=resume) as missing:
         start = time.perf_counter()
         with _Progress(plan, dataset, missing, quiet=quiet) as done:
             run(job, missing, done)
@@ -158,13 +167,12 @@ def _check_engine(engine: str, threads: int | None, workers: int | None, address
         raise ArrayError("threads is of the engine local; a Ray worker has as many as its share of the cores")
 
 
-def _local_engine(devices: Sequence[str], threads: int | None, *_: Any) -> AbstractContextManager[Run]:
-    return nullcontext(partial(run_local, devices=devices, threads=threads))
-
-
-def _ray_engine(
-    devices: Sequence[str], _: Any, workers: int | None, address: str | None
+def _start_engine(
+    engine: Engine, devices: Sequence[str], threads: int | None, workers: int | None, address: str | None
 ) -> AbstractContextManager[Run]:
+    """Make a context with what renders and writes shards."""
+    if engine == "local":
+        return nullcontext(partial(run_local, devices=devices, threads=threads))
     from warpvis.batch.engines._ray import ray_engine
 
     return ray_engine(gpu=devices[0] != "cpu", workers=workers, address=address)
@@ -180,7 +188,7 @@ def make_plan(
     objects: Sequence[str | int] | None = None,
     exclude: Sequence[str | int] | None = None,
     shard_frames: int | None = None,
-    options: Mapping[str, Any] | None = None,
+    options: Options | None = None,
 ) -> Plan:
     """The plan of a job; see `render_batch` for the arguments.
 
@@ -213,7 +221,9 @@ def make_plan(
     )
 
 
-def _choose_seen(scene: Scene, kind: type[Format], objects: Any, excluded: Sequence[int]) -> tuple[int, ...]:
+def _choose_seen(
+    scene: Scene, kind: type[Format], objects: Sequence[str | int] | None, excluded: Sequence[int]
+) -> tuple[int, ...]:
     """The objects that visibility is of: those that are named, or else all that the format wants and frames show."""
     if objects is not None:
         return tuple(choose_objects(scene, objects))

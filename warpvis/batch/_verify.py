@@ -6,14 +6,15 @@ from __future__ import annotations
 
 import os
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from warpvis.batch._dataset import POSES
 from warpvis.batch._identity import frames_hash
-from warpvis.batch._manifest import MANIFEST, parse_manifest
+from warpvis.batch._job import FRAME_ARRAYS
+from warpvis.batch._manifest import MANIFEST, parse_manifest, read_contents
 from warpvis.batch._records import INDEX_RECORD, read_record, shard_record
 from warpvis.batch.storage._stores import Store, open_store
 from warpvis.core.threads import core_count
@@ -71,9 +72,12 @@ def _verify(store: Store) -> VerifyReport:
     manifest = parse_manifest(store.read(MANIFEST))
     if manifest is None:
         raise FileFormatError(f"{store.name}: is no dataset: it has no {MANIFEST} of warpvis")
-    frames, shard_frames = manifest["frames"], manifest["shard_frames"]
+    contents = read_contents(manifest)
+    if contents is None:
+        raise FileFormatError(f"{store.name}: is no dataset: its {MANIFEST} does not say what it holds")
+    frames, shard_frames = contents.frames, contents.shard_frames
     shards = -(-frames // shard_frames)
-    problems = list(_check_poses(store, manifest))
+    problems = list(_check_poses(store, contents.poses_sha256))
     expected = {shard_record(k): min(shard_frames, frames - k * shard_frames) for k in range(shards)}
     with ThreadPoolExecutor(core_count()) as pool:
         checked = list(pool.map(lambda item: _check(store, item), [*expected.items(), (INDEX_RECORD, frames)]))
@@ -87,10 +91,10 @@ def _verify(store: Store) -> VerifyReport:
     size = sum(item.bytes for item in checked)
     damaged = tuple(item.files[0] for item in checked if item.problems and item.files)
     counts = (frames, shards, whole, len(files), size)
-    return VerifyReport(store.name, manifest["format"], *counts, tuple(problems), damaged)
+    return VerifyReport(store.name, contents.format, *counts, tuple(problems), damaged)
 
 
-def _check_poses(store: Store, manifest: Mapping[str, Any]) -> Iterator[str]:
+def _check_poses(store: Store, sha256: str) -> Iterator[str]:
     import io
 
     import numpy as np
@@ -99,10 +103,8 @@ def _check_poses(store: Store, manifest: Mapping[str, Any]) -> Iterator[str]:
 
     try:
         with np.load(io.BytesIO(store.read(POSES) or b"")) as arrays:
-            found = {
-                name: arrays.get(name) for name in ("camera_to_world", "timestamps", "object_poses", "world_index")
-            }
-        if frames_hash(Frames(**found)) != manifest["poses"]["sha256"]:
+            found = {name: arrays.get(name) for name in FRAME_ARRAYS}
+        if frames_hash(Frames(**found)) != sha256:
             yield f"{POSES}: holds other poses than the manifest says"
     except Exception:  # whatever NumPy and zipfile raise for what is no such file
         yield f"{POSES}: is missing or cannot be read"

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -16,6 +15,7 @@ from warpvis.core.arrays import get_device
 from warpvis.core.camera import Camera
 from warpvis.core.checks import as_items
 from warpvis.core.labels import Label
+from warpvis.core.types import DeviceLike
 from warpvis.rendering import OUTPUTS, Caster, check_outputs
 from warpvis.scene import Scene
 
@@ -27,7 +27,7 @@ _POSE = np.array([[0.0, 0, -5, 0, 0, 0, 1]])
 
 
 def warmup(
-    device: Any = "cpu", *, outputs: Sequence[str] = ALL_OUTPUTS, casters: Sequence[Caster] = ("packets", "rays")
+    device: DeviceLike = "cpu", *, outputs: Sequence[str] = ALL_OUTPUTS, casters: Sequence[Caster] = ("packets", "rays")
 ) -> float:
     """Compile what rendering of a device needs, and load it.
 

@@ -9,18 +9,18 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from threading import Lock
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from warpvis.batch._frame_renderer import FrameRenderer, ImageBuffers, frames_batch
 from warpvis.batch._job import Plan
 from warpvis.batch._records import Record, commit, shard_record
-from warpvis.batch.formats._base import find_format
+from warpvis.batch.formats._base import Images, find_format
 from warpvis.batch.storage._stores import open_store
 from warpvis.errors import WarpvisError
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from warpvis.core.types import DeviceLike
+    from warpvis.rendering import Caster
     from warpvis.scene import Scene
 
 Done = Callable[[int, Record], None]
@@ -35,7 +35,7 @@ class Job:
     scene: Scene
     format: str
     out: str
-    caster: Any = "auto"
+    caster: Caster = "auto"
 
 
 Run = Callable[[Job, Sequence[int], Done], None]
@@ -49,7 +49,7 @@ class WorkerLostError(WarpvisError):
 class ShardWriter:
     """Renders shards of a job on one device, and encodes and writes them while the next ones are rendered."""
 
-    def __init__(self, job: Job, *, device: Any, threads: int | None = None, writers: int = 1) -> None:
+    def __init__(self, job: Job, *, device: DeviceLike, threads: int | None = None, writers: int = 1) -> None:
         """Build what rendering needs.
 
         Args:
@@ -113,7 +113,7 @@ class ShardWriter:
             self._free.append(pending.pop(future))
             future.result()
 
-    def _write(self, shard: int, images: dict[str, NDArray[Any]], done: Done) -> None:
+    def _write(self, shard: int, images: Images, done: Done) -> None:
         part = self._plan.shard_slice(shard)
         with self._store.new_files() as files:
             units = self._layout.write_shard(shard, images, files)

@@ -4,8 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Mapping, Sequence
+from typing import Protocol, TypeAlias
 
 import warp as wp
 from numpy.typing import ArrayLike
@@ -54,3 +54,6 @@ MeshLike = HasMesh | tuple[ArrayLike, ArrayLike]
 
 KernelArguments = Sequence[object]
 """What a kernel is launched with: arrays, structs and numbers."""
+
+Json: TypeAlias = "bool | int | float | str | Sequence[Json] | Mapping[str, Json] | None"
+"""What a JSON text can hold."""

@@ -9,12 +9,14 @@ import traceback
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from multiprocessing.connection import Connection, wait
-from typing import Any, cast
+from multiprocessing.context import SpawnProcess
 
 import warp as wp
 
 from warpvis.batch._writer import Done, Job, ShardWriter, WorkerLostError
+from warpvis.core.arrays import get_device
 from warpvis.core.threads import core_count
+from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, WarpvisError
 
 _MOST_WRITERS = 8
@@ -41,15 +43,13 @@ def run_local(job: Job, shards: Iterable[int], done: Done, *, devices: Sequence[
         _run_processes(job, shards, done, devices)
 
 
-def parse_devices(device: Any) -> list[str]:
+def parse_devices(device: DeviceLike) -> list[str]:
     """Names of devices, of one, of several with commas, or of ``"cuda:all"``.
 
     Raises:
         ArrayError: The machine has no such device.
     """
-    from warpvis.core.arrays import get_device
-
-    names = [device] if not isinstance(device, str) else [name.strip() for name in device.split(",")]
+    names: list[DeviceLike] = [device] if not isinstance(device, str) else [name.strip() for name in device.split(",")]
     if names == ["cuda:all"]:
         names = [str(found) for found in wp.get_cuda_devices()]
         if not names:
@@ -69,7 +69,7 @@ def _run_processes(job: Job, shards: Iterable[int], done: Done, devices: Sequenc
     """A process a device. Each is handed shards as it finishes others, so that none waits for a slower one."""
     context = multiprocessing.get_context("spawn")  # CUDA does not survive a fork
     writers = writer_count(len(devices))
-    workers: dict[Connection, Any] = {}
+    workers: dict[Connection, SpawnProcess] = {}
     try:
         for device in devices:
             ours, theirs = context.Pipe()
@@ -85,7 +85,7 @@ def _run_processes(job: Job, shards: Iterable[int], done: Done, devices: Sequenc
             process.join()
 
 
-def _share_out(shards: Iterable[int], done: Done, workers: dict[Connection, Any], *, ahead: int) -> None:
+def _share_out(shards: Iterable[int], done: Done, workers: dict[Connection, SpawnProcess], *, ahead: int) -> None:
     """Keep every process busy until all shards are whole."""
     shards = iter(shards)
     open_shards = dict.fromkeys(workers, 0)
@@ -106,8 +106,11 @@ def _share_out(shards: Iterable[int], done: Done, workers: dict[Connection, Any]
             for connection in workers:
                 hand_out(connection)
         while any(open_shards.values()):
-            for ready in wait([connection for connection, count in open_shards.items() if count]):
-                connection = cast(Connection, ready)
+            busy = [connection for connection, count in open_shards.items() if count]
+            ready = wait(busy)
+            for connection in busy:
+                if connection not in ready:
+                    continue
                 answer = connection.recv()
                 if isinstance(answer, Exception):
                     raise answer
@@ -118,7 +121,7 @@ def _share_out(shards: Iterable[int], done: Done, workers: dict[Connection, Any]
         raise WorkerLostError(_obituary(workers)) from None
 
 
-def _obituary(workers: dict[Connection, Any]) -> str:
+def _obituary(workers: dict[Connection, SpawnProcess]) -> str:
     for process in workers.values():
         process.join(timeout=0.2)
         if process.exitcode is not None:

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING, NamedTuple, TypedDict
 
 import numpy as np
 import warp as wp
@@ -21,6 +22,9 @@ from warpvis.batch._records import Record, read_whole, shard_record
 from warpvis.batch._writer import Done, Job, Run, ShardWriter, WorkerLostError
 from warpvis.batch.storage._stores import open_store
 from warpvis.errors import ArrayError, FileFormatError, WarpvisError
+
+if TYPE_CHECKING:
+    import ray
 
 # An actor is handed so many shards at once: enough that one is written while another is rendered, few enough that
 # little is rendered again when it is lost.
@@ -32,10 +36,25 @@ _LEAST_ROUNDS = 4
 _MOST_RESTARTS = 10
 
 
+class _Row(TypedDict):
+    """What an actor says of a shard."""
+
+    shard: int
+    error: Exception | None
+
+
+class _Share(NamedTuple):
+    """How many workers there are, and each one's part of the cluster."""
+
+    workers: int
+    cpus: int
+    gpus: int
+
+
 class ShardActor:
     """A worker: it builds the scene once, and then renders and writes the shards that it is handed."""
 
-    def __init__(self, job: Any, device: str, threads: int) -> None:
+    def __init__(self, job: Job | ray.ObjectRef[Job], device: str, threads: int) -> None:
         """Prepare to render.
 
         Args:
@@ -50,7 +69,7 @@ class ShardActor:
         self._store = open_store(self._job.out)
         self._writer = ShardWriter(self._job, device=device, threads=threads)
 
-    def __call__(self, batch: dict[str, Any]) -> dict[str, Any]:
+    def __call__(self, batch: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Make whole the shards of a batch, ``{"shard": numbers}``; the same with what went wrong, or nothing.
 
         What another worker finished before it was lost is not done again.
@@ -84,7 +103,7 @@ def ray_engine(*, gpu: bool, workers: int | None, address: str | None) -> Iterat
         yield partial(_run, ray, _share(ray.cluster_resources(), gpu=gpu, workers=workers))
 
 
-def _run(ray: Any, share: dict[str, Any], job: Job, shards: Sequence[int], done: Done) -> None:
+def _run(ray: ModuleType, share: _Share, job: Job, shards: Sequence[int], done: Done) -> None:
     """Render and write shards.
 
     Raises:
@@ -109,9 +128,9 @@ def _run(ray: Any, share: dict[str, Any], job: Job, shards: Sequence[int], done:
         raise WorkerLostError(f"Ray gave up ({type(error).__name__}: {reason})") from None
 
 
-def _results(ray: Any, job: Job, shards: Sequence[int], share: dict[str, Any]) -> Iterator[dict[str, Any]]:
+def _results(ray: ModuleType, job: Job, shards: Sequence[int], share: _Share) -> Iterator[_Row]:
     """What the actors return, as it comes."""
-    workers, cpus, gpus = share["workers"], share["num_cpus"], share["num_gpus"]
+    workers, cpus, gpus = share
     at_once = max(1, min(_SHARDS_AT_ONCE, len(shards) // (workers * _LEAST_ROUNDS)))
     rows = ray.data.from_items([{"shard": shard} for shard in shards], override_num_blocks=-(-len(shards) // at_once))
     given = {"job": ray.put(job), "device": "cuda" if gpus else "cpu", "threads": max(1, int(cpus))}
@@ -127,7 +146,7 @@ def _results(ray: Any, job: Job, shards: Sequence[int], share: dict[str, Any]) -
     return made.iter_rows()
 
 
-def _share(resources: dict[str, float], *, gpu: bool, workers: int | None) -> dict[str, Any]:
+def _share(resources: Mapping[str, float], *, gpu: bool, workers: int | None) -> _Share:
     """How many workers, and each one's part of the cluster.
 
     Raises:
@@ -138,11 +157,11 @@ def _share(resources: dict[str, float], *, gpu: bool, workers: int | None) -> di
     count = most if workers is None else workers
     if isinstance(count, bool) or int(count) != count or not 1 <= count <= most:
         raise ArrayError(f"workers must be from 1 to {most}, the cluster's {'GPUs' if gpu else 'cores'}, got {workers}")
-    return {"workers": int(count), "num_cpus": cpus // int(count), "num_gpus": 1 if gpu else 0}
+    return _Share(int(count), cpus // int(count), 1 if gpu else 0)
 
 
 @contextmanager
-def _cluster(address: str | None) -> Iterator[Any]:
+def _cluster(address: str | None) -> Iterator[ModuleType]:
     """Ray, connected to a cluster; one that was started for this is ended."""
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     os.environ.setdefault("RAY_BACKEND_LOG_LEVEL", "fatal")  # Ray Data's own actors make it print an error that is none

@@ -6,13 +6,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import import_module
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol, TypeAlias
+
+import numpy as np
 
 from warpvis.errors import FileFormatError
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from warpvis.batch._job import Plan
     from warpvis.batch.storage._output import ShardFiles
     from warpvis.core.labels import Label
@@ -50,6 +50,10 @@ VISIBILITY_ARRAYS = {
 `warpvis.ObjectVisibility` has, whose `fraction` is called ``visible_fraction``."""
 
 
+Images: TypeAlias = Mapping[str, np.ndarray]
+"""Arrays of a shard's frames, by name; see `Format.write_shard`."""
+
+
 class Format(Protocol):
     """A layout of files. Its bytes must follow from the plan and the images alone: no clock, no random names."""
 
@@ -79,7 +83,7 @@ class Format(Protocol):
             WarpvisError: The format cannot hold what the plan wants, an option is unknown, or a package is missing.
         """
 
-    def write_shard(self, shard: int, images: Mapping[str, NDArray], files: ShardFiles) -> list[str]:
+    def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
         """Write the files of one shard.
 
         It is called by several threads at once, for different shards.

@@ -6,15 +6,16 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.batch._job import shard_name
+from warpvis.batch.formats._base import Images
 from warpvis.batch.formats._layouts import Layout
 from warpvis.core.labels import Label
 from warpvis.core.poses import poses_to_matrices
@@ -31,6 +32,37 @@ if TYPE_CHECKING:
 _MILLIMETRES = 1000.0
 
 
+class _Camera(TypedDict):
+    """An image's entry of ``scene_camera.json``."""
+
+    cam_K: list[float]
+    depth_scale: float
+    cam_R_w2c: list[float]
+    cam_t_w2c: list[float]
+
+
+class _ObjectPose(TypedDict):
+    """An object's entry of ``scene_gt.json``."""
+
+    cam_R_m2c: list[float]
+    cam_t_m2c: list[float]
+    obj_id: int
+
+
+class _ObjectInfo(TypedDict):
+    """An object's entry of ``scene_gt_info.json``."""
+
+    bbox_obj: list[int]
+    bbox_visib: list[int]
+    px_count_all: int
+    px_count_valid: int
+    px_count_visib: int
+    visib_fract: float
+
+
+_NO_BOX = (-1, -1, -1, -1)
+
+
 @dataclass
 class _Image:
     """What there is to write of a frame."""
@@ -38,7 +70,7 @@ class _Image:
     depth: bytes
     lost: int
     masks: list[tuple[bytes, bytes]] = field(default_factory=list)
-    infos: list[dict[str, Any]] = field(default_factory=list)
+    infos: list[_ObjectInfo] = field(default_factory=list)
 
 
 class Bop(Layout):
@@ -101,11 +133,12 @@ class Bop(Layout):
         self._missing_is_visible = missing == "visible"
         self._blank = encode_png(np.zeros((plan.camera.height, plan.camera.width), dtype=np.uint8))
 
-    def write_shard(self, shard: int, images: Mapping[str, NDArray[Any]], files: ShardFiles) -> list[str]:
+    def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
         """Write one BOP scene; see `warpvis.batch.formats._base.Format`."""
         scene = f"{self._split}/{shard_name(shard)}"
         frames = self.plan.frames[self.plan.shard_slice(shard)]
-        infos, lost = [], 0
+        infos: list[list[_ObjectInfo]] = []
+        lost = 0
         for image, made in enumerate(self.make_each(len(images["depth"]), partial(self._make, images))):
             files.write(f"{scene}/depth/{image:06d}.png", made.depth)
             for place, (mask, visible) in enumerate(made.masks):
@@ -114,9 +147,9 @@ class Bop(Layout):
             infos.append(made.infos)
             lost += made.lost
         world_to_camera = _inverse(poses_to_matrices(frames.camera_to_world))
-        files.write_text(f"{scene}/scene_camera.json", _json_lines(self._cameras(world_to_camera)))
-        files.write_text(f"{scene}/scene_gt.json", _json_lines(self._poses(frames, world_to_camera)))
-        files.write_text(f"{scene}/scene_gt_info.json", _json_lines(infos))
+        files.write_text(f"{scene}/scene_camera.json", _json_lines(enumerate(self._cameras(world_to_camera))))
+        files.write_text(f"{scene}/scene_gt.json", _json_lines(enumerate(self._poses(frames, world_to_camera))))
+        files.write_text(f"{scene}/scene_gt_info.json", _json_lines(enumerate(infos)))
         files.warn(
             f"pixels have a depth that 16 bits of {self._depth_scale:g} mm cannot hold, and are 0, no depth", lost
         )
@@ -150,7 +183,7 @@ class Bop(Layout):
             points = (vertices.astype(np.float64) - self._origin(index)) * _MILLIMETRES
             files.write_text(f"models/obj_{number:06d}.ply", ply_text(points, item.faces))
             infos[number] = {**model_info(points), "name": item.name}
-        files.write_text("models/models_info.json", _json_lines(infos))
+        files.write_text("models/models_info.json", _json_lines(infos.items()))
         return ["models"]
 
     def _origin(self, index: int) -> NDArray[np.float64]:
@@ -159,7 +192,7 @@ class Bop(Layout):
             return np.zeros(3)
         return np.array(self.plan.object_centers[index], dtype=np.float64)
 
-    def _make(self, images: Mapping[str, NDArray[Any]], image: int) -> _Image:
+    def _make(self, images: Images, image: int) -> _Image:
         depth = images["depth"][image]
         units = depth_to_units(depth, _MILLIMETRES / self._depth_scale)
         made = _Image(encode_png(units), count_lost(depth, units))
@@ -167,32 +200,34 @@ class Bop(Layout):
         for place, mask in enumerate(images["masks"][image]):
             whole = int(images["silhouette_pixels"][image, place])
             if not images["image_pixels"][image, place]:
-                made.infos.append(_info_of_nothing(whole))
+                made.infos.append(_object_info(whole, 0, None, ()))
                 made.masks.append((self._blank, self._blank))
                 continue
             alone = mask > 0
             visible = (mask > 1) | (alone & missing) if self._missing_is_visible else (mask > 1) & ~missing
-            info = _info_of_nothing(whole) | {"px_count_valid": int(np.count_nonzero(alone & ~missing))}
-            if visible.any():
-                info |= _visible_info(visible, whole, images["silhouette_box"][image, place].tolist())
-            made.infos.append(info)
+            valid, box = int(np.count_nonzero(alone & ~missing)), images["silhouette_box"][image, place].tolist()
+            made.infos.append(_object_info(whole, valid, visible, box))
             made.masks.append((self._mask_png(alone), self._mask_png(visible)))
         return made
 
     def _mask_png(self, mask: NDArray[np.bool_]) -> bytes:
         return encode_png(mask.view(np.uint8) * np.uint8(255)) if mask.any() else self._blank
 
-    def _cameras(self, world_to_camera: NDArray[np.float64]) -> list[dict[str, Any]]:
+    def _cameras(self, world_to_camera: NDArray[np.float64]) -> list[_Camera]:
         matrix = self.plan.camera.to_K(pixel_center=0.0).ravel().tolist()
-        fixed = {"cam_K": matrix, "depth_scale": self._depth_scale}
         return [
-            {**fixed, "cam_R_w2c": pose[:3, :3].ravel().tolist(), "cam_t_w2c": (pose[:3, 3] * _MILLIMETRES).tolist()}
+            {
+                "cam_K": matrix,
+                "depth_scale": self._depth_scale,
+                "cam_R_w2c": pose[:3, :3].ravel().tolist(),
+                "cam_t_w2c": (pose[:3, 3] * _MILLIMETRES).tolist(),
+            }
             for pose in world_to_camera
         ]
 
-    def _poses(self, frames: Frames, world_to_camera: NDArray[np.float64]) -> list[list[dict[str, Any]]]:
+    def _poses(self, frames: Frames, world_to_camera: NDArray[np.float64]) -> list[list[_ObjectPose]]:
         """Model to camera, of every frame and object."""
-        scene_gt: list[list[dict[str, Any]]] = [[] for _ in world_to_camera]
+        scene_gt: list[list[_ObjectPose]] = [[] for _ in world_to_camera]
         for number, index in enumerate(self.plan.chosen, start=1):
             column = self.plan.object_columns[index]
             model_to_world = np.eye(4)
@@ -221,18 +256,29 @@ def _inverse(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
     return inverse
 
 
-def _info_of_nothing(whole: int) -> dict[str, Any]:
-    """What ``scene_gt_info.json`` says of an object that has so many pixels on the canvas, and none that is visible."""
-    counts = {"px_count_all": whole, "px_count_valid": 0, "px_count_visib": 0, "visib_fract": 0.0}
-    return {"bbox_obj": [-1, -1, -1, -1], "bbox_visib": [-1, -1, -1, -1], **counts}
+def _object_info(whole: int, valid: int, visible: NDArray[np.bool_] | None, box: Sequence[int]) -> _ObjectInfo:
+    """Say what ``scene_gt_info.json`` says of an object in an image.
 
-
-def _visible_info(visible: NDArray[np.bool_], whole: int, box: list[int]) -> dict[str, Any]:
-    """What else it says of one that is visible, and has that box on the canvas: x, y, width and height."""
-    x, y, width, height = box
-    count = int(np.count_nonzero(visible))
-    boxes = {"bbox_obj": [x, y, width - 1, height - 1], "bbox_visib": _box(visible)}
-    return {**boxes, "px_count_visib": count, "visib_fract": count / whole}
+    Args:
+        whole: Pixels of its silhouette on the canvas.
+        valid: Pixels of its mask that have a depth.
+        visible: Its visible pixels, shape ``(H, W)``; None where it is outside of the image.
+        box: Of its silhouette on the canvas: x, y, width and height; only looked at if something of it is visible.
+    """
+    count = 0 if visible is None else int(np.count_nonzero(visible))
+    info: _ObjectInfo = {
+        "bbox_obj": [*_NO_BOX],
+        "bbox_visib": [*_NO_BOX],
+        "px_count_all": whole,
+        "px_count_valid": valid,
+        "px_count_visib": count,
+        "visib_fract": 0.0,
+    }
+    if visible is not None and count:
+        x, y, width, height = box
+        info["bbox_obj"], info["bbox_visib"] = [x, y, width - 1, height - 1], _box(visible)
+        info["visib_fract"] = count / whole
+    return info
 
 
 def _box(mask: NDArray[np.bool_]) -> list[int]:
@@ -242,7 +288,6 @@ def _box(mask: NDArray[np.bool_]) -> list[int]:
     return [x, y, int(columns[-1]) - x, int(rows[-1]) - y]
 
 
-def _json_lines(values: list[Any] | dict[int, Any]) -> str:
+def _json_lines(items: Iterable[tuple[int, object]]) -> str:
     """A JSON object of values by their number, a line each, as BOP's own files are."""
-    items = values.items() if isinstance(values, dict) else enumerate(values)
     return "{\n" + ",\n".join(f'  "{key}": {json.dumps(value)}' for key, value in items) + "\n}\n"

@@ -4,12 +4,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.batch.formats._base import Images
 from warpvis.batch.formats._layouts import Layout, Parts, numbers, rows_of, write_lines
 from warpvis.core.poses import poses_to_matrices
 
@@ -36,7 +37,7 @@ class Colmap(Layout):
     outputs: ClassVar[frozenset[str]] = frozenset({"depth", "normals"})
     default_outputs: ClassVar[tuple[str, ...]] = ("depth",)
 
-    def write_shard(self, shard: int, images: Mapping[str, NDArray[Any]], files: ShardFiles) -> list[str]:
+    def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
         """Write one shard; see `warpvis.batch.formats._base.Format`."""
         units = []
         if "depth" in self.plan.outputs:
@@ -71,7 +72,7 @@ class Colmap(Layout):
         files.write_text("sparse/points3D.txt", "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] (none)\n")
         return ["sparse"]
 
-    def _write_maps(self, shard: int, kind: str, count: int, make: Any, files: ShardFiles) -> str:
+    def _write_maps(self, shard: int, kind: str, count: int, make: Callable[[int], Parts], files: ShardFiles) -> str:
         return self.write_frames(shard, f"stereo/{kind}", ".png.geometric.bin", count, make, files)
 
     def _image_lines(self, count: int) -> Iterator[str]:
@@ -84,12 +85,12 @@ class Colmap(Layout):
             yield ""
 
 
-def _world_to_camera(camera_to_world: NDArray[np.float64]) -> NDArray[np.float64]:
+def _world_to_camera(camera_to_world: NDArray[np.float64]) -> list[list[float]]:
     """Rows ``qw qx qy qz tx ty tz`` of the inverse poses."""
     rotations = poses_to_matrices(camera_to_world)[:, :3, :3]
     translations = -np.einsum("nji,nj->ni", rotations, camera_to_world[:, :3])
     x, y, z, w = camera_to_world[:, 3:].T
-    return np.column_stack([w, -x, -y, -z, translations])
+    return np.column_stack([w, -x, -y, -z, translations]).tolist()
 
 
 def _map_parts(channels: NDArray[np.float32]) -> Parts:

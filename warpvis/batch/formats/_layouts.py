@@ -7,13 +7,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, ClassVar, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.batch._job import shard_name
 from warpvis.batch.formats._base import Format, check_options
+from warpvis.batch.storage._direct_io import FilePart
 from warpvis.core.labels import Label
 from warpvis.core.threads import core_count, run_each
 from warpvis.errors import FileFormatError
@@ -23,10 +24,11 @@ if TYPE_CHECKING:
     from warpvis.batch._job import Plan
     from warpvis.batch.storage._output import ShardFiles
 
-Parts = tuple[Any, ...]
-"""What a file is written from, in order: bytes and arrays."""
+Parts: TypeAlias = tuple[FilePart, ...]
+"""What a file is written from, in order."""
 
 Made = TypeVar("Made")
+Row = TypeVar("Row")
 
 # Files of one shard that wait in memory to be written, for each thread that makes them.
 _FILES_PER_THREAD = 4
@@ -155,10 +157,10 @@ LABEL_NAMES = {str(label.value): label.name.lower() for label in Label}
 """Names of the values of labels, as JSON has them."""
 
 
-def rows_of(array: NDArray[Any], convert: Callable[[NDArray[Any]], NDArray[Any]] = np.asarray) -> Iterator[Any]:
-    """The rows of an array, converted, as Python's numbers: some at a time, since there may be millions."""
+def rows_of(array: NDArray[np.float64], convert: Callable[[NDArray[np.float64]], list[Row]]) -> Iterator[Row]:
+    """Go through an array's rows as Python's numbers, which `convert` makes of some thousand rows at a time."""
     for first in range(0, len(array), _ROWS_AT_ONCE):
-        yield from convert(array[first : first + _ROWS_AT_ONCE]).tolist()
+        yield from convert(array[first : first + _ROWS_AT_ONCE])
 
 
 def numbers(values: Iterable[float]) -> str:

@@ -5,14 +5,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.batch.formats._base import Images
 from warpvis.batch.formats._layouts import Layout, rows_of, write_lines
 from warpvis.core.poses import poses_to_matrices
+from warpvis.core.types import Json
 
 if TYPE_CHECKING:
     from warpvis.batch.storage._output import ShardFiles
@@ -46,7 +48,7 @@ class Nerfstudio(Layout):
     outputs: ClassVar[frozenset[str]] = frozenset({"depth", "labels"})
     default_outputs: ClassVar[tuple[str, ...]] = ("depth", "labels")
 
-    def write_shard(self, shard: int, images: Mapping[str, NDArray[Any]], files: ShardFiles) -> list[str]:
+    def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
         """Write one shard; see `warpvis.batch.formats._base.Format`."""
         units = []
         if "depth" in self.plan.outputs:
@@ -62,7 +64,7 @@ class Nerfstudio(Layout):
 
     def _lines(self) -> Iterator[str]:
         camera, poses = self.plan.camera, self.plan.frames.camera_to_world
-        head: dict[str, Any] = {
+        head: dict[str, Json] = {
             "camera_model": "OPENCV",
             "fl_x": camera.fx,
             "fl_y": camera.fy,
@@ -85,11 +87,11 @@ class Nerfstudio(Layout):
         yield "  ]"
         yield "}"
 
-    def _to_nerfstudio(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _to_nerfstudio(self, poses: NDArray[np.float64]) -> list[list[list[float]]]:
         matrices = poses_to_matrices(poses) @ _OPENGL
-        return _Z_UP @ matrices if self.plan.up == "y" else matrices
+        return (_Z_UP @ matrices if self.plan.up == "y" else matrices).tolist()
 
-    def _frame(self, name: str, matrix: list[list[float]]) -> dict[str, Any]:
+    def _frame(self, name: str, matrix: list[list[float]]) -> dict[str, Json]:
         folder = "labels" if "labels" in self.plan.outputs else "depth"
         depth = {"depth_file_path": f"depth/{name}"} if "depth" in self.plan.outputs else {}
         return {"file_path": f"{folder}/{name}", **depth, "transform_matrix": matrix}

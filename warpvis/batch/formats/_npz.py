@@ -7,17 +7,18 @@ from __future__ import annotations
 import io
 import zipfile
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warpvis.batch._job import Plan, shard_name
-from warpvis.batch.formats._base import Format, check_options
+from warpvis.batch.formats._base import Format, Images, check_options
 from warpvis.batch.storage._direct_io import ALIGNMENT, LEAST_DIRECT
 from warpvis.rendering import OUTPUTS
 
 if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
+
     from warpvis.batch.storage._output import ShardFiles
 
 # The least stamp that a ZIP file can hold: bytes must not depend on the clock.
@@ -38,7 +39,7 @@ class Npz(Format):
         check_options(plan, self.name, {})
         self._plan = plan
 
-    def write_shard(self, shard: int, images: Mapping[str, NDArray[Any]], files: ShardFiles) -> list[str]:
+    def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
         """Write the shard's one file."""
         plan, part = self._plan, self._plan.shard_slice(shard)
         beside = {
@@ -56,7 +57,7 @@ class Npz(Format):
         return []
 
 
-def npz_parts(arrays: Mapping[str, NDArray[Any]]) -> list[Any]:
+def npz_parts(arrays: Mapping[str, np.ndarray]) -> list[memoryview]:
     """An ``.npz`` file of arrays, not compressed, as the parts to write it from; the same bytes every time.
 
     The data of large arrays begins at a multiple of `ALIGNMENT` bytes.
@@ -91,7 +92,7 @@ class _Parts(io.RawIOBase):
     """A stream that keeps what is written to it as it is, without a copy."""
 
     def __init__(self) -> None:
-        self.parts: list[Any] = []
+        self.parts: list[memoryview] = []
         self._size = 0
 
     def writable(self) -> bool:
@@ -103,7 +104,8 @@ class _Parts(io.RawIOBase):
     def tell(self) -> int:
         return self._size
 
-    def write(self, data: Any) -> int:
-        self.parts.append(data)
-        self._size += len(data)
-        return len(data)
+    def write(self, data: ReadableBuffer) -> int:
+        part = memoryview(data)
+        self.parts.append(part)
+        self._size += part.nbytes
+        return part.nbytes

@@ -6,11 +6,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from warpvis.batch.formats._base import Images
 from warpvis.batch.formats._layouts import LABEL_NAMES, Layout, Parts
 from warpvis.errors import FileFormatError
 
@@ -59,7 +59,7 @@ class Ply(Layout):
         self._dtype = np.dtype([(output, kind, (len(names),)) for output, (names, _, kind, _) in columns])
         self._header = "".join(f"property {kind} {name}\n" for _, (names, kind, _, _) in columns for name in names)
 
-    def write_shard(self, shard: int, images: Mapping[str, NDArray[Any]], files: ShardFiles) -> list[str]:
+    def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
         """Write one shard; see `warpvis.batch.formats._base.Format`."""
 
         def make(frame: int) -> Parts:
@@ -73,7 +73,7 @@ class Ply(Layout):
         files.write_text("clouds.json", json.dumps(meaning, indent=2) + "\n")
         return ["clouds.json"]
 
-    def _cloud(self, images: Mapping[str, NDArray[Any]]) -> Parts:
+    def _cloud(self, images: Images) -> Parts:
         height, width = images["points"].shape[:2]
         seen = np.isfinite(images["points"].reshape(-1, 3)[:, 0])
         kept = np.flatnonzero(seen)

@@ -7,12 +7,13 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from warpvis.batch.formats._base import Images
 from warpvis.batch.formats._layouts import LABEL_NAMES, Layout, Parts
+from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.io import encode_png
 
@@ -54,7 +55,7 @@ class Png(Layout):
             count = len(plan.object_names)
             raise FileFormatError(f"format 'png' tells {_MOST_OBJECTS} objects apart, the scene has {count}; use npz")
 
-    def write_shard(self, shard: int, images: Mapping[str, NDArray[Any]], files: ShardFiles) -> list[str]:
+    def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
         """Write one shard; see `warpvis.batch.formats._base.Format`."""
         units = []
         if "depth" in self.plan.outputs:
@@ -80,8 +81,8 @@ class Png(Layout):
         files.write_text("images.json", json.dumps(self._meaning(), indent=2) + "\n")
         return ["camera.json", "images.json"]
 
-    def _meaning(self) -> dict[str, Any]:
-        meaning = {
+    def _meaning(self) -> dict[str, Json]:
+        meaning: dict[str, Json] = {
             "depth": {"kind": "planar", "units_per_metre": self._scale, "no_depth": 0},
             "labels": {"values": LABEL_NAMES},
             "segmentation": {"none": 0, "first": 1, "objects": self.object_entries()},

@@ -4,23 +4,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from decimal import ROUND_HALF_EVEN, Decimal
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.batch._job import shard_name
+from warpvis.batch.formats._base import Images
 from warpvis.batch.formats._layouts import Layout
 from warpvis.errors import FileFormatError
 
 if TYPE_CHECKING:
+    from rosbags.typesys.store import Msg, Msgarg, Typestore
+
     from warpvis.batch._job import Plan
     from warpvis.batch.storage._output import ShardFiles
 
 _LAST_SECOND = 2**31 - 1
+
+MakeMessage: TypeAlias = "Callable[[int, NDArray[np.float32], NDArray[np.float64]], Msg]"
+"""Makes a frame's message of its time [ns], its depth image [m], shape ``(H, W)``, and its camera's pose."""
 
 
 class Ros2(Layout):
@@ -63,7 +69,7 @@ class Ros2(Layout):
             )
         self._types = _message_types()
 
-    def write_shard(self, shard: int, images: Mapping[str, NDArray[Any]], files: ShardFiles) -> list[str]:
+    def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
         """Write one bag; see `warpvis.batch.formats._base.Format`."""
         from rosbags.rosbag2 import StoragePlugin, Writer
 
@@ -76,7 +82,7 @@ class Ros2(Layout):
             for depth, pose, time in zip(images["depth"], frames.camera_to_world, frames.timestamps, strict=True):
                 stamp = nanoseconds(float(time))
                 for topic, (kind, make) in makers.items():
-                    message = make(self._header(stamp, self._frame_id), depth, pose)
+                    message = make(stamp, depth, pose)
                     bag.write(topics[topic], stamp, self._types.serialize_cdr(message, kind))
         return [name]
 
@@ -91,9 +97,9 @@ class Ros2(Layout):
             raise FileFormatError(f"option {option} must be a name without spaces, got {value!r}")
         return value
 
-    def _makers(self) -> dict[str, tuple[str, Any]]:
-        """Of every topic, its type, and what makes its message of a header, a depth image and a pose."""
-        makers = {
+    def _makers(self) -> dict[str, tuple[str, MakeMessage]]:
+        """Of every topic, its type, and what makes its message."""
+        makers: dict[str, tuple[str, MakeMessage]] = {
             "/tf": ("tf2_msgs/msg/TFMessage", self._transforms),
             f"{self._topic}/camera_info": ("sensor_msgs/msg/CameraInfo", self._camera_info),
             f"{self._topic}/image_rect": ("sensor_msgs/msg/Image", self._image),
@@ -102,24 +108,24 @@ class Ros2(Layout):
             makers[f"{self._topic}/points"] = ("sensor_msgs/msg/PointCloud2", self._cloud)
         return makers
 
-    def _message(self, kind: str, *values: Any) -> Any:
+    def _message(self, kind: str, *values: Msgarg) -> Msg:
         return self._types.types[kind](*values)
 
-    def _header(self, stamp: int, frame_id: str) -> Any:
+    def _header(self, stamp: int, frame_id: str) -> Msg:
         time = self._message("builtin_interfaces/msg/Time", *divmod(stamp, 10**9))
         return self._message("std_msgs/msg/Header", time, frame_id)
 
-    def _transforms(self, header: Any, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> Any:
+    def _transforms(self, stamp: int, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> Msg:
         x, y, z, qx, qy, qz, qw = pose.tolist()
         translation = self._message("geometry_msgs/msg/Vector3", x, y, z)
         rotation = self._message("geometry_msgs/msg/Quaternion", qx, qy, qz, qw)
         transform = self._message("geometry_msgs/msg/Transform", translation, rotation)
-        parent = self._message("std_msgs/msg/Header", header.stamp, self._parent)
-        stamped = self._message("geometry_msgs/msg/TransformStamped", parent, self._frame_id, transform)
+        header = self._header(stamp, self._parent)
+        stamped = self._message("geometry_msgs/msg/TransformStamped", header, self._frame_id, transform)
         return self._message("tf2_msgs/msg/TFMessage", [stamped])
 
-    def _camera_info(self, header: Any, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> Any:
-        camera = self.plan.camera
+    def _camera_info(self, stamp: int, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> Msg:
+        camera, header = self.plan.camera, self._header(stamp, self._frame_id)
         k = camera.to_K(pixel_center=0.0)
         p = np.concatenate([k, np.zeros((3, 1))], axis=1).ravel()
         region = self._message("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
@@ -128,12 +134,13 @@ class Ros2(Layout):
             "sensor_msgs/msg/CameraInfo", header, camera.height, camera.width, "plumb_bob", *matrices, 0, 0, region
         )
 
-    def _image(self, header: Any, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> Any:
+    def _image(self, stamp: int, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> Msg:
         height, width = depth.shape
         data = np.ascontiguousarray(depth, dtype="<f4").reshape(-1).view(np.uint8)
+        header = self._header(stamp, self._frame_id)
         return self._message("sensor_msgs/msg/Image", header, height, width, "32FC1", 0, 4 * width, data)
 
-    def _cloud(self, header: Any, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> Any:
+    def _cloud(self, stamp: int, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> Msg:
         height, width = depth.shape
         fields = [self._message("sensor_msgs/msg/PointField", axis, 4 * k, 7, 1) for k, axis in enumerate("xyz")]
         points = np.empty((height, width, 3), dtype="<f4")
@@ -142,6 +149,7 @@ class Ros2(Layout):
         np.multiply(points[..., 2], slope_x, out=points[..., 0])
         np.multiply(points[..., 2], slope_y[:, None], out=points[..., 1])
         shape = height, width, fields, False, 12, 12 * width
+        header = self._header(stamp, self._frame_id)
         return self._message("sensor_msgs/msg/PointCloud2", header, *shape, points.reshape(-1).view(np.uint8), False)
 
     @cached_property
@@ -153,7 +161,7 @@ class Ros2(Layout):
         return x.astype(np.float32), y.astype(np.float32)
 
 
-def _message_types() -> Any:
+def _message_types() -> Typestore:
     try:
         from rosbags.typesys import Stores, get_typestore
     except ImportError:

@@ -4,13 +4,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator
 from itertools import chain
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from warpvis.batch.formats._base import Images
 from warpvis.batch.formats._layouts import Layout, numbers, rows_of, write_lines
 from warpvis.errors import FileFormatError
 
@@ -57,19 +57,22 @@ class Tum(Layout):
                 f"frame {frame} has {times[frame]} s, the one before {times[frame - 1]} s"
             )
 
-    def write_shard(self, shard: int, images: Mapping[str, NDArray[Any]], files: ShardFiles) -> list[str]:
+    def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
         """Write one shard; see `warpvis.batch.formats._base.Format`."""
         return [self.write_depth_pngs(shard, "depth", images["depth"], _SCALE, files)]
 
     def index(self, files: ShardFiles) -> list[str]:
         """Write ``depth.txt``, ``groundtruth.txt`` and ``calibration.txt``."""
         frames, camera = self.plan.frames, self.plan.camera.to_K(pixel_center=0.0)
-        times, names = rows_of(frames.timestamps), self.frame_names(".png")
-        depths = (f"{time!r} depth/{name}" for time, name in zip(times, names, strict=True))
+        names = self.frame_names(".png")
+        depths = (f"{time!r} depth/{name}" for time, name in zip(self._times(), names, strict=True))
         write_lines(files, "depth.txt", chain(["# timestamp filename"], depths))
-        times, rows = rows_of(frames.timestamps), rows_of(frames.camera_to_world)
-        poses = (f"{time!r} {numbers(row)}" for time, row in zip(times, rows, strict=True))
+        rows: Iterator[list[float]] = rows_of(frames.camera_to_world, np.ndarray.tolist)
+        poses = (f"{time!r} {numbers(row)}" for time, row in zip(self._times(), rows, strict=True))
         write_lines(files, "groundtruth.txt", chain(["# timestamp tx ty tz qx qy qz qw"], poses))
         intrinsics = numbers(camera[[0, 1, 0, 1], [0, 1, 2, 2]].tolist())
         files.write_text("calibration.txt", f"{intrinsics}\n# fx fy cx cy [px], pixel centres at whole numbers\n")
         return ["depth.txt", "groundtruth.txt", "calibration.txt"]
+
+    def _times(self) -> Iterator[float]:
+        return rows_of(self.plan.frames.timestamps, np.ndarray.tolist)

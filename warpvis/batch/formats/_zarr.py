@@ -11,27 +11,31 @@ is so the image memory itself, written from where it was rendered to. zarr-pytho
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from warpvis.batch._job import Plan
-from warpvis.batch.formats._base import VISIBILITY_ARRAYS, Format, check_options
+from warpvis.batch._job import Options, Plan, frame_arrays
+from warpvis.batch.formats._base import VISIBILITY_ARRAYS, Format, Images, check_options
+from warpvis.batch.storage._direct_io import FilePart
 from warpvis.batch.storage._output import files_below
 from warpvis.core.labels import Label
+from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.rendering import OUTPUTS
 
 if TYPE_CHECKING:
+    import zarr
+    from zarr.core.chunk_key_encodings import ChunkKeyEncodingParams
+
     from warpvis.batch.storage._output import ShardFiles
 
 # What is read of frames that were never written.
 _FILL = {"depth": np.inf, "points": np.nan, "normals": np.nan, "labels": 0, "segmentation": -1}
 _DTYPE = {"depth": "float32", "points": "float32", "normals": "float32", "labels": "uint8", "segmentation": "int32"}
 _GROUP = "data.zarr"
-_KEYS = {"name": "default", "separator": "."}  # "depth/c.12.0.0": a folder for every shard would take time to make
+# "depth/c.12.0.0": a folder for every shard would take time to make.
+_KEYS: ChunkKeyEncodingParams = {"name": "default", "separator": "."}
 _MISSING = np.uint64(2**64 - 1)
 _OPTIONS = {"compression": "none, zstd", "level": "1 to 22"}
 _DEFAULT_LEVEL = 1
@@ -62,27 +66,32 @@ class Zarr(Format):
         self._plan = plan
         self._level = _parse_level(plan.options)
 
-    def write_shard(self, shard: int, images: Mapping[str, NDArray[Any]], files: ShardFiles) -> list[str]:
+    def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
         """Write a file for every array."""
         units = []
         for name, array in images.items():
             unit = f"{_GROUP}/{name}/c.{shard}" + ".0" * (array.ndim - 1)
-            parts = self._sharded(array) if name in OUTPUTS else [_padded(array, self._plan.shard_frames)]
-            files.write(unit, *parts)
+            if name in OUTPUTS:
+                files.write(unit, *self._sharded(array))
+            else:
+                files.write(unit, _padded(array, self._plan.shard_frames))
             units.append(unit)
         return units
 
-    def _sharded(self, array: NDArray[Any]) -> list[Any]:
+    def _sharded(self, array: np.ndarray) -> list[FilePart]:
         """A shard file: one chunk a frame, and the table of where they are."""
-        chunks = [array] if self._level is None else self._compressed(array)
         frames = len(array)
-        sizes = [array.nbytes // frames] * frames if self._level is None else [len(chunk) for chunk in chunks]
+        chunks: list[FilePart] = [array]
+        sizes = [array.nbytes // frames] * frames
+        if self._level is not None:
+            packed = self._compressed(array)
+            chunks, sizes = [*packed], [len(chunk) for chunk in packed]
         table = np.full((self._plan.shard_frames, 2), _MISSING, dtype="<u8")
         table[:frames, 1] = sizes
         table[:frames, 0] = np.cumsum([0, *sizes[:-1]])
         return [*chunks, table, _crc32c(table.tobytes()).to_bytes(4, "little")]
 
-    def _compressed(self, array: NDArray[Any]) -> list[Any]:
+    def _compressed(self, array: np.ndarray) -> list[bytes]:
         from numcodecs.zstd import compress
 
         return [compress(frame.reshape(-1).view(np.uint8), self._level) for frame in array]
@@ -91,21 +100,18 @@ class Zarr(Format):
         """Write the metadata, and the arrays that are not in shards."""
         import zarr
 
-        plan, frames = self._plan, self._plan.frames
+        plan = self._plan
         group = zarr.create_group(files.folder / _GROUP, attributes=self._attributes(), overwrite=False)
         for name in plan.outputs:
             if name in OUTPUTS:
                 self._create_image(group, name)
         if "visibility" in plan.outputs:
             self._create_visibility(group)
-        beside: dict[str, Any] = {"camera_to_world": frames.camera_to_world, "timestamps": frames.timestamps}
-        beside |= {"object_poses": frames.object_poses, "world_index": frames.world_index}
-        for name, array in beside.items():
-            if array is not None:
-                _create_whole(group, name, array)
+        for name, array in frame_arrays(plan.frames).items():
+            _create_whole(group, name, array)
         return sorted(files_below(files.folder))
 
-    def _create_image(self, group: Any, name: str) -> None:
+    def _create_image(self, group: zarr.Group, name: str) -> None:
         from zarr.codecs import ZstdCodec
 
         plan = self._plan
@@ -123,7 +129,7 @@ class Zarr(Format):
             dimension_names=("view", "y", "x", *(["xyz"] if vector else [])),
         )
 
-    def _create_visibility(self, group: Any) -> None:
+    def _create_visibility(self, group: zarr.Group) -> None:
         plan = self._plan
         for name, (dtype, last) in VISIBILITY_ARRAYS.items():
             group.create_array(
@@ -137,9 +143,9 @@ class Zarr(Format):
                 dimension_names=("view", "object", *(["xywh"] if last else [])),
             )
 
-    def _attributes(self) -> dict[str, Any]:
+    def _attributes(self) -> dict[str, Json]:
         plan = self._plan
-        attributes: dict[str, Any] = {
+        attributes: dict[str, Json] = {
             "K": plan.camera.to_K().tolist(),
             "pixel_center": 0.5,
             "camera_axes": "opencv: x right, y down, z forward",
@@ -156,7 +162,7 @@ class Zarr(Format):
         return attributes
 
 
-def _create_whole(group: Any, name: str, array: NDArray[Any]) -> None:
+def _create_whole(group: zarr.Group, name: str, array: np.ndarray) -> None:
     """An array in chunks of a few MB."""
     row = max(1, array[:1].nbytes)
     chunk = (min(len(array), max(1, (1 << 22) // row)), *array.shape[1:])
@@ -164,7 +170,7 @@ def _create_whole(group: Any, name: str, array: NDArray[Any]) -> None:
     stored[...] = array
 
 
-def _padded(array: NDArray[Any], frames: int) -> NDArray[Any]:
+def _padded(array: np.ndarray, frames: int) -> np.ndarray:
     """A chunk has its full size, also the last one."""
     if len(array) == frames:
         return array
@@ -177,7 +183,7 @@ def _crc32c(data: bytes) -> int:
     return google_crc32c.value(data)
 
 
-def _parse_level(options: Mapping[str, Any]) -> int | None:
+def _parse_level(options: Options) -> int | None:
     """Zstandard's level; None for no compression."""
     kind, level = options.get("compression", "none"), options.get("level", _DEFAULT_LEVEL)
     if kind not in ("none", "zstd"):

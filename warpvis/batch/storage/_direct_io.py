@@ -8,9 +8,12 @@ import os
 import zlib
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
+
+FilePart: TypeAlias = bytes | memoryview | np.ndarray
+"""What part of a file is written from; an array's bytes are written in C order."""
 
 ALIGNMENT = 4096
 """What O_DIRECT wants addresses, offsets and lengths to be multiples of."""
@@ -22,7 +25,7 @@ _PIECE = 1 << 23
 _O_DIRECT = getattr(os, "O_DIRECT", 0)
 
 
-def write_file(path: Path, parts: Iterable[Any]) -> tuple[int, int]:
+def write_file(path: Path, parts: Iterable[FilePart]) -> tuple[int, int]:
     """Write a new file from its parts; the number of its bytes, and their CRC-32.
 
     Parts are bytes-like or NumPy arrays. Of a part that begins at a page of memory, at a multiple of `ALIGNMENT` in the
@@ -46,9 +49,9 @@ def write_file(path: Path, parts: Iterable[Any]) -> tuple[int, int]:
         os.close(descriptor)
 
 
-def _as_bytes(part: Any) -> memoryview:
+def _as_bytes(part: FilePart) -> memoryview:
     if isinstance(part, np.ndarray):
-        part = np.ascontiguousarray(part).reshape(-1).view(np.uint8)
+        return np.ascontiguousarray(part).reshape(-1).view(np.uint8).data
     return memoryview(part).cast("B")
 
 

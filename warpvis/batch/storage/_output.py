@@ -8,9 +8,9 @@ import os
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from warpvis.batch.storage._direct_io import write_file
+from warpvis.batch.storage._direct_io import FilePart, write_file
 
 
 class FileSum(NamedTuple):
@@ -30,7 +30,7 @@ class ShardFiles:
         self._sums: dict[str, FileSum] = {}
         self._folders = {self.folder}
 
-    def write(self, name: str, *parts: Any) -> None:
+    def write(self, name: str, *parts: FilePart) -> None:
         """Write one file from its parts, in order.
 
         Args:

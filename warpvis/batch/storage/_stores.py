@@ -8,9 +8,9 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import IO, Any, Protocol
+from typing import IO, Protocol
 
 from warpvis.batch.storage._output import ShardFiles, files_below
 from warpvis.core.checks import as_path
@@ -54,11 +54,11 @@ class Store(Protocol):
         """Remove what was not finished."""
         ...
 
-    def locked(self) -> Any:
+    def locked(self) -> AbstractContextManager[None]:
         """A context in which no other process of this machine writes the dataset."""
         ...
 
-    def new_files(self) -> Any:
+    def new_files(self) -> AbstractContextManager[ShardFiles]:
         """A context with `ShardFiles` in a new temporary folder, which is gone after it."""
         ...
 
