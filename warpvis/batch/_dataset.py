@@ -29,7 +29,7 @@ class Dataset:
     """The folder of a job: its manifest, its poses, the records of its shards, and its index."""
 
     def __init__(self, out: str | os.PathLike[str], plan: Plan, layout: Format, manifest: Manifest) -> None:
-        """The dataset at `out`; nothing is written yet."""
+        """Take the dataset at `out`; nothing is written yet."""
         self._store: Store = open_store(out)
         self._plan, self._layout, self._manifest = plan, layout, manifest
         self._whole = 0
@@ -50,7 +50,7 @@ class Dataset:
 
     @contextmanager
     def opened(self, *, resume: bool) -> Iterator[list[int]]:
-        """A context in which the job may write, with the numbers of the shards that are missing.
+        """Open the dataset for a job to write to, as a context that gives the numbers of the missing shards.
 
         Raises:
             FileFormatError: The folder holds something else, or another job's dataset; another process writes it; or a
@@ -92,7 +92,7 @@ class Dataset:
         return f"{self._whole} of {self._plan.shard_count} shards are whole, and --resume goes on from there"
 
     def _require_ours(self, *, resume: bool) -> bool:
-        """Whether the dataset was begun already, and may be gone on with.
+        """Tell whether the dataset was begun already, and may be gone on with.
 
         Raises:
             FileFormatError: It may not.
@@ -119,7 +119,7 @@ class Dataset:
             self._store.put(files, [POSES] if known else [MANIFEST, POSES])
 
     def _missing(self) -> list[int]:
-        """Shards that are not whole; the others are counted."""
+        """Find the shards that are not whole, and count the others."""
         missing = []
         for shard in range(self._plan.shard_count):
             part = self._plan.shard_slice(shard)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Renders batches of frames into NumPy arrays: what a process, a Ray actor, or a loop of one's own holds."""
+"""Batches of frames as NumPy arrays: what a process, a Ray actor, or a loop of one's own holds."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ class FrameRenderer:
         return {**check_mapping(batch, "a batch"), **self.render(batch)}
 
     def render(self, batch: Batch, *, out: ImageBuffers | None = None) -> dict[str, np.ndarray]:
-        """The arrays alone, of images in `out` if that is given; they are valid until it is written to again."""
+        """Render a batch and give the new arrays alone; those in `out` are valid until it is written to again."""
         if "camera_to_world" not in check_mapping(batch, "a batch"):
             raise ArrayError(f"a batch must hold camera_to_world, got {', '.join(map(str, batch)) or 'nothing'}")
         poses = as_numpy(batch["camera_to_world"], name="camera_to_world")
@@ -143,7 +143,7 @@ class FrameRenderer:
         return found
 
     def _see(self, poses: np.ndarray, objects: np.ndarray | None, worlds: np.ndarray | None) -> dict[str, np.ndarray]:
-        """What visibility says, by the names of files."""
+        """Measure visibility, and name its arrays as files do."""
         seen = self._object_visibility(poses, object_poses=objects, world_index=worlds)
         fields = {name: "fraction" if name == "visible_fraction" else name for name in VISIBILITY_ARRAYS}
         arrays = {name: getattr(seen, field) for name, field in fields.items()}
@@ -160,18 +160,18 @@ class ImageBuffers:
     """
 
     def __init__(self, images: Sequence[str], camera: Camera, frames: int, *, pinned: bool = False) -> None:
-        """Room for images of so many frames."""
+        """Allocate room for images of so many frames."""
         shape = (frames, camera.height, camera.width)
         self._arrays = {name: _page_aligned(shape, OUTPUTS[name], pinned) for name in images}
 
     def first(self, frames: int) -> tuple[Views, dict[str, np.ndarray]]:
-        """The first images, as the renderer writes them and as formats read them."""
+        """Return the first images twice: as the renderer writes them, and as formats read them."""
         views = {name: array if frames == len(array) else array[:frames] for name, array in self._arrays.items()}
         return Views(**views), {name: array.numpy() for name, array in views.items()}
 
 
 def frames_batch(frames: Frames, part: slice) -> Batch:
-    """What a renderer needs of some of the frames; only the worlds that they are in."""
+    """Cut out some frames as a batch for `FrameRenderer`, with only the worlds that they are in."""
     some = frames[part]
     batch: dict[str, np.ndarray] = {"camera_to_world": some.camera_to_world}
     if some.object_poses is not None:
@@ -184,13 +184,13 @@ def frames_batch(frames: Frames, part: slice) -> Batch:
 
 
 def choose_excluded(scene: Scene, exclude: Sequence[str | int] | None) -> list[int]:
-    """Indices of the objects that no frame shows; none for None or an empty list."""
+    """Return the indices of objects that no frame shows; none for None or an empty list."""
     given = [] if exclude is None else as_items(exclude, "exclude", SceneError)
     return choose_objects(scene, given) if given else []
 
 
 def make_scene(scene: SceneSource, device: DeviceLike) -> Scene:
-    """The scene that `FrameRenderer` was given, on a device.
+    """Load or make the scene, and take it to a device; by default it stays where it is.
 
     Raises:
         WarpvisError: It is none, or there is no such device.
@@ -213,7 +213,7 @@ def _is_image(output: str) -> TypeGuard[Output]:
 
 
 def _page_aligned(shape: tuple[int, ...], dtype: type, pinned: bool) -> wp.array:
-    """An array of the host that begins at a page of memory."""
+    """Allocate an array of the host that begins at a page of memory."""
     if pinned:
         return wp.empty(shape, dtype=dtype, device="cpu", pinned=True)
     import mmap

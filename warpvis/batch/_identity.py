@@ -38,7 +38,7 @@ class SceneDescription(TypedDict):
 
 
 def hash_values(*values: object) -> str:
-    """SHA-256 of arrays, with their dtypes and shapes, and of what `str` says of anything else, as hexadecimal text."""
+    """Hash arrays with their dtypes and shapes, and what `str` says of anything else; SHA-256 as hexadecimal text."""
     digest = hashlib.sha256()
     for value in values:
         if isinstance(value, np.ndarray):
@@ -51,7 +51,7 @@ def hash_values(*values: object) -> str:
 
 
 def object_hash(item: SceneObject) -> str:
-    """SHA-256 of all that decides how an object is seen."""
+    """Hash all that decides how an object is seen."""
     solid = item.solid
     shape = () if solid is None else (int(solid.kind), np.asarray(solid.radii), float(solid.half))
     mesh = item.mesh_vertices if item.movable else item.vertices
@@ -59,7 +59,7 @@ def object_hash(item: SceneObject) -> str:
 
 
 def describe_scene(scene: Scene) -> SceneDescription:
-    """What a manifest says of a scene: of every object its label, its size and its hash, and one hash of them all."""
+    """Describe a scene: of every object its label, its size and its hash, and one hash of them all."""
     objects: dict[str, ObjectDescription] = {
         item.name: {
             "label": item.label.name,
@@ -75,23 +75,23 @@ def describe_scene(scene: Scene) -> SceneDescription:
 
 
 def scene_hash(scene: Scene) -> str:
-    """SHA-256 of a scene's content, the same on every device and in every process, as hexadecimal text."""
+    """Hash a scene's content, to the same hexadecimal text on every device and in every process."""
     return describe_scene(scene)["sha256"]
 
 
 def describe_camera(camera: Camera) -> dict[str, float | None]:
-    """A camera's fields; `far` is None where it is infinite, since JSON has no such number."""
+    """List a camera's fields; `far` is None where it is infinite, since JSON has no such number."""
     fields = asdict(camera)
     return {**fields, "far": None if math.isinf(camera.far) else camera.far}
 
 
 def frames_hash(frames: Frames) -> str:
-    """SHA-256 of the poses, times and worlds of frames."""
+    """Hash the poses, times and worlds of frames."""
     return hash_values(frames.camera_to_world, frames.timestamps, frames.object_poses, frames.world_index)
 
 
 def versions(*packages: str) -> dict[str, str]:
-    """Versions of this package and of others that decide the bytes of a dataset; ``"zlib"`` is Python's own."""
+    """Look up the versions of this package and of others that decide a dataset's bytes; ``"zlib"`` is Python's own."""
     import warpvis
 
     found = {name: zlib.ZLIB_RUNTIME_VERSION if name == "zlib" else metadata.version(name) for name in packages}

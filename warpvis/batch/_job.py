@@ -61,7 +61,7 @@ class Plan:
         return -(-len(self.frames) // self.shard_frames)
 
     def shard_slice(self, shard: int) -> slice:
-        """The frames of a shard."""
+        """Return the range of a shard's frames."""
         first = shard * self.shard_frames
         return slice(first, min(first + self.shard_frames, len(self.frames)))
 
@@ -73,5 +73,5 @@ def frame_arrays(frames: Frames) -> dict[str, np.ndarray]:
 
 
 def shard_name(shard: int) -> str:
-    """A shard's name in files and folders: its number, in six digits or more."""
+    """Name a shard in files and folders: its number, in six digits or more."""
     return f"{shard:06d}"

@@ -73,7 +73,7 @@ class Contents(NamedTuple):
 def make_manifest(
     plan: Plan, scene: Scene, layout: Format, *, device: str, source: str | None, caster: str
 ) -> Manifest:
-    """The manifest of a job: all of it follows from what the job was given, so it is the same every time.
+    """Make a job's manifest: all of it follows from what the job was given, so it is the same every time.
 
     Args:
         plan: The plan.
@@ -105,12 +105,12 @@ def make_manifest(
 
 
 def manifest_text(manifest: Manifest) -> str:
-    """The file's text."""
+    """Write a manifest as the text of its file."""
     return json.dumps(manifest, indent=1, allow_nan=False) + "\n"
 
 
 def parse_manifest(data: bytes | None) -> Mapping[str, Json] | None:
-    """The manifest that a file holds; None if it is not one."""
+    """Read the manifest that a file holds; None if it is not one."""
     try:
         content = json.loads(data or b"")
     except ValueError:
@@ -146,7 +146,7 @@ def require_same(found: Mapping[str, Json], wanted: Manifest, name: str) -> None
 
 
 def _differences(found: Json, wanted: Json, path: tuple[str, ...]) -> Iterator[str]:
-    """Each field that is not the same, in words."""
+    """Say each field that is not the same, in words."""
     if isinstance(found, dict) and isinstance(wanted, dict):
         if path == ("scene", "objects"):
             yield from _object_differences(found, wanted)

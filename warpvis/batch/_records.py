@@ -28,12 +28,12 @@ class Record:
 
     @property
     def bytes(self) -> int:
-        """Of all its files together."""
+        """Bytes of all its files together."""
         return sum(item.bytes for item in self.files.values())
 
 
 def shard_record(shard: int) -> str:
-    """Where a shard's record is."""
+    """Name the file of a shard's record."""
     return f"{RECORDS_FOLDER}/{shard_name(shard)}.json"
 
 
@@ -66,7 +66,7 @@ def commit(store: Store, name: str, frames: int, files: ShardFiles, units: list[
 
 
 def read_record(store: Store, name: str) -> Record | None:
-    """A record; None if there is none, or it is not one."""
+    """Read a record; None if there is none, or it is not one."""
     data = store.read(name)
     if data is None:
         return None
@@ -80,7 +80,7 @@ def read_record(store: Store, name: str) -> Record | None:
 
 
 def read_whole(store: Store, name: str, frames: int) -> Record | None:
-    """A record that can be trusted: of so many frames, and its files are there and have their sizes; else None."""
+    """Read a record that can be trusted: of so many frames, with files that are there in their sizes; else None."""
     record = read_record(store, name)
     if record is None or record.frames != frames:
         return None

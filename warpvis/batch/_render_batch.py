@@ -170,7 +170,7 @@ def _check_engine(engine: str, threads: int | None, workers: int | None, address
 def _start_engine(
     engine: Engine, devices: Sequence[str], threads: int | None, workers: int | None, address: str | None
 ) -> AbstractContextManager[Run]:
-    """Make a context with what renders and writes shards."""
+    """Start the engine, as a context; a Ray cluster that was started for it ends with it."""
     if engine == "local":
         return nullcontext(partial(run_local, devices=devices, threads=threads))
     from warpvis.batch.engines._ray import ray_engine
@@ -190,7 +190,7 @@ def make_plan(
     shard_frames: int | None = None,
     options: Options | None = None,
 ) -> Plan:
-    """The plan of a job; see `render_batch` for the arguments.
+    """Make the plan of a job; see `render_batch` for the arguments.
 
     Raises:
         WarpvisError: An argument is not what it has to be.
@@ -224,7 +224,7 @@ def make_plan(
 def _choose_seen(
     scene: Scene, kind: type[Format], objects: Sequence[str | int] | None, excluded: Sequence[int]
 ) -> tuple[int, ...]:
-    """The objects that visibility is of: those that are named, or else all that the format wants and frames show."""
+    """Choose the objects that visibility is of: the named ones, or else all that the format wants and frames show."""
     if objects is not None:
         return tuple(choose_objects(scene, objects))
     wanted = kind.object_label
@@ -233,7 +233,7 @@ def _choose_seen(
 
 
 def _place_objects(scene: Scene, frames: Frames) -> Frames:
-    """The frames, with poses of whatever is movable.
+    """Give the frames poses of whatever is movable, where they have none.
 
     Raises:
         PoseError: Their poses are of another number of objects.
@@ -253,14 +253,14 @@ def _place_objects(scene: Scene, frames: Frames) -> Frames:
 
 
 def _columns(scene: Scene) -> tuple[int, ...]:
-    """For every object the column of `object_poses` that places it, or -1."""
+    """Find for every object the column of `object_poses` that places it, or -1."""
     column = {index: k for k, index in enumerate(scene.movable)}
     carriers = [index if item.carrier is None else item.carrier for index, item in enumerate(scene.objects)]
     return tuple(column.get(index, -1) for index in carriers)
 
 
 def _shard_frames(shard_frames: int | None, outputs: Sequence[str], camera: Camera, *, masks: int) -> int:
-    """Frames of a shard: as given, or as many as fit its bytes, with so many masks a frame.
+    """Choose how many frames a shard has: as given, or as many as fit its bytes, with so many masks a frame.
 
     Raises:
         ArrayError: It is not a number of frames.

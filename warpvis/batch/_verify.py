@@ -143,7 +143,7 @@ def _check(store: Store, item: tuple[str, int]) -> _Checked:
 
 
 def _ranges(numbers: Sequence[int]) -> str:
-    """Increasing numbers in few words: ``0-3, 7, 9-12``."""
+    """Write increasing numbers in few words: ``0-3, 7, 9-12``."""
     runs: list[list[int]] = []
     for number in numbers:
         if runs and runs[-1][1] == number - 1:

@@ -62,7 +62,7 @@ def warmup(
 
 
 def _scenes(device: wp.Device) -> Iterator[Scene]:
-    """A scene where all stays, one where a mesh moves, and one where a round solid does."""
+    """Make a scene where all stays, one where a mesh moves, and one where a round solid does."""
     from warpvis.scene.solids import sphere
 
     corners, faces = np.eye(3), np.array([[0, 1, 2]])
@@ -75,7 +75,7 @@ def _scenes(device: wp.Device) -> Iterator[Scene]:
 
 
 def _view_counts(device: wp.Device) -> list[int]:
-    """How many images of 32x32 pixels make the packets caster choose each size of packets that it has on a GPU."""
+    """List how many images of 32x32 pixels make the packets caster choose each size of packets it has on a GPU."""
     if device.is_cpu:
         return [1]
     processors = device.sm_count

@@ -44,7 +44,7 @@ def run_local(job: Job, shards: Iterable[int], done: Done, *, devices: Sequence[
 
 
 def parse_devices(device: DeviceLike) -> list[str]:
-    """Names of devices, of one, of several with commas, or of ``"cuda:all"``.
+    """Name the devices that are meant by one, by several with commas, or by ``"cuda:all"``.
 
     Raises:
         ArrayError: The machine has no such device.
@@ -61,12 +61,12 @@ def parse_devices(device: DeviceLike) -> list[str]:
 
 
 def writer_count(processes: int) -> int:
-    """Threads that encode and write in each of some processes of this machine."""
+    """Choose how many threads encode and write in each of some processes of this machine."""
     return max(1, min(_MOST_WRITERS, core_count() // processes))
 
 
 def _run_processes(job: Job, shards: Iterable[int], done: Done, devices: Sequence[str]) -> None:
-    """A process a device. Each is handed shards as it finishes others, so that none waits for a slower one."""
+    """Run a process for each device. It is handed shards as it finishes others, so that none waits for a slower one."""
     context = multiprocessing.get_context("spawn")  # CUDA does not survive a fork
     writers = writer_count(len(devices))
     workers: dict[Connection, SpawnProcess] = {}
@@ -130,7 +130,7 @@ def _obituary(workers: dict[Connection, SpawnProcess]) -> str:
 
 
 def _work(connection: Connection, job: Job, device: str, writers: int) -> None:
-    """One process: shards come in through the connection, and records go out."""
+    """Work as one process: shards come in through the connection, and records go out."""
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that shares out the work

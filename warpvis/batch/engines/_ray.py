@@ -70,7 +70,7 @@ class ShardActor:
         self._writer = ShardWriter(self._job, device=device, threads=threads)
 
     def __call__(self, batch: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Make whole the shards of a batch, ``{"shard": numbers}``; the same with what went wrong, or nothing.
+        """Make whole the shards of a batch, ``{"shard": numbers}``, and return it with each one's error or None.
 
         What another worker finished before it was lost is not done again.
         """
@@ -89,7 +89,7 @@ class ShardActor:
 
 @contextmanager
 def ray_engine(*, gpu: bool, workers: int | None, address: str | None) -> Iterator[Run]:
-    """A context with the engine, on a Ray cluster. Ray starts workers that are lost again, and repeats what they had.
+    """Start the engine on a Ray cluster, as a context. Ray starts lost workers again, and repeats what they had.
 
     Args:
         gpu: Whether each worker has a GPU.
@@ -129,7 +129,7 @@ def _run(ray: ModuleType, share: _Share, job: Job, shards: Sequence[int], done: 
 
 
 def _results(ray: ModuleType, job: Job, shards: Sequence[int], share: _Share) -> Iterator[_Row]:
-    """What the actors return, as it comes."""
+    """Hand shards to actors, and go through what they return, as it comes."""
     workers, cpus, gpus = share
     at_once = max(1, min(_SHARDS_AT_ONCE, len(shards) // (workers * _LEAST_ROUNDS)))
     rows = ray.data.from_items([{"shard": shard} for shard in shards], override_num_blocks=-(-len(shards) // at_once))
@@ -147,7 +147,7 @@ def _results(ray: ModuleType, job: Job, shards: Sequence[int], share: _Share) ->
 
 
 def _share(resources: Mapping[str, float], *, gpu: bool, workers: int | None) -> _Share:
-    """How many workers, and each one's part of the cluster.
+    """Share a cluster out among workers.
 
     Raises:
         ArrayError: There is not so much.
@@ -162,7 +162,7 @@ def _share(resources: Mapping[str, float], *, gpu: bool, workers: int | None) ->
 
 @contextmanager
 def _cluster(address: str | None) -> Iterator[ModuleType]:
-    """Ray, connected to a cluster; one that was started for this is ended."""
+    """Connect Ray to a cluster, as a context; one that was started for this is ended."""
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     os.environ.setdefault("RAY_BACKEND_LOG_LEVEL", "fatal")  # Ray Data's own actors make it print an error that is none
     try:

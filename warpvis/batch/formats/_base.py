@@ -102,16 +102,16 @@ class Format(Protocol):
         ...
 
     def index(self, files: ShardFiles) -> list[str]:
-        """Write what covers the whole dataset, after all shards; the units as for `write_shard`."""
+        """Write what covers the whole dataset, after all shards, and return the units as `write_shard` does."""
         ...
 
     def write_models(self, files: ShardFiles, scene: Scene) -> list[str]:
-        """Write the scene's objects, if there is a place for them; with `index`, and the units as there."""
+        """Write the scene's objects, if there is a place for them, together with `index`; return the units as there."""
         return []
 
 
 def find_format(name: str) -> type[Format]:
-    """The format of that name.
+    """Find the format of that name.
 
     Raises:
         FileFormatError: There is none.

@@ -187,7 +187,7 @@ class Bop(Layout):
         return ["models"]
 
     def _origin(self, index: int) -> NDArray[np.float64]:
-        """Where in an object's mesh its model's origin is [m]: its own if it moves, else the middle of its box."""
+        """Find a model's origin in the mesh [m], shape ``(3,)``: its own if it moves, else the box's middle."""
         if self.plan.object_columns[index] >= 0:
             return np.zeros(3)
         return np.array(self.plan.object_centers[index], dtype=np.float64)
@@ -226,7 +226,7 @@ class Bop(Layout):
         ]
 
     def _poses(self, frames: Frames, world_to_camera: NDArray[np.float64]) -> list[list[_ObjectPose]]:
-        """Model to camera, of every frame and object."""
+        """List the poses model to camera, of every frame and object."""
         scene_gt: list[list[_ObjectPose]] = [[] for _ in world_to_camera]
         for number, index in enumerate(self.plan.chosen, start=1):
             column = self.plan.object_columns[index]
@@ -241,14 +241,14 @@ class Bop(Layout):
 
 
 def _poses_of_object(frames: Frames, column: int) -> NDArray[np.float32]:
-    """Poses of a movable object in every frame, or in the one world of all, shape ``(n or 1, 7)``."""
+    """Return a movable object's poses in every frame, or in the one world of all, shape ``(n or 1, 7)``."""
     assert frames.object_poses is not None  # a plan has them if anything moves
     rows = frames.object_poses[:, column]
     return rows if frames.world_index is None else rows[frames.world_index]
 
 
 def _inverse(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Inverses of rigid motions, shape ``(n, 4, 4)``."""
+    """Invert rigid motions, shape ``(n, 4, 4)``."""
     inverse = np.zeros_like(matrices)
     inverse[:, :3, :3] = matrices[:, :3, :3].swapaxes(1, 2)
     inverse[:, :3, 3] = -np.einsum("nij,nj->ni", inverse[:, :3, :3], matrices[:, :3, 3])
@@ -282,12 +282,12 @@ def _object_info(whole: int, valid: int, visible: NDArray[np.bool_] | None, box:
 
 
 def _box(mask: NDArray[np.bool_]) -> list[int]:
-    """x, y, last column less first, last row less first of a mask that is not empty."""
+    """Return x, y, last column less first, last row less first of a mask that is not empty."""
     columns, rows = np.flatnonzero(mask.any(axis=0)), np.flatnonzero(mask.any(axis=1))
     x, y = int(columns[0]), int(rows[0])
     return [x, y, int(columns[-1]) - x, int(rows[-1]) - y]
 
 
 def _json_lines(items: Iterable[tuple[int, object]]) -> str:
-    """A JSON object of values by their number, a line each, as BOP's own files are."""
+    """Write values by their number as a JSON object, a line each, as BOP's own files are."""
     return "{\n" + ",\n".join(f'  "{key}": {json.dumps(value)}' for key, value in items) + "\n}\n"

@@ -13,7 +13,7 @@ _BLOCK = 512  # of points whose distances are looked at together: half a million
 
 
 def ply_text(points: NDArray[np.float64], faces: NDArray[np.int32]) -> str:
-    """A mesh as PLY text: single-precision vertices with normals, and triangles.
+    """Write a mesh as PLY text: single-precision vertices with normals, and triangles.
 
     Args:
         points: Vertices [mm], shape ``(n, 3)``.
@@ -35,7 +35,7 @@ def ply_text(points: NDArray[np.float64], faces: NDArray[np.int32]) -> str:
 
 
 def vertex_normals(points: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Unit normals of the vertices, shape ``(n, 3)``: those of the triangles around, weighted by their angles there.
+    """Average the unit normals of the triangles around each vertex, weighted by their angles there, shape ``(n, 3)``.
 
     (Thuermer and Wuethrich, "Computing vertex normals from polygonal facets", 1998.) 0 where there is no triangle.
     """
@@ -50,7 +50,7 @@ def vertex_normals(points: NDArray[np.float64], faces: NDArray[np.int32]) -> NDA
 
 
 def model_info(points: NDArray[np.float64]) -> dict[str, float]:
-    """What ``models_info.json`` says of a model: its diameter, and the least corner and size of its box [mm]."""
+    """Measure a model for ``models_info.json``: its diameter, and the least corner and size of its box [mm]."""
     low, high = points.min(axis=0).tolist(), points.max(axis=0).tolist()
     info = {"diameter": diameter(points)}
     info |= {f"min_{axis}": value for axis, value in zip("xyz", low, strict=True)}
@@ -58,7 +58,7 @@ def model_info(points: NDArray[np.float64]) -> dict[str, float]:
 
 
 def diameter(points: NDArray[np.float64]) -> float:
-    """The greatest distance of two points, shape ``(n, 3)``.
+    """Find the greatest distance between two of the points, shape ``(n, 3)``.
 
     Points are left out that are too near to the middle of the box to belong to the farthest two.
     """
@@ -82,6 +82,6 @@ def diameter(points: NDArray[np.float64]) -> float:
 
 
 def _units(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The vectors at length 1, but for those that have none."""
+    """Scale vectors to length 1, but for those that have none."""
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     return vectors / np.where(lengths > 0, lengths, 1)

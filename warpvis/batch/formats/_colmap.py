@@ -86,7 +86,7 @@ class Colmap(Layout):
 
 
 def _world_to_camera(camera_to_world: NDArray[np.float64]) -> list[list[float]]:
-    """Rows ``qw qx qy qz tx ty tz`` of the inverse poses."""
+    """Invert poses, as rows ``qw qx qy qz tx ty tz``."""
     rotations = poses_to_matrices(camera_to_world)[:, :3, :3]
     translations = -np.einsum("nji,nj->ni", rotations, camera_to_world[:, :3])
     x, y, z, w = camera_to_world[:, 3:].T
@@ -94,6 +94,6 @@ def _world_to_camera(camera_to_world: NDArray[np.float64]) -> list[list[float]]:
 
 
 def _map_parts(channels: NDArray[np.float32]) -> Parts:
-    """A depth or normal map's file, of its channels, shape ``(C, H, W)``."""
+    """Make the file of a depth or normal map of its channels, shape ``(C, H, W)``."""
     count, height, width = channels.shape
     return f"{width}&{height}&{count}&".encode(), channels.astype("<f4", copy=False)

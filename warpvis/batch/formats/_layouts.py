@@ -63,7 +63,7 @@ class Layout(Format):
     def write_frames(
         self, shard: int, folder: str, suffix: str, count: int, make: Callable[[int], Parts], files: ShardFiles
     ) -> str:
-        """Write the files of a shard's frames, which several threads make; their folder.
+        """Write the files of a shard's frames, which several threads make, and return their folder.
 
         Args:
             shard: The shard.
@@ -79,7 +79,7 @@ class Layout(Format):
         return unit
 
     def make_each(self, count: int, make: Callable[[int], Made]) -> Iterator[Made]:
-        """What `make` gives for 0, 1, 2, ..., in order; several threads make a few of them at a time."""
+        """Go through what `make` gives for 0, 1, 2, ..., in order; several threads make a few of them at a time."""
         threads = core_count() if self.threads is None else self.threads
         step = threads * _FILES_PER_THREAD
         for first in range(0, count, step):
@@ -91,7 +91,7 @@ class Layout(Format):
     def write_depth_pngs(
         self, shard: int, folder: str, depth: NDArray[np.float32], scale: float, files: ShardFiles
     ) -> str:
-        """Write depth as 16-bit PNG of `scale` units a metre, 0 where there is none; their folder."""
+        """Write depth [m] as 16-bit PNG of `scale` units a metre, 0 where there is none, and return their folder."""
         lost: dict[int, int] = {}
 
         def make(frame: int) -> Parts:
@@ -108,13 +108,13 @@ class Layout(Format):
         return unit
 
     def write_label_pngs(self, shard: int, labels: NDArray[np.uint8], files: ShardFiles) -> str:
-        """Write labels as 8-bit PNG of `Label` values; their folder."""
+        """Write labels as 8-bit PNG of `Label` values, and return their folder."""
         return self.write_frames(
             shard, "labels", ".png", len(labels), lambda frame: (encode_png(labels[frame]),), files
         )
 
     def frame_names(self, suffix: str) -> Iterator[str]:
-        """Names of all frames' files, without the folder in front of the shard's."""
+        """Go through the names of all frames' files, without the folder in front of the shard's."""
         per_shard = self.plan.shard_frames
         for shard in range(self.plan.shard_count):
             frames = self.plan.shard_slice(shard)
@@ -122,7 +122,7 @@ class Layout(Format):
                 yield f"{shard_name(shard)}/{frame - shard * per_shard:06d}{suffix}"
 
     def positive_option(self, name: str, default: float) -> float:
-        """A positive number among the options.
+        """Read a positive number among the options.
 
         Raises:
             FileFormatError: It is none.
@@ -137,7 +137,7 @@ class Layout(Format):
         return value
 
     def flag_option(self, name: str) -> bool:
-        """A flag among the options, off by default.
+        """Read a flag among the options, off by default.
 
         Raises:
             FileFormatError: It is neither true nor false.
@@ -148,7 +148,7 @@ class Layout(Format):
         return given in (True, "true")
 
     def object_entries(self) -> list[dict[str, str]]:
-        """Names and labels of the scene's objects, in the order of their indices."""
+        """List names and labels of the scene's objects, in the order of their indices."""
         named = zip(self.plan.object_names, self.plan.object_labels, strict=True)
         return [{"name": name, "label": Label(label).name.lower()} for name, label in named]
 
@@ -164,7 +164,7 @@ def rows_of(array: NDArray[np.float64], convert: Callable[[NDArray[np.float64]],
 
 
 def numbers(values: Iterable[float]) -> str:
-    """Numbers with spaces between, in as many digits as it takes to read the same ones back."""
+    """Write numbers with spaces between, in as many digits as it takes to read the same ones back."""
     return " ".join(map(repr, values))
 
 

@@ -53,12 +53,12 @@ class Npz(Format):
         return [name]
 
     def index(self, files: ShardFiles) -> list[str]:
-        """Nothing: each shard says all."""
+        """Write nothing: each shard says all."""
         return []
 
 
 def npz_parts(arrays: Mapping[str, np.ndarray]) -> list[memoryview]:
-    """An ``.npz`` file of arrays, not compressed, as the parts to write it from; the same bytes every time.
+    """Make the parts of an ``.npz`` file of arrays, not compressed; the same bytes every time.
 
     The data of large arrays begins at a multiple of `ALIGNMENT` bytes.
     """
@@ -83,7 +83,7 @@ _HEADER_BYTES = 30 + 20
 
 
 def _padding(end: int) -> bytes:
-    """An extra field that makes what ends at `end` end at a multiple of `ALIGNMENT`."""
+    """Make an extra field so long that what ends at `end` ends at a multiple of `ALIGNMENT`."""
     length = (-end - 4) % ALIGNMENT
     return _PADDING_ID.to_bytes(2, "little") + length.to_bytes(2, "little") + bytes(length)
 

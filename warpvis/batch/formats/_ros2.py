@@ -87,18 +87,18 @@ class Ros2(Layout):
         return [name]
 
     def index(self, files: ShardFiles) -> list[str]:
-        """Nothing: every bag is read by itself."""
+        """Write nothing: every bag is read by itself."""
         return []
 
     def _name(self, option: str, default: str) -> str:
-        """A name among the options."""
+        """Read a name among the options."""
         value = self.plan.options.get(option, default)
         if not isinstance(value, str) or not value.strip("/") or any(letter.isspace() for letter in value):
             raise FileFormatError(f"option {option} must be a name without spaces, got {value!r}")
         return value
 
     def _makers(self) -> dict[str, tuple[str, MakeMessage]]:
-        """Of every topic, its type, and what makes its message."""
+        """List of every topic its type, and what makes its message."""
         makers: dict[str, tuple[str, MakeMessage]] = {
             "/tf": ("tf2_msgs/msg/TFMessage", self._transforms),
             f"{self._topic}/camera_info": ("sensor_msgs/msg/CameraInfo", self._camera_info),
@@ -154,7 +154,7 @@ class Ros2(Layout):
 
     @cached_property
     def _slopes(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """x/z of every column's rays, and y/z of every row's."""
+        """x/z of every column's rays, shape ``(W,)``, and y/z of every row's, shape ``(H,)``."""
         camera = self.plan.camera
         x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
         y = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
@@ -170,5 +170,5 @@ def _message_types() -> Typestore:
 
 
 def nanoseconds(seconds: float) -> int:
-    """A time in whole nanoseconds: that of its shortest decimal, which is what a text file said."""
+    """Convert a time [s] to whole nanoseconds: those of its shortest decimal, which is what a text file said."""
     return int((Decimal(repr(seconds)) * 10**9).to_integral_value(ROUND_HALF_EVEN))

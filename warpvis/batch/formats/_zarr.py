@@ -79,7 +79,7 @@ class Zarr(Format):
         return units
 
     def _sharded(self, array: np.ndarray) -> list[FilePart]:
-        """A shard file: one chunk a frame, and the table of where they are."""
+        """Make a shard file: one chunk a frame, and the table of where they are."""
         frames = len(array)
         chunks: list[FilePart] = [array]
         sizes = [array.nbytes // frames] * frames
@@ -163,7 +163,7 @@ class Zarr(Format):
 
 
 def _create_whole(group: zarr.Group, name: str, array: np.ndarray) -> None:
-    """An array in chunks of a few MB."""
+    """Write a whole array in chunks of a few MB."""
     row = max(1, array[:1].nbytes)
     chunk = (min(len(array), max(1, (1 << 22) // row)), *array.shape[1:])
     stored = group.create_array(name, shape=array.shape, chunks=chunk, dtype=array.dtype, compressors=None)
@@ -171,7 +171,7 @@ def _create_whole(group: zarr.Group, name: str, array: np.ndarray) -> None:
 
 
 def _padded(array: np.ndarray, frames: int) -> np.ndarray:
-    """A chunk has its full size, also the last one."""
+    """Fill an array up with zeros to the frames of a chunk, whose size is full, also of the last one."""
     if len(array) == frames:
         return array
     return np.concatenate([array, np.zeros((frames - len(array), *array.shape[1:]), dtype=array.dtype)])
@@ -184,7 +184,7 @@ def _crc32c(data: bytes) -> int:
 
 
 def _parse_level(options: Options) -> int | None:
-    """Zstandard's level; None for no compression."""
+    """Read Zstandard's level; None for no compression."""
     kind, level = options.get("compression", "none"), options.get("level", _DEFAULT_LEVEL)
     if kind not in ("none", "zstd"):
         raise FileFormatError(f"compression must be none or zstd, got {kind!r}")

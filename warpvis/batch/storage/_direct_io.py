@@ -26,7 +26,7 @@ _O_DIRECT = getattr(os, "O_DIRECT", 0)
 
 
 def write_file(path: Path, parts: Iterable[FilePart]) -> tuple[int, int]:
-    """Write a new file from its parts; the number of its bytes, and their CRC-32.
+    """Write a new file from its parts, and return the number of its bytes and their CRC-32.
 
     Parts are bytes-like or NumPy arrays. Of a part that begins at a page of memory, at a multiple of `ALIGNMENT` in the
     file, all whole pages go past the page cache, where the system can.
@@ -56,7 +56,7 @@ def _as_bytes(part: FilePart) -> memoryview:
 
 
 def _direct_bytes(data: memoryview, offset: int) -> int:
-    """How many of the first bytes may go past the page cache."""
+    """Count how many of the first bytes may go past the page cache."""
     if not _O_DIRECT or len(data) < LEAST_DIRECT or offset % ALIGNMENT:
         return 0
     address = np.frombuffer(data, dtype=np.uint8).ctypes.data
@@ -64,7 +64,7 @@ def _direct_bytes(data: memoryview, offset: int) -> int:
 
 
 def _write_direct(descriptor: int, data: memoryview, crc: int) -> tuple[int, int]:
-    """The checksum, and how many bytes were written with O_DIRECT: fewer than all where the system cannot."""
+    """Write with O_DIRECT; return the checksum and the bytes that were written, fewer than all if the system cannot."""
     import fcntl
 
     flags = fcntl.fcntl(descriptor, fcntl.F_GETFL)
@@ -88,7 +88,7 @@ def _write_direct(descriptor: int, data: memoryview, crc: int) -> tuple[int, int
 
 
 def _write_all(descriptor: int, data: memoryview, crc: int) -> int:
-    """Write bytes the plain way; their checksum."""
+    """Write bytes the plain way, and return their checksum."""
     while len(data):
         written = os.write(descriptor, data[:_PIECE])
         crc = zlib.crc32(data[:written], crc)

@@ -45,7 +45,7 @@ class ShardFiles:
         self.write(name, text.encode())
 
     def local_path(self, name: str) -> Path:
-        """Where a library that writes files itself must write the file; the folder for it is made."""
+        """Say where a library that writes files itself must write the file; the folder for it is made."""
         path = self.folder / name
         if path.parent not in self._folders:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -63,13 +63,13 @@ class ShardFiles:
             self.warnings[message] = self.warnings.get(message, 0) + int(count)
 
     def sums(self) -> dict[str, FileSum]:
-        """Bytes and checksum of every file in the folder, by name, sorted."""
+        """Return bytes and checksum of every file in the folder, by name, sorted."""
         names = sorted(files_below(self.folder))
         return {name: self._sums.get(name) or _sum_file(self.folder / name) for name in names}
 
 
 def files_below(folder: Path) -> Iterator[str]:
-    """Paths of all files of a folder and those in it, relative to it, with slashes."""
+    """Go through all files of a folder and those in it: their paths relative to it, with slashes."""
     for place, _, names in os.walk(folder):
         inside = os.path.relpath(place, folder).replace(os.sep, "/")
         yield from (name if inside == "." else f"{inside}/{name}" for name in names)

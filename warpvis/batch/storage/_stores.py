@@ -27,23 +27,23 @@ class Store(Protocol):
     """What messages call it."""
 
     def read(self, name: str) -> bytes | None:
-        """What a file holds; None if there is none."""
+        """Read what a file holds; None if there is none."""
         ...
 
     def open(self, name: str) -> IO[bytes]:
-        """A file, to read."""
+        """Open a file to read it."""
         ...
 
     def size(self, name: str) -> int | None:
-        """Bytes of a file; None if there is none."""
+        """Count the bytes of a file; None if there is none."""
         ...
 
     def entries(self) -> list[str]:
-        """Names of the files and folders at the top, without what was not finished."""
+        """List the files and folders at the top, without what was not finished."""
         ...
 
     def files(self) -> Iterator[str]:
-        """Every file, without what was not finished."""
+        """Go through every file, without what was not finished."""
         ...
 
     def create(self) -> None:
@@ -55,11 +55,11 @@ class Store(Protocol):
         ...
 
     def locked(self) -> AbstractContextManager[None]:
-        """A context in which no other process of this machine writes the dataset."""
+        """Keep other processes of this machine from writing the dataset, within a context."""
         ...
 
     def new_files(self) -> AbstractContextManager[ShardFiles]:
-        """A context with `ShardFiles` in a new temporary folder, which is gone after it."""
+        """Make a context with `ShardFiles` in a new temporary folder, which is gone after it."""
         ...
 
     def put(self, files: ShardFiles, units: Iterable[str]) -> None:
@@ -71,7 +71,7 @@ class LocalStore:
     """A folder of this machine. Its temporary folders are inside it, so that moving is renaming."""
 
     def __init__(self, root: Path) -> None:
-        """The dataset in the folder `root`, which may be missing."""
+        """Take the dataset in the folder `root`, which may be missing."""
         self.root = root.absolute()
         self.name = str(root)
 
@@ -107,7 +107,7 @@ class LocalStore:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """A context in which no other process of this machine writes the dataset.
+        """Keep other processes of this machine from writing the dataset, within a context.
 
         Raises:
             FileFormatError: Another one does already.
@@ -148,7 +148,7 @@ class RemoteStore:
     """An fsspec URL. Files are written to a temporary folder of this machine first, and then copied."""
 
     def __init__(self, url: str) -> None:
-        """The dataset at `url`.
+        """Open the dataset at `url`.
 
         Raises:
             FileFormatError: fsspec does not know such URLs, or a package for them is missing.
@@ -202,7 +202,7 @@ class RemoteStore:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """No lock: such stores have none."""
+        """Lock nothing: such stores have no locks."""
         yield
 
     @contextmanager
@@ -221,7 +221,7 @@ class RemoteStore:
 
 
 def open_store(out: str | os.PathLike[str]) -> Store:
-    """The dataset of a folder, or of an fsspec URL such as ``s3://bucket/name``.
+    """Open the dataset of a folder, or of an fsspec URL such as ``s3://bucket/name``.
 
     Raises:
         FileFormatError: It is a file, or a URL that cannot be opened.
