@@ -7,6 +7,7 @@ import csv
 import io
 import json
 import sys
+import zipfile
 
 import numpy as np
 import pytest
@@ -208,6 +209,14 @@ def test_what_has_to_be_installed_is_said(tmp_path, monkeypatch, name, module, s
 # Everything else that is not a pose file.
 
 
+def zipped(name, content):
+    """A ZIP archive with one file that is no array."""
+    written = io.BytesIO()
+    with zipfile.ZipFile(written, "w") as archive:
+        archive.writestr(name, content)
+    return written.getvalue()
+
+
 def save(function, *arguments, **options):
     def write(path):
         with open(path, "wb") as file:
@@ -268,6 +277,7 @@ BAD_FILES = [
     ("poses.npz", b"PK\x03\x04 no zip", "poses.npz: does not read as NPZ: "),
     ("poses.npz", save(np.save, ROWS), "poses.npz: does not read as NPZ: it is one array"),
     ("poses.npz", save(np.savez, a=ROWS), "poses.npz: expected an array camera_to_world, got a"),
+    ("poses.npz", zipped("camera_to_world", b"1 2 3"), "poses.npz: does not read as NPZ: camera_to_world is no array"),
     ("poses.npz", save(np.savez), "poses.npz: expected an array camera_to_world, got no arrays"),
     ("poses.npz", save(np.savez, camera_to_world=np.array([{}])), "poses.npz: does not read as NPZ: Object arrays"),
     (

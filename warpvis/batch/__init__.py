@@ -22,7 +22,7 @@ from warpvis.batch._render_batch import BatchSummary, make_plan as make_plan, re
 from warpvis.batch._verify import verify
 from warpvis.batch._warmup import warmup
 from warpvis.batch.engines._local import parse_devices as parse_devices
-from warpvis.batch.formats._base import find_format as find_format
+from warpvis.batch.formats._base import Format as Format, find_format as find_format
 from warpvis.batch.formats._npz import npz_parts as npz_parts
 
 __all__ = [

@@ -88,7 +88,7 @@ def _print_versions() -> None:
 
 
 def main() -> None:
-    """Entry point: bad input ends with one sentence and exit code 2."""
+    """Run the command of the command line: bad input ends with one sentence and exit code 2."""
     commands = Demo | Render | Batch | Verify | Warmup | Check | Perspective | Info
     command = tyro.cli(commands, prog="warpvis", description=_DESCRIPTION)
     try:
@@ -115,7 +115,7 @@ def _show_warning(message: Warning | str, category: type[Warning], *_: object, *
 
 
 def _quiet_warp() -> None:
-    """No start-up banner and no line for every kernel module loaded."""
+    """Print no start-up banner and no line for every kernel module loaded."""
     import warp as wp
 
     wp.config.log_level = wp.LOG_WARNING

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, TypedDict
 
 import tyro
 
@@ -25,6 +25,33 @@ if TYPE_CHECKING:
     from warpvis.visibility import ObjectVisibility
 
 _LINES_PRINTED = 40
+
+
+class _PoseReport(TypedDict):
+    """What a JSON file says of a view's pose."""
+
+    view: int
+    timestamp: float
+    pose: list[float]
+
+
+class _ObjectReport(TypedDict):
+    """What it says of an object in a view; see `ObjectVisibility`."""
+
+    name: str
+    status: str
+    fraction: float
+    visible_pixels: int
+    silhouette_pixels: int
+    occluder: str | None
+    visible_box: list[int]
+    silhouette_box: list[int]
+
+
+class _ViewReport(_PoseReport):
+    """What it says of a view."""
+
+    objects: list[_ObjectReport]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,8 +107,15 @@ class Check(FrameOptions):
 
         objects, exclude = split_names(self.objects), split_names(self.exclude)
         names = objects or [item.name for item in scene if item.name not in exclude]
-        given: dict[str, Any] = {"exclude": exclude or None, **_worlds(frames)}
-        seen = object_visibility(scene, camera, frames.camera_to_world, objects=names, **given)
+        seen = object_visibility(
+            scene,
+            camera,
+            frames.camera_to_world,
+            objects=names,
+            exclude=exclude or None,
+            object_poses=frames.object_poses,
+            world_index=frames.world_index,
+        )
         views = _object_report(scene, seen, frames)
         if self.picture is not None:
             from warpvis.viz import save_sightings
@@ -89,11 +123,17 @@ class Check(FrameOptions):
             shown = objects or _of_interest(scene, exclude)
             title = f"{self.file.name}, first of {len(frames)} poses"
             first = frames[:1]
-            how: dict[str, Any] = {"objects": shown, "exclude": exclude or None, "title": title}
-            if first.object_poses is not None:
-                world = 0 if first.world_index is None else first.world_index[0]
-                how["object_poses"] = first.object_poses[world]
-            save_sightings(scene, camera, first.camera_to_world[0], self.picture, **how)
+            world = 0 if first.world_index is None else first.world_index[0]
+            save_sightings(
+                scene,
+                camera,
+                first.camera_to_world[0],
+                self.picture,
+                objects=shown,
+                title=title,
+                object_poses=None if first.object_poses is None else first.object_poses[world],
+                exclude=exclude or None,
+            )
         if self.out is not None:
             write_json(self.out, {"file": str(self.file), "views": views})
         rows = []
@@ -111,8 +151,17 @@ class Check(FrameOptions):
         from warpvis.core.labels import Visibility
         from warpvis.visibility import point_visibility
 
-        given: dict[str, Any] = {"tolerance": self.tolerance, "exclude": split_names(self.exclude) or None}
-        found: Any = point_visibility(scene, camera, frames.camera_to_world, points, **given, **_worlds(frames))
+        found = point_visibility(
+            scene,
+            camera,
+            frames.camera_to_world,
+            points,
+            tolerance=self.tolerance,
+            exclude=split_names(self.exclude) or None,
+            object_poses=frames.object_poses,
+            world_index=frames.world_index,
+        )
+        assert not isinstance(found, tuple)  # with occluders, which were not asked for
         status = found.numpy()
         kinds = [kind for kind in Visibility if kind != Visibility.UNKNOWN][::-1]
         counts = [{kind.name: int((row == kind).sum()) for kind in kinds} for row in status]
@@ -135,7 +184,7 @@ class Check(FrameOptions):
 
 
 def _of_interest(scene: Scene, exclude: Sequence[str]) -> list[str]:
-    """What a picture colours unless told: what is labelled object, or else all but the ground."""
+    """Choose what a picture colours unless told: what is labelled object, or else all but the ground."""
     from warpvis.core.labels import Label
 
     others = [item for item in scene if item.name not in exclude]
@@ -146,36 +195,35 @@ def _of_interest(scene: Scene, exclude: Sequence[str]) -> list[str]:
     return [item.name for item in scene]
 
 
-def _worlds(frames: Frames) -> dict[str, Any]:
-    """Where the objects are, as visibility takes it."""
-    return {"object_poses": frames.object_poses, "world_index": frames.world_index}
-
-
-def _pose_report(view: int, frames: Frames) -> dict[str, Any]:
+def _pose_report(view: int, frames: Frames) -> _PoseReport:
     pose = frames.camera_to_world[view].tolist()
     return {"view": view, "timestamp": float(frames.timestamps[view]), "pose": pose}
 
 
-def _object_report(scene: Scene, seen: ObjectVisibility, frames: Frames) -> list[dict[str, Any]]:
-    """What is known of every view and object, of plain Python values."""
+def _object_report(scene: Scene, seen: ObjectVisibility, frames: Frames) -> list[_ViewReport]:
+    """Report what is known of every view and object in plain Python values."""
     from warpvis.core.labels import Visibility
 
-    numbers = {name: getattr(seen, name).numpy() for name in ("fraction", "visible_pixels", "silhouette_pixels")}
-    boxes = {name: getattr(seen, name).numpy() for name in ("visible_box", "silhouette_box")}
-    status, occluder = seen.status.numpy(), seen.occluder.numpy()
-    views = []
+    status, occluder, fraction = seen.status.numpy(), seen.occluder.numpy(), seen.fraction.numpy()
+    visible, silhouette = seen.visible_pixels.numpy(), seen.silhouette_pixels.numpy()
+    visible_box, silhouette_box = seen.visible_box.numpy(), seen.silhouette_box.numpy()
+    views: list[_ViewReport] = []
     for v in range(len(frames)):
-        objects = []
+        objects: list[_ObjectReport] = []
         for k, name in enumerate(seen.names):
             hides = int(occluder[v, k])
-            entry = {
-                "name": name,
-                "status": Visibility(status[v, k]).name,
-                **{key: values[v, k].item() for key, values in numbers.items()},
-                "occluder": scene.objects[hides].name if hides >= 0 else None,
-                **{key: values[v, k].tolist() for key, values in boxes.items()},
-            }
-            objects.append(entry)
+            objects.append(
+                {
+                    "name": name,
+                    "status": Visibility(status[v, k]).name,
+                    "fraction": fraction[v, k].item(),
+                    "visible_pixels": visible[v, k].item(),
+                    "silhouette_pixels": silhouette[v, k].item(),
+                    "occluder": scene.objects[hides].name if hides >= 0 else None,
+                    "visible_box": visible_box[v, k].tolist(),
+                    "silhouette_box": silhouette_box[v, k].tolist(),
+                }
+            )
         views.append({**_pose_report(v, frames), "objects": objects})
     return views
 

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, TypedDict
 
 import tyro
 
@@ -16,10 +16,19 @@ from warpvis.cli._inputs import FrameOptions, MaybePoses, Names, Poses, SceneFil
 from warpvis.errors import FileFormatError, PoseError
 
 if TYPE_CHECKING:
-    from warpvis.batch import BatchSummary
+    from warpvis.batch import BatchSummary, Format
     from warpvis.core.camera import Camera
     from warpvis.core.frames import Frames
     from warpvis.scene import Scene
+
+
+class _Chosen(TypedDict):
+    """Arguments of `render_batch` that say which images are made."""
+
+    outputs: Sequence[str] | None
+    options: dict[str, str]
+    objects: list[str] | None
+    exclude: list[str] | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +48,7 @@ class ImageOptions(FrameOptions):
     quiet: bool = False
     """No progress bar and no summary."""
 
-    def chosen(self) -> dict[str, Any]:
+    def chosen(self) -> _Chosen:
         """Name the arguments of `render_batch` that these options are."""
         from warpvis.batch import BATCH_OUTPUTS
         from warpvis.rendering import check_outputs
@@ -84,9 +93,17 @@ class Render(ImageOptions):
         else:
             other = (*_FRAMES, *_IMAGES, "format", "labels", "up", "scale", "file_up", "exclude", "objects", "movable")
             refuse_options(self, tuple(dict.fromkeys(other)), "a world's range finders have their own poses: give")
-            same = ("device_name", "version_exact", "device", "search_path", "strict", "threads", "quiet")
-            how: dict[str, Any] = {name: getattr(self, name) for name in same}
-            render_world(self.file, self.out, **how)
+            render_world(
+                self.file,
+                self.out,
+                device_name=self.device_name,
+                version_exact=self.version_exact,
+                quiet=self.quiet,
+                threads=self.threads,
+                device=self.device,
+                search_path=self.search_path,
+                strict=self.strict,
+            )
 
     def _render_poses(self, poses: str) -> None:
         from warpvis.batch import find_format, render_batch
@@ -100,11 +117,20 @@ class Render(ImageOptions):
         for kind in kinds.values():
             self._check(kind, scene, camera, frames, chosen)
         for name in kinds:
-            where: dict[str, Any] = {"threads": self.threads, "quiet": self.quiet, "source": self.file.name}
-            summary = render_batch(scene, camera, frames, self.out / name, format=name, **where, **chosen)
+            summary = render_batch(
+                scene,
+                camera,
+                frames,
+                self.out / name,
+                format=name,
+                threads=self.threads,
+                quiet=self.quiet,
+                source=self.file.name,
+                **chosen,
+            )
             print_summary(summary, name, quiet=self.quiet)
 
-    def _check(self, kind: Any, scene: Scene, camera: Camera, frames: Frames, chosen: dict[str, Any]) -> None:
+    def _check(self, kind: type[Format], scene: Scene, camera: Camera, frames: Frames, chosen: _Chosen) -> None:
         """Refuse what one of the formats would refuse, before anything is written."""
         from warpvis.batch import make_plan
 
@@ -148,10 +174,24 @@ class Batch(ImageOptions):
         find_format(self.format)
         chosen = self.chosen()
         scene, camera, frames = self.load(self.file, self.poses)
-        same = ("device", "format", "shard_frames", "resume", "engine", "workers", "address", "threads", "quiet")
-        given: dict[str, Any] = {name: getattr(self, name) for name in same}
         try:
-            summary = render_batch(scene, camera, frames, self.out, source=self.file.name, **given, **chosen)
+            summary = render_batch(
+                scene,
+                camera,
+                frames,
+                self.out,
+                format=self.format,
+                shard_frames=self.shard_frames,
+                device=self.device,
+                threads=self.threads,
+                engine=self.engine,
+                workers=self.workers,
+                address=self.address,
+                resume=self.resume,
+                quiet=self.quiet,
+                source=self.file.name,
+                **chosen,
+            )
         except KeyboardInterrupt:
             print(f"warpvis: interrupted; the same command with --resume goes on with {self.out}", file=sys.stderr)
             raise

@@ -8,7 +8,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -78,8 +78,17 @@ class SceneOptions:
             if movable:
                 raise SceneError(f"nothing of {experiment.name} is movable, so it takes no --movable")
             return experiment.build(device)
-        how: dict[str, Any] = {name: getattr(self, name) for name in scene_options if name != "labels"}
-        return Scene.load(file, device=device, labels=parse_labels(self.labels), movable=movable, **how)
+        return Scene.load(
+            file,
+            device=device,
+            up=self.up,
+            file_up=self.file_up,
+            scale=self.scale,
+            labels=parse_labels(self.labels),
+            movable=movable,
+            search_path=self.search_path,
+            strict=self.strict,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -219,13 +228,13 @@ def find_experiment(file: Path) -> Experiment | None:
     return next((experiment for experiment in EXPERIMENTS if experiment.name == str(file)), None)
 
 
-def given_options(command: Any, names: Sequence[str]) -> list[str]:
+def given_options(command: SceneOptions, names: Sequence[str]) -> list[str]:
     """List the options that are not what they are by default."""
     defaults = {field.name: field.default for field in fields(command)}
     return [name for name in names if getattr(command, name) != defaults[name]]
 
 
-def refuse_options(command: Any, names: Sequence[str], why: str) -> None:
+def refuse_options(command: SceneOptions, names: Sequence[str], why: str) -> None:
     """Refuse options that would have no effect.
 
     Raises:
@@ -253,7 +262,7 @@ def check_viewpoints(command: ViewpointOptions, texts: Sequence[str]) -> None:
 
 
 def _numbers(text: str) -> list[float]:
-    """The numbers of a text; none if it is something else."""
+    """Read the numbers of a text; none if it is something else."""
     try:
         return [float(word) for word in text.replace(",", " ").split()]
     except ValueError:
@@ -266,7 +275,7 @@ def split_names(words: Sequence[str]) -> list[str]:
 
 
 def parse_labels(words: Sequence[str]) -> dict[str, str]:
-    """Labels by name or pattern, from words ``name=label``.
+    """Read labels by name or pattern from words ``name=label``.
 
     Raises:
         SceneError: A word is not of that form.

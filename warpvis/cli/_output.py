@@ -5,9 +5,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from warpvis.errors import FileFormatError
 
@@ -38,7 +37,7 @@ def require_place(path: Path, suffixes: Sequence[str]) -> None:
         raise FileFormatError(f"{path}: cannot be written: there is no folder {path.parent}")
 
 
-def write_json(path: Path, content: Any) -> None:
+def write_json(path: Path, content: Mapping[str, object]) -> None:
     """Write plain Python values as JSON.
 
     Raises:
@@ -51,7 +50,7 @@ def write_json(path: Path, content: Any) -> None:
 
 
 def format_rows(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table of fixed width as text."""
+    """Write a table of fixed width as text."""
     widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
     lines = [header, ["-" * width for width in widths], *rows]
     return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in lines)

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -64,15 +64,9 @@ class Perspective(ViewpointOptions):
         from warpvis.planning import propose_view
         from warpvis.visibility import State, perspective
 
-        max_distance, radius = (
-            check_metres(self.max_distance, "--max-distance"),
-            check_metres(self.robot_radius, "--robot-radius", zero=False),
-        )
-        room: dict[str, Any] = {
-            "max_distance": max_distance,
-            "radius": radius,
-            "floor": check_metres(self.floor, "--floor", signed=True),
-        }
+        max_distance = check_metres(self.max_distance, "--max-distance")
+        radius = check_metres(self.robot_radius, "--robot-radius", zero=False)
+        floor = check_metres(self.floor, "--floor", signed=True)
         scene, robot, human = self._read()
         bodies = {*robot.body, *human.body}
         if any(item.label == Label.OBJECT and item.name not in bodies for item in scene):
@@ -82,7 +76,7 @@ class Perspective(ViewpointOptions):
         seen = perspective(scene, (robot, human))
         found = [item for item in seen.candidates("human", "robot", labels=labels) if item.object not in bodies]
         missed = [item.object for item in found if item.state == State.FIRST]
-        proposal = propose_view(scene, robot, found, **room)
+        proposal = propose_view(scene, robot, found, max_distance=max_distance, radius=radius, floor=floor)
 
         if self.out is not None:
             from warpvis.viz import save_perspective
@@ -100,7 +94,7 @@ class Perspective(ViewpointOptions):
             print(f"\n{self.out / 'perspective.json'}, {self.out / 'perspective.png'}")
 
     def _read(self) -> tuple[Scene, Agent, Agent]:
-        """The scene and the two agents."""
+        """Read the scene and the two agents."""
         from warpvis.io import load_camera
         from warpvis.visibility import Agent
 
@@ -122,13 +116,13 @@ class Perspective(ViewpointOptions):
         return scene, robot, human
 
     def _refuse_options(self, name: str) -> None:
-        """An experiment has its own agents, labels and units."""
+        """Refuse what an experiment has of its own: agents, labels and units."""
         own = ("robot", "human", "robot_body", "human_body", *viewpoint_options)
         refuse_options(self, own, f"{name} comes with its robot and its person, so it takes")
 
 
-def _report(found: list[Candidate], missed: list[str], proposal: Proposal | None) -> dict[str, Any]:
-    """What the JSON file says beside `Perspective.report`."""
+def _report(found: list[Candidate], missed: list[str], proposal: Proposal | None) -> dict[str, object]:
+    """Say what the JSON file says beside `Perspective.report`."""
     from warpvis.visibility import State
 
     candidates = []
@@ -145,7 +139,7 @@ def _report(found: list[Candidate], missed: list[str], proposal: Proposal | None
 
 
 def _in_words(found: list[Candidate], missed: list[str], proposal: Proposal | None, max_distance: float) -> str:
-    """The candidates as a table, and what the robot has to do."""
+    """Write the candidates as a table, and what the robot has to do."""
     if not found:
         return "The person sees none of the objects, and can mean none of them."
     rows = []

@@ -5,8 +5,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from warpvis.cli._output import make_folder
 from warpvis.errors import FileFormatError, SceneError
@@ -19,15 +20,15 @@ if TYPE_CHECKING:
 
 
 def is_world(path: Path | None) -> bool:
-    """Whether a file is a Webots world, by its name."""
+    """Tell whether a file is a Webots world, by its name."""
     return path is not None and path.suffix.lower() == ".wbt"
 
 
-def print_world(path: Path, **how: Any) -> None:
-    """Print the tree of what was read, the devices, and what was left out; `how` is for `load_webots`."""
+def print_world(path: Path, *, search_path: Sequence[Path], strict: bool, labels: Mapping[str, str]) -> None:
+    """Print the tree of what was read, the devices, and what was left out; see `load_webots` for the arguments."""
     from warpvis.webots import load_webots
 
-    world = load_webots(path, **how)
+    world = load_webots(path, search_path=search_path, strict=strict, labels=labels)
     triangles = f"{world.scene.triangle_count} triangles"
     print(f"{path}: {world.version}, {world.scene.up} up, {len(world.scene)} objects, {triangles}")
     print(world.tree)
@@ -46,12 +47,14 @@ def render_world(
     version_exact: bool,
     quiet: bool,
     threads: int | None,
-    **how: Any,
+    device: str,
+    search_path: Sequence[Path],
+    strict: bool,
 ) -> None:
     """Render range finders of a world to OUT/NAME/depth.npz and OUT/NAME/depth/000000.png."""
     from warpvis.webots import find_device, load_webots, render_range
 
-    world = load_webots(path, **how)
+    world = load_webots(path, device=device, search_path=search_path, strict=strict)
     names = [name for name, item in world.devices.items() if item.measures]
     if device_name is not None:
         find_device(world, device_name)
@@ -74,7 +77,7 @@ def _write(folder: Path, device: Device, image: NDArray[np.float32]) -> None:
     from warpvis.io import save_depth_png
 
     make_folder(folder / "depth")
-    arrays: dict[str, Any] = {"depth": image[None], "timestamps": np.zeros(1)}
+    arrays: dict[str, NDArray[np.generic]] = {"depth": image[None], "timestamps": np.zeros(1)}
     arrays["camera_to_world"] = device.pose[None].astype(np.float32)
     if device.projection == "planar":
         arrays["K"] = device.camera.to_K()

@@ -8,11 +8,11 @@ import json
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import warp as wp
 
+from warpvis.core.types import DeviceLike
 from warpvis.errors import FileFormatError
 from warpvis.maps import FloorMap, classify, floor_map, plan_visibility
 from warpvis.planning import propose_view
@@ -45,7 +45,7 @@ class Sighting:
 
     @property
     def plan_differs(self) -> bool:
-        """Whether the floor plan gives the wrong answer."""
+        """Tell whether the floor plan gives the wrong answer."""
         return self.visible != self.visible_on_plan
 
 
@@ -82,7 +82,7 @@ class ExperimentResult:
     """What that says of the ball."""
 
 
-def run_experiment(number: int, *, device: Any = "cpu") -> ExperimentResult:
+def run_experiment(number: int, *, device: DeviceLike = "cpu") -> ExperimentResult:
     """Render, classify and map one experiment.
 
     Args:
@@ -126,7 +126,7 @@ def _shared_sighting(number: int, seen: Perspective) -> SharedSighting:
     )
 
 
-def run_demo(out: Path, *, device: Any = "cpu") -> dict[str, Any]:
+def run_demo(out: Path, *, device: DeviceLike = "cpu") -> dict[str, object]:
     """Run the four experiments, write two pictures of each and ``summary.json``, and print two tables.
 
     Args:
@@ -160,9 +160,10 @@ def run_demo(out: Path, *, device: Any = "cpu") -> dict[str, Any]:
         _save_perspective(result, out)
     sightings = [sighting for result in results for sighting in result.sightings]
     shared = [result.shared for result in results]
+    device, speed = results[0].scene.device, measure_fps(results[0])
     summary = {
-        "device": str(results[0].scene.device),
-        "frames_per_second": round(measure_fps(results[0]), 1),
+        "device": str(device),
+        "frames_per_second": round(speed, 1),
         "sightings": [asdict(sighting) | {"plan_differs": sighting.plan_differs} for sighting in sightings],
         "perspectives": [asdict(item) for item in shared],
     }
@@ -171,14 +172,13 @@ def run_demo(out: Path, *, device: Any = "cpu") -> dict[str, Any]:
     except OSError as error:
         raise FileFormatError(f"{out / 'summary.json'}: cannot be written: {error.strerror}") from None
     print(f"{format_table(sightings)}\n\n{format_states(shared)}")
-    speed = f"{summary['frames_per_second']:.0f} frames per second"
-    print(f"\n{speed} (320x240, depth, points, labels, segmentation) on {summary['device']}")
+    print(f"\n{speed:.0f} frames per second (320x240, depth, points, labels, segmentation) on {device}")
     print(f"pictures and summary.json: {out}")
     return summary
 
 
 def format_table(sightings: list[Sighting]) -> str:
-    """The findings as text, a line each; a star marks where the floor plan is wrong."""
+    """Write the findings as text, a line each; a star marks where the floor plan is wrong."""
     lines = ["experiment  object  visible  pixels  2D answer"]
     for item in sightings:
         plan = ("visible" if item.visible_on_plan else "hidden") + ("  *" if item.plan_differs else "")
@@ -188,7 +188,7 @@ def format_table(sightings: list[Sighting]) -> str:
 
 
 def format_states(shared: list[SharedSighting]) -> str:
-    """Who sees the ball as text, a line for each experiment."""
+    """Write who sees the ball as text, a line for each experiment."""
     lines = ["experiment  object  robot  human  seen by"]
     for item in shared:
         robot, human = ("yes" if sees else "no" for sees in (item.robot, item.human))
@@ -210,7 +210,7 @@ def _save_perspective(result: ExperimentResult, out: Path) -> None:
 
 
 def measure_fps(result: ExperimentResult) -> float:
-    """Frames per second of the experiment's view with all default outputs: the median of five runs, after one."""
+    """Measure frames per second of a view with all default outputs: the median of five runs after one."""
     renderer = Renderer(result.scene, result.experiment.camera)
     poses = result.experiment.poses(_VIEWS_TIMED)
     views = renderer.render(poses)

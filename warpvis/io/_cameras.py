@@ -9,6 +9,7 @@ from typing import Any
 
 from warpvis.core.camera import Camera
 from warpvis.core.checks import as_path
+from warpvis.core.types import Json
 from warpvis.errors import CameraError, FileFormatError
 from warpvis.io._files import read_json
 
@@ -18,7 +19,7 @@ _FROM_FOV = _COMMON | {"hfov", "vfov", "vertical"}
 
 
 def load_camera(name_or_path: str) -> Camera:
-    """The camera ``kinect``, or one from a JSON file.
+    """Return the camera ``kinect``, or read one from a JSON file.
 
     The file holds ``width``, ``height`` [px], optionally ``near``, ``far`` [m], and either ``hfov`` or ``vfov`` [rad]
     (optionally ``vertical``), or ``K`` (3x3, optionally ``pixel_center``); see `Camera.from_fov` and `Camera.from_K`.
@@ -32,11 +33,10 @@ def load_camera(name_or_path: str) -> Camera:
     path = as_path(name_or_path, "name_or_path")
     if not path.is_file():
         raise FileFormatError(f'{path}: no such file; a camera is "kinect" or a JSON file')
-    fields = read_json(path)
-    return _camera_from_fields(fields, path)
+    return _camera_from_fields(read_json(path), path)
 
 
-def _camera_from_fields(fields: Any, path: Path) -> Camera:
+def _camera_from_fields(fields: Json, path: Path) -> Camera:
     if not isinstance(fields, dict):
         raise CameraError(f"{path}: a camera file holds one JSON object, got {type(fields).__name__}")
     known = _FROM_K if "K" in fields else _FROM_FOV
@@ -44,8 +44,9 @@ def _camera_from_fields(fields: Any, path: Path) -> Camera:
     if unknown or missing:
         problem = f"unknown {', '.join(unknown)}" if unknown else f"missing {', '.join(missing)}"
         raise CameraError(f"{path}: {problem}; a camera file may hold {', '.join(sorted(known))}")
+    given: dict[str, Any] = fields  # whose values `Camera` checks
     try:
-        return Camera.from_K(**fields) if "K" in fields else Camera.from_fov(**fields)
+        return Camera.from_K(**given) if "K" in fields else Camera.from_fov(**given)
     except CameraError as error:
         raise CameraError(f"{path}: {error}") from None
     except TypeError:

@@ -25,7 +25,7 @@ _LEVEL = 1
 
 
 def depth_to_units(depth: ArrayLike, scale: float) -> NDArray[np.uint16]:
-    """Depth as 16-bit depth images hold it: whole units, 0 where there is none.
+    """Turn depth into what 16-bit depth images hold: whole units, 0 where there is none.
 
     Depth that 16 bits cannot hold becomes 0 as well, not the greatest value: to a reader, 0 is no depth, and any other
     number is a distance.
@@ -45,12 +45,12 @@ def depth_to_units(depth: ArrayLike, scale: float) -> NDArray[np.uint16]:
 
 
 def count_lost(depth: NDArray[np.float32], units: NDArray[np.uint16]) -> int:
-    """How many finite depths [m] are 0, no depth, in units: too far for 16 bits, or less than half a unit."""
+    """Count the finite depths [m] that are 0, no depth, in units: too far for 16 bits, or less than half a unit."""
     return int(np.count_nonzero(np.isfinite(depth)) - np.count_nonzero(units))
 
 
 def encode_png(image: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
-    """The bytes of a grey PNG file.
+    """Encode an image as the bytes of a grey PNG file.
 
     They depend on the image and on the version of zlib. Most of the time the interpreter is not held, so that threads
     encode as many images at once.

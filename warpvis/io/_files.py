@@ -7,18 +7,19 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
+from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 
 _LONGEST_SHOWN = 60
 
 
-def read_json(path: Path) -> Any:
-    """What a JSON file holds.
+def read_json(path: Path) -> Json:
+    """Read a JSON file.
 
     Raises:
         FileFormatError: It cannot be read, or is not JSON; the line is named.
@@ -37,20 +38,20 @@ def read_json(path: Path) -> Any:
         raise FileFormatError(f"{path}: is not JSON that can be read: {error}") from None
 
 
-def read_array(path: Path) -> NDArray[Any]:
+def read_array(path: Path) -> NDArray[np.generic]:
     """Read the array of a ``.npy`` file.
 
     Raises:
         FileFormatError: It cannot be read, or is something else.
     """
     loaded = _load_numpy(path, "NPY")
-    if not isinstance(loaded, np.ndarray):
+    if isinstance(loaded, NpzFile):
         loaded.close()
         raise FileFormatError(f"{path}: does not read as NPY: it is an archive")
     return loaded
 
 
-def read_archive(path: Path, wanted: Sequence[str], needed: str) -> dict[str, NDArray[Any]]:
+def read_archive(path: Path, wanted: Sequence[str], needed: str) -> dict[str, NDArray[np.generic]]:
     """Read some arrays of a ``.npz`` file.
 
     Args:
@@ -59,10 +60,10 @@ def read_archive(path: Path, wanted: Sequence[str], needed: str) -> dict[str, ND
         needed: The one that has to be there.
 
     Raises:
-        FileFormatError: It cannot be read, is something else, or has no such array.
+        FileFormatError: It cannot be read, is something else, has no such array, or something else in its place.
     """
     loaded = _load_numpy(path, "NPZ")
-    if isinstance(loaded, np.ndarray):
+    if not isinstance(loaded, NpzFile):
         raise FileFormatError(f"{path}: does not read as NPZ: it is one array")
     with loaded:
         names = list(loaded)
@@ -70,12 +71,15 @@ def read_archive(path: Path, wanted: Sequence[str], needed: str) -> dict[str, ND
             arrays = {name: loaded[name] for name in wanted if name in names}
         except Exception as error:  # so do damaged archives
             raise FileFormatError(f"{path}: does not read as NPZ: {first_line(error)}") from None
+    other = [name for name, array in arrays.items() if not isinstance(array, np.ndarray)]
+    if other:
+        raise FileFormatError(f"{path}: does not read as NPZ: {other[0]} is no array")
     if needed not in arrays:
         raise FileFormatError(f"{path}: expected an array {needed}, got {', '.join(names) or 'no arrays'}")
     return arrays
 
 
-def _load_numpy(path: Path, kind: str) -> Any:
+def _load_numpy(path: Path, kind: str) -> NDArray[np.generic] | NpzFile:
     try:
         return np.load(path, allow_pickle=False)
     except OSError as error:
@@ -84,8 +88,8 @@ def _load_numpy(path: Path, kind: str) -> Any:
         raise FileFormatError(f"{path}: does not read as {kind}: {first_line(error)}") from None
 
 
-def as_numbers(value: Any, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
-    """A value of a JSON file as finite numbers of a shape.
+def as_numbers(value: Json, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
+    """Take a value of a JSON file for finite numbers of a shape.
 
     Args:
         value: Lists of numbers. True and false are none.
@@ -107,8 +111,8 @@ def as_numbers(value: Any, shape: tuple[int, ...], what: str) -> NDArray[np.floa
     raise FileFormatError(f"{what} must be {size} finite numbers, got {shorten(value)}")
 
 
-def shorten(value: Any) -> str:
-    """A value as messages show it: what it is, and its beginning."""
+def shorten(value: Json) -> str:
+    """Show a value as messages do: what it is, and its beginning."""
     if isinstance(value, dict):
         return "an object"
     if isinstance(value, list) and value and isinstance(value[0], list | dict):
@@ -120,18 +124,19 @@ def shorten(value: Any) -> str:
     return text if len(text) <= _LONGEST_SHOWN else text[:_LONGEST_SHOWN] + "..."
 
 
-def _leaves(value: Any, shape: tuple[int, ...]) -> list[Any] | None:
-    """The elements of lists of a shape; None if they are others."""
+def _leaves(value: Json, shape: tuple[int, ...]) -> list[Json] | None:
+    """Return the elements of lists of a shape; None if they are others."""
     items = [value]
     for size in shape:
-        if not all(type(item) is list and len(item) == size for item in items):
+        lists = [item for item in items if isinstance(item, list) and len(item) == size]
+        if len(lists) < len(items):
             return None
-        items = [element for item in items for element in item]
+        items = [element for each in lists for element in each]
     return items
 
 
 def read_lines(path: Path, line: str) -> list[str]:
-    """The lines of a file that should hold some like `line`.
+    """Read the lines of a file that should hold some like `line`.
 
     Raises:
         FileFormatError: The file cannot be read, or is not text.
@@ -145,5 +150,5 @@ def read_lines(path: Path, line: str) -> list[str]:
 
 
 def first_line(error: Exception) -> str:
-    """What a library's error says, for a message of one sentence."""
+    """Return what a library's error says, for a message of one sentence."""
     return (str(error).strip().splitlines() or [type(error).__name__])[0]

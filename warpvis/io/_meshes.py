@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,13 +16,14 @@ from warpvis.scene import FileParts, Part, keep_winding
 
 if TYPE_CHECKING:
     import trimesh
+    from trimesh.resolvers import Resolver
 
 _GLTF = (".glb", ".gltf")
 _MOST_NAMED = 5
 
 
 def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> FileParts:
-    """The parts of a mesh file; see `warpvis.Scene.load`.
+    """Read the parts of a mesh file; see `warpvis.Scene.load`.
 
     Raises:
         FileFormatError: The file does not parse, or a part of it has no triangles and `strict` is set.
@@ -50,7 +51,7 @@ def _read(path: Path, search_path: Sequence[Path]) -> trimesh.Scene:
         given = repr(path.suffix) if path.suffix else "a name without a suffix"
         raise FileFormatError(f"{path}: {given} is no format of scenes; those are wbt, xml, urdf, and {known}")
     # Face order and shared corners stay as they are in the file.
-    options: dict[str, Any] = {"process": False}
+    options: dict[str, object] = {"process": False}
     try:
         if kind == "obj":
             options |= {"group_material": False, "skip_materials": True, **_obj_splits(path)}
@@ -62,11 +63,11 @@ def _read(path: Path, search_path: Sequence[Path]) -> trimesh.Scene:
         raise FileFormatError(f"{path}: does not read as {kind.upper()}: {said}") from None
 
 
-def _resolver(path: Path, search_path: Sequence[Path]) -> Any:
-    """Finds the files that a glTF file names, beside it or in the folders."""
+def _resolver(path: Path, search_path: Sequence[Path]) -> Resolver:
+    """Make what finds the files that a glTF file names, beside it or in the folders."""
     from trimesh.resolvers import FilePathResolver
 
-    class Resolver(FilePathResolver):
+    class SearchPathResolver(FilePathResolver):
         def get(self, name: str) -> bytes:
             for place in (self, *map(FilePathResolver, map(str, search_path))):
                 try:
@@ -75,18 +76,18 @@ def _resolver(path: Path, search_path: Sequence[Path]) -> Any:
                     continue
             raise FileNotFoundError(f"{name} is neither beside it nor on the search path")
 
-    return Resolver(str(path))
+    return SearchPathResolver(str(path))
 
 
 def _obj_splits(path: Path) -> dict[str, bool]:
-    """An OBJ file's objects become parts; its groups do where it names no objects."""
+    """Make an OBJ file's objects parts; its groups where it names no objects."""
     text = path.read_bytes()
     objects = text.startswith(b"o ") or b"\no " in text
     return {"split_objects": objects, "split_groups": not objects}
 
 
 def _parts(loaded: trimesh.Scene, path: Path) -> tuple[list[Part], list[str]]:
-    """The parts of the file that have triangles, and the names of those that have none."""
+    """Return the parts of the file that have triangles, and the names of those that have none."""
     parts, empty = [], []
     for node in loaded.graph.nodes_geometry:
         placement, geometry = loaded.graph[node]
@@ -103,7 +104,7 @@ def _parts(loaded: trimesh.Scene, path: Path) -> tuple[list[Part], list[str]]:
     return parts, empty
 
 
-def _node_extras(loaded: trimesh.Scene, node: str) -> dict[str, Any]:
+def _node_extras(loaded: trimesh.Scene, node: str) -> dict[str, object]:
     for parent in loaded.graph.transforms.parents.get(node, ()), None:
         attributes = loaded.graph.transforms.edge_data.get((parent, node), {})
         if attributes.get("metadata"):

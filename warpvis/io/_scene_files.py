@@ -26,7 +26,7 @@ def read_parts(
     search_path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
     strict: bool = False,
 ) -> FileParts:
-    """The objects of a file; see `warpvis.Scene.load` for the arguments.
+    """Read the objects of a file; see `warpvis.Scene.load` for the arguments.
 
     Raises:
         FileFormatError: The file is missing or does not parse, or something cannot be shown and `strict` is set.

@@ -10,7 +10,7 @@ import shlex
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +18,16 @@ from numpy.typing import NDArray
 from warpvis.core.checks import check_text
 from warpvis.core.frames import Frames
 from warpvis.core.poses import check_up
+from warpvis.core.types import Json
 from warpvis.errors import PoseError
 from warpvis.io import read_points
 from warpvis.pose_generators import _generators
 
 if TYPE_CHECKING:
     from warpvis.scene import Scene
+
+_Value = float | str | list[str] | NDArray[np.float64]
+"""What the value of a key is read as."""
 
 
 def looks_like_spec(text: str) -> bool:
@@ -87,15 +91,18 @@ def frames_from_spec(text: str, scene: Scene | None = None, *, up: Literal["z", 
         if scene is None:
             raise PoseError(f"{name} needs bounds=, or a scene")
         given["bounds"] = np.asarray(scene.bounds, dtype=np.float64)
-    source: dict[str, Any] = {"generator": name, "up": upright}
-    source |= {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in given.items()}
-    if "path" in given:
-        given["path"], source["path"] = read_points(given["path"]), Path(given["path"]).name
     if name == "random":
-        source["seed"] = given.setdefault("seed", 0)
-        given["scene_or_bounds"] = given.pop("bounds") if scene is None else scene
+        given.setdefault("seed", 0)
+    source: dict[str, Json] = {"generator": name, "up": upright}
+    source |= {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in given.items()}
+    arguments: dict[str, object] = {**given, "up": upright}
+    path = given.get("path")
+    if isinstance(path, str):
+        arguments["path"], source["path"] = read_points(path), Path(path).name
+    if name == "random":
+        arguments["scene_or_bounds"] = arguments.pop("bounds") if scene is None else scene
     make = getattr(_generators, generator.function)
-    return Frames.from_poses(make(up=upright, **given), source=source)
+    return Frames.from_poses(make(**arguments), source=source)
 
 
 @dataclass(frozen=True)
@@ -103,14 +110,14 @@ class _Generator:
     """A function of `warpvis.pose_generators`, and how its keys are read."""
 
     function: str
-    required: dict[str, Callable[[str], Any]]
-    optional: dict[str, Callable[[str], Any]]
+    required: dict[str, Callable[[str], _Value]]
+    optional: dict[str, Callable[[str], _Value]]
 
 
-def _parse_keys(name: str, generator: _Generator, words: list[str]) -> dict[str, Any]:
+def _parse_keys(name: str, generator: _Generator, words: list[str]) -> dict[str, _Value]:
     known = generator.required | generator.optional
     keys = ", ".join(key if key in generator.required else f"[{key}]" for key in known)
-    given: dict[str, Any] = {}
+    given: dict[str, _Value] = {}
     for word in words:
         key, equals, value = word.partition("=")
         if not equals or key not in known:

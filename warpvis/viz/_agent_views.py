@@ -7,18 +7,25 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
-from warpvis.core.types import ObjectPoses
+from warpvis.core.types import Excluded, ObjectPoses
 from warpvis.rendering import Renderer, Views, render
 from warpvis.scene import Scene
 from warpvis.visibility import Agent, FieldOfView
 
 _PIXELS_PER_DEGREE = 3
+
+
+class _World(TypedDict):
+    """What `Renderer.render` is told of the situation."""
+
+    object_poses: ObjectPoses
+    exclude: Excluded
 
 
 @dataclass(frozen=True)
@@ -43,7 +50,7 @@ def agent_view(scene: Scene, agent: Agent, view: int = 0, *, object_poses: Objec
     The picture of a `FieldOfView` has the angles to the side and upwards for axes, as on a globe, so that it can be
     wider than any pinhole's. It ends where the field's images end.
     """
-    options = {"object_poses": object_poses, "exclude": agent.body or None}
+    options: _World = {"object_poses": object_poses, "exclude": agent.body or None}
     if isinstance(agent.camera, FieldOfView):
         return _panorama(scene, agent, view, options)
     camera = agent.camera
@@ -62,7 +69,7 @@ def pose_of(agent: Agent, view: int) -> NDArray[np.float64]:
 
 def views_of_faces(scene: Scene, agent: Agent, view: int = 0, *, object_poses: ObjectPoses = None) -> list[Views]:
     """Render points, labels and objects of all its images in one situation."""
-    options = {"object_poses": object_poses, "exclude": agent.body or None}
+    options: _World = {"object_poses": object_poses, "exclude": agent.body or None}
     found = []
     faces = agent.faces
     for k, face in enumerate(faces):
@@ -76,7 +83,7 @@ def views_of_faces(scene: Scene, agent: Agent, view: int = 0, *, object_poses: O
     return found
 
 
-def _panorama(scene: Scene, agent: Agent, view: int, options: dict[str, Any]) -> AgentView:
+def _panorama(scene: Scene, agent: Agent, view: int, options: _World) -> AgentView:
     field, faces = agent.camera, agent.faces
     assert isinstance(field, FieldOfView)
     sides, up, down = (math.degrees(angle) for angle in (field.hfov / 2, field.up, field.down))

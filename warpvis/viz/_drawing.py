@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -111,8 +111,16 @@ def draw_name(
 ) -> None:
     """Write an agent's name so many points beside a place."""
     box = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
-    options: dict[str, Any] = {"ha": side, "va": height, "bbox": box, "fontweight": "bold"}
-    axes.annotate(textwrap.fill(name, _NAME_WIDTH), _xy(place), offset, textcoords="offset points", **options)
+    axes.annotate(
+        textwrap.fill(name, _NAME_WIDTH),
+        _xy(place),
+        offset,
+        textcoords="offset points",
+        ha=side,
+        va=height,
+        bbox=box,
+        fontweight="bold",
+    )
 
 
 def white_edge() -> list[withStroke]:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -100,7 +100,7 @@ def save_map(
     save_figure(figure, path)
 
 
-def _check_legend(legend: Any) -> None:
+def _check_legend(legend: object) -> None:
     for entry in check_mapping(legend, "legend").values():
         meaning, color = entry if isinstance(entry, tuple | list) and len(entry) == 2 else ("", None)
         if color is None or as_numpy(color, name="a colour of the legend").shape != (3,):

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -144,7 +144,7 @@ def view_from_outside(
     return shaded_picture(scene, outside, outside_to_world, colors)
 
 
-def _require_views(views: Any, camera: Camera) -> Views:
+def _require_views(views: object, camera: Camera) -> Views:
     """Return `views`, if it has depth and segmentation of a camera's images.
 
     Raises:
@@ -215,8 +215,7 @@ def _draw_depth(axes: Axes, depth: NDArray[np.float32], title: str, depth_range:
     low, high = depth_range or ((finite.min(), finite.max()) if finite.size else (0, 1))
     if not np.isfinite(high):
         high = finite.max() if finite.size else low + 1
-    colors = matplotlib.colormaps["turbo_r"].copy()
-    colors.set_bad("#d9d9d9")
+    colors = matplotlib.colormaps["turbo_r"].with_extremes(bad="#d9d9d9")
     shown = axes.imshow(np.ma.masked_invalid(depth), cmap=colors, vmin=low, vmax=high)
     axes.set(title=title, xlabel="x [px]", ylabel="y [px]")
     bar = axes.figure.colorbar(shown, ax=axes, shrink=0.85, pad=0.02)

@@ -8,10 +8,10 @@ Format: https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_form
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.io._files import as_numbers, shorten
 from warpvis.io.poses._file_poses import FilePoses
@@ -19,8 +19,8 @@ from warpvis.io.poses._file_poses import FilePoses
 _MILLIMETRES = 1000.0
 
 
-def parse_bop(path: Path, data: Any) -> FilePoses:
-    """Poses in the order of image ids, which are the timestamps.
+def parse_bop(path: Path, data: Json) -> FilePoses:
+    """Read poses in the order of image ids, which are the timestamps.
 
     Raises:
         FileFormatError: The file is something else, or an image is malformed or has no pose; it is named by its id.
@@ -32,12 +32,13 @@ def parse_bop(path: Path, data: Any) -> FilePoses:
     rotations, translations = np.empty((len(images), 3, 3)), np.empty((len(images), 3))
     for index, image in enumerate(images):
         camera = data[keys[image]]
-        missing = [name for name in ("cam_R_w2c", "cam_t_w2c") if not isinstance(camera, dict) or name not in camera]
+        given = camera if isinstance(camera, dict) else {}
+        missing = [name for name in ("cam_R_w2c", "cam_t_w2c") if name not in given]
         if missing:
             raise FileFormatError(f"{path}: image {image} has no {' and no '.join(missing)}, so no pose")
-        rotation = as_numbers(camera["cam_R_w2c"], (9,), f"{path}: cam_R_w2c of image {image}")
+        rotation = as_numbers(given["cam_R_w2c"], (9,), f"{path}: cam_R_w2c of image {image}")
         rotations[index] = rotation.reshape(3, 3)
-        translations[index] = as_numbers(camera["cam_t_w2c"], (3,), f"{path}: cam_t_w2c of image {image}")
+        translations[index] = as_numbers(given["cam_t_w2c"], (3,), f"{path}: cam_t_w2c of image {image}")
     poses = np.tile(np.eye(4), (len(images), 1, 1))
     poses[:, :3, :3] = rotations.swapaxes(1, 2)
     with np.errstate(over="ignore", invalid="ignore"):  # what is too large is named with the frames
@@ -46,7 +47,7 @@ def parse_bop(path: Path, data: Any) -> FilePoses:
     return FilePoses(poses, lambda index: f"{path}: image {images[index]}", timestamps=times)
 
 
-def _keys_by_id(path: Path, data: dict[str, Any]) -> dict[int, str]:
+def _keys_by_id(path: Path, data: dict[str, Json]) -> dict[int, str]:
     keys: dict[int, str] = {}
     for key in data:
         if not (key.isascii() and key.isdigit() and len(key) < 16):

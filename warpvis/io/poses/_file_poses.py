@@ -7,13 +7,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.frames import Frames
 from warpvis.core.poses import Convention, QuaternionOrder
+from warpvis.core.types import ArrayInput, Json, ObjectPoses
 from warpvis.errors import FileFormatError, PoseError, WarpvisError
 
 
@@ -21,19 +21,19 @@ from warpvis.errors import FileFormatError, PoseError, WarpvisError
 class FilePoses:
     """What a pose file holds, before its values are checked."""
 
-    poses: NDArray[np.float64]
+    poses: NDArray[np.generic]
     """Camera to world: rows ``(V, 7)`` or matrices ``(V, 4, 4)``."""
     place: Callable[[int], str]
     """Where in which file a pose is, as messages say it: ``walk.csv:12``."""
     convention: Convention = "opencv"
     """Axes of the camera frame that poses of this kind are for unless the caller says otherwise."""
-    timestamps: NDArray[np.float64] | None = None
+    timestamps: NDArray[np.generic] | None = None
     """Time of every pose [s], shape ``(V,)``."""
-    object_poses: Any = None
+    object_poses: ObjectPoses = None
     """See `Frames`."""
-    world_index: Any = None
+    world_index: ArrayInput | None = None
     """See `Frames`."""
-    details: Mapping[str, Any] = field(default_factory=dict)
+    details: Mapping[str, Json] = field(default_factory=dict)
     """What else says where the poses come from."""
 
     def to_frames(

@@ -6,9 +6,10 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from warpvis.core.checks import as_path
 from warpvis.core.frames import Frames
@@ -142,9 +143,8 @@ def _read_npz(path: Path) -> FilePoses:
     )
 
 
-def _row_poses(path: Path, array: Any, name: str) -> FilePoses:
-    rows = isinstance(array, np.ndarray) and array.dtype.kind in "fiu" and array.ndim
-    if not rows or array.shape[1:] not in ((7,), (4, 4)):
-        got = f"{array.dtype} of shape {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
+def _row_poses(path: Path, array: NDArray[np.generic], name: str) -> FilePoses:
+    if array.dtype.kind not in "fiu" or not array.ndim or array.shape[1:] not in ((7,), (4, 4)):
+        got = f"{array.dtype} of shape {array.shape}"
         raise FileFormatError(f"{path}: {name} must be numbers of shape (V, 7) or (V, 4, 4), got {got}")
     return FilePoses(array, lambda index: f"{path}: pose {index}")

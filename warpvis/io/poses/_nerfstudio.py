@@ -8,17 +8,17 @@ Format: https://docs.nerf.studio/quickstart/data_conventions.html
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.io._files import as_numbers, shorten
 from warpvis.io.poses._file_poses import FilePoses
 
 
-def parse_nerfstudio(path: Path, data: Any) -> FilePoses:
-    """Poses of the file's ``frames``, in the order in which it has them and in its world frame.
+def parse_nerfstudio(path: Path, data: Json) -> FilePoses:
+    """Read the poses of the file's ``frames``, in the order in which it has them and in its world frame.
 
     Raises:
         FileFormatError: The file is something else, or a frame is malformed; it is named by its index.

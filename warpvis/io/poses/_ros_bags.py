@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -15,21 +15,38 @@ from warpvis.errors import FileFormatError
 from warpvis.io._files import first_line
 from warpvis.io.poses._file_poses import FilePoses
 
+if TYPE_CHECKING:
+    from rosbags.typesys.stores.latest import (
+        builtin_interfaces__msg__Time as Time,
+        geometry_msgs__msg__Point as Point,
+        geometry_msgs__msg__Pose as Pose,
+        geometry_msgs__msg__PoseArray as PoseArray,
+        geometry_msgs__msg__PoseStamped as PoseStamped,
+        geometry_msgs__msg__PoseWithCovarianceStamped as PoseWithCovarianceStamped,
+        geometry_msgs__msg__Quaternion as Quaternion,
+        geometry_msgs__msg__TransformStamped as TransformStamped,
+        geometry_msgs__msg__Vector3 as Vector3,
+        nav_msgs__msg__Odometry as Odometry,
+        nav_msgs__msg__Path as PathMessage,
+        std_msgs__msg__Header as Header,
+        tf2_msgs__msg__TFMessage as TFMessage,
+    )
+
 _OPTICAL = "_optical_frame"
 
 
 class _Stamped(NamedTuple):
     """One pose of a message."""
 
-    stamp: Any
+    stamp: Time
     parent: str
     child: str
-    position: Any
-    orientation: Any
+    position: Point | Vector3
+    orientation: Quaternion
 
 
 def read_bag(path: Path, *, topic: str | None = None) -> FilePoses:
-    """Poses of one topic of a bag, in the order of the bag's messages.
+    """Read the poses of one topic of a bag, in the order of the bag's messages.
 
     The topic is one of geometry_msgs/PoseStamped, PoseWithCovarianceStamped, TransformStamped or PoseArray,
     nav_msgs/Odometry or Path, or tf2_msgs/TFMessage. A pose is that of the camera in ``header.frame_id``, and a
@@ -65,7 +82,8 @@ def read_bag(path: Path, *, topic: str | None = None) -> FilePoses:
             name = _choose_topic(path, types, name)
             kind = types[name]
             connections = [item for item in reader.connections if (item.topic, item.msgtype) == (name, kind)]
-            messages: Iterable[Any] = (store.deserialize_cdr(data, kind) for _, _, data in reader.messages(connections))
+            stored = reader.messages(connections)
+            messages: Iterable[object] = (store.deserialize_cdr(data, kind) for *_, data in stored)
             if kind == _PATH:
                 messages = deque(messages, maxlen=1)
             poses = [pose for message in messages for pose in _POSES[kind](message)]
@@ -98,7 +116,7 @@ def _all(types: dict[str, str]) -> str:
 
 
 def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped]) -> FilePoses:
-    """One camera's poses in one frame."""
+    """Choose one camera's poses, which are in one frame."""
     place = f"{path}: topic {topic}"
     if not poses:
         raise FileFormatError(f"{place} holds no poses")
@@ -115,7 +133,7 @@ def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped]) -> File
     parents = sorted({pose.parent for pose in poses})
     if len(parents) > 1:
         raise FileFormatError(f"{place} has poses in the frames {', '.join(parents)}, and frames are not chained")
-    rows = [[*_components(pose.position, "xyz"), *_components(pose.orientation, "xyzw")] for pose in poses]
+    rows = [_row(pose.position, pose.orientation) for pose in poses]
     times = np.array([pose.stamp.sec + 1e-9 * pose.stamp.nanosec for pose in poses])
     return FilePoses(
         np.array(rows, dtype=np.float64),
@@ -126,48 +144,49 @@ def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped]) -> File
     )
 
 
-def _components(vector: Any, names: str) -> Iterable[float]:
-    return (getattr(vector, name) for name in names)
+def _row(place: Point | Vector3, turn: Quaternion) -> list[float]:
+    return [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
 
 
-def _from_pose(message: Any) -> Iterator[_Stamped]:
+def _from_pose(message: PoseStamped) -> Iterator[_Stamped]:
     yield _stamped(message.header, message.pose)
 
 
-def _from_covariance(message: Any) -> Iterator[_Stamped]:
+def _from_covariance(message: PoseWithCovarianceStamped) -> Iterator[_Stamped]:
     yield _stamped(message.header, message.pose.pose)
 
 
-def _from_odometry(message: Any) -> Iterator[_Stamped]:
+def _from_odometry(message: Odometry) -> Iterator[_Stamped]:
     yield _stamped(message.header, message.pose.pose, message.child_frame_id)
 
 
-def _from_path(message: Any) -> Iterator[_Stamped]:
+def _from_path(message: PathMessage) -> Iterator[_Stamped]:
     for item in message.poses:  # whose own frame_id is left empty by many
         yield _stamped(item.header, item.pose)._replace(parent=message.header.frame_id)
 
 
-def _from_pose_array(message: Any) -> Iterator[_Stamped]:
+def _from_pose_array(message: PoseArray) -> Iterator[_Stamped]:
     for pose in message.poses:
         yield _stamped(message.header, pose)
 
 
-def _from_transform(message: Any) -> Iterator[_Stamped]:
+def _from_transform(message: TransformStamped) -> Iterator[_Stamped]:
     header, transform = message.header, message.transform
     yield _Stamped(header.stamp, header.frame_id, message.child_frame_id, transform.translation, transform.rotation)
 
 
-def _from_tf(message: Any) -> Iterator[_Stamped]:
+def _from_tf(message: TFMessage) -> Iterator[_Stamped]:
     for item in message.transforms:
         yield from _from_transform(item)
 
 
-def _stamped(header: Any, pose: Any, child: str = "") -> _Stamped:
+def _stamped(header: Header, pose: Pose, child: str = "") -> _Stamped:
     return _Stamped(header.stamp, header.frame_id, child, pose.position, pose.orientation)
 
 
 _PATH = "nav_msgs/msg/Path"
 
+# A bag names the type of its messages, so the functions take one each.
 _POSES: dict[str, Callable[[Any], Iterator[_Stamped]]] = {
     "geometry_msgs/msg/PoseStamped": _from_pose,
     "geometry_msgs/msg/PoseWithCovarianceStamped": _from_covariance,

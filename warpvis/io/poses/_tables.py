@@ -8,7 +8,7 @@ import csv
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 from warpvis.errors import FileFormatError
 from warpvis.io._files import first_line, read_lines, shorten
 from warpvis.io.poses._file_poses import FilePoses
+
+if TYPE_CHECKING:
+    import pyarrow
 
 _TIME = "timestamp"
 _POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
@@ -29,7 +32,7 @@ _NAMES = {
 
 
 def read_csv(path: Path) -> FilePoses:
-    """Poses of comma-separated values with a line of column names, which may begin with ``#``.
+    """Read poses of comma-separated values with a line of column names, which may begin with ``#``.
 
     Other columns, empty lines, and lines that begin with ``#`` are skipped.
 
@@ -64,7 +67,7 @@ def read_csv(path: Path) -> FilePoses:
 
 
 def read_parquet(path: Path) -> FilePoses:
-    """Poses of a Parquet file; other columns are not read.
+    """Read the poses of a Parquet file; other columns are not read.
 
     Raises:
         FileFormatError: pyarrow is missing, the file is something else, or a row is malformed; it is named, counted
@@ -92,8 +95,8 @@ def read_parquet(path: Path) -> FilePoses:
     return _as_poses(np.stack(arrays, axis=1), list(columns), lambda index: f"{path}: row {index}")
 
 
-def _as_floats(column: Any, what: str) -> NDArray[np.float64]:
-    """A column's values; NaN where it has none."""
+def _as_floats(column: pyarrow.ChunkedArray, what: str) -> NDArray[np.float64]:
+    """Return a column's values; NaN where it has none."""
     import pyarrow
 
     if not (pyarrow.types.is_floating(column.type) or pyarrow.types.is_integer(column.type)):
@@ -117,7 +120,7 @@ def _parse_number(word: str, place: str) -> float:
 
 
 def _find_columns(names: Sequence[str], place: str) -> dict[str, int]:
-    """Where the columns are that are read, by the names that this module has for them."""
+    """Find the columns that are read, by the names that this module has for them."""
     given = [name.strip().lower() for name in names]
     columns: dict[str, int] = {}
     for column, aliases in _NAMES.items():
