@@ -168,7 +168,7 @@ class FrameOptions(ViewpointOptions):
 
     movable: Names = ()
     """Names or patterns of the objects that --worlds, or object_poses of the pose file, places, in the file's order; or
-    the one word model: what MJCF or URDF says moves, a pose for each body ([m]odel is an object of that name)."""
+    the one word model: what MJCF or URDF says moves, a pose for each body. An object of that name is [m]odel."""
     worlds: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """Where the movable objects are: .npz with object_poses, rows x y z qx qy qz qw, (W, M, 7), of what mesh files hold
     in the file's frame; and, unless each frame has a world of its own, world_index, (frames,)."""

@@ -7,7 +7,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -23,7 +22,7 @@ from warpvis.core.poses import (
     to_xyzw,
     wrong_length,
 )
-from warpvis.core.types import ArrayInput, ObjectPoses, PoseLike
+from warpvis.core.types import ArrayInput, Json, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, PoseError
 
 # Squared lengths of normalised quaternions are this near to 1; they are not normalised again, so that poses which were
@@ -44,7 +43,7 @@ class Frames:
     were added."""
     world_index: NDArray[np.int32] | None = None
     """Every frame's world, shape ``(V,)``; None if there is one world, or W == V and each frame has its own."""
-    source: Mapping[str, Any] = field(default_factory=dict)
+    source: Mapping[str, Json] = field(default_factory=dict)
     """Where the frames come from, of what JSON can hold: ``{"file": "walk.txt", "format": "tum"}``."""
 
     def __len__(self) -> int:
@@ -74,7 +73,7 @@ class Frames:
         timestamps: ArrayInput | None = None,
         object_poses: ObjectPoses = None,
         world_index: ArrayInput | None = None,
-        source: Mapping[str, Any] | None = None,
+        source: Mapping[str, Json] | None = None,
     ) -> Frames:
         """Make frames of poses, check them, and normalise the cameras' quaternions.
 
@@ -186,7 +185,7 @@ def _check_world(world_index: ArrayInput | None, count: int, objects: NDArray[np
     return worlds.astype(np.int32)
 
 
-def _check_source(source: Mapping[str, Any] | None) -> dict[str, Any]:
+def _check_source(source: Mapping[str, Json] | None) -> dict[str, Json]:
     """Return the source as it is when it was written as JSON and read back: two of them compare."""
     if source is None:
         return {}
