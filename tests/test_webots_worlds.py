@@ -308,6 +308,13 @@ def test_meshes_are_found_on_the_search_path(tmp_path):
             load_text(tmp_path, text)
 
 
+def test_urls_of_webots_own_folders_do_not_lead_out_of_the_search_path(tmp_path):
+    (tmp_path / "webots").mkdir()
+    text = solid("", f'Mesh {{ url "webots://{(WORLDS / "tetrahedron.obj").resolve()}" }}')
+    with pytest.raises(SceneError, match=r"left out Mesh .*; nothing is left"):
+        load_text(tmp_path, text, search_path=[tmp_path / "webots"])
+
+
 def test_many_uses_of_uses_end(tmp_path):
     levels = ["DEF A0 Group { children [ Shape { geometry DEF B Box { } } ] }"]
     levels += [

@@ -5,19 +5,69 @@
 from __future__ import annotations
 
 import ctypes
-from typing import Any, Literal
+from collections.abc import Sequence
+from typing import Literal, Protocol, TypedDict, Unpack
 
 import numpy as np
+import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, check_metres
 from warpvis.core.camera import Camera
 from warpvis.core.poses import QuaternionOrder, poses_to_matrices, poses_to_opencv, to_xyzw
+from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, PoseError
-from warpvis.maps import FloorMap, back_project, classify, floor_map
+from warpvis.maps import FloorMap, Sphere, back_project, classify, floor_map
 from warpvis.webots._nodes import Version
 from warpvis.webots._parts import rotation_matrix
 from warpvis.webots._ranges import UNBIASED, as_version
+
+
+class RangeFinder(Protocol):
+    """What is asked of a range finder of Webots' package `controller`."""
+
+    def getWidth(self) -> int:
+        """Return the image's width [px]."""
+
+    def getHeight(self) -> int:
+        """Return the image's height [px]."""
+
+    def getFov(self) -> float:
+        """Return the horizontal field of view [rad]."""
+
+    def getMinRange(self) -> float:
+        """Return the least range that is measured [m]."""
+
+    def getMaxRange(self) -> float:
+        """Return the greatest range that is measured [m]."""
+
+    def getRangeImage(
+        self, data_type: str = "list"
+    ) -> Sequence[float] | bytes | bytearray | memoryview | ctypes._Pointer[ctypes.c_float] | None:
+        """Return the newest image, row by row; None before there is one. Older releases know no `data_type`."""
+
+
+class SupervisorNode(Protocol):
+    """What is asked of a node of Webots' package `controller`."""
+
+    def getPosition(self) -> Sequence[float]:
+        """Return the node's origin in the world [m], 3 numbers."""
+
+    def getOrientation(self) -> Sequence[float]:
+        """Return the rotation node to world, a 3x3 matrix row by row, 9 numbers."""
+
+
+class ClassifyOptions(TypedDict, total=False):
+    """Options of `warpvis.classify`, but for the camera's axes and the world's."""
+
+    spheres: Sequence[Sphere] | ArrayLike
+    ground_tolerance: float
+    ground_height: float
+    max_range: float | None
+    device: DeviceLike
+    threads: int | None
+    out: wp.array | None
+    spheres_out: wp.array | None
 
 
 class DepthEye:
@@ -34,9 +84,9 @@ class DepthEye:
 
     def __init__(
         self,
-        range_finder: Any,
+        range_finder: RangeFinder,
         *,
-        node: Any = None,
+        node: SupervisorNode | None = None,
         translation: ArrayLike = (0.0, 0.0, 0.0),
         rotation: ArrayLike = (0.0, 0.0, 1.0, 0.0),
         version: str | Version = "R2023b",
@@ -81,7 +131,7 @@ class DepthEye:
         """The device as a camera."""
 
     def depth(self) -> NDArray[np.float32]:
-        """The device's image as planar depth [m], shape ``(H, W)``; NaN where it has no image yet, which is 0.
+        """Read the device's image as planar depth [m], shape ``(H, W)``; NaN where it has no image yet, which is 0.
 
         +inf is nothing in its range or, since Webots does not tell them apart, something nearer than its least range.
 
@@ -100,7 +150,7 @@ class DepthEye:
         return np.where(missing, np.float32(np.nan), values).reshape(size)
 
     def pose(self, node_pose: ArrayLike | None = None, *, quaternion: QuaternionOrder = "xyzw") -> NDArray[np.float64]:
-        """OpenCV camera to world, ``x y z qx qy qz qw``, shape ``(7,)``.
+        """Compute where the camera is: OpenCV camera to world, ``x y z qx qy qz qw`` [m], shape ``(7,)``.
 
         Args:
             node_pose: Pose of the node in the world, ``x y z qx qy qz qw`` or a 4x4 matrix; by default the node is
@@ -120,15 +170,33 @@ class DepthEye:
             matrix = poses_to_matrices(rows[0])
         return poses_to_opencv(matrix @ self._mount, "ros_body" if self._version.z_up else "opengl", name="the pose")[0]
 
-    def points(self, node_pose: ArrayLike | None = None, *, quaternion: QuaternionOrder = "xyzw") -> Any:
-        """Measured points in the world [m], shape ``(1, H, W)`` vec3; NaN where nothing was measured."""
+    def points(self, node_pose: ArrayLike | None = None, *, quaternion: QuaternionOrder = "xyzw") -> wp.array:
+        """Compute the measured points in the world [m], shape ``(1, H, W)`` vec3; NaN where nothing was measured."""
         return back_project(self.depth(), self.camera, self.pose(node_pose, quaternion=quaternion))
 
     def classify(
-        self, node_pose: ArrayLike | None = None, *, quaternion: QuaternionOrder = "xyzw", **options: Any
-    ) -> Any:
-        """Labels of the pixels by the paper's cases, shape ``(1, H, W)`` uint8; `options` are `warpvis.classify`'s."""
-        return classify(self.depth(), self.camera, self.pose(node_pose, quaternion=quaternion), **options)
+        self,
+        node_pose: ArrayLike | None = None,
+        *,
+        up: Literal["z", "y"] = "z",
+        quaternion: QuaternionOrder = "xyzw",
+        **options: Unpack[ClassifyOptions],
+    ) -> wp.array:
+        """Label the pixels by the paper's cases.
+
+        Args:
+            node_pose: As for `pose`.
+            up: The world's vertical axis.
+            quaternion: As for `pose`.
+            **options: Of `warpvis.classify`: `spheres`, `ground_tolerance`, `ground_height`, ...
+
+        Returns:
+            `Label` values, shape ``(1, H, W)`` uint8.
+
+        Raises:
+            WarpvisError: An argument is not what it has to be.
+        """
+        return classify(self.depth(), self.camera, self.pose(node_pose, quaternion=quaternion), up=up, **options)
 
     def floor_map(
         self,
@@ -138,9 +206,9 @@ class DepthEye:
         cell_size: float = 0.02,
         up: Literal["z", "y"] = "z",
         quaternion: QuaternionOrder = "xyzw",
-        **options: Any,
+        **options: Unpack[ClassifyOptions],
     ) -> FloorMap:
-        """What is seen, projected to the floor.
+        """Project what is seen to the floor.
 
         Args:
             node_pose: As for `pose`.
@@ -166,7 +234,7 @@ class DepthEye:
         )
 
     def _values(self) -> NDArray[np.float32]:
-        """The device's flat image: a list, a buffer of single precision, or a pointer to one."""
+        """Read the device's flat image: a list, a buffer of single precision, or a pointer to one."""
         try:
             image = self._device.getRangeImage(data_type="buffer")
         except TypeError:  # older releases know no kinds

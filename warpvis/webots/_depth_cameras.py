@@ -20,7 +20,7 @@ DEPTH_CAMERAS = ("Kinect", "Astra")
 
 
 def expand_depth_camera(node: Node) -> Node | None:
-    """What such a PROTO stands for, without the meshes of its body.
+    """Make the node that such a PROTO stands for, without the meshes of its body.
 
     Kinect: a head of 0.28 m x 0.038 m x 0.064 m, the bounding box of its mesh, 0.05 m above a foot that is not drawn,
     with the range finder ``"<cameraName> range"`` and the camera ``"<cameraName> color"``. They are 12.7 mm to the left
@@ -93,7 +93,7 @@ def _placed(node: Node) -> dict[str, Value]:
 
 
 def _axes(node: Node, forward: float, left: float, up: float) -> tuple[float, float, float]:
-    """In the axes of the node's version: x forward and z up, or x to the right and y up."""
+    """Turn lengths into the axes of the node's version: x forward and z up, or x to the right and y up."""
     return (forward, left, up) if node.version.z_up else (-left, up, -forward)
 
 

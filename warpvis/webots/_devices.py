@@ -95,12 +95,12 @@ class Device:
         return Camera.from_fov(self.width, self.height, hfov=self.fov, near=self.min_range, far=self.max_range)
 
     def describe(self) -> str:
-        """It in a few words."""
+        """Describe the device in a few words."""
         reach = f"{self.min_range:g} to {self.max_range:g} m"
         return f"{self.kind}, {self.width}x{self.height}, fov {self.fov:g}, {self.projection}, {reach}"
 
     def at_origin_of(self, proto: str) -> Device:
-        """The same device, with a note that it was plugged into a PROTO whose slots are not known."""
+        """Return the same device, with a note that it was plugged into a PROTO whose slots are not known."""
         note = f"{self.name!r} is taken to be at the origin of {proto}, whose slots are not known without its file"
         return dataclasses.replace(self, notes=(*self.notes, note))
 
@@ -108,7 +108,7 @@ class Device:
 def read_device(
     node: Node, rotation: NDArray[np.float64], offset: NDArray[np.float64], robot: str, protos: Sequence[str] = ()
 ) -> Device | None:
-    """The device that a node is, or None.
+    """Read the device that a node is; None if it is none.
 
     Args:
         node: Any node.
@@ -189,7 +189,7 @@ def _field_of_view(node: Node, projection: Projection, notes: list[str]) -> floa
 
 
 def _ranges(node: Node, measures: bool, notes: list[str]) -> tuple[float, float, float]:
-    """`near`, least and greatest range, corrected in the order of Webots' own checks (``WbRangeFinder.cpp``)."""
+    """Read `near`, least and greatest range [m], corrected in the order of Webots' checks (``WbRangeFinder.cpp``)."""
     near = node.number("near", 0.01)
     if near <= 0:
         notes.append(_correction(node, "near", near, 0.01))

@@ -103,7 +103,7 @@ def parse_text(text: str, file: str = "<text>", *, version: Version | None = Non
 
 
 def read_text(path: Path) -> str:
-    """A file's text; bytes that are not UTF-8 come only in comments and names of old worlds, and are replaced.
+    """Read a file's text; bytes that are not UTF-8 come only in comments and names of old worlds, and are replaced.
 
     Raises:
         FileFormatError: The file cannot be read.
@@ -117,7 +117,7 @@ def read_text(path: Path) -> str:
 
 
 def read_version(text: str, file: str) -> Version:
-    """The version in a text's header.
+    """Read the version in a text's header.
 
     Raises:
         FileFormatError: The first line is no header.
@@ -142,7 +142,6 @@ class Parser:
         first_line: Line number of the text's first line.
         protos: `Node.protos`.
         interface: Values of the fields that ``IS`` may name; None where ``IS`` is not allowed.
-        strict: Whether an ``IS`` of a field that there is not is an error; Webots leaves out what has it.
     """
 
     def __init__(
@@ -154,7 +153,6 @@ class Parser:
         first_line: int = 1,
         protos: tuple[str, ...] = (),
         interface: Mapping[str, Value] | None = None,
-        strict: bool = False,
     ) -> None:
         """Go to the first token."""
         if "\r" in text:
@@ -165,7 +163,6 @@ class Parser:
         self._first_line = first_line
         self._protos = protos
         self._interface = interface
-        self._strict = strict
         self._breaks = [match.start() for match in re.finditer("\n", text)]
         self._tokens: Iterator[re.Match[str]] = _TOKEN.finditer(text)
         self._named: dict[str, Node] = {}  # by DEF, the last of each name
@@ -181,7 +178,7 @@ class Parser:
         self.kind = self.token if kind == "mark" else kind
 
     def line(self) -> int:
-        """Line of the current token."""
+        """Count the lines down to the current token."""
         return self._first_line + bisect_left(self._breaks, self.start)
 
     def fail(self, wanted: str, got: str | None = None) -> NoReturn:
@@ -193,7 +190,7 @@ class Parser:
         raise FileFormatError(f"{self._file}:{self.line()}: expected {wanted}, got {got}")
 
     def take(self, kind: str, wanted: str) -> str:
-        """The current token, which must be of a kind; go on to the next."""
+        """Take the current token, which must be of a kind, and go on to the next."""
         token = self.token
         if self.kind != kind or (kind == "word" and token in _KEYWORDS):
             self.fail(wanted)
@@ -201,7 +198,7 @@ class Parser:
         return token
 
     def externprotos(self) -> list[str]:
-        """The urls of the EXTERNPROTO lines from here on; those that are only importable make no instances."""
+        """Read the urls of the EXTERNPROTO lines from here on; those that are only importable make no instances."""
         urls = []
         while self.kind == "word" and self.token in ("EXTERNPROTO", "IMPORTABLE"):
             importable = self.token == "IMPORTABLE"
@@ -216,7 +213,7 @@ class Parser:
         return urls
 
     def nodes(self) -> list[Node]:
-        """The nodes from here on, up to anything else."""
+        """Read the nodes from here on, up to anything else."""
         nodes = []
         while self.kind == "word" and self.token not in _KEYWORDS - {"DEF", "USE", "NULL"}:
             node = self.value()
@@ -225,7 +222,7 @@ class Parser:
         return nodes
 
     def value(self, wanted: str = "a value") -> Value:
-        """The value from here on, with all that is in it."""
+        """Read the value from here on, with all that is in it."""
         value = self._begin(wanted)
         while self._open:
             top = self._open[-1]
@@ -236,7 +233,7 @@ class Parser:
         return value
 
     def _begin(self, wanted: str) -> Value:
-        """A value that is complete, or one that is open and on the stack."""
+        """Begin a value: one that is complete, or one that is open and on the stack."""
         if self.kind == "numbers":
             return self._read_numbers()
         if self.kind == "string":
@@ -273,7 +270,7 @@ class Parser:
         return node
 
     def _read_field(self, node: Node) -> None:
-        """A field of an open node, or its end."""
+        """Read a field of an open node, or its end."""
         if self.kind == "}":
             self._open.pop()
             self._count(node)
@@ -291,7 +288,7 @@ class Parser:
             node.fields[name] = self._begin(f"a value of {name!r}")
 
     def _read_item(self, items: list[float | str | bool | Node]) -> None:
-        """An item of an open list, or its end."""
+        """Read an item of an open list, or its end."""
         if self.kind == "]":
             self._open.pop()
             self.advance()
@@ -329,9 +326,7 @@ class Parser:
     def _substitute(self, node: Node, name: str, interface: Mapping[str, Value]) -> None:
         self.advance()
         field = self.take("word", "a field of the PROTO after IS")
-        if field not in interface:
-            if self._strict:
-                node.refuse(name, "a field of the PROTO after IS", repr(field))
+        if field not in interface:  # Webots leaves out what has it
             return
         value = node.fields[name] = interface[field]
         for item in value if isinstance(value, list) else [value]:

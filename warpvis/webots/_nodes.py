@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Any, NoReturn, TypeAlias
+from typing import NoReturn, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +44,7 @@ class Version:
 
     @classmethod
     def parse(cls, text: str) -> Version:
-        """The version of a text like ``R2023b`` or ``V8.6``.
+        """Read the version that a text like ``R2023b`` or ``V8.6`` names.
 
         Raises:
             FileFormatError: The text is no version.
@@ -69,6 +69,8 @@ class Version:
 
 
 _Z_UP = Version(2022, 1)
+
+_Literal = TypeVar("_Literal")
 
 
 @dataclass(eq=False)
@@ -101,37 +103,37 @@ class Node:
         return f"<{self.type} at {self.file}:{self.line}>"
 
     def number(self, field: str, default: float) -> float:
-        """A field's number."""
-        values = self._literals(field, float, "a number", single=True)
+        """Read a field's number."""
+        values = _literals(self, field, float, "a number", single=True)
         return values[0] if values else default
 
     def integer(self, field: str, default: int) -> int:
-        """A field's whole number."""
+        """Read a field's whole number."""
         value = self.number(field, default)
         if value != int(value):
             self.refuse(field, "a whole number", f"{value:g}")
         return int(value)
 
     def flag(self, field: str, default: bool) -> bool:
-        """A field's TRUE or FALSE."""
-        values = self._literals(field, bool, "TRUE or FALSE", single=True)
+        """Read a field's TRUE or FALSE."""
+        values = _literals(self, field, bool, "TRUE or FALSE", single=True)
         return values[0] if values else default
 
     def text(self, field: str, default: str) -> str:
-        """A field's string."""
-        values = self._literals(field, str, "a string", single=True)
+        """Read a field's string."""
+        values = _literals(self, field, str, "a string", single=True)
         return values[0] if values else default
 
     def numbers(self, field: str) -> NDArray[np.float64]:
-        """All numbers of a field in a row; none for a missing one."""
-        return np.array(self._literals(field, float, "numbers"), dtype=np.float64)
+        """Read all numbers of a field in a row, shape ``(n,)``; none for a missing one."""
+        return np.array(_literals(self, field, float, "numbers"), dtype=np.float64)
 
     def texts(self, field: str) -> list[str]:
-        """All strings of a field; none for a missing one."""
-        return self._literals(field, str, "strings")
+        """Read all strings of a field; none for a missing one."""
+        return _literals(self, field, str, "strings")
 
     def vector(self, field: str, default: tuple[float, ...]) -> NDArray[np.float64]:
-        """A field's vector, rotation or colour, of as many numbers as `default` has."""
+        """Read a field's vector, rotation or colour, of as many numbers as `default` has."""
         if field not in self.fields:
             return np.array(default, dtype=np.float64)
         values = self.numbers(field)
@@ -140,14 +142,14 @@ class Node:
         return values
 
     def node(self, field: str) -> Node | None:
-        """A field's node; None for NULL or a missing one."""
+        """Read a field's node; None for NULL or a missing one."""
         nodes = self.nodes(field)
         if len(nodes) > 1:
             self.refuse(field, "one node", str(len(nodes)))
         return nodes[0] if nodes else None
 
     def nodes(self, field: str) -> list[Node]:
-        """A field's nodes, without NULL; none for a missing one."""
+        """Read a field's nodes, without NULL; none for a missing one."""
         value = self.fields.get(field)
         if value is None:
             return []
@@ -156,19 +158,6 @@ class Node:
         if len(nodes) < len(values):
             self.refuse(field, "nodes", described(next(item for item in values if not isinstance(item, Node))))
         return nodes
-
-    def _literals(self, field: str, kind: Any, wanted: str, *, single: bool = False) -> list[Any]:
-        if field not in self.fields:
-            return []
-        value = self.fields[field]
-        if not isinstance(value, list):
-            self.refuse(field, wanted, described(value))
-        for item in value:
-            if type(item) is not kind:
-                self.refuse(field, wanted, described(item))
-        if single and len(value) != 1:
-            self.refuse(field, wanted, f"{len(value)} values")
-        return value
 
     def refuse(self, field: str, wanted: str, got: str) -> NoReturn:
         """Say what was wanted in a field, and what is there."""
@@ -179,7 +168,7 @@ Value: TypeAlias = Node | list[float | str | bool | Node] | None
 
 
 def new_node(like: Node, kind: str, fields: dict[str, Value], name: str | None = None) -> Node:
-    """A node that is in no file, at the place of another: of its version, its file and its line.
+    """Make a node that is in no file, at the place of another: of its version, its file and its line.
 
     Args:
         like: The node that it stands for, or is a part of.
@@ -193,13 +182,27 @@ def new_node(like: Node, kind: str, fields: dict[str, Value], name: str | None =
     return Node(kind, fields, name, like.file, like.line, like.version, like.protos, size, height)
 
 
+def _literals(node: Node, field: str, kind: type[_Literal], wanted: str, *, single: bool = False) -> list[_Literal]:
+    if field not in node.fields:
+        return []
+    value = node.fields[field]
+    if not isinstance(value, list):
+        node.refuse(field, wanted, described(value))
+    found: list[_Literal] = [item for item in value if isinstance(item, kind)]
+    if len(found) < len(value):
+        node.refuse(field, wanted, described(next(item for item in value if not isinstance(item, kind))))
+    if single and len(found) != 1:
+        node.refuse(field, wanted, f"{len(found)} values")
+    return found
+
+
 def shown(text: str) -> str:
-    """A text in quotes, as messages show it: its beginning, if it is long."""
+    """Quote a text as messages show it: its beginning, if it is long."""
     return repr(text if len(text) <= 40 else text[:37] + "...")
 
 
 def described(value: Value | float | str | bool) -> str:
-    """A value, as messages show it."""
+    """Write a value as messages show it."""
     if value is None:
         return "NULL"
     if isinstance(value, Node):

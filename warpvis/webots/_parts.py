@@ -6,10 +6,10 @@ from __future__ import annotations
 
 import fnmatch
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from warpvis.errors import FileFormatError
 from warpvis.scene import Part
 from warpvis.webots._grammar import World
 from warpvis.webots._nodes import Node, Version
+from warpvis.webots.shapes._polygons import Triangles, join
 
 GROUND_HEIGHT = 0.1
 """A level surface within this height of 0 is ground [m]."""
@@ -41,14 +42,14 @@ class Place(NamedTuple):
     """Its origin [m], shape ``(3,)``."""
 
     def within(self, node: Node, scale: NDArray[np.float64]) -> Place:
-        """The frame of a node: ``p_parent = T + R (S p_child)``."""
+        """Compute the frame of a node in this one: ``p_parent = T + R (S p_child)``."""
         rotation = rotation_matrix(node.vector("rotation", (0.0, 0.0, 1.0, 0.0)))
         offset = self.offset + self.linear @ node.vector("translation", (0.0, 0.0, 0.0))
         return Place(self.linear @ (rotation * scale), self.rotation @ rotation, offset)
 
 
 def rotation_matrix(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """An SFRotation, axis and angle [rad], as a matrix; the axis need not be of length 1, and 0 0 0 turns nothing."""
+    """Convert an SFRotation, axis and angle [rad], to a matrix; the axis has any length, and 0 0 0 turns nothing."""
     length = np.linalg.norm(rotation[:3])
     if length == 0:
         return np.eye(3)
@@ -59,7 +60,7 @@ def rotation_matrix(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def corrected_scale(node: Node) -> tuple[NDArray[np.float64], str]:
-    """A node's scale, in which 1 stands for what Webots does not take, and a note of that."""
+    """Read a node's scale, in which 1 stands for what Webots does not take, and a note of that."""
     scale = node.vector("scale", (1.0, 1.0, 1.0))
     wrong = scale == 0 if node.version >= _NEGATIVE_SCALES else scale <= 0
     if not wrong.any():
@@ -79,11 +80,11 @@ class Thing:
     ground: bool = False
     recognised: bool = False
     arena: bool = False
-    parts: list[tuple[NDArray[np.float64], NDArray[np.int32]]] = field(default_factory=list)
+    parts: list[Triangles] = field(default_factory=list)
     level: list[bool] = field(default_factory=list)  # of each part, whether it is a level surface near the ground
 
     def label(self) -> Label:
-        """The label by the rules of `warpvis.webots.load_webots`."""
+        """Choose the label by the rules of `warpvis.webots.load_webots`."""
         name = self.wanted.lower()
         if self.human or any(fnmatch.fnmatchcase(name, pattern) for pattern in HUMANS):
             return Label.HUMAN
@@ -129,11 +130,11 @@ class Names:
     """Names that are taken."""
 
     def __init__(self) -> None:
-        """None is."""
+        """Begin with none."""
         self._numbers: dict[str, int] = {}
 
     def take(self, name: str) -> str:
-        """The name, or the first of ``"name (2)"``, ``"name (3)"``, ... that is free."""
+        """Take the name, or the first of ``"name (2)"``, ``"name (3)"``, ... that is free."""
         result, number = name, self._numbers.get(name, 1)
         while result in self._numbers:
             number += 1
@@ -144,7 +145,7 @@ class Names:
 
 
 def is_level(vertices: NDArray[np.float64], faces: NDArray[np.int32], up: int) -> bool:
-    """Whether a surface is level, seen from above, and near the ground."""
+    """Tell whether a surface is level, seen from above, and near the ground."""
     if np.ptp(vertices[:, up]) > 1e-3 or abs(vertices[0, up]) > GROUND_HEIGHT:
         return False
     a, b, c = (vertices[faces[:, k]] for k in range(3))
@@ -152,7 +153,7 @@ def is_level(vertices: NDArray[np.float64], faces: NDArray[np.int32], up: int) -
 
 
 def vertical_axis(world: World) -> Literal["z", "y"]:
-    """The axis that points up: of WorldInfo's `coordinateSystem` ("ENU": z), or of `gravity`, which was a vector."""
+    """Find the axis that points up: by WorldInfo's `coordinateSystem` ("ENU": z), or `gravity`, which was a vector."""
     info = next((node for node in world.nodes if node.type == "WorldInfo"), None)
     system, gravity = "", np.zeros(0)
     if info is not None:
@@ -170,12 +171,12 @@ def vertical_axis(world: World) -> Literal["z", "y"]:
 
 
 def names_of(names: Mapping[Thing, list[str]], things: Iterable[Thing]) -> tuple[str, ...]:
-    """Names of the objects that these became."""
+    """List the names of the objects that these became."""
     return tuple(name for thing in things for name in names.get(thing, ()))
 
 
 def make_parts(things: Iterable[Thing]) -> tuple[list[Part], dict[Thing, list[str]]]:
-    """The objects that what has triangles becomes, and their names."""
+    """Make objects of all that has triangles, and list their names."""
     made: list[Part] = []
     names: dict[Thing, list[str]] = {}
     taken = Names()
@@ -183,13 +184,13 @@ def make_parts(things: Iterable[Thing]) -> tuple[list[Part], dict[Thing, list[st
         if not thing.parts:
             continue
         for wanted, label, parts in _objects_of(thing):
-            made.append(Part(taken.take(wanted), _joined(parts), label))
+            made.append(Part(taken.take(wanted), join(parts), label))
             names.setdefault(thing, []).append(made[-1].name)
     return made, names
 
 
-def _objects_of(thing: Thing) -> list[tuple[str, Label, list[Any]]]:
-    """Name, label and parts of the objects that a Solid becomes: an arena's floor is one, its walls are another."""
+def _objects_of(thing: Thing) -> list[tuple[str, Label, list[Triangles]]]:
+    """Name and label the objects that a Solid becomes: an arena's floor is one, its walls are another."""
     if thing.arena and any(thing.level) and not all(thing.level):
         floor = [part for part, level in zip(thing.parts, thing.level, strict=True) if level]
         walls = [part for part, level in zip(thing.parts, thing.level, strict=True) if not level]
@@ -197,16 +198,10 @@ def _objects_of(thing: Thing) -> list[tuple[str, Label, list[Any]]]:
     return [(thing.wanted, thing.label(), thing.parts)]
 
 
-def _joined(parts: Sequence[tuple[NDArray[np.float64], NDArray[np.int32]]]) -> tuple[Any, Any]:
-    starts = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
-    vertices = np.concatenate([vertices for vertices, _ in parts])
-    return vertices, np.concatenate([faces + start for (_, faces), start in zip(parts, starts, strict=False)])
-
-
 def skipped_message(
     path: Path, skipped: Mapping[str, int], reasons: Mapping[str, str], search_path: Iterable[str | os.PathLike[str]]
 ) -> str:
-    """What was left out or stands for something else, and why; empty if all was read."""
+    """Say what was left out or stands for something else, and why; nothing if all was read."""
     parts = []
     if skipped:
         listed = ", ".join(f"{name} ({count})" for name, count in skipped.items())

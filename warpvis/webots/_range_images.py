@@ -7,7 +7,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,15 +22,15 @@ from warpvis.webots._nodes import Version
 from warpvis.webots._world import WebotsWorld
 
 
-def require_world(world: Any) -> WebotsWorld:
-    """`world` itself; a `SceneError` if it is none."""
+def require_world(world: object) -> WebotsWorld:
+    """Return `world` itself; raise `SceneError` if it is none."""
     if not isinstance(world, WebotsWorld):
         raise SceneError(f"world must be what load_webots gives, got {type(world).__name__}")
     return world
 
 
 def find_device(world: WebotsWorld, name: str) -> Device:
-    """The device of that name.
+    """Find the device of that name.
 
     Raises:
         SceneError: There is none.
@@ -52,7 +51,7 @@ def render_range(
     seed: int | None = None,
     threads: int | None = None,
 ) -> NDArray[np.float32]:
-    """The image of a range finder, or of a camera as if it measured ranges.
+    """Render the image of a range finder, or of a camera as if it measured ranges.
 
     As in Webots, back faces are not seen, and transparent things are; so is the robot's own body.
 
@@ -112,7 +111,7 @@ def _depth(
     threads: int | None,
     pixels: NDArray[np.float32] | None = None,
 ) -> NDArray[np.float32]:
-    """Ranges by REP 117, shape ``(H, W)``; of other points of the image than the pixels' centres if they are given."""
+    """Render ranges by REP 117 [m], shape ``(H, W)``, at the pixels' centres or at other points of the image."""
     hidden = list(exclude) or None
     if device.projection != "planar":
         views = render_wide(
@@ -140,7 +139,7 @@ def _depth(
 def _drawn_depth(
     scene: Scene, device: Device, exclude: Sequence[str], threads: int | None, pixels: NDArray[np.float32] | None
 ) -> NDArray[np.float32]:
-    """Depth of what OpenGL draws: nothing nearer than `near`, which then hides nothing; +inf where there is nothing."""
+    """Render depth of what OpenGL draws [m]: nothing nearer than `near`, which then hides nothing; +inf for nothing."""
     depth = _depth(scene, device, device.near, math.inf, exclude, threads, pixels)
     too_near = np.isneginf(depth)
     if too_near.any() and device.projection == "planar":
@@ -154,7 +153,7 @@ def _drawn_depth(
 
 
 def _cut_near(scene: Scene, device: Device, exclude: Sequence[str]) -> Scene:
-    """The scene's triangles as the near plane leaves them."""
+    """Cut the scene's triangles as the near plane does."""
     matrix = poses_to_matrices(device.pose)
     axis, origin = matrix[:3, 2], matrix[:3, 3]
     cut = Scene(device=scene.device, up=scene.up)
@@ -176,7 +175,7 @@ def _cut_near(scene: Scene, device: Device, exclude: Sequence[str]) -> Scene:
 
 
 def _clip(corners: NDArray[np.float64], depth: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The part of a triangle whose depth is positive (Sutherland and Hodgman 1974), shape ``(1 or 2, 3, 3)``."""
+    """Cut off the part of a triangle with positive depth (Sutherland and Hodgman 1974), shape ``(1 or 2, 3, 3)``."""
     polygon = []
     for k in range(3):
         a, b, da, db = corners[k], corners[(k + 1) % 3], depth[k], depth[(k + 1) % 3]

@@ -10,14 +10,13 @@ be revision 1, which corrected the range finder.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, check_metres
 from warpvis.core.checks import check_choice, check_flag, is_number, is_whole
+from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
 from warpvis.webots._nodes import Version
 
@@ -34,7 +33,7 @@ _LAST_BIASED = Version.parse("R2022a")  # before its revision 1: pull request 43
 
 
 def range_values(
-    depth: Any,
+    depth: ArrayInput,
     *,
     near: float,
     min_range: float,
@@ -43,7 +42,7 @@ def range_values(
     projection: str = "planar",
     near_bias: bool = False,
 ) -> NDArray[np.float32]:
-    """The values of a range finder of a release of Webots, from true depth images.
+    """Turn true depth images into the values that a range finder of a release of Webots gives.
 
     ======================  ==================  ===========================
     release                 below `min_range`   from `max_range`, nothing
@@ -100,7 +99,7 @@ def range_values(
 def add_noise(
     values: ArrayLike, noise: float, max_range: float, version: Version | str, seed: int
 ) -> NDArray[np.float32]:
-    """Range values with Gaussian noise.
+    """Add Gaussian noise to range values.
 
     From R2022a on, values from `max_range` on become +inf; before, they are noisy like all others. Noisy values may lie
     outside of the range's limits, as in Webots. Its documentation says that the standard deviation is `noise` times
@@ -136,7 +135,7 @@ def add_noise(
 
 
 def quantise(values: ArrayLike, resolution: float) -> NDArray[np.float32]:
-    """Range values in steps of a range finder's resolution: ``floor(d / resolution + 0.5) * resolution``.
+    """Round range values to steps of a range finder's resolution: ``floor(d / resolution + 0.5) * resolution``.
 
     Args:
         values: Values [m].
@@ -158,7 +157,7 @@ def quantise(values: ArrayLike, resolution: float) -> NDArray[np.float32]:
 def distort_pixels(
     width: int, height: int, center: ArrayLike, radial: ArrayLike, tangential: ArrayLike
 ) -> NDArray[np.float32]:
-    """Where in the undistorted image each pixel of an image through a Lens of Webots looks.
+    """Compute where in the undistorted image each pixel of an image through a Lens of Webots looks.
 
     Brown's model in coordinates from 0 to 1 across and down the image, in the approximate inverse of Lambers,
     Sommerhoff and Kolb, "Realistic Lens Distortion Rendering" (2018). With (x, y) the pixel's place from the `center`,
@@ -205,7 +204,7 @@ def distort_pixels(
 
 
 def as_version(version: Version | str) -> Version:
-    """A release, from itself or from its name.
+    """Return a release, from itself or from its name.
 
     Raises:
         ArrayError: It is neither.
@@ -218,7 +217,7 @@ def as_version(version: Version | str) -> Version:
     return version
 
 
-def _check_depth(depth: Any) -> NDArray[Any]:
+def _check_depth(depth: ArrayInput) -> np.ndarray:
     images = as_numpy(depth.numpy() if isinstance(depth, wp.array) else depth, name="depth")
     if images.ndim != 3:
         raise ArrayError(f"depth must have shape (V, H, W), got {images.shape}")

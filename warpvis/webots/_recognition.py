@@ -45,7 +45,7 @@ class Recognised:
 
 
 def recognise(world: WebotsWorld, camera_name: str, *, threads: int | None = None) -> list[Recognised]:
-    """What a camera's Recognition node lists, largest in the image first.
+    """List what a camera's Recognition node lists, largest in the image first.
 
     These are the Solids with `recognitionColors` that are partly within the image, whose middle is at most `maxRange`
     away, and that pass the test that `occlusion` names: 0, none; 1, nothing is between the camera and the middle of
@@ -91,7 +91,7 @@ def recognise(world: WebotsWorld, camera_name: str, *, threads: int | None = Non
 
 
 def segmentation_image(world: WebotsWorld, camera_name: str, *, threads: int | None = None) -> NDArray[np.int32]:
-    """What a Recognition node's segmentation image shows: objects of Solids with `recognitionColors`, else nothing.
+    """Render a Recognition node's segmentation image: objects of Solids with `recognitionColors`, else nothing.
 
     Args:
         world: The world, from `load_webots`.
@@ -118,7 +118,7 @@ def _recognising(world: WebotsWorld, name: str) -> tuple[Device, Node]:
 
 
 def _occlusion(node: Node) -> int:
-    """The field `occlusion`, which was TRUE or FALSE at first."""
+    """Read the field `occlusion`, which was TRUE or FALSE at first."""
     value = node.fields.get("occlusion")
     if isinstance(value, list) and value and isinstance(value[0], bool):
         return int(node.flag("occlusion", True))
@@ -142,7 +142,7 @@ def _object_image(world: WebotsWorld, device: Device, threads: int | None) -> ND
 def _hidden(
     world: WebotsWorld, device: Device, middle: NDArray[np.float64], names: Sequence[str], threads: int | None
 ) -> bool:
-    """Whether something else is between the camera and a point."""
+    """Tell whether something else is between the camera and a point."""
     eye = device.pose[:3]
     ahead = middle - eye
     distance = float(np.linalg.norm(ahead))
@@ -159,7 +159,7 @@ def _hidden(
 
 
 def _union(boxes: Sequence[Sequence[int]]) -> tuple[int, int, int, int] | None:
-    """The box around boxes; None if all are empty."""
+    """Find the box around boxes; None if all are empty."""
     filled = np.array([box for box in boxes if box[2] > 0])
     if not len(filled):
         return None

@@ -1,78 +1,25 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Webots worlds as scenes: a walk through the tree of nodes that collects triangles, names, labels and devices."""
+"""Webots worlds as scenes."""
 
 from __future__ import annotations
 
-import dataclasses
-import fnmatch
 import os
-import re
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
-from warpvis.core.arrays import FARTHEST
 from warpvis.core.checks import as_items, as_path, check_flag
 from warpvis.core.labels import Label
+from warpvis.core.types import DeviceLike
 from warpvis.errors import FileFormatError, SceneError
-from warpvis.scene import FileParts, Scene, keep_winding
-from warpvis.webots._depth_cameras import DEPTH_CAMERAS, expand_depth_camera
-from warpvis.webots._devices import Device, read_device
-from warpvis.webots._grammar import World, parse_world
+from warpvis.scene import FileParts, Scene
+from warpvis.webots._devices import Device
+from warpvis.webots._grammar import parse_world
 from warpvis.webots._nodes import Node, Version
-from warpvis.webots._parts import (
-    HUMANS,
-    ROBOTS,
-    Names,
-    Place,
-    Step,
-    Thing,
-    corrected_scale,
-    is_level,
-    make_parts,
-    names_of,
-    skipped_message,
-    vertical_axis,
-)
-from warpvis.webots.protos._builtin import expand
-from warpvis.webots.protos._expansion import Protos
-from warpvis.webots.shapes._geometry import GEOMETRIES, MissingMeshError, find_beside, tessellate
-
-MOST_VISITED = 1_000_000
-"""Nodes of a world that are walked through, each USE counted as a copy."""
-MOST_TRIANGLES = 50_000_000
-"""Triangles of a world."""
-
-_DEVICES = {
-    *("Accelerometer", "Altimeter", "Camera", "Compass", "Connector", "Display", "DistanceSensor", "Emitter", "GPS"),
-    *("Gyro", "InertialUnit", "LED", "Lidar", "LightSensor", "Microphone", "Pen", "Radar", "Radio", "RangeFinder"),
-    *("Receiver", "Speaker", "TouchSensor", "VacuumGripper"),
-}
-_SOLIDS = {"Solid", "Charger", "Servo", "Track", *ROBOTS, *_DEVICES}
-_PLACES = {"Transform", "Pose", "TrackWheel", "Fluid", *_SOLIDS}
-# The fields in which a node's parts are. A joint's end point is saved where the joint's position puts it.
-_PARTS = {
-    "Group": ("children",),
-    "Lidar": ("children", "rotatingHead"),
-    "Propeller": ("slowHelix",),  # what is shown of it at rest
-    **dict.fromkeys(("HingeJoint", "SliderJoint", "Hinge2Joint", "BallJoint", "Slot"), ("endPoint",)),
-}
-# Not in any image of a range finder; the list's last ones are PROTOs.
-_UNSEEN = {
-    *("WorldInfo", "Viewpoint", "Background", "Fog", "DirectionalLight", "PointLight", "SpotLight", "Billboard"),
-    *("SolidReference", "Muscle", "ContactProperties", "TexturedBackground", "TexturedBackgroundLight"),
-}
-_LINES = {"IndexedLineSet", "PointSet"}  # geometry without triangles
-_ARENAS = {"RectangleArena", "CircleArena"}
-_GROUNDS = {"Floor", "UnevenTerrain"}
-_NAMES = {"RangeFinder": "range-finder", **dict.fromkeys(ROBOTS, "robot")}
-_IN_TREE = re.compile(r"(?:webots://|https?://raw\.githubusercontent\.com/[^/]+/[^/]+/[^/]+/)(.+)")
+from warpvis.webots._parts import Thing, make_parts, names_of, skipped_message
+from warpvis.webots._walk import Reader
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +52,7 @@ class WebotsWorld:
 def load_webots(
     path: str | os.PathLike[str],
     *,
-    device: Any = "cpu",
+    device: DeviceLike = "cpu",
     labels: Mapping[str, Label | int | str] | None = None,
     search_path: Sequence[str | os.PathLike[str]] = (),
     strict: bool = False,
@@ -167,13 +114,13 @@ def load_webots(
 
 
 def read_world(path: Path, *, search_path: Sequence[Path], strict: bool) -> FileParts:
-    """The objects of a world alone; see `load_webots`."""
+    """Read the objects of a world alone; see `load_webots`."""
     return _read(path, search_path, strict)[2]
 
 
-def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[_Reader, dict[Thing, list[str]], FileParts]:
-    """What a walk through the world found, the names of the objects that it becomes, and the objects."""
-    reader = _Reader(parse_world(path), list(search_path), strict)
+def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[Reader, dict[Thing, list[str]], FileParts]:
+    """Walk through a world; return what that found, the names of the objects that it becomes, and the objects."""
+    reader = Reader(parse_world(path), list(search_path), strict)
     reader.walk()
     message = skipped_message(path, reader.skipped, reader.reasons, search_path)
     if message and strict:
@@ -185,230 +132,3 @@ def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[_Reade
     sentences = [message, f"{path}: {'; '.join(notes)}" if notes else ""]
     found = FileParts(path, parts, up=reader.up, settled=True, warnings=tuple(filter(None, sentences)))
     return reader, names, found
-
-
-class _Reader:
-    """Walks through a world, and keeps what it finds."""
-
-    def __init__(self, world: World, search_path: list[Path], strict: bool) -> None:
-        self.up: Literal["z", "y"] = vertical_axis(world)
-        self.version = world.version
-        self.things: list[Thing] = []
-        self.devices: dict[str, Device] = {}
-        self.robots: dict[str, list[Thing]] = {}
-        self.recognisable: dict[str, tuple[Node, list[Thing]]] = {}
-        self.skipped: dict[str, int] = {}
-        self.reasons: dict[str, str] = {}
-        self.notes: list[str] = []
-        self._world, self._search_path, self._strict = world, search_path, strict
-        self._protos = Protos(world, search_path)
-        self._lines: list[tuple[int, str, Thing | None]] = []
-        self._meshes: dict[int, tuple[Node, Any]] = {}  # by the node's id, and the node to keep it
-        self._triangles = 0
-        self._taken = {kind: Names() for kind in ("recognised", "devices", "robots")}
-
-    def walk(self) -> None:
-        """Visit all nodes, in the order of the file."""
-        start = Place(np.eye(3), np.eye(3), np.zeros(3))
-        steps = [Step(node, start) for node in reversed(self._world.nodes)]
-        visited = 0
-        while steps:
-            visited += 1
-            if visited > MOST_VISITED:
-                raise FileFormatError(f"{self._world.path}: expected at most {MOST_VISITED} nodes to draw, got more")
-            steps += reversed(list(self._visit(steps.pop())))
-
-    def _visit(self, step: Step) -> Iterable[Step]:
-        """Note what a node is; the nodes in it."""
-        node = step.node
-        if node.type in _UNSEEN:
-            return ()
-        if node.type in ("Shape", "CadShape"):
-            self._add_shape(step)
-            return ()
-        if node.type in _SOLIDS:
-            step = self._enter_solid(step)
-        elif node.type in _PLACES or node.type in _PARTS:
-            place = step.place.within(node, self._scale(node)) if node.type in _PLACES else step.place
-            step = dataclasses.replace(step, place=place, called=node.name or step.called)
-        else:
-            return self._expand(step)
-        if node.type == "Track" and node.nodes("animatedGeometry"):
-            self._skip("Track.animatedGeometry")
-        fields = _PARTS.get(node.type, ("children",))
-        return [dataclasses.replace(step, node=part, instances=()) for name in fields for part in node.nodes(name)]
-
-    def _expand(self, step: Step) -> Iterable[Step]:
-        """An instance of a PROTO."""
-        node = step.node
-        body = self._expand_file(node) or expand(node) or expand_depth_camera(node)
-        if body is not None:
-            human = step.human or node.type == "Pedestrian"
-            within, instances = (*step.within, node.type), (*step.instances, node)
-            return [dataclasses.replace(step, node=body, human=human, within=within, instances=instances)]
-        self._skip(node.type)
-        self._lines.append((step.depth, f"{node.type}: skipped", None))
-        # Cameras that were plugged into it are known, though not where its slots are.
-        robots = step.robots
-        if "controller" in node.fields:
-            robots = (*robots, self._add_robot(self._solid_name(step)))
-        step = dataclasses.replace(
-            step, place=step.place.within(node, np.ones(3)), robots=robots, origin=node.type, owner=None
-        )
-        parts = [item for value in node.fields.values() for item in _nodes_in(value)]
-        known = {*DEPTH_CAMERAS, *_PLACES, *_PARTS}
-        return [
-            dataclasses.replace(step, node=part, instances=(), depth=step.depth + 1)
-            for part in parts
-            if part.type in known
-        ]
-
-    def _expand_file(self, node: Node) -> Node | None:
-        """The body of an instance whose PROTO file is at hand, and could be read."""
-        try:
-            return self._protos.expand(node)
-        except FileFormatError as error:
-            if self._strict:
-                raise
-            self.reasons.setdefault(node.type, str(error))
-            return None
-
-    def _expand_geometry(self, node: Node) -> Node | None:
-        """The geometry that a PROTO stands for; None where there is nothing to see, or no file for it."""
-        if node.type in _LINES:
-            return None
-        body = self._expand_file(node)
-        if body is None or body.type not in GEOMETRIES:
-            self._skip(node.type)
-            return None
-        return body
-
-    def _enter_solid(self, step: Step) -> Step:
-        """Note a Solid; the step from which its parts go on."""
-        node, name = step.node, self._solid_name(step)
-        is_part = step.is_part
-        place = step.place.within(node, self._scale(node))
-        if not is_part:
-            step = self._add_thing(step, name)
-        robot = step.robots[-1] if step.robots else ""
-        found = read_device(node, place.rotation, place.offset, robot, step.within)
-        line = f"{step.instances[0].type if step.instances else node.type} {name!r}"
-        line += f" (DEF {node.name})" if node.name else ""
-        if found is not None:
-            if step.origin:
-                found = found.at_origin_of(step.origin)
-            self.devices[self._taken["devices"].take(found.name)] = found
-            line += f": {found.describe()}"
-        if found is not None or not is_part:
-            self._lines.append((step.depth, line, None if is_part else step.owner))
-        depth = step.depth + (not is_part)
-        return dataclasses.replace(step, place=place, called=node.name or step.called, depth=depth)
-
-    def _add_thing(self, step: Step, name: str) -> Step:
-        """Begin an object, which is part of the robots that it is in, and maybe of what is recognised."""
-        node = step.node
-        human = step.human or any(fnmatch.fnmatchcase(name.lower(), pattern) for pattern in HUMANS)
-        robots, recognised = step.robots, step.recognised
-        if node.type in ROBOTS:
-            robots = (*robots, self._add_robot(name))
-        if len(node.numbers("recognitionColors")):
-            known = self._taken["recognised"].take(name)
-            self.recognisable[known] = (node, [])
-            recognised = (known,)
-        types = {instance.type for instance in step.instances}
-        thing = Thing(name, robots, human, bool(types & _GROUNDS), bool(recognised), bool(types & _ARENAS))
-        self.things.append(thing)
-        for robot in robots:
-            self.robots[robot].append(thing)
-        for known in recognised:
-            self.recognisable[known][1].append(thing)
-        return dataclasses.replace(step, owner=thing, robots=robots, recognised=recognised, human=human)
-
-    def _add_shape(self, step: Step) -> None:
-        node = step.node
-        geometry = node if node.type == "CadShape" else node.node("geometry")
-        if geometry is not None and geometry.type not in GEOMETRIES:
-            geometry = self._expand_geometry(geometry)
-        if geometry is None or step.origin:
-            return
-        mesh = self._tessellate(geometry)
-        if mesh is None:
-            return
-        owner = step.owner
-        if owner is None:
-            owner = Thing(node.name or step.called or "shape", human=step.human)
-            self.things.append(owner)
-            self._lines.append((step.depth, f"{node.type} {owner.wanted!r}", owner))
-        vertices, faces = mesh
-        self._triangles += len(faces)
-        if self._triangles > MOST_TRIANGLES:
-            raise FileFormatError(f"{node.file}:{node.line}: expected at most {MOST_TRIANGLES} triangles, got more")
-        placed = vertices @ step.place.linear.T + step.place.offset
-        if not (np.abs(placed) <= FARTHEST).all():
-            raise FileFormatError(f"{node.file}:{node.line}: expected {node.type} within {FARTHEST:g} m of the origin")
-        faces = keep_winding(faces, step.place.linear)
-        owner.parts.append((placed, faces))
-        owner.level.append(is_level(placed, faces, "xyz".index(self.up)))
-
-    def _tessellate(self, geometry: Node) -> Any:
-        """The mesh of a geometry node, which USE may show more than once."""
-        known = self._meshes.get(id(geometry))
-        if known is None:
-            try:
-                mesh = tessellate(geometry, resolve=self._find_mesh)
-            except MissingMeshError:
-                self._skip(f"{geometry.type} {' '.join(geometry.texts('url'))}".strip())
-                mesh = None
-            known = self._meshes[id(geometry)] = (geometry, mesh)
-        return known[1]
-
-    def _find_mesh(self, url: str, node: Node) -> Path | None:
-        """The file of a url, beside the file that names it or, in Webots' own folders, on the search path."""
-        in_tree = _IN_TREE.fullmatch(url)
-        if in_tree is None:
-            return find_beside(url, node)
-        tails = (in_tree[1], in_tree[1].removeprefix("projects/"))
-        places = [root / tail for root in self._search_path for tail in tails]
-        return next((place for place in places if place.is_file()), None)
-
-    def _solid_name(self, step: Step) -> str:
-        """What its instance calls it, else its DEF name, else what the PROTO or Webots calls it."""
-        node = step.node
-        nodes = [*step.instances, node]
-        default = _NAMES.get(node.type) or re.sub(r"(?<=[a-z])(?=[A-Z])", " ", node.type).lower()
-        if node.type not in _SOLIDS:
-            default = node.type
-        given = [item.text("name", "") for item in nodes]
-        return given[0] or nodes[0].name or next(filter(None, given), default)
-
-    def _add_robot(self, name: str) -> str:
-        name = self._taken["robots"].take(name)
-        self.robots[name] = []
-        return name
-
-    def _scale(self, node: Node) -> NDArray[np.float64]:
-        scale, note = corrected_scale(node)
-        self.notes += [note] if note else []
-        return scale
-
-    def corrections(self) -> tuple[str, ...]:
-        """Values that were corrected, as Webots corrects them."""
-        return tuple(note for item in self.devices.values() for note in item.notes) + tuple(self.notes)
-
-    def _skip(self, what: str) -> None:
-        self.skipped[what] = self.skipped.get(what, 0) + 1
-
-    def describe(self, names: Mapping[Thing, list[str]]) -> str:
-        """The tree of what was read."""
-        lines = []
-        for depth, text, thing in self._lines:
-            if thing is not None and thing.parts:
-                count = sum(len(faces) for _, faces in thing.parts)
-                text += f": object {', '.join(map(repr, names[thing]))}, {count} triangles"
-            lines.append("  " * depth + text)
-        return "\n".join(lines)
-
-
-def _nodes_in(value: Any) -> list[Node]:
-    values = value if isinstance(value, list) else [value]
-    return [item for item in values if isinstance(item, Node)]

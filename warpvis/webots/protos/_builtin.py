@@ -28,7 +28,7 @@ _KEPT = ("translation", "rotation", "recognitionColors")
 
 
 def expand(node: Node) -> Node | None:
-    """A Solid that stands for an instance of a PROTO; None for PROTOs that are not in `BUILTIN`.
+    """Make a Solid that stands for an instance of a PROTO; None for PROTOs that are not in `BUILTIN`.
 
     Lengths in comments and names here: *along* is the length of a wall or the width of a door, a table or a cabinet,
     *across* its thickness or depth, and *up*. These are the axes y, x and z since R2022a, and x, z and y before, so
@@ -53,12 +53,12 @@ def expand(node: Node) -> Node | None:
 
 
 def _floor(node: Node, field: str = "size", default: tuple[float, float] = (10, 10)) -> Iterable[Node]:
-    """One level rectangle that faces up; texture sizes and subdivisions do not change it."""
+    """Make one level rectangle that faces up; texture sizes and subdivisions do not change it."""
     yield _shape(node, "Plane", {"size": _list(positives(node, field, default))})
 
 
 def _rectangle_arena(node: Node) -> Iterable[Node]:
-    """A floor and four walls around it; their corners belong to the second pair."""
+    """Make a floor and four walls around it; their corners belong to the second pair."""
     x, y = positives(node, "floorSize", (1, 1))
     thickness, height = positive(node, "wallThickness", 0.01), positive(node, "wallHeight", 0.1)
     yield from _floor(node, "floorSize", (1, 1))
@@ -70,7 +70,7 @@ def _rectangle_arena(node: Node) -> Iterable[Node]:
 
 
 def _circle_arena(node: Node) -> Iterable[Node]:
-    """A disc up to the middle of the wall, with a corner on x, and a pipe with one on the other level axis.
+    """Make a disc up to the middle of the wall, with a corner on x, and a pipe with one on the other level axis.
 
     The pipe is as thick as `wallThickness` at its corners outside and at the middles of its sides inside.
     """
@@ -85,24 +85,24 @@ def _circle_arena(node: Node) -> Iterable[Node]:
 
 
 def _wall(node: Node) -> Iterable[Node]:
-    """A box that stands on the ground: 0.2 across, 1 along and 2.4 up by default."""
+    """Make a box that stands on the ground: 0.2 across, 1 along and 2.4 up by default [m]."""
     along, up, across = _sizes(node, "size", (1, 2.4, 0.2))
     yield _part(node, (along, up, across), (0, up / 2, 0))
 
 
 def _solid_box(node: Node) -> Iterable[Node]:
-    """A box about its origin, of size x y z in both conventions."""
+    """Make a box about its origin, of size x y z in both conventions."""
     yield _box(node, positives(node, "size", (2, 2, 2)), (0, 0, 0))
 
 
 def _wooden_box(node: Node) -> Iterable[Node]:
-    """A box about its origin, with sides of 0.01 to 3."""
+    """Make a box about its origin, with sides of 0.01 to 3 m."""
     size = positives(node, "size", (0.6, 0.6, 0.6))
     yield _box(node, [_changed(node, "size", side, 0.01, 3) for side in size], (0, 0, 0))
 
 
 def _cardboard_box(node: Node) -> Iterable[Node]:
-    """A hollow box about its origin, whose lid turns by `lidAngle` about its edge at the back, which is at -x.
+    """Make a hollow box about its origin, whose lid turns by `lidAngle` about its edge at the back, which is at -x.
 
     Its volume is at most 1, and its sides are 0.01 to 2.5. Before R2023a it has no inside and no lid, and bevelled
     edges that are left out here: the box is as large as the mesh between them.
@@ -131,7 +131,7 @@ def _cardboard_box(node: Node) -> Iterable[Node]:
 
 
 def _table(node: Node) -> Iterable[Node]:
-    """A tray with its upper side at the table's height, and four feet under its corners, `feetPadding` further in."""
+    """Make a tray with its top at the table's height, and four feet under its corners, `feetPadding` further in."""
     along, up, across = _sizes(node, "size", (1.8, 0.74, 1))
     feet = node.vector("feetSize", (0.1, 0.1))  # along the level axes, in the order of `size`
     _check(node, bool((feet >= 0).all()), "a feetSize that is not negative", f"{feet[0]:g} {feet[1]:g}")
@@ -148,7 +148,7 @@ def _table(node: Node) -> Iterable[Node]:
 
 
 def _door(node: Node) -> Iterable[Node]:
-    """The wall above `frameHeight`, a frame below it, and the closed leaf before the frame, whatever its `position`.
+    """Make a wall above `frameHeight`, a frame below it, and the closed leaf before it, whatever its `position`.
 
     The frame's posts and its lintel are `frameSize` wide and high, and stick out of the wall by `frameSize` across on
     both sides. The leaf covers half of each post and of the lintel; its handle is left out.
@@ -166,7 +166,7 @@ def _door(node: Node) -> Iterable[Node]:
 
 
 def _window(node: Node) -> Iterable[Node]:
-    """Walls below and above a pane, a frame around it, and a sill on the lower wall.
+    """Make walls below and above a pane, a frame around it, and a sill on the lower wall.
 
     The frame sticks out of the wall by `frameSize` across on both sides, and the sill further by the first number of
     `windowSillSize`; the second is its height, and the frame's lower bar lies on it. Sizes that do not fit are all
@@ -208,7 +208,7 @@ _ITEM = re.compile(
 
 
 def _cabinet(node: Node) -> Iterable[Node]:
-    """A cabinet's back, sides, bottom and top, of `outerThickness`, around rows and columns, and what `layout` puts in.
+    """Make back, sides, bottom and top, of `outerThickness`, around rows and columns, and what `layout` puts in.
 
     Its origin is at the middle of its back, at the bottom. Doors and drawers are closed and `innerThickness` thick;
     their handles are left out. Rows and columns are at least three times as high and wide as that.
@@ -250,12 +250,12 @@ def _cabinet(node: Node) -> Iterable[Node]:
 
 
 def _front(node: Node, size: Vector, place: Vector, depth: float, thick: float) -> Iterable[Node]:
-    """A closed door, or the front of a drawer."""
+    """Make a closed door, or the front of a drawer."""
     yield _part(node, (*size, thick), (*place, depth - thick / 2))
 
 
 def _drawer(node: Node, size: Vector, place: Vector, depth: float, deep: float, thick: float) -> Iterable[Node]:
-    """A drawer behind its front: its back, bottom and sides."""
+    """Make a drawer behind its front: its back, bottom and sides."""
     (along, up), (at, height), middle = size, place, depth - deep / 2
     yield _part(node, (along - thick, up - thick, thick), (at, height, depth - deep + thick / 2))
     yield _part(node, (along - thick, thick, deep - 2 * thick), (at, height - up / 2 + thick, middle))
@@ -265,7 +265,7 @@ def _drawer(node: Node, size: Vector, place: Vector, depth: float, deep: float, 
 
 
 def _frame(node: Node, size: Vector, bars: Vector, bottom: float) -> Iterable[Node]:
-    """Two posts and, between them at the top, a lintel, within a size along, up, across."""
+    """Make two posts and, between them at the top, a lintel, within a size along, up, across."""
     along, up, across = size
     post, bar = bars
     for sign in (-1, 1):
@@ -274,7 +274,7 @@ def _frame(node: Node, size: Vector, bars: Vector, bottom: float) -> Iterable[No
 
 
 def _changed(node: Node, field: str, value: float, least: float = 0.0, most: float = np.inf) -> float:
-    """A field's value, or the limit that Webots takes in its place."""
+    """Limit a field's value as Webots does, and warn of it."""
     taken = min(max(value, least), most)
     if taken != value:
         _warn(node, f"{field} {value:g}", f"{taken:g}")
@@ -287,7 +287,7 @@ def _warn(node: Node, what: str, taken: str) -> None:
 
 
 def _sizes(node: Node, field: str, default: tuple[float, float, float]) -> tuple[float, float, float]:
-    """A field's lengths along, up and across."""
+    """Read a field's lengths along, up and across."""
     along, up, across = default
     if not node.version.z_up:
         along, up, across = positives(node, field, default)
@@ -309,22 +309,22 @@ def _check(node: Node, right: bool, wanted: str, got: str) -> None:
 
 
 def _space(node: Node, along: float, across: float, up: float) -> tuple[float, float, float]:
-    """A vector x y z."""
+    """Turn lengths along, up and across into a vector x y z."""
     return (across, along, up) if node.version.z_up else (along, up, across)
 
 
 def _level(node: Node, first: float, second: float, up: float) -> tuple[float, float, float]:
-    """A vector x y z; floors give x and the other level axis, y or z, in both conventions."""
+    """Turn lengths along x, the other level axis and up into a vector x y z, as floors do in both conventions."""
     return (first, second, up) if node.version.z_up else (first, up, second)
 
 
 def _part(node: Node, size: Vector, place: Vector) -> Node:
-    """A box of a size along, up, across about such a place."""
+    """Make a box of a size along, up, across about such a place."""
     return _box(node, *(_space(node, along, across, up) for along, up, across in (size, place)))
 
 
 def _box(node: Node, size: Vector, place: Vector) -> Node:
-    """A box of a size x y z about a place."""
+    """Make a box of a size x y z about a place."""
     shape = _shape(node, "Box", {"size": _list(size)})
     if not np.any(place):
         return shape
@@ -332,7 +332,7 @@ def _box(node: Node, size: Vector, place: Vector) -> Node:
 
 
 def _face_set(node: Node, profile: Sequence[tuple[float, float]], corners: int, turn: float) -> Node:
-    """A surface of revolution about the upright axis, turned about it by a part of a whole turn."""
+    """Make a surface of revolution about the upright axis, turned about it by a part of a whole turn."""
     triangles = revolve(profile, [True] * (len(profile) - 1), corners)
     assert triangles is not None
     (x, y, z), faces = triangles[0].T, triangles[1]

@@ -5,14 +5,14 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePosixPath
-from typing import Any
 
+from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.webots._grammar import Parser, World
 from warpvis.webots._nodes import BUILTIN_NODES, Node, Value, Version
+from warpvis.webots._urls import places_in_tree
 from warpvis.webots.protos._files import ProtoFile, read_proto
 from warpvis.webots.protos._templates import render, script_value
 
@@ -20,8 +20,6 @@ MOST_PROTOS_NESTED = 50
 """PROTOs within PROTOs."""
 MOST_PROTO_NODES = 1_000_000
 """Nodes that all PROTO instances of a world may stand for."""
-
-_IN_TREE = re.compile(r"(?:webots://|https?://raw\.githubusercontent\.com/[^/]+/[^/]+/[^/]+/)(.+)")
 
 
 class Protos:
@@ -34,22 +32,14 @@ class Protos:
     Args:
         world: The world.
         search_path: Folders to look in: the folder of Webots itself, or any with PROTO files below it.
-        strict: Whether a PROTO without a file, or a field that a PROTO lacks, is an error.
-
-    Attributes:
-        skipped: Number of instances of each PROTO that has no file.
 
     Raises:
         FileFormatError: A folder of the search path does not exist.
     """
 
-    def __init__(
-        self, world: World, search_path: Sequence[str | os.PathLike[str]] = (), *, strict: bool = False
-    ) -> None:
-        """See the class."""
-        self.skipped: dict[str, int] = {}
+    def __init__(self, world: World, search_path: Sequence[str | os.PathLike[str]] = ()) -> None:
+        """Take a world; see the class."""
         self._world = world
-        self._strict = strict
         self._search_path = [Path(folder) for folder in search_path]
         for folder in self._search_path:
             if not folder.is_dir():
@@ -63,7 +53,7 @@ class Protos:
         self._nodes = 0
 
     def expand(self, node: Node) -> Node | None:
-        """The node that a PROTO instance stands for.
+        """Make the node that a PROTO instance stands for.
 
         It has the instance's DEF name, and the version of the PROTO's own file. Where the root of a PROTO's body is an
         instance itself, that is expanded too; if its file is not found, it is the result as it is.
@@ -73,8 +63,7 @@ class Protos:
 
         Raises:
             FileFormatError: A PROTO file does not parse, its template fails or needs an engine that is not installed, a
-                value is not of the field's type or not allowed, PROTOs use each other in a circle, or `strict` is set
-                and there is no file.
+                value is not of the field's type or not allowed, or PROTOs use each other in a circle.
         """
         if node.type in BUILTIN_NODES:
             return None
@@ -89,19 +78,10 @@ class Protos:
             if proto is None:
                 break
             current = self._instantiate(proto, current)
-        if current is not node:
-            return current
-        if self._strict:
-            folders = ", ".join(map(str, self._search_path)) or "empty"
-            raise FileFormatError(
-                f"{node.file}:{node.line}: expected a file {node.type}.proto for {node.type},"
-                f" got none on the search path ({folders})"
-            )
-        self.skipped[node.type] = self.skipped.get(node.type, 0) + 1
-        return None
+        return None if current is node else current
 
     def _instantiate(self, proto: ProtoFile, node: Node) -> Node:
-        """The root of a PROTO's body, with the instance's values."""
+        """Parse a PROTO's body with the instance's values, and return its root."""
         path = str(proto.path)
         protos = (*node.protos, path)
         if path in node.protos:
@@ -111,10 +91,9 @@ class Protos:
             raise FileFormatError(
                 f"{node.file}:{node.line}: expected at most {MOST_PROTOS_NESTED} PROTOs within PROTOs, got more"
             )
-        values = proto.values(node, protos, strict=self._strict)
+        values = proto.values(node, protos)
         body = self._render(proto, values, node) if proto.language else proto.body
-        line, strict = proto.body_line, self._strict
-        parser = Parser(body, path, proto.version, first_line=line, protos=protos, interface=values, strict=strict)
+        parser = Parser(body, path, proto.version, first_line=proto.body_line, protos=protos, interface=values)
         nodes = parser.nodes()
         parser.take("}", f"'}}' after the body of {proto.name}")
         if parser.kind != "end" or len(nodes) != 1:
@@ -129,8 +108,8 @@ class Protos:
         return root
 
     def _render(self, proto: ProtoFile, values: dict[str, Value], node: Node) -> str:
-        """The text that a PROTO's template makes of an instance's values."""
-        given: dict[str, Any] = {}
+        """Run a PROTO's template on an instance's values, and return the text that it makes."""
+        given: dict[str, Json] = {}
         for name, field in proto.fields.items():
             if name in proto.template_fields:
                 default, default_place = proto.default(name), f"{proto.path}:{field.line}"
@@ -149,16 +128,16 @@ class Protos:
         return self._rendered[key]
 
     def _describe(self, node: Node) -> dict[str, tuple[str, Value, Value]] | None:
-        """The type, value and default of each field of an instance; None for other nodes, and without a file."""
+        """Look up type, value and default of each field of an instance; None for other nodes, and without a file."""
         proto = None if node.type in BUILTIN_NODES else self._find(node)
         if proto is None:
             return None
-        values = proto.values(node, node.protos, strict=self._strict)
+        values = proto.values(node, node.protos)
         given = {name: proto.default(name) for name in proto.fields if name in node.fields}
         return {name: (field.type, values[name], given.get(name, values[name])) for name, field in proto.fields.items()}
 
-    def _context(self, proto: ProtoFile) -> dict[str, Any]:
-        """What templates may know of where they are."""
+    def _context(self, proto: ProtoFile) -> dict[str, Json]:
+        """Tell templates where they are."""
         version, path = self._world.version, self._world.path.absolute()
         info = next((node for node in self._world.nodes if node.type == "WorldInfo"), None)
         axes = "ENU" if version >= Version(2020, 2) else "NUE"
@@ -174,7 +153,7 @@ class Protos:
         }
 
     def _find(self, node: Node) -> ProtoFile | None:
-        """The file of an instance's PROTO."""
+        """Find the file of an instance's PROTO, and read it; None if there is none."""
         key = (node.type, node.file)
         if key not in self._found:
             path = next((path for path in self._candidates(node) if _is_file(path)), None)
@@ -189,17 +168,15 @@ class Protos:
         return self._files[path]
 
     def _candidates(self, node: Node) -> Iterator[Path]:
-        """Where a PROTO's file may be, best first."""
+        """Go through the places where a PROTO's file may be, best first."""
         name, folder = f"{node.type}.proto", Path(node.file).parent
         for url in self._urls.get(node.file, self._world.externprotos):
             url = url.replace("\\", "/")
             if PurePosixPath(url).name != name:
                 continue
-            in_tree = _IN_TREE.fullmatch(url)
-            if in_tree:
-                for root in self._search_path:
-                    yield root / in_tree[1].lstrip("/")
-                    yield root / in_tree[1].removeprefix("projects/").lstrip("/")
+            in_tree = places_in_tree(url, self._search_path)
+            if in_tree is not None:
+                yield from in_tree
             elif "://" not in url:
                 yield folder / url
         yield folder / name

@@ -14,7 +14,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from warpvis.webots._grammar import Parser, read_text, read_version
 from warpvis.webots._nodes import Node, Value, Version, described
@@ -23,7 +23,7 @@ from warpvis.webots.protos._templates import Language, language_of
 _KINDS = {"field", "hiddenField", "unconnectedField", "vrmlField", "w3dField"}
 _WIDTHS = {"Bool": 1, "Int32": 1, "Float": 1, "String": 1, "Vec2f": 2, "Vec3f": 3, "Color": 3, "Rotation": 4, "Node": 1}
 _TYPES = {prefix + name for prefix in ("SF", "MF") for name in _WIDTHS}
-_LITERALS: dict[str, tuple[Any, str]] = {"Bool": (bool, "TRUE or FALSE"), "String": (str, "strings")}
+_LITERALS: dict[str, tuple[type, str]] = {"Bool": (bool, "TRUE or FALSE"), "String": (str, "strings")}
 
 
 @dataclass(frozen=True)
@@ -70,27 +70,25 @@ class ProtoFile:
     language: Language | None
     template_fields: frozenset[str]
 
-    def values(self, instance: Node, protos: tuple[str, ...], *, strict: bool) -> dict[str, Value]:
-        """The fields' values in an instance: what it says, else the defaults.
+    def values(self, instance: Node, protos: tuple[str, ...]) -> dict[str, Value]:
+        """Look up the fields' values in an instance: what it says, else the defaults.
+
+        What it says of fields that the interface lacks is left out, as in Webots.
 
         Args:
             instance: A node of this type.
             protos: `Node.protos` of the nodes in defaults.
-            strict: Whether fields that the interface lacks are an error; Webots leaves them out.
 
         Raises:
             FileFormatError: A value is not of the field's type, or is not allowed.
         """
-        unknown = next((name for name in instance.fields if name not in self.fields), None)
-        if unknown is not None and strict:
-            instance.refuse(unknown, "a field of the PROTO's interface", "another")
         return {
             name: _checked(field, name, instance) if name in instance.fields else self.default(name, protos)
             for name, field in self.fields.items()
         }
 
     def default(self, name: str, protos: tuple[str, ...] = ()) -> Value:
-        """The default of a field, parsed anew."""
+        """Parse the default of a field anew."""
         field = self.fields[name]
         return Parser(field.default, str(self.path), self.version, first_line=field.line, protos=protos).value()
 
@@ -135,12 +133,12 @@ def _read_field(parser: Parser, file: str, version: Version) -> tuple[str, Proto
     if field_type not in _TYPES:
         parser.fail("a type of fields, like SFVec3f")
     parser.advance()
-    allowed: list[Any] = []
+    allowed: list[float | str | bool] = []
     if parser.kind == "{":
         parser.advance()
         while parser.kind != "}":
             value = parser.value("an allowed value or '}'")
-            allowed += value if isinstance(value, list) else []
+            allowed += [item for item in value if not isinstance(item, Node)] if isinstance(value, list) else []
         parser.advance()
     name = parser.take("word", f"the name of a field of type {field_type}")
     start, line = parser.start, parser.line()
@@ -151,8 +149,8 @@ def _read_field(parser: Parser, file: str, version: Version) -> tuple[str, Proto
 
 
 def _checked(field: ProtoField, name: str, instance: Node) -> Value:
-    """An instance's value of a field, which must be of its type and allowed."""
-    value: Any = instance.fields[name]
+    """Check an instance's value of a field, which must be of its type and allowed."""
+    value = instance.fields[name]
     kind, single = field.type[2:], field.type.startswith("SF")
     if kind == "Node":
         if not single:
@@ -164,7 +162,7 @@ def _checked(field: ProtoField, name: str, instance: Node) -> Value:
     for item in value:
         if type(item) is not wanted:
             instance.refuse(name, words, described(item))
-        if kind == "Int32" and not item.is_integer():
+        if kind == "Int32" and isinstance(item, float) and not item.is_integer():
             instance.refuse(name, "whole numbers", described(item))
     width = _WIDTHS[kind]
     if len(value) != width if single else len(value) % width:

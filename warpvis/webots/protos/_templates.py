@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
-from typing import Any, Literal, NamedTuple, NoReturn, TypeAlias
+from collections.abc import Callable, Mapping, Sequence
+from typing import Literal, NamedTuple, NoReturn, TypeAlias
 
+from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.webots._nodes import Node, Value, shown
 from warpvis.webots.protos._template_library import JAVASCRIPT, LUA, LUA_MODULES
@@ -42,14 +43,14 @@ class _Piece(NamedTuple):
 
 
 def language_of(head: str, body: str) -> Language | None:
-    """The language of a PROTO's template, from the text before its body; None for a body that is no template."""
+    """Tell a template's language by the text before the PROTO's body; None for a body that is no template."""
     if re.search(r"^#\s*template language:\s*javascript", head, re.MULTILINE):
         return "javascript" if "%<" in body else None
     return "lua" if "%{" in body else "javascript" if "%<" in body else None
 
 
-def render(body: str, language: Language, variables: dict[str, Any], file: str, first_line: int) -> str:
-    """The text that a template makes.
+def render(body: str, language: Language, variables: Mapping[str, Json], file: str, first_line: int) -> str:
+    """Run a template, and return the text that it makes.
 
     Args:
         body: The template.
@@ -78,8 +79,8 @@ def render(body: str, language: Language, variables: dict[str, Any], file: str, 
     return result
 
 
-def script_value(value: Value, field_type: str, place: str, describe: Describe = lambda node: None) -> Any:
-    """A field's value as templates see it: real numbers have six digits, as Webots hands them over.
+def script_value(value: Value, field_type: str, place: str, describe: Describe = lambda node: None) -> Json:
+    """Translate a field's value into what templates see: real numbers have six digits, as Webots hands them over.
 
     Args:
         value: The value.
@@ -104,7 +105,7 @@ class _Script:
         self._left = _MOST_VALUES
         self._depth = 0
 
-    def value(self, value: Value, field_type: str) -> Any:
+    def value(self, value: Value, field_type: str) -> Json:
         self._count(len(value) if isinstance(value, list) else 1)
         if isinstance(value, Node):
             return [self._node(value)] if field_type.startswith("MF") else self._node(value)
@@ -113,26 +114,31 @@ class _Script:
         if not field_type:
             return self._untyped(value)
         keys = _KEYS.get(field_type[2:], "")
-        if field_type[2:] in ("Float", "Vec2f", "Vec3f", "Color", "Rotation"):
-            value = [float(f"{number:.6g}") for number in value]
+        items = [self._item(item, real=bool(keys) or field_type[2:] == "Float") for item in value]
         if field_type.startswith("SF"):
-            return _named(value, keys) if keys else value[0]
+            return _named(items, keys) if keys else items[0]
         if keys:
-            return [_named(value[i : i + len(keys)], keys) for i in range(0, len(value), len(keys))]
-        return [self._node(item) if isinstance(item, Node) else item for item in value]
+            return [_named(items[i : i + len(keys)], keys) for i in range(0, len(items), len(keys))]
+        return items
 
-    def _untyped(self, value: list[Any]) -> Any:
-        if any(isinstance(item, Node) for item in value):
-            return [self._node(item) for item in value if isinstance(item, Node)]
-        value = [float(f"{item:.6g}") if isinstance(item, float) and item % 1 else item for item in value]
-        if len(value) == 1:
-            return value[0]
-        if not 2 <= len(value) <= 4 or not isinstance(value[0], float):
-            return list(value)
-        named = _named(value, "xyza"[: len(value)])
-        return {**named, **_named(value, "rgb")} if len(value) == 3 else named
+    def _item(self, item: float | str | bool | Node, *, real: bool) -> Json:
+        if isinstance(item, Node):
+            return self._node(item)
+        return float(f"{item:.6g}") if real else item
 
-    def _node(self, node: Node) -> dict[str, Any]:
+    def _untyped(self, value: Sequence[float | str | bool | Node]) -> Json:
+        nodes = [item for item in value if isinstance(item, Node)]
+        if nodes:
+            return [self._node(node) for node in nodes]
+        items = [self._item(item, real=isinstance(item, float) and item % 1 != 0) for item in value]
+        if len(items) == 1:
+            return items[0]
+        if not 2 <= len(items) <= 4 or not isinstance(items[0], float):
+            return items
+        named = _named(items, "xyza"[: len(items)])
+        return {**named, **_named(items, "rgb")} if len(items) == 3 else named
+
+    def _node(self, node: Node) -> dict[str, Json]:
         self._depth += 1
         if self._depth > _MOST_NESTED:
             raise FileFormatError(
@@ -160,12 +166,12 @@ class _Script:
             raise FileFormatError(f"{self._place}: expected at most {_MOST_VALUES} values for a template, got more")
 
 
-def _named(items: list[Any], keys: str) -> dict[str, Any]:
+def _named(items: Sequence[Json], keys: str) -> dict[str, Json]:
     return dict(zip(keys, items, strict=True))
 
 
 def _split(body: str, opening: str, closing: str, file: str, first_line: int) -> list[_Piece]:
-    """The texts, statements and values of a template; a comment hides what is in it, a string does not."""
+    """Split a template into texts, statements and values; a comment hides what is in it, a string does not."""
     pattern = re.compile(rf'{re.escape(opening)}(?:(=?)(.*?){re.escape(closing)})?|\\.|["#]', re.DOTALL)
     pieces: list[_Piece] = []
     in_string = False
@@ -192,7 +198,7 @@ def _split(body: str, opening: str, closing: str, file: str, first_line: int) ->
 
 
 def _program(pieces: list[_Piece], language: Language) -> tuple[str, list[int]]:
-    """A program that puts the text together, and the line of the file for each of its lines."""
+    """Write a program that puts the text together; return it, and the line of the file for each of its lines."""
     program: list[str] = []
     lines: list[int] = []
     breaks = ""  # the line breaks of statements, so that lines agree
@@ -216,13 +222,13 @@ def _program(pieces: list[_Piece], language: Language) -> tuple[str, list[int]]:
 
 
 def _imported(match: re.Match[str]) -> str:
-    """An import statement as a declaration: programs of functions know no imports."""
+    """Write an import statement as a declaration: programs of functions know no imports."""
     names = match[1].removeprefix("*").strip()
     names = re.sub(r"\s+as\s+", ": ", names) if names.startswith("{") else names.split()[-1]
     return f"const {names} = $modules.{match[3]}"
 
 
-def _run_javascript(program: str, lines: list[int], variables: dict[str, Any], file: str) -> Any:
+def _run_javascript(program: str, lines: list[int], variables: Mapping[str, Json], file: str) -> object:
     try:
         import quickjs
     except ImportError:
@@ -247,7 +253,7 @@ def _run_javascript(program: str, lines: list[int], variables: dict[str, Any], f
         _fail(file, line, message)
 
 
-def _run_lua(program: str, lines: list[int], variables: dict[str, Any], file: str) -> Any:
+def _run_lua(program: str, lines: list[int], variables: Mapping[str, Json], file: str) -> object:
     try:
         from lupa import lua52
     except ImportError:
@@ -275,15 +281,15 @@ def _fail(file: str, line: int, message: str) -> NoReturn:
     raise FileFormatError(f"{file}:{line}: expected a template that runs, got {message}") from None
 
 
-def _without_none(value: Any) -> Any:
-    """A value without the keys whose value is None: reading them gives undefined."""
+def _without_none(value: Json) -> Json:
+    """Remove the keys whose value is None: reading them gives undefined."""
     if isinstance(value, dict):
         return {key: _without_none(item) for key, item in value.items() if item is not None}
     return [_without_none(item) for item in value] if isinstance(value, list) else value
 
 
-def _lua(value: Any) -> str:
-    """A value as a Lua expression."""
+def _lua(value: Json) -> str:
+    """Write a value as a Lua expression."""
     if value is None or isinstance(value, bool):
         return {None: "nil", True: "true", False: "false"}[value]
     if isinstance(value, dict):

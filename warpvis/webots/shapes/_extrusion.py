@@ -19,7 +19,7 @@ _SQUARE = ((1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1))
 
 
 def extrusion(node: Node) -> Triangles | None:
-    """Triangles of an Extrusion; None where neither sides nor caps have any."""
+    """Make the triangles of an Extrusion; None where neither sides nor caps have any."""
     upwards = (0, 0, 1) if node.version.z_up else (0, 1, 0)
     section = tuples(node, "crossSection", 2, _SQUARE)
     spine = tuples(node, "spine", 3, ((0, 0, 0), upwards))
@@ -42,14 +42,14 @@ def extrusion(node: Node) -> Triangles | None:
 
 
 def _for_each(node: Node, field: str, values: Points, count: int) -> Points:
-    """One value for every point of the spine, where one for all or one each is given."""
+    """Repeat values for every point of the spine, where one for all or one each is given."""
     if len(values) not in (1, count):
         refuse(node, f"1 or {count} values in {field}, as many as points of the spine", len(values))
     return np.broadcast_to(values, (count, values.shape[1]))
 
 
 def _smooth(spine: Points, subdivision: int) -> Points:
-    """A uniform cubic B-spline from the first point to the last: both ends go on straight."""
+    """Draw a uniform cubic B-spline from the first point to the last: both ends go on straight."""
     ends = 2 * spine[[0, -1]] - spine[[1, -2]]
     control = np.concatenate([ends[:1], spine, ends[1:]])
     t = np.arange(1, subdivision + 1)[:, None] / subdivision
@@ -59,14 +59,14 @@ def _smooth(spine: Points, subdivision: int) -> Points:
 
 
 def _between(values: Points, subdivision: int) -> Points:
-    """Values at the points of the B-spline, linear between those that are given."""
+    """Interpolate values at the points of the B-spline, linear between those that are given."""
     where = np.arange((len(values) - 1) * subdivision + 1) / subdivision
     given = np.arange(len(values))
     return np.stack([np.interp(where, given, column) for column in values.T], axis=1)
 
 
 def _axes(node: Node, spine: Points) -> tuple[Points, Points]:
-    """The cross-section's two axes at every point of the spine, of length 1."""
+    """Compute the cross-section's two axes at every point of the spine, of length 1."""
     closed = bool((spine[0] == spine[-1]).all())
     ends = (spine[-2], spine[1]) if closed else (2 * spine[0] - spine[1], 2 * spine[-1] - spine[-2])
     ahead, behind = np.vstack([spine[1:], ends[1]]) - spine, np.vstack([ends[0], spine[:-1]]) - spine
@@ -100,7 +100,7 @@ def _unit(vectors: Points) -> Points:
 
 
 def _across(direction: NDArray[np.float64], z_up: bool) -> NDArray[np.float64]:
-    """The second axis along a straight spine."""
+    """Choose the second axis along a straight spine."""
     x, y, z = direction
     if not z_up:
         return np.cross((-1, 0, x / z) if z else (0, 0, 1), -direction)
@@ -115,7 +115,7 @@ def _across(direction: NDArray[np.float64], z_up: bool) -> NDArray[np.float64]:
 
 
 def _matrices(turns: Points) -> NDArray[np.float64]:
-    """Matrices of rotations ``x y z angle``, shape ``(n, 3, 3)``; one without an axis turns nothing."""
+    """Convert rotations ``x y z angle`` [rad] to matrices, shape ``(n, 3, 3)``; one without an axis turns nothing."""
     axes, angles = turns[:, :3], turns[:, 3, None, None]
     lengths = np.linalg.norm(axes, axis=1, keepdims=True)
     x, y, z = np.divide(axes, lengths, out=np.zeros_like(axes), where=lengths > 0).T
@@ -125,7 +125,7 @@ def _matrices(turns: Points) -> NDArray[np.float64]:
 
 
 def _outlines(node: Node, section: Points, count: int) -> list[NDArray[np.int64]]:
-    """Polygons of the sides and the caps, in groups of equal numbers of corners."""
+    """List the polygons of the sides and the caps, in groups of equal numbers of corners."""
     width = len(section)
     index = np.arange(count * width).reshape(count, width)
     ring = width

@@ -13,7 +13,6 @@ import re
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +26,7 @@ from warpvis.webots.shapes._polygons import (
     compact,
     elevation_grid,
     indexed_face_set,
+    join,
     positive,
     positives,
     refuse,
@@ -42,7 +42,7 @@ class MissingMeshError(FileFormatError):
 
 
 def tessellate(node: Node, *, resolve: Resolve | None = None) -> Triangles | None:
-    """Triangles of a geometry node, in the node's own frame.
+    """Make the triangles of a geometry node, in the node's own frame.
 
     Args:
         node: A node of one of the types in `GEOMETRIES`. Its version decides which axis is upright.
@@ -69,13 +69,13 @@ def tessellate(node: Node, *, resolve: Resolve | None = None) -> Triangles | Non
 
 
 def turned(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points turned by -90 degrees about x: from z up to y up."""
+    """Turn points by -90 degrees about x: from z up to y up."""
     x, y, z = vertices.T
     return np.stack([x, z, -y], axis=1)
 
 
 def revolve(profile: Sequence[tuple[float, float]], shown: Sequence[bool], segments: int) -> Triangles | None:
-    """Surface of revolution about z, facing outwards where the profile goes down.
+    """Make a surface of revolution about z, facing outwards where the profile goes down.
 
     Corner `k` of a ring lies at ``(r sin a, r cos a)`` with ``a = 2 pi k / segments``.
 
@@ -105,7 +105,7 @@ def revolve(profile: Sequence[tuple[float, float]], shown: Sequence[bool], segme
 
 
 def find_beside(url: str, node: Node) -> Path | None:
-    """The file of a url relative to the file that names it; None for ``webots://`` and other urls of the web."""
+    """Resolve a url relative to the file that names it; None for ``webots://`` and other urls of the web."""
     return None if "://" in url else Path(node.file).parent / url
 
 
@@ -171,7 +171,7 @@ def _sphere(node: Node) -> Triangles | None:
 
 @lru_cache
 def _icosphere(subdivision: int) -> Triangles:
-    """A unit icosahedron whose faces are split in four, again and again, with the new corners on the sphere."""
+    """Split the faces of a unit icosahedron in four, again and again, with the new corners on the sphere."""
     short, long = np.sqrt((5 - np.sqrt(5)) / 10), np.sqrt((5 + np.sqrt(5)) / 10)
     # Three golden rectangles: corners at (+-short, +-long) of the xy, yz and zx planes.
     signs = np.array([(a, b) for a in (-1, 1) for b in (-1, 1)])
@@ -196,7 +196,7 @@ def _icosphere(subdivision: int) -> Triangles:
 
 
 def _mesh_file(node: Node, resolve: Resolve) -> Triangles | None:
-    """Triangles of the first url. The whole file, whatever ``materialIndex`` says: the depth is the same.
+    """Read the triangles of the first url. The whole file, whatever ``materialIndex`` says: the depth is the same.
 
     Of COLLADA files the unit counts, and the axis that they call upward, which becomes y, and since R2022b z (Webots'
     pull requests 4172 and 4448); files of other kinds are taken as they are, and since then without heed to ``name``.
@@ -217,18 +217,16 @@ def _mesh_file(node: Node, resolve: Resolve) -> Triangles | None:
     if not chosen:
         known = ", ".join(repr(name) for name, _ in parts[:10])
         refuse(node, f"the name of a part of {path}, one of {known}", repr(wanted))
-    starts = np.cumsum([0] + [len(vertices) for vertices, _ in chosen])
-    vertices = np.concatenate([vertices for vertices, _ in chosen])
+    vertices, faces = join(chosen)
     if collada and turns:
         x, y, z = vertices.T
         vertices = np.stack([x, -z, y], axis=1)
-    faces = np.concatenate([faces + start for (_, faces), start in zip(chosen, starts, strict=False)])
     return compact(vertices, faces if node.flag("ccw", True) else faces[:, ::-1])
 
 
 @lru_cache(maxsize=64)
 def _read(path: Path, changed: int) -> list[tuple[str, tuple[NDArray[np.float64], NDArray[np.int64]]]]:
-    """Name, vertices and faces of every part of a mesh file; `changed` tells its contents from older ones.
+    """Read name, vertices and faces of every part of a mesh file; `changed` tells its contents from older ones.
 
     COLLADA files are in metres with y up, as the Open Asset Import Library, which Webots uses, gives them.
     """
@@ -238,7 +236,7 @@ def _read(path: Path, changed: int) -> list[tuple[str, tuple[NDArray[np.float64]
     if kind not in trimesh.available_formats():
         needs = ": reading it needs pycollada" if kind == "dae" else ""
         raise MissingMeshError(f"{path}: no reader of {path.suffix or 'files without a suffix'} is installed{needs}")
-    options: dict[str, Any] = {"process": False}
+    options: dict[str, bool] = {"process": False}
     if kind == "obj":
         options |= {"skip_materials": True, "split_objects": True, "group_material": False}
     try:
@@ -262,7 +260,7 @@ def _read(path: Path, changed: int) -> list[tuple[str, tuple[NDArray[np.float64]
 
 
 def _collada_frame(file: bytes) -> NDArray[np.float64]:
-    """From the axes and the unit that a COLLADA file names to metres with y up."""
+    """Make the matrix from the axes and the unit that a COLLADA file names to metres with y up, shape ``(3, 3)``."""
     head = file.partition(b"</asset>")[0]
     unit = re.search(rb"""<unit\b[^>]*\bmeter\s*=\s*["']([^"']*)["']""", head)
     axis = re.search(rb"<up_axis>\s*(\w+)\s*</up_axis>", head)

@@ -34,7 +34,7 @@ def refuse(node: Node, wanted: str, got: object) -> NoReturn:
 
 
 def whole(node: Node, field: str, default: int, least: int, most: int | None = None) -> int:
-    """A field's whole number, which must be from `least` to `most`."""
+    """Read a field's whole number, which must be from `least` to `most`."""
     value = node.integer(field, default)
     if value < least or (most is not None and value > most):
         limits = f"of at least {least}" if most is None else f"from {least} to {most}"
@@ -43,12 +43,12 @@ def whole(node: Node, field: str, default: int, least: int, most: int | None = N
 
 
 def positive(node: Node, field: str, default: float) -> float:
-    """A field's number, which must be above zero."""
+    """Read a field's number, which must be above zero."""
     return float(positives(node, field, (default,))[0])
 
 
 def positives(node: Node, field: str, default: tuple[float, ...]) -> Points:
-    """A field's vector, whose numbers must all be above zero."""
+    """Read a field's vector, whose numbers must all be above zero."""
     values = node.vector(field, default)
     if not ((values > 0) & (values <= FARTHEST)).all():
         refuse(node, f"a positive {field} [m] of at most {FARTHEST:g}", " ".join(f"{value:g}" for value in values))
@@ -56,7 +56,7 @@ def positives(node: Node, field: str, default: tuple[float, ...]) -> Points:
 
 
 def tuples(node: Node, field: str, width: int, default: Sequence[Sequence[float]]) -> Points:
-    """A field's vectors, shape ``(n, width)``."""
+    """Read a field's vectors, shape ``(n, width)``."""
     if field not in node.fields:
         return np.array(default, dtype=np.float64).reshape(-1, width)
     values = node.numbers(field)
@@ -68,15 +68,22 @@ def tuples(node: Node, field: str, width: int, default: Sequence[Sequence[float]
 
 
 def compact(vertices: Points, faces: NDArray[np.integer]) -> Triangles | None:
-    """The triangles with only those vertices that they use; None where there are no triangles."""
+    """Drop vertices that no triangle uses; return None where there are no triangles."""
     if not len(faces):
         return None
     used, corners = np.unique(faces, return_inverse=True)
     return vertices[used], corners.reshape(-1, 3).astype(np.int32)
 
 
+def join(parts: Sequence[tuple[Points, NDArray[np.integer]]]) -> tuple[Points, NDArray[np.integer]]:
+    """Join meshes to one: vertices [m], shape ``(n, 3)``, and corner indices, shape ``(m, 3)``."""
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
+    vertices = np.concatenate([vertices for vertices, _ in parts])
+    return vertices, np.concatenate([faces + start for (_, faces), start in zip(parts, starts[:-1], strict=True)])
+
+
 def indexed_face_set(node: Node) -> Triangles | None:
-    """Triangles of an IndexedFaceSet: polygons of ``coordIndex`` that end at -1, or at the end of the list.
+    """Make the triangles of an IndexedFaceSet: polygons of ``coordIndex`` end at -1, or at the end of the list.
 
     Polygons may be concave whatever ``convex`` says: Webots cuts up each of them. Those of fewer than three corners are
     left out, as it does.
@@ -95,7 +102,7 @@ def indexed_face_set(node: Node) -> Triangles | None:
 
 
 def elevation_grid(node: Node) -> Triangles | None:
-    """Triangles of an ElevationGrid, facing up; None for a grid without cells.
+    """Make the triangles of an ElevationGrid, facing up; None for a grid without cells.
 
     Point (i, j) lies at ``(xSpacing * i, ySpacing * j)`` with height ``height[i + j * xDimension]`` along z; before
     R2022a at ``zSpacing * j`` along z, with the height along y. Heights that are not given are zero, and those beyond
@@ -158,7 +165,7 @@ def triangulate(node: Node, points: Points, groups: list[Indices]) -> Indices:
 
 
 def _polygons(index: Indices) -> list[Indices]:
-    """Polygons of a list that has -1 after each, in groups of equal numbers of corners."""
+    """Split a list that has -1 after each polygon, into groups of equal numbers of corners."""
     if len(index) and index[-1] != -1:
         index = np.append(index, -1)
     ends = np.flatnonzero(index == -1)
@@ -168,19 +175,19 @@ def _polygons(index: Indices) -> list[Indices]:
 
 
 def _normals(corners: Points) -> Points:
-    """Newell's normals of polygons ``(..., n, 3)``, twice their area long; a concave corner does not turn them."""
+    """Compute Newell's normals of polygons ``(..., n, 3)``, twice their area long; concave corners do not turn them."""
     around = corners - corners[..., :1, :]
     return np.cross(around, np.roll(around, -1, axis=-2)).sum(axis=-2)
 
 
 def _turns(corners: Points) -> Points:
-    """For polygons of shape ``(k, n, 3)``, how far each corner turns about the normal; below zero is the other way."""
+    """Measure how far each corner of polygons ``(k, n, 3)`` turns about the normal; below zero is the other way."""
     edges = np.roll(corners, -1, axis=1) - corners
     return np.einsum("knx,kx->kn", np.cross(np.roll(edges, 1, axis=1), edges), _normals(corners))
 
 
 def _ears(corners: Points) -> Indices:
-    """Triangles of one simple polygon ``(n, 3)`` by ear clipping, as corner numbers."""
+    """Cut one simple polygon ``(n, 3)`` into triangles by ear clipping, as corner numbers."""
     normal = _normals(corners)
     # Dropping the axis that the normal is longest along keeps the polygon simple; the other two in cyclic order.
     axis = int(np.argmax(np.abs(normal)))
@@ -199,7 +206,7 @@ def _ears(corners: Points) -> Indices:
 
 
 def _find_ear(flat: Points, left: list[int], least: float) -> int | None:
-    """Place in `left` of a corner whose triangle holds no other corner; else of one on the line of its neighbours."""
+    """Find the place in `left` of a corner whose triangle holds no other; else of one on its neighbours' line."""
     places = flat[left]
     before, after = np.roll(places, 1, axis=0), np.roll(places, -1, axis=0)
     turns = _turn(before, places, after)
@@ -216,6 +223,6 @@ def _find_ear(flat: Points, left: list[int], least: float) -> int | None:
 
 
 def _turn(a: Points, b: Points, c: Points) -> NDArray[np.float64]:
-    """Twice the signed area of triangles in the plane."""
+    """Compute twice the signed area of triangles in the plane."""
     one, two = b - a, c - a
     return np.asarray(one[..., 0] * two[..., 1] - one[..., 1] * two[..., 0])
