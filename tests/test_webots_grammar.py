@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from warpvis.errors import FileFormatError
-from warpvis.webots._grammar import MOST_NESTED, MOST_NODES, Node, Version, World, parse_text, parse_world
+from warpvis.webots._grammar import MOST_NESTED, MOST_NODES, World, parse_text, parse_world
+from warpvis.webots._nodes import Node, Version
 
 REAL = sorted((Path(__file__).parent.parent.parent / "shared" / "webots").glob("*.wbt"))
 HEADER = "#VRML_SIM R2023b utf8\n"

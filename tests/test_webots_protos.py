@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from warpvis.errors import FileFormatError
-from warpvis.webots._grammar import Version, parse_text
+from warpvis.webots._grammar import parse_text
+from warpvis.webots._nodes import Version
 from warpvis.webots.protos._expansion import MOST_PROTOS_NESTED, Protos
 
 

@@ -9,7 +9,7 @@ import warp as wp
 
 import warpvis as wv
 from warpvis.webots import add_noise, distort_pixels, quantise, range_values
-from warpvis.webots._grammar import Version
+from warpvis.webots._nodes import Version
 
 INF = np.inf
 KINECT = {"near": 0.01, "min_range": 0.3, "max_range": 4.5}

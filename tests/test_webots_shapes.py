@@ -12,7 +12,8 @@ import trimesh
 import warpvis as wv
 from warpvis import Label, Scene
 from warpvis.webots import load_webots
-from warpvis.webots._grammar import Version, parse_text
+from warpvis.webots._grammar import parse_text
+from warpvis.webots._nodes import Version
 from warpvis.webots._parts import rotation_matrix
 from warpvis.webots.shapes._geometry import tessellate
 

@@ -12,7 +12,7 @@ import pytest
 from test_webots_protos import Project
 
 from warpvis.errors import FileFormatError
-from warpvis.webots._grammar import Version
+from warpvis.webots._nodes import Version
 from warpvis.webots.protos import _templates as templates
 from warpvis.webots.protos._expansion import Protos
 

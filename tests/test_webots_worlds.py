@@ -17,7 +17,7 @@ from warpvis import Label, Scene
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.scenes import EXPERIMENTS
 from warpvis.webots import load_webots, render_range
-from warpvis.webots._grammar import Version
+from warpvis.webots._nodes import Version
 
 WORLDS = Path(__file__).parent.parent / "scenes" / "webots"
 SHARED = Path(__file__).parent.parent.parent / "shared" / "webots"

@@ -59,7 +59,10 @@ def object_hash(item: SceneObject) -> str:
 
 
 def describe_scene(scene: Scene) -> SceneDescription:
-    """Describe a scene: of every object its label, its size and its hash, and one hash of them all."""
+    """Describe a scene: of every object its label, its size and its hash, and one hash of them all.
+
+    Hashes are the same on every device and in every process.
+    """
     objects: dict[str, ObjectDescription] = {
         item.name: {
             "label": item.label.name,
@@ -72,11 +75,6 @@ def describe_scene(scene: Scene) -> SceneDescription:
     }
     whole = hash_values(scene.up, *(item["sha256"] for item in objects.values()))
     return {"up": scene.up, "sha256": whole, "objects": objects}
-
-
-def scene_hash(scene: Scene) -> str:
-    """Hash a scene's content, to the same hexadecimal text on every device and in every process."""
-    return describe_scene(scene)["sha256"]
 
 
 def describe_camera(camera: Camera) -> dict[str, float | None]:

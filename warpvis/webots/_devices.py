@@ -8,7 +8,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, cast
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from warpvis.webots._nodes import Node, Version
 
 Kind = Literal["range-finder", "camera", "kinect"]
 Projection = Literal["planar", "cylindrical", "spherical"]
+PROJECTIONS: tuple[Projection, ...] = ("planar", "cylindrical", "spherical")
 
 DEFAULT_FOV = 0.785398
 """Field of view that Webots takes where none or a wrong one is given [rad]."""
@@ -170,10 +171,11 @@ def _size(node: Node, name: str) -> int:
 
 def _projection(node: Node) -> Projection:
     projection = node.text("projection", "cylindrical" if node.flag("spherical", False) else "planar")
-    if projection not in ("planar", "cylindrical", "spherical"):
-        wanted = '"planar", "cylindrical" or "spherical"'
-        raise FileFormatError(f"{node.file}:{node.line}: expected projection {wanted}, got {projection!r}")
-    return cast(Projection, projection)
+    for known in PROJECTIONS:
+        if projection == known:
+            return known
+    wanted = '"planar", "cylindrical" or "spherical"'
+    raise FileFormatError(f"{node.file}:{node.line}: expected projection {wanted}, got {projection!r}")
 
 
 def _field_of_view(node: Node, projection: Projection, notes: list[str]) -> float:

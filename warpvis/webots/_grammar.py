@@ -25,8 +25,6 @@ from typing import NoReturn
 from warpvis.errors import FileFormatError
 from warpvis.webots._nodes import Node, Value, Version, shown
 
-__all__ = ["MOST_NESTED", "MOST_NODES", "Node", "Parser", "Value", "Version", "World", "parse_text", "parse_world"]
-
 MOST_NESTED = 300
 """Nodes within nodes, followed through USE: trees may be walked by functions that call themselves."""
 MOST_NODES = 10_000_000

@@ -31,7 +31,7 @@ ROBOTS = {"Robot", "Supervisor", "DifferentialWheels", "CustomRobot"}
 HUMANS = ("*human*", "*person*", "*pedestrian*")
 
 
-class Place(NamedTuple):
+class Transform(NamedTuple):
     """A frame in the world: a point p of it is at ``offset + linear p``."""
 
     linear: NDArray[np.float64]
@@ -41,11 +41,11 @@ class Place(NamedTuple):
     offset: NDArray[np.float64]
     """Its origin [m], shape ``(3,)``."""
 
-    def within(self, node: Node, scale: NDArray[np.float64]) -> Place:
+    def within(self, node: Node, scale: NDArray[np.float64]) -> Transform:
         """Compute the frame of a node in this one: ``p_parent = T + R (S p_child)``."""
         rotation = rotation_matrix(node.vector("rotation", (0.0, 0.0, 1.0, 0.0)))
         offset = self.offset + self.linear @ node.vector("translation", (0.0, 0.0, 0.0))
-        return Place(self.linear @ (rotation * scale), self.rotation @ rotation, offset)
+        return Transform(self.linear @ (rotation * scale), self.rotation @ rotation, offset)
 
 
 def rotation_matrix(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -71,8 +71,8 @@ def corrected_scale(node: Node) -> tuple[NDArray[np.float64], str]:
 
 
 @dataclass(eq=False)
-class Thing:
-    """What becomes an object."""
+class Solid:
+    """A Solid with its shapes, or shapes outside of any Solid: what becomes an object."""
 
     wanted: str  # its name, if that is free
     robots: tuple[str, ...] = ()
@@ -101,8 +101,8 @@ class Step:
     """A node to walk through, and where it is."""
 
     node: Node
-    place: Place
-    owner: Thing | None = None
+    transform: Transform
+    owner: Solid | None = None
     """The Solid that its shapes belong to."""
     robots: tuple[str, ...] = ()
     recognised: tuple[str, ...] = ()
@@ -170,32 +170,32 @@ def vertical_axis(world: World) -> Literal["z", "y"]:
     return "z" if world.version >= _SCALAR_GRAVITY else "y"
 
 
-def names_of(names: Mapping[Thing, list[str]], things: Iterable[Thing]) -> tuple[str, ...]:
+def names_of(names: Mapping[Solid, list[str]], solids: Iterable[Solid]) -> tuple[str, ...]:
     """List the names of the objects that these became."""
-    return tuple(name for thing in things for name in names.get(thing, ()))
+    return tuple(name for solid in solids for name in names.get(solid, ()))
 
 
-def make_parts(things: Iterable[Thing]) -> tuple[list[Part], dict[Thing, list[str]]]:
+def make_parts(solids: Iterable[Solid]) -> tuple[list[Part], dict[Solid, list[str]]]:
     """Make objects of all that has triangles, and list their names."""
     made: list[Part] = []
-    names: dict[Thing, list[str]] = {}
+    names: dict[Solid, list[str]] = {}
     taken = Names()
-    for thing in things:
-        if not thing.parts:
+    for solid in solids:
+        if not solid.parts:
             continue
-        for wanted, label, parts in _objects_of(thing):
+        for wanted, label, parts in _objects_of(solid):
             made.append(Part(taken.take(wanted), join(parts), label))
-            names.setdefault(thing, []).append(made[-1].name)
+            names.setdefault(solid, []).append(made[-1].name)
     return made, names
 
 
-def _objects_of(thing: Thing) -> list[tuple[str, Label, list[Triangles]]]:
+def _objects_of(solid: Solid) -> list[tuple[str, Label, list[Triangles]]]:
     """Name and label the objects that a Solid becomes: an arena's floor is one, its walls are another."""
-    if thing.arena and any(thing.level) and not all(thing.level):
-        floor = [part for part, level in zip(thing.parts, thing.level, strict=True) if level]
-        walls = [part for part, level in zip(thing.parts, thing.level, strict=True) if not level]
-        return [(f"{thing.wanted} floor", Label.GROUND, floor), (thing.wanted, Label.OBSTACLE, walls)]
-    return [(thing.wanted, thing.label(), thing.parts)]
+    if solid.arena and any(solid.level) and not all(solid.level):
+        floor = [part for part, level in zip(solid.parts, solid.level, strict=True) if level]
+        walls = [part for part, level in zip(solid.parts, solid.level, strict=True) if not level]
+        return [(f"{solid.wanted} floor", Label.GROUND, floor), (solid.wanted, Label.OBSTACLE, walls)]
+    return [(solid.wanted, solid.label(), solid.parts)]
 
 
 def skipped_message(

@@ -18,9 +18,8 @@ from warpvis.core.arrays import as_numpy, check_metres
 from warpvis.core.checks import check_choice, check_flag, is_number, is_whole
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
+from warpvis.webots._devices import PROJECTIONS, Projection
 from warpvis.webots._nodes import Version
-
-PROJECTIONS = ("planar", "cylindrical", "spherical")
 
 # First releases that read +inf where nothing is within reach: of what is too near, and, later, too far (Webots' pull
 # requests 2509 and 4167).
@@ -39,7 +38,7 @@ def range_values(
     min_range: float,
     max_range: float,
     version: Version | str,
-    projection: str = "planar",
+    projection: Projection = "planar",
     near_bias: bool = False,
 ) -> NDArray[np.float32]:
     """Turn true depth images into the values that a range finder of a release of Webots gives.

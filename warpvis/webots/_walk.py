@@ -21,7 +21,17 @@ from warpvis.webots._depth_cameras import DEPTH_CAMERAS, expand_depth_camera
 from warpvis.webots._devices import Device, read_device
 from warpvis.webots._grammar import World
 from warpvis.webots._nodes import Node, Value
-from warpvis.webots._parts import HUMANS, ROBOTS, Names, Place, Step, Thing, corrected_scale, is_level, vertical_axis
+from warpvis.webots._parts import (
+    HUMANS,
+    ROBOTS,
+    Names,
+    Solid,
+    Step,
+    Transform,
+    corrected_scale,
+    is_level,
+    vertical_axis,
+)
 from warpvis.webots._urls import places_in_tree
 from warpvis.webots.protos._builtin import expand
 from warpvis.webots.protos._expansion import Protos
@@ -39,7 +49,7 @@ _DEVICES = {
     *("Receiver", "Speaker", "TouchSensor", "VacuumGripper"),
 }
 _SOLIDS = {"Solid", "Charger", "Servo", "Track", *ROBOTS, *_DEVICES}
-_PLACES = {"Transform", "Pose", "TrackWheel", "Fluid", *_SOLIDS}
+_TRANSFORMS = {"Transform", "Pose", "TrackWheel", "Fluid", *_SOLIDS}
 # The fields in which a node's parts are. A joint's end point is saved where the joint's position puts it.
 _PARTS = {
     "Group": ("children",),
@@ -64,23 +74,23 @@ class Reader:
     def __init__(self, world: World, search_path: list[Path], strict: bool) -> None:
         self.up: Literal["z", "y"] = vertical_axis(world)
         self.version = world.version
-        self.things: list[Thing] = []
+        self.solids: list[Solid] = []
         self.devices: dict[str, Device] = {}
-        self.robots: dict[str, list[Thing]] = {}
-        self.recognisable: dict[str, tuple[Node, list[Thing]]] = {}
+        self.robots: dict[str, list[Solid]] = {}
+        self.recognisable: dict[str, tuple[Node, list[Solid]]] = {}
         self.skipped: dict[str, int] = {}
         self.reasons: dict[str, str] = {}
         self.notes: list[str] = []
         self._world, self._search_path, self._strict = world, search_path, strict
         self._protos = Protos(world, search_path)
-        self._lines: list[tuple[int, str, Thing | None]] = []
+        self._lines: list[tuple[int, str, Solid | None]] = []
         self._meshes: dict[int, tuple[Node, Triangles | None]] = {}  # by the node's id, and the node to keep it
         self._triangles = 0
         self._taken = {kind: Names() for kind in ("recognised", "devices", "robots")}
 
     def walk(self) -> None:
         """Visit all nodes, in the order of the file."""
-        start = Place(np.eye(3), np.eye(3), np.zeros(3))
+        start = Transform(np.eye(3), np.eye(3), np.zeros(3))
         steps = [Step(node, start) for node in reversed(self._world.nodes)]
         visited = 0
         while steps:
@@ -99,9 +109,9 @@ class Reader:
             return ()
         if node.type in _SOLIDS:
             step = self._enter_solid(step)
-        elif node.type in _PLACES or node.type in _PARTS:
-            place = step.place.within(node, self._scale(node)) if node.type in _PLACES else step.place
-            step = dataclasses.replace(step, place=place, called=node.name or step.called)
+        elif node.type in _TRANSFORMS or node.type in _PARTS:
+            transform = step.transform.within(node, self._scale(node)) if node.type in _TRANSFORMS else step.transform
+            step = dataclasses.replace(step, transform=transform, called=node.name or step.called)
         else:
             return self._expand(step)
         if node.type == "Track" and node.nodes("animatedGeometry"):
@@ -124,10 +134,10 @@ class Reader:
         if "controller" in node.fields:
             robots = (*robots, self._add_robot(self._solid_name(step)))
         step = dataclasses.replace(
-            step, place=step.place.within(node, np.ones(3)), robots=robots, origin=node.type, owner=None
+            step, transform=step.transform.within(node, np.ones(3)), robots=robots, origin=node.type, owner=None
         )
         parts = [item for value in node.fields.values() for item in _nodes_in(value)]
-        known = {*DEPTH_CAMERAS, *_PLACES, *_PARTS}
+        known = {*DEPTH_CAMERAS, *_TRANSFORMS, *_PARTS}
         return [
             dataclasses.replace(step, node=part, instances=(), depth=step.depth + 1)
             for part in parts
@@ -158,11 +168,11 @@ class Reader:
         """Note a Solid, and return the step from which its parts go on."""
         node, name = step.node, self._solid_name(step)
         is_part = step.is_part
-        place = step.place.within(node, self._scale(node))
+        transform = step.transform.within(node, self._scale(node))
         if not is_part:
-            step = self._add_thing(step, name)
+            step = self._begin_solid(step, name)
         robot = step.robots[-1] if step.robots else ""
-        found = read_device(node, place.rotation, place.offset, robot, step.within)
+        found = read_device(node, transform.rotation, transform.offset, robot, step.within)
         line = f"{step.instances[0].type if step.instances else node.type} {name!r}"
         line += f" (DEF {node.name})" if node.name else ""
         if found is not None:
@@ -173,9 +183,9 @@ class Reader:
         if found is not None or not is_part:
             self._lines.append((step.depth, line, None if is_part else step.owner))
         depth = step.depth + (not is_part)
-        return dataclasses.replace(step, place=place, called=node.name or step.called, depth=depth)
+        return dataclasses.replace(step, transform=transform, called=node.name or step.called, depth=depth)
 
-    def _add_thing(self, step: Step, name: str) -> Step:
+    def _begin_solid(self, step: Step, name: str) -> Step:
         """Begin an object, which is part of the robots that it is in, and maybe of what is recognised."""
         node = step.node
         human = step.human or any(fnmatch.fnmatchcase(name.lower(), pattern) for pattern in HUMANS)
@@ -187,13 +197,13 @@ class Reader:
             self.recognisable[known] = (node, [])
             recognised = (known,)
         types = {instance.type for instance in step.instances}
-        thing = Thing(name, robots, human, bool(types & _GROUNDS), bool(recognised), bool(types & _ARENAS))
-        self.things.append(thing)
+        solid = Solid(name, robots, human, bool(types & _GROUNDS), bool(recognised), bool(types & _ARENAS))
+        self.solids.append(solid)
         for robot in robots:
-            self.robots[robot].append(thing)
+            self.robots[robot].append(solid)
         for known in recognised:
-            self.recognisable[known][1].append(thing)
-        return dataclasses.replace(step, owner=thing, robots=robots, recognised=recognised, human=human)
+            self.recognisable[known][1].append(solid)
+        return dataclasses.replace(step, owner=solid, robots=robots, recognised=recognised, human=human)
 
     def _add_shape(self, step: Step) -> None:
         node = step.node
@@ -207,17 +217,17 @@ class Reader:
             return
         owner = step.owner
         if owner is None:
-            owner = Thing(node.name or step.called or "shape", human=step.human)
-            self.things.append(owner)
+            owner = Solid(node.name or step.called or "shape", human=step.human)
+            self.solids.append(owner)
             self._lines.append((step.depth, f"{node.type} {owner.wanted!r}", owner))
         vertices, faces = mesh
         self._triangles += len(faces)
         if self._triangles > MOST_TRIANGLES:
             raise FileFormatError(f"{node.file}:{node.line}: expected at most {MOST_TRIANGLES} triangles, got more")
-        placed = vertices @ step.place.linear.T + step.place.offset
+        placed = vertices @ step.transform.linear.T + step.transform.offset
         if not (np.abs(placed) <= FARTHEST).all():
             raise FileFormatError(f"{node.file}:{node.line}: expected {node.type} within {FARTHEST:g} m of the origin")
-        faces = keep_winding(faces, step.place.linear)
+        faces = keep_winding(faces, step.transform.linear)
         owner.parts.append((placed, faces))
         owner.level.append(is_level(placed, faces, "xyz".index(self.up)))
 
@@ -267,13 +277,13 @@ class Reader:
     def _skip(self, what: str) -> None:
         self.skipped[what] = self.skipped.get(what, 0) + 1
 
-    def describe(self, names: Mapping[Thing, list[str]]) -> str:
+    def describe(self, names: Mapping[Solid, list[str]]) -> str:
         """Write the tree of what was read, a line each, indented by what holds what."""
         lines = []
-        for depth, text, thing in self._lines:
-            if thing is not None and thing.parts:
-                count = sum(len(faces) for _, faces in thing.parts)
-                text += f": object {', '.join(map(repr, names[thing]))}, {count} triangles"
+        for depth, text, solid in self._lines:
+            if solid is not None and solid.parts:
+                count = sum(len(faces) for _, faces in solid.parts)
+                text += f": object {', '.join(map(repr, names[solid]))}, {count} triangles"
             lines.append("  " * depth + text)
         return "\n".join(lines)
 

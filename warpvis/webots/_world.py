@@ -18,7 +18,7 @@ from warpvis.scene import FileParts, Scene
 from warpvis.webots._devices import Device
 from warpvis.webots._grammar import parse_world
 from warpvis.webots._nodes import Node, Version
-from warpvis.webots._parts import Thing, make_parts, names_of, skipped_message
+from warpvis.webots._parts import Solid, make_parts, names_of, skipped_message
 from warpvis.webots._walk import Reader
 
 
@@ -105,8 +105,8 @@ def load_webots(
         path,
         reader.version,
         reader.devices,
-        {name: names_of(names, things) for name, things in reader.robots.items()},
-        {name: (node, names_of(names, things)) for name, (node, things) in reader.recognisable.items()},
+        {name: names_of(names, solids) for name, solids in reader.robots.items()},
+        {name: (node, names_of(names, solids)) for name, (node, solids) in reader.recognisable.items()},
         dict(reader.skipped),
         reader.corrections(),
         reader.describe(names),
@@ -118,16 +118,16 @@ def read_world(path: Path, *, search_path: Sequence[Path], strict: bool) -> File
     return _read(path, search_path, strict)[2]
 
 
-def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[Reader, dict[Thing, list[str]], FileParts]:
+def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[Reader, dict[Solid, list[str]], FileParts]:
     """Walk through a world; return what that found, the names of the objects that it becomes, and the objects."""
     reader = Reader(parse_world(path), list(search_path), strict)
     reader.walk()
     message = skipped_message(path, reader.skipped, reader.reasons, search_path)
     if message and strict:
         raise FileFormatError(message)
-    if not any(thing.parts for thing in reader.things):
+    if not any(solid.parts for solid in reader.solids):
         raise SceneError(f"{message}; nothing is left" if message else f"{path}: holds no triangles")
-    parts, names = make_parts(reader.things)
+    parts, names = make_parts(reader.solids)
     notes = reader.corrections()
     sentences = [message, f"{path}: {'; '.join(notes)}" if notes else ""]
     found = FileParts(path, parts, up=reader.up, settled=True, warnings=tuple(filter(None, sentences)))
