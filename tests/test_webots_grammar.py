@@ -46,8 +46,8 @@ USE CUBE
 )
 
 
-def only(text, **options):
-    (node,) = parse_text(HEADER + text, "w.wbt", **options).nodes
+def only(text):
+    (node,) = parse_text(HEADER + text, "w.wbt").nodes
     return node
 
 
@@ -155,10 +155,6 @@ def test_versions_are_ordered():
     versions = [Version.parse(name) for name in names]
     assert all(old < new for old, new in itertools.pairwise(versions))
     assert Version.parse("R2021b-rev1") == Version(2021, 2)
-
-
-def test_a_given_version_needs_no_header():
-    assert parse_text("A { }", version=Version(8, 6)).nodes[0].version == Version(8, 6)
 
 
 @pytest.mark.parametrize(

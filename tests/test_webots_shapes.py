@@ -13,7 +13,6 @@ import warpvis as wv
 from warpvis import Label, Scene
 from warpvis.webots import load_webots
 from warpvis.webots._grammar import parse_text
-from warpvis.webots._nodes import Version
 from warpvis.webots._parts import rotation_matrix
 from warpvis.webots.shapes._geometry import tessellate
 
@@ -23,7 +22,7 @@ ENGINES = {"R2021b": "lupa", "R2023b": "quickjs"}
 
 def by_hand(version, text, *places):
     """A geometry node's triangles at places of ``(translation, rotation, scale)``, the outermost first."""
-    node = parse_text(text, str(WORLDS / "by_hand.wbt"), version=Version.parse(version)).nodes[0]
+    node = parse_text(f"#VRML_SIM {version} utf8\n{text}", str(WORLDS / "by_hand.wbt")).nodes[0]
     vertices, faces = tessellate(node)
     for translation, rotation, scale in reversed(places):
         vertices = (rotation_matrix(np.array(rotation, dtype=float)) @ (np.array(scale) * vertices).T).T + translation

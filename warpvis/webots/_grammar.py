@@ -79,13 +79,13 @@ def parse_world(path: str | Path) -> World:
     return parse_text(read_text(Path(path)), str(path))
 
 
-def parse_text(text: str, file: str = "<text>", *, version: Version | None = None) -> World:
-    """Parse the text of a world; with a `version` it needs no header.
+def parse_text(text: str, file: str = "<text>") -> World:
+    """Parse the text of a world.
 
     Raises:
         FileFormatError: Something in it is not as the grammar says; the line is named.
     """
-    version = version or read_version(text, file)
+    version = read_version(text, file)
     parser = Parser(text, file, version)
     world = World(Path(file), version)
     while parser.kind != "end":
