@@ -25,6 +25,9 @@ DEFAULT_GROUPS = (0, 1, 2)
 INFINITE_PLANE = 10.0
 """Half size of an infinite plane, in times the distance of the far clipping plane."""
 
+FIXED = -1
+"""The piece of geoms that stay where they are."""
+
 _GROUND_NAMES = ("*floor*", "*ground*")
 _GEOM = mujoco.mjtGeom
 
@@ -36,9 +39,10 @@ def geom_parts(
     labels: Sequence[Label],
     *,
     tolerance: float = DEFAULT_TOLERANCE,
-    alone: bool = False,
+    pieces: NDArray[np.int32] | None = None,
+    poses: NDArray[np.float64] | None = None,
 ) -> list[tuple[int, Part]]:
-    """Make parts of those geoms that are drawn, where they are as the model is at first.
+    """Make parts of geoms that have a shape, where they are as the model is at first.
 
     Args:
         model: The model.
@@ -46,25 +50,26 @@ def geom_parts(
         names: Every geom's name.
         labels: Every geom's label.
         tolerance: Most distance between round shapes and their triangles [m].
-        alone: Whether each moves by itself, also those that are welded to the world.
+        pieces: Every geom's piece, as `rigid_pieces` says, which makes them by default.
+        poses: Geoms to world, as `initial_poses` says, which makes them by default.
 
     Returns:
-        Geoms and their parts. Movable are round solids, and geoms of bodies that can move: those of one rigid piece are
-        attached to its first.
+        Geoms and their parts. Movable are round solids, and geoms of pieces that move: those of one piece are attached
+        to its first.
     """
-    moves = movable_bodies(model)[model.geom_bodyid]
-    poses = _initial_poses(model)
+    pieces = rigid_pieces(model) if pieces is None else pieces
+    poses = initial_poses(model) if poses is None else poses
     first_of: dict[int, str] = {}  # the part of a piece that has the pose
     parts = []
     for geom, shape in _meshes(model, geoms, tolerance):
-        name, by_itself = names[geom], alone or isinstance(shape, Solid)
-        first = first_of.setdefault(_rigid_piece(model, geom), name) if moves[geom] and not by_itself else name
+        name, by_itself, piece = names[geom], isinstance(shape, Solid), int(pieces[geom])
+        first = first_of.setdefault(piece, name) if piece != FIXED and not by_itself else name
         part = Part(
             name,
             shape,
             labels[geom],
             poses[geom],
-            movable=bool(moves[geom]) or by_itself,
+            movable=piece != FIXED or by_itself,
             attach_to=None if first == name else first,
             aliases=(model.body(model.geom_bodyid[geom]).name,),
         )
@@ -73,14 +78,29 @@ def geom_parts(
 
 
 def shown_geoms(model: mujoco.MjModel, groups: Sequence[int]) -> list[int]:
-    """List the geoms of some groups."""
-    return [geom for geom in range(model.ngeom) if _group(model, geom) in groups]
+    """List the geoms of some groups that have opacity."""
+    return [geom for geom in range(model.ngeom) if _group(model, geom) in groups and _is_opaque(model, geom)]
 
 
-def _rigid_piece(model: mujoco.MjModel, geom: int) -> int:
-    """Return a body that the geom's body is welded to, the same one for all that move together."""
-    body = int(model.geom_bodyid[geom])
-    return int(model.body_weldid[body]) or body  # 0, the world, is said of mocap bodies too
+def rigid_pieces(
+    model: mujoco.MjModel, *, loose_bodies: Iterable[int] = (), alone: Iterable[int] = ()
+) -> NDArray[np.int32]:
+    """Give a number to what moves together, ``(ngeom,)``: geoms of one piece have the same, those that stay `FIXED`.
+
+    Args:
+        model: The model.
+        loose_bodies: Bodies that are welded to the world and move nevertheless, each a piece.
+        alone: Geoms that move by themselves, whatever their bodies do.
+    """
+    # A piece has the number of a body, of which body_weldid is 0 for the world's and for mocap bodies.
+    piece_of_body = np.where(np.asarray(model.body_weldid) > 0, model.body_weldid, np.arange(model.nbody))
+    piece_of_body[~movable_bodies(model)] = FIXED
+    loose = list(loose_bodies)
+    piece_of_body[loose] = loose
+    pieces: NDArray[np.int32] = piece_of_body[model.geom_bodyid].astype(np.int32)
+    single = list(alone)
+    pieces[single] = model.nbody + np.array(single, dtype=np.int32)
+    return pieces
 
 
 def movable_bodies(model: mujoco.MjModel) -> NDArray[np.bool_]:
@@ -113,16 +133,11 @@ def _group(model: mujoco.MjModel, geom: int) -> int:
 
 
 def _meshes(model: mujoco.MjModel, geoms: Iterable[int], tolerance: float) -> list[tuple[int, Mesh | Solid]]:
-    """Make the shapes of those geoms that are drawn, in their frames: the same arrays for geoms of the same shape."""
+    """Make the shapes of those geoms that have one, in their frames: the same arrays for geoms of the same shape."""
     shared: dict[tuple[float, ...], Mesh | Solid | None] = {}
     drawn = []
     for geom in geoms:
-        if _alpha(model, geom) == 0:
-            continue
-        kind = int(model.geom_type[geom])
-        key: tuple[float, ...] = (kind, int(model.geom_dataid[geom]))
-        if model.geom_dataid[geom] < 0:
-            key = (kind, *model.geom_size[geom].tolist())
+        key = shape_key(model, geom)
         if key not in shared:
             shared[key] = _mesh(model, geom, tolerance)
         mesh = shared[key]
@@ -131,11 +146,25 @@ def _meshes(model: mujoco.MjModel, geoms: Iterable[int], tolerance: float) -> li
     return drawn
 
 
-def _alpha(model: mujoco.MjModel, geom: int) -> float:
-    """Return the opacity: the material's, unless the geom has a colour (`setMaterial` in engine_vis_visualize.c)."""
+def shape_key(model: mujoco.MjModel, geom: int) -> tuple[float, ...]:
+    """Return what a geom's shape follows from: geoms of equal keys share theirs."""
+    kind, data = int(model.geom_type[geom]), int(model.geom_dataid[geom])
+    if data >= 0:
+        return kind, data
+    far = _infinite(model) if kind == _GEOM.mjGEOM_PLANE else 0.0
+    return (kind, *model.geom_size[geom].tolist(), far)
+
+
+def _is_opaque(model: mujoco.MjModel, geom: int) -> bool:
+    """Tell whether a geom has opacity: the material's, unless it has a colour (`setMaterial` in visualize.c)."""
     rgba, material = model.geom_rgba[geom], int(model.geom_matid[geom])
     own = material < 0 or rgba.tolist() != [0.5, 0.5, 0.5, 1.0]
-    return float(rgba[3] if own else model.mat_rgba[material][3])
+    return bool((rgba[3] if own else model.mat_rgba[material][3]) != 0)
+
+
+def _infinite(model: mujoco.MjModel) -> float:
+    """Return the half size of an infinite plane."""
+    return float(INFINITE_PLANE * model.vis.map.zfar * model.stat.extent)
 
 
 def _mesh(model: mujoco.MjModel, geom: int, tolerance: float) -> Mesh | Solid | None:
@@ -143,7 +172,7 @@ def _mesh(model: mujoco.MjModel, geom: int, tolerance: float) -> Mesh | Solid | 
     kind, data = int(model.geom_type[geom]), int(model.geom_dataid[geom])
     a, b, c = model.geom_size[geom].tolist()
     if kind == _GEOM.mjGEOM_PLANE:
-        far = INFINITE_PLANE * model.vis.map.zfar * model.stat.extent
+        far = _infinite(model)
         return tessellation.plane(a if a > 0 else far, b if b > 0 else far)
     if kind == _GEOM.mjGEOM_HFIELD:
         return _height_field(model, data)
@@ -198,9 +227,15 @@ def fits(name: str, patterns: Iterable[str]) -> bool:
     return any(fnmatch.fnmatchcase(name, pattern) for pattern in patterns)
 
 
-def _initial_poses(model: mujoco.MjModel) -> NDArray[np.float64]:
-    """Return geoms to world as the model is at first, matrices of shape ``(ngeom, 4, 4)``."""
-    data = mujoco.MjData(model)
+def initial_poses(model: mujoco.MjModel, data: mujoco.MjData | None = None) -> NDArray[np.float64]:
+    """Return geoms to world as the model is at first, matrices of shape ``(ngeom, 4, 4)``.
+
+    Args:
+        model: The model.
+        data: Memory to work with, nobody else's; new by default.
+    """
+    data = mujoco.MjData(model) if data is None else data
+    mujoco.mj_resetData(model, data)
     mujoco.mj_kinematics(model, data)
     poses = np.zeros((model.ngeom, 4, 4))
     poses[:, :3, :3] = data.geom_xmat.reshape(-1, 3, 3)

@@ -9,7 +9,6 @@ from typing import Any
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
-import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
@@ -18,13 +17,13 @@ from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, SceneError, WarpvisError
 from warpvis.mujoco._cameras import camera_from_mujoco, viewer_camera, viewer_pose
 from warpvis.mujoco._geoms import DEFAULT_GROUPS, DEFAULT_TOLERANCE, check_groups
-from warpvis.mujoco._scene import MujocoScene, check_patterns, scene_from_mujoco
+from warpvis.mujoco._scene import check_patterns, select_geoms
+from warpvis.mujoco._stage import Stage
 from warpvis.rendering import Output, Renderer as SceneRenderer
 from warpvis.scene import Scene
 
 _STATIC = int(mujoco.mjtVisFlag.mjVIS_STATIC)
 _HULLS = int(mujoco.mjtVisFlag.mjVIS_CONVEXHULL)
-_GEOM, _UNKNOWN = int(mujoco.mjtObj.mjOBJ_GEOM), int(mujoco.mjtObj.mjOBJ_UNKNOWN)
 
 _MOST_RENDERERS = 64  # a camera whose field of view changes all the time must not fill the memory
 
@@ -38,7 +37,7 @@ class Renderer:
     - Geoms are seen; sites, tendons, skins, flexes and decorations are not.
     - What is nearer than MuJoCo's near plane is seen where it is; MuJoCo cuts it away and shows what is behind.
     - Round shapes are exactly round, where MuJoCo draws 28 slices of them.
-    - The model's sizes, meshes and colours, and where geoms are in their bodies, are read once.
+    - What the model says of geoms is followed, meshes and height fields too, which MuJoCo uploads on demand.
     """
 
     def __init__(
@@ -79,9 +78,9 @@ class Renderer:
         Camera(width, height, 1, 1, 0, 0)  # checks the size
         self._model, self._size = model, (int(height), int(width))
         self._options: dict[str, Any] = {"tolerance": tolerance, "labels": labels, "exclude": check_patterns(exclude)}
-        self._options["device"] = device
+        self._device = device
         self._render_options: dict[str, Any] = {"cull_backfaces": cull_backfaces, "threads": threads}
-        self._stages: dict[tuple[tuple[int, ...], bool], _Stage] = {}
+        self._stages: dict[tuple[tuple[int, ...], bool], Stage] = {}
         self._stage = self._stage_of(DEFAULT_GROUPS, static=True)
         self._mode = "color"
         self._camera: Camera | None = None
@@ -218,10 +217,12 @@ class Renderer:
             if len(stage.renderers) >= _MOST_RENDERERS:
                 stage.renderers.clear()
             stage.renderers[output, camera] = renderer
-        views = stage.renderers[output, camera].render(self._pose[None], object_poses=stage.object_poses())
+        views = stage.renderers[output, camera].render(
+            self._pose[None], object_poses=stage.object_poses(), exclude=stage.hidden
+        )
         return getattr(views, output).numpy()[0]
 
-    def _chosen_stage(self, option: mujoco.MjvOption | None) -> _Stage:
+    def _chosen_stage(self, option: mujoco.MjvOption | None) -> Stage:
         if option is None:
             return self._stage_of(DEFAULT_GROUPS, static=True)
         if not isinstance(option, mujoco.MjvOption):
@@ -230,55 +231,13 @@ class Renderer:
             raise SceneError("scene_option asks for convex hulls (mjVIS_CONVEXHULL), which are not rendered")
         return self._stage_of(np.flatnonzero(option.geomgroup).tolist(), static=bool(option.flags[_STATIC]))
 
-    def _stage_of(self, groups: Iterable[int], *, static: bool) -> _Stage:
+    def _stage_of(self, groups: Iterable[int], *, static: bool) -> Stage:
         """Return the stage of some groups, made when first needed."""
         key = (check_groups(groups), static)
         if key not in self._stages:
-            scene = scene_from_mujoco(self._model, geom_groups=key[0], static=static, **self._options)
-            self._stages[key] = _Stage(scene)
+            selection = select_geoms(self._model, geom_groups=key[0], static=static, **self._options)
+            self._stages[key] = Stage(self._model, selection, Scene(device=self._device))
         return self._stages[key]
-
-
-class _Stage:
-    """A scene, where its geoms are now, and the renderers for it."""
-
-    def __init__(self, mujoco_scene: MujocoScene) -> None:
-        from warpvis.kernels.mujoco import geom_transforms
-
-        self.scene = mujoco_scene.scene
-        self.renderers: dict[tuple[Output, Camera], SceneRenderer] = {}
-        self._geoms = mujoco_scene.geoms_of_objects
-        position = wp.zeros((1, mujoco_scene.geom_count), dtype=wp.vec3, device="cpu")
-        rotation = wp.zeros((1, mujoco_scene.geom_count), dtype=wp.mat33, device="cpu")
-        places = wp.zeros((1, len(mujoco_scene.movable_geoms)), dtype=wp.transform, device="cpu")
-        self._position, self._rotation, self._places = position.numpy()[0], rotation.numpy()[0], places.numpy()
-        world, movable = (wp.array(ids, dtype=wp.int32, device="cpu") for ids in ([0], mujoco_scene.movable_geoms))
-        inputs = [position, rotation, world, movable, places]
-        self._place = wp.launch(geom_transforms, dim=places.shape, inputs=inputs, device="cpu", record_cmd=True)
-
-    def meanings(self) -> NDArray[np.int32]:
-        """List the geom and type of every object, and at last of none, which is object -1."""
-        geoms = self._geoms()
-        pairs = np.full((len(geoms) + 1, 2), -1, dtype=np.int32)
-        pairs[:-1, 0], pairs[:-1, 1] = geoms, np.where(geoms < 0, _UNKNOWN, _GEOM)
-        return pairs
-
-    def update(self, data: mujoco.MjData) -> None:
-        """Take over where the geoms are."""
-        self._position[:] = data.geom_xpos
-        self._rotation[:] = data.geom_xmat.reshape(-1, 3, 3)
-
-    def object_poses(self) -> NDArray[np.float32] | None:
-        """Make rows of the movable objects, shape ``(1, M, 7)``; None if nothing moves."""
-        geoms = self._places.shape[1]
-        if geoms:
-            self._place.launch()
-        added = self.scene.movable[geoms:]
-        if not added:
-            return self._places if geoms else None
-        objects = self.scene.objects
-        rows = np.array([[objects[index].pose for index in added]], dtype=np.float32)
-        return np.concatenate([self._places, rows], axis=1)
 
 
 def _background(near: float, far: float) -> np.float32:

@@ -20,18 +20,20 @@ from warpvis.core.types import DeviceLike
 from warpvis.errors import SceneError
 from warpvis.mujoco._geoms import (
     DEFAULT_GROUPS,
+    FIXED,
     check_groups,
     default_label,
     fits,
     geom_parts,
     movable_bodies,
     object_names,
+    rigid_pieces,
     shown_geoms,
 )
 from warpvis.scene import Scene
 from warpvis.scene.solids import DEFAULT_TOLERANCE
 
-Movable = Literal["bodies", "all"]
+Movable = Literal["bodies", "all"] | Iterable[str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +83,7 @@ def scene_from_mujoco(
     What MuJoCo's renderer leaves out is left out: geoms whose colour has alpha 0 (`addGeomGeoms` in
     src/engine/engine_vis_visualize.c). So are sites, tendons, skins and flexes, which MuJoCo draws. Sizes, meshes,
     heights and colours are read once, and so is where geoms are in their bodies; make another scene after changing
-    them.
+    them, or take `Renderer`, which follows them.
 
     All shapes are exact, but for planes from below, which are 0.1 mm lower there, and infinite ones, which end at 10
     times the distance of MuJoCo's far clipping plane from their origin. From inside of a round shape, and on export,
@@ -100,16 +102,73 @@ def scene_from_mujoco(
             fits counts.
         exclude: Names or patterns of objects or bodies to leave out.
         movable: ``"bodies"``: geoms of bodies that are not welded to the world, and of mocap bodies, move, and all
-            round ones; ``"all"``: so does every other geom, each by itself, for models whose geoms are moved by hand.
+            round ones; ``"all"``: so does every other geom, each by itself, for models whose geoms are moved by hand;
+            names or patterns: so do these bodies, each of one piece, and these geoms, each by itself.
         static: Whether geoms show whose body is welded to the world.
         device: Where the scene is rendered.
 
     Raises:
         SceneError: An argument is not what it has to be, or a pattern fits nothing.
     """
+    selection = select_geoms(
+        model, geom_groups=geom_groups, tolerance=tolerance, labels=labels, exclude=exclude, static=static
+    )
+    pieces = _choose_pieces(model, selection.names, movable)
+    scene = Scene(device=device)
+    kept = []
+    parts = geom_parts(
+        model, selection.shown(model), selection.names, selection.labels, tolerance=selection.tolerance, pieces=pieces
+    )
+    for geom, part in parts:
+        scene.add(**part.arguments())
+        kept.append(geom)
+    geom_ids = np.array(kept, dtype=np.int32)
+    return MujocoScene(scene, geom_ids, geom_ids[list(scene.movable)], int(model.ngeom))
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which of a model's geoms a scene shows, and as what."""
+
+    names: list[str]
+    """Every geom's name."""
+    labels: list[Label]
+    """Every geom's label."""
+    left_out: frozenset[int]
+    """Geoms that are not shown, whatever their groups."""
+    groups: tuple[int, ...]
+    """Groups of geoms that are."""
+    static: bool
+    """Whether geoms show whose body is welded to the world."""
+    tolerance: float
+    """Most distance between round shapes and their triangles [m]."""
+
+    def shown(self, model: mujoco.MjModel) -> list[int]:
+        """List the geoms that the model shows now."""
+        moves = movable_bodies(model)[model.geom_bodyid]
+        return [
+            geom
+            for geom in shown_geoms(model, self.groups)
+            if geom not in self.left_out and (self.static or moves[geom])
+        ]
+
+
+def select_geoms(
+    model: mujoco.MjModel,
+    *,
+    geom_groups: Iterable[int] = DEFAULT_GROUPS,
+    tolerance: float = DEFAULT_TOLERANCE,
+    labels: Mapping[str, Label | int | str] | None = None,
+    exclude: Iterable[str] = (),
+    static: bool = True,
+) -> Selection:
+    """Check and read the arguments of `scene_from_mujoco` that say which geoms a scene shows, and as what.
+
+    Raises:
+        SceneError: An argument is not what it has to be, or a pattern fits nothing.
+    """
     if not isinstance(model, mujoco.MjModel):
         raise SceneError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
-    check_choice(movable, "movable", ("bodies", "all"), SceneError)
     static = check_flag(static, "static", SceneError)
     tolerance = check_metres(tolerance, "tolerance", zero=False, error=SceneError)
     groups, exclude = check_groups(geom_groups), check_patterns(exclude)
@@ -117,15 +176,25 @@ def scene_from_mujoco(
     labels = {} if labels is None else check_mapping(labels, "labels", SceneError)
     check_patterns(labels, "labels")
     wanted, left_out = _assign_labels(model, names, labels, exclude)
-    moves = movable_bodies(model)[model.geom_bodyid]
-    shown = [geom for geom in shown_geoms(model, groups) if geom not in left_out and (static or moves[geom])]
-    scene = Scene(device=device)
-    kept = []
-    for geom, part in geom_parts(model, shown, names, wanted, tolerance=tolerance, alone=movable == "all"):
-        scene.add(**part.arguments())
-        kept.append(geom)
-    geom_ids = np.array(kept, dtype=np.int32)
-    return MujocoScene(scene, geom_ids, geom_ids[list(scene.movable)], int(model.ngeom))
+    return Selection(names, wanted, frozenset(left_out), groups, static, tolerance)
+
+
+def _choose_pieces(model: mujoco.MjModel, names: list[str], movable: Movable) -> NDArray[np.int32]:
+    """Give a number to what moves together, ``(ngeom,)``, as `scene_from_mujoco` is asked for it."""
+    if isinstance(movable, str):
+        check_choice(movable, "movable", ("bodies", "all"), SceneError)
+        return rigid_pieces(model, alone=range(model.ngeom) if movable == "all" else ())
+    patterns = check_patterns(movable, "movable")
+    fixed = rigid_pieces(model) == FIXED
+    alone, loose = set(), set()
+    for pattern in patterns:
+        for geom in _fitting(model, names, pattern, "movable"):
+            body = int(model.geom_bodyid[geom])
+            if fixed[geom] and body and fits(model.body(body).name, (pattern,)):
+                loose.add(body)
+            elif fixed[geom]:
+                alone.add(geom)
+    return rigid_pieces(model, loose_bodies=loose, alone=alone)
 
 
 def check_patterns(patterns: Any, name: str = "exclude") -> tuple[str, ...]:

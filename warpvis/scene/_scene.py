@@ -28,6 +28,8 @@ from warpvis.scene.solids import Solid
 if TYPE_CHECKING:
     import trimesh
 
+    from warpvis.scene._kept_trees import KeptTrees
+
 
 class Scene:
     """Triangle meshes in the world frame, right-handed, in metres.
@@ -54,6 +56,7 @@ class Scene:
         self._triangles: Triangles | None = None
         self._bvh: SceneBvh | None = None
         self._apart: Scene | None = None
+        self._kept_trees: KeptTrees | None = None
         self._lock = Lock()
 
     @classmethod
@@ -254,6 +257,23 @@ class Scene:
                 if built is not None:
                     built.refits[index].refit()
 
+    def replace_objects(self, objects: Sequence[SceneObject]) -> None:
+        """Make these all objects of the scene, in their order; carriers are indices among them.
+
+        From here on the scene keeps its trees, so that only those of other triangles are built again.
+        """
+        from warpvis.scene._kept_trees import KeptTrees
+
+        index = {item.name: number for number, item in enumerate(objects)}
+        if len(index) < len(objects):
+            names = [item.name for item in objects]
+            raise SceneError(f"objects must have different names, got {max(names, key=names.count)!r} twice")
+        with self._lock:
+            self._objects, self._index = list(objects), index
+            self._movable = [number for number, item in enumerate(objects) if item.pose is not None]
+            self._kept_trees = self._kept_trees or KeptTrees()
+            self._forget()
+
     @property
     def objects(self) -> tuple[SceneObject, ...]:
         """The objects; an object image's values index this."""
@@ -357,7 +377,7 @@ class Scene:
         """
         with self._lock:
             if self._bvh is None:
-                self._bvh = build_scene_bvh(self.require_objects(), self.device)
+                self._bvh = build_scene_bvh(self.require_objects(), self.device, kept=self._kept_trees)
             return self._bvh
 
     def apart(self) -> Scene:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from warpvis.kernels.packets import BvhScene
     from warpvis.kernels.rays import TriangleScene
     from warpvis.scene._bvh import Bvh
+    from warpvis.scene._kept_trees import KeptTrees
     from warpvis.scene._object import SceneObject
     from warpvis.scene._refit import BvhRefit
 
@@ -108,26 +109,30 @@ def build_triangles(objects: Sequence[SceneObject], device: wp.Device) -> Triang
     return Triangles(struct, meshes, refits)
 
 
-def build_scene_bvh(objects: Sequence[SceneObject], device: wp.Device, *, lanes: int | None = None) -> SceneBvh:
+def build_scene_bvh(
+    objects: Sequence[SceneObject], device: wp.Device, *, lanes: int | None = None, kept: KeptTrees | None = None
+) -> SceneBvh:
     """Build the BVHs, all in the same arrays.
 
     Args:
         objects: What is in the scene.
         device: Where the arrays are to be.
         lanes: Triangles of a leaf; as many as the device's caster takes by default.
+        kept: Trees of an earlier build, of which those that are still right are taken; they are this one's afterwards.
     """
     from warpvis.kernels.packets import BvhScene
-    from warpvis.scene.closed import provably_closed
+    from warpvis.scene._kept_trees import KeptTrees
 
+    kept = KeptTrees(keep=False) if kept is None else kept
     lanes = lanes or (CPU_LANES if device.is_cpu else CUDA_LANES)
     static, movable = _part(objects)
     shared = _share_meshes(objects, movable)
     trees, owners = [], []
     closed = np.zeros(len(objects), dtype=bool)
     if static:
-        closed[static] = [provably_closed(objects[i].vertices, objects[i].faces) for i in static]
+        closed[static] = [kept.closed(objects[i].vertices, objects[i].faces) for i in static]
         vertices = [objects[i].vertices for i in static]
-        trees.append(_build_tree(*_flatten(vertices, objects, static), closed, lanes))
+        trees.append(kept.tree(*_flatten(vertices, objects, static), closed, lanes))
         owners.append(_marked(trees[0], closed))
     boxes = [objects[i].bounds for i in static if closed[i]]
     struct = BvhScene()
@@ -138,11 +143,12 @@ def build_scene_bvh(objects: Sequence[SceneObject], device: wp.Device, *, lanes:
     tree_of = np.zeros(len(movable), dtype=np.int64)
     mesh_closed = np.zeros(len(movable), dtype=np.int32)
     for mesh in shared:
-        owner, part_closed = _owners(mesh, objects)
+        owner, part_closed = _owners(mesh, objects, kept)
         tree_of[mesh.movables], mesh_closed[mesh.movables] = len(trees), part_closed[owner].all()
-        trees.append(_build_tree(mesh.vertices, mesh.faces, owner, part_closed, lanes))
+        trees.append(kept.tree(mesh.vertices, mesh.faces, owner, part_closed, lanes))
         owners.append(_marked(trees[-1], part_closed))
-    _concatenate(struct, trees, owners, device)
+    kept.finish()
+    _concatenate(struct, trees, owners, device, share=not kept.keep)
 
     slots = np.array([tree.leaf_count * tree.lanes for tree in trees])
     static_slots = int(slots[0]) if static else 0
@@ -196,16 +202,16 @@ def _one_object(movable: Sequence[int], meshes: Sequence[_Mesh], device: wp.Devi
     return wp.array(objects, dtype=wp.int32, device=device)
 
 
-def _owners(mesh: _Mesh, objects: Sequence[SceneObject]) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+def _owners(
+    mesh: _Mesh, objects: Sequence[SceneObject], kept: KeptTrees
+) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
     """Tell whose a moving mesh's triangles are, 0 if it is of one object, and which owners are closed."""
-    from warpvis.scene.closed import provably_closed
-
     if mesh.owner is None:
-        closed = mesh.points is None and provably_closed(mesh.vertices, mesh.faces)
+        closed = mesh.points is None and kept.closed(mesh.vertices, mesh.faces)
         return np.zeros(len(mesh.faces), dtype=np.int32), np.array([closed])
     flags = np.zeros(len(objects), dtype=bool)
     for part in np.unique(mesh.owner):
-        flags[part] = provably_closed(_mesh_vertices(objects[part]), objects[part].faces)
+        flags[part] = kept.closed(_mesh_vertices(objects[part]), objects[part].faces)
     return mesh.owner, flags
 
 
@@ -296,25 +302,19 @@ def _make_mesh(
     )
 
 
-def _build_tree(
-    vertices: NDArray[np.float32],
-    faces: NDArray[np.int32],
-    owner: NDArray[np.int32],
-    closed: NDArray[np.bool_],
-    lanes: int,
-) -> Bvh:
-    from warpvis.kernels.packets_cuda import LEVELS
-    from warpvis.scene._bvh import build_bvh
-
-    most_levels = LEVELS if lanes == CUDA_LANES else None
-    return build_bvh(vertices, faces, owner, closed, lanes=lanes, most_levels=most_levels)
-
-
 def _concatenate(
-    struct: BvhScene, trees: Sequence[Bvh], owners: Sequence[NDArray[np.int32]], device: wp.Device
+    struct: BvhScene, trees: Sequence[Bvh], owners: Sequence[NDArray[np.int32]], device: wp.Device, *, share: bool
 ) -> None:
-    """Join all trees' arrays; a child is a node, or the complement of a leaf, of the whole arrays."""
-    if len(trees) == 1:
+    """Join all trees' arrays; a child is a node, or the complement of a leaf, of the whole arrays.
+
+    Args:
+        struct: What is to hold them.
+        trees: The trees.
+        owners: The owners of each, as casters read them.
+        device: Where the arrays are to be.
+        share: Whether a single tree may give its own arrays, which are then changed.
+    """
+    if len(trees) == 1 and share:
         tree = trees[0]
         np.copyto(tree.owners.numpy(), owners[0])
         struct.leaves, struct.owners = tree.leaves.to(device), tree.owners.to(device)

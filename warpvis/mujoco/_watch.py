@@ -1,0 +1,133 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What of a model a scene was made of, and whether it still is as it was."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import groupby
+
+import mujoco  # noqa: TID253 - the whole package is about it
+import numpy as np
+
+# What is shown of every geom, and how large it is.
+_FIELDS = (
+    "geom_type",
+    "geom_dataid",
+    "geom_size",
+    "geom_rgba",
+    "geom_matid",
+    "mat_rgba",
+    "geom_group",
+    "hfield_size",
+)
+# Where every geom is in its body, and every body in its parent.
+_POSES = ("geom_pos", "geom_quat", "body_pos", "body_quat")
+_MESHES = (int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_SDF))
+_FIELD = int(mujoco.mjtGeom.mjGEOM_HFIELD)
+
+
+class Watched:
+    """Some of a model's memory, and a copy of how it was. Models keep their arrays in one place for life.
+
+    A `bytearray` compares itself with memory as fast as it can be read, which no comparison of NumPy arrays does.
+    """
+
+    def __init__(self, array: np.ndarray) -> None:
+        """Begin with how it is now.
+
+        Args:
+            array: The memory, contiguous.
+        """
+        self.array = array
+        self._memory = array.reshape(-1).data.cast("B") if array.size else memoryview(b"")
+        self._before = bytearray(self._memory)
+
+    def changed(self) -> bool:
+        """Tell whether it is other than it was."""
+        return self._before != self._memory
+
+    def before(self) -> np.ndarray:
+        """Return how it was, without a copy, until `accept`."""
+        return np.frombuffer(self._before, dtype=self.array.dtype).reshape(self.array.shape)
+
+    def accept(self) -> None:
+        """Take how it is now for how it was."""
+        self._before = bytearray(self._memory)
+
+
+class ModelWatch:
+    """Everything of a model that the shapes and the visibility of some geoms follow from."""
+
+    def __init__(self, model: mujoco.MjModel, geoms: Iterable[int]) -> None:
+        """Begin with how the model is now.
+
+        Args:
+            model: The model.
+            geoms: The geoms of which meshes and height fields are watched.
+        """
+        self._model = model
+        self._fields = {name: Watched(getattr(model, name)) for name in _FIELDS + _POSES}
+        self._poses = [self._fields[name] for name in _POSES]
+        self._plane = self._far()
+        assets = {(int(model.geom_type[geom]), int(model.geom_dataid[geom])) for geom in geoms}
+        meshes = {index for kind, index in assets if kind in _MESHES and index >= 0}
+        fields = {index for kind, index in assets if kind == _FIELD and index >= 0}
+        self._vertices = [_AssetRun(model, run, of_meshes=True) for run in _runs(meshes)]
+        self._heights = [_AssetRun(model, run, of_meshes=False) for run in _runs(fields)]
+        runs = [*self._vertices, *self._heights]
+        self._all = [*self._fields.values(), *(run.watched for run in runs)]
+
+    def changed(self) -> bool:
+        """Tell whether anything is other than it was."""
+        return any(watched.changed() for watched in self._all) or self._far() != self._plane
+
+    def only_poses_changed(self) -> bool:
+        """Tell whether nothing but where geoms and bodies are is other than it was."""
+        changed = [watched for watched in self._all if watched.changed()]
+        return self._far() == self._plane and all(watched in self._poses for watched in changed)
+
+    def accept(self) -> None:
+        """Take how the model is now for how it was."""
+        self._plane = self._far()
+        for watched in self._all:
+            watched.accept()
+
+    def changed_assets(self) -> set[tuple[int, int]]:
+        """List the meshes and height fields that are other than they were, as type and data of a geom."""
+        sizes = self._fields["hfield_size"]
+        before = sizes.before()
+        resized = [k for k in range(len(before)) if not np.array_equal(before[k], sizes.array[k])]
+        changed = {(_FIELD, index) for index in resized}
+        changed |= {(_FIELD, index) for run in self._heights for index in run.changed()}
+        return changed | {(kind, index) for run in self._vertices for index in run.changed() for kind in _MESHES}
+
+    def _far(self) -> float:
+        """Return what the size of infinite planes follows from."""
+        return float(self._model.vis.map.zfar * self._model.stat.extent)
+
+
+class _AssetRun:
+    """Meshes or height fields that lie one after the other in a model's memory."""
+
+    def __init__(self, model: mujoco.MjModel, run: list[int], *, of_meshes: bool) -> None:
+        if of_meshes:
+            array, first, count = model.mesh_vert, model.mesh_vertadr, model.mesh_vertnum
+        else:
+            array, first, count = model.hfield_data, model.hfield_adr, model.hfield_nrow * model.hfield_ncol
+        begin = int(first[run[0]])
+        self._parts = [(k, int(first[k]) - begin, int(first[k] + count[k]) - begin) for k in run]
+        self.watched = Watched(array[begin : begin + self._parts[-1][2]])
+
+    def changed(self) -> list[int]:
+        """List those that are other than they were."""
+        if not self.watched.changed():
+            return []
+        before, now = self.watched.before(), self.watched.array
+        return [k for k, begin, end in self._parts if not np.array_equal(before[begin:end], now[begin:end])]
+
+
+def _runs(indices: Iterable[int]) -> list[list[int]]:
+    """Split indices into runs of successive ones."""
+    places = enumerate(sorted(indices))
+    return [[index for _, index in run] for _, run in groupby(places, key=lambda pair: pair[1] - pair[0])]

@@ -1,0 +1,69 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Trees that outlive a build, for scenes of which parts are replaced again and again."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.kernels.constants import CUDA_LANES
+from warpvis.scene._bvh import Bvh, build_bvh
+from warpvis.scene.closed import provably_closed
+
+_Key = tuple[bytes, ...]
+
+
+class KeptTrees:
+    """The trees of the last build, by what they were made of: the next one makes only those that it does not find."""
+
+    def __init__(self, *, keep: bool = True) -> None:
+        """Begin without any.
+
+        Args:
+            keep: Whether to keep trees at all: it costs their memory a second time.
+        """
+        self.keep = keep
+        self._last: dict[_Key, Bvh] = {}
+        self._now: dict[_Key, Bvh] = {}
+        # Which arrays are known to be closed: of objects, which keep theirs as long as they are. Held here, so that
+        # other arrays cannot come to have their ids.
+        self._closed: dict[tuple[int, int], tuple[np.ndarray, np.ndarray, bool]] = {}
+        self._closed_now: dict[tuple[int, int], tuple[np.ndarray, np.ndarray, bool]] = {}
+
+    def tree(
+        self,
+        vertices: NDArray[np.float32],
+        faces: NDArray[np.int32],
+        owner: NDArray[np.int32],
+        closed: NDArray[np.bool_],
+        lanes: int,
+    ) -> Bvh:
+        """Return the tree of some triangles, as `build_bvh` makes it. Nobody may write into it if trees are kept."""
+        from warpvis.kernels.packets_cuda import LEVELS
+
+        most_levels = LEVELS if lanes == CUDA_LANES else None
+        if not self.keep:
+            return build_bvh(vertices, faces, owner, closed, lanes=lanes, most_levels=most_levels)
+        # Of the flags only those of the triangles' own objects count.
+        own = closed[owner]
+        key = (vertices.tobytes(), faces.tobytes(), owner.tobytes(), own.tobytes(), bytes([lanes]))
+        found = self._last.get(key)
+        if found is None:
+            found = build_bvh(vertices, faces, owner, closed, lanes=lanes, most_levels=most_levels)
+        self._now[key] = found
+        return found
+
+    def closed(self, vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> bool:
+        """Tell whether `provably_closed` says so of an object's mesh."""
+        if not self.keep:
+            return provably_closed(vertices, faces)
+        key = (id(vertices), id(faces))
+        known = self._closed.get(key) or (vertices, faces, provably_closed(vertices, faces))
+        self._closed_now[key] = known
+        return known[2]
+
+    def finish(self) -> None:
+        """Let go of what this build did not ask for."""
+        self._last, self._now = self._now, {}
+        self._closed, self._closed_now = self._closed_now, {}
