@@ -76,8 +76,8 @@ class PacketJob:
     scratch_bytes: wp.array[wp.int64]
 
 
-NO_SCENE, NO_WORLDS, NO_IMAGES = BvhScene(), Worlds(), Images()
-"""What a launch is packed with while nobody asks for images."""
+NO_WORLDS = Worlds()
+"""Of a launch in a scene whose objects stay where they were added."""
 
 HEADERS = (
     "shared/constants.h",

@@ -9,7 +9,7 @@ import warp as wp
 from pose_samples import unit
 
 import warpvis as wv
-from warpvis.rendering import casters
+from warpvis.core import threads
 
 OUTPUTS = ("depth", "points", "normals", "labels", "segmentation")
 CAMERA = wv.Camera.from_fov(20, 12, hfov=1.2)
@@ -63,14 +63,16 @@ def test_images_made_in_parts_are_those_made_at_once(monkeypatch, name, views_at
     assert sizes == [min(step, VIEWS - first) for first in range(0, VIEWS, step)]
 
 
-def test_a_module_is_loaded_before_it_is_launched_and_once(monkeypatch):
+def test_a_module_is_loaded_before_it_is_launched(monkeypatch):
     """Two threads must not load one at the same time: `load_module` holds a lock, a launch does not."""
-    loaded, launched = [], []
-    load, run = casters.load_module, casters.run_together
-    monkeypatch.setattr(casters, "load_module", lambda kernel: (loaded.append(len(launched)), load(kernel)))
-    monkeypatch.setattr(casters, "run_together", lambda *arguments: (launched.append(1), run(*arguments)))
-    renderer = wv.Renderer(movable_boxes(), CAMERA)
+    steps = []
+    load, launch = threads.load_module, wp.launch
+    monkeypatch.setattr(threads, "load_module", lambda kernel: (steps.append("load"), load(kernel)))
+    monkeypatch.setattr(wp, "launch", lambda *inputs, **options: (steps.append("pack"), launch(*inputs, **options))[1])
+    scene = movable_boxes()
+    scene.bvh()  # has launches of its own
+    steps.clear()
+    renderer = wv.Renderer(scene, CAMERA)
     for _ in range(3):
         renderer.render(cameras())
-    assert loaded == [0]
-    assert len(launched) == 3
+    assert steps == ["load", "pack"]

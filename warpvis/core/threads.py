@@ -109,10 +109,13 @@ def launch_small(kernel: wp.Kernel, shape: int | tuple[int, ...], inputs: Kernel
     wp.launch(kernel, dim=shape, inputs=inputs, device=device)
 
 
-def launch_once(kernel: wp.Kernel, inputs: list[object]) -> None:
-    """Launch one thread of a kernel on the CPU, here."""
+def pack_launch(kernel: wp.Kernel, inputs: list[object]) -> wp.Launch:
+    """Pack a launch of one CPU thread, for several threads or times: packing takes longer than many a launch.
+
+    Structs are packed by reference: a launch reads what they hold then.
+    """
     load_module(kernel)
-    wp.launch(kernel, dim=1, inputs=inputs, device="cpu")
+    return wp.launch(kernel, dim=1, inputs=inputs, device="cpu", record_cmd=True)
 
 
 def load_module(kernel: wp.Kernel) -> None:

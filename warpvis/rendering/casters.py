@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from warpvis.core.arrays import aligned_zeros
 from warpvis.core.camera import Camera
 from warpvis.core.poses import Convention, host_poses, parse_poses
-from warpvis.core.threads import launch_images, launch_once, load_module, run_together
+from warpvis.core.threads import launch_images, pack_launch, run_together
 from warpvis.core.types import KernelArguments, PoseLike
 from warpvis.kernels.constants import COUNTER_FINISHED, JOB_COUNTERS, POSE_WORDS, TILE_SIDE
 from warpvis.scene import Scene
@@ -112,7 +112,6 @@ class PacketsCaster:
         self._cull_backfaces = cull_backfaces
         self._threads = threads
         self._idle: list[_Workspace] = []
-        self._loaded = False
 
     def parse_poses(self, poses: PoseLike, convention: Convention) -> np.ndarray:
         """Check poses, and return them as this caster takes them."""
@@ -134,9 +133,6 @@ class PacketsCaster:
         views = len(poses)
         if views == 0:
             return
-        if not self._loaded:
-            load_module(packets.cast_packets)
-            self._loaded = True
         clusters = self._scene.bvh()
         points = 0 if pixels is None else pixels.shape[2]
         space = self._take(clusters.struct, views, points)
@@ -174,17 +170,18 @@ class PacketsCaster:
                 break
             if space.key == key:
                 return space
-        job, counter = self._make_job(scene, views, points)
+        job, counter = self._make_job(views, points)
         rows = np.empty((views, POSE_WORDS), dtype=np.float32)
         poses = wp.array(rows, dtype=wp.transform, device="cpu", copy=False)
         images = packets.Images()
-        changing = {"scene": packets.NO_SCENE, "worlds": packets.NO_WORLDS}
-        inputs = [changing["scene"], job, poses, changing["worlds"], images]
-        launch = wp.launch(packets.cast_packets, dim=1, inputs=inputs, device="cpu", record_cmd=True)
+        changing = {"scene": scene, "worlds": packets.NO_WORLDS}
+        launch = pack_launch(packets.cast_packets, [scene, job, poses, packets.NO_WORLDS, images])
+        launch.launch()  # without memory, it says how much it needs
+        job.scratch = aligned_zeros((self._threads, int(job.scratch_bytes.numpy()[0])), wp.uint8)
         return _Workspace(key, job, counter, poses, rows, images, launch, changing)
 
-    def _make_job(self, scene: BvhScene, views: int, points: int) -> tuple[PacketJob, np.ndarray]:
-        from warpvis.kernels.packets import NO_IMAGES, NO_WORLDS, PacketJob, cast_packets
+    def _make_job(self, views: int, points: int) -> tuple[PacketJob, np.ndarray]:
+        from warpvis.kernels.packets import PacketJob
 
         camera, job = self._camera, PacketJob()
         job.views, job.height, job.width = views, camera.height, camera.width
@@ -200,8 +197,6 @@ class PacketsCaster:
         job.counter = wp.array(counter, dtype=wp.int32, device="cpu", copy=False)
         job.points = points
         job.scratch_bytes = wp.zeros(1, dtype=wp.int64, device="cpu")
-        launch_once(cast_packets, [scene, job, None, NO_WORLDS, NO_IMAGES])
-        job.scratch = aligned_zeros((self._threads, int(job.scratch_bytes.numpy()[0])), wp.uint8)
         return job, counter
 
 

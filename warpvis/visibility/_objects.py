@@ -28,9 +28,7 @@ BOP_DELTA = 0.015
 """The `delta` of BOP's toolkit [m] (``scripts/calc_gt_info.py``); 0.005 for ITODD and for renderings to train with."""
 
 # What is counted, in the kernels' order, and what follows from it.
-_COUNTED = dict.fromkeys(
-    ("visible_pixels", "image_pixels", "silhouette_pixels", "too_near_pixels", "too_far_pixels"), wp.int32
-)
+_COUNTED = ("visible_pixels", "image_pixels", "silhouette_pixels", "too_near_pixels", "too_far_pixels")
 _JUDGED = {
     "fraction": wp.float32,
     "status": wp.uint8,
@@ -152,7 +150,7 @@ def object_visibility(
     outputs: list[Output] = ["depth", "segmentation"] if delta > 0 else ["segmentation"]
     renderer = Renderer(scene, eye, outputs=outputs, caster=caster, threads=threads)
     kind, threads = renderer.caster, renderer.threads
-    surveyor = SilhouetteCounter(
+    counter = SilhouetteCounter(
         scene,
         camera,
         chosen,
@@ -162,18 +160,17 @@ def object_visibility(
         caster=kind,
         threads=threads,
     )
-    result = _allocate(scene, chosen, (views, count), camera if check_flag(masks, "masks") else None)
+    counted, result = _allocate(scene, chosen, (views, count), camera if check_flag(masks, "masks") else None)
     seen = None
     for part in _parts(views, camera, len(outputs), len(scene) * count, device):
         size, some = part.stop - part.start, part_of(worlds, part)
         seen = renderer.render_parsed(poses[part], some, out=_first(seen, size))
         counts = wp.zeros((SILHOUETTE_COUNTERS, size, count), dtype=wp.int32, device=device)
         hidden_by = wp.zeros((size, count, len(scene)), dtype=wp.int32, device=device)
-        surveyor.count(poses[part], some, seen, counts, hidden_by, None if result.masks is None else result.masks[part])
+        counter.count(poses[part], some, seen, counts, hidden_by, None if result.masks is None else result.masks[part])
         outs = [getattr(result, name)[part] for name in _JUDGED]
         launch_small(judge_silhouettes, (size, count), [counts, hidden_by, min_pixels, *outs], device)
-        for name, counter in zip(_COUNTED, counts, strict=False):
-            wp.copy(getattr(result, name)[part], counter)
+        wp.copy(counted[:, part], counts[: len(_COUNTED)])
     return result
 
 
@@ -199,15 +196,22 @@ def choose_objects(scene: Scene, objects: Sequence[str | int] | None) -> list[in
     return chosen
 
 
-def _allocate(scene: Scene, chosen: Sequence[int], shape: tuple[int, int], camera: Camera | None) -> ObjectVisibility:
-    """Allocate room for the results; of masks too if a camera is given."""
+def _allocate(
+    scene: Scene, chosen: Sequence[int], shape: tuple[int, int], camera: Camera | None
+) -> tuple[wp.array, ObjectVisibility]:
+    """Allocate what is counted, in one array, and the results, among which it is; masks too if a camera is given."""
     names = tuple(scene.objects[index].name for index in chosen)
-    arrays = {name: empty(shape, dtype, name=name, device=scene.device) for name, dtype in (_COUNTED | _JUDGED).items()}
+    views, count = shape
+    # Warp takes no slice of an array without rows.
+    counted = empty((len(_COUNTED), max(1, views), count), wp.int32, name="counts", device=scene.device)
+    arrays = {name: counted[row, :views] for row, name in enumerate(_COUNTED)}
+    for name, dtype in _JUDGED.items():
+        arrays[name] = empty(shape, dtype, name=name, device=scene.device)
     masks = None
     if camera is not None:
         masks = empty((*shape, camera.height, camera.width), wp.uint8, name="masks", device=scene.device)
         masks.zero_()
-    return ObjectVisibility(tuple(chosen), names, **arrays, masks=masks)
+    return counted, ObjectVisibility(tuple(chosen), names, **arrays, masks=masks)
 
 
 def _parts(views: int, camera: Camera, images: int, hidden: int, device: wp.Device) -> list[slice]:

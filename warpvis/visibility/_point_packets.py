@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import aligned_empty
 from warpvis.core.camera import Camera
-from warpvis.core.threads import launch_once, load_module, run_together
+from warpvis.core.threads import pack_launch, run_together
 from warpvis.kernels.constants import (
     COUNTER_FINISHED,
     COUNTER_NEXT_UNIT,
@@ -97,7 +97,6 @@ def judge_by_packets(
 
     if not status.size:
         return
-    load_module(judge_points_packets)
     clusters = scene.bvh()
     # Solids are drawn with what is first along a ray.
     with_id = occluders is not None or any(item.solid is not None for item in scene.objects)
@@ -107,9 +106,10 @@ def judge_by_packets(
     rows = wp.array(np.ascontiguousarray(poses), dtype=wp.transform, device="cpu", copy=False)
     lens = camera.device_struct()
     inputs = [clusters.struct, lens, rows, space.job, worlds, points, tolerance, status, occluders]
+    launch = pack_launch(judge_points_packets, inputs)
     if space.job.bins is None:
-        _make_memory(space, inputs)
-    launch = wp.launch(judge_points_packets, dim=1, inputs=inputs, device="cpu", record_cmd=True)
+        launch.launch()  # without memory, it says how much it needs
+        _make_memory(space)
     work = partial(_work, launch, space.counter, layout.units, Event())
     run_together(work, layout.workers, lambda: bool(space.counter[COUNTER_FINISHED] == layout.workers))
     if len(clusters.idle) < _KEPT:
@@ -175,11 +175,8 @@ def _make(layout: _Layout) -> _Workspace:
     return _Workspace(layout, job, counter)
 
 
-def _make_memory(space: _Workspace, inputs: list[object]) -> None:
-    """Get memory for a job: without any, a launch says how much it needs."""
-    from warpvis.kernels.point_packets import judge_points_packets
-
-    launch_once(judge_points_packets, inputs)
+def _make_memory(space: _Workspace) -> None:
+    """Get memory for a job that has said how much it needs."""
     bins, scratch = space.job.bytes.numpy().tolist()
     workers = space.layout.workers
     space.job.bins = aligned_empty((workers if space.layout.views_are_units else 1, bins), wp.uint8)

@@ -12,7 +12,7 @@ import warp as wp
 
 from warpvis.core.arrays import aligned_zeros
 from warpvis.core.camera import Camera
-from warpvis.core.threads import launch_images, launch_once, launch_small, run_together
+from warpvis.core.threads import launch_images, launch_small, pack_launch, run_together
 from warpvis.core.types import KernelArguments
 from warpvis.kernels.constants import COUNTER_FINISHED, JOB_COUNTERS
 from warpvis.rendering import Views
@@ -147,9 +147,9 @@ class SilhouetteCounter:
         job.scratch_bytes = wp.zeros(1, dtype=wp.int64, device="cpu")
         scene, camera = self._apart.bvh().struct, self._camera.device_struct()
         arguments = [scene, self._chosen, camera, poses, job, self._canvas, worlds, compared, *outputs]
-        launch_once(measure_silhouettes_packets, arguments)  # without memory, it says how much it needs
+        launch = pack_launch(measure_silhouettes_packets, arguments)
+        launch.launch()  # without memory, it says how much it needs
         job.scratch = aligned_zeros((workers, int(job.scratch_bytes.numpy()[0])), wp.uint8)
-        launch = wp.launch(measure_silhouettes_packets, dim=1, inputs=arguments, device="cpu", record_cmd=True)
         run_together(launch.launch, workers, lambda: bool(counter[COUNTER_FINISHED] == workers))
 
 
