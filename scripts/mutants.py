@@ -13,7 +13,7 @@ import random
 import re
 import tokenize
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 RELATIONS = {"<": "<=", "<=": "<", ">": ">=", ">=": ">", "==": "!=", "!=": "=="}
 """Mistakes at a border, or of what is compared."""
@@ -56,6 +56,8 @@ class Mutant:
     before: str
     after: str
     """The line, without its end."""
+    above: str = ""
+    """The line before it."""
 
     @property
     def place(self) -> str:
@@ -104,7 +106,12 @@ def mutants_of(path: str, text: str) -> list[Mutant]:
     tokens = list(_python_tokens(text) if is_python else _tokens(text))
     dropped = _python_statements(path, text) if is_python else _statements(path, text)
     found = [mutant for token in tokens for mutant in _of_token(path, token)]
-    return [mutant for mutant in dict.fromkeys([*found, *dropped]) if mutant.before != mutant.after]
+    lines = ["", *text.split("\n")]
+    return [
+        replace(mutant, above=lines[mutant.number - 1])
+        for mutant in dict.fromkeys([*found, *dropped])
+        if mutant.before != mutant.after
+    ]
 
 
 def choose(mutants: Iterable[Mutant], count: int, seed: int) -> list[Mutant]:

@@ -173,12 +173,27 @@ def _first_failure(output: str) -> str:
     return (marked or lines or ["no output"])[-1 if not marked else 0][:160]
 
 
-def known_equivalents(path: Path = EQUIVALENTS) -> dict[tuple[str, str], str]:
-    """Reasons by a line and what it becomes, both without their indentation."""
-    if not path.is_file():
-        return {}
-    entries = tomllib.loads(path.read_text(encoding="utf-8")).get("mutant", [])
-    return {(entry["line"], entry["becomes"]): entry["reason"] for entry in entries}
+@dataclass(frozen=True)
+class Equivalent:
+    """A mutant that no test can notice, known by its line, without indentation, and where that is not enough, by what
+    stands above it.
+    """
+
+    line: str
+    becomes: str
+    reason: str
+    above: str = ""
+
+    def excuses(self, mutant: Mutant) -> bool:
+        """Tell whether it is this mutant."""
+        same = (self.line, self.becomes) == (mutant.before.strip(), mutant.after.strip())
+        return same and self.above in ("", mutant.above.strip())
+
+
+def known_equivalents(path: Path = EQUIVALENTS) -> list[Equivalent]:
+    """Return what the list says."""
+    entries = tomllib.loads(path.read_text(encoding="utf-8")).get("mutant", []) if path.is_file() else []
+    return [Equivalent(**entry) for entry in entries]
 
 
 def collect(patterns: list[str], at: list[str]) -> list[Mutant]:
@@ -258,9 +273,9 @@ def main() -> int:
 
             def work() -> None:
                 while len(verdicts) < wanted and (mutant := next(rest, None)) is not None:
-                    key = (mutant.before.strip(), mutant.after.strip())
-                    if key in equivalents:
-                        verdict = Verdict(mutant, "equivalent", equivalents[key])
+                    reasons = [known.reason for known in equivalents if known.excuses(mutant)]
+                    if reasons:
+                        verdict = Verdict(mutant, "equivalent", reasons[0])
                     else:
                         verdict = judge(mutant, copies, arguments.command, limits)
                     if copies.stopped:

@@ -76,3 +76,15 @@ def test_a_module_is_loaded_before_it_is_launched(monkeypatch):
     for _ in range(3):
         renderer.render(cameras())
     assert steps == ["load", "pack"]
+
+
+def test_memory_is_used_again(monkeypatch):
+    made = []
+    renderer = wv.Renderer(movable_boxes(), CAMERA)
+    make = renderer._caster._make_job
+    monkeypatch.setattr(renderer._caster, "_make_job", lambda *key: (made.append(key), make(*key))[1])
+    for _ in range(3):
+        renderer.render(cameras())
+    assert len(made) == 1
+    renderer.render(cameras()[:2])
+    assert len(made) == 2

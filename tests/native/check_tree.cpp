@@ -66,6 +66,7 @@ struct Checker {
     const std::vector<Vec>& cameras;
     std::vector<int> times_seen, times_visited;
     int levels = 0;
+    bool is_flat = false;
     const char* wrong = nullptr;
 
     void say(bool right, const char* what) {
@@ -76,7 +77,20 @@ struct Checker {
         float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
         std::vector<int> triangles;
         bool all_closed = true;
+        int height = 0;  // of nodes, none for a leaf
     };
+
+    // Whether all triangles face one way.
+    bool find_flat() const {
+        Vec first = {0, 0, 0};
+        for (int triangle = 0; triangle < mesh.count(); ++triangle) {
+            const Vec a = corner(triangle, 0), n = (corner(triangle, 1) - a).cross(corner(triangle, 2) - a);
+            if (n.length() == 0) return false;
+            if (triangle == 0) first = n * (1 / n.length());
+            if ((n * (1 / n.length()) - first).length() > 1e-6) return false;
+        }
+        return true;
+    }
 
     Vec corner(int triangle, int k) const {
         const float* p = &mesh.vertices[3 * mesh.faces[3 * triangle + k]];
@@ -119,6 +133,8 @@ struct Checker {
             say(row[(3 + k) * tree.lanes] == under.high[k], "greatest corner");
         }
         const double cutoff = row[9 * tree.lanes];
+        // Where all triangles face one way, rounding is all that makes a cone wider, level by level.
+        say(!is_flat || !under.all_closed || cutoff < 1.5e-3 * (under.height + 1), "a cone that is too wide");
         const Vec axis = {row[6 * tree.lanes], row[7 * tree.lanes], row[8 * tree.lanes]};
         say(cutoff == 2.0 || under.all_closed, "a cone of what is not closed");
         if (cutoff == 2.0) return;
@@ -168,6 +184,7 @@ struct Checker {
             if (tree.lanes == 16) check_turned(node, k, under);
             all.triangles.insert(all.triangles.end(), under.triangles.begin(), under.triangles.end());
             all.all_closed &= under.all_closed;
+            all.height = std::max(all.height, under.height + 1);
             for (int i = 0; i < 3; ++i) {
                 all.low[i] = std::min(all.low[i], under.low[i]);
                 all.high[i] = std::max(all.high[i], under.high[i]);
@@ -178,6 +195,7 @@ struct Checker {
 
     const char* fault(bool evenly) {
         times_seen.assign(mesh.count(), 0), times_visited.assign(tree.nodes, 0);
+        is_flat = find_flat();
         visit(0, 1);
         say(tree.exact_areas, "area of a part");
         for (int times : times_seen) say(times == 1, "a triangle is not there once");
@@ -203,7 +221,7 @@ static void check_scene(uint64_t seed) {
     for (int i = 0; i < 6; ++i) cameras.push_back({random.real(-2, 2), random.real(-2, 2), random.real(-2, 2)});
     for (int lanes : {16, 32}) {
         const BuiltTree tree = build_tree(lanes, mesh, owner, closed, evenly, depth);
-        Checker checker = {mesh, tree, owner, closed, cameras, {}, {}, 0, nullptr};
+        Checker checker = {mesh, tree, owner, closed, cameras, {}, {}, 0, false, nullptr};
         const char* fault = checker.fault(evenly);
         if (fault) fail(seed, lanes, fault, "%d triangles", mesh.count());
     }
