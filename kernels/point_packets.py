@@ -68,7 +68,7 @@ Workers::give_back_memory(job.taken.data, slot);
 """
 
 
-@wp.func_native(read_native(*HEADERS, "cpu/points.h") + SCENE + _JUDGE)
+@wp.func_native(read_native(*HEADERS, "cpu/point_bins.h", "cpu/points.h") + SCENE + _JUDGE)
 def judge_units(
     scene: BvhScene,
     camera: PinholeCamera,

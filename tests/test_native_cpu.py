@@ -36,7 +36,7 @@ def test_the_checks_have_the_headers_that_warp_compiles():
     casting = text.split("namespace casting {")[1].split("}")[0]
     included = re.findall(r'#include "([^"]+)"', casting)
     guarded = ["guarded_arena.h" if name == "cpu/arena.h" else name for name in HEADERS]
-    assert included == [*guarded, "cpu/points.h", "cpu/silhouettes.h"]
+    assert included == [*guarded, "cpu/point_bins.h", "cpu/points.h", "cpu/silhouettes.h"]
 
 
 def test_the_guarded_arena_has_the_face_of_the_real_one():

@@ -28,6 +28,7 @@ namespace casting {
 #include "cpu/walk.h"
 #include "cpu/movables.h"
 #include "cpu/packets.h"
+#include "cpu/point_bins.h"
 #include "cpu/points.h"
 #include "cpu/silhouettes.h"
 }  // namespace casting

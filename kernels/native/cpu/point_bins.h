@@ -1,0 +1,251 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The first half of what points.h does: points are projected, chunk by chunk, and sorted into the bins of their rows of
+// tiles.
+
+// A point in view and in range.
+struct ProjectedPoint {
+    float u, v, inv_z;
+    unsigned key;  // which of its chunk's points it is, and above that its cell in a row of tiles
+};
+static_assert(sizeof(ProjectedPoint) * LANES == 4 * sizeof(Floats), "they are turned into packets by whole registers");
+
+struct PointJob {
+    const float* place;  // [point]: x y z in the world
+    int count;  // points, of every view
+    int batch;  // of them that are worked on at a time
+    int strip_tiles;  // rows of tiles in a strip
+    bool views_are_units;  // whether a unit of work is a view, not a part of one
+    bool with_id;  // whether it is kept what hides a point
+    double width, height;  // of the image, in the job's pixels, which need not be the camera's
+    float tolerance;  // how far behind a surface a point still counts as seen [m]
+    unsigned char* status;  // [view][point]
+    int* occluders;  // [view][point], or null
+
+    inline int batches() const { return (int)(((long long)count + batch - 1) / batch); }
+    inline int chunks() const { return (batch + POINT_CHUNK - 1) / POINT_CHUNK; }  // of a batch
+    inline int strips(int tiles_y) const { return (tiles_y + strip_tiles - 1) / strip_tiles; }
+};
+
+// A view's points while they are worked on, in bins: chunks, and in these rows of tiles. Then packets of them.
+struct PointBins {
+    int rows;  // of tiles in the image
+    int* ends;  // [chunk][row]: where its points end
+    ProjectedPoint* points;  // [chunk][point], by rows
+    int* point_index;  // [lane] of packets, and so the others
+    float *u, *v, *inv_z;
+    int* id;  // what hides a point; null if nobody asks
+
+    static inline PointBins carve(Arena& arena, const PointJob& points, int tiles_x, int tiles_y) {
+        const long long chunks = points.chunks();
+        const long long strip_cells = (long long)tiles_x * points.strip_tiles * TILE_BLOCKS;
+        const long long lanes = Sparse::most_lanes(points.batch, strip_cells * points.strips(tiles_y));
+        PointBins bins;
+        bins.rows = tiles_y;
+        bins.ends = arena.ints(chunks * tiles_y);
+        bins.points = (ProjectedPoint*)arena.take(chunks * POINT_CHUNK * (long long)sizeof(ProjectedPoint));
+        bins.point_index = arena.ints(lanes);
+        bins.u = arena.floats(lanes);
+        bins.v = arena.floats(lanes);
+        bins.inv_z = arena.floats(lanes);
+        bins.id = points.with_id ? arena.ints(lanes) : nullptr;
+        return bins;
+    }
+
+    inline int begin_of(int chunk, int row) const { return row > 0 ? ends[(long long)chunk * rows + row - 1] : 0; }
+    inline int end_of(int chunk, int row) const { return ends[(long long)chunk * rows + row]; }
+    inline ProjectedPoint* of_chunk(int chunk) const { return points + (long long)chunk * POINT_CHUNK; }
+
+    // Points in some rows.
+    inline int count(int chunks, int first, int end) const {
+        int sum = 0;
+        for (int chunk = 0; chunk < chunks; ++chunk) sum += end_of(chunk, end - 1) - begin_of(chunk, first);
+        return sum;
+    }
+};
+
+// A worker's memory for chunks and strips of points.
+struct PointMemory {
+    ProjectedPoint* placed;  // of a chunk or of a row of tiles; whole registers are read of the last ones
+    int* cell_ends;  // [cell of a row of tiles]
+    Image image;
+    Traversal traversal;
+
+    static inline PointMemory carve(Arena& arena, const PointJob& points, int tiles_x, int movables, int levels) {
+        const long long tiles = (long long)tiles_x * points.strip_tiles;
+        PointMemory memory;
+        memory.placed = (ProjectedPoint*)arena.take((points.batch + LANES) * (long long)sizeof(ProjectedPoint));
+        memory.cell_ends = arena.ints((long long)tiles_x * TILE_BLOCKS);
+        memory.image.empty = nullptr;
+        memory.image.rows = nullptr;
+        memory.image.id_rows = nullptr;
+        memory.image.first_packet = arena.ints(tiles * TILE_BLOCKS + 1);
+        memory.image.take_blocks(arena, tiles);
+        memory.traversal = Traversal::carve(arena, movables, levels);
+        return memory;
+    }
+};
+
+// What all units of work share.
+struct PointWork {
+    const Scene& scene;
+    const Job& job;
+    const PointJob& points;
+    const PointBins& bins;
+};
+
+// A point of a view in each lane.
+struct Projection {
+    Floats u, v, inv_z;
+    Ints column, row;  // of pixels
+    Ints status;  // visible as far as is known
+
+    typedef float HalfFloats __attribute__((ext_vector_type(LANES / 2)));
+    typedef int HalfInts __attribute__((ext_vector_type(LANES / 2)));
+    typedef double HalfDoubles __attribute__((ext_vector_type(LANES / 2)));
+
+    // Half of them: for all in double precision there are too few registers.
+    struct Half {
+        HalfFloats u, v, inv_z, depth;
+        HalfInts column, row, in_view;
+
+        static inline Half of(const Pose& pose, const Job& job, const PointJob& points, HalfFloats at_x,
+                              HalfFloats at_y, HalfFloats at_z) {
+            const HalfDoubles x = exact(at_x) - pose.position[0], y = exact(at_y) - pose.position[1],
+                              z = exact(at_z) - pose.position[2], none = (HalfDoubles)(0.0);
+            const ExactRow* m = pose.axis;
+            const HalfDoubles ahead = m[2][0] * x + (m[2][1] * y + m[2][2] * z), inv_z = 1.0 / ahead;
+            const HalfDoubles right = (m[0][0] * x + (m[0][1] * y + m[0][2] * z)) * job.focal[0];
+            const HalfDoubles down = (m[1][0] * x + (m[1][1] * y + m[1][2] * z)) * job.focal[1];
+            // Not by the quotients, whose rounding would decide for points on a border.
+            const HalfDoubles left = right + job.center[0] * ahead, top = down + job.center[1] * ahead;
+            const auto in_view = (ahead > none) & (left >= none) & (left < points.width * ahead) & (top >= none) &
+                                 (top < points.height * ahead);
+            const HalfDoubles column = in_view ? left * inv_z : none, row = in_view ? top * inv_z : none;
+            return Half{narrow(right * inv_z),
+                        narrow(down * inv_z),
+                        narrow(inv_z),
+                        narrow(ahead),
+                        before(__builtin_convertvector(column, HalfInts), job.width),
+                        before(__builtin_convertvector(row, HalfInts), job.height),
+                        __builtin_convertvector(in_view, HalfInts)};
+        }
+        static inline HalfInts before(HalfInts value, int end) { return value < end ? value : end - 1; }
+        static inline HalfDoubles exact(HalfFloats value) { return __builtin_convertvector(value, HalfDoubles); }
+        static inline HalfFloats narrow(HalfDoubles value) { return __builtin_convertvector(value, HalfFloats); }
+    };
+
+    // The number of a point's cell in a row of tiles.
+    inline Ints cell_of_row() const {
+        const Ints bx = (column >> BLOCK_SHIFT) & (BLOCKS_ACROSS - 1), by = (row >> BLOCK_SHIFT) & (BLOCKS_ACROSS - 1);
+        return (column >> TILE_SHIFT) * (int)TILE_BLOCKS + by * (int)BLOCKS_ACROSS + bx;
+    }
+
+    static inline Floats join(HalfFloats a, HalfFloats b) {
+        return __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    }
+    static inline Ints join(HalfInts a, HalfInts b) {
+        return __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    }
+
+    static inline Projection of(const Pose& pose, const Job& job, const PointJob& points, Points at) {
+        const Half a = Half::of(pose, job, points, at.x.lo, at.y.lo, at.z.lo);
+        const Half b = Half::of(pose, job, points, at.x.hi, at.y.hi, at.z.hi);
+        const Floats depth = join(a.depth, b.depth);
+        Ints status = Lanes::all_ints(POINT_VISIBLE);
+        status = depth > Lanes::all(job.far) ? Lanes::all_ints(POINT_TOO_FAR) : status;
+        status = depth < Lanes::all(job.near) ? Lanes::all_ints(POINT_TOO_NEAR) : status;
+        status = join(a.in_view, b.in_view) ? status : Lanes::all_ints(POINT_OUT_OF_VIEW);
+        return Projection{join(a.u, b.u),           join(a.v, b.v),     join(a.inv_z, b.inv_z),
+                          join(a.column, b.column), join(a.row, b.row), status};
+    }
+};
+
+// The first half of the work: a chunk of points is projected, and sorted by rows of tiles.
+struct PointChunk {
+    int view;
+    int number;  // of the chunk in its batch
+    int first, count;  // of its points
+
+    static inline PointChunk of(const PointJob& points, int view, int batch, int number) {
+        const long long first = (long long)batch * points.batch + (long long)number * POINT_CHUNK;
+        const long long all = (batch + 1LL) * points.batch, end = all < points.count ? all : points.count;
+        const long long left = first < end ? end - first : 0, count = left < POINT_CHUNK ? left : POINT_CHUNK;
+        return PointChunk{view, number, (int)first, (int)count};
+    }
+
+    inline void sort(const PointWork& work, ProjectedPoint* loose) const {
+        unsigned short row_of[POINT_CHUNK];
+        const PointBins& bins = work.bins;
+        const int found = project(work, loose, row_of);
+        int* place = bins.ends + (long long)number * bins.rows;
+        for (int row = 0; row < bins.rows; ++row) place[row] = 0;
+        for (int i = 0; i < found; ++i) place[row_of[i]] += 1;
+        sum_up(place, bins.rows);
+        ProjectedPoint* sorted = bins.of_chunk(number);
+        for (int i = 0; i < found; ++i) sorted[place[row_of[i]]++] = loose[i];
+    }
+
+    // Say what points are that cannot be hidden, and put down the others and their rows; returns how many.
+    inline int project(const PointWork& work, ProjectedPoint* loose, unsigned short* row_of) const {
+        const PointJob& points = work.points;
+        const Pose pose = work.job.pose_of(view);
+        int found = 0;
+        for (int i = 0; i < count; i += LANES) {
+            const int here = count - i < LANES ? count - i : LANES;
+            const Projection p = Projection::of(pose, work.job, points, load(points.place + (first + i) * 3LL, here));
+            write(points, (long long)view * points.count + first + i, p.status, here);
+            unsigned seen = Lanes::bits(p.status == Lanes::all_ints(POINT_VISIBLE)) & ((1u << here) - 1);
+            if (!seen) continue;
+            float u[LANES], v[LANES], inv_z[LANES];
+            int key[LANES], row[LANES];
+            Lanes::store(u, p.u);
+            Lanes::store(v, p.v);
+            Lanes::store(inv_z, p.inv_z);
+            Lanes::store(key, (p.cell_of_row() << POINT_CHUNK_BITS) | (Lanes::index() + i));
+            Lanes::store(row, p.row >> TILE_SHIFT);
+            for (; seen; seen &= seen - 1) {
+                const int k = Lanes::first_lane(seen);
+                loose[found] = ProjectedPoint{u[k], v[k], inv_z[k], (unsigned)key[k]};
+                row_of[found++] = (unsigned short)row[k];
+            }
+        }
+        return found;
+    }
+
+    // From how many there are of each kind to where the first one of each belongs.
+    static inline void sum_up(int* counts, int kinds) {
+        for (int k = 0, sum = 0; k < kinds; ++k) {
+            const int count = counts[k];
+            counts[k] = sum;
+            sum += count;
+        }
+    }
+
+    // A point in each lane, or as many as there are.
+    static inline Points load(const float* from, int count) {
+        float last[3 * LANES] = {};
+        if (count < LANES) {
+            __builtin_memcpy(last, from, count * 3 * sizeof(last[0]));
+            from = last;
+        }
+        const Floats a = Lanes::load(from), b = Lanes::load(from + LANES), c = Lanes::load(from + 2 * LANES);
+        const Floats x = __builtin_shufflevector(a, b, 0, 3, 6, 9, 12, 15, 18, 21, 24, 27, 30, 0, 0, 0, 0, 0);
+        const Floats y = __builtin_shufflevector(a, b, 1, 4, 7, 10, 13, 16, 19, 22, 25, 28, 31, 0, 0, 0, 0, 0);
+        const Floats z = __builtin_shufflevector(a, b, 2, 5, 8, 11, 14, 17, 20, 23, 26, 29, 0, 0, 0, 0, 0, 0);
+        return Points{__builtin_shufflevector(x, c, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 17, 20, 23, 26, 29),
+                      __builtin_shufflevector(y, c, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 18, 21, 24, 27, 30),
+                      __builtin_shufflevector(z, c, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 16, 19, 22, 25, 28, 31)};
+    }
+
+    static inline void write(const PointJob& points, long long at, Ints status, int count) {
+        typedef unsigned char Bytes __attribute__((ext_vector_type(LANES)));
+        const Bytes narrow = __builtin_convertvector(status, Bytes);
+        if (count == LANES)
+            __builtin_memcpy(points.status + at, &narrow, LANES);
+        else
+            __builtin_memcpy(points.status + at, &narrow, count);
+        for (int k = 0; k < count && points.occluders; ++k) points.occluders[at + k] = -1;
+    }
+};
