@@ -56,7 +56,10 @@ struct Aabb {
 static_assert(sizeof(v8) == ITEM_WORDS * sizeof(float), "Python gets memory for items");
 
 struct Items {
-    static int triangle(v8 item) { return ((int)item.s7 << 16) | (int)item.s3; }
+    // A float holds whole numbers of 24 bits: the index is kept in two halves.
+    enum { HALF_BITS = 16, LOW_HALF = (1 << HALF_BITS) - 1 };
+
+    static int triangle(v8 item) { return ((int)item.s7 << HALF_BITS) | (int)item.s3; }
 
     static void load(const float* vertices, const int* faces, int triangle, v8* items) {
         const float* a = vertices + 3 * (long long)faces[3 * (long long)triangle];
@@ -64,8 +67,8 @@ struct Items {
         const float* c = vertices + 3 * (long long)faces[3 * (long long)triangle + 2];
         v4 pa = {a[0], a[1], a[2], 0.0f}, pb = {b[0], b[1], b[2], 0.0f}, pc = {c[0], c[1], c[2], 0.0f};
         v8 item = Aabb::unite(Aabb::of_point(pa), Aabb::unite(Aabb::of_point(pb), Aabb::of_point(pc)));
-        item.s3 = (float)(triangle & 0xffff);
-        item.s7 = (float)(triangle >> 16);
+        item.s3 = (float)(triangle & LOW_HALF);
+        item.s7 = (float)(triangle >> HALF_BITS);
         items[triangle] = item;
     }
 };
@@ -257,7 +260,7 @@ struct Splitter {
     // Splits a range, its parts and so on until all are leaves, or just `most_splits` times. The smaller part comes
     // first, so that the parts that wait are at most as many as the count has bits.
     static void split_all(v8* items, Split* splits, int begin, int end, int link, int depth, int most_splits) {
-        Range stack[64];
+        Range stack[8 * sizeof(end)];
         int waiting = 0;
         stack[waiting++] = Range{begin, end, link, depth, Aabb::of_centres(items, begin, end)};
         while (waiting > 0) {
