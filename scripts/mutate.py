@@ -40,7 +40,7 @@ PYTEST = f"{PYTHON} -m pytest -q -x -p no:cacheprovider"
 NATIVE = f"{PYTHON} tests/native_build.py"
 
 _PICTURES = ("casters", "packets", "worlds", "solids", "points", "point_packets", "object_visibility", "bvh")
-_RENDER = ("rendering", "panorama", "casters", "worlds", "packets", "interop", "threads", "bad_input")
+_RENDER = ("rendering", "panorama", "casters", "worlds", "packets", "cuda_packets", "interop", "threads", "bad_input")
 
 
 @dataclass(frozen=True)

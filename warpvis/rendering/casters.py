@@ -151,7 +151,7 @@ class PacketsCaster:
             setattr(space.images, name, None)
         if pixels is not None:
             space.job.at = None
-        if worlds.object_poses is not None or worlds.world is not None or worlds.excluded is not None:
+        if worlds.object_poses is not None:  # what nothing moves in and nothing is said of holds no arrays
             space.pack(worlds=packets.NO_WORLDS)
         self._idle.append(space)
 
