@@ -159,6 +159,11 @@ def test_strips_cover_the_image(shape, threads):
     assert views * (len(rows) - 1) >= min(threads, -(-height // 16))
 
 
+def test_strips_are_shares_of_the_rows_that_are_left():
+    """A quarter of them each, for two threads, in whole tiles: so that threads end at about the same time."""
+    assert split_rows(1, 480, 2).tolist() == [0, 128, 224, 288, 336, 384, 416, 432, 448, 464, 480]
+
+
 def test_memory_of_the_caller_may_start_anywhere():
     """Images at odd addresses, of odd widths: what is asked for is written, and nothing beside it."""
     preset = scenes.PRESETS["room"]

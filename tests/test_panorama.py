@@ -84,6 +84,13 @@ def test_a_floor_seen_at_a_grazing_angle(projection, device):
     assert_matches_reference(views, scene, poses, wide_rays(96, 96, 0.1, projection))
 
 
+def test_no_more_than_once_around(device):
+    scene, poses = wv.scenes.PRESETS["room"].build(device), wv.scenes.PRESETS["room"].poses(1)
+    assert render_wide(scene, 8, 4, 6.2832, poses).depth.shape == (1, 4, 8)
+    with pytest.raises(wv.WarpvisError, match="radians"):
+        render_wide(scene, 8, 4, 6.2834, poses)
+
+
 @pytest.mark.parametrize("hfov", [1.5, AROUND])
 def test_lengths_are_the_pinholes(projection, hfov, device):
     """Planar depth through the same direction, times the length of the ray of depth 1."""

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a renderer does around its casters: parts of a batch, and modules loaded before threads meet."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import trimesh
@@ -61,6 +63,19 @@ def test_images_made_in_parts_are_those_made_at_once(monkeypatch, name, views_at
         np.testing.assert_array_equal(getattr(got, output).numpy(), getattr(expected, output).numpy(), err_msg=output)
     step = max(1, min(int(views_at_a_time), VIEWS))
     assert sizes == [min(step, VIEWS - first) for first in range(0, VIEWS, step)]
+
+
+def test_which_images_of_a_gpu_go_to_the_host():
+    """Those that are more than it may hold, and those that the caller has there; no others."""
+    on_host, on_gpu = wp.zeros((1, 12, 20), device="cpu"), SimpleNamespace(is_cpu=False)
+    renderer = SimpleNamespace(scene=SimpleNamespace(device=on_gpu), outputs=("depth",), device_bytes=1000)
+    renderer._bytes_per_pixel = lambda: 4
+    decide = wv.Renderer._on_host
+    assert decide(renderer, (1, 10, 25), None) is False
+    assert decide(renderer, (1, 10, 26), None) is True
+    assert decide(renderer, (1, 12, 20), wv.Views(depth=on_host)) is True
+    assert decide(renderer, (1, 12, 20), wv.Views()) is False
+    assert decide(renderer, (1, 12, 20), wv.Views(depth=np.zeros((1, 12, 20)))) is False
 
 
 def test_a_module_is_loaded_before_it_is_launched(monkeypatch):
