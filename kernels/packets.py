@@ -68,6 +68,8 @@ class PacketJob:
     center_y: wp.float64
     near: float
     far: float
+    most_inv_z: float
+    clip_reach: float
     cull_backfaces: int
     points: int
     at: wp.array[float]
@@ -117,7 +119,8 @@ const Scene drawn = {
 _CAST = """
 const Job shape = {job.views, job.height, job.width, job.strips, job.strip_rows.data, job.most_rows,
                    {job.focal_x, job.focal_y}, {job.center_x, job.center_y}, job.near, job.far,
-                   job.cull_backfaces != 0, (const float*)poses.data, job.points, job.at.data};
+                   job.most_inv_z, job.clip_reach, job.cull_backfaces != 0, (const float*)poses.data, job.points,
+                   job.at.data};
 if (!job.scratch.data) {
     Arena measured = Arena::at(nullptr);
     StripMemory::carve(measured, shape, scene.movable_count, scene.levels);

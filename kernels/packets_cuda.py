@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The ``packets`` caster on CUDA: a warp takes a block of pixels down a BVH of 32 lanes.
 
-The C++ is in ``kernels/native/cuda/``. There is a kernel for every size of packet, with and without
-what tells objects apart, and with and without objects that move.
+The C++ is in ``kernels/native/cuda/``. There is a kernel for every size of packet, with and without what tells objects
+apart, with and without objects that move, and with and without a near plane that cuts.
 """
 
 import warp as wp
@@ -51,20 +51,23 @@ const Scene all = {
      scene.movable_first_id.data, scene.movable_closed.data, scene.movable_boxes.data, scene.movable_solid.data,
      (const float*)scene.movable_size.data, object_poses, excluded}};
 const View shape = {view, (int)camera.width, (int)camera.height, {camera.fx, camera.fy}, {camera.cx, camera.cy},
-                    camera.near, camera.far, (const float*)(poses.data + view), cull_backfaces};
+                    camera.near, camera.far, camera.most_inv_z, camera.clip_reach,
+                    (const float*)(poses.data + view), cull_backfaces};
 Packets::cast(all, shape, out, packet_x, packet_y, memory);
 """
 
 
-def make_packet_function(side: int, with_id: bool, movable: bool) -> wp.Function:
+def make_packet_function(side: int, with_id: bool, movable: bool, clip: bool) -> wp.Function:
     """Make the native function of a kernel: what each thread of a warp calls.
 
     Args:
         side: 8, 16 or 32.
         with_id: Whether normals, labels or objects may be asked for.
         movable: Whether the scene may have movable objects.
+        clip: Whether what is nearer than the camera's `near` is not there.
     """
-    head = f"enum {{ PACKET_WIDTH = {side}, PACKET_HEIGHT = {side}, LEVELS = {LEVELS}, MOVABLE = {int(movable)} }};\n"
+    head = f"enum {{ PACKET_WIDTH = {side}, PACKET_HEIGHT = {side}, LEVELS = {LEVELS} }};\n"
+    head += f"enum {{ MOVABLE = {int(movable)}, CLIP = {int(clip)} }};\n"
     kind = "cuda/depth_id.h" if with_id else "cuda/depth.h"
 
     @wp.func_native(head + read_native(*_SHARED_HEADERS, "cuda/lanes.h", kind, *_HEADERS) + NATIVE_IMAGES + _CAST)
@@ -83,15 +86,9 @@ def make_packet_function(side: int, with_id: bool, movable: bool) -> wp.Function
     return cast_packet
 
 
-def make_packet_kernel(side: int, with_id: bool, movable: bool) -> wp.Kernel:
-    """Make a kernel for packets of `side` x `side` pixels.
-
-    Args:
-        side: 8, 16 or 32.
-        with_id: Whether normals, labels or objects may be asked for.
-        movable: Whether the scene may have movable objects.
-    """
-    cast_packet = make_packet_function(side, with_id, movable)
+def make_packet_kernel(side: int, with_id: bool, movable: bool, clip: bool) -> wp.Kernel:
+    """Make a kernel for packets of `side` x `side` pixels; see `make_packet_function`."""
+    cast_packet = make_packet_function(side, with_id, movable, clip)
 
     # More registers than these leave too few warps on a multiprocessor, fewer spill too much.
     @wp.kernel(module="unique", enable_backward=False, grid_stride=False, cuda_max_registers=96 if movable else 80)

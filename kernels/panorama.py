@@ -68,5 +68,5 @@ def cast_wide_rays(
 
     pose = camera_to_world[view]
     ray = wide_ray(camera, y, x)
-    seen = look(scene, camera.near, camera.far, pose, worlds, view, ray, False, cull_backfaces)
+    seen = look(scene, camera.near, camera.far, pose, worlds, view, ray, False, 0.0, cull_backfaces)
     write(scene, pose, worlds, seen, view, y, x, images_out)

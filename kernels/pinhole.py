@@ -20,6 +20,8 @@ class PinholeCamera:
     cy: wp.float64
     near: float
     far: float
+    most_inv_z: float  # surfaces of more 1 / z than this are not there; endless where near ones hide what is behind
+    clip_reach: float  # how far from the camera such surfaces may be in the image [m]; 0 where there are none
 
 
 @wp.struct
@@ -47,6 +49,12 @@ def image_ray(camera: PinholeCamera, at: wp.vec2) -> wp.vec3d:
     return wp.vec3d(
         (wp.float64(at[0]) - camera.cx) / camera.fx, (wp.float64(at[1]) - camera.cy) / camera.fy, wp.float64(1.0)
     )
+
+
+@wp.func
+def clip_depth(camera: PinholeCamera) -> float:
+    """Depth below which surfaces are not there; 0 where near ones hide what is behind them."""
+    return wp.where(camera.clip_reach > 0.0, camera.near, 0.0)
 
 
 @wp.func

@@ -12,6 +12,7 @@ from warpvis.kernels.images import Images
 from warpvis.kernels.pinhole import (
     PinholeCamera,
     Window,
+    clip_depth,
     forward_axis,
     image_ray,
     pixel_ray,
@@ -150,13 +151,14 @@ def first_hit(
     movable: int,
     origin: wp.vec3,
     direction: wp.vec3,
+    least_t: float,
     most_t: float,
     cull: bool,
 ) -> wp.MeshQueryRay:
     """The first hit that counts: past every other the ray goes on from just behind it. Its t is the depth."""
     mesh = mesh_of(scene, movable)
-    hit = wp.mesh_query_ray(mesh, origin, direction, most_t)
-    passed = float(0.0)
+    passed = float(least_t)
+    hit = wp.mesh_query_ray(mesh, origin + passed * direction, direction, most_t - passed)
     if cull or worlds.excluded or hit.t < CLOSE:
         while hit.result and passes(scene, worlds, view, movable, origin, hit.t + passed, hit.face, direction, cull):
             passed += wp.max(hit.t, 0.0) + 1.0e-6 * wp.max(1.0, passed)
@@ -210,9 +212,13 @@ def look(
     view: int,
     ray: wp.vec3d,
     is_planar: bool,
+    clip: float,
     cull_backfaces: bool,
 ) -> Seen:
-    """What a camera at a pose sees along a ray of its frame: of z = 1 for planar depth, of length 1 for a length."""
+    """What a camera at a pose sees along a ray of its frame: of z = 1 for planar depth, of length 1 for a length.
+
+    What is nearer than `clip` is not there; what is nearer than `near` hides what is behind it.
+    """
     in_world = camera_frame(pose)
     seen = nothing()
     seen.direction = wp.quat_rotate(in_world.rotation, ray)
@@ -231,8 +237,13 @@ def look(
             index = scene.movable_object[movable]
             shown = index < 0 or not is_excluded(worlds, view, index)
             frame = seen_from(in_world, worlds.object_poses[world, movable])
-        if shown and movable >= 0 and shows_solid(scene, frame.origin, movable):
+        is_round = shown and movable >= 0 and shows_solid(scene, frame.origin, movable)
+        met = SolidHit()
+        if is_round:
             met = solid_hit(scene, frame, ray, movable)
+            # Where it is cut open, its triangles stand for it, as from inside.
+            is_round = not met.w * wp.float64(clip) > wp.float64(1.0)
+        if is_round:
             if met.w * wp.float64(nearest) > wp.float64(1.0):
                 seen.face = met.part
                 seen.movable = movable
@@ -240,7 +251,8 @@ def look(
                 nearest = float(wp.float64(1.0) / met.w)
         elif shown:
             direction = wp.vec3(wp.quat_rotate(frame.rotation, ray))
-            hit = first_hit(scene, worlds, view, movable, wp.vec3(frame.origin), direction, nearest, cull_backfaces)
+            eye = wp.vec3(frame.origin)
+            hit = first_hit(scene, worlds, view, movable, eye, direction, clip, nearest, cull_backfaces)
             if hit.result and hit.t < nearest:
                 seen.face = hit.face
                 seen.movable = movable
@@ -259,7 +271,7 @@ def look(
         c = corner(mesh, seen.face, 2) - frame.origin
         direction_there = wp.quat_rotate(frame.rotation, ray)
         forward = wp.where(is_planar, forward_axis(frame.rotation), direction_there)
-        seen.depth = float(plane_depth(a, b, c, direction_there, forward))
+        seen.depth = wp.max(float(plane_depth(a, b, c, direction_there, forward)), clip)
     if seen.face >= 0 and seen.depth < near:
         seen.depth = -wp.inf
         seen.face = -1
@@ -355,7 +367,8 @@ def cast_rays(
     y += window.first_row
 
     pose = camera_to_world[view]
-    seen = look(scene, camera.near, camera.far, pose, worlds, view, pixel_ray(camera, y, x), True, cull_backfaces)
+    ray, clip = pixel_ray(camera, y, x), clip_depth(camera)
+    seen = look(scene, camera.near, camera.far, pose, worlds, view, ray, True, clip, cull_backfaces)
     write(scene, pose, worlds, seen, view, y, x, images_out)
 
 
@@ -383,5 +396,6 @@ def cast_rays_at(
     pose = camera_to_world[view]
     seen = nothing()
     if at[0] >= 0.0 and at[0] < camera.width and at[1] >= 0.0 and at[1] < camera.height:
-        seen = look(scene, camera.near, camera.far, pose, worlds, view, image_ray(camera, at), True, cull_backfaces)
+        ray, clip = image_ray(camera, at), clip_depth(camera)
+        seen = look(scene, camera.near, camera.far, pose, worlds, view, ray, True, clip, cull_backfaces)
     write(scene, pose, worlds, seen, view, row, point, images_out)

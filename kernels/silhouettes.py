@@ -101,7 +101,7 @@ def meet_alone(
             return float(wp.float64(1.0) / met.w)
         return wp.inf
     direction = wp.quat_rotate(frame.rotation, ray)
-    hit = first_hit(scene, worlds, view, index, wp.vec3(frame.origin), wp.vec3(direction), 3.0e38, False)
+    hit = first_hit(scene, worlds, view, index, wp.vec3(frame.origin), wp.vec3(direction), 0.0, 3.0e38, False)
     if not hit.result:
         return wp.inf
     mesh = scene.movable_mesh[index]

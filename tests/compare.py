@@ -12,7 +12,13 @@ import reference
 
 
 def assert_matches_reference(
-    views: Views, scene: Scene, camera: Camera, poses: np.ndarray, *, cull_backfaces: bool = False
+    views: Views,
+    scene: Scene,
+    camera: Camera,
+    poses: np.ndarray,
+    *,
+    cull_backfaces: bool = False,
+    near_plane: str = "occlude",
 ) -> None:
     """Every view agrees with the float64 reference in every image it has.
 
@@ -20,7 +26,7 @@ def assert_matches_reference(
     Points within that distance and the rounding of their coordinates; objects and labels equal.
     """
     for view, pose in enumerate(poses):
-        expected = reference.cast_rays(scene, camera, pose, cull_backfaces=cull_backfaces)
+        expected = reference.cast_rays(scene, camera, pose, cull_backfaces=cull_backfaces, near_plane=near_plane)
         wrong = wrong_depth(views.depth.numpy()[view], expected.depth)
         if views.segmentation is not None:
             # Where two objects' surfaces coincide, either may be the one that is seen.

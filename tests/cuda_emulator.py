@@ -44,11 +44,12 @@ class Variant:
     side: int
     with_id: bool
     movable: bool
+    clip: bool = False
     arch: int = 900
 
     @property
     def name(self) -> str:
-        return f"packet_{self.side}_{int(self.with_id)}_{int(self.movable)}_{self.arch}"
+        return f"packet_{self.side}_{int(self.with_id)}_{int(self.movable)}_{int(self.clip)}_{self.arch}"
 
 
 REQUIRED = os.environ.get("WARPVIS_REQUIRE_CXX") == "1"
@@ -121,7 +122,7 @@ class EmulatedCaster(RaysCaster):
     """What `Renderer` calls instead of the caster of its device; images of the scene's trees of 32 lanes."""
 
     def __init__(self, emulator: Emulator, variant: Variant, scene: Scene, camera: Camera, cull: bool) -> None:
-        super().__init__(scene, camera, cull_backfaces=cull, threads=1)
+        super().__init__(scene, camera, cull_backfaces=cull, clip_near=variant.clip, threads=1)
         self._emulator = emulator
         self._variant = variant
 
@@ -130,7 +131,7 @@ class EmulatedCaster(RaysCaster):
         clusters = build_scene_bvh(scene.objects, scene.device, lanes=32)
         arguments = {
             "scene": clusters.struct,
-            "camera": camera.device_struct(),
+            "camera": camera.device_struct(clip_near=self._clip_near),
             "poses": poses,
             "worlds": worlds,
             "cull_backfaces": self._cull_backfaces,
@@ -164,7 +165,7 @@ def _native_function(variant: Variant) -> Any:
 
     packets_cuda.read_native = read_marked
     try:
-        return packets_cuda.make_packet_function(variant.side, variant.with_id, variant.movable)
+        return packets_cuda.make_packet_function(variant.side, variant.with_id, variant.movable, variant.clip)
     finally:
         packets_cuda.read_native = plain
 

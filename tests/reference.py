@@ -65,8 +65,10 @@ def triangles_in_camera(scene: Scene, pose: NDArray) -> tuple[NDArray, NDArray]:
     return (corners - matrix[:3, 3]) @ matrix[:3, :3], owner
 
 
-def cast_rays(scene: Scene, camera: Camera, pose: NDArray, *, cull_backfaces: bool = False) -> Images:
-    return _cast(scene, camera, pose, pixel_rays(camera), cull_backfaces)
+def cast_rays(
+    scene: Scene, camera: Camera, pose: NDArray, *, cull_backfaces: bool = False, near_plane: str = "occlude"
+) -> Images:
+    return _cast(scene, camera, pose, pixel_rays(camera), cull_backfaces, near_plane)
 
 
 def cast_rays_at(
@@ -81,8 +83,11 @@ def cast_rays_at(
 cast_packets = cast_packets_cuda = cast_rays
 
 
-def _cast(scene: Scene, camera: Camera, pose: NDArray, rays: NDArray, cull_backfaces: bool) -> Images:
+def _cast(
+    scene: Scene, camera: Camera, pose: NDArray, rays: NDArray, cull_backfaces: bool, near_plane: str = "occlude"
+) -> Images:
     """What is seen along rays of the camera frame with z = 1, shape (..., 3)."""
+    clip = camera.near if near_plane == "clip" else 0.0
     shape = rays.shape[:-1]
     rays = rays.reshape(-1, 3)
     corners, owner = triangles_in_camera(scene, pose)
@@ -91,12 +96,12 @@ def _cast(scene: Scene, camera: Camera, pose: NDArray, rays: NDArray, cull_backf
     for index in range(len(scene)):
         first = np.flatnonzero(owner == index)[0]
         round_surface = _meet_solid(scene.objects[index], pose, rays)
-        if round_surface is not None:
+        if round_surface is not None and not (round_surface[0] < clip).any():
             nearest_of[index], round_normals[index] = round_surface
             continue
         for start in range(0, len(rays), _RAYS_AT_A_TIME):
             part = slice(start, start + _RAYS_AT_A_TIME)
-            found = _nearest_triangle(rays[part], corners[owner == index], cull_backfaces)
+            found = _nearest_triangle(rays[part], corners[owner == index], cull_backfaces, clip)
             nearest_of[index, part], triangle_of[index, part] = found[0], first + found[1]
     seen = nearest_of.argmin(axis=0)
     depth, triangle = nearest_of.min(axis=0), triangle_of[seen, np.arange(len(rays))]
@@ -192,11 +197,17 @@ def near_silhouette(scene: Scene, camera: Camera, pose: NDArray, pixels: NDArray
     return (objects != objects[:, :1]).any(axis=1)
 
 
-def _nearest_triangle(rays: NDArray, corners: NDArray, cull_backfaces: bool) -> tuple[NDArray, NDArray]:
-    """Least depth of every ray over the triangles, +inf where it misses them all, and which triangle that is."""
+def _nearest_triangle(
+    rays: NDArray, corners: NDArray, cull_backfaces: bool, clip: float = 0.0
+) -> tuple[NDArray, NDArray]:
+    """Least depth of every ray over the triangles, +inf where it misses them all, and which triangle that is.
+
+    What is nearer than `clip` is not there.
+    """
     depth, triangle = np.full(len(rays), np.inf), np.zeros(len(rays), dtype=np.int64)
     for start in range(0, len(corners), _TRIANGLES_AT_A_TIME):
         z = _depth_of_triangles(rays, corners[start : start + _TRIANGLES_AT_A_TIME], cull_backfaces)
+        z[z < clip] = np.inf
         first = z.argmin(axis=1)
         z = z[np.arange(len(rays)), first]
         nearer = z < depth

@@ -9,6 +9,7 @@ behaviour is undefined, and must write the same bytes in all orders.
 import numpy as np
 import pytest
 import test_attached
+import test_near_plane
 import test_solids
 import trimesh
 import warp as wp
@@ -27,6 +28,7 @@ pytestmark = pytest.mark.cxx
 SIDES = (8, 16, 32)
 VARIANTS = tuple(Variant(side, with_id, movable) for side in SIDES for with_id in (0, 1) for movable in (0, 1))
 OLD = Variant(16, True, True, arch=700)  # before the warp's reductions
+CLIPS = Variant(16, True, True, clip=True)
 CAMERA = wv.Camera.from_fov(45, 37, hfov=0.994837, near=0.05, far=100.0)
 
 
@@ -35,7 +37,7 @@ def emulator(tmp_path_factory):
     """All variants, compiled with sanitizers, and counting which lines run."""
     compiler = find_compiler()
     assert compiler is not None
-    return Emulator(tmp_path_factory.mktemp("cuda_emulator"), (*VARIANTS, OLD), compiler)
+    return Emulator(tmp_path_factory.mktemp("cuda_emulator"), (*VARIANTS, OLD, CLIPS), compiler)
 
 
 def render(emulator, scene, poses, *, side=16, camera=CAMERA, outputs=ALL, cull_backfaces=False, **options):
@@ -73,6 +75,24 @@ def test_what_moves(emulator, side, cull_backfaces):
     for index, row in enumerate(rows[world]):
         twin, one = build("cpu", row, movable=False), slice(index, index + 1)
         assert_matches_reference(view_of(views, index), twin, CAMERA, poses[one], cull_backfaces=cull_backfaces)
+
+
+@pytest.mark.parametrize("cull_backfaces", [False, True])
+def test_a_near_plane_that_cuts(emulator, cull_backfaces):
+    """Through boxes and balls, from outside of them and from inside."""
+    scene, poses, camera = test_near_plane.scene("cpu"), test_near_plane.poses(), test_near_plane.CAMERA
+    options = {"outputs": ALL, "cull_backfaces": cull_backfaces, "near_plane": "clip"}
+    views = emulated_renderer(emulator, CLIPS, scene, camera, **options).render(poses)
+    test_near_plane.assert_cut(views, scene, poses, cull_backfaces)
+
+
+@pytest.mark.parametrize("kind", test_near_plane.SOLIDS)
+def test_a_near_plane_that_cuts_solids(emulator, kind):
+    def render(made, pose, cull_backfaces):
+        options = {"outputs": ALL, "cull_backfaces": cull_backfaces, "near_plane": "clip"}
+        return emulated_renderer(emulator, CLIPS, made, test_near_plane.CAMERA, **options).render(pose)
+
+    test_near_plane.assert_solid_is_cut(kind, "cpu", render)
 
 
 def test_all_variants_draw_the_same(emulator):

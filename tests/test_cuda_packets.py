@@ -8,7 +8,9 @@ import warp as wp
 
 import warpvis as wv
 from warpvis import scenes
-from warpvis.rendering._cuda_packets import packet_side
+from warpvis.rendering import _cuda_packets
+from warpvis.rendering._cuda_packets import CudaPacketsCaster, packet_side
+from warpvis.scene.worlds import parse_worlds
 
 from compare import assert_matches_reference
 
@@ -37,6 +39,23 @@ def test_few_pixels_make_small_packets():
     assert [packet_side(512, 64, 64, 132, least) for least in (64, 12)] == [16, 32]
     sides = [packet_side(views, 640, 480, 132) for views in range(1, 64)]
     assert sides == sorted(sides)
+
+
+def test_what_is_launched(monkeypatch):
+    """The kernel for what is asked for, and 32 threads for every packet; nothing for no views."""
+    scene, camera, launched = scenes.PRESETS["room"].build("cpu"), wv.Camera.from_fov(100, 40, hfov=1.0), []
+    scene.bvh()  # has launches of its own
+    monkeypatch.setattr(_cuda_packets, "_kernel", lambda *key: key)
+    monkeypatch.setattr(_cuda_packets.wp, "launch", lambda kernel, dim, **_: launched.append((kernel, dim)))
+    depth, ids = wp.zeros((3, 40, 100)), wp.zeros((3, 40, 100), dtype=wp.int32)
+    worlds, poses = parse_worlds(scene, 3, None, None, None), wp.zeros(3, dtype=wp.transform)
+    for clip_near in (False, True):
+        caster = CudaPacketsCaster(scene, camera, cull_backfaces=False, clip_near=clip_near, threads=1)
+        caster.cast(poses, worlds, [depth, None, None, None, None])
+        caster.cast(poses, worlds, [depth, None, None, None, ids])
+        caster.cast(wp.zeros(0, dtype=wp.transform), worlds, [None] * 5)
+    size = (3, 2, 4, 32)
+    assert launched == [((32, ids, False, clip), size) for clip in (False, True) for ids in (False, True)]
 
 
 @pytest.mark.parametrize("name", ["room", "blobs_77k"])

@@ -204,6 +204,7 @@ Pictures cast(const SceneBvh& c, const Worlds& worlds, const Lens& lens, const S
     job.strips = (int)rows.count - 1, job.strip_rows = rows.data;
     for (int i = 0; i < job.strips; ++i) job.most_rows = std::max(job.most_rows, rows[i + 1] - rows[i]);
     job.cull_back_faces = cull;
+    job.most_inv_z = INFINITY;
     job.points = points, job.at = at.data;
     const size_t pixels = (size_t)job.views * (points ? points : job.height * job.width);
     Pictures made;

@@ -223,15 +223,39 @@ class Camera:
         y = z * (pixels[..., 1] - self.cy) / self.fy
         return np.stack(np.broadcast_arrays(x, y, z), axis=-1)
 
-    def device_struct(self) -> PinholeCamera:
-        """Return the camera as kernels take it, a `warpvis.kernels.pinhole.PinholeCamera`."""
+    def _near_reach(self) -> float:
+        """Compute how far the corners of the image on the near plane are, and a little more [m]."""
+        x = max(abs(self.cx), abs(self.width - self.cx)) / self.fx
+        y = max(abs(self.cy), abs(self.height - self.cy)) / self.fy
+        return 1.0001 * self.near * math.sqrt(1 + x * x + y * y)
+
+    def device_struct(self, *, clip_near: bool = False) -> PinholeCamera:
+        """Return the camera as kernels take it, a `warpvis.kernels.pinhole.PinholeCamera`.
+
+        Args:
+            clip_near: Whether what is nearer than `near` is not there, instead of hiding what is behind it.
+        """
         from warpvis.kernels.pinhole import PinholeCamera
 
         camera = PinholeCamera()
+        clips = clip_near and self.near > 0
+        camera.most_inv_z = _most_inv_z(self.near) if clips else math.inf
+        camera.clip_reach = self._near_reach() if clips else 0.0
         camera.width, camera.height = self.width, self.height
         camera.fx, camera.fy, camera.cx, camera.cy = self.fx, self.fy, self.cx, self.cy
         camera.near, camera.far = self.near, self.far
         return camera
+
+
+def _most_inv_z(near: float) -> float:
+    """Find the greatest 1 / z, in single precision, of which 1 / (1 / z) is still `near` or more."""
+    import numpy as np
+
+    least, one = np.float32(near), np.float32(1)
+    most = one / least
+    while one / most < least:
+        most = np.nextafter(most, np.float32(0))
+    return float(most)
 
 
 def require_camera(camera: object) -> Camera:

@@ -30,9 +30,9 @@ class CudaPacketsCaster(RaysCaster):
         large_packets = (12 if clusters.moves_solids_only else 32) if moving else 64
         side = packet_side(views, camera.width, camera.height, device.sm_count, large_packets)
         with_id = any(image is not None for image in of_triangles)
-        lens, outputs = camera.device_struct(), images_struct(images)
+        lens, outputs = camera.device_struct(clip_near=self._clip_near), images_struct(images)
         wp.launch(
-            _kernel(side, with_id, moving),
+            _kernel(side, with_id, moving, self._clip_near),
             dim=(views, -(-camera.height // side), -(-camera.width // side), CUDA_LANES),
             inputs=[clusters.struct, lens, poses, worlds, self._cull_backfaces, outputs],
             device=device,
@@ -41,10 +41,10 @@ class CudaPacketsCaster(RaysCaster):
 
 
 @cache
-def _kernel(side: int, with_id: bool, movable: bool) -> wp.Kernel:
+def _kernel(side: int, with_id: bool, movable: bool, clip: bool) -> wp.Kernel:
     from warpvis.kernels.packets_cuda import make_packet_kernel
 
-    return make_packet_kernel(side, with_id, movable)
+    return make_packet_kernel(side, with_id, movable, clip)
 
 
 def packet_side(views: int, width: int, height: int, processors: int, large_packets: int = 64) -> int:

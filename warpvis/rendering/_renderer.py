@@ -80,6 +80,7 @@ class Renderer:
         outputs: Sequence[Output] = DEFAULT_OUTPUTS,
         caster: Caster = "auto",
         cull_backfaces: bool = False,
+        near_plane: Literal["occlude", "clip"] = "occlude",
         threads: int | None = None,
         device_bytes: int | None = None,
     ) -> None:
@@ -93,6 +94,9 @@ class Renderer:
                 faster ones on every scene and device measured. Both give the same images.
             cull_backfaces: See through triangles from behind (where ``(b - a) x (c - a)`` points away from the
                 camera); by default surfaces are two-sided.
+            near_plane: What becomes of surfaces nearer than the camera's `near`: ``"occlude"``, they hide what is
+                behind them, and depth is -inf, as of a sensor (REP 117); ``"clip"``, they are cut away, and what is
+                behind is seen, as OpenGL and MuJoCo have it.
             threads: CPU threads to use; all cores of this process by default.
             device_bytes: Most bytes of images that one call of `render` holds on a GPU; half of its memory by default.
 
@@ -109,7 +113,11 @@ class Renderer:
         self.device_bytes = _check_device_bytes(device_bytes, scene.device)
         kind = _caster_class(self.caster, scene.device)
         self._caster = kind(
-            scene, camera, cull_backfaces=check_flag(cull_backfaces, "cull_backfaces"), threads=self.threads
+            scene,
+            camera,
+            cull_backfaces=check_flag(cull_backfaces, "cull_backfaces"),
+            clip_near=check_choice(near_plane, "near_plane", ("occlude", "clip")) == "clip",
+            threads=self.threads,
         )
 
     def render(

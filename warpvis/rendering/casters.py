@@ -35,11 +35,12 @@ _ARGUMENTS = ("scene", "job", "poses", "worlds", "images")
 class RaysCaster:
     """One thread a pixel, one query of Warp's mesh a thread."""
 
-    def __init__(self, scene: Scene, camera: Camera, *, cull_backfaces: bool, threads: int) -> None:
+    def __init__(self, scene: Scene, camera: Camera, *, cull_backfaces: bool, clip_near: bool, threads: int) -> None:
         """Prepare to cast."""
         self._scene = scene
         self._camera = camera
         self._cull_backfaces = cull_backfaces
+        self._clip_near = clip_near
         self._threads = threads
 
     def parse_poses(self, poses: PoseLike, convention: Convention) -> wp.array:
@@ -66,7 +67,8 @@ class RaysCaster:
         others: KernelArguments,
         images: list[wp.array | None],
     ) -> None:
-        triangles, camera, outputs = self._scene.triangles(), self._camera.device_struct(), images_struct(images)
+        triangles, outputs = self._scene.triangles(), images_struct(images)
+        camera = self._camera.device_struct(clip_near=self._clip_near)
         launch_images(
             kernel,
             shape,
@@ -105,11 +107,12 @@ class _Workspace:
 class PacketsCaster:
     """All pixels of a view, or of a strip of it, walk a BVH together; on CPU cores."""
 
-    def __init__(self, scene: Scene, camera: Camera, *, cull_backfaces: bool, threads: int) -> None:
+    def __init__(self, scene: Scene, camera: Camera, *, cull_backfaces: bool, clip_near: bool, threads: int) -> None:
         """Prepare to cast."""
         self._scene = scene
         self._camera = camera
         self._cull_backfaces = cull_backfaces
+        self._clip_near = clip_near
         self._threads = threads
         self._idle: list[_Workspace] = []
 
@@ -191,7 +194,8 @@ class PacketsCaster:
         job.strip_rows = wp.array(strip_rows, dtype=wp.int32, device="cpu")
         job.focal_x, job.focal_y = camera.fx, camera.fy
         job.center_x, job.center_y = camera.cx, camera.cy
-        job.near, job.far = camera.near, camera.far
+        lens = camera.device_struct(clip_near=self._clip_near)
+        job.near, job.far, job.most_inv_z, job.clip_reach = lens.near, lens.far, lens.most_inv_z, lens.clip_reach
         job.cull_backfaces = int(self._cull_backfaces)
         counter = np.zeros(JOB_COUNTERS, dtype=np.int32)
         job.counter = wp.array(counter, dtype=wp.int32, device="cpu", copy=False)

@@ -39,7 +39,8 @@ _MOST_WHOLE = 1 << 15
 _STRIPS = 16
 # What a worker sleeps that has to wait for others [s]: at first, and at most.
 _SHORTEST_PAUSE, _LONGEST_PAUSE = 5e-5, 1e-3
-# Of an image, in pixels: the number of a cell in a row of tiles has to fit a `ProjectedPoint` of native/cpu/point_bins.h.
+# Of an image, in pixels: the number of a cell in a row of tiles has to fit a `ProjectedPoint` of
+# native/cpu/point_bins.h.
 _MOST_SIDE = 1 << 18
 # Workspaces that a scene keeps: for so many callers at a time.
 _KEPT = 2

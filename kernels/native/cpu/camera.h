@@ -18,6 +18,9 @@ struct Job {
     int most_rows;  // of a strip
     double focal[2], center[2];
     float near, far;
+    // Surfaces of more than this 1 / z are not there, and how far from the camera that may be in the image. Where near
+    // ones hide what is behind: endless, and 0.
+    float most_inv_z, clip_reach;
     bool cull_back_faces;
     const float* poses;  // [view]: x y z qx qy qz qw
     int points;  // of a view, where rays go through points instead of pixels, or 0

@@ -70,6 +70,7 @@ struct Image {
     float* tile_min;  // [tile]
     unsigned char* block_stale;
     unsigned char* tile_stale;
+    float most_inv_z;  // of what is drawn: what is nearer is not there
     const ExactOcclusion*
         occlusion;  // of points whose lanes begin with the greatest inv_z that does not hide them, or null
 

@@ -36,6 +36,7 @@ struct StripMemory {
         image.rows = arena.floats((long long)image.tiles_x * TILE_SIDE * BLOCK_SIDE);
         image.id_rows = arena.ints((long long)image.tiles_x * TILE_SIDE * BLOCK_SIDE);
         image.first_packet = nullptr;
+        image.most_inv_z = job.most_inv_z;
         image.occlusion = nullptr;
         if (job.points > 0)
             carve_points(arena, image, job.points, tiles * TILE_BLOCKS);
@@ -134,7 +135,7 @@ struct Packets {
 
     static inline Camera static_camera(const View& view) {
         Camera camera = view.camera;
-        camera.skip_back_faces = view.scene.outside_all(view.world, view.pose);
+        camera.skip_back_faces = view.scene.outside_all(view.world, view.pose, view.job.clip_reach);
         // Where that means all back faces, it need not be looked up whose they are.
         camera.cull_back_faces |= camera.skip_back_faces && view.scene.bvh.all_closed;
         if (view.scene.movables.excludes_static(view.world)) camera.excluded = view.world.excluded;
@@ -149,9 +150,11 @@ struct Packets {
         __builtin_memcpy(frame.axis, object.axis, sizeof object.axis);
         __builtin_memcpy(frame.viewpoint, there.position, sizeof there.position);
         Camera camera = Camera::of(there, view.job);
-        frame.solid = movables.solid_of(movable, camera);
-        camera.skip_back_faces =
-            movables.closed[movable] && !there.inside(movables.boxes + (long long)movable * BOX_WORDS);
+        const float* box = movables.boxes + (long long)movable * BOX_WORDS;
+        const bool in_box = there.inside(box, view.job.clip_reach);
+        const bool clipped = view.job.clip_reach > 0.0f && in_box;
+        frame.solid = clipped ? Solid::none() : movables.solid_of(movable, camera);
+        camera.skip_back_faces = movables.closed[movable] && !in_box;
         camera.cull_back_faces |= camera.skip_back_faces;
         if (movables.object[movable] < 0) camera.excluded = view.world.excluded;
         return camera;

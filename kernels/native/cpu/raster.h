@@ -64,6 +64,7 @@ struct Raster {
     static inline __attribute__((always_inline)) void put(const Image& image, int pixel, float inv_z, int id,
                                                           Mode mode) {
         float& old = image.inv_z[pixel];
+        if (inv_z > image.most_inv_z) return;
         if (mode != MODE_DEPTH) {
             if (inv_z < old || (inv_z == old && id >= image.id[pixel])) return;
             image.id[pixel] = id;
@@ -148,13 +149,14 @@ struct Raster {
         float* at = image.inv_z + packet * LANES;
         const Floats old = Lanes::load(at);
         if (mode == MODE_DEPTH) {
-            const Ints hit = inside & (inv_z > old);
+            const Ints hit = inside & (inv_z > old) & (inv_z <= Lanes::all(image.most_inv_z));
             if (!Lanes::any(hit)) return;
             Lanes::store(at, hit ? inv_z : old);
         } else {
             int* id_at = image.id + packet * LANES;
             const Ints old_id = Lanes::load(id_at), new_id = Lanes::all_ints(id);
-            const Ints hit = inside & ((inv_z > old) | ((inv_z == old) & (new_id < old_id)));
+            const Ints hit = inside & (inv_z <= Lanes::all(image.most_inv_z)) &
+                             ((inv_z > old) | ((inv_z == old) & (new_id < old_id)));
             if (!Lanes::any(hit)) return;
             Lanes::store(at, hit ? inv_z : old);
             Lanes::store(id_at, hit ? new_id : old_id);

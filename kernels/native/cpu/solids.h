@@ -28,6 +28,11 @@ struct Solid {
     double ray[3][3];  // d is the sum of these by u, v and 1
     int kind;
 
+    static inline Solid none() {
+        Solid solid;
+        solid.kind = SOLID_NONE;
+        return solid;
+    }
     static inline Solid of(int kind, const float* size, const Camera& camera) {
         Solid solid;
         solid.kind = kind;

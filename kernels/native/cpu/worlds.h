@@ -57,10 +57,8 @@ struct Movables {
 
     // The solid as which it is seen by a camera in its frame: from inside, triangles are seen whatever it is.
     inline Solid solid_of(int movable, const Camera& camera) const {
-        Solid found;
-        found.kind = SOLID_NONE;
-        if (solid[movable] == SOLID_NONE) return found;
-        found = Solid::of(solid[movable], size + (long long)movable * SOLID_WORDS, camera);
+        if (solid[movable] == SOLID_NONE) return Solid::none();
+        Solid found = Solid::of(solid[movable], size + (long long)movable * SOLID_WORDS, camera);
         if (!found.outside()) found.kind = SOLID_NONE;
         return found;
     }
@@ -88,11 +86,13 @@ struct Scene {
     Bvh bvh;  // of what stays, and of each mesh that moves
     Movables movables;
 
-    // Whether a camera is outside the boxes of all closed objects that stay where they are and may be seen, so that
-    // their back faces are hidden behind their front faces.
-    inline bool outside_all(const World& world, const Pose& pose) const {
-        for (int i = 0; i < bvh.closed_count; ++i)
-            if (pose.inside(bvh.closed_boxes + i * BOX_WORDS) && !world.excludes(bvh.closed_object[i])) return false;
+    // Whether a camera is outside the boxes of all closed objects that stay where they are and may be seen, and cuts
+    // nothing of them away, so that their back faces are hidden behind their front faces.
+    inline bool outside_all(const World& world, const Pose& pose, float clip_reach) const {
+        for (int i = 0; i < bvh.closed_count; ++i) {
+            const bool inside = pose.inside(bvh.closed_boxes + i * BOX_WORDS, clip_reach);
+            if (inside && !world.excludes(bvh.closed_object[i])) return false;
+        }
         return true;
     }
 };

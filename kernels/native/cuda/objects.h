@@ -69,6 +69,17 @@ struct ObjectPass {
         return Vec3{Vec3::dot(axis[0], v), Vec3::dot(axis[1], v), Vec3::dot(axis[2], v)};
     }
 
+    // Whether the near plane may cut an object open: then its triangles are seen, whatever it is.
+    static inline bool is_cut(const Camera& world, const Movables& movables, int m) {
+        if (!CLIP) return false;
+        const float* pose = movables.pose(m);
+        Vec3d axis[3];
+        PoseRow::axes(pose, axis);
+        const Vec3d from = Vec3d::minus(world.exact_origin, PoseRow::position(pose));
+        const Vec3d origin = {Vec3d::dot(axis[0], from), Vec3d::dot(axis[1], from), Vec3d::dot(axis[2], from)};
+        return Box::holds(movables.box(m), origin.rounded(), world.margin());
+    }
+
     // Move the world's camera into the frame of an object; a lane takes a coordinate of a ray, or of the origin.
     static inline void move(const Camera& world, const Movables& movables, int m, bool cull, Camera& moved) {
         const int lane = Warp::lane(), row = lane / 3, k = lane % 3;
@@ -87,7 +98,7 @@ struct ObjectPass {
             (&moved.rest.x)[k] = (float)(value - (float)value);
         }
         Warp::sync();
-        const bool inside = Box::holds(movables.box(m), moved.origin);
+        const bool inside = Box::holds(movables.box(m), moved.origin, world.margin());
         if (lane == 0) {
             moved.skip_back_faces = __ldg(movables.closed + m) && !inside;
             moved.cull_back_faces = cull || moved.skip_back_faces;
@@ -196,7 +207,8 @@ struct ObjectPass {
         bool outside = false;
         Warp::sync();
         if (lane < taken.solids) {
-            outside = memory.solids[lane].set_up(memory.world, movables.pose(m), __ldg(movables.solid + m),
+            outside = !is_cut(memory.world, movables, m) &&
+                      memory.solids[lane].set_up(memory.world, movables.pose(m), __ldg(movables.solid + m),
                                                  movables.solid_size(m), __ldg(movables.first_id + m));
             if (!outside) {  // it is triangles that are seen, and it is still to be drawn
                 memory.objects.visits[taken.at] = taken.visit;
@@ -207,7 +219,7 @@ struct ObjectPass {
         for (unsigned left = Warp::ballot(outside); left; left = Warp::without_first_lane(left)) {
             const int k = Warp::first_lane(left);
             const unsigned blocks = Walk::open_blocks(packet, Warp::shuffle(taken.visit, k));
-            if (blocks) memory.solids[k].draw(packet, blocks);
+            if (blocks) memory.solids[k].draw(memory.world, packet, blocks);
         }
         Warp::sync();
     }

@@ -40,7 +40,7 @@ struct Write {
         const float* pose = movables.pose(m);
         const int kind = __ldg(movables.solid + m);
         Vec3d axis[3];
-        if (kind) {
+        if (kind && !ObjectPass::is_cut(camera, movables, m)) {
             const float* size = movables.solid_size(m);
             const double half = __ldg(size + 3);
             UnitSolid::axes(pose, size, axis);

@@ -26,17 +26,19 @@ struct Packets {
         camera.last_x = (float)(view.width - 1);
         camera.last_y = (float)(view.height - 1);
         camera.far = view.far * FARTHER;
+        camera.most_inv_z = view.most_inv_z;
+        camera.clip_reach = view.clip_reach;
         camera.blur = BLUR * ((float)(view.focal[0] + view.focal[1]) + camera.last_x + camera.last_y);
         return camera;
     }
 
-    // Whether the camera is outside the boxes of all closed objects that it sees, so that their back faces are hidden
-    // behind their front faces.
-    static inline bool outside_all(const ClosedObjects& closed, const unsigned char* excluded, const Vec3& origin) {
+    // Whether the camera is outside the boxes of all closed objects that it sees, and cuts nothing of them away, so that
+    // their back faces are hidden behind their front faces.
+    static inline bool outside_all(const ClosedObjects& closed, const unsigned char* excluded, const Camera& camera) {
         bool inside = false;
         for (int i = Warp::lane(); i < closed.count; i += LANES)
-            inside |=
-                Box::holds(closed.boxes + BOX_WORDS * i, origin) && !(excluded && excluded[__ldg(closed.object + i)]);
+            inside |= Box::holds(closed.boxes + BOX_WORDS * i, camera.origin, camera.margin()) &&
+                      !(excluded && excluded[__ldg(closed.object + i)]);
         return !Warp::any(inside);
     }
 
@@ -45,7 +47,7 @@ struct Packets {
                             WarpMemory& memory) {
         {
             Camera camera = camera_of(view);
-            camera.skip_back_faces = outside_all(scene.closed, scene.bvh.excluded, camera.origin);
+            camera.skip_back_faces = outside_all(scene.closed, scene.bvh.excluded, camera);
             // Where that means all back faces, it need not be looked up whose they are.
             camera.cull_back_faces = view.cull_back_faces || (camera.skip_back_faces && scene.bvh.all_closed);
             if (Warp::lane() == 0) memory.world = camera;

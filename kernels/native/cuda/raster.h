@@ -97,7 +97,7 @@ struct Raster {
                         t.exact ? t.clamp(ExactPlane::of(camera, bvh.corners(t.slot)).at(u, v)) : t.inv_z_at(u, v);
                     const Key key = DepthKey::of(inv_z, t.slot + bvh.first_id);
                     Key* at = packet.z_buffer + Packet::index_at(x, y);
-                    if (key > *at) {
+                    if (camera.shows(inv_z) && key > *at) {
                         atomicMax(at, key);
                         touched |= 1u << Packet::block_of(x, y);
                     }
@@ -148,14 +148,14 @@ struct Raster {
                 const int block = Warp::first_lane(left);
                 float u, v;
                 pixel(camera, packet, block, u, v);
-                put(packet, block, (whole >> block & 1) || t.covers(u, v), t.clamp(plane.at(u, v)), id);
+                put(camera, packet, block, (whole >> block & 1) || t.covers(u, v), t.clamp(plane.at(u, v)), id);
             }
         } else {
             for (unsigned left = blocks; left; left = Warp::without_first_lane(left)) {
                 const int block = Warp::first_lane(left);
                 float u, v;
                 pixel(camera, packet, block, u, v);
-                put(packet, block, (whole >> block & 1) || t.covers(u, v), t.inv_z_at(u, v), id);
+                put(camera, packet, block, (whole >> block & 1) || t.covers(u, v), t.inv_z_at(u, v), id);
             }
         }
     }
@@ -167,10 +167,10 @@ struct Raster {
         v = SmallInt::to_float(packet.first_y + Packet::block_y(block) + Packet::pixel_y(lane)) + camera.first_v;
     }
 
-    static inline void put(Packet& packet, int block, bool inside, float inv_z, unsigned id) {
+    static inline void put(const Camera& camera, Packet& packet, int block, bool inside, float inv_z, unsigned id) {
         Key* at = packet.z_buffer + Packet::index(block, Warp::lane());
         const Key key = DepthKey::of(inv_z, id);
-        if (inside && key > *at) *at = key;
+        if (inside && camera.shows(inv_z) && key > *at) *at = key;
     }
 };
 

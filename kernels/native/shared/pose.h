@@ -62,10 +62,11 @@ struct Pose {
         for (int i = 0; i < 3; ++i) object.turn_into(axis[i], seen.axis[i]);
         return seen;
     }
-    // Whether it is in a box: least and greatest corner.
-    inline bool inside(const float* box) const {
+    // Whether it is in a box, least and greatest corner, or farther from it than a margin along no axis.
+    inline bool inside(const float* box, float margin) const {
         bool inside = true;
-        for (int k = 0; k < 3; ++k) inside &= position[k] >= box[k] && position[k] <= box[3 + k];
+        for (int k = 0; k < 3; ++k)
+            inside &= position[k] >= (double)box[k] - margin && position[k] <= (double)box[3 + k] + margin;
         return inside;
     }
 };
