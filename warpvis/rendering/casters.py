@@ -224,7 +224,7 @@ def split_rows(views: int, height: int, threads: int, *, equal: bool = False) ->
     """
     if equal:
         tiles = -(-height // TILE)
-        step = TILE * -(-tiles // max(1, -(-threads // views)))
+        step = TILE * -(-tiles // -(-threads // views))
         return np.array([*range(0, height, step), height], dtype=np.int32)
     shares = 1 if threads == 1 or views >= 4 * threads else -(-_SHARES_PER_THREAD * threads // views)
     rows, starts = 0, [0]
