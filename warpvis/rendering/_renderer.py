@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
 import warp as wp
 
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 Output = Literal["depth", "points", "normals", "labels", "segmentation"]
 Caster = Literal["auto", "packets", "rays"]
+NearPlane = Literal["occlude", "clip"]
 
 OUTPUTS: dict[str, type] = {
     "depth": wp.float32,
@@ -80,7 +81,7 @@ class Renderer:
         outputs: Sequence[Output] = DEFAULT_OUTPUTS,
         caster: Caster = "auto",
         cull_backfaces: bool = False,
-        near_plane: Literal["occlude", "clip"] = "occlude",
+        near_plane: NearPlane = "occlude",
         threads: int | None = None,
         device_bytes: int | None = None,
     ) -> None:
@@ -116,7 +117,7 @@ class Renderer:
             scene,
             camera,
             cull_backfaces=check_flag(cull_backfaces, "cull_backfaces"),
-            clip_near=check_choice(near_plane, "near_plane", ("occlude", "clip")) == "clip",
+            clip_near=check_choice(near_plane, "near_plane", get_args(NearPlane)) == "clip",
             threads=self.threads,
         )
 
@@ -319,6 +320,7 @@ def render(
     outputs: Sequence[Output] = DEFAULT_OUTPUTS,
     caster: Caster = "auto",
     cull_backfaces: bool = False,
+    near_plane: NearPlane = "occlude",
     object_poses: ObjectPoses = None,
     world_index: ArrayInput | None = None,
     exclude: Excluded = None,
@@ -335,6 +337,7 @@ def render(
         outputs=outputs,
         caster=caster,
         cull_backfaces=cull_backfaces,
+        near_plane=near_plane,
         threads=threads,
         device_bytes=device_bytes,
     )
