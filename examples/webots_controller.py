@@ -31,7 +31,7 @@ robot = Supervisor()
 step = int(robot.getBasicTimeStep())
 range_finder = robot.getDevice("range-finder")
 range_finder.enable(step)
-eye = DepthEye(range_finder, node=robot.getFromDevice(range_finder))
+eye = DepthEye(range_finder, robot=robot)
 robot.step(step)
 while robot.step(step) != -1:
     floor = eye.floor_map(bounds=BOUNDS)

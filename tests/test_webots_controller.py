@@ -3,10 +3,13 @@
 """The eye of a Webots controller, with stand-ins for Webots' devices and nodes."""
 
 import ctypes
+import runpy
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from webots_library import Simulation, ctypes_library, swig_library
 
 import warpvis as wv
 from warpvis.errors import ArrayError, PoseError, WarpvisError
@@ -161,6 +164,68 @@ def test_an_image_of_zeros_sees_nothing(worlds):
     assert not eye.classify([0, 0, 0, 0, 0, 0, 1]).numpy().any()
     space = wv.voxel_map(eye.depth(), eye.camera, eye.pose([0, 0, 0, 0, 0, 0, 1]), bounds=[[-1, -1, -1], [1, 1, 1]])
     assert not space.states.numpy().any()  # OUTSIDE: nothing is known to be free
+
+
+LIBRARIES = {"R2021b": swig_library, "R2023b": ctypes_library}
+
+
+def simulated(worlds, version, **options):
+    """Return the library of a release, and the simulation that it asks, of a robot in the middle of the world."""
+    device = worlds[version].devices["range-finder"]
+    image = render_range(worlds[version], "range-finder", webots_version="header")
+    matrix = wv.core.poses.poses_to_matrices(device.pose)
+    axes = {"R2023b": [[0, -1, 0], [0, 0, -1], [1, 0, 0]], "R2021b": [[1, 0, 0], [0, -1, 0], [0, 0, -1]]}[version]
+    simulation = Simulation(device, image, matrix[:3, 3], matrix[:3, :3] @ axes, **options)
+    return LIBRARIES[version](simulation), simulation
+
+
+@pytest.mark.parametrize("version", LIBRARIES)
+def test_the_node_is_found_in_every_release(worlds, version):
+    """Each library refuses what the other one wants."""
+    library, _ = simulated(worlds, version)
+    robot = library.Supervisor()
+    device = robot.getDevice("range-finder")
+    device.enable(32)
+    other = 7 if version == "R2021b" else device
+    with pytest.raises(TypeError if version == "R2021b" else ctypes.ArgumentError):
+        robot.getFromDevice(other)
+    eye = DepthEye(device, robot=robot, version=version)
+    wanted = wv.core.poses.poses_to_matrices(worlds[version].devices["range-finder"].pose)
+    np.testing.assert_allclose(wv.core.poses.poses_to_matrices(eye.pose()), wanted, atol=1e-9)
+    np.testing.assert_allclose(eye.depth(), render_range(worlds[version], "range-finder"), atol=2e-6)
+
+
+@pytest.mark.parametrize("version", LIBRARIES)
+def test_what_is_not_enabled_has_no_image(worlds, version):
+    library, _ = simulated(worlds, version)
+    robot = library.Supervisor()
+    eye = DepthEye(robot.getDevice("range-finder"), robot=robot, version=version)
+    with pytest.raises(ArrayError, match="has no image: enable"):
+        eye.depth()
+
+
+@pytest.mark.parametrize("version", LIBRARIES)
+def test_a_robot_must_be_a_supervisor(worlds, version):
+    library, _ = simulated(worlds, version, supervisor=False)
+    for robot, message in ((library.Supervisor(), "field supervisor must be TRUE"), (library.Robot(), "getFromDevice")):
+        with pytest.raises(PoseError, match=message):
+            DepthEye(robot.getDevice("range-finder"), robot=robot, version=version)
+    with pytest.raises(PoseError, match="give robot or node, not both"):
+        DepthEye(robot.getDevice("range-finder"), robot=robot, node=Node(*PLACES[version][:2]), version=version)
+
+
+def test_the_example_runs_as_a_controller(worlds, monkeypatch, capsys):
+    """With the library of R2023b: it is what users copy."""
+    library, simulation = simulated(worlds, "R2023b", steps=3)
+    monkeypatch.setitem(sys.modules, "controller", library)
+    runpy.run_path(str(WORLDS.parent.parent / "examples" / "webots_controller.py"))
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 2 and simulation.steps < 0
+    device = worlds["R2023b"].devices["range-finder"]
+    depth = render_range(worlds["R2023b"], "range-finder")
+    points, labels = wv.back_project(depth, device.camera, device.pose), wv.classify(depth, device.camera, device.pose)
+    wanted = wv.floor_map(points, labels, bounds=BOUNDS).area(wv.Label.GROUND)[0]
+    assert lines[0] == f"ground in view: {wanted:.2f} m^2"
 
 
 def bad_eye(worlds, image, kind="pointer"):

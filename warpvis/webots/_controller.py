@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from typing import Literal, Protocol, TypedDict, Unpack
+from typing import Any, Literal, Protocol, TypedDict, Unpack
 
 import numpy as np
 import warp as wp
@@ -21,6 +21,8 @@ from warpvis.maps import FloorMap, Sphere, back_project, classify, floor_map
 from warpvis.webots._nodes import Version
 from warpvis.webots._parts import rotation_matrix
 from warpvis.webots._ranges import UNBIASED, as_version
+
+_NO_IMAGE = "the range finder has no image: enable() it and step the simulation first"
 
 
 class RangeFinder(Protocol):
@@ -57,6 +59,13 @@ class SupervisorNode(Protocol):
         """Return the rotation node to world, a 3x3 matrix row by row, 9 numbers."""
 
 
+class SupervisorRobot(Protocol):
+    """What is asked of a `Supervisor` of Webots' package `controller`."""
+
+    def getFromDevice(self, device: Any, /) -> SupervisorNode | None:
+        """Return a device's node: of the device itself up to R2022b, of its tag from R2023a on."""
+
+
 class ClassifyOptions(TypedDict, total=False):
     """Options of `warpvis.classify`, but for the camera's axes and the world's."""
 
@@ -77,7 +86,7 @@ class DepthEye:
         >>> robot = Supervisor()  # of Webots' package `controller`
         >>> range_finder = robot.getDevice("range-finder")
         >>> range_finder.enable(32)
-        >>> eye = DepthEye(range_finder, node=robot.getFromDevice(range_finder))
+        >>> eye = DepthEye(range_finder, robot=robot)
         >>> while robot.step(32) != -1:
         ...     floor = eye.floor_map(bounds=((-2, -2), (2, 2)))
     """
@@ -86,30 +95,31 @@ class DepthEye:
         self,
         range_finder: RangeFinder,
         *,
+        robot: SupervisorRobot | None = None,
         node: SupervisorNode | None = None,
         translation: ArrayLike = (0.0, 0.0, 0.0),
         rotation: ArrayLike = (0.0, 0.0, 1.0, 0.0),
         version: str | Version = "R2023b",
         near: float = 0.01,
     ) -> None:
-        """Take a device and the node that moves it; it needs no more of Webots than the methods named here.
+        """Take a device and what knows where it is; it needs no more of Webots than the methods named here.
 
         Args:
             range_finder: What `Robot.getDevice` gives: `getWidth`, `getHeight`, `getFov`, `getMinRange`,
                 `getMaxRange`, `getRangeImage`. Its projection must be planar.
-            node: The node whose pose is asked for: `getPosition` and `getOrientation` of what `Supervisor.getSelf`
-                or `getFromDevice` gives. Without it, poses are given to each call.
-            translation: The range finder's place in the node's frame [m], as its field says, shape ``(3,)``; where
-                the node is the range finder itself, leave it out.
+            robot: The controller's `Supervisor`, which is asked for the range finder's own node; the robot's field
+                `supervisor` must be TRUE.
+            node: In its place, the node whose pose is asked for: `getPosition` and `getOrientation` of what, for
+                example, `Supervisor.getSelf` gives. Without either, poses are given to each call.
+            translation: The range finder's place in the frame of `node` [m], as its field says, shape ``(3,)``.
             rotation: Its rotation there, axis and angle [rad], shape ``(4,)``.
             version: Version of Webots. Up to R2021b cameras look along -z and depth is biased, which is undone; from
                 R2022a on they look along x.
             near: The device's field `near` [m], which the bias depends on.
 
         Raises:
-            WarpvisError: An argument is not what it has to be.
+            WarpvisError: An argument is not what it has to be, or `robot` finds no node of the range finder.
         """
-        self._device, self._node = range_finder, node
         self._version = as_version(version)
         place, turn = as_numpy(translation, name="translation"), as_numpy(rotation, name="rotation")
         if place.shape != (3,) or turn.shape != (4,) or not (np.isfinite(place).all() and np.isfinite(turn).all()):
@@ -121,6 +131,11 @@ class DepthEye:
         missing = [name for name in asked if not callable(getattr(range_finder, name, None))]
         if missing:
             raise ArrayError(f"range_finder must be a device of Webots, with {missing[0]}(), got {range_finder!r}")
+        if robot is not None:
+            if node is not None:
+                raise PoseError("give robot or node, not both: robot finds the range finder's own node")
+            node = _node_of(robot, range_finder)
+        self._device, self._node = range_finder, node
         self.camera: Camera = Camera.from_fov(
             range_finder.getWidth(),
             range_finder.getHeight(),
@@ -235,12 +250,15 @@ class DepthEye:
 
     def _values(self) -> NDArray[np.float32]:
         """Read the device's flat image: a list, a buffer of single precision, or a pointer to one."""
+        period = getattr(self._device, "getSamplingPeriod", None)
+        if callable(period) and not period():  # up to R2022b the buffer is then memory that nothing was written to
+            raise ArrayError(_NO_IMAGE)
         try:
             image = self._device.getRangeImage(data_type="buffer")
         except TypeError:  # older releases know no kinds
             image = self._device.getRangeImage()
         if image is None or (isinstance(image, ctypes._Pointer) and not image):
-            raise ArrayError("the range finder has no image: enable() it and step the simulation first")
+            raise ArrayError(_NO_IMAGE)
         if isinstance(image, ctypes._Pointer):
             return np.ctypeslib.as_array(image, shape=(self.camera.height * self.camera.width,)).copy()
         if isinstance(image, bytes | bytearray | memoryview):
@@ -256,3 +274,18 @@ class DepthEye:
         matrix[:3, 3] = np.asarray(self._node.getPosition(), dtype=np.float64)
         matrix[:3, :3] = np.asarray(self._node.getOrientation(), dtype=np.float64).reshape(3, 3)
         return matrix
+
+
+def _node_of(robot: SupervisorRobot, device: RangeFinder) -> SupervisorNode:
+    """Find a device's node.
+
+    Up to R2022b `Supervisor.getFromDevice` takes the device and no tag. From R2023a on, where the library calls C
+    through ctypes, it takes the tag and no device; only devices of that library have one.
+    """
+    find = getattr(robot, "getFromDevice", None)
+    if not callable(find):
+        raise PoseError(f"robot must be a Supervisor of Webots, with getFromDevice(), got {robot!r}")
+    found: SupervisorNode | None = find(getattr(device, "_tag", device))
+    if found is None:
+        raise PoseError("robot finds no node of the range finder: its field supervisor must be TRUE")
+    return found
