@@ -4,6 +4,10 @@
 
 import warp as wp
 
+from warpvis.kernels.pinhole import Window
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
 
 @wp.struct
 class Images:
@@ -23,3 +27,20 @@ const Images out = {images.depth.data, (float*)images.points.data, (float*)image
                     images.segmentation.data, scene.object_label.data};
 """
 """The struct of ``native/shared/images.h`` of `Images` named ``images`` and of a scene named ``scene``."""
+
+
+@wp.kernel
+def fill_depth(
+    window: Window,
+    # In:
+    empty: float,
+    too_near: float,
+    # Out:
+    depth_out: wp.array3d[float],
+):
+    """Write finite numbers where depth says that nothing is there, and that something is too near."""
+    view, y, x = wp.tid()
+    view, y = view + window.first_view, y + window.first_row
+    depth = depth_out[view, y, x]
+    if wp.isinf(depth):
+        depth_out[view, y, x] = wp.where(depth > 0.0, empty, too_near)

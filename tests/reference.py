@@ -266,6 +266,10 @@ def _points(camera: Camera, pose: NDArray, depth: NDArray) -> NDArray[np.float64
     return np.where(np.isfinite(depth)[..., None], points, np.nan)
 
 
+def fill_depth(depth: NDArray, empty: float, too_near: float) -> NDArray:
+    return np.where(np.isposinf(depth), empty, np.where(np.isneginf(depth), too_near, depth))
+
+
 def _has_depth(depth: NDArray, max_range: float, near: float = 0.0) -> NDArray[np.bool_]:
     with np.errstate(invalid="ignore"):
         return np.isfinite(depth) & (depth > 0) & (depth >= np.float32(near)) & (depth <= max_range)

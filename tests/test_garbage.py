@@ -173,7 +173,15 @@ def cases(folder):
         "Perspective.table": (SEEN.table, {"view": 0}),
         "Renderer": (
             wv.Renderer,
-            {"scene": seen, "camera": CAMERA, "outputs": ("depth",), "caster": "rays", "threads": 1, "device_bytes": 9},
+            {
+                "scene": seen,
+                "camera": CAMERA,
+                "outputs": ("depth",),
+                "caster": "rays",
+                "fill": 0.0,
+                "threads": 1,
+                "device_bytes": 9,
+            },
         ),
         "Renderer.render": (
             wv.Renderer(seen, CAMERA).render,
@@ -296,6 +304,7 @@ def cases(folder):
                 "outputs": "depth",
                 "caster": "auto",
                 "cull_backfaces": False,
+                "fill": "inf",
                 "threads": 1,
                 "device_bytes": 1,
                 "out": None,
@@ -760,7 +769,14 @@ def public_callables():
 
 
 # Our own modules' ways in, of what was checked before.
-OURS = {"Renderer.render_parsed", "FieldOfView.faces", "FrameRenderer.render", "Agent.face_poses", "Agent.angles_to"}
+OURS = {
+    "Scene.replace_objects",
+    "Renderer.render_parsed",
+    "FieldOfView.faces",
+    "FrameRenderer.render",
+    "Agent.face_poses",
+    "Agent.angles_to",
+}
 
 
 def test_all_that_is_public_is_here(table):

@@ -13,9 +13,9 @@ import warp as wp
 
 from warpvis.core.arrays import as_warp, check_out, empty
 from warpvis.core.camera import Camera, require_camera
-from warpvis.core.checks import as_items, check_choice, check_flag, check_whole
+from warpvis.core.checks import as_items, check_choice, check_flag, check_number, check_whole
 from warpvis.core.poses import Convention, QuaternionOrder, to_xyzw
-from warpvis.core.threads import check_threads
+from warpvis.core.threads import check_threads, launch_images
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
 from warpvis.rendering._cuda_packets import CudaPacketsCaster
@@ -28,7 +28,10 @@ if TYPE_CHECKING:
 
 Output = Literal["depth", "points", "normals", "labels", "segmentation"]
 Caster = Literal["auto", "packets", "rays"]
+Fill = Literal["inf", "far"] | float
 NearPlane = Literal["occlude", "clip"]
+
+_MOST_FLOAT = 3.4e38  # what single precision holds
 
 OUTPUTS: dict[str, type] = {
     "depth": wp.float32,
@@ -53,7 +56,7 @@ class Views:
     # Typed as what was asked for: who reads an image has asked for it.
     depth: wp.array = None
     """Planar depth [m], ``(V, H, W)`` float32: +inf where nothing is hit or it lies beyond the camera's `far`, -inf
-    where something is nearer than its `near` (REP 117)."""
+    where something is nearer than its `near` (REP 117), unless `Renderer` was told to `fill` them."""
     points: wp.array = None
     """Seen points in the world frame [m], ``(V, H, W)`` vec3."""
     normals: wp.array = None
@@ -82,6 +85,7 @@ class Renderer:
         caster: Caster = "auto",
         cull_backfaces: bool = False,
         near_plane: NearPlane = "occlude",
+        fill: Fill = "inf",
         threads: int | None = None,
         device_bytes: int | None = None,
     ) -> None:
@@ -98,6 +102,8 @@ class Renderer:
             near_plane: What becomes of surfaces nearer than the camera's `near`: ``"occlude"``, they hide what is
                 behind them, and depth is -inf, as of a sensor (REP 117); ``"clip"``, they are cut away, and what is
                 behind is seen, as OpenGL and MuJoCo have it.
+            fill: Depth of pixels that have none: ``"inf"``, +inf where nothing is up to `far` and -inf where something
+                is too near; ``"far"``, the camera's `far` and `near`; or a number for both, such as 0.0.
             threads: CPU threads to use; all cores of this process by default.
             device_bytes: Most bytes of images that one call of `render` holds on a GPU; half of its memory by default.
 
@@ -112,6 +118,8 @@ class Renderer:
         self.threads = check_threads(threads)
         self.caster = _choose_caster(caster)
         self.device_bytes = _check_device_bytes(device_bytes, scene.device)
+        self.fill = fill
+        self._fill = _fill_numbers(fill, camera)
         kind = _caster_class(self.caster, scene.device)
         self._caster = kind(
             scene,
@@ -174,6 +182,7 @@ class Renderer:
             self._cast_in_parts(poses, worlds, self._asked_for(views))
         else:
             self._caster.cast(poses, worlds, self._asked_for(views))
+            self._fill_depth(views.depth)
         return views
 
     def render_at(
@@ -217,6 +226,7 @@ class Renderer:
         views = views_for(self.outputs, points.shape, device, out)
         rows = [image if image is None else _as_rows(image) for image in self._asked_for(views)]
         self._caster.cast_at(poses, worlds, _as_rows(points), rows)
+        self._fill_depth(rows[0])
         return views
 
     def render_parsed(self, poses: wp.array, worlds: Worlds, *, out: Views | None = None) -> Views:
@@ -227,7 +237,23 @@ class Renderer:
         shape = (len(poses), self.camera.height, self.camera.width)
         views = views_for(self.outputs, shape, self.scene.device, out)
         self._caster.cast(self._caster.parse_poses(poses, "opencv"), worlds, self._asked_for(views))
+        self._fill_depth(views.depth)
         return views
+
+    def _fill_depth(self, depth: wp.array | None) -> None:
+        """Write what `fill` says into a depth image of this call's, if there is one and it says anything."""
+        if self._fill is None or "depth" not in self.outputs or depth is None:
+            return
+        from warpvis.kernels.images import fill_depth
+
+        empty, too_near = self._fill
+        launch_images(
+            fill_depth,
+            depth.shape,
+            lambda window: [window, empty, too_near, depth],
+            device=depth.device,
+            threads=self.threads,
+        )
 
     def _on_host(self, shape: tuple[int, ...], out: Views | None) -> bool:
         """Tell whether the images of a GPU go to the host's memory."""
@@ -250,6 +276,7 @@ class Renderer:
             part = slice(first, min(first + step, len(poses)))
             sources = [None if image is None else image[: part.stop - first] for image in self._asked_for(views)]
             self._caster.cast(poses[part], part_of(worlds, part), sources)
+            self._fill_depth(sources[0])
             for image, source in zip(images, sources, strict=True):
                 if image is not None:
                     wp.copy(image[part], source)
@@ -306,6 +333,21 @@ def _caster_class(
     return PacketsCaster if device.is_cpu else CudaPacketsCaster
 
 
+def _fill_numbers(fill: Fill, camera: Camera) -> tuple[float, float] | None:
+    """Return the depth of empty pixels and of those that are too near; None for the infinities.
+
+    Raises:
+        ArrayError: `fill` is not what it has to be.
+    """
+    if isinstance(fill, str):
+        check_choice(fill, "fill", ("inf", "far"))
+        if fill == "far" and not math.isfinite(camera.far):
+            raise ArrayError('fill="far" needs a camera whose far is finite, got inf')
+        return None if fill == "inf" else (camera.far, camera.near)
+    number = check_number(fill, "fill", least=-_MOST_FLOAT, most=_MOST_FLOAT)
+    return number, number
+
+
 def _check_device_bytes(device_bytes: int | None, device: wp.Device) -> int:
     if device_bytes is None:
         return 0 if device.is_cpu else device.total_memory // 2
@@ -321,6 +363,7 @@ def render(
     caster: Caster = "auto",
     cull_backfaces: bool = False,
     near_plane: NearPlane = "occlude",
+    fill: Fill = "inf",
     object_poses: ObjectPoses = None,
     world_index: ArrayInput | None = None,
     exclude: Excluded = None,
@@ -338,6 +381,7 @@ def render(
         caster=caster,
         cull_backfaces=cull_backfaces,
         near_plane=near_plane,
+        fill=fill,
         threads=threads,
         device_bytes=device_bytes,
     )
