@@ -770,6 +770,7 @@ def public_callables():
 
 # Our own modules' ways in, of what was checked before.
 OURS = {
+    "Camera.device_struct",
     "Scene.replace_objects",
     "Renderer.render_parsed",
     "FieldOfView.faces",
