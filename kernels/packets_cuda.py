@@ -66,11 +66,10 @@ def make_packet_function(side: int, with_id: bool, movable: bool, clip: bool) ->
         movable: Whether the scene may have movable objects.
         clip: Whether what is nearer than the camera's `near` is not there.
     """
-    head = f"enum {{ PACKET_WIDTH = {side}, PACKET_HEIGHT = {side}, LEVELS = {LEVELS} }};\n"
-    head += f"enum {{ MOVABLE = {int(movable)}, CLIP = {int(clip)} }};\n"
-    kind = "cuda/depth_id.h" if with_id else "cuda/depth.h"
+    head = f"enum {{ PACKET_WIDTH = {side}, PACKET_HEIGHT = {side}, LEVELS = {LEVELS}, MOVABLE = {int(movable)} }};\n"
+    kinds = ("cuda/depth_id.h" if with_id else "cuda/depth.h", "cuda/near_clips.h" if clip else "cuda/near_occludes.h")
 
-    @wp.func_native(head + read_native(*_SHARED_HEADERS, "cuda/lanes.h", kind, *_HEADERS) + NATIVE_IMAGES + _CAST)
+    @wp.func_native(head + read_native(*_SHARED_HEADERS, "cuda/lanes.h", *kinds, *_HEADERS) + NATIVE_IMAGES + _CAST)
     def cast_packet(
         scene: BvhScene,
         camera: PinholeCamera,

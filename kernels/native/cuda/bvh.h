@@ -47,10 +47,11 @@ struct Bvh {
 };
 
 struct Box {
-    // Whether a point is in a box, least and greatest corner, or farther from it than a margin along no axis.
-    static inline bool holds(const float* box, Vec3 p, float margin) {
-        return p.x >= __ldg(box) - margin && p.x <= __ldg(box + 3) + margin && p.y >= __ldg(box + 1) - margin &&
-               p.y <= __ldg(box + 4) + margin && p.z >= __ldg(box + 2) - margin && p.z <= __ldg(box + 5) + margin;
+    // Whether a camera is in a box, least and greatest corner, or so near to it that the near plane may cut it.
+    static inline bool holds(const float* box, Vec3 p, NearPlane near) {
+        return p.x >= near.below(__ldg(box)) && p.x <= near.above(__ldg(box + 3)) &&
+               p.y >= near.below(__ldg(box + 1)) && p.y <= near.above(__ldg(box + 4)) &&
+               p.z >= near.below(__ldg(box + 2)) && p.z <= near.above(__ldg(box + 5));
     }
 };
 
@@ -109,16 +110,13 @@ struct Camera {
     float first_u, first_v;  // u and v of the view's first pixel
     float last_x, last_y;  // the view's last column and row
     float far;
-    float most_inv_z, clip_reach;  // where CLIP: what is nearer is not there, and how far from here that may be
     float blur;  // how far rounding may move a corner, in pixels
     bool skip_back_faces;  // of objects that are closed, since the camera is outside them all
     bool cull_back_faces;  // of all objects
+    NearPlane near;
     Vec3d exact_origin;
     Vec3d exact_rays[3];  // a ray is u times the first, plus v times the second, plus the third
 
-    inline bool shows(float inv_z) const { return !CLIP || inv_z <= most_inv_z; }
-    // How far beyond a box the camera has to be for all of it to be there.
-    inline float margin() const { return CLIP ? clip_reach : 0.0f; }
     inline Vec3 relative(Vec3 p) const {
         const Vec3 from = Vec3::minus(p, origin);
         return MOVABLE ? Vec3::minus(from, rest) : from;

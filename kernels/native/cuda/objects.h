@@ -71,13 +71,13 @@ struct ObjectPass {
 
     // Whether the near plane may cut an object open: then its triangles are seen, whatever it is.
     static inline bool is_cut(const Camera& world, const Movables& movables, int m) {
-        if (!CLIP) return false;
+        if (!NearPlane::clips()) return false;
         const float* pose = movables.pose(m);
         Vec3d axis[3];
         PoseRow::axes(pose, axis);
         const Vec3d from = Vec3d::minus(world.exact_origin, PoseRow::position(pose));
         const Vec3d origin = {Vec3d::dot(axis[0], from), Vec3d::dot(axis[1], from), Vec3d::dot(axis[2], from)};
-        return Box::holds(movables.box(m), origin.rounded(), world.margin());
+        return Box::holds(movables.box(m), origin.rounded(), world.near);
     }
 
     // Move the world's camera into the frame of an object; a lane takes a coordinate of a ray, or of the origin.
@@ -98,7 +98,7 @@ struct ObjectPass {
             (&moved.rest.x)[k] = (float)(value - (float)value);
         }
         Warp::sync();
-        const bool inside = Box::holds(movables.box(m), moved.origin, world.margin());
+        const bool inside = Box::holds(movables.box(m), moved.origin, world.near);
         if (lane == 0) {
             moved.skip_back_faces = __ldg(movables.closed + m) && !inside;
             moved.cull_back_faces = cull || moved.skip_back_faces;

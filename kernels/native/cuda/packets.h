@@ -26,8 +26,7 @@ struct Packets {
         camera.last_x = (float)(view.width - 1);
         camera.last_y = (float)(view.height - 1);
         camera.far = view.far * FARTHER;
-        camera.most_inv_z = view.most_inv_z;
-        camera.clip_reach = view.clip_reach;
+        camera.near = NearPlane::of(view.most_inv_z, view.clip_reach);
         camera.blur = BLUR * ((float)(view.focal[0] + view.focal[1]) + camera.last_x + camera.last_y);
         return camera;
     }
@@ -37,7 +36,7 @@ struct Packets {
     static inline bool outside_all(const ClosedObjects& closed, const unsigned char* excluded, const Camera& camera) {
         bool inside = false;
         for (int i = Warp::lane(); i < closed.count; i += LANES)
-            inside |= Box::holds(closed.boxes + BOX_WORDS * i, camera.origin, camera.margin()) &&
+            inside |= Box::holds(closed.boxes + BOX_WORDS * i, camera.origin, camera.near) &&
                       !(excluded && excluded[__ldg(closed.object + i)]);
         return !Warp::any(inside);
     }

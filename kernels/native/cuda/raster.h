@@ -97,7 +97,7 @@ struct Raster {
                         t.exact ? t.clamp(ExactPlane::of(camera, bvh.corners(t.slot)).at(u, v)) : t.inv_z_at(u, v);
                     const Key key = DepthKey::of(inv_z, t.slot + bvh.first_id);
                     Key* at = packet.z_buffer + Packet::index_at(x, y);
-                    if (camera.shows(inv_z) && key > *at) {
+                    if (camera.near.shows(inv_z) && key > *at) {
                         atomicMax(at, key);
                         touched |= 1u << Packet::block_of(x, y);
                     }
@@ -170,7 +170,7 @@ struct Raster {
     static inline void put(const Camera& camera, Packet& packet, int block, bool inside, float inv_z, unsigned id) {
         Key* at = packet.z_buffer + Packet::index(block, Warp::lane());
         const Key key = DepthKey::of(inv_z, id);
-        if (inside && camera.shows(inv_z) && key > *at) *at = key;
+        if (inside && camera.near.shows(inv_z) && key > *at) *at = key;
     }
 };
 

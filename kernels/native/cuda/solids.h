@@ -250,7 +250,7 @@ struct alignas(16) Solid {
             Key* stored = packet.z_buffer + Packet::index(block, lane);
             const Key key = DepthKey::of(fminf(w, MOST_INV_Z), first_id + part);
             Key nearest = *stored;
-            if (w > 0.0f && camera.shows(w) && key > nearest) *stored = nearest = key;
+            if (w > 0.0f && camera.near.shows(w) && key > nearest) *stored = nearest = key;
             const unsigned least = Warp::reduce_min(DepthKey::inv_z_bits(nearest));
             if (lane == block) packet.block_min_inv_z = least;
         }

@@ -1,0 +1,12 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What is nearer than the near plane hides what is behind it. See near_clips.h for the other kind.
+
+struct NearPlane {
+    static inline NearPlane of(float, float) { return NearPlane{}; }
+    static inline bool shows(float) { return true; }
+    static inline bool clips() { return false; }
+    static inline float below(float value) { return value; }
+    static inline float above(float value) { return value; }
+};
