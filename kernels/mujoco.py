@@ -34,12 +34,67 @@ def camera_transforms(
     # Out:
     poses_out: wp.array2d[wp.transform],
 ):
-    """Camera to world of some cameras in some worlds: MuJoCo's look along -z, y up; OpenCV's along z, y down."""
+    """Camera to world of some cameras in some worlds: MuJoCo's look along -z, y up; OpenCV's along z, y down.
+
+    Camera -1 is none.
+    """
     row, column = wp.tid()
     camera, world = cameras[row], worlds[column]
+    if camera < 0:
+        return
     opengl = wp.quat_from_matrix(cam_xmat[world, camera])
     rotation = wp.normalize(opengl * wp.quat(1.0, 0.0, 0.0, 0.0))
     poses_out[row, column] = wp.transform(cam_xpos[world, camera], rotation)
+
+
+@wp.kernel
+def viewer_transforms(
+    # In:
+    subtree_com: wp.array2d[wp.vec3],
+    cameras: wp.array[wp.int32],
+    bodies: wp.array[wp.int32],
+    poses: wp.array[wp.transform],
+    worlds: wp.array[wp.int32],
+    # Out:
+    poses_out: wp.array2d[wp.transform],
+):
+    """Camera to world of a viewer's cameras, which are -1 among `cameras`: about a body's centre of mass, if any."""
+    row, column = wp.tid()
+    if cameras[row] >= 0:
+        return
+    position = wp.transform_get_translation(poses[row])
+    if bodies[row] >= 0:
+        position += subtree_com[worlds[column], bodies[row]]
+    poses_out[row, column] = wp.transform(position, wp.transform_get_rotation(poses[row]))
+
+
+@wp.kernel
+def hidden_objects(
+    # In:
+    geom_rgba: wp.array2d[wp.vec4],
+    geom_matid: wp.array2d[wp.int32],
+    mat_rgba: wp.array2d[wp.vec4],
+    worlds: wp.array[wp.int32],
+    geoms: wp.array[wp.int32],
+    # Out:
+    hidden_out: wp.array2d[wp.uint8],
+):
+    """Whether every view does not show an object, as its geom has no opacity in the view's world.
+
+    Views are of all worlds and the first camera, then of all worlds and the second. A geom has its material's colour
+    unless it has one of its own (`setMaterial` in src/engine/engine_vis_visualize.c).
+    """
+    view, column = wp.tid()
+    world, geom = worlds[view % worlds.shape[0]], geoms[column]
+    hidden = wp.uint8(0)
+    if geom >= 0:
+        rgba = geom_rgba[world % geom_rgba.shape[0], geom]
+        material = geom_matid[world % geom_matid.shape[0], geom]
+        if material >= 0 and rgba == wp.vec4(0.5, 0.5, 0.5, 1.0):
+            rgba = mat_rgba[world % mat_rgba.shape[0], material]
+        if rgba[3] == 0.0:
+            hidden = wp.uint8(1)
+    hidden_out[view, column] = hidden
 
 
 @wp.kernel

@@ -17,6 +17,10 @@ _ARM = """
 <mujoco>
   <worldbody>
     <geom name="floor" type="plane" size="2 2 .1"/>
+    <body name="table" pos=".5 .5 .2">
+      <geom name="table" type="box" size=".2 .2 .2"/>
+      <body name="drawer" pos="0 -.2 0"><geom name="drawer" type="box" size=".1 .05 .05"/></body>
+    </body>
     <camera name="head" pos="0 -1.5 1" xyaxes="1 0 0 0 .5 .9"/>
     <body name="arm" pos="0 0 .5">
       <joint name="shoulder" type="hinge" axis="0 1 0"/>
@@ -119,11 +123,16 @@ def _mujoco(folder):
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     warp_data = mujoco_warp.put_data(model, data, nworld=16)
+    every = {name: np.tile(getattr(model, name), (16, 1, 1)) for name in ("body_pos", "geom_rgba")}
     return {
         "model": model,
         "data": data,
         "warp_data": warp_data,
+        "warp_model": mujoco_warp.put_model(model),
         "qpos": np.tile(data.qpos, (16, 1)),
+        "places": every["body_pos"],
+        "colours": every["geom_rgba"],
+        "fovy": np.linspace(40, 60, 16)[:, None].repeat(model.ncam, axis=1),
         "cup": trimesh.creation.cylinder(0.04, 0.1),
         "camera": wv.Camera.kinect(),
         "camera_to_world": _poses(1),

@@ -453,6 +453,31 @@ def _matrices(position: NDArray, rotation: NDArray) -> NDArray[np.float64]:
     return matrices
 
 
+def viewer_transforms(
+    subtree_com: NDArray, cameras: NDArray, bodies: NDArray, poses: NDArray, worlds: NDArray
+) -> NDArray[np.float64]:
+    """Rows of every pair of a camera and a world, (C, W, 7), of which those of the model's cameras are NaN."""
+    rows = np.full((len(cameras), len(worlds), 7), np.nan)
+    for row, (camera, body) in enumerate(zip(cameras, bodies, strict=True)):
+        if camera < 0:
+            rows[row] = poses[row]
+            rows[row, :, :3] += subtree_com[worlds, body] if body >= 0 else 0
+    return rows
+
+
+def hidden_objects(
+    geom_rgba: NDArray, geom_matid: NDArray, mat_rgba: NDArray, worlds: NDArray, geoms: NDArray, views: int
+) -> NDArray[np.uint8]:
+    hidden = np.zeros((views, len(geoms)), dtype=np.uint8)
+    for view, column in np.ndindex(hidden.shape):
+        world, geom = worlds[view % len(worlds)], geoms[column]
+        rgba, material = geom_rgba[world % len(geom_rgba), geom], geom_matid[world % len(geom_matid), geom]
+        if material >= 0 and rgba.tolist() == [0.5, 0.5, 0.5, 1]:
+            rgba = mat_rgba[world % len(mat_rgba), material]
+        hidden[view, column] = geom >= 0 and rgba[3] == 0
+    return hidden
+
+
 def geoms_of_objects(objects: NDArray, geom_ids: NDArray) -> NDArray[np.int32]:
     return np.where(objects < 0, -1, np.asarray(geom_ids)[objects]).astype(np.int32)
 

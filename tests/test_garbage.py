@@ -94,6 +94,7 @@ MESH = ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
 RESULTS = {
     "BatchSummary",
     "BatchRenderer",
+    "BatchViews",
     "BestViews",
     "Candidate",
     "Coverage",
@@ -392,13 +393,26 @@ def cases(folder):
                 "width": 8,
                 "outputs": ["depth"],
                 "geom_groups": (0,),
+                "scene_option": None,
+                "movable": "all",
+                "cull_backfaces": True,
+                "near_plane": "clip",
+                "fill": "far",
                 "threads": 1,
                 **model,
             },
         ),
         "BatchRenderer.render": (
             wv.mujoco.BatchRenderer(MODEL, 1, height=6, width=8).render,
-            {"poses": data, "cameras": ["eye"], "worlds": None, "out": None},
+            {"poses": data, "cameras": ["eye"], "worlds": None, "model": {"cam_fovy": [[50]]}, "out": None},
+        ),
+        "BatchRenderer.body_ids": (
+            wv.mujoco.BatchRenderer(MODEL, 1, height=6, width=8, outputs=["segmentation"]).body_ids,
+            {"views": RENDERED, "out": None},
+        ),
+        "BatchRenderer.semantic_ids": (
+            wv.mujoco.BatchRenderer(MODEL, 1, height=6, width=8, outputs=["segmentation"]).semantic_ids,
+            {"views": RENDERED, "classes": {"ball": 1}, "out": None},
         ),
         "BatchRenderer.geom_ids": (
             wv.mujoco.BatchRenderer(MODEL, 1, height=6, width=8, outputs=["segmentation"]).geom_ids,
@@ -408,7 +422,7 @@ def cases(folder):
         "Kinematics": (wv.mujoco.Kinematics, {"model": MODEL, "threads": 1}),
         "Kinematics.from_qpos": (
             wv.mujoco.Kinematics(MODEL).from_qpos,
-            {"qpos": [MODEL.qpos0], "mocap_pos": None, "mocap_quat": None},
+            {"qpos": [MODEL.qpos0], "mocap_pos": None, "mocap_quat": None, "model": {"body_pos": MODEL.body_pos[None]}},
         ),
         "Kinematics.from_states": (
             wv.mujoco.Kinematics(MODEL).from_states,

@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 from warpvis.mujoco._batch import BatchRenderer
+from warpvis.mujoco._batch_views import BatchViews
 from warpvis.mujoco._cameras import camera_from_mujoco
 from warpvis.mujoco._model_files import read_model
 from warpvis.mujoco._poses import Kinematics, WorldPoses, camera_poses, geom_poses
@@ -20,6 +21,7 @@ from warpvis.mujoco._scene import MujocoScene, scene_from_mujoco
 
 __all__ = [
     "BatchRenderer",
+    "BatchViews",
     "Kinematics",
     "MujocoScene",
     "Renderer",

@@ -1,12 +1,11 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Many worlds of one MuJoCo model, seen through the model's cameras."""
+"""Many worlds of one MuJoCo model, seen through the model's cameras and others."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from typing import Any, cast
 
 import mujoco  # noqa: TID253 - the whole package is about it
@@ -16,12 +15,24 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, check_out, empty
 from warpvis.core.camera import Camera
-from warpvis.core.checks import as_items, check_whole
+from warpvis.core.checks import check_whole
 from warpvis.core.labels import Label
 from warpvis.core.types import ArrayInput, DeviceLike
-from warpvis.errors import ArrayError, CameraError, SceneError
-from warpvis.mujoco._cameras import camera_from_mujoco, camera_id
-from warpvis.mujoco._geoms import DEFAULT_GROUPS, DEFAULT_TOLERANCE, check_groups
+from warpvis.errors import ArrayError, SceneError
+from warpvis.mujoco._batch_cameras import (
+    NOBODY,
+    BatchCamera,
+    CameraChoice,
+    check_fovy,
+    choose_cameras,
+    viewer_arrays,
+    views_by_intrinsics,
+)
+from warpvis.mujoco._batch_views import BatchViews, batch_views
+from warpvis.mujoco._batch_worlds import FixedGeoms, check_worlds
+from warpvis.mujoco._cameras import camera_from_mujoco
+from warpvis.mujoco._geoms import DEFAULT_TOLERANCE, check_groups
+from warpvis.mujoco._options import shown_by
 from warpvis.mujoco._poses import (
     Kinematics,
     PoseSource,
@@ -29,41 +40,47 @@ from warpvis.mujoco._poses import (
     camera_transforms,
     object_places,
     object_transforms,
+    viewer_transforms,
     world_count,
 )
-from warpvis.mujoco._scene import scene_from_mujoco
-from warpvis.rendering import Output, Renderer as SceneRenderer, Views, check_outputs, views_for
+from warpvis.mujoco._scene import Movable, class_of_geoms, scene_from_mujoco
+from warpvis.mujoco._world_models import WorldModels
+from warpvis.rendering import Fill, NearPlane, Output, Renderer as SceneRenderer, Views, check_outputs, views_for
 from warpvis.scene import Scene
 
 # Cameras, worlds, how many objects move, and the stream that work is queued on.
-_Key = tuple[tuple[int, ...], bytes, int, int | None]
+_Key = tuple[tuple[BatchCamera, ...], bytes, int, int | None]
 
-# So many choices of cameras and worlds are remembered.
+# So many choices of cameras and worlds are remembered, and so many intrinsics.
 _MOST_PLACES = 16
+_MOST_RENDERERS = 64
 
 
 @dataclass
 class _Workplace:
     """Memory for one choice of cameras and worlds: with it, a call on a GPU allocates and copies nothing."""
 
-    cameras: wp.array
+    cameras: tuple[wp.array, wp.array, wp.array]
+    """Ids, tracked bodies and poses."""
     worlds: wp.array
     world_of_view: wp.array
     geoms: wp.array
     objects: wp.array
     eyes: wp.array
+    hidden: wp.array | None = None
+    """What every view does not show, ``(views, objects)`` uint8, if that differs between worlds."""
 
 
 class BatchRenderer:
-    """Renders any of a model's cameras in any of many worlds.
+    """Renders cameras in many worlds.
 
-    Worlds share the model's shapes and differ in where things are. All views of a call have one size; what a pixel is
-    is as in `warpvis.Views`.
+    Worlds share the model's shapes and differ in where things are, in what shows, and in fields of view. All views of
+    a call have one size; what a pixel is is as in `warpvis.Views`.
 
     Example:
         >>> batch = BatchRenderer(model, nworld=1024, height=64, width=64)
         >>> views = batch.render(data, cameras=["wrist", "head"])  # MuJoCo Warp's data, on its GPU
-        >>> wrist, head = views.depth.numpy().reshape(2, 1024, 64, 64)
+        >>> depth = views.by_world().depth  # (1024, 2, 64, 64)
     """
 
     def __init__(
@@ -74,11 +91,15 @@ class BatchRenderer:
         height: int = 240,
         width: int = 320,
         outputs: Sequence[Output] = ("depth",),
-        geom_groups: Iterable[int] = DEFAULT_GROUPS,
+        geom_groups: Iterable[int] | None = None,
+        scene_option: mujoco.MjvOption | None = None,
         tolerance: float = DEFAULT_TOLERANCE,
         labels: Mapping[str, Label | int | str] | None = None,
         exclude: Iterable[str] = (),
+        movable: Movable = "bodies",
         cull_backfaces: bool = True,
+        near_plane: NearPlane = "occlude",
+        fill: Fill = "inf",
         device: DeviceLike = "cpu",
         threads: int | None = None,
     ) -> None:
@@ -89,12 +110,17 @@ class BatchRenderer:
             nworld: How many worlds the poses of every call are of; any number by default.
             height: Image height [px].
             width: Image width [px].
-            outputs: The images to make, as for `warpvis.Renderer`; `geom_ids` needs ``"segmentation"``.
-            geom_groups: Groups of geoms to show; see `scene_from_mujoco`.
+            outputs: The images to make, as for `warpvis.Renderer`; ids need ``"segmentation"``.
+            geom_groups: Groups of geoms to show, by default those of `scene_option`; see `scene_from_mujoco`.
+            scene_option: A `mujoco.MjvOption`: its geom groups, and whether fixed geoms show.
             tolerance: Most distance between round shapes and their triangles [m]; see `scene_from_mujoco`.
             labels: Labels by name or pattern; see `scene_from_mujoco`.
             exclude: Names or patterns of geoms or bodies not to render.
+            movable: Fixed bodies and geoms that are elsewhere in some worlds than in the model, by name or pattern, or
+                ``"all"``; see `scene_from_mujoco`.
             cull_backfaces: See through surfaces from behind, as MuJoCo does.
+            near_plane: As for `warpvis.Renderer`; MuJoCo clips.
+            fill: Depth of empty pixels, as for `warpvis.Renderer`.
             device: Where to render; poses that are on a GPU must be on this one.
             threads: CPU threads to use; all cores of this process by default.
 
@@ -103,17 +129,22 @@ class BatchRenderer:
         """
         nworld = None if nworld is None else check_whole(nworld, "nworld")
         Camera(width, height, 1, 1, 0, 0)  # checks the size
-        options: dict[str, Any] = {"tolerance": tolerance, "labels": labels, "exclude": exclude, "device": device}
+        groups, static = shown_by(scene_option)
+        if geom_groups is not None:
+            if scene_option is not None:
+                raise SceneError("scene_option has groups of geoms, so geom_groups must not be given too")
+            groups = check_groups(geom_groups)
+        chosen: dict[str, Any] = {"tolerance": tolerance, "labels": labels, "exclude": exclude, "static": static}
         self.model = model
-        groups = check_groups(geom_groups)
-        self.mujoco_scene = scene_from_mujoco(model, geom_groups=groups, **options)
+        self.mujoco_scene = scene_from_mujoco(model, geom_groups=groups, movable=movable, device=device, **chosen)
         if not len(self.scene):
             raise SceneError(f"the model has no geoms to render in groups {groups}; see geom_groups=")
         self.nworld, self.height, self.width = nworld, height, width
         self.kinematics = Kinematics(model, threads=threads)
         self._outputs = check_outputs(outputs)
         self._render_options: dict[str, Any] = {"outputs": self._outputs, "cull_backfaces": cull_backfaces}
-        self._render_options["threads"] = threads
+        self._render_options |= {"near_plane": near_plane, "fill": fill, "threads": threads}
+        self._fixed = FixedGeoms(model, self.mujoco_scene)
         self._renderers: dict[Camera, SceneRenderer] = {}
         self._idle: dict[_Key, _Workplace] = {}
 
@@ -126,107 +157,186 @@ class BatchRenderer:
         self,
         poses: PoseSource | Sequence[mujoco.MjData] | ArrayInput,
         *,
-        cameras: int | str | Sequence[int | str] | None = None,
+        cameras: CameraChoice | Sequence[CameraChoice] | None = None,
         worlds: ArrayLike | None = None,
+        model: object | None = None,
         out: Views | None = None,
-    ) -> Views:
+    ) -> BatchViews:
         """Render some cameras in some worlds.
 
         On CUDA the work is queued on the device's current stream and not waited for; arrays that are on the GPU are not
-        copied to the host. With `out`, a call like an earlier one allocates nothing and records into a CUDA graph.
+        copied to the host, but for `cam_fovy`. With `out`, a call like an earlier one without `model` allocates nothing
+        and records into a CUDA graph.
 
         Args:
             poses: Where everything is: anything with the arrays `geom_xpos`, `geom_xmat`, `cam_xpos` and `cam_xmat` of
                 W worlds (MuJoCo Warp's data, MJX's, `mujoco.batch.Batch`, `WorldPoses`); a `mujoco.MjData`, or several;
-                or joint positions, shape ``(W, nq)``. `kinematics.from_states` makes poses of states.
-            cameras: Names or ids of the model's cameras; all by default.
-            worlds: Indices of the worlds to render; all by default. Others cost nothing.
+                or joint positions, shape ``(W, nq)``, or ``(nq,)`` of one world. `kinematics.from_states` makes poses
+                of states. Fixed geoms must be where the model has them, or `movable`: of the host's arrays this is
+                checked.
+            cameras: Names or ids of the model's cameras, -1 for the default free camera, `mujoco.MjvCamera` that are
+                fixed, free, or track a body (whose `subtree_com` the poses must have then); all of the model's by
+                default.
+            worlds: Indices of the worlds to render, or which to render, ``(W,)`` bool; all by default. Others cost
+                nothing.
+            model: What of the model differs between worlds: MuJoCo Warp's model, or a mapping of some of its arrays, of
+                shape ``(W, ...)`` or ``(1, ...)``. `geom_rgba`, `geom_matid` and `mat_rgba` say what shows: geoms that
+                the model itself hides are not in the scene. `cam_fovy` costs a call of the caster for each field of
+                view: 256 different ones of 64x64 pixels take 2.6 to 4 times as long on 2 cores as a single one.
+                `body_pos`, `body_quat`, `geom_pos`, `geom_quat`, `cam_pos` and `cam_quat` are taken account of where
+                joint positions are given; other poses have them in. Sizes and meshes cannot differ: worlds share their
+                shapes.
             out: Images of an earlier call to write into, of the same number of views.
 
         Returns:
-            Images of C cameras in W worlds, all worlds of the first camera first: ``(C * W, height, width)``.
+            Images of C cameras in W worlds, all worlds of the first camera first: ``(C * W, height, width)``;
+            `by_world` of them shows ``(W, C, height, width)``.
 
         Raises:
             CameraError: There is no such camera.
-            ArrayError: Poses, worlds or `out` do not fit.
+            ArrayError: Poses, worlds, `model` or `out` do not fit.
         """
-        chosen = self._camera_ids(cameras)
-        poses, indices = self._read_worlds(poses, worlds)
+        chosen = choose_cameras(self.model, cameras, self.width, self.height)
+        poses, indices, models, rows = self._read_worlds(poses, worlds, model)
+        self._fixed.check(poses, indices)
         device, count = self.scene.device, len(indices)
         # Work on another stream may not be done with the memory.
         stream = None if device.is_cpu else device.stream.cuda_stream
         key = (tuple(chosen), indices.tobytes(), len(self.scene.movable), stream)
         place = self._take(key, chosen, indices)
-        views = self._render_from(poses, chosen, place, (len(chosen) * count, self.height, self.width), out)
+        fovy = self._place(poses, chosen, place, models, rows)
+        groups = views_by_intrinsics(self.model, chosen, fovy, rows)
+        shape = (len(chosen) * count, self.height, self.width)
+        views = batch_views(views_for(self._outputs, shape, device, out), len(chosen), count)
+        for camera, members in groups.items():
+            self._cast(camera, place, members, views)
         self._give_back(key, place)
         return views
 
-    def _render_from(
+    def _place(
         self,
         poses: PoseSource,
-        chosen: Sequence[int],
+        chosen: Sequence[BatchCamera],
         place: _Workplace,
-        shape: tuple[int, int, int],
-        out: Views | None,
-    ) -> Views:
-        device, count = self.scene.device, len(place.worlds)
+        models: WorldModels | None,
+        rows: NDArray[np.int32],
+    ) -> NDArray[np.float64] | None:
+        """Say where all objects and cameras are, and what shows; return the fields of view if they are given."""
+        device = self.scene.device
         if place.objects.size:
             object_transforms(poses, self.mujoco_scene, place.worlds, geoms=place.geoms, out=place.objects)
-        camera_transforms(poses, self.model, place.cameras, place.worlds, device=device, out=place.eyes)
-        runs = [(camera, len(list(run))) for camera, run in groupby(chosen, key=self._camera)]
-        if len(runs) == 1:
-            return self._cast(runs[0][0], place, slice(0, shape[0]), out)
-        views = views_for(self._outputs, shape, device, out)
-        first = 0
-        for camera, cameras in runs:
-            images = slice(first * count, (first + cameras) * count)
-            part = Views(**{name: getattr(views, name)[images] for name in self._outputs})
-            self._cast(camera, place, images, part)
-            first += cameras
-        return views
+        if any(camera.camera_id >= 0 for camera in chosen):
+            camera_transforms(poses, self.model, place.cameras[0], place.worlds, device=device, out=place.eyes)
+        if any(camera.camera_id < 0 for camera in chosen):
+            tracking = any(camera.body != NOBODY for camera in chosen)
+            viewer_transforms(poses, self.model, place.cameras, place.worlds, tracking=tracking, out=place.eyes)
+        place.hidden = None
+        if models is None:
+            return None
+        colours = models.colours(device)
+        if colours is not None:
+            place.hidden = self._hide(colours, rows, place.eyes.size)
+        fovy = models.fovy()
+        if fovy is not None:
+            check_fovy(fovy)
+        return fovy
+
+    def _hide(self, colours: Sequence[wp.array], rows: NDArray[np.int32], views: int) -> wp.array:
+        """Flag the objects that every view does not show."""
+        from warpvis.kernels.mujoco import hidden_objects
+
+        device = self.scene.device
+        hidden = wp.empty((views, len(self.scene)), dtype=wp.uint8, device=device)
+        worlds = wp.array(rows, dtype=wp.int32, device=device)
+        geoms = wp.array(self.mujoco_scene.geoms_of_objects(), dtype=wp.int32, device=device)
+        wp.launch(hidden_objects, dim=hidden.shape, inputs=[*colours, worlds, geoms, hidden], device=device)
+        return hidden
 
     def geom_ids(self, views: Views, *, out: wp.array | None = None) -> wp.array:
         """Say which geom every pixel shows; -1 for none, and for objects that were added to the scene.
 
         Args:
-            views: What `render` returned, with `objects`.
+            views: What `render` returned, with `segmentation`.
             out: An array to write into, of the same shape.
 
         Returns:
             Ids of the model's geoms, shape ``(views, height, width)`` int32.
 
         Raises:
-            ArrayError: The views have no objects, or `out` does not fit.
+            ArrayError: The views have no segmentation, or `out` does not fit.
         """
+        return self._look_up(views, np.arange(self.model.ngeom), out)
+
+    def body_ids(self, views: Views, *, out: wp.array | None = None) -> wp.array:
+        """Say which body every pixel shows, as `geom_ids` does of geoms."""
+        return self._look_up(views, self.model.geom_bodyid, out)
+
+    def semantic_ids(self, views: Views, classes: Mapping[str, int], *, out: wp.array | None = None) -> wp.array:
+        """Say of which class every pixel is.
+
+        Args:
+            views: What `render` returned, with `segmentation`.
+            classes: Numbers by name or pattern of geoms or bodies, as for `labels`; the last one that fits counts.
+            out: An array to write into, of the same shape.
+
+        Returns:
+            The numbers, shape ``(views, height, width)`` int32; -1 where nothing is, or nothing that fits.
+
+        Raises:
+            WarpvisError: The views have no segmentation, a pattern fits nothing, or `out` does not fit.
+        """
+        return self._look_up(views, class_of_geoms(self.model, classes), out)
+
+    def _look_up(self, views: Views, of_geoms: NDArray[np.integer], out: wp.array | None) -> wp.array:
+        """Make images of a number that every geom has."""
         from warpvis.kernels.mujoco import geoms_of_objects
 
         if not isinstance(views, Views) or views.segmentation is None:
             raise ArrayError('views must have segmentation; make the BatchRenderer with outputs=("segmentation", ...)')
         shape, device = views.segmentation.shape, views.segmentation.device
-        out = empty(shape, wp.int32, name="geoms", device=device) if out is None else out
+        out = empty(shape, wp.int32, name="ids", device=device) if out is None else out
         check_out(out, wp.int32, shape, name="out", device=device)
-        ids = wp.array(self.mujoco_scene.geoms_of_objects(), dtype=wp.int32, device=device)
+        geoms = self.mujoco_scene.geoms_of_objects()
+        numbers = np.where(geoms < 0, -1, of_geoms[geoms])
+        ids = wp.array(numbers, dtype=wp.int32, device=device)
         inputs = [views.segmentation.flatten(), ids, out.flatten()]
         wp.launch(geoms_of_objects, dim=out.size, inputs=inputs, device=device)
         return out
 
-    def camera(self, camera: int | str) -> Camera:
-        """Return intrinsics of one of the model's cameras in this renderer's image size."""
-        return self._camera(camera_id(self.model, camera))
+    def camera(self, camera: CameraChoice) -> Camera:
+        """Return intrinsics of a camera in this renderer's image size."""
+        return camera_from_mujoco(self.model, camera, self.width, self.height)
 
-    def _camera(self, index: int) -> Camera:
-        return camera_from_mujoco(self.model, index, self.width, self.height)
-
-    def _cast(self, camera: Camera, place: _Workplace, views: slice, out: Views | None) -> Views:
+    def _cast(self, camera: Camera, place: _Workplace, views: NDArray[np.int64], out: Views) -> None:
         """Render views through cameras of the same intrinsics."""
         if camera not in self._renderers:
+            while len(self._renderers) >= _MOST_RENDERERS:
+                self._renderers.pop(next(iter(self._renderers)), None)
             self._renderers[camera] = SceneRenderer(self.scene, camera, **self._render_options)
-        worlds = (
-            {"object_poses": place.objects, "world_index": place.world_of_view[views]} if place.objects.size else {}
-        )
-        return self._renderers[camera].render(place.eyes.flatten()[views], **worlds, out=out)
+        renderer, eyes = self._renderers[camera], place.eyes.flatten()
+        rows: slice | wp.array = slice(int(views[0]), int(views[-1]) + 1)
+        scattered = len(views) <= views[-1] - views[0]
+        if scattered:
+            rows = wp.array(views, dtype=wp.int32, device=self.scene.device)
 
-    def _take(self, key: _Key, cameras: Sequence[int], worlds: NDArray[np.int32]) -> _Workplace:
+        def some(array: wp.array) -> wp.array:
+            return array[rows].contiguous() if scattered else array[rows]
+
+        options: dict[str, Any] = {}
+        if place.objects.size:
+            options = {"object_poses": place.objects, "world_index": some(place.world_of_view)}
+        if place.hidden is not None:
+            options["exclude"] = some(place.hidden)
+        images = {name: getattr(out, name) for name in self._outputs}
+        if not scattered:
+            part = Views(**{name: image[rows] for name, image in images.items()})
+            renderer.render(some(eyes), **options, out=part)
+            return
+        part = renderer.render(some(eyes), **options)
+        for name, image in images.items():
+            wp.copy(image[rows], getattr(part, name))
+
+    def _take(self, key: _Key, cameras: Sequence[BatchCamera], worlds: NDArray[np.int32]) -> _Workplace:
         """Return memory that nobody uses, of an earlier call for the same cameras and worlds, or new."""
         try:
             return self._idle.pop(key)
@@ -238,11 +348,11 @@ class BatchRenderer:
         while len(self._idle) > _MOST_PLACES:
             self._idle.pop(next(iter(self._idle)), None)
 
-    def _make_workplace(self, cameras: Sequence[int], worlds: NDArray[np.int32]) -> _Workplace:
+    def _make_workplace(self, cameras: Sequence[BatchCamera], worlds: NDArray[np.int32]) -> _Workplace:
         device, count = self.scene.device, len(worlds)
         world_of_view = np.tile(np.arange(count, dtype=np.int32), len(cameras))
         return _Workplace(
-            cameras=wp.array(list(cameras), dtype=wp.int32, device=device),
+            cameras=viewer_arrays(cameras, device),
             worlds=wp.array(worlds, dtype=wp.int32, device=device),
             world_of_view=wp.array(world_of_view, dtype=wp.int32, device=device),
             geoms=wp.array(self.mujoco_scene.movable_geoms, dtype=wp.int32, device=device),
@@ -250,44 +360,35 @@ class BatchRenderer:
             eyes=wp.empty((len(cameras), count), dtype=wp.transform, device=device),
         )
 
-    def _camera_ids(self, cameras: int | str | Sequence[int | str] | None) -> list[int]:
-        if cameras is None:
-            cameras = range(self.model.ncam)
-        elif isinstance(cameras, str | int | np.integer):
-            cameras = [cameras]
-        ids = [camera_id(self.model, camera) for camera in as_items(cameras, "cameras", CameraError)]
-        if not ids:
-            raise CameraError("there must be a camera to render; the model or the list of cameras has none")
-        return ids
-
     def _read_worlds(
-        self, poses: PoseSource | Sequence[mujoco.MjData] | ArrayInput, worlds: ArrayLike | None
-    ) -> tuple[PoseSource, NDArray[np.int32]]:
-        """Read a source of poses, and which of its worlds to render."""
+        self,
+        poses: PoseSource | Sequence[mujoco.MjData] | ArrayInput,
+        worlds: ArrayLike | None,
+        model: object | None,
+    ) -> tuple[PoseSource, NDArray[np.int32], WorldModels | None, NDArray[np.int32]]:
+        """Read a source of poses, which of its worlds to render, what differs between models, and whose rows count."""
         if isinstance(poses, list | tuple) and len(poses) and all(isinstance(data, mujoco.MjData) for data in poses):
             poses = WorldPoses.of(poses)
         if hasattr(poses, "geom_xpos"):
             source = cast(PoseSource, poses)
-            return source, self._chosen_worlds(worlds, world_count(source))
+            count = world_count(source)
+            chosen = self._chosen_worlds(worlds, count)
+            return source, chosen, None if model is None else WorldModels(self.model, model, count), chosen
         joints = as_numpy(cast("ArrayInput", poses), name="poses")
-        chosen = self._chosen_worlds(worlds, len(np.atleast_1d(joints)))
-        source = self.kinematics.from_qpos(joints if worlds is None else joints[chosen])
-        return source, np.arange(len(chosen), dtype=np.int32)
+        joints = np.atleast_2d(joints)
+        chosen = self._chosen_worlds(worlds, len(joints))
+        models = None if model is None else WorldModels(self.model, model, len(joints))
+        changes = {} if models is None else models.poses()
+        changes = {name: rows if len(rows) == 1 else rows[chosen] for name, rows in changes.items()}
+        source = self.kinematics.from_qpos(joints if worlds is None else joints[chosen], model=changes or None)
+        return source, np.arange(len(chosen), dtype=np.int32), models, chosen
 
     def _chosen_worlds(self, worlds: ArrayLike | None, count: int) -> NDArray[np.int32]:
         """Check which of so many worlds are to be rendered."""
         if self.nworld not in (None, count):
             raise ArrayError(f"poses must be of nworld = {self.nworld} worlds, got {count}")
-        return _check_worlds(worlds, count)
+        return check_worlds(worlds, count)
 
-
-def _check_worlds(worlds: ArrayLike | None, count: int) -> NDArray[np.int32]:
-    if worlds is None:
-        return np.arange(count, dtype=np.int32)
-    chosen = as_numpy(worlds, name="worlds")
-    if chosen.ndim != 1 or chosen.dtype.kind not in "iu" or not len(chosen):
-        raise ArrayError(f"worlds must be one or more indices, got {chosen.dtype} of shape {chosen.shape}")
-    bad = np.flatnonzero((chosen < 0) | (chosen >= count))
-    if len(bad):
-        raise ArrayError(f"worlds must be from 0 to {count - 1}, got {chosen[bad[0]]} at index {bad[0]}")
-    return chosen.astype(np.int32)
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process makes the same of: no memory to work with."""
+        return self.__dict__ | {"_renderers": {}, "_idle": {}}

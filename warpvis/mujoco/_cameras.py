@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from typing import NamedTuple
 
 import mujoco  # noqa: TID253 - the whole package is about it
@@ -66,6 +67,20 @@ def _frustum(model: mujoco.MjModel, viewer: mujoco.MjvCamera) -> Frustum:
     vertical_horizontal_clip = np.zeros((3, 2), dtype=np.float32)
     mujoco.mjv_cameraFrustum(*vertical_horizontal_clip, model, viewer)
     return Frustum(*vertical_horizontal_clip.ravel().tolist())
+
+
+def camera_with_fovy(model: mujoco.MjModel, camera: int, fovy: float, like: Camera) -> Camera:
+    """Make what `camera_from_mujoco` would if one of the model's cameras had another field of view.
+
+    Args:
+        model: The model.
+        camera: Id of a camera that has no sensor size.
+        fovy: Its vertical field of view [degrees].
+        like: A camera of the same size.
+    """
+    frustum = _frustum(model, viewer_camera(model, camera))
+    half = float(np.float32(frustum.near * math.tan(fovy * math.pi / 360)))
+    return camera_of_frustum(frustum._replace(up=half, down=half), like.width, like.height)
 
 
 @functools.lru_cache(maxsize=256)

@@ -4,9 +4,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import copy
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from types import MappingProxyType
+from typing import Any, Protocol
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
@@ -19,11 +21,18 @@ from warpvis.core.threads import check_threads, run_each
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
 from warpvis.mujoco._scene import MujocoScene
+from warpvis.mujoco._world_models import WorldModels
 
 FULL_PHYSICS = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 
 # mjData's fields as MuJoCo, MJX and MuJoCo Warp all call them, and what one geom or camera has there.
-_FIELDS = {"geom_xpos": wp.vec3, "geom_xmat": wp.mat33, "cam_xpos": wp.vec3, "cam_xmat": wp.mat33}
+_FIELDS = {
+    "geom_xpos": wp.vec3,
+    "geom_xmat": wp.mat33,
+    "cam_xpos": wp.vec3,
+    "cam_xmat": wp.mat33,
+    "subtree_com": wp.vec3,
+}
 
 
 class PoseSource(Protocol):
@@ -50,6 +59,8 @@ class WorldPoses:
     """Positions of the cameras [m], shape ``(W, ncam, 3)``."""
     cam_xmat: ArrayInput | None = None
     """Their rotations, shape ``(W, ncam, 3, 3)`` or ``(W, ncam, 9)``: they look along -z with y up."""
+    subtree_com: ArrayInput | None = None
+    """Centres of mass of bodies with all that hangs on them [m], shape ``(W, nbody, 3)``, which cameras may track."""
 
     @classmethod
     def of(cls, worlds: Sequence[mujoco.MjData]) -> WorldPoses:
@@ -61,8 +72,10 @@ class WorldPoses:
         worlds = as_items(worlds, "worlds")
         if not worlds or not all(isinstance(data, mujoco.MjData) for data in worlds):
             raise ArrayError(f"worlds must be one or more of mujoco.MjData, got {worlds!r}")
-        if len({(len(data.geom_xpos), len(data.cam_xpos)) for data in worlds}) > 1:
-            raise ArrayError("worlds must be mujoco.MjData of one model, got several numbers of geoms or cameras")
+        if len({(len(data.geom_xpos), len(data.cam_xpos), len(data.xpos)) for data in worlds}) > 1:
+            raise ArrayError(
+                "worlds must be mujoco.MjData of one model, got several numbers of geoms, cameras or bodies"
+            )
         return cls(*(np.stack([getattr(data, name) for data in worlds]) for name in _FIELDS))
 
 
@@ -207,19 +220,28 @@ class Kinematics:
         self._spare: list[mujoco.MjData] = []
 
     def from_qpos(
-        self, qpos: ArrayLike, *, mocap_pos: ArrayLike | None = None, mocap_quat: ArrayLike | None = None
+        self,
+        qpos: ArrayLike,
+        *,
+        mocap_pos: ArrayLike | None = None,
+        mocap_quat: ArrayLike | None = None,
+        model: object | None = None,
     ) -> WorldPoses:
         """Compute poses of W worlds.
 
         Args:
-            qpos: Joint positions, shape ``(W, nq)``.
+            qpos: Joint positions, shape ``(W, nq)``, or ``(nq,)`` of one world.
             mocap_pos: Positions of mocap bodies [m], shape ``(W, nmocap, 3)``; the model's own by default.
             mocap_quat: Their rotations ``w x y z``, shape ``(W, nmocap, 4)``; the model's own by default.
+            model: What of the model differs between worlds: a mapping of `body_pos`, `body_quat`, `geom_pos`,
+                `geom_quat`, `cam_pos` and `cam_quat` and arrays of shape ``(W, ...)`` or ``(1, ...)``, or what has them
+                as attributes.
 
         Raises:
             ArrayError: A shape is wrong, or a number is not finite.
         """
-        rows = _check_rows(qpos, (self._model.nq,), "qpos")
+        array = as_numpy(qpos, name="qpos")
+        rows = _check_rows(array[None] if array.ndim == 1 else array, (self._model.nq,), "qpos")
         parts = {"qpos": rows}
         for name, value, size in (("mocap_pos", mocap_pos, 3), ("mocap_quat", mocap_quat, 4)):
             if value is not None:
@@ -231,7 +253,8 @@ class Kinematics:
             for name, values in parts.items():
                 getattr(data, name)[:] = values[world]
 
-        return self._run(place, len(rows))
+        changes = {} if model is None else WorldModels(self._model, model, len(rows)).poses()
+        return self._run(place, len(rows), changes)
 
     def from_states(self, states: ArrayLike, spec: int = FULL_PHYSICS) -> WorldPoses:
         """Compute poses of W worlds.
@@ -254,28 +277,39 @@ class Kinematics:
         rows = _check_rows(array, (size,), "states")
         return self._run(lambda data, world: mujoco.mj_setState(self._model, data, rows[world], spec), len(rows))
 
-    def _run(self, place: Callable[[mujoco.MjData, int], None], count: int) -> WorldPoses:
+    def _run(
+        self,
+        place: Callable[[mujoco.MjData, int], None],
+        count: int,
+        changes: Mapping[str, NDArray[np.float64]] = MappingProxyType({}),
+    ) -> WorldPoses:
         model = self._model
         shapes = {"geom_xpos": (model.ngeom, 3), "geom_xmat": (model.ngeom, 9)}
-        shapes |= {"cam_xpos": (model.ncam, 3), "cam_xmat": (model.ncam, 9)}
+        shapes |= {"cam_xpos": (model.ncam, 3), "cam_xmat": (model.ncam, 9), "subtree_com": (model.nbody, 3)}
         arrays = {name: np.empty((count, *shape), dtype=np.float32) for name, shape in shapes.items()}
         parts = [part for part in np.array_split(np.arange(count), self._threads) if len(part)]
-        spare = [self._take() for _ in parts]
+        # A model that is changed from world to world is a thread's own.
+        models = [copy.copy(model) if changes else model for _ in parts]
+        spare = [mujoco.MjData(own) if changes else self._take() for own in models]
 
         def work(index: int) -> None:
-            data = spare[index]
-            mujoco.mj_resetData(model, data)
+            own, data = models[index], spare[index]
+            mujoco.mj_resetData(own, data)
             fields = [(out, getattr(data, name)) for name, out in arrays.items()]
+            changed = [(getattr(own, name), values) for name, values in changes.items()]
             for world in parts[index].tolist():
                 place(data, world)
-                mujoco.mj_kinematics(model, data)
-                mujoco.mj_comPos(model, data)  # cameras may look at a centre of mass
-                mujoco.mj_camlight(model, data)
+                for field, values in changed:
+                    field[:] = values[world % len(values)]
+                mujoco.mj_kinematics(own, data)
+                mujoco.mj_comPos(own, data)  # cameras may look at a centre of mass
+                mujoco.mj_camlight(own, data)
                 for out, field in fields:
                     out[world] = field
 
         run_each(work, range(len(parts)), self._threads)
-        self._spare.extend(spare)
+        if not changes:
+            self._spare.extend(spare)
         return WorldPoses(**arrays)
 
     def _take(self) -> mujoco.MjData:
@@ -283,6 +317,36 @@ class Kinematics:
             return self._spare.pop()
         except IndexError:  # the first call, or several calls at the same time
             return mujoco.MjData(self._model)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process makes the same of."""
+        return {"_model": self._model, "_threads": self._threads, "_spare": []}
+
+
+def viewer_transforms(
+    source: PoseSource,
+    model: mujoco.MjModel,
+    cameras: tuple[wp.array, wp.array, wp.array],
+    worlds: wp.array,
+    *,
+    tracking: bool,
+    out: wp.array,
+) -> None:
+    """Write poses of a viewer's cameras, which are -1 among the ids.
+
+    Args:
+        source: As for `geom_poses`, with `subtree_com` if a camera tracks a body.
+        model: The `mujoco.MjModel`.
+        cameras: Ids, tracked bodies and poses, as `viewer_arrays` makes them.
+        worlds: Indices of the worlds, int32 on the device.
+        tracking: Whether a camera tracks a body.
+        out: Where to write, shape ``(cameras, W)`` `wp.transform`; rows of other cameras are left.
+    """
+    from warpvis.kernels import mujoco as kernels
+
+    device = out.device
+    com = _read(source, "subtree_com", model.nbody, device) if tracking else None
+    wp.launch(kernels.viewer_transforms, dim=out.shape, inputs=[com, *cameras, worlds, out], device=device)
 
 
 def _get(source: PoseSource, name: str) -> ArrayInput:

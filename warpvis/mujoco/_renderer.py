@@ -17,13 +17,11 @@ from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, SceneError, WarpvisError
 from warpvis.mujoco._cameras import camera_from_mujoco, viewer_camera, viewer_pose
 from warpvis.mujoco._geoms import DEFAULT_GROUPS, DEFAULT_TOLERANCE, check_groups
+from warpvis.mujoco._options import shown_by
 from warpvis.mujoco._scene import check_patterns, select_geoms
 from warpvis.mujoco._stage import Stage
 from warpvis.rendering import Output, Renderer as SceneRenderer
 from warpvis.scene import Scene
-
-_STATIC = int(mujoco.mjtVisFlag.mjVIS_STATIC)
-_HULLS = int(mujoco.mjtVisFlag.mjVIS_CONVEXHULL)
 
 _MOST_RENDERERS = 64  # a camera whose field of view changes all the time must not fill the memory
 
@@ -223,13 +221,8 @@ class Renderer:
         return getattr(views, output).numpy()[0]
 
     def _chosen_stage(self, option: mujoco.MjvOption | None) -> Stage:
-        if option is None:
-            return self._stage_of(DEFAULT_GROUPS, static=True)
-        if not isinstance(option, mujoco.MjvOption):
-            raise SceneError(f"scene_option must be a mujoco.MjvOption, got {type(option).__name__}")
-        if option.flags[_HULLS]:
-            raise SceneError("scene_option asks for convex hulls (mjVIS_CONVEXHULL), which are not rendered")
-        return self._stage_of(np.flatnonzero(option.geomgroup).tolist(), static=bool(option.flags[_STATIC]))
+        groups, static = shown_by(option)
+        return self._stage_of(groups, static=static)
 
     def _stage_of(self, groups: Iterable[int], *, static: bool) -> Stage:
         """Return the stage of some groups, made when first needed."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import check_metres
-from warpvis.core.checks import as_items, check_choice, check_flag, check_mapping
+from warpvis.core.checks import as_items, check_choice, check_flag, check_mapping, is_whole
 from warpvis.core.labels import Label
 from warpvis.core.types import DeviceLike
 from warpvis.errors import SceneError
@@ -195,6 +195,22 @@ def _choose_pieces(model: mujoco.MjModel, names: list[str], movable: Movable) ->
             elif fixed[geom]:
                 alone.add(geom)
     return rigid_pieces(model, loose_bodies=loose, alone=alone)
+
+
+def class_of_geoms(model: mujoco.MjModel, classes: Mapping[str, int]) -> NDArray[np.int32]:
+    """Give every geom the number of the last pattern that fits its object or body, ``(ngeom,)``; -1 where none does.
+
+    Raises:
+        SceneError: A pattern fits nothing, or a number is none.
+    """
+    names = object_names(model)
+    numbers = np.full(model.ngeom, -1, dtype=np.int32)
+    check_patterns(check_mapping(classes, "classes", SceneError), "classes")
+    for pattern, number in classes.items():
+        if not is_whole(number) or not 0 <= number < 2**31:
+            raise SceneError(f"classes must be whole numbers from 0 up, got {number!r} for {pattern!r}")
+        numbers[_fitting(model, names, pattern, "classes")] = number
+    return numbers
 
 
 def check_patterns(patterns: Any, name: str = "exclude") -> tuple[str, ...]:

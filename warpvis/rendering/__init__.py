@@ -11,6 +11,8 @@ from warpvis.rendering._panorama import render_wide
 from warpvis.rendering._renderer import (
     OUTPUTS,
     Caster,
+    Fill,
+    NearPlane,
     Output,
     Renderer as Renderer,
     Views as Views,
@@ -22,6 +24,8 @@ from warpvis.rendering._renderer import (
 __all__ = [
     "OUTPUTS",
     "Caster",
+    "Fill",
+    "NearPlane",
     "Output",
     "render_wide",
 ]

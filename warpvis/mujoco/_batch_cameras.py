@@ -1,0 +1,111 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The cameras of a batch: the model's own, and free and tracking ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple, TypeAlias
+
+import mujoco  # noqa: TID253 - the whole package is about it
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.camera import Camera
+from warpvis.core.checks import as_items
+from warpvis.errors import ArrayError, CameraError
+from warpvis.mujoco._cameras import camera_from_mujoco, camera_with_fovy, viewer_camera, viewer_pose
+
+CameraChoice: TypeAlias = int | str | mujoco.MjvCamera
+"""A camera's name or id, -1 for the default free camera, or a `mujoco.MjvCamera`."""
+
+_FIXED = mujoco.mjtCamera.mjCAMERA_FIXED
+_TRACKING = mujoco.mjtCamera.mjCAMERA_TRACKING
+NOBODY = -1
+
+
+class BatchCamera(NamedTuple):
+    """One camera of a call: one of the model's, or where a viewer's is."""
+
+    camera_id: int
+    """Id of the model's camera; -1 for a viewer's."""
+    body: int
+    """The body that a viewer's camera tracks; -1 for none."""
+    pose: tuple[float, ...]
+    """``x y z qx qy qz qw`` of the OpenCV camera of a viewer's, from the centre of mass that it tracks."""
+    intrinsics: Camera
+
+
+def choose_cameras(
+    model: mujoco.MjModel, cameras: CameraChoice | Sequence[CameraChoice] | None, width: int, height: int
+) -> list[BatchCamera]:
+    """Read the cameras that a call asks for: all of the model's by default.
+
+    Raises:
+        CameraError: There is no such camera, or none at all.
+    """
+    if cameras is None:
+        cameras = range(model.ncam)
+    elif isinstance(cameras, str | int | np.integer | mujoco.MjvCamera):
+        cameras = [cameras]
+    chosen = [_choose(model, camera, width, height) for camera in as_items(cameras, "cameras", CameraError)]
+    if not chosen:
+        raise CameraError("there must be a camera to render; the model or the list of cameras has none")
+    return chosen
+
+
+def _choose(model: mujoco.MjModel, camera: CameraChoice, width: int, height: int) -> BatchCamera:
+    viewer = viewer_camera(model, camera)
+    intrinsics = camera_from_mujoco(model, viewer, width, height)
+    if viewer.type == _FIXED:
+        return BatchCamera(int(viewer.fixedcamid), NOBODY, (0.0,) * 7, intrinsics)
+    # Data in which all centres of mass are at the origin.
+    pose = viewer_pose(mujoco.MjData(model), viewer)
+    body = int(viewer.trackbodyid) if viewer.type == _TRACKING else NOBODY
+    return BatchCamera(-1, body, tuple(pose.tolist()), intrinsics)
+
+
+def views_by_intrinsics(
+    model: mujoco.MjModel, cameras: Sequence[BatchCamera], fovy: NDArray[np.float64] | None, worlds: NDArray[np.int32]
+) -> dict[Camera, NDArray[np.int64]]:
+    """Group the views of a call by what they are cast through, ascending.
+
+    Args:
+        model: The model.
+        cameras: The call's cameras.
+        fovy: Vertical fields of view of the model's cameras in every world [degrees], shape ``(1 or W, ncam)``; None
+            for the model's own.
+        worlds: The call's worlds, of which all are seen by the first camera, then all by the second.
+    """
+    count, groups = len(worlds), dict[Camera, list[NDArray[np.int64]]]()
+    for number, camera in enumerate(cameras):
+        views = np.arange(number * count, (number + 1) * count)
+        if fovy is None or camera.camera_id < 0 or model.cam_sensorsize[camera.camera_id].all():
+            groups.setdefault(camera.intrinsics, []).append(views)
+            continue
+        angles, which = np.unique(fovy[worlds % len(fovy), camera.camera_id], return_inverse=True)
+        for k, angle in enumerate(angles.tolist()):
+            seen = camera_with_fovy(model, camera.camera_id, angle, camera.intrinsics)
+            groups.setdefault(seen, []).append(views[which == k])
+    return {intrinsics: np.concatenate(parts) for intrinsics, parts in groups.items()}
+
+
+def check_fovy(fovy: NDArray[np.float64]) -> None:
+    """Raise an `ArrayError` unless all fields of view are above 0 and below 180 degrees."""
+    bad = np.argwhere(~((fovy > 0) & (fovy < 180)))
+    if len(bad):
+        world, camera = bad[0].tolist()
+        raise ArrayError(
+            f"cam_fovy must be from 0 to 180 degrees, got {fovy[world, camera]} for camera {camera} in world {world}"
+        )
+
+
+def viewer_arrays(cameras: Sequence[BatchCamera], device: wp.Device) -> tuple[wp.array, wp.array, wp.array]:
+    """Return ids, tracked bodies and poses of the cameras on a device."""
+    poses = np.array([camera.pose for camera in cameras], dtype=np.float32)
+    return (
+        wp.array([camera.camera_id for camera in cameras], dtype=wp.int32, device=device),
+        wp.array([camera.body for camera in cameras], dtype=wp.int32, device=device),
+        wp.array(poses, dtype=wp.transform, shape=(len(cameras),), device=device),
+    )

@@ -1,0 +1,76 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Checks of the worlds of a batch: which of them, and that what is fixed is where it was."""
+
+from __future__ import annotations
+
+import mujoco  # noqa: TID253 - the whole package is about it
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from warpvis.core.arrays import as_numpy
+from warpvis.errors import ArrayError
+from warpvis.mujoco._geoms import initial_poses
+from warpvis.mujoco._poses import PoseSource
+from warpvis.mujoco._scene import MujocoScene
+
+# Fixed geoms whose poses differ by more than single precision accounts for were moved [m, or none].
+_MOVED = 1e-4
+
+
+class FixedGeoms:
+    """The geoms that have no poses of their own in a scene, and where they are there."""
+
+    def __init__(self, model: mujoco.MjModel, mujoco_scene: MujocoScene) -> None:
+        """Find them in a scene that was just made of the model."""
+        self._count = model.ngeom
+        shown = mujoco_scene.scene.objects[: len(mujoco_scene.geom_ids)]
+        self._geoms = mujoco_scene.geom_ids[[index for index, item in enumerate(shown) if not item.movable]]
+        self._names = [item.name for item in shown if not item.movable]
+        self._poses = initial_poses(model)[self._geoms]
+
+    def check(self, source: PoseSource, worlds: NDArray[np.int32]) -> None:
+        """Compare them with poses that are in the host's memory; others are not looked at.
+
+        Raises:
+            ArrayError: One is elsewhere.
+        """
+        position, rotation = source.geom_xpos, source.geom_xmat
+        if not len(self._geoms) or not isinstance(position, np.ndarray) or not isinstance(rotation, np.ndarray):
+            return
+        if isinstance(source, mujoco.MjData):
+            position, rotation = position[None], rotation[None]
+        if position.shape[1:] != (self._count, 3) or position.shape[:2] != rotation.shape[:2]:
+            return  # what reads them says so
+        seen = np.ix_(worlds, self._geoms)
+        moved = (np.abs(position[seen] - self._poses[:, :3, 3]) > _MOVED).any(axis=2)
+        turned = np.abs(rotation[seen].reshape(*moved.shape, 9) - self._poses[:, :3, :3].reshape(-1, 9)) > _MOVED
+        bad = np.argwhere(moved | turned.any(axis=2))
+        if len(bad):
+            row, column = bad[0].tolist()
+            name = self._names[column]
+            raise ArrayError(
+                f"geom {name!r} is elsewhere in world {worlds[row]} than in the model, and fixed in the scene; make "
+                f'the BatchRenderer with movable=[{name!r}] or movable="all"'
+            )
+
+
+def check_worlds(worlds: ArrayLike | None, count: int) -> NDArray[np.int32]:
+    """Return indices of worlds, of as many as there are: those given, those that a mask has, or all.
+
+    Raises:
+        ArrayError: They are none, or of worlds that are not there.
+    """
+    if worlds is None:
+        return np.arange(count, dtype=np.int32)
+    chosen = as_numpy(worlds, name="worlds")
+    if chosen.dtype == bool:
+        if chosen.shape != (count,) or not chosen.any():
+            raise ArrayError(f"worlds must say which of {count} to render, got {chosen.sum()} of {chosen.shape}")
+        return np.flatnonzero(chosen).astype(np.int32)
+    if chosen.ndim != 1 or chosen.dtype.kind not in "iu" or not len(chosen):
+        raise ArrayError(f"worlds must be one or more indices, got {chosen.dtype} of shape {chosen.shape}")
+    bad = np.flatnonzero((chosen < 0) | (chosen >= count))
+    if len(bad):
+        raise ArrayError(f"worlds must be from 0 to {count - 1}, got {chosen[bad[0]]} at index {bad[0]}")
+    return chosen.astype(np.int32)

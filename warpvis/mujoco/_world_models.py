@@ -1,0 +1,102 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What of a model differs from world to world: arrays as MuJoCo Warp's model has them, with a dimension for worlds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import mujoco  # noqa: TID253 - the whole package is about it
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.arrays import as_numpy, as_warp
+from warpvis.errors import ArrayError
+
+POSE_FIELDS = ("body_pos", "body_quat", "geom_pos", "geom_quat", "cam_pos", "cam_quat")
+"""What poses follow from, where joint positions are given; who gives poses has taken account of it."""
+_COLOUR_FIELDS = {"geom_rgba": wp.vec4, "geom_matid": wp.int32, "mat_rgba": wp.vec4}
+# Worlds share their shapes, and so what these say.
+_SHARED_FIELDS = ("geom_size", "geom_dataid", "cam_intrinsic")
+_KNOWN = (*POSE_FIELDS, "cam_fovy", *_COLOUR_FIELDS)
+
+
+class WorldModels:
+    """The arrays of a call that differ between worlds."""
+
+    def __init__(self, model: mujoco.MjModel, given: object, worlds: int) -> None:
+        """Read them.
+
+        Args:
+            model: The model.
+            given: A mapping of names and arrays, or what has them as attributes: MuJoCo Warp's model.
+            worlds: How many worlds there are.
+
+        Raises:
+            ArrayError: They are not what they have to be.
+        """
+        self._model, self._worlds = model, worlds
+        self._given = _read(given)
+        for name in _SHARED_FIELDS:
+            if name in self._given and getattr(self._given[name], "shape", (1,))[0] > 1:
+                raise ArrayError(f"{name} cannot differ between worlds, which share their shapes; give it one world")
+
+    def poses(self) -> dict[str, NDArray[np.float64]]:
+        """Return what poses follow from, arrays of shape ``(1 or W, ...)``."""
+        return {name: self._host(name) for name in POSE_FIELDS if name in self._given}
+
+    def fovy(self) -> NDArray[np.float64] | None:
+        """Return vertical fields of view [degrees], shape ``(1 or W, ncam)``; None for the model's own."""
+        return self._host("cam_fovy") if "cam_fovy" in self._given else None
+
+    def colours(self, device: wp.Device) -> list[wp.array] | None:
+        """Return colours and materials of geoms, and colours of materials; None for the model's own."""
+        if not any(name in self._given for name in _COLOUR_FIELDS):
+            return None
+        arrays = []
+        for name, dtype in _COLOUR_FIELDS.items():
+            own = getattr(self._model, name)
+            value = self._given.get(name)
+            value = own[None] if value is None else value
+            self._check_worlds(name, value)
+            arrays.append(as_warp(value, dtype, ("W", len(own)), name=name, device=device))
+        return arrays
+
+    def _host(self, name: str) -> NDArray[np.float64]:
+        """Return an array on the host."""
+        value = self._given[name]
+        rows = as_numpy(value.numpy() if isinstance(value, wp.array) else value, name=name)
+        own = getattr(self._model, name).shape
+        if rows.dtype.kind not in "fiu" or rows.shape[1:] != own or not len(rows):
+            wanted = ", ".join(map(str, ("W", *own)))
+            raise ArrayError(f"{name} must be numbers of shape ({wanted}), got {rows.dtype} of shape {rows.shape}")
+        self._check_worlds(name, rows)
+        if not np.isfinite(rows).all():
+            raise ArrayError(f"{name} must be finite")
+        return rows.astype(np.float64)
+
+    def _check_worlds(self, name: str, value: Any) -> None:
+        count = len(value) if getattr(value, "shape", None) is None else value.shape[0]
+        if count not in (1, self._worlds):
+            raise ArrayError(f"{name} must be of 1 world or of {self._worlds}, as the poses are, got {count}")
+
+
+def _read(given: object) -> dict[str, Any]:
+    """Find the arrays by name.
+
+    Raises:
+        ArrayError: There are none, or a mapping has others.
+    """
+    if isinstance(given, mujoco.MjModel):
+        raise ArrayError("model must have arrays of every world, as MuJoCo Warp's model has; got a mujoco.MjModel")
+    if isinstance(given, Mapping):
+        unknown = [str(name) for name in given if name not in _KNOWN + _SHARED_FIELDS]
+        if unknown:
+            raise ArrayError(f"model must have some of {', '.join(_KNOWN)}; got {', '.join(unknown)}")
+        return dict(given)
+    found = {name: getattr(given, name) for name in _KNOWN + _SHARED_FIELDS if hasattr(given, name)}
+    if not found:
+        raise ArrayError(f"model must have some of {', '.join(_KNOWN)}; got {type(given).__name__}")
+    return found
