@@ -295,7 +295,7 @@ BAD = {
     "CircleArena { subdivision 2000 }": "subdivision from -1000 to 1000 in CircleArena, got 2000",
     "CircleArena { radius 0 }": "a positive radius",
     "Wall { size 1 2 }": "3 numbers in 'size' of Wall, got 2",
-    "SolidBox { size 1 -1 1 }": "a positive size [m] of at most 1e+18 in SolidBox, got 1 -1 1",
+    "WoodenBox { size 1 -1 1 }": "a positive size [m] of at most 1e+18 in WoodenBox, got 1 -1 1",
     "WoodenBox { size 0 0 0 }": "a positive size [m] of at most 1e+18 in WoodenBox, got 0 0 0",
     "CardboardBox { name 7 }": "a string in 'name' of CardboardBox",
     "Table { frameThickness 2 }": "frameThickness below the table's height in Table, got 2",

@@ -424,14 +424,15 @@ BAD = {
         lambda tmp: recognised(tmp, "occlusion 3", ball(2, 0, "ball")),
         "world.wbt:2: expected occlusion of Recognition 0, 1 or 2, got 3",
     ),
-    "no width": (lambda tmp: device_of(tmp, 'name "eye" width 0'), "expected width of RangeFinder from 1 up, got 0"),
-    "half a width": (lambda tmp: device_of(tmp, 'name "eye" width 1.5'), "expected a whole number in 'width'"),
-    "projection": (
-        lambda tmp: device_of(tmp, 'name "eye" projection "flat"'),
-        'expected projection "planar", "cylindrical" or "spherical", got \'flat\'',
-    ),
-    "name of numbers": (lambda tmp: device_of(tmp, "name 1"), "expected a string in 'name' of RangeFinder"),
+    "no width": (lambda tmp: strict(tmp, 'name "eye" width 0'), "width 0 of RangeFinder is 1"),
+    "half a width": (lambda tmp: strict(tmp, 'name "eye" width 1.5'), "expected a whole number in 'width'"),
+    "projection": (lambda tmp: strict(tmp, 'name "eye" projection "flat"'), "projection flat of RangeFinder is planar"),
+    "name of numbers": (lambda tmp: strict(tmp, "name 1"), "expected a string in 'name' of RangeFinder"),
 }
+
+
+def strict(tmp_path, fields):
+    return load_text(tmp_path, finder(fields) + wall(2), strict=True)
 
 
 def plain(tmp_path, kind="RangeFinder"):

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
 from warpvis.core.poses import poses_to_opencv
-from warpvis.errors import FileFormatError, SceneError
+from warpvis.errors import SceneError
 from warpvis.webots._nodes import Node, Version
+from warpvis.webots.shapes._resets import correction
 
 Kind = Literal["range-finder", "camera", "kinect"]
 Projection = Literal["planar", "cylindrical", "spherical"]
@@ -126,14 +127,14 @@ def read_device(
     # Up to V8.4 a camera could be one.
     measures = node.type == "RangeFinder" or node.text("type", "color") == "range-finder"
     notes: list[str] = []
-    width, height = (_size(node, name) for name in ("width", "height"))
-    projection = _projection(node)
+    width, height = (_size(node, name, notes) for name in ("width", "height"))
+    projection = _projection(node, notes)
     near, least, greatest = _ranges(node, measures, notes)
     noise, resolution = node.number("noise", 0.0), node.number("resolution", -1.0)
     if node.type == "Camera" and measures:
         noise, resolution = node.number("rangeNoise", noise), node.number("rangeResolution", resolution)
     if resolution <= 0 and resolution != -1:
-        notes.append(_correction(node, "resolution", resolution, -1))
+        notes.append(correction(node, "resolution", resolution, -1))
         resolution = -1.0
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = rotation, offset
@@ -162,20 +163,21 @@ def read_device(
     )
 
 
-def _size(node: Node, name: str) -> int:
+def _size(node: Node, name: str, notes: list[str]) -> int:
     size = node.integer(name, 64)
     if size < 1:
-        raise FileFormatError(f"{node.file}:{node.line}: expected {name} of {node.type} from 1 up, got {size}")
+        notes.append(correction(node, name, size, 1))
+        return 1
     return size
 
 
-def _projection(node: Node) -> Projection:
+def _projection(node: Node, notes: list[str]) -> Projection:
     projection = node.text("projection", "cylindrical" if node.flag("spherical", False) else "planar")
     for known in PROJECTIONS:
         if projection == known:
             return known
-    wanted = '"planar", "cylindrical" or "spherical"'
-    raise FileFormatError(f"{node.file}:{node.line}: expected projection {wanted}, got {projection!r}")
+    notes.append(correction(node, "projection", projection, "planar"))
+    return "planar"
 
 
 def _field_of_view(node: Node, projection: Projection, notes: list[str]) -> float:
@@ -186,7 +188,7 @@ def _field_of_view(node: Node, projection: Projection, notes: list[str]) -> floa
         fixed = 2 * math.pi
     if fixed is None:
         return fov
-    notes.append(_correction(node, "fieldOfView", fov, fixed))
+    notes.append(correction(node, "fieldOfView", fov, fixed))
     return fixed
 
 
@@ -194,25 +196,25 @@ def _ranges(node: Node, measures: bool, notes: list[str]) -> tuple[float, float,
     """Read `near`, least and greatest range [m], corrected in the order of Webots' checks (``WbRangeFinder.cpp``)."""
     near = node.number("near", 0.01)
     if near <= 0:
-        notes.append(_correction(node, "near", near, 0.01))
+        notes.append(correction(node, "near", near, 0.01))
         near = 0.01
     if not measures:
         far = node.number("far", 0.0)
         if 0 < far <= near:
-            notes.append(_correction(node, "far", far, near + 1))
+            notes.append(correction(node, "far", far, near + 1))
             far = near + 1
         return near, near, far if far > 0 else math.inf
     # A range finder of the time when it was a type of camera measured from `near` on.
     least = node.number("minRange", 0.01 if node.type == "RangeFinder" else near)
     if least <= 0:
-        notes.append(_correction(node, "minRange", least, near))
+        notes.append(correction(node, "minRange", least, near))
         least = near
     if near > least:
-        notes.append(_correction(node, "near", near, least))
+        notes.append(correction(node, "near", near, least))
         near = least
     greatest = node.number("maxRange", 1.0)
     if greatest <= least:
-        notes.append(_correction(node, "maxRange", greatest, least + 1))
+        notes.append(correction(node, "maxRange", greatest, least + 1))
         greatest = least + 1
     return near, least, greatest
 
@@ -223,7 +225,3 @@ def _lens(node: Node | None) -> Lens | None:
     fields = (("center", 0.5), ("radialCoefficients", 0.0), ("tangentialCoefficients", 0.0))
     pairs = [node.vector(name, (default, default)).tolist() for name, default in fields]
     return Lens(*((x, y) for x, y in pairs))
-
-
-def _correction(node: Node, name: str, given: float, taken: float) -> str:
-    return f"{node.file}:{node.line}: {name} {given:g} of {node.type} is {taken:g}"

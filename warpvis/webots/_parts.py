@@ -15,15 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.labels import Label
-from warpvis.errors import FileFormatError
 from warpvis.scene import Part
 from warpvis.webots._grammar import World
 from warpvis.webots._nodes import Node, Version
 from warpvis.webots.shapes._polygons import Triangles, join
+from warpvis.webots.shapes._resets import correction
 
 GROUND_HEIGHT = 0.1
 """A level surface within this height of 0 is ground [m]."""
 
+_MOST_SENTENCES = 20  # in a warning
 _SCALAR_GRAVITY = Version(2020, 2)
 _NEGATIVE_SCALES = Version(2022, 2)
 
@@ -66,8 +67,7 @@ def corrected_scale(node: Node) -> tuple[NDArray[np.float64], str]:
     if not wrong.any():
         return scale, ""
     fixed = np.where(wrong, 1.0, scale)
-    given, taken = (" ".join(f"{value:g}" for value in values) for values in (scale, fixed))
-    return fixed, f"{node.file}:{node.line}: scale {given} of {node.type} is {taken}"
+    return fixed, correction(node, "scale", scale, fixed)
 
 
 @dataclass(eq=False)
@@ -152,22 +152,25 @@ def is_level(vertices: NDArray[np.float64], faces: NDArray[np.int32], up: int) -
     return bool((np.cross(b - a, c - a)[:, up] > 0).any())
 
 
-def vertical_axis(world: World) -> Literal["z", "y"]:
-    """Find the axis that points up: by WorldInfo's `coordinateSystem` ("ENU": z), or `gravity`, which was a vector."""
+def vertical_axis(world: World) -> tuple[Literal["z", "y"], list[str]]:
+    """Find the axis that points up: by WorldInfo's `coordinateSystem` ("ENU": z), or `gravity`, which was a vector.
+
+    Returns:
+        The axis; and a sentence, if the file says something that Webots does not take.
+    """
+    notes = []
     info = next((node for node in world.nodes if node.type == "WorldInfo"), None)
     system, gravity = "", np.zeros(0)
     if info is not None:
         system, gravity = info.text("coordinateSystem", ""), info.numbers("gravity")
-    if system not in ("", "ENU", "NUE", "EUN"):
-        assert info is not None
-        raise FileFormatError(
-            f'{info.file}:{info.line}: expected coordinateSystem "ENU", "NUE" or "EUN", got {system!r}'
-        )
+    if info is not None and system not in ("", "ENU", "NUE", "EUN"):
+        notes.append(correction(info, "coordinateSystem", system, "ENU"))
+        system = "ENU"
     if system:
-        return "z" if system == "ENU" else "y"
+        return ("z" if system == "ENU" else "y"), notes
     if len(gravity) == 3 and gravity.any():
-        return "z" if abs(gravity[2]) > abs(gravity[1]) else "y"
-    return "z" if world.version >= _SCALAR_GRAVITY else "y"
+        return ("z" if abs(gravity[2]) > abs(gravity[1]) else "y"), notes
+    return ("z" if world.version >= _SCALAR_GRAVITY else "y"), notes
 
 
 def names_of(names: Mapping[Solid, list[str]], solids: Iterable[Solid]) -> tuple[str, ...]:
@@ -199,7 +202,11 @@ def _objects_of(solid: Solid) -> list[tuple[str, Label, list[Triangles]]]:
 
 
 def skipped_message(
-    path: Path, skipped: Mapping[str, int], reasons: Mapping[str, str], search_path: Iterable[str | os.PathLike[str]]
+    path: Path,
+    skipped: Mapping[str, int],
+    reasons: Mapping[str, str],
+    refused: Iterable[str],
+    search_path: Iterable[str | os.PathLike[str]],
 ) -> str:
     """Say what was left out or stands for something else, and why; nothing if all was read."""
     parts = []
@@ -212,4 +219,12 @@ def skipped_message(
         )
     for name, reason in reasons.items():
         parts.append(f"the file of {name} was of no use: {reason}")
+    parts += [f"left out what cannot be read: {reason}" for reason in shortened(refused)]
     return f"{path}: {'; '.join(parts)}" if parts else ""
+
+
+def shortened(sentences: Iterable[str]) -> list[str]:
+    """Leave out what was said before, and all but the first of very many: the bodies of PROTOs are read often."""
+    known = list(dict.fromkeys(sentences))
+    more = len(known) - _MOST_SENTENCES
+    return known if more <= 0 else [*known[:_MOST_SENTENCES], f"and {more} more"]

@@ -4,10 +4,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import fnmatch
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Literal
 
@@ -32,11 +33,12 @@ from warpvis.webots._parts import (
     is_level,
     vertical_axis,
 )
-from warpvis.webots._urls import places_in_tree
+from warpvis.webots._urls import is_file, places_in_project, places_in_tree
 from warpvis.webots.protos._builtin import expand
 from warpvis.webots.protos._expansion import Protos
-from warpvis.webots.shapes._geometry import GEOMETRIES, MissingMeshError, find_beside, tessellate
+from warpvis.webots.shapes._geometry import GEOMETRIES, MissingMeshError, tessellate
 from warpvis.webots.shapes._polygons import Triangles
+from warpvis.webots.shapes._resets import reset_fields
 
 MOST_VISITED = 1_000_000
 """Nodes of a world that are walked through, each USE counted as a copy."""
@@ -68,11 +70,14 @@ _GROUNDS = {"Floor", "UnevenTerrain"}
 _NAMES = {"RangeFinder": "range-finder", **dict.fromkeys(ROBOTS, "robot")}
 
 
+class _TooMuchError(FileFormatError):
+    """A world asks for more than is ever read: leaving out one node of it does not help."""
+
+
 class Reader:
     """Walks through a world, and keeps what it finds."""
 
     def __init__(self, world: World, search_path: list[Path], strict: bool) -> None:
-        self.up: Literal["z", "y"] = vertical_axis(world)
         self.version = world.version
         self.solids: list[Solid] = []
         self.devices: dict[str, Device] = {}
@@ -80,13 +85,18 @@ class Reader:
         self.recognisable: dict[str, tuple[Node, list[Solid]]] = {}
         self.skipped: dict[str, int] = {}
         self.reasons: dict[str, str] = {}
+        self.refused: list[str] = []
         self.notes: list[str] = []
+        self.up: Literal["z", "y"] = "z" if world.version.z_up else "y"
         self._world, self._search_path, self._strict = world, search_path, strict
         self._protos = Protos(world, search_path)
         self._lines: list[tuple[int, str, Solid | None]] = []
         self._meshes: dict[int, tuple[Node, Triangles | None]] = {}  # by the node's id, and the node to keep it
         self._triangles = 0
         self._taken = {kind: Names() for kind in ("recognised", "devices", "robots")}
+        with self._leaving_out():
+            self.up, notes = vertical_axis(world)
+            self.notes += notes
 
     def walk(self) -> None:
         """Visit all nodes, in the order of the file."""
@@ -96,8 +106,20 @@ class Reader:
         while steps:
             visited += 1
             if visited > MOST_VISITED:
-                raise FileFormatError(f"{self._world.path}: expected at most {MOST_VISITED} nodes to draw, got more")
-            steps += reversed(list(self._visit(steps.pop())))
+                raise _TooMuchError(f"{self._world.path}: expected at most {MOST_VISITED} nodes to draw, got more")
+            step = steps.pop()
+            with self._leaving_out():
+                steps += reversed(list(self._visit(step)))
+
+    @contextlib.contextmanager
+    def _leaving_out(self) -> Iterator[None]:
+        """Leave out the node of whose reading this is a part, where it cannot be read; `strict` makes that an error."""
+        try:
+            yield
+        except FileFormatError as error:
+            if self._strict or isinstance(error, _TooMuchError | MissingMeshError):
+                raise
+            self.refused.append(str(error))
 
     def _visit(self, step: Step) -> Iterable[Step]:
         """Note what a node is, and go on to the nodes in it."""
@@ -172,7 +194,9 @@ class Reader:
         if not is_part:
             step = self._begin_solid(step, name)
         robot = step.robots[-1] if step.robots else ""
-        found = read_device(node, transform.rotation, transform.offset, robot, step.within)
+        found = None
+        with self._leaving_out():
+            found = read_device(node, transform.rotation, transform.offset, robot, step.within)
         line = f"{step.instances[0].type if step.instances else node.type} {name!r}"
         line += f" (DEF {node.name})" if node.name else ""
         if found is not None:
@@ -223,7 +247,7 @@ class Reader:
         vertices, faces = mesh
         self._triangles += len(faces)
         if self._triangles > MOST_TRIANGLES:
-            raise FileFormatError(f"{node.file}:{node.line}: expected at most {MOST_TRIANGLES} triangles, got more")
+            raise _TooMuchError(f"{node.file}:{node.line}: expected at most {MOST_TRIANGLES} triangles, got more")
         placed = vertices @ step.transform.linear.T + step.transform.offset
         if not (np.abs(placed) <= FARTHEST).all():
             raise FileFormatError(f"{node.file}:{node.line}: expected {node.type} within {FARTHEST:g} m of the origin")
@@ -235,20 +259,23 @@ class Reader:
         """Tessellate a geometry node once, which USE may show more than once; None where there is nothing to draw."""
         known = self._meshes.get(id(geometry))
         if known is None:
+            mesh = None
             try:
-                mesh = tessellate(geometry, resolve=self._find_mesh)
+                with self._leaving_out():
+                    fixed, notes = reset_fields(geometry)
+                    mesh = tessellate(fixed, resolve=self._find_mesh)
+                    self.notes += notes
             except MissingMeshError:
                 self._skip(f"{geometry.type} {' '.join(geometry.texts('url'))}".strip())
-                mesh = None
             known = self._meshes[id(geometry)] = (geometry, mesh)
         return known[1]
 
     def _find_mesh(self, url: str, node: Node) -> Path | None:
-        """Find the file of a url beside the file that names it or, in Webots' own folders, on the search path."""
+        """Find the file of a url in the project or, in Webots' own folders, on the search path."""
         places = places_in_tree(url, self._search_path)
-        if places is None:
-            return find_beside(url, node)
-        return next((place for place in places if place.is_file()), None)
+        if places is None and "://" not in url:
+            places = places_in_project(url, Path(node.file), map(Path, node.protos), self._world.path)
+        return next((place for place in places or () if is_file(place)), None)
 
     def _solid_name(self, step: Step) -> str:
         """Name a Solid as its instance does, else by its DEF name, else as the PROTO or Webots does."""
@@ -272,7 +299,7 @@ class Reader:
 
     def corrections(self) -> tuple[str, ...]:
         """List values that were corrected, as Webots corrects them."""
-        return tuple(note for item in self.devices.values() for note in item.notes) + tuple(self.notes)
+        return tuple(dict.fromkeys([note for item in self.devices.values() for note in item.notes] + self.notes))
 
     def _skip(self, what: str) -> None:
         self.skipped[what] = self.skipped.get(what, 0) + 1

@@ -18,7 +18,7 @@ from warpvis.scene import FileParts, Scene
 from warpvis.webots._devices import Device
 from warpvis.webots._grammar import parse_world
 from warpvis.webots._nodes import Node, Version
-from warpvis.webots._parts import Solid, make_parts, names_of, skipped_message
+from warpvis.webots._parts import Solid, make_parts, names_of, shortened, skipped_message
 from warpvis.webots._walk import Reader
 
 
@@ -39,9 +39,11 @@ class WebotsWorld:
     recognisable: dict[str, tuple[Node, tuple[str, ...]]]
     """For every Solid with `recognitionColors`, its node and the names of its objects."""
     skipped: dict[str, int]
-    """What could not be read, and how often it is there: PROTOs without a file, meshes without a file."""
+    """What was not found, and how often it is there: PROTOs without a file, meshes without a file."""
+    refused: tuple[str, ...]
+    """Why nodes were left out that could not be read, with file and line."""
     notes: tuple[str, ...]
-    """Values that were corrected, as Webots corrects them."""
+    """Values that Webots does not take and what was taken instead, as it does, with file and line."""
     tree: str
     """What was read, a line each, indented by what holds what."""
 
@@ -81,7 +83,8 @@ def load_webots(
         labels: Labels by name that come before the rules; a name may be a pattern (``"wall_*"``), and the last one
             that fits counts.
         search_path: Folders to look for PROTO files in, first of all.
-        strict: Whether what cannot be read is an error. By default it is left out, and one warning names it.
+        strict: Whether what cannot be read, and what Webots does not take, is an error. By default the first is left
+            out and the second is reset as Webots resets it, and one warning each names them with file and line.
 
     Raises:
         FileFormatError: The file is missing or does not parse, or something cannot be read and `strict` is set.
@@ -108,6 +111,7 @@ def load_webots(
         {name: names_of(names, solids) for name, solids in reader.robots.items()},
         {name: (node, names_of(names, solids)) for name, (node, solids) in reader.recognisable.items()},
         dict(reader.skipped),
+        tuple(dict.fromkeys(reader.refused)),
         reader.corrections(),
         reader.describe(names),
     )
@@ -122,13 +126,15 @@ def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[Reader
     """Walk through a world; return what that found, the names of the objects that it becomes, and the objects."""
     reader = Reader(parse_world(path), list(search_path), strict)
     reader.walk()
-    message = skipped_message(path, reader.skipped, reader.reasons, search_path)
-    if message and strict:
+    message = skipped_message(path, reader.skipped, reader.reasons, reader.refused, search_path)
+    notes = reader.corrections()
+    listed = "; ".join(shortened(notes))
+    if strict and message:
         raise FileFormatError(message)
+    if strict and notes:
+        raise FileFormatError(f"{path}: expected values that Webots takes, got others: {listed}")
     if not any(solid.parts for solid in reader.solids):
         raise SceneError(f"{message}; nothing is left" if message else f"{path}: holds no triangles")
     parts, names = make_parts(reader.solids)
-    notes = reader.corrections()
-    sentences = [message, f"{path}: {'; '.join(notes)}" if notes else ""]
-    found = FileParts(path, parts, up=reader.up, settled=True, warnings=tuple(filter(None, sentences)))
-    return reader, names, found
+    sentences = tuple(filter(None, (message, f"{path}: {listed}" if notes else "")))
+    return reader, names, FileParts(path, parts, up=reader.up, settled=True, warnings=sentences)

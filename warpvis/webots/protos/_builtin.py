@@ -5,7 +5,7 @@
 Fields and their defaults are those of Webots' user guide (https://cyberbotics.com/doc/guide, the pages Floors, Tables,
 Apartment Structure, Solids, Factory and Cabinet); places and dimensions are measured at what the PROTO files of R2019a
 to R2021c (y up) and R2022b to R2025a (z up) make: boxes agree to 1e-6 m, doors' leaves to 1e-5 m. Handles and knobs are
-left out. What Webots changes in a field, these change too, and warn; a length that is not above zero is an error.
+left out. What Webots changes in a field, these change too, and warn; other lengths that are not above zero are errors.
 """
 
 from __future__ import annotations
@@ -86,13 +86,13 @@ def _circle_arena(node: Node) -> Iterable[Node]:
 
 def _wall(node: Node) -> Iterable[Node]:
     """Make a box that stands on the ground: 0.2 across, 1 along and 2.4 up by default [m]."""
-    along, up, across = _sizes(node, "size", (1, 2.4, 0.2))
+    along, up, across = _sizes(_with_default_size(node), "size", (1, 2.4, 0.2))
     yield _part(node, (along, up, across), (0, up / 2, 0))
 
 
 def _solid_box(node: Node) -> Iterable[Node]:
     """Make a box about its origin, of size x y z in both conventions."""
-    yield _box(node, positives(node, "size", (2, 2, 2)), (0, 0, 0))
+    yield _box(node, positives(_with_default_size(node), "size", (2, 2, 2)), (0, 0, 0))
 
 
 def _wooden_box(node: Node) -> Iterable[Node]:
@@ -279,6 +279,15 @@ def _changed(node: Node, field: str, value: float, least: float = 0.0, most: flo
     if taken != value:
         _warn(node, f"{field} {value:g}", f"{taken:g}")
     return taken
+
+
+def _with_default_size(node: Node) -> Node:
+    """Leave out a `size` with a number that is not above zero, for which Webots' file takes the default."""
+    size = node.numbers("size")
+    if (size > 0).all():
+        return node
+    _warn(node, f"size {' '.join(f'{side:g}' for side in size)}", "the default size")
+    return new_node(node, node.type, {name: value for name, value in node.fields.items() if name != "size"}, node.name)
 
 
 def _warn(node: Node, what: str, taken: str) -> None:

@@ -12,7 +12,7 @@ from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.webots._grammar import Parser, World
 from warpvis.webots._nodes import BUILTIN_NODES, Node, Value, Version
-from warpvis.webots._urls import places_in_tree
+from warpvis.webots._urls import is_file, places_in_tree, with_slashes
 from warpvis.webots.protos._files import ProtoFile, read_proto
 from warpvis.webots.protos._templates import render, script_value
 
@@ -156,7 +156,7 @@ class Protos:
         """Find the file of an instance's PROTO, and read it; None if there is none."""
         key = (node.type, node.file)
         if key not in self._found:
-            path = next((path for path in self._candidates(node) if _is_file(path)), None)
+            path = next((path for path in self._candidates(node) if is_file(path)), None)
             self._found[key] = None if path is None else self._read(path)
         return self._found[key]
 
@@ -171,7 +171,7 @@ class Protos:
         """Go through the places where a PROTO's file may be, best first."""
         name, folder = f"{node.type}.proto", Path(node.file).parent
         for url in self._urls.get(node.file, self._world.externprotos):
-            url = url.replace("\\", "/")
+            url = with_slashes(url)
             if PurePosixPath(url).name != name:
                 continue
             in_tree = places_in_tree(url, self._search_path)
@@ -195,10 +195,3 @@ class Protos:
                     if file.endswith(".proto"):
                         index.setdefault(file, Path(folder, file))
         return index
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):  # a name that is too long, or holds a zero byte
-        return False

@@ -166,6 +166,11 @@ function(code, fields, limit, modules)
     debug = {getinfo = function() return {source = "template", short_src = "template", currentline = 0} end},
   }
   found._G = found
+  found.table.maxn = function(list)  -- of Lua 5.1, which Webots' engine still has
+    local most = 0
+    for key in pairs(list) do if type(key) == "number" and key > most then most = key end end
+    return most
+  end
   local loaded
   found.require = function(name)
     if type(found[name]) == "table" then return found[name] end

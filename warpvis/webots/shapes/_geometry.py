@@ -9,10 +9,11 @@ the limits are those of the source of Webots, ``src/wren/StaticMesh.cpp`` and ``
 
 from __future__ import annotations
 
-import re
+import io
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,8 @@ from numpy.typing import NDArray
 from warpvis.errors import FileFormatError
 from warpvis.scene import keep_winding
 from warpvis.webots._nodes import Node, Version
+from warpvis.webots._urls import with_slashes
+from warpvis.webots.shapes._collada import frame_of, without_skins
 from warpvis.webots.shapes._extrusion import extrusion
 from warpvis.webots.shapes._polygons import (
     Triangles,
@@ -106,7 +109,7 @@ def revolve(profile: Sequence[tuple[float, float]], shown: Sequence[bool], segme
 
 def find_beside(url: str, node: Node) -> Path | None:
     """Resolve a url relative to the file that names it; None for ``webots://`` and other urls of the web."""
-    return None if "://" in url else Path(node.file).parent / url
+    return None if "://" in url else Path(node.file).parent / with_slashes(url)
 
 
 _BOX_FACES = [
@@ -236,12 +239,17 @@ def _read(path: Path, changed: int) -> list[tuple[str, tuple[NDArray[np.float64]
     if kind not in trimesh.available_formats():
         needs = ": reading it needs pycollada" if kind == "dae" else ""
         raise MissingMeshError(f"{path}: no reader of {path.suffix or 'files without a suffix'} is installed{needs}")
-    options: dict[str, bool] = {"process": False}
+    options: dict[str, Any] = {"process": False}
     if kind == "obj":
         options |= {"skip_materials": True, "split_objects": True, "group_material": False}
     try:
-        linear = _collada_frame(path.read_bytes()) if kind == "dae" else np.eye(3)
-        scene = trimesh.load_scene(path, **options)
+        linear = np.eye(3)
+        if kind == "dae":
+            file = path.read_bytes()
+            linear = frame_of(file)
+            scene = trimesh.load_scene(io.BytesIO(without_skins(file)), file_type=kind, **options)
+        else:
+            scene = trimesh.load_scene(path, **options)
         parts = []
         for name in sorted(scene.graph.nodes_geometry):  # they come in no certain order
             placement, key = scene.graph[name]
@@ -258,24 +266,6 @@ def _read(path: Path, changed: int) -> list[tuple[str, tuple[NDArray[np.float64]
         raise FileFormatError(f"{path}: vertices must be finite")
     return parts
 
-
-def _collada_frame(file: bytes) -> NDArray[np.float64]:
-    """Make the matrix from the axes and the unit that a COLLADA file names to metres with y up, shape ``(3, 3)``."""
-    head = file.partition(b"</asset>")[0]
-    unit = re.search(rb"""<unit\b[^>]*\bmeter\s*=\s*["']([^"']*)["']""", head)
-    axis = re.search(rb"<up_axis>\s*(\w+)\s*</up_axis>", head)
-    metres = float(unit[1]) if unit else 1.0
-    if not 0 < metres < np.inf:
-        raise ValueError(f"the unit must be above zero, got {metres:g} m")
-    rows = _COLLADA_AXES.get(axis[1] if axis else b"Y_UP", _COLLADA_AXES[b"Y_UP"])
-    return metres * np.array(rows, dtype=np.float64)
-
-
-_COLLADA_AXES = {
-    b"X_UP": [(0, -1, 0), (1, 0, 0), (0, 0, 1)],
-    b"Y_UP": [(1, 0, 0), (0, 1, 0), (0, 0, 1)],
-    b"Z_UP": [(1, 0, 0), (0, 0, 1), (0, -1, 0)],
-}
 
 _UPRIGHT: dict[str, Callable[[Node], Triangles | None]] = {
     "Capsule": _capsule,

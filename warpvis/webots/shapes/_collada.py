@@ -1,0 +1,58 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What COLLADA files say that trimesh's reader does not heed: their unit, their axes, and skinned meshes."""
+
+from __future__ import annotations
+
+import re
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+_AXES = {
+    b"X_UP": [(0, -1, 0), (1, 0, 0), (0, 0, 1)],
+    b"Y_UP": [(1, 0, 0), (0, 1, 0), (0, 0, 1)],
+    b"Z_UP": [(1, 0, 0), (0, 0, 1), (0, -1, 0)],
+}
+_MOST_CONTROLLERS = 10
+"""Controllers of controllers, as a skin of a morphed mesh."""
+
+
+def frame_of(file: bytes) -> NDArray[np.float64]:
+    """Make the matrix from the axes and the unit that a COLLADA file names to metres with y up, shape ``(3, 3)``."""
+    head = file.partition(b"</asset>")[0]
+    unit = re.search(rb"""<unit\b[^>]*\bmeter\s*=\s*["']([^"']*)["']""", head)
+    axis = re.search(rb"<up_axis>\s*(\w+)\s*</up_axis>", head)
+    metres = float(unit[1]) if unit else 1.0
+    if not 0 < metres < np.inf:
+        raise ValueError(f"the unit must be above zero, got {metres:g} m")
+    rows = _AXES.get(axis[1] if axis else b"Y_UP", _AXES[b"Y_UP"])
+    return metres * np.array(rows, dtype=np.float64)
+
+
+def without_skins(file: bytes) -> bytes:
+    """Replace instances of controllers by instances of the meshes that they move, as they are at rest.
+
+    Webots reads meshes without their bones (``WbMesh.cpp``; the Open Asset Import Library leaves the vertices of a
+    skinned mesh as the file lists them, at the node that holds the instance), and so do its range finders see them.
+    """
+    if b"instance_controller" not in file:
+        return file
+    root = ElementTree.fromstring(file)
+    space = root.tag.partition("}")[0] + "}" if root.tag.startswith("{") else ""
+    sources: dict[str, str] = {}
+    for controller in root.iter(f"{space}controller"):
+        for kind in ("skin", "morph"):
+            moved = controller.find(f"{space}{kind}")
+            if moved is not None:
+                sources[f"#{controller.get('id')}"] = moved.get("source", "")
+    for instance in root.iter(f"{space}instance_controller"):
+        instance.tag = f"{space}instance_geometry"
+        url = instance.get("url", "")
+        for _ in range(_MOST_CONTROLLERS):
+            url = sources.get(url, url)
+        instance.set("url", url)
+    for library in root.findall(f"{space}library_controllers"):
+        root.remove(library)
+    return ElementTree.tostring(root)
