@@ -39,8 +39,10 @@ PYTHON = shlex.quote(sys.executable)
 PYTEST = f"{PYTHON} -m pytest -q -x -p no:cacheprovider"
 NATIVE = f"{PYTHON} tests/native_build.py"
 
-_PICTURES = ("casters", "packets", "worlds", "solids", "points", "point_packets", "object_visibility", "bvh")
-_RENDER = ("rendering", "panorama", "casters", "worlds", "packets", "cuda_packets", "interop", "threads", "bad_input")
+_PICTURES = ("casters", "packets", "worlds", "solids", "near_plane", "points", "point_packets", "object_visibility")
+_PICTURES += ("bvh",)
+_RENDER = ("rendering", "near_plane", "panorama", "casters", "worlds", "packets", "cuda_packets", "interop")
+_RENDER += ("threads", "bad_input")
 
 
 @dataclass(frozen=True)

@@ -170,6 +170,13 @@ static casting::Job job_of(const Worlds& worlds, const Lens& lens) {
     return job;
 }
 
+// The greatest 1 / z of which 1 / (1 / z) is still `near` or more.
+static float most_inv_z(float near) {
+    float most = 1.0f / near;
+    while (1.0f / most < near) most = std::nextafter(most, 0.0f);
+    return most;
+}
+
 // As many bytes as an arena says that carving takes.
 template <class Carve>
 static size_t measure(Carve carve) {
@@ -204,7 +211,8 @@ Pictures cast(const SceneBvh& c, const Worlds& worlds, const Lens& lens, const S
     job.strips = (int)rows.count - 1, job.strip_rows = rows.data;
     for (int i = 0; i < job.strips; ++i) job.most_rows = std::max(job.most_rows, rows[i + 1] - rows[i]);
     job.cull_back_faces = cull;
-    job.most_inv_z = INFINITY;
+    job.most_inv_z = lens.clips ? most_inv_z(lens.near) : INFINITY;
+    job.clip_reach = lens.clips ? (float)lens.near_reach() : 0.0f;
     job.points = points, job.at = at.data;
     const size_t pixels = (size_t)job.views * (points ? points : job.height * job.width);
     Pictures made;

@@ -54,6 +54,14 @@ struct Lens {
     int width, height;
     double fx, fy, cx, cy;
     float near, far;
+    bool clips = false;  // whether what is nearer than `near` is not there
+
+    // How far the corners of the image on the near plane are, and a little more, as Camera._near_reach has it.
+    double near_reach() const {
+        const double x = std::max(std::fabs(cx), std::fabs(width - cx)) / fx;
+        const double y = std::max(std::fabs(cy), std::fabs(height - cy)) / fy;
+        return 1.0001 * near * std::sqrt(1 + x * x + y * y);
+    }
 };
 
 // One place where a ray meets something.
@@ -234,9 +242,18 @@ struct Truth {
         hits.clear();
         for (const TrueTriangle& t : triangles) t.meet(u, v, hits);
         for (const TrueSolid& s : solids) s.meet(u, v, hits);
+        if (lens.clips) clip(hits);
     }
 
   private:
+    void clip(std::vector<Hit>& hits) const {
+        const double near = lens.near;
+        hits.erase(std::remove_if(hits.begin(), hits.end(), [&](const Hit& hit) { return hit.high < near; }),
+                   hits.end());
+        for (Hit& hit : hits)
+            if (hit.low < near) hit.low = near, hit.sure = false;
+    }
+
     // False for what cannot be seen whatever is rounded.
     bool set_up(TrueTriangle& t, const Vec* there, bool cull) const {
         t.normal = (t.c[1] - t.c[0]).cross(t.c[2] - t.c[0]);
