@@ -102,7 +102,7 @@ def test_kernels_are_never_imported_as_a_top_level_package():
 
 
 HEADERS = sorted((ROOT / "kernels" / "native").glob("*/*.h"))
-MOST_NATIVE_PARAMETERS, MOST_NATIVE_LINES = 8, 60
+MOST_NATIVE_PARAMETERS, MOST_NATIVE_LINES, MOST_COLUMNS, MOST_LINES = 8, 60, 120, 400
 _NO_FUNCTIONS = {"if", "for", "while", "switch", "return", "sizeof", "alignof", "static_assert", "decltype"}
 
 
@@ -134,7 +134,10 @@ def native_functions(text):
 
 @pytest.mark.parametrize("path", HEADERS, ids=lambda path: f"{path.parent.name}/{path.name}")
 def test_native_functions_are_short_and_take_few_parameters(path):
-    functions = list(native_functions(path.read_text()))
+    text = path.read_text()
+    assert len(text.splitlines()) <= MOST_LINES
+    assert not [line for line in text.splitlines() if len(line) > MOST_COLUMNS]  # clang-format leaves comments
+    functions = list(native_functions(text))
     assert not {name: lines for name, _, lines in functions if lines > MOST_NATIVE_LINES}
     assert not {name: count for name, count, _ in functions if count > MOST_NATIVE_PARAMETERS}
 

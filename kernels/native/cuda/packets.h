@@ -31,8 +31,8 @@ struct Packets {
         return camera;
     }
 
-    // Whether the camera is outside the boxes of all closed objects that it sees, and cuts nothing of them away, so that
-    // their back faces are hidden behind their front faces.
+    // Whether the camera is outside the boxes of all closed objects that it sees, and cuts nothing of them away, so
+    // that their back faces are hidden behind their front faces.
     static inline bool outside_all(const ClosedObjects& closed, const unsigned char* excluded, const Camera& camera) {
         bool inside = false;
         for (int i = Warp::lane(); i < closed.count; i += LANES)
