@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from reference_clearance import find_room, nearest_surface  # noqa: F401
+from reference_coinciding import show_later  # noqa: F401
 from reference_heights import climb  # noqa: F401
 from reference_inside import find_inside  # noqa: F401
 from reference_panorama import cast_wide_rays  # noqa: F401

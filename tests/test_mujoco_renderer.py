@@ -186,11 +186,11 @@ def test_images_go_where_out_says():
 
 
 def test_what_is_nearer_than_the_near_plane_has_its_depth():
-    """MuJoCo cuts it away and shows what is behind."""
+    """MuJoCo cuts it away and shows what is behind: `test_mujoco_near_plane`."""
     data = ball_data(x=-1.79)  # the ball's front is 1 cm before the camera, the near plane farther
     near = MODEL.vis.map.znear * MODEL.stat.extent
     assert near > 0.01
-    depth, segmentation = images(Renderer(MODEL, 48, 64), data, "eye")
+    depth, segmentation = images(Renderer(MODEL, 48, 64, near_plane="occlude"), data, "eye")
     assert depth[24, 32] == pytest.approx(0.01, abs=1e-3)
     assert segmentation[24, 32].tolist() == BALL_PIXEL
 
@@ -318,7 +318,7 @@ def test_objects_of_ones_own_are_rendered(device):
 
 
 def test_depth_of_a_batch_follows_rep_117():
-    batch = batch_of()
+    batch = batch_of(near_plane="occlude")
     views = batch.render(ball_data(x=-1.79), cameras="eye")
     assert views.depth.numpy()[0, 12, 16] == -np.inf
     views = batch.render(ball_data(x=-1.79), cameras="twin")

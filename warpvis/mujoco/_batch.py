@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, check_out, empty
 from warpvis.core.camera import Camera
-from warpvis.core.checks import check_whole
+from warpvis.core.checks import check_choice, check_whole
 from warpvis.core.labels import Label
 from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError, SceneError
@@ -31,6 +31,7 @@ from warpvis.mujoco._batch_cameras import (
 from warpvis.mujoco._batch_views import BatchViews, batch_views
 from warpvis.mujoco._batch_worlds import FixedGeoms, check_worlds
 from warpvis.mujoco._cameras import camera_from_mujoco
+from warpvis.mujoco._geom_renderer import CoincidingGeoms, GeomRenderer
 from warpvis.mujoco._geoms import DEFAULT_TOLERANCE, check_groups
 from warpvis.mujoco._options import shown_by
 from warpvis.mujoco._poses import (
@@ -45,7 +46,7 @@ from warpvis.mujoco._poses import (
 )
 from warpvis.mujoco._scene import Movable, class_of_geoms, scene_from_mujoco
 from warpvis.mujoco._world_models import WorldModels
-from warpvis.rendering import Fill, NearPlane, Output, Renderer as SceneRenderer, Views, check_outputs, views_for
+from warpvis.rendering import Fill, NearPlane, Output, Views, check_outputs, views_for
 from warpvis.scene import Scene
 
 # Cameras, worlds, how many objects move, and the stream that work is queued on.
@@ -98,7 +99,7 @@ class BatchRenderer:
         exclude: Iterable[str] = (),
         movable: Movable = "bodies",
         cull_backfaces: bool = True,
-        near_plane: NearPlane = "occlude",
+        near_plane: NearPlane = "clip",
         fill: Fill = "inf",
         device: DeviceLike = "cpu",
         threads: int | None = None,
@@ -143,9 +144,11 @@ class BatchRenderer:
         self.kinematics = Kinematics(model, threads=threads)
         self._outputs = check_outputs(outputs)
         self._render_options: dict[str, Any] = {"outputs": self._outputs, "cull_backfaces": cull_backfaces}
+        check_choice(near_plane, "near_plane", get_args(NearPlane))
         self._render_options |= {"near_plane": near_plane, "fill": fill, "threads": threads}
         self._fixed = FixedGeoms(model, self.mujoco_scene)
-        self._renderers: dict[Camera, SceneRenderer] = {}
+        self._coinciding = CoincidingGeoms(model, self.scene, self.mujoco_scene.geom_ids)
+        self._renderers: dict[Camera, GeomRenderer] = {}
         self._idle: dict[_Key, _Workplace] = {}
 
     @property
@@ -312,7 +315,7 @@ class BatchRenderer:
         if camera not in self._renderers:
             while len(self._renderers) >= _MOST_RENDERERS:
                 self._renderers.pop(next(iter(self._renderers)), None)
-            self._renderers[camera] = SceneRenderer(self.scene, camera, **self._render_options)
+            self._renderers[camera] = GeomRenderer(self.scene, camera, self._coinciding, **self._render_options)
         renderer, eyes = self._renderers[camera], place.eyes.flatten()
         rows: slice | wp.array = slice(int(views[0]), int(views[-1]) + 1)
         scattered = len(views) <= views[-1] - views[0]

@@ -5,22 +5,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any
+from dataclasses import replace
+from typing import Any, get_args
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
+from warpvis.core.checks import check_choice
 from warpvis.core.labels import Label
 from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, SceneError, WarpvisError
 from warpvis.mujoco._cameras import camera_from_mujoco, viewer_camera, viewer_pose
+from warpvis.mujoco._geom_renderer import GeomRenderer
 from warpvis.mujoco._geoms import DEFAULT_GROUPS, DEFAULT_TOLERANCE, check_groups
 from warpvis.mujoco._options import shown_by
 from warpvis.mujoco._scene import check_patterns, select_geoms
 from warpvis.mujoco._stage import Stage
-from warpvis.rendering import Output, Renderer as SceneRenderer
+from warpvis.rendering import NearPlane, Output
 from warpvis.scene import Scene
 
 _MOST_RENDERERS = 64  # a camera whose field of view changes all the time must not fill the memory
@@ -33,7 +36,6 @@ class Renderer:
 
     - Colours are `mujoco.Renderer`'s: this makes depth and segmentation only.
     - Geoms are seen; sites, tendons, skins, flexes and decorations are not.
-    - What is nearer than MuJoCo's near plane is seen where it is; MuJoCo cuts it away and shows what is behind.
     - Round shapes are exactly round, where MuJoCo draws 28 slices of them.
     - What the model says of geoms is followed, meshes and height fields too, which MuJoCo uploads on demand.
     """
@@ -50,6 +52,7 @@ class Renderer:
         labels: Mapping[str, Label | int | str] | None = None,
         exclude: Iterable[str] = (),
         cull_backfaces: bool = True,
+        near_plane: NearPlane = "clip",
         device: DeviceLike = "cpu",
         threads: int | None = None,
     ) -> None:
@@ -65,6 +68,8 @@ class Renderer:
             labels: Labels for the objects of `scene`; see `scene_from_mujoco`.
             exclude: Names or patterns of geoms or bodies not to render.
             cull_backfaces: See through surfaces from behind, as in MuJoCo: out of a head that a camera is in.
+            near_plane: What becomes of surfaces nearer than MuJoCo's near plane: ``"clip"``, they are cut away, as in
+                MuJoCo, and what is behind them is seen; ``"occlude"``, they are seen where they are.
             device: Where to render: ``"cpu"``, ``"cuda:0"``, ...
             threads: CPU threads to use; all cores of this process by default.
 
@@ -78,6 +83,7 @@ class Renderer:
         self._options: dict[str, Any] = {"tolerance": tolerance, "labels": labels, "exclude": check_patterns(exclude)}
         self._device = device
         self._render_options: dict[str, Any] = {"cull_backfaces": cull_backfaces, "threads": threads}
+        self._near_plane = check_choice(near_plane, "near_plane", get_args(NearPlane))
         self._stages: dict[tuple[tuple[int, ...], bool], Stage] = {}
         self._stage = self._stage_of(DEFAULT_GROUPS, static=True)
         self._mode = "color"
@@ -209,9 +215,11 @@ class Renderer:
         if not len(stage.scene):
             return None
         if (output, camera) not in stage.renderers:
-            # Nearer than MuJoCo's near plane, depth stays a number.
-            seen = Camera(camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, far=camera.far)
-            renderer = SceneRenderer(stage.scene, seen, outputs=(output,), **self._render_options)
+            # What is not cut away is seen where it is: depth is always a number.
+            seen = camera if self._near_plane == "clip" else replace(camera, near=0.0)
+            renderer = GeomRenderer(
+                stage.scene, seen, stage.coinciding, outputs=(output,), near_plane="clip", **self._render_options
+            )
             if len(stage.renderers) >= _MOST_RENDERERS:
                 stage.renderers.clear()
             stage.renderers[output, camera] = renderer

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
 from warpvis.errors import ArrayError, SceneError
+from warpvis.mujoco._geom_renderer import CoincidingGeoms, GeomRenderer
 from warpvis.mujoco._geoms import FIXED, geom_parts, initial_poses, rigid_pieces, shape_key
 from warpvis.mujoco._scene import Selection
 from warpvis.mujoco._watch import ModelWatch
-from warpvis.rendering import Output, Renderer as SceneRenderer
+from warpvis.rendering import Output
 from warpvis.scene import Part, Scene
 from warpvis.scene.solids import Solid
 
@@ -52,7 +53,8 @@ class Stage:
             scene: An empty scene.
         """
         self.scene = scene
-        self.renderers: dict[tuple[Output, Camera], SceneRenderer] = {}
+        self.renderers: dict[tuple[Output, Camera], GeomRenderer] = {}
+        self.coinciding = CoincidingGeoms(model, scene)
         self.hidden: list[int] = []
         """Objects that the model does not show now."""
         self._model, self._selection = model, selection
@@ -112,6 +114,7 @@ class Stage:
         from warpvis.kernels.mujoco import geom_transforms
 
         geoms, objects = np.array(list(self._made), dtype=np.int32), self.scene.objects[: len(self._made)]
+        self.coinciding.follow(geoms)
         self._fixed = geoms[[index for index, item in enumerate(objects) if not item.movable]]
         self._fixed_now = np.empty((len(self._fixed), 3)), np.empty((len(self._fixed), 9))
         self._fixed_before = [bytearray(), bytearray()]
@@ -184,6 +187,8 @@ class Stage:
                 self.scene.update_vertices(part.name, part.mesh[0])
                 self._made[geom] = self._made[geom]._replace(shape=shape_key(self._model, geom))
                 done.add(geom)
+        if done:
+            self.coinciding.follow(list(self._made))
         return done
 
     def _replace(self, reshaped: set[int], new: set[int], poses: NDArray[np.float64]) -> None:

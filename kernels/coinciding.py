@@ -1,0 +1,187 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where surfaces of several objects coincide, the last object shows: as on a screen that is drawn on in their order.
+
+Casters show whichever object's rounding is nearer there. This corrects what they wrote: the seen point is looked for on
+the surfaces of the objects that are known to coincide with the seen one somewhere.
+"""
+
+import warp as wp
+
+from warpvis.kernels.constants import SOLID_BALL, SOLID_CYLINDER
+from warpvis.kernels.pinhole import PinholeCamera, Window, pixel_ray, pose_origin, pose_rotation
+from warpvis.kernels.rays import corner
+from warpvis.kernels.solids import to_shape
+from warpvis.kernels.worlds import Worlds, is_excluded, world_of
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+CLOSENESS = wp.constant(wp.float64(4.0e-6))
+"""How far a seen point may be from a surface that it is on, of its distance from the camera and the world's origin.
+
+Single precision is 6e-8 of a number: that much are a depth, a pose and a vertex off, a quaternion by several times
+that, and a caster's 1 / z by up to 1e-6. All of these grow with those two distances.
+"""
+
+
+@wp.struct
+class Coinciding:
+    """Pairs of objects whose surfaces coincide somewhere, an earlier and a later one, and what the later ones are."""
+
+    first_pair: wp.array[wp.int32]
+    """(object + 1): where its pairs begin, of which it is the earlier one."""
+    later: wp.array[wp.int32]
+    """(pair): the later object, rising within an object's pairs."""
+    surface: wp.array[wp.uint64]
+    """(pair): a mesh of what coincides with any earlier object, in the later one's frame; 0 for a solid, and where both
+    objects have one shape in their frames."""
+    column: wp.array[wp.int32]
+    """(object): its place among the movable objects, or that of the one it moves with; -1 if it stays."""
+    solid: wp.array[wp.int32]
+    """(object): a `warpvis.scene.solids.SolidKind`."""
+    size: wp.array[wp.vec4]
+    """(object): of a solid, factors along x, y and z [m], and half length before them."""
+    label: wp.array[wp.uint8]
+    """(object): its label."""
+
+
+@wp.func
+def place_of(coinciding: Coinciding, worlds: Worlds, world: int, index: int) -> wp.transform:
+    """An object to the world."""
+    if coinciding.column[index] < 0:
+        return wp.transform_identity()
+    return worlds.object_poses[world, coinciding.column[index]]
+
+
+@wp.func
+def are_together(a: wp.transform, b: wp.transform, reach: wp.float64) -> bool:
+    """Whether what has the same shape is at the same place."""
+    if wp.length(pose_origin(a) - pose_origin(b)) > reach:
+        return False
+    p, q = pose_rotation(a), pose_rotation(b)
+    return wp.float64(1.0) - wp.abs(wp.dot(p, q)) < CLOSENESS * CLOSENESS
+
+
+@wp.func
+def beyond_solid(kind: int, half: wp.float64, p: wp.vec3d) -> wp.float64:
+    """How far a place is outside of a solid, in its shape frame; less than 0 inside."""
+    none, one = wp.float64(0.0), wp.float64(1.0)
+    across = wp.sqrt(p[0] * p[0] + p[1] * p[1])
+    along = wp.abs(p[2]) - half
+    if kind == SOLID_CYLINDER:
+        return wp.max(across - one, along)
+    along = wp.max(along, none)
+    return wp.sqrt(across * across + along * along) - one
+
+
+@wp.func
+def slope_of_solid(kind: int, half: wp.float64, p: wp.vec3d) -> wp.vec3d:
+    """Where `beyond_solid` grows fastest, a unit vector of the shape frame."""
+    none, one = wp.float64(0.0), wp.float64(1.0)
+    along = wp.sign(p[2]) * wp.max(wp.abs(p[2]) - half, none)
+    if kind == SOLID_BALL:
+        along = p[2]
+    if kind == SOLID_CYLINDER:
+        along = none
+        if wp.abs(p[2]) - half > wp.sqrt(p[0] * p[0] + p[1] * p[1]) - one:
+            return wp.vec3d(none, none, wp.sign(p[2]))
+    return wp.normalize(wp.vec3d(p[0], p[1], along))
+
+
+@wp.func
+def is_on_solid(kind: int, size: wp.vec4, p: wp.vec3d, direction: wp.vec3d, reach: wp.float64, cull: bool) -> bool:
+    """Whether a place of an object's frame is on a solid's surface, and on the side that a direction looks at."""
+    half = wp.float64(size[3])
+    there = to_shape(p, size)
+    outwards = to_shape(slope_of_solid(kind, half, there), size)
+    if cull and wp.dot(outwards, direction) >= wp.float64(0.0):
+        return False
+    return wp.abs(beyond_solid(kind, half, there)) <= reach * wp.length(outwards)
+
+
+@wp.func
+def is_on_triangle(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, direction: wp.vec3d, reach: wp.float64, cull: bool) -> bool:
+    """The same of a triangle, whose corners are given from the place."""
+    normal = wp.cross(b - a, c - a)
+    if cull and wp.dot(normal, direction) >= wp.float64(0.0):
+        return False
+    far = reach * wp.length(normal)
+    if wp.abs(wp.dot(normal, a)) > far:
+        return False
+    within_ab = wp.dot(normal, wp.cross(a, b)) >= -far * wp.length(b - a)
+    within_bc = wp.dot(normal, wp.cross(b, c)) >= -far * wp.length(c - b)
+    within_ca = wp.dot(normal, wp.cross(c, a)) >= -far * wp.length(a - c)
+    return within_ab and within_bc and within_ca
+
+
+@wp.func
+def is_on_mesh(mesh: wp.uint64, p: wp.vec3d, direction: wp.vec3d, reach: wp.float64, cull: bool) -> bool:
+    """The same of a mesh."""
+    side = reach + CLOSENESS * wp.length(p)  # the box is rounded to single precision
+    sides = wp.vec3d(side, side, side)
+    query = wp.mesh_query_aabb(mesh, wp.vec3(p - sides), wp.vec3(p + sides))
+    face = int(0)
+    while wp.mesh_query_next(query, face):
+        a, b, c = corner(mesh, face, 0) - p, corner(mesh, face, 1) - p, corner(mesh, face, 2) - p
+        if is_on_triangle(a, b, c, direction, reach, cull):
+            return True
+    return False
+
+
+@wp.kernel
+def show_later(
+    # Scene:
+    coinciding: Coinciding,
+    # Cameras:
+    camera: PinholeCamera,
+    camera_to_world: wp.array[wp.transform],
+    window: Window,
+    # In:
+    worlds: Worlds,
+    depth: wp.array3d[float],
+    cull_backfaces: bool,
+    # Out:
+    segmentation_out: wp.array3d[wp.int32],
+    labels_out: wp.array3d[wp.uint8],
+):
+    """Where an object is seen, show the last of the objects whose surface is there too, if a view may see that one."""
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+
+    seen = segmentation_out[view, y, x]
+    if seen < 0:
+        return
+    first, last = coinciding.first_pair[seen], coinciding.first_pair[seen + 1]
+    if first == last:
+        return
+    world = int(0)
+    if worlds.object_poses:
+        world = world_of(worlds, view)
+    pose = camera_to_world[view]
+    ray = wp.quat_rotate(pose_rotation(pose), pixel_ray(camera, y, x))
+    path = wp.float64(depth[view, y, x]) * ray
+    point = pose_origin(pose) + path
+    reach = CLOSENESS * (wp.length(path) + wp.length(point))
+    for back in range(last - first):
+        pair = last - 1 - back
+        later, surface = coinciding.later[pair], coinciding.surface[pair]
+        if is_excluded(worlds, view, later):
+            continue
+        place = place_of(coinciding, worlds, world, later)
+        p = wp.quat_rotate_inv(pose_rotation(place), point - pose_origin(place))
+        direction = wp.quat_rotate_inv(pose_rotation(place), ray)
+        is_there = bool(False)
+        if coinciding.solid[later] != 0:
+            is_there = is_on_solid(coinciding.solid[later], coinciding.size[later], p, direction, reach, cull_backfaces)
+        elif surface != wp.uint64(0):
+            is_there = is_on_mesh(surface, p, direction, reach, cull_backfaces)
+        else:
+            is_there = coinciding.column[seen] == coinciding.column[later] or are_together(
+                place_of(coinciding, worlds, world, seen), place, reach
+            )
+        if is_there:
+            segmentation_out[view, y, x] = later
+            if labels_out:
+                labels_out[view, y, x] = coinciding.label[later]
+            return

@@ -1,0 +1,100 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Twin of ``kernels/coinciding.py``: every pixel against every triangle and solid of the later objects, in float64."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis import Camera, Scene
+from warpvis.core.poses import poses_to_matrices
+from warpvis.scene import SceneObject
+
+CLOSENESS = 4e-6
+
+
+def show_later(
+    scene: Scene,
+    pieces: NDArray,
+    camera: Camera,
+    pose: NDArray,
+    segmentation: NDArray,
+    depth: NDArray,
+    *,
+    object_poses: NDArray,
+    excluded: Collection[int] = (),
+    cull_backfaces: bool = True,
+) -> NDArray:
+    """The object that a view shows in every pixel: the last one of a piece whose surface the seen point is on.
+
+    Args:
+        scene: The world.
+        pieces: What each object belongs to.
+        camera: The camera.
+        pose: Camera to world, row of 7.
+        segmentation: What a caster saw, shape (H, W).
+        depth: Likewise.
+        object_poses: Where the movable objects are, rows of 7.
+        excluded: What the view must not see.
+        cull_backfaces: Whether surfaces count only from their front.
+    """
+    import reference
+
+    rays = reference.pixel_rays(camera) @ poses_to_matrices(pose)[:3, :3].T
+    path = rays * np.where(segmentation >= 0, depth, 0.0)[..., None]
+    points = path + np.asarray(pose, dtype=np.float64)[:3]
+    reach = CLOSENESS * (np.linalg.norm(path, axis=-1) + np.linalg.norm(points, axis=-1))
+    shown = segmentation.copy()
+    for later, item in enumerate(scene.objects):
+        place = _place(scene, later, object_poses)
+        mask = (segmentation >= 0) & (segmentation < later)
+        mask[mask] = pieces[segmentation[mask]] == pieces[later]
+        if later in excluded or not mask.any():
+            continue
+        local = (points[mask] - place[:3, 3]) @ place[:3, :3]
+        on = _on_solid if item.solid is not None else _on_mesh
+        found = on(item, local, rays[mask] @ place[:3, :3], reach[mask], cull_backfaces)
+        mask[mask] = found
+        shown[mask] = later
+    return shown
+
+
+def _place(scene: Scene, index: int, object_poses: NDArray) -> NDArray:
+    carrier = scene.objects[index].carrier
+    index = index if carrier is None else carrier
+    return poses_to_matrices(object_poses[scene.movable.index(index)]) if index in scene.movable else np.eye(4)
+
+
+def _on_mesh(item: SceneObject, points: NDArray, rays: NDArray, reach: NDArray, cull: bool) -> NDArray:
+    vertices = item.vertices if item.mesh_vertices is None else item.mesh_vertices
+    found = np.zeros(len(points), dtype=bool)
+    for a, b, c in vertices[item.faces].astype(np.float64):
+        normal = np.cross(b - a, c - a)
+        if not normal.any():
+            continue
+        normal /= np.linalg.norm(normal)
+        near = np.abs((points - a) @ normal) <= reach
+        for p, q in ((a, b), (b, c), (c, a)):
+            inwards = np.cross(normal, q - p)
+            near &= (points - p) @ inwards >= -reach * np.linalg.norm(inwards)
+        found |= near & (rays @ normal < 0) if cull else near
+    return found
+
+
+def _on_solid(item: SceneObject, points: NDArray, rays: NDArray, reach: NDArray, cull: bool) -> NDArray:
+    """By differences: how far a point is outside, along the steepest way."""
+
+    def outside(p: NDArray) -> NDArray:
+        p = p / item.solid.radii
+        across, along = np.hypot(p[:, 0], p[:, 1]), np.abs(p[:, 2]) - item.solid.half
+        if item.solid.kind.name == "CYLINDER":
+            return np.maximum(across - 1, along)
+        return np.hypot(across, np.maximum(along, 0)) - 1
+
+    step = 1e-6 * item.solid.radii.min()
+    slope = np.stack([(outside(points + d) - outside(points - d)) / (2 * step) for d in step * np.eye(3)], axis=1)
+    near = np.abs(outside(points)) <= reach * np.linalg.norm(slope, axis=1)
+    return near & (np.einsum("nk,nk->n", slope, rays) < 0) if cull else near

@@ -1,0 +1,310 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Which objects' surfaces coincide: pairs of objects of one rigid piece that share planes of triangles, or solids."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.poses import poses_to_matrices
+from warpvis.scene import SceneObject
+from warpvis.scene.solids import Solid, SolidKind
+
+# What is found here is looked at again for every pixel (`warpvis.kernels.coinciding`): nothing that coincides may be
+# missing, and what is near it does no harm.
+
+_CLOSENESS = 1e-5
+"""Planes coincide if they are nearer than this where they overlap, of their sizes and distance from the origin."""
+
+_TURN = 5e-4
+"""Normals of planes that coincide differ by less than this: those of triangles of a few thousandths of their object do,
+by the rounding of their corners."""
+
+_FINE = 1e-6
+"""Triangles of one object are of one plane if its normals and offsets are rounded alike to this."""
+
+_SKEW = np.array([0.3571, 0.5219, 0.7746])
+"""A direction along which the normals of common shapes differ."""
+
+_TABLE = 1 << 22
+"""Bins in the table by which most triangles are known to match no other."""
+
+_LEAST_SAMPLES = 3
+"""Surfaces that only touch or cross have fewer samples in common."""
+
+_Ints = NDArray[np.int64]
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Pairs of objects that coincide somewhere, sorted by the earlier object and then the later one."""
+
+    earlier: _Ints
+    later: _Ints
+    same: NDArray[np.bool_]
+    """Whether both are the same triangles."""
+    faces: dict[int, _Ints] = field(default_factory=dict)
+    """Of the later objects, the triangles that coincide with some of an earlier object that is not the same."""
+
+
+def find_pairs(objects: Sequence[SceneObject], pieces: NDArray[np.int_]) -> Pairs:
+    """Find objects whose surfaces coincide somewhere, looking the same way.
+
+    Args:
+        objects: The objects, where they are at first.
+        pieces: What each belongs to: only objects of one piece are compared.
+    """
+    boxes = np.array([item.bounds for item in objects], dtype=np.float64).reshape(-1, 2, 3)
+    margin = _CLOSENESS * np.abs(boxes).max(axis=(1, 2), initial=0.0)[:, None]
+    low, high = boxes[:, 0] - margin, boxes[:, 1] + margin
+    i, j = _overlapping(low, high, pieces)
+    i, j = np.minimum(i, j), np.maximum(i, j)
+    is_solid = np.array([item.solid is not None for item in objects], dtype=bool)
+    both = is_solid[i] & is_solid[j]
+    found = [(a, b, False) for a, b in zip(i[both], j[both], strict=True) if _share_surface(objects[a], objects[b])]
+    same = _find_same(objects, i[~both], j[~both])
+    found += [(a, b, True) for a, b in same]
+    compared = np.array([pair not in same for pair in zip(i.tolist(), j.tolist(), strict=True)], dtype=bool)
+    earlier, later, faces = _find_planes(objects, pieces, (i[compared], j[compared]), (low, high))
+    found += [(a, b, False) for a, b in zip(earlier, later, strict=True)]
+    rows = np.array(sorted(set(found)), dtype=np.int64).reshape(-1, 3)
+    return Pairs(rows[:, 0], rows[:, 1], rows[:, 2].astype(bool), faces)
+
+
+def frame_vertices(item: SceneObject) -> NDArray[np.float32]:
+    """Return the corners in the frame that an object's pose is of: its own, its carrier's, or the world's."""
+    return item.vertices if item.mesh_vertices is None else item.mesh_vertices
+
+
+def _find_same(objects: Sequence[SceneObject], i: _Ints, j: _Ints) -> set[tuple[int, int]]:
+    """Find pairs of meshes that are the same triangles, in the world and in the frames that they move with."""
+    sizes = np.array([(len(item.vertices), len(item.faces)) for item in objects]).reshape(-1, 2)
+    alike = np.flatnonzero((sizes[i] == sizes[j]).all(axis=1))
+    same = set()
+    for a, b in zip(i[alike].tolist(), j[alike].tolist(), strict=True):
+        one, other = objects[a], objects[b]
+        moved_alike = (one.mesh_vertices is None) == (other.mesh_vertices is None)
+        if moved_alike and one.solid is None and other.solid is None and np.array_equal(one.faces, other.faces):
+            pairs = [(one.vertices, other.vertices), (frame_vertices(one), frame_vertices(other))]
+            if all(np.abs(p - q).max() <= _CLOSENESS * np.abs(p).max() for p, q in pairs):
+                same.add((a, b))
+    return same
+
+
+def _share_surface(one: SceneObject, other: SceneObject) -> bool:
+    """Tell whether part of a solid's true surface is on another one's."""
+    assert one.solid is not None and other.solid is not None and one.pose is not None and other.pose is not None
+    place, there = poses_to_matrices(one.pose), poses_to_matrices(other.pose)
+    points = _samples(one.solid) @ place[:3, :3].T + place[:3, 3]
+    shape = ((points - there[:3, 3]) @ there[:3, :3]) / other.solid.radii
+    across, along = np.hypot(shape[:, 0], shape[:, 1]), np.abs(shape[:, 2]) - other.solid.half
+    beyond = np.hypot(across, np.maximum(along, 0)) - 1
+    if other.solid.kind == SolidKind.CYLINDER:
+        beyond = np.maximum(across - 1, along)
+    return int(np.count_nonzero(np.abs(beyond) < _CLOSENESS)) >= _LEAST_SAMPLES
+
+
+def _samples(solid: Solid) -> _Floats:
+    """Take points of a solid's surface, none of them on an edge or a line of symmetry, in its frame [m]."""
+    turn, up = (part.ravel() for part in np.meshgrid(np.arange(9) * 0.7 + 0.1, np.linspace(-0.93, 0.97, 8)))
+    circle = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    ball = np.c_[np.sqrt(1 - up**2)[:, None] * circle, up]
+    if solid.kind == SolidKind.BALL:
+        return ball * solid.radii
+    side = np.c_[circle, up * solid.half]
+    ends = ball + np.c_[np.zeros((len(ball), 2)), np.sign(up) * solid.half]
+    if solid.kind == SolidKind.CYLINDER:
+        ends = np.c_[np.abs(up)[:, None] * circle, np.sign(up) * solid.half]
+    return np.concatenate([side, ends]) * solid.radii
+
+
+def _flat_faces(item: SceneObject) -> NDArray[np.int32]:
+    """Return the triangles that are the true surface: all of a mesh, the ends of a cylinder."""
+    if item.solid is None:
+        return item.faces
+    if item.solid.kind != SolidKind.CYLINDER:
+        return item.faces[:0]
+    first_pole = len(item.vertices) - 2
+    return item.faces[(item.faces >= first_pole).any(axis=1)]
+
+
+@dataclass(frozen=True)
+class _Triangles:
+    """Triangles of several objects, N of them."""
+
+    owner: _Ints
+    """(N,): the object."""
+    piece: _Ints
+    """(N,): what moves together with it."""
+    face: _Ints
+    """(N,): its number among the object's triangles; of a solid 0."""
+    low: _Floats
+    """(N, 3): least corner of its box [m]."""
+    high: _Floats
+    normal: _Floats
+    """(N, 3)."""
+    offset: _Floats
+    """(N,): its plane is where ``normal . x = offset``, from the middle of its piece [m]."""
+    middle: _Floats
+    """(N, 3): the middle of its piece [m]."""
+
+    @classmethod
+    def of(cls, corners: _Floats, faces: _Ints, owners: _Ints, pieces: NDArray[np.int_]) -> _Triangles:
+        """Make them of corners, ``(N, 3, 3)``, their numbers, their objects, and every object's piece."""
+        a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+        normal = np.cross(b - a, c - a)
+        length = np.sqrt(np.einsum("nk,nk->n", normal, normal))
+        normal /= np.where(length > 0, length, 1)[:, None]
+        piece = pieces[owners]
+        _, dense = np.unique(piece, return_inverse=True)
+        counts = np.bincount(dense)
+        middle = np.stack([np.bincount(dense, a[:, axis]) / counts for axis in range(3)], axis=1)[dense]
+        offset = np.einsum("nk,nk->n", normal, a - middle)
+        low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+        return cls(owners, piece, faces, low, high, normal, offset, middle).take(length > 0)
+
+    def take(self, chosen: NDArray[np.int64 | np.bool_]) -> _Triangles:
+        """Return some of them."""
+        return _Triangles(**{name: part[chosen] for name, part in vars(self).items()})
+
+
+def _find_planes(
+    objects: Sequence[SceneObject],
+    pieces: NDArray[np.int_],
+    pairs: tuple[_Ints, _Ints],
+    boxes: tuple[_Floats, _Floats],
+) -> tuple[_Ints, _Ints, dict[int, _Ints]]:
+    """Find pairs of objects that share planes of triangles, and the triangles of the later ones.
+
+    Args:
+        objects: All objects.
+        pieces: What each belongs to.
+        pairs: The pairs to look at, the earlier objects and the later ones.
+        boxes: Least and greatest corners of the objects' boxes, a little enlarged.
+    """
+    parts = [_read_triangles(objects, index, pairs, boxes) for index in np.unique(np.concatenate(pairs)).tolist()]
+    if not parts:
+        return pairs[0], pairs[1], {}
+    corners, numbers, owners = (np.concatenate(part) for part in zip(*parts, strict=True))
+    triangles = _Triangles.of(corners, numbers, owners, pieces)
+    triangles = triangles.take(_may_match(triangles))
+    planes, plane_of = _join_planes(triangles)
+    p, q = _matching(planes)
+    # A pair of objects is one number.
+    kept = np.isin(planes.owner[p] * len(objects) + planes.owner[q], pairs[0] * len(objects) + pairs[1])
+    p, q = p[kept], q[kept]
+    found = np.unique(planes.owner[p] * len(objects) + planes.owner[q])
+    chosen = np.zeros(len(planes.owner), dtype=bool)
+    chosen[q] = True
+    taken = chosen[plane_of]
+    owner, face = triangles.owner[taken], triangles.face[taken]
+    faces_of = {int(k): np.sort(face[owner == k]) for k in np.unique(owner)}
+    return found // len(objects), found % len(objects), faces_of
+
+
+def _read_triangles(
+    objects: Sequence[SceneObject], index: int, pairs: tuple[_Ints, _Ints], boxes: tuple[_Floats, _Floats]
+) -> tuple[_Floats, _Ints, _Ints]:
+    """Read an object's flat triangles where others are: corners ``(n, 3, 3)``, their numbers, and the object's."""
+    item, (low, high) = objects[index], boxes
+    others = np.r_[pairs[1][pairs[0] == index], pairs[0][pairs[1] == index]]
+    least, most = low[others].min(axis=0), high[others].max(axis=0)
+    triangles = _flat_faces(item)
+    inside = (item.vertices <= most) & (item.vertices >= least)
+    if not inside.all():
+        below, above = item.vertices < least, item.vertices > most
+        outside = np.zeros(len(triangles), dtype=bool)
+        for axis, side in product(range(3), (below, above)):
+            outside |= side[:, axis][triangles].all(axis=1)
+        numbers = np.flatnonzero(~outside)
+    else:
+        numbers = np.arange(len(triangles))
+    corners = item.vertices[triangles[numbers]].astype(np.float64)
+    return corners, numbers if item.solid is None else 0 * numbers, np.full(len(numbers), index)
+
+
+def _bins(triangles: _Triangles) -> Iterator[NDArray[np.uint64]]:
+    """Put triangles into bins by a coordinate of their normals and by their offsets.
+
+    This is done four times, half a bin apart, so that what is nearer than that is in one bin at least once.
+    """
+    reach = float(np.median(np.abs(triangles.offset))) if len(triangles.offset) else 1.0
+    digits = np.c_[triangles.normal @ _SKEW, triangles.offset / max(reach, _FINE)] / (2 * _TURN)
+    for shift in product((0.0, 0.5), repeat=2):
+        yield _mixed(np.c_[np.floor(digits + shift), triangles.piece].astype(np.int64))
+
+
+def _may_match(triangles: _Triangles) -> NDArray[np.bool_]:
+    """Tell which triangles may be of one plane with another object's, by a table of bins: quickly, most are not."""
+    matches = np.zeros(len(triangles.owner), dtype=bool)
+    table = np.zeros(_TABLE, dtype=np.int32)
+    for bins in _bins(triangles):
+        bins %= np.uint64(_TABLE)
+        table[bins] = triangles.owner
+        shared = np.zeros(_TABLE, dtype=bool)
+        shared[bins[table[bins] != triangles.owner]] = True
+        matches |= shared[bins]
+    return matches
+
+
+def _join_planes(triangles: _Triangles) -> tuple[_Triangles, _Ints]:
+    """Make one of each object's triangles of one plane, with the box of all, and say which each became part of."""
+    scale = np.maximum(np.abs(triangles.low), np.abs(triangles.high)).max(axis=1, initial=_FINE)
+    digits = np.rint(np.c_[triangles.normal, triangles.offset / scale] / _FINE).astype(np.int64)
+    _, first, plane = np.unique(_mixed(np.c_[digits, triangles.owner]), return_index=True, return_inverse=True)
+    planes = triangles.take(first)
+    np.minimum.at(planes.low, plane, triangles.low)
+    np.maximum.at(planes.high, plane, triangles.high)
+    return planes, plane.astype(np.int64)
+
+
+def _matching(planes: _Triangles) -> tuple[_Ints, _Ints]:
+    """Find pairs of planes, the earlier object's first, that coincide where their boxes overlap."""
+    margin = _CLOSENESS * np.maximum(np.abs(planes.low), np.abs(planes.high)).max(axis=1, initial=0.0)[:, None]
+    low, high = planes.low - margin, planes.high + margin
+    found = [np.stack(_overlapping(low, high, bins)) for bins in _bins(planes)]
+    p, q = np.concatenate(found, axis=1)
+    p, q = np.where(planes.owner[p] < planes.owner[q], (p, q), (q, p))
+    different = planes.owner[p] != planes.owner[q]
+    p, q = p[different], q[different]
+    least, most = np.maximum(planes.low[p], planes.low[q]), np.minimum(planes.high[p], planes.high[q])
+    middle, size = (least + most) / 2, np.linalg.norm(most - least, axis=1)
+    above = [np.einsum("nk,nk->n", planes.normal[k], middle - planes.middle[p]) - planes.offset[k] for k in (p, q)]
+    close = np.abs(above[0] - above[1]) <= _CLOSENESS * (np.linalg.norm(middle, axis=1) + size)
+    close &= np.abs(planes.normal[p] - planes.normal[q]).max(axis=1, initial=0.0) <= _TURN
+    return p[close], q[close]
+
+
+def _mixed(rows: _Ints) -> NDArray[np.uint64]:
+    """Make one number of every row of whole numbers; rows that differ have different ones, but for bad luck."""
+    mixed = np.zeros(len(rows), dtype=np.uint64)
+    for column in rows.T:
+        mixed = (mixed ^ column.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
+        mixed ^= mixed >> np.uint64(29)
+    return mixed
+
+
+def _overlapping(low: _Floats, high: _Floats, kinds: NDArray[np.integer[Any]]) -> tuple[_Ints, _Ints]:
+    """Find pairs of boxes of one kind that overlap, each once, by sweeping along the axis on which they spread most."""
+    if len(low) < 2:
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    _, kind = np.unique(kinds, return_inverse=True)
+    axis = int(np.std(low, axis=0).argmax())
+    least, span = low[:, axis].min(), np.ptp(np.r_[low[:, axis], high[:, axis]])
+    scale = 0.5 / span if span > 0 else 0.0
+    begin, end = (kind + (part[:, axis] - least) * scale for part in (low, high))
+    order = np.argsort(begin, kind="stable")
+    last = np.searchsorted(begin[order], end[order], side="right")
+    counts = last - np.arange(1, len(order) + 1)
+    one = np.repeat(np.arange(len(order)), counts)
+    other = one + 1 + np.arange(len(one)) - np.repeat(np.cumsum(counts) - counts, counts)
+    one, other = order[one], order[other]
+    overlap = ((low[one] <= high[other]) & (low[other] <= high[one])).all(axis=1)
+    return one[overlap], other[overlap]

@@ -1,0 +1,196 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Rendering geoms as MuJoCo shows them: of those whose surfaces coincide, the later one."""
+
+from __future__ import annotations
+
+import operator
+from typing import TYPE_CHECKING, Any
+
+import mujoco  # noqa: TID253 - the whole package is about it
+import numpy as np
+import warp as wp
+from numpy.typing import ArrayLike, NDArray
+
+from warpvis.core.camera import Camera
+from warpvis.core.poses import Convention
+from warpvis.core.threads import launch_images
+from warpvis.core.types import PoseLike
+from warpvis.kernels.constants import SOLID_WORDS
+from warpvis.mujoco._coinciding import Pairs, find_pairs, frame_vertices
+from warpvis.rendering import Renderer
+from warpvis.scene import Scene, SceneObject
+
+if TYPE_CHECKING:
+    from warpvis.kernels.coinciding import Coinciding
+    from warpvis.kernels.worlds import Worlds
+
+_DEPTH, _LABELS, _SEGMENTATION = 0, 3, 4  # in the order of the casters' images
+_MOST_SCRATCH = 4  # so many sizes of images have memory of their own
+
+
+class CoincidingGeoms:
+    """Which geoms of a scene coincide with earlier ones, found when first asked for after the scene has changed."""
+
+    def __init__(self, model: mujoco.MjModel, scene: Scene, geoms: ArrayLike = ()) -> None:
+        """Find nothing yet.
+
+        Args:
+            model: The model.
+            scene: Its scene.
+            geoms: The geoms of the scene's first objects; `follow` says it later on.
+        """
+        self._model, self._scene = model, scene
+        self._geoms = np.array(geoms, dtype=np.int64)
+        self._objects: tuple[SceneObject, ...] = ()
+        self._found: _OnDevice | None = None
+
+    def follow(self, geoms: ArrayLike) -> None:
+        """Take note that the scene's first objects are these geoms now, or of other shapes than they were."""
+        self._geoms, self._objects = np.array(geoms, dtype=np.int64), ()
+
+    def find(self) -> Coinciding | None:
+        """Return what there is as a kernel takes it; None if nothing coincides."""
+        objects = self._scene.objects
+        if len(objects) != len(self._objects) or not all(map(operator.is_, objects, self._objects)):
+            self._found = self._find(objects)
+            self._objects = objects
+        return None if self._found is None else self._found.struct
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process finds the same of."""
+        return self.__dict__ | {"_objects": (), "_found": None}
+
+    def _find(self, objects: tuple[SceneObject, ...]) -> _OnDevice | None:
+        geoms = objects[: len(self._geoms)]
+        pairs = find_pairs(geoms, np.asarray(self._model.body_weldid)[self._model.geom_bodyid[self._geoms]])
+        return _OnDevice(objects, pairs, self._scene) if len(pairs.later) else None
+
+
+class _OnDevice:
+    """Pairs of objects on a scene's device, and the memory that they refer to."""
+
+    def __init__(self, objects: tuple[SceneObject, ...], pairs: Pairs, scene: Scene) -> None:
+        from warpvis.kernels.coinciding import Coinciding
+
+        device = scene.device
+        self._surfaces = {index: _mesh(objects[index], faces, device) for index, faces in pairs.faces.items()}
+        surfaces = [
+            0 if same or objects[later].solid else int(self._surfaces[later].id)
+            for later, same in zip(pairs.later.tolist(), pairs.same.tolist(), strict=True)
+        ]
+        columns = np.full(len(objects), -1, dtype=np.int32)
+        columns[list(scene.movable)] = np.arange(len(scene.movable))
+        for index, item in enumerate(objects):
+            if item.carrier is not None:
+                columns[index] = columns[item.carrier]
+        kinds, sizes = np.zeros(len(objects), dtype=np.int32), np.ones((len(objects), SOLID_WORDS), dtype=np.float32)
+        for index, item in enumerate(objects):
+            if item.solid is not None:
+                kinds[index], sizes[index] = item.solid.kind, [*item.solid.radii, item.solid.half]
+        first = np.searchsorted(pairs.earlier, np.arange(len(objects) + 1))
+        self.struct = Coinciding()
+        self.struct.first_pair = wp.array(first.astype(np.int32), dtype=wp.int32, device=device)
+        self.struct.later = wp.array(pairs.later.astype(np.int32), dtype=wp.int32, device=device)
+        self.struct.surface = wp.array(np.array(surfaces, dtype=np.uint64), dtype=wp.uint64, device=device)
+        self.struct.column = wp.array(columns, dtype=wp.int32, device=device)
+        self.struct.solid = wp.array(kinds, dtype=wp.int32, device=device)
+        self.struct.size = wp.array(sizes, dtype=wp.vec4, device=device)
+        self.struct.label = scene.object_labels()
+
+
+def _mesh(item: SceneObject, faces: NDArray[np.int64], device: wp.Device) -> wp.Mesh:
+    """Make a mesh of some of an object's triangles, in its frame."""
+    indices = item.faces[faces].astype(np.int32).ravel()
+    return wp.Mesh(
+        points=wp.array(np.ascontiguousarray(frame_vertices(item)), dtype=wp.vec3, device=device),
+        indices=wp.array(indices, dtype=wp.int32, device=device),
+    )
+
+
+class GeomRenderer(Renderer):
+    """A `warpvis.Renderer` of a model's scene, of which later geoms win where surfaces coincide.
+
+    Segmentation and labels say so; depth, points and normals are what they are anyway.
+    """
+
+    _caster: Any
+
+    def __init__(self, scene: Scene, camera: Camera, coinciding: CoincidingGeoms, **options: Any) -> None:
+        """Prepare to render.
+
+        Args:
+            scene: The model's scene.
+            camera: As for `warpvis.Renderer`.
+            coinciding: Which geoms of the scene coincide.
+            options: As for `warpvis.Renderer`.
+        """
+        super().__init__(scene, camera, **options)
+        cull_backfaces = bool(options.get("cull_backfaces", False))
+        self._caster = _LaterWins(self._caster, scene, camera, coinciding, cull_backfaces, self.threads)
+
+
+class _LaterWins:
+    """A caster, and a second look at what it saw where surfaces coincide."""
+
+    def __init__(
+        self, caster: Any, scene: Scene, camera: Camera, coinciding: CoincidingGeoms, cull: bool, threads: int
+    ) -> None:
+        """Prepare to cast."""
+        self._caster, self._scene, self._camera, self._coinciding = caster, scene, camera, coinciding
+        self._cull_backfaces, self._threads = cull, threads
+        self._idle: dict[tuple[object, ...], wp.array] = {}
+
+    def parse_poses(self, poses: PoseLike, convention: Convention) -> Any:
+        """Check poses, and return them as the caster takes them."""
+        return self._caster.parse_poses(poses, convention)
+
+    def cast(self, poses: Any, worlds: Worlds, images: list[wp.array | None]) -> None:
+        """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
+        wanted = images[_LABELS] is not None or images[_SEGMENTATION] is not None
+        coinciding = self._coinciding.find() if wanted else None
+        if coinciding is None:
+            self._caster.cast(poses, worlds, images)
+            return
+        shape = (len(poses), self._camera.height, self._camera.width)
+        images, borrowed = list(images), {}
+        for place, dtype in ((_DEPTH, wp.float32), (_SEGMENTATION, wp.int32)):
+            if images[place] is None:
+                images[place] = borrowed[place] = self._take(place, shape, dtype)
+        self._caster.cast(poses, worlds, images)
+        self._correct(coinciding, poses, worlds, images)
+        for place, image in borrowed.items():
+            self._give_back(place, image)
+
+    def _correct(self, coinciding: Coinciding, poses: Any, worlds: Worlds, images: list[wp.array | None]) -> None:
+        from warpvis.kernels.coinciding import show_later
+
+        if isinstance(poses, np.ndarray):
+            rows = np.ascontiguousarray(poses, dtype=np.float32)
+            poses = wp.array(rows, dtype=wp.transform, shape=(len(rows),), device="cpu", copy=False)
+        depth, labels, segmentation = (images[place] for place in (_DEPTH, _LABELS, _SEGMENTATION))
+        assert segmentation is not None
+        camera = self._camera.device_struct()
+        given = [worlds, depth, self._cull_backfaces, segmentation, labels]
+        launch_images(
+            show_later,
+            segmentation.shape,
+            lambda window: [coinciding, camera, poses, window, *given],
+            device=self._scene.device,
+            threads=self._threads,
+        )
+
+    def _stream(self) -> int | None:
+        # Work on another stream may not be done with the memory.
+        device = self._scene.device
+        return None if device.is_cpu else device.stream.cuda_stream
+
+    def _take(self, place: int, shape: tuple[int, ...], dtype: type) -> wp.array:
+        """Return memory that nobody uses."""
+        image = self._idle.pop((place, shape, self._stream()), None)
+        return wp.empty(shape, dtype=dtype, device=self._scene.device) if image is None else image
+
+    def _give_back(self, place: int, image: wp.array) -> None:
+        self._idle[place, image.shape, self._stream()] = image
+        while len(self._idle) > _MOST_SCRATCH:
+            self._idle.pop(next(iter(self._idle)), None)
