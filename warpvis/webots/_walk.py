@@ -100,6 +100,12 @@ class Reader:
 
     def walk(self) -> None:
         """Visit all nodes, in the order of the file."""
+        try:
+            self._walk()
+        finally:
+            self._protos.close()
+
+    def _walk(self) -> None:
         start = Transform(np.eye(3), np.eye(3), np.zeros(3))
         steps = [Step(node, start) for node in reversed(self._world.nodes)]
         visited = 0

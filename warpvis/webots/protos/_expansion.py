@@ -14,12 +14,15 @@ from warpvis.webots._grammar import Parser, World
 from warpvis.webots._nodes import BUILTIN_NODES, Node, Value, Version
 from warpvis.webots._urls import is_file, places_in_tree, with_slashes
 from warpvis.webots.protos._files import ProtoFile, read_proto
+from warpvis.webots.protos._template_engine import TemplateEngine
 from warpvis.webots.protos._templates import render, script_value
 
 MOST_PROTOS_NESTED = 50
 """PROTOs within PROTOs."""
 MOST_PROTO_NODES = 1_000_000
 """Nodes that all PROTO instances of a world may stand for."""
+MOST_INSTANCES = 50_000
+"""PROTO instances of a world, those within PROTOs included: a few that double each other make any number."""
 
 
 class Protos:
@@ -49,8 +52,13 @@ class Protos:
         self._files: dict[Path, ProtoFile] = {}
         self._found: dict[tuple[str, str], ProtoFile | None] = {}  # by type and the file that uses it
         self._expanded: dict[Node, Node | None] = {}
-        self._rendered: dict[tuple[Path, str], str] = {}
-        self._nodes = 0
+        self._rendered: dict[tuple[Path, str], str | FileFormatError] = {}
+        self._engine = TemplateEngine()
+        self._nodes = self._instances = 0
+
+    def close(self) -> None:
+        """End the process of the templates, if there is one."""
+        self._engine.close()
 
     def expand(self, node: Node) -> Node | None:
         """Make the node that a PROTO instance stands for.
@@ -91,6 +99,11 @@ class Protos:
             raise FileFormatError(
                 f"{node.file}:{node.line}: expected at most {MOST_PROTOS_NESTED} PROTOs within PROTOs, got more"
             )
+        self._instances += 1
+        if self._instances > MOST_INSTANCES:
+            raise FileFormatError(
+                f"{node.file}:{node.line}: expected at most {MOST_INSTANCES} instances of PROTOs in a world, got more"
+            )
         values = proto.values(node, protos)
         body = self._render(proto, values, node) if proto.language else proto.body
         parser = Parser(body, path, proto.version, first_line=proto.body_line, protos=protos, interface=values)
@@ -124,8 +137,15 @@ class Protos:
         if key not in self._rendered:
             variables = {"fields": given, "context": context}
             assert proto.language is not None
-            self._rendered[key] = render(proto.body, proto.language, variables, str(proto.path), proto.body_line)
-        return self._rendered[key]
+            place = (str(proto.path), proto.body_line)
+            try:
+                self._rendered[key] = render(proto.body, proto.language, variables, *place, self._engine)
+            except FileFormatError as error:
+                self._rendered[key] = error
+        found = self._rendered[key]
+        if isinstance(found, FileFormatError):
+            raise found
+        return found
 
     def _describe(self, node: Node) -> dict[str, tuple[str, Value, Value]] | None:
         """Look up type, value and default of each field of an instance; None for other nodes, and without a file."""

@@ -4,7 +4,8 @@
 
 A template becomes a program that puts the text between its statements together. Sources:
 https://cyberbotics.com/doc/reference/javascript-procedural-proto and lua-procedural-proto. The engines are quickjs-ng
-and lupa, of the extra ``[webots]``; a program has no files and no network, and its time and memory are limited.
+and lupa, of the extra ``[webots]``; a program has no files and no network, and it runs in a process whose time and
+memory are limited (`warpvis.webots.protos._template_engine`).
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from typing import Literal, NamedTuple, NoReturn, TypeAlias
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.webots._nodes import Node, Value, shown
+from warpvis.webots.protos._template_engine import TemplateEngine, is_installed
 from warpvis.webots.protos._template_library import JAVASCRIPT, LUA, LUA_MODULES
 
 Language: TypeAlias = Literal["javascript", "lua"]
@@ -25,7 +27,9 @@ Describe: TypeAlias = Callable[[Node], "dict[str, tuple[str, Value, Value]] | No
 SECONDS = 5
 """Longest that a JavaScript template may run."""
 _LUA_STEPS = 200_000_000  # about as long
-_MEMORY = 256 << 20  # bytes
+_GRACE = 1  # that a template's process has over its engine [s]
+_HEAP = 256 << 20  # of an engine [bytes]
+_MEMORY = 1 << 30  # of the process, beyond what it has before [bytes]
 _STACK = 512 << 10  # bytes; threads have stacks of a few MiB
 _MOST_VALUES = 1_000_000  # that a template may be given
 _MOST_NESTED = 60  # nodes in them
@@ -49,7 +53,9 @@ def language_of(head: str, body: str) -> Language | None:
     return "lua" if "%{" in body else "javascript" if "%<" in body else None
 
 
-def render(body: str, language: Language, variables: Mapping[str, Json], file: str, first_line: int) -> str:
+def render(
+    body: str, language: Language, variables: Mapping[str, Json], file: str, first_line: int, engine: TemplateEngine
+) -> str:
     """Run a template, and return the text that it makes.
 
     Args:
@@ -58,6 +64,7 @@ def render(body: str, language: Language, variables: Mapping[str, Json], file: s
         variables: Global variables, of what JSON can hold; None stands for undefined.
         file: Name of its file.
         first_line: Line of the body in it.
+        engine: Where it runs.
 
     Returns:
         Text with the line breaks of the template, so that lines agree up to the first loop.
@@ -67,16 +74,29 @@ def render(body: str, language: Language, variables: Mapping[str, Json], file: s
     """
     pieces = _split(body, *_MARKS[language], file, first_line)
     program, lines = _program(pieces, language)
-    run = _run_javascript if language == "javascript" else _run_lua
+    job = _javascript_job(program, variables) if language == "javascript" else _lua_job(program, variables)
+    name, module = _ENGINES[language]
+    if not is_installed(module):
+        raise FileFormatError(
+            f"{file}:{lines[0]}: expected the {name} for the PROTO's template, got none: pip install 'warpvis[webots]'"
+        )
+    job |= {"language": language, "heap": _HEAP, "memory": _MEMORY, "seconds": SECONDS + _GRACE}
     try:
-        result = run(program, lines, variables, file)
-    except FileFormatError:
-        raise
-    except (ValueError, MemoryError, TypeError) as error:  # from the engines: zero bytes, no Unicode, no string
-        _fail(file, first_line, f"{type(error).__name__}: {error}")
-    if not isinstance(result, str):
-        raise FileFormatError(f"{file}:{first_line}: expected a template that makes a text, got {shown(str(result))}")
-    return result
+        answer = engine.run(job)
+    except OSError as error:
+        _fail(file, lines[0], f"no process to run it in: {error}")
+    if "text" in answer:
+        return answer["text"]
+    if "odd" in answer:
+        raise FileFormatError(f"{file}:{first_line}: expected a template that makes a text, got {shown(answer['odd'])}")
+    if "late" in answer:
+        _fail(file, lines[0], _too_long())
+    if "ended" in answer:
+        _fail(file, lines[0], answer["ended"])
+    if answer["kind"] not in _ENGINE_ERRORS:
+        _fail(file, first_line, f"{answer['kind']}: {answer['error']}")
+    line, message = _place(language, answer["error"], lines)
+    _fail(file, line, message)
 
 
 def script_value(value: Value, field_type: str, place: str, describe: Describe = lambda node: None) -> Json:
@@ -228,53 +248,51 @@ def _imported(match: re.Match[str]) -> str:
     return f"const {names} = $modules.{match[3]}"
 
 
-def _run_javascript(program: str, lines: list[int], variables: Mapping[str, Json], file: str) -> object:
-    try:
-        import quickjs
-    except ImportError:
-        _miss_engine("JavaScript engine quickjs-ng", file, lines[0])
-    context = quickjs.Context()
-    context.set_memory_limit(_MEMORY)
-    context.set_max_stack_size(_STACK)
-    context.set_time_limit(SECONDS)
-    try:
-        context.eval(JAVASCRIPT)
-        for name, value in variables.items():
-            context.set("$json", json.dumps(_without_none(value)))
-            context.eval(f"var {name} = JSON.parse($json)")
-        opening = '(function () { "use strict"; const $pieces = []; const _put = (v) => { $pieces.push(String(v)); };'
-        closing = 'return $pieces.join(""); })()'  # a sum of strings is a rope, which quickjs cannot give to Python
-        return context.eval(f"{opening}\n{program}\n{closing}")
-    except quickjs.JSException as error:
-        message = str(error).strip().split("\n")[0]
-        place = re.search(r"<input>:(\d+)", str(error))
-        line = lines[min(max(int(place[1]) - 2, 0), len(lines) - 1)] if place else lines[0]
-        message = message.replace("InternalError: interrupted", f"one that runs longer than {SECONDS} s")
-        _fail(file, line, message)
+def _javascript_job(program: str, variables: Mapping[str, Json]) -> dict[str, Json]:
+    opening = '(function () { "use strict"; const $pieces = []; const _put = (v) => { $pieces.push(String(v)); };'
+    closing = 'return $pieces.join(""); })()'  # a sum of strings is a rope, which quickjs cannot give to Python
+    return {
+        "library": JAVASCRIPT,
+        "program": f"{opening}\n{program}\n{closing}",
+        "variables": {name: json.dumps(_without_none(value)) for name, value in variables.items()},
+        "limit": SECONDS,
+        "stack": _STACK,
+    }
 
 
-def _run_lua(program: str, lines: list[int], variables: Mapping[str, Json], file: str) -> object:
-    try:
-        from lupa import lua52
-    except ImportError:
-        _miss_engine("Lua engine lupa", file, lines[0])
-    try:
-        runtime = lua52.LuaRuntime(register_eval=False, register_builtins=False, max_memory=_MEMORY)
-        given = "".join(f"{name} = {_lua(value)}\n" for name, value in variables.items())
-        opening = "local _pieces = {} local function _put(v) _pieces[#_pieces + 1] = tostring(v) end"
-        return runtime.eval(LUA)(f"{opening}\n{program}\nreturn table.concat(_pieces)", given, _LUA_STEPS, LUA_MODULES)
-    except lua52.LuaError as error:
-        message = str(error).split("stack traceback:")[0].strip() or "an error without a message"
+def _lua_job(program: str, variables: Mapping[str, Json]) -> dict[str, Json]:
+    opening = "local _pieces = {} local function _put(v) _pieces[#_pieces + 1] = tostring(v) end"
+    return {
+        "library": LUA,
+        "modules": LUA_MODULES,
+        "program": f"{opening}\n{program}\nreturn table.concat(_pieces)",
+        "variables": {name: _lua(value) for name, value in variables.items()},
+        "limit": _LUA_STEPS,
+    }
+
+
+_ENGINE_ERRORS = {"JSException", "StackOverflow", "LuaError", "LuaMemoryError", "LuaSyntaxError"}
+_ENGINES: dict[Language, tuple[str, str]] = {
+    "javascript": ("JavaScript engine quickjs-ng", "quickjs"),
+    "lua": ("Lua engine lupa", "lupa"),
+}
+
+
+def _place(language: Language, error: str, lines: Sequence[int]) -> tuple[int, str]:
+    """Tell the line of the file, and what is wrong there, from an engine's message."""
+    if language == "javascript":
+        message = error.strip().split("\n")[0]
+        place = re.search(r"<input>:(\d+)", error)
+        message = message.replace("InternalError: interrupted", _too_long())
+    else:
+        message = error.split("stack traceback:", maxsplit=1)[0].strip() or "an error without a message"
         place = re.match(r"template:(\d+): ", message)
-        line = lines[min(max(int(place[1]) - 2, 0), len(lines) - 1)] if place else lines[0]
-        message = message.removeprefix(place[0] if place else "")
-        _fail(file, line, message.replace("the time limit", f"one that runs longer than {SECONDS} s"))
+        message = message.removeprefix(place[0] if place else "").replace("the time limit", _too_long())
+    return (lines[min(max(int(place[1]) - 2, 0), len(lines) - 1)] if place else lines[0]), message
 
 
-def _miss_engine(engine: str, file: str, line: int) -> NoReturn:
-    raise FileFormatError(
-        f"{file}:{line}: expected the {engine} for the PROTO's template, got none: pip install 'warpvis[webots]'"
-    ) from None
+def _too_long() -> str:
+    return f"one that runs longer than {SECONDS} s"
 
 
 def _fail(file: str, line: int, message: str) -> NoReturn:
