@@ -431,7 +431,18 @@ def cases(folder):
         "MujocoScene.to": (mujoco_scene.to, {"device": "cpu"}),
         "mujoco.Renderer": (
             wv.mujoco.Renderer,
-            {"model": MODEL, "height": 6, "width": 8, "max_geom": 9, "font_scale": None, "threads": 1, **model},
+            {
+                "model": MODEL,
+                "height": 6,
+                "width": 8,
+                "max_geom": 9,
+                "font_scale": None,
+                "cull_backfaces": True,
+                "near_plane": "clip",
+                "fallback": False,
+                "threads": 1,
+                **model,
+            },
         ),
         "mujoco.Renderer.update_scene": (
             wv.mujoco.Renderer(MODEL, 6, 8).update_scene,

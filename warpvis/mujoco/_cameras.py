@@ -58,12 +58,16 @@ def camera_from_mujoco(
         CameraError: There is no such camera, it is orthographic, or it has no resolution and none is given.
     """
     viewer = viewer_camera(model, camera)
+    return camera_of_frustum(viewer_frustum(model, viewer), *_image_size(model, viewer, width, height))
+
+
+def viewer_frustum(model: mujoco.MjModel, viewer: mujoco.MjvCamera) -> Frustum:
+    """Compute the frustum of one of MuJoCo's cameras, in MuJoCo's single precision.
+
+    Raises:
+        CameraError: It is orthographic.
+    """
     _refuse_orthographic(model, viewer)
-    return camera_of_frustum(_frustum(model, viewer), *_image_size(model, viewer, width, height))
-
-
-def _frustum(model: mujoco.MjModel, viewer: mujoco.MjvCamera) -> Frustum:
-    """Compute the frustum of one of MuJoCo's cameras, in MuJoCo's single precision."""
     vertical_horizontal_clip = np.zeros((3, 2), dtype=np.float32)
     mujoco.mjv_cameraFrustum(*vertical_horizontal_clip, model, viewer)
     return Frustum(*vertical_horizontal_clip.ravel().tolist())
@@ -78,7 +82,7 @@ def camera_with_fovy(model: mujoco.MjModel, camera: int, fovy: float, like: Came
         fovy: Its vertical field of view [degrees].
         like: A camera of the same size.
     """
-    frustum = _frustum(model, viewer_camera(model, camera))
+    frustum = viewer_frustum(model, viewer_camera(model, camera))
     half = float(np.float32(frustum.near * math.tan(fovy * math.pi / 360)))
     return camera_of_frustum(frustum._replace(up=half, down=half), like.width, like.height)
 

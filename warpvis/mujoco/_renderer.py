@@ -4,28 +4,31 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import Any, get_args
+from typing import Any, cast, get_args
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
-from warpvis.core.checks import check_choice
+from warpvis.core.checks import check_choice, check_flag
 from warpvis.core.labels import Label
+from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, SceneError, WarpvisError
-from warpvis.mujoco._cameras import camera_from_mujoco, viewer_camera, viewer_pose
+from warpvis.mujoco._cameras import camera_of_frustum, viewer_camera, viewer_frustum, viewer_pose
 from warpvis.mujoco._geom_renderer import GeomRenderer
 from warpvis.mujoco._geoms import DEFAULT_GROUPS, DEFAULT_TOLERANCE, check_groups
-from warpvis.mujoco._options import shown_by
+from warpvis.mujoco._options import shown_by, without_effect
 from warpvis.mujoco._scene import check_patterns, select_geoms
 from warpvis.mujoco._stage import Stage
+from warpvis.mujoco._viewer_scene import RendererScene, ViewerScene
 from warpvis.rendering import NearPlane, Output
-from warpvis.scene import Scene
 
+_MADE_ANEW = ("_stages", "_stage", "_viewer", "_fallback")
 _MOST_RENDERERS = 64  # a camera whose field of view changes all the time must not fill the memory
 
 
@@ -34,8 +37,9 @@ class Renderer:
 
     Change ``mujoco.Renderer`` to ``warpvis.mujoco.Renderer`` and keep the rest. What differs:
 
-    - Colours are `mujoco.Renderer`'s: this makes depth and segmentation only.
+    - Colours are `mujoco.Renderer`'s, which makes them for this one with ``fallback=True``.
     - Geoms are seen; sites, tendons, skins, flexes and decorations are not.
+    - `scene` is a `warpvis.Scene`: it has `flags` and `camera` of MuJoCo's, and no `geoms`; see `scene`.
     - Round shapes are exactly round, where MuJoCo draws 28 slices of them.
     - What the model says of geoms is followed, meshes and height fields too, which MuJoCo uploads on demand.
     """
@@ -53,6 +57,7 @@ class Renderer:
         exclude: Iterable[str] = (),
         cull_backfaces: bool = True,
         near_plane: NearPlane = "clip",
+        fallback: bool = False,
         device: DeviceLike = "cpu",
         threads: int | None = None,
     ) -> None:
@@ -62,14 +67,15 @@ class Renderer:
             model: A `mujoco.MjModel`.
             height: Image height [px]; the model's ``offheight`` sets no limit.
             width: Image width [px].
-            max_geom: Of no effect: every geom is rendered.
-            font_scale: Of no effect: nothing is written in the images.
+            max_geom: Of no effect but on `fallback`: every geom is rendered.
+            font_scale: Of no effect but on `fallback`: nothing is written in the images.
             tolerance: Most distance between round shapes and their triangles [m]; see `scene_from_mujoco`.
             labels: Labels for the objects of `scene`; see `scene_from_mujoco`.
             exclude: Names or patterns of geoms or bodies not to render.
             cull_backfaces: See through surfaces from behind, as in MuJoCo: out of a head that a camera is in.
-            near_plane: What becomes of surfaces nearer than MuJoCo's near plane: ``"clip"``, they are cut away, as in
-                MuJoCo, and what is behind them is seen; ``"occlude"``, they are seen where they are.
+            near_plane: ``"clip"``: what is nearer than MuJoCo's near plane is cut away, and what is behind is seen, as
+                in MuJoCo; ``"occlude"``: it is seen where it is.
+            fallback: Have colours made by a `mujoco.Renderer`, which needs OpenGL.
             device: Where to render: ``"cpu"``, ``"cuda:0"``, ...
             threads: CPU threads to use; all cores of this process by default.
 
@@ -82,14 +88,19 @@ class Renderer:
         self._model, self._size = model, (int(height), int(width))
         self._options: dict[str, Any] = {"tolerance": tolerance, "labels": labels, "exclude": check_patterns(exclude)}
         self._device = device
-        self._render_options: dict[str, Any] = {"cull_backfaces": cull_backfaces, "threads": threads}
+        self._cull_backfaces = check_flag(cull_backfaces, "cull_backfaces")
         self._near_plane = check_choice(near_plane, "near_plane", get_args(NearPlane))
+        self._threads = check_threads(threads)
+        self._viewer = ViewerScene(model)
+        self._warned: set[str] = set()
         self._stages: dict[tuple[tuple[int, ...], bool], Stage] = {}
         self._stage = self._stage_of(DEFAULT_GROUPS, static=True)
         self._mode = "color"
         self._camera: Camera | None = None
         self._pose: NDArray[np.float32] = np.zeros(7, dtype=np.float32)
         self._closed = False
+        self._fallback_options = {"max_geom": max_geom} | ({} if font_scale is None else {"font_scale": font_scale})
+        self._fallback = self._make_fallback() if check_flag(fallback, "fallback") else None
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -97,8 +108,17 @@ class Renderer:
         return self._model
 
     @property
-    def scene(self) -> Scene:
-        """What the last `update_scene` chose to show: a `warpvis.Scene`, not a `mujoco.MjvScene`.
+    def fallback(self) -> mujoco.Renderer | None:
+        """The `mujoco.Renderer` that makes colours; None without."""
+        return self._fallback
+
+    @property
+    def scene(self) -> RendererScene:
+        """What the last `update_scene` chose to show: a `warpvis.Scene` with `flags` and `camera` of MuJoCo's.
+
+        Of `flags`, mjRND_CULL_FACE has an effect; none of the others would have one on depth or segmentation, but for
+        mjRND_WIREFRAME, of which a warning tells. What is written into `camera` is rendered until the next
+        `update_scene`. Of `geoms`, there are none: add shapes by `add`.
 
         Objects may be added to it, and show while `update_scene` chooses the same groups of geoms. Movable ones stay
         where they were added.
@@ -142,18 +162,26 @@ class Renderer:
         Args:
             data: A `mujoco.MjData` of the model, after `mj_forward` or a step.
             camera: A camera's name or id, -1 for the default free camera, or a `mujoco.MjvCamera`.
-            scene_option: A `mujoco.MjvOption`: its geom groups, and whether fixed geoms show.
+            scene_option: A `mujoco.MjvOption`: its geom groups, and whether fixed geoms show. What else it asks for is
+                not drawn, and a warning names it, once.
 
         Raises:
             WarpvisError: There is no such camera, or the options ask for convex hulls.
         """
+        if self._closed:
+            raise WarpvisError("update_scene cannot be called after close")
         if not isinstance(data, mujoco.MjData) or data.geom_xpos.shape != (self._model.ngeom, 3):
             raise ArrayError(f"data must be a mujoco.MjData of the renderer's model, got {type(data).__name__}")
         viewer = viewer_camera(self._model, camera)
-        self._camera = camera_from_mujoco(self._model, viewer, self.width, self.height)
-        self._pose = viewer_pose(data, viewer)
-        self._stage = self._chosen_stage(scene_option)
-        self._stage.update(data)
+        frustum, pose = viewer_frustum(self._model, viewer), viewer_pose(data, viewer)
+        stage = self._chosen_stage(scene_option)
+        stage.update(data)
+        self._camera, self._pose = camera_of_frustum(frustum, self.width, self.height), pose
+        self._stage = stage
+        self._viewer.update(frustum, pose)
+        if self._fallback is not None:
+            self._fallback.update_scene(data, camera, scene_option)
+        self._warn_of(scene_option)
 
     def render(self, *, out: np.ndarray | None = None) -> np.ndarray:
         """Render what `update_scene` took over.
@@ -163,6 +191,7 @@ class Renderer:
 
         Returns:
             Depth: planar, in metres, shape ``(height, width)`` float32, with MuJoCo's far value where nothing is.
+            Colours, of `fallback` only: shape ``(height, width, 3)`` uint8.
             Segmentation: pairs of a geom's id and mjOBJ_GEOM, -1 and mjOBJ_UNKNOWN for objects that were added to
             `scene`, -1 and -1 for nothing, shape ``(height, width, 2)`` int32.
 
@@ -172,9 +201,11 @@ class Renderer:
         if self._closed:
             raise WarpvisError("render cannot be called after close")
         if self._mode == "color":
+            if self._fallback is not None:
+                return cast("np.ndarray", self._fallback.render(out=out))
             raise WarpvisError(
                 "warpvis renders depth and segmentation: call enable_depth_rendering() or "
-                "enable_segmentation_rendering(), and take mujoco.Renderer for colours"
+                "enable_segmentation_rendering(), and take mujoco.Renderer for colours, or fallback=True"
             )
         if self._camera is None:
             raise WarpvisError("call update_scene() before render()")
@@ -191,12 +222,48 @@ class Renderer:
         """Let go of the memory."""
         self._closed = True
         self._stages.clear()
+        if self._fallback is not None:
+            self._fallback.close()
 
     def __enter__(self) -> Renderer:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process makes the same of: what was added to scenes, and no memory to work with."""
+        kept = {name: value for name, value in self.__dict__.items() if name not in _MADE_ANEW}
+        current = [key for key, stage in self._stages.items() if stage is self._stage]
+        return kept | {
+            "_fallback": self._fallback is not None,
+            "_current": current[0] if current else None,
+            "_states": {key: stage.state() for key, stage in self._stages.items()},
+            "_flags": self._viewer.flags(),
+        }
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make the scenes, as the model is now."""
+        states, current, fallback = state.pop("_states"), state.pop("_current"), state.pop("_fallback")
+        flags = state.pop("_flags")
+        self.__dict__ |= state
+        self._viewer, self._stages = ViewerScene(self._model), {}
+        self._viewer.set_flags(flags)
+        for (groups, static), kept in states.items():
+            self._stage_of(groups, static=static).restore(kept)
+        if current is not None:
+            self._stage = self._stages[current]
+        self._fallback = self._make_fallback() if fallback and not self._closed else None
+
+    def _make_fallback(self) -> mujoco.Renderer:
+        return mujoco.Renderer(self._model, *self._size, **self._fallback_options)
+
+    def _warn_of(self, option: mujoco.MjvOption | None) -> None:
+        """Name what the options ask for and is not drawn, each once."""
+        new = [name for name in without_effect(option) if name not in self._warned]
+        if new:
+            self._warned.update(new)
+            warnings.warn(f"scene_option asks for what is not rendered: {', '.join(new)}", stacklevel=3)
 
     def _depth(self) -> NDArray[np.float32]:
         assert self._camera is not None
@@ -210,23 +277,30 @@ class Renderer:
 
     def _cast(self, output: Output) -> np.ndarray | None:
         """Cast one image of one view; None if there are no geoms."""
-        camera, stage = self._camera, self._stage
-        assert camera is not None
+        stage = self._stage
+        assert self._camera is not None
+        camera, pose = self._viewer.seen(self._camera, self._pose)
+        culls = self._viewer.culls() and self._cull_backfaces
         if not len(stage.scene):
             return None
-        if (output, camera) not in stage.renderers:
+        key = (output, camera, culls)
+        if key not in stage.renderers:
             # What is not cut away is seen where it is: depth is always a number.
             seen = camera if self._near_plane == "clip" else replace(camera, near=0.0)
             renderer = GeomRenderer(
-                stage.scene, seen, stage.coinciding, outputs=(output,), near_plane="clip", **self._render_options
+                stage.scene,
+                seen,
+                stage.coinciding,
+                outputs=(output,),
+                near_plane="clip",
+                cull_backfaces=culls,
+                threads=self._threads,
             )
             if len(stage.renderers) >= _MOST_RENDERERS:
                 stage.renderers.clear()
-            stage.renderers[output, camera] = renderer
-        views = stage.renderers[output, camera].render(
-            self._pose[None], object_poses=stage.object_poses(), exclude=stage.hidden
-        )
-        return getattr(views, output).numpy()[0]
+            stage.renderers[key] = renderer
+        views = stage.renderers[key].render(pose[None], object_poses=stage.object_poses(), exclude=stage.hidden)
+        return cast("np.ndarray", getattr(views, output).numpy()[0])
 
     def _chosen_stage(self, option: mujoco.MjvOption | None) -> Stage:
         groups, static = shown_by(option)
@@ -237,7 +311,7 @@ class Renderer:
         key = (check_groups(groups), static)
         if key not in self._stages:
             selection = select_geoms(self._model, geom_groups=key[0], static=static, **self._options)
-            self._stages[key] = Stage(self._model, selection, Scene(device=self._device))
+            self._stages[key] = Stage(self._model, selection, RendererScene(self._viewer, device=self._device))
         return self._stages[key]
 
 

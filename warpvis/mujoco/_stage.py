@@ -18,9 +18,10 @@ from warpvis.errors import ArrayError, SceneError
 from warpvis.mujoco._geom_renderer import CoincidingGeoms, GeomRenderer
 from warpvis.mujoco._geoms import FIXED, geom_parts, initial_poses, rigid_pieces, shape_key
 from warpvis.mujoco._scene import Selection
+from warpvis.mujoco._viewer_scene import RendererScene
 from warpvis.mujoco._watch import ModelWatch
 from warpvis.rendering import Output
-from warpvis.scene import Part, Scene
+from warpvis.scene import Part, Scene, SceneObject, as_it_is
 from warpvis.scene.solids import Solid
 
 _GEOM, _UNKNOWN = int(mujoco.mjtObj.mjOBJ_GEOM), int(mujoco.mjtObj.mjOBJ_UNKNOWN)
@@ -36,6 +37,17 @@ class _Made(NamedTuple):
     piece: int
 
 
+class StageState(NamedTuple):
+    """What a stage cannot make of its model."""
+
+    geoms: list[int]
+    """The geoms that have objects, shown or not."""
+    added: list[tuple[SceneObject, str | None]]
+    """Objects that were added, and what they are attached to."""
+    position: NDArray[np.float32]
+    rotation: NDArray[np.float32]
+
+
 class Stage:
     """A scene of a model's geoms, where they are now, and the renderers for it.
 
@@ -44,7 +56,7 @@ class Stage:
     moved in their bodies or changed their shape, are movable from there on, and to move them again costs nothing.
     """
 
-    def __init__(self, model: mujoco.MjModel, selection: Selection, scene: Scene) -> None:
+    def __init__(self, model: mujoco.MjModel, selection: Selection, scene: RendererScene) -> None:
         """Add the geoms to a scene.
 
         Args:
@@ -53,7 +65,7 @@ class Stage:
             scene: An empty scene.
         """
         self.scene = scene
-        self.renderers: dict[tuple[Output, Camera], GeomRenderer] = {}
+        self.renderers: dict[tuple[Output, Camera, bool], GeomRenderer] = {}
         self.coinciding = CoincidingGeoms(model, scene)
         self.hidden: list[int] = []
         """Objects that the model does not show now."""
@@ -103,6 +115,31 @@ class Stage:
         rows = np.array([[objects[index].pose for index in added]], dtype=np.float32)
         return np.concatenate([self._places, rows], axis=1)
 
+    def state(self) -> StageState:
+        """Return what `restore` makes of a new stage what this one is."""
+        objects = self.scene.objects
+        carriers = [None if item.carrier is None else objects[item.carrier].name for item in objects]
+        items = [(as_it_is(item), carrier) for item, carrier in zip(objects, carriers, strict=True)]
+        return StageState(list(self._made), items[len(self._made) :], self._position.copy(), self._rotation.copy())
+
+    def restore(self, state: StageState) -> None:
+        """Take over the state of another stage of the same model."""
+        # Those that were hidden when this stage was made: objects may be attached to them.
+        shown = set(self._made)
+        self._replace(set(), set(state.geoms) - shown, initial_poses(self._model, self._spare))
+        self._hide_all_but(shown)
+        if state.added:
+            objects = self.scene.objects
+            index = {item.name: number for number, item in enumerate([*objects, *(item for item, _ in state.added)])}
+            moved = [
+                replace(item, carrier=None if carrier is None else index[carrier]) for item, carrier in state.added
+            ]
+            self.scene.replace_objects([*objects, *moved])
+        self._position[:], self._rotation[:] = state.position, state.rotation
+
+    def _hide_all_but(self, shown: set[int]) -> None:
+        self.hidden = [index for index, geom in enumerate(self._made) if geom not in shown]
+
     def _parts(
         self, geoms: Iterable[int], pieces: NDArray[np.int32], poses: NDArray[np.float64]
     ) -> list[tuple[int, Part]]:
@@ -144,8 +181,7 @@ class Stage:
         shown = self._selection.shown(self._model)
         self._replace(reshaped - self._deform(reshaped), set(shown) - set(self._made), poses)
         self._watch = ModelWatch(self._model, self._made)
-        visible = set(shown)
-        self.hidden = [index for index, geom in enumerate(self._made) if geom not in visible]
+        self._hide_all_but(set(shown))
 
     def _follow_fixed(self, data: mujoco.MjData) -> None:
         """Let go of fixed geoms that the data has elsewhere than the model."""

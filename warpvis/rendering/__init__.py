@@ -9,15 +9,17 @@ from __future__ import annotations
 
 from warpvis.rendering._panorama import render_wide
 from warpvis.rendering._renderer import (
-    OUTPUTS,
     Caster,
     Fill,
     NearPlane,
     Output,
     Renderer as Renderer,
+    render as render,
+)
+from warpvis.rendering._views import (
+    OUTPUTS,
     Views as Views,
     check_outputs as check_outputs,
-    render as render,
     views_for as views_for,
 )
 

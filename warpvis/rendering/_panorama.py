@@ -13,7 +13,8 @@ from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
 from warpvis.core.threads import check_threads, launch_images
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import CameraError
-from warpvis.rendering._renderer import OUTPUTS, Output, Views, check_outputs, views_for
+from warpvis.rendering._renderer import Output
+from warpvis.rendering._views import OUTPUTS, Views, check_outputs, views_for
 from warpvis.rendering.casters import images_struct
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds

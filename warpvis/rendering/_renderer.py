@@ -5,20 +5,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal, get_args
 
 import warp as wp
 
-from warpvis.core.arrays import as_warp, check_out, empty
+from warpvis.core.arrays import as_warp
 from warpvis.core.camera import Camera, require_camera
-from warpvis.core.checks import as_items, check_choice, check_flag, check_number, check_whole
+from warpvis.core.checks import check_choice, check_flag, check_number, check_whole
 from warpvis.core.poses import Convention, QuaternionOrder, to_xyzw
 from warpvis.core.threads import check_threads, launch_images
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
 from warpvis.rendering._cuda_packets import CudaPacketsCaster
+from warpvis.rendering._views import OUTPUTS, Views, check_outputs, views_for
 from warpvis.rendering.casters import PacketsCaster, RaysCaster
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds, part_of
@@ -33,38 +33,7 @@ NearPlane = Literal["occlude", "clip"]
 
 _MOST_FLOAT = 3.4e38  # what single precision holds
 
-OUTPUTS: dict[str, type] = {
-    "depth": wp.float32,
-    "points": wp.vec3,
-    "normals": wp.vec3,
-    "labels": wp.uint8,
-    "segmentation": wp.int32,
-}
-"""The images that can be rendered and the dtypes of their pixels."""
-
 DEFAULT_OUTPUTS: tuple[Output, ...] = ("depth", "points", "labels", "segmentation")
-
-
-@dataclass
-class Views:
-    """Images of V views, `wp.array`s indexed ``[view, y, x]``; those not asked for are None.
-
-    Every image says the same of a pixel: where depth is not finite, point and normal are NaN, the label is
-    `Label.EMPTY` and the object is -1.
-    """
-
-    # Typed as what was asked for: who reads an image has asked for it.
-    depth: wp.array = None
-    """Planar depth [m], ``(V, H, W)`` float32: +inf where nothing is hit or it lies beyond the camera's `far`, -inf
-    where something is nearer than its `near` (REP 117), unless `Renderer` was told to `fill` them."""
-    points: wp.array = None
-    """Seen points in the world frame [m], ``(V, H, W)`` vec3."""
-    normals: wp.array = None
-    """Unit normals of the seen triangles in the world frame, towards the camera, ``(V, H, W)`` vec3."""
-    labels: wp.array = None
-    """`Label` values, ``(V, H, W)`` uint8."""
-    segmentation: wp.array = None
-    """Indices into the scene's objects, ``(V, H, W)`` int32."""
 
 
 class Renderer:
@@ -285,34 +254,6 @@ class Renderer:
     def _asked_for(self, views: Views) -> list[wp.array | None]:
         """List the images in the casters' order; None for those that nobody asked for, though `views` may have them."""
         return [getattr(views, name) if name in self.outputs else None for name in OUTPUTS]
-
-
-def check_outputs(outputs: object, known: Collection[str] = OUTPUTS.keys()) -> tuple[str, ...]:
-    """Take names of outputs, each once, of which a single one may stand alone.
-
-    Raises:
-        ArrayError: There is none, or an unknown one.
-    """
-    names = as_items(outputs, "outputs")
-    unknown = [str(name) for name in names if not isinstance(name, str) or name not in known]
-    if unknown or not names:
-        raise ArrayError(f"outputs must be some of {', '.join(known)}, got {', '.join(unknown) or 'none'}")
-    return tuple(dict.fromkeys(names))
-
-
-def views_for(outputs: Sequence[str], shape: tuple[int, ...], device: wp.Device, out: Views | None = None) -> Views:
-    """Return new images of these outputs, or `out` if that is there and fits.
-
-    Raises:
-        ArrayError: `out` does not fit, or memory could not be had.
-    """
-    if out is None:
-        return Views(**{name: empty(shape, OUTPUTS[name], name=name, device=device) for name in outputs})
-    if not isinstance(out, Views):
-        raise ArrayError(f"out must be warpvis.Views, got {type(out).__name__}")
-    for name in outputs:
-        check_out(getattr(out, name), OUTPUTS[name], shape, name=f"out.{name}", device=device)
-    return out
 
 
 def _as_rows(array: wp.array) -> wp.array:

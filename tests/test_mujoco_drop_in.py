@@ -1,0 +1,273 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What users of `mujoco.Renderer` do beside rendering: its scene's flags and cameras, colours, options, copies."""
+
+import copy
+import pickle
+import warnings
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+from test_mujoco_following import task
+from test_mujoco_renderer import assert_same_images, images
+
+import warpvis as wv
+from warpvis import mujoco as ours
+from warpvis.mujoco import Renderer
+
+HEIGHT, WIDTH = 60, 80
+
+
+def ready(camera="front", **options):
+    model, data = task()
+    mujoco.mj_forward(model, data)
+    renderer = Renderer(model, HEIGHT, WIDTH, **options)
+    renderer.enable_depth_rendering()
+    renderer.update_scene(data, camera)
+    return renderer, model, data
+
+
+def test_flags_are_mujocos():
+    renderer, model, data = ready()
+    flags = renderer.scene.flags
+    assert np.array_equal(flags, mujoco.MjvScene(model, 1).flags)
+    before = renderer.render()
+    flags[mujoco.mjtRndFlag.mjRND_SHADOW] = flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
+    assert np.array_equal(renderer.render(), before)
+    assert not renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW]
+    option = mujoco.MjvOption()
+    option.geomgroup[4] = 1
+    renderer.update_scene(data, "front", option)  # another scene, with the same flags
+    assert not renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW]
+
+
+@pytest.mark.gl
+def test_back_faces_show_without_the_flag_as_in_mujoco():
+    model, data = task()
+    model.body("hand").pos[:] = 0, 0, 0
+    data.qpos[:3] = 0, -1.62, 1.31  # the camera is in the palm
+    mujoco.mj_forward(model, data)
+    expected = []
+    with mujoco.Renderer(model, HEIGHT, WIDTH) as theirs:
+        renderer = Renderer(model, HEIGHT, WIDTH)
+        for flag in (True, False, True):
+            for each in (renderer, theirs):
+                each.scene.flags[mujoco.mjtRndFlag.mjRND_CULL_FACE] = flag
+            expected.append(images(theirs, data, "front"))
+            assert_same_images(images(renderer, data, "front"), expected[-1], 1e-3)
+    assert not np.array_equal(expected[0][0], expected[1][0])
+
+
+def test_wires_are_not_drawn_and_a_warning_says_so_once():
+    renderer, _, _ = ready()
+    before = renderer.render()
+    renderer.scene.flags[mujoco.mjtRndFlag.mjRND_WIREFRAME] = True
+    with pytest.warns(UserWarning, match="mjRND_WIREFRAME has no effect: surfaces are rendered"):
+        assert np.array_equal(renderer.render(), before)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        renderer.render()
+
+
+@pytest.mark.gl
+def test_cameras_of_the_scene_are_mujocos():
+    """Between its two eyes, that is: both of ours are in their middle."""
+    model, data = task()
+    mujoco.mj_forward(model, data)
+    renderer = Renderer(model, HEIGHT, WIDTH)
+    with mujoco.Renderer(model, HEIGHT, WIDTH) as theirs:
+        for name in ("front", "wrist", -1):
+            for each in (renderer, theirs):
+                each.update_scene(data, name)
+            middle, expected = (mujoco.mjv_averageCamera(*each.scene.camera) for each in (renderer, theirs))
+            for field in ("pos", "forward", "up"):
+                assert getattr(middle, field) == pytest.approx(getattr(expected, field), abs=1e-6)
+            for side in ("bottom", "top", "center", "width", "near", "far"):
+                side = f"frustum_{side}"
+                assert getattr(middle, side) == pytest.approx(getattr(expected, side), rel=1e-6)
+
+
+@pytest.mark.gl
+def test_what_is_written_into_the_cameras_is_rendered():
+    model, data = task()
+    mujoco.mj_forward(model, data)
+    renderer = Renderer(model, HEIGHT, WIDTH)
+    with mujoco.Renderer(model, HEIGHT, WIDTH) as theirs:
+        pairs = []
+        for each in (renderer, theirs):
+            each.update_scene(data, "front")
+            for camera in each.scene.camera:
+                camera.pos[:] += (0.2, 0.1, 0.1)
+                camera.frustum_top *= 1.3
+                camera.frustum_center = 0.002
+                camera.frustum_width = 0.012
+            each.enable_depth_rendering()
+            depth = each.render()
+            each.disable_depth_rendering()
+            each.enable_segmentation_rendering()
+            pairs.append((depth, each.render()))
+        assert_same_images(*pairs, 1e-3)
+    renderer.update_scene(data, "front")  # and it is gone
+    assert not np.array_equal(renderer.render(), pairs[0][1])
+    renderer.scene.camera[0].orthographic = renderer.scene.camera[1].orthographic = 1
+    with pytest.raises(wv.WarpvisError, match=r"scene\.camera is orthographic"):
+        renderer.render()
+
+
+@pytest.mark.parametrize("name", ["geoms", "ngeom", "maxgeom"])
+def test_what_the_scene_has_not_is_said(name):
+    renderer, _, _ = ready()
+    with pytest.raises(wv.WarpvisError, match=f"renderer.scene is a warpvis.Scene and has no {name}; add shapes to it"):
+        getattr(renderer.scene, name)
+    assert not hasattr(renderer.scene, name)
+
+
+def test_options_without_effect_are_named_once():
+    renderer, _, data = ready()
+    option = mujoco.MjvOption()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        option.flags[mujoco.mjtVisFlag.mjVIS_TRANSPARENT] = True  # which depth does not show
+        option.flags[mujoco.mjtVisFlag.mjVIS_TEXTURE] = False
+        renderer.update_scene(data, "front", option)
+    option.flags[mujoco.mjtVisFlag.mjVIS_JOINT] = option.flags[mujoco.mjtVisFlag.mjVIS_CONTACTPOINT] = True
+    option.frame = mujoco.mjtFrame.mjFRAME_BODY
+    match = "scene_option asks for what is not rendered: mjVIS_JOINT, mjVIS_CONTACTPOINT, frame"
+    with pytest.warns(UserWarning, match=match) as caught:
+        renderer.update_scene(data, "front", option)
+    assert caught[0].filename == __file__
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        renderer.update_scene(data, "front", option)
+    option.flags[mujoco.mjtVisFlag.mjVIS_COM] = True
+    with pytest.warns(UserWarning, match="not rendered: mjVIS_COM$"):
+        renderer.update_scene(data, "front", option)
+
+
+@pytest.mark.gl
+def test_colours_are_made_by_mujoco():
+    renderer, model, data = ready(fallback=True)
+    depth = renderer.render()
+    renderer.disable_depth_rendering()
+    with mujoco.Renderer(model, HEIGHT, WIDTH) as theirs:
+        theirs.update_scene(data, "front")
+        expected = theirs.render()
+        assert np.array_equal(renderer.render(), expected) and expected.shape == (HEIGHT, WIDTH, 3)
+        out = np.zeros_like(expected)
+        assert renderer.render(out=out) is out and np.array_equal(out, expected)
+        # What was taken over is of the update, also where it was made for depth.
+        renderer.enable_depth_rendering()
+        data.qpos[0] += 0.3
+        mujoco.mj_forward(model, data)
+        renderer.update_scene(data, "wrist")
+        theirs.update_scene(data, "wrist")
+        renderer.disable_depth_rendering()
+        data.qpos[0] -= 0.3
+        mujoco.mj_forward(model, data)
+        assert np.array_equal(renderer.render(), theirs.render())
+    assert isinstance(renderer.fallback, mujoco.Renderer) and depth.dtype == np.float32
+    copied = copy.deepcopy(renderer)
+    copied.update_scene(mujoco_copy(copied.model), "front")
+    assert copied.render().shape == (HEIGHT, WIDTH, 3)
+    copied.close()
+    renderer.close()
+
+
+def mujoco_copy(model):
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def test_there_are_no_colours_without():
+    renderer, _, _ = ready()
+    renderer.disable_depth_rendering()
+    assert renderer.fallback is None
+    with pytest.raises(wv.WarpvisError, match=r"take mujoco\.Renderer for colours, or fallback=True"):
+        renderer.render()
+
+
+def test_a_closed_renderer_takes_nothing_over():
+    renderer, _, data = ready()
+    renderer.close()
+    with pytest.raises(wv.WarpvisError, match="update_scene cannot be called after close"):
+        renderer.update_scene(data)
+
+
+def used_renderer():
+    renderer, model, data = ready()
+    renderer.scene.add(trimesh.creation.box((0.2, 0.2, 0.2)), name="mine", pose=(-0.4, -0.4, 0.5, 0, 0, 0, 1))
+    renderer.scene.add(
+        trimesh.creation.box((0.1, 0.1, 0.1)), name="worn", pose=(0, -0.2, 0.8, 0, 0, 0, 1), attach_to="palm"
+    )
+    renderer.scene.flags[mujoco.mjtRndFlag.mjRND_CULL_FACE] = False
+    model.body("drawer").pos[0] -= 0.3
+    model.geom("palm").rgba[3] = 0
+    mujoco.mj_forward(model, data)
+    renderer.update_scene(data, "front")
+    return renderer
+
+
+BATCH = ours.BatchRenderer(task()[0], height=HEIGHT, width=WIDTH, outputs=("depth", "points", "segmentation"))
+QPOS = np.stack([task()[1].qpos] * 2)
+VIEWS = BATCH.render(QPOS)
+
+
+def geoms_of(scene):
+    data = mujoco_copy(task()[0])
+    return ours.geom_poses(data, scene)
+
+
+# An object of every public class, and what it does, as arrays that a copy has to give as well.
+OBJECTS = {
+    "BatchRenderer": (BATCH, lambda batch: batch.render(QPOS).depth.numpy()),
+    "BatchViews": (VIEWS, lambda views: views.by_world().points.numpy()),
+    "Kinematics": (BATCH.kinematics, lambda kinematics: kinematics.from_qpos(QPOS).geom_xpos),
+    "MujocoScene": (ours.scene_from_mujoco(task()[0]), geoms_of),
+    "Renderer": (used_renderer(), lambda renderer: renderer.render()),
+    "WorldPoses": (BATCH.kinematics.from_qpos(QPOS), lambda poses: BATCH.render(poses).depth.numpy()),
+}
+
+
+def test_every_public_class_is_here():
+    classes = {name for name in ours.__all__ if isinstance(getattr(ours, name), type)}
+    assert classes == set(OBJECTS)
+
+
+@pytest.mark.parametrize(
+    "copied", [copy.deepcopy, lambda item: pickle.loads(pickle.dumps(item))], ids=["copy", "pickle"]
+)
+@pytest.mark.parametrize("name", OBJECTS)
+def test_a_copy_does_the_same(name, copied):
+    item, use = OBJECTS[name]
+    expected = use(item)
+    again = copied(item)
+    assert type(again) is type(item) and again is not item
+    # What was moved in a renderer's model is fixed again in its copy, and traced in another frame.
+    assert np.isclose(use(again), expected, atol=1e-5, equal_nan=True).mean() > 0.999 and np.isfinite(expected).any()
+    assert np.array_equal(use(item), expected, equal_nan=True)
+
+
+def test_a_copy_of_a_renderer_goes_on_by_itself():
+    renderer = used_renderer()
+    before, again = renderer.render(), copy.deepcopy(renderer)
+    assert {item.name for item in again.scene} == {item.name for item in renderer.scene}
+    assert again.scene.objects[again.scene["worn"].carrier].name == "palm"
+    assert not again.scene.flags[mujoco.mjtRndFlag.mjRND_CULL_FACE]
+    again.model.body("drawer").pos[0] += 0.3
+    again.update_scene(mujoco_copy(again.model), "front")
+    assert not np.array_equal(again.render(), before) and np.array_equal(renderer.render(), before)
+    # A scene by itself is one without flags.
+    assert type(pickle.loads(pickle.dumps(renderer.scene))) is wv.Scene
+
+
+def test_views_are_copied():
+    views = wv.render(BATCH.scene, wv.Camera.from_fov(8, 6, hfov=1.0), (0, -2, 1, 0.7, 0, 0, 0.714))
+    for again in (copy.deepcopy(views), pickle.loads(pickle.dumps(views))):
+        assert type(again) is wv.Views and again.normals is None
+        for name in ("depth", "points", "labels", "segmentation"):
+            image = getattr(views, name)
+            assert getattr(again, name).dtype == image.dtype and getattr(again, name).ptr != image.ptr
+            assert np.array_equal(getattr(again, name).numpy(), image.numpy(), equal_nan=name == "points")

@@ -1,0 +1,178 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What users of `mujoco.Renderer` touch of its `scene`: flags and cameras, beside what a `warpvis.Scene` has."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from typing import Any, NoReturn
+
+import mujoco  # noqa: TID253 - the whole package is about it
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.camera import Camera
+from warpvis.core.poses import poses_to_opencv
+from warpvis.core.types import DeviceLike
+from warpvis.errors import CameraError, SceneError
+from warpvis.mujoco._cameras import Frustum, camera_of_frustum
+from warpvis.scene import Scene
+
+_CULL_FACE = int(mujoco.mjtRndFlag.mjRND_CULL_FACE)
+_WIREFRAME = int(mujoco.mjtRndFlag.mjRND_WIREFRAME)
+
+
+class NotInSceneError(SceneError, AttributeError):
+    """What a `mujoco.MjvScene` has and `Renderer.scene` has not."""
+
+
+class ViewerScene:
+    """The flags and cameras of one renderer, made when somebody asks for them."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        """Begin without any."""
+        self._model = model
+        self._made: mujoco.MjvScene | None = None
+        self._frustum: Frustum | None = None
+        self._pose: NDArray[np.float32] = np.zeros(7, dtype=np.float32)
+        self._before: list[tuple[Any, ...]] = []
+        self._warned = False
+
+    def update(self, frustum: Frustum, pose: NDArray[np.float32]) -> None:
+        """Take over what the camera sees, and where it is: both of a stereo pair are that one."""
+        self._frustum, self._pose = frustum, pose
+        if self._made is not None:
+            self._fill(self._made)
+
+    def mujoco_scene(self) -> mujoco.MjvScene:
+        """Return MuJoCo's scene, of which only flags and cameras are used."""
+        if self._made is None:
+            self._made = mujoco.MjvScene(self._model, maxgeom=1)
+            self._fill(self._made)
+        return self._made
+
+    def flags(self) -> list[int] | None:
+        """Return the flags; None if nobody has asked for them."""
+        return None if self._made is None else self._made.flags.tolist()
+
+    def set_flags(self, flags: list[int] | None) -> None:
+        """Take over flags."""
+        if flags is not None:
+            self.mujoco_scene().flags[:] = flags
+
+    def seen(self, camera: Camera, pose: NDArray[np.float32]) -> tuple[Camera, NDArray[np.float32]]:
+        """Return the camera and its pose, as the user has set them since the update.
+
+        Raises:
+            CameraError: They are no perspective camera.
+        """
+        if self._made is None or self._frustum is None or [_values(own) for own in self._made.camera] == self._before:
+            return camera, pose
+        middle = mujoco.mjv_averageCamera(*self._made.camera)
+        if middle.orthographic:
+            raise CameraError("scene.camera is orthographic; only perspective cameras are rendered")
+        half = middle.frustum_width or (middle.frustum_top - middle.frustum_bottom) / 2 * camera.width / camera.height
+        frustum = Frustum(
+            up=middle.frustum_top,
+            down=-middle.frustum_bottom,
+            left=half - middle.frustum_center,
+            right=half + middle.frustum_center,
+            near=middle.frustum_near,
+            far=middle.frustum_far,
+        )
+        forward, up = np.array(middle.forward, dtype=np.float64), np.array(middle.up, dtype=np.float64)
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = np.stack([np.cross(forward, up), -up, forward], axis=1), middle.pos
+        row = poses_to_opencv(matrix, name="scene.camera")[0].astype(np.float32)
+        return camera_of_frustum(frustum, camera.width, camera.height), row
+
+    def culls(self) -> bool:
+        """Tell whether back faces are left out, as the flag says; warn if wires are asked for."""
+        if self._made is None:
+            return True
+        if self._made.flags[_WIREFRAME] and not self._warned:
+            self._warned = True
+            warnings.warn("mjRND_WIREFRAME has no effect: surfaces are rendered", stacklevel=5)
+        return bool(self._made.flags[_CULL_FACE])
+
+    def _fill(self, scene: mujoco.MjvScene) -> None:
+        if self._frustum is None:
+            return
+        up, down, left, right, near, far = self._frustum
+        x, y, z, w = self._pose[3:].astype(np.float64)
+        rotation = np.zeros(9)
+        mujoco.mju_quat2Mat(rotation, np.array([w, x, y, z]))
+        axes = rotation.reshape(3, 3)
+        for camera in scene.camera:
+            camera.pos[:], camera.forward[:], camera.up[:] = self._pose[:3], axes[:, 2], -axes[:, 1]
+            camera.frustum_top, camera.frustum_bottom = up, -down
+            camera.frustum_center, camera.frustum_width = (right - left) / 2, (right + left) / 2
+            camera.frustum_near, camera.frustum_far, camera.orthographic = near, far, 0
+        self._before = [_values(camera) for camera in scene.camera]
+
+
+class RendererScene(Scene):
+    """What `Renderer` shows: a `warpvis.Scene`, with the flags and cameras of MuJoCo's.
+
+    Of `flags`, mjRND_CULL_FACE has an effect: without it surfaces are seen from behind, too. mjRND_WIREFRAME has none,
+    and the others have none on depth and segmentation. What is written into `camera` between `update_scene` and
+    `render` is what is rendered. It has no `geoms`: shapes are added by `add`.
+    """
+
+    def __init__(self, viewer: ViewerScene, *, device: DeviceLike = "cpu") -> None:
+        """Make an empty scene.
+
+        Args:
+            viewer: Whose flags and cameras it has.
+            device: Where it is rendered.
+        """
+        super().__init__(device=device)
+        self._viewer = viewer
+
+    @property
+    def flags(self) -> NDArray[np.uint8]:
+        """Rendering flags, indexed by `mujoco.mjtRndFlag`."""
+        return self._viewer.mujoco_scene().flags
+
+    @property
+    def camera(self) -> Sequence[mujoco.MjvGLCamera]:
+        """The cameras of a stereo pair, of which the one in their middle is rendered."""
+        return self._viewer.mujoco_scene().camera
+
+    @property
+    def geoms(self) -> NoReturn:
+        """Say that there are none."""
+        raise _not_here("geoms")
+
+    @property
+    def ngeom(self) -> NoReturn:
+        """Say that there are none."""
+        raise _not_here("ngeom")
+
+    @property
+    def maxgeom(self) -> NoReturn:
+        """Say that there are none."""
+        raise _not_here("maxgeom")
+
+    def __reduce__(self) -> tuple[Callable[..., Scene], tuple[dict[str, Any]]]:
+        """Return what makes a `warpvis.Scene` of the same objects: flags and cameras are the renderer's."""
+        return _plain_scene, (self.__getstate__(),)
+
+
+def _plain_scene(state: dict[str, Any]) -> Scene:
+    scene = Scene.__new__(Scene)
+    scene.__setstate__(state)
+    return scene
+
+
+def _not_here(name: str) -> NotInSceneError:
+    return NotInSceneError(
+        f"renderer.scene is a warpvis.Scene and has no {name}; add shapes to it with renderer.scene.add(mesh, pose=...)"
+    )
+
+
+def _values(camera: mujoco.MjvGLCamera) -> tuple[Any, ...]:
+    places = (*camera.pos.tolist(), *camera.forward.tolist(), *camera.up.tolist())
+    sides = (camera.frustum_top, camera.frustum_bottom, camera.frustum_center, camera.frustum_width)
+    return (*places, *sides, camera.frustum_near, camera.frustum_far, camera.orthographic)

@@ -1,0 +1,105 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The images of many views: which there are, what their pixels are, and memory for them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpvis.core.arrays import check_out, empty
+from warpvis.core.checks import as_items
+from warpvis.errors import ArrayError
+
+OUTPUTS: dict[str, type] = {
+    "depth": wp.float32,
+    "points": wp.vec3,
+    "normals": wp.vec3,
+    "labels": wp.uint8,
+    "segmentation": wp.int32,
+}
+"""The images that can be rendered and the dtypes of their pixels."""
+
+
+@dataclass
+class Views:
+    """Images of V views, `wp.array`s indexed ``[view, y, x]``; those not asked for are None.
+
+    Every image says the same of a pixel: where depth is not finite, point and normal are NaN, the label is
+    `Label.EMPTY` and the object is -1.
+    """
+
+    # Typed as what was asked for: who reads an image has asked for it.
+    depth: wp.array = None
+    """Planar depth [m], ``(V, H, W)`` float32: +inf where nothing is hit or it lies beyond the camera's `far`, -inf
+    where something is nearer than its `near` (REP 117), unless `Renderer` was told to `fill` them."""
+    points: wp.array = None
+    """Seen points in the world frame [m], ``(V, H, W)`` vec3."""
+    normals: wp.array = None
+    """Unit normals of the seen triangles in the world frame, towards the camera, ``(V, H, W)`` vec3."""
+    labels: wp.array = None
+    """`Label` values, ``(V, H, W)`` uint8."""
+    segmentation: wp.array = None
+    """Indices into the scene's objects, ``(V, H, W)`` int32."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the images as the host's arrays, which pickle and copy; Warp's do not."""
+        return {name: _on_host(name, value) for name, value in self.__dict__.items()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take over such arrays; a GPU's images are on a GPU again if there is one."""
+        self.__dict__ |= {name: _from_host(name, value) for name, value in state.items()}
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Views:
+        """Copy the images, on their device."""
+        copied = {
+            name: wp.clone(value) if name in OUTPUTS and value is not None else value
+            for name, value in vars(self).items()
+        }
+        return type(self)(**copied)
+
+
+def check_outputs(outputs: object, known: Collection[str] = OUTPUTS.keys()) -> tuple[str, ...]:
+    """Take names of outputs, each once, of which a single one may stand alone.
+
+    Raises:
+        ArrayError: There is none, or an unknown one.
+    """
+    names = as_items(outputs, "outputs")
+    unknown = [str(name) for name in names if not isinstance(name, str) or name not in known]
+    if unknown or not names:
+        raise ArrayError(f"outputs must be some of {', '.join(known)}, got {', '.join(unknown) or 'none'}")
+    return tuple(dict.fromkeys(names))
+
+
+def views_for(outputs: Sequence[str], shape: tuple[int, ...], device: wp.Device, out: Views | None = None) -> Views:
+    """Return new images of these outputs, or `out` if that is there and fits.
+
+    Raises:
+        ArrayError: `out` does not fit, or memory could not be had.
+    """
+    if out is None:
+        return Views(**{name: empty(shape, OUTPUTS[name], name=name, device=device) for name in outputs})
+    if not isinstance(out, Views):
+        raise ArrayError(f"out must be warpvis.Views, got {type(out).__name__}")
+    for name in outputs:
+        check_out(getattr(out, name), OUTPUTS[name], shape, name=f"out.{name}", device=device)
+    return out
+
+
+def _on_host(name: str, value: Any) -> Any:
+    if name not in OUTPUTS or value is None:
+        return value
+    return np.array(value.numpy()), str(value.device)
+
+
+def _from_host(name: str, value: Any) -> Any:
+    if name not in OUTPUTS or value is None:
+        return value
+    array, device = value
+    there = device if device == "cpu" or wp.is_cuda_available() else "cpu"
+    return wp.array(array, dtype=OUTPUTS[name], device=there)
