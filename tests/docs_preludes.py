@@ -145,6 +145,22 @@ def _webots(folder):
     return {}
 
 
+def _ros(folder):
+    from ros_messages import STORE
+
+    camera = wv.Camera.from_fov(64, 48, hfov=1.0)
+    frame = {"frame_id": "camera_depth_optical_frame", "types": STORE}
+    scene, pose = _room(), _poses(1)
+    depth = wv.render(scene, camera, pose).depth
+    return {
+        "info_msg": camera.to_camera_info(**frame),
+        "image_msg": wv.io.to_image_msg(depth, **frame),
+        "scene": scene,
+        "camera_to_world": pose,
+        "points": np.array([[3, 0.4, 0.1], [2.5, 1.5, 0.2]]),
+    }
+
+
 def _batch(folder):
     _room().export(folder / "room.glb")
     _save_poses(folder / "walk.txt")

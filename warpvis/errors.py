@@ -27,5 +27,9 @@ class FileFormatError(WarpvisError):
     """A file is missing, does not parse, or cannot hold what is asked of it."""
 
 
+class MessageError(WarpvisError):
+    """A message of ROS does not hold what its definition says, or there is nothing to make one with."""
+
+
 class IntrinsicsWarning(UserWarning):
     """Intrinsics make a camera, though one that is rarely meant."""

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
+    from warpvis.core.messages import Message, MessageTypes, Stamp
     from warpvis.kernels.pinhole import PinholeCamera
 
 
@@ -162,6 +163,32 @@ class Camera:
         return cls(width, height, fx, fy, cx + shift, cy + shift, near, far)
 
     @classmethod
+    def from_camera_info(
+        cls, message: Message, *, rectified: bool = True, near: float = 0.0, far: float = math.inf
+    ) -> Camera:
+        """Make a camera of a ``sensor_msgs/CameraInfo``, of ROS 2, rosbags or ROS 1.
+
+        Binning and region of interest change size and intrinsics as `image_geometry` has it. The message's pixels have
+        their centres at whole numbers. Where a second stereo camera stands beside its frame, a warning says so.
+
+        Args:
+            message: The message, or any object with its fields.
+            rectified: Whether the images are rectified, which `P` is for. The raw ones, which `K` is for, are a
+                pinhole's only where the distortion is zero.
+            near: Least depth [m], which the message does not have.
+            far: Greatest depth [m]; likewise.
+
+        Raises:
+            CameraError: The camera is not calibrated (its `K` is zero), has distortion, or the message's numbers make
+                no pinhole.
+            MessageError: It is no CameraInfo.
+        """
+        from warpvis.core.messages import read_camera_info
+
+        info = read_camera_info(message, rectified=rectified)
+        return cls.from_K(info.K, info.width, info.height, pixel_center=0.0, near=near, far=far)
+
+    @classmethod
     def kinect(cls, *, vertical: Literal["square", "linear"] = "square") -> Camera:
         """Make the paper's camera: a Kinect, 320x240, ``ax`` = 0.994837 rad (57 degrees), 0.3 to 4.5 m."""
         return cls.from_fov(320, 240, hfov=0.994837, near=0.3, far=4.5, vertical=vertical)
@@ -172,6 +199,23 @@ class Camera:
 
         shift = _check_pixel_center(pixel_center) - 0.5
         return np.array([[self.fx, 0, self.cx + shift], [0, self.fy, self.cy + shift], [0, 0, 1]])
+
+    def to_camera_info(self, *, frame_id: str, stamp: Stamp = 0.0, types: MessageTypes | None = None) -> Message:
+        """Return the camera as a ``sensor_msgs/CameraInfo`` of ROS 2, rectified, with pixel centres at whole numbers.
+
+        Args:
+            frame_id: The camera's optical frame, which has OpenCV's axes.
+            stamp: When the image was taken [s], or a Time message.
+            types: A type store of rosbags; by default ROS's own classes, which must be there then.
+
+        Raises:
+            MessageError: An argument is not what it has to be, or ROS is not there.
+        """
+        from warpvis.core.messages import MessageMaker
+
+        maker = MessageMaker(types)
+        size, k = (self.width, self.height), self.to_K(pixel_center=0.0)
+        return maker.camera_info(size, k, maker.header(frame_id, stamp))
 
     @property
     def hfov(self) -> float:

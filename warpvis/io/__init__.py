@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Read and write files: meshes, cameras, points, poses and depth images, one module a format.
+"""Read and write files: meshes, cameras, points, poses and depth images, one module a format; and messages of ROS.
 
 `wv.Scene.load` and `wv.read_frames` choose the reader by the file's name.
 """
@@ -15,14 +15,18 @@ from warpvis.io._depth import (
     save_depth_png,
 )
 from warpvis.io._files import read_archive as read_archive
+from warpvis.io._messages import from_image_msg, to_image_msg, to_pointcloud2
 from warpvis.io._points import read_points
 from warpvis.io._scene_files import export_scene as export_scene, read_parts as read_parts
 from warpvis.io.poses._frames import leaves_order_open as leaves_order_open, read_frames as read_frames
 from warpvis.io.poses._tum import read_poses
 
 __all__ = [
+    "from_image_msg",
     "load_camera",
     "read_points",
     "read_poses",
     "save_depth_png",
+    "to_image_msg",
+    "to_pointcloud2",
 ]

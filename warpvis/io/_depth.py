@@ -45,8 +45,11 @@ def depth_to_units(depth: ArrayLike, scale: float) -> NDArray[np.uint16]:
 
 
 def count_lost(depth: NDArray[np.float32], units: NDArray[np.uint16]) -> int:
-    """Count the finite depths [m] that are 0, no depth, in units: too far for 16 bits, or less than half a unit."""
-    return int(np.count_nonzero(np.isfinite(depth)) - np.count_nonzero(units))
+    """Count the depths [m] that are 0, no depth, in units: too far for 16 bits, or less than half a unit.
+
+    What is no depth is not lost: infinities, NaN, 0 and what is negative.
+    """
+    return int(np.count_nonzero((depth > 0) & (depth < np.inf)) - np.count_nonzero(units))
 
 
 def encode_png(image: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:

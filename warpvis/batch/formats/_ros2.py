@@ -5,8 +5,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from decimal import ROUND_HALF_EVEN, Decimal
-from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
 import numpy as np
@@ -15,18 +13,20 @@ from numpy.typing import NDArray
 from warpvis.batch._job import shard_name
 from warpvis.batch.formats._base import Images
 from warpvis.batch.formats._layouts import Layout
+from warpvis.core.messages import Message, MessageMaker, nanoseconds
 from warpvis.errors import FileFormatError
+from warpvis.io import to_image_msg, to_pointcloud2
 
 if TYPE_CHECKING:
-    from rosbags.typesys.store import Msg, Msgarg, Typestore
+    from rosbags.typesys.store import Typestore
 
     from warpvis.batch._job import Plan
     from warpvis.batch.storage._output import ShardFiles
 
 _LAST_SECOND = 2**31 - 1
 
-MakeMessage: TypeAlias = "Callable[[int, NDArray[np.float32], NDArray[np.float64]], Msg]"
-"""Makes a frame's message of its time [ns], its depth image [m], shape ``(H, W)``, and its camera's pose."""
+MakeMessage: TypeAlias = Callable[[float, NDArray[np.float32], NDArray[np.float64]], Message]
+"""Makes a frame's message of its time [s], its depth image [m], shape ``(H, W)``, and its camera's pose."""
 
 
 class Ros2(Layout):
@@ -68,6 +68,7 @@ class Ros2(Layout):
                 f"ROS 2 counts times from 0 to {_LAST_SECOND} seconds, and frame {bad[0]} has the time {times[bad[0]]}"
             )
         self._types = _message_types()
+        self._maker = MessageMaker(self._types)
 
     def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
         """Write one bag; see `warpvis.batch.formats._base.Format`."""
@@ -80,9 +81,10 @@ class Ros2(Layout):
             kinds = {topic: kind for topic, (kind, _) in makers.items()}
             topics = {topic: bag.add_connection(topic, kind, typestore=self._types) for topic, kind in kinds.items()}
             for depth, pose, time in zip(images["depth"], frames.camera_to_world, frames.timestamps, strict=True):
-                stamp = nanoseconds(float(time))
+                seconds = float(time)
+                stamp = nanoseconds(seconds)
                 for topic, (kind, make) in makers.items():
-                    message = make(stamp, depth, pose)
+                    message = make(seconds, depth, pose)
                     bag.write(topics[topic], stamp, self._types.serialize_cdr(message, kind))
         return [name]
 
@@ -108,57 +110,30 @@ class Ros2(Layout):
             makers[f"{self._topic}/points"] = ("sensor_msgs/msg/PointCloud2", self._cloud)
         return makers
 
-    def _message(self, kind: str, *values: Msgarg) -> Msg:
-        return self._types.types[kind](*values)
-
-    def _header(self, stamp: int, frame_id: str) -> Msg:
-        time = self._message("builtin_interfaces/msg/Time", *divmod(stamp, 10**9))
-        return self._message("std_msgs/msg/Header", time, frame_id)
-
-    def _transforms(self, stamp: int, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> Msg:
+    def _transforms(self, time: float, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> Message:
         x, y, z, qx, qy, qz, qw = pose.tolist()
-        translation = self._message("geometry_msgs/msg/Vector3", x, y, z)
-        rotation = self._message("geometry_msgs/msg/Quaternion", qx, qy, qz, qw)
-        transform = self._message("geometry_msgs/msg/Transform", translation, rotation)
-        header = self._header(stamp, self._parent)
-        stamped = self._message("geometry_msgs/msg/TransformStamped", header, self._frame_id, transform)
-        return self._message("tf2_msgs/msg/TFMessage", [stamped])
-
-    def _camera_info(self, stamp: int, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> Msg:
-        camera, header = self.plan.camera, self._header(stamp, self._frame_id)
-        k = camera.to_K(pixel_center=0.0)
-        p = np.concatenate([k, np.zeros((3, 1))], axis=1).ravel()
-        region = self._message("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
-        matrices = np.zeros(5), k.ravel(), np.eye(3).ravel(), p
-        return self._message(
-            "sensor_msgs/msg/CameraInfo", header, camera.height, camera.width, "plumb_bob", *matrices, 0, 0, region
+        make = self._maker.make
+        transform = make(
+            "geometry_msgs/msg/Transform",
+            translation=make("geometry_msgs/msg/Vector3", x=x, y=y, z=z),
+            rotation=make("geometry_msgs/msg/Quaternion", x=qx, y=qy, z=qz, w=qw),
         )
+        stamped = make(
+            "geometry_msgs/msg/TransformStamped",
+            header=self._maker.header(self._parent, time),
+            child_frame_id=self._frame_id,
+            transform=transform,
+        )
+        return make("tf2_msgs/msg/TFMessage", transforms=[stamped])
 
-    def _image(self, stamp: int, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> Msg:
-        height, width = depth.shape
-        data = np.ascontiguousarray(depth, dtype="<f4").reshape(-1).view(np.uint8)
-        header = self._header(stamp, self._frame_id)
-        return self._message("sensor_msgs/msg/Image", header, height, width, "32FC1", 0, 4 * width, data)
+    def _camera_info(self, time: float, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> Message:
+        return self.plan.camera.to_camera_info(frame_id=self._frame_id, stamp=time, types=self._types)
 
-    def _cloud(self, stamp: int, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> Msg:
-        height, width = depth.shape
-        fields = [self._message("sensor_msgs/msg/PointField", axis, 4 * k, 7, 1) for k, axis in enumerate("xyz")]
-        points = np.empty((height, width, 3), dtype="<f4")
-        slope_x, slope_y = self._slopes
-        points[..., 2] = np.where(np.isfinite(depth), depth, np.float32(np.nan))
-        np.multiply(points[..., 2], slope_x, out=points[..., 0])
-        np.multiply(points[..., 2], slope_y[:, None], out=points[..., 1])
-        shape = height, width, fields, False, 12, 12 * width
-        header = self._header(stamp, self._frame_id)
-        return self._message("sensor_msgs/msg/PointCloud2", header, *shape, points.reshape(-1).view(np.uint8), False)
+    def _image(self, time: float, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> Message:
+        return to_image_msg(depth, frame_id=self._frame_id, stamp=time, types=self._types)
 
-    @cached_property
-    def _slopes(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """x/z of every column's rays, shape ``(W,)``, and y/z of every row's, shape ``(H,)``."""
-        camera = self.plan.camera
-        x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
-        y = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
-        return x.astype(np.float32), y.astype(np.float32)
+    def _cloud(self, time: float, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> Message:
+        return to_pointcloud2(depth, self.plan.camera, frame_id=self._frame_id, stamp=time, types=self._types)
 
 
 def _message_types() -> Typestore:
@@ -167,8 +142,3 @@ def _message_types() -> Typestore:
     except ImportError:
         raise FileFormatError("format 'ros2' needs the package rosbags: pip install 'warpvis[ros]'") from None
     return get_typestore(Stores.ROS2_JAZZY)
-
-
-def nanoseconds(seconds: float) -> int:
-    """Convert a time [s] to whole nanoseconds: those of its shortest decimal, which is what a text file said."""
-    return int((Decimal(repr(seconds)) * 10**9).to_integral_value(ROUND_HALF_EVEN))

@@ -1,0 +1,285 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Make messages of ROS 2 and read what is in them; ROS is not imported unless its own classes are asked for.
+
+Messages are told by their fields: those of ROS 2, of rosbags, and of ROS 1 (whose CameraInfo has K, P and D) are read
+alike.
+"""
+
+from __future__ import annotations
+
+import array
+import importlib
+import math
+import warnings
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from decimal import ROUND_HALF_EVEN, Decimal
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from warpvis.core.arrays import as_numpy
+from warpvis.core.checks import check_flag, check_text, is_number
+from warpvis.errors import ArrayError, CameraError, IntrinsicsWarning, MessageError
+
+Message: TypeAlias = Any
+"""A message of ROS: an object with the fields that its definition names."""
+
+_LAST_SECOND = 2**31 - 1
+_IDENTITY = np.eye(3).ravel()
+
+
+class MessageTypes(Protocol):
+    """A type store of rosbags, such as `rosbags.typesys.get_typestore` gives."""
+
+    @property
+    def types(self) -> Mapping[str, Any]:
+        """Classes by the names of messages, ``"sensor_msgs/msg/Image"``."""
+
+
+Stamp = float | Message
+"""A time [s], or a message ``builtin_interfaces/Time``."""
+
+
+class MessageMaker:
+    """Makes messages of ROS 2."""
+
+    def __init__(self, types: MessageTypes | None = None) -> None:
+        """Choose the classes of messages.
+
+        Args:
+            types: A type store of rosbags; by default ROS's own classes, which are imported when they are used.
+
+        Raises:
+            MessageError: `types` is none.
+        """
+        if types is not None and not isinstance(getattr(types, "types", None), Mapping):
+            raise MessageError(f"types must be a type store of rosbags, or None for ROS's own, got {types!r}")
+        self._types = types
+
+    def make(self, kind: str, **fields: Any) -> Message:
+        """Make a message of a type such as ``"sensor_msgs/msg/Image"`` from its fields, by their names in ROS 2.
+
+        Raises:
+            MessageError: The types have no such message, or it has other fields, or there is no ROS to make it with.
+        """
+        if self._types is None:
+            return _ros_class(kind)(**fields)
+        try:
+            return self._types.types[kind](**fields)
+        except KeyError:
+            raise MessageError(f"types have no {kind}: take a store of ROS 2, such as Stores.ROS2_JAZZY") from None
+        except TypeError as error:
+            raise MessageError(f"types have another {kind} than ROS 2 ({error}): take Stores.ROS2_JAZZY") from None
+
+    def sequence(self, values: NDArray[Any]) -> Any:
+        """Return a copy of numbers as the fields of the types hold a sequence of them.
+
+        ROS's own fields take an `array.array` as it is, and look at each number of anything else.
+        """
+        if self._types is not None:
+            return values.copy()
+        copied = array.array(values.dtype.char)
+        copied.frombytes(values.tobytes())
+        return copied
+
+    def header(self, frame_id: str, stamp: Stamp) -> Message:
+        """Make a header.
+
+        Raises:
+            MessageError: The time is none that ROS counts, or the frame's name is no text.
+        """
+        frame_id = check_text(frame_id, "frame_id", MessageError)
+        sec, nanosec = divmod(stamp_nanoseconds(stamp), 10**9)
+        time = self.make("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
+        return self.make("std_msgs/msg/Header", stamp=time, frame_id=frame_id)
+
+    def camera_info(self, size: tuple[int, int], k: NDArray[np.float64], header: Message) -> Message:
+        """Make a CameraInfo of an image that is rectified, without binning and region.
+
+        Args:
+            size: Width and height [px].
+            k: Intrinsics with pixels' centres at whole numbers, shape ``(3, 3)``.
+            header: Its header.
+        """
+        width, height = size
+        region = {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False}
+        return self.make(
+            "sensor_msgs/msg/CameraInfo",
+            header=header,
+            height=height,
+            width=width,
+            distortion_model="plumb_bob",
+            d=self.sequence(np.zeros(5)),
+            k=k.ravel(),
+            r=_IDENTITY.copy(),
+            p=np.concatenate([k, np.zeros((3, 1))], axis=1).ravel(),
+            binning_x=0,
+            binning_y=0,
+            roi=self.make("sensor_msgs/msg/RegionOfInterest", **region),
+        )
+
+
+def _ros_class(kind: str) -> Any:
+    """Import a class of ROS's own."""
+    package, _, name = kind.split("/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError):
+        raise MessageError(
+            f"a message {kind} needs ROS 2, which is not on Python's path (source its setup file), or rosbags: "
+            "pip install 'warpvis[ros]' and types=get_typestore(Stores.ROS2_JAZZY)"
+        ) from None
+
+
+def nanoseconds(seconds: float) -> int:
+    """Convert a time [s] to whole nanoseconds: those of its shortest decimal, which is what a text file said."""
+    return int((Decimal(repr(seconds)) * 10**9).to_integral_value(ROUND_HALF_EVEN))
+
+
+def stamp_nanoseconds(stamp: Stamp) -> int:
+    """Convert a time [s], or a message ``builtin_interfaces/Time`` or ``Time`` of ROS 1, to nanoseconds.
+
+    Raises:
+        MessageError: It is none, or not one that ROS 2 counts.
+    """
+    if is_number(stamp):
+        if not 0 <= stamp < _LAST_SECOND:
+            raise MessageError(f"stamp must be from 0 to {_LAST_SECOND} seconds, as ROS 2 counts, got {stamp!r}")
+        return nanoseconds(float(stamp))
+    for names in (("sec", "nanosec"), ("secs", "nsecs")):
+        if all(hasattr(stamp, name) for name in names):
+            sec, nanosec = (int(getattr(stamp, name)) for name in names)
+            return sec * 10**9 + nanosec
+    raise MessageError(f"stamp must be a time in seconds or a Time message, got {stamp!r}")
+
+
+def field(message: Message, *names: str) -> Any:
+    """Return the first field of these names that a message has.
+
+    Raises:
+        MessageError: It has none of them.
+    """
+    for name in names:
+        if hasattr(message, name):
+            return getattr(message, name)
+    raise MessageError(f"a message with the field {names[0]} is wanted, got {type(message).__name__}")
+
+
+@dataclass(frozen=True)
+class CameraInfo:
+    """What a CameraInfo says of the images that it comes with."""
+
+    width: int
+    """Image width [px]."""
+    height: int
+    """Image height [px]."""
+    K: NDArray[np.float64]
+    """Intrinsics of that image, with pixels' centres at whole numbers, shape ``(3, 3)``."""
+
+
+def read_camera_info(message: Message, *, rectified: bool = True) -> CameraInfo:
+    """Read a ``sensor_msgs/CameraInfo``, with binning and region of interest as `image_geometry` applies them.
+
+    Args:
+        message: Of ROS 2 or ROS 1, or any object with its fields.
+        rectified: Whether it is for the rectified image, which `P` is for, or for the raw one, which `K` is for.
+
+    Raises:
+        CameraError: The camera is not calibrated or no pinhole, or the message contradicts itself.
+        MessageError: It is no CameraInfo.
+    """
+    rectified = check_flag(rectified, "rectified", CameraError)
+    k = _matrix(field(message, "k", "K"), (3, 3), "K")
+    if k[0, 0] == 0:
+        raise CameraError("CameraInfo is of a camera that is not calibrated: its K is zero")
+    p = _matrix(field(message, "p", "P"), (3, 4), "P")
+    bends = bool(_numbers(field(message, "d", "D"), "D").any())
+    region = _read_region(message)
+    if rectified and p[0, 0] != 0:
+        _check_projection(p)
+        straight = not bends and (p[:, :3] == k).all() and _is_plain(_matrix(field(message, "r", "R"), (3, 3), "R"))
+        if region.rectify and not region.whole and not straight:
+            raise CameraError(
+                "CameraInfo has a region of interest of the raw image, and does not say which region of the rectified "
+                "image that becomes (do_rectify); rectify the whole image"
+            )
+        k = p[:, :3].copy()
+    elif bends:
+        wanted = "has no P" if rectified else "is of a raw image with distortion"
+        raise CameraError(
+            f"CameraInfo {wanted}, and a Camera has no distortion: take the rectified image (image_rect) and its P"
+        )
+    k[:2, 2] -= region.x, region.y
+    k[:2] /= np.array([[region.binning_x], [region.binning_y]])
+    return CameraInfo(region.width // region.binning_x, region.height // region.binning_y, k)
+
+
+@dataclass(frozen=True)
+class _Region:
+    """Which pixels of a whole image a camera takes [px], and how many of them become one."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+    binning_x: int
+    binning_y: int
+    whole: bool
+    rectify: bool
+
+
+def _read_region(message: Message) -> _Region:
+    width, height = int(field(message, "width")), int(field(message, "height"))
+    roi = field(message, "roi")
+    x, y, columns, rows = (int(field(roi, name)) for name in ("x_offset", "y_offset", "width", "height"))
+    if (x, y, columns, rows) == (0, 0, 0, 0):
+        columns, rows = width, height
+    if x + columns > width or y + rows > height or min(columns, rows) < 1:
+        raise CameraError(
+            f"CameraInfo has a region of interest of {columns} x {rows} pixels from ({x}, {y}), which is not in its "
+            f"image of {width} x {height}"
+        )
+    binning_x, binning_y = (max(int(field(message, name)), 1) for name in ("binning_x", "binning_y"))
+    if binning_x > columns or binning_y > rows:
+        raise CameraError(f"CameraInfo bins {binning_x} x {binning_y} pixels of an image of {columns} x {rows}")
+    whole = (columns, rows) == (width, height)
+    return _Region(x, y, columns, rows, binning_x, binning_y, whole, bool(field(roi, "do_rectify")))
+
+
+def _check_projection(p: NDArray[np.float64]) -> None:
+    """Warn of a camera that is not where its frame is."""
+    if p[2, 3] != 0:
+        raise CameraError(f"P of CameraInfo must have a last column Tx, Ty, 0, got {p[:, 3].tolist()}")
+    if p[0, 3] == 0 and p[1, 3] == 0:
+        return
+    x, y = 0.0 - p[0, 3] / p[0, 0], 0.0 - p[1, 3] / p[1, 1]
+    warnings.warn(
+        f"P of CameraInfo is of the second camera of a stereo pair, which stands at x = {x:.6g} m, y = {y:.6g} m in "
+        "the frame that its header names; a Camera stands where its pose says",
+        IntrinsicsWarning,
+        stacklevel=4,
+    )
+
+
+def _is_plain(r: NDArray[np.float64]) -> bool:
+    return not r.any() or bool((r == np.eye(3)).all())
+
+
+def _numbers(values: ArrayLike | Iterable[float], name: str) -> NDArray[np.float64]:
+    try:
+        numbers = as_numpy(np.array([], dtype=np.float64) if len(values) == 0 else values, name=name)  # type: ignore[arg-type]
+    except (ArrayError, TypeError):
+        raise CameraError(f"{name} of CameraInfo must be numbers, got {values!r}") from None
+    if not np.isfinite(numbers).all():
+        raise CameraError(f"{name} of CameraInfo must be finite, got {numbers.tolist()}")
+    return numbers.astype(np.float64)
+
+
+def _matrix(values: ArrayLike, shape: tuple[int, int], name: str) -> NDArray[np.float64]:
+    numbers = _numbers(values, name)
+    if numbers.size != math.prod(shape):
+        raise CameraError(f"{name} of CameraInfo must be {shape[0]} x {shape[1]} numbers, got {numbers.size}")
+    return numbers.reshape(shape)

@@ -1,0 +1,218 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Depth images and points as messages of ROS 2, and depth images from messages."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any, Literal
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.arrays import as_numpy, on_gpu
+from warpvis.core.camera import Camera, require_camera
+from warpvis.core.checks import check_choice
+from warpvis.core.messages import Message, MessageMaker, MessageTypes, Stamp, field
+from warpvis.core.types import ArrayInput
+from warpvis.errors import ArrayError, MessageError
+from warpvis.io._depth import count_lost, depth_to_units
+
+DepthEncoding = Literal["32FC1", "16UC1"]
+"""How an Image holds depth, as REP 118 says."""
+
+_MILLIMETRES = 1000.0
+
+# Bytes of a pixel, and what they are; some drivers call 16UC1 mono16.
+_PIXELS = {"32FC1": "f4", "16UC1": "u2", "mono16": "u2"}
+
+_FLOAT32 = 7  # sensor_msgs/PointField
+_POINT_BYTES = 12
+
+
+def to_image_msg(
+    depth: ArrayInput,
+    *,
+    frame_id: str,
+    stamp: Stamp = 0.0,
+    encoding: DepthEncoding = "32FC1",
+    types: MessageTypes | None = None,
+) -> Message:
+    """Make a ``sensor_msgs/Image`` of a depth image. It shares no memory with it.
+
+    Args:
+        depth: Planar depth [m], float, shape ``(H, W)`` or ``(1, H, W)``, of NumPy, Warp, PyTorch, ..., on any device.
+        frame_id: The camera's optical frame.
+        stamp: When the image was taken [s], or a Time message.
+        encoding: ``"32FC1"``, metres: +inf for nothing, -inf for too near, NaN for not measured (REP 117); or
+            ``"16UC1"``, whole millimetres, rounded, 0 for all of these (REP 118). Depth that 16 bits cannot hold is 0,
+            too, and a warning says of how many pixels.
+        types: A type store of rosbags; by default ROS's own classes, which must be there then.
+
+    Raises:
+        ArrayError: The image is not what it has to be.
+        MessageError: Another argument is not, or ROS is not there.
+    """
+    maker = MessageMaker(types)
+    check_choice(encoding, "encoding", ("32FC1", "16UC1"), MessageError)
+    image = _read_image(depth)
+    pixels: NDArray[Any]
+    if encoding == "16UC1":
+        units = depth_to_units(image, _MILLIMETRES)
+        lost = count_lost(image, units)
+        if lost:
+            warnings.warn(
+                f"{lost} pixels have a depth that 16 bits of millimetres cannot hold (they hold 0.0005 to 65.5355 m), "
+                "and are 0, no depth",
+                stacklevel=2,
+            )
+        pixels = np.ascontiguousarray(units, dtype="<u2")
+    else:
+        pixels = np.ascontiguousarray(image, dtype="<f4")
+    height, width = pixels.shape
+    return maker.make(
+        "sensor_msgs/msg/Image",
+        header=maker.header(frame_id, stamp),
+        height=height,
+        width=width,
+        encoding=encoding,
+        is_bigendian=0,
+        step=width * pixels.itemsize,
+        data=maker.sequence(pixels.reshape(-1).view(np.uint8)),
+    )
+
+
+def from_image_msg(message: Message) -> NDArray[np.float32]:
+    """Return the depth image of a ``sensor_msgs/Image`` [m], shape ``(H, W)`` float32.
+
+    Of 32FC1 it is what the message holds: +inf, -inf and NaN mean what REP 117 says. Of 16UC1, which holds millimetres,
+    0 becomes NaN, not measured. Either order of bytes is read, and rows that are padded.
+
+    Args:
+        message: Of ROS 2, rosbags or ROS 1, or any object with its fields.
+
+    Raises:
+        MessageError: It is no Image, of another encoding, or has too few or too many bytes.
+    """
+    encoding = field(message, "encoding")
+    if encoding not in _PIXELS:
+        raise MessageError(f"an Image of depth must be of 32FC1 or 16UC1, got {encoding!r}")
+    height, width, step = (int(field(message, name)) for name in ("height", "width", "step"))
+    kind = np.dtype((">" if field(message, "is_bigendian") else "<") + _PIXELS[encoding])
+    data = _bytes_of(field(message, "data"))
+    if height < 1 or width < 1 or step < width * kind.itemsize or data.size != height * step:
+        raise MessageError(
+            f"an Image of {width} x {height} pixels of {encoding} in rows of {step} bytes must have at least "
+            f"{kind.itemsize} bytes a pixel and {height * step} in all, got {data.size}"
+        )
+    rows = np.ascontiguousarray(data.reshape(height, step)[:, : width * kind.itemsize])
+    pixels = rows.view(kind)
+    if kind.kind == "f":
+        return pixels.astype(np.float32)
+    metres = (pixels / _MILLIMETRES).astype(np.float32)
+    metres[pixels == 0] = np.nan
+    return metres
+
+
+def to_pointcloud2(
+    points: ArrayInput,
+    camera: Camera | None = None,
+    *,
+    frame_id: str,
+    stamp: Stamp = 0.0,
+    types: MessageTypes | None = None,
+) -> Message:
+    """Make a ``sensor_msgs/PointCloud2`` with the fields x, y and z, float32. It shares no memory with what it is of.
+
+    Args:
+        points: With `camera`, its depth image [m], shape ``(H, W)`` or ``(1, H, W)``: the cloud has the image's rows
+            and columns and is in the camera's optical frame, NaN where no depth is, or none within its range. Else
+            points [m] of any frame, shape ``(N, 3)``, or ``(H, W, 3)`` or ``(1, H, W, 3)`` for a cloud with rows and
+            columns.
+        camera: The camera that a depth image is of.
+        frame_id: The frame of the points; of a depth image, the camera's optical frame.
+        stamp: When the image was taken [s], or a Time message.
+        types: A type store of rosbags; by default ROS's own classes, which must be there then.
+
+    Raises:
+        WarpvisError: An argument is not what it has to be, or ROS is not there.
+    """
+    maker = MessageMaker(types)
+    cloud = _read_points(points) if camera is None else _back_project(_read_image(points), require_camera(camera))
+    rows, columns = cloud.shape[:2]
+    # A depth image's points may be NaN, whether or not these are.
+    dense = camera is None and bool(np.isfinite(cloud).all())
+    return maker.make(
+        "sensor_msgs/msg/PointCloud2",
+        header=maker.header(frame_id, stamp),
+        height=rows,
+        width=columns,
+        fields=[
+            maker.make("sensor_msgs/msg/PointField", name=axis, offset=4 * place, datatype=_FLOAT32, count=1)
+            for place, axis in enumerate("xyz")
+        ],
+        is_bigendian=False,
+        point_step=_POINT_BYTES,
+        row_step=_POINT_BYTES * columns,
+        data=maker.sequence(cloud.reshape(-1).view(np.uint8)),
+        is_dense=dense,
+    )
+
+
+def _on_host(value: ArrayInput, name: str) -> NDArray[Any]:
+    """Return an array of any library and device as NumPy's."""
+    if on_gpu(value):
+        value = (value if isinstance(value, wp.array) else wp.from_dlpack(value)).numpy()
+    return as_numpy(value.numpy() if isinstance(value, wp.array) else value, name=name)
+
+
+def _read_image(depth: ArrayInput) -> NDArray[Any]:
+    """Return one depth image on the host, shape ``(H, W)``."""
+    image = _on_host(depth, "depth")
+    if image.dtype.kind != "f":
+        raise ArrayError(f"depth must be in metres, a float array, got {image.dtype}; divide millimetres by 1000")
+    if image.ndim == 3 and len(image) == 1:
+        image = image[0]
+    if image.ndim != 2 or not image.size:
+        raise ArrayError(f"depth must be one image of shape (H, W), got {image.shape}")
+    return image
+
+
+def _read_points(points: ArrayInput) -> NDArray[np.float32]:
+    """Return points on the host, with rows and columns, shape ``(rows, columns, 3)``."""
+    cloud = _on_host(points, "points")
+    if cloud.ndim == 4 and len(cloud) == 1:
+        cloud = cloud[0]
+    if cloud.ndim not in (2, 3) or cloud.shape[-1] != 3 or cloud.dtype.kind not in "fiu":
+        raise ArrayError(
+            f"points must be numbers of shape (N, 3) or (H, W, 3), got {cloud.dtype} of {cloud.shape}; of a depth "
+            "image, give its camera, too"
+        )
+    return np.ascontiguousarray(cloud if cloud.ndim == 3 else cloud[None], dtype="<f4")
+
+
+def _back_project(depth: NDArray[Any], camera: Camera) -> NDArray[np.float32]:
+    """Return the points of a depth image in the camera's frame, shape ``(H, W, 3)``, NaN where no depth is."""
+    if depth.shape != (camera.height, camera.width):
+        raise ArrayError(f"depth must have the camera's shape ({camera.height}, {camera.width}), got {depth.shape}")
+    slope_x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
+    slope_y = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
+    depth = depth.astype(np.float32, copy=False)
+    near, far = np.float32(camera.near), np.float32(camera.far)
+    measured = np.isfinite(depth) & (depth > 0) & (depth >= near) & (depth <= far)
+    points = np.empty((*depth.shape, 3), dtype="<f4")
+    points[..., 2] = np.where(measured, depth, np.float32(np.nan))
+    np.multiply(points[..., 2], slope_x.astype(np.float32), out=points[..., 0])
+    np.multiply(points[..., 2], slope_y.astype(np.float32)[:, None], out=points[..., 1])
+    return points
+
+
+def _bytes_of(data: Any) -> NDArray[np.uint8]:
+    """Return the bytes of a message's field: bytes, an `array.array`, an array of NumPy, or a list of numbers."""
+    try:
+        if isinstance(data, (list, tuple)):
+            data = bytes(data)
+        return np.frombuffer(data, dtype=np.uint8)
+    except (TypeError, ValueError) as error:
+        raise MessageError(f"data of an Image must be bytes: {error}") from None
