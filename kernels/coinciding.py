@@ -24,6 +24,13 @@ that, and a caster's 1 / z by up to 1e-6. All of these grow with those two dista
 """
 
 
+# How a pair's later object is looked for where its earlier one is seen.
+ALWAYS = wp.constant(0)  # both have one shape and move together: it is there
+WHERE_TOGETHER = wp.constant(1)  # both have one shape
+ON_MESH = wp.constant(2)
+ON_SOLID = wp.constant(3)
+
+
 @wp.struct
 class Coinciding:
     """Pairs of objects whose surfaces coincide somewhere, an earlier and a later one, and what the later ones are."""
@@ -32,9 +39,13 @@ class Coinciding:
     """(object + 1): where its pairs begin, of which it is the earlier one."""
     later: wp.array[wp.int32]
     """(pair): the later object, rising within an object's pairs."""
+    way: wp.array[wp.int32]
+    """(pair): how to look for the later object."""
+    low: wp.array[wp.vec3]
+    """(pair): least corner of the box, in the later object's frame, in which both coincide [m]."""
+    high: wp.array[wp.vec3]
     surface: wp.array[wp.uint64]
-    """(pair): a mesh of what coincides with any earlier object, in the later one's frame; 0 for a solid, and where both
-    objects have one shape in their frames."""
+    """(object): a mesh of what coincides with any earlier object, in its frame; 0 for none."""
     column: wp.array[wp.int32]
     """(object): its place among the movable objects, or that of the one it moves with; -1 if it stays."""
     solid: wp.array[wp.int32]
@@ -128,6 +139,57 @@ def is_on_mesh(mesh: wp.uint64, p: wp.vec3d, direction: wp.vec3d, reach: wp.floa
     return False
 
 
+@wp.func
+def is_in_box(p: wp.vec3d, low: wp.vec3, high: wp.vec3, reach: wp.float64) -> bool:
+    for axis in range(3):
+        if p[axis] < wp.float64(low[axis]) - reach or p[axis] > wp.float64(high[axis]) + reach:
+            return False
+    return True
+
+
+@wp.func
+def last_there(
+    coinciding: Coinciding,
+    worlds: Worlds,
+    view: int,
+    seen: int,
+    origin: wp.vec3d,
+    ray: wp.vec3d,
+    depth: wp.float64,
+    cull: bool,
+) -> int:
+    """The last object whose surface is where an object is seen along a ray of the world."""
+    world = int(0)
+    if worlds.object_poses:
+        world = world_of(worlds, view)
+    path = depth * ray
+    point = origin + path
+    reach = CLOSENESS * (wp.length(path) + wp.length(point))
+    last, first = coinciding.first_pair[seen + 1], coinciding.first_pair[seen]
+    for back in range(last - first):
+        pair = last - 1 - back
+        later, way = coinciding.later[pair], coinciding.way[pair]
+        if is_excluded(worlds, view, later):
+            continue
+        if way == ALWAYS:
+            return later
+        place = place_of(coinciding, worlds, world, later)
+        if way == WHERE_TOGETHER:
+            if are_together(place_of(coinciding, worlds, world, seen), place, reach):
+                return later
+            continue
+        p = wp.quat_rotate_inv(pose_rotation(place), point - pose_origin(place))
+        if not is_in_box(p, coinciding.low[pair], coinciding.high[pair], reach):
+            continue
+        direction = wp.quat_rotate_inv(pose_rotation(place), ray)
+        if way == ON_SOLID:
+            if is_on_solid(coinciding.solid[later], coinciding.size[later], p, direction, reach, cull):
+                return later
+        elif is_on_mesh(coinciding.surface[later], p, direction, reach, cull):
+            return later
+    return seen
+
+
 @wp.kernel
 def show_later(
     # Scene:
@@ -140,48 +202,29 @@ def show_later(
     worlds: Worlds,
     depth: wp.array3d[float],
     cull_backfaces: bool,
+    span: int,
     # Out:
     segmentation_out: wp.array3d[wp.int32],
     labels_out: wp.array3d[wp.uint8],
 ):
-    """Where an object is seen, show the last of the objects whose surface is there too, if a view may see that one."""
-    view, y, x = wp.tid()
+    """Where an object is seen, show the last of the objects whose surface is there too, if a view may see that one.
+
+    A thread takes so many pixels of a row: on the CPU, to begin one takes longer than most pixels.
+    """
+    view, y, part = wp.tid()
     view += window.first_view
     y += window.first_row
 
-    seen = segmentation_out[view, y, x]
-    if seen < 0:
-        return
-    first, last = coinciding.first_pair[seen], coinciding.first_pair[seen + 1]
-    if first == last:
-        return
-    world = int(0)
-    if worlds.object_poses:
-        world = world_of(worlds, view)
-    pose = camera_to_world[view]
-    ray = wp.quat_rotate(pose_rotation(pose), pixel_ray(camera, y, x))
-    path = wp.float64(depth[view, y, x]) * ray
-    point = pose_origin(pose) + path
-    reach = CLOSENESS * (wp.length(path) + wp.length(point))
-    for back in range(last - first):
-        pair = last - 1 - back
-        later, surface = coinciding.later[pair], coinciding.surface[pair]
-        if is_excluded(worlds, view, later):
-            continue
-        place = place_of(coinciding, worlds, world, later)
-        p = wp.quat_rotate_inv(pose_rotation(place), point - pose_origin(place))
-        direction = wp.quat_rotate_inv(pose_rotation(place), ray)
-        is_there = bool(False)
-        if coinciding.solid[later] != 0:
-            is_there = is_on_solid(coinciding.solid[later], coinciding.size[later], p, direction, reach, cull_backfaces)
-        elif surface != wp.uint64(0):
-            is_there = is_on_mesh(surface, p, direction, reach, cull_backfaces)
-        else:
-            is_there = coinciding.column[seen] == coinciding.column[later] or are_together(
-                place_of(coinciding, worlds, world, seen), place, reach
-            )
-        if is_there:
-            segmentation_out[view, y, x] = later
-            if labels_out:
-                labels_out[view, y, x] = coinciding.label[later]
-            return
+    origin, rotation = pose_origin(camera_to_world[view]), pose_rotation(camera_to_world[view])
+    for x in range(part * span, wp.min((part + 1) * span, segmentation_out.shape[2])):
+        seen = segmentation_out[view, y, x]
+        if seen >= 0 and coinciding.first_pair[seen + 1] > coinciding.first_pair[seen]:
+            last = coinciding.first_pair[seen + 1] - 1
+            shown = coinciding.later[last]
+            if coinciding.way[last] != ALWAYS or is_excluded(worlds, view, shown):
+                ray, away = wp.quat_rotate(rotation, pixel_ray(camera, y, x)), wp.float64(depth[view, y, x])
+                shown = last_there(coinciding, worlds, view, seen, origin, ray, away, cull_backfaces)
+            if shown != seen:
+                segmentation_out[view, y, x] = shown
+                if labels_out:
+                    labels_out[view, y, x] = coinciding.label[shown]

@@ -50,6 +50,7 @@ def launch_images(
     device: wp.Device,
     threads: int | None = None,
     split_views: bool = True,
+    span: int = 1,
 ) -> None:
     """Launch a kernel over all pixels: at once on CUDA, in pieces over the pool's threads on the CPU.
 
@@ -60,24 +61,26 @@ def launch_images(
         device: Where to launch.
         threads: CPU threads, all cores by default.
         split_views: Whether several threads may share one view.
+        span: How many pixels of a row one thread of the kernel takes; its x counts these spans.
 
     Raises:
         ArrayError: `threads` is not a whole number from 1 up.
     """
     views, height, width = shape
+    spans = -(-width // span)
     threads = check_threads(threads)
     if 0 in shape:
         return
     if not device.is_cpu:
         inputs = arguments(_window(0, 0))
-        wp.launch(kernel, dim=shape, inputs=inputs, device=device, block_dim=_CUDA_BLOCK)
+        wp.launch(kernel, dim=(views, height, spans), inputs=inputs, device=device, block_dim=_CUDA_BLOCK)
         return
 
     load_module(kernel)
 
     def launch(piece: tuple[int, int, int, int]) -> None:
         view, view_count, row, row_count = piece
-        dim = (view_count, row_count, width)
+        dim = (view_count, row_count, spans)
         wp.launch(kernel, dim=dim, inputs=arguments(_window(view, row)), device=device)
 
     run_each(launch, _split(views, height, width, threads, split_views), threads)

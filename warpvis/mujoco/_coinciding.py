@@ -50,6 +50,8 @@ class Pairs:
     later: _Ints
     same: NDArray[np.bool_]
     """Whether both are the same triangles."""
+    boxes: _Floats
+    """Least and greatest corner of where they coincide, in the world, shape ``(pairs, 2, 3)`` [m]."""
     faces: dict[int, _Ints] = field(default_factory=dict)
     """Of the later objects, the triangles that coincide with some of an earlier object that is not the same."""
 
@@ -68,14 +70,16 @@ def find_pairs(objects: Sequence[SceneObject], pieces: NDArray[np.int_]) -> Pair
     i, j = np.minimum(i, j), np.maximum(i, j)
     is_solid = np.array([item.solid is not None for item in objects], dtype=bool)
     both = is_solid[i] & is_solid[j]
-    found = [(a, b, False) for a, b in zip(i[both], j[both], strict=True) if _share_surface(objects[a], objects[b])]
     same = _find_same(objects, i[~both], j[~both])
-    found += [(a, b, True) for a, b in same]
     compared = np.array([pair not in same for pair in zip(i.tolist(), j.tolist(), strict=True)], dtype=bool)
-    earlier, later, faces = _find_planes(objects, pieces, (i[compared], j[compared]), (low, high))
-    found += [(a, b, False) for a, b in zip(earlier, later, strict=True)]
-    rows = np.array(sorted(set(found)), dtype=np.int64).reshape(-1, 3)
-    return Pairs(rows[:, 0], rows[:, 1], rows[:, 2].astype(bool), faces)
+    found, faces = _find_planes(objects, pieces, (i[compared], j[compared]), (low, high))
+    solids = [pair for pair in zip(i[both].tolist(), j[both].tolist(), strict=True) if _share_surface(objects, pair)]
+    for a, b in [*same, *solids]:
+        found[a, b] = np.stack([np.maximum(low[a], low[b]), np.minimum(high[a], high[b])])
+    pairs = sorted(found)
+    rows = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    shared = np.array([found[pair] for pair in pairs], dtype=np.float64).reshape(-1, 2, 3)
+    return Pairs(rows[:, 0], rows[:, 1], np.array([pair in same for pair in pairs], dtype=bool), shared, faces)
 
 
 def frame_vertices(item: SceneObject) -> NDArray[np.float32]:
@@ -98,8 +102,9 @@ def _find_same(objects: Sequence[SceneObject], i: _Ints, j: _Ints) -> set[tuple[
     return same
 
 
-def _share_surface(one: SceneObject, other: SceneObject) -> bool:
+def _share_surface(objects: Sequence[SceneObject], pair: tuple[int, int]) -> bool:
     """Tell whether part of a solid's true surface is on another one's."""
+    one, other = (objects[index] for index in pair)
     assert one.solid is not None and other.solid is not None and one.pose is not None and other.pose is not None
     place, there = poses_to_matrices(one.pose), poses_to_matrices(other.pose)
     points = _samples(one.solid) @ place[:3, :3].T + place[:3, 3]
@@ -180,8 +185,8 @@ def _find_planes(
     pieces: NDArray[np.int_],
     pairs: tuple[_Ints, _Ints],
     boxes: tuple[_Floats, _Floats],
-) -> tuple[_Ints, _Ints, dict[int, _Ints]]:
-    """Find pairs of objects that share planes of triangles, and the triangles of the later ones.
+) -> tuple[dict[tuple[int, int], _Floats], dict[int, _Ints]]:
+    """Find pairs of objects that share planes of triangles, with boxes of where, and the triangles of the later ones.
 
     Args:
         objects: All objects.
@@ -191,7 +196,7 @@ def _find_planes(
     """
     parts = [_read_triangles(objects, index, pairs, boxes) for index in np.unique(np.concatenate(pairs)).tolist()]
     if not parts:
-        return pairs[0], pairs[1], {}
+        return {}, {}
     corners, numbers, owners = (np.concatenate(part) for part in zip(*parts, strict=True))
     triangles = _Triangles.of(corners, numbers, owners, pieces)
     triangles = triangles.take(_may_match(triangles))
@@ -200,13 +205,16 @@ def _find_planes(
     # A pair of objects is one number.
     kept = np.isin(planes.owner[p] * len(objects) + planes.owner[q], pairs[0] * len(objects) + pairs[1])
     p, q = p[kept], q[kept]
-    found = np.unique(planes.owner[p] * len(objects) + planes.owner[q])
+    found, pair_of = np.unique(planes.owner[p] * len(objects) + planes.owner[q], return_inverse=True)
+    shared = np.stack([np.full((len(found), 3), np.inf), np.full((len(found), 3), -np.inf)], axis=1)
+    np.minimum.at(shared[:, 0], pair_of, np.maximum(planes.low[p], planes.low[q]))
+    np.maximum.at(shared[:, 1], pair_of, np.minimum(planes.high[p], planes.high[q]))
     chosen = np.zeros(len(planes.owner), dtype=bool)
     chosen[q] = True
     taken = chosen[plane_of]
     owner, face = triangles.owner[taken], triangles.face[taken]
     faces_of = {int(k): np.sort(face[owner == k]) for k in np.unique(owner)}
-    return found // len(objects), found % len(objects), faces_of
+    return {divmod(int(pair), len(objects)): box for pair, box in zip(found, shared, strict=True)}, faces_of
 
 
 def _read_triangles(

@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 import operator
+from collections.abc import Sequence
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import mujoco  # noqa: TID253 - the whole package is about it
@@ -13,7 +15,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.camera import Camera
-from warpvis.core.poses import Convention
+from warpvis.core.poses import Convention, poses_to_matrices
 from warpvis.core.threads import launch_images
 from warpvis.core.types import PoseLike
 from warpvis.kernels.constants import SOLID_WORDS
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     from warpvis.kernels.worlds import Worlds
 
 _DEPTH, _LABELS, _SEGMENTATION = 0, 3, 4  # in the order of the casters' images
+_BOX_MARGIN = 2e-5  # of numbers: boxes are of poses and corners in single precision
 _MOST_SCRATCH = 4  # so many sizes of images have memory of their own
 
 
@@ -75,10 +78,9 @@ class _OnDevice:
 
         device = scene.device
         self._surfaces = {index: _mesh(objects[index], faces, device) for index, faces in pairs.faces.items()}
-        surfaces = [
-            0 if same or objects[later].solid else int(self._surfaces[later].id)
-            for later, same in zip(pairs.later.tolist(), pairs.same.tolist(), strict=True)
-        ]
+        surfaces = np.zeros(len(objects), dtype=np.uint64)
+        for index, mesh in self._surfaces.items():
+            surfaces[index] = mesh.id
         columns = np.full(len(objects), -1, dtype=np.int32)
         columns[list(scene.movable)] = np.arange(len(scene.movable))
         for index, item in enumerate(objects):
@@ -92,11 +94,40 @@ class _OnDevice:
         self.struct = Coinciding()
         self.struct.first_pair = wp.array(first.astype(np.int32), dtype=wp.int32, device=device)
         self.struct.later = wp.array(pairs.later.astype(np.int32), dtype=wp.int32, device=device)
-        self.struct.surface = wp.array(np.array(surfaces, dtype=np.uint64), dtype=wp.uint64, device=device)
+        self.struct.way = wp.array(_ways(objects, pairs, columns), dtype=wp.int32, device=device)
+        boxes = _boxes_in_frames(objects, pairs)
+        self.struct.low = wp.array(boxes[:, 0].copy(), dtype=wp.vec3, device=device)
+        self.struct.high = wp.array(boxes[:, 1].copy(), dtype=wp.vec3, device=device)
+        self.struct.surface = wp.array(surfaces, dtype=wp.uint64, device=device)
         self.struct.column = wp.array(columns, dtype=wp.int32, device=device)
         self.struct.solid = wp.array(kinds, dtype=wp.int32, device=device)
         self.struct.size = wp.array(sizes, dtype=wp.vec4, device=device)
         self.struct.label = scene.object_labels()
+
+
+def _ways(objects: Sequence[SceneObject], pairs: Pairs, columns: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Say how a kernel looks for the later object of each pair."""
+    from warpvis.kernels.coinciding import ALWAYS, ON_MESH, ON_SOLID, WHERE_TOGETHER
+
+    is_solid = np.array([objects[index].solid is not None for index in pairs.later], dtype=bool)
+    ways = np.where(is_solid, int(ON_SOLID), int(ON_MESH))
+    together = columns[pairs.earlier] == columns[pairs.later]
+    return np.where(pairs.same, np.where(together, int(ALWAYS), int(WHERE_TOGETHER)), ways).astype(np.int32)
+
+
+def _boxes_in_frames(objects: Sequence[SceneObject], pairs: Pairs) -> NDArray[np.float32]:
+    """Return where pairs coincide, in the frames of the later objects, least and greatest corners ``(pairs, 2, 3)``."""
+    boxes = np.empty((len(pairs.later), 2, 3), dtype=np.float32)
+    for row, index, box in zip(boxes, pairs.later.tolist(), pairs.boxes, strict=True):
+        item = objects[index]
+        pose = item.pose if item.carrier is None else objects[item.carrier].pose
+        corners = np.array(list(product(*box.T)))
+        margin = _BOX_MARGIN * np.abs(corners).max()
+        if pose is not None:
+            frame = poses_to_matrices(pose)
+            corners = (corners - frame[:3, 3]) @ frame[:3, :3]
+        row[:] = corners.min(axis=0) - margin, corners.max(axis=0) + margin
+    return boxes
 
 
 def _mesh(item: SceneObject, faces: NDArray[np.int64], device: wp.Device) -> wp.Mesh:
@@ -171,13 +202,15 @@ class _LaterWins:
         depth, labels, segmentation = (images[place] for place in (_DEPTH, _LABELS, _SEGMENTATION))
         assert segmentation is not None
         camera = self._camera.device_struct()
-        given = [worlds, depth, self._cull_backfaces, segmentation, labels]
+        span = segmentation.shape[2] if self._scene.device.is_cpu else 1
+        given = [worlds, depth, self._cull_backfaces, span, segmentation, labels]
         launch_images(
             show_later,
             segmentation.shape,
             lambda window: [coinciding, camera, poses, window, *given],
             device=self._scene.device,
             threads=self._threads,
+            span=span,
         )
 
     def _stream(self) -> int | None:
