@@ -13,7 +13,7 @@ import warpvis as wv
 from warpvis import Label, Scene
 from warpvis.webots import load_webots
 from warpvis.webots._grammar import parse_text
-from warpvis.webots._parts import rotation_matrix
+from warpvis.webots._transforms import rotation_matrix
 from warpvis.webots.shapes._geometry import tessellate
 
 WORLDS = Path(__file__).parent.parent / "scenes" / "webots"

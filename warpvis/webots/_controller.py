@@ -19,8 +19,8 @@ from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, PoseError
 from warpvis.maps import FloorMap, Sphere, back_project, classify, floor_map
 from warpvis.webots._nodes import Version
-from warpvis.webots._parts import rotation_matrix
 from warpvis.webots._ranges import UNBIASED, as_version
+from warpvis.webots._transforms import rotation_matrix
 
 _NO_IMAGE = "the range finder has no image: enable() it and step the simulation first"
 

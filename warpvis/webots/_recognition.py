@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,12 +16,17 @@ from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
 from warpvis.core.poses import look_at, poses_to_matrices
-from warpvis.errors import FileFormatError, SceneError
+from warpvis.errors import SceneError
 from warpvis.rendering import render
+from warpvis.scene import Scene
 from warpvis.visibility import object_visibility
+from warpvis.webots._detection import Box, Frustum, is_hidden
 from warpvis.webots._devices import Device
+from warpvis.webots._extents import Bounds, Extent, triangles_of
 from warpvis.webots._nodes import Node
 from warpvis.webots._range_images import find_device
+from warpvis.webots.shapes._polygons import join
+from warpvis.webots.shapes._resets import correction
 
 if TYPE_CHECKING:
     from warpvis.webots._world import WebotsWorld
@@ -35,7 +41,13 @@ class Recognised:
     objects: tuple[str, ...]
     """Names of its objects in the scene."""
     position: NDArray[np.float64]
-    """The middle of its box in the OpenCV frame of the camera [m], shape ``(3,)``."""
+    """The middle of its box in the OpenCV frame of the camera [m], shape ``(3,)``, as Webots computes it."""
+    size: NDArray[np.float64]
+    """Lengths of that box along the camera's axes [m], shape ``(3,)``."""
+    image_position: tuple[int, int]
+    """Middle of that box's corners in the image: Webots' ``position_on_image`` [px]."""
+    image_size: tuple[int, int]
+    """Their width and height: Webots' ``size_on_image`` [px]."""
     box: tuple[int, int, int, int]
     """Box of all of it that is within the image, hidden or not: x, y, width and height [px]."""
     visible_pixels: int
@@ -47,9 +59,16 @@ class Recognised:
 def recognise(world: WebotsWorld, camera_name: str, *, threads: int | None = None) -> list[Recognised]:
     """List what a camera's Recognition node lists, largest in the image first.
 
-    These are the Solids with `recognitionColors` that are partly within the image, whose middle is at most `maxRange`
-    away, and that pass the test that `occlusion` names: 0, none; 1, nothing is between the camera and the middle of
-    their box; 2, some of their pixels show. Of these, the `maxObjects` with the largest boxes in the image.
+    The rules are Webots' (``WbObjectDetection.cpp``, ``WbCamera.cpp``), for Solids with `recognitionColors` that are
+    not the camera's robot or a Solid just below it. A Solid's box is about its bounding objects and those of the
+    Solids in it, or, without any, about the sphere of its shapes. It is along the camera's axes, and what is outside of
+    the image is cut off. It must be partly within the image and a pixel wide and high there. The distance of its
+    middle, ahead, is at most `maxRange` plus half of the box's length ahead.
+
+    Then comes the test that `occlusion` names: 0, none; 1, the ray to the Solid's origin, and 2, one of those to its
+    box's corners, must not end in another Solid's bounding object more than half of the box's length before that. The
+    camera's own robot hides nothing, nor does what has no bounding object: see `visible_pixels`. Of what passes, the
+    `maxObjects` with the largest sizes in the image are listed.
 
     Args:
         world: The world, from `load_webots`.
@@ -58,36 +77,79 @@ def recognise(world: WebotsWorld, camera_name: str, *, threads: int | None = Non
 
     Raises:
         SceneError: There is no such camera, it has no Recognition node, or it is not planar.
-        FileFormatError: A field of the Recognition node is not what it has to be.
+        FileFormatError: A field of the Recognition node is not of its type.
     """
     device, node = _recognising(world, camera_name)
-    reach, most, occlusion = node.number("maxRange", 100.0), node.integer("maxObjects", -1), _occlusion(node)
+    reach, most, occlusion = _limits(node)
     groups = {name: names for name, (_, names) in world.recognisable.items() if names}
     if not groups:
         return []
+    frustum, matrix = Frustum.of(device.camera), poses_to_matrices(device.pose)
+    eye, axes = matrix[:3, 3], matrix[:3, :3].T
+    axes = np.stack([axes[2], -axes[0], -axes[1]])  # forward, left, up
+    boxes, counts = _seen(world, device, groups, threads)
+    obstacles = _obstacles(world.bounds) if occlusion else None
+    found = []
+    for name, names in groups.items():
+        extent = world.bounds.recognised[name]
+        box = _detected(world, device, frustum, (eye, axes), extent, reach)
+        if box is None:
+            continue
+        place, size = frustum.on_image(box)
+        if min(size) < 1 or (obstacles and _hidden(obstacles, extent, box, device.robot, eye, occlusion, threads)):
+            continue
+        pixels = int(sum(counts[world.scene.index(item)] for item in names))
+        silhouette = _union([boxes[item] for item in names]) or (0, 0, 0, 0)
+        colors = world.recognisable[name][0].numbers("recognitionColors").reshape(-1, 3)
+        middle, lengths = box.middle[[1, 2, 0]] * (-1, -1, 1), box.size[[1, 2, 0]]
+        found.append(Recognised(name, names, middle, lengths, place, size, silhouette, pixels, colors))
+    found.sort(key=lambda item: item.image_size[0] * item.image_size[1], reverse=True)
+    return found if most < 0 else found[:most]
+
+
+def _detected(
+    world: WebotsWorld,
+    device: Device,
+    frustum: Frustum,
+    frame: tuple[NDArray[np.float64], NDArray[np.float64]],
+    extent: Extent,
+    reach: float,
+) -> Box | None:
+    """Compute the box of what is shown of a Solid; None if it is the robot's own, too far away or not in the image."""
+    eye, axes = frame
+    if device.robot and extent.robot == device.robot and extent.level <= 1:
+        return None
+    sphere = extent.sphere()
+    if sphere is None or np.linalg.norm(sphere.center - eye) > reach + sphere.radius:
+        return None
+    box = frustum.box(extent, eye, axes, world.bounds.resolve)
+    return box if box is not None and abs(box.middle[0]) <= reach + box.size[0] / 2 else None
+
+
+def _seen(
+    world: WebotsWorld, device: Device, groups: Mapping[str, tuple[str, ...]], threads: int | None
+) -> tuple[dict[str, list[int]], NDArray[np.int64]]:
+    """Compute the boxes of silhouettes by object, and the number of pixels that show each object of the scene."""
     scene, camera = world.scene, _unlimited(device)
     chosen = list(dict.fromkeys(name for names in groups.values() for name in names))
     silhouettes = object_visibility(
         scene, camera, device.pose, objects=chosen, canvas=(0, 0, 0, 0), caster="rays", threads=threads
     )
     boxes = dict(zip(chosen, silhouettes.silhouette_box.numpy()[0].tolist(), strict=True))
-    counts = np.bincount(_object_image(world, device, threads).ravel() + 1, minlength=len(scene) + 1)[1:]
-    found = []
-    for name, names in groups.items():
-        box = _union([boxes[item] for item in names])
-        corners = np.concatenate([scene[item].bounds for item in names]).astype(np.float64)
-        middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
-        if box is None or np.linalg.norm(middle - device.pose[:3]) > reach:
-            continue
-        pixels = int(sum(counts[scene.index(item)] for item in names))
-        if (occlusion == 2 and not pixels) or (occlusion == 1 and _hidden(world, device, middle, names, threads)):
-            continue
-        matrix = poses_to_matrices(device.pose)
-        position = (middle - matrix[:3, 3]) @ matrix[:3, :3]
-        colors = world.recognisable[name][0].numbers("recognitionColors").reshape(-1, 3)
-        found.append(Recognised(name, names, position, box, pixels, colors))
-    found.sort(key=lambda item: item.box[2] * item.box[3], reverse=True)
-    return found if most < 0 else found[:most]
+    return boxes, np.bincount(_object_image(world, device, threads).ravel() + 1, minlength=len(scene) + 1)[1:]
+
+
+def _obstacles(bounds: Bounds) -> tuple[Scene, dict[Extent, str]]:
+    """Make a scene of all bounding objects, and name what each Solid's are called in it."""
+    scene = Scene()
+    names: dict[Extent, str] = {}
+    for extent in bounds.solids:
+        made = [triangles_of(node, transform, bounds.resolve) for node, transform in extent.bounding]
+        parts = [part for part in made if part is not None]
+        if parts:
+            names[extent] = str(len(names))
+            scene.add(join(parts), name=names[extent])
+    return scene, names
 
 
 def segmentation_image(world: WebotsWorld, camera_name: str, *, threads: int | None = None) -> NDArray[np.int32]:
@@ -117,15 +179,24 @@ def _recognising(world: WebotsWorld, name: str) -> tuple[Device, Node]:
     return device, device.recognition
 
 
-def _occlusion(node: Node) -> int:
-    """Read the field `occlusion`, which was TRUE or FALSE at first."""
+def _limits(node: Node) -> tuple[float, int, int]:
+    """Read `maxRange`, `maxObjects` and `occlusion`, reset as Webots resets them."""
+    reach, most = node.number("maxRange", 100.0), node.integer("maxObjects", -1)
     value = node.fields.get("occlusion")
-    if isinstance(value, list) and value and isinstance(value[0], bool):
-        return int(node.flag("occlusion", True))
-    occlusion = node.integer("occlusion", 1)
+    if isinstance(value, list) and value and isinstance(value[0], bool):  # it was TRUE or FALSE at first
+        occlusion = node.integer("occlusionAccuracy", 1) if node.flag("occlusion", True) else 0
+    else:
+        occlusion = node.integer("occlusion", 1)
+    notes = []
+    if reach <= 0:
+        notes.append(correction(node, "maxRange", reach, 100))
+    if most < 1 and most != -1:
+        notes.append(correction(node, "maxObjects", most, -1))
     if occlusion not in (0, 1, 2):
-        raise FileFormatError(f"{node.file}:{node.line}: expected occlusion of Recognition 0, 1 or 2, got {occlusion}")
-    return occlusion
+        notes.append(correction(node, "occlusion", occlusion, 1))
+    for note in notes:
+        warnings.warn(note, stacklevel=3)
+    return reach if reach > 0 else 100.0, max(most, -1) or -1, occlusion if occlusion in (0, 1, 2) else 1
 
 
 def _unlimited(device: Device) -> Camera:
@@ -140,22 +211,29 @@ def _object_image(world: WebotsWorld, device: Device, threads: int | None) -> ND
 
 
 def _hidden(
-    world: WebotsWorld, device: Device, middle: NDArray[np.float64], names: Sequence[str], threads: int | None
+    obstacles: tuple[Scene, dict[Extent, str]],
+    extent: Extent,
+    box: Box,
+    robot: str,
+    eye: NDArray[np.float64],
+    occlusion: int,
+    threads: int | None,
 ) -> bool:
-    """Tell whether something else is between the camera and a point."""
-    eye = device.pose[:3]
-    ahead = middle - eye
-    distance = float(np.linalg.norm(ahead))
-    if distance == 0:
-        return False
-    sideways = np.eye(3)[np.argmin(np.abs(ahead))]
-    ray = Camera.from_fov(1, 1, hfov=0.1, near=0.0, far=math.inf)
-    pose = look_at(eye, middle, up=sideways)
-    views = render(
-        world.scene, ray, pose, outputs=("depth", "segmentation"), cull_backfaces=True, threads=threads, caster="rays"
-    )
-    first = int(views.segmentation.numpy()[0, 0, 0])
-    return first >= 0 and world.scene.objects[first].name not in names and views.depth.numpy()[0, 0, 0] < distance
+    """Tell whether all rays to a Solid end in bounding objects of others, well before it."""
+    scene, names = obstacles
+    # Webots adds the corners of the box along the camera's axes to a place in the world without turning them.
+    ends = extent.origin + (np.zeros((1, 3)) if occlusion == 1 else box.corners())
+    lengths = np.linalg.norm(ends - eye, axis=1)
+    own = {extent, *extent.solids}
+    passed = {name for each, name in names.items() if each in own or (robot and each.robot == robot)}
+    hits = np.full(len(ends), np.inf)
+    if len(passed) < len(names) and (lengths > 0).all():
+        ray = Camera.from_fov(1, 1, hfov=0.1, near=0.0, far=math.inf)
+        sideways = np.eye(3)[np.abs(ends - eye).argmin(axis=1)]
+        poses = np.stack([look_at(eye, end, up=up) for end, up in zip(ends, sideways, strict=True)])
+        views = render(scene, ray, poses, outputs=("depth",), exclude=sorted(passed), threads=threads, caster="rays")
+        hits = views.depth.numpy()[:, 0, 0].astype(np.float64)
+    return is_hidden(lengths, hits, box.size)
 
 
 def _union(boxes: Sequence[Sequence[int]]) -> tuple[int, int, int, int] | None:

@@ -20,6 +20,7 @@ from warpvis.errors import FileFormatError
 from warpvis.scene import keep_winding
 from warpvis.webots._depth_cameras import DEPTH_CAMERAS, expand_depth_camera
 from warpvis.webots._devices import Device, read_device
+from warpvis.webots._extents import Extent, ball_about, bounding_geometry
 from warpvis.webots._grammar import World
 from warpvis.webots._nodes import Node, Value
 from warpvis.webots._parts import (
@@ -28,11 +29,11 @@ from warpvis.webots._parts import (
     Names,
     Solid,
     Step,
-    Transform,
     corrected_scale,
     is_level,
     vertical_axis,
 )
+from warpvis.webots._transforms import Transform
 from warpvis.webots._urls import is_file, places_in_project, places_in_tree
 from warpvis.webots.protos._builtin import expand
 from warpvis.webots.protos._expansion import Protos
@@ -83,6 +84,8 @@ class Reader:
         self.devices: dict[str, Device] = {}
         self.robots: dict[str, list[Solid]] = {}
         self.recognisable: dict[str, tuple[Node, list[Solid]]] = {}
+        self.extents: list[Extent] = []  # of all Solids
+        self.bounds: dict[str, Extent] = {}  # of those that are recognised
         self.skipped: dict[str, int] = {}
         self.reasons: dict[str, str] = {}
         self.refused: list[str] = []
@@ -199,6 +202,7 @@ class Reader:
         transform = step.transform.within(node, self._scale(node))
         if not is_part:
             step = self._begin_solid(step, name)
+        step = self._begin_extent(step, transform)
         robot = step.robots[-1] if step.robots else ""
         found = None
         with self._leaving_out():
@@ -235,6 +239,24 @@ class Reader:
             self.recognisable[known][1].append(solid)
         return dataclasses.replace(step, owner=solid, robots=robots, recognised=recognised, human=human)
 
+    def _begin_extent(self, step: Step, transform: Transform) -> Step:
+        """Note where a Solid is and what bounds it, which decides what hides what is recognised."""
+        node, outer = step.node, step.extent
+        if step.origin:
+            return step
+        robot = step.robots[-1] if step.robots else ""
+        inner = outer is not None and outer.robot == robot and node.type not in ROBOTS
+        extent = Extent(transform.offset, robot, outer.level + 1 if inner and outer is not None else 0)
+        with self._leaving_out():
+            for item in node.nodes("boundingObject"):
+                extent.bounding += bounding_geometry(item, transform)
+        self.extents.append(extent)
+        if outer is not None:
+            outer.parts.append(extent)
+        if step.recognised and len(node.numbers("recognitionColors")):
+            self.bounds[step.recognised[0]] = extent
+        return dataclasses.replace(step, extent=extent)
+
     def _add_shape(self, step: Step) -> None:
         node = step.node
         geometry = node if node.type == "CadShape" else node.node("geometry")
@@ -259,6 +281,8 @@ class Reader:
             raise FileFormatError(f"{node.file}:{node.line}: expected {node.type} within {FARTHEST:g} m of the origin")
         faces = keep_winding(faces, step.transform.linear)
         owner.parts.append((placed, faces))
+        if step.recognised and step.extent is not None:
+            step.extent.parts.append(ball_about(placed))
         owner.level.append(is_level(placed, faces, "xyz".index(self.up)))
 
     def _tessellate(self, geometry: Node) -> Triangles | None:
@@ -269,14 +293,14 @@ class Reader:
             try:
                 with self._leaving_out():
                     fixed, notes = reset_fields(geometry)
-                    mesh = tessellate(fixed, resolve=self._find_mesh)
+                    mesh = tessellate(fixed, resolve=self.find_mesh)
                     self.notes += notes
             except MissingMeshError:
                 self._skip(f"{geometry.type} {' '.join(geometry.texts('url'))}".strip())
             known = self._meshes[id(geometry)] = (geometry, mesh)
         return known[1]
 
-    def _find_mesh(self, url: str, node: Node) -> Path | None:
+    def find_mesh(self, url: str, node: Node) -> Path | None:
         """Find the file of a url in the project or, in Webots' own folders, on the search path."""
         places = places_in_tree(url, self._search_path)
         if places is None and "://" not in url:

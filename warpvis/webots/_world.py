@@ -16,6 +16,7 @@ from warpvis.core.types import DeviceLike
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.scene import FileParts, Scene
 from warpvis.webots._devices import Device
+from warpvis.webots._extents import Bounds
 from warpvis.webots._grammar import parse_world
 from warpvis.webots._nodes import Node, Version
 from warpvis.webots._parts import Solid, make_parts, names_of, shortened, skipped_message
@@ -38,6 +39,8 @@ class WebotsWorld:
     """For every robot, the names of the objects that are its body, what it carries included."""
     recognisable: dict[str, tuple[Node, tuple[str, ...]]]
     """For every Solid with `recognitionColors`, its node and the names of its objects."""
+    bounds: Bounds
+    """Where Solids are and what bounds them, for `warpvis.webots.recognise`."""
     skipped: dict[str, int]
     """What was not found, and how often it is there: PROTOs without a file, meshes without a file."""
     refused: tuple[str, ...]
@@ -110,6 +113,7 @@ def load_webots(
         reader.devices,
         {name: names_of(names, solids) for name, solids in reader.robots.items()},
         {name: (node, names_of(names, solids)) for name, (node, solids) in reader.recognisable.items()},
+        Bounds(reader.bounds, reader.extents, reader.find_mesh),
         dict(reader.skipped),
         tuple(dict.fromkeys(reader.refused)),
         reader.corrections(),
