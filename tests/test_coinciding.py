@@ -280,6 +280,16 @@ def test_equal_meshes_need_no_triangles_of_their_own():
     assert len(pairs.faces[2]) == len(ball.faces)
 
 
+def test_slivers_of_a_mesh_that_coincides_are_not_forgotten():
+    """Another exporter has rounded the corners otherwise: the normals of thin triangles are any."""
+    bowl = trimesh.creation.capsule(height=0.2, radius=0.1, count=[64, 64])
+    rounded = trimesh.Trimesh(np.round(bowl.vertices, 6), bowl.faces[::-1], process=False)
+    scene = scene_of(("one", bowl), ("other", rounded))
+    pairs = find_pairs(scene.objects, np.zeros(2, dtype=int))
+    assert names_of(pairs, scene) == {("one", "other")}
+    assert len(pairs.faces[1]) == len(bowl.faces)
+
+
 def test_solids_are_pairs_where_their_true_surfaces_coincide():
     text = f"""{HEAD}<body><freejoint/>
       <geom name="rod" type="capsule" size=".1 .3"/>

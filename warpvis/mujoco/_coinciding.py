@@ -156,24 +156,31 @@ class _Triangles:
     normal: _Floats
     """(N, 3)."""
     offset: _Floats
-    """(N,): its plane is where ``normal . x = offset``, from the middle of its piece [m]."""
+    """(N,): its plane is where ``normal . x = offset``, from `middle` [m]."""
     middle: _Floats
-    """(N, 3): the middle of its piece [m]."""
+    """(N, 3): a point of its piece [m]."""
 
     @classmethod
     def of(cls, corners: _Floats, faces: _Ints, owners: _Ints, pieces: NDArray[np.int_]) -> _Triangles:
-        """Make them of corners, ``(N, 3, 3)``, their numbers, their objects, and every object's piece."""
+        """Make them of corners, ``(N, 3, 3)``, their numbers, their objects, and every object's piece.
+
+        Those without an area are left out, and most of those that are of no plane of another object's.
+        """
         a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
         normal = np.cross(b - a, c - a)
         length = np.sqrt(np.einsum("nk,nk->n", normal, normal))
         normal /= np.where(length > 0, length, 1)[:, None]
-        piece = pieces[owners]
-        _, dense = np.unique(piece, return_inverse=True)
-        counts = np.bincount(dense)
-        middle = np.stack([np.bincount(dense, a[:, axis]) / counts for axis in range(3)], axis=1)[dense]
+        # Offsets are small numbers from near a piece, so that they are of more digits: from any corner of it.
+        _, first, dense = np.unique(pieces, return_index=True, return_inverse=True)
+        start = np.zeros((len(first), 3))
+        start[dense[owners]] = a
+        middle = start[dense[owners]]
         offset = np.einsum("nk,nk->n", normal, a - middle)
+        kept = np.flatnonzero(_may_match(normal, offset, pieces[owners], owners) & (length > 0))
+        a, b, c = a[kept], b[kept], c[kept]
         low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-        return cls(owners, piece, faces, low, high, normal, offset, middle).take(length > 0)
+        owners = owners[kept]
+        return cls(owners, pieces[owners], faces[kept], low, high, normal[kept], offset[kept], middle[kept])
 
     def take(self, chosen: NDArray[np.int64 | np.bool_]) -> _Triangles:
         """Return some of them."""
@@ -199,7 +206,6 @@ def _find_planes(
         return {}, {}
     corners, numbers, owners = (np.concatenate(part) for part in zip(*parts, strict=True))
     triangles = _Triangles.of(corners, numbers, owners, pieces)
-    triangles = triangles.take(_may_match(triangles))
     planes, plane_of = _join_planes(triangles)
     p, q = _matching(planes)
     # A pair of objects is one number.
@@ -213,7 +219,10 @@ def _find_planes(
     chosen[q] = True
     taken = chosen[plane_of]
     owner, face = triangles.owner[taken], triangles.face[taken]
-    faces_of = {int(k): np.sort(face[owner == k]) for k in np.unique(owner)}
+    faces_of = {int(k): np.sort(face[owner == k]) for k in np.unique(owner) if objects[k].solid is None}
+    for index, some in faces_of.items():
+        if 2 * len(some) > len(objects[index].faces):  # the others are slivers, whose normals are mostly rounding
+            faces_of[index] = np.arange(len(objects[index].faces))
     return {divmod(int(pair), len(objects)): box for pair, box in zip(found, shared, strict=True)}, faces_of
 
 
@@ -238,27 +247,27 @@ def _read_triangles(
     return corners, numbers if item.solid is None else 0 * numbers, np.full(len(numbers), index)
 
 
-def _bins(triangles: _Triangles) -> Iterator[NDArray[np.uint64]]:
-    """Put triangles into bins by a coordinate of their normals and by their offsets.
+def _bins(normal: _Floats, offset: _Floats, piece: NDArray[np.int_]) -> Iterator[NDArray[np.uint64]]:
+    """Put planes into bins by a coordinate of their normals and by their offsets.
 
     This is done four times, half a bin apart, so that what is nearer than that is in one bin at least once.
     """
-    reach = float(np.median(np.abs(triangles.offset))) if len(triangles.offset) else 1.0
-    digits = np.c_[triangles.normal @ _SKEW, triangles.offset / max(reach, _FINE)] / (2 * _TURN)
-    for shift in product((0.0, 0.5), repeat=2):
-        yield _mixed(np.c_[np.floor(digits + shift), triangles.piece].astype(np.int64))
+    reach = max(float(np.median(np.abs(offset))), _FINE) if len(offset) else 1.0
+    turn, away = normal @ _SKEW / (2 * _TURN), offset / (2 * _TURN * reach)
+    for shift, other_shift in product((0.0, 0.5), repeat=2):
+        yield _mixed(np.floor(turn + shift).astype(np.int64), np.floor(away + other_shift).astype(np.int64), piece)
 
 
-def _may_match(triangles: _Triangles) -> NDArray[np.bool_]:
+def _may_match(normal: _Floats, offset: _Floats, piece: NDArray[np.int_], owner: NDArray[np.int_]) -> NDArray[np.bool_]:
     """Tell which triangles may be of one plane with another object's, by a table of bins: quickly, most are not."""
-    matches = np.zeros(len(triangles.owner), dtype=bool)
-    table = np.zeros(_TABLE, dtype=np.int32)
-    for bins in _bins(triangles):
-        bins %= np.uint64(_TABLE)
-        table[bins] = triangles.owner
+    matches = np.zeros(len(owner), dtype=bool)
+    table, short = np.zeros(_TABLE, dtype=np.int32), owner.astype(np.int32)
+    for bins in _bins(normal, offset, piece):
+        places = (bins & np.uint64(_TABLE - 1)).astype(np.int64)
+        table[places] = short
         shared = np.zeros(_TABLE, dtype=bool)
-        shared[bins[table[bins] != triangles.owner]] = True
-        matches |= shared[bins]
+        shared[places[table[places] != short]] = True
+        matches |= shared[places]
     return matches
 
 
@@ -266,7 +275,7 @@ def _join_planes(triangles: _Triangles) -> tuple[_Triangles, _Ints]:
     """Make one of each object's triangles of one plane, with the box of all, and say which each became part of."""
     scale = np.maximum(np.abs(triangles.low), np.abs(triangles.high)).max(axis=1, initial=_FINE)
     digits = np.rint(np.c_[triangles.normal, triangles.offset / scale] / _FINE).astype(np.int64)
-    _, first, plane = np.unique(_mixed(np.c_[digits, triangles.owner]), return_index=True, return_inverse=True)
+    _, first, plane = np.unique(_mixed(*digits.T, triangles.owner), return_index=True, return_inverse=True)
     planes = triangles.take(first)
     np.minimum.at(planes.low, plane, triangles.low)
     np.maximum.at(planes.high, plane, triangles.high)
@@ -277,7 +286,7 @@ def _matching(planes: _Triangles) -> tuple[_Ints, _Ints]:
     """Find pairs of planes, the earlier object's first, that coincide where their boxes overlap."""
     margin = _CLOSENESS * np.maximum(np.abs(planes.low), np.abs(planes.high)).max(axis=1, initial=0.0)[:, None]
     low, high = planes.low - margin, planes.high + margin
-    found = [np.stack(_overlapping(low, high, bins)) for bins in _bins(planes)]
+    found = [np.stack(_overlapping(low, high, bins)) for bins in _bins(planes.normal, planes.offset, planes.piece)]
     p, q = np.concatenate(found, axis=1)
     p, q = np.where(planes.owner[p] < planes.owner[q], (p, q), (q, p))
     different = planes.owner[p] != planes.owner[q]
@@ -290,11 +299,12 @@ def _matching(planes: _Triangles) -> tuple[_Ints, _Ints]:
     return p[close], q[close]
 
 
-def _mixed(rows: _Ints) -> NDArray[np.uint64]:
+def _mixed(*columns: NDArray[np.int_]) -> NDArray[np.uint64]:
     """Make one number of every row of whole numbers; rows that differ have different ones, but for bad luck."""
-    mixed = np.zeros(len(rows), dtype=np.uint64)
-    for column in rows.T:
-        mixed = (mixed ^ column.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
+    mixed = np.zeros(len(columns[0]), dtype=np.uint64)
+    for column in columns:
+        mixed ^= column.astype(np.uint64)
+        mixed *= np.uint64(0x9E3779B97F4A7C15)
         mixed ^= mixed >> np.uint64(29)
     return mixed
 
