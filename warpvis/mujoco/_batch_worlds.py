@@ -27,7 +27,8 @@ class FixedGeoms:
         shown = mujoco_scene.scene.objects[: len(mujoco_scene.geom_ids)]
         self._geoms = mujoco_scene.geom_ids[[index for index, item in enumerate(shown) if not item.movable]]
         self._names = [item.name for item in shown if not item.movable]
-        self._poses = initial_poses(model)[self._geoms]
+        poses = initial_poses(model)[self._geoms]
+        self._position, self._rotation = poses[:, :3, 3].copy(), poses[:, :3, :3].reshape(-1, 9)
 
     def check(self, source: PoseSource, worlds: NDArray[np.int32]) -> None:
         """Compare them with poses that are in the host's memory; others are not looked at.
@@ -42,17 +43,20 @@ class FixedGeoms:
             position, rotation = position[None], rotation[None]
         if position.shape[1:] != (self._count, 3) or position.shape[:2] != rotation.shape[:2]:
             return  # what reads them says so
-        seen = np.ix_(worlds, self._geoms)
-        moved = (np.abs(position[seen] - self._poses[:, :3, 3]) > _MOVED).any(axis=2)
-        turned = np.abs(rotation[seen].reshape(*moved.shape, 9) - self._poses[:, :3, :3].reshape(-1, 9)) > _MOVED
-        bad = np.argwhere(moved | turned.any(axis=2))
-        if len(bad):
-            row, column = bad[0].tolist()
-            name = self._names[column]
-            raise ArrayError(
-                f"geom {name!r} is elsewhere in world {worlds[row]} than in the model, and fixed in the scene; make "
-                f'the BatchRenderer with movable=[{name!r}] or movable="all"'
-            )
+        if not np.array_equal(worlds, np.arange(len(position))):
+            position, rotation = position[worlds], rotation[worlds]
+        # The common answer first: this is called for every image.
+        moved = np.abs(position.take(self._geoms, axis=1) - self._position)
+        turned = np.abs(rotation.take(self._geoms, axis=1).reshape(*moved.shape[:2], 9) - self._rotation)
+        if moved.max(initial=0) <= _MOVED and turned.max(initial=0) <= _MOVED:
+            return
+        bad = np.argwhere(~(moved <= _MOVED).all(axis=2) | ~(turned <= _MOVED).all(axis=2))
+        row, column = bad[0].tolist()
+        name = self._names[column]
+        raise ArrayError(
+            f"geom {name!r} is elsewhere in world {worlds[row]} than in the model, and fixed in the scene; make the "
+            f'BatchRenderer with movable=[{name!r}] or movable="all"'
+        )
 
 
 def check_worlds(worlds: ArrayLike | None, count: int) -> NDArray[np.int32]:
