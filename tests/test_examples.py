@@ -14,6 +14,8 @@ EXAMPLES = Path(__file__).parent.parent / "examples"
 SAYS = {
     "aloha_perspective.py": r"spoon +object +hidden by pot +hidden by pot +neither\n"
     r"the collaborator may mean the salt: score 0\.98(.|\n)*the teleoperator must move to see: salt\n",
+    "ros2_node.py": r'cup: {"status": "visible", "fraction": 0\.1\d+, "pixels": \d+, "hidden_by": "arm"}\n'
+    r'bowl: {"status": "visible", "fraction": 1\.0, .*\nlamp: {"status": "out_of_view"',
     "webots_controller.py": r"no Webots here; of experiment_3_R2023b.wbt the robot sees 2\.\d m\^2 of the floor",
     "mujoco_depth.py": r"the bob shows on \d+ pixels, 2\.\d+ m away.*\nof 512 views the bob shows in 512",
     "mujoco_rollout.py": r"160 depth images of 8 rollouts\nwhere the bob is in the first rollout, in columns: \[\d+, ",

@@ -1,0 +1,329 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""A ROS 2 node: what a camera on the robot sees of a scene and of the robot itself, and how much of every object.
+
+    python ros2_node.py --ros-args -p scene:=lab.glb -p fixed_frame:=map -p camera_frame:=camera_depth_optical_frame
+
+The robot comes from `robot_description`, poses of its links and of the camera's optical frame from tf. It publishes
+`depth/image_rect`, `camera_info`, `points` and `visibility`, which is JSON text. Its parameters are `PARAMETERS`. Where
+ROS is not installed, it shows one look of a robot of two links.
+"""
+
+import copy
+import dataclasses
+import json
+import math
+import os
+import tempfile
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import trimesh
+
+import warpvis as wv
+
+PARAMETERS = {
+    "scene": "",  # a file of what stands around the robot: glTF, OBJ, MJCF, a Webots world, ...
+    "movable": "",  # what else moves, "cup=cup.glb bowl=bowl.obj": tf has a frame of each name, which the file is in
+    "fixed_frame": "map",  # tf's frame that the scene is in
+    "camera_frame": "camera_depth_optical_frame",
+    "camera_info": "",  # a topic of a real camera's CameraInfo; or the next three
+    "width": 320,
+    "height": 240,
+    "hfov": 0.994837,
+    "near": 0.3,
+    "far": 4.5,
+    "encoding": "32FC1",  # or 16UC1
+    "objects": "",  # what `visibility` tells of; by default all but the robot's links
+    "exclude": "",  # what the camera does not see: the links that it sits in
+    "rate": 10.0,
+    "device": "cpu",
+}
+
+Mesh = tuple[np.ndarray, np.ndarray]
+"""Vertices and faces."""
+
+Lookup = Callable[[str], Sequence[float] | None]
+"""Gives a frame's pose in the fixed frame, ``x y z qx qy qz qw``, or None."""
+
+
+def read_links(urdf: str, search_path: Sequence[str] = ()) -> dict[str, Mesh]:
+    """Return the meshes of a robot's links in the links' own frames, which are those of tf."""
+    robot = ElementTree.fromstring(urdf)
+    shown = "visual" if robot.find("link/visual") is not None else "collision"
+    shared = [item for item in robot if item.tag in ("material", "mujoco")]
+    links = {}
+    for link in robot.findall("link"):
+        shapes = link.findall(shown)
+        if not shapes:
+            continue
+        alone = ElementTree.Element("robot", name=link.get("name", ""))
+        alone.extend(copy.deepcopy(shared))
+        ElementTree.SubElement(alone, "link", name=link.get("name", "")).extend(shapes)
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "link.urdf"
+            ElementTree.ElementTree(alone).write(path)
+            try:
+                items = wv.Scene.load(path, search_path=search_path).objects
+            except wv.WarpvisError as error:  # no mesh of it was found: the others are worth seeing
+                warnings.warn(f"link {link.get('name')} is not shown: {error}", stacklevel=2)
+                continue
+        links[link.get("name", "")] = join(items)
+    return links
+
+
+def join(items: Sequence[wv.SceneObject]) -> Mesh:
+    """Return objects as one mesh."""
+    first = np.cumsum([0] + [len(item.vertices) for item in items])
+    faces = [item.faces + start for item, start in zip(items, first, strict=False)]
+    return np.concatenate([item.vertices for item in items]), np.concatenate(faces)
+
+
+def build_scene(
+    file: str = "", urdf: str = "", *, movable: str = "", search_path: Sequence[str] = (), device: str = "cpu"
+) -> tuple[wv.Scene, list[str]]:
+    """Make a scene of a file, of what moves in it, and of a robot's links; return it and the links' names."""
+    scene = wv.Scene.load(file, device=device) if file else wv.Scene(device=device)
+    for item in movable.split():
+        name, _, part = item.partition("=")
+        scene.add(join(wv.Scene.load(part).objects), name=name, label="object", movable=True)
+    links = read_links(urdf, search_path) if urdf else {}
+    for name, mesh in links.items():
+        scene.add(mesh, name=name, label="robot", movable=True)
+    return scene, list(links)
+
+
+def pose_of(message: Any) -> list[float]:
+    """Return a TransformStamped as a row ``x y z qx qy qz qw``: the child's pose in the frame of the header."""
+    place, turn = message.transform.translation, message.transform.rotation
+    return [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
+
+
+class Eye:
+    """A camera in a scene whose objects move."""
+
+    def __init__(
+        self,
+        scene: wv.Scene,
+        camera: wv.Camera,
+        *,
+        links: Iterable[str] = (),
+        objects: Iterable[str] = (),
+        exclude: Iterable[str] = (),
+    ) -> None:
+        """Take a scene, which of its objects are links of the robot, which to tell of, and which not to see."""
+        self.scene, self.camera = scene, camera
+        self.lost: set[str] = set()
+        """Objects of which tf has never said where they are."""
+        self._exclude = set(exclude)
+        others = [item.name for item in scene.objects if item.name not in set(links)]
+        self._objects = list(objects) or others or list(links)
+        self._renderer = wv.Renderer(scene, camera, outputs=("depth",))
+        self._poses = np.array([scene.objects[index].pose for index in scene.movable]).reshape(-1, 7)
+        self._placed: set[str] = set()
+
+    def follow(self, lookup: Lookup) -> None:
+        """Move what moves to where tf has it now; of what it does not know, the last pose counts."""
+        names = [self.scene.objects[index].name for index in self.scene.movable]
+        for row, name in enumerate(names):
+            pose = lookup(name)
+            if pose is not None:
+                self._poses[row] = pose
+                self._placed.add(name)
+        self.lost = set(names) - self._placed
+
+    def look(self, camera_to_world: Sequence[float] | np.ndarray) -> tuple[wv.Views, dict[str, dict[str, Any]]]:
+        """Render the camera's image, and tell of every object how much it shows of it."""
+        hidden = sorted(self._exclude | self.lost)  # what is nowhere yet would be at the origin
+        world: dict[str, Any] = {"object_poses": self._poses if len(self._poses) else None, "exclude": hidden or None}
+        views = self._renderer.render(camera_to_world, **world)
+        report = wv.object_visibility(self.scene, self.camera, camera_to_world, objects=self._objects, **world)
+        columns = (report.status, report.fraction, report.visible_pixels, report.occluder)
+        rows = zip(report.names, *(column.numpy()[0].tolist() for column in columns), strict=True)
+        return views, {
+            name: {
+                "status": wv.Visibility(status).name.lower(),
+                "fraction": round(fraction, 4),
+                "pixels": pixels,
+                "hidden_by": self.scene.objects[occluder].name if occluder >= 0 else None,
+            }
+            for name, status, fraction, pixels, occluder in rows
+        }
+
+
+def describe(objects: dict[str, dict[str, Any]], frame_id: str, stamp: Any) -> str:
+    """Write what is visible as JSON, with the header of the images that it belongs to."""
+    header = {"stamp": {"sec": stamp.sec, "nanosec": stamp.nanosec}, "frame_id": frame_id}
+    return json.dumps({"header": header, "objects": objects})
+
+
+class Viewer:
+    """Connects an `Eye` to the topics of a node."""
+
+    def __init__(self, node: Any, ros: Any, search_path: Sequence[str] = ()) -> None:
+        """Take a node, and what of ROS it is made with; see `main`."""
+        self._node, self._ros, self._search_path = node, ros, search_path
+        self._set = {name: node.declare_parameter(name, value).value for name, value in PARAMETERS.items()}
+        self._urdf = ""
+        self._told: set[str] = set()
+        self._eye: Eye | None = None
+        self._camera: wv.Camera | None = None
+        if self._set["camera_info"]:
+            node.create_subscription(ros.CameraInfo, self._set["camera_info"], self.take_camera, ros.sensor_qos)
+        else:
+            sizes = {name: self._set[name] for name in ("width", "height", "hfov", "near", "far")}
+            self._camera = wv.Camera.from_fov(**sizes)
+        node.create_subscription(ros.String, "robot_description", self.take_robot, ros.latched_qos)
+        self._images = node.create_publisher(ros.Image, "depth/image_rect", 5)
+        self._infos = node.create_publisher(ros.CameraInfo, "camera_info", 5)
+        self._clouds = node.create_publisher(ros.PointCloud2, "points", 5)
+        self._texts = node.create_publisher(ros.String, "visibility", 5)
+        node.create_timer(1 / self._set["rate"], self.tick)
+        self._open()
+
+    def take_robot(self, message: Any) -> None:
+        """Build the scene again with the robot that a message describes."""
+        self._urdf = message.data
+        self._open()
+
+    def take_camera(self, message: Any) -> None:
+        """Take a real camera's size and intrinsics."""
+        camera = wv.Camera.from_camera_info(message, near=self._set["near"], far=self._set["far"])
+        if camera != self._camera:
+            self._camera = camera
+            self._open()
+
+    def _open(self) -> None:
+        if self._camera is None or not (self._set["scene"] or self._urdf):
+            return
+        objects, exclude = (self._set[name].split() for name in ("objects", "exclude"))
+        options = {"movable": self._set["movable"], "search_path": self._search_path, "device": self._set["device"]}
+        scene, links = build_scene(self._set["scene"], self._urdf, **options)
+        if not self._urdf:  # names of links are not there yet
+            objects, exclude = ([name for name in names if name in scene] for names in (objects, exclude))
+        self._eye = Eye(scene, self._camera, links=links, objects=objects, exclude=exclude)
+
+    def tick(self) -> None:
+        """Look once, and publish what is seen; nothing where tf does not know the camera yet."""
+        if self._eye is None or self._camera is None:
+            return
+        frame = self._set["camera_frame"]
+        seen_from = self._find(frame, None)
+        if seen_from is None:
+            self._tell_once(frame, f"tf does not know {frame} in {self._set['fixed_frame']} yet")
+            return
+        stamp = seen_from.header.stamp
+        if not (stamp.sec or stamp.nanosec):  # all between the frames stands still, so it is there at any time
+            stamp = self._node.get_clock().now().to_msg()
+        self._eye.follow(lambda name: self._pose(name, stamp))
+        for name in sorted(self._eye.lost):
+            self._tell_once(name, f"tf does not know {name} yet, so it is not shown")
+        views, objects = self._eye.look(pose_of(seen_from))
+        header = {"frame_id": frame, "stamp": stamp}
+        self._images.publish(wv.io.to_image_msg(views.depth, encoding=self._set["encoding"], **header))
+        self._infos.publish(self._camera.to_camera_info(**header))
+        self._clouds.publish(wv.io.to_pointcloud2(views.depth, self._camera, **header))
+        self._texts.publish(self._ros.String(data=describe(objects, frame, stamp)))
+
+    def _pose(self, name: str, stamp: Any) -> list[float] | None:
+        """Find where a frame is: at the time of the image, or, where tf is not there yet, where it was last."""
+        found = self._find(name, stamp) or self._find(name, None)
+        return None if found is None else pose_of(found)
+
+    def _find(self, name: str, stamp: Any) -> Any:
+        time = self._ros.Time() if stamp is None else self._ros.Time.from_msg(stamp)
+        try:
+            return self._ros.buffer.lookup_transform(self._set["fixed_frame"], name, time)
+        except self._ros.TransformException:
+            return None
+
+    def _tell_once(self, name: str, text: str) -> None:
+        if name not in self._told:
+            self._told.add(name)
+            self._node.get_logger().warning(text)
+
+
+@dataclasses.dataclass
+class Ros:
+    """What a `Viewer` takes of ROS."""
+
+    Image: Any
+    CameraInfo: Any
+    PointCloud2: Any
+    String: Any
+    Time: Any
+    buffer: Any
+    TransformException: Any
+    sensor_qos: Any
+    latched_qos: Any
+
+
+def main() -> None:
+    """Run the node until it is stopped."""
+    try:
+        import rclpy
+    except ImportError:
+        show()
+        return
+    from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+    from rclpy.time import Time
+    from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+    from std_msgs.msg import String
+    from tf2_ros import Buffer, TransformException, TransformListener
+
+    rclpy.init()
+    node = rclpy.create_node("warpvis")
+    buffer = Buffer()
+    listener = TransformListener(buffer, node)  # as long as it is kept, it listens
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    ros = Ros(
+        Image, CameraInfo, PointCloud2, String, Time, buffer, TransformException, qos_profile_sensor_data, latched
+    )
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    shares = [str(Path(prefix) / "share") for prefix in prefixes if prefix and (Path(prefix) / "share").is_dir()]
+    viewer = Viewer(node, ros, search_path=shares)
+    try:
+        rclpy.spin(node)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        del viewer, listener
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+ROBOT = """
+<robot name="stand">
+  <link name="mast">
+    <visual><origin xyz="0 0 0.5"/><geometry><box size="0.1 0.1 1"/></geometry></visual>
+  </link>
+  <link name="arm">
+    <visual><origin xyz="0.3 0 0"/><geometry><cylinder radius="0.04" length="0.1"/></geometry></visual>
+    <visual><origin xyz="0.2 0 0"/><geometry><box size="0.4 0.04 0.04"/></geometry></visual>
+  </link>
+  <joint name="shoulder" type="continuous"><parent link="mast"/><child link="arm"/></joint>
+</robot>
+"""
+
+
+def show() -> None:
+    """Look once, with poses that tf would give: an arm in front of a camera, and a cup behind it."""
+    scene, links = build_scene(urdf=ROBOT)
+    for name, x, y in (("cup", 1.5, 0.0), ("bowl", 1.5, 0.4), ("lamp", -2.0, 0.0)):
+        scene.add(trimesh.creation.icosphere(radius=0.08), name=name, label="object", pose=(x, y, 0.95, 0, 0, 0, 1))
+    camera = wv.Camera.from_fov(320, 240, hfov=math.radians(60), near=0.1)
+    eye = Eye(scene, camera, links=links, exclude=["mast"])
+    frames = {"mast": (0, 0, 0, 0, 0, 0, 1), "arm": (0.4, 0, 0.95, 0, 0, 0, 1)}
+    eye.follow(frames.get)
+    _, objects = eye.look(wv.look_at((0, 0, 1), (1, 0, 1)))
+    print("no ROS here; a camera on a mast sees")
+    for name, seen in objects.items():
+        print(f"{name}: {json.dumps(seen)}")
+
+
+if __name__ == "__main__":
+    main()

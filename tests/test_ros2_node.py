@@ -1,0 +1,359 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The ROS 2 node of the examples, without ROS: stand-ins for a node, for tf and for messages."""
+
+import importlib.util
+import json
+import sys
+import types
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import trimesh
+
+pytest.importorskip("rosbags.typesys")
+
+import ros_messages
+
+import warpvis as wv
+
+PATH = Path(__file__).parent.parent / "examples" / "ros2_node.py"
+EYE_FRAME = "camera_depth_optical_frame"
+
+URDF = """
+<robot name="arm">
+  <material name="grey"><color rgba="0.5 0.5 0.5 1"/></material>
+  <link name="base">
+    <visual><origin xyz="0 0 0.1"/><geometry><box size="0.2 0.2 0.2"/></geometry><material name="grey"/></visual>
+    <visual><origin xyz="0 0 0.25" rpy="0 0 0"/><geometry><box size="0.1 0.1 0.1"/></geometry></visual>
+    <collision><geometry><box size="9 9 9"/></geometry></collision>
+  </link>
+  <link name="hand">
+    <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <visual>
+      <origin xyz="0.3 0 0" rpy="0 0 1.5707963267948966"/><geometry><box size="0.6 0.02 0.04"/></geometry>
+    </visual>
+  </link>
+  <link name="tool"><visual><geometry><mesh filename="package://somewhere/tool.stl"/></geometry></visual></link>
+  <link name="guard"><collision><geometry><box size="9 9 9"/></geometry></collision></link>
+  <link name="tip"/>
+  <joint name="lift" type="prismatic">
+    <parent link="base"/><child link="hand"/><origin xyz="0 0 5"/><axis xyz="0 0 1"/><limit lower="0" upper="1"/>
+  </joint>
+  <joint name="grip" type="fixed"><parent link="hand"/><child link="tool"/></joint>
+  <joint name="cage" type="fixed"><parent link="hand"/><child link="guard"/></joint>
+  <joint name="end" type="fixed"><parent link="hand"/><child link="tip"/></joint>
+</robot>
+"""
+
+
+@pytest.fixture(scope="module")
+def example():
+    spec = importlib.util.spec_from_file_location("ros2_node", PATH)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def lab(tmp_path, monkeypatch):
+    """A floor with a ball, and a file of a cup in its own frame."""
+    monkeypatch.chdir(tmp_path)
+    scene = wv.Scene()
+    scene.add(trimesh.creation.box((8, 8, 0.1)), name="floor", label="ground", pose=(0, 0, -0.05, 0, 0, 0, 1))
+    scene.add(trimesh.creation.icosphere(radius=0.1), name="bowl", label="object", pose=(2, 0.7, 0.5, 0, 0, 0, 1))
+    scene.export("lab.glb")
+    cup = wv.Scene()
+    for name, z in (("body", 0.0), ("rim", 0.12)):
+        cup.add(trimesh.creation.box((0.2, 0.2, 0.1)), name=name, pose=(0, 0, z, 0, 0, 0, 1))
+    cup.export("cup.glb")
+    return "lab.glb"
+
+
+def lab_with(**places):
+    """The lab and cups in it, as one who knows no ROS makes it."""
+    scene = wv.Scene.load("lab.glb")
+    boxes = [trimesh.creation.box((0.2, 0.2, 0.1)).apply_translation((0, 0, z)) for z in (0.0, 0.12)]
+    for name, place in places.items():
+        scene.add(trimesh.util.concatenate(boxes), name=name, label="object", pose=moved(place))
+    return scene
+
+
+class Missing(Exception):
+    """tf's TransformException."""
+
+
+class Buffer:
+    """tf's buffer: poses of frames in the map at times [s]; it knows a frame at the times that it has been told."""
+
+    def __init__(self, messages):
+        self._messages, self._poses = messages, {}
+
+    def tell(self, frame, row, time):
+        self._poses.setdefault(frame, {})[time] = row
+
+    def lookup_transform(self, target, source, time):
+        known = self._poses.get(source, {}) if target == "map" else {}
+        at = max(known, default=None) if time.stamp is None else time.stamp.sec + 1e-9 * time.stamp.nanosec
+        if at not in known:
+            raise Missing(source)
+        make, (x, y, z, qx, qy, qz, qw) = self._messages, known[at]
+        stamp = make["builtin_interfaces/msg/Time"](sec=int(at), nanosec=round(at % 1 * 1e9))
+        return make["geometry_msgs/msg/TransformStamped"](
+            header=make["std_msgs/msg/Header"](stamp=stamp, frame_id=target),
+            child_frame_id=source,
+            transform=make["geometry_msgs/msg/Transform"](
+                translation=make["geometry_msgs/msg/Vector3"](x=x, y=y, z=z),
+                rotation=make["geometry_msgs/msg/Quaternion"](x=qx, y=qy, z=qz, w=qw),
+            ),
+        )
+
+
+class Time:
+    """rclpy's Time: without a stamp, the latest."""
+
+    def __init__(self, stamp=None):
+        self.stamp = stamp
+
+    @staticmethod
+    def from_msg(stamp):
+        return Time(stamp)
+
+
+class Node:
+    """rclpy's node: it keeps what is published, and calls nothing by itself."""
+
+    def __init__(self, messages, parameters):
+        self._messages, self._parameters = messages, parameters
+        self.published, self.takes, self.warned, self.timers = {}, {}, [], []
+
+    def declare_parameter(self, name, default):
+        value = self._parameters.get(name, default)
+        assert type(value) is type(default), name
+        return SimpleNamespace(value=value)
+
+    def create_publisher(self, kind, topic, depth):
+        sent = self.published[topic] = []
+
+        def publish(message):
+            assert isinstance(message, kind), topic
+            sent.append(message)
+
+        return SimpleNamespace(publish=publish)
+
+    def create_subscription(self, kind, topic, callback, qos):
+        self.takes[topic] = (kind, callback, qos)
+
+    def create_timer(self, period, callback):
+        self.timers.append((period, callback))
+
+    def get_logger(self):
+        return SimpleNamespace(warning=self.warned.append)
+
+    def get_clock(self):
+        now = self._messages["builtin_interfaces/msg/Time"](sec=77, nanosec=5)
+        return SimpleNamespace(now=lambda: SimpleNamespace(to_msg=lambda: now))
+
+    def destroy_node(self):
+        self.destroyed = True
+
+
+@pytest.fixture
+def start(example, monkeypatch):
+    """Starts a viewer of some parameters; returns its node and tf's buffer."""
+    messages = ros_messages.install(monkeypatch)
+
+    def start(**parameters):
+        node, buffer = Node(messages, parameters), Buffer(messages)
+        kinds = (messages[f"sensor_msgs/msg/{kind}"] for kind in ("Image", "CameraInfo", "PointCloud2"))
+        ros = example.Ros(*kinds, messages["std_msgs/msg/String"], Time, buffer, Missing, "sensor", "latched")
+        example.Viewer(node, ros)
+        return node, buffer
+
+    return start
+
+
+def moved(place):
+    return (*map(float, place), 0.0, 0.0, 0.0, 1.0)
+
+
+EYE = tuple(map(float, wv.look_at((0, 0, 0.6), (2, 0, 0.5))))
+SMALL = {"width": 64, "height": 48, "hfov": 1.0}
+
+
+def test_links_are_in_their_own_frames(example):
+    """Visual elements at their origins, whatever the joints say; collision elements only where nothing is visual."""
+    with pytest.warns(UserWarning, match=r"link tool is not shown: .*left out package://somewhere/tool\.stl"):
+        links = example.read_links(URDF)
+    assert set(links) == {"base", "hand"}
+    bounds = {name: (vertices.min(axis=0), vertices.max(axis=0)) for name, (vertices, _) in links.items()}
+    np.testing.assert_allclose(bounds["base"], [(-0.1, -0.1, 0), (0.1, 0.1, 0.3)], atol=1e-6)
+    np.testing.assert_allclose(bounds["hand"], [(0.29, -0.3, -0.02), (0.31, 0.3, 0.02)], atol=1e-6)
+    vertices, faces = links["base"]
+    assert trimesh.Trimesh(vertices, faces, process=False).body_count == 2 and len(faces) == 24
+    bare = (
+        '<robot name="r"><link name="a"><collision><geometry><box size="1 1 1"/></geometry></collision></link></robot>'
+    )
+    assert set(example.read_links(bare)) == {"a"}
+
+
+def test_packages_are_found_on_the_search_path(example, tmp_path):
+    (tmp_path / "somewhere").mkdir()
+    trimesh.creation.box((0.1, 0.2, 0.3)).export(tmp_path / "somewhere" / "tool.stl")
+    vertices, _ = example.read_links(URDF, [str(tmp_path)])["tool"]
+    np.testing.assert_allclose(np.ptp(vertices, axis=0), (0.1, 0.2, 0.3), atol=1e-6)
+
+
+@pytest.mark.filterwarnings("ignore:link tool")
+def test_a_link_shows_where_tf_has_it(example):
+    """Not before tf knows it, and where it was last when tf no more says so."""
+    scene, links = example.build_scene(urdf=URDF)
+    eye = example.Eye(scene, wv.Camera.from_fov(64, 48, hfov=1.0), links=links)
+    frames = {}
+    eye.follow(frames.get)
+    assert eye.lost == {"base", "hand"} and np.isposinf(eye.look(EYE)[0].depth.numpy()).all()
+    frames["hand"] = moved((1, 0, 0.6))
+    eye.follow(frames.get)
+    views, seen = eye.look(EYE)
+    assert eye.lost == {"base"} and views.depth.numpy().min() == pytest.approx(1.29, abs=0.02)
+    assert seen["hand"]["status"] == "visible" and seen["base"]["status"] == "out_of_view"
+    frames.clear()
+    eye.follow(frames.get)
+    assert eye.look(EYE)[1] == seen
+
+
+@pytest.mark.filterwarnings("ignore:link tool")
+def test_it_publishes_what_the_camera_sees(start, lab):
+    node, buffer = start(scene=lab, movable="cup=cup.glb", exclude="base", near=0.2, far=3.0, **SMALL)
+    (period, tick), (kind, take, qos) = node.timers[0], node.takes["robot_description"]
+    assert period == 0.1 and qos == "latched"
+    tick()
+    assert node.published["visibility"] == [] and node.warned == [f"tf does not know {EYE_FRAME} in map yet"]
+    take(kind(data=URDF))
+    buffer.tell(EYE_FRAME, EYE, 3.5)
+    buffer.tell("cup", moved((2.0, 0.0, 0.5)), 3.5)
+    buffer.tell("hand", moved((1.0, 0.0, 0.5)), 3.5)
+    tick()
+    tick()
+    assert node.warned[1:] == ["tf does not know base yet, so it is not shown"]
+    assert {topic: len(sent) for topic, sent in node.published.items()} == {
+        "depth/image_rect": 2,
+        "camera_info": 2,
+        "points": 2,
+        "visibility": 2,
+    }
+    image, info, cloud, text = (sent[0] for sent in node.published.values())
+
+    scene = lab_with(cup=(2, 0, 0.5))
+    hand = trimesh.creation.box((0.02, 0.6, 0.04))
+    scene.add(hand, name="hand", label="robot", pose=(1.3, 0, 0.5, 0, 0, 0, 1))
+    camera = wv.Camera.from_fov(64, 48, hfov=1.0, near=0.2, far=3.0)
+    expected = wv.render(scene, camera, EYE, outputs=("depth",)).depth.numpy()[0]
+    np.testing.assert_allclose(wv.io.from_image_msg(image), expected, atol=1e-5)
+    assert np.isposinf(expected).any() and np.isfinite(expected).any()
+    assert wv.Camera.from_camera_info(info, near=0.2, far=3.0) == camera
+    points = np.frombuffer(cloud.data, dtype="<f4").reshape(48, 64, 3)
+    assert (np.isfinite(points[..., 2]) == np.isfinite(expected)).all()
+    for message in (image, info, cloud):
+        assert (message.header.frame_id, message.header.stamp.sec) == (EYE_FRAME, 3)
+        assert message.header.stamp.nanosec == 500_000_000
+    told = json.loads(text.data)
+    assert told["header"] == {"stamp": {"sec": 3, "nanosec": 500_000_000}, "frame_id": EYE_FRAME}
+    report = wv.object_visibility(scene, camera, EYE, objects=["bowl", "floor", "cup"])
+    assert list(told["objects"]) == list(report.names)
+    for place, (name, seen) in enumerate(told["objects"].items()):
+        assert seen["pixels"] == report.visible_pixels.numpy()[0, place], name
+        assert seen["fraction"] == pytest.approx(report.fraction.numpy()[0, place], abs=1e-4)
+    assert told["objects"]["cup"]["hidden_by"] == "hand" and told["objects"]["bowl"]["hidden_by"] is None
+
+
+def test_poses_are_of_the_time_of_the_image(start, lab):
+    """Or the last ones where tf is not there yet; a camera that stands still has the clock's time."""
+    node, buffer = start(scene=lab, movable="cup=cup.glb mug=cup.glb", **SMALL)
+    tick = node.timers[0][1]
+    buffer.tell(EYE_FRAME, EYE, 3.0)
+    buffer.tell("cup", moved((2, 0, 0.5)), 3.0)
+    buffer.tell("cup", moved((-2, 0, 0.5)), 4.0)  # after the image
+    buffer.tell("mug", moved((-2, 0, 0.5)), 1.0)
+    tick()
+    objects = json.loads(node.published["visibility"][0].data)["objects"]
+    assert (objects["cup"]["status"], objects["mug"]["status"]) == ("visible", "out_of_view")
+    buffer.tell(EYE_FRAME, EYE, 0.0)
+    buffer._poses[EYE_FRAME].pop(3.0)
+    tick()
+    header = node.published["camera_info"][1].header
+    assert (header.stamp.sec, header.stamp.nanosec) == (77, 5)
+
+
+def test_a_real_camera_says_what_it_is(start, lab):
+    node, buffer = start(scene=lab, camera_info="/head/camera_info", encoding="16UC1", far=3.0)
+    buffer.tell(EYE_FRAME, EYE, 3.0)
+    node.timers[0][1]()
+    assert node.published["camera_info"] == []
+    kind, take, qos = node.takes["/head/camera_info"]
+    assert qos == "sensor"
+    camera = wv.Camera(40, 30, 38.0, 37.0, 19.3, 15.6)
+    for _ in range(2):
+        take(camera.to_camera_info(frame_id="head"))
+        node.timers[0][1]()
+    image, info = (node.published[topic][1] for topic in ("depth/image_rect", "camera_info"))
+    assert isinstance(info, kind) and wv.Camera.from_camera_info(info) == camera
+    assert (image.encoding, image.width, image.height, image.step) == ("16UC1", 40, 30, 80)
+    depth = wv.render(wv.Scene.load(lab), wv.Camera(40, 30, 38.0, 37.0, 19.3, 15.6, 0.3, 3.0), EYE).depth.numpy()[0]
+    expected = np.where(np.isfinite(depth), np.rint(depth * 1000.0), 0)
+    assert np.abs(np.frombuffer(image.data, dtype="<u2").reshape(30, 40) - expected).max() <= 1
+
+
+def test_names_of_links_may_come_before_the_robot(start, lab):
+    node, buffer = start(scene=lab, objects="bowl hand", exclude="base", **SMALL)
+    buffer.tell(EYE_FRAME, EYE, 3.0)
+    node.timers[0][1]()
+    kind, take, _ = node.takes["robot_description"]
+    with pytest.warns(UserWarning, match="link tool"):
+        take(kind(data=URDF))
+    node.timers[0][1]()
+    told = [list(json.loads(text.data)["objects"]) for text in node.published["visibility"]]
+    assert told == [["bowl"], ["bowl", "hand"]]
+
+
+def test_the_node_runs_and_stops(example, lab, monkeypatch, tmp_path):
+    """`main` with stand-ins of the modules that it imports."""
+    messages = ros_messages.install(monkeypatch)
+    node, buffer = Node(messages, {"scene": lab, **SMALL}), Buffer(messages)
+    buffer.tell(EYE_FRAME, EYE, 3.0)
+    calls = []
+
+    def spin(spun):
+        assert spun is node
+        node.timers[0][1]()
+        raise KeyboardInterrupt
+
+    def module(name, **members):
+        made = types.ModuleType(name)
+        vars(made).update(members)
+        monkeypatch.setitem(sys.modules, name, made)
+
+    module(
+        "rclpy",
+        init=lambda: calls.append("init"),
+        create_node=lambda name: node,
+        spin=spin,
+        try_shutdown=lambda: calls.append("shutdown"),
+    )
+    policy = SimpleNamespace(TRANSIENT_LOCAL="transient local")
+    module("rclpy.qos", DurabilityPolicy=policy, QoSProfile=lambda **of: of, qos_profile_sensor_data="sensor")
+    module("rclpy.time", Time=Time)
+    listened = []
+    module(
+        "tf2_ros",
+        Buffer=lambda: buffer,
+        TransformException=Missing,
+        TransformListener=lambda *given: listened.append(given),
+    )
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"{tmp_path}:/nowhere")
+    example.main()
+    assert calls == ["init", "shutdown"] and node.destroyed and listened == [(buffer, node)]
+    assert node.takes["robot_description"][2] == {"depth": 1, "durability": "transient local"}
+    assert len(node.published["visibility"]) == 1
