@@ -180,6 +180,7 @@ def _objects_of(solid: Solid) -> list[tuple[str, Label, list[Triangles]]]:
 def skipped_message(
     path: Path,
     skipped: Mapping[str, int],
+    stand_ins: Mapping[str, int],
     reasons: Mapping[str, str],
     refused: Iterable[str],
     search_path: Iterable[str | os.PathLike[str]],
@@ -193,6 +194,9 @@ def skipped_message(
             f"left out {listed}, of which no file was found or read beside the world or on the search path "
             f"({searched}): add the folders that hold them to it"
         )
+    if stand_ins:
+        listed = ", ".join(f"{name} ({count})" for name, count in stand_ins.items())
+        parts.append(f"boxes, and capsules for people, stand in for {listed}, of which no file was found or read")
     for name, reason in reasons.items():
         parts.append(f"the file of {name} was of no use: {reason}")
     parts += [f"left out what cannot be read: {reason}" for reason in shortened(refused)]

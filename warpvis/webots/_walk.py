@@ -37,6 +37,7 @@ from warpvis.webots._transforms import Transform
 from warpvis.webots._urls import is_file, places_in_project, places_in_tree
 from warpvis.webots.protos._builtin import expand
 from warpvis.webots.protos._expansion import Protos
+from warpvis.webots.protos._standins import stand_in, stand_in_geometry
 from warpvis.webots.shapes._geometry import GEOMETRIES, MissingMeshError, tessellate
 from warpvis.webots.shapes._polygons import Triangles
 from warpvis.webots.shapes._resets import reset_fields
@@ -87,6 +88,7 @@ class Reader:
         self.extents: list[Extent] = []  # of all Solids
         self.bounds: dict[str, Extent] = {}  # of those that are recognised
         self.skipped: dict[str, int] = {}
+        self.stand_ins: dict[str, int] = {}
         self.reasons: dict[str, str] = {}
         self.refused: list[str] = []
         self.notes: list[str] = []
@@ -158,18 +160,33 @@ class Reader:
             human = step.human or node.type == "Pedestrian"
             within, instances = (*step.within, node.type), (*step.instances, node)
             return [dataclasses.replace(step, node=body, human=human, within=within, instances=instances)]
-        self._skip(node.type)
-        self._lines.append((step.depth, f"{node.type}: skipped", None))
+        substitute = None if self._strict else stand_in(node)
+        if substitute is None:
+            self._skip(node.type)
+            self._lines.append((step.depth, f"{node.type}: skipped", None))
+        else:
+            self._stand_in(node.type)
+            self._lines.append((step.depth, f"{node.type}: a stand-in", None))
         # Cameras that were plugged into it are known, though not where its slots are.
         robots = step.robots
         if "controller" in node.fields:
             robots = (*robots, self._add_robot(self._solid_name(step)))
+        human = step.human or node.type == "Pedestrian"
+        bodies = (
+            []
+            if substitute is None
+            else [
+                dataclasses.replace(
+                    step, node=substitute, robots=robots, human=human, instances=(*step.instances, node)
+                )
+            ]
+        )
         step = dataclasses.replace(
             step, transform=step.transform.within(node, np.ones(3)), robots=robots, origin=node.type, owner=None
         )
         parts = [item for value in node.fields.values() for item in _nodes_in(value)]
         known = {*DEPTH_CAMERAS, *_TRANSFORMS, *_PARTS}
-        return [
+        return bodies + [
             dataclasses.replace(step, node=part, instances=(), depth=step.depth + 1)
             for part in parts
             if part.type in known
@@ -190,10 +207,14 @@ class Reader:
         if node.type in _LINES:
             return None
         body = self._expand_file(node)
-        if body is None or body.type not in GEOMETRIES:
+        if body is not None and body.type in GEOMETRIES:
+            return body
+        substitute = None if self._strict else stand_in_geometry(node)
+        if substitute is None:
             self._skip(node.type)
-            return None
-        return body
+        else:
+            self._stand_in(node.type)
+        return substitute
 
     def _enter_solid(self, step: Step) -> Step:
         """Note a Solid, and return the step from which its parts go on."""
@@ -333,6 +354,9 @@ class Reader:
 
     def _skip(self, what: str) -> None:
         self.skipped[what] = self.skipped.get(what, 0) + 1
+
+    def _stand_in(self, what: str) -> None:
+        self.stand_ins[what] = self.stand_ins.get(what, 0) + 1
 
     def describe(self, names: Mapping[Solid, list[str]]) -> str:
         """Write the tree of what was read, a line each, indented by what holds what."""

@@ -43,6 +43,8 @@ class WebotsWorld:
     """Where Solids are and what bounds them, for `warpvis.webots.recognise`."""
     skipped: dict[str, int]
     """What was not found, and how often it is there: PROTOs without a file, meshes without a file."""
+    stand_ins: dict[str, int]
+    """PROTOs without a file for which a box, or capsules, of their size stands in, and how often."""
     refused: tuple[str, ...]
     """Why nodes were left out that could not be read, with file and line."""
     notes: tuple[str, ...]
@@ -85,7 +87,8 @@ def load_webots(
         device: Where the scene is rendered.
         labels: Labels by name that come before the rules; a name may be a pattern (``"wall_*"``), and the last one
             that fits counts.
-        search_path: Folders to look for PROTO files in, first of all.
+        search_path: Folders to look for PROTO files in, first of all; ``projects`` below the environment's
+            ``WEBOTS_HOME`` is looked in last.
         strict: Whether what cannot be read, and what Webots does not take, is an error. By default the first is left
             out and the second is reset as Webots resets it, and one warning each names them with file and line.
 
@@ -115,6 +118,7 @@ def load_webots(
         {name: (node, names_of(names, solids)) for name, (node, solids) in reader.recognisable.items()},
         Bounds(reader.bounds, reader.extents, reader.find_mesh),
         dict(reader.skipped),
+        dict(reader.stand_ins),
         tuple(dict.fromkeys(reader.refused)),
         reader.corrections(),
         reader.describe(names),
@@ -128,9 +132,9 @@ def read_world(path: Path, *, search_path: Sequence[Path], strict: bool) -> File
 
 def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[Reader, dict[Solid, list[str]], FileParts]:
     """Walk through a world; return what that found, the names of the objects that it becomes, and the objects."""
-    reader = Reader(parse_world(path), list(search_path), strict)
+    reader = Reader(parse_world(path), [*search_path, *_installed()], strict)
     reader.walk()
-    message = skipped_message(path, reader.skipped, reader.reasons, reader.refused, search_path)
+    message = skipped_message(path, reader.skipped, reader.stand_ins, reader.reasons, reader.refused, search_path)
     notes = reader.corrections()
     listed = "; ".join(shortened(notes))
     if strict and message:
@@ -142,3 +146,10 @@ def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[Reader
     parts, names = make_parts(reader.solids)
     sentences = tuple(filter(None, (message, f"{path}: {listed}" if notes else "")))
     return reader, names, FileParts(path, parts, up=reader.up, settled=True, warnings=sentences)
+
+
+def _installed() -> list[Path]:
+    """Find Webots' own files: ``projects`` in the folder that the environment's WEBOTS_HOME names."""
+    home = os.environ.get("WEBOTS_HOME")
+    projects = Path(home, "projects") if home else None
+    return [projects] if projects is not None and projects.is_dir() else []

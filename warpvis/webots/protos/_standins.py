@@ -1,0 +1,127 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What stands in for PROTOs without a file that `expand` does not know: a human of capsules, and boxes of their size.
+
+Sizes are those that the PROTO files name in their descriptions, of an office chair that of its seat and back; the
+places of a pedestrian's limbs are those of its bounding objects: in Webots R2022b to R2023b.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warpvis.errors import FileFormatError
+from warpvis.webots._nodes import Node, Value, new_node
+
+_SIZES: dict[str, tuple[float, float, float]] = {
+    "Armchair": (1.0, 1.1, 0.8),
+    "Chair": (0.5, 0.5, 1.0),
+    "Desk": (0.7, 1.2, 0.72),
+    "Fridge": (0.7, 0.7, 1.8),
+    "OfficeChair": (0.54, 0.43, 0.98),
+    "PottedTree": (0.3, 0.3, 1.3),
+    "Sofa": (1.0, 1.8, 0.8),
+    "WoodenChair": (0.42, 0.44, 0.944),
+}
+"""Of PROTOs that stand on their origin: across, along and up, the axes x, y and z since R2022a [m]."""
+
+# Capsules of a pedestrian whose arms hang down: ends across, along and up from its origin, radius [m].
+_LIMBS = (
+    ((0.0, 0.0, 0.15), (0.0, 0.0, -0.12), 0.17),  # torso
+    ((0.01, 0.0, 0.36), (0.01, 0.0, 0.26), 0.07),  # neck
+    ((0.04, 0.0, 0.45), (0.04, 0.0, 0.43), 0.12),  # head
+    *(((-0.02, 0.24 * side, 0.2), (-0.03, 0.26 * side, -0.07), 0.07) for side in (-1, 1)),  # upper arms
+    *(((-0.04, 0.25 * side, -0.13), (-0.03, 0.25 * side, -0.48), 0.05) for side in (-1, 1)),  # lower arms
+    *(((-0.03, 0.116 * side, -0.25), (-0.04, 0.116 * side, -0.76), 0.09) for side in (-1, 1)),  # upper legs
+    *(((-0.05, 0.116 * side, -0.8), (-0.06, 0.116 * side, -1.13), 0.075) for side in (-1, 1)),  # lower legs
+    *(((-0.08, 0.115 * side, -1.22), (0.09, 0.115 * side, -1.22), 0.05) for side in (-1, 1)),  # feet
+)
+# What has a size and is not at all like a box of it: the ground, a hole in it, a wall around nothing.
+_UNLIKE_BOXES = {"Pit", "SolidPipe", "UnevenTerrain"}
+_STANDING = 1.27  # of the origin above the ground, where no translation is given [m]
+_ON_GROUND = 0.1  # an origin within this height of its parent's is the bottom of a box, not its middle [m]
+
+
+def stand_in(node: Node) -> Node | None:
+    """Make a Solid in place of an instance without a file; None if nothing is known of its size.
+
+    A Pedestrian becomes a human of capsules, furniture of the table a box on its origin, and whatever has a field
+    ``size`` of three lengths, or ``radius`` and ``height``, a box as large: on its origin if that is at the ground,
+    else about it.
+    """
+    if node.type == "Pedestrian":
+        return _pedestrian(node)
+    if node.type in _SIZES:
+        return _solid(node, [_box(node, _axes(node, *_SIZES[node.type]), lifted=True)])
+    size = None if node.type in _UNLIKE_BOXES else _size_of(node)
+    if size is None:
+        return None
+    translation = node.numbers("translation")
+    up = 2 if node.version.z_up else 1
+    lifted = len(translation) != 3 or abs(translation[up]) <= _ON_GROUND
+    return _solid(node, [_box(node, size, lifted=lifted)])
+
+
+def stand_in_geometry(node: Node) -> Node | None:
+    """Make a Box in place of a geometry without a file that has a `size` of three lengths, as TexturedBox has."""
+    size = _size_of(node)
+    return None if size is None else new_node(node, "Box", {"size": [*size]}, node.name)
+
+
+def _size_of(node: Node) -> tuple[float, ...] | None:
+    """Read how large an instance says that it is; None if it does not, or not in lengths."""
+    try:
+        size = node.numbers("size")
+        radius, height = node.number("radius", 0.0), node.number("height", 0.0)
+    except FileFormatError:
+        return None
+    if len(size) == 3 and (size > 0).all():
+        return tuple(map(float, size))
+    return _axes(node, 2 * radius, 2 * radius, height) if radius > 0 and height > 0 else None
+
+
+def _pedestrian(node: Node) -> Node:
+    shapes = []
+    for first, second, radius in _LIMBS:
+        one, other = (np.array(_axes(node, *end)) for end in (first, second))
+        along = one - other
+        height = float(np.linalg.norm(along))
+        upright = np.array(_axes(node, 0.0, 0.0, 1.0))
+        axis, angle = np.cross(upright, along / height), float(np.arccos(np.clip(along @ upright / height, -1, 1)))
+        if not axis.any():
+            axis = np.array([1.0, 0.0, 0.0])
+        capsule = new_node(node, "Capsule", {"radius": [radius], "height": [height]})
+        fields: dict[str, Value] = {
+            "translation": [*map(float, (one + other) / 2)],
+            "rotation": [*map(float, axis), angle],
+            "children": [new_node(node, "Shape", {"geometry": capsule})],
+        }
+        shapes.append(new_node(node, "Pose", fields))
+    body = _solid(node, shapes)
+    body.fields.setdefault("translation", [*_axes(node, 0.0, 0.0, _STANDING)])
+    body.fields["name"] = [node.text("name", "pedestrian")]
+    colors = [node.vector("shirtColor", (0.25, 0.55, 0.2)), node.vector("pantsColor", (0.24, 0.25, 0.5))]
+    body.fields["recognitionColors"] = [*np.concatenate(colors).tolist()]
+    return body
+
+
+def _solid(node: Node, children: list[Node]) -> Node:
+    kept = ("translation", "rotation", "recognitionColors", "name")
+    fields = {field: node.fields[field] for field in kept if field in node.fields}
+    return new_node(node, "Solid", {**fields, "children": [*children]}, node.name)
+
+
+def _box(node: Node, size: tuple[float, ...], *, lifted: bool) -> Node:
+    """Make a box on the origin, or about it."""
+    shape = new_node(node, "Shape", {"geometry": new_node(node, "Box", {"size": [*size]})})
+    if not lifted:
+        return shape
+    place = [0.0, 0.0, 0.0]
+    up = 2 if node.version.z_up else 1
+    place[up] = size[up] / 2
+    return new_node(node, "Pose", {"translation": [*place], "children": [shape]})
+
+
+def _axes(node: Node, across: float, along: float, up: float) -> tuple[float, float, float]:
+    """Turn lengths into the axes of the node's version: x, y and z, or before R2022a z, x and y."""
+    return (across, along, up) if node.version.z_up else (along, up, across)
