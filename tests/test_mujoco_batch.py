@@ -3,6 +3,7 @@
 """Worlds that differ in more than joint positions, and cameras that are not the model's."""
 
 import copy
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -327,7 +328,11 @@ MODEL, DATA = task()
 QPOS = np.stack([DATA.qpos] * 2)
 RGBA = MODEL.geom_rgba[None].repeat(2, axis=0)
 BAD = {
-    "sizes": ({"geom_size": np.zeros((2, MODEL.ngeom, 3))}, "geom_size cannot differ between worlds, which share"),
+    "sizes": ({"geom_size": np.zeros((2, MODEL.ngeom, 3))}, "geom_size cannot differ from the renderer's model"),
+    "sizes as lists": ({"geom_size": [(2 * MODEL.geom_size).tolist()]}, "geom_size cannot differ from the renderer's"),
+    "another model's sizes": (SimpleNamespace(geom_size=2 * MODEL.geom_size[None]), "geom_size cannot differ from"),
+    "one size": ({"geom_size": 2.0}, "geom_size cannot differ from the renderer's model"),
+    "no rotation": ({"geom_quat": np.zeros((1, MODEL.ngeom, 4))}, "geom_quat must be quaternions, got one of length 0"),
     "unknown": ({"geom_colour": RGBA}, "model must have some of body_pos, .*; got geom_colour"),
     "a model": (MODEL, "got a mujoco.MjModel"),
     "a word": ("model", "model must have some of body_pos, .*; got str"),
@@ -338,6 +343,21 @@ BAD = {
     "NaN": ({"body_pos": np.full((2, MODEL.nbody, 3), np.nan)}, "body_pos must be finite"),
     "half a turn": ({"cam_fovy": [[50, 180], [50, 50]]}, "from 0 to 180 degrees, got 180.0 for camera 1 in world 0"),
 }
+
+
+def test_geoms_at_the_origins_of_their_bodies_move_too():
+    # The compiler notes such geoms, and MuJoCo takes their bodies' poses for theirs, whatever geom_pos says.
+    model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody><camera name="eye" pos="0 0 3"/><body><freejoint/>
+        <geom name="first" type="box" size=".1 .2 .3"/><geom type="box" size=".1 .1 .1" pos=".5 0 0"/>
+        <geom type="box" size=".1 .1 .1" pos="-.5 0 0"/></body></worldbody></mujoco>""")
+    assert model.geom_sameframe[0] != mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+    moved, half = model.geom_pos[None].repeat(2, axis=0), np.sqrt(0.5)
+    moved[1] += (0, 0, 0.7)
+    turned = np.array([(1.0, 0, 0, 0)] * 3 + [(half, 0, 0, half)] * 3).reshape(2, 3, 4)
+    poses = Kinematics(model).from_qpos([model.qpos0] * 2, model={"geom_pos": moved, "geom_quat": 3 * turned})
+    assert np.allclose(poses.geom_xpos[1] - poses.geom_xpos[0], (0, 0, 0.7), atol=1e-6)
+    assert np.allclose(poses.geom_xmat[1].reshape(3, 3, 3), [(0, -1, 0), (1, 0, 0), (0, 0, 1)], atol=1e-6)
+    assert batch_of(model).render([model.qpos0], model={"geom_size": model.geom_size[None]}).worlds == 1
 
 
 @pytest.mark.parametrize("name", BAD)

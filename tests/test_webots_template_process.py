@@ -90,7 +90,8 @@ def test_one_process_runs_all_templates_of_a_world(project, monkeypatch):
     class Popen(subprocess.Popen):
         def __init__(self, *arguments, **options):
             super().__init__(*arguments, **options)
-            started.append(self)
+            if str(engines._SCRIPT) in self.args:  # Warp asks for the processor's name when it starts
+                started.append(self)
 
     monkeypatch.setattr(engines.subprocess, "Popen", Popen)
     project.proto("Ball", "field SFFloat r 1", sphere("%<= fields.r.value >%"), head=JAVASCRIPT)
@@ -103,6 +104,15 @@ def test_one_process_runs_all_templates_of_a_world(project, monkeypatch):
     path.write_text(f"#VRML_SIM R2023b utf8\n{sphere(1)}\n")
     load_webots(path)
     assert len(started) == 1  # a world without templates needs none
+
+
+def test_a_frozen_program_is_not_started_for_templates(project, monkeypatch):
+    # Its executable is the program itself, which would start, read the world, and start itself again.
+    monkeypatch.setattr(sys, "frozen", True, raising=False)
+    monkeypatch.setattr(engines.subprocess, "Popen", None)
+    project.proto("Ball", "", sphere("%<= 1 >%"), head=JAVASCRIPT)
+    with pytest.raises(FileFormatError, match="no process to run it in: this program does not say where a Python"):
+        project.expand("Ball { }")
 
 
 def test_templates_of_a_world_share_a_time(project, monkeypatch):

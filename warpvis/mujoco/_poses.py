@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Protocol
@@ -289,7 +289,7 @@ class Kinematics:
         arrays = {name: np.empty((count, *shape), dtype=np.float32) for name, shape in shapes.items()}
         parts = [part for part in np.array_split(np.arange(count), self._threads) if len(part)]
         # A model that is changed from world to world is a thread's own.
-        models = [copy.copy(model) if changes else model for _ in parts]
+        models = [_changeable(model, changes) if changes else model for _ in parts]
         spare = [mujoco.MjData(own) if changes else self._take() for own in models]
 
         def work(index: int) -> None:
@@ -321,6 +321,15 @@ class Kinematics:
     def __getstate__(self) -> dict[str, Any]:
         """Return what another process makes the same of."""
         return {"_model": self._model, "_threads": self._threads, "_spare": []}
+
+
+def _changeable(model: mujoco.MjModel, changes: Collection[str]) -> mujoco.MjModel:
+    """Copy a model, for other values of some fields."""
+    own = copy.copy(model)
+    if "geom_pos" in changes or "geom_quat" in changes:
+        # The compiler has noted which geoms are where their body is, and MuJoCo does not look at their poses then.
+        own.geom_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+    return own
 
 
 def viewer_transforms(

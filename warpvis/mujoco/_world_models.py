@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
@@ -40,8 +40,8 @@ class WorldModels:
         self._model, self._worlds = model, worlds
         self._given = _read(given)
         for name in _SHARED_FIELDS:
-            if name in self._given and getattr(self._given[name], "shape", (1,))[0] > 1:
-                raise ArrayError(f"{name} cannot differ between worlds, which share their shapes; give it one world")
+            if name in self._given:
+                self._check_shared(name)
 
     def poses(self) -> dict[str, NDArray[np.float64]]:
         """Return what poses follow from, arrays of shape ``(1 or W, ...)``."""
@@ -64,8 +64,24 @@ class WorldModels:
             arrays.append(as_warp(value, dtype, ("W", len(own)), name=name, device=device))
         return arrays
 
+    def _check_shared(self, name: str) -> None:
+        """Raise an `ArrayError` if an array says of a shape what the scene's does not; a GPU's is not read for that."""
+        value = self._given[name]
+        on_gpu = isinstance(value, wp.array) and not value.device.is_cpu
+        if (value.shape[0] > 1) if on_gpu else not self._is_own(name, value):
+            raise ArrayError(
+                f"{name} cannot differ from the renderer's model, of which all worlds share the shapes; leave it out"
+            )
+
+    def _is_own(self, name: str, value: Any) -> bool:
+        """Tell whether a host's array says, for every world, what the model does in single precision."""
+        rows, own = as_numpy(value, name=name), getattr(self._model, name)
+        return rows.shape[1:] == own.shape and np.array_equal(
+            rows.astype(np.float32), np.broadcast_to(own.astype(np.float32), rows.shape)
+        )
+
     def _host(self, name: str) -> NDArray[np.float64]:
-        """Return an array on the host."""
+        """Return an array on the host; quaternions of unit length."""
         value = self._given[name]
         rows = as_numpy(value.numpy() if isinstance(value, wp.array) else value, name=name)
         own = getattr(self._model, name).shape
@@ -75,7 +91,14 @@ class WorldModels:
         self._check_worlds(name, rows)
         if not np.isfinite(rows).all():
             raise ArrayError(f"{name} must be finite")
-        return rows.astype(np.float64)
+        rows = rows.astype(np.float64)
+        if not name.endswith("_quat"):
+            return rows
+        length = np.linalg.norm(rows, axis=-1, keepdims=True)
+        if not length.all():
+            world, index = np.argwhere(length[..., 0] == 0)[0].tolist()
+            raise ArrayError(f"{name} must be quaternions, got one of length 0 at index {index} in world {world}")
+        return cast("NDArray[np.float64]", rows / length)
 
     def _check_worlds(self, name: str, value: Any) -> None:
         count = len(value) if getattr(value, "shape", None) is None else value.shape[0]

@@ -91,8 +91,8 @@ class TemplateEngine:
             return self._process
         if self._end is not None:
             self._end.detach()
-        if not sys.executable:
-            raise OSError("this program does not say where its Python interpreter is")
+        if not sys.executable or getattr(sys, "frozen", False):  # a frozen program's executable is the program
+            raise OSError("this program does not say where a Python interpreter is")
         paths = "\n".join(path for path in sys.path if "\n" not in path)
         command = [sys.executable, "-S", "-s", str(_SCRIPT), paths]
         self._process = subprocess.Popen(
