@@ -236,11 +236,12 @@ def test_either_order_of_bytes_and_padded_rows(big, encoding, kind, padding, hol
 
 def test_an_image_shares_no_memory():
     """A renderer writes into the same arrays again and again."""
-    depth = np.full((2, 2), 1.5, dtype=np.float32)
-    message, cloud = to_image_msg(depth, **FRAME), to_pointcloud2(np.ones((2, 3), dtype=np.float32), **FRAME)
+    depth, points = np.full((2, 2), 1.5, dtype=np.float32), np.full((2, 3), 1.5, dtype=np.float32)
+    message, cloud = to_image_msg(depth, **FRAME), to_pointcloud2(points, **FRAME)
     read = from_image_msg(message)
-    depth[:] = 9
-    assert (np.frombuffer(message.data, dtype="<f4") == 1.5).all() and cloud.data.flags.owndata
+    depth[:], points[:] = 9, 9
+    for made in (message, cloud):
+        assert (np.frombuffer(made.data, dtype="<f4") == 1.5).all()
     message.data[:] = 0
     assert (read == 1.5).all()
 

@@ -75,14 +75,14 @@ class MessageMaker:
             raise MessageError(f"types have another {kind} than ROS 2 ({error}): take Stores.ROS2_JAZZY") from None
 
     def sequence(self, values: NDArray[Any]) -> Any:
-        """Return a copy of numbers as the fields of the types hold a sequence of them.
+        """Return numbers as fields of the types hold a sequence of them: rosbags' fields hold the array itself.
 
         ROS's own fields take an `array.array` as it is, and look at each number of anything else.
         """
         if self._types is not None:
-            return values.copy()
+            return values
         copied = array.array(values.dtype.char)
-        copied.frombytes(values.tobytes())
+        copied.frombytes(values.view(np.uint8).data)
         return copied
 
     def header(self, frame_id: str, stamp: Stamp) -> Message:

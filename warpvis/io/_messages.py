@@ -69,7 +69,7 @@ def to_image_msg(
             )
         pixels = np.ascontiguousarray(units, dtype="<u2")
     else:
-        pixels = np.ascontiguousarray(image, dtype="<f4")
+        pixels = np.array(image, dtype="<f4", order="C")  # a copy: renderers write into the same arrays again
     height, width = pixels.shape
     return maker.make(
         "sensor_msgs/msg/Image",
@@ -189,7 +189,7 @@ def _read_points(points: ArrayInput) -> NDArray[np.float32]:
             f"points must be numbers of shape (N, 3) or (H, W, 3), got {cloud.dtype} of {cloud.shape}; of a depth "
             "image, give its camera, too"
         )
-    return np.ascontiguousarray(cloud if cloud.ndim == 3 else cloud[None], dtype="<f4")
+    return np.array(cloud if cloud.ndim == 3 else cloud[None], dtype="<f4", order="C")
 
 
 def _back_project(depth: NDArray[Any], camera: Camera) -> NDArray[np.float32]:
@@ -201,10 +201,11 @@ def _back_project(depth: NDArray[Any], camera: Camera) -> NDArray[np.float32]:
     depth = depth.astype(np.float32, copy=False)
     near, far = np.float32(camera.near), np.float32(camera.far)
     measured = np.isfinite(depth) & (depth > 0) & (depth >= near) & (depth <= far)
+    z = np.where(measured, depth, np.float32(np.nan))
     points = np.empty((*depth.shape, 3), dtype="<f4")
-    points[..., 2] = np.where(measured, depth, np.float32(np.nan))
-    np.multiply(points[..., 2], slope_x.astype(np.float32), out=points[..., 0])
-    np.multiply(points[..., 2], slope_y.astype(np.float32)[:, None], out=points[..., 1])
+    points[..., 2] = z
+    np.multiply(z, slope_x.astype(np.float32), out=points[..., 0])
+    np.multiply(z, slope_y.astype(np.float32)[:, None], out=points[..., 1])
     return points
 
 
