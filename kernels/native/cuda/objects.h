@@ -43,18 +43,10 @@ constexpr float MOVED_BOX_SLACK = 1e-6f;
 struct ObjectPass {
     // In single precision, which is enough for a box: one lane an object.
     static inline unsigned visit(const Camera& world, const Packet& packet, const Movables& movables, int m) {
-        const float* pose = movables.pose(m);
         const int object = __ldg(movables.object + m);
         const bool shown = !(movables.excluded && object >= 0 && movables.excluded[object]);
-        float x = __ldg(pose + 3), y = __ldg(pose + 4), z = __ldg(pose + 5), w = __ldg(pose + 6);
-        const float scale = 1.0f / sqrtf(x * x + y * y + z * z + w * w);
-        x *= scale, y *= scale, z *= scale, w *= scale;
-        // As Pose::axes_of, which is in double precision.
-        const Vec3 axis[3] = {{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)},
-                              {2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)},
-                              {2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)}};
-        const Vec3 origin =
-            inside(axis, Vec3::minus(world.origin, Vec3{__ldg(pose), __ldg(pose + 1), __ldg(pose + 2)}));
+        Vec3 axis[3];
+        const Vec3 origin = camera_there(world, movables.pose(m), axis);
         const Vec3 rows[3] = {inside(axis, world.to_camera[0]), inside(axis, world.to_camera[1]),
                               inside(axis, world.to_camera[2])};
         const float* box = movables.box(m);
@@ -69,15 +61,24 @@ struct ObjectPass {
         return Vec3{Vec3::dot(axis[0], v), Vec3::dot(axis[1], v), Vec3::dot(axis[2], v)};
     }
 
+    // Where the camera is in the frame of an object, and that frame's axes in the world, in single precision.
+    static inline Vec3 camera_there(const Camera& world, const float* pose, Vec3* axis) {
+        float x = __ldg(pose + 3), y = __ldg(pose + 4), z = __ldg(pose + 5), w = __ldg(pose + 6);
+        const float scale = 1.0f / sqrtf(x * x + y * y + z * z + w * w);
+        x *= scale, y *= scale, z *= scale, w *= scale;
+        // As Pose::axes_of, which is in double precision.
+        axis[0] = Vec3{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)};
+        axis[1] = Vec3{2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)};
+        axis[2] = Vec3{2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)};
+        return inside(axis, Vec3::minus(world.origin, Vec3{__ldg(pose), __ldg(pose + 1), __ldg(pose + 2)}));
+    }
+
     // Whether the near plane may cut an object open: then its triangles are seen, whatever it is.
     static inline bool is_cut(const Camera& world, const Movables& movables, int m) {
         if (!NearPlane::clips()) return false;
-        const float* pose = movables.pose(m);
-        Vec3d axis[3];
-        PoseRow::axes(pose, axis);
-        const Vec3d from = Vec3d::minus(world.exact_origin, PoseRow::position(pose));
-        const Vec3d origin = {Vec3d::dot(axis[0], from), Vec3d::dot(axis[1], from), Vec3d::dot(axis[2], from)};
-        return Box::holds(movables.box(m), origin.rounded(), world.near);
+        Vec3 axis[3];
+        const Vec3 origin = camera_there(world, movables.pose(m), axis);
+        return Box::holds(movables.box(m), origin, world.near);
     }
 
     // Move the world's camera into the frame of an object; a lane takes a coordinate of a ray, or of the origin.

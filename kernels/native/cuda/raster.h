@@ -85,6 +85,7 @@ struct Raster {
     static inline void draw_small(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t, int area,
                                   int steps) {
         unsigned touched = 0;
+        const bool cut = camera.near.cuts(t.max_inv_z);
         int x = t.x0, y = t.y0;
         // The same as floats, in the view: whole numbers, so that counting them up is exact.
         const float first_x = SmallInt::to_float(packet.first_x + x);
@@ -97,7 +98,7 @@ struct Raster {
                         t.exact ? t.clamp(ExactPlane::of(camera, bvh.corners(t.slot)).at(u, v)) : t.inv_z_at(u, v);
                     const Key key = DepthKey::of(inv_z, t.slot + bvh.first_id);
                     Key* at = packet.z_buffer + Packet::index_at(x, y);
-                    if (camera.near.shows(inv_z) && key > *at) {
+                    if (camera.near.shows(inv_z, cut) && key > *at) {
                         atomicMax(at, key);
                         touched |= 1u << Packet::block_of(x, y);
                     }
@@ -142,20 +143,21 @@ struct Raster {
         if (!blocks) return;
         packet.stale_blocks |= blocks;
         const unsigned id = t.slot + bvh.first_id;
+        const bool cut = camera.near.cuts(t.max_inv_z);
         if (t.exact) {
             const ExactPlane plane = ExactPlane::of(camera, bvh.corners(t.slot));
             for (unsigned left = blocks; left; left = Warp::without_first_lane(left)) {
                 const int block = Warp::first_lane(left);
                 float u, v;
                 pixel(camera, packet, block, u, v);
-                put(camera, packet, block, (whole >> block & 1) || t.covers(u, v), t.clamp(plane.at(u, v)), id);
+                put(camera, packet, block, (whole >> block & 1) || t.covers(u, v), t.clamp(plane.at(u, v)), id, cut);
             }
         } else {
             for (unsigned left = blocks; left; left = Warp::without_first_lane(left)) {
                 const int block = Warp::first_lane(left);
                 float u, v;
                 pixel(camera, packet, block, u, v);
-                put(camera, packet, block, (whole >> block & 1) || t.covers(u, v), t.inv_z_at(u, v), id);
+                put(camera, packet, block, (whole >> block & 1) || t.covers(u, v), t.inv_z_at(u, v), id, cut);
             }
         }
     }
@@ -167,10 +169,11 @@ struct Raster {
         v = SmallInt::to_float(packet.first_y + Packet::block_y(block) + Packet::pixel_y(lane)) + camera.first_v;
     }
 
-    static inline void put(const Camera& camera, Packet& packet, int block, bool inside, float inv_z, unsigned id) {
+    static inline void put(const Camera& camera, Packet& packet, int block, bool inside, float inv_z, unsigned id,
+                           bool cut) {
         Key* at = packet.z_buffer + Packet::index(block, Warp::lane());
         const Key key = DepthKey::of(inv_z, id);
-        if (inside && camera.near.shows(inv_z) && key > *at) *at = key;
+        if (inside && camera.near.shows(inv_z, cut) && key > *at) *at = key;
     }
 };
 

@@ -236,9 +236,10 @@ struct alignas(16) Solid {
         return blocks & Warp::ballot(meets);
     }
 
-    // Draw it into blocks of pixels.
+    // Draw it into blocks of pixels. It is not cut; what is nearer than the near plane is so by rounding.
     inline void draw(const Camera& camera, Packet& packet, unsigned blocks) const {
         const int lane = Warp::lane();
+        const float most_inv_z = camera.near.most(MOST_INV_Z);
         if (__popc(blocks) > FEW_BLOCKS) blocks = blocks_met(packet, blocks);
         const float u0 = SmallInt::to_float(packet.first_x + Packet::pixel_x(lane)) - x,
                     v0 = SmallInt::to_float(packet.first_y + Packet::pixel_y(lane)) - y;
@@ -248,9 +249,9 @@ struct alignas(16) Solid {
             const float w = at(u0 + SmallInt::to_float(Packet::block_x(block)),
                                v0 + SmallInt::to_float(Packet::block_y(block)), part);
             Key* stored = packet.z_buffer + Packet::index(block, lane);
-            const Key key = DepthKey::of(fminf(w, MOST_INV_Z), first_id + part);
+            const Key key = DepthKey::of(fminf(w, most_inv_z), first_id + part);
             Key nearest = *stored;
-            if (w > 0.0f && camera.near.shows(w) && key > nearest) *stored = nearest = key;
+            if (w > 0.0f && key > nearest) *stored = nearest = key;
             const unsigned least = Warp::reduce_min(DepthKey::inv_z_bits(nearest));
             if (lane == block) packet.block_min_inv_z = least;
         }
