@@ -151,6 +151,12 @@ def test_camera_infos_that_make_no_camera(changes, message):
         wv.Camera.from_camera_info(info(**changes), **options)
 
 
+@pytest.mark.parametrize("changes", [{"size": ("wide", 480)}, {"roi": (0, 0, None, 1, False)}, {"binning": (1.5, 1)}])
+def test_camera_infos_whose_numbers_are_none(changes):
+    with pytest.raises(MessageError, match="must be a whole number from 0 up"):
+        wv.Camera.from_camera_info(info(**changes))
+
+
 def test_what_is_no_camera_info():
     with pytest.raises(MessageError, match="a message with the field k is wanted, got str"):
         wv.Camera.from_camera_info("camera")
@@ -253,7 +259,11 @@ def test_an_image_shares_no_memory():
         ({"step": 11}, "in rows of 11 bytes must have at least 4 bytes a pixel and 22 in all, got 24"),
         ({"data": b"1"}, "and 24 in all, got 1"),
         ({"data": bytes(25)}, "and 24 in all, got 25"),
-        ({"width": 0}, "an Image of 0 x 2 pixels"),
+        ({"width": 0}, "must have pixels, got 0 x 2"),
+        ({"height": 0, "data": b""}, "must have pixels, got 3 x 0"),
+        ({"height": "two"}, "field height of a message must be a whole number from 0 up, got 'two'"),
+        ({"step": 12.5}, "field step of a message must be a whole number"),
+        ({"width": math.nan}, "field width of a message must be a whole number"),
         ({"data": "text"}, "data of an Image must be bytes"),
         ({"data": [1, 256]}, "data of an Image must be bytes"),
     ],

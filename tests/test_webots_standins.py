@@ -63,6 +63,8 @@ def test_furniture_is_a_box_on_its_origin(kind, tmp_path):
     np.testing.assert_allclose(high - low, size, atol=1e-6)
     np.testing.assert_allclose((low + high) / 2, [5, 0, 1 + size[2] / 2], atol=1e-6)
     assert len(world.scene) == 2
+    words = {"OfficeChair": "office chair", "PottedTree": "potted tree", "WoodenChair": "wooden chair"}
+    assert {item.name for item in world.scene} == {words.get(kind, kind.lower()), "b"}
     with pytest.warns(UserWarning, match=rf"stand in for {kind} \(1\)"):
         old = load(tmp_path, f"{kind} {{ translation 1 0 2 }}", "R2021b")
     np.testing.assert_allclose(np.ptp(old.scene.bounds, axis=0), size[[1, 2, 0]], atol=1e-6)

@@ -168,6 +168,18 @@ def field(message: Message, *names: str) -> Any:
     raise MessageError(f"a message with the field {names[0]} is wanted, got {type(message).__name__}")
 
 
+def whole_field(message: Message, name: str) -> int:
+    """Return a field of a message that holds a whole number from 0 up.
+
+    Raises:
+        MessageError: It has none, or holds something else.
+    """
+    value = field(message, name)
+    if not is_number(value) or not math.isfinite(value) or value != int(value) or value < 0:
+        raise MessageError(f"the field {name} of a message must be a whole number from 0 up, got {value!r}")
+    return int(value)
+
+
 @dataclass(frozen=True)
 class CameraInfo:
     """What a CameraInfo says of the images that it comes with."""
@@ -232,9 +244,9 @@ class _Region:
 
 
 def _read_region(message: Message) -> _Region:
-    width, height = int(field(message, "width")), int(field(message, "height"))
+    width, height = whole_field(message, "width"), whole_field(message, "height")
     roi = field(message, "roi")
-    x, y, columns, rows = (int(field(roi, name)) for name in ("x_offset", "y_offset", "width", "height"))
+    x, y, columns, rows = (whole_field(roi, name) for name in ("x_offset", "y_offset", "width", "height"))
     if (x, y, columns, rows) == (0, 0, 0, 0):
         columns, rows = width, height
     if x + columns > width or y + rows > height or min(columns, rows) < 1:
@@ -242,7 +254,7 @@ def _read_region(message: Message) -> _Region:
             f"CameraInfo has a region of interest of {columns} x {rows} pixels from ({x}, {y}), which is not in its "
             f"image of {width} x {height}"
         )
-    binning_x, binning_y = (max(int(field(message, name)), 1) for name in ("binning_x", "binning_y"))
+    binning_x, binning_y = (max(whole_field(message, name), 1) for name in ("binning_x", "binning_y"))
     if binning_x > columns or binning_y > rows:
         raise CameraError(f"CameraInfo bins {binning_x} x {binning_y} pixels of an image of {columns} x {rows}")
     whole = (columns, rows) == (width, height)

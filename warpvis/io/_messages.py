@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from warpvis.core.arrays import as_numpy, on_gpu
 from warpvis.core.camera import Camera, require_camera
 from warpvis.core.checks import check_choice
-from warpvis.core.messages import Message, MessageMaker, MessageTypes, Stamp, field
+from warpvis.core.messages import Message, MessageMaker, MessageTypes, Stamp, field, whole_field
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, MessageError
 from warpvis.io._depth import count_lost, depth_to_units
@@ -98,10 +98,12 @@ def from_image_msg(message: Message) -> NDArray[np.float32]:
     encoding = field(message, "encoding")
     if encoding not in _PIXELS:
         raise MessageError(f"an Image of depth must be of 32FC1 or 16UC1, got {encoding!r}")
-    height, width, step = (int(field(message, name)) for name in ("height", "width", "step"))
+    height, width, step = (whole_field(message, name) for name in ("height", "width", "step"))
+    if height < 1 or width < 1:
+        raise MessageError(f"an Image of depth must have pixels, got {width} x {height}")
     kind = np.dtype((">" if field(message, "is_bigendian") else "<") + _PIXELS[encoding])
     data = _bytes_of(field(message, "data"))
-    if height < 1 or width < 1 or step < width * kind.itemsize or data.size != height * step:
+    if step < width * kind.itemsize or data.size != height * step:
         raise MessageError(
             f"an Image of {width} x {height} pixels of {encoding} in rows of {step} bytes must have at least "
             f"{kind.itemsize} bytes a pixel and {height * step} in all, got {data.size}"

@@ -222,6 +222,7 @@ class Renderer:
         """Let go of the memory."""
         self._closed = True
         self._stages.clear()
+        self._stage.renderers.clear()
         if self._fallback is not None:
             self._fallback.close()
 

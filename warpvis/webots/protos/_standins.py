@@ -8,6 +8,8 @@ places of a pedestrian's limbs are those of its bounding objects: in Webots R202
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from warpvis.errors import FileFormatError
@@ -52,7 +54,9 @@ def stand_in(node: Node) -> Node | None:
     if node.type == "Pedestrian":
         return _pedestrian(node)
     if node.type in _SIZES:
-        return _solid(node, [_box(node, _axes(node, *_SIZES[node.type]), lifted=True)])
+        furniture = _solid(node, [_box(node, _axes(node, *_SIZES[node.type]), lifted=True)])
+        furniture.fields.setdefault("name", [_default_name(node.type)])
+        return furniture
     size = None if node.type in _UNLIKE_BOXES else _size_of(node)
     if size is None:
         return None
@@ -66,6 +70,11 @@ def stand_in_geometry(node: Node) -> Node | None:
     """Make a Box in place of a geometry without a file that has a `size` of three lengths, as TexturedBox has."""
     size = _size_of(node)
     return None if size is None else new_node(node, "Box", {"size": [*size]}, node.name)
+
+
+def _default_name(proto: str) -> str:
+    """Return what Webots' furniture is named by default, its type in words: "office chair" of an OfficeChair."""
+    return re.sub(r"(?<!^)(?=[A-Z])", " ", proto).lower()
 
 
 def _size_of(node: Node) -> tuple[float, ...] | None:

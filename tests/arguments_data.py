@@ -1,0 +1,147 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Valid arguments of what `batch`, `io`, `maps` and `mujoco` show, by name: ``name: (function, arguments)``."""
+
+import mujoco
+import numpy as np
+from arguments_shared import CAMERA, DEPTH, MESSAGE, MODEL, MOVED, POSE, RENDERED, VIEW, rendered_once, scene
+
+import warpvis as wv
+
+
+def data_cases(folder):
+    """Make them; files are in a folder."""
+    data = mujoco.MjData(MODEL)
+    mujoco.mj_forward(MODEL, data)
+    seen = scene()
+    path = folder / "out"
+    mujoco_scene = wv.mujoco.scene_from_mujoco(MODEL)
+    model = {"tolerance": 5e-4, "labels": {"ball": "object"}, "exclude": ("floor",), "device": "cpu"}
+    return {
+        # warpvis.batch
+        "FrameRenderer": (
+            wv.batch.FrameRenderer,
+            {
+                "scene": seen,
+                "camera": CAMERA,
+                "outputs": ["depth", "visibility"],
+                "objects": ["box"],
+                "exclude": ["floor"],
+                "delta": 0.1,
+                "device": "cpu",
+                "threads": 1,
+                "caster": "auto",
+            },
+        ),
+        "FrameRenderer.__call__": (wv.batch.FrameRenderer(seen, CAMERA), {"batch": {"camera_to_world": [POSE]}}),
+        "FrameRenderer of poses": (
+            lambda **batch: wv.batch.FrameRenderer(seen, CAMERA)(batch),
+            {"camera_to_world": [POSE], "object_poses": [MOVED], "world_index": [0]},
+        ),
+        "verify": (wv.batch.verify, {"out": folder / "set"}),
+        "warmup": (wv.batch.warmup, {"device": "cpu", "outputs": ["depth"], "casters": ["rays"]}),
+        # warpvis.io
+        "from_image_msg": (wv.io.from_image_msg, {"message": wv.io.to_image_msg(DEPTH, **MESSAGE)}),
+        "to_image_msg": (wv.io.to_image_msg, {"depth": DEPTH, "encoding": "16UC1", **MESSAGE}),
+        "to_pointcloud2": (wv.io.to_pointcloud2, {"points": DEPTH, "camera": CAMERA, **MESSAGE}),
+        "load_camera": (wv.io.load_camera, {"name_or_path": "kinect"}),
+        "read_points": (wv.io.read_points, {"path": folder / "points.txt"}),
+        "read_poses": (wv.io.read_poses, {"path": folder / "walk.txt"}),
+        "save_depth_png": (wv.io.save_depth_png, {"depth": DEPTH[0], "path": path / "depth.png"}),
+        # warpvis.maps
+        "Sphere": (wv.maps.Sphere, {"center": (0, 0, 0), "diameter": 1.0, "label": "object"}),
+        "Voxel.parse": (wv.maps.Voxel.parse, {"value": "free"}),
+        "classify_rendered": (
+            wv.maps.classify_rendered,
+            {
+                "depth": RENDERED.depth,
+                "objects": RENDERED.segmentation,
+                "scene": seen,
+                "max_range": 3.0,
+                "threads": 1,
+                "out": None,
+            },
+        ),
+        "plan_visibility": (wv.maps.plan_visibility, {"scene": seen, **VIEW, "exclude": ["box"]}),
+        # warpvis.mujoco
+        "BatchRenderer": (
+            wv.mujoco.BatchRenderer,
+            {
+                "model": MODEL,
+                "nworld": 1,
+                "height": 6,
+                "width": 8,
+                "outputs": ["depth"],
+                "geom_groups": (0,),
+                "scene_option": None,
+                "movable": "all",
+                "cull_backfaces": True,
+                "near_plane": "clip",
+                "fill": "far",
+                "threads": 1,
+                **model,
+            },
+        ),
+        "BatchRenderer.render": (
+            wv.mujoco.BatchRenderer(MODEL, 1, height=6, width=8).render,
+            {"poses": data, "cameras": ["eye"], "worlds": None, "model": {"cam_fovy": [[50]]}, "out": None},
+        ),
+        "BatchRenderer.body_ids": (
+            wv.mujoco.BatchRenderer(MODEL, 1, height=6, width=8, outputs=["segmentation"]).body_ids,
+            {"views": RENDERED, "out": None},
+        ),
+        "BatchRenderer.semantic_ids": (
+            wv.mujoco.BatchRenderer(MODEL, 1, height=6, width=8, outputs=["segmentation"]).semantic_ids,
+            {"views": RENDERED, "classes": {"ball": 1}, "out": None},
+        ),
+        "BatchRenderer.geom_ids": (
+            wv.mujoco.BatchRenderer(MODEL, 1, height=6, width=8, outputs=["segmentation"]).geom_ids,
+            {"views": RENDERED, "out": None},
+        ),
+        "BatchRenderer.camera": (wv.mujoco.BatchRenderer(MODEL, 1, height=6, width=8).camera, {"camera": "eye"}),
+        "Kinematics": (wv.mujoco.Kinematics, {"model": MODEL, "threads": 1}),
+        "Kinematics.from_qpos": (
+            wv.mujoco.Kinematics(MODEL).from_qpos,
+            {"qpos": [MODEL.qpos0], "mocap_pos": None, "mocap_quat": None, "model": {"body_pos": MODEL.body_pos[None]}},
+        ),
+        "Kinematics.from_states": (
+            wv.mujoco.Kinematics(MODEL).from_states,
+            {"states": [np.r_[MODEL.qpos0, np.zeros(6)]], "spec": int(mujoco.mjtState.mjSTATE_PHYSICS)},
+        ),
+        "MujocoScene.to": (mujoco_scene.to, {"device": "cpu"}),
+        "mujoco.Renderer": (
+            wv.mujoco.Renderer,
+            {
+                "model": MODEL,
+                "height": 6,
+                "width": 8,
+                "max_geom": 9,
+                "font_scale": None,
+                "cull_backfaces": True,
+                "near_plane": "clip",
+                "fallback": False,
+                "threads": 1,
+                **model,
+            },
+        ),
+        "mujoco.Renderer.update_scene": (
+            wv.mujoco.Renderer(MODEL, 6, 8).update_scene,
+            {"data": data, "camera": "eye", "scene_option": None},
+        ),
+        "mujoco.Renderer.render": (rendered_once(data).render, {"out": None}),
+        "WorldPoses.of": (wv.mujoco.WorldPoses.of, {"worlds": [data]}),
+        "camera_from_mujoco": (
+            wv.mujoco.camera_from_mujoco,
+            {"model": MODEL, "camera": "eye", "width": 8, "height": 6},
+        ),
+        "camera_poses": (wv.mujoco.camera_poses, {"source": data, "model": MODEL, "cameras": [0]}),
+        "geom_poses": (wv.mujoco.geom_poses, {"source": data, "scene": mujoco_scene}),
+        "read_model": (
+            wv.mujoco.read_model,
+            {"path": folder / "box.xml", "search_path": [folder], "strict": False},
+        ),
+        "scene_from_mujoco": (
+            wv.mujoco.scene_from_mujoco,
+            {"model": MODEL, "geom_groups": (0,), "movable": "bodies", "static": True, **model},
+        ),
+    }

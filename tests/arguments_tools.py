@@ -1,0 +1,304 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Valid arguments of what the packages from `planning` to `webots` show: ``name: (function, arguments)``."""
+
+from arguments_shared import CAMERA, DEPTH, MOVED, POSE, RENDERED, SEEN, VIEW, WORLDS, RangeFinder, agents, scene
+
+import warpvis as wv
+
+
+def tools_cases(folder):
+    """Make them; files are in a folder."""
+    world = wv.webots.load_webots(folder / "lab.wbt")
+    planned = wv.planning
+    generated = wv.pose_generators
+    seen = scene()
+    path = folder / "out"
+    found = SEEN.candidates("human", "robot", labels=None)
+    room = {"radius": 0.1, "floor": -1.0, "step": 0.1}
+    one = {"object_poses": MOVED, "exclude": ["floor"], "threads": 1}
+    floor_map = wv.floor_map(RENDERED.points, RENDERED.labels, bounds=[[-1, -1], [1, 1]])
+    best = planned.best_views(seen, CAMERA, POSE, objects=["box"])
+    covered = planned.coverage(seen, CAMERA, POSE)
+    eye = wv.webots.DepthEye(RangeFinder())
+    return {
+        # warpvis.planning
+        "BestViews.pose": (best.pose, {"rank": 0}),
+        "Coverage.best": (covered.best, {"k": 1}),
+        "best_views": (
+            planned.best_views,
+            {
+                "scene": seen,
+                "camera": CAMERA,
+                "candidates": [POSE],
+                "objects": ["box"],
+                "weights": [1.0],
+                "measure": "fraction",
+                "count": 1,
+                "start": (0, 0, 0),
+                "path_lengths": None,
+                "tie": 0.1,
+                "radius": 0.1,
+                "floor": -2.0,
+                "delta": 0.1,
+                "convention": "opencv",
+                **one,
+            },
+        ),
+        "clearance": (
+            planned.clearance,
+            {"scene": seen, "points": [[0, 0, 0]], "max_distance": 9.0, "objects": ["box"], **one},
+        ),
+        "coverage": (
+            planned.coverage,
+            {"scene": seen, **VIEW, "samples": None, "weights": None, "k": 1, "tolerance": 0.1, **one},
+        ),
+        "minimum_height": (
+            planned.minimum_height,
+            {
+                "scene": seen,
+                "eyes": [[0, 0, 0]],
+                "targets": [[3, 0, 0]],
+                "raises": "eye",
+                "max_height": 9.0,
+                "tolerance": 0.1,
+                **one,
+            },
+        ),
+        "pose_grid": (
+            planned.pose_grid,
+            {"center": (0, 0, 0), "radius": 1.0, "step": 1.0, "height": 1.0, "look_at": (0, 0, 0), "up": "z"},
+        ),
+        "pose_grid of headings": (
+            planned.pose_grid,
+            {"center": (0, 0, 0), "radius": 1.0, "step": 1.0, "height": 1.0, "headings": 2, "pitch": 0.1},
+        ),
+        "propose_view": (
+            planned.propose_view,
+            {
+                "scene": seen,
+                "robot": agents()[0],
+                "candidates": found,
+                "max_distance": 1.0,
+                "object_poses": MOVED,
+                **room,
+            },
+        ),
+        "standing_room": (planned.standing_room, {"scene": seen, "camera_to_world": POSE, **room, **one}),
+        "surface_samples": (
+            planned.surface_samples,
+            {
+                "scene": seen,
+                "spacing": 0.5,
+                "objects": ["box"],
+                "object_poses": MOVED,
+                "seed": 0,
+            },
+        ),
+        "surface_samples of labels": (planned.surface_samples, {"scene": seen, "spacing": 0.5, "labels": ["object"]}),
+        # warpvis.pose_generators
+        "along": (generated.along, {"path": [[0, 0, 0], [1, 0, 0]], "count": 2, "look": "forward", "up": "z"}),
+        "frames_from_spec": (
+            generated.frames_from_spec,
+            {"text": "orbit target=0,0,0 radius=1 height=1 count=2", "scene": seen, "up": "z"},
+        ),
+        "grid": (
+            generated.grid,
+            {
+                "bounds": [[0, 0, 0], [1, 1, 1]],
+                "step": 1.0,
+                "headings": 2,
+                "pitch": 0.1,
+                "look_at": (9, 9, 9),
+                "up": "z",
+            },
+        ),
+        "looks_like_spec": (generated.looks_like_spec, {"text": "orbit:"}),
+        "orbit": (
+            generated.orbit,
+            {"target": (0, 0, 0), "radius": 1.0, "height": 1.0, "count": 2, "up": "z", "start": 0.0},
+        ),
+        "random_poses": (
+            generated.random_poses,
+            {
+                "scene_or_bounds": seen,
+                "count": 2,
+                "seed": 0,
+                "bounds": [[-1, -1, 0], [1, 1, 1]],
+                "clearance": 0.01,
+                "look": "level",
+                "up": None,
+                "exclude": ["box"],
+                "threads": 1,
+            },
+        ),
+        "sphere": (
+            generated.sphere,
+            {
+                "target": (0, 0, 0),
+                "radius": 1.0,
+                "count": 2,
+                "up": "z",
+                "min_elevation": -1.0,
+                "max_elevation": 1.0,
+            },
+        ),
+        # warpvis.rendering
+        "render_wide": (
+            wv.rendering.render_wide,
+            {
+                "scene": seen,
+                "width": 8,
+                "height": 6,
+                "hfov": 3.0,
+                "camera_to_world": POSE,
+                "projection": "spherical",
+                "near": 0.1,
+                "far": 9.0,
+                "outputs": ["depth"],
+                "cull_backfaces": False,
+                "convention": "opencv",
+                "threads": 1,
+                **WORLDS,
+            },
+        ),
+        # warpvis.viz
+        "save_depth": (
+            wv.viz.save_depth,
+            {"depth": DEPTH[0], "path": path / "a.png", "title": "a", "depth_range": (0, 1)},
+        ),
+        "save_map": (
+            wv.viz.save_map,
+            {
+                "cells": floor_map.cells.numpy()[0],
+                "path": path / "b.png",
+                "bounds": floor_map.bounds,
+                "legend": floor_map.legend,
+                "axes": ("x", "y"),
+                "title": "b",
+            },
+        ),
+        "save_overview": (
+            wv.viz.save_overview,
+            {
+                "scene": seen,
+                "camera": CAMERA,
+                "camera_to_world": POSE,
+                "views": RENDERED,
+                "floor_map": floor_map,
+                "path": path / "c.png",
+                "title": "c",
+                "eye": (-3, -3, 3),
+                "target": (0, 0, 0),
+            },
+        ),
+        "save_perspective": (
+            wv.viz.save_perspective,
+            {
+                "scene": seen,
+                "agents": agents(),
+                "seen": SEEN,
+                "path": path / "d.png",
+                "view": 0,
+                "title": "d",
+                "labels": None,
+                "eye": (-3, -3, 3),
+                "target": (0, 0, 0),
+                "proposed": POSE,
+                "object_poses": MOVED,
+            },
+        ),
+        "save_sightings": (
+            wv.viz.save_sightings,
+            {
+                "scene": seen,
+                **VIEW,
+                "path": path / "e.png",
+                "objects": ["box"],
+                "title": "e",
+                "object_poses": MOVED,
+                "exclude": None,
+            },
+        ),
+        "view_from_outside": (
+            wv.viz.view_from_outside,
+            {
+                "scene": seen,
+                "outside": CAMERA,
+                "outside_to_world": POSE,
+                "camera": CAMERA,
+                "camera_to_world": POSE,
+                "depth": RENDERED.depth.numpy()[0],
+                "segmentation": RENDERED.segmentation.numpy()[0],
+            },
+        ),
+        # warpvis.webots
+        "DepthEye": (
+            wv.webots.DepthEye,
+            {
+                "range_finder": RangeFinder(),
+                "node": None,
+                "translation": (0, 0, 0),
+                "rotation": (0, 0, 1, 0),
+                "version": "R2023b",
+                "near": 0.01,
+            },
+        ),
+        "DepthEye.pose": (eye.pose, {"node_pose": POSE}),
+        "DepthEye.points": (eye.points, {"node_pose": POSE}),
+        "DepthEye.classify": (eye.classify, {"node_pose": POSE, "up": "z"}),
+        "DepthEye.floor_map": (
+            eye.floor_map,
+            {"node_pose": POSE, "bounds": [[0, 0], [1, 1]], "cell_size": 0.1, "up": "z"},
+        ),
+        "Lens": (wv.webots.Lens, {"center": (0.5, 0.5), "radial": (0, 0), "tangential": (0, 0)}),
+        "Version.parse": (wv.webots.Version.parse, {"text": "R2023b"}),
+        "add_noise": (
+            wv.webots.add_noise,
+            {"values": DEPTH[0], "noise": 0.1, "max_range": 3.0, "version": world.version, "seed": 0},
+        ),
+        "distort_pixels": (
+            wv.webots.distort_pixels,
+            {"width": 8, "height": 6, "center": (0.5, 0.5), "radial": (0, 0), "tangential": (0, 0)},
+        ),
+        "find_device": (wv.webots.find_device, {"world": world, "name": "range-finder"}),
+        "load_webots": (
+            wv.webots.load_webots,
+            {
+                "path": folder / "lab.wbt",
+                "device": "cpu",
+                "labels": {"box": "human"},
+                "search_path": [folder],
+                "strict": False,
+            },
+        ),
+        "quantise": (wv.webots.quantise, {"values": DEPTH[0], "resolution": 0.1}),
+        "range_values": (
+            wv.webots.range_values,
+            {
+                "depth": DEPTH,
+                "near": 0.1,
+                "min_range": 0.1,
+                "max_range": 3.0,
+                "version": world.version,
+                "projection": "planar",
+                "near_bias": False,
+            },
+        ),
+        "recognise": (wv.webots.recognise, {"world": world, "camera_name": "camera", "threads": 1}),
+        "render_range": (
+            wv.webots.render_range,
+            {
+                "world": world,
+                "device_name": "range-finder",
+                "webots_version": "header",
+                "exclude_body": False,
+                "seed": 0,
+                "threads": 1,
+            },
+        ),
+        "segmentation_image": (
+            wv.webots.segmentation_image,
+            {"world": world, "camera_name": "camera", "threads": 1},
+        ),
+    }

@@ -1,0 +1,236 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Valid arguments of what the package's top show, by name: ``name: (function, arguments)``."""
+
+import numpy as np
+from arguments_shared import (
+    CAMERA,
+    DEPTH,
+    MESH,
+    MESSAGE,
+    MODEL,
+    MOVED,
+    POSE,
+    RENDERED,
+    SEEN,
+    SPACE,
+    VIEW,
+    WORLDS,
+    agents,
+    scene,
+)
+
+import warpvis as wv
+
+
+def top_cases(folder):
+    """Make them; files are in a folder."""
+    seen = scene()
+    path = folder / "out"
+    floor_map = wv.floor_map(RENDERED.points, RENDERED.labels, bounds=[[-1, -1], [1, 1]])
+    voxels = wv.voxel_map(DEPTH, CAMERA, POSE, bounds=SPACE["bounds"])
+    return {
+        # The top of the package.
+        "Agent": (wv.Agent, {"name": "a", "camera": CAMERA, "pose": POSE, "body": (), "attention": None}),
+        "Agent.kinect": (wv.Agent.kinect, {"name": "a", "pose": POSE, "body": "box", "convention": "opencv"}),
+        "Agent.human": (wv.Agent.human, {"name": "a", "pose": POSE, "near": 0.1, "far": 9.0, "resolution": 10.0}),
+        "Camera": (wv.Camera, dict(zip(("width", "height", "fx", "fy", "cx", "cy"), (8, 6, 9, 9, 4, 3), strict=True))),
+        "Camera.range": (lambda near, far: wv.Camera(8, 6, 9, 9, 4, 3, near, far), {"near": 0.1, "far": 4.0}),
+        "Camera.from_fov": (wv.Camera.from_fov, {"width": 8, "height": 6, "hfov": 1.0, "near": 0.1, "far": 9.0}),
+        "Camera.from_fov, vertical": (wv.Camera.from_fov, {"width": 8, "height": 6, "vfov": 1.0}),
+        "Camera.from_fov, linear": (wv.Camera.from_fov, {"width": 8, "height": 6, "hfov": 1.0, "vertical": "linear"}),
+        "Camera.from_K": (wv.Camera.from_K, {"K": CAMERA.to_K(), "width": 8, "height": 6, "pixel_center": 0.5}),
+        "Camera.from_mujoco": (wv.Camera.from_mujoco, {"model": MODEL, "camera": "eye", "width": 8, "height": 6}),
+        "Camera.kinect": (wv.Camera.kinect, {"vertical": "square"}),
+        "Camera.from_camera_info": (
+            wv.Camera.from_camera_info,
+            {"message": CAMERA.to_camera_info(**MESSAGE), "rectified": True, "near": 0.1, "far": 9.0},
+        ),
+        "Camera.to_camera_info": (CAMERA.to_camera_info, MESSAGE),
+        "Camera.to_K": (CAMERA.to_K, {"pixel_center": 0.5}),
+        "Camera.project": (CAMERA.project, {"points": [[0, 0, 1]]}),
+        "Camera.back_project": (CAMERA.back_project, {"pixels": [[1, 1]], "depth": [1.0]}),
+        "FieldOfView": (wv.FieldOfView, {"hfov": 1.0, "up": 0.5, "down": 0.5, "near": 0.1, "far": 9, "resolution": 9}),
+        "FloorMap.area": (floor_map.area, {"label": "ground"}),
+        "FloorMap.save": (floor_map.save, {"path": path / "map.png", "view": 0}),
+        "Frames.from_poses": (
+            wv.Frames.from_poses,
+            {"poses": [POSE], "timestamps": [0], "object_poses": [MOVED], "world_index": [0], "source": {}},
+        ),
+        "Label.parse": (wv.Label.parse, {"value": "ground"}),
+        "Perspective.states": (SEEN.states, {"first": "robot", "second": "human"}),
+        "Perspective.candidates": (SEEN.candidates, {"human": "human", "robot": "robot", "view": 0, "labels": None}),
+        "Perspective.to_see": (SEEN.to_see, {"robot": "robot", "human": "human", "view": 0, "labels": ["object"]}),
+        "Perspective.objects_at": (SEEN.objects_at, {"view": 0}),
+        "Perspective.report": (SEEN.report, {"view": 0}),
+        "Perspective.table": (SEEN.table, {"view": 0}),
+        "Renderer": (
+            wv.Renderer,
+            {
+                "scene": seen,
+                "camera": CAMERA,
+                "outputs": ("depth",),
+                "caster": "rays",
+                "fill": 0.0,
+                "threads": 1,
+                "device_bytes": 9,
+            },
+        ),
+        "Renderer.render": (
+            wv.Renderer(seen, CAMERA).render,
+            {"camera_to_world": POSE, "convention": "opencv", "out": None, **WORLDS},
+        ),
+        "Renderer.render_at": (
+            wv.Renderer(seen, CAMERA).render_at,
+            {"camera_to_world": POSE, "pixels": [[[1, 1]]], "convention": "opencv", "out": None, **WORLDS},
+        ),
+        "Scene": (wv.Scene, {"device": "cpu", "up": "z"}),
+        "Scene.load": (
+            wv.Scene.load,
+            {
+                "path": folder / "box.ply",
+                "device": "cpu",
+                "up": "z",
+                "file_up": "y",
+                "scale": 2.0,
+                "labels": {"box": 2},
+                "search_path": [],
+                "strict": False,
+                "movable": None,
+            },
+        ),
+        "Scene.add": (
+            lambda **given: scene().add(**given),
+            {"mesh": MESH, "name": "new", "label": "human", "pose": POSE, "scale": 2.0, "movable": False},
+        ),
+        "Scene.add, attached": (lambda **given: scene().add(MESH, **given), {"attach_to": "cart"}),
+        "Scene.update_vertices": (
+            lambda **given: scene().update_vertices(**given),
+            {"name": "cart", "vertices": np.zeros((8, 3))},
+        ),
+        "Scene.index": (seen.index, {"name": "box"}),
+        "Scene.to": (seen.to, {"device": "cpu"}),
+        "Scene.export": (seen.export, {"path": path / "scene.glb"}),
+        "VoxelMap.volume": (voxels.volume, {"state": "free"}),
+        "VoxelMap.floor_map": (voxels.floor_map, {"robots": [(0, 0, 0.1)]}),
+        "VoxelMap.merge": (voxels.merge, {"other": voxels}),
+        "VoxelMap.save": (voxels.save, {"path": path / "voxels.npz"}),
+        "back_project": (wv.back_project, {"depth": DEPTH, **VIEW, "device": "cpu", "threads": 1, "out": None}),
+        "classify": (
+            wv.classify,
+            {
+                "depth": DEPTH,
+                **VIEW,
+                "spheres": [wv.maps.Sphere((1, 0, 0), 0.1)],
+                "ground_tolerance": 0.01,
+                "ground_height": -1.0,
+                "up": "z",
+                "max_range": 3.0,
+                "device": "cpu",
+                "threads": 1,
+                "out": None,
+                "spheres_out": None,
+            },
+        ),
+        "floor_map": (
+            wv.floor_map,
+            {
+                "points": RENDERED.points,
+                "labels": RENDERED.labels,
+                "bounds": [[-1, -1], [1, 1]],
+                "cell_size": 0.1,
+                "up": "z",
+                "level_tolerance": 0.01,
+                "robots": [(0, 0, 0.1)],
+                "threads": 1,
+            },
+        ),
+        "look_at": (wv.look_at, {"eye": (0, 0, 0), "target": (1, 0, 0), "up": "z"}),
+        "object_visibility": (
+            wv.object_visibility,
+            {
+                "scene": seen,
+                **VIEW,
+                **WORLDS,
+                "objects": ["box"],
+                "delta": 0.01,
+                "canvas": (1, 1, 1, 1),
+                "min_pixels": 1,
+                "skip_unseen": False,
+                "masks": False,
+                "caster": "auto",
+                "threads": 1,
+            },
+        ),
+        "perspective": (
+            wv.perspective,
+            {
+                "scene": seen,
+                "agents": agents(),
+                "objects": ["box"],
+                "min_pixels": 1,
+                "min_fraction": 0.1,
+                "delta": 0.01,
+                "object_poses": MOVED,
+                "world_index": [0],
+                "threads": 1,
+            },
+        ),
+        "point_visibility": (
+            wv.point_visibility,
+            {"scene": seen, **VIEW, **WORLDS, "points": [[1, 0, 0]], "tolerance": 0.1, "caster": "auto", "threads": 1},
+        ),
+        "point_visibility_from_depth": (
+            wv.point_visibility_from_depth,
+            {"depth": DEPTH, **VIEW, "points": [[1, 0, 0]], "tolerance": 0.1, "device": "cpu", "threads": 1},
+        ),
+        "read_frames": (
+            wv.read_frames,
+            {"path": folder / "walk.txt", "convention": "opencv", "file_format": "tum", "topic": None},
+        ),
+        "render": (
+            wv.render,
+            {
+                "scene": seen,
+                **VIEW,
+                **WORLDS,
+                "outputs": "depth",
+                "caster": "auto",
+                "cull_backfaces": False,
+                "fill": "inf",
+                "threads": 1,
+                "device_bytes": 1,
+                "out": None,
+            },
+        ),
+        "render_batch": (
+            lambda **given: wv.render_batch(**{"threads": 1, "resume": False, **given}),
+            {
+                "scene": seen,
+                "camera": CAMERA,
+                "frames": wv.Frames.from_poses([POSE]),
+                "out": path / "batch",
+                "format": "npz",
+                "outputs": ["depth"],
+                "objects": None,
+                "exclude": None,
+                "shard_frames": 1,
+                "options": {},
+                "device": "cpu",
+                "threads": 1,
+                "caster": "auto",
+                "engine": "local",
+                "workers": None,
+                "address": None,
+                "source": "x",
+            },
+        ),
+        "voxel_map": (
+            wv.voxel_map,
+            {"depth": DEPTH, **VIEW, **SPACE, "cell_size": 0.5, "labels": None, "device": "cpu", "out": None},
+        ),
+        "voxel_map_from_scene": (
+            wv.voxel_map_from_scene,
+            {"scene": seen, **VIEW, **WORLDS, "bounds": SPACE["bounds"], "cell_size": 0.5, "threads": 1, "out": None},
+        ),
+    }
