@@ -5,17 +5,18 @@
 
 #include "check.h"
 
-// Small triangles on top of each other, which all face the same way: what they see of a camera depends on nothing but
-// how high it is, and their boxes are long that way.
+// Small triangles on top of each other, which all face the same way, as the slats of a blind: what they see of a camera
+// depends on how high it is, and their boxes are long that way.
 static Mesh stack(Random& random, int count) {
     Mesh mesh;
     const int axis = random.whole(0, 2), way = random.pick({-1, 1});
+    const double tilt = random.pick({0.0, 0.003, 0.02});
     for (int i = 0; i < count; ++i) {
         const double height = random.real(-1, 1);
         int corner[3];
         for (int k = 0; k < 3; ++k) {
             double p[3];
-            p[axis] = height;
+            p[axis] = height + tilt * (k == 1);
             p[(axis + 1) % 3] = 0.01 * (k == 1), p[(axis + 2) % 3] = 0.01 * (k == 2);
             corner[k] = mesh.add(p[0], p[1], p[2]);
         }
