@@ -3,14 +3,13 @@
 """All commands take scenes, cameras and poses alike, and refuse options that have no effect."""
 
 import json
-import sys
 
 import numpy as np
 import pytest
 import trimesh
+from test_cli import run_here
 
 import warpvis as wv
-from warpvis.cli import main
 
 URDF = """<robot name="cart"><link name="cart"><visual><geometry><mesh filename="package://far/box.stl"/></geometry>
 </visual></link></robot>"""
@@ -54,19 +53,7 @@ def folder(tmp_path_factory):
 @pytest.fixture
 def run(folder, monkeypatch, capsys):
     """Run a command in the folder: exit code, standard output and standard error."""
-
-    def call(*arguments):
-        monkeypatch.chdir(folder)
-        monkeypatch.setattr(sys, "argv", ["warpvis", *map(str, arguments)])
-        code = 0
-        try:
-            main()
-        except SystemExit as stop:
-            code = stop.code
-        printed = capsys.readouterr()
-        return code, printed.out, printed.err
-
-    return call
+    return lambda *arguments: run_here(monkeypatch, capsys, folder, *arguments)
 
 
 def search(file):

@@ -22,6 +22,7 @@ from warpvis.kernels.constants import SOLID_WORDS
 from warpvis.mujoco._coinciding import Pairs, find_pairs, frame_vertices
 from warpvis.rendering import Renderer
 from warpvis.scene import Scene, SceneObject
+from warpvis.scene.worlds import pose_columns
 
 if TYPE_CHECKING:
     from warpvis.kernels.coinciding import Coinciding
@@ -81,11 +82,7 @@ class _OnDevice:
         surfaces = np.zeros(len(objects), dtype=np.uint64)
         for index, mesh in self._surfaces.items():
             surfaces[index] = mesh.id
-        columns = np.full(len(objects), -1, dtype=np.int32)
-        columns[list(scene.movable)] = np.arange(len(scene.movable))
-        for index, item in enumerate(objects):
-            if item.carrier is not None:
-                columns[index] = columns[item.carrier]
+        columns = pose_columns(scene)
         kinds, sizes = np.zeros(len(objects), dtype=np.int32), np.ones((len(objects), SOLID_WORDS), dtype=np.float32)
         for index, item in enumerate(objects):
             if item.solid is not None:

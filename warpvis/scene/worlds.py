@@ -82,6 +82,16 @@ def part_of(worlds: Worlds, views: slice) -> Worlds:
     return part
 
 
+def pose_columns(scene: Scene) -> NDArray[np.int32]:
+    """Find every object's column among object poses: its own, its carrier's, or -1 if it stays."""
+    columns = np.full(len(scene), -1, dtype=np.int32)
+    columns[list(scene.movable)] = np.arange(len(scene.movable))
+    for index, item in enumerate(scene.objects):
+        if item.carrier is not None:
+            columns[index] = columns[item.carrier]
+    return columns
+
+
 def _parse_object_poses(scene: Scene, poses: PoseLike) -> wp.array:
     movable = scene.movable
     if poses is None:

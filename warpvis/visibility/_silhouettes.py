@@ -17,6 +17,7 @@ from warpvis.core.types import KernelArguments
 from warpvis.kernels.constants import COUNTER_FINISHED, JOB_COUNTERS
 from warpvis.rendering import Views
 from warpvis.scene import Scene
+from warpvis.scene.worlds import pose_columns
 
 if TYPE_CHECKING:
     from warpvis.kernels.pinhole import Window
@@ -64,7 +65,7 @@ class SilhouetteCounter:
         self._packets = caster == "packets" and device.is_cpu
         self._apart = scene.apart()
         clusters = self._apart.bvh()
-        self._columns = wp.array(_columns(scene), dtype=wp.int32, device=device)
+        self._columns = wp.array(pose_columns(scene), dtype=wp.int32, device=device)
         self._chosen = Chosen()
         self._chosen.index = wp.array(np.array(chosen, dtype=np.int32), dtype=wp.int32, device=device)
         self._chosen.boxes = clusters.struct.movable_boxes.reshape((-1, 3)).view(wp.vec3).reshape((-1, 2))
@@ -151,13 +152,3 @@ class SilhouetteCounter:
         launch.launch()  # without memory, it says how much it needs
         job.scratch = aligned_zeros((workers, int(job.scratch_bytes.numpy()[0])), wp.uint8)
         run_together(launch.launch, workers, lambda: bool(counter[COUNTER_FINISHED] == workers))
-
-
-def _columns(scene: Scene) -> np.ndarray:
-    """Find every object's place among those with a pose: its own, its carrier's, or -1 if it stays."""
-    columns = np.full(len(scene), -1, dtype=np.int32)
-    columns[list(scene.movable)] = np.arange(len(scene.movable))
-    for index, item in enumerate(scene.objects):
-        if item.carrier is not None:
-            columns[index] = columns[item.carrier]
-    return columns
