@@ -18,8 +18,8 @@ from warpvis.batch._job import Plan
 from warpvis.batch.formats._bop import Bop
 from warpvis.batch.storage._output import ShardFiles
 from warpvis.core.frames import Frames
+from warpvis.scene.worlds import pose_columns
 from warpvis.visibility import object_visibility
-from warpvis.visibility._silhouettes import _columns
 
 WIDTH, HEIGHT, FRAMES, SHARD = 40, 30, 50, 30
 CAMERA = wv.Camera(WIDTH, HEIGHT, 38.0, 37.0, 19.3, 15.6, near=0.6, far=4.5)
@@ -64,7 +64,7 @@ def plan_of(scene, frames, *, camera=CAMERA, shard_frames=SHARD, chosen=OBJECTS,
         "shard_frames": shard_frames,
         "object_names": tuple(item.name for item in scene),
         "object_labels": tuple(int(item.label) for item in scene),
-        "object_columns": tuple(_columns(scene).tolist()),
+        "object_columns": tuple(pose_columns(scene).tolist()),
         "object_centers": tuple(tuple(item.bounds.astype(np.float64).mean(axis=0).tolist()) for item in scene),
         "chosen": tuple(scene.index(name) for name in chosen),
     }

@@ -30,6 +30,7 @@ from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, FileFormatError, PoseError
 from warpvis.rendering import OUTPUTS, Caster, check_outputs
+from warpvis.scene.worlds import pose_columns
 from warpvis.visibility import choose_objects
 
 if TYPE_CHECKING:
@@ -212,7 +213,7 @@ def make_plan(
         shard_frames=_shard_frames(shard_frames, names, camera, masks=len(chosen) if kind.masks else 0),
         object_names=tuple(item.name for item in scene.objects),
         object_labels=tuple(int(item.label) for item in scene.objects),
-        object_columns=_columns(scene),
+        object_columns=tuple(pose_columns(scene).tolist()),
         object_centers=tuple(tuple(item.bounds.astype(np.float64).mean(axis=0).tolist()) for item in scene.objects),
         chosen=chosen,
         exclude=tuple(excluded),
@@ -250,13 +251,6 @@ def _place_objects(scene: Scene, frames: Frames) -> Frames:
             "movable"
         )
     return frames
-
-
-def _columns(scene: Scene) -> tuple[int, ...]:
-    """Find for every object the column of `object_poses` that places it, or -1."""
-    column = {index: k for k, index in enumerate(scene.movable)}
-    carriers = [index if item.carrier is None else item.carrier for index, item in enumerate(scene.objects)]
-    return tuple(column.get(index, -1) for index in carriers)
 
 
 def _shard_frames(shard_frames: int | None, outputs: Sequence[str], camera: Camera, *, masks: int) -> int:
