@@ -31,38 +31,58 @@ def ball(diameter: float, x: float, y: float) -> trimesh.Trimesh:
     return sphere
 
 
+PERSON_HEAD = (0.93, 0.07)
+"""Height of a head's middle, and its radius: shares of a person's height."""
+PERSON_LIMBS: tuple[tuple[tuple[float, float, float], tuple[float, float, float], float], ...] = (
+    ((0, 0, 0.55), (0, 0, 0.74), 0.085),
+    ((0, 0, 0.8), (0, 0, 0.88), 0.035),
+    ((0, -0.05, 0.045), (0, -0.05, 0.5), 0.045),
+    ((-0.01, -0.12, 0.45), (0, -0.1, 0.77), 0.028),
+    ((0, 0.05, 0.045), (0, 0.05, 0.5), 0.045),
+    ((-0.01, 0.12, 0.45), (0, 0.1, 0.77), 0.028),
+)
+"""Trunk, neck, and of each side leg and arm: a capsule's two ends and its radius, shares of a person's height."""
+
+
 def person(height: float, x: float, y: float) -> trimesh.Trimesh:
     """A standing person of capsules that faces -x: legs, trunk, arms and head; 0.3 of their height wide."""
 
     def limb(start: Sequence[float], end: Sequence[float], radius: float) -> trimesh.Trimesh:
         segment = height * np.array([start, end])
+        # Cut as Webots cuts a Capsule, so that the same person stands in `examples/webots`.
         capsule = trimesh.creation.capsule(
-            height=float(np.linalg.norm(segment[1] - segment[0])), radius=height * radius, count=[12, 12]
+            height=float(np.linalg.norm(segment[1] - segment[0])), radius=height * radius, count=[6, 12]
         )
         capsule.apply_transform(trimesh.geometry.align_vectors([0, 0, 1], segment[1] - segment[0]))
         capsule.apply_translation(segment.mean(axis=0))
         return capsule
 
-    parts = [trimesh.creation.icosphere(subdivisions=2, radius=height * 0.07)]
-    parts[0].apply_translation((0, 0, height * 0.93))
-    parts.append(limb((0, 0, 0.55), (0, 0, 0.74), 0.085))
-    parts.append(limb((0, 0, 0.8), (0, 0, 0.88), 0.035))
-    for side in (-1, 1):
-        parts.append(limb((0, 0.05 * side, 0.045), (0, 0.05 * side, 0.5), 0.045))
-        parts.append(limb((0, 0.1 * side, 0.77), (-0.01, 0.12 * side, 0.45), 0.028))
-    whole = trimesh.util.concatenate(parts)
+    middle, radius = PERSON_HEAD
+    head = trimesh.creation.icosphere(subdivisions=2, radius=height * radius)
+    head.apply_translation((0, 0, height * middle))
+    whole = trimesh.util.concatenate([head, *(limb(*item) for item in PERSON_LIMBS)])
     whole.apply_translation((x, y, 0))
     return whole
 
 
+ROBOT_BASE = (0.2, 0.3, 0.17)
+"""Radius and height of a robot's body, and the height of its middle [m]."""
+
+
+def robot_boxes(height: float) -> tuple[tuple[tuple[float, float, float], tuple[float, float, float]], ...]:
+    """The size and the middle of the mast and the head of a robot whose camera is at `height` [m]."""
+    mast = (0.04, 0.04, height - 0.32), (-0.02, 0.0, (height + 0.28) / 2)
+    return mast, ((0.06, 0.24, 0.06), (-0.035, 0.0, height))
+
+
 def robot(height: float, x: float, y: float) -> trimesh.Trimesh:
     """A round mobile robot, 0.4 m across, with a mast at its front that carries a camera at `height`."""
-    base = trimesh.creation.cylinder(radius=0.2, height=0.3, sections=32)
-    base.apply_translation((0, 0, 0.17))
-    mast = trimesh.creation.box((0.04, 0.04, height - 0.32))
-    mast.apply_translation((-0.02, 0, (height + 0.28) / 2))
-    head = trimesh.creation.box((0.06, 0.24, 0.06))
-    head.apply_translation((-0.035, 0, height))
-    whole = trimesh.util.concatenate([base, mast, head])
+    radius, tall, middle = ROBOT_BASE
+    parts = [trimesh.creation.cylinder(radius=radius, height=tall, sections=32)]
+    parts[0].apply_translation((0, 0, middle))
+    for size, place in robot_boxes(height):
+        parts.append(trimesh.creation.box(size))
+        parts[-1].apply_translation(place)
+    whole = trimesh.util.concatenate(parts)
     whole.apply_translation((x, y, 0))
     return whole

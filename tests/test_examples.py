@@ -16,7 +16,8 @@ SAYS = {
     r"the collaborator may mean the salt: score 0\.98(.|\n)*the teleoperator must move to see: salt\n",
     "ros2_node.py": r'cup: {"status": "visible", "fraction": 0\.1\d+, "pixels": \d+, "hidden_by": "arm"}\n'
     r'bowl: {"status": "visible", "fraction": 1\.0, .*\nlamp: {"status": "out_of_view"',
-    "webots_controller.py": r"no Webots here; of experiment_3_R2023b.wbt the robot sees 2\.\d m\^2 of the floor",
+    "webots/controllers/visibility/visibility.py": r"experiment_3.wbt: depth image: the ball; the robot sees the ball; "
+    r"both see the low obstacle; both see the high obstacle\nexperiment_4.wbt: depth image: the person; nobody sees",
     "mujoco_depth.py": r"the bob shows on \d+ pixels, 2\.\d+ m away.*\nof 512 views the bob shows in 512",
     "mujoco_rollout.py": r"160 depth images of 8 rollouts\nwhere the bob is in the first rollout, in columns: \[\d+, ",
     "mujoco_warp_depth.py": r"the ball is seen in 64 of 64 worlds\nits top is in row 35 of the first, 0 of the last",
@@ -24,7 +25,7 @@ SAYS = {
 
 
 def test_there_are_no_others():
-    assert {path.name for path in EXAMPLES.glob("*.py")} == set(SAYS)
+    assert {path.relative_to(EXAMPLES).as_posix() for path in EXAMPLES.rglob("*.py")} == set(SAYS)
 
 
 @pytest.mark.parametrize("name", SAYS)

@@ -3,8 +3,6 @@
 """The eye of a Webots controller, with stand-ins for Webots' devices and nodes."""
 
 import ctypes
-import runpy
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -212,20 +210,6 @@ def test_a_robot_must_be_a_supervisor(worlds, version):
             DepthEye(robot.getDevice("range-finder"), robot=robot, version=version)
     with pytest.raises(PoseError, match="give robot or node, not both"):
         DepthEye(robot.getDevice("range-finder"), robot=robot, node=Node(*PLACES[version][:2]), version=version)
-
-
-def test_the_example_runs_as_a_controller(worlds, monkeypatch, capsys):
-    """With the library of R2023b: it is what users copy."""
-    library, simulation = simulated(worlds, "R2023b", steps=3)
-    monkeypatch.setitem(sys.modules, "controller", library)
-    runpy.run_path(str(WORLDS.parent.parent / "examples" / "webots_controller.py"))
-    lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == 2 and simulation.steps < 0
-    device = worlds["R2023b"].devices["range-finder"]
-    depth = render_range(worlds["R2023b"], "range-finder")
-    points, labels = wv.back_project(depth, device.camera, device.pose), wv.classify(depth, device.camera, device.pose)
-    wanted = wv.floor_map(points, labels, bounds=BOUNDS).area(wv.Label.GROUND)[0]
-    assert lines[0] == f"ground in view: {wanted:.2f} m^2"
 
 
 def bad_eye(worlds, image, kind="pointer"):

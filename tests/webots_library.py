@@ -15,12 +15,19 @@ import numpy as np
 
 
 class Simulation:
-    """A robot with one range finder: what Webots knows, and the library asks for."""
+    """A robot with one range finder: what Webots knows, and the library asks for.
+
+    `nodes` has matrices, node to world, by DEF name, and `displays` sizes by name; `shown` lists what they show. What
+    is in `image` and `nodes` when a function is called counts: `on_step` may change it.
+    """
 
     def __init__(self, device, image, position, orientation, *, tag=7, name="range-finder", supervisor=True, steps=1):
-        self.device, self.image, self.tag, self.name = device, image, tag, name
+        self.device, self.tag, self.name = device, tag, name
+        self.image = np.array(image, dtype=np.float32, order="C")
         self.position, self.orientation = list(position), np.asarray(orientation, dtype=float).ravel().tolist()
         self.supervisor, self.period, self.steps = supervisor, 0, steps
+        self.nodes, self.displays, self.shown, self.world_path = {}, {}, {}, ""
+        self.on_step = None
 
 
 class _Function(ctypes._CFuncPtr):
@@ -46,9 +53,9 @@ class _Library:
 
 def ctypes_library(simulation):
     """Make what ``from controller import ...`` gives from R2023a on."""
-    values = np.ascontiguousarray(simulation.image, dtype=np.float32)
     place, turn = (ctypes.c_double * 3)(*simulation.position), (ctypes.c_double * 9)(*simulation.orientation)
     device, wb = simulation.device, _Library()
+    definitions, displays, images, answers = list(simulation.nodes), list(simulation.displays), {}, []
     number, real, pointer = ctypes.c_int, ctypes.c_double, ctypes.c_void_p
 
     def enable(tag, period):
@@ -59,9 +66,34 @@ def ctypes_library(simulation):
 
     def step(period):
         simulation.steps -= 1
+        if simulation.on_step is not None:
+            simulation.on_step()
         return -1 if simulation.steps < 0 else 0
 
-    tags = {simulation.name: simulation.tag}
+    def node_by_definition(name):
+        return 1 + definitions.index(name.decode()) if simulation.supervisor and name.decode() in definitions else None
+
+    def matrix_of(node):
+        return np.asarray(simulation.nodes[definitions[node - 1]], dtype=float)
+
+    def position_of(node):
+        answers.append(place if node > 1000 else (ctypes.c_double * 3)(*matrix_of(node)[:3, 3]))
+        return ctypes.addressof(answers[-1])
+
+    def orientation_of(node):
+        answers.append(turn if node > 1000 else (ctypes.c_double * 9)(*matrix_of(node)[:3, :3].ravel()))
+        return ctypes.addressof(answers[-1])
+
+    def image_new(tag, width, height, data, form):
+        channels = {3: 3, 4: 4, 5: 4, 6: 4, 7: 4}[form]
+        pixels = np.frombuffer(ctypes.string_at(data, width * height * channels), dtype=np.uint8)
+        images[5000 + len(images)] = pixels.reshape(height, width, channels)
+        return 4999 + len(images)
+
+    def image_paste(tag, image, x, y, blend):
+        simulation.shown.setdefault(displays[tag - 100], []).append((images[image], (x, y), blend))
+
+    tags = {simulation.name: simulation.tag, **{name: 100 + k for k, name in enumerate(displays)}}
     wb.add("get_device", number, [ctypes.c_char_p], lambda name: tags.get(name.decode(), 0))
     wb.add("enable", None, [number, number], enable)
     wb.add("get_period", number, [number], lambda tag: simulation.period)
@@ -70,11 +102,19 @@ def ctypes_library(simulation):
     wb.add("get_fov", real, [number], lambda tag: device.fov)
     wb.add("get_min_range", real, [number], lambda tag: device.min_range)
     wb.add("get_max_range", real, [number], lambda tag: device.max_range)
-    wb.add("get_image", pointer, [number], lambda tag: values.ctypes.data)
+    wb.add("get_image", pointer, [number], lambda tag: simulation.image.ctypes.data)
     wb.get_image.restype = ctypes.POINTER(ctypes.c_float)
     wb.add("get_from_device", pointer, [number], node_of)
-    wb.add("get_position", pointer, [pointer], lambda node: ctypes.addressof(place))
-    wb.add("get_orientation", pointer, [pointer], lambda node: ctypes.addressof(turn))
+    wb.add("get_from_def", pointer, [ctypes.c_char_p], node_by_definition)
+    wb.add("get_position", pointer, [pointer], position_of)
+    wb.add("get_orientation", pointer, [pointer], orientation_of)
+    world_path = ctypes.create_string_buffer(simulation.world_path.encode())
+    wb.add("get_world_path", pointer, [], lambda: ctypes.addressof(world_path))
+    wb.get_world_path.restype = ctypes.c_char_p
+    wb.add("image_new", pointer, [pointer, number, number, pointer, number], image_new)
+    wb.image_new.argtypes = [pointer, number, number, pointer, number]
+    wb.add("image_paste", None, [number, pointer, number, number, number], image_paste)
+    wb.add("image_delete", None, [number, pointer], lambda tag, image: images.__setitem__(image, None))
     wb.get_position.restype = wb.get_orientation.restype = ctypes.POINTER(ctypes.c_double)
     wb.add("step", number, [number], step)
 
@@ -117,9 +157,25 @@ def ctypes_library(simulation):
         def getOrientation(self):
             return wb.get_orientation(self._ref)[:9]
 
+    class Display:
+        RGB, RGBA, ARGB, BGRA, ABGR = 3, 4, 5, 6, 7
+
+        def __init__(self, name):
+            self._tag = wb.get_device(name.encode())
+
+        def imageNew(self, data, format, width, height):
+            return wb.image_new(self._tag, int(width), int(height), data, format)
+
+        def imagePaste(self, image, x, y, blend):
+            wb.image_paste(self._tag, ctypes.c_void_p(image), int(x), int(y), ctypes.c_int(blend))
+
+        def imageDelete(self, image):
+            wb.image_delete(self._tag, ctypes.c_void_p(image))
+
     class Robot:
         def __init__(self):
             self._devices = {simulation.name: RangeFinder(simulation.name)}
+            self._devices |= {name: Display(name) for name in simulation.displays}
 
         def getBasicTimeStep(self):
             return 32.0
@@ -127,10 +183,17 @@ def ctypes_library(simulation):
         def getDevice(self, name):
             return self._devices.get(name)
 
+        def getWorldPath(self):
+            return wb.get_world_path().decode()
+
         def step(self, period):
             return wb.step(period)
 
     class Supervisor(Robot):
+        def getFromDef(self, d):
+            node = Node(wb.get_from_def(str.encode(d)))
+            return node if node._ref else None
+
         def getFromDevice(self, tag):
             node = Node(wb.get_from_device(tag))
             return node if node._ref else None
