@@ -144,6 +144,20 @@ def tools_cases(folder):
             },
         ),
         # warpvis.rendering
+        "OrthographicCamera": (
+            wv.rendering.OrthographicCamera,
+            dict(
+                zip(
+                    ("width", "height", "fx", "fy", "cx", "cy", "near", "far"),
+                    (8, 6, 9, 9, 4, 3, 0.1, 4.0),
+                    strict=True,
+                )
+            ),
+        ),
+        "OrthographicCamera.from_extent": (
+            wv.rendering.OrthographicCamera.from_extent,
+            {"width": 8, "height": 6, "across": 2.0, "near": 0.1, "far": 4.0},
+        ),
         "render_wide": (
             wv.rendering.render_wide,
             {

@@ -44,8 +44,35 @@ def show_later(
     import reference
 
     rays = reference.pixel_rays(camera) @ poses_to_matrices(pose)[:3, :3].T
+    origins = np.broadcast_to(np.asarray(pose, dtype=np.float64)[:3], rays.shape)
+    return show_later_along(
+        scene,
+        pieces,
+        origins,
+        rays,
+        segmentation,
+        depth,
+        object_poses=object_poses,
+        excluded=excluded,
+        cull_backfaces=cull_backfaces,
+    )
+
+
+def show_later_along(
+    scene: Scene,
+    pieces: NDArray,
+    origins: NDArray,
+    rays: NDArray,
+    segmentation: NDArray,
+    depth: NDArray,
+    *,
+    object_poses: NDArray,
+    excluded: Collection[int] = (),
+    cull_backfaces: bool = True,
+) -> NDArray:
+    """The same for any rays of the world, shape (H, W, 3), which depth is a multiple of."""
     path = rays * np.where(segmentation >= 0, depth, 0.0)[..., None]
-    points = path + np.asarray(pose, dtype=np.float64)[:3]
+    points = path + origins
     reach = CLOSENESS * (np.linalg.norm(path, axis=-1) + np.linalg.norm(points, axis=-1))
     shown = segmentation.copy()
     for later, item in enumerate(scene.objects):

@@ -130,6 +130,7 @@ def public_callables():
 # Our own modules' ways in, of what was checked before.
 OURS = {
     "Camera.device_struct",
+    "OrthographicCamera.device_struct",
     "Scene.replace_objects",
     "Renderer.render_parsed",
     "FieldOfView.faces",
@@ -157,7 +158,7 @@ NAMES = (
     "persp point_ read_frames render voxel Frame verify warmup load_ read_po read_model save_ Sphere plan_ Batch "
     "Kinematics Mujoco mujoco World camera_ geom_ scene_ Best Coverage best_ clearance coverage minimum pose_ "
     "propose standing surface along frames_ grid looks orbit random sphere view_ Depth Lens Version add_ distort "
-    "from_image to_image to_point find_ quanti range_ recog segm "
+    "Ortho from_image to_image to_point find_ quanti range_ recog segm "
 ).split()
 
 

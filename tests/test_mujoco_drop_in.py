@@ -111,9 +111,6 @@ def test_what_is_written_into_the_cameras_is_rendered():
         assert_same_images(*pairs, 1e-3)
     renderer.update_scene(data, "front")  # and it is gone
     assert not np.array_equal(renderer.render(), pairs[0][1])
-    renderer.scene.camera[0].orthographic = renderer.scene.camera[1].orthographic = 1
-    with pytest.raises(wv.WarpvisError, match=r"scene\.camera is orthographic"):
-        renderer.render()
 
 
 @pytest.mark.parametrize("name", ["geoms", "ngeom", "maxgeom"])

@@ -466,7 +466,6 @@ BAD = {
         lambda: camera_from_mujoco(SMALL, "eye", 8, 0),
         "height must be a whole number of pixels from 1 up",
     ),
-    "orthographic": (lambda: camera_from_mujoco(MODEL, "flat", 8, 8), "'flat' is orthographic; only perspective"),
     "no poses": (lambda: geom_poses(3, scene_from_mujoco(MODEL)), "poses must come from a mujoco.MjData"),
     "other model": (
         lambda: geom_poses(mujoco.MjData(SMALL), scene_from_mujoco(MODEL)),

@@ -121,7 +121,13 @@ class Camera:
         """
         from warpvis.mujoco import camera_from_mujoco
 
-        return camera_from_mujoco(model, camera, width, height)
+        made = camera_from_mujoco(model, camera, width, height)
+        if not isinstance(made, cls):
+            name = "the free camera" if camera == -1 else f"camera {camera!r}"
+            raise CameraError(
+                f"{name} is orthographic: warpvis.mujoco.camera_from_mujoco makes an OrthographicCamera of it"
+            )
+        return made
 
     @classmethod
     def from_K(  # noqa: N802 - K is the field's name for the matrix

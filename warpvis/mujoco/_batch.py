@@ -46,7 +46,7 @@ from warpvis.mujoco._poses import (
 )
 from warpvis.mujoco._scene import Movable, class_of_geoms, scene_from_mujoco
 from warpvis.mujoco._world_models import WorldModels
-from warpvis.rendering import Fill, NearPlane, Output, Views, check_outputs, views_for
+from warpvis.rendering import AnyCamera, Fill, NearPlane, Output, Views, check_outputs, views_for
 from warpvis.scene import Scene
 
 # Cameras, worlds, how many objects move, and the stream that work is queued on.
@@ -148,7 +148,7 @@ class BatchRenderer:
         self._render_options |= {"near_plane": near_plane, "fill": fill, "threads": threads}
         self._fixed = FixedGeoms(model, self.mujoco_scene)
         self._coinciding = CoincidingGeoms(model, self.scene, self.mujoco_scene.geom_ids)
-        self._renderers: dict[Camera, GeomRenderer] = {}
+        self._renderers: dict[AnyCamera, GeomRenderer] = {}
         self._idle: dict[_Key, _Workplace] = {}
 
     @property
@@ -241,7 +241,7 @@ class BatchRenderer:
             place.hidden = self._hide(colours, rows, place.eyes.size)
         fovy = models.fovy()
         if fovy is not None:
-            check_fovy(fovy)
+            check_fovy(self.model, fovy)
         return fovy
 
     def _hide(self, colours: Sequence[wp.array], rows: NDArray[np.int32], views: int) -> wp.array:
@@ -306,11 +306,11 @@ class BatchRenderer:
         wp.launch(geoms_of_objects, dim=out.size, inputs=inputs, device=device)
         return out
 
-    def camera(self, camera: CameraChoice) -> Camera:
+    def camera(self, camera: CameraChoice) -> AnyCamera:
         """Return intrinsics of a camera in this renderer's image size."""
         return camera_from_mujoco(self.model, camera, self.width, self.height)
 
-    def _cast(self, camera: Camera, place: _Workplace, views: NDArray[np.int64], out: Views) -> None:
+    def _cast(self, camera: AnyCamera, place: _Workplace, views: NDArray[np.int64], out: Views) -> None:
         """Render views through cameras of the same intrinsics."""
         if camera not in self._renderers:
             while len(self._renderers) >= _MOST_RENDERERS:

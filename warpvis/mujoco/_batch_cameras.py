@@ -12,16 +12,17 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.core.camera import Camera
 from warpvis.core.checks import as_items
 from warpvis.errors import ArrayError, CameraError
 from warpvis.mujoco._cameras import camera_from_mujoco, camera_with_fovy, viewer_camera, viewer_pose
+from warpvis.rendering import AnyCamera
 
 CameraChoice: TypeAlias = int | str | mujoco.MjvCamera
 """A camera's name or id, -1 for the default free camera, or a `mujoco.MjvCamera`."""
 
 _FIXED = mujoco.mjtCamera.mjCAMERA_FIXED
 _TRACKING = mujoco.mjtCamera.mjCAMERA_TRACKING
+_ORTHOGRAPHIC = mujoco.mjtProjection.mjPROJ_ORTHOGRAPHIC
 NOBODY = -1
 
 
@@ -34,7 +35,7 @@ class BatchCamera(NamedTuple):
     """The body that a viewer's camera tracks; -1 for none."""
     pose: tuple[float, ...]
     """``x y z qx qy qz qw`` of the OpenCV camera of a viewer's, from the centre of mass that it tracks."""
-    intrinsics: Camera
+    intrinsics: AnyCamera
 
 
 def choose_cameras(
@@ -68,7 +69,7 @@ def _choose(model: mujoco.MjModel, camera: CameraChoice, width: int, height: int
 
 def views_by_intrinsics(
     model: mujoco.MjModel, cameras: Sequence[BatchCamera], fovy: NDArray[np.float64] | None, worlds: NDArray[np.int32]
-) -> dict[Camera, NDArray[np.int64]]:
+) -> dict[AnyCamera, NDArray[np.int64]]:
     """Group the views of a call by what they are cast through, ascending.
 
     Args:
@@ -78,7 +79,7 @@ def views_by_intrinsics(
             for the model's own.
         worlds: The call's worlds, of which all are seen by the first camera, then all by the second.
     """
-    count, groups = len(worlds), dict[Camera, list[NDArray[np.int64]]]()
+    count, groups = len(worlds), dict[AnyCamera, list[NDArray[np.int64]]]()
     for number, camera in enumerate(cameras):
         views = np.arange(number * count, (number + 1) * count)
         if fovy is None or camera.camera_id < 0 or model.cam_sensorsize[camera.camera_id].all():
@@ -91,14 +92,14 @@ def views_by_intrinsics(
     return {intrinsics: np.concatenate(parts) for intrinsics, parts in groups.items()}
 
 
-def check_fovy(fovy: NDArray[np.float64]) -> None:
-    """Raise an `ArrayError` unless all fields of view are above 0 and below 180 degrees."""
-    bad = np.argwhere(~((fovy > 0) & (fovy < 180)))
+def check_fovy(model: mujoco.MjModel, fovy: NDArray[np.float64]) -> None:
+    """Raise an `ArrayError` unless all fields of view are above 0, and below 180 degrees where they are angles."""
+    most = np.where(model.cam_projection == _ORTHOGRAPHIC, np.inf, 180.0)
+    bad = np.argwhere(~((fovy > 0) & (fovy < most)))
     if len(bad):
         world, camera = bad[0].tolist()
-        raise ArrayError(
-            f"cam_fovy must be from 0 to 180 degrees, got {fovy[world, camera]} for camera {camera} in world {world}"
-        )
+        limits = "from 0 to 180 degrees" if most[camera] == 180 else "a number of metres above 0"
+        raise ArrayError(f"cam_fovy must be {limits}, got {fovy[world, camera]} for camera {camera} in world {world}")
 
 
 def viewer_arrays(cameras: Sequence[BatchCamera], device: wp.Device) -> tuple[wp.array, wp.array, wp.array]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera, check_size
 from warpvis.errors import CameraError
+from warpvis.rendering import AnyCamera, OrthographicCamera
 
 _FREE = int(mujoco.mjtCamera.mjCAMERA_FREE)
 _TRACKING = int(mujoco.mjtCamera.mjCAMERA_TRACKING)
@@ -30,6 +31,8 @@ class Frustum(NamedTuple):
     right: float
     near: float
     far: float
+    orthographic: bool = False
+    """Whether all rays are parallel: the sides are then those of the image wherever it is."""
 
 
 def camera_from_mujoco(
@@ -37,7 +40,7 @@ def camera_from_mujoco(
     camera: int | str | mujoco.MjvCamera = -1,
     width: int | None = None,
     height: int | None = None,
-) -> Camera:
+) -> AnyCamera:
     """Make the camera that MuJoCo renders with, from the frustum that MuJoCo computes.
 
     `mjv_cameraFrustum` (src/engine/engine_vis_visualize.c) has the frustum of a field of view or of a focal length,
@@ -52,58 +55,58 @@ def camera_from_mujoco(
         height: Image height [px].
 
     Returns:
-        The camera, with MuJoCo's clipping planes as `near` and `far`.
+        The camera, with MuJoCo's clipping planes as `near` and `far`; a `warpvis.rendering.OrthographicCamera` where
+        MuJoCo's is orthographic.
 
     Raises:
-        CameraError: There is no such camera, it is orthographic, or it has no resolution and none is given.
+        CameraError: There is no such camera, or it has no resolution and none is given.
     """
     viewer = viewer_camera(model, camera)
     return camera_of_frustum(viewer_frustum(model, viewer), *_image_size(model, viewer, width, height))
 
 
 def viewer_frustum(model: mujoco.MjModel, viewer: mujoco.MjvCamera) -> Frustum:
-    """Compute the frustum of one of MuJoCo's cameras, in MuJoCo's single precision.
-
-    Raises:
-        CameraError: It is orthographic.
-    """
-    _refuse_orthographic(model, viewer)
+    """Compute the frustum of one of MuJoCo's cameras, in MuJoCo's single precision."""
     vertical_horizontal_clip = np.zeros((3, 2), dtype=np.float32)
     mujoco.mjv_cameraFrustum(*vertical_horizontal_clip, model, viewer)
-    return Frustum(*vertical_horizontal_clip.ravel().tolist())
+    up, down, left, right, near, far = vertical_horizontal_clip.ravel().tolist()
+    return Frustum(up, down, left, right, near, far, _is_orthographic(model, viewer))
 
 
-def camera_with_fovy(model: mujoco.MjModel, camera: int, fovy: float, like: Camera) -> Camera:
+def camera_with_fovy(model: mujoco.MjModel, camera: int, fovy: float, like: AnyCamera) -> AnyCamera:
     """Make what `camera_from_mujoco` would if one of the model's cameras had another field of view.
 
     Args:
         model: The model.
         camera: Id of a camera that has no sensor size.
-        fovy: Its vertical field of view [degrees].
+        fovy: Its vertical field of view [degrees]; how much of the world its height shows [m] if it is orthographic.
         like: A camera of the same size.
     """
     frustum = viewer_frustum(model, viewer_camera(model, camera))
-    half = float(np.float32(frustum.near * math.tan(fovy * math.pi / 360)))
+    half = fovy / 2 if frustum.orthographic else frustum.near * math.tan(fovy * math.pi / 360)
+    half = float(np.float32(half))
     return camera_of_frustum(frustum._replace(up=half, down=half), like.width, like.height)
 
 
 @functools.lru_cache(maxsize=256)
-def camera_of_frustum(frustum: Frustum, width: int, height: int) -> Camera:
+def camera_of_frustum(frustum: Frustum, width: int, height: int) -> AnyCamera:
     """Make the camera of a frustum; one without a width has square pixels.
 
     Raises:
         CameraError: It is empty.
     """
-    up, down, left, right, near, far = frustum
+    up, down, left, right, near, far, orthographic = frustum
     if left + right == 0:  # the viewport's aspect ratio counts
         left = right = (up + down) / 2 * width / height
     if min(near, up + down, left + right) <= 0:
         raise CameraError("the camera must have a near plane, a field of view and a sensor size above 0")
-    return Camera(
+    reach = 1.0 if orthographic else near
+    kind = OrthographicCamera if orthographic else Camera
+    return kind(
         width,
         height,
-        fx=near * width / (left + right),
-        fy=near * height / (up + down),
+        fx=reach * width / (left + right),
+        fy=reach * height / (up + down),
         cx=left / (left + right) * width,
         cy=up / (up + down) * height,
         near=near,
@@ -166,14 +169,10 @@ def viewer_pose(data: mujoco.MjData, viewer: mujoco.MjvCamera) -> NDArray[np.flo
     return np.array([*position.tolist(), x, y, z, w], dtype=np.float32)
 
 
-def _refuse_orthographic(model: mujoco.MjModel, viewer: mujoco.MjvCamera) -> None:
+def _is_orthographic(model: mujoco.MjModel, viewer: mujoco.MjvCamera) -> bool:
     if viewer.type == _FIXED:
-        orthographic = model.cam_projection[viewer.fixedcamid] == mujoco.mjtProjection.mjPROJ_ORTHOGRAPHIC
-    else:
-        orthographic = bool(model.vis.global_.orthographic)
-    if orthographic:
-        name = repr(model.camera(viewer.fixedcamid).name) if viewer.type == _FIXED else "the free camera"
-        raise CameraError(f"{name} is orthographic; only perspective cameras are rendered")
+        return bool(model.cam_projection[viewer.fixedcamid] == mujoco.mjtProjection.mjPROJ_ORTHOGRAPHIC)
+    return bool(viewer.orthographic)
 
 
 def _image_size(

@@ -14,13 +14,12 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.camera import Camera
 from warpvis.core.poses import Convention, poses_to_matrices
 from warpvis.core.threads import launch_images
 from warpvis.core.types import PoseLike
 from warpvis.kernels.constants import SOLID_WORDS
 from warpvis.mujoco._coinciding import Pairs, find_pairs, frame_vertices
-from warpvis.rendering import Renderer
+from warpvis.rendering import AnyCamera, OrthographicCamera, Renderer
 from warpvis.scene import Scene, SceneObject
 from warpvis.scene.worlds import pose_columns
 
@@ -144,7 +143,7 @@ class GeomRenderer(Renderer):
 
     _caster: Any
 
-    def __init__(self, scene: Scene, camera: Camera, coinciding: CoincidingGeoms, **options: Any) -> None:
+    def __init__(self, scene: Scene, camera: AnyCamera, coinciding: CoincidingGeoms, **options: Any) -> None:
         """Prepare to render.
 
         Args:
@@ -162,7 +161,7 @@ class _LaterWins:
     """A caster, and a second look at what it saw where surfaces coincide."""
 
     def __init__(
-        self, caster: Any, scene: Scene, camera: Camera, coinciding: CoincidingGeoms, cull: bool, threads: int
+        self, caster: Any, scene: Scene, camera: AnyCamera, coinciding: CoincidingGeoms, cull: bool, threads: int
     ) -> None:
         """Prepare to cast."""
         self._caster, self._scene, self._camera, self._coinciding = caster, scene, camera, coinciding
@@ -191,24 +190,32 @@ class _LaterWins:
             self._give_back(place, image)
 
     def _correct(self, coinciding: Coinciding, poses: Any, worlds: Worlds, images: list[wp.array | None]) -> None:
-        from warpvis.kernels.coinciding import show_later
-
         if isinstance(poses, np.ndarray):
             rows = np.ascontiguousarray(poses, dtype=np.float32)
             poses = wp.array(rows, dtype=wp.transform, shape=(len(rows),), device="cpu", copy=False)
         depth, labels, segmentation = (images[place] for place in (_DEPTH, _LABELS, _SEGMENTATION))
         assert segmentation is not None
         camera = self._camera.device_struct()
+        # A thread takes a row on the CPU, where to begin one takes longer than most pixels.
         span = segmentation.shape[2] if self._scene.device.is_cpu else 1
         given = [worlds, depth, self._cull_backfaces, span, segmentation, labels]
         launch_images(
-            show_later,
+            self._kernel(),
             segmentation.shape,
             lambda window: [coinciding, camera, poses, window, *given],
             device=self._scene.device,
             threads=self._threads,
             span=span,
         )
+
+    def _kernel(self) -> wp.Kernel:
+        if isinstance(self._camera, OrthographicCamera):
+            from warpvis.kernels.orthographic import show_later_from_plane
+
+            return show_later_from_plane
+        from warpvis.kernels.coinciding import show_later
+
+        return show_later
 
     def _stream(self) -> int | None:
         # Work on another stream may not be done with the memory.

@@ -26,7 +26,7 @@ from warpvis.mujoco._options import shown_by, without_effect
 from warpvis.mujoco._scene import check_patterns, select_geoms
 from warpvis.mujoco._stage import Stage
 from warpvis.mujoco._viewer_scene import RendererScene, ViewerScene
-from warpvis.rendering import NearPlane, Output
+from warpvis.rendering import AnyCamera, NearPlane, OrthographicCamera, Output
 
 _MADE_ANEW = ("_stages", "_stage", "_viewer", "_fallback")
 _MOST_RENDERERS = 64  # a camera whose field of view changes all the time must not fill the memory
@@ -96,7 +96,7 @@ class Renderer:
         self._stages: dict[tuple[tuple[int, ...], bool], Stage] = {}
         self._stage = self._stage_of(DEFAULT_GROUPS, static=True)
         self._mode = "color"
-        self._camera: Camera | None = None
+        self._camera: AnyCamera | None = None
         self._pose: NDArray[np.float32] = np.zeros(7, dtype=np.float32)
         self._closed = False
         self._fallback_options = {"max_geom": max_geom} | ({} if font_scale is None else {"font_scale": font_scale})
@@ -268,7 +268,7 @@ class Renderer:
 
     def _depth(self) -> NDArray[np.float32]:
         assert self._camera is not None
-        background = _background(self._camera.near, self._camera.far)
+        background = _background(self._camera)
         image = self._cast("depth")
         return np.full(self._size, background) if image is None else np.minimum(image, background)
 
@@ -316,12 +316,14 @@ class Renderer:
         return self._stages[key]
 
 
-def _background(near: float, far: float) -> np.float32:
+def _background(camera: AnyCamera) -> np.float32:
     """Compute the depth that `mujoco.Renderer` has where nothing is: its far plane, by its own rounding.
 
     As `render` in mujoco/rendering/classic/renderer.py computes it from a depth buffer of 0.
     """
-    z_near, z_far = np.float32(near), np.float32(far)
+    z_near, z_far = np.float32(camera.near), np.float32(camera.far)
+    if isinstance(camera, OrthographicCamera):
+        return z_far
     c = np.float32(-0.5) * (-(z_far + z_near) / (z_far - z_near)) - np.float32(0.5)
     d = np.float32(-0.5) * (-(np.float32(2) * z_far * z_near) / (z_far - z_near))
     return np.float32(np.float64(d) / np.float64(c))

@@ -13,14 +13,13 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.core.camera import Camera
 from warpvis.errors import ArrayError, SceneError
 from warpvis.mujoco._geom_renderer import CoincidingGeoms, GeomRenderer
 from warpvis.mujoco._geoms import FIXED, geom_parts, initial_poses, rigid_pieces, shape_key
 from warpvis.mujoco._scene import Selection
 from warpvis.mujoco._viewer_scene import RendererScene
 from warpvis.mujoco._watch import ModelWatch
-from warpvis.rendering import Output
+from warpvis.rendering import AnyCamera, Output
 from warpvis.scene import Part, Scene, SceneObject, as_it_is
 from warpvis.scene.solids import Solid
 
@@ -65,7 +64,7 @@ class Stage:
             scene: An empty scene.
         """
         self.scene = scene
-        self.renderers: dict[tuple[Output, Camera, bool], GeomRenderer] = {}
+        self.renderers: dict[tuple[Output, AnyCamera, bool], GeomRenderer] = {}
         self.coinciding = CoincidingGeoms(model, scene)
         self.hidden: list[int] = []
         """Objects that the model does not show now."""

@@ -12,11 +12,11 @@ import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.camera import Camera
 from warpvis.core.poses import poses_to_opencv
 from warpvis.core.types import DeviceLike
-from warpvis.errors import CameraError, SceneError
+from warpvis.errors import SceneError
 from warpvis.mujoco._cameras import Frustum, camera_of_frustum
+from warpvis.rendering import AnyCamera
 from warpvis.scene import Scene
 
 _CULL_FACE = int(mujoco.mjtRndFlag.mjRND_CULL_FACE)
@@ -61,17 +61,11 @@ class ViewerScene:
         if flags is not None:
             self.mujoco_scene().flags[:] = flags
 
-    def seen(self, camera: Camera, pose: NDArray[np.float32]) -> tuple[Camera, NDArray[np.float32]]:
-        """Return the camera and its pose, as the user has set them since the update.
-
-        Raises:
-            CameraError: They are no perspective camera.
-        """
+    def seen(self, camera: AnyCamera, pose: NDArray[np.float32]) -> tuple[AnyCamera, NDArray[np.float32]]:
+        """Return the camera and its pose, as the user has set them since the update."""
         if self._made is None or self._frustum is None or [_values(own) for own in self._made.camera] == self._before:
             return camera, pose
         middle = mujoco.mjv_averageCamera(*self._made.camera)
-        if middle.orthographic:
-            raise CameraError("scene.camera is orthographic; only perspective cameras are rendered")
         half = middle.frustum_width or (middle.frustum_top - middle.frustum_bottom) / 2 * camera.width / camera.height
         frustum = Frustum(
             up=middle.frustum_top,
@@ -80,6 +74,7 @@ class ViewerScene:
             right=half + middle.frustum_center,
             near=middle.frustum_near,
             far=middle.frustum_far,
+            orthographic=bool(middle.orthographic),
         )
         forward, up = np.array(middle.forward, dtype=np.float64), np.array(middle.up, dtype=np.float64)
         matrix = np.eye(4)
@@ -99,7 +94,7 @@ class ViewerScene:
     def _fill(self, scene: mujoco.MjvScene) -> None:
         if self._frustum is None:
             return
-        up, down, left, right, near, far = self._frustum
+        up, down, left, right, near, far, orthographic = self._frustum
         x, y, z, w = self._pose[3:].astype(np.float64)
         rotation = np.zeros(9)
         mujoco.mju_quat2Mat(rotation, np.array([w, x, y, z]))
@@ -108,7 +103,7 @@ class ViewerScene:
             camera.pos[:], camera.forward[:], camera.up[:] = self._pose[:3], axes[:, 2], -axes[:, 1]
             camera.frustum_top, camera.frustum_bottom = up, -down
             camera.frustum_center, camera.frustum_width = (right - left) / 2, (right + left) / 2
-            camera.frustum_near, camera.frustum_far, camera.orthographic = near, far, 0
+            camera.frustum_near, camera.frustum_far, camera.orthographic = near, far, orthographic
         self._before = [_values(camera) for camera in scene.camera]
 
 

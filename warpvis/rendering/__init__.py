@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Turn poses into images: depth, points, normals, labels and segmentation, by two casters on CPU and CUDA.
 
-`packets` is the fast caster, `rays` the reference. `render_wide` makes cylindrical and spherical images.
+`packets` is the fast caster, `rays` the reference. `render_wide` makes cylindrical and spherical images, and an
+`OrthographicCamera` images without perspective.
 """
 
 from __future__ import annotations
 
+from warpvis.rendering._orthographic import AnyCamera, OrthographicCamera
 from warpvis.rendering._panorama import render_wide
 from warpvis.rendering._renderer import (
     Caster,
@@ -25,9 +27,11 @@ from warpvis.rendering._views import (
 
 __all__ = [
     "OUTPUTS",
+    "AnyCamera",
     "Caster",
     "Fill",
     "NearPlane",
+    "OrthographicCamera",
     "Output",
     "render_wide",
 ]

@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING, Literal, get_args
 import warp as wp
 
 from warpvis.core.arrays import as_warp
-from warpvis.core.camera import Camera, require_camera
+from warpvis.core.camera import require_camera
 from warpvis.core.checks import check_choice, check_flag, check_number, check_whole
 from warpvis.core.poses import Convention, QuaternionOrder, to_xyzw
 from warpvis.core.threads import check_threads, launch_images
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
-from warpvis.errors import ArrayError
+from warpvis.errors import ArrayError, CameraError
 from warpvis.rendering._cuda_packets import CudaPacketsCaster
+from warpvis.rendering._orthographic import AnyCamera, OrthographicCamera
 from warpvis.rendering._views import OUTPUTS, Views, check_outputs, views_for
-from warpvis.rendering.casters import PacketsCaster, RaysCaster
+from warpvis.rendering.casters import MakeCaster, OrthographicCaster, PacketsCaster, RaysCaster
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds, part_of
 
@@ -48,7 +49,7 @@ class Renderer:
     def __init__(
         self,
         scene: Scene,
-        camera: Camera,
+        camera: AnyCamera,
         *,
         outputs: Sequence[Output] = DEFAULT_OUTPUTS,
         caster: Caster = "auto",
@@ -62,7 +63,8 @@ class Renderer:
 
         Args:
             scene: What is seen. What is added to it later is seen too.
-            camera: Intrinsics, image size and depth range of all views.
+            camera: Intrinsics, image size and depth range of all views; or a
+                `warpvis.rendering.OrthographicCamera`, which is cast by rays.
             outputs: The images to make, of ``"depth"``, ``"points"``, ``"normals"``, ``"labels"``, ``"segmentation"``.
             caster: ``"packets"``, for speed; ``"rays"``, the reference; ``"auto"`` takes packets, which have been the
                 faster ones on every scene and device measured. Both give the same images.
@@ -80,16 +82,17 @@ class Renderer:
             WarpvisError: An argument is not what it has to be.
         """
         require_scene(scene)
-        require_camera(camera)
+        if not isinstance(camera, OrthographicCamera):
+            require_camera(camera)
         self.scene = scene
         self.camera = camera
         self.outputs = check_outputs(outputs)
         self.threads = check_threads(threads)
-        self.caster = _choose_caster(caster)
+        self.caster = _choose_caster(caster, camera)
         self.device_bytes = _check_device_bytes(device_bytes, scene.device)
         self.fill = fill
         self._fill = _fill_numbers(fill, camera)
-        kind = _caster_class(self.caster, scene.device)
+        kind = _caster_class(self.caster, camera, scene.device)
         self._caster = kind(
             scene,
             camera,
@@ -261,20 +264,24 @@ def _as_rows(array: wp.array) -> wp.array:
     return array.reshape((array.shape[0], 1, array.shape[1]))
 
 
-def _choose_caster(caster: Caster) -> Literal["packets", "rays"]:
+def _choose_caster(caster: Caster, camera: AnyCamera) -> Literal["packets", "rays"]:
     check_choice(caster, "caster", ("auto", "packets", "rays"))
+    if isinstance(camera, OrthographicCamera):
+        if caster == "packets":
+            raise CameraError('packets are cast through a pinhole; an OrthographicCamera needs caster="rays" or "auto"')
+        return "rays"
     return "packets" if caster == "auto" else caster
 
 
-def _caster_class(
-    caster: Literal["packets", "rays"], device: wp.Device
-) -> type[RaysCaster] | type[PacketsCaster] | type[CudaPacketsCaster]:
+def _caster_class(caster: Literal["packets", "rays"], camera: AnyCamera, device: wp.Device) -> MakeCaster:
+    if isinstance(camera, OrthographicCamera):
+        return OrthographicCaster
     if caster == "rays":
         return RaysCaster
     return PacketsCaster if device.is_cpu else CudaPacketsCaster
 
 
-def _fill_numbers(fill: Fill, camera: Camera) -> tuple[float, float] | None:
+def _fill_numbers(fill: Fill, camera: AnyCamera) -> tuple[float, float] | None:
     """Return the depth of empty pixels and of those that are too near; None for the infinities.
 
     Raises:
@@ -297,7 +304,7 @@ def _check_device_bytes(device_bytes: int | None, device: wp.Device) -> int:
 
 def render(
     scene: Scene,
-    camera: Camera,
+    camera: AnyCamera,
     camera_to_world: PoseLike,
     *,
     outputs: Sequence[Output] = DEFAULT_OUTPUTS,

@@ -4,9 +4,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import warp as wp
@@ -18,6 +18,7 @@ from warpvis.core.poses import Convention, host_poses, parse_poses
 from warpvis.core.threads import launch_images, pack_launch, run_together
 from warpvis.core.types import KernelArguments, PoseLike
 from warpvis.kernels.constants import COUNTER_FINISHED, JOB_COUNTERS, POSE_WORDS, TILE_SIDE
+from warpvis.rendering._orthographic import AnyCamera
 from warpvis.scene import Scene
 
 if TYPE_CHECKING:
@@ -35,7 +36,15 @@ _ARGUMENTS = ("scene", "job", "poses", "worlds", "images")
 class RaysCaster:
     """One thread a pixel, one query of Warp's mesh a thread."""
 
-    def __init__(self, scene: Scene, camera: Camera, *, cull_backfaces: bool, clip_near: bool, threads: int) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        camera: AnyCamera,
+        *,
+        cull_backfaces: bool,
+        clip_near: bool,
+        threads: int,
+    ) -> None:
         """Prepare to cast."""
         self._scene = scene
         self._camera = camera
@@ -76,6 +85,23 @@ class RaysCaster:
             device=self._scene.device,
             threads=self._threads,
         )
+
+
+class OrthographicCaster(RaysCaster):
+    """The same with rays that are parallel, of an `OrthographicCamera`."""
+
+    def cast(self, poses: wp.array, worlds: Worlds, images: list[wp.array | None]) -> None:
+        """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
+        from warpvis.kernels.orthographic import cast_parallel_rays
+
+        shape = (len(poses), self._camera.height, self._camera.width)
+        self._launch(cast_parallel_rays, shape, poses, [worlds, None], images)
+
+    def cast_at(self, poses: wp.array, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
+        """Cast through image points, shape ``(V, 1, N)`` vec2, as are the images'."""
+        from warpvis.kernels.orthographic import cast_parallel_rays
+
+        self._launch(cast_parallel_rays, pixels.shape, poses, [worlds, pixels], images)
 
 
 @dataclass
@@ -202,6 +228,9 @@ class PacketsCaster:
         job.points = points
         job.scratch_bytes = wp.zeros(1, dtype=wp.int64, device="cpu")
         return job, counter
+
+
+MakeCaster: TypeAlias = Callable[..., RaysCaster | PacketsCaster]
 
 
 def images_struct(images: Sequence[wp.array | None]) -> Images:

@@ -1,0 +1,110 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Orthographic images: all rays of a view are parallel to its camera's axis, and begin in the camera's plane.
+
+A camera is a `PinholeCamera` of which fx and fy are pixels a metre, so that its rays through z = 1 end where those of
+the orthographic camera begin.
+"""
+
+import warp as wp
+
+from warpvis.kernels.coinciding import Coinciding, last_there
+from warpvis.kernels.images import Images
+from warpvis.kernels.pinhole import (
+    PinholeCamera,
+    Window,
+    clip_depth,
+    forward_axis,
+    image_ray,
+    pose_origin,
+    pose_rotation,
+)
+from warpvis.kernels.rays import CUDA_REGISTERS, TriangleScene, look, nothing, write
+from warpvis.kernels.worlds import Worlds
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+
+@wp.func
+def pixel_place(y: int, x: int) -> wp.vec2:
+    """A pixel's centre [px]."""
+    return wp.vec2(float(x) + 0.5, float(y) + 0.5)
+
+
+@wp.func
+def eye_at(camera: PinholeCamera, pose: wp.transform, at: wp.vec2) -> wp.transform:
+    """The camera moved in its plane to where the ray through a point of the image begins."""
+    end = image_ray(camera, at)
+    aside = wp.quat_rotate(pose_rotation(pose), wp.vec3d(end[0], end[1], wp.float64(0.0)))
+    return wp.transform(wp.vec3(pose_origin(pose) + aside), wp.transform_get_rotation(pose))
+
+
+@wp.kernel(cuda_max_registers=CUDA_REGISTERS)
+def cast_parallel_rays(
+    # Scene:
+    scene: TriangleScene,
+    # Cameras:
+    camera: PinholeCamera,
+    camera_to_world: wp.array[wp.transform],
+    window: Window,
+    # In:
+    worlds: Worlds,
+    pixels_in: wp.array3d[wp.vec2],
+    cull_backfaces: bool,
+    # Out:
+    images_out: Images,
+):
+    """Write the asked-for images (one that is None is skipped) of every view.
+
+    `pixels_in` are points of the image [px], (view, 1, point), and so are the images then; None for pixels' centres.
+    Outside of the image nothing is seen.
+    """
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+
+    at = pixel_place(y, x)
+    if pixels_in:
+        at = pixels_in[view, y, x]
+    pose = camera_to_world[view]
+    seen = nothing()
+    if at[0] >= 0.0 and at[0] < camera.width and at[1] >= 0.0 and at[1] < camera.height:
+        pose = eye_at(camera, pose, at)
+        ahead, clip = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0)), clip_depth(camera)
+        seen = look(scene, camera.near, camera.far, pose, worlds, view, ahead, True, clip, cull_backfaces)
+    write(scene, pose, worlds, seen, view, y, x, images_out)
+
+
+@wp.kernel
+def show_later_from_plane(
+    # Scene:
+    coinciding: Coinciding,
+    # Cameras:
+    camera: PinholeCamera,
+    camera_to_world: wp.array[wp.transform],
+    window: Window,
+    # In:
+    worlds: Worlds,
+    depth: wp.array3d[float],
+    cull_backfaces: bool,
+    span: int,
+    # Out:
+    segmentation_out: wp.array3d[wp.int32],
+    labels_out: wp.array3d[wp.uint8],
+):
+    """`warpvis.kernels.coinciding.show_later` for orthographic images."""
+    view, y, part = wp.tid()
+    view += window.first_view
+    y += window.first_row
+
+    ahead = forward_axis(pose_rotation(camera_to_world[view]))
+    for x in range(part * span, wp.min((part + 1) * span, segmentation_out.shape[2])):
+        seen = segmentation_out[view, y, x]
+        if seen >= 0:
+            origin = pose_origin(eye_at(camera, camera_to_world[view], pixel_place(y, x)))
+            away = wp.float64(depth[view, y, x])
+            shown = last_there(coinciding, worlds, view, seen, origin, ahead, away, cull_backfaces)
+            if shown != seen:
+                segmentation_out[view, y, x] = shown
+                if labels_out:
+                    labels_out[view, y, x] = coinciding.label[shown]
