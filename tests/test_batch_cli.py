@@ -119,7 +119,7 @@ BAD = {
     "camera": ({"camera": "lens"}, "lens: no such file; a camera is"),
     "device": ({"device": "cuda:99"}, "device 'cuda:99' is not on this machine"),
     "labels": ({"labels": ("cat=human",)}, "labels for 'cat' fit no object"),
-    "movable": ({"movable": ("cat",)}, "movable 'cat' fits no object of scene.glb, which has 'ball', 'box', 'floor'"),
+    "movable": ({"movable": ("cat",)}, "movable 'cat' fits no object of scene.glb, which has 'floor', 'box', 'ball'"),
     "movable without worlds": (
         {"movable": ("ball",)},
         "--movable has no effect without poses of objects: give --worlds",

@@ -1,112 +1,239 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Mesh files, read by trimesh: OBJ, STL, PLY, glTF and others."""
+"""Mesh files and archives of them: glTF by a reader of our own, OBJ, STL, PLY, COLLADA and others by trimesh."""
 
 from __future__ import annotations
 
+import io
+import itertools
+import posixpath
 from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from warpvis.core.labels import Label
 from warpvis.errors import FileFormatError, SceneError
+from warpvis.io._archives import is_archive, unpack
+from warpvis.io._gltf import read_gltf
+from warpvis.io._gltf_data import Find
+from warpvis.io._obj import obj_order, obj_splits, straighten_obj
 from warpvis.scene import FileParts, Part, keep_winding
+from warpvis.scene.collada import unit_and_axis, without_skins
 
-if TYPE_CHECKING:
-    import trimesh
-    from trimesh.resolvers import Resolver
-
-_GLTF = (".glb", ".gltf")
+_GLTF = ("glb", "gltf")
+_NAMELESS = ("geometry_0", "geometry")
+"""What trimesh calls the mesh of a file without names."""
 _MOST_NAMED = 5
+_NEEDED = {"dae": "pycollada: pip install 'warpvis[collada]'"}
+"""What is missing where trimesh has no reader for a format that it knows."""
+
+
+class _Mesh(NamedTuple):
+    name: str
+    """Empty if the file does not name it."""
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.integer]
+    extras: dict[str, Any]
+
+
+@dataclass
+class _Loaded:
+    """What a file holds, in its own frame."""
+
+    meshes: list[_Mesh]
+    empty: list[str] = field(default_factory=list)
+    """Names of what has no triangles."""
+    notes: list[str] = field(default_factory=list)
+    """What else is left out."""
+    up: str | None = None
 
 
 def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> FileParts:
-    """Read the parts of a mesh file; see `warpvis.Scene.load`.
+    """Read the parts of a mesh file, or of all mesh files of an archive; see `warpvis.Scene.load`.
 
     Raises:
         FileFormatError: The file does not parse, or a part of it has no triangles and `strict` is set.
         SceneError: `search_path` is given, and such a file names no other files that hold geometry.
     """
-    suffix = path.suffix.lower()
-    if search_path and suffix != ".gltf":
+    kind = _kind(path.name)
+    if search_path and kind != "gltf":
         raise SceneError(f"{path}: its geometry is all in one file: leave out search_path")
-    parts, empty = _parts(_read(path, search_path), path)
-    message = ""
-    if empty:
-        some = ", ".join(map(repr, empty[:_MOST_NAMED])) + (", ..." if len(empty) > _MOST_NAMED else "")
-        message = f"{path}: left out {some}, which hold lines or points and no triangles"
-    if strict and message:
-        raise FileFormatError(message)
-    return FileParts(path, parts, up="y" if suffix in _GLTF else None, warnings=(message,) if message else ())
+    if is_archive(path.name):
+        loaded = _load_archive(path)
+    else:
+        _require_reader(str(path), path.suffix, kind)
+        loaded = _load(str(path), kind, path.read_bytes(), _finder(path, search_path))
+    alone = len(loaded.meshes) == 1
+    names = _unique(
+        [mesh.name or (path.stem if alone else f"mesh_{number}") for number, mesh in enumerate(loaded.meshes)]
+    )
+    parts = [
+        Part(name, (mesh.vertices, mesh.faces), Label.parse(mesh.extras.get("label", Label.OBSTACLE)))
+        for name, mesh in zip(names, loaded.meshes, strict=True)
+    ]
+    messages = [f"{path}: left out {note}" for note in loaded.notes]
+    if loaded.empty:
+        more = ", ..." if len(loaded.empty) > _MOST_NAMED else ""
+        some = ", ".join(map(repr, loaded.empty[:_MOST_NAMED])) + more
+        messages.insert(0, f"{path}: left out {some}, which hold lines or points and no triangles")
+    if strict and messages:
+        raise FileFormatError(messages[0])
+    return FileParts(path, parts, up="y" if loaded.up == "y" else "z" if loaded.up else None, warnings=tuple(messages))
 
 
-def _read(path: Path, search_path: Sequence[Path]) -> trimesh.Scene:
+def _kind(name: str) -> str:
+    return Path(name).suffix.lower().lstrip(".")
+
+
+def _require_reader(name: str, suffix: str, kind: str) -> None:
+    """Refuse what nothing reads.
+
+    Raises:
+        FileFormatError: It is of no format of meshes, or a package is missing that reads it.
+    """
+    import trimesh
+    from trimesh.exchange.load import mesh_loaders
+
+    if kind in _GLTF or kind in trimesh.available_formats():
+        return
+    if kind in mesh_loaders:
+        needed = _NEEDED.get(kind, "packages that are not installed, as trimesh's documentation says")
+        raise FileFormatError(f"{name}: reading .{kind} needs {needed}")
+    known = ", ".join(sorted({*_GLTF, *trimesh.available_formats(), "tar"}))
+    given = repr(suffix) if suffix else "a name without a suffix"
+    raise FileFormatError(f"{name}: {given} is no format of scenes; those are wbt, xml, urdf, and {known}")
+
+
+def _load_archive(path: Path) -> _Loaded:
+    """Read all mesh files of an archive.
+
+    Raises:
+        FileFormatError: It holds none, or one does not parse, or they do not agree on which axis is up.
+    """
     import trimesh
 
-    kind = path.suffix.lower().lstrip(".")
-    if kind not in trimesh.available_formats():
-        known = ", ".join(sorted(trimesh.available_formats()))
-        given = repr(path.suffix) if path.suffix else "a name without a suffix"
-        raise FileFormatError(f"{path}: {given} is no format of scenes; those are wbt, xml, urdf, and {known}")
-    # Face order and shared corners stay as they are in the file.
-    options: dict[str, object] = {"process": False}
-    try:
-        if kind == "obj":
-            options |= {"group_material": False, "skip_materials": True, **_obj_splits(path)}
-        if search_path:
-            options["resolver"] = _resolver(path, search_path)
-        return trimesh.load_scene(path, **options)
-    except Exception as error:  # trimesh's readers raise what they like
-        said = " ".join(str(error).split()) or type(error).__name__
-        raise FileFormatError(f"{path}: does not read as {kind.upper()}: {said}") from None
+    files = unpack(path)
+    readable = {*_GLTF, *trimesh.exchange.load.mesh_formats()} - {"xyz"}
+    members = [name for name in files if _kind(name) in readable and not _is_litter(name)]
+    if not members:
+        known = ", ".join(sorted(readable))
+        raise FileFormatError(f"{path}: holds no mesh file; those are {known}")
+    whole, axes = _Loaded([]), {}
+    for member in members:
+        loaded = _load(f"{path}/{member}", _kind(member), files[member], partial(_find_member, files, member))
+        stem = posixpath.splitext(posixpath.basename(member))[0]
+        whole.meshes += [mesh._replace(name=mesh.name or stem) for mesh in loaded.meshes]
+        whole.empty += loaded.empty
+        whole.notes += loaded.notes
+        axes[loaded.up] = member
+    if len(axes) > 1:
+        some = " and ".join(map(repr, list(axes.values())[:2]))
+        raise FileFormatError(f"{path}: {some} do not say the same axis is up: unpack it and load them one by one")
+    whole.up = next(iter(axes))
+    return whole
 
 
-def _resolver(path: Path, search_path: Sequence[Path]) -> Resolver:
+def _is_litter(member: str) -> bool:
+    """Tell whether a file is of those that macOS leaves in archives."""
+    return member.startswith("__MACOSX/") or posixpath.basename(member).startswith("._")
+
+
+def _find_member(files: dict[str, bytes], member: str, name: str) -> bytes:
+    place = posixpath.normpath(posixpath.join(posixpath.dirname(member), name))
+    if place not in files:
+        raise FileNotFoundError(f"{name} is not in the archive")
+    return files[place]
+
+
+def _finder(path: Path, search_path: Sequence[Path]) -> Find:
     """Make what finds the files that a glTF file names, beside it or in the folders."""
     from trimesh.resolvers import FilePathResolver
 
-    class SearchPathResolver(FilePathResolver):
-        def get(self, name: str) -> bytes:
-            for place in (self, *map(FilePathResolver, map(str, search_path))):
-                try:
-                    return FilePathResolver.get(place, name)
-                except (FileNotFoundError, ValueError):
-                    continue
-            raise FileNotFoundError(f"{name} is neither beside it nor on the search path")
+    places = [FilePathResolver(str(path)), *map(FilePathResolver, map(str, search_path))]
 
-    return SearchPathResolver(str(path))
+    def find(name: str) -> bytes:
+        for place in places:
+            try:
+                return place.get(name)
+            except (FileNotFoundError, ValueError):  # the second for what lies outside of the folder
+                continue
+        where = "neither beside it nor on the search path" if search_path else "not beside it"
+        raise FileNotFoundError(f"{name} is {where}")
 
-
-def _obj_splits(path: Path) -> dict[str, bool]:
-    """Make an OBJ file's objects parts; its groups where it names no objects."""
-    text = path.read_bytes()
-    objects = text.startswith(b"o ") or b"\no " in text
-    return {"split_objects": objects, "split_groups": not objects}
+    return find
 
 
-def _parts(loaded: trimesh.Scene, path: Path) -> tuple[list[Part], list[str]]:
-    """Return the parts of the file that have triangles, and the names of those that have none."""
-    parts, empty = [], []
+def _load(name: str, kind: str, file: bytes, find: Find) -> _Loaded:
+    """Read one file.
+
+    Raises:
+        FileFormatError: It does not parse.
+    """
+    try:
+        if kind in _GLTF:
+            found = read_gltf(file, find)
+            return _Loaded([_Mesh(*mesh) for mesh in found.meshes], found.empty, found.notes, up="y")
+        if kind == "dae":
+            return _load_collada(file)
+        return _load_obj(file) if kind == "obj" else _load_by_trimesh(file, kind)
+    except Exception as error:  # readers raise what they like
+        said = " ".join(str(error).split()) or type(error).__name__
+        raise FileFormatError(f"{name}: does not read as {kind.upper()}: {said}") from None
+
+
+def _load_collada(file: bytes) -> _Loaded:
+    """Read COLLADA in metres, and with the axis up that the file names; one of x up is turned to y up."""
+    metres, axis = unit_and_axis(file)
+    found = _load_by_trimesh(without_skins(file), "dae")
+    turn = np.eye(3) if axis != "X_UP" else np.array([(0.0, -1, 0), (1, 0, 0), (0, 0, 1)])
+    found.meshes = [mesh._replace(vertices=metres * mesh.vertices @ turn.T) for mesh in found.meshes]
+    found.up = "z" if axis == "Z_UP" else "y"
+    return found
+
+
+def _load_obj(file: bytes) -> _Loaded:
+    text = straighten_obj(file)
+    found = _load_by_trimesh(text, "obj", group_material=False, skip_materials=True, **obj_splits(text))
+    order = obj_order(text)
+    found.meshes.sort(key=lambda mesh: order.get(mesh.name, -1))
+    return found
+
+
+def _load_by_trimesh(file: bytes, kind: str, **options: bool) -> _Loaded:
+    import trimesh
+
+    # Face order and shared corners stay as they are in the file.
+    loaded = trimesh.load_scene(io.BytesIO(file), file_type=kind, process=False, **options)
+    found = _Loaded([])
     for node in loaded.graph.nodes_geometry:
         placement, geometry = loaded.graph[node]
-        mesh = loaded.geometry[geometry]
+        mesh, name = loaded.geometry[geometry], "" if node in _NAMELESS else str(node)
         if not len(getattr(mesh, "faces", ())):
-            empty.append(str(node))
+            found.empty.append(name or str(node))
             continue
-        extras = {**mesh.metadata, **_node_extras(loaded, node)}
-        corners = np.c_[mesh.vertices, np.ones(len(mesh.vertices))] @ placement.T
-        faces = keep_winding(mesh.faces, placement[:3, :3])
-        parts.append(Part(str(node), (corners[:, :3], faces), Label.parse(extras.get("label", Label.OBSTACLE))))
-    if len(parts) == 1 and parts[0].name in (path.name, "geometry_0"):  # a format without names
-        parts = [Part(path.stem, parts[0].mesh, parts[0].label)]
-    return parts, empty
+        vertices = np.asarray(mesh.vertices, dtype=np.float64)
+        with np.errstate(invalid="ignore", over="ignore"):  # the scene says what is not finite
+            corners = vertices @ placement[:3, :3].T + placement[:3, 3]
+        found.meshes.append(_Mesh(name, corners, keep_winding(mesh.faces, placement[:3, :3]), {}))
+    return found
 
 
-def _node_extras(loaded: trimesh.Scene, node: str) -> dict[str, object]:
-    for parent in loaded.graph.transforms.parents.get(node, ()), None:
-        attributes = loaded.graph.transforms.edge_data.get((parent, node), {})
-        if attributes.get("metadata"):
-            return dict(attributes["metadata"])
-    return {}
+def _unique(names: Sequence[str]) -> list[str]:
+    """Give names that come again numbers, ``_1``, ``_2``, ..., which no other name ends in."""
+    taken, given = set(names), set[str]()
+    numbers: dict[str, itertools.count[int]] = {}
+    unique = []
+    for name in names:
+        free = name
+        if name in given:
+            count = numbers.setdefault(name, itertools.count(1))
+            free = next(candidate for candidate in (f"{name}_{number}" for number in count) if candidate not in taken)
+        taken.add(free)
+        given.add(free)
+        unique.append(free)
+    return unique

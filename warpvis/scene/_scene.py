@@ -75,19 +75,20 @@ class Scene:
     ) -> Scene:
         """Read a file: OBJ, STL, PLY, GLB, and what else trimesh reads; a Webots world; a MuJoCo model; a URDF robot.
 
-        Every named part of the file becomes one object. Its label is, first, what `labels` says; second, what the
-        file says (``"label"`` in a glTF node's or mesh's ``extras``); else `Label.OBSTACLE`. Of a Webots world
-        (``.wbt``), see `warpvis.webots.load_webots` for names, labels, and devices; of MJCF (``.xml``) and
+        Every named part of the file becomes one object, in the file's order. Its label is, first, what `labels` says;
+        second, what the file says (``"label"`` in a glTF node's or mesh's ``extras``); else `Label.OBSTACLE`. Of a
+        Webots world (``.wbt``), see `warpvis.webots.load_webots` for names, labels, and devices; of MJCF (``.xml``) and
         URDF (``.urdf``), which MuJoCo compiles, `warpvis.mujoco.read_model`.
 
         Args:
             path: The file.
             device: Where the scene is rendered.
             up: The scene's vertical axis. By default a Webots world's own, else ``"z"``.
-            file_up: The file's vertical axis. By default ``"y"`` for glTF, as its specification says, and the scene's
-                own for every other mesh format; where the two differ, the geometry is turned upright. Webots, MJCF and
-                URDF say it themselves.
-            scale: Factor from a mesh file's unit to metres (0.001 for millimetres); the others are in metres.
+            file_up: The file's vertical axis. By default ``"y"`` for glTF, as its specification says, what COLLADA
+                files say, and the scene's own for every other mesh format; where the two differ, the geometry is
+                turned upright. Webots, MJCF and URDF say it themselves.
+            scale: Factor from a mesh file's unit to metres (0.001 for millimetres), besides the unit that a COLLADA
+                file says; the others are in metres.
             labels: Labels by name; a name may be a pattern (``"wall_*"``), and the last one that fits counts.
             movable: Names or patterns of the objects that are movable, each with a pose of its own; or True for what
                 MJCF or URDF says moves, one pose for each body.

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from warpvis.errors import FileFormatError
 from warpvis.scene import keep_winding
+from warpvis.scene.collada import frame_of, without_skins
 from warpvis.webots._nodes import Node, Version
 from warpvis.webots._urls import with_slashes
-from warpvis.webots.shapes._collada import frame_of, without_skins
 from warpvis.webots.shapes._extrusion import extrusion
 from warpvis.webots.shapes._polygons import (
     Triangles,

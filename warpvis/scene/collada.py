@@ -11,24 +11,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 _AXES = {
-    b"X_UP": [(0, -1, 0), (1, 0, 0), (0, 0, 1)],
-    b"Y_UP": [(1, 0, 0), (0, 1, 0), (0, 0, 1)],
-    b"Z_UP": [(1, 0, 0), (0, 0, 1), (0, -1, 0)],
+    "X_UP": [(0, -1, 0), (1, 0, 0), (0, 0, 1)],
+    "Y_UP": [(1, 0, 0), (0, 1, 0), (0, 0, 1)],
+    "Z_UP": [(1, 0, 0), (0, 0, 1), (0, -1, 0)],
 }
 _MOST_CONTROLLERS = 10
 """Controllers of controllers, as a skin of a morphed mesh."""
 
 
 def frame_of(file: bytes) -> NDArray[np.float64]:
-    """Make the matrix from the axes and the unit that a COLLADA file names to metres with y up, shape ``(3, 3)``."""
+    """Make the matrix from the axes and the unit that a COLLADA file names to metres with y up, shape ``(3, 3)``.
+
+    Raises:
+        ValueError: The unit is no length.
+    """
+    metres, axis = unit_and_axis(file)
+    return metres * np.array(_AXES[axis], dtype=np.float64)
+
+
+def unit_and_axis(file: bytes) -> tuple[float, str]:
+    """Read the unit of a COLLADA file [m], and the axis that points up: ``"X_UP"``, ``"Y_UP"`` or ``"Z_UP"``.
+
+    Raises:
+        ValueError: The unit is no length.
+    """
     head = file.partition(b"</asset>")[0]
     unit = re.search(rb"""<unit\b[^>]*\bmeter\s*=\s*["']([^"']*)["']""", head)
     axis = re.search(rb"<up_axis>\s*(\w+)\s*</up_axis>", head)
     metres = float(unit[1]) if unit else 1.0
     if not 0 < metres < np.inf:
         raise ValueError(f"the unit must be above zero, got {metres:g} m")
-    rows = _AXES.get(axis[1] if axis else b"Y_UP", _AXES[b"Y_UP"])
-    return metres * np.array(rows, dtype=np.float64)
+    name = axis[1].decode() if axis else "Y_UP"
+    return metres, name if name in _AXES else "Y_UP"
 
 
 def without_skins(file: bytes) -> bytes:

@@ -1,0 +1,444 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Mesh files: names and order as the file has them, whatever is compressed, units and axes, archives."""
+
+import bz2
+import gzip
+import io
+import subprocess
+import sys
+import tarfile
+import warnings
+import zipfile
+
+import numpy as np
+import pytest
+import trimesh
+from gltf_files import GltfWriter
+
+import warpvis as wv
+from warpvis import Scene
+from warpvis.errors import FileFormatError
+
+BALL = trimesh.creation.icosphere(subdivisions=2, radius=0.5)
+TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+
+
+def load(path, **options):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return Scene.load(path, **options)
+
+
+def write(folder, writer, name="x.glb", **options):
+    (folder / name).write_bytes(writer.bytes(**options) if isinstance(writer, GltfWriter) else writer)
+    return folder / name
+
+
+def refusal(path, **options):
+    with pytest.raises(FileFormatError) as caught:
+        load(path, **options)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def car():
+    """Meshes of several primitives, nodes of the same name and of none, and names that look like those made here."""
+    writer = GltfWriter()
+    body = [writer.primitive(TRIANGLE + k) for k in range(3)]
+    wheels = writer.node(writer.primitive(TRIANGLE), name="wheel")
+    again = writer.node(writer.primitive(TRIANGLE), name="wheel", translation=[1, 0, 0])
+    writer.node(writer.primitive(TRIANGLE), name="wheel_1")
+    writer.node(*body, mesh={"name": "body"}, children=[again, wheels])
+    writer.node(writer.primitive(TRIANGLE), writer.primitive(TRIANGLE))
+    writer.node(writer.primitive(TRIANGLE))
+    return writer.bytes(roots=[3, 2, 5, 4])
+
+
+CAR = ["body_0", "body_1", "body_2", "wheel", "wheel_2", "wheel_1", "mesh_6", "node_4_0", "node_4_1"]
+
+
+def test_names_and_order_are_the_files(tmp_path):
+    scene = load(write(tmp_path, car()))
+    assert [item.name for item in scene] == CAR
+    scene.export(tmp_path / "again.glb")
+    again = load(tmp_path / "again.glb")
+    assert [item.name for item in again] == CAR
+    for item in again:
+        np.testing.assert_allclose(item.vertices, scene[item.name].vertices, atol=1e-6)
+
+
+OBJ = (
+    "o zebra\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\nusemtl blue\nf 1 3 2\no apple\nf 3 2 1\no mid\nf 2 1 3\n"
+)
+SOLIDS = "".join(
+    f"solid {name}\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+    f"endsolid {name}\n"
+    for name in ("zebra", "apple")
+)
+
+
+def files_of_many_parts(folder):
+    """Files of every format that holds several parts, and the names in them."""
+    write(folder, car(), "car.glb")
+    (folder / "animals.obj").write_text(OBJ)
+    (folder / "groups.obj").write_text(OBJ.replace("o ", "g "))
+    (folder / "solids.stl").write_text(SOLIDS)
+    (folder / "animals.dae").write_text(dae("", geometries=("zebra", "apple", "mid")))
+    with zipfile.ZipFile(folder / "all.zip", "w") as archive:
+        for name in ("solids.stl", "animals.obj", "groups.obj"):
+            archive.write(folder / name, f"in/{name}")
+        BALL.export(folder / "ball.ply")
+        archive.write(folder / "ball.ply", "ball.ply")
+        archive.writestr("__MACOSX/._ball.ply", b"junk")
+        archive.writestr("read.me", b"no mesh")
+    animals = ["zebra", "apple", "mid"]
+    return {
+        "car.glb": CAR,
+        "animals.obj": animals,
+        "groups.obj": animals,
+        "solids.stl": animals[:2],
+        "animals.dae": animals,
+        "all.zip": [*animals[:2], "zebra_1", "apple_1", "mid", "zebra_2", "apple_2", "mid_1", "ball"],
+    }
+
+
+def test_names_are_the_same_in_every_process(tmp_path):
+    names = files_of_many_parts(tmp_path)
+    assert {name: [item.name for item in load(tmp_path / name)] for name in names} == names
+    code = (
+        "import sys; from warpvis.io import read_parts\n"
+        "for path in sys.argv[1:]: print([part.name for part in read_parts(path).parts])"
+    )
+    command = [sys.executable, "-c", code, *names]
+    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert [line for line in run.stdout.splitlines() if line.startswith("[")] == list(map(str, names.values()))
+
+
+def test_a_batch_of_many_materials_resumes(tmp_path):
+    path = write(tmp_path, car())
+    frames = wv.Frames.from_poses(np.repeat([wv.look_at((0, -3, 1), (0, 0, 1))], 3, axis=0))
+    camera = wv.Camera.from_fov(8, 8, hfov=1.0)
+    wv.render_batch(path, camera, frames, tmp_path / "out", shard_frames=1)
+    (tmp_path / "out" / "index.json").unlink()
+    (tmp_path / "out" / "shards" / "000001.json").unlink()
+    assert wv.render_batch(path, camera, frames, tmp_path / "out", shard_frames=1, resume=True).rendered_frames == 1
+
+
+def test_obj_files_as_people_write_them(tmp_path):
+    upright = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nv 0 0 2\nv 1 0 2\nv 0 1 2\nf 4 5 6\n"
+    variants = {
+        "relative": upright.replace("f 1 2 3", "f -3 -2 -1").replace("f 4 5 6", "f -3 -2/ -1"),
+        "tabs": upright.replace(" ", "\t"),
+        "spaces": "  " + upright.replace("\n", "\n  ").replace("v ", "v   "),
+        "windows": upright.replace("\n", "\r\n"),
+        "continued": upright.replace("f 1 2 3", "f 1 \\\n2 3"),
+    }
+    for name, text in {"upright": upright, **variants}.items():
+        (tmp_path / f"{name}.obj").write_bytes(text.encode())
+        scene = load(tmp_path / f"{name}.obj")
+        assert [item.name for item in scene] == [name]
+        corners = scene[name].vertices[scene[name].faces].reshape(-1, 3)
+        np.testing.assert_array_equal(corners[:, 2], [0, 0, 0, 2, 2, 2], err_msg=name)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n", r"line 1: a vertex needs three numbers, got 'v 0 0'"),
+        ("v 0 0 0\n v 1 0 # short\nv 0 1 0\nf 1 2 3\n", r"line 2: a vertex needs three numbers, got 'v 1 0 # short'"),
+        ("v 0 0 0\nv 1 \\\n0 0\nv 0 1\nf 1 2 3\n", r"line 4: a vertex needs three numbers, got 'v 0 1'"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\n", r"line 4: a face needs three corners, got 'f 1 2'"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf -4 2 3\n", r"a face names vertex -4 after 3 of them"),
+    ],
+)
+def test_short_lines_of_obj_files_are_named(tmp_path, text, message):
+    assert message in refusal(write(tmp_path, text.encode(), "x.obj"))
+
+
+def draco_file(mesh=BALL, names=("ball",)):
+    whole = trimesh.Scene()
+    for name in names:
+        whole.add_geometry(mesh, node_name=name, geom_name=name)
+    return trimesh.exchange.gltf.export_glb(whole, extension_draco=True)
+
+
+def test_draco_is_decoded(tmp_path):
+    pytest.importorskip("DracoPy")
+    file = draco_file()
+    assert b'"extensionsRequired":["KHR_draco_mesh_compression"]' in file.replace(b" ", b"")
+    scene = load(write(tmp_path, file, "ball.glb"), up="y")
+    faces = scene["ball"].faces
+    assert len(faces) == len(BALL.faces)
+    # 14 bits for its extent: half a step is the most that a coordinate is off.
+    found, wanted = scene["ball"].vertices[faces], BALL.vertices[BALL.faces]
+    np.testing.assert_allclose(found, wanted, atol=1.01 * 2**-15)
+
+
+def test_draco_beside_plain_data_needs_no_decoder(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "DracoPy", None)
+    writer = GltfWriter(extensionsUsed=["KHR_draco_mesh_compression"])
+    primitive = writer.primitive(TRIANGLE, [0, 1, 2])
+    junk = {"bufferView": writer.view(b"junk"), "attributes": {"POSITION": 0}}
+    writer.node(primitive | {"extensions": {"KHR_draco_mesh_compression": junk}}, name="flat")
+    np.testing.assert_array_equal(load(write(tmp_path, writer), up="y")["flat"].vertices, TRIANGLE)
+
+
+def meshopt_file(extension="EXT_meshopt_compression", filter=None):
+    """A ball whose vertices and indices are compressed, with positions as they are or of shared exponents."""
+    meshopt = pytest.importorskip("meshoptimizer")
+    vertices, faces = BALL.vertices.astype(np.float32), BALL.faces.astype(np.uint32).reshape(-1)
+    stored = vertices
+    if filter == "EXPONENTIAL":  # a mantissa of 24 bits and an exponent of 8 in each number
+        stored = ((-20 & 0xFF) << 24 | np.round(vertices * 2.0**20).astype(np.int64) & 0xFFFFFF).astype(np.uint32)
+    writer = GltfWriter(extensionsRequired=[extension])
+    writer.content["buffers"] = [{"byteLength": 0}, {"byteLength": 0, "extensions": {extension: {"fallback": True}}}]
+
+    def compressed(data, raw, stride, mode, **more):
+        item = {"buffer": 0, "byteOffset": len(writer.data), "byteLength": len(data), "byteStride": stride}
+        item |= {"count": len(raw) // stride, "mode": mode, **more}
+        writer.data += data + b"\0" * (-len(data) % 4)
+        view = {"buffer": 1, "byteLength": len(raw), "extensions": {extension: item}}
+        writer.content["bufferViews"].append(view | ({"byteStride": stride} if mode == "ATTRIBUTES" else {}))
+        return len(writer.content["bufferViews"]) - 1
+
+    more = {} if filter is None else {"filter": filter}
+    places = compressed(meshopt.encode_vertex_buffer(stored), stored.tobytes(), 12, "ATTRIBUTES", **more)
+    order = compressed(meshopt.encode_index_buffer(faces), faces.tobytes(), 4, "TRIANGLES")
+    again = compressed(meshopt.encode_index_sequence(faces), faces.tobytes(), 4, "INDICES")
+    position = writer.accessor(vertices, view=places)
+    for name, view in (("ball", order), ("twin", again)):
+        indices = writer.accessor(faces, view=view)
+        writer.node({"attributes": {"POSITION": position}, "indices": indices}, name=name)
+    return writer.bytes()
+
+
+@pytest.mark.parametrize("extension", ["EXT_meshopt_compression", "KHR_meshopt_compression"])
+@pytest.mark.parametrize(("filter", "off"), [(None, 0), ("EXPONENTIAL", 2.0**-20)])
+def test_meshopt_is_decoded(tmp_path, extension, filter, off):
+    scene = load(write(tmp_path, meshopt_file(extension, filter)), up="y")
+    wanted = np.sort(BALL.vertices[BALL.faces].astype(np.float32).reshape(-1, 9), axis=0)
+    for name in ("ball", "twin"):  # the encoder may turn each triangle round, and keeps their order
+        item = scene[name]
+        assert len(item.faces) == len(BALL.faces)
+        np.testing.assert_allclose(item.vertices, BALL.vertices.astype(np.float32), atol=off)
+        found = item.vertices[item.faces]
+        np.testing.assert_allclose(found.mean(axis=1), BALL.triangles_center, atol=max(off, 1e-6))
+    np.testing.assert_allclose(np.sort(found.reshape(-1, 9), axis=0), wanted, atol=max(off, 1e-6))
+
+
+@pytest.mark.parametrize(
+    ("package", "extension"),
+    [("DracoPy", "KHR_draco_mesh_compression"), ("meshoptimizer", "EXT_meshopt_compression")],
+)
+def test_a_missing_decoder_is_named(tmp_path, monkeypatch, package, extension):
+    pytest.importorskip(package)
+    path = write(tmp_path, draco_file() if package == "DracoPy" else meshopt_file())
+    monkeypatch.setitem(sys.modules, package, None)
+    wanted = f"it is compressed by {extension}, and reading that needs {package}: pip install 'warpvis[gltf]'"
+    assert refusal(path) == f"{path}: does not read as GLB: {wanted}"
+
+
+def test_required_extensions_that_change_geometry_are_named(tmp_path):
+    for name, fine in {
+        "CESIUM_RTC": False,
+        "EXT_mesh_gpu_instancing": False,
+        "KHR_materials_unlit": True,
+        "KHR_texture_transform": True,
+        "EXT_texture_webp": True,
+        "KHR_mesh_quantization": True,
+    }.items():
+        writer = GltfWriter(extensionsRequired=[name])
+        writer.node(writer.primitive(TRIANGLE), name="flat")
+        path = write(tmp_path, writer)
+        if fine:
+            assert len(load(path)) == 1
+        else:
+            assert refusal(path).endswith(f"does not read as GLB: it requires the extension {name}, which is not read")
+
+
+def test_quantized_and_sparse_positions(tmp_path):
+    """KHR_mesh_quantization: whole numbers, and numbers for -1 to 1; and accessors of which some are replaced."""
+    writer = GltfWriter(extensionsRequired=["KHR_mesh_quantization"])
+    rows = np.int16([[0, 0, 0, 0], [32767, 0, 0, 0], [0, -32768, 16384, 0]])
+    view = writer.view(rows.tobytes(), byteStride=8)
+    whole = writer.accessor(rows[:, :3], view=view)
+    normal = writer.accessor(rows[:, :3], view=view, normalized=True)
+    where, what = writer.view(np.uint8([2]).tobytes()), writer.view(np.float32([[5, 6, 7]]).tobytes())
+    sparse = {
+        "count": 1,
+        "indices": {"bufferView": where, "componentType": 5121},
+        "values": {"bufferView": what},
+    }
+    replaced = writer.accessor(TRIANGLE, sparse=sparse)
+    writer.content["accessors"].append({"componentType": 5126, "count": 3, "type": "VEC3", "sparse": sparse})
+    for name, accessor in {"normal": normal, "replaced": replaced, "zeros": replaced + 1}.items():
+        writer.node({"attributes": {"POSITION": accessor}}, name=name)
+    writer.node({"attributes": {"POSITION": whole}}, name="whole", scale=[0.5, 1, 1])
+    scene = load(write(tmp_path, writer), up="y")
+    np.testing.assert_allclose(scene["whole"].vertices, rows[:, :3] * [0.5, 1, 1])
+    np.testing.assert_allclose(scene["normal"].vertices, [[0, 0, 0], [1, 0, 0], [0, -1, 16384 / 32767]], rtol=1e-6)
+    np.testing.assert_array_equal(scene["replaced"].vertices, [*TRIANGLE[:2], [5, 6, 7]])
+    np.testing.assert_array_equal(scene["zeros"].vertices, [[0, 0, 0], [0, 0, 0], [5, 6, 7]])
+
+
+def test_strips_fans_and_what_is_below_cameras(tmp_path):
+    corners = np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 2, 0]])
+    writer = GltfWriter(cameras=[{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}])
+    writer.node(writer.primitive(corners, mode=5), name="strip")
+    writer.node(writer.primitive(corners[[1, 3, 4, 2, 0]], [0, 1, 2, 3, 4], mode=6), name="fan")
+    child = writer.node(writer.primitive(TRIANGLE), name="below")
+    writer.node(camera=0, translation=[0, 0, 9], children=[child])
+    hidden = {"KHR_node_visibility": {"visible": False}}
+    writer.node(writer.primitive(TRIANGLE), name="hidden", extensions=hidden)
+    writer.node(writer.primitive(TRIANGLE, mode=1), name="lines")
+    path = write(tmp_path, writer, roots=[0, 1, 3, 4, 5])
+    with pytest.warns(UserWarning, match="left out 'lines', which hold lines or points"):
+        scene = Scene.load(path, up="y")
+    assert [item.name for item in scene] == ["strip", "fan", "below"]
+    for name in ("strip", "fan"):
+        mesh = trimesh.Trimesh(scene[name].vertices, scene[name].faces, process=False)
+        assert mesh.face_normals.tolist() == [[0, 0, 1]] * 3
+        assert mesh.area == pytest.approx(1.5)
+    np.testing.assert_array_equal(scene["below"].vertices[:, 2], [9, 9, 9])
+
+
+def test_malformed_gltf_is_one_sentence(tmp_path):
+    def changed(**content):
+        writer = GltfWriter(**content)
+        writer.node(writer.primitive(TRIANGLE, [0, 1, 2]), name="flat")
+        return writer
+
+    looped, far, short = changed(), changed(), changed()
+    looped.content["nodes"][0]["children"] = [0]
+    far.content["accessors"][0]["count"] = 10**12
+    short.content["accessors"][1]["count"] = 2
+    nothing = changed()
+    del nothing.content["accessors"][0]["bufferView"]
+    nothing.content["accessors"][0]["count"] = 10**12
+    cases = {
+        "node 0 is below itself": looped,
+        "an accessor of 1000000000000 elements reaches beyond": far,
+        "triangles must have three corners each, got 2": short,
+        "accessor 0 has 1000000000000 elements and no data": nothing,
+        "it is of glTF 1.0, and 2 is what is read": changed(asset={"version": "1.0"}),
+        "it ends after 400 bytes, in the middle of a chunk": changed().bytes()[:400],
+    }
+    for wanted, file in cases.items():
+        assert f"does not read as GLB: {wanted}" in refusal(write(tmp_path, file))
+
+
+def dae(asset, *, geometries=("part",)):
+    """A COLLADA file of triangles (1, 0, 0), (0, 2, 0), (0, 0, 3)."""
+    shapes = "".join(
+        f"""<geometry id="{name}"><mesh>
+        <source id="{name}-p"><float_array id="{name}-a" count="9">1 0 0 0 2 0 0 0 3</float_array><technique_common>
+        <accessor source="#{name}-a" count="3" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
+        <param name="Z" type="float"/></accessor></technique_common></source>
+        <vertices id="{name}-v"><input semantic="POSITION" source="#{name}-p"/></vertices>
+        <triangles count="1"><input semantic="VERTEX" source="#{name}-v" offset="0"/><p>0 1 2</p></triangles>
+        </mesh></geometry>"""
+        for name in geometries
+    )
+    nodes = "".join(f'<node id="n-{name}"><instance_geometry url="#{name}"/></node>' for name in geometries)
+    return (
+        '<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">'
+        f"<asset>{asset}</asset><library_geometries>{shapes}</library_geometries>"
+        f'<library_visual_scenes><visual_scene id="s">{nodes}</visual_scene></library_visual_scenes>'
+        '<scene><instance_visual_scene url="#s"/></scene></COLLADA>'
+    )
+
+
+@pytest.mark.parametrize(
+    ("asset", "wanted"),
+    [
+        ("", [(1, 0, 0), (0, 0, 2), (0, -3, 0)]),
+        ("<up_axis>Y_UP</up_axis>", [(1, 0, 0), (0, 0, 2), (0, -3, 0)]),
+        ('<unit name="inch" meter="0.0254"/><up_axis>Z_UP</up_axis>', 0.0254 * np.diag([1, 2, 3])),
+        ('<unit meter="0.001"/><up_axis>X_UP</up_axis>', 0.001 * np.array([(0, 0, 1), (-2, 0, 0), (0, -3, 0)])),
+    ],
+)
+def test_units_and_axes_of_collada(tmp_path, asset, wanted):
+    pytest.importorskip("collada")
+    (tmp_path / "part.dae").write_text(dae(asset))
+    found = load(tmp_path / "part.dae")["part"].vertices
+    np.testing.assert_allclose(found, wanted, atol=1e-7)
+    if "Z_UP" in asset:  # who knows better says so
+        other = load(tmp_path / "part.dae", file_up="y", scale=10)["part"].vertices
+        np.testing.assert_allclose(other, 0.254 * np.array([(1, 0, 0), (0, 0, 2), (0, -3, 0)]), atol=1e-7)
+
+
+def test_collada_that_says_nonsense(tmp_path):
+    pytest.importorskip("collada")
+    (tmp_path / "part.dae").write_text(dae('<unit meter="0"/>'))
+    assert refusal(tmp_path / "part.dae").endswith("does not read as DAE: the unit must be above zero, got 0 m")
+
+
+def test_collada_without_its_reader(tmp_path, monkeypatch):
+    from trimesh.exchange import load as readers
+
+    (tmp_path / "part.dae").write_text(dae(""))
+    wrapper = trimesh.exceptions.ExceptionWrapper(ImportError("collada"))
+    monkeypatch.setitem(readers.mesh_loaders, "dae", wrapper)
+    wanted = "reading .dae needs pycollada: pip install 'warpvis[collada]'"
+    assert refusal(tmp_path / "part.dae") == f"{tmp_path / 'part.dae'}: {wanted}"
+
+
+def tar(data, name):
+    whole = io.BytesIO()
+    with tarfile.open(fileobj=whole, mode="w:gz") as archive:
+        info = tarfile.TarInfo(name)
+        info.size = len(data)
+        archive.addfile(info, io.BytesIO(data))
+    return whole.getvalue()
+
+
+def test_archives(tmp_path):
+    """A part is named by the file that it comes from, if that does not name it; glTF is y up in archives, too."""
+    stl = BALL.export(file_type="stl")
+    for name, data in {
+        "x.tar.gz": tar(stl, "in/ball.stl"),
+        "x.tgz": tar(stl, "ball.stl"),
+        "ball.stl.gz": gzip.compress(stl),
+        "ball.stl.bz2": bz2.compress(stl),
+    }.items():
+        scene = load(write(tmp_path, data, name))
+        assert [(item.name, len(item.faces)) for item in scene] == [("ball", len(BALL.faces))], name
+    writer = GltfWriter()
+    writer.node(writer.primitive(TRIANGLE))
+    with zipfile.ZipFile(tmp_path / "x.zip", "w") as archive:
+        archive.writestr("flat.glb", writer.bytes())
+    upright = load(tmp_path / "x.zip")
+    assert [item.name for item in upright] == ["flat"]
+    np.testing.assert_allclose(upright["flat"].vertices, TRIANGLE[:, [0, 2, 1]], atol=1e-7)
+
+
+def test_buffers_of_gltf_in_archives(tmp_path):
+    files = trimesh.exchange.gltf.export_gltf(trimesh.Scene({"ball": BALL}))
+    with zipfile.ZipFile(tmp_path / "x.zip", "w") as archive:
+        for name, data in files.items():
+            archive.writestr(f"in/{name}", data)
+    assert [item.name for item in load(tmp_path / "x.zip")] == ["ball"]
+
+
+def test_archives_that_are_refused(tmp_path, monkeypatch):
+    stl, writer = BALL.export(file_type="stl"), GltfWriter()
+    writer.node(writer.primitive(TRIANGLE))
+
+    def zipped(**files):
+        with zipfile.ZipFile(tmp_path / "x.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+            for name, data in files.items():
+                archive.writestr(name.replace("_", "."), data)
+        return tmp_path / "x.zip"
+
+    assert "x.zip: holds no mesh file; those are " in refusal(zipped(read_me=b"x"))
+    assert "x.zip/bad.glb: does not read as GLB: " in refusal(zipped(ball_stl=stl, bad_glb=b"junk"))
+    assert "'a.stl' and 'b.glb' do not say the same axis is up" in refusal(zipped(a_stl=stl, b_glb=writer.bytes()))
+    assert "x.tar.gz: does not unpack: " in refusal(write(tmp_path, b"junk", "x.tar.gz"))
+    monkeypatch.setattr("warpvis.io._archives._MOST_BYTES", 10_000)
+    for path in (
+        zipped(bomb_stl=bytes(10**6)),
+        write(tmp_path, tar(bytes(10**6), "bomb.stl"), "x.tar.gz"),
+        write(tmp_path, gzip.compress(bytes(10**6)), "bomb.stl.gz"),
+    ):
+        assert refusal(path) == f"{path}: unpacks to more than 1 GiB, the most that is read: unpack it first"

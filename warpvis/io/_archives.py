@@ -1,0 +1,74 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Archives of files, and compressed files: unpacked into memory, up to a bound."""
+
+from __future__ import annotations
+
+import bz2
+import gzip
+import lzma
+import tarfile
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO
+
+from warpvis.errors import FileFormatError
+
+_TARS = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tbz2", ".tar.xz", ".txz")
+_ZIPS = (".zip", ".zae")
+_SINGLE = (".gz", ".bz2", ".xz")
+
+ARCHIVES = (*_ZIPS, *_TARS, *_SINGLE)
+"""Endings of their names."""
+
+_Stream = IO[bytes] | gzip.GzipFile | bz2.BZ2File | lzma.LZMAFile
+
+# A few thousand bytes can unpack to any number.
+_MOST_BYTES = 1 << 30
+
+
+def is_archive(name: str) -> bool:
+    """Tell from a name whether it is of an archive."""
+    return name.lower().endswith(ARCHIVES)
+
+
+def unpack(path: Path) -> dict[str, bytes]:
+    """Return the files of an archive by name, in its order; a compressed file alone is called as without its ending.
+
+    Raises:
+        FileFormatError: It does not read, or would unpack to more than a GiB.
+    """
+    found: dict[str, bytes] = {}
+    left = _MOST_BYTES
+    try:
+        for name, stream in _members(path):
+            with stream:
+                found[name] = stream.read(left + 1)
+            left -= len(found[name])
+            if left < 0:
+                raise FileFormatError(f"{path}: unpacks to more than 1 GiB, the most that is read: unpack it first")
+    except FileFormatError:
+        raise
+    except Exception as error:  # each library has exceptions of its own for what is no archive
+        said = " ".join(str(error).split()) or type(error).__name__
+        raise FileFormatError(f"{path}: does not unpack: {said}") from None
+    return found
+
+
+def _members(path: Path) -> Iterator[tuple[str, _Stream]]:
+    name = path.name.lower()
+    if name.endswith(_ZIPS):
+        with zipfile.ZipFile(path) as archive:
+            for info in archive.infolist():
+                if not info.is_dir():
+                    yield info.filename, archive.open(info)
+    elif name.endswith(_TARS):
+        with tarfile.open(path, "r:*") as archive:
+            for member in archive:
+                stream = archive.extractfile(member) if member.isfile() else None
+                if stream is not None:
+                    yield member.name, stream
+    else:
+        kind = path.suffix.lower()
+        yield path.stem, gzip.open(path) if kind == ".gz" else bz2.open(path) if kind == ".bz2" else lzma.open(path)

@@ -1,0 +1,85 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What trimesh's reader of OBJ files takes amiss, put right in the text before it reads it.
+
+It wants one space after a keyword at the beginning of a line, counts relative indices from the end of the file instead
+of from their line, clips all vertices to the shortest one, and gives objects back to front.
+"""
+
+from __future__ import annotations
+
+import re
+
+_KEYWORDS = rb"v|vn|vt|f|o|g|s|usemtl|mtllib"
+_CROOKED = re.compile(rb"^(?:[ \t]+(?:%s)[ \t]|(?:%s)(?:\t|  ))" % (_KEYWORDS, _KEYWORDS), re.MULTILINE)
+_KEYWORD = re.compile(rb"^[ \t]*(%s)[ \t]+" % _KEYWORDS, re.MULTILINE)
+_RELATIVE = re.compile(rb"^f .*?-\d", re.MULTILINE)
+_SHORT = re.compile(rb"^(v|f)(?: +[^\s#]+){0,2} *(?:#.*)?$", re.MULTILINE)
+_PART = {"object": re.compile(rb"^o +(.*?) *$", re.MULTILINE), "group": re.compile(rb"^g +(.*?) *$", re.MULTILINE)}
+
+
+def straighten_obj(file: bytes) -> bytes:
+    """Return an OBJ file's text with one space after keywords at the beginning of lines, and no relative indices.
+
+    Raises:
+        ValueError: A vertex has fewer than three numbers, or a face fewer than three corners; the line is named.
+    """
+    text = file.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    if _CROOKED.search(text):
+        text = _KEYWORD.sub(rb"\1 ", text)
+    joined = text.replace(b"\\\n", b" ")
+    short = _SHORT.search(joined)
+    if short:
+        line = _line(text, joined, short.start())
+        wanted = "a vertex needs three numbers" if short[1] == b"v" else "a face needs three corners"
+        raise ValueError(f"line {line}: {wanted}, got {short[0].decode(errors='replace').strip()!r}")
+    return _absolute(joined) if _RELATIVE.search(joined) else joined
+
+
+def obj_splits(text: bytes) -> dict[str, bool]:
+    """Choose what becomes parts: the file's objects; its groups where it names no objects."""
+    objects = bool(_PART["object"].search(text))
+    return {"split_objects": objects, "split_groups": not objects}
+
+
+def obj_order(text: bytes) -> dict[str, int]:
+    """Give the names of a file's objects, or of its groups where it has no objects, numbers in the file's order."""
+    kind = "object" if obj_splits(text)["split_objects"] else "group"
+    names = dict.fromkeys(match[1].decode("utf-8", errors="replace") for match in _PART[kind].finditer(text))
+    return {name: number for number, name in enumerate(names)}
+
+
+def _line(text: bytes, joined: bytes, place: int) -> int:
+    """Return the number of the line that a place in the text lies in, of which lines that go on have been joined."""
+    joins, passed = 0, 0
+    for piece in text.split(b"\\\n")[:-1]:
+        passed += len(piece) + 1
+        if passed > place:
+            break
+        joins += 1
+    return joined.count(b"\n", 0, place) + joins + 1
+
+
+def _absolute(text: bytes) -> bytes:
+    """Count relative indices, of which -1 is the last vertex before the face, from the file's beginning."""
+    counts = {b"v": 0, b"vt": 0, b"vn": 0}
+    lines = text.split(b"\n")
+    for number, line in enumerate(lines):
+        keyword = line.partition(b" ")[0]
+        if keyword in counts:
+            counts[keyword] += 1
+        elif keyword == b"f" and b"-" in line:
+            lines[number] = b"f " + b" ".join(_corner(corner, counts) for corner in line[2:].split())
+    return b"\n".join(lines)
+
+
+def _corner(corner: bytes, counts: dict[bytes, int]) -> bytes:
+    parts = []
+    for index, count in zip(corner.split(b"/"), counts.values(), strict=False):
+        if index.startswith(b"-"):
+            absolute = count + int(index) + 1
+            if absolute < 1:
+                raise ValueError(f"a face names vertex {int(index)} after {count} of them")
+            index = b"%d" % absolute
+        parts.append(index)
+    return b"/".join(parts)
