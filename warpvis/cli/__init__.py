@@ -14,6 +14,7 @@ from pathlib import Path
 
 import tyro
 
+from warpvis.cli import _interrupts
 from warpvis.cli._check import Check
 from warpvis.cli._datasets import Batch, Render, Verify, Warmup
 from warpvis.cli._inputs import MaybeSceneFile, SceneOptions, parse_labels, refuse_options, scene_options
@@ -88,22 +89,21 @@ def _print_versions() -> None:
 
 
 def main() -> None:
-    """Run the command of the command line: bad input ends with one sentence and exit code 2."""
-    commands = Demo | Render | Batch | Verify | Warmup | Check | Perspective | Info
-    command = tyro.cli(commands, prog="warpvis", description=_DESCRIPTION)
-    try:
-        _quiet_warp()
-        with warnings.catch_warnings():
-            warnings.simplefilter("default", UserWarning)
-            warnings.showwarning = _show_warning
-            command.run()
-    except WarpvisError as error:
-        print(f"warpvis: {error}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        sys.exit(130)
-    except BrokenPipeError:
-        sys.exit(1)
+    """Run the command of the command line: bad input ends with one sentence and exit code 2, Ctrl-C with 130."""
+    with _interrupts.ending_the_process():
+        commands = Demo | Render | Batch | Verify | Warmup | Check | Perspective | Info
+        command = tyro.cli(commands, prog="warpvis", description=_DESCRIPTION)
+        try:
+            _quiet_warp()
+            with warnings.catch_warnings():
+                warnings.simplefilter("default", UserWarning)
+                warnings.showwarning = _show_warning
+                command.run()
+        except WarpvisError as error:
+            print(f"warpvis: {error}", file=sys.stderr)
+            sys.exit(2)
+        except BrokenPipeError:
+            sys.exit(1)
 
 
 _DESCRIPTION = "What a camera at a pose sees: depth images and 3D visibility, on CPU or CUDA."

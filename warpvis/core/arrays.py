@@ -11,6 +11,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.checks import is_number
+from warpvis.core.kernel_cache import init_warp
 from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError, WarpvisError
 
@@ -31,6 +32,7 @@ def get_device(device: DeviceLike) -> wp.Device:
     Raises:
         ArrayError: The machine has no such device.
     """
+    init_warp()
     try:
         return wp.get_device(device)
     except Exception:  # Warp raises several kinds for unknown, absent and malformed names

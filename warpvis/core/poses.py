@@ -12,6 +12,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, as_point, get_device, on_gpu
+from warpvis.core.kernel_cache import launch
 from warpvis.core.types import DeviceLike, PoseLike
 from warpvis.errors import PoseError
 
@@ -291,7 +292,7 @@ def _parse_on_device(poses: wp.array, convention: str, device: wp.Device, name: 
         return poses
     kernel = kernels.poses_from_matrices if matrices else kernels.poses_to_opencv
     out = wp.empty(poses.shape, dtype=wp.transform, device=device)
-    wp.launch(kernel, dim=poses.shape, inputs=[poses, wp.quat(*_OPENCV_TO[convention]), out], device=device)
+    launch(kernel, poses.shape, [poses, wp.quat(*_OPENCV_TO[convention]), out], device)
     return out
 
 
@@ -305,7 +306,7 @@ def _to_xyzw_on_device(poses: wp.array) -> wp.array:
         return poses  # matrices, or what is refused where it is read
     rows = poses.contiguous().reshape((-1, 7))
     out = wp.empty(rows.shape, dtype=wp.float32, device=rows.device)
-    wp.launch(kernels.quaternions_to_xyzw, dim=rows.shape[0], inputs=[rows, out], device=rows.device)
+    launch(kernels.quaternions_to_xyzw, rows.shape[0], [rows, out], rows.device)
     out = out.reshape(poses.shape)
     return out.view(wp.transform).reshape(shape) if len(shape) < len(poses.shape) else out
 

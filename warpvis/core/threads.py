@@ -13,6 +13,7 @@ from typing import TypeVar
 import warp as wp
 
 from warpvis.core.checks import check_whole
+from warpvis.core.kernel_cache import launch, load_module
 from warpvis.core.types import KernelArguments
 from warpvis.errors import ArrayError
 from warpvis.kernels.pinhole import Window
@@ -32,7 +33,6 @@ MOST_THREADS = 4096
 _pool: ThreadPoolExecutor | None = None
 _pool_size = 0
 _pool_lock = Lock()
-_load_lock = Lock()
 
 _Part = TypeVar("_Part")
 
@@ -73,17 +73,17 @@ def launch_images(
         return
     if not device.is_cpu:
         inputs = arguments(_window(0, 0))
-        wp.launch(kernel, dim=(views, height, spans), inputs=inputs, device=device, block_dim=_CUDA_BLOCK)
+        launch(kernel, (views, height, spans), inputs, device, block_dim=_CUDA_BLOCK)
         return
 
     load_module(kernel)
 
-    def launch(piece: tuple[int, int, int, int]) -> None:
+    def launch_piece(piece: tuple[int, int, int, int]) -> None:
         view, view_count, row, row_count = piece
         dim = (view_count, row_count, spans)
         wp.launch(kernel, dim=dim, inputs=arguments(_window(view, row)), device=device)
 
-    run_each(launch, _split(views, height, width, threads, split_views), threads)
+    run_each(launch_piece, _split(views, height, width, threads, split_views), threads)
 
 
 def launch_points(
@@ -105,13 +105,6 @@ def launch_points(
     launch_images(kernel, (views, rows, POINTS_PER_ROW), arguments, device=device, threads=threads)
 
 
-def launch_small(kernel: wp.Kernel, shape: int | tuple[int, ...], inputs: KernelArguments, device: wp.Device) -> None:
-    """Launch what is too little work for several threads."""
-    if device.is_cpu:
-        load_module(kernel)
-    wp.launch(kernel, dim=shape, inputs=inputs, device=device)
-
-
 def pack_launch(kernel: wp.Kernel, inputs: list[object]) -> wp.Launch:
     """Pack a launch of one CPU thread, for several threads or times: packing takes longer than many a launch.
 
@@ -119,12 +112,6 @@ def pack_launch(kernel: wp.Kernel, inputs: list[object]) -> wp.Launch:
     """
     load_module(kernel)
     return wp.launch(kernel, dim=1, inputs=inputs, device="cpu", record_cmd=True)
-
-
-def load_module(kernel: wp.Kernel) -> None:
-    """Compile and load a kernel's module for the CPU: two threads must not do it at the same time."""
-    with _load_lock:
-        wp.load_module(kernel.module, "cpu")
 
 
 def run_each(work: Callable[[_Part], object], parts: Sequence[_Part], threads: int) -> None:
@@ -217,8 +204,8 @@ def _submit(work: Callable[[], None], count: int) -> list[Future[None]]:
 
 def _forget_pool() -> None:
     """Forget the pool: a forked child has its object but none of its threads."""
-    global _pool, _pool_lock, _load_lock
-    _pool, _pool_lock, _load_lock = None, Lock(), Lock()
+    global _pool, _pool_lock
+    _pool, _pool_lock = None, Lock()
 
 
 if hasattr(os, "register_at_fork"):

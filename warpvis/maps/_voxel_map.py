@@ -22,8 +22,9 @@ from warpvis.core.arrays import as_numpy, check_metres, empty, get_device
 from warpvis.core.camera import Camera
 from warpvis.core.checks import as_path
 from warpvis.core.depth_images import read_depth, read_labels
+from warpvis.core.kernel_cache import launch
 from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, to_xyzw
-from warpvis.core.threads import launch_images, launch_small
+from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput, DeviceLike, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, FileFormatError
 from warpvis.maps._floor_map import FloorMap, floor_map
@@ -329,7 +330,7 @@ def _add_views(
 
     device, size = target.states.device, target.states.shape
     frames = [wp.empty(len(poses), dtype=dtype, device=device) for dtype in (wp.vec3d, wp.mat33d)]
-    launch_small(camera_frames, len(poses), [poses, *frames], device)
+    launch(camera_frames, len(poses), [poses, *frames], device)
     grid, lens = kernels.VoxelGrid(), camera.device_struct()
     grid.origin, grid.cell, grid.size = wp.vec3d(*target.origin), target.cell_size, wp.vec3i(*size)
     # Flat: Warp counts the bytes from one index of a first axis to the next in 32 bits.

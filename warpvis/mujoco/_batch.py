@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.core.arrays import as_numpy, check_out, empty
 from warpvis.core.camera import Camera
 from warpvis.core.checks import check_choice, check_whole
+from warpvis.core.kernel_cache import launch
 from warpvis.core.labels import Label
 from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError, SceneError
@@ -252,7 +253,7 @@ class BatchRenderer:
         hidden = wp.empty((views, len(self.scene)), dtype=wp.uint8, device=device)
         worlds = wp.array(rows, dtype=wp.int32, device=device)
         geoms = wp.array(self.mujoco_scene.geoms_of_objects(), dtype=wp.int32, device=device)
-        wp.launch(hidden_objects, dim=hidden.shape, inputs=[*colours, worlds, geoms, hidden], device=device)
+        launch(hidden_objects, hidden.shape, [*colours, worlds, geoms, hidden], device)
         return hidden
 
     def geom_ids(self, views: Views, *, out: wp.array | None = None) -> wp.array:
@@ -303,7 +304,7 @@ class BatchRenderer:
         numbers = np.where(geoms < 0, -1, of_geoms[geoms])
         ids = wp.array(numbers, dtype=wp.int32, device=device)
         inputs = [views.segmentation.flatten(), ids, out.flatten()]
-        wp.launch(geoms_of_objects, dim=out.size, inputs=inputs, device=device)
+        launch(geoms_of_objects, out.size, inputs, device)
         return out
 
     def camera(self, camera: CameraChoice) -> AnyCamera:

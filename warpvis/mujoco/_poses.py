@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, as_warp
 from warpvis.core.checks import as_items, is_whole
+from warpvis.core.kernel_cache import launch
 from warpvis.core.threads import check_threads, run_each
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
@@ -154,7 +155,7 @@ def object_transforms(
     geoms = wp.array(scene.movable_geoms, dtype=wp.int32, device=device) if geoms is None else geoms
     out = object_places(scene, len(worlds)) if out is None else out
     inputs = [position, rotation, worlds, geoms, out]
-    wp.launch(kernels.geom_transforms, dim=(len(worlds), len(geoms)), inputs=inputs, device=device)
+    launch(kernels.geom_transforms, (len(worlds), len(geoms)), inputs, device)
     return out
 
 
@@ -188,7 +189,7 @@ def camera_transforms(
         cameras = wp.array(list(cameras), dtype=wp.int32, device=device)
     out = wp.empty((len(cameras), len(worlds)), dtype=wp.transform, device=device) if out is None else out
     inputs = [position, rotation, cameras, worlds, out]
-    wp.launch(kernels.camera_transforms, dim=out.shape, inputs=inputs, device=device)
+    launch(kernels.camera_transforms, out.shape, inputs, device)
     return out
 
 
@@ -355,7 +356,7 @@ def viewer_transforms(
 
     device = out.device
     com = _read(source, "subtree_com", model.nbody, device) if tracking else None
-    wp.launch(kernels.viewer_transforms, dim=out.shape, inputs=[com, *cameras, worlds, out], device=device)
+    launch(kernels.viewer_transforms, out.shape, [com, *cameras, worlds, out], device)
 
 
 def _get(source: PoseSource, name: str) -> ArrayInput:

@@ -13,6 +13,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpvis.core.kernel_cache import launch
 from warpvis.errors import ArrayError, SceneError
 from warpvis.mujoco._geom_renderer import CoincidingGeoms, GeomRenderer
 from warpvis.mujoco._geoms import FIXED, geom_parts, initial_poses, rigid_pieces, shape_key
@@ -164,7 +165,7 @@ class Stage:
         self._position, self._rotation, self._places = position.numpy()[0], rotation.numpy()[0], places.numpy()
         world, movable_ids = (wp.array(ids, dtype=wp.int32, device="cpu") for ids in ([0], movable))
         inputs = [position, rotation, world, movable_ids, places]
-        self._place = wp.launch(geom_transforms, dim=places.shape, inputs=inputs, device="cpu", record_cmd=True)
+        self._place = launch(geom_transforms, places.shape, inputs, wp.get_device("cpu"), record_cmd=True)
 
     def _follow_model(self) -> None:
         """Make the scene what the model says now."""

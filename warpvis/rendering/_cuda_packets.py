@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import warp as wp
 
+from warpvis.core.kernel_cache import launch
 from warpvis.kernels.constants import CUDA_LANES
 from warpvis.rendering.casters import RaysCaster, images_struct
 
@@ -31,11 +32,11 @@ class CudaPacketsCaster(RaysCaster):
         side = packet_side(views, camera.width, camera.height, device.sm_count, large_packets)
         with_id = any(image is not None for image in of_triangles)
         lens, outputs = camera.device_struct(clip_near=self._clip_near), images_struct(images)
-        wp.launch(
+        launch(
             _kernel(side, with_id, moving, self._clip_near),
-            dim=(views, -(-camera.height // side), -(-camera.width // side), CUDA_LANES),
-            inputs=[clusters.struct, lens, poses, worlds, self._cull_backfaces, outputs],
-            device=device,
+            (views, -(-camera.height // side), -(-camera.width // side), CUDA_LANES),
+            [clusters.struct, lens, poses, worlds, self._cull_backfaces, outputs],
+            device,
             block_dim=CUDA_LANES,
         )
 

@@ -13,7 +13,8 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import aligned_empty
-from warpvis.core.threads import check_threads, load_module, run_each
+from warpvis.core.kernel_cache import load_module
+from warpvis.core.threads import check_threads, run_each
 from warpvis.core.types import KernelArguments
 from warpvis.errors import ArrayError, SceneError
 from warpvis.kernels.constants import BINARY_WORDS, HALVING_DEPTH, ITEM_WORDS, LEAF_ROWS, NODE_ROWS, SPLIT_WORDS

@@ -11,8 +11,9 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import FARTHEST, as_numpy, as_warp, on_gpu
+from warpvis.core.kernel_cache import launch
 from warpvis.core.poses import poses_to_matrices
-from warpvis.core.threads import check_threads, load_module, run_each
+from warpvis.core.threads import check_threads, run_each
 from warpvis.core.types import ArrayInput, KernelArguments
 from warpvis.errors import ArrayError, SceneError
 from warpvis.kernels.constants import LEAF_ROWS, NODE_ROWS
@@ -124,8 +125,6 @@ class BvhRefit:
         from warpvis.kernels import refit
 
         device, lanes = points.device, tree.lanes
-        if device.is_cpu:
-            load_module(refit.refit_leaves)
         leaf_slots, node_slots, levels = _slots(tree.children.numpy().reshape(-1, lanes), tree.leaf_count)
         parts = 1 if device.is_cpu else lanes
         numbers = [leaf_vertices(tree, faces), leaf_slots, node_slots, np.concatenate(levels)]
@@ -136,7 +135,7 @@ class BvhRefit:
         self._kept = [corners, leaf_slots, node_slots, order, leaves, nodes, box, points]
 
         def record(kernel: wp.Kernel, count: int, arguments: KernelArguments) -> wp.Launch:
-            return wp.launch(kernel, dim=(count, parts), inputs=arguments, device=device, record_cmd=True)
+            return launch(kernel, (count, parts), arguments, device, record_cmd=True)
 
         self._threads = check_threads(None) if device.is_cpu and tree.leaf_count > 2 * _LEAST_LEAVES else 1
         step = max(_LEAST_LEAVES, -(-tree.leaf_count // (_PARTS_PER_THREAD * self._threads)))
@@ -157,9 +156,9 @@ class BvhRefit:
 
     def refit(self) -> None:
         """Make the tree hold the points as they are now."""
-        run_each(lambda launch: launch.launch(), self._leaf_launches, self._threads)
-        for launch in self._node_launches:
-            launch.launch()
+        run_each(lambda recorded: recorded.launch(), self._leaf_launches, self._threads)
+        for recorded in self._node_launches:
+            recorded.launch()
 
 
 def leaf_vertices(tree: Bvh, faces: NDArray[np.int32]) -> NDArray[np.int32]:

@@ -15,8 +15,8 @@ import warp as wp
 from warpvis.core.arrays import check_metres, empty
 from warpvis.core.camera import Camera, require_camera
 from warpvis.core.checks import as_items, check_flag
+from warpvis.core.kernel_cache import launch
 from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
-from warpvis.core.threads import launch_small
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, SceneError
 from warpvis.rendering import Caster, Output, Renderer, Views
@@ -169,7 +169,7 @@ def object_visibility(
         hidden_by = wp.zeros((size, count, len(scene)), dtype=wp.int32, device=device)
         counter.count(poses[part], some, seen, counts, hidden_by, None if result.masks is None else result.masks[part])
         outs = [getattr(result, name)[part] for name in _JUDGED]
-        launch_small(judge_silhouettes, (size, count), [counts, hidden_by, min_pixels, *outs], device)
+        launch(judge_silhouettes, (size, count), [counts, hidden_by, min_pixels, *outs], device)
         wp.copy(counted[:, part], counts[: len(_COUNTED)])
     return result
 

@@ -11,8 +11,9 @@ import warp as wp
 from warpvis.core.arrays import as_points, check_metres, empty
 from warpvis.core.camera import Camera, require_camera
 from warpvis.core.depth_images import read_depth
+from warpvis.core.kernel_cache import launch
 from warpvis.core.poses import Convention, QuaternionOrder, host_poses, parse_poses, to_xyzw
-from warpvis.core.threads import launch_points, launch_small
+from warpvis.core.threads import launch_points
 from warpvis.core.types import ArrayInput, DeviceLike, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
 from warpvis.rendering import Caster, Output, Renderer, Views
@@ -148,7 +149,7 @@ def _project(camera: Camera, poses: wp.array, points: ArrayInput, threads: int |
     device = poses.device
     places = as_points(points, "points", "N", device)
     frames = [wp.empty(len(poses), dtype=dtype, device=device) for dtype in (wp.vec3d, wp.mat33d)]
-    launch_small(camera_frames, len(poses), [poses, *frames], device)
+    launch(camera_frames, len(poses), [poses, *frames], device)
     shape = (len(poses), len(places))
     pixels, depth = (empty(shape, dtype, name="points", device=device) for dtype in (wp.vec2, wp.float32))
     lens = camera.device_struct()

@@ -12,7 +12,8 @@ import warp as wp
 
 from warpvis.core.arrays import aligned_zeros
 from warpvis.core.camera import Camera
-from warpvis.core.threads import launch_images, launch_small, pack_launch, run_together
+from warpvis.core.kernel_cache import launch
+from warpvis.core.threads import launch_images, pack_launch, run_together
 from warpvis.core.types import KernelArguments
 from warpvis.kernels.constants import COUNTER_FINISHED, JOB_COUNTERS
 from warpvis.rendering import Views
@@ -109,7 +110,7 @@ class SilhouetteCounter:
         shape = (poses.shape[0] if given else 1, len(self._columns))
         everywhere.object_poses = wp.empty(shape, dtype=wp.transform, device=self._device)
         inputs = [poses if given else None, self._columns, everywhere.object_poses]
-        launch_small(spread_poses, shape, inputs, self._device)
+        launch(spread_poses, shape, inputs, self._device)
         return everywhere
 
     def _count_by_rays(

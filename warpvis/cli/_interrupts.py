@@ -1,0 +1,70 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Ctrl-C ends the process, at any moment."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from threading import Timer, current_thread, main_thread
+from types import FrameType
+
+INTERRUPTED = 130
+"""Exit code, as shells have it for a command that SIGINT ended."""
+
+# Work that is interrupted tidies up, which takes no longer than this [s].
+_GRACE = 10.0
+
+
+@contextmanager
+def ending_the_process() -> Iterator[None]:
+    """Exit with code 130 when SIGINT comes: at once while libraries are imported, else as soon as work has tidied up.
+
+    A `KeyboardInterrupt` alone would not do: what is imported then may take it for an error of its own, and go on.
+    """
+    if current_thread() is not main_thread():
+        yield
+        return
+    timer = Timer(_GRACE, _exit)
+    timer.daemon = True
+
+    def interrupt(_: int, frame: FrameType | None) -> None:
+        if _is_importing(frame) or timer.is_alive():
+            _exit()
+        timer.start()  # in a destructor or a callback the exception is lost
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield
+    except KeyboardInterrupt:
+        _exit_beside_compiler()
+        sys.exit(INTERRUPTED)
+    finally:
+        timer.cancel()
+        signal.signal(signal.SIGINT, before)
+
+
+def _is_importing(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _exit_beside_compiler() -> None:
+    """Exit at once if a thread compiles kernels: it would work on with what the interpreter takes down."""
+    threads = sys.modules.get("warpvis.core.kernel_cache")
+    if threads is not None and threads.is_compiling():
+        _exit()
+
+
+def _exit() -> None:
+    for stream in (sys.stdout, sys.stderr):
+        if stream is not None:
+            stream.flush()
+    os._exit(INTERRUPTED)
