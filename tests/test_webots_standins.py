@@ -2,13 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """What stands in for PROTOs whose files are not at hand: people of capsules, furniture of boxes."""
 
+import hashlib
+import os
+import sys
+
 import numpy as np
 import pytest
 import trimesh
 
+import warpvis as wv
 from warpvis import Label
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.webots import load_webots, recognise
+from warpvis.webots._urls import webots_cache
+from warpvis.webots.protos._furniture import FURNITURE
 
 
 def load(folder, text, version="R2023b", **options):
@@ -51,24 +58,69 @@ def test_a_pedestrian_is_recognised(tmp_path):
     np.testing.assert_allclose(person.colors, [[1, 0, 0], [0.24, 0.25, 0.5]])
 
 
-SIZES = {"Sofa": (1, 1.8, 0.8), "Fridge": (0.7, 0.7, 1.8), "Chair": (0.5, 0.5, 1), "Desk": (0.7, 1.2, 0.72)}
+SIZES = {
+    **{"Sofa": (1, 1.8, 0.795), "Fridge": (0.7, 0.7, 1.8), "Chair": (0.517, 0.5, 1), "Desk": (0.7, 1.2, 0.71)},
+    **{
+        "Bed": (2.12, 1.75, 1.25),
+        "Toilet": (0.733, 0.58, 1.018),
+        "Oven": (0.5, 0.44, 0.68),
+        "PottedTree": (0.3, 0.3, 1.3),
+    },
+}
 
 
 @pytest.mark.parametrize("kind", SIZES)
-def test_furniture_is_a_box_on_its_origin(kind, tmp_path):
+def test_furniture_stands_on_its_origin(kind, tmp_path):
     with pytest.warns(UserWarning, match=rf"stand in for {kind} \(2\)"):
         world = load(tmp_path, f'{kind} {{ translation 1 2 0 }} DEF OTHER {kind} {{ translation 5 0 1 name "b" }}')
-    size = np.array(SIZES[kind])
     low, high = world.scene["b"].bounds
-    np.testing.assert_allclose(high - low, size, atol=1e-6)
-    np.testing.assert_allclose((low + high) / 2, [5, 0, 1 + size[2] / 2], atol=1e-6)
-    assert len(world.scene) == 2
-    words = {"OfficeChair": "office chair", "PottedTree": "potted tree", "WoodenChair": "wooden chair"}
+    np.testing.assert_allclose(high - low, SIZES[kind], atol=1e-6)
+    assert low[2] == pytest.approx(1, abs=0.011)
+    np.testing.assert_allclose(((low + high) / 2)[:2], [5, 0], atol=0.07)
+    words = {"PottedTree": "potted tree"}
     assert {item.name for item in world.scene} == {words.get(kind, kind.lower()), "b"}
+
+
+@pytest.mark.parametrize("kind", sorted(FURNITURE))
+@pytest.mark.parametrize("version", ["R2023b", "R2021b"])
+def test_furniture_is_as_high_in_old_worlds(kind, version, tmp_path):
+    """And no larger than a bed, in whichever axes."""
     with pytest.warns(UserWarning, match=rf"stand in for {kind} \(1\)"):
-        old = load(tmp_path, f"{kind} {{ translation 1 0 2 }}", "R2021b")
-    np.testing.assert_allclose(np.ptp(old.scene.bounds, axis=0), size[[1, 2, 0]], atol=1e-6)
-    assert old.scene.bounds[0, 1] == pytest.approx(0)
+        world = load(tmp_path, f"{kind} {{ translation 0 0 0 }}", version)
+    up = 2 if version == "R2023b" else 1
+    size, wanted = np.ptp(world.scene.bounds, axis=0), np.array([side for side, _ in FURNITURE[kind].pieces])
+    assert size.max() < 2.2 and size[up] >= wanted[:, 2].max() - 1e-6
+    low, high = (
+        (np.array([np.array(middle) + sign * np.array(side) / 2 for side, middle in FURNITURE[kind].pieces]))
+        for sign in (-1, 1)
+    )
+    box = high.max(axis=0) - low.min(axis=0)
+    assert size[up] == pytest.approx(box[2], abs=1e-6)
+    np.testing.assert_allclose(np.sort(size), np.sort(box), atol=1e-6)
+
+
+def height_at(scene, x, y):
+    down = wv.look_at((x, y, 5), (x, y, 0), up=(1, 0, 0))
+    depth = wv.render(scene, wv.Camera.from_fov(1, 1, hfov=0.001), down, outputs="depth").depth.numpy()
+    return 5 - float(depth[0, 0, 0])
+
+
+def test_a_sofa_has_a_seat_before_its_back(tmp_path):
+    """Its seat is at knee height, its back behind it, where x is less; so it is with other seats."""
+    heights = {"Sofa": (0.45, 0.7), "Armchair": (0.45, 0.7), "Chair": (0.5, 1.0), "Toilet": (0.46, 1.018)}
+    for kind, (seat, back) in heights.items():
+        with pytest.warns(UserWarning, match="stand in"):
+            scene = load(tmp_path, f"{kind} {{ translation 0 0 0 }}").scene
+        assert height_at(scene, 0.15, 0) == pytest.approx(seat, abs=1e-3), kind
+        low = float(scene.bounds[0, 0])
+        assert height_at(scene, low + 0.02, 0) == pytest.approx(back, abs=1e-3), kind
+
+
+def test_furniture_is_where_webots_puts_it_by_default(tmp_path):
+    for kind, bottom in (("WashingMachine", 0.005), ("Can", -0.0011), ("Sofa", 0.0)):
+        with pytest.warns(UserWarning, match="stand in"):
+            world = load(tmp_path, f"{kind} {{ }}")
+        assert world.scene.bounds[0, 2] == pytest.approx(bottom, abs=1e-4), kind
 
 
 def test_what_says_its_size_is_a_box_as_large(tmp_path):
@@ -130,3 +182,152 @@ def test_webots_own_files_are_found_by_webots_home(tmp_path, monkeypatch):
     monkeypatch.setenv("WEBOTS_HOME", str(tmp_path / "nowhere"))
     with pytest.raises((FileFormatError, SceneError), match="left out Sofa"):
         load(tmp_path / "lab", "Sofa { }", strict=True)
+
+
+# ----------------------------------------------------------------------------------------------------- Webots' cache
+
+RELEASE = "https://raw.githubusercontent.com/cyberbotics/webots/R2023b/"
+MESH = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+SOFA = """#VRML_SIM R2023b utf8
+EXTERNPROTO "webots://projects/objects/feet/protos/Foot.proto"
+EXTERNPROTO "../../legs/protos/Leg.proto"
+PROTO Sofa [ ] {
+  Solid { name "real" children [
+    Shape { geometry Mesh { url "meshes/seat.obj" } } Foot { } Leg { }
+  ] }
+}
+"""
+PART = """#VRML_SIM R2023b utf8
+PROTO %s [ ] { Solid { translation 0 0 %s children Shape { geometry Mesh { url "webots://projects/a.obj" } } } }
+"""
+CACHED = {
+    "projects/objects/sofa/protos/Sofa.proto": SOFA,
+    "projects/objects/sofa/protos/meshes/seat.obj": MESH,
+    "projects/objects/feet/protos/Foot.proto": PART % ("Foot", -1),
+    "projects/objects/legs/protos/Leg.proto": PART % ("Leg", -2),
+    "projects/a.obj": MESH,
+}
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    """Webots' cache, in which files are named after the SHA-1 of their urls."""
+    folder = tmp_path / "assets"
+    folder.mkdir()
+    for url, text in CACHED.items():
+        (folder / hashlib.sha1((RELEASE + url).encode()).hexdigest()).write_text(text)
+    monkeypatch.setattr("warpvis.webots._world.webots_cache", lambda: folder)
+    monkeypatch.delenv("WEBOTS_HOME", raising=False)
+    (tmp_path / "lab").mkdir()
+    return folder
+
+
+@pytest.mark.parametrize("root", [RELEASE, "webots://"])
+def test_what_webots_has_downloaded_is_found(cache, root, tmp_path):
+    """A PROTO, a mesh of its own, and PROTOs beside it and in Webots' tree with meshes there."""
+    text = f'EXTERNPROTO "{root}projects/objects/sofa/protos/Sofa.proto"\nSofa {{ }}'
+    world = load(tmp_path / "lab", text, strict=True)
+    assert len(world.scene) == 1 and not world.stand_ins
+    assert len(world.scene["real"].faces) == 12
+    np.testing.assert_allclose(world.scene.bounds, [[0, 0, -2], [1, 1, 1]], atol=1e-6)
+
+
+def test_downloads_of_another_release_are_found_for_urls_without_one(cache, tmp_path):
+    text = 'Solid { children Shape { geometry Mesh { url "webots://projects/a.obj" } } }'
+    assert len(load(tmp_path / "lab", text, "R2022b", strict=True).scene["solid"].faces) == 4
+    named = text.replace("webots://", RELEASE.replace("R2023b", "R2022b"))
+    with pytest.raises(SceneError, match="left out Mesh"):
+        load(tmp_path / "lab", named, "R2022b")
+
+
+def test_the_search_path_comes_before_the_cache(cache, tmp_path):
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "Sofa.proto").write_text(
+        SOFA.split("EXTERN", maxsplit=1)[0] + 'PROTO Sofa [ ] { Solid { name "mine" children '
+        "Shape { geometry Box { size 1 1 1 } } } }\n"
+    )
+    text = f'EXTERNPROTO "{RELEASE}projects/objects/sofa/protos/Sofa.proto"\nSofa {{ }}'
+    assert "mine" in load(tmp_path / "lab", text, search_path=[tmp_path / "own"], strict=True).scene
+
+
+def test_a_message_of_a_download_names_its_url(cache, tmp_path):
+    url = RELEASE + "projects/objects/sofa/protos/Sofa.proto"
+    (cache / hashlib.sha1(url.encode()).hexdigest()).write_text(SOFA.replace("Solid {", "Solid ["))
+    with pytest.warns(UserWarning, match=rf"the file of Sofa was of no use: {url}:5: expected"):
+        world = load(tmp_path / "lab", f'EXTERNPROTO "{url}"\nSofa {{ }}')
+    assert world.stand_ins == {"Sofa": 1}
+
+
+def test_where_the_cache_is(tmp_path, monkeypatch):
+    """As Webots' guide says, for each system."""
+    places = {
+        "linux": ({"XDG_CACHE_HOME": str(tmp_path / "x")}, "x/Cyberbotics/Webots/assets"),
+        "darwin": ({"HOME": str(tmp_path)}, "Library/Caches/Cyberbotics/Webots/assets"),
+    }
+    if os.name == "nt":
+        places = {"win32": ({"LOCALAPPDATA": str(tmp_path)}, "Cyberbotics/Webots/cache/assets")}
+    for system, (variables, folder) in places.items():
+        with monkeypatch.context() as patched:
+            patched.setattr(sys, "platform", system)
+            for name, value in variables.items():
+                patched.setenv(name, value)
+            assert webots_cache() is None
+            (tmp_path / folder).mkdir(parents=True)
+            assert webots_cache() == tmp_path / folder
+    with monkeypatch.context() as patched:
+        patched.delenv("XDG_CACHE_HOME", raising=False)
+        patched.setenv("HOME", str(tmp_path))
+        (tmp_path / ".cache/Cyberbotics/Webots/assets").mkdir(parents=True)
+        patched.setattr(sys, "platform", "linux")
+        assert os.name == "nt" or webots_cache() == tmp_path / ".cache/Cyberbotics/Webots/assets"
+
+
+# ------------------------------------------------------------------------------------- files whose parts are missing
+
+LACKING = """#VRML_SIM R2023b utf8
+PROTO %s [ field SFVec3f translation 0 0 0 %s ] { Solid { translation IS translation %s } }
+"""
+LOST = 'Shape { geometry Mesh { url "meshes/lost.obj" } }'
+
+
+def lacking(folder, kind, children, fields=""):
+    (folder / f"{kind}.proto").write_text(LACKING % (kind, fields, f"children [ {children} ]"))
+
+
+def test_furniture_whose_meshes_are_missing_has_a_stand_in(tmp_path):
+    """Not the half of it that is there."""
+    lacking(tmp_path, "Sofa", f"Shape {{ geometry Sphere {{ radius 9 }} }} {LOST}")
+    with pytest.warns(UserWarning) as caught:
+        world = load(tmp_path, "Sofa { translation 1 0 0 } Sofa { translation 4 0 0 }")
+    assert len(caught) == 1 and not world.skipped and world.stand_ins == {"Sofa": 2}
+    message = str(caught[0].message)
+    assert "stand in for Sofa (2)" in message
+    assert f"the file of Sofa was of no use: {tmp_path / 'Sofa.proto'}: Mesh meshes/lost.obj of it not found" in message
+    np.testing.assert_allclose(world.scene.bounds[1], [4.5, 0.9, 0.795], atol=1e-5)
+    with pytest.raises(FileFormatError, match=r"left out Mesh meshes/lost\.obj"):
+        load(tmp_path, "Sofa { }", strict=True)
+
+
+def test_a_pedestrian_whose_meshes_are_missing_is_a_human(tmp_path):
+    lacking(tmp_path, "Pedestrian", f"Pose {{ children [ {LOST} {LOST} ] }}")
+    with pytest.warns(UserWarning, match=r"Mesh meshes/lost\.obj and 1 more of it not found"):
+        world = load(tmp_path, "Pedestrian { translation 0 0 1.27 }")
+    assert world.scene["pedestrian"].label == Label.HUMAN and world.stand_ins == {"Pedestrian": 1}
+
+
+def test_what_is_known_exactly_comes_before_a_file_without_its_parts(tmp_path):
+    lacking(tmp_path, "Wall", "WallBoard { }")
+    with pytest.warns(UserWarning, match=r"the file of Wall was of no use: .*: WallBoard of it not found") as caught:
+        world = load(tmp_path, "Wall { size 0.2 3 2 }")
+    assert len(caught) == 1 and not world.stand_ins and not world.skipped
+    np.testing.assert_allclose(np.ptp(world.scene["wall"].bounds, axis=0), [0.2, 3, 2], atol=1e-6)
+
+
+def test_whatever_says_its_size_is_a_box_only_if_nothing_of_it_is_there(tmp_path):
+    lacking(tmp_path, "Crate", LOST, "field SFVec3f size 1 1 1")
+    lacking(tmp_path, "Cart", f"{LOST} Shape {{ geometry Box {{ size 1 1 1 }} }}", "field SFVec3f size 5 5 5")
+    with pytest.warns(UserWarning, match=r"left out Mesh meshes/lost\.obj \(1\).*stand in for Crate \(1\)"):
+        world = load(tmp_path, "Crate { translation 0 0 4 size 1 2 3 } Cart { translation 9 0 0 size 5 5 5 }")
+    assert world.stand_ins == {"Crate": 1}
+    sizes = sorted(np.ptp(item.bounds, axis=0).tolist() for item in world.scene)
+    np.testing.assert_allclose(sizes, [[1, 1, 1], [1, 2, 3]], atol=1e-6)

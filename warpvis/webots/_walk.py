@@ -22,6 +22,7 @@ from warpvis.webots._depth_cameras import DEPTH_CAMERAS, expand_depth_camera
 from warpvis.webots._devices import Device, read_device
 from warpvis.webots._extents import Extent, ball_about, bounding_geometry
 from warpvis.webots._grammar import World
+from warpvis.webots._kinds import LINES, PARTS, SOLIDS, TRANSFORMS, UNSEEN, missing_parts, parts_of
 from warpvis.webots._nodes import Node, Value
 from warpvis.webots._parts import (
     HUMANS,
@@ -34,9 +35,9 @@ from warpvis.webots._parts import (
     vertical_axis,
 )
 from warpvis.webots._transforms import Transform
-from warpvis.webots._urls import is_file, places_in_project, places_in_tree
-from warpvis.webots.protos._builtin import expand
+from warpvis.webots.protos._builtin import BUILTIN, expand
 from warpvis.webots.protos._expansion import Protos
+from warpvis.webots.protos._furniture import FURNITURE
 from warpvis.webots.protos._standins import stand_in, stand_in_geometry
 from warpvis.webots.shapes._geometry import GEOMETRIES, MissingMeshError, tessellate
 from warpvis.webots.shapes._polygons import Triangles
@@ -47,26 +48,6 @@ MOST_VISITED = 1_000_000
 MOST_TRIANGLES = 50_000_000
 """Triangles of a world."""
 
-_DEVICES = {
-    *("Accelerometer", "Altimeter", "Camera", "Compass", "Connector", "Display", "DistanceSensor", "Emitter", "GPS"),
-    *("Gyro", "InertialUnit", "LED", "Lidar", "LightSensor", "Microphone", "Pen", "Radar", "Radio", "RangeFinder"),
-    *("Receiver", "Speaker", "TouchSensor", "VacuumGripper"),
-}
-_SOLIDS = {"Solid", "Charger", "Servo", "Track", *ROBOTS, *_DEVICES}
-_TRANSFORMS = {"Transform", "Pose", "TrackWheel", "Fluid", *_SOLIDS}
-# The fields in which a node's parts are. A joint's end point is saved where the joint's position puts it.
-_PARTS = {
-    "Group": ("children",),
-    "Lidar": ("children", "rotatingHead"),
-    "Propeller": ("slowHelix",),  # what is shown of it at rest
-    **dict.fromkeys(("HingeJoint", "SliderJoint", "Hinge2Joint", "BallJoint", "Slot"), ("endPoint",)),
-}
-# Not in any image of a range finder; the list's last ones are PROTOs.
-_UNSEEN = {
-    *("WorldInfo", "Viewpoint", "Background", "Fog", "DirectionalLight", "PointLight", "SpotLight", "Billboard"),
-    *("SolidReference", "Muscle", "ContactProperties", "TexturedBackground", "TexturedBackgroundLight"),
-}
-_LINES = {"IndexedLineSet", "PointSet"}  # geometry without triangles
 _ARENAS = {"RectangleArena", "CircleArena"}
 _GROUNDS = {"Floor", "UnevenTerrain"}
 _NAMES = {"RangeFinder": "range-finder", **dict.fromkeys(ROBOTS, "robot")}
@@ -79,7 +60,7 @@ class _TooMuchError(FileFormatError):
 class Reader:
     """Walks through a world, and keeps what it finds."""
 
-    def __init__(self, world: World, search_path: list[Path], strict: bool) -> None:
+    def __init__(self, world: World, search_path: list[Path], strict: bool, cache: Path | None = None) -> None:
         self.version = world.version
         self.solids: list[Solid] = []
         self.devices: dict[str, Device] = {}
@@ -93,8 +74,8 @@ class Reader:
         self.refused: list[str] = []
         self.notes: list[str] = []
         self.up: Literal["z", "y"] = "z" if world.version.z_up else "y"
-        self._world, self._search_path, self._strict = world, search_path, strict
-        self._protos = Protos(world, search_path)
+        self._world, self._strict = world, strict
+        self._protos = Protos(world, search_path, cache)
         self._lines: list[tuple[int, str, Solid | None]] = []
         self._meshes: dict[int, tuple[Node, Triangles | None]] = {}  # by the node's id, and the node to keep it
         self._triangles = 0
@@ -135,27 +116,29 @@ class Reader:
     def _visit(self, step: Step) -> Iterable[Step]:
         """Note what a node is, and go on to the nodes in it."""
         node = step.node
-        if node.type in _UNSEEN:
+        if node.type in UNSEEN:
             return ()
         if node.type in ("Shape", "CadShape"):
             self._add_shape(step)
             return ()
-        if node.type in _SOLIDS:
+        if node.type in SOLIDS:
             step = self._enter_solid(step)
-        elif node.type in _TRANSFORMS or node.type in _PARTS:
-            transform = step.transform.within(node, self._scale(node)) if node.type in _TRANSFORMS else step.transform
+        elif node.type in TRANSFORMS or node.type in PARTS:
+            transform = step.transform.within(node, self._scale(node)) if node.type in TRANSFORMS else step.transform
             step = dataclasses.replace(step, transform=transform, called=node.name or step.called)
         else:
             return self._expand(step)
         if node.type == "Track" and node.nodes("animatedGeometry"):
             self._skip("Track.animatedGeometry")
-        fields = _PARTS.get(node.type, ("children",))
-        return [dataclasses.replace(step, node=part, instances=()) for name in fields for part in node.nodes(name)]
+        return [dataclasses.replace(step, node=part, instances=()) for part in parts_of(node)]
 
     def _expand(self, step: Step) -> Iterable[Step]:
         """Expand an instance of a PROTO: go on to the node that it stands for, or to what is known in its fields."""
         node = step.node
-        body = self._expand_file(node) or expand(node) or expand_depth_camera(node)
+        body = self._expand_file(node)
+        if body is not None and self._is_better_known(node, body):
+            body = None
+        body = body or expand(node) or expand_depth_camera(node)
         if body is not None:
             human = step.human or node.type == "Pedestrian"
             within, instances = (*step.within, node.type), (*step.instances, node)
@@ -185,7 +168,7 @@ class Reader:
             step, transform=step.transform.within(node, np.ones(3)), robots=robots, origin=node.type, owner=None
         )
         parts = [item for value in node.fields.values() for item in _nodes_in(value)]
-        known = {*DEPTH_CAMERAS, *_TRANSFORMS, *_PARTS}
+        known = {*DEPTH_CAMERAS, *TRANSFORMS, *PARTS}
         return bodies + [
             dataclasses.replace(step, node=part, instances=(), depth=step.depth + 1)
             for part in parts
@@ -202,9 +185,24 @@ class Reader:
             self.reasons.setdefault(node.type, str(error))
             return None
 
+    def _is_better_known(self, node: Node, body: Node) -> bool:
+        """Tell whether more is known of an instance without its file, whose meshes or PROTOs are not at hand."""
+        known = node.type == "Pedestrian" or node.type in {*BUILTIN, *DEPTH_CAMERAS, *FURNITURE}
+        try:
+            if self._strict or not (known or stand_in(node)):
+                return False
+            missing, shapes = missing_parts(body, self._expand_file, self.find_mesh)
+        except FileFormatError:  # it is met again where it is drawn
+            return False
+        if not missing or (shapes and not known):
+            return False
+        more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
+        self.reasons.setdefault(node.type, f"{body.file}: {missing[0]}{more} of it not found")
+        return True
+
     def _expand_geometry(self, node: Node) -> Node | None:
         """Expand a PROTO that stands for geometry; None where there is nothing to see, or no file for it."""
-        if node.type in _LINES:
+        if node.type in LINES:
             return None
         body = self._expand_file(node)
         if body is not None and body.type in GEOMETRIES:
@@ -322,18 +320,16 @@ class Reader:
         return known[1]
 
     def find_mesh(self, url: str, node: Node) -> Path | None:
-        """Find the file of a url in the project or, in Webots' own folders, on the search path."""
-        places = places_in_tree(url, self._search_path)
-        if places is None and "://" not in url:
-            places = places_in_project(url, Path(node.file), map(Path, node.protos), self._world.path)
-        return next((place for place in places or () if is_file(place)), None)
+        """Find the file of a url in the project, in Webots' own folders on the search path, or in its cache."""
+        found = self._protos.places.find(url, node.file, node.protos)
+        return None if found is None else found.path
 
     def _solid_name(self, step: Step) -> str:
         """Name a Solid as its instance does, else by its DEF name, else as the PROTO or Webots does."""
         node = step.node
         nodes = [*step.instances, node]
         default = _NAMES.get(node.type) or re.sub(r"(?<=[a-z])(?=[A-Z])", " ", node.type).lower()
-        if node.type not in _SOLIDS:
+        if node.type not in SOLIDS:
             default = node.type
         given = [item.text("name", "") for item in nodes]
         return given[0] or nodes[0].name or next(filter(None, given), default)

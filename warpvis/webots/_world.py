@@ -20,6 +20,7 @@ from warpvis.webots._extents import Bounds
 from warpvis.webots._grammar import parse_world
 from warpvis.webots._nodes import Node, Version
 from warpvis.webots._parts import Solid, make_parts, names_of, shortened, skipped_message
+from warpvis.webots._urls import installed, webots_cache
 from warpvis.webots._walk import Reader
 
 
@@ -88,7 +89,7 @@ def load_webots(
         labels: Labels by name that come before the rules; a name may be a pattern (``"wall_*"``), and the last one
             that fits counts.
         search_path: Folders to look for PROTO files in, first of all; ``projects`` below the environment's
-            ``WEBOTS_HOME`` is looked in last.
+            ``WEBOTS_HOME`` is looked in after them, and at last the cache in which Webots keeps what it has downloaded.
         strict: Whether what cannot be read, and what Webots does not take, is an error. By default the first is left
             out and the second is reset as Webots resets it, and one warning each names them with file and line.
 
@@ -132,7 +133,7 @@ def read_world(path: Path, *, search_path: Sequence[Path], strict: bool) -> File
 
 def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[Reader, dict[Solid, list[str]], FileParts]:
     """Walk through a world; return what that found, the names of the objects that it becomes, and the objects."""
-    reader = Reader(parse_world(path), [*search_path, *_installed()], strict)
+    reader = Reader(parse_world(path), [*search_path, *installed()], strict, webots_cache())
     reader.walk()
     message = skipped_message(path, reader.skipped, reader.stand_ins, reader.reasons, reader.refused, search_path)
     notes = reader.corrections()
@@ -146,10 +147,3 @@ def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[Reader
     parts, names = make_parts(reader.solids)
     sentences = tuple(filter(None, (message, f"{path}: {listed}" if notes else "")))
     return reader, names, FileParts(path, parts, up=reader.up, settled=True, warnings=sentences)
-
-
-def _installed() -> list[Path]:
-    """Find Webots' own files: ``projects`` in the folder that the environment's WEBOTS_HOME names."""
-    home = os.environ.get("WEBOTS_HOME")
-    projects = Path(home, "projects") if home else None
-    return [projects] if projects is not None and projects.is_dir() else []

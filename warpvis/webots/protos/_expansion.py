@@ -5,14 +5,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.webots._grammar import Parser, World
 from warpvis.webots._nodes import BUILTIN_NODES, Node, Value, Version
-from warpvis.webots._urls import is_file, places_in_tree, with_slashes
+from warpvis.webots._urls import Found, Places, is_file, is_web, with_slashes
 from warpvis.webots.protos._files import ProtoFile, read_proto
 from warpvis.webots.protos._template_engine import TemplateEngine
 from warpvis.webots.protos._templates import render, script_value
@@ -30,21 +30,25 @@ class Protos:
 
     The file of a PROTO is, in this order: what an EXTERNPROTO line of the world or PROTO file says, where
     ``webots://projects/...`` and the same path on GitHub are looked for below the folders of the search path; a file of
-    its name beside the file that uses it; in ``protos`` folders of the world's project; anywhere below the search path.
+    its name beside the file that uses it; in ``protos`` folders of the world's project; anywhere below the search path;
+    in Webots' cache, by what an EXTERNPROTO line says.
 
     Args:
         world: The world.
         search_path: Folders to look in: the folder of Webots itself, or any with PROTO files below it.
+        cache: Folder of Webots' cache.
 
     Raises:
         FileFormatError: A folder of the search path does not exist.
     """
 
-    def __init__(self, world: World, search_path: Sequence[str | os.PathLike[str]] = ()) -> None:
+    def __init__(
+        self, world: World, search_path: Sequence[str | os.PathLike[str]] = (), cache: Path | None = None
+    ) -> None:
         """Take a world; see the class."""
         self._world = world
-        self._search_path = [Path(folder) for folder in search_path]
-        for folder in self._search_path:
+        self.places = Places(world.path, world.version, [Path(folder) for folder in search_path], cache)
+        for folder in self.places.search_path:
             if not folder.is_dir():
                 raise FileFormatError(f"{folder}: expected a folder of PROTO files, got no such folder")
         self._urls = {str(world.path): world.externprotos}  # by file
@@ -90,7 +94,7 @@ class Protos:
 
     def _instantiate(self, proto: ProtoFile, node: Node) -> Node:
         """Parse a PROTO's body with the instance's values, and return its root."""
-        path = str(proto.path)
+        path = proto.source
         protos = (*node.protos, path)
         if path in node.protos:
             circle = " -> ".join(Path(file).stem for file in protos[node.protos.index(path) :])
@@ -125,7 +129,7 @@ class Protos:
         given: dict[str, Json] = {}
         for name, field in proto.fields.items():
             if name in proto.template_fields:
-                default, default_place = proto.default(name), f"{proto.path}:{field.line}"
+                default, default_place = proto.default(name), f"{proto.source}:{field.line}"
                 given[name] = {
                     "value": script_value(values[name], field.type, f"{node.file}:{node.line}", self._describe),
                     "defaultValue": script_value(default, field.type, default_place, self._describe),
@@ -137,7 +141,7 @@ class Protos:
         if key not in self._rendered:
             variables = {"fields": given, "context": context}
             assert proto.language is not None
-            place = (str(proto.path), proto.body_line)
+            place = (proto.source, proto.body_line)
             try:
                 self._rendered[key] = render(proto.body, proto.language, variables, *place, self._engine)
             except FileFormatError as error:
@@ -176,39 +180,41 @@ class Protos:
         """Find the file of an instance's PROTO, and read it; None if there is none."""
         key = (node.type, node.file)
         if key not in self._found:
-            path = next((path for path in self._candidates(node) if is_file(path)), None)
-            self._found[key] = None if path is None else self._read(path)
+            found = self._locate(node)
+            self._found[key] = None if found is None else self._read(found)
         return self._found[key]
 
-    def _read(self, path: Path) -> ProtoFile:
-        path = path.resolve()
+    def _read(self, found: Found) -> ProtoFile:
+        path = found.path.resolve()
         if path not in self._files:
-            self._files[path] = read_proto(path)
-            self._urls[str(path)] = self._files[path].externprotos
+            proto = read_proto(path, found.name if is_web(found.name) else None)
+            self._files[path] = proto
+            self._urls[proto.source] = proto.externprotos
         return self._files[path]
 
-    def _candidates(self, node: Node) -> Iterator[Path]:
+    def _locate(self, node: Node) -> Found | None:
         """Go through the places where a PROTO's file may be, best first."""
         name, folder = f"{node.type}.proto", Path(node.file).parent
-        for url in self._urls.get(node.file, self._world.externprotos):
-            url = with_slashes(url)
-            if PurePosixPath(url).name != name:
-                continue
-            in_tree = places_in_tree(url, self._search_path)
-            if in_tree is not None:
-                yield from in_tree
-            elif "://" not in url:
-                yield folder / url
-        yield folder / name
+        named = map(with_slashes, self._urls.get(node.file, self._world.externprotos))
+        urls = [url for url in named if PurePosixPath(url).name == name]
+        local = [] if is_web(node.file) else [folder / url for url in urls if not is_web(url)] + [folder / name]
+        for url in urls:
+            found = self.places.find_in_tree(url, node.file)
+            if found is not None:
+                return found
         if self._index is None:
             self._index = self._make_index()
         if name in self._index:
-            yield self._index[name]
+            local.append(self._index[name])
+        path = next(filter(is_file, local), None)
+        if path is not None:
+            return Found(path, str(path))
+        return next(filter(None, (self.places.find_in_cache(url, node.file) for url in urls)), None)
 
     def _make_index(self) -> dict[str, Path]:
         here = self._world.path.absolute().parent
         index: dict[str, Path] = {}
-        for root in (here.parent / "protos", here / "protos", *self._search_path):
+        for root in (here.parent / "protos", here / "protos", *self.places.search_path):
             for folder, folders, files in os.walk(root):
                 folders[:] = sorted(name for name in folders if not name.startswith("."))
                 for file in sorted(files):

@@ -50,6 +50,7 @@ class ProtoFile:
 
     Attributes:
         path: The file.
+        source: What messages call it and its urls are relative to: its path, or the url of a copy in Webots' cache.
         version: Version of its header: the body's, whatever the world's is.
         externprotos: Urls of the PROTO files that it names.
         name: Name of the PROTO.
@@ -61,6 +62,7 @@ class ProtoFile:
     """
 
     path: Path
+    source: str
     version: Version
     externprotos: list[str]
     name: str
@@ -90,29 +92,34 @@ class ProtoFile:
     def default(self, name: str, protos: tuple[str, ...] = ()) -> Value:
         """Parse the default of a field anew."""
         field = self.fields[name]
-        return Parser(field.default, str(self.path), self.version, first_line=field.line, protos=protos).value()
+        return Parser(field.default, self.source, self.version, first_line=field.line, protos=protos).value()
 
 
-def read_proto(path: Path) -> ProtoFile:
+def read_proto(path: Path, source: str | None = None) -> ProtoFile:
     """Read a PROTO file.
+
+    Args:
+        path: The file.
+        source: Its url, if it is a copy in Webots' cache, whose name says nothing.
 
     Raises:
         FileFormatError: The file cannot be read, or something in its interface is not as the grammar says.
     """
     text = read_text(path)
-    version = read_version(text, str(path))
-    parser = Parser(text, str(path), version)
+    source = str(path) if source is None else source
+    version = read_version(text, source)
+    parser = Parser(text, source, version)
     externprotos = parser.externprotos()
     if parser.token != "PROTO":
         parser.fail("EXTERNPROTO or PROTO")
     parser.advance()
-    if parser.kind == "word" and not path.name.lower().endswith(f"{parser.token}.proto".lower()):
-        parser.fail(f"a PROTO of the file's name {path.stem!r}")
+    if parser.kind == "word" and not source.lower().endswith(f"{parser.token}.proto".lower()):
+        parser.fail(f"a PROTO of the file's name {Path(source).stem!r}")
     name = parser.take("word", "a name after PROTO")
     parser.take("[", f"'[' after PROTO {name}")
     fields: dict[str, ProtoField] = {}
     while parser.kind != "]":
-        field_name, field = _read_field(parser, str(path), version)
+        field_name, field = _read_field(parser, source, version)
         fields[field_name] = field
     parser.advance()
     start, line = parser.start + 1, parser.line()
@@ -122,7 +129,7 @@ def read_proto(path: Path) -> ProtoFile:
     read = set(re.findall(r"\bfields\s*\.\s*(\w+)", body))
     used = fields if re.search(r"\bfields\b\s*[^\s.]", body) else read & set(fields)  # all, if not by name
     language = language_of(head, body)
-    return ProtoFile(path, version, externprotos, name, fields, body, line, language, frozenset(used))
+    return ProtoFile(path, source, version, externprotos, name, fields, body, line, language, frozenset(used))
 
 
 def _read_field(parser: Parser, file: str, version: Version) -> tuple[str, ProtoField]:

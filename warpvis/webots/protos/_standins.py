@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What stands in for PROTOs without a file that `expand` does not know: a human of capsules, and boxes of their size.
 
-Sizes are those that the PROTO files name in their descriptions, of an office chair that of its seat and back; the
-places of a pedestrian's limbs are those of its bounding objects: in Webots R2022b to R2023b.
+The places of a pedestrian's limbs are those of its bounding objects, in Webots R2022b to R2023b.
 """
 
 from __future__ import annotations
@@ -14,18 +13,7 @@ import numpy as np
 
 from warpvis.errors import FileFormatError
 from warpvis.webots._nodes import Node, Value, new_node
-
-_SIZES: dict[str, tuple[float, float, float]] = {
-    "Armchair": (1.0, 1.1, 0.8),
-    "Chair": (0.5, 0.5, 1.0),
-    "Desk": (0.7, 1.2, 0.72),
-    "Fridge": (0.7, 0.7, 1.8),
-    "OfficeChair": (0.54, 0.43, 0.98),
-    "PottedTree": (0.3, 0.3, 1.3),
-    "Sofa": (1.0, 1.8, 0.8),
-    "WoodenChair": (0.42, 0.44, 0.944),
-}
-"""Of PROTOs that stand on their origin: across, along and up, the axes x, y and z since R2022a [m]."""
+from warpvis.webots.protos._furniture import FURNITURE, box_at, furniture_shapes
 
 # Capsules of a pedestrian whose arms hang down: ends across, along and up from its origin, radius [m].
 _LIMBS = (
@@ -47,15 +35,18 @@ _ON_GROUND = 0.1  # an origin within this height of its parent's is the bottom o
 def stand_in(node: Node) -> Node | None:
     """Make a Solid in place of an instance without a file; None if nothing is known of its size.
 
-    A Pedestrian becomes a human of capsules, furniture of the table a box on its origin, and whatever has a field
+    A Pedestrian becomes a human of capsules, furniture of `FURNITURE` its boxes, and whatever has a field
     ``size`` of three lengths, or ``radius`` and ``height``, a box as large: on its origin if that is at the ground,
     else about it.
     """
     if node.type == "Pedestrian":
         return _pedestrian(node)
-    if node.type in _SIZES:
-        furniture = _solid(node, [_box(node, _axes(node, *_SIZES[node.type]), lifted=True)])
-        furniture.fields.setdefault("name", [_default_name(node.type)])
+    if node.type in FURNITURE:
+        known = FURNITURE[node.type]
+        furniture = _solid(node, furniture_shapes(node, known))
+        furniture.fields.setdefault("name", [known.name or _default_name(node.type)])
+        if node.version.z_up:
+            furniture.fields.setdefault("translation", [*known.translation])
         return furniture
     size = None if node.type in _UNLIKE_BOXES else _size_of(node)
     if size is None:
@@ -122,13 +113,8 @@ def _solid(node: Node, children: list[Node]) -> Node:
 
 def _box(node: Node, size: tuple[float, ...], *, lifted: bool) -> Node:
     """Make a box on the origin, or about it."""
-    shape = new_node(node, "Shape", {"geometry": new_node(node, "Box", {"size": [*size]})})
-    if not lifted:
-        return shape
-    place = [0.0, 0.0, 0.0]
     up = 2 if node.version.z_up else 1
-    place[up] = size[up] / 2
-    return new_node(node, "Pose", {"translation": [*place], "children": [shape]})
+    return box_at(node, size, tuple(size[up] / 2 * (lifted and axis == up) for axis in range(3)))
 
 
 def _axes(node: Node, across: float, along: float, up: float) -> tuple[float, float, float]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -210,11 +210,12 @@ def _mesh_file(node: Node, resolve: Resolve) -> Triangles | None:
     path = resolve(urls[0], node)
     if path is None or not path.is_file():
         raise MissingMeshError(f"{node.file}:{node.line}: the file {urls[0]!r} of {node.type} is not at hand")
+    suffix = PurePosixPath(with_slashes(urls[0])).suffix.lower()  # in Webots' cache, files have none
     try:
-        parts = _read(path, path.stat().st_mtime_ns)
+        parts = _read(path, suffix, path.stat().st_mtime_ns)
     except FileFormatError as error:
         raise type(error)(f"{node.file}:{node.line}: {error}") from None
-    collada, turns = path.suffix.lower() == ".dae", node.version >= Version(2022, 2)
+    collada, turns = suffix == ".dae", node.version >= Version(2022, 2)
     wanted = node.text("name", "") if node.type == "Mesh" and (collada or not turns) else ""
     chosen = [part for name, part in parts if wanted in ("", name)]
     if not chosen:
@@ -228,17 +229,17 @@ def _mesh_file(node: Node, resolve: Resolve) -> Triangles | None:
 
 
 @lru_cache(maxsize=64)
-def _read(path: Path, changed: int) -> list[tuple[str, tuple[NDArray[np.float64], NDArray[np.int64]]]]:
-    """Read name, vertices and faces of every part of a mesh file; `changed` tells its contents from older ones.
+def _read(path: Path, suffix: str, changed: int) -> list[tuple[str, tuple[NDArray[np.float64], NDArray[np.int64]]]]:
+    """Read name, vertices and faces of every part of a mesh file of such a name; `changed` tells it from older ones.
 
     COLLADA files are in metres with y up, as the Open Asset Import Library, which Webots uses, gives them.
     """
     import trimesh
 
-    kind = path.suffix.lower().lstrip(".")
+    kind = suffix.lstrip(".")
     if kind not in trimesh.available_formats():
         needs = ": reading it needs pycollada" if kind == "dae" else ""
-        raise MissingMeshError(f"{path}: no reader of {path.suffix or 'files without a suffix'} is installed{needs}")
+        raise MissingMeshError(f"{path}: no reader of {suffix or 'files without a suffix'} is installed{needs}")
     options: dict[str, Any] = {"process": False}
     if kind == "obj":
         options |= {"skip_materials": True, "split_objects": True, "group_material": False}
@@ -249,7 +250,8 @@ def _read(path: Path, changed: int) -> list[tuple[str, tuple[NDArray[np.float64]
             linear = frame_of(file)
             scene = trimesh.load_scene(io.BytesIO(without_skins(file)), file_type=kind, **options)
         else:
-            scene = trimesh.load_scene(path, **options)
+            named = path.suffix.lower() == suffix
+            scene = trimesh.load_scene(path if named else io.BytesIO(path.read_bytes()), file_type=kind, **options)
         parts = []
         for name in sorted(scene.graph.nodes_geometry):  # they come in no certain order
             placement, key = scene.graph[name]

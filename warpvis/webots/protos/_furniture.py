@@ -1,0 +1,166 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Sizes of Webots' furniture, which boxes stand in for where its PROTO files are not at hand.
+
+Numbers are those of the bounding objects in the PROTO files of R2021c to R2023b, without their tilts, or where those
+say little, the sizes that the files' descriptions name. Axes are x, y and z since R2022a: x ahead, z up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from warpvis.webots._nodes import Node, Value, new_node
+
+_Sides: TypeAlias = tuple[float, float, float]
+Piece: TypeAlias = tuple[_Sides, _Sides]
+"""A box: its size and its middle [m]."""
+
+
+@dataclass(frozen=True)
+class Furniture:
+    """What stands in for a PROTO."""
+
+    pieces: tuple[Piece, ...]
+    """Its boxes."""
+    ahead: Literal["x", "-x", "z"] = "x"
+    """Which axis x was before R2022a, when y was up: furniture was turned in different ways."""
+    name: str = ""
+    """Its default name, if that is not its type in words."""
+    translation: _Sides = (0.0, 0.0, 0.0)
+    """Its default place since R2022a."""
+    old_lift: float | None = None
+    """How much lower its boxes were about its origin before R2022a [m]; by default not at all."""
+
+
+def _standing(across: float, along: float, up: float) -> tuple[Piece, ...]:
+    """Make a box that stands on the origin."""
+    return (((across, along, up), (0.0, 0.0, up / 2)),)
+
+
+def _feet(x: float, y: float, size: _Sides) -> tuple[Piece, ...]:
+    """Make four equal feet that stand at (+-x, +-y)."""
+    return tuple((size, (one * x, other * y, size[2] / 2)) for one in (-1, 1) for other in (-1, 1))
+
+
+def _seat(width: float) -> tuple[Piece, ...]:
+    """Make an armchair or a sofa: the seat, two arms, the back and its cushion, on four feet."""
+    inside, arm = width - 0.4, width / 2 - 0.1
+    return (
+        ((1.0, inside, 0.35), (0.0, 0.0, 0.275)),
+        *(((1.0, 0.2, 0.6), (0.0, side * arm, 0.4)) for side in (-1, 1)),
+        ((0.1, inside, 0.25), (-0.45, 0.0, 0.575)),
+        ((0.19, inside, 0.39), (-0.305, 0.0, 0.6)),
+        *_feet(0.35, arm - 0.05, (0.1, 0.1, 0.1)),
+    )
+
+
+FURNITURE: dict[str, Furniture] = {
+    "Armchair": Furniture(_seat(1.1)),
+    "BathroomSink": Furniture(
+        (
+            ((0.35, 0.7, 0.105), (0.176, 0.005, 0.0095)),
+            ((0.42, 0.42, 0.18), (0.23, 0.005, 0.07)),
+            ((0.05, 0.05, 0.28), (0.075, 0.204, 0.19)),
+        ),
+        name="sink",
+        translation=(0.0, 0.0, 0.05),
+    ),
+    "Bathtube": Furniture((((0.93, 1.9, 0.24), (-0.03, 0.01, 0.37)), ((0.68, 1.55, 0.24), (-0.01, 0.0, 0.13)))),
+    "Bed": Furniture(
+        (
+            ((2.1, 1.75, 0.4), (0.0, 0.0, 0.45)),
+            ((0.1, 1.75, 0.83), (1.01, 0.0, 0.42)),
+            ((0.1, 1.75, 1.25), (-1.01, 0.0, 0.63)),
+            ((0.54, 1.33, 0.3), (-0.71, 0.0, 0.79)),
+        ),
+        ahead="-x",
+    ),
+    "Can": Furniture((((0.0635, 0.0635, 0.1222), (0.0, 0.0, 0.0)),), translation=(0.0, 0.0, 0.06)),
+    "Carafe": Furniture(
+        (((0.132, 0.132, 0.116), (0.036, 0.0, 0.059)), ((0.106, 0.106, 0.068), (0.0365, 0.0, 0.142))), ahead="z"
+    ),
+    "Chair": Furniture(
+        (
+            ((0.5, 0.5, 0.1), (0.0, 0.0, 0.45)),
+            ((0.06, 0.5, 0.5), (-0.237, 0.0, 0.75)),
+            *_feet(0.22, 0.22, (0.06, 0.06, 0.4)),
+        )
+    ),
+    "Desk": Furniture((((0.7, 1.2, 0.02), (0.0, 0.0, 0.7)), *_feet(0.269, 0.535, (0.046, 0.046, 0.69))), ahead="z"),
+    "DesktopComputer": Furniture((((0.34328, 0.168, 0.357), (0.0, 0.0, 0.179)),)),
+    "Fridge": Furniture(_standing(0.7, 0.7, 1.8)),
+    "HotPlate": Furniture((((0.37, 0.416, 0.0027), (0.112, 0.0, 0.031)),), ahead="z", translation=(0.0, 0.0, -0.03)),
+    "Keyboard": Furniture((((0.13428, 0.41, 0.01), (0.0, 0.0, 0.0)),), ahead="z"),
+    "Monitor": Furniture(
+        (
+            ((0.01176, 0.469, 0.24738), (0.0, 0.0, 0.225)),
+            ((0.131, 0.075, 0.023), (0.013, 0.0, 0.011)),
+            ((0.037, 0.073, 0.132), (-0.029, 0.0, 0.086)),
+        ),
+        ahead="z",
+    ),
+    "OfficeChair": Furniture(_standing(0.54, 0.43, 0.98)),
+    "Oven": Furniture(_standing(0.5, 0.44, 0.68), old_lift=0.34),
+    "PottedTree": Furniture(_standing(0.3, 0.3, 1.3)),
+    "RoundTable": Furniture(
+        (
+            ((2.0, 2.0, 0.02), (0.0, 0.0, 0.75)),
+            ((0.09, 0.09, 0.68), (0.0, 0.0, 0.4)),
+            ((0.5, 0.5, 0.06), (0.0, 0.0, 0.03)),
+        )
+    ),
+    "Sink": Furniture(
+        (
+            *(((0.03, 0.44, 0.062), (x, 0.0, -0.004)) for x in (0.27, -0.07)),
+            *(((0.37, 0.045, 0.062), (0.1, y, -0.004)) for y in (0.198, -0.198)),
+            ((0.37, 0.44, 0.004), (0.1, 0.0, -0.037)),
+        ),
+        ahead="z",
+    ),
+    "Sofa": Furniture(_seat(1.8)),
+    "Toilet": Furniture(
+        (
+            ((0.51, 0.48, 0.22), (0.048, 0.0, 0.35)),
+            ((0.5, 0.36, 0.24), (-0.04, 0.0, 0.12)),
+            ((0.22, 0.58, 0.78), (-0.32, -0.01, 0.628)),
+        )
+    ),
+    "WashingMachine": Furniture(
+        (((0.73, 0.77, 1.05), (0.0, 0.0, 0.0)),), name="whashing machine", translation=(0.0, 0.0, 0.53)
+    ),
+    "WoodenChair": Furniture(_standing(0.42, 0.44, 0.944), ahead="z"),
+}
+"""By the names of PROTOs."""
+
+
+def furniture_shapes(node: Node, furniture: Furniture) -> list[Node]:
+    """Make the boxes of an instance, in the axes of its version."""
+    lift = 0.0 if node.version.z_up or furniture.old_lift is None else furniture.old_lift
+    return [
+        box_at(node, sides(node, size, furniture), place_in(node, (x, y, z - lift), furniture))
+        for size, (x, y, z) in furniture.pieces
+    ]
+
+
+def sides(node: Node, size: _Sides, furniture: Furniture) -> _Sides:
+    """Turn a size into the axes of a node's version."""
+    return tuple(map(abs, place_in(node, size, furniture)))  # type: ignore[return-value]
+
+
+def place_in(node: Node, place: _Sides, furniture: Furniture) -> _Sides:
+    """Turn a place into the axes of a node's version."""
+    if node.version.z_up:
+        return place
+    x, y, z = place
+    return {"x": (x, z, -y), "-x": (-x, z, y), "z": (-y, z, -x)}[furniture.ahead]
+
+
+def box_at(node: Node, size: tuple[float, ...], place: tuple[float, ...]) -> Node:
+    """Make a Box about a place."""
+    shape = new_node(node, "Shape", {"geometry": new_node(node, "Box", {"size": [*size]})})
+    if not any(place):
+        return shape
+    fields: dict[str, Value] = {"translation": [*place], "children": [shape]}
+    return new_node(node, "Pose", fields)
