@@ -7,6 +7,7 @@ import shutil
 import signal
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -86,3 +87,18 @@ def test_what_goes_wrong_is_said_once(tmp_path, cluster):
     ) as caught:
         run(tmp_path / "out", threads=None, engine="ray", workers=1, resume=True)
     assert "\n" not in str(caught.value)
+
+
+def test_empty_frames_are_counted(tmp_path, cluster):
+    """Those of shards that a worker made, and those that were there."""
+    frames = make_frames(6)
+    poses = frames.camera_to_world.copy()
+    poses[[0, 4]] = [wv.look_at(pose[:3], 3 * pose[:3]) for pose in poses[[0, 4]]]
+    frames = replace(frames, camera_to_world=poses)
+    with pytest.warns(UserWarning, match="^2 of 6 frames see nothing$"):
+        run(tmp_path / "out", frames=frames)
+    for name in ("index.json", "shards/000001.json"):
+        (tmp_path / "out" / name).unlink()
+    with pytest.warns(UserWarning, match="^2 of 6 frames see nothing$"):
+        summary = run(tmp_path / "out", frames=frames, engine="ray", workers=1, threads=None, resume=True)
+    assert (summary.rendered_frames, summary.empty_frames) == (3, 2)

@@ -35,6 +35,8 @@ class Dataset:
         self._whole = 0
         self.name = self._store.name
         self.bytes = 0
+        self.frames = 0
+        self.empty_frames = 0
         self.warnings: dict[str, int] = {}
 
     def check(self, *, resume: bool) -> None:
@@ -78,6 +80,8 @@ class Dataset:
         """Count a shard that is whole."""
         self._whole += 1
         self.bytes += record.bytes
+        self.frames += record.frames
+        self.empty_frames += record.empty
         for message, count in record.warnings.items():
             self.warnings[message] = self.warnings.get(message, 0) + count
 

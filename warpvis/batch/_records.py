@@ -25,6 +25,8 @@ class Record:
     """Its files, by their paths in the dataset."""
     warnings: dict[str, int]
     """What `ShardFiles.warn` was told."""
+    empty: int = 0
+    """How many of a shard's frames see nothing."""
 
     @property
     def bytes(self) -> int:
@@ -37,7 +39,7 @@ def shard_record(shard: int) -> str:
     return f"{RECORDS_FOLDER}/{shard_name(shard)}.json"
 
 
-def commit(store: Store, name: str, frames: int, files: ShardFiles, units: list[str]) -> Record:
+def commit(store: Store, name: str, frames: int, files: ShardFiles, units: list[str], *, empty: int = 0) -> Record:
     """Move files to their places in a dataset, and then their record.
 
     Args:
@@ -46,6 +48,7 @@ def commit(store: Store, name: str, frames: int, files: ShardFiles, units: list[
         frames: How many frames it is of.
         files: What was written.
         units: Files and folders that hold all of it.
+        empty: How many of the frames see nothing.
 
     Raises:
         OSError: A file cannot be moved.
@@ -54,11 +57,12 @@ def commit(store: Store, name: str, frames: int, files: ShardFiles, units: list[
     outside = [file for file in sums if not any(file == unit or file.startswith(f"{unit}/") for unit in units)]
     if outside:
         raise RuntimeError(f"the format wrote {outside[0]}, which is in none of its units {units}")
-    record = Record(frames, sums, dict(sorted(files.warnings.items())))
+    record = Record(frames, sums, dict(sorted(files.warnings.items())), empty)
     content = {
         "frames": frames,
         "files": {file: {"bytes": item.bytes, "crc32": f"{item.crc32:08x}"} for file, item in sums.items()},
         "warnings": record.warnings,
+        "empty": empty,
     }
     files.write_text(name, json.dumps(content, indent=1) + "\n")
     store.put(files, [*units, name])
@@ -74,7 +78,7 @@ def read_record(store: Store, name: str) -> Record | None:
         content = json.loads(data)
         files = {file: FileSum(int(item["bytes"]), int(item["crc32"], 16)) for file, item in content["files"].items()}
         warnings = {str(message): int(count) for message, count in content["warnings"].items()}
-        return Record(int(content["frames"]), files, warnings)
+        return Record(int(content["frames"]), files, warnings, int(content.get("empty", 0)))
     except (ValueError, KeyError, TypeError, AttributeError):
         return None
 

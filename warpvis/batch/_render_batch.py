@@ -7,6 +7,7 @@ from __future__ import annotations
 import os
 import sys
 import time
+import warnings
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from warpvis.batch._dataset import Dataset
+from warpvis.batch._emptiness import describe_empty
 from warpvis.batch._frame_renderer import BATCH_OUTPUTS, VISIBILITY, SceneSource, choose_excluded, make_scene
 from warpvis.batch._job import Options, Plan
 from warpvis.batch._manifest import make_manifest
@@ -42,6 +44,9 @@ Engine = Literal["local", "ray"]
 _SHARD_BYTES = 1 << 26
 _MOST_SHARD_FRAMES = 1000
 
+# Of a job with so many shards to go, the first one already says if it sees nothing.
+_LONG_JOB = 4
+
 
 @dataclass(frozen=True)
 class BatchSummary:
@@ -61,6 +66,8 @@ class BatchSummary:
     """Time that rendering and writing them took."""
     warnings: dict[str, int] = field(default_factory=dict)
     """What was lost or left out, and how often, over all shards."""
+    empty_frames: int = 0
+    """Frames of the dataset that see nothing within the camera's range."""
 
     @property
     def frames_per_second(self) -> float:
@@ -93,7 +100,8 @@ def render_batch(
     """Render frames to a dataset on disk, in shards; a call that was interrupted can be made again with `resume`.
 
     A shard is there as a whole or not at all. The bytes of all files follow from the arguments: a job that was killed
-    and resumed, however often, gives the same as one that was not.
+    and resumed, however often, gives the same as one that was not. A warning says how many frames see nothing, and
+    where all of them do, what may be the reason: at the end, and after the first shard of a long job.
 
     Args:
         scene: A scene, a file for `Scene.load`, or a function that makes a scene.
@@ -150,13 +158,18 @@ def render_batch(
     job = Job(plan, scene, format, os.fspath(out), caster)
     with _start_engine(engine, devices, threads, workers, address) as run, dataset.opened(resume=resume) as missing:
         start = time.perf_counter()
-        with _Progress(plan, dataset, missing, quiet=quiet) as done:
+        with _Progress(plan, dataset, missing, scene, quiet=quiet) as done:
             run(job, missing, done)
         dataset.finish(scene)
         seconds = time.perf_counter() - start
     rendered = sum(plan.shard_slice(shard).stop - plan.shard_slice(shard).start for shard in missing)
+    empty = dataset.empty_frames
+    if empty:
+        warnings.warn(describe_empty(empty, len(plan.frames), plan, scene), stacklevel=2)
     counts = {"frames": len(plan.frames), "shards": plan.shard_count, "rendered_frames": rendered}
-    return BatchSummary(dataset.name, bytes=dataset.bytes, seconds=seconds, warnings=dataset.warnings, **counts)
+    return BatchSummary(
+        dataset.name, bytes=dataset.bytes, seconds=seconds, warnings=dataset.warnings, empty_frames=empty, **counts
+    )
 
 
 def _check_engine(engine: str, threads: int | None, workers: int | None, address: str | None) -> None:
@@ -273,8 +286,9 @@ def _shard_frames(shard_frames: int | None, outputs: Sequence[str], camera: Came
 class _Progress:
     """Counts what is whole, and shows it on a terminal: frames per second, and the time left."""
 
-    def __init__(self, plan: Plan, dataset: Dataset, missing: Sequence[int], *, quiet: bool) -> None:
-        self._plan, self._dataset, self._missing = plan, dataset, missing
+    def __init__(self, plan: Plan, dataset: Dataset, missing: Sequence[int], scene: Scene, *, quiet: bool) -> None:
+        self._plan, self._dataset, self._missing, self._scene = plan, dataset, missing, scene
+        self._tells = missing[0] if len(missing) >= _LONG_JOB else None
         self._hidden = quiet or not sys.stderr.isatty()
 
     def __enter__(self) -> _Progress:
@@ -288,6 +302,10 @@ class _Progress:
     def __call__(self, shard: int, record: Record) -> None:
         self._dataset.add(shard, record)
         self._bar.update(self._frames(shard))
+        seen, empty = self._dataset.frames, self._dataset.empty_frames
+        if shard == self._tells and empty == seen:
+            self._bar.clear()
+            warnings.warn(f"so far {describe_empty(empty, seen, self._plan, self._scene)}", stacklevel=2)
 
     def __exit__(self, *error: object) -> None:
         self._bar.close()

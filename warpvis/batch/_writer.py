@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import TYPE_CHECKING
 
+from warpvis.batch._emptiness import count_empty
 from warpvis.batch._frame_renderer import FrameRenderer, ImageBuffers, frames_batch
 from warpvis.batch._job import Plan
 from warpvis.batch._records import Record, commit, shard_record
@@ -117,6 +118,7 @@ class ShardWriter:
         part = self._plan.shard_slice(shard)
         with self._store.new_files() as files:
             units = self._layout.write_shard(shard, images, files)
-            record = commit(self._store, shard_record(shard), part.stop - part.start, files, units)
+            empty = count_empty(images)
+            record = commit(self._store, shard_record(shard), part.stop - part.start, files, units, empty=empty)
         with self._lock:
             done(shard, record)

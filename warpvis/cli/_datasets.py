@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from warpvis.scene import Scene
 
 
+_NOTHING_SEEN = 3
+"""The exit code where no image sees anything."""
+
+
 class _Chosen(TypedDict):
     """Arguments of `render_batch` that say which images are made."""
 
@@ -47,6 +51,13 @@ class ImageOptions(FrameOptions):
     """CPU threads that render; all cores by default."""
     quiet: bool = False
     """No progress bar and no summary."""
+    fail_empty: bool = False
+    """Exit code 3 if no image sees anything; that is a warning by default."""
+
+    def end(self, *, empty: bool) -> None:
+        """End the command with the exit code of its own if no image sees anything, and that is to be a failure."""
+        if empty and self.fail_empty:
+            sys.exit(_NOTHING_SEEN)
 
     def chosen(self) -> _Chosen:
         """Name the arguments of `render_batch` that these options are."""
@@ -93,7 +104,7 @@ class Render(ImageOptions):
         else:
             other = (*_FRAMES, *_IMAGES, "format", "labels", "up", "scale", "file_up", "exclude", "objects", "movable")
             refuse_options(self, tuple(dict.fromkeys(other)), "a world's range finders have their own poses: give")
-            render_world(
+            seen = render_world(
                 self.file,
                 self.out,
                 device_name=self.device_name,
@@ -104,6 +115,7 @@ class Render(ImageOptions):
                 search_path=self.search_path,
                 strict=self.strict,
             )
+            self.end(empty=not seen)
 
     def _render_poses(self, poses: str) -> None:
         from warpvis.batch import find_format, render_batch
@@ -116,6 +128,7 @@ class Render(ImageOptions):
         scene, camera, frames = self.load(self.file, poses, device=self.device)
         for kind in kinds.values():
             self._check(kind, scene, camera, frames, chosen)
+        empty = False
         for name in kinds:
             summary = render_batch(
                 scene,
@@ -129,6 +142,8 @@ class Render(ImageOptions):
                 **chosen,
             )
             print_summary(summary, name, quiet=self.quiet)
+            empty = empty or summary.empty_frames == summary.frames
+        self.end(empty=empty)
 
     def _check(self, kind: type[Format], scene: Scene, camera: Camera, frames: Frames, chosen: _Chosen) -> None:
         """Refuse what one of the formats would refuse, before anything is written."""
@@ -196,6 +211,7 @@ class Batch(ImageOptions):
             print(f"warpvis: interrupted; the same command with --resume goes on with {self.out}", file=sys.stderr)
             raise
         print_summary(summary, self.format, quiet=self.quiet)
+        self.end(empty=summary.empty_frames == summary.frames)
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -50,8 +51,12 @@ def render_world(
     device: str,
     search_path: Sequence[Path],
     strict: bool,
-) -> None:
-    """Render range finders of a world to OUT/NAME/depth.npz and OUT/NAME/depth/000000.png."""
+) -> bool:
+    """Render range finders of a world to OUT/NAME/depth.npz and OUT/NAME/depth/000000.png.
+
+    Returns:
+        Whether any of them sees anything; a warning names those that do not.
+    """
     from warpvis.webots import find_device, load_webots, render_range
 
     world = load_webots(path, device=device, search_path=search_path, strict=strict)
@@ -62,12 +67,26 @@ def render_world(
     if not names:
         known = ", ".join(map(repr, world.devices)) or "none"
         raise SceneError(f"{path} has no range finder; its devices are: {known}; give --poses and --camera")
+    blind = []
     for name in names:
         image = render_range(world, name, webots_version="header" if version_exact else None, threads=threads)
         folder = out / re.sub(r"[^\w .-]|^\.+", "_", name)
         _write(folder, world.devices[name], image)
+        if not _sees(image, world.devices[name]):
+            blind.append(name)
         if not quiet:
             print(f"{name}: {folder / 'depth.npz'}, {folder / 'depth' / '000000.png'}")
+    if blind:
+        some = ", ".join(map(repr, blind))
+        warnings.warn(f"{len(blind)} of {len(names)} range finders see nothing in their range: {some}", stacklevel=2)
+    return len(blind) < len(names)
+
+
+def _sees(image: NDArray[np.float32], device: Device) -> bool:
+    """Tell whether an image shows anything nearer than the range ends; some versions of Webots say that for nothing."""
+    import numpy as np
+
+    return bool((np.isfinite(image) & (image < device.max_range)).any())
 
 
 def _write(folder: Path, device: Device, image: NDArray[np.float32]) -> None:

@@ -1,0 +1,167 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Datasets that see nothing say so, with a reason that the numbers give; `--fail-empty` makes it a failure."""
+
+import json
+import re
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+from batch_jobs import CAMERA, make_frames, make_scene, run
+
+import warpvis as wv
+from warpvis.batch._emptiness import count_empty
+from warpvis.cli._datasets import Batch, Render
+
+ALL_OUTPUTS = ("depth", "points", "normals", "labels", "segmentation")
+
+
+def away(frames, which):
+    """Turn some frames' cameras away from the scene."""
+    poses = frames.camera_to_world.copy()
+    poses[which] = [wv.look_at(pose[:3], 3 * pose[:3]) for pose in poses[which]]
+    return replace(frames, camera_to_world=poses)
+
+
+def messages(call):
+    """Return what a call warns of, and what it returns."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        result = call()
+    return [str(item.message) for item in caught], result
+
+
+def plate():
+    """A part of 305 x 304 x 26 millimetres that was taken for metres."""
+    scene = wv.Scene()
+    scene.add(trimesh.creation.box((305, 304, 26)), name="plate")
+    return scene
+
+
+def test_millimetres_are_named(tmp_path):
+    said, summary = messages(lambda: run(tmp_path / "out", scene=plate(), frames=make_frames(12), shard_frames=12))
+    # The cameras are 3 m from the origin, inside of the plate.
+    assert said == [
+        "12 of 12 frames see nothing: the scene spans 305 x 304 x 26 m, near is 0.3 m, far is 4.5 m; "
+        "are its units millimetres (a scale of 0.001)?"
+    ]
+    assert summary.empty_frames == summary.frames == 12
+
+
+@pytest.mark.parametrize(
+    ("size", "camera", "hint"),
+    [
+        (4, CAMERA, "do the cameras look away from it, because their axes are others than was said"),
+        (0.1, replace(CAMERA, near=2.0), "it is smaller than that: are its units others than metres?"),
+        (0.5, replace(CAMERA, far=0.5), "near is 0.3 m, far is 0.5 m; the nearest camera is 2.76 m away from it"),
+        (0.5, replace(CAMERA, far=np.inf), "near is 0.3 m; do the cameras look away from it"),
+    ],
+)
+def test_other_reasons(tmp_path, size, camera, hint):
+    scene = wv.Scene()
+    scene.add(trimesh.creation.box((size,) * 3), name="box")
+    frames = away(make_frames(3), slice(None))
+    (said,), _ = messages(lambda: run(tmp_path / "out", scene=scene, frames=frames, camera=camera))
+    assert said.startswith("3 of 3 frames see nothing: the scene spans ") and hint in said
+
+
+@pytest.mark.parametrize("outputs", [*((name,) for name in ALL_OUTPUTS), ("visibility",), ("visibility", "depth")])
+def test_every_output_tells(tmp_path, outputs):
+    frames = away(make_frames(12), [0, 3, 4, 5, 11])
+    said, summary = messages(lambda: run(tmp_path / "out", frames=frames, outputs=outputs))
+    assert said == ["5 of 12 frames see nothing"] and summary.empty_frames == 5
+    records = [json.loads(path.read_text()) for path in sorted((tmp_path / "out" / "shards").iterdir())]
+    assert [record["empty"] for record in records] == [1, 3, 0, 1]
+
+
+def test_visibility_of_chosen_objects(tmp_path):
+    scene = make_scene()
+    scene.add(trimesh.creation.box((0.1,) * 3), name="far", pose=(90, 0, 0, 0, 0, 0, 1))
+    given = {"scene": scene, "frames": make_frames(3), "outputs": ("visibility",)}
+    (said,), _ = messages(lambda: run(tmp_path / "out", objects=["far"], **given))
+    assert said.startswith("3 of 3 frames see nothing of the chosen objects: the scene spans 93.1 x 6 x 1.05 m")
+    assert messages(lambda: run(tmp_path / "all", **given))[0] == []
+
+
+def test_one_pixel_is_something():
+    image = np.full((3, 200, 300), np.inf, np.float32)
+    image[0, 199, 299], image[2] = 2.0, -np.inf
+    assert count_empty({"depth": image}) == 2
+    assert count_empty({"depth": np.full((2, 1, 1), 1.0)}) == 0
+    assert count_empty({"status": np.zeros((2, 1))}) == 0
+
+
+def test_a_long_job_says_so_early(tmp_path):
+    said, _ = messages(lambda: run(tmp_path / "out", scene=plate(), frames=make_frames(12), shard_frames=3, threads=1))
+    assert len(said) == 2  # another shard may be whole before the first one
+    assert re.match(r"so far (3|6|9|12) of \1 frames see nothing: the scene spans 305 x 304 ", said[0])
+    assert said[1].startswith("12 of 12 frames see nothing: ")
+    frames = away(make_frames(12), slice(3, None))
+    assert messages(lambda: run(tmp_path / "some", frames=frames, threads=1))[0] == ["9 of 12 frames see nothing"]
+
+
+def test_the_count_is_of_the_whole_dataset(tmp_path):
+    frames = away(make_frames(12), [0, 1, 2, 9])
+    messages(lambda: run(tmp_path / "out", frames=frames))
+    for name in ("index.json", "shards/000003.json"):
+        (tmp_path / "out" / name).unlink()
+    for rendered in (3, 0):
+        said, summary = messages(lambda: run(tmp_path / "out", frames=frames, resume=True))
+        assert said == ["4 of 12 frames see nothing"]
+        assert (summary.rendered_frames, summary.empty_frames) == (rendered, 4)
+
+
+@pytest.fixture
+def workspace(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    plate().export("plate.glb")
+    make_scene().export("scene.glb")
+    np.save("poses.npy", make_frames(5).camera_to_world)
+    np.save("some.npy", away(make_frames(5), [1]).camera_to_world)
+    return tmp_path
+
+
+@pytest.mark.parametrize("command", [Batch, Render])
+def test_the_command_line(workspace, command, capsys):
+    def call(file, out, **options):
+        out = workspace / out
+        return messages(
+            command(file=workspace / file, poses=options.pop("poses", "poses.npy"), out=out, quiet=True, **options).run
+        )[0]
+
+    (said, *again) = call("plate.glb", "seen")
+    assert said.startswith("5 of 5 frames see nothing") and set(again) <= {said}
+    assert call("plate.glb", "mended", scale=0.001, fail_empty=True) == []
+    assert set(call("scene.glb", "some", poses="some.npy", fail_empty=True)) == {"1 of 5 frames see nothing"}
+    with warnings.catch_warnings(), pytest.raises(SystemExit) as ended:
+        warnings.simplefilter("ignore")
+        command(
+            file=workspace / "plate.glb", poses="poses.npy", out=workspace / "out", quiet=True, fail_empty=True
+        ).run()
+    assert ended.value.code == 3
+
+
+def test_range_finders_that_see_nothing(workspace):
+    robot = """#VRML_SIM R2023b utf8
+    Robot { name "robot" children [ RangeFinder { name "%s" maxRange %g } ] }
+    Solid { translation 3 0 0 children [ Shape { geometry Box { size 1 1 1 } } ] }"""
+    for name, reach in (("blind", 1), ("sees", 9)):
+        (workspace / f"{name}.wbt").write_text(robot % (name, reach))
+    said, _ = messages(Render(file=workspace / "blind.wbt", out=workspace / "a", quiet=True).run)
+    assert said == ["1 of 1 range finders see nothing in their range: 'blind'"]
+    sees = Render(file=workspace / "sees.wbt", out=workspace / "b", quiet=True, fail_empty=True)
+    assert messages(sees.run)[0] == []
+    for exact in (False, True):
+        command = Render(
+            file=workspace / "blind.wbt",
+            out=workspace / f"c{exact}",
+            quiet=True,
+            fail_empty=True,
+            version_exact=exact,
+        )
+        with pytest.raises(SystemExit) as ended:
+            messages(command.run)
+        assert ended.value.code == 3

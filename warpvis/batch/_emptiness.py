@@ -1,0 +1,104 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Frames that see nothing: how many there are, and what may be the reason.
+
+They are counted where they are rendered, from the images as they are before a format rounds them, and go into the
+record of their shard: so the count is of the whole dataset, whoever made its shards, and when.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from warpvis.batch._job import Plan
+    from warpvis.scene import Scene
+
+# Of each image a few pixels are looked at first; all of them only where those few see nothing.
+_STEP = 32
+
+_SHOWS: dict[str, Callable[[np.ndarray], NDArray[np.bool_]]] = {
+    "depth": np.isfinite,
+    "segmentation": lambda objects: objects >= 0,
+    "labels": lambda labels: labels != 0,
+    "points": lambda points: np.isfinite(points[..., 0]),
+    "normals": lambda normals: np.isfinite(normals).all(axis=-1) & normals.any(axis=-1),
+}
+"""Which pixels of an image show something; the first image that there is tells."""
+
+# A scene that is so many times as large as the camera sees far is rarely meant; one of so many metres a thousandth of
+# it, what people model in millimetres.
+_TOO_LARGE = 10.0
+_LEAST_MODEL, _LARGEST_MODEL = 0.01, 100.0
+
+_POSES_AT_ONCE = 1 << 20
+
+
+def count_empty(images: Mapping[str, np.ndarray]) -> int:
+    """Count frames that see nothing within the camera's range; by visibility alone, nothing of the chosen objects.
+
+    Args:
+        images: Arrays of n frames by name, as `warpvis.batch.FrameRenderer` gives them.
+    """
+    for name, shows in _SHOWS.items():
+        if name in images:
+            image = images[name]
+            few = shows(image[:, _STEP // 2 :: _STEP, _STEP // 2 :: _STEP])
+            doubtful = np.flatnonzero(~few.reshape(len(image), -1).any(axis=1))
+            return sum(not shows(image[frame]).any() for frame in doubtful)
+    return int((~images["visible_pixels"].any(axis=1)).sum()) if "visible_pixels" in images else 0
+
+
+def describe_empty(empty: int, frames: int, plan: Plan, scene: Scene) -> str:
+    """Say how many frames see nothing, and if that is all of them, how the scene and the camera fit; ``""`` for none.
+
+    Args:
+        empty: How many see nothing.
+        frames: How many there are.
+        plan: The job.
+        scene: Its scene.
+    """
+    if not empty:
+        return ""
+    alone = all(name not in plan.outputs for name in _SHOWS) and 0 < len(plan.chosen) < len(plan.object_names)
+    said = f"{empty} of {frames} frames see {'nothing of the chosen objects' if alone else 'nothing'}"
+    return said if empty < frames else f"{said}: {_reason(plan, scene)}"
+
+
+def _reason(plan: Plan, scene: Scene) -> str:
+    boxes = [item.bounds for index, item in enumerate(scene.objects) if index not in plan.exclude]
+    if not boxes:
+        return "every object is excluded"
+    least, most = np.min(boxes, axis=0)[0].astype(np.float64), np.max(boxes, axis=0)[1].astype(np.float64)
+    size, near, far = most - least, plan.camera.near, plan.camera.far
+    spans = " x ".join(map(_metres, size))
+    reaches = f"near is {_metres(near)} m" + ("" if math.isinf(far) else f", far is {_metres(far)} m")
+    away = _nearest(plan.frames.camera_to_world, least, most)
+    if size.max() > _TOO_LARGE * far and _LEAST_MODEL <= size.max() / 1000 <= _LARGEST_MODEL:
+        hint = "are its units millimetres (a scale of 0.001)?"
+    elif away > far:
+        hint = f"the nearest camera is {_metres(away)} m away from it"
+    elif np.linalg.norm(size) < near:
+        hint = "it is smaller than that: are its units others than metres?"
+    else:
+        hint = "do the cameras look away from it, because their axes are others than was said (convention)?"
+    return f"the scene spans {spans} m, {reaches}; {hint}"
+
+
+def _nearest(poses: NDArray[np.floating], least: NDArray[np.float64], most: NDArray[np.float64]) -> float:
+    """Return how far the nearest of the cameras is away from a box [m]."""
+    nearest = math.inf
+    for first in range(0, len(poses), _POSES_AT_ONCE):
+        eyes = poses[first : first + _POSES_AT_ONCE, :3]
+        away = np.maximum(np.maximum(least - eyes, eyes - most), 0.0)
+        nearest = min(nearest, float(np.linalg.norm(away, axis=1).min()))
+    return nearest
+
+
+def _metres(length: float) -> str:
+    return f"{length:.0f}" if length >= 100 else f"{length:.3g}"
