@@ -39,6 +39,9 @@ def data_cases(folder):
             {"camera_to_world": [POSE], "object_poses": [MOVED], "world_index": [0]},
         ),
         "verify": (wv.batch.verify, {"out": folder / "set"}),
+        "open_dataset": (wv.open_dataset, {"path": folder / "set", "outputs": ["depth"]}),
+        "FrameDataset.read": (wv.open_dataset(folder / "set").read, {"name": "depth", "frames": [0]}),
+        "FrameDataset.read of one": (wv.open_dataset(folder / "set").read, {"name": "depth", "frames": 0}),
         "warmup": (wv.batch.warmup, {"device": "cpu", "outputs": ["depth"], "casters": ["rays"]}),
         # warpvis.io
         "from_image_msg": (wv.io.from_image_msg, {"message": wv.io.to_image_msg(DEPTH, **MESSAGE)}),

@@ -60,6 +60,7 @@ RESULTS = {
     "Device.at_origin_of",
     "Experiment",
     "FloorMap",
+    "FrameDataset",
     "Frames",
     "MujocoScene",
     "Node",
@@ -158,7 +159,7 @@ NAMES = (
     "persp point_ read_frames render voxel Frame verify warmup load_ read_po read_model save_ Sphere plan_ Batch "
     "Kinematics Mujoco mujoco World camera_ geom_ scene_ Best Coverage best_ clearance coverage minimum pose_ "
     "propose standing surface along frames_ grid looks orbit random sphere view_ Depth Lens Version add_ distort "
-    "Ortho from_image to_image to_point find_ quanti range_ recog segm "
+    "Ortho open_ from_image to_image to_point find_ quanti range_ recog segm "
 ).split()
 
 

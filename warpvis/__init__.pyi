@@ -18,7 +18,7 @@ from . import (
     viz as viz,
     webots as webots,
 )
-from .batch import render_batch as render_batch
+from .batch import open_dataset as open_dataset, render_batch as render_batch
 from .core.camera import Camera as Camera
 from .core.frames import Frames as Frames
 from .core.labels import Label as Label, Visibility as Visibility

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from warpvis.batch._job import frame_arrays
 from warpvis.batch._manifest import MANIFEST, Manifest, manifest_text, parse_manifest, require_same
-from warpvis.batch._records import INDEX_RECORD, Record, commit, read_whole, shard_record
+from warpvis.batch._records import BEGIN_RECORD, INDEX_RECORD, Record, commit, read_whole, shard_record
 from warpvis.batch._writer import WorkerLostError
 from warpvis.batch.formats._npz import npz_parts
 from warpvis.batch.storage._stores import Store, open_store
@@ -121,6 +121,11 @@ class Dataset:
             files.write_text(MANIFEST, manifest_text(self._manifest))
             files.write(POSES, *npz_parts(frame_arrays(self._plan.frames)))
             self._store.put(files, [POSES] if known else [MANIFEST, POSES])
+        if read_whole(self._store, BEGIN_RECORD, len(self._plan.frames)) is None:
+            with self._store.new_files() as files:
+                units = self._layout.begin(files)
+                if units:
+                    commit(self._store, BEGIN_RECORD, len(self._plan.frames), files, units)
 
     def _missing(self) -> list[int]:
         """Find the shards that are not whole, and count the others."""

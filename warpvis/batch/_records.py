@@ -1,6 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Records of what is whole: one for each shard and one for the index, written after the files that they name."""
+"""Records of what is whole: one for each shard, one for the index and, of formats that say something before there are
+shards, one for that; each is written after the files that it names.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +14,7 @@ from warpvis.batch.storage._output import FileSum, ShardFiles
 from warpvis.batch.storage._stores import Store
 
 INDEX_RECORD = "index.json"
+BEGIN_RECORD = "begin.json"
 RECORDS_FOLDER = "shards"
 
 

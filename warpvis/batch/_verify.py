@@ -15,7 +15,7 @@ from warpvis.batch._dataset import POSES
 from warpvis.batch._identity import frames_hash
 from warpvis.batch._job import FRAME_ARRAYS
 from warpvis.batch._manifest import MANIFEST, parse_manifest, read_contents
-from warpvis.batch._records import INDEX_RECORD, read_record, shard_record
+from warpvis.batch._records import BEGIN_RECORD, INDEX_RECORD, read_record, shard_record
 from warpvis.batch.storage._stores import Store, open_store
 from warpvis.core.threads import core_count
 from warpvis.errors import FileFormatError
@@ -79,15 +79,16 @@ def _verify(store: Store) -> VerifyReport:
     shards = -(-frames // shard_frames)
     problems = list(_check_poses(store, contents.poses_sha256))
     expected = {shard_record(k): min(shard_frames, frames - k * shard_frames) for k in range(shards)}
+    others = {INDEX_RECORD: frames} | ({} if store.size(BEGIN_RECORD) is None else {BEGIN_RECORD: frames})
     with ThreadPoolExecutor(core_count()) as pool:
-        checked = list(pool.map(lambda item: _check(store, item), [*expected.items(), (INDEX_RECORD, frames)]))
-    missing = [shard for shard, item in enumerate(checked[:-1]) if item.missing]
+        checked = list(pool.map(lambda item: _check(store, item), [*expected.items(), *others.items()]))
+    missing = [shard for shard, item in enumerate(checked[:shards]) if item.missing]
     if missing:
         problems.append(f"{len(missing)} of {shards} shards are missing: {_ranges(missing)}")
     problems += [problem for item in checked for problem in item.problems]
     files = {name for item in checked for name in item.files}
     problems += [f"{name}: is in no record" for name in sorted(set(store.files()) - files - {MANIFEST, POSES})]
-    whole = sum(not item.problems and not item.missing for item in checked[:-1])
+    whole = sum(not item.problems and not item.missing for item in checked[:shards])
     size = sum(item.bytes for item in checked)
     damaged = tuple(item.files[0] for item in checked if item.problems and item.files)
     counts = (frames, shards, whole, len(files), size)

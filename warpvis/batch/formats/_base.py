@@ -34,6 +34,15 @@ _HOME = {
 FORMATS = tuple(_HOME)
 """Names of the formats."""
 
+IMAGE_DTYPES = {
+    "depth": "float32",
+    "points": "float32",
+    "normals": "float32",
+    "labels": "uint8",
+    "segmentation": "int32",
+}
+"""Dtypes of the images' numbers in a shard."""
+
 VISIBILITY_ARRAYS = {
     "visible_fraction": ("float32", ()),
     "visible_pixels": ("int32", ()),
@@ -100,6 +109,10 @@ class Format(Protocol):
             place in the dataset by one rename.
         """
         ...
+
+    def begin(self, files: ShardFiles) -> list[str]:
+        """Write what covers the whole dataset and can be said before there are shards; return the units as there."""
+        return []
 
     def index(self, files: ShardFiles) -> list[str]:
         """Write what covers the whole dataset, after all shards, and return the units as `write_shard` does."""

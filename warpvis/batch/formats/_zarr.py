@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Zarr v3: one group, ``data.zarr``, an array for every output, a chunk for every frame, a file for every shard.
 
-The metadata is zarr-python's own work, done once at the end. The shard files are put together here, as the codec
+The metadata is zarr-python's own work, done once at the beginning. The shard files are put together here, as the codec
 ``sharding_indexed`` says (https://zarr-specs.readthedocs.io/en/latest/v3/codecs/sharding-indexed/index.html): the
 chunks, and after them the offset and the length of each, in uint64, and a CRC-32C of that table. What is not compressed
 is so the image memory itself, written from where it was rendered to. zarr-python's own writing of such a shard takes
@@ -11,12 +11,13 @@ is so the image memory itself, written from where it was rendered to. zarr-pytho
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from warpvis.batch._job import Options, Plan, frame_arrays
-from warpvis.batch.formats._base import VISIBILITY_ARRAYS, Format, Images, check_options
+from warpvis.batch.formats._base import IMAGE_DTYPES, VISIBILITY_ARRAYS, Format, Images, check_options
 from warpvis.batch.storage._direct_io import FilePart
 from warpvis.batch.storage._output import files_below
 from warpvis.core.labels import Label
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
 
 # What is read of frames that were never written.
 _FILL = {"depth": np.inf, "points": np.nan, "normals": np.nan, "labels": 0, "segmentation": -1}
-_DTYPE = {"depth": "float32", "points": "float32", "normals": "float32", "labels": "uint8", "segmentation": "int32"}
 _GROUP = "data.zarr"
 # "depth/c.12.0.0": a folder for every shard would take time to make.
 _KEYS: ChunkKeyEncodingParams = {"name": "default", "separator": "."}
@@ -96,8 +96,8 @@ class Zarr(Format):
 
         return [compress(frame.reshape(-1).view(np.uint8), self._level) for frame in array]
 
-    def index(self, files: ShardFiles) -> list[str]:
-        """Write the metadata, and the arrays that are not in shards."""
+    def begin(self, files: ShardFiles) -> list[str]:
+        """Write the metadata, and the arrays that are not in shards: what is not finished opens, too."""
         import zarr
 
         plan = self._plan
@@ -111,6 +111,10 @@ class Zarr(Format):
             _create_whole(group, name, array)
         return sorted(files_below(files.folder))
 
+    def index(self, files: ShardFiles) -> list[str]:
+        """Write nothing: all was said before."""
+        return []
+
     def _create_image(self, group: zarr.Group, name: str) -> None:
         from zarr.codecs import ZstdCodec
 
@@ -122,7 +126,7 @@ class Zarr(Format):
             shape=(len(plan.frames), *image),
             chunks=(1, *image),
             shards=(plan.shard_frames, *image),
-            dtype=_DTYPE[name],
+            dtype=IMAGE_DTYPES[name],
             fill_value=_FILL[name],
             chunk_key_encoding=_KEYS,
             compressors=None if self._level is None else ZstdCodec(level=self._level),
@@ -144,10 +148,13 @@ class Zarr(Format):
             )
 
     def _attributes(self) -> dict[str, Json]:
-        plan = self._plan
+        plan, camera = self._plan, self._plan.camera
         attributes: dict[str, Json] = {
-            "K": plan.camera.to_K().tolist(),
+            "K": camera.to_K().tolist(),
             "pixel_center": 0.5,
+            "near": camera.near,
+            "far": camera.far if math.isfinite(camera.far) else None,
+            "distortion": "none",
             "camera_axes": "opencv: x right, y down, z forward",
             "camera_to_world": "rows x y z qx qy qz qw",
             "up": plan.up,

@@ -42,6 +42,10 @@ class Store(Protocol):
         """List the files and folders at the top, without what was not finished."""
         ...
 
+    def names(self, folder: str) -> list[str]:
+        """List what a folder holds, without what is in its folders; nothing if there is none."""
+        ...
+
     def files(self) -> Iterator[str]:
         """Go through every file, without what was not finished."""
         ...
@@ -94,6 +98,12 @@ class LocalStore:
         if not self.root.exists():
             return []
         return sorted(name for name in os.listdir(self.root) if not name.startswith(_PART))
+
+    def names(self, folder: str) -> list[str]:
+        try:
+            return os.listdir(self.root / folder)
+        except (FileNotFoundError, NotADirectoryError):
+            return []
 
     def files(self) -> Iterator[str]:
         yield from (name for name in files_below(self.root) if not name.startswith(_PART))
@@ -184,11 +194,17 @@ class RemoteStore:
         return found["size"] if found["type"] == "file" else None
 
     def entries(self) -> list[str]:
+        return sorted(self._names(self._root))
+
+    def names(self, folder: str) -> list[str]:
+        return self._names(self._path(folder))
+
+    def _names(self, path: str) -> list[str]:
         try:
-            found = self._system.ls(self._root, detail=False)
+            found = self._system.ls(path, detail=False)
         except FileNotFoundError:
             return []
-        return sorted(path.rstrip("/").rsplit("/", 1)[-1] for path in found)
+        return [entry.rstrip("/").rsplit("/", 1)[-1] for entry in found]
 
     def files(self) -> Iterator[str]:
         for path in self._system.find(self._root):

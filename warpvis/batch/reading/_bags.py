@@ -1,0 +1,72 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Reader of ROS 2 bags: depth images, by rosbags."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.batch._job import shard_name
+from warpvis.batch.reading._files import Files, Recent
+from warpvis.batch.reading._job import FrameSpec, Job
+from warpvis.batch.storage._stores import LocalStore
+from warpvis.errors import FileFormatError
+from warpvis.io import from_image_msg
+
+# A bag is read from its beginning to its end: all of its depth is kept, of the latest few.
+_BAGS = 2
+
+
+class BagReader:
+    """Reads ``bag_000012``: depth. Clouds are the same depth again."""
+
+    def __init__(self, files: Files, job: Job) -> None:
+        """Prepare to read.
+
+        Raises:
+            FileFormatError: The dataset is behind a URL, or rosbags is missing.
+        """
+        if not isinstance(files.store, LocalStore):
+            raise FileFormatError(f"{job.name}: bags are read from folders, not from URLs")
+        try:
+            import rosbags.highlevel  # noqa: F401
+        except ImportError:
+            raise FileFormatError(f"{job.name}: bags need the package rosbags: pip install 'warpvis[ros]'") from None
+        self._root, self._job = files.store.root, job
+        self._specs = {name: spec for name, spec in job.specs().items() if name == "depth"}
+        self._topic = "/" + str(job.options.get("topic", "/camera/depth")).strip("/") + "/image_rect"
+        self._bags = Recent[NDArray[np.float32]](_BAGS)
+
+    def specs(self) -> Mapping[str, FrameSpec]:
+        """List the arrays."""
+        return self._specs
+
+    def read_into(self, name: str, shard: int, row: int, out: NDArray) -> None:
+        """Copy a frame's depth out of its bag's."""
+        out[...] = self._bags.get(shard, lambda: self._read(shard))[row]
+
+    def _read(self, shard: int) -> NDArray[np.float32]:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+
+        bag = Path(os.fspath(self._root)) / f"bag_{shard_name(shard)}"
+        length, spec = self._job.shard_length(shard), self._specs["depth"]
+        depth = np.empty((length, *spec.shape), dtype=spec.dtype)
+        count = 0
+        try:
+            with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+                images = [connection for connection in reader.connections if connection.topic == self._topic]
+                for connection, _, data in reader.messages(connections=images):
+                    if count < length:
+                        depth[count] = from_image_msg(reader.deserialize(data, connection.msgtype))
+                    count += 1
+        except Exception as error:  # whatever rosbags raises for what is no such bag
+            raise FileFormatError(f"{self._job.name}: {bag.name} cannot be read: {error}") from None
+        if count != length:
+            raise FileFormatError(f"{self._job.name}: {bag.name} has {count} depth images, and should have {length}")
+        return depth

@@ -1,0 +1,344 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""A dataset as its users index it: `open_dataset`."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from warpvis.batch._dataset import POSES
+from warpvis.batch._job import FRAME_ARRAYS, shard_name
+from warpvis.batch._records import INDEX_RECORD, RECORDS_FOLDER
+from warpvis.batch.reading._bags import BagReader
+from warpvis.batch.reading._files import Files
+from warpvis.batch.reading._job import FrameSpec, Job, read_job
+from warpvis.batch.reading._pictures import BopReader, ColmapReader, PngReader, TumReader
+from warpvis.batch.reading._shards import NpzReader, ShardReader, ZarrReader
+from warpvis.batch.storage._stores import Store, open_store
+from warpvis.core.camera import Camera
+from warpvis.core.checks import as_items, is_whole
+from warpvis.core.frames import Frames
+from warpvis.core.labels import Label
+from warpvis.core.poses import poses_to_matrices
+from warpvis.errors import ArrayError, FileFormatError
+
+_READERS: Mapping[str, type[ShardReader]] = {
+    "npz": NpzReader,
+    "zarr": ZarrReader,
+    "png": PngReader,
+    "nerfstudio": PngReader,
+    "tum": TumReader,
+    "bop": BopReader,
+    "ros2": BagReader,
+}
+
+# Coefficients k1 k2 p1 p2 k3 of OpenCV's lens model; all cameras here are pinholes.
+_DISTORTION = 5
+
+Frame: TypeAlias = dict[str, Any]
+"""A frame, or several: arrays and numbers by name."""
+
+
+class NoSuchFrameError(ArrayError, IndexError):
+    """A frame's number is too large: a loop over all frames ends with it."""
+
+
+class FrameArray:
+    """One array of all frames, which is read as it is indexed; `numpy.asarray` reads all of it."""
+
+    def __init__(self, dataset: FrameDataset, name: str, spec: FrameSpec) -> None:
+        """Show an array of a dataset."""
+        self._dataset, self._name = dataset, name
+        self.dtype = spec.dtype
+        self.shape = (len(dataset), *spec.shape)
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __getitem__(self, key: int | slice | ArrayLike) -> NDArray:
+        """Read a frame's array, or those of several, stacked."""
+        return self._dataset.read(self._name, key)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray:
+        array = self[:]
+        return array if dtype is None else array.astype(dtype, copy=False)
+
+    def __repr__(self) -> str:
+        return f"<FrameArray {self._name!r}: {self.dtype} of {self.shape}>"
+
+
+class FrameDataset:
+    """Frames of a dataset that `render_batch` wrote; `open_dataset` opens it.
+
+    ``dataset[3]`` is a frame, a dict: each output's array, ``camera_to_world`` (row ``x y z qx qy qz qw``, ``(7,)``
+    float64), ``K`` (``(3, 3)`` float64, pixel centres at +0.5), ``distortion`` (``(5,)``, zeros: a pinhole),
+    ``timestamp`` [s], ``frame`` (its number in the job), and where something moves ``object_poses`` (``(M, 7)``) and
+    ``world``. All arrays are copies. ``dataset[3:9]`` and ``dataset[[5, 1]]`` stack several frames, and
+    ``dataset["depth"]`` is one array of all of them.
+
+    A `torch.utils.data.DataLoader` takes a dataset as it is, with workers that are forked or spawned.
+    """
+
+    def __init__(self, store: Store, outputs: Iterable[str] | None) -> None:
+        """Read what the dataset says of itself."""
+        self._store = store
+        self._outputs = None if outputs is None else tuple(outputs)
+        self._job = read_job(store)
+        frames = _read_poses(store, self._job)
+        self._reader = _make_reader(store, self._job, frames)
+        self._specs = _choose(self._reader.specs(), self._outputs, self._job)
+        self.complete = store.size(INDEX_RECORD) is not None
+        """Whether all frames are there; a job that was interrupted has a part of them."""
+        shards = range(self._job.shard_count) if self.complete else _recorded_shards(store, self._job)
+        self.frame_numbers = _frames_of(self._job, shards)
+        """The number of every frame in its job, shape ``(V,)``: 0, 1, 2, ... if the dataset is complete."""
+        self.frames = _frames_there(frames, self.frame_numbers, complete=self.complete)
+        """Poses, times and worlds of the frames."""
+
+    @property
+    def camera(self) -> Camera:
+        """The camera of all frames."""
+        return self._job.camera
+
+    @property
+    def format(self) -> str:
+        """Name of the dataset's format."""
+        return self._job.format
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the arrays of a frame that its files hold."""
+        return tuple(self._specs)
+
+    @property
+    def object_names(self) -> tuple[str, ...]:
+        """Names of the scene's objects: values of ``segmentation`` index them."""
+        return self._job.object_names
+
+    @property
+    def object_labels(self) -> tuple[Label, ...]:
+        """Labels of the scene's objects."""
+        return self._job.object_labels
+
+    @property
+    def visibility_objects(self) -> tuple[str, ...]:
+        """Names of the objects that ``visible_fraction`` and its like are of."""
+        return self._job.visibility_objects
+
+    def __len__(self) -> int:
+        return len(self.frame_numbers)
+
+    def __iter__(self) -> Iterator[Frame]:
+        return (self[index] for index in range(len(self)))
+
+    def __getitem__(self, key: Any) -> Any:
+        """Read a frame by number, several by a slice or numbers, or name an array of all frames.
+
+        Raises:
+            ArrayError: There is no such frame or array.
+            FileFormatError: A file is missing or damaged.
+        """
+        if isinstance(key, str):
+            return self._by_name(key)
+        if is_whole(key):
+            row = self._row(key)
+            images = {name: self.read(name, row) for name in self._specs}
+            return images | self._beside(row)
+        rows = self._rows(key)
+        return {name: self.read(name, rows) for name in self._specs} | self._beside_rows(rows)
+
+    def read(self, name: str, frames: Any) -> NDArray:
+        """Read one array of a frame, or of several, stacked.
+
+        Args:
+            name: One of `outputs`.
+            frames: A frame's number, from 0; a slice; or several numbers.
+
+        Raises:
+            ArrayError: There is no such frame or array.
+            FileFormatError: A file is missing or damaged.
+        """
+        if not isinstance(name, str) or name not in self._specs:
+            raise ArrayError(f"there is no array {name!r}; there are {', '.join([*self._specs, *_BESIDE])}")
+        spec = self._specs[name]
+        if is_whole(frames):
+            out = self._memory(spec.shape, spec.dtype)
+            self._read_into(name, self._row(frames), out)
+            return out
+        rows = self._rows(frames)
+        out = self._memory((len(rows), *spec.shape), spec.dtype)
+        for row, image in zip(rows, out, strict=True):
+            self._read_into(name, row, image)
+        return out
+
+    def _rows(self, key: object) -> Sequence[int]:
+        """List the frames that a slice or numbers choose."""
+        if isinstance(key, slice):
+            try:
+                return range(len(self))[key]
+            except TypeError:
+                raise ArrayError(f"a slice of frames must be of whole numbers, got {key!r}") from None
+        return [self._row(index) for index in as_items(key, "frames", ArrayError)]
+
+    def _memory(self, shape: tuple[int, ...], dtype: np.dtype) -> NDArray:
+        try:
+            return np.empty(shape, dtype)
+        except (MemoryError, ValueError):
+            raise ArrayError(f"{self._job.name}: arrays of {shape} do not fit into the memory; read fewer") from None
+
+    def _read_into(self, name: str, row: int, out: NDArray) -> None:
+        shard, place = divmod(int(self.frame_numbers[row]), self._job.shard_frames)
+        self._reader.read_into(name, shard, place, out)
+
+    def _row(self, index: object) -> int:
+        if not is_whole(index):
+            raise ArrayError(f"a frame is a whole number, got {index!r}")
+        row, count = int(index), len(self)
+        if not -count <= row < count:
+            raise NoSuchFrameError(f"frame {row} is not there: the dataset has {count}")
+        return row % count
+
+    def _by_name(self, name: str) -> FrameArray | NDArray:
+        if name in self._specs:
+            return FrameArray(self, name, self._specs[name])
+        beside = self._beside_rows(range(len(self)))
+        if name not in beside:
+            raise ArrayError(f"there is no array {name!r}; there are {', '.join([*self._specs, *beside])}")
+        return beside[name]
+
+    def _beside(self, row: int) -> Frame:
+        """Return what belongs to a frame beside its images."""
+        frames = self.frames
+        frame: Frame = {
+            "camera_to_world": frames.camera_to_world[row].copy(),
+            "K": self.camera.to_K(),
+            "distortion": np.zeros(_DISTORTION),
+            "timestamp": float(frames.timestamps[row]),
+            "frame": int(self.frame_numbers[row]),
+        }
+        if frames.object_poses is not None:
+            world = _world_of(frames, row)
+            frame |= {"object_poses": frames.object_poses[world].copy(), "world": world}
+        return frame
+
+    def _beside_rows(self, rows: Sequence[int]) -> Frame:
+        chosen, frames = np.asarray(rows, dtype=np.int64), self.frames
+        several: Frame = {
+            "camera_to_world": frames.camera_to_world[chosen],
+            "K": np.repeat(self.camera.to_K()[None], len(chosen), axis=0),
+            "distortion": np.zeros((len(chosen), _DISTORTION)),
+            "timestamp": frames.timestamps[chosen],
+            "frame": self.frame_numbers[chosen],
+        }
+        if frames.object_poses is not None:
+            worlds = np.array([_world_of(frames, row) for row in rows], dtype=np.int64)
+            several |= {"object_poses": frames.object_poses[worlds], "world": worlds}
+        return several
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process opens the same dataset with: no open files."""
+        return {"store": self._store, "outputs": self._outputs}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__init__(**state)  # type: ignore[misc]
+
+    def __repr__(self) -> str:
+        state = "" if self.complete else f" of {self._job.frames}, unfinished"
+        return f"<FrameDataset {self._store.name}: {len(self)} frames{state}, {self.format}: {', '.join(self.outputs)}>"
+
+
+_BESIDE = ("camera_to_world", "K", "distortion", "timestamp", "frame")
+
+
+def open_dataset(path: str | os.PathLike[str], *, outputs: Iterable[str] | None = None) -> FrameDataset:
+    """Open a dataset that `render_batch` or ``warpvis batch`` wrote, to read its frames in any order.
+
+    Of a job that was interrupted, or goes on, the frames of finished shards are there. Files of this machine are mapped
+    into memory, and nothing is read before it is asked for, but for the poses.
+
+    Args:
+        path: The dataset's folder, or an fsspec URL, of which files are read whole.
+        outputs: The arrays to read, such as ``("depth",)``; all that the files hold by default: images, and
+            ``visible_fraction`` and the like of the output ``visibility``.
+
+    Raises:
+        FileFormatError: It is no dataset, its format holds no images (``ply``), or it cannot be read.
+        ArrayError: There is no such output.
+    """
+    if outputs is not None:
+        outputs = tuple(as_items(outputs, "outputs", ArrayError))
+    store = open_store(path)
+    try:
+        return FrameDataset(store, outputs)
+    except OSError as error:
+        raise FileFormatError(f"{store.name}: cannot be read: {error.strerror or error}") from None
+
+
+def _make_reader(store: Store, job: Job, frames: Frames) -> ShardReader:
+    files = Files(store)
+    if job.format == "colmap":
+        return ColmapReader(files, job, poses_to_matrices(frames.camera_to_world)[:, :3, :3])
+    if job.format not in _READERS:
+        held = "; its files are clouds, which say nothing of pixels" if job.format == "ply" else ""
+        raise FileFormatError(f"{job.name}: format {job.format!r} cannot be read back{held}")
+    return _READERS[job.format](files, job)
+
+
+def _choose(specs: Mapping[str, FrameSpec], outputs: Sequence[str] | None, job: Job) -> dict[str, FrameSpec]:
+    if outputs is None:
+        return dict(specs)
+    missing = [name for name in outputs if not isinstance(name, str) or name not in specs]
+    if missing or not outputs:
+        what = f"no output {missing[0]!r}" if missing else "nothing to read"
+        raise ArrayError(f"{job.name}: there is {what}; its files hold {', '.join(specs)}")
+    return {name: specs[name] for name in outputs}
+
+
+def _read_poses(store: Store, job: Job) -> Frames:
+    try:
+        with np.load(io.BytesIO(store.read(POSES) or b"")) as arrays:
+            found = {name: arrays[name] for name in FRAME_ARRAYS if name in arrays}
+        times, world_index = found.pop("timestamps"), found.pop("world_index", None)
+        poses, objects = found["camera_to_world"], found.get("object_poses")
+        frames = Frames.from_poses(poses, timestamps=times, object_poses=objects, world_index=world_index)
+    except Exception as error:  # whatever NumPy and zipfile raise for what is no such file
+        raise FileFormatError(f"{store.name}: {POSES} is missing or damaged: {error}") from None
+    if len(frames) != job.frames:
+        raise FileFormatError(f"{store.name}: {POSES} has {len(frames)} poses, and there should be {job.frames} frames")
+    return frames
+
+
+def _recorded_shards(store: Store, job: Job) -> list[int]:
+    """List the shards that are whole: their records are there."""
+    names = set(store.names(RECORDS_FOLDER))
+    return [shard for shard in range(job.shard_count) if f"{shard_name(shard)}.json" in names]
+
+
+def _frames_of(job: Job, shards: Sequence[int]) -> NDArray[np.int64]:
+    parts = [np.arange(job.shard_length(shard)) + shard * job.shard_frames for shard in shards]
+    return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
+
+
+def _frames_there(frames: Frames, numbers: NDArray[np.int64], *, complete: bool) -> Frames:
+    """Take the frames that are there."""
+    if complete:
+        return frames
+    objects, index = frames.object_poses, frames.world_index
+    if objects is not None and index is None and len(objects) > 1:
+        objects = objects[numbers]
+    index = None if index is None else index[numbers]
+    return Frames(frames.camera_to_world[numbers], frames.timestamps[numbers], objects, index, frames.source)
+
+
+def _world_of(frames: Frames, row: int) -> int:
+    """Find a frame's world among `Frames.object_poses`."""
+    assert frames.object_poses is not None
+    if frames.world_index is not None:
+        return int(frames.world_index[row])
+    return row if len(frames.object_poses) > 1 else 0

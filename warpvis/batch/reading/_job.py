@@ -1,0 +1,126 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a dataset's manifest says of its job, as its readers need it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from warpvis.batch._manifest import MANIFEST, parse_manifest, read_contents
+from warpvis.batch.formats._base import IMAGE_DTYPES, VISIBILITY_ARRAYS
+from warpvis.batch.storage._stores import Store
+from warpvis.core.camera import Camera
+from warpvis.core.labels import Label
+from warpvis.core.types import Json
+from warpvis.errors import CameraError, FileFormatError
+from warpvis.rendering import OUTPUTS
+
+
+class FrameSpec(NamedTuple):
+    """What a frame's array is."""
+
+    dtype: np.dtype
+    shape: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a dataset was made of, and how it is laid out."""
+
+    name: str
+    """What messages call the dataset."""
+    format: str
+    options: Mapping[str, Json]
+    outputs: tuple[str, ...]
+    frames: int
+    shard_frames: int
+    camera: Camera
+    object_names: tuple[str, ...]
+    object_labels: tuple[Label, ...]
+    visibility_objects: tuple[str, ...]
+    """Names of the objects that visibility is of."""
+
+    @property
+    def shard_count(self) -> int:
+        """How many shards there are."""
+        return -(-self.frames // self.shard_frames)
+
+    def shard_length(self, shard: int) -> int:
+        """Count the frames of a shard."""
+        return min(self.shard_frames, self.frames - shard * self.shard_frames)
+
+    def specs(self) -> dict[str, FrameSpec]:
+        """List the arrays that all outputs of the job are, of a frame each."""
+        size = (self.camera.height, self.camera.width)
+        specs = {}
+        for name in self.outputs:
+            if name in OUTPUTS:
+                scalar = np.dtype(IMAGE_DTYPES[name])
+                specs[name] = FrameSpec(scalar, (*size, 3) if name in ("points", "normals") else size)
+        if "visibility" in self.outputs:
+            count = len(self.visibility_objects)
+            for name, (dtype, last) in VISIBILITY_ARRAYS.items():
+                specs[name] = FrameSpec(np.dtype(dtype), (count, *last))
+        return specs
+
+    def option(self, name: str, default: float) -> float:
+        """Return an option that is a number."""
+        given = self.options.get(name, default)
+        try:
+            return float(given)  # type: ignore[arg-type]
+        except (TypeError, ValueError):
+            raise FileFormatError(f"{self.name}: {MANIFEST} has the option {name}={given!r}, not a number") from None
+
+
+def read_job(store: Store) -> Job:
+    """Read a dataset's manifest.
+
+    Raises:
+        FileFormatError: It has none, or its manifest does not say what it holds.
+    """
+    manifest = parse_manifest(store.read(MANIFEST))
+    if manifest is None:
+        raise FileFormatError(f"{store.name}: is no dataset: it has no {MANIFEST} of warpvis")
+    contents = read_contents(manifest)
+    if contents is not None:
+        match manifest:
+            case {
+                "options": dict(options),
+                "outputs": list(outputs),
+                "objects": list(chosen),
+                "camera": dict(camera),
+                "scene": {"objects": dict(objects)},
+            } if all(isinstance(name, str) for name in (*outputs, *chosen)):
+                return Job(
+                    name=store.name,
+                    format=contents.format,
+                    options=options,
+                    outputs=tuple(outputs),
+                    frames=contents.frames,
+                    shard_frames=contents.shard_frames,
+                    camera=_read_camera(store.name, camera),
+                    object_names=tuple(objects),
+                    object_labels=_read_labels(store.name, objects),
+                    visibility_objects=tuple(chosen),
+                )
+    raise FileFormatError(f"{store.name}: is no dataset: its {MANIFEST} does not say what it holds")
+
+
+def _read_camera(name: str, fields: Mapping[str, Json]) -> Camera:
+    if fields.get("far", 0) is None:  # JSON has no infinity
+        fields = {**fields, "far": np.inf}
+    try:
+        return Camera(**fields)  # type: ignore[arg-type]
+    except (TypeError, CameraError) as error:
+        raise FileFormatError(f"{name}: {MANIFEST} has no camera: {error}") from None
+
+
+def _read_labels(name: str, objects: Mapping[str, Json]) -> tuple[Label, ...]:
+    try:
+        return tuple(Label[item["label"]] for item in objects.values())  # type: ignore[index, call-overload, misc]
+    except (KeyError, TypeError):
+        raise FileFormatError(f"{name}: {MANIFEST} has objects without a label") from None
