@@ -15,7 +15,7 @@ from warpvis import Label
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.webots import load_webots, recognise
 from warpvis.webots._urls import webots_cache
-from warpvis.webots.protos._furniture import FURNITURE
+from warpvis.webots.protos._known import KNOWN
 
 
 def load(folder, text, version="R2023b", **options):
@@ -81,17 +81,16 @@ def test_furniture_stands_on_its_origin(kind, tmp_path):
     assert {item.name for item in world.scene} == {words.get(kind, kind.lower()), "b"}
 
 
-@pytest.mark.parametrize("kind", sorted(FURNITURE))
+@pytest.mark.parametrize("kind", sorted(KNOWN))
 @pytest.mark.parametrize("version", ["R2023b", "R2021b"])
-def test_furniture_is_as_high_in_old_worlds(kind, version, tmp_path):
-    """And no larger than a bed, in whichever axes."""
+def test_what_is_known_is_as_high_in_old_worlds(kind, version, tmp_path):
+    """And as long and as wide, in whichever axes."""
     with pytest.warns(UserWarning, match=rf"stand in for {kind} \(1\)"):
         world = load(tmp_path, f"{kind} {{ translation 0 0 0 }}", version)
     up = 2 if version == "R2023b" else 1
-    size, wanted = np.ptp(world.scene.bounds, axis=0), np.array([side for side, _ in FURNITURE[kind].pieces])
-    assert size.max() < 2.2 and size[up] >= wanted[:, 2].max() - 1e-6
+    size = np.ptp(world.scene.bounds, axis=0)
     low, high = (
-        (np.array([np.array(middle) + sign * np.array(side) / 2 for side, middle in FURNITURE[kind].pieces]))
+        (np.array([np.array(middle) + sign * np.array(side) / 2 for side, middle in KNOWN[kind].pieces]))
         for sign in (-1, 1)
     )
     box = high.max(axis=0) - low.min(axis=0)
@@ -121,6 +120,28 @@ def test_furniture_is_where_webots_puts_it_by_default(tmp_path):
         with pytest.warns(UserWarning, match="stand in"):
             world = load(tmp_path, f"{kind} {{ }}")
         assert world.scene.bounds[0, 2] == pytest.approx(bottom, abs=1e-4), kind
+
+
+def test_cars_and_small_robots_are_robots(tmp_path):
+    """With or without a controller; before R2022a a car's front was ahead of it along z."""
+    text = 'BmwX5Simple { translation 0 0 0.4 } E-puck { translation 9 0 0 controller "walk" sensors Camera { } }'
+    with pytest.warns(UserWarning, match=r"stand in for BmwX5Simple \(1\), E-puck \(1\)"):
+        world = load(tmp_path, text)
+    assert world.robots == {"vehicle": ("vehicle",), "e-puck": ("e-puck",)}
+    assert {item.label for item in world.scene} == {Label.ROBOT}
+    assert world.devices["camera"].robot == "e-puck"
+    np.testing.assert_allclose(world.scene["vehicle"].bounds, [[-0.9, -0.9, 0.3], [3.6, 0.9, 1.9]], atol=1e-6)
+    with pytest.warns(UserWarning, match="stand in for BmwX5Simple"):
+        old = load(tmp_path, "BmwX5Simple { translation 0 0.4 0 }", "R2021b")
+    np.testing.assert_allclose(old.scene["vehicle"].bounds, [[-0.9, 0.3, -0.9], [0.9, 1.9, 3.6]], atol=1e-6)
+
+
+def test_a_long_list_of_what_is_missing_is_cut_short(tmp_path):
+    """World.skipped has it all."""
+    box = "Solid { children Shape { geometry Box { size 1 1 1 } } }"
+    with pytest.warns(UserWarning, match=r"left out Thing0 \(2\), .*Thing11 \(1\), and 8 others, of which") as caught:
+        world = load(tmp_path, box + " ".join(f"Thing{k} {{ }}" for k in [*range(20), 0]))
+    assert len(world.skipped) == 20 and "Thing12" not in str(caught[0].message)
 
 
 def test_what_says_its_size_is_a_box_as_large(tmp_path):

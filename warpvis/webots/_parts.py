@@ -26,7 +26,7 @@ from warpvis.webots.shapes._resets import correction
 GROUND_HEIGHT = 0.1
 """A level surface within this height of 0 is ground [m]."""
 
-_MOST_SENTENCES = 20  # in a warning
+_MOST_SENTENCES, _MOST_NAMES = 20, 12  # in a warning
 _SCALAR_GRAVITY = Version(2020, 2)
 _NEGATIVE_SCALES = Version(2022, 2)
 
@@ -188,19 +188,26 @@ def skipped_message(
     """Say what was left out or stands for something else, and why; nothing if all was read."""
     parts = []
     if skipped:
-        listed = ", ".join(f"{name} ({count})" for name, count in skipped.items())
+        listed = _counted(skipped)
         searched = ", ".join(os.fspath(folder) for folder in search_path) or "none"
         parts.append(
             f"left out {listed}, of which no file was found or read beside the world or on the search path "
             f"({searched}): add the folders that hold them to it"
         )
     if stand_ins:
-        listed = ", ".join(f"{name} ({count})" for name, count in stand_ins.items())
+        listed = _counted(stand_ins)
         parts.append(f"boxes, and capsules for people, stand in for {listed}, of which no file was found or read")
     for name, reason in reasons.items():
         parts.append(f"the file of {name} was of no use: {reason}")
     parts += [f"left out what cannot be read: {reason}" for reason in shortened(refused)]
     return f"{path}: {'; '.join(parts)}" if parts else ""
+
+
+def _counted(counts: Mapping[str, int]) -> str:
+    """List what there is and how often, but for all after the first of very many."""
+    listed = [f"{name} ({count})" for name, count in counts.items()]
+    more = len(listed) - _MOST_NAMES
+    return ", ".join(listed if more <= 1 else [*listed[:_MOST_NAMES], f"and {more} others"])
 
 
 def shortened(sentences: Iterable[str]) -> list[str]:

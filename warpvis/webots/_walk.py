@@ -37,7 +37,7 @@ from warpvis.webots._parts import (
 from warpvis.webots._transforms import Transform
 from warpvis.webots.protos._builtin import BUILTIN, expand
 from warpvis.webots.protos._expansion import Protos
-from warpvis.webots.protos._furniture import FURNITURE
+from warpvis.webots.protos._known import KNOWN
 from warpvis.webots.protos._standins import stand_in, stand_in_geometry
 from warpvis.webots.shapes._geometry import GEOMETRIES, MissingMeshError, tessellate
 from warpvis.webots.shapes._polygons import Triangles
@@ -150,20 +150,15 @@ class Reader:
         else:
             self._stand_in(node.type)
             self._lines.append((step.depth, f"{node.type}: a stand-in", None))
-        # Cameras that were plugged into it are known, though not where its slots are.
+        shown = step
+        if substitute is not None:
+            shown = dataclasses.replace(step, node=substitute, instances=(*step.instances, node))
         robots = step.robots
-        if "controller" in node.fields:
-            robots = (*robots, self._add_robot(self._solid_name(step)))
+        if "controller" in node.fields or (node.type in KNOWN and KNOWN[node.type].robot):
+            robots = (*robots, self._add_robot(self._solid_name(shown)))
         human = step.human or node.type == "Pedestrian"
-        bodies = (
-            []
-            if substitute is None
-            else [
-                dataclasses.replace(
-                    step, node=substitute, robots=robots, human=human, instances=(*step.instances, node)
-                )
-            ]
-        )
+        bodies = [] if substitute is None else [dataclasses.replace(shown, robots=robots, human=human)]
+        # Cameras that were plugged into it are known, though not where its slots are.
         step = dataclasses.replace(
             step, transform=step.transform.within(node, np.ones(3)), robots=robots, origin=node.type, owner=None
         )
@@ -187,7 +182,7 @@ class Reader:
 
     def _is_better_known(self, node: Node, body: Node) -> bool:
         """Tell whether more is known of an instance without its file, whose meshes or PROTOs are not at hand."""
-        known = node.type == "Pedestrian" or node.type in {*BUILTIN, *DEPTH_CAMERAS, *FURNITURE}
+        known = node.type == "Pedestrian" or node.type in {*BUILTIN, *DEPTH_CAMERAS, *KNOWN}
         try:
             if self._strict or not (known or stand_in(node)):
                 return False

@@ -13,7 +13,7 @@ import numpy as np
 
 from warpvis.errors import FileFormatError
 from warpvis.webots._nodes import Node, Value, new_node
-from warpvis.webots.protos._furniture import FURNITURE, box_at, furniture_shapes
+from warpvis.webots.protos._known import KNOWN, box_at, known_shapes
 
 # Capsules of a pedestrian whose arms hang down: ends across, along and up from its origin, radius [m].
 _LIMBS = (
@@ -35,15 +35,15 @@ _ON_GROUND = 0.1  # an origin within this height of its parent's is the bottom o
 def stand_in(node: Node) -> Node | None:
     """Make a Solid in place of an instance without a file; None if nothing is known of its size.
 
-    A Pedestrian becomes a human of capsules, furniture of `FURNITURE` its boxes, and whatever has a field
+    A Pedestrian becomes a human of capsules, furniture of `KNOWN` its boxes, and whatever has a field
     ``size`` of three lengths, or ``radius`` and ``height``, a box as large: on its origin if that is at the ground,
     else about it.
     """
     if node.type == "Pedestrian":
         return _pedestrian(node)
-    if node.type in FURNITURE:
-        known = FURNITURE[node.type]
-        furniture = _solid(node, furniture_shapes(node, known))
+    if node.type in KNOWN:
+        known = KNOWN[node.type]
+        furniture = _solid(node, known_shapes(node, known))
         furniture.fields.setdefault("name", [known.name or _default_name(node.type)])
         if node.version.z_up:
             furniture.fields.setdefault("translation", [*known.translation])

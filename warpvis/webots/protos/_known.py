@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sizes of Webots' furniture, which boxes stand in for where its PROTO files are not at hand.
+"""Sizes of Webots' furniture, cars and small robots, which boxes stand in for where PROTO files are not at hand.
 
 Numbers are those of the bounding objects in the PROTO files of R2021c to R2023b, without their tilts, or where those
 say little, the sizes that the files' descriptions name. Axes are x, y and z since R2022a: x ahead, z up.
@@ -19,19 +19,21 @@ Piece: TypeAlias = tuple[_Sides, _Sides]
 
 
 @dataclass(frozen=True)
-class Furniture:
+class Known:
     """What stands in for a PROTO."""
 
     pieces: tuple[Piece, ...]
     """Its boxes."""
-    ahead: Literal["x", "-x", "z"] = "x"
-    """Which axis x was before R2022a, when y was up: furniture was turned in different ways."""
+    ahead: Literal["x", "-x", "-z", "z"] = "x"
+    """Which axis x was before R2022a, when y was up: things were turned in different ways."""
     name: str = ""
     """Its default name, if that is not its type in words."""
     translation: _Sides = (0.0, 0.0, 0.0)
     """Its default place since R2022a."""
-    old_lift: float | None = None
-    """How much lower its boxes were about its origin before R2022a [m]; by default not at all."""
+    old_lift: float = 0.0
+    """How much lower its boxes were about its origin before R2022a [m]."""
+    robot: bool = False
+    """Whether it is a robot, with or without a controller."""
 
 
 def _standing(across: float, along: float, up: float) -> tuple[Piece, ...]:
@@ -56,9 +58,18 @@ def _seat(width: float) -> tuple[Piece, ...]:
     )
 
 
-FURNITURE: dict[str, Furniture] = {
-    "Armchair": Furniture(_seat(1.1)),
-    "BathroomSink": Furniture(
+def _car(*pieces: Piece) -> Known:
+    """Make a car, whose origin is between its rear wheels."""
+    return Known(pieces, ahead="z", name="vehicle", translation=(0.0, 0.0, 0.4), robot=True)
+
+
+_BMW = _car(((4.5, 1.8, 1.6), (1.35, 0.0, 0.7)))
+_CITROEN = _car(((3.3, 1.4, 1.5), (1.25, 0.0, 0.5)))
+_LINCOLN = _car(((4.9, 1.8, 0.8), (1.44, 0.0, 0.3)), ((2.0, 1.6, 0.5), (1.44, 0.0, 0.85)))
+
+KNOWN: dict[str, Known] = {
+    "Armchair": Known(_seat(1.1)),
+    "BathroomSink": Known(
         (
             ((0.35, 0.7, 0.105), (0.176, 0.005, 0.0095)),
             ((0.42, 0.42, 0.18), (0.23, 0.005, 0.07)),
@@ -67,8 +78,8 @@ FURNITURE: dict[str, Furniture] = {
         name="sink",
         translation=(0.0, 0.0, 0.05),
     ),
-    "Bathtube": Furniture((((0.93, 1.9, 0.24), (-0.03, 0.01, 0.37)), ((0.68, 1.55, 0.24), (-0.01, 0.0, 0.13)))),
-    "Bed": Furniture(
+    "Bathtube": Known((((0.93, 1.9, 0.24), (-0.03, 0.01, 0.37)), ((0.68, 1.55, 0.24), (-0.01, 0.0, 0.13)))),
+    "Bed": Known(
         (
             ((2.1, 1.75, 0.4), (0.0, 0.0, 0.45)),
             ((0.1, 1.75, 0.83), (1.01, 0.0, 0.42)),
@@ -77,84 +88,96 @@ FURNITURE: dict[str, Furniture] = {
         ),
         ahead="-x",
     ),
-    "Can": Furniture((((0.0635, 0.0635, 0.1222), (0.0, 0.0, 0.0)),), translation=(0.0, 0.0, 0.06)),
-    "Carafe": Furniture(
-        (((0.132, 0.132, 0.116), (0.036, 0.0, 0.059)), ((0.106, 0.106, 0.068), (0.0365, 0.0, 0.142))), ahead="z"
+    "BmwX5": _BMW,
+    "BmwX5Simple": _BMW,
+    "Can": Known((((0.0635, 0.0635, 0.1222), (0.0, 0.0, 0.0)),), translation=(0.0, 0.0, 0.06)),
+    "Carafe": Known(
+        (((0.132, 0.132, 0.116), (0.036, 0.0, 0.059)), ((0.106, 0.106, 0.068), (0.0365, 0.0, 0.142))), ahead="-z"
     ),
-    "Chair": Furniture(
+    "Chair": Known(
         (
             ((0.5, 0.5, 0.1), (0.0, 0.0, 0.45)),
             ((0.06, 0.5, 0.5), (-0.237, 0.0, 0.75)),
             *_feet(0.22, 0.22, (0.06, 0.06, 0.4)),
         )
     ),
-    "Desk": Furniture((((0.7, 1.2, 0.02), (0.0, 0.0, 0.7)), *_feet(0.269, 0.535, (0.046, 0.046, 0.69))), ahead="z"),
-    "DesktopComputer": Furniture((((0.34328, 0.168, 0.357), (0.0, 0.0, 0.179)),)),
-    "Fridge": Furniture(_standing(0.7, 0.7, 1.8)),
-    "HotPlate": Furniture((((0.37, 0.416, 0.0027), (0.112, 0.0, 0.031)),), ahead="z", translation=(0.0, 0.0, -0.03)),
-    "Keyboard": Furniture((((0.13428, 0.41, 0.01), (0.0, 0.0, 0.0)),), ahead="z"),
-    "Monitor": Furniture(
+    "CitroenCZero": _CITROEN,
+    "CitroenCZeroSimple": _CITROEN,
+    "Desk": Known((((0.7, 1.2, 0.02), (0.0, 0.0, 0.7)), *_feet(0.269, 0.535, (0.046, 0.046, 0.69))), ahead="-z"),
+    "DesktopComputer": Known((((0.34328, 0.168, 0.357), (0.0, 0.0, 0.179)),)),
+    "E-puck": Known(
+        (((0.066, 0.066, 0.045), (0.0, 0.0, 0.025)), ((0.05, 0.04, 0.01), (0.0, 0.0, 0.0051))),
+        ahead="-z",
+        name="e-puck",
+        robot=True,
+    ),
+    "Fridge": Known(_standing(0.7, 0.7, 1.8)),
+    "HotPlate": Known((((0.37, 0.416, 0.0027), (0.112, 0.0, 0.031)),), ahead="-z", translation=(0.0, 0.0, -0.03)),
+    "Keyboard": Known((((0.13428, 0.41, 0.01), (0.0, 0.0, 0.0)),), ahead="-z"),
+    "LincolnMKZ": _LINCOLN,
+    "LincolnMKZSimple": _LINCOLN,
+    "Monitor": Known(
         (
             ((0.01176, 0.469, 0.24738), (0.0, 0.0, 0.225)),
             ((0.131, 0.075, 0.023), (0.013, 0.0, 0.011)),
             ((0.037, 0.073, 0.132), (-0.029, 0.0, 0.086)),
         ),
-        ahead="z",
+        ahead="-z",
     ),
-    "OfficeChair": Furniture(_standing(0.54, 0.43, 0.98)),
-    "Oven": Furniture(_standing(0.5, 0.44, 0.68), old_lift=0.34),
-    "PottedTree": Furniture(_standing(0.3, 0.3, 1.3)),
-    "RoundTable": Furniture(
+    "OfficeChair": Known(_standing(0.54, 0.43, 0.98)),
+    "Oven": Known(_standing(0.5, 0.44, 0.68), old_lift=0.34),
+    "PottedTree": Known(_standing(0.3, 0.3, 1.3)),
+    "RoundTable": Known(
         (
             ((2.0, 2.0, 0.02), (0.0, 0.0, 0.75)),
             ((0.09, 0.09, 0.68), (0.0, 0.0, 0.4)),
             ((0.5, 0.5, 0.06), (0.0, 0.0, 0.03)),
         )
     ),
-    "Sink": Furniture(
+    "Sink": Known(
         (
             *(((0.03, 0.44, 0.062), (x, 0.0, -0.004)) for x in (0.27, -0.07)),
             *(((0.37, 0.045, 0.062), (0.1, y, -0.004)) for y in (0.198, -0.198)),
             ((0.37, 0.44, 0.004), (0.1, 0.0, -0.037)),
         ),
-        ahead="z",
+        ahead="-z",
     ),
-    "Sofa": Furniture(_seat(1.8)),
-    "Toilet": Furniture(
+    "Sofa": Known(_seat(1.8)),
+    "Toilet": Known(
         (
             ((0.51, 0.48, 0.22), (0.048, 0.0, 0.35)),
             ((0.5, 0.36, 0.24), (-0.04, 0.0, 0.12)),
             ((0.22, 0.58, 0.78), (-0.32, -0.01, 0.628)),
         )
     ),
-    "WashingMachine": Furniture(
+    "WashingMachine": Known(
         (((0.73, 0.77, 1.05), (0.0, 0.0, 0.0)),), name="whashing machine", translation=(0.0, 0.0, 0.53)
     ),
-    "WoodenChair": Furniture(_standing(0.42, 0.44, 0.944), ahead="z"),
+    "WoodenChair": Known(_standing(0.42, 0.44, 0.944), ahead="-z"),
 }
 """By the names of PROTOs."""
 
 
-def furniture_shapes(node: Node, furniture: Furniture) -> list[Node]:
+def known_shapes(node: Node, known: Known) -> list[Node]:
     """Make the boxes of an instance, in the axes of its version."""
-    lift = 0.0 if node.version.z_up or furniture.old_lift is None else furniture.old_lift
+    lift = 0.0 if node.version.z_up else known.old_lift
     return [
-        box_at(node, sides(node, size, furniture), place_in(node, (x, y, z - lift), furniture))
-        for size, (x, y, z) in furniture.pieces
+        box_at(node, sides(node, size, known), place_in(node, (x, y, z - lift), known))
+        for size, (x, y, z) in known.pieces
     ]
 
 
-def sides(node: Node, size: _Sides, furniture: Furniture) -> _Sides:
+def sides(node: Node, size: _Sides, known: Known) -> _Sides:
     """Turn a size into the axes of a node's version."""
-    return tuple(map(abs, place_in(node, size, furniture)))  # type: ignore[return-value]
+    return tuple(map(abs, place_in(node, size, known)))  # type: ignore[return-value]
 
 
-def place_in(node: Node, place: _Sides, furniture: Furniture) -> _Sides:
+def place_in(node: Node, place: _Sides, known: Known) -> _Sides:
     """Turn a place into the axes of a node's version."""
     if node.version.z_up:
         return place
     x, y, z = place
-    return {"x": (x, z, -y), "-x": (-x, z, y), "z": (-y, z, -x)}[furniture.ahead]
+    return {"x": (x, z, -y), "-x": (-x, z, y), "-z": (-y, z, -x), "z": (y, z, x)}[known.ahead]
 
 
 def box_at(node: Node, size: tuple[float, ...], place: tuple[float, ...]) -> Node:
