@@ -145,6 +145,6 @@ def data_cases(folder):
         ),
         "scene_from_mujoco": (
             wv.mujoco.scene_from_mujoco,
-            {"model": MODEL, "geom_groups": (0,), "movable": "bodies", "static": True, **model},
+            {"model": MODEL, "geom_groups": (0,), "site_groups": (0,), "movable": "bodies", "static": True, **model},
         ),
     }

@@ -121,26 +121,17 @@ def test_what_the_scene_has_not_is_said(name):
     assert not hasattr(renderer.scene, name)
 
 
-def test_options_without_effect_are_named_once():
+def test_options_that_depth_does_not_show_say_nothing():
     renderer, _, data = ready()
+    before = renderer.render()
     option = mujoco.MjvOption()
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        option.flags[mujoco.mjtVisFlag.mjVIS_TRANSPARENT] = True  # which depth does not show
-        option.flags[mujoco.mjtVisFlag.mjVIS_TEXTURE] = False
-        renderer.update_scene(data, "front", option)
-    option.flags[mujoco.mjtVisFlag.mjVIS_JOINT] = option.flags[mujoco.mjtVisFlag.mjVIS_CONTACTPOINT] = True
-    option.frame = mujoco.mjtFrame.mjFRAME_BODY
-    match = "scene_option asks for what is not rendered: mjVIS_JOINT, mjVIS_CONTACTPOINT, frame"
-    with pytest.warns(UserWarning, match=match) as caught:
-        renderer.update_scene(data, "front", option)
-    assert caught[0].filename == __file__
+    for flag in ("TRANSPARENT", "TEXTURE", "ISLAND", "ACTIVATION"):
+        option.flags[int(getattr(mujoco.mjtVisFlag, f"mjVIS_{flag}"))] ^= 1
+    option.label = mujoco.mjtLabel.mjLABEL_GEOM
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         renderer.update_scene(data, "front", option)
-    option.flags[mujoco.mjtVisFlag.mjVIS_COM] = True
-    with pytest.warns(UserWarning, match="not rendered: mjVIS_COM$"):
-        renderer.update_scene(data, "front", option)
+    assert np.array_equal(renderer.render(), before)
 
 
 @pytest.mark.gl

@@ -40,12 +40,14 @@ from warpvis.mujoco._poses import (
     PoseSource,
     WorldPoses,
     camera_transforms,
+    movable_ids,
     object_places,
     object_transforms,
     viewer_transforms,
     world_count,
 )
-from warpvis.mujoco._scene import Movable, class_of_geoms, scene_from_mujoco
+from warpvis.mujoco._scene import Movable, class_of_geoms, make_scene, select_geoms, warn_of_soft
+from warpvis.mujoco._shapes import shape_bodies
 from warpvis.mujoco._world_models import WorldModels
 from warpvis.rendering import AnyCamera, Fill, NearPlane, Output, Views, check_outputs, views_for
 from warpvis.scene import Scene
@@ -66,7 +68,8 @@ class _Workplace:
     """Ids, tracked bodies and poses."""
     worlds: wp.array
     world_of_view: wp.array
-    geoms: wp.array
+    geoms: tuple[wp.array, wp.array]
+    """Ids of what moves: geoms and sites."""
     objects: wp.array
     eyes: wp.array
     hidden: wp.array | None = None
@@ -114,7 +117,9 @@ class BatchRenderer:
             width: Image width [px].
             outputs: The images to make, as for `warpvis.Renderer`; ids need ``"segmentation"``.
             geom_groups: Groups of geoms to show, by default those of `scene_option`; see `scene_from_mujoco`.
-            scene_option: A `mujoco.MjvOption`: its geom groups, and whether fixed geoms show.
+            scene_option: A `mujoco.MjvOption`: its groups of geoms and sites, and whether fixed ones show. Without it
+                no sites show: they are marks, which no sensor sees. What else it shows and a batch does not is named in
+                a warning: tendons, skins and flexes of the model.
             tolerance: Most distance between round shapes and their triangles [m]; see `scene_from_mujoco`.
             labels: Labels by name or pattern; see `scene_from_mujoco`.
             exclude: Names or patterns of geoms or bodies not to render.
@@ -131,14 +136,17 @@ class BatchRenderer:
         """
         nworld = None if nworld is None else check_whole(nworld, "nworld")
         Camera(width, height, 1, 1, 0, 0)  # checks the size
-        groups, static = shown_by(scene_option)
+        groups, static, sites = shown_by(scene_option)
+        sites = () if scene_option is None else sites
         if geom_groups is not None:
             if scene_option is not None:
                 raise SceneError("scene_option has groups of geoms, so geom_groups must not be given too")
             groups = check_groups(geom_groups)
         chosen: dict[str, Any] = {"tolerance": tolerance, "labels": labels, "exclude": exclude, "static": static}
         self.model = model
-        self.mujoco_scene = scene_from_mujoco(model, geom_groups=groups, movable=movable, device=device, **chosen)
+        selection = select_geoms(model, geom_groups=groups, site_groups=sites, **chosen)
+        warn_of_soft(model, selection, scene_option)
+        self.mujoco_scene = make_scene(model, selection, movable=movable, device=device)
         if not len(self.scene):
             raise SceneError(f"the model has no geoms to render in groups {groups}; see geom_groups=")
         self.nworld, self.height, self.width = nworld, height, width
@@ -147,8 +155,8 @@ class BatchRenderer:
         self._render_options: dict[str, Any] = {"outputs": self._outputs, "cull_backfaces": cull_backfaces}
         check_choice(near_plane, "near_plane", get_args(NearPlane))
         self._render_options |= {"near_plane": near_plane, "fill": fill, "threads": threads}
-        self._fixed = FixedGeoms(model, self.mujoco_scene)
-        self._coinciding = CoincidingGeoms(model, self.scene, self.mujoco_scene.geom_ids)
+        self._fixed = [FixedGeoms(model, self.mujoco_scene, sites=sites) for sites in (False, True)]
+        self._coinciding = CoincidingGeoms(model, self.scene, self.mujoco_scene.shapes())
         self._renderers: dict[AnyCamera, GeomRenderer] = {}
         self._idle: dict[_Key, _Workplace] = {}
 
@@ -202,7 +210,8 @@ class BatchRenderer:
         """
         chosen = choose_cameras(self.model, cameras, self.width, self.height)
         poses, indices, models, rows = self._read_worlds(poses, worlds, model)
-        self._fixed.check(poses, indices)
+        for fixed in self._fixed:
+            fixed.check(poses, indices)
         device, count = self.scene.device, len(indices)
         # Work on another stream may not be done with the memory.
         stream = None if device.is_cpu else device.stream.cuda_stream
@@ -257,7 +266,7 @@ class BatchRenderer:
         return hidden
 
     def geom_ids(self, views: Views, *, out: wp.array | None = None) -> wp.array:
-        """Say which geom every pixel shows; -1 for none, and for objects that were added to the scene.
+        """Say which geom every pixel shows; -1 for none, for sites, and for objects that were added to the scene.
 
         Args:
             views: What `render` returned, with `segmentation`.
@@ -269,18 +278,18 @@ class BatchRenderer:
         Raises:
             ArrayError: The views have no segmentation, or `out` does not fit.
         """
-        return self._look_up(views, np.arange(self.model.ngeom), out)
+        return self._look_up(views, np.r_[np.arange(self.model.ngeom), np.full(self.model.nsite, -1)], out)
 
     def body_ids(self, views: Views, *, out: wp.array | None = None) -> wp.array:
         """Say which body every pixel shows, as `geom_ids` does of geoms."""
-        return self._look_up(views, self.model.geom_bodyid, out)
+        return self._look_up(views, shape_bodies(self.model), out)
 
     def semantic_ids(self, views: Views, classes: Mapping[str, int], *, out: wp.array | None = None) -> wp.array:
         """Say of which class every pixel is.
 
         Args:
             views: What `render` returned, with `segmentation`.
-            classes: Numbers by name or pattern of geoms or bodies, as for `labels`; the last one that fits counts.
+            classes: Numbers by name or pattern of geoms, sites or bodies, as for `labels`; the last that fits counts.
             out: An array to write into, of the same shape.
 
         Returns:
@@ -291,8 +300,8 @@ class BatchRenderer:
         """
         return self._look_up(views, class_of_geoms(self.model, classes), out)
 
-    def _look_up(self, views: Views, of_geoms: NDArray[np.integer], out: wp.array | None) -> wp.array:
-        """Make images of a number that every geom has."""
+    def _look_up(self, views: Views, of_shapes: NDArray[np.integer], out: wp.array | None) -> wp.array:
+        """Make images of a number that every geom and every site has."""
         from warpvis.kernels.mujoco import geoms_of_objects
 
         if not isinstance(views, Views) or views.segmentation is None:
@@ -300,8 +309,9 @@ class BatchRenderer:
         shape, device = views.segmentation.shape, views.segmentation.device
         out = empty(shape, wp.int32, name="ids", device=device) if out is None else out
         check_out(out, wp.int32, shape, name="out", device=device)
-        geoms = self.mujoco_scene.geoms_of_objects()
-        numbers = np.where(geoms < 0, -1, of_geoms[geoms])
+        shapes = self.mujoco_scene.shapes()
+        numbers = np.full(len(self.scene), -1)
+        numbers[: len(shapes)] = of_shapes[shapes]
         ids = wp.array(numbers, dtype=wp.int32, device=device)
         inputs = [views.segmentation.flatten(), ids, out.flatten()]
         launch(geoms_of_objects, out.size, inputs, device)
@@ -359,7 +369,7 @@ class BatchRenderer:
             cameras=viewer_arrays(cameras, device),
             worlds=wp.array(worlds, dtype=wp.int32, device=device),
             world_of_view=wp.array(world_of_view, dtype=wp.int32, device=device),
-            geoms=wp.array(self.mujoco_scene.movable_geoms, dtype=wp.int32, device=device),
+            geoms=movable_ids(self.mujoco_scene),
             objects=object_places(self.mujoco_scene, count),
             eyes=wp.empty((len(cameras), count), dtype=wp.transform, device=device),
         )

@@ -19,15 +19,18 @@ _MOVED = 1e-4
 
 
 class FixedGeoms:
-    """The geoms that have no poses of their own in a scene, and where they are there."""
+    """The geoms, or the sites, that have no poses of their own in a scene, and where they are there."""
 
-    def __init__(self, model: mujoco.MjModel, mujoco_scene: MujocoScene) -> None:
+    def __init__(self, model: mujoco.MjModel, mujoco_scene: MujocoScene, *, sites: bool = False) -> None:
         """Find them in a scene that was just made of the model."""
-        self._count = model.ngeom
-        shown = mujoco_scene.scene.objects[: len(mujoco_scene.geom_ids)]
-        self._geoms = mujoco_scene.geom_ids[[index for index, item in enumerate(shown) if not item.movable]]
-        self._names = [item.name for item in shown if not item.movable]
-        poses = initial_poses(model)[self._geoms]
+        first = int(model.ngeom) if sites else 0
+        self._kind, self._count = ("site", int(model.nsite)) if sites else ("geom", int(model.ngeom))
+        shown = zip(mujoco_scene.shapes().tolist(), mujoco_scene.scene.objects, strict=False)
+        of_kind = range(first, first + self._count)
+        fixed = [(shape, item.name) for shape, item in shown if shape in of_kind and not item.movable]
+        numbers = np.array([shape for shape, _ in fixed], dtype=np.int64)
+        self._geoms, self._names = numbers - first, [name for _, name in fixed]
+        poses = initial_poses(model)[numbers]
         self._position, self._rotation = poses[:, :3, 3].copy(), poses[:, :3, :3].reshape(-1, 9)
 
     def check(self, source: PoseSource, worlds: NDArray[np.int32]) -> None:
@@ -36,8 +39,10 @@ class FixedGeoms:
         Raises:
             ArrayError: One is elsewhere.
         """
-        position, rotation = source.geom_xpos, source.geom_xmat
-        if not len(self._geoms) or not isinstance(position, np.ndarray) or not isinstance(rotation, np.ndarray):
+        if not len(self._geoms):
+            return
+        position, rotation = (getattr(source, f"{self._kind}_{name}", None) for name in ("xpos", "xmat"))
+        if not isinstance(position, np.ndarray) or not isinstance(rotation, np.ndarray):
             return
         if isinstance(source, mujoco.MjData):
             position, rotation = position[None], rotation[None]
@@ -54,8 +59,8 @@ class FixedGeoms:
         row, column = bad[0].tolist()
         name = self._names[column]
         raise ArrayError(
-            f"geom {name!r} is elsewhere in world {worlds[row]} than in the model, and fixed in the scene; make the "
-            f'BatchRenderer with movable=[{name!r}] or movable="all"'
+            f"{self._kind} {name!r} is elsewhere in world {worlds[row]} than in the model, and fixed in the scene; "
+            f'make the BatchRenderer with movable=[{name!r}] or movable="all"'
         )
 
 

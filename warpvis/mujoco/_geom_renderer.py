@@ -19,6 +19,7 @@ from warpvis.core.threads import launch_images
 from warpvis.core.types import PoseLike
 from warpvis.kernels.constants import SOLID_WORDS
 from warpvis.mujoco._coinciding import Pairs, find_pairs, frame_vertices
+from warpvis.mujoco._shapes import shape_bodies
 from warpvis.rendering import AnyCamera, OrthographicCamera, Renderer
 from warpvis.scene import Scene, SceneObject
 from warpvis.scene.worlds import pose_columns
@@ -41,7 +42,7 @@ class CoincidingGeoms:
         Args:
             model: The model.
             scene: Its scene.
-            geoms: The geoms of the scene's first objects; `follow` says it later on.
+            geoms: The geoms and sites of the scene's first objects; `follow` says it later on.
         """
         self._model, self._scene = model, scene
         self._geoms = np.array(geoms, dtype=np.int64)
@@ -66,7 +67,7 @@ class CoincidingGeoms:
 
     def _find(self, objects: tuple[SceneObject, ...]) -> _OnDevice | None:
         geoms = objects[: len(self._geoms)]
-        pairs = find_pairs(geoms, np.asarray(self._model.body_weldid)[self._model.geom_bodyid[self._geoms]])
+        pairs = find_pairs(geoms, np.asarray(self._model.body_weldid)[shape_bodies(self._model)[self._geoms]])
         return _OnDevice(objects, pairs, self._scene) if len(pairs.later) else None
 
 

@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A MuJoCo model's geoms as parts of a scene: which are drawn, their shapes, names, labels and poses."""
+"""A MuJoCo model's geoms and sites as parts of a scene: which are drawn, their shapes, labels and poses.
+
+What is called a geom here may be a site: `warpvis.mujoco._shapes` has their numbering.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +18,7 @@ from warpvis.core.checks import as_items, is_whole
 from warpvis.core.labels import Label
 from warpvis.errors import SceneError
 from warpvis.mujoco import _tessellation as tessellation
+from warpvis.mujoco._shapes import shape_bodies, shape_count, shape_data, shape_places, shape_value
 from warpvis.mujoco._tessellation import Mesh
 from warpvis.scene import Part, solids
 from warpvis.scene.solids import DEFAULT_TOLERANCE, Solid
@@ -59,6 +63,7 @@ def geom_parts(
     """
     pieces = rigid_pieces(model) if pieces is None else pieces
     poses = initial_poses(model) if poses is None else poses
+    bodies = shape_bodies(model)
     first_of: dict[int, str] = {}  # the part of a piece that has the pose
     parts = []
     for geom, shape in _meshes(model, geoms, tolerance):
@@ -71,21 +76,23 @@ def geom_parts(
             poses[geom],
             movable=piece != FIXED or by_itself,
             attach_to=None if first == name else first,
-            aliases=(model.body(model.geom_bodyid[geom]).name,),
+            aliases=(model.body(bodies[geom]).name,),
         )
         parts.append((geom, part))
     return parts
 
 
-def shown_geoms(model: mujoco.MjModel, groups: Sequence[int]) -> list[int]:
-    """List the geoms of some groups that have opacity."""
-    return [geom for geom in range(model.ngeom) if _group(model, geom) in groups and _is_opaque(model, geom)]
+def shown_geoms(model: mujoco.MjModel, groups: Sequence[int], site_groups: Sequence[int] = ()) -> list[int]:
+    """List the geoms and sites of some groups that have opacity."""
+    geoms, count = range(model.ngeom), shape_count(model) if site_groups else 0
+    drawn = [(geom, groups) for geom in geoms] + [(site, site_groups) for site in range(model.ngeom, count)]
+    return [shape for shape, chosen in drawn if _group(model, shape) in chosen and _is_opaque(model, shape)]
 
 
 def rigid_pieces(
     model: mujoco.MjModel, *, loose_bodies: Iterable[int] = (), alone: Iterable[int] = ()
 ) -> NDArray[np.int32]:
-    """Give a number to what moves together, ``(ngeom,)``: geoms of one piece have the same, those that stay `FIXED`.
+    """Give a number to what moves together, ``(shapes,)``: geoms of one piece have the same, those that stay `FIXED`.
 
     Args:
         model: The model.
@@ -97,7 +104,7 @@ def rigid_pieces(
     piece_of_body[~movable_bodies(model)] = FIXED
     loose = list(loose_bodies)
     piece_of_body[loose] = loose
-    pieces: NDArray[np.int32] = piece_of_body[model.geom_bodyid].astype(np.int32)
+    pieces: NDArray[np.int32] = piece_of_body[shape_bodies(model)].astype(np.int32)
     single = list(alone)
     pieces[single] = model.nbody + np.array(single, dtype=np.int32)
     return pieces
@@ -114,22 +121,22 @@ def movable_bodies(model: mujoco.MjModel) -> NDArray[np.bool_]:
     return moves
 
 
-def check_groups(groups: Iterable[int]) -> tuple[int, ...]:
+def check_groups(groups: Iterable[int], name: str = "geom_groups") -> tuple[int, ...]:
     """Return the groups as a sorted tuple.
 
     Raises:
         SceneError: One is not a whole number from 0 to 5.
     """
     known = range(mujoco.mjNGROUP)
-    given = [groups] if is_whole(groups) else as_items(groups, "geom_groups", SceneError)
+    given = [groups] if is_whole(groups) else as_items(groups, name, SceneError)
     if not all(is_whole(group) and group in known for group in given):
-        raise SceneError(f"geom_groups must be of 0 to {known[-1]}, got {tuple(given)}")
+        raise SceneError(f"{name} must be of 0 to {known[-1]}, got {tuple(given)}")
     return tuple(sorted({int(group) for group in given}))
 
 
 def _group(model: mujoco.MjModel, geom: int) -> int:
     """Return the group that a geom counts for: MuJoCo clamps it."""
-    return min(max(int(model.geom_group[geom]), 0), mujoco.mjNGROUP - 1)
+    return min(max(int(shape_value(model, "group", geom)), 0), mujoco.mjNGROUP - 1)
 
 
 def _meshes(model: mujoco.MjModel, geoms: Iterable[int], tolerance: float) -> list[tuple[int, Mesh | Solid]]:
@@ -148,16 +155,20 @@ def _meshes(model: mujoco.MjModel, geoms: Iterable[int], tolerance: float) -> li
 
 def shape_key(model: mujoco.MjModel, geom: int) -> tuple[float, ...]:
     """Return what a geom's shape follows from: geoms of equal keys share theirs."""
-    kind, data = int(model.geom_type[geom]), int(model.geom_dataid[geom])
+    kind, data = int(shape_value(model, "type", geom)), shape_data(model, geom)
     if data >= 0:
         return kind, data
     far = _infinite(model) if kind == _GEOM.mjGEOM_PLANE else 0.0
-    return (kind, *model.geom_size[geom].tolist(), far)
+    return (kind, *shape_value(model, "size", geom).tolist(), far)
 
 
 def _is_opaque(model: mujoco.MjModel, geom: int) -> bool:
     """Tell whether a geom has opacity: the material's, unless it has a colour (`setMaterial` in visualize.c)."""
-    rgba, material = model.geom_rgba[geom], int(model.geom_matid[geom])
+    return has_opacity(model, shape_value(model, "rgba", geom), int(shape_value(model, "matid", geom)))
+
+
+def has_opacity(model: mujoco.MjModel, rgba: NDArray[np.float32], material: int) -> bool:
+    """Tell whether what has a colour and a material, or -1, has opacity."""
     own = material < 0 or rgba.tolist() != [0.5, 0.5, 0.5, 1.0]
     return bool((rgba[3] if own else model.mat_rgba[material][3]) != 0)
 
@@ -169,8 +180,8 @@ def _infinite(model: mujoco.MjModel) -> float:
 
 def _mesh(model: mujoco.MjModel, geom: int, tolerance: float) -> Mesh | Solid | None:
     """Make a geom's shape in its own frame; None where it has none."""
-    kind, data = int(model.geom_type[geom]), int(model.geom_dataid[geom])
-    a, b, c = model.geom_size[geom].tolist()
+    kind, data = int(shape_value(model, "type", geom)), shape_data(model, geom)
+    a, b, c = shape_value(model, "size", geom).tolist()
     if kind == _GEOM.mjGEOM_PLANE:
         far = _infinite(model)
         return tessellation.plane(a if a > 0 else far, b if b > 0 else far)
@@ -202,22 +213,10 @@ def _height_field(model: mujoco.MjModel, field: int) -> Mesh:
     return tessellation.height_field(elevation.astype(np.float64), np.array(model.hfield_size[field]))
 
 
-def object_names(model: mujoco.MjModel) -> list[str]:
-    """Name all geoms' objects, all differently."""
-    names = [model.geom(geom).name for geom in range(model.ngeom)]
-    taken, last = {name for name in names if name}, dict.fromkeys(range(model.nbody), -1)
-    for geom, body in enumerate(model.geom_bodyid.tolist()):
-        while not names[geom]:
-            last[body] += 1
-            name = (model.body(body).name or f"body_{body}") + (f"_{last[body]}" if last[body] else "")
-            if name not in taken:
-                names[geom] = name
-                taken.add(name)
-    return names
-
-
 def default_label(model: mujoco.MjModel, geom: int, name: str) -> Label:
     """Label a geom by its shape and name: ground, or an obstacle."""
+    if geom >= model.ngeom:  # no site is ground, whatever it marks
+        return Label.OBSTACLE
     flat = int(model.geom_type[geom]) in (_GEOM.mjGEOM_PLANE, _GEOM.mjGEOM_HFIELD)
     return Label.GROUND if flat or fits(name.lower(), _GROUND_NAMES) else Label.OBSTACLE
 
@@ -228,7 +227,7 @@ def fits(name: str, patterns: Iterable[str]) -> bool:
 
 
 def initial_poses(model: mujoco.MjModel, data: mujoco.MjData | None = None) -> NDArray[np.float64]:
-    """Return geoms to world as the model is at first, matrices of shape ``(ngeom, 4, 4)``.
+    """Return geoms and sites to world as the model is at first, matrices of shape ``(shapes, 4, 4)``.
 
     Args:
         model: The model.
@@ -237,7 +236,8 @@ def initial_poses(model: mujoco.MjModel, data: mujoco.MjData | None = None) -> N
     data = mujoco.MjData(model) if data is None else data
     mujoco.mj_resetData(model, data)
     mujoco.mj_kinematics(model, data)
-    poses = np.zeros((model.ngeom, 4, 4))
-    poses[:, :3, :3] = data.geom_xmat.reshape(-1, 3, 3)
-    poses[:, :3, 3], poses[:, 3, 3] = data.geom_xpos, 1
+    poses = np.zeros((shape_count(model), 4, 4))
+    position, rotation = shape_places(data)
+    poses[:, :3, :3] = rotation.reshape(-1, 3, 3)
+    poses[:, :3, 3], poses[:, 3, 3] = position, 1
     return poses

@@ -16,7 +16,8 @@ import mujoco  # noqa: TID253 - the whole package is about it
 from warpvis.core.checks import as_items, as_path, check_flag
 from warpvis.core.labels import Label
 from warpvis.errors import FileFormatError
-from warpvis.mujoco._geoms import DEFAULT_GROUPS, default_label, geom_parts, movable_bodies, object_names, shown_geoms
+from warpvis.mujoco._geoms import DEFAULT_GROUPS, default_label, geom_parts, movable_bodies, shown_geoms
+from warpvis.mujoco._shapes import object_names
 from warpvis.mujoco._urdf import compile_urdf
 from warpvis.scene import FileParts, Part
 

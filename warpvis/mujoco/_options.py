@@ -14,47 +14,48 @@ _STATIC = int(mujoco.mjtVisFlag.mjVIS_STATIC)
 _HULLS = int(mujoco.mjtVisFlag.mjVIS_CONVEXHULL)
 
 
-# What is drawn in MuJoCo's images by flags that are off by default.
-_DRAWN = (
-    "JOINT",
-    "CAMERA",
-    "ACTUATOR",
-    "LIGHT",
-    "CONSTRAINT",
-    "INERTIA",
-    "PERTFORCE",
-    "CONTACTPOINT",
-    "CONTACTFORCE",
-    "AUTOCONNECT",
-    "COM",
-    "SELECT",
+# Flags of which nothing follows but how geoms, sites, skins, flexes and tendons look, or what other flags draw.
+_ADD_NOTHING = (
+    "CONVEXHULL",
+    "TEXTURE",
+    "ACTIVATION",
+    "TENDON",
+    "RANGEFINDER",
+    "SCLINERTIA",
+    "PERTOBJ",
+    "ISLAND",
+    "CONTACTSPLIT",
+    "TRANSPARENT",
+    "STATIC",
+    "SKIN",
     "FLEXVERT",
+    "FLEXEDGE",
     "FLEXFACE",
-    "BODYBVH",
-    "MESHBVH",
-    "SDFITER",
+    "FLEXSKIN",
 )
+_ADDING = [
+    int(flag)
+    for name, flag in mujoco.mjtVisFlag.__members__.items()
+    if name.removeprefix("mjVIS_") not in _ADD_NOTHING and name.startswith("mjVIS_")
+]
 
 
-def without_effect(option: mujoco.MjvOption | None) -> list[str]:
-    """Name what options ask for that MuJoCo draws, beside what it draws by default, and that is not drawn here."""
-    if option is None:
-        return []
-    flags = {f"mjVIS_{name}": mujoco.mjtVisFlag.__members__.get(f"mjVIS_{name}") for name in _DRAWN}
-    found = [name for name, flag in flags.items() if flag is not None and option.flags[int(flag)]]
-    return [*found, *(["frame"] if option.frame != mujoco.mjtFrame.mjFRAME_NONE else [])]
+def asks_for_more(option: mujoco.MjvOption) -> bool:
+    """Tell whether options ask for what MuJoCo draws beside what it draws by default."""
+    return option.frame != mujoco.mjtFrame.mjFRAME_NONE or bool(option.flags[_ADDING].any())
 
 
-def shown_by(option: mujoco.MjvOption | None) -> tuple[tuple[int, ...], bool]:
-    """Return the groups of geoms that options show, and whether they show geoms whose body is welded to the world.
+def shown_by(option: mujoco.MjvOption | None) -> tuple[tuple[int, ...], bool, tuple[int, ...]]:
+    """Return groups of geoms that options show, whether those show whose body is welded to the world, groups of sites.
 
     Raises:
         SceneError: They are none, or ask for convex hulls.
     """
     if option is None:
-        return DEFAULT_GROUPS, True
+        return DEFAULT_GROUPS, True, DEFAULT_GROUPS
     if not isinstance(option, mujoco.MjvOption):
         raise SceneError(f"scene_option must be a mujoco.MjvOption, got {type(option).__name__}")
     if option.flags[_HULLS]:
         raise SceneError("scene_option asks for convex hulls (mjVIS_CONVEXHULL), which are not rendered")
-    return tuple(np.flatnonzero(option.geomgroup).tolist()), bool(option.flags[_STATIC])
+    groups, sites = (tuple(np.flatnonzero(shown).tolist()) for shown in (option.geomgroup, option.sitegroup))
+    return groups, bool(option.flags[_STATIC]), sites

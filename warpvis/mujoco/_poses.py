@@ -33,6 +33,8 @@ _FIELDS = {
     "cam_xpos": wp.vec3,
     "cam_xmat": wp.mat33,
     "subtree_com": wp.vec3,
+    "site_xpos": wp.vec3,
+    "site_xmat": wp.mat33,
 }
 
 
@@ -62,6 +64,10 @@ class WorldPoses:
     """Their rotations, shape ``(W, ncam, 3, 3)`` or ``(W, ncam, 9)``: they look along -z with y up."""
     subtree_com: ArrayInput | None = None
     """Centres of mass of bodies with all that hangs on them [m], shape ``(W, nbody, 3)``, which cameras may track."""
+    site_xpos: ArrayInput | None = None
+    """Positions of the sites [m], shape ``(W, nsite, 3)``, which scenes may show."""
+    site_xmat: ArrayInput | None = None
+    """Their rotations, shape ``(W, nsite, 3, 3)`` or ``(W, nsite, 9)``."""
 
     @classmethod
     def of(cls, worlds: Sequence[mujoco.MjData]) -> WorldPoses:
@@ -73,9 +79,9 @@ class WorldPoses:
         worlds = as_items(worlds, "worlds")
         if not worlds or not all(isinstance(data, mujoco.MjData) for data in worlds):
             raise ArrayError(f"worlds must be one or more of mujoco.MjData, got {worlds!r}")
-        if len({(len(data.geom_xpos), len(data.cam_xpos), len(data.xpos)) for data in worlds}) > 1:
+        if len({tuple(len(getattr(data, name)) for name in _FIELDS) for data in worlds}) > 1:
             raise ArrayError(
-                "worlds must be mujoco.MjData of one model, got several numbers of geoms, cameras or bodies"
+                "worlds must be mujoco.MjData of one model, got several numbers of geoms, cameras, bodies or sites"
             )
         return cls(*(np.stack([getattr(data, name) for data in worlds]) for name in _FIELDS))
 
@@ -87,7 +93,8 @@ def geom_poses(source: PoseSource, scene: MujocoScene) -> NDArray[np.float32]:
 
     Args:
         source: A `mujoco.MjData` after `mj_forward` or `mj_kinematics`; or anything with the arrays `geom_xpos` and
-            `geom_xmat` of W worlds (`WorldPoses`, `mujoco.batch.Batch`, the data of MJX and of MuJoCo Warp).
+            `geom_xmat` of W worlds (`WorldPoses`, `mujoco.batch.Batch`, the data of MJX and of MuJoCo Warp). If the
+            scene shows sites, `site_xpos` and `site_xmat` too.
         scene: What `scene_from_mujoco` made.
 
     Returns:
@@ -131,7 +138,7 @@ def object_transforms(
     scene: MujocoScene,
     worlds: wp.array | None = None,
     *,
-    geoms: wp.array | None = None,
+    geoms: tuple[wp.array, wp.array] | None = None,
     out: wp.array | None = None,
 ) -> wp.array:
     """Make what `geom_poses` gives, for some worlds or all.
@@ -140,7 +147,7 @@ def object_transforms(
         source: As for `geom_poses`.
         scene: What `scene_from_mujoco` made.
         worlds: Indices of the worlds, int32 on the scene's device; all by default.
-        geoms: The scene's `movable_geoms` on its device, by a caller who keeps them there.
+        geoms: The scene's `movable_geoms` and `movable_sites` on its device, by a caller who keeps them there.
         out: What `object_places` made, to write into.
 
     Returns:
@@ -149,14 +156,29 @@ def object_transforms(
     from warpvis.kernels import mujoco as kernels
 
     device = scene.scene.device
-    position, rotation = (_read(source, name, scene.geom_count, device) for name in ("geom_xpos", "geom_xmat"))
-    _check_equal_worlds(position, rotation, "geom_xpos", "geom_xmat")
-    worlds = all_of(position.shape[0], device) if worlds is None else worlds
-    geoms = wp.array(scene.movable_geoms, dtype=wp.int32, device=device) if geoms is None else geoms
-    out = object_places(scene, len(worlds)) if out is None else out
-    inputs = [position, rotation, worlds, geoms, out]
-    launch(kernels.geom_transforms, (len(worlds), len(geoms)), inputs, device)
+    geoms, sites = movable_ids(scene) if geoms is None else geoms
+    kinds, done = [("geom", scene.geom_count, geoms)], 0
+    if len(sites):
+        kinds.append(("site", scene.site_count, sites))
+    for kind, count, ids in kinds:
+        names = f"{kind}_xpos", f"{kind}_xmat"
+        position, rotation = (_read(source, name, count, device) for name in names)
+        _check_equal_worlds(position, rotation, *names)
+        worlds = all_of(position.shape[0], device) if worlds is None else worlds
+        out = object_places(scene, len(worlds)) if out is None else out
+        places = out[:, done:] if done else out
+        inputs = [position, rotation, worlds, ids, places]
+        launch(kernels.geom_transforms, (len(worlds), len(ids)), inputs, device)
+        done += len(ids)
+    assert out is not None
     return out
+
+
+def movable_ids(scene: MujocoScene) -> tuple[wp.array, wp.array]:
+    """Return the movable geoms and sites of a scene on its device."""
+    ids = scene.movable_geoms, scene.movable_sites
+    geoms, sites = (wp.array(part, dtype=wp.int32, device=scene.scene.device) for part in ids)
+    return geoms, sites
 
 
 def object_places(scene: MujocoScene, worlds: int) -> wp.array:
@@ -287,6 +309,8 @@ class Kinematics:
         model = self._model
         shapes = {"geom_xpos": (model.ngeom, 3), "geom_xmat": (model.ngeom, 9)}
         shapes |= {"cam_xpos": (model.ncam, 3), "cam_xmat": (model.ncam, 9), "subtree_com": (model.nbody, 3)}
+        if model.nsite:
+            shapes |= {"site_xpos": (model.nsite, 3), "site_xmat": (model.nsite, 9)}
         arrays = {name: np.empty((count, *shape), dtype=np.float32) for name, shape in shapes.items()}
         parts = [part for part in np.array_split(np.arange(count), self._threads) if len(part)]
         # A model that is changed from world to world is a thread's own.

@@ -22,13 +22,15 @@ from warpvis.errors import ArrayError, SceneError, WarpvisError
 from warpvis.mujoco._cameras import camera_of_frustum, viewer_camera, viewer_frustum, viewer_pose
 from warpvis.mujoco._geom_renderer import GeomRenderer
 from warpvis.mujoco._geoms import DEFAULT_GROUPS, DEFAULT_TOLERANCE, check_groups
-from warpvis.mujoco._options import shown_by, without_effect
+from warpvis.mujoco._lines import Eye
+from warpvis.mujoco._options import shown_by
 from warpvis.mujoco._scene import check_patterns, select_geoms
 from warpvis.mujoco._stage import Stage
 from warpvis.mujoco._viewer_scene import RendererScene, ViewerScene
+from warpvis.mujoco._visuals import Visuals
 from warpvis.rendering import AnyCamera, NearPlane, OrthographicCamera, Output
 
-_MADE_ANEW = ("_stages", "_stage", "_viewer", "_fallback")
+_MADE_ANEW = ("_stages", "_stage", "_viewer", "_fallback", "_visuals")
 _MOST_RENDERERS = 64  # a camera whose field of view changes all the time must not fill the memory
 
 
@@ -38,10 +40,10 @@ class Renderer:
     Change ``mujoco.Renderer`` to ``warpvis.mujoco.Renderer`` and keep the rest. What differs:
 
     - Colours are `mujoco.Renderer`'s, which makes them for this one with ``fallback=True``.
-    - Geoms are seen; sites, tendons, skins, flexes and decorations are not.
+    - All is seen that MuJoCo draws by the flags of `mujoco.MjvOption`, but for what plugins draw, and convex hulls.
     - `scene` is a `warpvis.Scene`: it has `flags` and `camera` of MuJoCo's, and no `geoms`; see `scene`.
     - Round shapes are exactly round, where MuJoCo draws 28 slices of them.
-    - What the model says of geoms is followed, meshes and height fields too, which MuJoCo uploads on demand.
+    - What the model says of geoms and sites is followed, meshes and height fields too, which MuJoCo uploads on demand.
     """
 
     def __init__(
@@ -92,9 +94,10 @@ class Renderer:
         self._near_plane = check_choice(near_plane, "near_plane", get_args(NearPlane))
         self._threads = check_threads(threads)
         self._viewer = ViewerScene(model)
+        self._visuals = Visuals(model, tolerance=tolerance)
         self._warned: set[str] = set()
-        self._stages: dict[tuple[tuple[int, ...], bool], Stage] = {}
-        self._stage = self._stage_of(DEFAULT_GROUPS, static=True)
+        self._stages: dict[tuple[tuple[int, ...], bool, tuple[int, ...]], Stage] = {}
+        self._stage = self._stage_of(DEFAULT_GROUPS, static=True, sites=DEFAULT_GROUPS)
         self._mode = "color"
         self._camera: AnyCamera | None = None
         self._pose: NDArray[np.float32] = np.zeros(7, dtype=np.float32)
@@ -120,8 +123,8 @@ class Renderer:
         mjRND_WIREFRAME, of which a warning tells. What is written into `camera` is rendered until the next
         `update_scene`. Of `geoms`, there are none: add shapes by `add`.
 
-        Objects may be added to it, and show while `update_scene` chooses the same groups of geoms. Movable ones stay
-        where they were added.
+        Objects may be added to it, which stay behind the model's own, and show while `update_scene` chooses the same
+        groups of geoms and sites. Movable ones stay where they were added.
         """
         return self._stage.scene
 
@@ -162,8 +165,8 @@ class Renderer:
         Args:
             data: A `mujoco.MjData` of the model, after `mj_forward` or a step.
             camera: A camera's name or id, -1 for the default free camera, or a `mujoco.MjvCamera`.
-            scene_option: A `mujoco.MjvOption`: its geom groups, and whether fixed geoms show. What else it asks for is
-                not drawn, and a warning names it, once.
+            scene_option: A `mujoco.MjvOption`: what is drawn. If MuJoCo draws what this renderer cannot, a warning
+                names it, once.
 
         Raises:
             WarpvisError: There is no such camera, or the options ask for convex hulls.
@@ -177,11 +180,11 @@ class Renderer:
         stage = self._chosen_stage(scene_option)
         stage.update(data)
         self._camera, self._pose = camera_of_frustum(frustum, self.width, self.height), pose
+        self._draw(stage, data, viewer, scene_option)
         self._stage = stage
         self._viewer.update(frustum, pose)
         if self._fallback is not None:
             self._fallback.update_scene(data, camera, scene_option)
-        self._warn_of(scene_option)
 
     def render(self, *, out: np.ndarray | None = None) -> np.ndarray:
         """Render what `update_scene` took over.
@@ -192,8 +195,9 @@ class Renderer:
         Returns:
             Depth: planar, in metres, shape ``(height, width)`` float32, with MuJoCo's far value where nothing is.
             Colours, of `fallback` only: shape ``(height, width, 3)`` uint8.
-            Segmentation: pairs of a geom's id and mjOBJ_GEOM, -1 and mjOBJ_UNKNOWN for objects that were added to
-            `scene`, -1 and -1 for nothing, shape ``(height, width, 2)`` int32.
+            Segmentation: pairs of an id and its `mujoco.mjtObj` (mjOBJ_GEOM, mjOBJ_SITE, mjOBJ_SKIN, ...), as
+            `mujoco.Renderer` has them; -1 and mjOBJ_UNKNOWN for objects that were added to `scene`, -1 and -1 for
+            nothing, shape ``(height, width, 2)`` int32.
 
         Raises:
             WarpvisError: Neither is enabled, `update_scene` was not called, or `out` has another shape.
@@ -249,9 +253,10 @@ class Renderer:
         flags = state.pop("_flags")
         self.__dict__ |= state
         self._viewer, self._stages = ViewerScene(self._model), {}
+        self._visuals = Visuals(self._model, tolerance=self._options["tolerance"])
         self._viewer.set_flags(flags)
-        for (groups, static), kept in states.items():
-            self._stage_of(groups, static=static).restore(kept)
+        for (groups, static, sites), kept in states.items():
+            self._stage_of(groups, static=static, sites=sites).restore(kept)
         if current is not None:
             self._stage = self._stages[current]
         self._fallback = self._make_fallback() if fallback and not self._closed else None
@@ -259,12 +264,20 @@ class Renderer:
     def _make_fallback(self) -> mujoco.Renderer:
         return mujoco.Renderer(self._model, *self._size, **self._fallback_options)
 
-    def _warn_of(self, option: mujoco.MjvOption | None) -> None:
-        """Name what the options ask for and is not drawn, each once."""
-        new = [name for name in without_effect(option) if name not in self._warned]
+    def _draw(
+        self, stage: Stage, data: mujoco.MjData, viewer: mujoco.MjvCamera, option: mujoco.MjvOption | None
+    ) -> None:
+        """Take over what MuJoCo draws beside geoms and sites, and name what cannot be, each once."""
+        if not self._visuals.may_draw(option):
+            if len(stage.visuals):
+                stage.draw({})
+            return
+        assert self._camera is not None
+        stage.draw(self._visuals.read(data, viewer, option, Eye(self._camera, self._pose)))
+        new = [name for name in self._visuals.undrawn if name not in self._warned]
         if new:
             self._warned.update(new)
-            warnings.warn(f"scene_option asks for what is not rendered: {', '.join(new)}", stacklevel=3)
+            warnings.warn(f"not rendered, which mujoco.Renderer draws: {', '.join(new)}", stacklevel=3)
 
     def _depth(self) -> NDArray[np.float32]:
         assert self._camera is not None
@@ -304,14 +317,16 @@ class Renderer:
         return cast("np.ndarray", getattr(views, output).numpy()[0])
 
     def _chosen_stage(self, option: mujoco.MjvOption | None) -> Stage:
-        groups, static = shown_by(option)
-        return self._stage_of(groups, static=static)
+        groups, static, sites = shown_by(option)
+        return self._stage_of(groups, static=static, sites=sites)
 
-    def _stage_of(self, groups: Iterable[int], *, static: bool) -> Stage:
+    def _stage_of(self, groups: Iterable[int], *, static: bool, sites: Iterable[int]) -> Stage:
         """Return the stage of some groups, made when first needed."""
-        key = (check_groups(groups), static)
+        key = (check_groups(groups), static, check_groups(sites) if self._model.nsite else ())
         if key not in self._stages:
-            selection = select_geoms(self._model, geom_groups=key[0], static=static, **self._options)
+            selection = select_geoms(
+                self._model, geom_groups=key[0], site_groups=key[2], static=static, **self._options
+            )
             self._stages[key] = Stage(self._model, selection, RendererScene(self._viewer, device=self._device))
         return self._stages[key]
 

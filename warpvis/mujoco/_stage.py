@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -18,13 +18,15 @@ from warpvis.errors import ArrayError, SceneError
 from warpvis.mujoco._geom_renderer import CoincidingGeoms, GeomRenderer
 from warpvis.mujoco._geoms import FIXED, geom_parts, initial_poses, rigid_pieces, shape_key
 from warpvis.mujoco._scene import Selection
+from warpvis.mujoco._shapes import UNKNOWN, shape_bodies, shape_count, shape_meaning, shape_places
 from warpvis.mujoco._viewer_scene import RendererScene
+from warpvis.mujoco._visual_objects import VisualObjects
+from warpvis.mujoco._visual_shapes import Blocks
+from warpvis.mujoco._visuals import VisualKey
 from warpvis.mujoco._watch import ModelWatch
 from warpvis.rendering import AnyCamera, Output
 from warpvis.scene import Part, Scene, SceneObject, as_it_is
 from warpvis.scene.solids import Solid
-
-_GEOM, _UNKNOWN = int(mujoco.mjtObj.mjOBJ_GEOM), int(mujoco.mjtObj.mjOBJ_UNKNOWN)
 
 # Entries of poses in double precision differ by less than this where nothing has moved [m, or none].
 _STILL = 1e-9
@@ -44,12 +46,14 @@ class StageState(NamedTuple):
     """The geoms that have objects, shown or not."""
     added: list[tuple[SceneObject, str | None]]
     """Objects that were added, and what they are attached to."""
+    visuals: dict[VisualKey, Blocks]
+    """What else was drawn."""
     position: NDArray[np.float32]
     rotation: NDArray[np.float32]
 
 
 class Stage:
-    """A scene of a model's geoms, where they are now, and the renderers for it.
+    """A scene of a model's geoms and sites and what else MuJoCo draws, where it is now, and the renderers for it.
 
     The scene is made for speed: what is fixed lies in one tree, and what moves together shares one. When the model says
     otherwise than it did, as much of it is made anew as has to be: fixed bodies that were moved, and geoms that were
@@ -67,9 +71,10 @@ class Stage:
         self.scene = scene
         self.renderers: dict[tuple[Output, AnyCamera, bool], GeomRenderer] = {}
         self.coinciding = CoincidingGeoms(model, scene)
-        self.hidden: list[int] = []
-        """Objects that the model does not show now."""
+        self.visuals = VisualObjects(model, selection, scene)
+        self._hidden: list[int] = []
         self._model, self._selection = model, selection
+        self._sites = bool(model.nsite and selection.site_groups)
         self._spare = mujoco.MjData(model)
         self._loose_bodies: set[int] = set()
         self._alone: set[int] = set()
@@ -80,14 +85,20 @@ class Stage:
         for geom, part in self._parts(selection.shown(model), pieces, self._poses):
             scene.add(**part.arguments())
             self._made[geom] = _Made(shape_key(model, geom), int(pieces[geom]))
-        self._watch = ModelWatch(model, self._made)
+        self._watch = ModelWatch(model, self._made, sites=self._sites)
         self._get_ready()
 
+    @property
+    def hidden(self) -> list[int]:
+        """Objects that the model does not show now."""
+        return self._hidden + self.visuals.hidden(len(self._made))
+
     def meanings(self) -> NDArray[np.int32]:
-        """List the geom and type of every object, and at last of none, which is object -1."""
+        """List the id and type of every object, and at last of none, which is object -1."""
         pairs = np.full((len(self.scene) + 1, 2), -1, dtype=np.int32)
-        pairs[:-1, 1] = _UNKNOWN
-        pairs[: len(self._made)] = np.array([(geom, _GEOM) for geom in self._made], dtype=np.int32).reshape(-1, 2)
+        pairs[:-1, 1] = UNKNOWN
+        known = [*(shape_meaning(self._model, geom) for geom in self._made), *self.visuals.meanings()]
+        pairs[: len(known)] = np.array(known, dtype=np.int32).reshape(-1, 2)
         return pairs
 
     def update(self, data: mujoco.MjData) -> None:
@@ -100,8 +111,16 @@ class Stage:
             self._follow_model()
         if len(self._fixed):
             self._follow_fixed(data)
-        self._position[:] = data.geom_xpos
-        self._rotation[:] = data.geom_xmat.reshape(-1, 3, 3)
+        count = self._model.ngeom
+        self._position[:count] = data.geom_xpos
+        self._rotation[:count] = data.geom_xmat.reshape(-1, 3, 3)
+        if self._sites:
+            self._position[count:] = data.site_xpos
+            self._rotation[count:] = data.site_xmat.reshape(-1, 3, 3)
+
+    def draw(self, drawn: Mapping[VisualKey, Blocks]) -> None:
+        """Take over what MuJoCo draws beside geoms and sites."""
+        self.visuals.update(drawn, len(self._made))
 
     def object_poses(self) -> NDArray[np.float32] | None:
         """Make rows of the movable objects, shape ``(1, M, 7)``; None if nothing moves."""
@@ -120,7 +139,8 @@ class Stage:
         objects = self.scene.objects
         carriers = [None if item.carrier is None else objects[item.carrier].name for item in objects]
         items = [(as_it_is(item), carrier) for item, carrier in zip(objects, carriers, strict=True)]
-        return StageState(list(self._made), items[len(self._made) :], self._position.copy(), self._rotation.copy())
+        added, places = items[len(self._made) + len(self.visuals) :], (self._position.copy(), self._rotation.copy())
+        return StageState(list(self._made), added, self.visuals.state(), *places)
 
     def restore(self, state: StageState) -> None:
         """Take over the state of another stage of the same model."""
@@ -128,6 +148,7 @@ class Stage:
         shown = set(self._made)
         self._replace(set(), set(state.geoms) - shown, initial_poses(self._model, self._spare))
         self._hide_all_but(shown)
+        self.draw(state.visuals)
         if state.added:
             objects = self.scene.objects
             index = {item.name: number for number, item in enumerate([*objects, *(item for item, _ in state.added)])}
@@ -138,7 +159,7 @@ class Stage:
         self._position[:], self._rotation[:] = state.position, state.rotation
 
     def _hide_all_but(self, shown: set[int]) -> None:
-        self.hidden = [index for index, geom in enumerate(self._made) if geom not in shown]
+        self._hidden = [index for index, geom in enumerate(self._made) if geom not in shown]
 
     def _parts(
         self, geoms: Iterable[int], pieces: NDArray[np.int32], poses: NDArray[np.float64]
@@ -155,12 +176,13 @@ class Stage:
         self._fixed = geoms[[index for index, item in enumerate(objects) if not item.movable]]
         self._fixed_now = np.empty((len(self._fixed), 3)), np.empty((len(self._fixed), 9))
         self._fixed_before = [bytearray(), bytearray()]
+        self._fixed_sites = bool((self._fixed >= self._model.ngeom).any())
         self._attached = geoms[[index for index, item in enumerate(objects) if item.carrier is not None]]
         self._carriers = geoms[[item.carrier for item in objects if item.carrier is not None]]
         movable = geoms[[index for index, item in enumerate(objects) if item.pose is not None]]
 
-        position = wp.zeros((1, self._model.ngeom), dtype=wp.vec3, device="cpu")
-        rotation = wp.zeros((1, self._model.ngeom), dtype=wp.mat33, device="cpu")
+        position = wp.zeros((1, shape_count(self._model)), dtype=wp.vec3, device="cpu")
+        rotation = wp.zeros((1, shape_count(self._model)), dtype=wp.mat33, device="cpu")
         places = wp.zeros((1, len(movable)), dtype=wp.transform, device="cpu")
         self._position, self._rotation, self._places = position.numpy()[0], rotation.numpy()[0], places.numpy()
         world, movable_ids = (wp.array(ids, dtype=wp.int32, device="cpu") for ids in ([0], movable))
@@ -180,12 +202,12 @@ class Stage:
         reshaped = {geom for geom, made in self._made.items() if keys[geom] != made.shape or keys[geom] in changed}
         shown = self._selection.shown(self._model)
         self._replace(reshaped - self._deform(reshaped), set(shown) - set(self._made), poses)
-        self._watch = ModelWatch(self._model, self._made)
+        self._watch = ModelWatch(self._model, self._made, sites=self._sites)
         self._hide_all_but(set(shown))
 
     def _follow_fixed(self, data: mujoco.MjData) -> None:
         """Let go of fixed geoms that the data has elsewhere than the model."""
-        places = data.geom_xpos, data.geom_xmat
+        places = shape_places(data) if self._fixed_sites else (data.geom_xpos, data.geom_xmat)
         for place, now in zip(places, self._fixed_now, strict=True):
             place.take(self._fixed, axis=0, out=now, mode="clip")
         pairs = zip(self._fixed_before, self._fixed_now, strict=True)
@@ -207,7 +229,7 @@ class Stage:
         """Let go of what the model has elsewhere: fixed bodies, and geoms that have moved in their pieces."""
         fixed = self._fixed
         moved = fixed[_differs(poses[fixed], self._poses[fixed])]
-        bodies = self._model.geom_bodyid[moved]
+        bodies = shape_bodies(self._model)[moved]
         self._loose_bodies.update(bodies[bodies != 0].tolist())
         self._alone.update(moved[bodies == 0].tolist())
         now, before = (np.linalg.inv(p[self._carriers]) @ p[self._attached] for p in (poses, self._poses))

@@ -23,6 +23,9 @@ _FIELDS = (
 )
 # Where every geom is in its body, and every body in its parent.
 _POSES = ("geom_pos", "geom_quat", "body_pos", "body_quat")
+# The same of sites, which no model has to have.
+_SITE_FIELDS = ("site_type", "site_size", "site_rgba", "site_matid", "site_group")
+_SITE_POSES = ("site_pos", "site_quat")
 _MESHES = (int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_SDF))
 _FIELD = int(mujoco.mjtGeom.mjGEOM_HFIELD)
 
@@ -57,20 +60,23 @@ class Watched:
 
 
 class ModelWatch:
-    """Everything of a model that the shapes and the visibility of some geoms follow from."""
+    """Everything of a model that the shapes and the visibility of some geoms and sites follow from."""
 
-    def __init__(self, model: mujoco.MjModel, geoms: Iterable[int]) -> None:
+    def __init__(self, model: mujoco.MjModel, geoms: Iterable[int], *, sites: bool = False) -> None:
         """Begin with how the model is now.
 
         Args:
             model: The model.
             geoms: The geoms of which meshes and height fields are watched.
+            sites: Whether sites are watched, too.
         """
         self._model = model
-        self._fields = {name: Watched(getattr(model, name)) for name in _FIELDS + _POSES}
-        self._poses = [self._fields[name] for name in _POSES]
+        poses = _POSES + (_SITE_POSES if sites else ())
+        names = _FIELDS + poses + (_SITE_FIELDS if sites else ())
+        self._fields = {name: Watched(getattr(model, name)) for name in names}
+        self._poses = [self._fields[name] for name in poses]
         self._plane = self._far()
-        assets = {(int(model.geom_type[geom]), int(model.geom_dataid[geom])) for geom in geoms}
+        assets = {(int(model.geom_type[geom]), int(model.geom_dataid[geom])) for geom in geoms if geom < model.ngeom}
         meshes = {index for kind, index in assets if kind in _MESHES and index >= 0}
         fields = {index for kind, index in assets if kind == _FIELD and index >= 0}
         self._vertices = [_AssetRun(model, run, of_meshes=True) for run in _runs(meshes)]

@@ -1,0 +1,93 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Lines that are some pixels wide, wherever they are: bands that face the camera."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.poses import poses_to_matrices
+from warpvis.mujoco._visual_shapes import Blocks
+from warpvis.rendering import AnyCamera, OrthographicCamera
+
+_Floats = NDArray[np.float64]
+
+# Pairs of corners of a box that an edge joins.
+_CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
+_EDGES = np.array([(i, j) for i in range(8) for j in range(i) if np.abs(_CORNERS[i] - _CORNERS[j]).sum() == 2])
+_FACES = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)  # the side that the camera sees
+
+
+@dataclass(frozen=True, eq=False)
+class Eye:
+    """Who looks at the lines."""
+
+    camera: AnyCamera
+    pose: NDArray[np.float32]
+    """Camera to world, ``x y z qx qy qz qw``."""
+
+
+def facing(triangles: NDArray[np.floating], eye: Eye) -> NDArray[np.floating]:
+    """Turn triangles so that the eye sees their front, corners ``(n, 3, 3)``: MuJoCo draws both sides of them."""
+    a, b, c = np.swapaxes(triangles, 0, 1)
+    place = poses_to_matrices(eye.pose.astype(np.float64))
+    sight = place[:3, 2] if isinstance(eye.camera, OrthographicCamera) else a - place[:3, 3]
+    away = (np.cross(b - a, c - a) * sight).sum(axis=1) > 0
+    return np.where(away[:, None, None], triangles[:, [0, 2, 1]], triangles)
+
+
+def bands(ends: _Floats, width: float, eye: Eye) -> Blocks:
+    """Make lines of one width.
+
+    Args:
+        ends: Where they begin and end in the world [m], shape ``(n, 2, 3)``.
+        width: How wide they are [px].
+        eye: From where they are so wide.
+    """
+    place = poses_to_matrices(eye.pose.astype(np.float64))
+    forward, position = place[:3, 2], place[:3, 3]
+    depth = (ends - position) @ forward
+    # What is behind the near plane is not seen, and would be a band turned inside out.
+    other = depth[:, ::-1]
+    crosses = (depth < eye.camera.near) & (other > eye.camera.near)
+    cut = np.where(crosses, (eye.camera.near - depth) / np.where(crosses, other - depth, 1.0), 0.0)
+    along = ends[:, 1] - ends[:, 0]
+    ends = ends + cut[..., None] * np.stack([along, -along], axis=1)
+    depth = np.maximum((ends - position) @ forward, 0.0)
+    orthographic = isinstance(eye.camera, OrthographicCamera)
+    sight = np.broadcast_to(forward, along.shape) if orthographic else ends[:, 0] - position
+    across = np.cross(along, sight)
+    length = np.linalg.norm(across, axis=1, keepdims=True)
+    across /= np.where(length > 0, length, 1)
+    reach = np.ones_like(depth) if orthographic else depth
+    half = _pixels(ends, depth, width, eye, place)[:, None] / 2 / eye.camera.fy * reach
+    sides = half[..., None] * across[:, None]
+    corners = np.concatenate([ends - sides, (ends + sides)[:, ::-1]], axis=1)
+    return Blocks(corners, _FACES)
+
+
+def _pixels(ends: _Floats, depth: _Floats, width: float, eye: Eye, place: _Floats) -> _Floats:
+    """Return how wide lines are in an image [px], ``(n,)``: OpenGL's are whole pixels along a row or a column."""
+    inside = (ends - place[:3, 3]) @ place[:3, :2]
+    if not isinstance(eye.camera, OrthographicCamera):
+        inside = inside / np.maximum(depth, eye.camera.near)[..., None]
+    along = np.abs((inside[:, 1] - inside[:, 0]) * [eye.camera.fx, eye.camera.fy])
+    length = np.linalg.norm(along, axis=1)
+    slant = np.where(length > 0, along.max(axis=1) / np.where(length > 0, length, 1), 1)
+    return max(1.0, math.floor(width + 0.5)) * slant
+
+
+def line_ends(sizes: _Floats, position: _Floats, rotation: _Floats) -> _Floats:
+    """Return both ends of lines that begin somewhere and go along z as far as the third size says."""
+    return np.stack([position, position + rotation[:, :, 2] * sizes[:, 2:]], axis=1)
+
+
+def box_edges(sizes: _Floats, position: _Floats, rotation: _Floats) -> _Floats:
+    """Return both ends of all edges of boxes of some half sizes, shape ``(12 n, 2, 3)``."""
+    corners = (_CORNERS * sizes[:, None]) @ np.swapaxes(rotation, 1, 2) + position[:, None]
+    return corners[:, _EDGES].reshape(-1, 2, 3)

@@ -1,0 +1,219 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What MuJoCo draws beside geoms and sites, by its own account: skins, flexes, tendons, and what options ask for.
+
+`mjv_updateScene` (src/engine/engine_vis_visualize.c) lists it, with the vertices of skins and flexes.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import mujoco  # noqa: TID253 - the whole package is about it
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.mujoco._geoms import has_opacity
+from warpvis.mujoco._lines import Eye, bands, box_edges, facing, line_ends
+from warpvis.mujoco._options import asks_for_more
+from warpvis.mujoco._shapes import drawn_number
+from warpvis.mujoco._visual_shapes import Blocks, is_simple, simple_shapes
+
+_GEOM, _OBJ = mujoco.mjtGeom, mujoco.mjtObj
+_LINES = int(_GEOM.mjGEOM_LINE), int(_GEOM.mjGEOM_LINEBOX)
+_SHAPES = int(_OBJ.mjOBJ_GEOM), int(_OBJ.mjOBJ_SITE)
+_FRAMES_OF_SHAPES = mujoco.mjtFrame.mjFRAME_GEOM, mujoco.mjtFrame.mjFRAME_SITE
+_ALL, _DECOR = int(mujoco.mjtCatBit.mjCAT_ALL), int(mujoco.mjtCatBit.mjCAT_DECOR)
+_MOST_GEOMS = 10000  # as mujoco.Renderer has it by default
+_BOX_WIDTH = 1.5  # of a model's lines, where they are edges of boxes
+_SOFT_FLAGS = "SKIN", "TENDON", "FLEXVERT", "FLEXEDGE", "FLEXFACE", "FLEXSKIN"
+_SENSORS = [int(getattr(mujoco.mjtSensor, f"mjSENS_{name}")) for name in ("RANGEFINDER", "GEOMFROMTO")]
+_JOINT_WRAP, _CRANK = int(mujoco.mjtWrap.mjWRAP_JOINT), int(mujoco.mjtTrn.mjTRN_SLIDERCRANK)
+
+
+MAIN_PARTS = "skin", "faces", "capsule"
+"""Shapes of skins, flexes and tendons of which there is nothing else, for most of them."""
+
+
+class VisualKey(NamedTuple):
+    """What a visual object is of."""
+
+    kind: int
+    """A `mujoco.mjtObj`."""
+    which: int
+    """Its id."""
+    part: str
+    """Which of its shapes."""
+
+
+def draws_by_default(model: mujoco.MjModel) -> bool:
+    """Tell whether MuJoCo draws something of a model beside its geoms and sites if no option asks for it."""
+    wraps = model.wrap_type[model.tendon_adr] if model.ntendon else np.zeros(0)
+    cranks, rays = (model.actuator_trntype == _CRANK).any(), np.isin(model.sensor_type, _SENSORS).any()
+    spatial = (wraps != _JOINT_WRAP).any()
+    return bool(model.nskin or model.nflex or model.nplugin or spatial or cranks or rays)
+
+
+def soft_names(model: mujoco.MjModel, names: Sequence[str], option: mujoco.MjvOption | None) -> dict[int, str]:
+    """Name the skins, flexes and spatial tendons that MuJoCo draws, by their numbers.
+
+    Args:
+        model: The model.
+        names: Names of all that is drawn, as `object_names` counts.
+        option: What to draw; by default what MuJoCo draws by default.
+    """
+    option = mujoco.MjvOption() if option is None else option
+    flags = {name: bool(option.flags[int(getattr(mujoco.mjtVisFlag, f"mjVIS_{name}"))]) for name in _SOFT_FLAGS}
+    of_flex = any(flags[name] for name in _SOFT_FLAGS if name.startswith("FLEX"))
+    kinds = (("skin", option.skingroup, flags["SKIN"]), ("flex", option.flexgroup, of_flex))
+    found = {}
+    for kind, groups, drawn in (*kinds, ("tendon", option.tendongroup, flags["TENDON"])):
+        for index in range(getattr(model, f"n{kind}")):
+            group, rgba, material = (getattr(model, f"{kind}_{name}")[index] for name in ("group", "rgba", "matid"))
+            if kind == "tendon":  # these show whatever their opacity
+                shows = model.wrap_type[model.tendon_adr[index]] != _JOINT_WRAP
+            else:
+                shows = has_opacity(model, rgba, int(material))
+            number = drawn_number(model, int(getattr(_OBJ, f"mjOBJ_{kind.upper()}")), index)
+            if drawn and shows and groups[min(max(int(group), 0), len(groups) - 1)] and number is not None:
+                found[number] = f"{kind} {names[number]!r}"
+    return found
+
+
+class Visuals:
+    """Asks MuJoCo what it draws of a model."""
+
+    def __init__(self, model: mujoco.MjModel, *, tolerance: float) -> None:
+        """Ask nothing yet.
+
+        Args:
+            model: The model.
+            tolerance: Most distance between round shapes and their triangles [m].
+        """
+        self._model, self._tolerance = model, tolerance
+        self._default = draws_by_default(model)
+        self._plain = _without_shapes(mujoco.MjvOption())
+        self._scene: mujoco.MjvScene | None = None
+        self.undrawn: list[str] = []
+        """What MuJoCo drew at the last `read` and is not among the shapes."""
+
+    def may_draw(self, option: mujoco.MjvOption | None) -> bool:
+        """Tell whether there may be anything to draw."""
+        return self._default or (option is not None and asks_for_more(option))
+
+    def read(
+        self, data: mujoco.MjData, viewer: mujoco.MjvCamera, option: mujoco.MjvOption | None, eye: Eye
+    ) -> dict[VisualKey, Blocks]:
+        """Return what MuJoCo draws now, beside geoms and sites.
+
+        Args:
+            data: Where everything is.
+            viewer: The camera that looks.
+            option: What to draw; by default what MuJoCo draws by default.
+            eye: Intrinsics of the camera, and where it is.
+        """
+        if self._scene is None:
+            self._scene = mujoco.MjvScene(self._model, maxgeom=_MOST_GEOMS)
+        scene, chosen = self._scene, self._plain if option is None else _without_shapes(option)
+        mujoco.mjv_updateScene(self._model, data, chosen, None, viewer, _ALL, scene)
+        drawn: dict[VisualKey, Blocks] = {}
+        simple: dict[VisualKey, list[mujoco.MjvGeom]] = defaultdict(list)
+        left_out: dict[str, None] = {}
+        for geom in scene.geoms[: scene.ngeom]:
+            kind = geom.type
+            if geom.objtype in _SHAPES and geom.category != _DECOR:
+                continue
+            if kind == _GEOM.mjGEOM_SKIN:
+                drawn[VisualKey(geom.objtype, geom.objid, "skin")] = self._skin(scene, geom.objid)
+            elif kind == _GEOM.mjGEOM_FLEX:
+                drawn |= self._flex(scene, geom.objid, float(geom.size[0]))
+            elif is_simple(kind) or kind in _LINES:
+                simple[VisualKey(geom.objtype, geom.objid, _GEOM(kind).name.removeprefix("mjGEOM_").lower())].append(
+                    geom
+                )
+            else:
+                left_out[f"{_GEOM(kind).name} of {_OBJ(geom.objtype).name}"] = None
+        for key, geoms in simple.items():
+            drawn[key] = self._shapes(geoms, eye)
+        self.undrawn = list(left_out)
+        return drawn
+
+    def _shapes(self, geoms: list[mujoco.MjvGeom], eye: Eye) -> Blocks:
+        kind = geoms[0].type
+        sizes, position, rotation = (
+            np.array([getattr(geom, name) for geom in geoms], dtype=np.float64) for name in ("size", "pos", "mat")
+        )
+        rotation = rotation.reshape(-1, 3, 3)
+        if kind not in _LINES:
+            shapes = simple_shapes(kind, sizes, position, rotation, tolerance=self._tolerance)
+            return replace(shapes, vertices=facing(shapes.vertices, eye)) if kind == _GEOM.mjGEOM_TRIANGLE else shapes
+        one = float(self._model.vis.global_.linewidth)
+        if kind == _GEOM.mjGEOM_LINEBOX:
+            return bands(box_edges(sizes, position, rotation), _BOX_WIDTH * one, eye)
+        return bands(line_ends(sizes, position, rotation), one * float(sizes[0, 0]), eye)
+
+    def _skin(self, scene: mujoco.MjvScene, skin: int) -> Blocks:
+        model = self._model
+        first, faces = model.skin_vertadr[skin], model.skin_faceadr[skin]
+        vertices = scene.skinvert.reshape(-1, 3)[first : first + model.skin_vertnum[skin]]
+        return Blocks(vertices[None], model.skin_face[faces : faces + model.skin_facenum[skin]])
+
+    def _flex(self, scene: mujoco.MjvScene, flex: int, radius: float) -> Iterator[tuple[VisualKey, Blocks]]:
+        """Yield the faces of a flex, or its edges and vertices: as case mjGEOM_FLEX of `renderGeom` has them."""
+        kind = int(_OBJ.mjOBJ_FLEX)
+        used = int(scene.flexfaceused[flex])
+        if used:
+            faces = scene.flexface.reshape(-1, 3, 3)[scene.flexfaceadr[flex] :][:used]
+            yield VisualKey(kind, flex, "faces"), Blocks(faces, np.array([[0, 1, 2]], dtype=np.int32))
+        if radius <= 0 or (scene.flexskinopt and used):
+            return
+        first = scene.flexvertadr[flex]
+        vertices = scene.flexvert.reshape(-1, 3)[first : first + scene.flexvertnum[flex]].astype(np.float64)
+        if scene.flexvertopt:
+            yield VisualKey(kind, flex, "vertices"), self._balls(vertices, radius)
+        count = int(scene.flexedgenum[flex])
+        if scene.flexedgeopt and count:
+            edges = scene.flexedge.reshape(-1, 2)[scene.flexedgeadr[flex] :][:count]
+            yield VisualKey(kind, flex, "edges"), self._rods(vertices[edges], radius)
+
+    def _balls(self, middles: NDArray[np.float64], radius: float) -> Blocks:
+        sizes = np.full((len(middles), 3), radius)
+        rotation = np.broadcast_to(np.eye(3), (len(middles), 3, 3))
+        return simple_shapes(int(_GEOM.mjGEOM_SPHERE), sizes, middles, rotation, tolerance=self._tolerance)
+
+    def _rods(self, ends: NDArray[np.float64], radius: float) -> Blocks:
+        """Make open cylinders between pairs of points, ``(n, 2, 3)``."""
+        along = ends[:, 1] - ends[:, 0]
+        length = np.linalg.norm(along, axis=1)
+        sizes = np.stack([np.full_like(length, radius), np.full_like(length, radius), length / 2], axis=1)
+        return simple_shapes(
+            int(_GEOM.mjGEOM_CYLINDER),
+            sizes,
+            ends.mean(axis=1),
+            _turned_to(along),
+            tolerance=self._tolerance,
+            open_ends=True,
+        )
+
+
+def _turned_to(directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Make rotations ``(n, 3, 3)`` that take z to some directions, of any length."""
+    length = np.linalg.norm(directions, axis=1, keepdims=True)
+    z = np.where(length > 0, directions / np.where(length > 0, length, 1), [0, 0, 1])
+    across = np.where(np.abs(z[:, :1]) < 0.5, [1.0, 0, 0], [0.0, 1, 0])
+    x = np.cross(across, z)
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    return np.stack([x, np.cross(z, x), z], axis=2)
+
+
+def _without_shapes(option: mujoco.MjvOption) -> mujoco.MjvOption:
+    """Copy options, without geoms, sites and text; frames of geoms and sites follow their groups."""
+    chosen = copy.copy(option)
+    if chosen.frame not in _FRAMES_OF_SHAPES:
+        chosen.geomgroup[:] = chosen.sitegroup[:] = 0
+    chosen.label = mujoco.mjtLabel.mjLABEL_NONE
+    return chosen
