@@ -125,8 +125,10 @@ def test_furniture_is_where_webots_puts_it_by_default(tmp_path):
 def test_cars_and_small_robots_are_robots(tmp_path):
     """With or without a controller; before R2022a a car's front was ahead of it along z."""
     text = 'BmwX5Simple { translation 0 0 0.4 } E-puck { translation 9 0 0 controller "walk" sensors Camera { } }'
-    with pytest.warns(UserWarning, match=r"stand in for BmwX5Simple \(1\), E-puck \(1\)"):
+    with pytest.warns(UserWarning) as caught:
         world = load(tmp_path, text)
+    assert "stand in for BmwX5Simple (1), E-puck (1)" in str(caught[0].message)
+    assert "'camera' is taken to be at the origin of E-puck" in str(caught[1].message)
     assert world.robots == {"vehicle": ("vehicle",), "e-puck": ("e-puck",)}
     assert {item.label for item in world.scene} == {Label.ROBOT}
     assert world.devices["camera"].robot == "e-puck"
@@ -154,7 +156,12 @@ def test_what_says_its_size_is_a_box_as_large(tmp_path):
     assert world.stand_ins == {"Crate": 2, "Silo": 1} and world.skipped == {"Ghost": 2} and len(caught) == 1
     np.testing.assert_allclose(world.scene["floor"].bounds, [[-0.5, -1, 0], [0.5, 1, 3]], atol=1e-6)
     np.testing.assert_allclose(world.scene["air"].bounds, [[-0.5, -1, 2.5], [0.5, 1, 5.5]], atol=1e-6)
-    np.testing.assert_allclose(world.scene["silo"].bounds, [[7, -2, 0], [11, 2, 5]], atol=1e-6)
+    silo = world.scene["silo"]
+    np.testing.assert_allclose(silo.bounds, [[7, -2, 0], [11, 2, 5]], atol=1e-6)
+    assert trimesh.Trimesh(silo.vertices, silo.faces).volume == pytest.approx(np.pi * 4 * 5, rel=0.01)  # it is round
+    with pytest.warns(UserWarning, match="stand in for Silo"):
+        old = load(tmp_path, "Silo { translation 9 0 0 radius 2 height 5 }", "R2021b")
+    np.testing.assert_allclose(old.scene.bounds, [[7, 0, -2], [11, 5, 2]], atol=1e-6)
 
 
 def test_the_ground_and_what_is_hollow_are_no_boxes(tmp_path):
@@ -352,3 +359,13 @@ def test_whatever_says_its_size_is_a_box_only_if_nothing_of_it_is_there(tmp_path
     assert world.stand_ins == {"Crate": 1}
     sizes = sorted(np.ptp(item.bounds, axis=0).tolist() for item in world.scene)
     np.testing.assert_allclose(sizes, [[1, 1, 1], [1, 2, 3]], atol=1e-6)
+
+
+def test_a_file_with_a_camera_is_kept(tmp_path):
+    """Nothing else knows where that is."""
+    for kind in ("E-puck", "Crate"):
+        lacking(tmp_path, kind, f'{LOST} Camera {{ name "eye" }}', "field SFVec3f size 1 1 1")
+        box = 'Solid { name "box" children Shape { geometry Box { size 1 1 1 } } }'
+        with pytest.warns(UserWarning, match=r"left out Mesh meshes/lost\.obj \(1\)"):
+            world = load(tmp_path, f"{box} {kind} {{ translation 1 0 0 size 1 1 1 }}")
+        assert list(world.devices) == ["eye"] and not world.stand_ins and not world.devices["eye"].notes

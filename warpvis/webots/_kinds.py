@@ -42,7 +42,7 @@ def parts_of(node: Node) -> list[Node]:
 
 def missing_parts(
     body: Node, expand: Callable[[Node], Node | None], find_mesh: Callable[[str, Node], Path | None]
-) -> tuple[list[str], int]:
+) -> tuple[list[str], int, bool]:
     """Look for what an instance of a PROTO shows and is not at hand.
 
     Args:
@@ -51,16 +51,17 @@ def missing_parts(
         find_mesh: Finds the file of a url that a node names.
 
     Returns:
-        What is missing, PROTOs and meshes; and how many shapes there are.
+        What is missing, PROTOs and meshes; how many shapes there are; and whether there are cameras or range finders.
 
     Raises:
         FileFormatError: A field is not what it has to be.
     """
     missing: list[str] = []
-    shapes, seen, nodes = 0, {id(body)}, [body]
+    shapes, eyes, seen, nodes = 0, False, {id(body)}, [body]
     while nodes and len(seen) <= MOST_LOOKED_AT:
         node = nodes.pop()
         inside: list[Node] = []
+        eyes = eyes or node.type in ("Camera", "RangeFinder")
         if node.type in ("Shape", "CadShape"):
             geometry = node if node.type == "CadShape" else node.node("geometry")
             if geometry is None or geometry.type in LINES:
@@ -76,7 +77,7 @@ def missing_parts(
             inside = [] if whole is None else [whole]
         nodes += [part for part in inside if id(part) not in seen]
         seen.update(map(id, inside))
-    return missing, shapes
+    return missing, shapes, eyes
 
 
 def _lacking(

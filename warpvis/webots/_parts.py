@@ -196,7 +196,9 @@ def skipped_message(
         )
     if stand_ins:
         listed = _counted(stand_ins)
-        parts.append(f"boxes, and capsules for people, stand in for {listed}, of which no file was found or read")
+        parts.append(
+            f"boxes, cylinders, and capsules for people, stand in for {listed}, of which no file was found or read"
+        )
     for name, reason in reasons.items():
         parts.append(f"the file of {name} was of no use: {reason}")
     parts += [f"left out what cannot be read: {reason}" for reason in shortened(refused)]

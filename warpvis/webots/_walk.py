@@ -181,15 +181,18 @@ class Reader:
             return None
 
     def _is_better_known(self, node: Node, body: Node) -> bool:
-        """Tell whether more is known of an instance without its file, whose meshes or PROTOs are not at hand."""
+        """Tell whether more is known of an instance without its file, whose meshes or PROTOs are not at hand.
+
+        Cameras and range finders are known by the file alone, but for those of `DEPTH_CAMERAS`.
+        """
         known = node.type == "Pedestrian" or node.type in {*BUILTIN, *DEPTH_CAMERAS, *KNOWN}
         try:
             if self._strict or not (known or stand_in(node)):
                 return False
-            missing, shapes = missing_parts(body, self._expand_file, self.find_mesh)
+            missing, shapes, eyes = missing_parts(body, self._expand_file, self.find_mesh)
         except FileFormatError:  # it is met again where it is drawn
             return False
-        if not missing or (shapes and not known):
+        if not missing or (shapes and not known) or (eyes and node.type not in DEPTH_CAMERAS):
             return False
         more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
         self.reasons.setdefault(node.type, f"{body.file}: {missing[0]}{more} of it not found")

@@ -45,7 +45,7 @@ class WebotsWorld:
     skipped: dict[str, int]
     """What was not found, and how often it is there: PROTOs without a file, meshes without a file."""
     stand_ins: dict[str, int]
-    """PROTOs without a file for which a box, or capsules, of their size stands in, and how often."""
+    """PROTOs without a file for which boxes, a cylinder or capsules of their size stand in, and how often."""
     refused: tuple[str, ...]
     """Why nodes were left out that could not be read, with file and line."""
     notes: tuple[str, ...]

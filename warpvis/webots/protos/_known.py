@@ -65,6 +65,12 @@ def _car(*pieces: Piece) -> Known:
 
 _BMW = _car(((4.5, 1.8, 1.6), (1.35, 0.0, 0.7)))
 _CITROEN = _car(((3.3, 1.4, 1.5), (1.25, 0.0, 0.5)))
+_EPUCK = Known(
+    (((0.066, 0.066, 0.045), (0.0, 0.0, 0.025)), ((0.05, 0.04, 0.01), (0.0, 0.0, 0.0051))),
+    ahead="-z",
+    name="e-puck",
+    robot=True,
+)
 _LINCOLN = _car(((4.9, 1.8, 0.8), (1.44, 0.0, 0.3)), ((2.0, 1.6, 0.5), (1.44, 0.0, 0.85)))
 
 KNOWN: dict[str, Known] = {
@@ -105,12 +111,8 @@ KNOWN: dict[str, Known] = {
     "CitroenCZeroSimple": _CITROEN,
     "Desk": Known((((0.7, 1.2, 0.02), (0.0, 0.0, 0.7)), *_feet(0.269, 0.535, (0.046, 0.046, 0.69))), ahead="-z"),
     "DesktopComputer": Known((((0.34328, 0.168, 0.357), (0.0, 0.0, 0.179)),)),
-    "E-puck": Known(
-        (((0.066, 0.066, 0.045), (0.0, 0.0, 0.025)), ((0.05, 0.04, 0.01), (0.0, 0.0, 0.0051))),
-        ahead="-z",
-        name="e-puck",
-        robot=True,
-    ),
+    "E-puck": _EPUCK,
+    "EPuck": _EPUCK,
     "Fridge": Known(_standing(0.7, 0.7, 1.8)),
     "HotPlate": Known((((0.37, 0.416, 0.0027), (0.112, 0.0, 0.031)),), ahead="-z", translation=(0.0, 0.0, -0.03)),
     "Keyboard": Known((((0.13428, 0.41, 0.01), (0.0, 0.0, 0.0)),), ahead="-z"),
@@ -182,7 +184,12 @@ def place_in(node: Node, place: _Sides, known: Known) -> _Sides:
 
 def box_at(node: Node, size: tuple[float, ...], place: tuple[float, ...]) -> Node:
     """Make a Box about a place."""
-    shape = new_node(node, "Shape", {"geometry": new_node(node, "Box", {"size": [*size]})})
+    return shape_at(node, new_node(node, "Box", {"size": [*size]}), place)
+
+
+def shape_at(node: Node, geometry: Node, place: tuple[float, ...]) -> Node:
+    """Show a geometry about a place."""
+    shape = new_node(node, "Shape", {"geometry": geometry})
     if not any(place):
         return shape
     fields: dict[str, Value] = {"translation": [*place], "children": [shape]}

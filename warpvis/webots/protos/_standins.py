@@ -13,7 +13,7 @@ import numpy as np
 
 from warpvis.errors import FileFormatError
 from warpvis.webots._nodes import Node, Value, new_node
-from warpvis.webots.protos._known import KNOWN, box_at, known_shapes
+from warpvis.webots.protos._known import KNOWN, box_at, known_shapes, shape_at
 
 # Capsules of a pedestrian whose arms hang down: ends across, along and up from its origin, radius [m].
 _LIMBS = (
@@ -36,8 +36,8 @@ def stand_in(node: Node) -> Node | None:
     """Make a Solid in place of an instance without a file; None if nothing is known of its size.
 
     A Pedestrian becomes a human of capsules, furniture of `KNOWN` its boxes, and whatever has a field
-    ``size`` of three lengths, or ``radius`` and ``height``, a box as large: on its origin if that is at the ground,
-    else about it.
+    ``size`` of three lengths a box as large, with ``radius`` and ``height`` a cylinder: on its origin if that is at the
+    ground, else about it.
     """
     if node.type == "Pedestrian":
         return _pedestrian(node)
@@ -54,7 +54,11 @@ def stand_in(node: Node) -> Node | None:
     translation = node.numbers("translation")
     up = 2 if node.version.z_up else 1
     lifted = len(translation) != 3 or abs(translation[up]) <= _ON_GROUND
-    return _solid(node, [_box(node, size, lifted=lifted)])
+    place = tuple(size[up] / 2 * (lifted and axis == up) for axis in range(3))
+    if len(node.numbers("size")) == 3:
+        return _solid(node, [box_at(node, size, place)])
+    round_fields: dict[str, Value] = {name: node.fields[name] for name in ("radius", "height")}
+    return _solid(node, [shape_at(node, new_node(node, "Cylinder", round_fields), place)])
 
 
 def stand_in_geometry(node: Node) -> Node | None:
@@ -109,12 +113,6 @@ def _solid(node: Node, children: list[Node]) -> Node:
     kept = ("translation", "rotation", "recognitionColors", "name")
     fields = {field: node.fields[field] for field in kept if field in node.fields}
     return new_node(node, "Solid", {**fields, "children": [*children]}, node.name)
-
-
-def _box(node: Node, size: tuple[float, ...], *, lifted: bool) -> Node:
-    """Make a box on the origin, or about it."""
-    up = 2 if node.version.z_up else 1
-    return box_at(node, size, tuple(size[up] / 2 * (lifted and axis == up) for axis in range(3)))
 
 
 def _axes(node: Node, across: float, along: float, up: float) -> tuple[float, float, float]:

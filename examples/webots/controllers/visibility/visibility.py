@@ -99,6 +99,7 @@ def run(robot):
     nodes = {name: robot.getFromDef(definition) for name, definition in MOVING.items()}
     starts = {name: np.linalg.inv(matrix_of(node)) for name, node in nodes.items()}
     eyes = robot.getFromDef("EYES")
+    displays = {name: robot.getDevice(name) for name in ("labels", "floor map", "person's view")}
     last = ""
     robot.step(period)
     while robot.step(period) != -1:
@@ -108,8 +109,9 @@ def run(robot):
         if line != last:
             print(line)
         last = line
-        for name, image in pictures.items():
-            show(robot.getDevice(name), image)
+        for name, display in displays.items():
+            if display is not None:
+                show(display, pictures[name])
 
 
 def run_without_webots():
