@@ -53,6 +53,16 @@ def top_cases(folder):
         "FieldOfView": (wv.FieldOfView, {"hfov": 1.0, "up": 0.5, "down": 0.5, "near": 0.1, "far": 9, "resolution": 9}),
         "FloorMap.area": (floor_map.area, {"label": "ground"}),
         "FloorMap.save": (floor_map.save, {"path": path / "map.png", "view": 0}),
+        "Frames": (
+            wv.Frames,
+            {
+                "camera_to_world": POSE[None],
+                "timestamps": np.zeros(1),
+                "object_poses": np.array([MOVED]),
+                "world_index": np.zeros(1, np.int32),
+                "source": {},
+            },
+        ),
         "Frames.from_poses": (
             wv.Frames.from_poses,
             {"poses": [POSE], "timestamps": [0], "object_poses": [MOVED], "world_index": [0], "source": {}},

@@ -96,6 +96,7 @@ def test_faces_have_exact_angles():
 
 
 def test_a_narrow_field_is_one_image():
+    assert len(FieldOfView(1e-9, 0.3, 0.3).faces()) == 1
     (face,) = FieldOfView(80 * DEGREE, 0.3, 0.3).faces()
     assert face.canvas == (face.camera.width, face.camera.height) * 2
     assert len(FieldOfView(80.1 * DEGREE, 0.3, 0.3).faces()) == 2
@@ -155,6 +156,7 @@ def test_angles():
         (lambda: FieldOfView(1, 1.5, 1), "up of a field must be from 0 to below 1.484 radians (85 degrees), got 1.5"),
         (lambda: FieldOfView(1, 1, -1), "down of a field must be from 0 to below 1.484 radians (85 degrees), got -1"),
         (lambda: FieldOfView(1, 0, 0), "up and down of a field must not both be 0"),
+        (lambda: FieldOfView(1, 0.5, 0.5, resolution=1e9), "resolution 1000000000.0 makes images of "),
         (
             lambda: FieldOfView(1, 1, 1, resolution=0),
             "resolution must be a positive number of pixels per radian, got 0",

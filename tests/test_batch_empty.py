@@ -165,3 +165,21 @@ def test_range_finders_that_see_nothing(workspace):
         with pytest.raises(SystemExit) as ended:
             messages(command.run)
         assert ended.value.code == 3
+
+
+def test_no_frames_are_refused(tmp_path):
+    with pytest.raises(wv.WarpvisError, match="there must be at least one frame to render, got none"):
+        wv.render_batch(make_scene(), CAMERA, make_frames(3)[:0], tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_images_beyond_all_memory_are_refused(tmp_path):
+    camera = wv.Camera(10**7, 10**7, 1e6, 1e6, 5e6, 5e6)
+    with pytest.raises(wv.WarpvisError, match=r"images of shape \(1, 10000000, 10000000\) need 400000.0 GB"):
+        wv.render_batch(make_scene(), camera, make_frames(3), tmp_path / "out")
+
+
+def test_no_number_of_workers(tmp_path):
+    """Said before Ray is started."""
+    with pytest.raises(wv.WarpvisError, match="workers must be a whole number from 1 up, got inf"):
+        run(tmp_path / "out", engine="ray", workers=np.inf, threads=None)

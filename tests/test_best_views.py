@@ -275,6 +275,13 @@ def test_objects_of_several_worlds_are_refused():
         ({"step": 0}, "step must be a positive number of metres, got 0"),
         ({"height": np.inf}, "height must be a finite number of metres, got inf"),
         ({"look_at": (0, np.nan, 0)}, "look_at must be three finite numbers, got "),
+        (
+            {"step": 1e-6},
+            "a disc of radius 1.0 m has too many places 1e-06 m apart; give a larger step, or fewer headings",
+        ),
+        ({"radius": 0.001, "step": 1e-6}, "a disc of radius 0.001 m has too many places 1e-06 m apart"),
+        ({"radius": 1e300}, "a disc of radius 1e+300 m has too many places"),
+        ({"headings": 10**400}, "a disc of radius 1.0 m has too many places"),
         ({"headings": 0}, "headings must be a whole number from 1 up, got 0"),
         ({"pitch": 2}, "pitch must be between -pi/2 and pi/2 radians, got 2"),
         ({"up": "x"}, 'up must be "z" or "y", got \'x\''),

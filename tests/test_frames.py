@@ -175,3 +175,51 @@ def test_bad_input(case):
 def test_frames_are_cut_by_slices():
     with pytest.raises(wv.WarpvisError, match=r"frames are cut by slices, frames\[a:b\], got 0"):
         Frames.from_poses([POSE])[0]
+
+
+HAND_MADE = {
+    "timestamps": ({"timestamps": np.zeros(2)}, r"timestamps of frames must have shape (4,), got (2,)"),
+    "no timestamps": (
+        {"timestamps": None},
+        r"timestamps of frames must be a NumPy array of numbers, shape (4,), got No",
+    ),
+    "matrices": (
+        {"camera_to_world": np.zeros((4, 4, 4))},
+        "camera_to_world of frames must have shape (n, 7), got (4, 4",
+    ),
+    "a list": (
+        {"camera_to_world": [POSE] * 4},
+        "camera_to_world of frames must be a NumPy array of numbers, shape (n, 7)",
+    ),
+    "words": ({"timestamps": np.array(["a"] * 4)}, "timestamps of frames must be a NumPy array of numbers"),
+    "worlds": ({"object_poses": worlds(3)}, "object_poses are of 3 worlds and there are 4 frames; give each frame's"),
+    "objects": ({"object_poses": np.zeros((4, 7))}, "object_poses of frames must have shape (n, n, 7), got (4, 7)"),
+    "no objects": ({"world_index": np.zeros(4, np.int32)}, "world_index says which of object_poses a frame has"),
+    "index": (
+        {"object_poses": worlds(3), "world_index": np.zeros(2, np.int32)},
+        "world_index of frames must have shape (4,), got (2,)",
+    ),
+    "beyond": (
+        {"object_poses": worlds(3), "world_index": np.full(4, 3)},
+        "world_index must be from 0 to 2, the worlds of object_poses, got 3 for frame 0",
+    ),
+    "source": ({"source": 3}, "source must be a mapping of what JSON can hold, got 3"),
+}
+
+
+@pytest.mark.parametrize("case", HAND_MADE)
+def test_frames_made_by_hand_fit_together(case):
+    changes, said = HAND_MADE[case]
+    whole = Frames.from_poses([POSE] * 4)
+    arrays = {"camera_to_world": whole.camera_to_world, "timestamps": whole.timestamps, **changes}
+    with pytest.raises(wv.WarpvisError) as error:
+        Frames(**arrays)
+    assert str(error.value).startswith(said)
+
+
+def test_frames_that_fit_are_cut_anywhere():
+    for more in ({}, {"object_poses": worlds(1)}, {"object_poses": worlds(4)}):
+        frames = Frames.from_poses([POSE] * 4, **more)
+        assert [len(frames[k:]) for k in range(6)] == [4, 3, 2, 1, 0, 0]
+    frames = Frames.from_poses([POSE] * 4, object_poses=worlds(2), world_index=[0, 1, 1, 0])
+    assert frames[1:3].world_index.tolist() == [1, 1]

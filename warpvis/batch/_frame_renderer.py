@@ -220,8 +220,14 @@ def _page_aligned(shape: tuple[int, ...], dtype: type, pinned: bool) -> wp.array
 
     scalar = np.dtype(wp.dtype_to_numpy(getattr(dtype, "_wp_scalar_type_", dtype)))
     whole = (*shape, *getattr(dtype, "_shape_", ()))
-    memory = mmap.mmap(-1, max(1, int(np.prod(whole, dtype=np.int64)) * scalar.itemsize))
+    size = max(1, math.prod(whole) * scalar.itemsize)
+    try:
+        memory = mmap.mmap(-1, size)
+    except (OSError, OverflowError):
+        raise ArrayError(
+            f"images of shape {shape} need {size / 1e9:.1f} GB, which could not be had; take fewer frames a shard"
+        ) from None
     if hasattr(memory, "madvise") and hasattr(mmap, "MADV_HUGEPAGE"):
         memory.madvise(mmap.MADV_HUGEPAGE)
-    host = np.frombuffer(memory, dtype=scalar, count=int(np.prod(whole, dtype=np.int64))).reshape(whole)
+    host = np.frombuffer(memory, dtype=scalar, count=math.prod(whole)).reshape(whole)
     return wp.array(host, dtype=dtype, shape=shape, device="cpu", copy=False)

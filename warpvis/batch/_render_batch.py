@@ -26,7 +26,7 @@ from warpvis.batch._writer import Job, Run
 from warpvis.batch.engines._local import parse_devices, run_local
 from warpvis.batch.formats._base import Format, find_format
 from warpvis.core.camera import Camera, require_camera
-from warpvis.core.checks import check_choice, check_mapping
+from warpvis.core.checks import check_choice, check_mapping, check_whole
 from warpvis.core.frames import Frames
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike
@@ -177,6 +177,8 @@ def _check_engine(engine: str, threads: int | None, workers: int | None, address
     check_threads(threads)
     if engine == "local" and (workers is not None or address is not None):
         raise ArrayError("workers and address are of the engine ray, and the engine is local")
+    if workers is not None:
+        check_whole(workers, "workers")
     if engine == "ray" and threads is not None:
         raise ArrayError("threads is of the engine local; a Ray worker has as many as its share of the cores")
 
@@ -213,6 +215,8 @@ def make_plan(
     require_camera(camera)
     if not isinstance(frames, Frames):
         raise ArrayError(f"frames must be warpvis.Frames, got {type(frames).__name__}")
+    if not len(frames):
+        raise PoseError("there must be at least one frame to render, got none")
     names = check_outputs(kind.default_outputs if outputs is None else outputs, BATCH_OUTPUTS)
     unfit = [name for name in names if name not in kind.outputs]
     if unfit:

@@ -46,6 +46,26 @@ class Frames:
     source: Mapping[str, Json] = field(default_factory=dict)
     """Where the frames come from, of what JSON can hold: ``{"file": "walk.txt", "format": "tum"}``."""
 
+    def __post_init__(self) -> None:
+        """Check that what was made by hand fits together; the values themselves are checked by `from_poses`."""
+        count = _length(self.camera_to_world, "camera_to_world", (None, 7))
+        _length(self.timestamps, "timestamps", (count,))
+        if not isinstance(self.source, Mapping):
+            raise ArrayError(f"source must be a mapping of what JSON can hold, got {self.source!r}")
+        if self.object_poses is None:
+            if self.world_index is not None:
+                raise ArrayError("world_index says which of object_poses a frame has, so give object_poses")
+            return
+        worlds = _length(self.object_poses, "object_poses", (None, None, 7))
+        if self.world_index is None:
+            if worlds not in (1, count):
+                raise ArrayError(
+                    f"object_poses are of {worlds} worlds and there are {count} frames; give each frame's world_index"
+                )
+            return
+        _length(self.world_index, "world_index", (count,))
+        _check_world(self.world_index, count, self.object_poses)
+
     def __len__(self) -> int:
         return len(self.camera_to_world)
 
@@ -106,6 +126,22 @@ class Frames:
                 f"object_poses are of {len(objects)} worlds and there are {count} frames; give each frame's world_index"
             )
         return cls(rows, _check_timestamps(timestamps, count), objects, worlds, _check_source(source))
+
+
+def _length(array: np.ndarray, name: str, shape: tuple[int | None, ...]) -> int:
+    """Return how long an array of numbers is.
+
+    Raises:
+        ArrayError: It is none, or of another shape; None stands for any length.
+    """
+    wanted = "(" + ", ".join("n" if size is None else str(size) for size in shape) + ("," * (len(shape) == 1)) + ")"
+    if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiu":
+        raise ArrayError(
+            f"{name} of frames must be a NumPy array of numbers, shape {wanted}, got {type(array).__name__}"
+        )
+    if array.ndim != len(shape) or any(size not in (None, got) for size, got in zip(shape, array.shape, strict=True)):
+        raise ArrayError(f"{name} of frames must have shape {wanted}, got {array.shape}")
+    return len(array)
 
 
 def _camera_rows(poses: PoseLike, convention: Convention) -> NDArray[np.float64]:

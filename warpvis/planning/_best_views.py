@@ -30,8 +30,8 @@ _FIELDS = {"fraction": "fraction", "pixels": "visible_pixels"}
 # Candidates times objects that are judged in one call: its counters take 150 MB.
 _AT_A_TIME = 1 << 21
 
-# Poses of a grid: 5 GB.
-_MOST_PLACES = 10**8
+# Poses of a grid: they and what makes them take 2 GB.
+_MOST_PLACES = 10**7
 
 # Scores are single precision: what is a whole number of ties up to rounding counts as one.
 _TIE_ROUNDING = 1e-4
@@ -98,8 +98,12 @@ def pose_grid(
     middle = as_point(center, "center")
     radius, step = check_metres(radius, "radius"), check_metres(step, "step", zero=False)
     height = check_metres(height, "height", signed=True)
-    if (2 * radius / step + 1) ** 2 > _MOST_PLACES:
-        raise ArrayError(f"a disc of radius {radius} m has too many places {step} m apart; give a larger step")
+    turns = check_whole(headings, "headings") if look_at is None else 1
+    across = 2 * radius / step + 1  # of a square around the disc; what would be too many is never made
+    if turns > _MOST_PLACES or not across * across * turns <= _MOST_PLACES:
+        raise ArrayError(
+            f"a disc of radius {radius} m has too many places {step} m apart; give a larger step, or fewer headings"
+        )
     steps = np.arange(-math.floor(radius / step + 1e-9), math.floor(radius / step + 1e-9) + 1) * step
     grid = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
     grid = grid[np.hypot(*grid.T) <= radius * (1 + 1e-9)]
@@ -110,9 +114,6 @@ def pose_grid(
         forward = as_point(look_at, "look_at") - places
         aside = np.hypot(forward[:, first], forward[:, second]) > 1e-9 * np.abs(forward[:, vertical])
         return look_along(places[aside], forward[aside], vertical)
-    headings = check_whole(headings, "headings")
-    if headings * len(places) > _MOST_PLACES:
-        raise ArrayError(f"{len(places)} places with {headings} headings each are too many poses")
     if not is_number(pitch) or not -math.pi / 2 < pitch < math.pi / 2:
         raise ArrayError(f"pitch must be between -pi/2 and pi/2 radians, got {pitch!r}")
     angles = np.arange(headings) * (2 * math.pi / headings)

@@ -20,6 +20,7 @@ from warpvis.core.types import PoseLike
 from warpvis.errors import CameraError, SceneError
 
 # A pinhole spends ever more pixels on ever less: at 40 degrees from its axis, a row has 1.7 times as many a degree.
+_MOST_PIXELS = 1 << 19
 _WIDEST_FACE = math.radians(80)
 _HIGHEST = math.radians(85)
 
@@ -78,11 +79,16 @@ class FieldOfView:
         if self.up + self.down <= 0:
             raise CameraError("up and down of a field must not both be 0")
         _check_resolution(self.resolution)
-        self._camera(self.hfov / self._count)
+        camera = self._camera(self.hfov / self._count)
+        if max(camera.width, camera.height) > _MOST_PIXELS:
+            raise CameraError(
+                f"resolution {self.resolution!r} makes images of {camera.width} x {camera.height} pixels; "
+                f"{_MOST_PIXELS} a side are the most"
+            )
 
     @property
     def _count(self) -> int:
-        return math.ceil(self.hfov / _WIDEST_FACE - 1e-9)
+        return max(1, math.ceil(self.hfov / _WIDEST_FACE - 1e-9))
 
     def _camera(self, hfov: float) -> Camera:
         """Make a face's camera: whole numbers of pixels and exact angles, so its pixels are square up to rounding."""

@@ -155,7 +155,7 @@ def _share(resources: Mapping[str, float], *, gpu: bool, workers: int | None) ->
     cpus, gpus = int(resources.get("CPU", 0)), int(resources.get("GPU", 0))
     most = min(cpus, gpus) if gpu else cpus
     count = most if workers is None else workers
-    if isinstance(count, bool) or int(count) != count or not 1 <= count <= most:
+    if not 1 <= count <= most:
         raise ArrayError(f"workers must be from 1 to {most}, the cluster's {'GPUs' if gpu else 'cores'}, got {workers}")
     return _Share(int(count), cpus // int(count), 1 if gpu else 0)
 
