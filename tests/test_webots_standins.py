@@ -164,6 +164,15 @@ def test_what_says_its_size_is_a_box_as_large(tmp_path):
     np.testing.assert_allclose(old.scene.bounds, [[7, 0, -2], [11, 5, 2]], atol=1e-6)
 
 
+def test_a_stack_of_pallets_is_as_high_as_it_says(tmp_path):
+    text = 'WoodenPalletStack { } WoodenPalletStack { name "b" translation 5 0 0 palletNumber 3 palletSize 1 2 0.2 }'
+    with pytest.warns(UserWarning, match=r"stand in for WoodenPalletStack \(2\)"):
+        world = load(tmp_path, text)
+    sizes = [np.ptp(item.bounds, axis=0) for item in world.scene]
+    np.testing.assert_allclose(sizes, [[1.2, 0.8, 1.12], [1, 2, 0.6]], atol=1e-6)
+    assert world.scene.bounds[0, 2] == pytest.approx(0)
+
+
 def test_the_ground_and_what_is_hollow_are_no_boxes(tmp_path):
     box = "Solid { children Shape { geometry Box { size 1 1 1 } } }"
     text = box + "UnevenTerrain { size 50 50 5 } Pit { size 1 1 1 } SolidPipe { radius 1 height 1 }"

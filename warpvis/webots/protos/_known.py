@@ -72,6 +72,9 @@ _EPUCK = Known(
     robot=True,
 )
 _LINCOLN = _car(((4.9, 1.8, 0.8), (1.44, 0.0, 0.3)), ((2.0, 1.6, 0.5), (1.44, 0.0, 0.85)))
+_RANGE_ROVER = _car(((4.5, 1.8, 0.8), (1.25, 0.0, 0.35)), ((2.7, 1.5, 0.75), (0.6, 0.0, 0.85)))
+_TESLA = _car(((4.5, 1.8, 0.7), (1.37, 0.0, 0.21)), ((2.9, 1.5, 0.7), (0.68, 0.0, 0.76)))
+_TOYOTA = _car(((4.2, 1.8, 1.4), (1.4, 0.0, 0.6)))
 
 KNOWN: dict[str, Known] = {
     "Armchair": Known(_seat(1.1)),
@@ -129,6 +132,8 @@ KNOWN: dict[str, Known] = {
     "OfficeChair": Known(_standing(0.54, 0.43, 0.98)),
     "Oven": Known(_standing(0.5, 0.44, 0.68), old_lift=0.34),
     "PottedTree": Known(_standing(0.3, 0.3, 1.3)),
+    "RangeRoverSportSVR": _RANGE_ROVER,
+    "RangeRoverSportSVRSimple": _RANGE_ROVER,
     "RoundTable": Known(
         (
             ((2.0, 2.0, 0.02), (0.0, 0.0, 0.75)),
@@ -145,12 +150,30 @@ KNOWN: dict[str, Known] = {
         ahead="-z",
     ),
     "Sofa": Known(_seat(1.8)),
+    "Television": Known((((0.1, 1.0, 0.6), (0.0, 0.0, 0.0)),), robot=True),
+    "TeslaModel3": _TESLA,
+    "TeslaModel3Simple": _TESLA,
     "Toilet": Known(
         (
             ((0.51, 0.48, 0.22), (0.048, 0.0, 0.35)),
             ((0.5, 0.36, 0.24), (-0.04, 0.0, 0.12)),
             ((0.22, 0.58, 0.78), (-0.32, -0.01, 0.628)),
         )
+    ),
+    "ToyotaPrius": _TOYOTA,
+    "ToyotaPriusSimple": _TOYOTA,
+    "TrafficCone": Known(
+        (
+            ((0.5, 0.5, 0.015), (0.0, 0.0, 0.015)),
+            ((0.18, 0.18, 0.37), (-0.01, -0.005, 0.22)),
+            ((0.07, 0.07, 0.44), (-0.01, -0.005, 0.29)),
+        )
+    ),
+    "TurtleBot3Burger": Known(
+        (((0.097, 0.137, 0.1425), (-0.032, 0.0, 0.08)), ((0.135, 0.095, 0.143), (-0.032, 0.0, 0.08))),
+        ahead="-z",
+        name="TurtleBot3Burger",
+        robot=True,
     ),
     "WashingMachine": Known(
         (((0.73, 0.77, 1.05), (0.0, 0.0, 0.0)),), name="whashing machine", translation=(0.0, 0.0, 0.53)

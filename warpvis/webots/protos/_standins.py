@@ -55,10 +55,10 @@ def stand_in(node: Node) -> Node | None:
     up = 2 if node.version.z_up else 1
     lifted = len(translation) != 3 or abs(translation[up]) <= _ON_GROUND
     place = tuple(size[up] / 2 * (lifted and axis == up) for axis in range(3))
-    if len(node.numbers("size")) == 3:
+    given: dict[str, Value] = {name: node.fields[name] for name in ("radius", "height") if name in node.fields}
+    if len(given) < 2 or len(node.numbers("size")) == 3:
         return _solid(node, [box_at(node, size, place)])
-    round_fields: dict[str, Value] = {name: node.fields[name] for name in ("radius", "height")}
-    return _solid(node, [shape_at(node, new_node(node, "Cylinder", round_fields), place)])
+    return _solid(node, [shape_at(node, new_node(node, "Cylinder", given), place)])
 
 
 def stand_in_geometry(node: Node) -> Node | None:
@@ -75,6 +75,11 @@ def _default_name(proto: str) -> str:
 def _size_of(node: Node) -> tuple[float, ...] | None:
     """Read how large an instance says that it is; None if it does not, or not in lengths."""
     try:
+        if node.type == "WoodenPalletStack":
+            up = 2 if node.version.z_up else 1
+            pallet = node.vector("palletSize", _axes(node, 1.2, 0.8, 0.14))
+            pallet[up] *= node.integer("palletNumber", 8)
+            return tuple(pallet.tolist()) if (pallet > 0).all() else None
         size = node.numbers("size")
         radius, height = node.number("radius", 0.0), node.number("height", 0.0)
     except FileFormatError:
