@@ -332,7 +332,7 @@ def test_bad_arguments(tmp_path):
         ),
         (
             {"file_format": "exr"},
-            "file_format must be one of tum, npy, npz, csv, parquet, nerfstudio, bop, ros, got 'e",
+            "file_format must be one of tum, npy, npz, csv, parquet, nerfstudio, bop, colmap, ros, got 'e",
         ),
         ({"topic": "/tf"}, f"{tmp_path / 'poses.npy'}: topic= is for ROS 2 bags, which this is not"),
         ({"file_format": "npz"}, f"{tmp_path / 'poses.npy'}: does not read as NPZ: it is one array"),

@@ -25,11 +25,11 @@ from warpvis.batch._records import Record
 from warpvis.batch._writer import Job, Run
 from warpvis.batch.engines._local import parse_devices, run_local
 from warpvis.batch.formats._base import Format, find_format
-from warpvis.core.camera import Camera, require_camera
+from warpvis.core.camera import Camera
 from warpvis.core.checks import check_choice, check_mapping, check_whole
 from warpvis.core.frames import Frames
 from warpvis.core.threads import check_threads
-from warpvis.core.types import DeviceLike
+from warpvis.core.types import DeviceLike, PoseLike
 from warpvis.errors import ArrayError, FileFormatError, PoseError
 from warpvis.rendering import OUTPUTS, Caster, check_outputs
 from warpvis.scene.worlds import pose_columns
@@ -77,8 +77,8 @@ class BatchSummary:
 
 def render_batch(
     scene: SceneSource,
-    camera: Camera,
-    frames: Frames,
+    camera: Camera | None,
+    frames: Frames | PoseLike,
     out: str | os.PathLike[str],
     *,
     format: str = "npz",
@@ -105,9 +105,10 @@ def render_batch(
 
     Args:
         scene: A scene, a file for `Scene.load`, or a function that makes a scene.
-        camera: The camera of all frames.
+        camera: The camera of all frames; None for that which belongs to the poses, `Frames.camera`, which must be
+            the same, but for its range, if both are given.
         frames: Poses, and where the objects are; see `warpvis.read_frames` and
-            `warpvis.pose_generators`.
+            `warpvis.pose_generators`. Or poses alone, as for `Renderer.render`.
         out: Folder, new or empty, or an fsspec URL.
         format: ``"npz"``, ``"zarr"``, ``"png"``, ``"tum"``, ``"bop"``, ``"nerfstudio"``, ``"colmap"``, ``"ply"`` or
             ``"ros2"``.
@@ -196,8 +197,8 @@ def _start_engine(
 
 def make_plan(
     scene: Scene,
-    camera: Camera,
-    frames: Frames,
+    camera: Camera | None,
+    frames: Frames | PoseLike,
     kind: type[Format],
     *,
     outputs: Sequence[str] | None = None,
@@ -212,11 +213,11 @@ def make_plan(
         WarpvisError: An argument is not what it has to be.
     """
     scene.require_objects()
-    require_camera(camera)
     if not isinstance(frames, Frames):
-        raise ArrayError(f"frames must be warpvis.Frames, got {type(frames).__name__}")
+        frames = Frames.from_poses(frames)
     if not len(frames):
         raise PoseError("there must be at least one frame to render, got none")
+    camera = frames.choose_camera(camera)
     names = check_outputs(kind.default_outputs if outputs is None else outputs, BATCH_OUTPUTS)
     unfit = [name for name in names if name not in kind.outputs]
     if unfit:

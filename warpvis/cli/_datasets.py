@@ -155,7 +155,7 @@ class Render(ImageOptions):
             raise FileFormatError(f"{folder}: is there already; give a new or an empty folder")
 
 
-_FRAMES = ("camera", "convention", "quaternion", "file_format", "topic", "movable", "worlds")
+_FRAMES = ("camera", "replace_camera", "convention", "quaternion", "file_format", "topic", "movable", "worlds")
 _IMAGES = ("outputs", "option")
 
 

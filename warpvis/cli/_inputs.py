@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from warpvis.errors import FileFormatError, PoseError, SceneError, WarpvisError
+from warpvis.errors import CameraError, FileFormatError, PoseError, SceneError, WarpvisError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     from warpvis.scenes import Experiment
 
 Axes = Literal["opencv", "opengl", "ros_body", "ros_optical"]
-PoseFormat = Literal["tum", "npy", "npz", "csv", "parquet", "nerfstudio", "bop", "ros"]
+PoseFormat = Literal["tum", "npy", "npz", "csv", "parquet", "nerfstudio", "bop", "colmap", "ros"]
 
 _FILES = "A mesh file (OBJ, STL, PLY, GLB, ...), a Webots world (.wbt), MJCF (.xml) or URDF (.urdf)"
 FILE_HELP = f"{_FILES}; or experiment_1 to experiment_4, the demo's."
 _POSES = (
     "Camera poses, camera to world: a file (TUM text, .npy, .npz, .csv, .parquet, transforms.json, scene_camera.json, "
-    'a ROS 2 bag), or what makes them: "orbit target=0,0,0.5 radius=2 height=1 count=360", "random count=1000 seed=1 '
-    'clearance=0.3".'
+    "COLMAP's images.txt or .bin, a ROS 2 bag), or what makes them: "
+    '"orbit target=0,0,0.5 radius=2 height=1 count=360", "random count=1000 seed=1 clearance=0.3".'
 )
 
 SceneFile = Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FILE", help=FILE_HELP)]
@@ -95,8 +95,11 @@ class SceneOptions:
 class ViewpointOptions(SceneOptions):
     """How a scene, a camera and poses are read."""
 
-    camera: str = "kinect"
-    """kinect, or a JSON file with width, height, hfov (radians) or K, near and far (metres)."""
+    camera: str | None = None
+    """kinect, or a file: JSON with width, height, hfov (radians) or K, near and far (metres); transforms.json, BOP's
+    camera.json, COLMAP's cameras.txt or .bin, YAML of ROS or Kalibr. By default the pose file's own, else kinect."""
+    replace_camera: bool = False
+    """See through --camera, though the pose file says another one."""
     convention: Axes | None = None
     """Axes of the camera frame of the poses; those of the pose file's format by default."""
     quaternion: Literal["xyzw", "wxyz"] = "xyzw"
@@ -118,6 +121,22 @@ class ViewpointOptions(SceneOptions):
             file_format=self.file_format,
             topic=self.topic,
         )
+
+    def choose_camera(self, frames: Frames | None = None) -> Camera:
+        """Load the camera that is asked for: the one given, that of a pose file, or the Kinect.
+
+        Raises:
+            WarpvisError: It does not load, or the pose file's is another one.
+        """
+        from warpvis.io import load_camera
+
+        given = None if self.camera is None else load_camera(self.camera)
+        own = None if frames is None else frames.camera
+        if self.replace_camera and (given is None or own is None):
+            raise CameraError("--replace-camera is for a pose file that says its camera, and another one as --camera")
+        if frames is None or own is None or self.replace_camera:
+            return load_camera("kinect") if given is None else given
+        return frames.choose_camera(given)
 
     def orders(self, path: str) -> bool:
         """Tell whether `quaternion` has an effect on a pose file."""
@@ -179,10 +198,8 @@ class FrameOptions(ViewpointOptions):
         Raises:
             WarpvisError: One does not load, they do not fit, or an option has no effect.
         """
-        from warpvis.io import load_camera
         from warpvis.pose_generators import frames_from_spec, looks_like_spec
 
-        camera = load_camera(self.camera)
         made = looks_like_spec(poses)
         frames = None
         if made:
@@ -206,7 +223,8 @@ class FrameOptions(ViewpointOptions):
                 f"the frames have poses of {placed} objects, and the scene has {len(scene.movable)} that are movable; "
                 "--movable names them"
             )
-        return scene, camera, frames
+        camera = self.choose_camera(frames)
+        return scene, camera, replace(frames, camera=None) if self.replace_camera else frames
 
 
 scene_options = tuple(field.name for field in fields(SceneOptions))

@@ -95,7 +95,6 @@ class Perspective(ViewpointOptions):
 
     def _read(self) -> tuple[Scene, Agent, Agent]:
         """Read the scene and the two agents."""
-        from warpvis.io import load_camera
         from warpvis.visibility import Agent
 
         experiment = find_experiment(self.file)
@@ -106,7 +105,7 @@ class Perspective(ViewpointOptions):
             if text is None:
                 raise PoseError(f"{option} must say where the eyes are and what they look at, 'x y z tx ty tz'")
         assert self.robot is not None and self.human is not None
-        camera = load_camera(self.camera)
+        camera = self.choose_camera()
         check_viewpoints(self, (self.robot, self.human))
         scene = self.load_scene(self.file, device=self.device)
         eyes = self.load_pose(self.robot, "--robot", scene.up)

@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from warpvis.kernels.pinhole import PinholeCamera
 
 
+_SAME_PIXELS = 0.01
+"""Intrinsics of one camera differ by less where they were rounded on their way [px]."""
+
+
 @dataclass(frozen=True)
 class Camera:
     """An ideal pinhole camera with OpenCV axes: x right, y down, z forward.
@@ -306,6 +310,19 @@ def _most_inv_z(near: float) -> float:
     while one / most < least:
         most = np.nextafter(most, np.float32(0))
     return float(most)
+
+
+def same_pixels(camera: Camera, other: Camera) -> bool:
+    """Tell whether two cameras have the same pixels, whatever their ranges are."""
+    numbers = ((camera.fx, other.fx), (camera.fy, other.fy), (camera.cx, other.cx), (camera.cy, other.cy))
+    same_size = (camera.width, camera.height) == (other.width, other.height)
+    return same_size and all(abs(a - b) < _SAME_PIXELS for a, b in numbers)
+
+
+def describe_pixels(camera: Camera) -> str:
+    """Say in a few words which pixels a camera has."""
+    intrinsics = f"fx={camera.fx:.6g} fy={camera.fy:.6g} cx={camera.cx:.6g} cy={camera.cy:.6g}"
+    return f"{camera.width}x{camera.height} pixels, {intrinsics}"
 
 
 def require_camera(camera: object) -> Camera:

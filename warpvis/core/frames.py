@@ -13,6 +13,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import FARTHEST, as_numpy
+from warpvis.core.camera import Camera, describe_pixels, require_camera, same_pixels
 from warpvis.core.poses import (
     Convention,
     QuaternionOrder,
@@ -23,7 +24,7 @@ from warpvis.core.poses import (
     wrong_length,
 )
 from warpvis.core.types import ArrayInput, Json, ObjectPoses, PoseLike
-from warpvis.errors import ArrayError, PoseError
+from warpvis.errors import ArrayError, CameraError, PoseError
 
 # Squared lengths of normalised quaternions are this near to 1; they are not normalised again, so that poses which were
 # saved and read back are the same to the last bit.
@@ -45,6 +46,8 @@ class Frames:
     """Every frame's world, shape ``(V,)``; None if there is one world, or W == V and each frame has its own."""
     source: Mapping[str, Json] = field(default_factory=dict)
     """Where the frames come from, of what JSON can hold: ``{"file": "walk.txt", "format": "tum"}``."""
+    camera: Camera | None = None
+    """The camera that belongs to the poses, if a file of BOP, nerfstudio or COLMAP, or a ROS bag, says it."""
 
     def __post_init__(self) -> None:
         """Check that what was made by hand fits together; the values themselves are checked by `from_poses`."""
@@ -81,7 +84,26 @@ class Frames:
         if objects is not None and self.world_index is None and len(objects) > 1:
             objects = objects[part]
         world_index = None if self.world_index is None else self.world_index[part]
-        return Frames(self.camera_to_world[part], self.timestamps[part], objects, world_index, self.source)
+        return Frames(self.camera_to_world[part], self.timestamps[part], objects, world_index, self.source, self.camera)
+
+    def choose_camera(self, camera: Camera | None = None) -> Camera:
+        """Return the camera to see the frames through: the given one, or that which belongs to the poses.
+
+        Raises:
+            CameraError: There is none, or both are there and have different pixels.
+        """
+        if camera is None:
+            if self.camera is None:
+                raise CameraError("the frames do not say which camera they are for, so give one")
+            return self.camera
+        require_camera(camera)
+        if self.camera is not None and not same_pixels(camera, self.camera):
+            raise CameraError(
+                f"the frames are of a camera of {describe_pixels(self.camera)}, and the given one is of "
+                f"{describe_pixels(camera)}; leave it out, or drop the frames' own: "
+                "dataclasses.replace(frames, camera=None), on the command line --replace-camera"
+            )
+        return camera
 
     @classmethod
     def from_poses(
@@ -93,6 +115,7 @@ class Frames:
         timestamps: ArrayInput | None = None,
         object_poses: ObjectPoses = None,
         world_index: ArrayInput | None = None,
+        camera: Camera | None = None,
         source: Mapping[str, Json] | None = None,
     ) -> Frames:
         """Make frames of poses, check them, and normalise the cameras' quaternions.
@@ -107,6 +130,7 @@ class Frames:
                 ``(W, M, 7)``, or ``(M, 7)`` for one world. They are kept in single precision and not normalised;
                 casters do that.
             world_index: Every frame's world, whole numbers from 0 to W - 1, shape ``(V,)``.
+            camera: The camera that belongs to the poses.
             source: Where the frames come from, of what JSON can hold.
 
         Raises:
@@ -115,6 +139,8 @@ class Frames:
         """
         poses = to_xyzw(poses, quaternion, "poses")
         object_poses = to_xyzw(object_poses, quaternion, "object_poses")
+        if camera is not None:
+            require_camera(camera)
         rows = _camera_rows(poses, convention)
         count = len(rows)
         objects = None if object_poses is None else _object_rows(object_poses)
@@ -125,7 +151,7 @@ class Frames:
             raise ArrayError(
                 f"object_poses are of {len(objects)} worlds and there are {count} frames; give each frame's world_index"
             )
-        return cls(rows, _check_timestamps(timestamps, count), objects, worlds, _check_source(source))
+        return cls(rows, _check_timestamps(timestamps, count), objects, worlds, _check_source(source), camera)
 
 
 def _length(array: np.ndarray, name: str, shape: tuple[int | None, ...]) -> int:

@@ -7,7 +7,6 @@
 
 from __future__ import annotations
 
-from warpvis.io._cameras import load_camera
 from warpvis.io._depth import (
     count_lost as count_lost,
     depth_to_units as depth_to_units,
@@ -18,6 +17,7 @@ from warpvis.io._files import read_archive as read_archive
 from warpvis.io._messages import from_image_msg, to_image_msg, to_pointcloud2
 from warpvis.io._points import read_points
 from warpvis.io._scene_files import export_scene as export_scene, read_parts as read_parts
+from warpvis.io.cameras._files import load_camera
 from warpvis.io.poses._frames import leaves_order_open as leaves_order_open, read_frames as read_frames
 from warpvis.io.poses._tum import read_poses
 

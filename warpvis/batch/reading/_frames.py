@@ -306,7 +306,8 @@ def _read_poses(store: Store, job: Job) -> Frames:
             found = {name: arrays[name] for name in FRAME_ARRAYS if name in arrays}
         times, world_index = found.pop("timestamps"), found.pop("world_index", None)
         poses, objects = found["camera_to_world"], found.get("object_poses")
-        frames = Frames.from_poses(poses, timestamps=times, object_poses=objects, world_index=world_index)
+        worlds = {"object_poses": objects, "world_index": world_index}
+        frames = Frames.from_poses(poses, timestamps=times, camera=job.camera, **worlds)
     except Exception as error:  # whatever NumPy and zipfile raise for what is no such file
         raise FileFormatError(f"{store.name}: {POSES} is missing or damaged: {error}") from None
     if len(frames) != job.frames:
@@ -333,7 +334,8 @@ def _frames_there(frames: Frames, numbers: NDArray[np.int64], *, complete: bool)
     if objects is not None and index is None and len(objects) > 1:
         objects = objects[numbers]
     index = None if index is None else index[numbers]
-    return Frames(frames.camera_to_world[numbers], frames.timestamps[numbers], objects, index, frames.source)
+    poses, times = frames.camera_to_world[numbers], frames.timestamps[numbers]
+    return Frames(poses, times, objects, index, frames.source, frames.camera)
 
 
 def _world_of(frames: Frames, row: int) -> int:

@@ -14,6 +14,7 @@ import numpy as np
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.io._files import as_numbers, shorten
+from warpvis.io.cameras._json import bop_images_camera
 from warpvis.io.poses._file_poses import FilePoses
 
 _MILLIMETRES = 1000.0
@@ -44,7 +45,8 @@ def parse_bop(path: Path, data: Json) -> FilePoses:
     with np.errstate(over="ignore", invalid="ignore"):  # what is too large is named with the frames
         poses[:, :3, 3] = -np.einsum("nji,nj->ni", rotations, translations / _MILLIMETRES)
     times = np.array(images, dtype=np.float64)
-    return FilePoses(poses, lambda index: f"{path}: image {images[index]}", timestamps=times)
+    camera = bop_images_camera(path, data)
+    return FilePoses(poses, lambda index: f"{path}: image {images[index]}", timestamps=times, camera=camera)
 
 
 def _keys_by_id(path: Path, data: dict[str, Json]) -> dict[int, str]:

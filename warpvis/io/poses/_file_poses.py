@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.core.camera import Camera
 from warpvis.core.frames import Frames
 from warpvis.core.poses import Convention, QuaternionOrder
 from warpvis.core.types import ArrayInput, Json, ObjectPoses
@@ -33,6 +34,8 @@ class FilePoses:
     """See `Frames`."""
     world_index: ArrayInput | None = None
     """See `Frames`."""
+    camera: Camera | None = None
+    """The camera of all poses, if the file says which it is."""
     details: Mapping[str, Json] = field(default_factory=dict)
     """What else says where the poses come from."""
 
@@ -58,6 +61,7 @@ class FilePoses:
                 timestamps=self.timestamps,
                 object_poses=self.object_poses,
                 world_index=self.world_index,
+                camera=self.camera,
                 source=source,
             )
         except WarpvisError as error:

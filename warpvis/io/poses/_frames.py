@@ -17,12 +17,13 @@ from warpvis.core.poses import Convention, QuaternionOrder, check_convention, ch
 from warpvis.errors import FileFormatError
 from warpvis.io._files import read_archive, read_array, read_json
 from warpvis.io.poses._bop import parse_bop
+from warpvis.io.poses._colmap import FILES as COLMAP_FILES, read_colmap
 from warpvis.io.poses._file_poses import FilePoses
 from warpvis.io.poses._nerfstudio import parse_nerfstudio
 from warpvis.io.poses._tables import read_csv, read_parquet
 from warpvis.io.poses._tum import read_poses
 
-PoseFormat = Literal["tum", "npy", "npz", "csv", "parquet", "nerfstudio", "bop", "ros"]
+PoseFormat = Literal["tum", "npy", "npz", "csv", "parquet", "nerfstudio", "bop", "colmap", "ros"]
 
 _SUFFIXES: dict[str, PoseFormat] = {
     ".npy": "npy",
@@ -56,10 +57,13 @@ def read_frames(
       is not undone), and their timestamps are 0, 1, 2, ...
     - ``bop``: ``scene_camera.json`` with world-to-camera poses in millimetres. The frames are in the order of image
       ids, which are their timestamps.
+    - ``colmap``: ``images.txt`` or ``images.bin``, in the order of the images' names.
     - ``ros``: a topic of a ROS 2 bag, a folder or one ``.mcap`` or ``.db3`` file; see
       `warpvis.io.poses._ros_bags.read_bag`.
 
-    Poses are camera to world [m], timestamps seconds.
+    Poses are camera to world [m], timestamps seconds. Where the file says which camera all of them have (nerfstudio;
+    BOP, with a picture or ``camera.json`` that says the images' size; COLMAP; a bag's CameraInfo), it is their
+    `Frames.camera`, without a range.
 
     Args:
         path: The file, or the folder of a ROS 2 bag.
@@ -100,6 +104,8 @@ def leaves_order_open(path: Path, file_format: PoseFormat | None = None) -> bool
 
 def _known_kind(path: Path, file_format: PoseFormat | None) -> PoseFormat | None:
     """Name the format that the caller or the file's name says, if one does."""
+    if file_format is None and path.name in COLMAP_FILES:
+        return "colmap"
     return file_format or ("ros" if os.path.isdir(path) else _SUFFIXES.get(path.suffix.lower()))
 
 
@@ -115,7 +121,7 @@ def _read(path: Path, file_format: PoseFormat | None, topic: str | None) -> tupl
         data = read_json(path)
         kind = kind or ("nerfstudio" if isinstance(data, dict) and "frames" in data else "bop")
         return kind, {"nerfstudio": parse_nerfstudio, "bop": parse_bop}[kind](path, data)
-    readers = {"npy": _read_npy, "npz": _read_npz, "csv": read_csv, "parquet": read_parquet}
+    readers = {"colmap": read_colmap, "npy": _read_npy, "npz": _read_npz, "csv": read_csv, "parquet": read_parquet}
     return kind or "tum", readers.get(kind or "tum", _read_tum)(path)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.io._files import as_numbers, shorten
+from warpvis.io.cameras._json import nerfstudio_camera
 from warpvis.io.poses._file_poses import FilePoses
 
 
@@ -31,4 +32,5 @@ def parse_nerfstudio(path: Path, data: Json) -> FilePoses:
         if not isinstance(frame, dict) or "transform_matrix" not in frame:
             raise FileFormatError(f'{path}: frame {index} must be an object with a "transform_matrix"')
         poses[index] = as_numbers(frame["transform_matrix"], (4, 4), f"{path}: transform_matrix of frame {index}")
-    return FilePoses(poses, lambda index: f"{path}: frame {index}", "opengl")
+    camera = nerfstudio_camera(path, data)
+    return FilePoses(poses, lambda index: f"{path}: frame {index}", "opengl", camera=camera)

@@ -4,15 +4,18 @@
 
 from __future__ import annotations
 
+import warnings
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from warpvis.errors import FileFormatError
+from warpvis.core.camera import Camera
+from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning, MessageError
 from warpvis.io._files import first_line
+from warpvis.io.cameras._pinhole import one_camera
 from warpvis.io.poses._file_poses import FilePoses
 
 if TYPE_CHECKING:
@@ -28,6 +31,7 @@ if TYPE_CHECKING:
         geometry_msgs__msg__Vector3 as Vector3,
         nav_msgs__msg__Odometry as Odometry,
         nav_msgs__msg__Path as PathMessage,
+        sensor_msgs__msg__CameraInfo as CameraInfo,
         std_msgs__msg__Header as Header,
         tf2_msgs__msg__TFMessage as TFMessage,
     )
@@ -87,13 +91,16 @@ def read_bag(path: Path, *, topic: str | None = None) -> FilePoses:
             if kind == _PATH:
                 messages = deque(messages, maxlen=1)
             poses = [pose for message in messages for pose in _POSES[kind](message)]
+            infos = [item for item in reader.connections if item.msgtype == _CAMERA_INFO]
+            cameras = [next(reader.messages([item]), None) for item in infos]
+            found: list[Any] = [store.deserialize_cdr(first[2], _CAMERA_INFO) for first in cameras if first is not None]
     except FileFormatError:
         raise
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror or first_line(error)}") from None
     except Exception as error:  # damaged bags raise what they like
         raise FileFormatError(f"{path}: does not read as a ROS 2 bag: {first_line(error)}") from None
-    return _as_poses(path, name, child, poses)
+    return _as_poses(path, name, child, poses, found)
 
 
 def _choose_topic(path: Path, types: dict[str, str], topic: str) -> str:
@@ -115,7 +122,7 @@ def _all(types: dict[str, str]) -> str:
     return ", ".join(f"{name} ({kind})" for name, kind in sorted(types.items())) or "no topics"
 
 
-def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped]) -> FilePoses:
+def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped], cameras: Sequence[CameraInfo]) -> FilePoses:
     """Choose one camera's poses, which are in one frame."""
     place = f"{path}: topic {topic}"
     if not poses:
@@ -140,8 +147,20 @@ def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped]) -> File
         lambda index: f"{place}: pose {index}",
         "opencv" if children[0].endswith(_OPTICAL) else "ros_body",
         times if times.any() else None,
+        camera=_choose_camera(path, cameras, children[0]),
         details={"topic": f"{topic}:{child}" if child else topic},
     )
+
+
+def _choose_camera(path: Path, messages: Sequence[CameraInfo], child: str) -> Camera | None:
+    """Make the camera of a bag's first CameraInfo of the frame that the poses are of, or of the only one."""
+    of_frame = [message for message in messages if child and message.header.frame_id == child]
+    chosen = of_frame or (messages if len(messages) == 1 else [])
+    try:
+        return one_camera([Camera.from_camera_info(message) for message in chosen], str(path))
+    except (CameraError, MessageError) as error:
+        warnings.warn(f"{path}: its CameraInfo makes no camera: {error}", IntrinsicsWarning, stacklevel=2)
+        return None
 
 
 def _row(place: Point | Vector3, turn: Quaternion) -> list[float]:
@@ -185,6 +204,7 @@ def _stamped(header: Header, pose: Pose, child: str = "") -> _Stamped:
 
 
 _PATH = "nav_msgs/msg/Path"
+_CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 
 # A bag names the type of its messages, so the functions take one each.
 _POSES: dict[str, Callable[[Any], Iterator[_Stamped]]] = {

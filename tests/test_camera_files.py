@@ -1,0 +1,286 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Cameras of other systems' files, alone and with the poses that they belong to."""
+
+import json
+import math
+import struct
+import sys
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+from pose_samples import MATRICES, ROWS, assert_same_poses, bop, nerfstudio
+
+import warpvis as wv
+from warpvis.cli import main
+from warpvis.core.poses import poses_to_matrices
+from warpvis.errors import FileFormatError, IntrinsicsWarning
+from warpvis.io import load_camera, read_frames
+
+CAMERA = wv.Camera(64, 48, fx=60.0, fy=58.0, cx=31.3, cy=25.1)
+INTEGER = CAMERA.to_K(pixel_center=0.0)  # where pixel centres are whole numbers
+FX, FY, CX, CY = INTEGER[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
+NERF = {"fl_x": 60.0, "fl_y": 58.0, "cx": 31.3, "cy": 25.1, "w": 64, "h": 48}
+
+ROS_YAML = f"""%YAML:1.0
+image_width: 64
+image_height: 48
+camera_name: eye
+camera_matrix: {{rows: 3, cols: 3, data: [{FX}, 0, {CX}, 0, {FY}, {CY}, 0, 0, 1]}}
+distortion_model: plumb_bob
+distortion_coefficients: {{rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}}
+"""
+KALIBR = f"""
+cam0:
+  camera_model: pinhole
+  intrinsics: [{FX}, {FY}, {CX}, {CY}]
+  distortion_model: radtan
+  distortion_coeffs: [0.0, 0.0, 0.0, 0.0]
+  resolution: [64, 48]
+"""
+
+
+def same(camera, other=CAMERA):
+    assert (camera.width, camera.height) == (other.width, other.height)
+    np.testing.assert_allclose(camera.to_K(), other.to_K(), atol=1e-9)
+    assert (camera.near, camera.far) == (0.0, math.inf)
+    return True
+
+
+def put(path, content):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(content if isinstance(content, str) else json.dumps(content))
+    return path
+
+
+def colmap_binary(folder, model=1, parameters=(60.0, 58.0, 31.3, 25.1)):
+    folder.mkdir(exist_ok=True)
+    cameras = struct.pack("<Q", 1) + struct.pack(f"<iiQQ{len(parameters)}d", 7, model, 64, 48, *parameters)
+    (folder / "cameras.bin").write_bytes(cameras)
+    inverse = np.linalg.inv(MATRICES)
+    rows = wv.Frames.from_poses(inverse).camera_to_world
+    data = struct.pack("<Q", len(rows))
+    for number in reversed(range(len(rows))):  # the order is that of the names
+        x, y, z, qx, qy, qz, qw = rows[number]
+        data += struct.pack("<I7di", number + 1, qw, qx, qy, qz, x, y, z, 7) + f"{number:03d}.png\0".encode()
+        data += struct.pack("<Q", 2) + bytes(48)
+    (folder / "images.bin").write_bytes(data)
+    return folder / "images.bin"
+
+
+def colmap_text(folder, cameras="7 PINHOLE 64 48 60 58 31.3 25.1", camera=7):
+    folder.mkdir(exist_ok=True)
+    (folder / "cameras.txt").write_text(f"# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n{cameras}\n")
+    lines = ["# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME"]
+    for number, row in enumerate(wv.Frames.from_poses(np.linalg.inv(MATRICES)).camera_to_world.tolist()):
+        x, y, z, qx, qy, qz, qw = row
+        lines += [f"{number + 1} {qw} {qx} {qy} {qz} {x} {y} {z} {camera} a picture/{number:03d}.png", "1.5 2.5 -1"]
+    (folder / "images.txt").write_text("\n".join(lines) + "\n")
+    return folder / "images.txt"
+
+
+def test_cameras_of_other_systems(tmp_path):
+    """Each with its own convention of where a pixel's centre is."""
+    same(load_camera(put(tmp_path / "transforms.json", {**NERF, "frames": []})))
+    fields = {"fx": FX, "fy": FY, "cx": CX, "cy": CY, "width": 64, "height": 48, "depth_scale": 0.1}
+    same(load_camera(put(tmp_path / "camera.json", fields)))
+    colmap_text(tmp_path / "model")
+    colmap_binary(tmp_path / "model")
+    same(load_camera(tmp_path / "model" / "cameras.txt"))
+    same(load_camera(str(tmp_path / "model" / "cameras.bin")))
+    pytest.importorskip("ruamel.yaml")
+    same(load_camera(put(tmp_path / "eye.yaml", ROS_YAML)))
+    same(load_camera(put(tmp_path / "chain.yml", KALIBR)))
+
+
+def test_ros_calibrations_are_of_the_rectified_image(tmp_path):
+    pytest.importorskip("ruamel.yaml")
+    text = ROS_YAML.replace("[0, 0, 0, 0, 0]", "[0.1, 0, 0, 0, 0]")
+    with pytest.raises(FileFormatError, match=r"eye\.yaml: .*distortion"):
+        load_camera(put(tmp_path / "eye.yaml", text))
+    text += "projection_matrix: {rows: 3, cols: 4, data: [50, 0, 30, 0, 0, 51, 20, 0, 0, 0, 1, 0]}\n"
+    same(load_camera(put(tmp_path / "eye.yaml", text)), wv.Camera(64, 48, 50, 51, 30.5, 20.5))
+
+
+def test_several_cameras_are_chosen_by_name(tmp_path):
+    pytest.importorskip("ruamel.yaml")
+    path = put(tmp_path / "chain.yaml", KALIBR + KALIBR.replace("cam0", "cam1").replace("64", "32"))
+    with pytest.raises(FileFormatError, match=r"chain\.yaml: has the cameras cam0, cam1; choose one as .*:cam0"):
+        load_camera(path)
+    assert load_camera(f"{path}:cam1").width == 32
+    with pytest.raises(FileFormatError, match="has no camera 'cam2'; it has cam0, cam1"):
+        load_camera(f"{path}:cam2")
+
+
+@pytest.mark.parametrize("lens", [{"k1": 0.1}, {"p2": -0.01}])
+def test_distortion_is_said(tmp_path, lens):
+    with pytest.warns(IntrinsicsWarning, match=r"transforms\.json: the lens has distortion, which is not rendered"):
+        same(load_camera(put(tmp_path / "transforms.json", {**NERF, **lens})))
+
+
+def test_poses_bring_their_camera(tmp_path):
+    frames = read_frames(put(tmp_path / "transforms.json", nerfstudio() | NERF))
+    assert_same_poses(frames)
+    same(frames.camera)
+    same(frames[2:4].camera)
+    each = nerfstudio()
+    each["frames"] = [frame | NERF for frame in each["frames"]]
+    same(read_frames(put(tmp_path / "each.json", each)).camera)
+    assert read_frames(put(tmp_path / "none.json", nerfstudio())).camera is None
+
+
+def test_blenders_files_have_an_angle_and_pictures(tmp_path):
+    data = {"camera_angle_x": 2 * math.atan(0.5), "frames": nerfstudio()["frames"]}
+    data["frames"] = [frame | {"file_path": "./train/r_0"} for frame in data["frames"]]
+    path = put(tmp_path / "transforms_train.json", data)
+    assert read_frames(path).camera is None  # no picture says the size
+    (tmp_path / "train").mkdir()
+    Image.new("L", (64, 48)).save(tmp_path / "train" / "r_0.png")
+    same(read_frames(path).camera, wv.Camera(64, 48, 64, 64, 32, 24))
+
+
+def test_bop_says_its_camera(tmp_path):
+    images = {key: entry | {"cam_K": INTEGER.ravel().tolist()} for key, entry in bop().items()}
+    path = put(tmp_path / "lm" / "test" / "000001" / "scene_camera.json", images)
+    assert read_frames(path).camera is None
+    whole = {"fx": 1.0, "fy": 1.0, "cx": 1.0, "cy": 1.0, "width": 64, "height": 48}
+    put(tmp_path / "lm" / "camera.json", whole)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        same(read_frames(path).camera)
+    first = min(int(key) for key in images)
+    (path.parent / "rgb").mkdir()
+    Image.new("L", (60, 48)).save(path.parent / "rgb" / f"{first:06d}.png")
+    assert read_frames(path).camera.width == 60
+    last = sorted(images)[-1]
+    images[last]["cam_K"][0] += 1
+    with pytest.warns(IntrinsicsWarning, match=r"its images have different cameras, of 60x48 pixels, fx=60"):
+        assert read_frames(put(path, images)).camera is None
+
+
+@pytest.mark.parametrize("make", [colmap_text, colmap_binary])
+def test_colmap(make, tmp_path):
+    frames = read_frames(make(tmp_path / "0"))
+    np.testing.assert_allclose(poses_to_matrices(frames.camera_to_world), MATRICES, atol=1e-12)
+    same(frames.camera)
+    assert frames.source["format"] == "colmap"
+
+
+def test_colmap_with_lenses_and_several_cameras(tmp_path):
+    two = "7 SIMPLE_RADIAL 64 48 60 31.3 25.1 0.05\n8 PINHOLE 32 24 30 30 16 12"
+    with pytest.warns(IntrinsicsWarning, match=r"cameras\.txt:2: the lens has distortion"):
+        same(read_frames(colmap_text(tmp_path / "a", two)).camera, wv.Camera(64, 48, 60, 60, 31.3, 25.1))
+    with pytest.warns(IntrinsicsWarning, match="different cameras"), pytest.raises(FileFormatError, match="no camera"):
+        load_camera(tmp_path / "a" / "cameras.txt")
+    for text, message in (
+        ("7 FOV 64 48 60 58 31 25 1", "cameras.txt:2: camera model FOV is no pinhole"),
+        ("7 PINHOLE 64 48 60 58", "PINHOLE has 4 parameters, got 2"),
+        ("7 PINHOLE wide", "expected CAMERA_ID MODEL WIDTH HEIGHT"),
+        ("6 PINHOLE 64 48 60 58 31 25", "cameras.txt: holds no camera of the images"),
+    ):
+        with pytest.raises(FileFormatError, match=message):
+            read_frames(colmap_text(tmp_path / "b", text))
+
+
+def test_bags_bring_their_camera(tmp_path):
+    pytest.importorskip("rosbags")
+    scene = wv.scenes.PRESETS["room"].build()
+    wv.render_batch(scene, CAMERA, ROWS, tmp_path / "set", format="ros2")
+    frames = read_frames(tmp_path / "set" / "bag_000000")
+    same(frames.camera)
+    assert len(frames) == len(ROWS)
+
+
+def test_the_given_camera_must_be_the_poses_own(tmp_path):
+    scene, frames = wv.scenes.PRESETS["room"].build(), wv.Frames.from_poses(ROWS, camera=CAMERA)
+    wv.render_batch(scene, None, frames, tmp_path / "own")
+    assert wv.open_dataset(tmp_path / "own").camera == CAMERA
+    wv.render_batch(scene, replace(CAMERA, far=5.0), frames, tmp_path / "range")
+    assert wv.open_dataset(tmp_path / "range").frames.camera.far == 5.0
+    message = (
+        r"the frames are of a camera of 64x48 pixels, fx=60 .* the given one is of 320x240 pixels.*--replace-camera"
+    )
+    with pytest.raises(wv.errors.CameraError, match=message):
+        wv.render_batch(scene, wv.Camera.kinect(), frames, tmp_path / "other")
+    with pytest.raises(wv.errors.CameraError, match="do not say which camera they are for, so give one"):
+        wv.render_batch(scene, None, ROWS, tmp_path / "none")
+    with pytest.raises(wv.errors.CameraError, match=r"camera must be a warpvis\.Camera"):
+        wv.Frames.from_poses(ROWS, camera="kinect")
+    wv.render_batch(scene, CAMERA, MATRICES, tmp_path / "arrays")
+    assert len(wv.open_dataset(tmp_path / "arrays")) == len(ROWS)
+
+
+def test_the_command_line_takes_the_poses_camera(tmp_path, monkeypatch, capsys):
+    poses = put(tmp_path / "transforms.json", nerfstudio() | NERF)
+
+    def run(out, *options):
+        arguments = ["batch", "experiment_1", "--poses", poses, "--out", tmp_path / out, *options]
+        monkeypatch.setattr(sys, "argv", ["warpvis", *map(str, arguments)])
+        try:
+            main()
+        except SystemExit as stop:
+            return stop.code, capsys.readouterr().err
+        return 0, capsys.readouterr().err
+
+    assert run("own")[0] in (0, None)
+    same(wv.open_dataset(tmp_path / "own").camera)
+    code, said = run("other", "--camera", "kinect")
+    assert code == 2 and "the frames are of a camera of 64x48" in said
+    assert run("replaced", "--camera", "kinect", "--replace-camera")[0] in (0, None)
+    assert wv.open_dataset(tmp_path / "replaced").camera == wv.Camera.kinect()
+    code, said = run("useless", "--replace-camera")
+    assert code == 2 and "--replace-camera is for a pose file that says its camera" in said
+
+
+BAD = {
+    "fisheye": (lambda p: put(p / "t.json", NERF | {"camera_model": "OPENCV_FISHEYE"}), "is no pinhole"),
+    "no size": (lambda p: put(p / "t.json", {"fl_x": 60.0, "frames": []}), "holds no camera of all images"),
+    "words": (lambda p: put(p / "t.json", NERF | {"fl_x": "long"}), r"t\.json: fl_x must be"),
+    "negative": (lambda p: put(p / "t.json", NERF | {"fl_x": -60.0}), "focal lengths must be positive"),
+    "half a pixel": (lambda p: put(p / "t.json", NERF | {"w": 64.5}), "width must be a whole number of pixels"),
+    "no yaml": (lambda p: put(p / "eye.yaml", "a: [1"), r"eye\.yaml: is not YAML"),
+    "a list": (lambda p: put(p / "eye.yaml", "[1, 2]"), "a camera file holds one YAML mapping, got list"),
+    "empty yaml": (lambda p: put(p / "eye.yaml", "a: 1"), "holds no camera of ROS"),
+    "omni": (lambda p: put(p / "eye.yaml", KALIBR.replace("pinhole", "omni")), 'camera_model "omni" is no pinhole'),
+    "cut off": (lambda p: colmap_binary(p / "m").with_name("cameras.bin"), None),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_is_no_camera_is_said(name, tmp_path):
+    make, message = BAD[name]
+    path = make(tmp_path)
+    if path.suffix == ".yaml":
+        pytest.importorskip("ruamel.yaml")
+    if message is None:
+        path.write_bytes(path.read_bytes()[:30])
+        message = "is cut off, or no file of COLMAP's"
+    with pytest.raises(wv.WarpvisError, match=message):
+        load_camera(path)
+
+
+def test_any_bytes_are_read_or_refused(tmp_path):
+    """Mutations of every kind of file: a camera, or one sentence."""
+    rng, said = np.random.default_rng(0), 0
+    colmap_text(tmp_path), colmap_binary(tmp_path)
+    put(tmp_path / "transforms.json", nerfstudio() | NERF)
+    put(tmp_path / "eye.yaml", ROS_YAML), put(tmp_path / "chain.yaml", KALIBR)
+    names = ["cameras.txt", "cameras.bin", "images.txt", "images.bin", "transforms.json", "eye.yaml", "chain.yaml"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for name in names:
+            whole = (tmp_path / name).read_bytes()
+            for _ in range(60):
+                data = bytearray(whole if rng.random() < 0.7 else whole[: rng.integers(1, len(whole))])
+                for place in rng.integers(0, len(data), rng.integers(1, 4)):
+                    data[place] = int(rng.integers(256))
+                (tmp_path / name).write_bytes(data)
+                try:
+                    read_frames(tmp_path / name) if name.startswith("images") else load_camera(tmp_path / name)
+                except wv.WarpvisError:
+                    said += 1
+            (tmp_path / name).write_bytes(whole)
+    assert said > 100

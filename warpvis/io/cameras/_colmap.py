@@ -1,0 +1,157 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""COLMAP's models: cameras and world-to-camera poses, as text and binary.
+
+Format: https://colmap.github.io/format.html and https://colmap.github.io/cameras.html
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from warpvis.core.camera import Camera
+from warpvis.errors import FileFormatError
+from warpvis.io._files import read_lines
+from warpvis.io.cameras._pinhole import make_pinhole, one_camera
+
+# Parameters before those of the lens, by their places: fx fy cx cy; and how many there are.
+_MODELS = {
+    "SIMPLE_PINHOLE": (0, (0, 0, 1, 2), 3),
+    "PINHOLE": (1, (0, 1, 2, 3), 4),
+    "SIMPLE_RADIAL": (2, (0, 0, 1, 2), 4),
+    "RADIAL": (3, (0, 0, 1, 2), 5),
+    "OPENCV": (4, (0, 1, 2, 3), 8),
+    "FULL_OPENCV": (6, (0, 1, 2, 3), 12),
+}
+_OTHERS = {5: "OPENCV_FISHEYE", 7: "FOV", 8: "SIMPLE_RADIAL_FISHEYE", 9: "RADIAL_FISHEYE", 10: "THIN_PRISM_FISHEYE"}
+_NAMES = {number: name for name, (number, *_) in _MODELS.items()} | _OTHERS
+
+
+class ColmapImage(NamedTuple):
+    """An image of a model: its name, its camera, and the pose world to camera."""
+
+    name: str
+    camera: int
+    rotation: tuple[float, ...]
+    """``w x y z``."""
+    translation: tuple[float, ...]
+
+
+def colmap_camera(path: Path, used: set[int] | None = None) -> Camera | None:
+    """Read the camera of ``cameras.txt`` or ``cameras.bin``; None, with a warning, if there are several.
+
+    Args:
+        path: The file.
+        used: The cameras that count; all by default.
+
+    Raises:
+        FileFormatError: It does not read, or a camera is no pinhole.
+    """
+    found = dict(_binary_cameras(path) if path.suffix == ".bin" else _text_cameras(path))
+    chosen = [camera for number, camera in found.items() if used is None or number in used]
+    if not chosen:
+        raise FileFormatError(f"{path}: holds no camera" + (" of the images" if found else ""))
+    return one_camera(chosen, str(path))
+
+
+def colmap_images(path: Path) -> list[ColmapImage]:
+    """Read ``images.txt`` or ``images.bin``, in the order of the images' names.
+
+    Raises:
+        FileFormatError: It does not read.
+    """
+    images = list(_binary_images(path) if path.suffix == ".bin" else _text_images(path))
+    return sorted(images, key=lambda image: image.name)
+
+
+def _make(path: Path, place: str, model: str, size: tuple[int, int], parameters: list[float]) -> Camera:
+    if model not in _MODELS:
+        raise FileFormatError(f"{place}: camera model {model} is no pinhole")
+    _, intrinsics, count = _MODELS[model]
+    if len(parameters) != count:
+        raise FileFormatError(f"{place}: {model} has {count} parameters, got {len(parameters)}")
+    lens = parameters[max(intrinsics) + 1 :]
+    return make_pinhole(place, size, [parameters[k] for k in intrinsics], pixel_center=0.5, distortion=lens)
+
+
+def _text_cameras(path: Path) -> Iterator[tuple[int, Camera]]:
+    for number, line in enumerate(read_lines(path, "CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]"), start=1):
+        words = line.split()
+        if not words or words[0].startswith("#"):
+            continue
+        place = f"{path}:{number}"
+        try:
+            index, model, width, height = int(words[0]), words[1], int(words[2]), int(words[3])
+            parameters = [float(word) for word in words[4:]]
+        except (IndexError, ValueError):
+            raise FileFormatError(f"{place}: expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS[], got {line!r}") from None
+        yield index, _make(path, place, model, (width, height), parameters)
+
+
+def _text_images(path: Path) -> Iterator[ColmapImage]:
+    """Go through the lines of images, each of which a line of points follows that may be empty."""
+    lines = enumerate(read_lines(path, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME"), start=1)
+    for number, line in lines:
+        words = line.split(maxsplit=9)
+        if not words or words[0].startswith("#"):
+            continue
+        try:
+            numbers = [float(word) for word in words[1:8]]
+            yield ColmapImage(words[9].strip(), int(words[8]), tuple(numbers[:4]), tuple(numbers[4:]))
+        except (IndexError, ValueError):
+            wanted = "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME"
+            raise FileFormatError(f"{path}:{number}: expected {wanted}, got {line[:60]!r}") from None
+        next(lines, None)
+
+
+class _Bytes:
+    """A binary file, from its beginning to its end."""
+
+    def __init__(self, path: Path) -> None:
+        try:
+            self._data = path.read_bytes()
+        except OSError as error:
+            raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
+        self._path, self._place = path, 0
+
+    def take(self, layout: str) -> tuple[float, ...]:
+        try:
+            values = struct.unpack_from(f"<{layout}", self._data, self._place)
+        except struct.error:
+            raise FileFormatError(f"{self._path}: is cut off, or no file of COLMAP's") from None
+        self._place += struct.calcsize(f"<{layout}")
+        return values
+
+    def skip(self, count: int) -> None:
+        self._place = min(self._place + count, len(self._data))
+
+    def text(self) -> str:
+        end = self._data.find(b"\0", self._place)
+        if end < 0:
+            raise FileFormatError(f"{self._path}: is cut off, or no file of COLMAP's")
+        text, self._place = self._data[self._place : end].decode(errors="replace"), end + 1
+        return text
+
+
+def _binary_cameras(path: Path) -> Iterator[tuple[int, Camera]]:
+    data = _Bytes(path)
+    (count,) = data.take("Q")
+    for _ in range(int(count)):
+        index, model, width, height = (int(value) for value in data.take("iiQQ"))
+        name, place = _NAMES.get(model, f"number {model}"), f"{path}: camera {index}"
+        parameters = list(data.take(f"{_MODELS[name][2]}d")) if name in _MODELS else []
+        yield index, _make(path, place, name, (width, height), parameters)
+
+
+def _binary_images(path: Path) -> Iterator[ColmapImage]:
+    data = _Bytes(path)
+    (count,) = data.take("Q")
+    for _ in range(int(count)):
+        _, *numbers, camera = data.take("I7di")
+        name = data.text()
+        (points,) = data.take("Q")
+        data.skip(24 * int(points))
+        yield ColmapImage(name, int(camera), tuple(numbers[:4]), tuple(numbers[4:]))

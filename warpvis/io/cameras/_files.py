@@ -1,0 +1,92 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Cameras by name, or from a file of any format that is read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from warpvis.core.camera import Camera
+from warpvis.core.checks import as_path
+from warpvis.core.types import Json
+from warpvis.errors import CameraError, FileFormatError
+from warpvis.io._files import read_json
+from warpvis.io.cameras._colmap import colmap_camera
+from warpvis.io.cameras._json import bop_camera, bop_images_camera, is_bop, is_nerfstudio, nerfstudio_camera
+from warpvis.io.cameras._yaml import yaml_camera
+
+_COMMON = {"width", "height", "near", "far"}
+_FROM_K = _COMMON | {"K", "pixel_center"}
+_FROM_FOV = _COMMON | {"hfov", "vfov", "vertical"}
+
+
+def load_camera(name_or_path: str) -> Camera:
+    """Return the camera ``kinect``, or read one from a file.
+
+    - JSON of our own: ``width``, ``height`` [px], optionally ``near``, ``far`` [m], and either ``hfov`` or ``vfov``
+      [rad] (optionally ``vertical``), or ``K`` (3x3, optionally ``pixel_center``); see `Camera.from_fov` and
+      `Camera.from_K`.
+    - nerfstudio's ``transforms.json``; BOP's ``camera.json`` and ``scene_camera.json``.
+    - COLMAP's ``cameras.txt`` and ``cameras.bin``, of a single camera.
+    - YAML of ROS's camera_calibration, of which `P` counts, and Kalibr's camchain (``camchain.yaml:cam1``).
+
+    Other systems' cameras have no range: `near` is 0 and `far` infinite. Where a lens has distortion, a warning says
+    that it is not rendered.
+
+    Raises:
+        FileFormatError: There is no such file, or it holds no camera, or several.
+        CameraError: A JSON file of our own does not describe a camera.
+    """
+    if isinstance(name_or_path, str) and name_or_path == "kinect":
+        return Camera.kinect()
+    path, name = _split_name(as_path(name_or_path, "name_or_path"))
+    if not path.is_file():
+        raise FileFormatError(f'{path}: no such file; a camera is "kinect" or a file')
+    camera = _read(path, name)
+    if camera is None:
+        raise FileFormatError(f"{path}: holds no camera of all images")
+    return camera
+
+
+def _split_name(path: Path) -> tuple[Path, str]:
+    """Split ``camchain.yaml:cam1``."""
+    stem, _, name = path.name.rpartition(":")
+    if stem and not path.exists():
+        return path.with_name(stem), name
+    return path, ""
+
+
+def _read(path: Path, name: str) -> Camera | None:
+    kind = path.suffix.lower()
+    if kind in (".yaml", ".yml"):
+        return yaml_camera(path, name)
+    if name:
+        raise FileFormatError(f"{path}: a name after a colon, {name!r}, is for cameras of YAML files")
+    if path.name in ("cameras.txt", "cameras.bin"):
+        return colmap_camera(path)
+    fields = read_json(path)
+    if isinstance(fields, dict) and is_nerfstudio(fields):
+        return nerfstudio_camera(path, fields)
+    if isinstance(fields, dict) and is_bop(fields):
+        return bop_camera(path, fields)
+    if isinstance(fields, dict) and any(isinstance(entry, dict) and "cam_K" in entry for entry in fields.values()):
+        return bop_images_camera(path, fields)
+    return _camera_from_fields(fields, path)
+
+
+def _camera_from_fields(fields: Json, path: Path) -> Camera:
+    if not isinstance(fields, dict):
+        raise CameraError(f"{path}: a camera file holds one JSON object, got {type(fields).__name__}")
+    known = _FROM_K if "K" in fields else _FROM_FOV
+    unknown, missing = sorted(fields.keys() - known), sorted({"width", "height"} - fields.keys())
+    if unknown or missing:
+        problem = f"unknown {', '.join(unknown)}" if unknown else f"missing {', '.join(missing)}"
+        raise CameraError(f"{path}: {problem}; a camera file may hold {', '.join(sorted(known))}")
+    given: dict[str, Any] = fields  # whose values `Camera` checks
+    try:
+        return Camera.from_K(**given) if "K" in fields else Camera.from_fov(**given)
+    except CameraError as error:
+        raise CameraError(f"{path}: {error}") from None
+    except TypeError:
+        raise CameraError(f"{path}: sizes, fields of view and ranges must be numbers") from None

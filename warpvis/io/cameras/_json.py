@@ -1,0 +1,136 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Cameras of JSON files: nerfstudio's ``transforms.json``, BOP's ``camera.json`` and ``scene_camera.json``.
+
+Formats: https://docs.nerf.studio/quickstart/data_conventions.html,
+https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_format.md
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from warpvis.core.camera import Camera
+from warpvis.core.types import Json
+from warpvis.errors import FileFormatError
+from warpvis.io._files import as_numbers, read_json
+from warpvis.io.cameras._pinhole import image_size, make_pinhole, one_camera
+
+_NERF_NUMBERS = ("fl_x", "fl_y", "cx", "cy", "w", "h")
+_LENS = ("k1", "k2", "k3", "k4", "p1", "p2")
+_PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
+_BOP_CAMERA = {"fx", "fy", "cx", "cy", "width", "height"}
+_BOP_IMAGES = ("depth", "rgb", "gray")
+
+
+def is_nerfstudio(fields: Mapping[str, Json]) -> bool:
+    """Tell whether a JSON object is a ``transforms.json``."""
+    return "frames" in fields or "fl_x" in fields or "camera_angle_x" in fields
+
+
+def is_bop(fields: Mapping[str, Json]) -> bool:
+    """Tell whether a JSON object is BOP's ``camera.json``."""
+    return fields.keys() >= _BOP_CAMERA
+
+
+def nerfstudio_camera(path: Path, fields: Mapping[str, Json]) -> Camera | None:
+    """Read the camera of all frames; None if the file has none, or, with a warning, several.
+
+    Raises:
+        FileFormatError: Its numbers make no pinhole.
+    """
+    frames = fields.get("frames")
+    listed = [frame for frame in frames if isinstance(frame, dict)] if isinstance(frames, list) else []
+    own = [{**fields, **frame} for frame in listed if any(name in frame for name in _NERF_NUMBERS)]
+    cameras = [_nerfstudio_camera(path, entry, listed) for entry in own or [dict(fields)]]
+    return one_camera([camera for camera in cameras if camera is not None], str(path))
+
+
+def _nerfstudio_camera(path: Path, fields: Mapping[str, Json], frames: Sequence[Mapping[str, Json]]) -> Camera | None:
+    model = fields.get("camera_model", "OPENCV")
+    if model not in _PINHOLES:
+        raise FileFormatError(f"{path}: camera_model {model!r} is no pinhole")
+    size = _nerfstudio_size(path, fields, frames)
+    if size is None:
+        return None
+    focal = [_number(path, fields, name) for name in ("fl_x", "fl_y")]
+    across = _number(path, fields, "camera_angle_x")
+    if focal[0] is None and across is not None and 0 < across < math.pi:
+        focal[0] = size[0] / 2 / math.tan(across / 2)
+    if focal[0] is None:
+        return None
+    centre = [_number(path, fields, name) for name in ("cx", "cy")]
+    intrinsics = (
+        focal[0],
+        focal[0] if focal[1] is None else focal[1],
+        *(side / 2 if at is None else at for at, side in zip(centre, size, strict=True)),
+    )
+    lens = [_number(path, fields, name) or 0.0 for name in _LENS]
+    return make_pinhole(str(path), size, intrinsics, pixel_center=0.5, distortion=lens)
+
+
+def _nerfstudio_size(
+    path: Path, fields: Mapping[str, Json], frames: Sequence[Mapping[str, Json]]
+) -> tuple[float, float] | None:
+    """Return width and height; of the first picture if the file does not say it, as of Blender's."""
+    width, height = (_number(path, fields, name) for name in ("w", "h"))
+    if width is not None and height is not None:
+        return width, height
+    name = frames[0].get("file_path") if frames else None
+    if not isinstance(name, str) or "\0" in name:
+        return None
+    return image_size(path.parent, [name, f"{name}.png"])
+
+
+def bop_camera(path: Path, fields: Mapping[str, Json]) -> Camera:
+    """Read BOP's ``camera.json``.
+
+    Raises:
+        FileFormatError: Its numbers make no camera.
+    """
+    width, height, *intrinsics = (
+        as_numbers(fields[name], (), f"{path}: {name}").item() for name in ("width", "height", "fx", "fy", "cx", "cy")
+    )
+    return make_pinhole(str(path), (width, height), intrinsics, pixel_center=0.0)
+
+
+def bop_images_camera(path: Path, images: Mapping[str, Json]) -> Camera | None:
+    """Read the camera of all images of a ``scene_camera.json``.
+
+    The images' size is that of a picture beside it, or that of the dataset's ``camera.json``; None if neither is there,
+    or, with a warning, if the images have several cameras.
+
+    Raises:
+        FileFormatError: A matrix is none.
+    """
+    given = [entry["cam_K"] for entry in images.values() if isinstance(entry, dict) and "cam_K" in entry]
+    size = _bop_size(path, images) if given else None
+    if size is None:
+        return None
+    matrices = {tuple(as_numbers(matrix, (9,), f"{path}: cam_K").tolist()) for matrix in given}
+    cameras = [
+        make_pinhole(str(path), size, (fx, fy, cx, cy), pixel_center=0.0)
+        for fx, _, cx, _, fy, cy, *_ in sorted(matrices)
+    ]
+    return one_camera(cameras, str(path))
+
+
+def _bop_size(path: Path, images: Mapping[str, Json]) -> tuple[float, float] | None:
+    first = min((int(key) for key in images if key.isascii() and key.isdigit() and len(key) < 16), default=0)
+    names = [f"{folder}/{first:06d}{suffix}" for folder in _BOP_IMAGES for suffix in (".png", ".jpg", ".tif")]
+    found = image_size(path.parent, names)
+    whole = path.absolute().parent.parent.parent / "camera.json"
+    if found is None and whole.is_file():
+        fields = read_json(whole)
+        if isinstance(fields, dict) and is_bop(fields):
+            camera = bop_camera(whole, fields)
+            return camera.width, camera.height
+    return found
+
+
+def _number(path: Path, fields: Mapping[str, Json], name: str) -> float | None:
+    if fields.get(name) is None:
+        return None
+    return float(as_numbers(fields[name], (), f"{path}: {name}"))

@@ -1,0 +1,75 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Cameras of other systems' numbers: what is a pinhole, and what is said of lenses."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+from warpvis.core.camera import Camera, describe_pixels, same_pixels
+from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning
+
+
+def make_pinhole(
+    place: str,
+    size: Sequence[float],
+    intrinsics: Sequence[float],
+    *,
+    pixel_center: float,
+    distortion: Sequence[float] = (),
+) -> Camera:
+    """Make the camera of a file.
+
+    Args:
+        place: Where it is, as messages say it.
+        size: Width and height [px].
+        intrinsics: ``fx fy cx cy`` [px].
+        pixel_center: See `Camera.from_K`.
+        distortion: Coefficients of the lens; a warning says so if one is not 0.
+
+    Raises:
+        FileFormatError: These numbers make no camera.
+    """
+    fx, fy, cx, cy = intrinsics
+    try:
+        matrix = [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]
+        camera = Camera.from_K(matrix, *size, pixel_center=pixel_center)  # type: ignore[arg-type]  # `Camera` checks
+    except CameraError as error:
+        raise FileFormatError(f"{place}: {error}") from None
+    if any(distortion):
+        warnings.warn(
+            f"{place}: the lens has distortion, which is not rendered: images are those of the pinhole, as of pictures "
+            "that were undistorted",
+            IntrinsicsWarning,
+            stacklevel=2,
+        )
+    return camera
+
+
+def one_camera(cameras: Sequence[Camera], place: str) -> Camera | None:
+    """Return the camera of all images; None, with a warning, if they have several."""
+    other = next((camera for camera in cameras if not same_pixels(camera, cameras[0])), None)
+    if other is None:
+        return cameras[0] if cameras else None
+    warnings.warn(
+        f"{place}: its images have different cameras, of {describe_pixels(cameras[0])} and of {describe_pixels(other)} "
+        "among them; frames have one, so give it",
+        IntrinsicsWarning,
+        stacklevel=2,
+    )
+    return None
+
+
+def image_size(folder: Path, names: Sequence[str]) -> tuple[int, int] | None:
+    """Read width and height of the first image that is there, of `names` in a folder; None if none is."""
+    from PIL import Image, UnidentifiedImageError
+
+    for name in names:
+        try:
+            with Image.open(folder / name) as picture:
+                return picture.size
+        except (OSError, UnidentifiedImageError, ValueError):
+            continue
+    return None

@@ -1,0 +1,45 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Poses of COLMAP's models: ``images.txt`` or ``images.bin``, world to camera, OpenCV axes.
+
+Format: https://colmap.github.io/format.html
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from warpvis.core.poses import poses_to_matrices
+from warpvis.errors import FileFormatError
+from warpvis.io.cameras._colmap import colmap_camera, colmap_images
+from warpvis.io.poses._file_poses import FilePoses
+
+FILES = ("images.txt", "images.bin")
+"""Names of the files."""
+
+
+def read_colmap(path: Path) -> FilePoses:
+    """Read the poses of a model's images, in the order of the images' names, and their camera if they have one.
+
+    Raises:
+        FileFormatError: The file, or that of the cameras beside it, does not read.
+    """
+    images = colmap_images(path)
+    turns = np.array([image.rotation for image in images]).reshape(-1, 4)
+    lengths = np.linalg.norm(turns, axis=1, keepdims=True)
+    bad = np.flatnonzero(~(lengths[:, 0] > 0) | ~np.isfinite(lengths[:, 0]))
+    if len(bad):
+        raise FileFormatError(f"{path}: image {images[bad[0]].name!r} has no rotation")
+    world_to_camera = np.zeros((len(images), 7))
+    world_to_camera[:, 3:] = (turns / lengths)[:, [1, 2, 3, 0]]
+    rotations = poses_to_matrices(world_to_camera)[:, :3, :3]
+    translations = np.array([image.translation for image in images]).reshape(-1, 3)
+    poses = np.tile(np.eye(4), (len(images), 1, 1))
+    poses[:, :3, :3] = rotations.swapaxes(1, 2)
+    with np.errstate(over="ignore", invalid="ignore"):  # what is too large is named with the frames
+        poses[:, :3, 3] = -np.einsum("nji,nj->ni", rotations, translations)
+    beside = path.with_name("cameras" + path.suffix)
+    camera = colmap_camera(beside, {image.camera for image in images}) if images and beside.is_file() else None
+    return FilePoses(poses, lambda index: f"{path}: image {images[index].name!r}", camera=camera)
