@@ -65,8 +65,16 @@ def top_cases(folder):
         ),
         "Frames.from_poses": (
             wv.Frames.from_poses,
-            {"poses": [POSE], "timestamps": [0], "object_poses": [MOVED], "world_index": [0], "source": {}},
+            {
+                "poses": [POSE],
+                "timestamps": [0],
+                "object_poses": [MOVED],
+                "world_index": [0],
+                "camera": CAMERA,
+                "source": {},
+            },
         ),
+        "Frames.choose_camera": (wv.Frames.from_poses([POSE], camera=CAMERA).choose_camera, {"camera": CAMERA}),
         "Label.parse": (wv.Label.parse, {"value": "ground"}),
         "Perspective.states": (SEEN.states, {"first": "robot", "second": "human"}),
         "Perspective.candidates": (SEEN.candidates, {"human": "human", "robot": "robot", "view": 0, "labels": None}),

@@ -53,6 +53,8 @@ class Frames:
         """Check that what was made by hand fits together; the values themselves are checked by `from_poses`."""
         count = _length(self.camera_to_world, "camera_to_world", (None, 7))
         _length(self.timestamps, "timestamps", (count,))
+        if self.camera is not None:
+            require_camera(self.camera)
         if not isinstance(self.source, Mapping):
             raise ArrayError(f"source must be a mapping of what JSON can hold, got {self.source!r}")
         if self.object_poses is None:
@@ -139,8 +141,6 @@ class Frames:
         """
         poses = to_xyzw(poses, quaternion, "poses")
         object_poses = to_xyzw(object_poses, quaternion, "object_poses")
-        if camera is not None:
-            require_camera(camera)
         rows = _camera_rows(poses, convention)
         count = len(rows)
         objects = None if object_poses is None else _object_rows(object_poses)
