@@ -113,7 +113,7 @@ def parse_manifest(data: bytes | None) -> Mapping[str, Json] | None:
     """Read the manifest that a file holds; None if it is not one."""
     try:
         content = json.loads(data or b"")
-    except ValueError:
+    except (ValueError, RecursionError):
         return None
     return content if isinstance(content, dict) and "warpvis_dataset" in content else None
 

@@ -80,10 +80,17 @@ def read_record(store: Store, name: str) -> Record | None:
     try:
         content = json.loads(data)
         files = {file: FileSum(int(item["bytes"]), int(item["crc32"], 16)) for file, item in content["files"].items()}
+        if not all(map(_is_inside, files)):
+            return None
         warnings = {str(message): int(count) for message, count in content["warnings"].items()}
         return Record(int(content["frames"]), files, warnings, int(content.get("empty", 0)))
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         return None
+
+
+def _is_inside(name: str) -> bool:
+    """Tell whether a path is relative and leads down: a record of another's making could name any file."""
+    return "\\" not in name and "\0" not in name and not {"", ".", ".."} & set(name.split("/"))
 
 
 def read_whole(store: Store, name: str, frames: int) -> Record | None:

@@ -4,7 +4,10 @@
 
 from __future__ import annotations
 
+import io
+import itertools
 import os
+import zipfile
 import zlib
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -13,14 +16,15 @@ from typing import NamedTuple
 
 from warpvis.batch._dataset import POSES
 from warpvis.batch._identity import frames_hash
-from warpvis.batch._job import FRAME_ARRAYS
+from warpvis.batch._job import FRAME_ARRAYS, shard_name
 from warpvis.batch._manifest import MANIFEST, parse_manifest, read_contents
-from warpvis.batch._records import BEGIN_RECORD, INDEX_RECORD, read_record, shard_record
+from warpvis.batch._records import BEGIN_RECORD, INDEX_RECORD, RECORDS_FOLDER, read_record, shard_record
 from warpvis.batch.storage._stores import Store, open_store
 from warpvis.core.threads import core_count
 from warpvis.errors import FileFormatError
 
 _MOST_RANGES = 10
+_MOST_DIGITS = 20
 
 
 @dataclass(frozen=True)
@@ -77,36 +81,47 @@ def _verify(store: Store) -> VerifyReport:
         raise FileFormatError(f"{store.name}: is no dataset: its {MANIFEST} does not say what it holds")
     frames, shard_frames = contents.frames, contents.shard_frames
     shards = -(-frames // shard_frames)
-    problems = list(_check_poses(store, contents.poses_sha256))
-    expected = {shard_record(k): min(shard_frames, frames - k * shard_frames) for k in range(shards)}
+    problems = list(_check_poses(store, contents.poses_sha256, frames))
+    there = _recorded_shards(store, shards)
+    expected = {shard_record(k): min(shard_frames, frames - k * shard_frames) for k in there}
     others = {INDEX_RECORD: frames} | ({} if store.size(BEGIN_RECORD) is None else {BEGIN_RECORD: frames})
     with ThreadPoolExecutor(core_count()) as pool:
         checked = list(pool.map(lambda item: _check(store, item), [*expected.items(), *others.items()]))
-    missing = [shard for shard, item in enumerate(checked[:shards]) if item.missing]
-    if missing:
-        problems.append(f"{len(missing)} of {shards} shards are missing: {_ranges(missing)}")
+    found = [shard for shard, item in zip(there, checked, strict=False) if not item.missing]
+    if len(found) < shards:
+        problems.append(f"{shards - len(found)} of {shards} shards are missing: {_gaps(found, shards)}")
     problems += [problem for item in checked for problem in item.problems]
     files = {name for item in checked for name in item.files}
     problems += [f"{name}: is in no record" for name in sorted(set(store.files()) - files - {MANIFEST, POSES})]
-    whole = sum(not item.problems and not item.missing for item in checked[:shards])
+    whole = sum(not item.problems and not item.missing for item in checked[: len(there)])
     size = sum(item.bytes for item in checked)
     damaged = tuple(item.files[0] for item in checked if item.problems and item.files)
     counts = (frames, shards, whole, len(files), size)
     return VerifyReport(store.name, contents.format, *counts, tuple(problems), damaged)
 
 
-def _check_poses(store: Store, sha256: str) -> Iterator[str]:
-    import io
+def _recorded_shards(store: Store, shards: int) -> list[int]:
+    """Return the numbers of the shards that there are records of, in order; a manifest may speak of any number."""
+    stems = (name.removesuffix(".json") for name in store.names(RECORDS_FOLDER) if name.endswith(".json"))
+    numbers = {int(stem): stem for stem in stems if stem.isascii() and stem.isdigit() and len(stem) < _MOST_DIGITS}
+    return sorted(number for number, stem in numbers.items() if number < shards and shard_name(number) == stem)
 
+
+def _check_poses(store: Store, sha256: str, frames: int) -> Iterator[str]:
     import numpy as np
 
     from warpvis.core.frames import Frames
 
+    data = store.read(POSES) or b""
     try:
-        with np.load(io.BytesIO(store.read(POSES) or b"")) as arrays:
-            found = {name: arrays.get(name) for name in FRAME_ARRAYS}
-        if frames_hash(Frames(**found)) != sha256:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:  # stored as they are; others could unpack to any size
+            stored = sum(info.file_size for info in archive.infolist()) <= len(data)
+        with np.load(io.BytesIO(data if stored else b"")) as arrays:
+            found = Frames(**{name: arrays.get(name) for name in FRAME_ARRAYS})
+        if frames_hash(found) != sha256:
             yield f"{POSES}: holds other poses than the manifest says"
+        elif len(found) != frames:
+            yield f"{POSES}: holds {len(found)} frames, and the manifest says {frames}"
     except Exception:  # whatever NumPy and zipfile raise for what is no such file
         yield f"{POSES}: is missing or cannot be read"
 
@@ -143,16 +158,11 @@ def _check(store: Store, item: tuple[str, int]) -> _Checked:
     return _Checked([name, *record.files], record.bytes, wrong)
 
 
-def _ranges(numbers: Sequence[int]) -> str:
-    """Write increasing numbers in few words: ``0-3, 7, 9-12``."""
-    runs: list[list[int]] = []
-    for number in numbers:
-        if runs and runs[-1][1] == number - 1:
-            runs[-1][1] = number
-        else:
-            runs.append([number, number])
-    shown = ", ".join(str(first) if first == last else f"{first}-{last}" for first, last in runs[:_MOST_RANGES])
-    return shown + (", ..." if len(runs) > _MOST_RANGES else "")
+def _gaps(numbers: Sequence[int], count: int) -> str:
+    """Write which numbers below `count` are not among increasing ones, in few words: ``0-3, 7, 9-12``."""
+    runs = [(last + 1, following - 1) for last, following in itertools.pairwise([-1, *numbers, count])]
+    shown = [str(first) if first == last else f"{first}-{last}" for first, last in runs if first <= last]
+    return ", ".join(shown[:_MOST_RANGES]) + (", ..." if len(shown) > _MOST_RANGES else "")
 
 
 def _crc32(store: Store, name: str) -> int:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -80,19 +81,17 @@ class LocalStore:
         self.name = str(root)
 
     def read(self, name: str) -> bytes | None:
-        try:
-            return (self.root / name).read_bytes()
-        except (FileNotFoundError, NotADirectoryError):
-            return None
+        return None if self.size(name) is None else (self.root / name).read_bytes()
 
     def open(self, name: str) -> IO[bytes]:
         return (self.root / name).open("rb")
 
     def size(self, name: str) -> int | None:
         try:
-            return (self.root / name).stat().st_size
+            found = (self.root / name).stat()
         except (FileNotFoundError, NotADirectoryError):
             return None
+        return found.st_size if stat.S_ISREG(found.st_mode) else None  # a device or a pipe would be read for ever
 
     def entries(self) -> list[str]:
         if not self.root.exists():
