@@ -18,6 +18,8 @@ from warpvis.scenes.experiments import BALL_DIAMETER, CAMERA_HEIGHT, PERSON_HEIG
 FOLDER = Path(__file__).parent.parent / "examples" / "webots" / "worlds"
 DISPLAYS = {"labels": (320, 240), "floor map": (200, 200), "person's view": (200, 200)}
 """Name and size [px] of the controller's pictures."""
+OVERLAYS = {"range-finder": (0, 0), "labels": (0, 0.55), "floor map": (0.75, 0), "person's view": (0.75, 0.55)}
+"""Where the pictures are in the 3D view, as shares of it from its left and upper edge: Webots puts all on one place."""
 COLORS = {
     "floor": (0.8, 0.8, 0.8),
     "low obstacle": (0.6, 0.45, 0.3),
@@ -56,6 +58,14 @@ def world_of(experiment: Experiment) -> str:
             box = _node("Box", size=_numbers(high - low))
             name = item.name.upper().replace(" ", "_") + "_SHAPE"
             lines += _thing(item.name, (low + high) / 2, _defined(name, box))
+    return "\n".join(lines) + "\n"
+
+
+def project_of(experiment: Experiment) -> str:
+    """Write how Webots shows an experiment's world: with a console, and with the pictures beside each other."""
+    lines = ["Webots Project File version R2023b", "maximizedDockId: -1", "centralWidgetVisible: 1"]
+    lines += ["orthographicViewHeight: 1", "consoles: Console:All:All"]
+    lines += [f"renderingDevicePerspectives: robot:{name};1;1;{x:g};{y:g}" for name, (x, y) in OVERLAYS.items()]
     return "\n".join(lines) + "\n"
 
 
@@ -187,9 +197,9 @@ def main(folder: Path = FOLDER) -> None:
     """Write the worlds to a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     for experiment in EXPERIMENTS:
-        path = folder / f"{experiment.name}.wbt"
-        path.write_text(world_of(experiment), encoding="utf-8", newline="\n")
-        print(path)
+        for path, write in ((f"{experiment.name}.wbt", world_of), (f".{experiment.name}.wbproj", project_of)):
+            (folder / path).write_text(write(experiment), encoding="utf-8", newline="\n")
+            print(folder / path)
 
 
 if __name__ == "__main__":

@@ -64,12 +64,28 @@ def test_the_files_are_what_the_script_writes(experiment):
     spec = importlib.util.spec_from_file_location("write_webots_worlds", place)
     script = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(script)
-    written = (PROJECT / "worlds" / f"{experiment.name}.wbt").read_text(encoding="utf-8")
-    assert written == script.world_of(experiment), "run python scripts/write_webots_worlds.py"
+    for name, write in ((f"{experiment.name}.wbt", script.world_of), (f".{experiment.name}.wbproj", script.project_of)):
+        written = (PROJECT / "worlds" / name).read_text(encoding="utf-8")
+        assert written == write(experiment), "run python scripts/write_webots_worlds.py"
 
 
 def test_there_are_no_others():
-    assert {path.stem for path in (PROJECT / "worlds").iterdir()} == {item.name for item in EXPERIMENTS}
+    names = {path.name for path in (PROJECT / "worlds").iterdir()}
+    assert names == {f"{item.name}.wbt" for item in EXPERIMENTS} | {f".{item.name}.wbproj" for item in EXPERIMENTS}
+
+
+def test_pictures_do_not_hide_each_other(world):
+    """The world's project names every picture once, each at a place of its own, and shows them."""
+    text = (world.path.parent / f".{world.path.stem}.wbproj").read_text(encoding="utf-8")
+    found = re.findall(r"^renderingDevicePerspectives: robot:(.+);1;1;([\d.]+);([\d.]+)$", text, re.MULTILINE)
+    nodes = [node for node in descend(parse_world(world.path).nodes) if node.type in ("RangeFinder", "Display")]
+    assert sorted(name for name, *_ in found) == sorted(node.text("name", "range-finder") for node in nodes)
+    assert len({(x, y) for _, x, y in found}) == len(nodes) == 4
+    for node in nodes:  # in a 3D view of 1000 x 700 pixels
+        x, y = next(
+            (1000 * float(x), 700 * float(y)) for name, x, y in found if name == node.text("name", "range-finder")
+        )
+        assert x + node.integer("width", 64) <= 1000 and y + node.integer("height", 64) <= 700
 
 
 def test_webots_knows_all_nodes_and_fields(world):
