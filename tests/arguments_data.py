@@ -2,11 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Valid arguments of what `batch`, `io`, `maps` and `mujoco` show, by name: ``name: (function, arguments)``."""
 
+from functools import partial
+
+import gymnasium as gym
 import mujoco
 import numpy as np
 from arguments_shared import CAMERA, DEPTH, MESSAGE, MODEL, MOVED, POSE, RENDERED, VIEW, rendered_once, scene
+from gymnasium_environments import Cup, make_cup
 
 import warpvis as wv
+import warpvis.mujoco.gymnasium as wrappers
 
 
 def data_cases(folder):
@@ -16,6 +21,19 @@ def data_cases(folder):
     seen = scene()
     path = folder / "out"
     mujoco_scene = wv.mujoco.scene_from_mujoco(MODEL)
+    cup = make_cup("DepthObservation")
+    cup.reset(seed=0)
+    look = {
+        "camera": "front",
+        "width": 8,
+        "height": 6,
+        "outputs": ["depth"],
+        "objects": ["cup"],
+        "segmentation": "body",
+        "fill": "far",
+        "scene_option": mujoco.MjvOption(),
+        "device": "cpu",
+    }
     model = {"tolerance": 5e-4, "labels": {"ball": "object"}, "exclude": ("floor",), "device": "cpu"}
     return {
         # warpvis.batch
@@ -66,6 +84,20 @@ def data_cases(folder):
             },
         ),
         "plan_visibility": (wv.maps.plan_visibility, {"scene": seen, **VIEW, "exclude": ["box"]}),
+        # warpvis.mujoco.gymnasium
+        "gymnasium.DepthObservation": (wrappers.DepthObservation, {"env": Cup(), **look, "threads": 1}),
+        "gymnasium.DepthObservation.observation": (cup.observation, {"observation": {}}),
+        "gymnasium.PoseObservation": (wrappers.PoseObservation, {"env": Cup()}),
+        "gymnasium.PoseObservation.observation": (make_cup("PoseObservation").observation, {"observation": {}}),
+        "gymnasium.VectorDepthObservation": (
+            wrappers.VectorDepthObservation,
+            {
+                "env": gym.vector.SyncVectorEnv([partial(make_cup, "PoseObservation")]),
+                **look,
+                "movable": "bodies",
+                "threads": 1,
+            },
+        ),
         # warpvis.mujoco
         "BatchRenderer": (
             wv.mujoco.BatchRenderer,

@@ -3,6 +3,7 @@
 """What the pages of the documentation take for granted: scenes, poses, files, models."""
 
 import shutil
+import types
 from pathlib import Path
 
 import mujoco
@@ -114,6 +115,13 @@ def _visibility(folder):
         "eyes": _poses()[:, :3],
         "targets": np.array([[3, 0.4, 0.1], [2.5, 1.5, 0.2]]),
     }
+
+
+def _learning(folder):
+    camera = wv.Camera.from_fov(64, 48, hfov=1.0, far=10)
+    poses = _poses()
+    renderer = wv.Renderer(_room(), camera, fill="far")
+    return {"renderer": renderer, "poses": poses, "torch": types.SimpleNamespace(from_dlpack=np.from_dlpack)}
 
 
 def _mujoco(folder):

@@ -12,6 +12,10 @@ import pytest
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 SAYS = {
+    "gymnasium_depth.py": r"(Fetch|Pusher)[\w-]+: observations have .*depth, .*\nafter 50 steps show \d+% of object.*\n"
+    r"4 environments: depth \(4, 64, 64\) float32",
+    "torch_depth.py": r"a tensor \(32, 64, 64\) on (cpu|cuda:0), of the same memory\n"
+    r"the error fell from 0\.\d+ to 0\.0[01]\d, of shares of 0\.09",
     "aloha_perspective.py": r"spoon +object +hidden by pot +hidden by pot +neither\n"
     r"the collaborator may mean the salt: score 0\.98(.|\n)*the teleoperator must move to see: salt\n",
     "ros2_node.py": r'cup: {"status": "visible", "fraction": 0\.1\d+, "pixels": \d+, "hidden_by": "arm"}\n'
@@ -30,8 +34,9 @@ def test_there_are_no_others():
 
 @pytest.mark.parametrize("name", SAYS)
 def test_examples_run(name, tmp_path):
-    if "mujoco_warp" in (EXAMPLES / name).read_text() and importlib.util.find_spec("mujoco_warp") is None:
-        pytest.skip("mujoco-warp is not installed")
+    for module in ("mujoco_warp", "gymnasium", "torch"):
+        if f"import {module}" in (EXAMPLES / name).read_text() and importlib.util.find_spec(module) is None:
+            pytest.skip(f"{module} is not installed")
     done = subprocess.run([sys.executable, EXAMPLES / name], capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert re.search(SAYS[name], done.stdout), done.stdout

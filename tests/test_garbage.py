@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whatever a public function is given for a parameter, it takes it or says what is wrong with it: a `WarpvisError`."""
 
+import importlib
 import inspect
 import math
 import types
@@ -109,7 +110,8 @@ def table(tmp_path_factory):
 
 def public_callables():
     """Names of the public functions and classes with parameters, and of their methods: ``Scene.add``."""
-    modules = [getattr(wv, name) for name in wv.__all__ if isinstance(getattr(wv, name), types.ModuleType)]
+    modules = [importlib.import_module("warpvis.mujoco.gymnasium")]
+    modules += [getattr(wv, name) for name in wv.__all__ if isinstance(getattr(wv, name), types.ModuleType)]
     found = {}
     for module in [wv, *modules]:
         for name in getattr(module, "__all__", ()):
@@ -140,12 +142,17 @@ OURS = {
     "FrameRenderer.render",
     "Agent.face_poses",
     "Agent.angles_to",
+    # Gymnasium's own arguments.
+    "VectorDepthObservation.reset",
+    "VectorDepthObservation.step",
 }
 
 
 def test_all_that_is_public_is_here(table):
     """A new function, class or method needs a line above."""
-    names = {name.partition(",")[0].partition(" of ")[0].removeprefix("mujoco.") for name in table}
+    names = {
+        name.partition(",")[0].partition(" of ")[0].removeprefix("mujoco.").removeprefix("gymnasium.") for name in table
+    }
     missing = {name for name in public_callables() if name not in names} - RESULTS - OURS
     assert not {name for name in missing if name.partition(".")[0] not in {"Node", "ScenePreset", "Experiment"}}
 
@@ -161,7 +168,7 @@ NAMES = (
     "persp point_ read_frames render voxel Frame verify warmup load_ read_po read_model save_ Sphere plan_ Batch "
     "Kinematics Mujoco mujoco World camera_ geom_ scene_ Best Coverage best_ clearance coverage minimum pose_ "
     "propose standing surface along frames_ grid looks orbit random sphere view_ Depth Lens Version add_ distort "
-    "Ortho open_ from_image to_image to_point find_ quanti range_ recog segm "
+    "Ortho gym open_ from_image to_image to_point find_ quanti range_ recog segm "
 ).split()
 
 

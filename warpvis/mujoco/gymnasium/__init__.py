@@ -1,0 +1,26 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Depth images, segmentation and visible fractions in the observations of Gymnasium's environments on MuJoCo.
+
+>>> env = DepthObservation(gym.make("Ant-v5"), camera="track", width=84, height=84)
+>>> observation, info = env.reset(seed=0)
+>>> observation["depth"].shape
+(84, 84)
+"""
+
+from __future__ import annotations
+
+try:
+    import gymnasium
+except ImportError as error:
+    raise ImportError(
+        "warpvis.mujoco.gymnasium needs Gymnasium, which is missing: pip install 'warpvis[gymnasium]'"
+    ) from error
+
+from warpvis.mujoco.gymnasium._observation import DepthObservation
+from warpvis.mujoco.gymnasium._poses import PoseObservation
+from warpvis.mujoco.gymnasium._vector import VectorDepthObservation
+
+del gymnasium
+
+__all__ = ["DepthObservation", "PoseObservation", "VectorDepthObservation"]

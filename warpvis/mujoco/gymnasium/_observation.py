@@ -1,0 +1,142 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""One environment, and images of it in its observations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium as gym
+import mujoco  # noqa: TID253 - the whole package is about it
+import numpy as np
+
+from warpvis.core.arrays import get_device
+from warpvis.core.threads import check_threads
+from warpvis.core.types import DeviceLike
+from warpvis.mujoco._batch_cameras import CameraChoice
+from warpvis.mujoco._options import shown_by
+from warpvis.mujoco.gymnasium._environments import add_entries, find_simulation, with_entries
+from warpvis.mujoco.gymnasium._image_renderer import ImageRenderer
+from warpvis.mujoco.gymnasium._outputs import Outputs, Segmentation
+from warpvis.rendering import Fill
+
+
+class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
+    """Adds depth, segmentation and visible fractions to the observations of an environment on MuJoCo.
+
+    Observations are dictionaries: what they were, under ``"state"`` if it was no dictionary (as Gymnasium's
+    `AddRenderObservation` has it), and new arrays that belong to the caller:
+
+    - ``"depth"``: planar depth [m], ``(height, width)`` float32.
+    - ``"segmentation"``: numbers of geoms, bodies or classes, -1 for nothing, ``(height, width)`` int32.
+    - ``"visible_fraction"``: how much of each of `objects` shows, of what would if it were alone in the world, on a
+      canvas three times as wide and as high as the image, ``(objects,)`` float32.
+
+    They show the environment's `data` as it is, as its own `render` does, and follow what is changed in its `model`.
+    For several cameras they have a leading axis for them, as channels have in PyTorch.
+
+    Example:
+        >>> env = DepthObservation(gym.make("Ant-v5"), camera="track", objects=["torso"])
+        >>> env.observation_space["depth"].shape
+        (84, 84)
+    """
+
+    def __init__(
+        self,
+        env: gym.Env,
+        *,
+        camera: CameraChoice | Sequence[CameraChoice] = -1,
+        width: int = 84,
+        height: int = 84,
+        outputs: Sequence[str] = ("depth",),
+        objects: Sequence[str] = (),
+        segmentation: Segmentation = "geom",
+        fill: Fill = "far",
+        scene_option: mujoco.MjvOption | None = None,
+        device: DeviceLike = "cpu",
+        threads: int | None = 1,
+    ) -> None:
+        """Wrap an environment.
+
+        Args:
+            env: Whose `unwrapped` has a `mujoco.MjModel` as `model` and a `mujoco.MjData` as `data`: Gymnasium's,
+                gymnasium-robotics', Meta-World's; robosuite's `sim` and dm_control's `physics` are found, too.
+            camera: A camera's name or id, -1 for the default free camera, a `mujoco.MjvCamera`; or several.
+            width: Image width [px].
+            height: Image height [px].
+            outputs: ``"depth"``, ``"segmentation"``, or both.
+            objects: Names or patterns of geoms or bodies to give visible fractions of.
+            segmentation: ``"geom"`` or ``"body"`` for their ids; or numbers by name or pattern of geoms or bodies,
+                ``{"object*": 1}``, of which the last that fits counts.
+            fill: Depth of empty pixels: ``"far"`` for the camera's far plane, a number [m], or ``"inf"``.
+            scene_option: A `mujoco.MjvOption`: its geom groups, and whether fixed geoms show.
+            device: Where to render. A worker that was forked cannot use a GPU that its parent has used: spawn workers,
+                or render all of them in one process by `VectorDepthObservation`.
+            threads: CPU threads to use. One by default, because environments run side by side, one in each worker, and
+                more threads than cores take turns; None for all cores of a single environment.
+
+        Raises:
+            WarpvisError: The environment has no MuJoCo model, or an argument is not what it has to be.
+        """
+        model, _ = find_simulation(env)
+        self._outputs = Outputs(
+            model,
+            camera=camera,
+            width=width,
+            height=height,
+            outputs=outputs,
+            objects=objects,
+            segmentation=segmentation,
+            fill=fill,
+        )
+        shown_by(scene_option)
+        threads = check_threads(threads)
+        if device is not None and not isinstance(device, str):
+            device = get_device(device).alias  # others cannot be recorded
+        gym.utils.RecordConstructorArgs.__init__(
+            self,
+            camera=camera,
+            width=width,
+            height=height,
+            outputs=outputs,
+            objects=objects,
+            segmentation=segmentation,
+            fill=fill,
+            scene_option=scene_option,
+            device=device,
+            threads=threads,
+        )
+        super().__init__(env)
+        self._option, self._device, self._threads = scene_option, device, threads
+        self._renderer: ImageRenderer | None = None
+        self.observation_space = with_entries(env.observation_space, self._outputs.spaces())
+
+    def observation(self, observation: Any) -> dict[str, Any]:
+        """Add the images of how everything is now."""
+        model, data = find_simulation(self.env)
+        if self._renderer is None or self._renderer.model is not model:
+            # Made when first needed: a vector environment makes one of its environments for its spaces alone.
+            height, width = self._outputs.shape
+            self._renderer = ImageRenderer(model, height, width, device=self._device, threads=self._threads)
+        made = []
+        for camera in self._outputs.cameras:
+            self._renderer.update_scene(data, camera, self._option)
+            made.append(self._renderer.images(self._outputs))
+        depth, geoms, fractions = (np.stack(parts) for parts in zip(*made, strict=True))
+        return add_entries(observation, self._outputs.entries(depth, geoms, fractions))
+
+    def close(self) -> None:
+        """Close the environment, and let go of the memory."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+        super().close()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process makes the same of: environments make models of their own there."""
+        return self.__dict__ | {"_renderer": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take it over."""
+        self.__dict__.update(state)

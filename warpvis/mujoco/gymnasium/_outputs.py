@@ -1,0 +1,135 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What wrappers add to observations: its names, spaces, and how segmentation becomes it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Literal, TypeAlias
+
+import mujoco  # noqa: TID253 - the whole package is about it
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from warpvis.core.camera import check_size
+from warpvis.core.checks import as_items, check_choice, check_number
+from warpvis.errors import ArrayError, CameraError, SceneError
+from warpvis.mujoco._batch_cameras import CameraChoice
+from warpvis.mujoco._cameras import camera_from_mujoco
+from warpvis.mujoco._scene import check_patterns, class_of_geoms
+from warpvis.rendering import AnyCamera, Fill, Output
+
+Segmentation: TypeAlias = Literal["geom", "body"] | Mapping[str, int]
+"""Whose number a pixel has: its geom's, its body's, or the class of the last pattern that fits one of them."""
+
+DEPTH, SEGMENTATION, FRACTION = "depth", "segmentation", "visible_fraction"
+_NAMES = (DEPTH, SEGMENTATION)
+_MOST = float(np.finfo(np.float32).max)
+
+
+class Outputs:
+    """The entries that a wrapper adds, of one model."""
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        *,
+        camera: CameraChoice | Sequence[CameraChoice],
+        width: int,
+        height: int,
+        outputs: Sequence[str],
+        objects: Sequence[str],
+        segmentation: Segmentation,
+        fill: Fill,
+    ) -> None:
+        """Check the arguments of a wrapper.
+
+        Raises:
+            WarpvisError: One is not what it has to be.
+        """
+        single = isinstance(camera, str | int | np.integer | mujoco.MjvCamera)
+        self.cameras: list[CameraChoice] = [camera] if single else as_items(camera, "camera", CameraError)
+        if not self.cameras:
+            raise CameraError("camera must be a camera or several, got none")
+        self.shape = (check_size(height, "height"), check_size(width, "width"))
+        self.names = [check_choice(name, "outputs", _NAMES) for name in as_items(outputs, "outputs")]
+        if not self.names or len(set(self.names)) < len(self.names):
+            raise ArrayError(f"outputs must be one or both of depth and segmentation, got {outputs!r}")
+        patterns = check_patterns(objects, "objects")
+        self.members = np.array([class_of_geoms(model, {name: 1}) == 1 for name in patterns], dtype=bool)
+        """Which geoms each of `objects` is, ``(objects, ngeom)``."""
+        self.members = self.members.reshape(len(patterns), model.ngeom)
+        self.numbers, self._most_number = _numbers(model, segmentation)
+        """The number of every geom in segmentation, and at last of none, which is geom -1."""
+        self._axes = () if single else (len(self.cameras),)
+        seen = [camera_from_mujoco(model, choice, width, height) for choice in self.cameras]
+        self.fill, self._depths = _depth_bounds(fill, seen)
+
+    @property
+    def images(self) -> tuple[Output, ...]:
+        """What has to be rendered."""
+        depth: tuple[Output, ...] = ("depth",) if DEPTH in self.names else ()
+        return (*depth, "segmentation") if SEGMENTATION in self.names or len(self.members) else depth
+
+    def members_of(self, geoms: NDArray[np.int32]) -> NDArray[np.bool_]:
+        """Say which of some geoms, or of -1 for none, each of `objects` is, shape ``(objects, geoms)``."""
+        return np.append(self.members, np.zeros((len(self.members), 1), dtype=bool), axis=1)[:, geoms]
+
+    def spaces(self) -> dict[str, spaces.Space]:
+        """Return the spaces of the entries."""
+        size = (*self._axes, *self.shape)
+        made: dict[str, spaces.Space] = {}
+        if DEPTH in self.names:
+            made[DEPTH] = spaces.Box(*self._depths, size, np.float32)
+        if SEGMENTATION in self.names:
+            made[SEGMENTATION] = spaces.Box(-1, self._most_number, size, np.int32)
+        if len(self.members):
+            made[FRACTION] = spaces.Box(0.0, 1.0, (*self._axes, len(self.members)), np.float32)
+        return made
+
+    def entries(
+        self,
+        depth: NDArray[np.float32] | None,
+        geoms: NDArray[np.int32] | None,
+        fractions: NDArray[np.float32] | None,
+        *,
+        axis: int = 0,
+    ) -> dict[str, np.ndarray]:
+        """Make the entries, new arrays.
+
+        Args:
+            depth: Depth of every camera, shape ``(C, ..., H, W)``.
+            geoms: The geom of every pixel, or -1, likewise.
+            fractions: The visible fractions, shape ``(C, ..., objects)``.
+            axis: Where the cameras' axis goes, if there is one.
+        """
+        made: dict[str, np.ndarray] = {}
+        if DEPTH in self.names and depth is not None:
+            made[DEPTH] = depth
+        if SEGMENTATION in self.names and geoms is not None:
+            made[SEGMENTATION] = self.numbers[geoms]
+        if len(self.members) and fractions is not None:
+            made[FRACTION] = fractions
+        return {name: (np.moveaxis(part, 0, axis) if self._axes else part[0]).copy() for name, part in made.items()}
+
+
+def _numbers(model: mujoco.MjModel, segmentation: Segmentation) -> tuple[NDArray[np.int32], int]:
+    if isinstance(segmentation, Mapping):
+        numbers = class_of_geoms(model, segmentation)
+        most = int(numbers.max(initial=-1))
+    else:
+        kind = check_choice(segmentation, "segmentation", ("geom", "body"), SceneError)
+        numbers = np.arange(model.ngeom) if kind == "geom" else model.geom_bodyid
+        most = (model.ngeom if kind == "geom" else model.nbody) - 1
+    return np.append(numbers, -1).astype(np.int32), max(most, 0)
+
+
+def _depth_bounds(fill: Fill, cameras: Sequence[AnyCamera]) -> tuple[float, tuple[float, float]]:
+    """Return the depth of empty pixels, NaN for each camera's own far plane, and the bounds of depth."""
+    far = max(camera.far for camera in cameras)
+    if isinstance(fill, str):
+        check_choice(fill, "fill", ("inf", "far"))
+        return (float("inf"), (0.0, np.inf)) if fill == "inf" else (float("nan"), (0.0, far))
+    number = check_number(fill, "fill", least=-_MOST, most=_MOST)
+    return number, (min(number, 0.0), max(number, far))

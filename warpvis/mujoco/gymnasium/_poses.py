@@ -1,0 +1,153 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""How the states of environments get to the process that renders them: as an entry of their observations."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any
+
+import gymnasium as gym
+import mujoco  # noqa: TID253 - the whole package is about it
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from warpvis.errors import SceneError
+from warpvis.mujoco._geoms import shown_geoms
+from warpvis.mujoco._poses import WorldPoses
+from warpvis.mujoco._watch import Watched
+from warpvis.mujoco.gymnasium._environments import add_entries, find_simulation, with_entries
+
+POSES = "poses"
+_ALL_GROUPS = range(6)
+
+# What a scene's shapes are made of, which all environments share.
+_SHAPES = ("geom_type", "geom_dataid", "geom_size", "geom_bodyid", "hfield_size", "hfield_data", "mesh_vert")
+_LOOKS = ("geom_rgba", "geom_matid", "mat_rgba")
+_OTHER_SHAPES = (
+    "the environment has changed shapes of its model (sizes, meshes, height fields), which all environments of a "
+    "VectorDepthObservation share; wrap each in a DepthObservation instead"
+)
+
+
+class PoseLayout:
+    """The numbers that a row of poses holds, of one model."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        """Lay them out."""
+        shapes = {
+            "geom_xpos": (model.ngeom, 3),
+            "geom_xmat": (model.ngeom, 9),
+            "cam_xpos": (model.ncam, 3),
+            "cam_xmat": (model.ncam, 9),
+            "subtree_com": (model.nbody, 3),
+        }
+        self.of_data, self.size = dict[str, tuple[slice, tuple[int, int]]](), 0
+        for name, shape in shapes.items():
+            self.of_data[name] = self._take(shape[0] * shape[1]), shape
+        self.shown, self.fovy = self._take(model.ngeom), self._take(model.ncam)
+
+    def _take(self, count: int) -> slice:
+        self.size += count
+        return slice(self.size - count, self.size)
+
+    def read(self, rows: NDArray[np.float32]) -> WorldPoses:
+        """Read rows of W environments, shape ``(W, size)``."""
+        count = len(rows)
+        parts = {name: rows[:, part].reshape(count, *shape) for name, (part, shape) in self.of_data.items()}
+        return WorldPoses(**parts)
+
+
+class PoseObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
+    """Adds what `VectorDepthObservation` renders: where everything is, what shows, and fields of view.
+
+    An entry ``"poses"`` of the observation, a few kilobytes: it comes with every observation, those before a reset and
+    after, by whichever way the vector environment has for them, which no second call to the workers would be for.
+    """
+
+    def __init__(self, env: gym.Env) -> None:
+        """Wrap an environment on MuJoCo, as for `DepthObservation`.
+
+        Raises:
+            SceneError: It is none, or has such an entry already.
+        """
+        model, _ = find_simulation(env)
+        gym.utils.RecordConstructorArgs.__init__(self)
+        super().__init__(env)
+        self.pose_index = -1
+        self._layout = PoseLayout(model)
+        self._seen: _Seen | None = None
+        box = spaces.Box(-np.inf, np.inf, (self._layout.size,), np.float32)
+        self.observation_space = with_entries(env.observation_space, {POSES: box})
+
+    def pose_model(self) -> tuple[bytes, mujoco.MjModel | None]:
+        """Return a digest of the model's shapes, and of the first environment the model."""
+        model, _ = find_simulation(self.env)
+        return shape_digest(model), model if self.pose_index == 0 else None
+
+    def observation(self, observation: Any) -> dict[str, Any]:
+        """Add the poses as they are now."""
+        model, data = find_simulation(self.env)
+        if self._seen is None or self._seen.model is not model:
+            self._seen = _Seen(model, None if self._seen is None else self._seen.digest)
+        row = np.empty(self._layout.size, dtype=np.float32)
+        for name, (part, _) in self._layout.of_data.items():
+            row[part] = getattr(data, name).reshape(-1)
+        row[self._layout.shown] = self._seen.shown()
+        row[self._layout.fovy] = model.cam_fovy
+        return add_entries(observation, {POSES: row})
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process makes the same of."""
+        return self.__dict__ | {"_seen": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take it over."""
+        self.__dict__.update(state)
+
+
+class _Seen:
+    """A model as it was last looked at."""
+
+    def __init__(self, model: mujoco.MjModel, digest: bytes | None) -> None:
+        """Look at it, and compare it with the one before.
+
+        Raises:
+            SceneError: That one had other shapes.
+        """
+        self.model, self.digest = model, shape_digest(model)
+        if digest not in (None, self.digest):
+            raise SceneError(_OTHER_SHAPES)
+        self._shapes = [Watched(getattr(model, name)) for name in _SHAPES]
+        self._looks = [Watched(getattr(model, name)) for name in _LOOKS]
+        self._shown = self._read_shown()
+
+    def shown(self) -> NDArray[np.float32]:
+        """Return 1 for every geom that shows now, else 0, shape ``(ngeom,)``.
+
+        Raises:
+            SceneError: The model has other shapes than it had.
+        """
+        if any(watched.changed() for watched in self._shapes):
+            raise SceneError(_OTHER_SHAPES)
+        if any(watched.changed() for watched in self._looks):
+            for watched in self._looks:
+                watched.accept()
+            self._shown = self._read_shown()
+        return self._shown
+
+    def _read_shown(self) -> NDArray[np.float32]:
+        shown = np.zeros(self.model.ngeom, dtype=np.float32)
+        shown[shown_geoms(self.model, _ALL_GROUPS)] = 1
+        return shown
+
+
+def shape_digest(model: mujoco.MjModel) -> bytes:
+    """Return a digest of what a scene's shapes are made of."""
+    digest = hashlib.blake2b(digest_size=16)
+    for name in _SHAPES:
+        array = np.ascontiguousarray(getattr(model, name))
+        digest.update(f"{name}{array.shape}".encode())
+        digest.update(array.tobytes())
+    return digest.digest()

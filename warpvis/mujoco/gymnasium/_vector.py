@@ -1,0 +1,262 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Many environments, and images of all of them, rendered by one call."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium as gym
+import mujoco  # noqa: TID253 - the whole package is about it
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from warpvis.core.types import DeviceLike
+from warpvis.errors import SceneError
+from warpvis.mujoco._batch import BatchRenderer
+from warpvis.mujoco._batch_cameras import NOBODY, BatchCamera, CameraChoice, choose_cameras, views_by_intrinsics
+from warpvis.mujoco._geoms import shown_geoms
+from warpvis.mujoco._poses import WorldPoses, camera_poses, geom_poses
+from warpvis.mujoco._scene import Movable
+from warpvis.mujoco.gymnasium._environments import with_entries
+from warpvis.mujoco.gymnasium._fractions import VisibleFractions
+from warpvis.mujoco.gymnasium._outputs import Outputs, Segmentation
+from warpvis.mujoco.gymnasium._poses import POSES, PoseLayout
+from warpvis.rendering import AnyCamera, Fill
+
+_FINAL = "final_obs"
+_MOST_CAMERAS = 64
+
+
+class VectorDepthObservation(gym.vector.VectorWrapper):
+    """Adds what `DepthObservation` adds, to all environments of a vector environment by one call of `BatchRenderer`.
+
+    Environments are simulated wherever they are, in this process or in workers; images of all are rendered in this one,
+    on all cores or on a GPU. Each must be wrapped in `PoseObservation`, whose entry is replaced by images. Observations
+    before an automatic reset (``infos["final_obs"]``, of AutoresetMode.SAME_STEP) have theirs, too.
+
+    Example:
+        >>> envs = gym.make_vec("Ant-v5", num_envs=8, vectorization_mode="async", wrappers=[PoseObservation])
+        >>> envs = VectorDepthObservation(envs, camera="track")
+        >>> observations, infos = envs.reset(seed=0)
+        >>> observations["depth"].shape
+        (8, 84, 84)
+    """
+
+    def __init__(
+        self,
+        env: gym.vector.VectorEnv,
+        *,
+        camera: CameraChoice | Sequence[CameraChoice] = -1,
+        width: int = 84,
+        height: int = 84,
+        outputs: Sequence[str] = ("depth",),
+        objects: Sequence[str] = (),
+        segmentation: Segmentation = "geom",
+        fill: Fill = "far",
+        scene_option: mujoco.MjvOption | None = None,
+        movable: Movable = "bodies",
+        device: DeviceLike = "cpu",
+        threads: int | None = None,
+    ) -> None:
+        """Wrap a vector environment.
+
+        Args:
+            env: A SyncVectorEnv or an AsyncVectorEnv of environments of one model, each in a `PoseObservation`.
+            camera: As for `DepthObservation`.
+            width: Image width [px].
+            height: Image height [px].
+            outputs: As for `DepthObservation`.
+            objects: As for `DepthObservation`.
+            segmentation: As for `DepthObservation`.
+            fill: As for `DepthObservation`.
+            scene_option: As for `DepthObservation`.
+            movable: Fixed bodies and geoms that environments move in their models, by name or pattern, or ``"all"``; as
+                for `BatchRenderer`.
+            device: Where to render: ``"cpu"``, ``"cuda:0"``, ...
+            threads: CPU threads to use; all cores of this process by default, since workers wait meanwhile.
+
+        Raises:
+            WarpvisError: Environments are not as they have to be, or an argument is not.
+        """
+        if not isinstance(env, gym.vector.VectorEnv):
+            raise SceneError(f"env must be a gymnasium.vector.VectorEnv, got {type(env).__name__}")
+        super().__init__(env)
+        single = env.single_observation_space
+        if not isinstance(single, spaces.Dict) or POSES not in single.spaces:
+            raise SceneError(
+                "every environment must be wrapped in warpvis.mujoco.gymnasium.PoseObservation, the last of those that "
+                "change observations"
+            )
+        model = _shared_model(env)
+        self._layout = PoseLayout(model)
+        self._outputs = Outputs(
+            model,
+            camera=camera,
+            width=width,
+            height=height,
+            outputs=outputs,
+            objects=objects,
+            segmentation=segmentation,
+            fill=fill,
+        )
+        self._batch = BatchRenderer(
+            model,
+            height=height,
+            width=width,
+            outputs=self._outputs.images,
+            scene_option=scene_option,
+            movable=movable,
+            fill=fill,
+            device=device,
+            threads=threads,
+        )
+        self._chosen = choose_cameras(model, self._outputs.cameras, width, height)
+        self._threads = threads
+        self._fractions: dict[AnyCamera, VisibleFractions] = {}
+        self._shown = np.zeros(model.ngeom, dtype=bool)
+        self._shown[shown_geoms(model, range(6))] = True
+        kept = spaces.Dict({name: space for name, space in single.spaces.items() if name != POSES})
+        self.single_observation_space = with_entries(kept, self._outputs.spaces())
+        self.observation_space = batch_space(self.single_observation_space, env.num_envs)
+
+    def reset(
+        self, *, seed: Any = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Reset the environments, and render them."""
+        observations, infos = self.env.reset(seed=seed, options=options)
+        return self._with_images(observations, infos)
+
+    def step(self, actions: Any) -> tuple[dict[str, Any], Any, Any, Any, dict[str, Any]]:
+        """Step the environments, and render them."""
+        observations, rewards, terminations, truncations, infos = self.env.step(actions)
+        observations, infos = self._with_images(observations, infos)
+        return observations, rewards, terminations, truncations, infos
+
+    def _with_images(self, observations: Any, infos: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Replace the poses of observations, and of those before a reset, by images of all of them."""
+        final: Sequence[Any] = infos.get(_FINAL, ())
+        ended = [index for index, one in enumerate(final) if one is not None]
+        entries = self._render(np.concatenate([observations[POSES], *(final[index][POSES][None] for index in ended)]))
+        images = {name: part[: self.num_envs] for name, part in entries.items()}
+        if not ended:
+            return _replace_poses(observations, images), infos
+        last = np.full(len(final), None)
+        for place, index in enumerate(ended, self.num_envs):
+            last[index] = _replace_poses(final[index], {name: part[place].copy() for name, part in entries.items()})
+        return _replace_poses(observations, images), infos | {_FINAL: last}
+
+    def _render(self, rows: NDArray[np.float32]) -> dict[str, np.ndarray]:
+        """Make the entries of W rows of poses, each with a leading axis for them."""
+        outputs, count = self._outputs, len(rows)
+        poses, changes = self._layout.read(rows), self._changes(rows)
+        views = self._batch.render(poses, cameras=outputs.cameras, model=changes or None)
+        shape = (len(self._chosen), count, *outputs.shape)
+        depth = None if views.depth is None else views.depth.numpy().reshape(shape)
+        geoms = fractions = None
+        if views.segmentation is not None:
+            segmentation = views.segmentation.numpy()
+            of_object = np.append(self._batch.mujoco_scene.geoms_of_objects(), np.int32(-1))
+            geoms = of_object[segmentation].reshape(shape)
+            if len(outputs.members):
+                members = outputs.members_of(of_object[:-1])
+                fractions = self._count(poses, segmentation, members, of_object[:-1], changes)
+                fractions = fractions.reshape(*shape[:2], -1)
+        return outputs.entries(depth, geoms, fractions, axis=1)
+
+    def _changes(self, rows: NDArray[np.float32]) -> dict[str, np.ndarray]:
+        """Say what differs from the model, as `BatchRenderer.render` takes it."""
+        model, changes = self._batch.model, dict[str, np.ndarray]()
+        fovy = rows[:, self._layout.fovy]
+        if (fovy != model.cam_fovy.astype(np.float32)).any():
+            changes["cam_fovy"] = fovy
+        shown = rows[:, self._layout.shown] > 0
+        if (shown != self._shown).any():
+            new = np.argwhere(shown & ~self._shown)
+            if len(new):
+                world, geom = new[0].tolist()
+                raise SceneError(
+                    f"geom {geom} ({model.geom(geom).name!r}) shows in environment {world}, and did not when the "
+                    "VectorDepthObservation was made, which has no shape of it; wrap each in a DepthObservation instead"
+                )
+            colours = np.ones((*shown.shape, 4), dtype=np.float32)
+            colours[..., 3] = shown
+            changes["geom_rgba"] = colours
+            changes["geom_matid"] = np.full((1, model.ngeom), -1, dtype=np.int32)
+        return changes
+
+    def _count(
+        self,
+        poses: WorldPoses,
+        segmentation: NDArray[np.int32],
+        members: NDArray[np.bool_],
+        geoms: NDArray[np.int32],
+        changes: dict[str, np.ndarray],
+    ) -> NDArray[np.float32]:
+        """Count visible fractions in all views, shape ``(C * W, objects)``."""
+        count, scene = len(poses.geom_xpos), self._batch.mujoco_scene
+        eyes = np.concatenate([self._eyes(poses, camera) for camera in self._chosen])
+        places = geom_poses(poses, scene) if scene.scene.movable else None
+        hidden = np.zeros((count, len(geoms)), dtype=bool)
+        if "geom_rgba" in changes:
+            hidden[:, geoms >= 0] = changes["geom_rgba"][:, geoms[geoms >= 0], 3] == 0
+        fractions = np.empty((len(eyes), len(members)), dtype=np.float32)
+        everyone = np.arange(count, dtype=np.int32)
+        groups = views_by_intrinsics(self._batch.model, self._chosen, changes.get("cam_fovy"), everyone)
+        for camera, views in groups.items():
+            worlds = views % count
+            fractions[views] = self._fractions_of(camera).count(
+                segmentation[views],
+                members,
+                eyes[views],
+                None if places is None else places[worlds],
+                hidden[worlds],
+            )
+        return fractions
+
+    def _eyes(self, poses: WorldPoses, camera: BatchCamera) -> NDArray[np.float32]:
+        """Return where a camera is in every environment, shape ``(W, 7)``."""
+        if camera.camera_id >= 0:
+            return camera_poses(poses, self._batch.model, [camera.camera_id])[0]
+        com = np.asarray(poses.subtree_com, dtype=np.float32)
+        eyes = np.tile(np.array(camera.pose, dtype=np.float32), (len(com), 1))
+        if camera.body != NOBODY:
+            eyes[:, :3] += com[:, camera.body]
+        return eyes
+
+    def _fractions_of(self, camera: AnyCamera) -> VisibleFractions:
+        if camera not in self._fractions:
+            if len(self._fractions) >= _MOST_CAMERAS:
+                self._fractions.clear()
+            options = {"near_plane": "clip", "cull_backfaces": True, "threads": self._threads}
+            self._fractions[camera] = VisibleFractions(self._batch.scene, camera, **options)
+        return self._fractions[camera]
+
+
+def _replace_poses(observation: dict[str, Any], images: dict[str, np.ndarray]) -> dict[str, Any]:
+    return {name: value for name, value in observation.items() if name != POSES} | images
+
+
+def _shared_model(env: gym.vector.VectorEnv) -> mujoco.MjModel:
+    """Ask the environments for the model that they share.
+
+    Raises:
+        SceneError: They have several, or cannot be asked.
+    """
+    base = env.unwrapped
+    if not hasattr(base, "call") or not hasattr(base, "set_attr"):
+        raise SceneError(f"env must be a SyncVectorEnv or an AsyncVectorEnv, got {base}")
+    base.set_attr("pose_index", list(range(env.num_envs)))
+    found = base.call("pose_model")
+    different = [index for index, (digest, _) in enumerate(found) if digest != found[0][0]]
+    if different:
+        raise SceneError(
+            f"environment {different[0]} has another model than environment 0, or other shapes in it; wrap each in a "
+            "DepthObservation instead"
+        )
+    model = found[0][1]
+    assert isinstance(model, mujoco.MjModel)
+    return model
