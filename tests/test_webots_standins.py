@@ -277,6 +277,14 @@ def test_downloads_of_another_release_are_found_for_urls_without_one(cache, tmp_
         load(tmp_path / "lab", named, "R2022b")
 
 
+def test_a_warning_says_where_downloads_come_from(tmp_path):
+    """Of worlds that Webots downloads things for."""
+    for version, said in (("R2023b", True), ("R2022a", False)):
+        with pytest.raises(SceneError) as caught:
+            load(tmp_path, "Spaceship { }", version)
+        assert ("or open the world once in Webots, whose downloads are found" in str(caught.value)) == said
+
+
 def test_the_search_path_comes_before_the_cache(cache, tmp_path):
     (tmp_path / "own").mkdir()
     (tmp_path / "own" / "Sofa.proto").write_text(

@@ -395,12 +395,13 @@ def run_cli(*arguments, cwd, code=0):
 
 
 def test_info_prints_the_tree(tmp_path):
-    write(tmp_path, (WORLDS / "experiment_3_R2023b.wbt").read_text() + "Spaceship { }")
+    write(tmp_path, (WORLDS / "experiment_3_R2023b.wbt").read_text() + "Spaceship { } Can { }")
     result = run_cli("info", "world.wbt", cwd=tmp_path)
-    assert "world.wbt: R2023b, z up, 9 objects" in result.stdout
+    assert "world.wbt: R2023b, z up, 10 objects" in result.stdout
     assert "  Solid 'left wheel': object 'left wheel', 144 triangles" in result.stdout
     assert "device  'range-finder' of 'robot': range-finder, 320x240" in result.stdout
     assert "left out  Spaceship (1)" in result.stdout
+    assert "stand-in  Can (1)" in result.stdout
     assert "warning: world.wbt: left out Spaceship (1)" in result.stderr
 
 

@@ -26,7 +26,10 @@ def is_world(path: Path | None) -> bool:
 
 
 def print_world(path: Path, *, search_path: Sequence[Path], strict: bool, labels: Mapping[str, str]) -> None:
-    """Print the tree of what was read, the devices, and what was left out; see `load_webots` for the arguments."""
+    """Print the tree of what was read, the devices, what was left out and what has stand-ins.
+
+    See `load_webots` for the arguments.
+    """
     from warpvis.webots import load_webots
 
     world = load_webots(path, search_path=search_path, strict=strict, labels=labels)
@@ -38,6 +41,8 @@ def print_world(path: Path, *, search_path: Sequence[Path], strict: bool, labels
         print(f"device  {name!r} of {device.robot!r}: {device.describe()}; at {place}")
     for name, count in world.skipped.items():
         print(f"left out  {name} ({count})")
+    for name, count in world.stand_ins.items():
+        print(f"stand-in  {name} ({count})")
 
 
 def render_world(

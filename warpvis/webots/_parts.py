@@ -184,6 +184,7 @@ def skipped_message(
     reasons: Mapping[str, str],
     refused: Iterable[str],
     search_path: Iterable[str | os.PathLike[str]],
+    downloads: bool,
 ) -> str:
     """Say what was left out or stands for something else, and why; nothing if all was read."""
     parts = []
@@ -193,6 +194,7 @@ def skipped_message(
         parts.append(
             f"left out {listed}, of which no file was found or read beside the world or on the search path "
             f"({searched}): add the folders that hold them to it"
+            + (", or open the world once in Webots, whose downloads are found" if downloads else "")
         )
     if stand_ins:
         listed = _counted(stand_ins)

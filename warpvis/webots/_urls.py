@@ -18,6 +18,8 @@ from warpvis.webots._nodes import Version
 _ON_GITHUB = re.compile(r"(https?://raw\.githubusercontent\.com/[^/]+/[^/]+/[^/]+/)(.+)")
 _RELEASE = "https://raw.githubusercontent.com/cyberbotics/webots/{}/"
 _WITH_CACHE = ("R2025a", "R2023b", "R2023a", "R2022b")
+CACHED_SINCE = Version(2022, 2)
+"""The first release whose worlds name their PROTOs by urls, and whose downloads are kept under their urls' names."""
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from warpvis.webots._extents import Bounds
 from warpvis.webots._grammar import parse_world
 from warpvis.webots._nodes import Node, Version
 from warpvis.webots._parts import Solid, make_parts, names_of, shortened, skipped_message
-from warpvis.webots._urls import installed, webots_cache
+from warpvis.webots._urls import CACHED_SINCE, installed, webots_cache
 from warpvis.webots._walk import Reader
 
 
@@ -135,7 +135,8 @@ def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[Reader
     """Walk through a world; return what that found, the names of the objects that it becomes, and the objects."""
     reader = Reader(parse_world(path), [*search_path, *installed()], strict, webots_cache())
     reader.walk()
-    message = skipped_message(path, reader.skipped, reader.stand_ins, reader.reasons, reader.refused, search_path)
+    found = reader.skipped, reader.stand_ins, reader.reasons, reader.refused
+    message = skipped_message(path, *found, search_path, downloads=reader.version >= CACHED_SINCE)
     notes = reader.corrections()
     listed = "; ".join(shortened(notes))
     if strict and message:
