@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import bz2
 import gzip
+import io
 import lzma
 import tarfile
 import zipfile
@@ -33,8 +34,12 @@ def is_archive(name: str) -> bool:
     return name.lower().endswith(ARCHIVES)
 
 
-def unpack(path: Path) -> dict[str, bytes]:
+def unpack(path: Path, zipped: bytes | None = None) -> dict[str, bytes]:
     """Return the files of an archive by name, in its order; a compressed file alone is called as without its ending.
+
+    Args:
+        path: The archive, whose kind its name tells.
+        zipped: What is in it, of a ZIP file with any name.
 
     Raises:
         FileFormatError: It does not read, or would unpack to more than a GiB.
@@ -42,7 +47,7 @@ def unpack(path: Path) -> dict[str, bytes]:
     found: dict[str, bytes] = {}
     left = _MOST_BYTES
     try:
-        for name, stream in _members(path):
+        for name, stream in _members(path, zipped):
             with stream:
                 found[name] = stream.read(left + 1)
             left -= len(found[name])
@@ -56,10 +61,10 @@ def unpack(path: Path) -> dict[str, bytes]:
     return found
 
 
-def _members(path: Path) -> Iterator[tuple[str, _Stream]]:
+def _members(path: Path, zipped: bytes | None) -> Iterator[tuple[str, _Stream]]:
     name = path.name.lower()
-    if name.endswith(_ZIPS):
-        with zipfile.ZipFile(path) as archive:
+    if zipped is not None or name.endswith(_ZIPS):
+        with zipfile.ZipFile(path if zipped is None else io.BytesIO(zipped)) as archive:
             for info in archive.infolist():
                 if not info.is_dir():
                     yield info.filename, archive.open(info)

@@ -22,6 +22,7 @@ from warpvis.io._archives import is_archive, unpack
 from warpvis.io._gltf import read_gltf
 from warpvis.io._gltf_data import Find
 from warpvis.io._obj import obj_order, obj_splits, straighten_obj
+from warpvis.io._threemf import unit_and_names
 from warpvis.scene import FileParts, Part, keep_winding
 from warpvis.scene.collada import unit_and_axis, without_skins
 
@@ -29,7 +30,7 @@ _GLTF = ("glb", "gltf")
 _NAMELESS = ("geometry_0", "geometry")
 """What trimesh calls the mesh of a file without names."""
 _MOST_NAMED = 5
-_NEEDED = {"dae": "pycollada: pip install 'warpvis[collada]'"}
+_NEEDED = {"dae": "pycollada: pip install 'warpvis[collada]'", "3mf": "lxml and networkx: pip install lxml networkx"}
 """What is missing where trimesh has no reader for a format that it knows."""
 
 
@@ -180,7 +181,11 @@ def _load(name: str, kind: str, file: bytes, find: Find) -> _Loaded:
             return _Loaded([_Mesh(*mesh) for mesh in found.meshes], found.empty, found.notes, up="y")
         if kind == "dae":
             return _load_collada(file)
+        if kind == "3mf":
+            return _load_3mf(Path(name), file)
         return _load_obj(file) if kind == "obj" else _load_by_trimesh(file, kind)
+    except FileFormatError:
+        raise
     except Exception as error:  # readers raise what they like
         said = " ".join(str(error).split()) or type(error).__name__
         raise FileFormatError(f"{name}: does not read as {kind.upper()}: {said}") from None
@@ -193,6 +198,17 @@ def _load_collada(file: bytes) -> _Loaded:
     turn = np.eye(3) if axis != "X_UP" else np.array([(0.0, -1, 0), (1, 0, 0), (0, 0, 1)])
     found.meshes = [mesh._replace(vertices=metres * mesh.vertices @ turn.T) for mesh in found.meshes]
     found.up = "z" if axis == "Z_UP" else "y"
+    return found
+
+
+def _load_3mf(path: Path, file: bytes) -> _Loaded:
+    """Read 3MF in metres, and in the file's order; z is up, as its specification says."""
+    metres, names = unit_and_names(unpack(path, file))
+    found = _load_by_trimesh(file, "3mf")
+    order = {name: number for number, name in enumerate(names)}
+    found.meshes = [mesh._replace(vertices=metres * mesh.vertices) for mesh in found.meshes]
+    found.meshes.sort(key=lambda mesh: order.get(mesh.name, len(order)))
+    found.up = "z"
     return found
 
 

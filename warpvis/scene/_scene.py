@@ -87,8 +87,8 @@ class Scene:
             file_up: The file's vertical axis. By default ``"y"`` for glTF, as its specification says, what COLLADA
                 files say, and the scene's own for every other mesh format; where the two differ, the geometry is
                 turned upright. Webots, MJCF and URDF say it themselves.
-            scale: Factor from a mesh file's unit to metres (0.001 for millimetres), besides the unit that a COLLADA
-                file says; the others are in metres.
+            scale: Factor from a mesh file's unit to metres (0.001 for millimetres), besides the unit that
+                COLLADA and 3MF files say; the others are in metres.
             labels: Labels by name; a name may be a pattern (``"wall_*"``), and the last one that fits counts.
             movable: Names or patterns of the objects that are movable, each with a pose of its own; or True for what
                 MJCF or URDF says moves, one pose for each body.
