@@ -202,6 +202,9 @@ def test_flexes_are_mujocos():
     model, data = model_of("flexes")
     renderer = Renderer(model, HEIGHT, WIDTH)
     options = [option_with(flags) for flags in FLEX_FLAGS.values()] + [option_with(flexgroup=(5,)), None]
+    inner = option_with(FLEX_FLAGS["faces"])
+    inner.flex_layer = 1
+    options.insert(4, inner)
     for _ in range(2):
         seen = assert_all_drawn(model, data, options, renderer, share=0.75)
         assert all((flex, FLEX) in seen for flex in range(3))
@@ -250,10 +253,10 @@ def test_lines_of_sensors_are_mujocos(projection):
 # What it costs, and what is around it.
 
 
-def test_a_frame_builds_nothing():
+def test_a_frame_builds_nothing(device):
     for name in ("tendons", "skins", "flexes"):
         model, data = model_of(name)
-        renderer = Renderer(model, 24, 32)
+        renderer = Renderer(model, 24, 32, device=device)
         renderer.enable_depth_rendering()
         renderer.update_scene(data, "front")
         before, objects, tree = renderer.render(), renderer.scene.objects, renderer.scene.bvh()
@@ -349,15 +352,15 @@ def test_what_cannot_be_drawn_is_named_once(monkeypatch):
 # Many worlds.
 
 
-def test_batches_show_sites_if_asked():
+def test_batches_show_sites_if_asked(device):
     model, data = model_of("sites")
-    size = {"height": 60, "width": 80, "outputs": ("depth", "segmentation")}
+    size = {"height": 60, "width": 80, "outputs": ("depth", "segmentation"), "device": device}
     plain = BatchRenderer(model, **size).render(data, cameras="front")
     batch = BatchRenderer(model, **size, scene_option=mujoco.MjvOption())
     worlds = [copy.copy(data), data]
     worlds[0].qpos[:3] += 0.2, 0.1, 0.2
     mujoco.mj_forward(model, worlds[0])
-    expected = [images(Renderer(model, 60, 80), world, "front") for world in worlds]
+    expected = [images(Renderer(model, 60, 80, device=device), world, "front") for world in worlds]
     qpos = np.stack([world.qpos for world in worlds])
     poses = WorldPoses.of(worlds)
     for source in (worlds, poses, qpos):

@@ -122,7 +122,8 @@ class BatchRenderer:
                 a warning: tendons, skins and flexes of the model.
             tolerance: Most distance between round shapes and their triangles [m]; see `scene_from_mujoco`.
             labels: Labels by name or pattern; see `scene_from_mujoco`.
-            exclude: Names or patterns of geoms or bodies not to render.
+            exclude: Names or patterns of geoms, sites or bodies not to render, and of tendons, skins and flexes not to
+                be warned of.
             movable: Fixed bodies and geoms that are elsewhere in some worlds than in the model, by name or pattern, or
                 ``"all"``; see `scene_from_mujoco`.
             cull_backfaces: See through surfaces from behind, as MuJoCo does.

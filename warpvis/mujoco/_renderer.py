@@ -73,7 +73,7 @@ class Renderer:
             font_scale: Of no effect but on `fallback`: nothing is written in the images.
             tolerance: Most distance between round shapes and their triangles [m]; see `scene_from_mujoco`.
             labels: Labels for the objects of `scene`; see `scene_from_mujoco`.
-            exclude: Names or patterns of geoms or bodies not to render.
+            exclude: Names or patterns of geoms, sites, tendons, skins, flexes or bodies not to render.
             cull_backfaces: See through surfaces from behind, as in MuJoCo: out of a head that a camera is in.
             near_plane: ``"clip"``: what is nearer than MuJoCo's near plane is cut away, and what is behind is seen, as
                 in MuJoCo; ``"occlude"``: it is seen where it is.

@@ -116,7 +116,8 @@ def scene_from_mujoco(
         tolerance: Most distance between round shapes and their triangles [m].
         labels: Labels by name of the object or its body; a name may be a pattern (``"wall_*"``), and the last one that
             fits counts.
-        exclude: Names or patterns of objects or bodies to leave out.
+        exclude: Names or patterns of objects or bodies to leave out, and of tendons, skins and flexes not to be warned
+            of.
         movable: ``"bodies"``: geoms of bodies that are not welded to the world, and of mocap bodies, move, and all
             round ones; ``"all"``: so does every other geom, each by itself, for models whose geoms are moved by hand;
             names or patterns: so do these bodies, each of one piece, and these geoms, each by itself.
