@@ -156,6 +156,15 @@ def test_short_lines_of_obj_files_are_named(tmp_path, text, message):
     assert message in refusal(write(tmp_path, text.encode(), "x.obj"))
 
 
+def test_no_traceback_is_printed(tmp_path):
+    """Nor one that trimesh logs of what it raises, or reads all the same."""
+    broken = SOLIDS.replace("normal 0 0 1", "normal x 0 1").encode()
+    code = "import sys, warpvis as wv\ntry: wv.Scene.load(sys.argv[1])\nexcept wv.WarpvisError as error: print(error)"
+    command = [sys.executable, "-c", code, str(write(tmp_path, broken, "x.stl"))]
+    run = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert "Traceback" not in run.stderr and "face_normals" not in run.stderr
+
+
 def draco_file(mesh=BALL, names=("ball",)):
     whole = trimesh.Scene()
     for name in names:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import io
 import itertools
+import logging
 import posixpath
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -223,6 +224,10 @@ def _load_obj(file: bytes) -> _Loaded:
 def _load_by_trimesh(file: bytes, kind: str, **options: bool) -> _Loaded:
     import trimesh
 
+    # It logs tracebacks of what it then raises, or reads all the same; a user's own handlers still see them.
+    log = logging.getLogger("trimesh")
+    if not log.handlers:
+        log.addHandler(logging.NullHandler())
     # Face order and shared corners stay as they are in the file.
     loaded = trimesh.load_scene(io.BytesIO(file), file_type=kind, process=False, **options)
     found = _Loaded([])
