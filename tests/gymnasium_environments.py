@@ -18,6 +18,7 @@ MJCF = """
     <body name="cup" pos="-.5 0 .3">
       <joint name="slide" type="slide" axis="1 0 0" damping="1"/>
       <geom name="ball" type="sphere" size=".15"/>
+      <site name="mark" pos="0 -.2 .1" size=".06"/>
       <geom name="handle" type="capsule" size=".04" fromto="0 0 0 0 0 .35"/>
     </body>
     <body name="lamp" pos="0 .4 1.2">

@@ -76,7 +76,9 @@ def test_depth_is_what_the_renderer_makes():
     simulation = env.unwrapped
     with wv.mujoco.Renderer(simulation.model, **SIZE) as renderer:
         renderer.enable_depth_rendering()
-        renderer.update_scene(simulation.data, "chase")
+        option = mujoco.MjvOption()
+        option.sitegroup[:] = 0
+        renderer.update_scene(simulation.data, "chase", option)
         wanted = renderer.render()
     near = wanted < 19.9
     np.testing.assert_array_equal(observation["depth"][near], wanted[near])
@@ -214,6 +216,20 @@ def compare_vectors(kind, mode, camera, count=3):
     assert ended == (count if mode == "SameStep" else 0)
     one.close()
     all_.close()
+
+
+def test_sites_show_if_asked_for():
+    every = mujoco.MjvOption()
+    look = {"camera": "front", "objects": ["mark"], "outputs": ["segmentation"], **SIZE}
+    look["segmentation"] = {"*": 0, "mark": 5}
+    for option, shown in ((None, False), (every, True)):
+        alone = DepthObservation(Cup(), scene_option=option, **look).reset(seed=0)[0]
+        makers = [partial(make_cup, "PoseObservation")] * 2
+        together = VectorDepthObservation(gym.vector.SyncVectorEnv(makers), scene_option=option, **look)
+        observations = together.reset(seed=0)[0]
+        assert_same(alone, {name: value[0] for name, value in observations.items()})
+        assert (alone["segmentation"] == 5).any() == shown == (alone["visible_fraction"][0] > 0.9)
+    assert (observed(outputs=["segmentation"], scene_option=every)[1]["segmentation"] == -1).any()
 
 
 def test_a_vector_without_automatic_resets():

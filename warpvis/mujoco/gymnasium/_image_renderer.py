@@ -7,18 +7,17 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, NamedTuple, cast
 
-import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.mujoco._geom_renderer import GeomRenderer
 from warpvis.mujoco._renderer import Renderer
+from warpvis.mujoco._shapes import GEOM, SITE
 from warpvis.mujoco._stage import Stage
 from warpvis.mujoco.gymnasium._fractions import VisibleFractions
 from warpvis.mujoco.gymnasium._outputs import Outputs
 from warpvis.rendering import AnyCamera
 
-_GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)
 _MOST_CAMERAS = 16
 
 
@@ -37,15 +36,15 @@ class ImageRenderer(Renderer):
         """Render what `update_scene` took over.
 
         Returns:
-            Depth ``(H, W)``, the geom of every pixel or -1 ``(H, W)``, visible fractions ``(objects,)``; new arrays.
+            Depth ``(H, W)``, the geom or site of every pixel or -1 ``(H, W)``, and visible fractions ``(objects,)``.
         """
         stage, camera = self._stage, self._camera
         assert camera is not None
         empty = np.float32(camera.far if np.isnan(outputs.fill) else outputs.fill)
-        depth, geoms = np.full(self._size, empty), np.full(self._size, -1, dtype=np.int32)
+        depth, shapes = np.full(self._size, empty), np.full(self._size, -1, dtype=np.int32)
         fractions = np.zeros(len(outputs.members), dtype=np.float32)
         if not len(stage.scene):
-            return depth, geoms, fractions
+            return depth, shapes, fractions
         casters = self._casters_of(camera, outputs)
         places = stage.object_poses()
         views = casters.images.render(self._pose[None], object_poses=places, exclude=stage.hidden)
@@ -53,21 +52,22 @@ class ImageRenderer(Renderer):
             seen = views.depth.numpy()[0]
             np.copyto(depth, seen, where=seen < np.float32(np.inf))
         if views.segmentation is None:
-            return depth, geoms, fractions
-        of_object = self._geoms_of_objects()
+            return depth, shapes, fractions
+        of_object = self._shapes_of_objects()
         segmentation = views.segmentation.numpy()
-        geoms[:] = of_object[segmentation[0]]
+        shapes[:] = of_object[segmentation[0]]
         if len(outputs.members):
             hidden = np.zeros((1, len(stage.scene)), dtype=bool)
             hidden[:, stage.hidden] = True
             members, eye = outputs.members_of(of_object[:-1]), self._pose[None]
             fractions = casters.fractions.count(segmentation, members, eye, places, hidden)[0]
-        return depth, geoms, fractions
+        return depth, shapes, fractions
 
-    def _geoms_of_objects(self) -> NDArray[np.int32]:
-        """List the geom of every object, -1 of those that are none, and of none at last."""
-        meanings = self._stage.meanings()
-        return np.where(meanings[:, 1] == _GEOM, meanings[:, 0], -1).astype(np.int32)
+    def _shapes_of_objects(self) -> NDArray[np.int32]:
+        """List the geom or site of every object, -1 of those that are none, and of none at last."""
+        ids, kinds = self._stage.meanings().T
+        sites = np.where(kinds == SITE, ids + self._model.ngeom, -1)
+        return np.where(kinds == GEOM, ids, sites).astype(np.int32)
 
     def _casters_of(self, camera: AnyCamera, outputs: Outputs) -> _Casters:
         kept = self.__dict__.setdefault("_casters", {})

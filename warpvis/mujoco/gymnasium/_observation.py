@@ -70,7 +70,8 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
             segmentation: ``"geom"`` or ``"body"`` for their ids; or numbers by name or pattern of geoms or bodies,
                 ``{"object*": 1}``, of which the last that fits counts.
             fill: Depth of empty pixels: ``"far"`` for the camera's far plane, a number [m], or ``"inf"``.
-            scene_option: A `mujoco.MjvOption`: its geom groups, and whether fixed geoms show.
+            scene_option: A `mujoco.MjvOption`: what shows, as for `warpvis.mujoco.Renderer`. Without it no sites do:
+                they are marks, which no sensor sees. It cannot be pickled, so workers make their own.
             device: Where to render. A worker that was forked cannot use a GPU that its parent has used: spawn workers,
                 or render all of them in one process by `VectorDepthObservation`.
             threads: CPU threads to use. One by default, because environments run side by side, one in each worker, and
@@ -119,12 +120,12 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
             # Made when first needed: a vector environment makes one of its environments for its spaces alone.
             height, width = self._outputs.shape
             self._renderer = ImageRenderer(model, height, width, device=self._device, threads=self._threads)
-        made = []
+        made, option = [], self._option or _without_sites()
         for camera in self._outputs.cameras:
-            self._renderer.update_scene(data, camera, self._option)
+            self._renderer.update_scene(data, camera, option)
             made.append(self._renderer.images(self._outputs))
-        depth, geoms, fractions = (np.stack(parts) for parts in zip(*made, strict=True))
-        return add_entries(observation, self._outputs.entries(depth, geoms, fractions))
+        depth, shapes, fractions = (np.stack(parts) for parts in zip(*made, strict=True))
+        return add_entries(observation, self._outputs.entries(depth, shapes, fractions))
 
     def close(self) -> None:
         """Close the environment, and let go of the memory."""
@@ -140,3 +141,9 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Take it over."""
         self.__dict__.update(state)
+
+
+def _without_sites() -> mujoco.MjvOption:
+    option = mujoco.MjvOption()
+    option.sitegroup[:] = 0
+    return option

@@ -18,6 +18,7 @@ from warpvis.errors import ArrayError, CameraError, SceneError
 from warpvis.mujoco._batch_cameras import CameraChoice
 from warpvis.mujoco._cameras import camera_from_mujoco
 from warpvis.mujoco._scene import check_patterns, class_of_geoms
+from warpvis.mujoco._shapes import shape_bodies, shape_count
 from warpvis.rendering import AnyCamera, Fill, Output
 
 Segmentation: TypeAlias = Literal["geom", "body"] | Mapping[str, int]
@@ -58,10 +59,10 @@ class Outputs:
             raise ArrayError(f"outputs must be one or both of depth and segmentation, got {outputs!r}")
         patterns = check_patterns(objects, "objects")
         self.members = np.array([class_of_geoms(model, {name: 1}) == 1 for name in patterns], dtype=bool)
-        """Which geoms each of `objects` is, ``(objects, ngeom)``."""
-        self.members = self.members.reshape(len(patterns), model.ngeom)
+        """Which geoms and sites each of `objects` is, ``(objects, shapes)``."""
+        self.members = self.members.reshape(len(patterns), shape_count(model))
         self.numbers, self._most_number = _numbers(model, segmentation)
-        """The number of every geom in segmentation, and at last of none, which is geom -1."""
+        """The number of every geom and site in segmentation, and at last of none, which is shape -1."""
         self._axes = () if single else (len(self.cameras),)
         seen = [camera_from_mujoco(model, choice, width, height) for choice in self.cameras]
         self.fill, self._depths = _depth_bounds(fill, seen)
@@ -72,9 +73,9 @@ class Outputs:
         depth: tuple[Output, ...] = ("depth",) if DEPTH in self.names else ()
         return (*depth, "segmentation") if SEGMENTATION in self.names or len(self.members) else depth
 
-    def members_of(self, geoms: NDArray[np.int32]) -> NDArray[np.bool_]:
-        """Say which of some geoms, or of -1 for none, each of `objects` is, shape ``(objects, geoms)``."""
-        return np.append(self.members, np.zeros((len(self.members), 1), dtype=bool), axis=1)[:, geoms]
+    def members_of(self, shapes: NDArray[np.int32]) -> NDArray[np.bool_]:
+        """Say which of some geoms and sites, or of -1 for none, each of `objects` is, shape ``(objects, shapes)``."""
+        return np.append(self.members, np.zeros((len(self.members), 1), dtype=bool), axis=1)[:, shapes]
 
     def spaces(self) -> dict[str, spaces.Space]:
         """Return the spaces of the entries."""
@@ -91,7 +92,7 @@ class Outputs:
     def entries(
         self,
         depth: NDArray[np.float32] | None,
-        geoms: NDArray[np.int32] | None,
+        shapes: NDArray[np.int32] | None,
         fractions: NDArray[np.float32] | None,
         *,
         axis: int = 0,
@@ -100,15 +101,15 @@ class Outputs:
 
         Args:
             depth: Depth of every camera, shape ``(C, ..., H, W)``.
-            geoms: The geom of every pixel, or -1, likewise.
+            shapes: The geom or site of every pixel, or -1, likewise.
             fractions: The visible fractions, shape ``(C, ..., objects)``.
             axis: Where the cameras' axis goes, if there is one.
         """
         made: dict[str, np.ndarray] = {}
         if DEPTH in self.names and depth is not None:
             made[DEPTH] = depth
-        if SEGMENTATION in self.names and geoms is not None:
-            made[SEGMENTATION] = self.numbers[geoms]
+        if SEGMENTATION in self.names and shapes is not None:
+            made[SEGMENTATION] = self.numbers[shapes]
         if len(self.members) and fractions is not None:
             made[FRACTION] = fractions
         return {name: (np.moveaxis(part, 0, axis) if self._axes else part[0]).copy() for name, part in made.items()}
@@ -120,7 +121,8 @@ def _numbers(model: mujoco.MjModel, segmentation: Segmentation) -> tuple[NDArray
         most = int(numbers.max(initial=-1))
     else:
         kind = check_choice(segmentation, "segmentation", ("geom", "body"), SceneError)
-        numbers = np.arange(model.ngeom) if kind == "geom" else model.geom_bodyid
+        geoms = np.r_[np.arange(model.ngeom), np.full(model.nsite, -1)]
+        numbers = geoms if kind == "geom" else shape_bodies(model)
         most = (model.ngeom if kind == "geom" else model.nbody) - 1
     return np.append(numbers, -1).astype(np.int32), max(most, 0)
 

@@ -42,6 +42,8 @@ class PoseLayout:
             "cam_xpos": (model.ncam, 3),
             "cam_xmat": (model.ncam, 9),
             "subtree_com": (model.nbody, 3),
+            "site_xpos": (model.nsite, 3),
+            "site_xmat": (model.nsite, 9),
         }
         self.of_data, self.size = dict[str, tuple[slice, tuple[int, int]]](), 0
         for name, shape in shapes.items():

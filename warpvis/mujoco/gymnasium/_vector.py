@@ -73,7 +73,7 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
             objects: As for `DepthObservation`.
             segmentation: As for `DepthObservation`.
             fill: As for `DepthObservation`.
-            scene_option: As for `DepthObservation`.
+            scene_option: As for `BatchRenderer`, which draws geoms and sites.
             movable: Fixed bodies and geoms that environments move in their models, by name or pattern, or ``"all"``; as
                 for `BatchRenderer`.
             device: Where to render: ``"cpu"``, ``"cuda:0"``, ...
@@ -156,16 +156,18 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         views = self._batch.render(poses, cameras=outputs.cameras, model=changes or None)
         shape = (len(self._chosen), count, *outputs.shape)
         depth = None if views.depth is None else views.depth.numpy().reshape(shape)
-        geoms = fractions = None
+        shapes = fractions = None
         if views.segmentation is not None:
             segmentation = views.segmentation.numpy()
-            of_object = np.append(self._batch.mujoco_scene.geoms_of_objects(), np.int32(-1))
-            geoms = of_object[segmentation].reshape(shape)
+            shown = self._batch.mujoco_scene.shapes()
+            of_object = np.full(len(self._batch.scene) + 1, -1, dtype=np.int32)
+            of_object[: len(shown)] = shown
+            shapes = of_object[segmentation].reshape(shape)
             if len(outputs.members):
                 members = outputs.members_of(of_object[:-1])
                 fractions = self._count(poses, segmentation, members, of_object[:-1], changes)
                 fractions = fractions.reshape(*shape[:2], -1)
-        return outputs.entries(depth, geoms, fractions, axis=1)
+        return outputs.entries(depth, shapes, fractions, axis=1)
 
     def _changes(self, rows: NDArray[np.float32]) -> dict[str, np.ndarray]:
         """Say what differs from the model, as `BatchRenderer.render` takes it."""
@@ -193,16 +195,17 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         poses: WorldPoses,
         segmentation: NDArray[np.int32],
         members: NDArray[np.bool_],
-        geoms: NDArray[np.int32],
+        shapes: NDArray[np.int32],
         changes: dict[str, np.ndarray],
     ) -> NDArray[np.float32]:
         """Count visible fractions in all views, shape ``(C * W, objects)``."""
         count, scene = len(poses.geom_xpos), self._batch.mujoco_scene
         eyes = np.concatenate([self._eyes(poses, camera) for camera in self._chosen])
         places = geom_poses(poses, scene) if scene.scene.movable else None
-        hidden = np.zeros((count, len(geoms)), dtype=bool)
+        hidden = np.zeros((count, len(shapes)), dtype=bool)
         if "geom_rgba" in changes:
-            hidden[:, geoms >= 0] = changes["geom_rgba"][:, geoms[geoms >= 0], 3] == 0
+            is_geom = (shapes >= 0) & (shapes < self._batch.model.ngeom)
+            hidden[:, is_geom] = changes["geom_rgba"][:, shapes[is_geom], 3] == 0
         fractions = np.empty((len(eyes), len(members)), dtype=np.float32)
         everyone = np.arange(count, dtype=np.int32)
         groups = views_by_intrinsics(self._batch.model, self._chosen, changes.get("cam_fovy"), everyone)
