@@ -445,7 +445,7 @@ COMMANDS = {
     "no mesh": ("render none.obj --poses poses.txt --out o", "warpvis: none.obj: no such file"),
     "no poses": ("render box.stl --poses none.txt --out o", "warpvis: none.txt: no such file"),
     "broken poses": ("render box.stl --poses broken.txt --out o", "warpvis: broken.txt:1: expected the 8 numbers"),
-    "no camera": ("render box.stl --poses poses.txt --out o --camera c", 'a camera is "kinect" or a JSON file'),
+    "no camera": ("render box.stl --poses poses.txt --out o --camera c", 'a camera is "kinect" or a file'),
     "broken camera": ("render box.stl --poses poses.txt --out o --camera broken.json", "broken.json:2: is not JSON"),
     "camera list": ("render box.stl --poses poses.txt --out o --camera list.json", "holds one JSON object, got list"),
     "odd camera": (
