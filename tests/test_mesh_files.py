@@ -312,6 +312,25 @@ def test_strips_fans_and_what_is_below_cameras(tmp_path):
     np.testing.assert_array_equal(scene["below"].vertices[:, 2], [9, 9, 9])
 
 
+def test_nodes_in_several_places_instances_and_files_without_scenes(tmp_path):
+    writer = GltfWriter(extensionsUsed=["EXT_mesh_gpu_instancing"])
+    shared = writer.node(writer.primitive(TRIANGLE), name="shared")
+    writer.node(name="left", translation=[-1, 0, 0], children=[shared])
+    writer.node(name="right", translation=[1, 0, 0], children=[shared])
+    many = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 0}}}
+    writer.node(writer.primitive(TRIANGLE), name="many", extensions=many)
+    path = write(tmp_path, writer, roots=[1, 2, 3])
+    said = r"x\.glb: left out the instances of 'many' \(EXT_mesh_gpu_instancing\), of which one is shown"
+    with pytest.warns(UserWarning, match=said):
+        scene = Scene.load(path, up="y")
+    assert [item.name for item in scene] == ["shared", "shared_1", "many"]
+    assert [item.vertices[0, 0] for item in scene] == [-1, 1, 0]
+    with pytest.raises(FileFormatError, match=said):
+        load(path, strict=True)
+    path.write_bytes(path.read_bytes().replace(b'"scenes"', b'"sceneX"'))  # a library of nodes: all of them
+    assert [part.name for part in wv.io.read_parts(path).parts] == ["shared", "shared_1", "many"]
+
+
 def test_malformed_gltf_is_one_sentence(tmp_path):
     def changed(**content):
         writer = GltfWriter(**content)
