@@ -41,6 +41,11 @@ COMPILED = "compiled kernels of tiny for cpu in "
 WAITING = "waiting for another process to compile the kernels"
 
 
+@pytest.fixture(autouse=True)
+def warp_has_started():
+    kernel_cache.init_warp()  # a test puts back the cache's folder, which is none before
+
+
 @pytest.fixture
 def start(tmp_path):
     (tmp_path / "tiny.py").write_text(TINY)
@@ -138,6 +143,15 @@ def test_a_compiler_that_fails_is_heard_of(tmp_path, monkeypatch):
     with pytest.raises(RuntimeError, match="no compiler"):
         load_module(poses_to_opencv)
     assert not kernel_cache.is_compiling()
+
+
+def test_what_is_loaded_is_what_a_launch_takes():
+    """Else every call would go to the cache again, and a launch would compile the rest without a lock."""
+    load_module(poses_to_opencv)
+    loaded = {block_dim for context, block_dim in poses_to_opencv.module.execs if context is None}
+    poses = wp.zeros(1, dtype=wp.transform, device="cpu")
+    wp.launch(poses_to_opencv, dim=1, inputs=[poses, wp.quat_identity(), wp.empty_like(poses)], device="cpu")
+    assert {block_dim for context, block_dim in poses_to_opencv.module.execs if context is None} == loaded == {1}
 
 
 def test_every_launch_loads_first():

@@ -87,7 +87,8 @@ def is_compiling() -> bool:
 
 
 def _load(module: Any, device: wp.Device, variant: int) -> None:
-    wp.load_module(module, device, block_dim=None if device.is_cpu else variant)
+    # Without the block's size, Warp 1.17 loads for a CPU what no launch takes there.
+    wp.load_module(module, device, block_dim=variant)
 
 
 def _finish_elsewhere(module: Any, device: wp.Device, variant: int) -> None:
