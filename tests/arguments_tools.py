@@ -114,6 +114,10 @@ def tools_cases(folder):
             },
         ),
         "looks_like_spec": (generated.looks_like_spec, {"text": "orbit:"}),
+        "framing": (
+            generated.framing,
+            {"scene": seen, "camera": CAMERA, "azimuth": 0.0, "elevation": 0.5},
+        ),
         "orbit": (
             generated.orbit,
             {"target": (0, 0, 0), "radius": 1.0, "height": 1.0, "count": 2, "up": "z", "start": 0.0},
@@ -234,6 +238,28 @@ def tools_cases(folder):
                 "exclude": None,
             },
         ),
+        "save_point_sightings": (
+            wv.viz.save_point_sightings,
+            {
+                "scene": seen,
+                **VIEW,
+                "points": [[0.0, 0.0, 0.0]],
+                "path": path / "f.png",
+                "tolerance": 1e-4,
+                "title": "f",
+                "object_poses": MOVED,
+                "exclude": None,
+            },
+        ),
+        "save_preview": (
+            wv.viz.save_preview,
+            {"depth": RENDERED.depth.numpy()[0], "path": path / "g.png", "depth_range": (0.0, 4.0)},
+        ),
+        "save_contact_sheet": (
+            wv.viz.save_contact_sheet,
+            {"depth": RENDERED.depth.numpy(), "names": ["h"], "path": path / "h.png", "depth_range": (0.0, 4.0)},
+        ),
+        "depth_colors": (wv.viz.depth_colors, {"depth": RENDERED.depth.numpy(), "depth_range": (0.0, 4.0)}),
         "view_from_outside": (
             wv.viz.view_from_outside,
             {

@@ -13,11 +13,11 @@ from PIL import Image
 import warpvis as wv
 from warpvis import scenes
 from warpvis.visibility import Agent, FieldOfView, State, perspective
-from warpvis.viz import save_perspective, save_sightings
+from warpvis.viz import save_perspective, save_point_sightings, save_sightings
 from warpvis.viz._agent_views import agent_view, views_of_faces
 from warpvis.viz._figures import save_figure
 from warpvis.viz._perspective import _floor_map, draw_perspective
-from warpvis.viz._sightings import STATUS_COLORS
+from warpvis.viz._sightings import OBJECT_COLORS, STATUS_COLORS
 from warpvis.viz._states import STATE_COLORS, Shown
 
 DEFAULTS = {"view": 0, "title": "A title", "labels": ["object"], "eye": None, "target": None, "proposed": None}
@@ -328,17 +328,44 @@ def test_bad_input(tmp_path, monkeypatch, change, said):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_sightings_are_coloured_by_status(tmp_path):
+def test_sightings_have_a_colour_each(tmp_path):
+    """What is seen of the ball is in its colour; where it is hidden, only the legend and a tint are."""
     counts = {}
     for number in (1, 2, 3):
         experiment = scenes.EXPERIMENTS[number - 1]
         path = tmp_path / f"{number}.png"
         save_sightings(experiment.build(), experiment.camera, experiment.poses(), path, objects=["ball"])
-        counts[number] = count_pixels(path, STATUS_COLORS[wv.Visibility.VISIBLE])
+        counts[number] = count_pixels(path, OBJECT_COLORS[0])
         assert path.stat().st_size < 400_000
-    swatch = counts[2]  # where the ball is hidden, only the legend is green
+    swatch = counts[2]
     assert counts[1] > swatch + 1000 and counts[3] > swatch + 500
     assert (counts[1] - swatch) / (counts[3] - swatch) == pytest.approx(599 / 330, rel=0.1)
+
+
+def test_all_objects_of_an_image_are_told_apart(tmp_path):
+    experiment = scenes.EXPERIMENTS[0]
+    path = tmp_path / "all.png"
+    save_sightings(experiment.build(), experiment.camera, experiment.poses(), path)
+    found = [count_pixels(path, color) > 200 for color in OBJECT_COLORS[:6]]
+    assert sum(found) >= 4
+
+
+def test_points_are_coloured_by_status(tmp_path):
+    experiment = scenes.EXPERIMENTS[1]
+    scene, pose = experiment.build(), experiment.poses()
+    points = np.random.default_rng(0).uniform((-2, -2, 0), (2, 2, 1), (400, 3))
+    save_point_sightings(scene, experiment.camera, pose, points, tmp_path / "points.png")
+    status = wv.point_visibility(scene, experiment.camera, pose, points).numpy()[0]
+    for kind in (wv.Visibility.VISIBLE, wv.Visibility.OCCLUDED):
+        assert (status == kind).sum() > 20
+        assert count_pixels(tmp_path / "points.png", STATUS_COLORS[kind]) > 20 * 20
+    save_point_sightings(
+        scene, experiment.camera, pose, points[status != wv.Visibility.VISIBLE], tmp_path / "hidden.png"
+    )
+    green = [
+        count_pixels(tmp_path / name, STATUS_COLORS[wv.Visibility.VISIBLE]) for name in ("hidden.png", "points.png")
+    ]
+    assert green[0] < green[1] / 3
 
 
 def test_sightings_are_of_one_view(tmp_path):

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.scene import fits_millimetres
+
 if TYPE_CHECKING:
     from warpvis.batch._job import Plan
     from warpvis.scene import Scene
@@ -31,10 +33,8 @@ _SHOWS: dict[str, Callable[[np.ndarray], NDArray[np.bool_]]] = {
 }
 """Which pixels of an image show something; the first image that there is tells."""
 
-# A scene that is so many times as large as the camera sees far is rarely meant; one of so many metres a thousandth of
-# it, what people model in millimetres.
+# A scene that is so many times as large as the camera sees far is rarely meant.
 _TOO_LARGE = 10.0
-_LEAST_MODEL, _LARGEST_MODEL = 0.01, 100.0
 
 _POSES_AT_ONCE = 1 << 20
 
@@ -79,7 +79,7 @@ def _reason(plan: Plan, scene: Scene) -> str:
     spans = " x ".join(map(_metres, size))
     reaches = f"near is {_metres(near)} m" + ("" if math.isinf(far) else f", far is {_metres(far)} m")
     away = _nearest(plan.frames.camera_to_world, least, most)
-    if size.max() > _TOO_LARGE * far and _LEAST_MODEL <= size.max() / 1000 <= _LARGEST_MODEL:
+    if size.max() > _TOO_LARGE * far and fits_millimetres(size):
         hint = "are its units millimetres (a scale of 0.001)?"
     elif away > far:
         hint = f"the nearest camera is {_metres(away)} m away from it"

@@ -4,14 +4,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypedDict
 
 import tyro
 
-from warpvis.cli._inputs import FrameOptions, Names, Poses, SceneFile, refuse_options, split_names
+from warpvis.cli._inputs import FrameOptions, MaybePoses, Names, SceneFile, refuse_options, split_names
 from warpvis.cli._output import format_rows, require_place, write_json
 from warpvis.errors import ArrayError, FileFormatError
 
@@ -54,12 +53,21 @@ class _ViewReport(_PoseReport):
     objects: list[_ObjectReport]
 
 
+class _FirstView(TypedDict):
+    """Arguments of pictures that say which view they are of."""
+
+    camera_to_world: NDArray[np.float64]
+    title: str
+    object_poses: NDArray[np.float32] | None
+    exclude: list[str] | None
+
+
 @dataclass(frozen=True, kw_only=True)
 class Check(FrameOptions):
     """Say of every pose how much of each object is seen, or which points are, and why the others are not."""
 
     file: SceneFile
-    poses: Poses
+    poses: MaybePoses = None
     points: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """Points of the world in metres, in place of objects: text or CSV of lines x y z, .npy of shape (N, 3), or .ply."""
     objects: Names = ()
@@ -69,7 +77,8 @@ class Check(FrameOptions):
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """File to write: .json for all that is known, or .npy for the points' status alone, (poses, points) uint8."""
     picture: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """Picture to write of the first pose: its depth, and the objects coloured by their status (.png, .pdf or .svg)."""
+    """Picture to write of the first pose: its depth, and the objects, each in its colour, or the points (.png, .pdf or
+    .svg)."""
     tolerance: float = 1e-4
     """How far behind the first surface on its ray a point still counts as seen [m]."""
     device: str = "cpu"
@@ -93,8 +102,6 @@ class Check(FrameOptions):
     def _check_options(self) -> None:
         if self.points is not None and self.objects:
             raise ArrayError("give either --points or --objects, not both")
-        if self.points is not None and self.picture is not None:
-            raise ArrayError("--picture shows objects, so it does not go with --points")
         if self.points is None:
             refuse_options(self, ("tolerance",), "without --points there is")
         if self.out is not None:
@@ -120,20 +127,8 @@ class Check(FrameOptions):
         if self.picture is not None:
             from warpvis.viz import save_sightings
 
-            shown = objects or _of_interest(scene, exclude)
-            title = f"{self.file.name}, first of {len(frames)} poses"
-            first = frames[:1]
-            world = 0 if first.world_index is None else first.world_index[0]
-            save_sightings(
-                scene,
-                camera,
-                first.camera_to_world[0],
-                self.picture,
-                objects=shown,
-                title=title,
-                object_poses=None if first.object_poses is None else first.object_poses[world],
-                exclude=exclude or None,
-            )
+            shown = objects or [item.name for item in scene if item.name not in exclude]
+            save_sightings(scene, camera, objects=shown, path=self.picture, **self._first_view(frames))
         if self.out is not None:
             write_json(self.out, {"file": str(self.file), "views": views})
         rows = []
@@ -144,6 +139,17 @@ class Check(FrameOptions):
                 rows.append([str(view["view"]), item["name"], share, pixels, status, hides])
         print(format_rows(["view", "object", "visible", "pixels", "status", "hidden by"], rows[:_LINES_PRINTED]))
         _say_more(len(rows))
+
+    def _first_view(self, frames: Frames) -> _FirstView:
+        """Name the arguments of pictures that say which view they are of."""
+        first = frames[:1]
+        world = 0 if first.world_index is None else first.world_index[0]
+        return {
+            "camera_to_world": first.camera_to_world[0],
+            "title": f"{self.file.name}, first of {len(frames)} poses" if len(frames) > 1 else self.file.name,
+            "object_poses": None if first.object_poses is None else first.object_poses[world],
+            "exclude": split_names(self.exclude) or None,
+        }
 
     def _check_points(self, scene: Scene, camera: Camera, frames: Frames, points: NDArray[np.float64]) -> None:
         import numpy as np
@@ -163,6 +169,11 @@ class Check(FrameOptions):
         )
         assert not isinstance(found, tuple)  # with occluders, which were not asked for
         status = found.numpy()
+        if self.picture is not None:
+            from warpvis.viz import save_point_sightings
+
+            first = self._first_view(frames)
+            save_point_sightings(scene, camera, points=points, path=self.picture, tolerance=self.tolerance, **first)
         kinds = [kind for kind in Visibility if kind != Visibility.UNKNOWN][::-1]
         counts = [{kind.name: int((row == kind).sum()) for kind in kinds} for row in status]
         if self.out is not None and self.out.suffix.lower() == ".npy":
@@ -181,18 +192,6 @@ class Check(FrameOptions):
         rows = [[str(k), str(len(points)), *map(str, count.values())] for k, count in enumerate(counts)]
         print(format_rows(header, rows[:_LINES_PRINTED]))
         _say_more(len(rows))
-
-
-def _of_interest(scene: Scene, exclude: Sequence[str]) -> list[str]:
-    """Choose what a picture colours unless told: what is labelled object, or else all but the ground."""
-    from warpvis.core.labels import Label
-
-    others = [item for item in scene if item.name not in exclude]
-    for chosen in ([item for item in others if item.label == Label.OBJECT], others):
-        names = [item.name for item in chosen if item.label != Label.GROUND]
-        if names:
-            return names
-    return [item.name for item in scene]
 
 
 def _pose_report(view: int, frames: Frames) -> _PoseReport:

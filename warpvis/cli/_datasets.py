@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypedDict
 
 import tyro
 
-from warpvis.cli._inputs import FrameOptions, MaybePoses, Names, Poses, SceneFile, refuse_options, split_names
+from warpvis.cli._inputs import FrameOptions, MaybePoses, Names, SceneFile, refuse_options, split_names
 from warpvis.errors import FileFormatError, PoseError
 
 if TYPE_CHECKING:
@@ -89,6 +89,8 @@ class Render(ImageOptions):
     """Where to compute: cpu, cuda:0, ..."""
     device_name: str | None = None
     """Of a Webots world: the one range finder to render; all by default."""
+    pictures: bool = True
+    """Depth in colours too: OUT/preview, of the first hundred frames, and OUT/contact_sheet.png."""
     version_exact: bool = False
     """Of a Webots world: the values that the Webots of its header gives, instead of true depth."""
 
@@ -96,11 +98,13 @@ class Render(ImageOptions):
         """Run the command."""
         from warpvis.cli._webots import is_world, render_world
 
-        if self.poses is not None:
+        if self.poses is not None or self.frame:
             refuse_options(self, ("device_name", "version_exact"), "with --poses no device is rendered: give")
             self._render_poses(self.poses)
         elif not is_world(self.file):
-            raise PoseError(f"give --poses, a file of the camera's poses: {self.file} is no Webots world with cameras")
+            raise PoseError(
+                f"give --poses, a file of the camera's poses, or --frame: {self.file} is no Webots world with cameras"
+            )
         else:
             other = (*_FRAMES, *_IMAGES, "format", "labels", "up", "scale", "file_up", "exclude", "objects", "movable")
             refuse_options(self, tuple(dict.fromkeys(other)), "a world's range finders have their own poses: give")
@@ -117,8 +121,9 @@ class Render(ImageOptions):
             )
             self.end(empty=not seen)
 
-    def _render_poses(self, poses: str) -> None:
-        from warpvis.batch import find_format, render_batch
+    def _render_poses(self, poses: str | None) -> None:
+        from warpvis.batch import find_format, open_dataset, render_batch
+        from warpvis.cli._pictures import write_pictures
 
         formats = dict.fromkeys(split_names(self.format))
         kinds = {name: find_format(name) for name in formats}
@@ -143,16 +148,27 @@ class Render(ImageOptions):
             )
             print_summary(summary, name, quiet=self.quiet)
             empty = empty or summary.empty_frames == summary.frames
+        pictured = next((name for name in ("npz", "zarr", "png") if name in kinds), None)
+        if self.pictures and pictured is not None:
+            dataset = open_dataset(self.out / pictured)
+            if "depth" in dataset.outputs:
+                written = write_pictures(dataset, self.out)
+                if not self.quiet:
+                    print(written)
         self.end(empty=empty)
 
     def _check(self, kind: type[Format], scene: Scene, camera: Camera, frames: Frames, chosen: _Chosen) -> None:
         """Refuse what one of the formats would refuse, before anything is written."""
         from warpvis.batch import make_plan
+        from warpvis.cli._pictures import PREVIEWS, SHEET
 
         kind(make_plan(scene, camera, frames, kind, **chosen))
         folder = self.out / kind.name
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise FileFormatError(f"{folder}: is there already; give a new or an empty folder")
+        for picture in (self.out / PREVIEWS, self.out / SHEET):
+            if self.pictures and picture.exists():
+                raise FileFormatError(f"{picture}: is there already, of another run; give a new or an empty folder")
 
 
 _FRAMES = ("camera", "replace_camera", "convention", "quaternion", "file_format", "topic", "movable", "worlds")
@@ -164,7 +180,7 @@ class Batch(ImageOptions):
     """Render frames to a dataset in a folder, in shards. --resume goes on after an interruption, to the same bytes."""
 
     file: SceneFile
-    poses: Poses
+    poses: MaybePoses = None
     out: str
     """Folder to write to, new or empty, or an fsspec URL."""
     format: str = "npz"

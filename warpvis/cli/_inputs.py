@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -185,6 +186,8 @@ class ViewpointOptions(SceneOptions):
 class FrameOptions(ViewpointOptions):
     """How a scene, a camera and the frames to see of it are read."""
 
+    frame: bool = False
+    """In place of --poses: one pose from which all of the scene is in the image, at any range without --camera."""
     movable: Names = ()
     """Names or patterns of the objects that --worlds, or object_poses of the pose file, places, in the file's order; or
     the one word model: what MJCF or URDF says moves, a pose for each body. An object of that name is [m]odel."""
@@ -192,27 +195,17 @@ class FrameOptions(ViewpointOptions):
     """Where the movable objects are: .npz with object_poses, rows x y z qx qy qz qw, (W, M, 7), of what mesh files hold
     in the file's frame; and, unless each frame has a world of its own, world_index, (frames,)."""
 
-    def load(self, file: Path, poses: str, *, device: str = "cpu") -> tuple[Scene, Camera, Frames]:
+    def load(self, file: Path, poses: str | None, *, device: str = "cpu") -> tuple[Scene, Camera, Frames]:
         """Load all three.
 
         Raises:
             WarpvisError: One does not load, they do not fit, or an option has no effect.
         """
-        from warpvis.pose_generators import frames_from_spec, looks_like_spec
-
-        made = looks_like_spec(poses)
-        frames = None
-        if made:
-            refuse_options(self, ("convention", "file_format", "topic"), "poses that are made need")
-        else:
-            frames = self.read_poses(poses)
-        if self.worlds is None and (made or not self.orders(poses)):
-            why = "are made" if made else f"are in {poses}, whose format says what their order is,"
-            refuse_options(self, ("quaternion",), f"poses that {why} need")
+        frames = self._read_frames(poses)
         names = split_names(self.movable)
         scene = self.load_scene(file, device=device, movable=names == [_BY_MODEL] or names)
         if frames is None:
-            frames = frames_from_spec(poses, scene, up=scene.up)
+            frames = self._make_frames(poses, scene)
         if self.worlds is not None:
             frames = _with_worlds(frames, self.worlds, self.quaternion)
         placed = 0 if frames.object_poses is None else frames.object_poses.shape[1]
@@ -225,6 +218,35 @@ class FrameOptions(ViewpointOptions):
             )
         camera = self.choose_camera(frames)
         return scene, camera, replace(frames, camera=None) if self.replace_camera else frames
+
+    def _read_frames(self, poses: str | None) -> Frames | None:
+        """Read a file of poses; None of those that are made of the scene."""
+        from warpvis.pose_generators import looks_like_spec
+
+        if (poses is None) != self.frame:
+            raise PoseError("give either --poses or --frame, one pose from which all of the scene is seen")
+        if poses is None or looks_like_spec(poses):
+            refuse_options(self, ("convention", "file_format", "topic"), "poses that are made need")
+            if self.worlds is None:
+                refuse_options(self, ("quaternion",), "poses that are made need")
+            return None
+        if self.worlds is None and not self.orders(poses):
+            why = f"poses that are in {poses}, whose format says what their order is, need"
+            refuse_options(self, ("quaternion",), why)
+        return self.read_poses(poses)
+
+    def _make_frames(self, poses: str | None, scene: Scene) -> Frames:
+        """Make poses of a scene: those of a spec, or one that sees all of it."""
+        from warpvis.core.frames import Frames
+        from warpvis.pose_generators import frames_from_spec, framing
+
+        if poses is not None:
+            return frames_from_spec(poses, scene, up=scene.up)
+        camera = self.choose_camera()
+        if self.camera is None:
+            camera = replace(camera, near=0.0, far=math.inf)
+        own = camera if self.camera is None else None
+        return Frames.from_poses(framing(scene, camera), camera=own, source={"made": "framing"})
 
 
 scene_options = tuple(field.name for field in fields(SceneOptions))

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -73,6 +74,8 @@ class Perspective(ViewpointOptions):
             labels = [Label.OBJECT]
         else:
             labels = [label for label in Label if label != Label.GROUND]
+        for agent, option in ((robot, "--robot-body"), (human, "--human-body")):
+            _warn_of_eyes_inside(scene, agent, option)
         seen = perspective(scene, (robot, human))
         found = [item for item in seen.candidates("human", "robot", labels=labels) if item.object not in bodies]
         missed = [item.object for item in found if item.state == State.FIRST]
@@ -118,6 +121,24 @@ class Perspective(ViewpointOptions):
         """Refuse what an experiment has of its own: agents, labels and units."""
         own = ("robot", "human", "robot_body", "human_body", *viewpoint_options)
         refuse_options(self, own, f"{name} comes with its robot and its person, so it takes")
+
+
+def _warn_of_eyes_inside(scene: Scene, agent: Agent, option: str) -> None:
+    """Warn of objects that an agent's eyes are in: they hide all else from it, or what it sees is cut open."""
+    from warpvis.planning import inside_solids
+
+    names = [item.name for item in scene if item.name not in agent.body]
+    around = [
+        name
+        for name in names
+        if inside_solids(scene, agent.poses[:, :3], exclude=[other.name for other in scene if other.name != name]).any()
+    ]
+    if around:
+        listed = " ".join(repr(name) for name in around)
+        warnings.warn(
+            f"the {agent.name}'s eyes are inside of {listed}: if that is the {agent.name}, say {option} {listed}",
+            stacklevel=2,
+        )
 
 
 def _report(found: list[Candidate], missed: list[str], proposal: Proposal | None) -> dict[str, object]:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from warpvis.scene import Scene
     from warpvis.webots import Device
 
 
@@ -25,10 +26,13 @@ def is_world(path: Path | None) -> bool:
     return path is not None and path.suffix.lower() == ".wbt"
 
 
-def print_world(path: Path, *, search_path: Sequence[Path], strict: bool, labels: Mapping[str, str]) -> None:
+def print_world(path: Path, *, search_path: Sequence[Path], strict: bool, labels: Mapping[str, str]) -> Scene:
     """Print the tree of what was read, the devices, what was left out and what has stand-ins.
 
     See `load_webots` for the arguments.
+
+    Returns:
+        The scene.
     """
     from warpvis.webots import load_webots
 
@@ -43,6 +47,7 @@ def print_world(path: Path, *, search_path: Sequence[Path], strict: bool, labels
         print(f"left out  {name} ({count})")
     for name, count in world.stand_ins.items():
         print(f"stand-in  {name} ({count})")
+    return world.scene
 
 
 def render_world(

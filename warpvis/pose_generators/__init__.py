@@ -9,12 +9,14 @@ top of its image.
 
 from __future__ import annotations
 
+from warpvis.pose_generators._framing import fitting_distance as fitting_distance, framing
 from warpvis.pose_generators._generators import along, grid, orbit, random_poses, sphere
 from warpvis.pose_generators._specs import frames_from_spec, looks_like_spec
 
 __all__ = [
     "along",
     "frames_from_spec",
+    "framing",
     "grid",
     "looks_like_spec",
     "orbit",

@@ -228,7 +228,7 @@ def random_poses(
     if target is not None:
         return _look_at(places, target, vertical)
     pitch = np.arcsin(2 * numbers[:, 4] - 1) if look == "any" else np.zeros(count)
-    return _look_along(places, _directions(2 * math.pi * numbers[:, 3], pitch, vertical), vertical)
+    return poses_along(places, _directions(2 * math.pi * numbers[:, 3], pitch, vertical), vertical)
 
 
 def along(
@@ -267,7 +267,7 @@ def along(
     ways = np.linspace(0, at[-1], count)
     piece = np.clip(np.searchsorted(at, ways, side="right") - 1, 0, len(steps) - 1)
     places = begins[piece] + ((ways - at[piece]) / lengths[piece])[:, None] * steps[piece]
-    return _look_along(places, steps[piece], vertical) if target is None else _look_at(places, target, vertical)
+    return poses_along(places, steps[piece], vertical) if target is None else _look_at(places, target, vertical)
 
 
 class _Room:
@@ -333,10 +333,10 @@ def _look_at(places: NDArray[np.float64], target: NDArray[np.float64], vertical:
         raise PoseError(
             f"a camera cannot look at where it is: {len(at)} are at {target.tolist()}, the first is {at[0]}"
         )
-    return _look_along(places, target - places, vertical)
+    return poses_along(places, target - places, vertical)
 
 
-def _look_along(places: NDArray[np.float64], forward: NDArray[np.float64], vertical: int) -> NDArray[np.float64]:
+def poses_along(places: NDArray[np.float64], forward: NDArray[np.float64], vertical: int) -> NDArray[np.float64]:
     """Make poses that look along directions of any length but 0; see the module for straight up and down."""
     first, second = (vertical + 1) % 3, (vertical + 2) % 3
     rows = np.empty((len(places), 7))

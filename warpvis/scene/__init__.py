@@ -8,6 +8,10 @@ from warpvis.scene import solids
 from warpvis.scene._object import SceneObject as SceneObject, as_it_is as as_it_is, keep_winding as keep_winding
 from warpvis.scene._parts import Y_UP_TO_Z_UP as Y_UP_TO_Z_UP, FileParts as FileParts, Part as Part
 from warpvis.scene._scene import Scene as Scene, require_scene as require_scene
+from warpvis.scene._units import (
+    fits_millimetres as fits_millimetres,
+    looks_like_millimetres as looks_like_millimetres,
+)
 
 __all__ = [
     "solids",

@@ -5,4 +5,9 @@
 from ._figures import save_map as save_map
 from ._overview import save_depth as save_depth, save_overview as save_overview, view_from_outside as view_from_outside
 from ._perspective import save_perspective as save_perspective
-from ._sightings import save_sightings as save_sightings
+from ._previews import (
+    depth_colors as depth_colors,
+    save_contact_sheet as save_contact_sheet,
+    save_preview as save_preview,
+)
+from ._sightings import save_point_sightings as save_point_sightings, save_sightings as save_sightings

@@ -14,6 +14,7 @@ from warpvis.core.arrays import as_point
 from warpvis.core.camera import Camera
 from warpvis.core.poses import check_up, look_at, poses_to_matrices
 from warpvis.planning import best_views
+from warpvis.pose_generators import fitting_distance
 from warpvis.viz._drawing import OUTSIDE_CAMERA, draw_arrow, draw_lines, draw_name, frustum, shaded_picture, to_picture
 from warpvis.viz._states import Shown
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _OUTSIDE_AZIMUTHS, _OUTSIDE_HEIGHTS = 12, (0.6, 0.9)
-_FILLED = 0.94
+_MARGIN_SHARE = 0.03
 # Pixels around what is drawn; above, agents' names need room.
 _MARGIN, _MARGIN_ABOVE = 12, 45
 
@@ -75,7 +76,7 @@ def _outside_pose(shown: Shown, eye: ArrayLike | None, target: ArrayLike | None)
     poses, apart = [], []
     for direction in _directions(check_up(scene.up)):
         pose = look_at(middle + direction, middle, up=scene.up)
-        pose[:3] = middle + direction * _distance(pose, middle, low, high)
+        pose[:3] = middle + direction * fitting_distance(OUTSIDE_CAMERA, pose, middle, low, high, margin=_MARGIN_SHARE)
         poses.append(pose)
         places = to_picture(OUTSIDE_CAMERA, pose, [shown.pose(agent)[:3] for agent in (0, 1)])
         apart.append(np.linalg.norm(places[0] - places[1]))
@@ -98,14 +99,3 @@ def _directions(vertical: int) -> list[NDArray[np.float64]]:
             # Along the floor's axes and up; with z up these are x, y and z.
             found.append(np.roll([aside * math.cos(angle), aside * math.sin(angle), math.sin(height)], vertical + 1))
     return found
-
-
-def _distance(
-    pose: NDArray[np.float64], middle: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
-) -> float:
-    """Compute how far from the middle the picture is taken so that a box fills it [m]."""
-    camera = OUTSIDE_CAMERA
-    corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
-    x, y, z = ((corners - middle) @ poses_to_matrices(pose)[:3, :3]).T
-    half = np.maximum(np.abs(x) * camera.fx / camera.width, np.abs(y) * camera.fy / camera.height)
-    return float((2 / _FILLED * half - z).max())

@@ -1,26 +1,49 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A picture of one view's depth and of what it sees of objects, and where the others would be."""
+"""Pictures of one view's depth, and of what it sees of objects or of points, and where the others would be."""
 
 from __future__ import annotations
 
 import os
 import textwrap
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from warpvis.core.arrays import as_numpy
 from warpvis.core.camera import Camera
 from warpvis.core.checks import check_text
 from warpvis.core.labels import Visibility
 from warpvis.core.poses import Convention, QuaternionOrder, poses_to_opencv, to_xyzw
-from warpvis.core.types import Excluded, ObjectPoses, PoseLike
+from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
 from warpvis.rendering import render
 from warpvis.scene import Scene
-from warpvis.visibility import object_visibility
-from warpvis.viz._drawing import light_on
+from warpvis.visibility import object_visibility, point_visibility
+from warpvis.viz._drawing import light_on, to_picture
 from warpvis.viz._figures import new_figure, save_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+OBJECT_COLORS = (
+    (31, 119, 180),
+    (214, 39, 40),
+    (44, 160, 44),
+    (255, 127, 14),
+    (148, 103, 189),
+    (23, 190, 207),
+    (227, 119, 194),
+    (188, 189, 34),
+    (140, 86, 75),
+    (0, 60, 120),
+    (255, 187, 120),
+    (152, 223, 138),
+)
+"""Colours of objects (red, green, blue; 0 to 255), in turn; see `STATUS_COLORS` for those of points."""
 
 STATUS_COLORS: dict[Visibility, tuple[int, int, int]] = {
     Visibility.VISIBLE: (17, 119, 51),
@@ -28,7 +51,7 @@ STATUS_COLORS: dict[Visibility, tuple[int, int, int]] = {
     Visibility.TOO_NEAR: (230, 159, 0),
     Visibility.TOO_FAR: (86, 180, 233),
 }
-"""Colours (red, green, blue; 0 to 255) of what is seen of an object, or why it is not; see `STATE_COLORS`."""
+"""Colours (red, green, blue; 0 to 255) of points that are seen, or why they are not; see `STATE_COLORS`."""
 
 _WORDS = {
     Visibility.VISIBLE: "seen",
@@ -38,7 +61,8 @@ _WORDS = {
     Visibility.OUT_OF_VIEW: "out of view",
 }
 _TINT = 0.5
-_LEGEND_WIDTH = 80
+_LEGEND_WIDTH = 90
+_LEGEND_COLUMNS, _MOST_NAMED = 3, 15
 
 
 def save_sightings(
@@ -54,9 +78,10 @@ def save_sightings(
     convention: Convention = "opencv",
     quaternion: QuaternionOrder = "xyzw",
 ) -> None:
-    """Write a picture of one view: its depth in grey, and objects in the colour of their status, `STATUS_COLORS`.
+    """Write a picture of one view: its depth in grey, and each object that is in its image in a colour of its own.
 
-    What the view shows of an object is in full colour; where the rest of it would be, there is a tint.
+    What the view shows of an object is in full colour; where the rest of it would be, there is a tint. The legend says
+    of each how much is seen, or why nothing is; of more than twelve, colours are used again.
 
     Args:
         scene: The world.
@@ -75,42 +100,115 @@ def save_sightings(
     """
     from matplotlib.patches import Patch
 
-    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
+    pose = _one_pose(camera_to_world, convention, quaternion)
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     check_text(title, "title")
-    pose = poses_to_opencv(camera_to_world, convention, name="camera_to_world")
-    if len(pose) != 1:
-        raise ArrayError(f"camera_to_world must be one pose for one picture, got {len(pose)}")
     worlds = {"object_poses": object_poses, "exclude": exclude}
     views = render(scene, camera, pose, outputs=("depth", "normals"), **worlds)
     depth, normals = views.depth.numpy()[0], views.normals.numpy()[0]
     found = object_visibility(scene, camera, pose, objects=objects, masks=True, **worlds)
     assert found.masks is not None  # asked for
     masks, statuses, fractions = (array.numpy()[0] for array in (found.masks, found.status, found.fraction))
+    there = np.flatnonzero(statuses != Visibility.OUT_OF_VIEW)
+    color_of = {k: np.array(OBJECT_COLORS[place % len(OBJECT_COLORS)]) / 255 for place, k in enumerate(there.tolist())}
 
     overlay = np.zeros((camera.height, camera.width, 4))
     for part, opacity in ((1, _TINT), (2, 1.0)):  # what is hidden first, and what is seen on top of it
-        for mask, status in zip(masks, statuses, strict=True):
-            if status in STATUS_COLORS:
-                overlay[mask == part] = [*np.array(STATUS_COLORS[Visibility(status)]) / 255, opacity]
+        for k, color in color_of.items():
+            overlay[masks[k] == part] = [*color, opacity]
     overlay[..., :3] *= np.nan_to_num(light_on(normals, scene.up), nan=1.0)[..., None]
+    figure, axes = _draw_view(depth, title)
+    axes.imshow(overlay)
+
+    largest = sorted(color_of, key=lambda k: -int((masks[k] > 0).sum()))
+    handles = []
+    for k in largest[:_MOST_NAMED]:
+        status = Visibility(statuses[k])
+        share = f" {fractions[k]:.2f}" if status == Visibility.VISIBLE else ""
+        label = textwrap.shorten(f"{found.names[k]}: {_WORDS[status]}{share}", _LEGEND_WIDTH // 3, placeholder="...")
+        handles.append(Patch(facecolor=color_of[k], edgecolor="black", linewidth=0.5, label=label))
+    figure.legend(handles=handles, loc="outside lower left", ncols=_LEGEND_COLUMNS, frameon=False, fontsize="small")
+    missing = [name for name, status in zip(found.names, statuses, strict=True) if status == Visibility.OUT_OF_VIEW]
+    notes = [f"and {len(largest) - _MOST_NAMED} more"] if len(largest) > _MOST_NAMED else []
+    notes += [f"out of view: {', '.join(missing)}"] if missing else []
+    axes.set_xlabel(textwrap.shorten("; ".join(notes), _LEGEND_WIDTH, placeholder=" ...") or "x [px]")
+    save_figure(figure, path)
+
+
+def save_point_sightings(
+    scene: Scene,
+    camera: Camera,
+    camera_to_world: PoseLike,
+    points: ArrayInput,
+    path: str | os.PathLike[str],
+    *,
+    tolerance: float = 1e-4,
+    title: str = "Which points are seen",
+    object_poses: ObjectPoses = None,
+    exclude: Excluded = None,
+    convention: Convention = "opencv",
+    quaternion: QuaternionOrder = "xyzw",
+) -> None:
+    """Write a picture of one view: its depth in grey, and the points in its image in the colours of `STATUS_COLORS`.
+
+    Args:
+        scene: The world.
+        camera: The camera.
+        camera_to_world: Its one pose.
+        points: Points in the world frame [m], shape ``(N, 3)``.
+        path: Picture to write.
+        tolerance: As for `warpvis.point_visibility` [m].
+        title: Heading.
+        object_poses: As for `Renderer.render`.
+        exclude: As for `Renderer.render`.
+        convention: Axes of the camera frame of the pose.
+        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
+
+    Raises:
+        WarpvisError: An argument is not what it has to be, or the picture cannot be written.
+    """
+    from matplotlib.lines import Line2D
+
+    pose = _one_pose(camera_to_world, convention, quaternion)
+    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
+    check_text(title, "title")
+    worlds = {"object_poses": object_poses, "exclude": exclude}
+    found = point_visibility(scene, camera, pose, points, tolerance=tolerance, **worlds)
+    assert not isinstance(found, tuple)  # with occluders, which were not asked for
+    status = found.numpy()[0]
+    places = to_picture(camera, pose[0], as_numpy(points, name="points"))
+    figure, axes = _draw_view(render(scene, camera, pose, outputs=("depth",), **worlds).depth.numpy()[0], title)
+    handles = []
+    for kind, word in _WORDS.items():
+        its = status == kind
+        color = np.array(STATUS_COLORS.get(kind, (255, 255, 255))) / 255
+        if kind in STATUS_COLORS:
+            x, y = places[its].T - 0.5  # matplotlib has a pixel's centre at its index
+            axes.scatter(x, y, s=14, color=[color], edgecolors="white", linewidths=0.4)
+        mark = Line2D([], [], marker="o", color="none", markerfacecolor=color, markeredgecolor="black")
+        mark.set_label(f"{word}: {int(its.sum())}")
+        handles.append(mark)
+    axes.set(xlim=(-0.5, camera.width - 0.5), ylim=(camera.height - 0.5, -0.5))
+    figure.legend(handles=handles, loc="outside lower left", ncols=len(handles), frameon=False, fontsize="small")
+    save_figure(figure, path)
+
+
+def _one_pose(camera_to_world: PoseLike, convention: Convention, quaternion: QuaternionOrder) -> NDArray[np.float64]:
+    given = to_xyzw(camera_to_world, quaternion, "camera_to_world")
+    pose = poses_to_opencv(given, convention, name="camera_to_world")
+    if len(pose) != 1:
+        raise ArrayError(f"camera_to_world must be one pose for one picture, got {len(pose)}")
+    return pose
+
+
+def _draw_view(depth: NDArray[np.floating], title: str) -> tuple[Figure, Axes]:
+    """Begin a picture with a depth image in grey, and its scale."""
     figure = new_figure(7.2, 6.4)
     axes = figure.subplots()
     shown = axes.imshow(np.ma.masked_invalid(depth), cmap="gist_gray", vmin=0.0, vmax=_farthest(depth))
-    axes.imshow(overlay)
     axes.set(title=title, xlabel="x [px]", ylabel="y [px]")
     figure.colorbar(shown, ax=axes, shrink=0.85, pad=0.02).set_label("planar depth [m], white: none")
-
-    handles = []
-    for status, word in _WORDS.items():
-        its = np.flatnonzero(statuses == status)
-        shares = [f" {fractions[k]:.2f}" if status == Visibility.VISIBLE else "" for k in its]
-        names = ", ".join(found.names[k] + share for k, share in zip(its, shares, strict=True))
-        label = textwrap.shorten(f"{word}: {names or 'nothing'}", _LEGEND_WIDTH, placeholder=" ...")
-        color = np.array(STATUS_COLORS.get(status, (255, 255, 255))) / 255
-        handles.append(Patch(facecolor=color, edgecolor="black", linewidth=0.5, label=label))
-    figure.legend(handles=handles, loc="outside lower left", frameon=False)
-    save_figure(figure, path)
+    return figure, axes
 
 
 def _farthest(depth: np.ndarray) -> float:

@@ -1,0 +1,104 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The command ``warpvis info``: this machine, or what a scene's file holds."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from warpvis.cli._inputs import MaybeSceneFile, SceneOptions, parse_labels, refuse_options, scene_options
+from warpvis.cli._output import format_rows
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from warpvis.scene import Scene
+
+# A corner is three floats, a triangle three indices; its part of the tree is about so much (docs/rendering.md).
+_CORNER_BYTES, _FACE_BYTES, _TREE_BYTES = 12, 12, 51
+
+
+@dataclass(frozen=True, kw_only=True)
+class Info(SceneOptions):
+    """Print versions, devices and cores; or what a scene's file holds."""
+
+    file: MaybeSceneFile = None
+
+    def run(self) -> None:
+        """Run the command."""
+        from warpvis.cli._webots import is_world, print_world
+
+        if self.file is None:
+            refuse_options(self, scene_options, "info of this machine takes")
+            _print_versions()
+        elif is_world(self.file):
+            own = [name for name in scene_options if name not in ("search_path", "strict", "labels")]
+            refuse_options(self, own, "info of a Webots world takes")
+            labels = parse_labels(self.labels)
+            scene = print_world(self.file, search_path=self.search_path, strict=self.strict, labels=labels)
+            print(f"\n{describe(scene)}")
+        else:
+            self._print_objects(self.file)
+
+    def _print_objects(self, file: Path) -> None:
+        scene = self.load_scene(file)
+        print(f"{file}: {scene.up} up, {len(scene)} objects, {scene.triangle_count} triangles")
+        print(describe(scene))
+        rows = []
+        for item in scene:
+            rows.append([item.name, item.label.name.lower(), str(len(item.faces)), *map(_numbers, item.bounds)])
+        print()
+        print(format_rows(["object", "label", "triangles", "least corner [m]", "greatest corner [m]"], rows))
+
+
+def describe(scene: Scene) -> str:
+    """Say how large a scene is, what it is labelled, what it takes of memory, and which unit it may be in."""
+    import numpy as np
+
+    from warpvis.scene import looks_like_millimetres
+
+    if not len(scene):
+        return "empty"
+    boxes = np.array([item.bounds for item in scene.objects], dtype=np.float64)
+    low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+    size = high - low
+    labels = Counter(item.label.name.lower() for item in scene)
+    meshes = {id(item.faces): (item.vertices, item.faces) for item in scene.objects}
+    corners, faces = (sum(len(mesh[k]) for mesh in meshes.values()) for k in (0, 1))
+    memory = corners * _CORNER_BYTES + faces * (_FACE_BYTES + _TREE_BYTES)
+    lines = [
+        f"spans   {' x '.join(f'{side:.4g}' for side in size)} m, from {_numbers(low)} to {_numbers(high)}",
+        f"labels  {', '.join(f'{name} {count}' for name, count in labels.most_common())}",
+        f"memory  about {memory / 1e6:.3g} MB with its trees",
+    ]
+    if looks_like_millimetres(size):
+        scaled = " x ".join(f"{side / 1000:.3g}" for side in size)
+        lines.append(f"units   are they millimetres? With --scale 0.001 it spans {scaled} m")
+    return "\n".join(lines)
+
+
+def _numbers(values: Sequence[float] | NDArray[np.floating]) -> str:
+    return " ".join(f"{value:.4g}" for value in values)
+
+
+def _print_versions() -> None:
+    import platform
+    from importlib.metadata import version
+
+    import warp as wp
+
+    import warpvis
+    from warpvis.core.threads import core_count
+
+    print(f"warpvis {warpvis.__version__}")
+    print(f"python  {platform.python_version()} on {platform.platform()}")
+    for package in ("warp-lang", "numpy", "trimesh", "mujoco"):
+        print(f"{package} {version(package)}")
+    print(f"cores   {core_count()}")
+    for device in wp.get_devices():
+        print(f"device  {device.alias}: {device.name}")

@@ -1,0 +1,47 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Pictures of depth beside the datasets that ``warpvis render`` writes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from warpvis.batch import FrameDataset
+
+PREVIEWS, SHEET = "preview", "contact_sheet.png"
+"""Where pictures go: a folder, and one file."""
+
+_MOST_PREVIEWS, _MOST_ON_SHEET = 100, 24
+
+
+def write_pictures(dataset: FrameDataset, out: Path) -> str:
+    """Write a picture of the first hundred frames' depth, and a sheet of two dozen from first to last.
+
+    All have one scale of colours, from the least to the greatest depth of what they show.
+
+    Returns:
+        What was written, in words.
+    """
+    from warpvis.viz import save_contact_sheet, save_preview
+
+    count = len(dataset)
+    first = range(min(count, _MOST_PREVIEWS))
+    spread = sorted({round(place) for place in np.linspace(0, count - 1, min(count, _MOST_ON_SHEET))})
+    least, greatest = np.inf, -np.inf
+    for index in {*first, *spread}:
+        seen = dataset.read("depth", index)
+        seen = seen[np.isfinite(seen)]
+        if seen.size:
+            least, greatest = min(least, float(seen.min())), max(greatest, float(seen.max()))
+    depth_range = (least, greatest) if least <= greatest else (0.0, 1.0)
+    (out / PREVIEWS).mkdir()
+    for index in first:
+        save_preview(dataset.read("depth", index), out / PREVIEWS / f"{index:06d}.png", depth_range)
+    names = [f"{index:06d}" for index in spread]
+    save_contact_sheet([dataset.read("depth", index) for index in spread], names, out / SHEET, depth_range)
+    some = "" if count == len(first) else f" of the first {len(first)} frames"
+    return f"{out / PREVIEWS}{some}, {out / SHEET}"
