@@ -74,8 +74,6 @@ class Perspective(ViewpointOptions):
             labels = [Label.OBJECT]
         else:
             labels = [label for label in Label if label != Label.GROUND]
-        for agent, option in ((robot, "--robot-body"), (human, "--human-body")):
-            _warn_of_eyes_inside(scene, agent, option)
         seen = perspective(scene, (robot, human))
         found = [item for item in seen.candidates("human", "robot", labels=labels) if item.object not in bodies]
         missed = [item.object for item in found if item.state == State.FIRST]
@@ -90,6 +88,8 @@ class Perspective(ViewpointOptions):
             save_perspective(scene, (robot, human), seen, picture, title=title, labels=labels, proposed=pose)
             report = _report(found, missed, proposal)
             write_json(self.out / "perspective.json", {"file": str(self.file), **seen.report(), **report})
+        for agent, option in ((robot, "--robot-body"), (human, "--human-body")):
+            _warn_of_eyes_inside(scene, agent, option)
         print(seen.table())
         print()
         print(_in_words(found, missed, proposal, self.max_distance))
