@@ -44,7 +44,9 @@ def launch(
 ) -> Any:
     """Launch a kernel as `wp.launch` does, after `load_module`."""
     load_module(kernel, device, block_dim)
-    return wp.launch(kernel, dim=dim, inputs=inputs, device=device, block_dim=block_dim, record_cmd=record_cmd)
+    # Warp 1.17 takes None for no size of a block.
+    block = {} if block_dim is None else {"block_dim": block_dim}
+    return wp.launch(kernel, dim=dim, inputs=inputs, device=device, record_cmd=record_cmd, **block)
 
 
 def load_module(kernel: wp.Kernel, device: wp.Device | None = None, block_dim: int | None = None) -> None:
