@@ -43,7 +43,7 @@ def shard_record(shard: int) -> str:
 
 
 def commit(store: Store, name: str, frames: int, files: ShardFiles, units: list[str], *, empty: int = 0) -> Record:
-    """Move files to their places in a dataset, and then their record.
+    """Move files to their places in a dataset and, when they are on the disk, their record.
 
     Args:
         store: The dataset.
@@ -68,7 +68,8 @@ def commit(store: Store, name: str, frames: int, files: ShardFiles, units: list[
         "empty": empty,
     }
     files.write_text(name, json.dumps(content, indent=1) + "\n")
-    store.put(files, [*units, name])
+    store.put(files, units)  # and only when they are on the disk, what counts them
+    store.put(files, [name])
     return record
 
 

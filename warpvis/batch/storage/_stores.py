@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import shutil
 import stat
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import IO, Protocol
 
 from warpvis.batch.storage._output import ShardFiles, files_below
+from warpvis.batch.storage._sync import sync_folders, sync_tree
 from warpvis.core.checks import as_path
 from warpvis.errors import FileFormatError
 
@@ -68,7 +70,10 @@ class Store(Protocol):
         ...
 
     def put(self, files: ShardFiles, units: Iterable[str]) -> None:
-        """Move files and folders of a temporary folder to their places, each as a whole, in this order."""
+        """Move files and folders of a temporary folder to their places, each as a whole, in this order.
+
+        On a disk of this machine they stay there then, whatever happens to the machine.
+        """
         ...
 
 
@@ -79,6 +84,7 @@ class LocalStore:
         """Take the dataset in the folder `root`, which may be missing."""
         self.root = root.absolute()
         self.name = str(root)
+        self._on_disk = {self.root}
 
     def read(self, name: str) -> bytes | None:
         return None if self.size(name) is None else (self.root / name).read_bytes()
@@ -108,7 +114,9 @@ class LocalStore:
         yield from (name for name in files_below(self.root) if not name.startswith(_PART))
 
     def create(self) -> None:
+        new = [place for place in (self.root, *self.root.parents) if not place.is_dir()]
         self.root.mkdir(parents=True, exist_ok=True)
+        sync_folders(place.parent for place in new)
 
     def clean(self) -> None:
         for path in self.root.glob(f"{_PART}*"):
@@ -145,12 +153,23 @@ class LocalStore:
             shutil.rmtree(folder, ignore_errors=True)
 
     def put(self, files: ShardFiles, units: Iterable[str]) -> None:
+        changed = set()
         for unit in units:
+            sync_tree(files.folder / unit)
             target = self.root / unit
-            target.parent.mkdir(parents=True, exist_ok=True)
+            changed.add(target.parent)
+            self._make_folder(target.parent)
             if target.is_dir():  # of an attempt that was not recorded; a folder cannot be renamed over it
                 shutil.rmtree(target)
             os.replace(files.folder / unit, target)
+        sync_folders(changed)
+
+    def _make_folder(self, folder: Path) -> None:
+        """Make a folder, and wait until it is on the disk with those that it is in: another thread may have made it."""
+        folder.mkdir(parents=True, exist_ok=True)
+        unsure = list(itertools.takewhile(lambda place: place not in self._on_disk, (folder, *folder.parents)))
+        sync_folders(place.parent for place in unsure)
+        self._on_disk.update(unsure)
 
 
 class RemoteStore:
