@@ -11,7 +11,7 @@ CORE := $(VENV)/core
 STAMP := $(VENV)/installed
 
 .DELETE_ON_ERROR:
-.PHONY: demo test test-lanes test-lowest mutate lint bench format clean
+.PHONY: demo test test-lanes test-lowest mutate fuzz lint bench format clean
 
 demo: $(CORE)
 	$(BIN)/warpvis demo --out demo
@@ -46,6 +46,10 @@ test-lowest:
 mutate: $(STAMP)
 	-@./scripts/ensure_clang.sh $(BIN)/python
 	$(BIN)/python scripts/mutate.py $(MUTANTS)
+
+# Random arguments for all that is public: each call is taken, or refused in a sentence. `make fuzz FUZZ="--count 5000"`
+fuzz: $(STAMP)
+	$(BIN)/python tests/fuzz_calls.py $(FUZZ)
 
 NATIVE := $(wildcard kernels/native/*/*.h tests/native/*.h tests/native/*.cpp)
 

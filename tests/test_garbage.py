@@ -15,6 +15,7 @@ from arguments_data import data_cases
 from arguments_shared import CAMERA, POSE, WORLD, scene
 from arguments_tools import tools_cases
 from arguments_top import top_cases
+from fuzz_calls import call_once
 
 import warpvis as wv
 
@@ -100,9 +101,8 @@ def cases(folder):
     return {**top_cases(folder), **data_cases(folder), **tools_cases(folder)}
 
 
-@pytest.fixture(scope="module")
-def table(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("files")
+def files_for_cases(folder):
+    """Write the files that valid arguments name, and return their folder."""
     (folder / "out").mkdir()
     (folder / "lab.wbt").write_text(WORLD)
     (folder / "walk.txt").write_text("0 0 0 0 0 0 0 1\n")
@@ -110,6 +110,12 @@ def table(tmp_path_factory):
     (folder / "points.txt").write_text("1 2 3\n")
     trimesh.creation.box().export(folder / "box.ply")
     wv.render_batch(scene(), CAMERA, wv.Frames.from_poses([POSE]), folder / "set", threads=1)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory):
+    folder = files_for_cases(tmp_path_factory.mktemp("files"))
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder / "out")  # a path that is but a word must not leave a file in the checkout
         patch.setattr("matplotlib.figure.Figure.savefig", lambda figure, path: None)  # drawn it is; that suffices
@@ -199,6 +205,13 @@ def test_what_is_wrong_is_said(table, begin):
                 except Exception as error:
                     failures.append(f"{name}({parameter}={what}): {type(error).__name__}: {error}")
     assert not failures, "\n".join(failures)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_few_random_calls_are_taken_or_refused(table):
+    """`make fuzz` makes a hundred thousand."""
+    failures = [call_once(table, seed) for seed in range(300)]
+    assert not [failure for failure in failures if failure[2] is not None]
 
 
 def test_every_name_is_tried(table):

@@ -396,7 +396,7 @@ def _state_word(state: int, first: str, second: str) -> str:
 
 def _check_agents(scene: Scene, agents: Sequence[Agent]) -> list[Agent]:
     require_scene(scene).require_objects()
-    agents = list(agents) if isinstance(agents, Iterable) else [agents]
+    agents = as_items(agents, "agents", SceneError) if isinstance(agents, Iterable) else [agents]
     wrong = [type(agent).__name__ for agent in agents if not isinstance(agent, Agent)]
     if wrong or not agents:
         raise SceneError(f"agents must be one or more of warpvis.Agent, got {', '.join(wrong) or 'none'}")

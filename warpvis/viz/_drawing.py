@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.camera import Camera
-from warpvis.core.poses import poses_to_matrices, poses_to_opencv
-from warpvis.core.types import ObjectPoses
+from warpvis.core.poses import Convention, QuaternionOrder, poses_to_matrices, poses_to_opencv, to_xyzw
+from warpvis.core.types import ObjectPoses, PoseLike
+from warpvis.errors import ArrayError
 from warpvis.rendering import Output, render
 from warpvis.scene import Scene
 
@@ -32,6 +33,20 @@ OUTSIDE_CAMERA = Camera.from_fov(640, 480, hfov=0.88)
 """The camera that pictures from outside are taken with."""
 
 Colors = Callable[[NDArray[np.float32], NDArray[np.int32], NDArray[np.uint8]], NDArray[np.float64]]
+
+
+def one_pose(
+    poses: PoseLike, name: str, convention: Convention = "opencv", quaternion: QuaternionOrder = "xyzw"
+) -> NDArray[np.float64]:
+    """Return the one pose that a picture is of, rows ``x y z qx qy qz qw`` of the OpenCV frame, shape ``(1, 7)``.
+
+    Raises:
+        WarpvisError: It is none, or there are several.
+    """
+    rows = poses_to_opencv(to_xyzw(poses, quaternion, name), convention, name=name)
+    if len(rows) != 1:
+        raise ArrayError(f"{name} must be one pose for one picture, got {len(rows)}")
+    return rows
 
 
 def light_on(normals: NDArray[np.floating], up: str) -> NDArray[np.float64]:

@@ -16,13 +16,13 @@ from warpvis.core.arrays import as_numpy, check_shape
 from warpvis.core.camera import Camera, require_camera
 from warpvis.core.checks import as_items, check_text, is_number
 from warpvis.core.labels import Label
-from warpvis.core.poses import QuaternionOrder, look_at, poses_to_matrices, poses_to_opencv, to_xyzw
+from warpvis.core.poses import QuaternionOrder, look_at, poses_to_matrices, poses_to_opencv
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
 from warpvis.maps import MAP_LEGEND, FloorMap
 from warpvis.rendering import Views
 from warpvis.scene import Scene, require_scene
-from warpvis.viz._drawing import OUTSIDE_CAMERA, draw_lines, frustum, shaded_picture
+from warpvis.viz._drawing import OUTSIDE_CAMERA, draw_lines, frustum, one_pose, shaded_picture
 from warpvis.viz._figures import draw_legend, draw_map, new_figure, save_figure
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def save_overview(
         target: What is in the middle of the picture [m].
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
     """
-    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
+    camera_to_world = one_pose(camera_to_world, "camera_to_world", quaternion=quaternion)
     check_text(title, "title")
     require_scene(scene)
     if not isinstance(_require_views(views, camera), Views) or not isinstance(floor_map, FloorMap):
@@ -125,8 +125,8 @@ def view_from_outside(
     Returns:
         Red, green and blue from 0 to 1, shape ``(H, W, 3)``.
     """
-    outside_to_world = to_xyzw(outside_to_world, quaternion, "outside_to_world")
-    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
+    outside_to_world = one_pose(outside_to_world, "outside_to_world", quaternion=quaternion)
+    camera_to_world = one_pose(camera_to_world, "camera_to_world", quaternion=quaternion)
     require_scene(scene)
     require_camera(outside)
     require_camera(camera)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_numpy
-from warpvis.core.checks import as_path, is_number
+from warpvis.core.checks import as_items, as_path, check_text, is_number
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, FileFormatError
 
@@ -98,7 +98,9 @@ def save_contact_sheet(
     """
     from PIL import Image, ImageDraw
 
-    images = [as_numpy(image, name="depth") for image in depth]
+    images = [as_numpy(image, name="depth") for image in as_items(depth, "depth")]
+    names = [check_text(name, "a name") for name in as_items(names, "names")]
+    _check_range(depth_range)
     if not images or len(names) != len(images) or any(image.ndim != 2 or not image.size for image in images):
         raise ArrayError(f"a sheet needs images (H, W) and a name for each, got {len(images)} and {len(names)}")
     height, width = (max(image.shape[axis] for image in images) for axis in (0, 1))

@@ -16,13 +16,12 @@ from warpvis.core.arrays import as_numpy
 from warpvis.core.camera import Camera
 from warpvis.core.checks import check_text
 from warpvis.core.labels import Visibility
-from warpvis.core.poses import Convention, QuaternionOrder, poses_to_opencv, to_xyzw
+from warpvis.core.poses import Convention, QuaternionOrder, to_xyzw
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
-from warpvis.errors import ArrayError
 from warpvis.rendering import render
 from warpvis.scene import Scene
 from warpvis.visibility import object_visibility, point_visibility
-from warpvis.viz._drawing import light_on, to_picture
+from warpvis.viz._drawing import light_on, one_pose, to_picture
 from warpvis.viz._figures import new_figure, save_figure
 
 if TYPE_CHECKING:
@@ -100,7 +99,7 @@ def save_sightings(
     """
     from matplotlib.patches import Patch
 
-    pose = _one_pose(camera_to_world, convention, quaternion)
+    pose = one_pose(camera_to_world, "camera_to_world", convention, quaternion)
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     check_text(title, "title")
     worlds = {"object_poses": object_poses, "exclude": exclude}
@@ -169,7 +168,7 @@ def save_point_sightings(
     """
     from matplotlib.lines import Line2D
 
-    pose = _one_pose(camera_to_world, convention, quaternion)
+    pose = one_pose(camera_to_world, "camera_to_world", convention, quaternion)
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     check_text(title, "title")
     worlds = {"object_poses": object_poses, "exclude": exclude}
@@ -191,14 +190,6 @@ def save_point_sightings(
     axes.set(xlim=(-0.5, camera.width - 0.5), ylim=(camera.height - 0.5, -0.5))
     figure.legend(handles=handles, loc="outside lower left", ncols=len(handles), frameon=False, fontsize="small")
     save_figure(figure, path)
-
-
-def _one_pose(camera_to_world: PoseLike, convention: Convention, quaternion: QuaternionOrder) -> NDArray[np.float64]:
-    given = to_xyzw(camera_to_world, quaternion, "camera_to_world")
-    pose = poses_to_opencv(given, convention, name="camera_to_world")
-    if len(pose) != 1:
-        raise ArrayError(f"camera_to_world must be one pose for one picture, got {len(pose)}")
-    return pose
 
 
 def _draw_view(depth: NDArray[np.floating], title: str) -> tuple[Figure, Axes]:
