@@ -46,7 +46,7 @@ def test_what_is_launched(monkeypatch):
     scene, camera, launched = scenes.PRESETS["room"].build("cpu"), wv.Camera.from_fov(100, 40, hfov=1.0), []
     scene.bvh()  # has launches of its own
     monkeypatch.setattr(_cuda_packets, "_kernel", lambda *key: key)
-    monkeypatch.setattr(_cuda_packets.wp, "launch", lambda kernel, dim, **_: launched.append((kernel, dim)))
+    monkeypatch.setattr(_cuda_packets, "launch", lambda kernel, dim, *_, **__: launched.append((kernel, dim)))
     depth, ids = wp.zeros((3, 40, 100)), wp.zeros((3, 40, 100), dtype=wp.int32)
     worlds, poses = parse_worlds(scene, 3, None, None, None), wp.zeros(3, dtype=wp.transform)
     for clip_near in (False, True):

@@ -261,7 +261,7 @@ def test_it_publishes_what_the_camera_sees(start, lab):
         assert message.header.stamp.nanosec == 500_000_000
     told = json.loads(text.data)
     assert told["header"] == {"stamp": {"sec": 3, "nanosec": 500_000_000}, "frame_id": EYE_FRAME}
-    report = wv.object_visibility(scene, camera, EYE, objects=["bowl", "floor", "cup"])
+    report = wv.object_visibility(scene, camera, EYE, objects=["floor", "bowl", "cup"])
     assert list(told["objects"]) == list(report.names)
     for place, (name, seen) in enumerate(told["objects"].items()):
         assert seen["pixels"] == report.visible_pixels.numpy()[0, place], name
