@@ -6,6 +6,7 @@ import errno
 import json
 import os
 import threading
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -34,13 +35,15 @@ class Disk:
         monkeypatch.setattr(os, "replace", self.replace)
 
     def fsync(self, descriptor):
-        self._fsync(descriptor)
         path = Path(os.readlink(f"/proc/self/fd/{descriptor}"))
+        names = set()
+        for place in path.iterdir() if path.is_dir() else ():
+            with suppress(FileNotFoundError):  # another shard's temporary folder, which is gone by now
+                names.add(entry(place))
+        self._fsync(descriptor)
         with self.lock:
-            if path.is_dir():
-                self.names |= {entry(path / name) for name in os.listdir(path)}
-            else:
-                self.contents.add(os.stat(descriptor).st_ino)
+            self.names |= names
+            self.contents.add(os.fstat(descriptor).st_ino)
 
     def replace(self, source, target):
         target = Path(target)
