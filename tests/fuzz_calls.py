@@ -100,7 +100,7 @@ class Draw:
         change = self._rng.integers(6)
         with np.errstate(all="ignore"):
             if change == 0:
-                return array * self.pick((1e-30, 1e-6, -1, 1e6, 1e30))
+                return array.astype(np.float64) * self.pick((1e-30, 1e-6, -1, 1e6, 1e30))
             if change == 1:
                 array = array.astype(np.float64)
                 array.flat[int(self._rng.integers(array.size))] = self.real()

@@ -254,6 +254,27 @@ def place(scene, frames, frame):
     return placed
 
 
+def test_equal_meshes_are_one_model(tmp_path):
+    """As BOP counts: instances of an object share its number, and are told apart by their order in an image."""
+    scene, cup = wv.Scene(), trimesh.creation.cylinder(0.05, 0.1)
+    scene.add(trimesh.creation.box((2, 2, 0.1)), name="floor", label="ground")
+    places = np.array([[(x, 0, 0.1, 0, 0, 0, 1) for x in (0.0, 0.3, 0.6)]], dtype=np.float32)
+    for name, mesh, place in zip(
+        ("cup", "can", "cup 2"), (cup, trimesh.creation.box((0.1,) * 3), cup), places[0], strict=True
+    ):
+        scene.add(mesh, name=name, label="object", pose=place, movable=True)
+    frames = Frames.from_poses([wv.look_at((0.3, -1.5, 0.8), (0.3, 0, 0))], object_poses=places)
+    render_batch(scene, CAMERA, frames, tmp_path / "set", format="bop")
+    gt = read_json(tmp_path / "set/train/000000/scene_gt.json")[0]
+    assert [entry["obj_id"] for entry in gt] == [1, 2, 1]
+    assert gt[0]["cam_t_m2c"] != gt[2]["cam_t_m2c"]
+    infos = read_json(tmp_path / "set/models/models_info.json")
+    assert [infos[k]["names"] for k in (1, 2)] == [["cup", "cup 2"], ["can"]] and infos[1]["name"] == "cup"
+    assert sorted(path.name for path in (tmp_path / "set/models").glob("*.ply")) == ["obj_000001.ply", "obj_000002.ply"]
+    dataset = wv.open_dataset(tmp_path / "set")
+    assert dataset.visibility_objects == ("cup", "can", "cup 2") and (dataset[0]["visible_pixels"] > 0).all()
+
+
 def test_models_are_where_the_objects_are(dataset):
     """Model to camera and world to camera say the same of every vertex."""
     folder, scene, frames = dataset

@@ -116,3 +116,11 @@ def test_what_is_no_path_is_refused(path):
 
 FLAG = wv.Scene()
 FLAG.add(([[0, 0, 1], [1, 0, 1], [0, 1, 1]], [[0, 1, 2]]))
+
+
+@pytest.mark.parametrize(
+    "read", [wv.io.load_camera, wv.read_frames, wv.Scene.load, wv.open_dataset], ids=lambda f: f.__name__
+)
+def test_names_too_long_for_a_file_are_said(read):
+    with pytest.raises(wv.WarpvisError, match="is too long for the name of a file: 'aaaa"):
+        read("a" * 5000)

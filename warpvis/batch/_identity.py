@@ -58,6 +58,18 @@ def object_hash(item: SceneObject) -> str:
     return hash_values(item.name, int(item.label), item.movable, mesh, item.faces, item.pose, item.carrier, *shape)
 
 
+def same_meshes(scene: Scene) -> tuple[int, ...]:
+    """List for every object the first one that moves and has the same mesh in its own frame; itself, if it stays."""
+    first: dict[str, int] = {}
+    found = []
+    for index, item in enumerate(scene.objects):
+        if item.mesh_vertices is None or not item.movable:
+            found.append(index)
+            continue
+        found.append(first.setdefault(hash_values(item.mesh_vertices, item.faces), index))
+    return tuple(found)
+
+
 def describe_scene(scene: Scene) -> SceneDescription:
     """Describe a scene: of every object its label, its size and its hash, and one hash of them all.
 

@@ -46,6 +46,8 @@ class Plan:
     """For every object, the column of `Frames.object_poses` that places it; -1 if it stays where it is."""
     object_centers: tuple[tuple[float, float, float], ...] = ()
     """Middle of every object's axis-aligned box in the world [m], where it was added."""
+    object_models: tuple[int, ...] = ()
+    """For every object, the first object that moves and has the same mesh: itself, if it is the only one or stays."""
     chosen: tuple[int, ...] = ()
     """Indices of the objects that visibility is of, in the order of its columns."""
     exclude: tuple[int, ...] = ()

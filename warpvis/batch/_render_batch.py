@@ -19,6 +19,7 @@ import numpy as np
 from warpvis.batch._dataset import Dataset
 from warpvis.batch._emptiness import describe_empty
 from warpvis.batch._frame_renderer import BATCH_OUTPUTS, VISIBILITY, SceneSource, choose_excluded, make_scene
+from warpvis.batch._identity import same_meshes
 from warpvis.batch._job import Options, Plan
 from warpvis.batch._manifest import make_manifest
 from warpvis.batch._records import Record
@@ -233,6 +234,7 @@ def make_plan(
         object_labels=tuple(int(item.label) for item in scene.objects),
         object_columns=tuple(pose_columns(scene).tolist()),
         object_centers=tuple(tuple(item.bounds.astype(np.float64).mean(axis=0).tolist()) for item in scene.objects),
+        object_models=same_meshes(scene),
         chosen=chosen,
         exclude=tuple(excluded),
         up=scene.up,

@@ -13,6 +13,9 @@ from typing import Any, TypeGuard
 
 from warpvis.errors import ArrayError, FileFormatError, WarpvisError
 
+# Of one part of a path [bytes]: what file systems hold.
+_LONGEST_NAME = 255
+
 
 def is_number(value: object) -> TypeGuard[float]:
     """Tell whether a value is a real number, of Python or NumPy, that double precision has; infinity and NaN are."""
@@ -131,4 +134,6 @@ def as_path(path: object, name: str = "path") -> Path:
     text = path if isinstance(path, str) else os.fspath(path) if isinstance(path, os.PathLike) else None
     if not isinstance(text, str) or not text or "\0" in text:
         raise FileFormatError(f"{name} must be the name of a file, text or an os.PathLike, got {path!r}")
+    if max(len(os.fsencode(part)) for part in Path(text).parts or ("",)) > _LONGEST_NAME:
+        raise FileFormatError(f"{name} is too long for the name of a file: {text[:40]!r}...")
     return Path(text)

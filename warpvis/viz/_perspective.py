@@ -17,13 +17,13 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.core.camera import Camera
 from warpvis.core.checks import check_text
 from warpvis.core.labels import Label
-from warpvis.core.poses import QuaternionOrder, poses_to_matrices, poses_to_opencv, to_xyzw
+from warpvis.core.poses import QuaternionOrder, poses_to_matrices, to_xyzw
 from warpvis.core.types import ObjectPoses
 from warpvis.maps import map_numbers
 from warpvis.scene import Scene
 from warpvis.visibility import Agent, Perspective, State
 from warpvis.viz._agent_views import AgentView, agent_view, views_of_faces
-from warpvis.viz._drawing import draw_arrow, draw_name, light_on, white_edge
+from warpvis.viz._drawing import draw_arrow, draw_name, light_on, one_pose, white_edge
 from warpvis.viz._figures import Bounds, draw_map, new_figure, save_figure
 from warpvis.viz._outside import draw_outside
 from warpvis.viz._states import GREYS, STATE_COLORS, Shown
@@ -112,7 +112,7 @@ def draw_perspective(
     """Draw the figure that `save_perspective` writes."""
     check_text(title, "title")
     if proposed is not None:
-        proposed = poses_to_opencv(proposed, name="proposed")[0]
+        proposed = one_pose(proposed, "proposed")[0]
     shown = Shown.of(scene, agents, seen, view, labels, object_poses)
     figure = new_figure(13.5, 8.2, gap=0.11)
     panels = figure.subplots(2, 3, width_ratios=(1.1, 1.0, 1.0), height_ratios=(0.8, 1.0))

@@ -76,8 +76,9 @@ class _Image:
 class Bop(Layout):
     """Writes scenes, ``train/000012/``: depth images, masks, ``scene_camera``, ``scene_gt`` and ``scene_gt_info.json``.
 
-    A shard is a BOP scene, its frames are the images 0, 1, 2, ... of it, and an object's number is its place among the
-    chosen ones, from 1. All of them are annotated in every image, also where nothing of them shows.
+    A shard is a BOP scene, its frames are the images 0, 1, 2, ... of it. Models are numbered in the order of the chosen
+    objects, from 1, and movable objects of the same mesh are of one. All objects are annotated in every image, in their
+    order, also where nothing of them shows.
 
     The layout is that of ``docs/bop_datasets_format.md`` of BOP's toolkit, masks, counts and boxes are those of its
     ``scripts/calc_gt_info.py`` and ``calc_gt_masks.py`` (Hodan et al., "BOP: Benchmark for 6D Object Pose Estimation",
@@ -131,6 +132,10 @@ class Bop(Layout):
         if missing not in ("visible", "hidden"):
             raise FileFormatError(f"option missing must be visible or hidden, got {missing!r}")
         self._missing_is_visible = missing == "visible"
+        models = plan.object_models or range(len(plan.object_names))
+        numbers = {model: number for number, model in enumerate(dict.fromkeys(models[k] for k in plan.chosen), start=1)}
+        self._model_of = [numbers[models[index]] for index in plan.chosen]
+        """Number of each chosen object's model."""
         self._blank = encode_png(np.zeros((plan.camera.height, plan.camera.width), dtype=np.uint8))
 
     def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
@@ -177,12 +182,16 @@ class Bop(Layout):
         from warpvis.batch.formats._bop_models import model_info, ply_text
 
         infos = {}
-        for number, index in enumerate(self.plan.chosen, start=1):
+        names: dict[int, list[str]] = {}
+        for number, index in zip(self._model_of, self.plan.chosen, strict=True):
             item = scene.objects[index]
+            names.setdefault(number, []).append(item.name)
+            if len(names[number]) > 1:
+                continue
             vertices = item.vertices if item.mesh_vertices is None else item.mesh_vertices
             points = (vertices.astype(np.float64) - self._origin(index)) * _MILLIMETRES
             files.write_text(f"models/obj_{number:06d}.ply", ply_text(points, item.faces))
-            infos[number] = {**model_info(points), "name": item.name}
+            infos[number] = {**model_info(points), "name": item.name, "names": names[number]}
         files.write_text("models/models_info.json", _json_lines(infos.items()))
         return ["models"]
 
@@ -228,7 +237,7 @@ class Bop(Layout):
     def _poses(self, frames: Frames, world_to_camera: NDArray[np.float64]) -> list[list[_ObjectPose]]:
         """List the poses model to camera, of every frame and object."""
         scene_gt: list[list[_ObjectPose]] = [[] for _ in world_to_camera]
-        for number, index in enumerate(self.plan.chosen, start=1):
+        for number, index in zip(self._model_of, self.plan.chosen, strict=True):
             column = self.plan.object_columns[index]
             model_to_world = np.eye(4)
             model_to_world[:3, 3] = self._origin(index)
