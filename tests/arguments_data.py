@@ -56,7 +56,7 @@ def data_cases(folder):
             lambda **batch: wv.batch.FrameRenderer(seen, CAMERA)(batch),
             {"camera_to_world": [POSE], "object_poses": [MOVED], "world_index": [0]},
         ),
-        "verify": (wv.batch.verify, {"out": folder / "set"}),
+        "verify": (wv.batch.verify, {"out": folder / "set", "repair": False}),
         "open_dataset": (wv.open_dataset, {"path": folder / "set", "outputs": ["depth"]}),
         "FrameDataset.read": (wv.open_dataset(folder / "set").read, {"name": "depth", "frames": [0]}),
         "FrameDataset.read of one": (wv.open_dataset(folder / "set").read, {"name": "depth", "frames": 0}),

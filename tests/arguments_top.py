@@ -241,6 +241,7 @@ def top_cases(folder):
                 "workers": None,
                 "address": None,
                 "source": "x",
+                "repair": False,
             },
         ),
         "voxel_map": (

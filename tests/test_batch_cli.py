@@ -68,9 +68,13 @@ def test_a_job_from_the_command_line(workspace):
     damaged = cli("verify", "out")
     assert damaged.returncode == 1
     assert "shard-000001.npz: its checksum differs from the recorded one" in damaged.stdout
-    assert "delete shards/000001.json, and resume" in damaged.stdout
-    (workspace / "out" / "shards" / "000001.json").unlink()
-    assert cli(*job, "--resume").returncode == 0
+    assert "damaged: what is of shards/000001.json; the batch's command with --resume --repair" in damaged.stdout
+    trusting = cli(*job, "--resume")
+    assert "9 of them were there: their sizes are right, and --repair reads them" in trusting.stdout
+    (workspace / "scene.glb").rename(workspace / "renamed.glb")
+    repairing = cli(job[0], "renamed.glb", *job[2:], "--resume", "--repair")
+    assert "5 of them were there: their checksums are right" in repairing.stdout
+    assert "4 of them rendered in" in repairing.stdout
     assert tree(workspace / "out") == before
 
 

@@ -39,14 +39,14 @@ class Dataset:
         self.empty_frames = 0
         self.warnings: dict[str, int] = {}
 
-    def check(self, *, resume: bool) -> None:
-        """Refuse, before anything is begun, what `opened` would refuse.
+    def check(self, *, resume: bool) -> bool:
+        """Refuse, before anything is begun, what `opened` would refuse; tell whether the dataset was begun already.
 
         Raises:
             FileFormatError: The folder holds something else, or another job's dataset, or cannot be read.
         """
         try:
-            self._require_ours(resume=resume)
+            return self._require_ours(resume=resume)
         except OSError as error:
             raise FileFormatError(f"{self.name}: cannot be read: {error.strerror or error}") from None
 

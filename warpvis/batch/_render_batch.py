@@ -23,11 +23,12 @@ from warpvis.batch._identity import same_meshes
 from warpvis.batch._job import Options, Plan
 from warpvis.batch._manifest import make_manifest
 from warpvis.batch._records import Record
+from warpvis.batch._verify import verify
 from warpvis.batch._writer import Job, Run
 from warpvis.batch.engines._local import parse_devices, run_local
 from warpvis.batch.formats._base import Format, find_format
 from warpvis.core.camera import Camera
-from warpvis.core.checks import check_choice, check_mapping, check_whole
+from warpvis.core.checks import check_choice, check_flag, check_mapping, check_whole
 from warpvis.core.frames import Frames
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike, PoseLike
@@ -95,6 +96,7 @@ def render_batch(
     workers: int | None = None,
     address: str | None = None,
     resume: bool = False,
+    repair: bool = False,
     quiet: bool = True,
     source: str | None = None,
 ) -> BatchSummary:
@@ -125,7 +127,10 @@ def render_batch(
         engine: ``"local"``, this machine; or ``"ray"``, a Ray cluster, one of this machine if none is running.
         workers: Workers of the engine ``"ray"``; by default one for each GPU, or for each core.
         address: Of the Ray cluster; by default the one that Ray itself finds, or a new one of this machine.
-        resume: Whether to go on with what an earlier call began.
+        resume: Whether to go on with what an earlier call began. A shard counts as whole whose record is there and
+            whose files have the recorded sizes; what they hold is not read.
+        repair: With `resume`, whether to read all that is there first, as `verify` does, and to make again what is
+            damaged.
         quiet: No progress bar; there is none either where standard error is not a terminal.
         source: What the manifest says where the scene is from; the name of its file by default.
 
@@ -134,6 +139,8 @@ def render_batch(
             other arguments, or a file cannot be written. What is whole stays.
     """
     kind = find_format(format)
+    if check_flag(repair, "repair") and not resume:
+        raise ArrayError("repair makes again what is damaged of a dataset that is there: it needs resume")
     _check_engine(engine, threads, workers, address)
     if source is None and isinstance(scene, str | os.PathLike):
         source = os.path.basename(os.fspath(scene))
@@ -154,7 +161,8 @@ def render_batch(
     layout = kind(plan)
     where = "cpu" if devices[0] == "cpu" else "cuda"
     dataset = Dataset(out, plan, layout, make_manifest(plan, scene, layout, device=where, source=source, caster=caster))
-    dataset.check(resume=resume)
+    if dataset.check(resume=resume) and repair:
+        verify(out, repair=True)
     # Other processes are handed the scene on the CPU, and take it to their devices.
     scene = scene.to("cpu") if len(devices) > 1 or engine == "ray" else make_scene(scene, devices[0])
     job = Job(plan, scene, format, os.fspath(out), caster)

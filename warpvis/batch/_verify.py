@@ -11,15 +11,16 @@ import zipfile
 import zlib
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from warpvis.batch._dataset import POSES
 from warpvis.batch._identity import frames_hash
 from warpvis.batch._job import FRAME_ARRAYS, shard_name
-from warpvis.batch._manifest import MANIFEST, parse_manifest, read_contents
+from warpvis.batch._manifest import MANIFEST, Contents, parse_manifest, read_contents
 from warpvis.batch._records import BEGIN_RECORD, INDEX_RECORD, RECORDS_FOLDER, read_record, shard_record
 from warpvis.batch.storage._stores import Store, open_store
+from warpvis.core.checks import check_flag
 from warpvis.core.threads import core_count
 from warpvis.errors import FileFormatError
 
@@ -49,6 +50,8 @@ class VerifyReport:
     """What is wrong, a sentence each."""
     damaged: tuple[str, ...] = ()
     """Records of what is wrong: without them, a job that is resumed makes it again."""
+    repaired: bool = False
+    """Whether these records are removed: `render_batch` with the same arguments and `resume` makes all of it again."""
 
     @property
     def ok(self) -> bool:
@@ -56,29 +59,47 @@ class VerifyReport:
         return not self.problems
 
 
-def verify(out: str | os.PathLike[str]) -> VerifyReport:
+def verify(out: str | os.PathLike[str], *, repair: bool = False) -> VerifyReport:
     """Read every file of a dataset and compare it with its record.
 
     Args:
         out: The dataset's folder or URL.
+        repair: Whether to remove the records of what is damaged, so that a job that is resumed makes it again: to
+            render, the scene is needed, which a dataset does not hold. `render_batch(resume=True, repair=True)` does
+            both.
 
     Raises:
-        FileFormatError: It is no dataset, or cannot be read.
+        ArrayError: `repair` is neither true nor false.
+        FileFormatError: It is no dataset, or cannot be read; to repair, also: another process writes it.
     """
+    repair = check_flag(repair, "repair")
     store = open_store(out)
     try:
-        return _verify(store)
+        if not repair:
+            return _verify(store)
+        _read_manifest(store)
+        with store.locked():
+            report = _verify(store)
+            for record in report.damaged:
+                store.remove(record)
+            return replace(report, repaired=True)
     except OSError as error:
-        raise FileFormatError(f"{store.name}: cannot be read: {error.strerror or error}") from None
+        wanted = "repaired" if repair else "read"
+        raise FileFormatError(f"{store.name}: cannot be {wanted}: {error.strerror or error}") from None
 
 
-def _verify(store: Store) -> VerifyReport:
+def _read_manifest(store: Store) -> Contents:
     manifest = parse_manifest(store.read(MANIFEST))
     if manifest is None:
         raise FileFormatError(f"{store.name}: is no dataset: it has no {MANIFEST} of warpvis")
     contents = read_contents(manifest)
     if contents is None:
         raise FileFormatError(f"{store.name}: is no dataset: its {MANIFEST} does not say what it holds")
+    return contents
+
+
+def _verify(store: Store) -> VerifyReport:
+    contents = _read_manifest(store)
     frames, shard_frames = contents.frames, contents.shard_frames
     shards = -(-frames // shard_frames)
     problems = list(_check_poses(store, contents.poses_sha256, frames))

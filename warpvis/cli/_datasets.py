@@ -188,7 +188,9 @@ class Batch(ImageOptions):
     shard_frames: int | None = None
     """Frames of a shard; by default as many as make 64 MiB of images, at most 1000."""
     resume: bool = False
-    """Go on with what an earlier call began."""
+    """Go on with what an earlier call began. Records and the sizes of files are trusted."""
+    repair: bool = False
+    """With --resume: read all that is there first, as verify does, and make again what is damaged."""
     engine: Literal["local", "ray"] = "local"
     """This machine, or a Ray cluster, whose workers have their share of the cores."""
     workers: int | None = None
@@ -219,6 +221,7 @@ class Batch(ImageOptions):
                 workers=self.workers,
                 address=self.address,
                 resume=self.resume,
+                repair=self.repair,
                 quiet=self.quiet,
                 source=self.file.name,
                 **chosen,
@@ -227,6 +230,10 @@ class Batch(ImageOptions):
             print(f"warpvis: interrupted; the same command with --resume goes on with {self.out}", file=sys.stderr)
             raise
         print_summary(summary, self.format, quiet=self.quiet)
+        there = summary.frames - summary.rendered_frames
+        if self.resume and there and not self.quiet:
+            trusted = "their checksums are right" if self.repair else "their sizes are right, and --repair reads them"
+            print(f"{there} of them were there: {trusted}")
         self.end(empty=summary.empty_frames == summary.frames)
 
 
@@ -236,12 +243,14 @@ class Verify:
 
     dataset: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="DIR")]
     """The dataset: a folder or an fsspec URL."""
+    repair: bool = False
+    """Remove the records of what is damaged, so that the batch's command with --resume makes it again."""
 
     def run(self) -> None:
         """Run the command."""
         from warpvis.batch import verify
 
-        report = verify(self.dataset)
+        report = verify(self.dataset, repair=self.repair)
         for problem in report.problems:
             print(problem)
         print(
@@ -249,8 +258,11 @@ class Verify:
             f"{report.whole_shards} of {report.shards} shards ({report.format}, {report.frames} frames), "
             f"{report.files} files, {report.bytes / 1e9:.3f} GB"
         )
-        if report.damaged:
-            print(f"to make again what is damaged: delete {', '.join(report.damaged)}, and resume the batch")
+        records = ", ".join(report.damaged)
+        if report.damaged and report.repaired:
+            print(f"removed {records}: the batch's command with --resume makes again what is damaged")
+        elif report.damaged:
+            print(f"damaged: what is of {records}; the batch's command with --resume --repair makes it again")
         if not report.ok:
             sys.exit(1)
 

@@ -10,7 +10,7 @@ import shutil
 import stat
 import tempfile
 from collections.abc import Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import IO, Protocol
 
@@ -59,6 +59,10 @@ class Store(Protocol):
 
     def clean(self) -> None:
         """Remove what was not finished."""
+        ...
+
+    def remove(self, name: str) -> None:
+        """Remove a file, if it is there."""
         ...
 
     def locked(self) -> AbstractContextManager[None]:
@@ -121,6 +125,10 @@ class LocalStore:
     def clean(self) -> None:
         for path in self.root.glob(f"{_PART}*"):
             shutil.rmtree(path)
+
+    def remove(self, name: str) -> None:
+        (self.root / name).unlink(missing_ok=True)
+        sync_folders([(self.root / name).parent])
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -233,6 +241,10 @@ class RemoteStore:
 
     def clean(self) -> None:
         self._system.invalidate_cache()  # temporary folders are elsewhere
+
+    def remove(self, name: str) -> None:
+        with suppress(FileNotFoundError):
+            self._system.rm_file(self._path(name))
 
     @contextmanager
     def locked(self) -> Iterator[None]:
