@@ -136,7 +136,8 @@ def test_blenders_files_have_an_angle_and_pictures(tmp_path):
     data = {"camera_angle_x": 2 * math.atan(0.5), "frames": nerfstudio()["frames"]}
     data["frames"] = [frame | {"file_path": "./train/r_0"} for frame in data["frames"]]
     path = put(tmp_path / "transforms_train.json", data)
-    assert read_frames(path).camera is None  # no picture says the size
+    with pytest.warns(IntrinsicsWarning, match="json: says a field of view, but not the images' size"):
+        assert read_frames(path).camera is None
     (tmp_path / "train").mkdir()
     Image.new("L", (64, 48)).save(tmp_path / "train" / "r_0.png")
     same(read_frames(path).camera, wv.Camera(64, 48, 64, 64, 32, 24))
@@ -176,13 +177,40 @@ def test_colmap_with_lenses_and_several_cameras(tmp_path):
     with pytest.warns(IntrinsicsWarning, match="different cameras"), pytest.raises(FileFormatError, match="no camera"):
         load_camera(tmp_path / "a" / "cameras.txt")
     for text, message in (
-        ("7 FOV 64 48 60 58 31 25 1", "cameras.txt:2: camera model FOV is no pinhole"),
         ("7 PINHOLE 64 48 60 58", "PINHOLE has 4 parameters, got 2"),
         ("7 PINHOLE wide", "expected CAMERA_ID MODEL WIDTH HEIGHT"),
         ("6 PINHOLE 64 48 60 58 31 25", "cameras.txt: holds no camera of the images"),
     ):
         with pytest.raises(FileFormatError, match=message):
             read_frames(colmap_text(tmp_path / "b", text))
+
+
+@pytest.mark.parametrize("kind", ["nerfstudio", "text", "binary"])
+def test_poses_of_a_lens_that_is_no_pinhole_are_read_without_it(kind, tmp_path):
+    make, name, message = {
+        "nerfstudio": (
+            lambda: put(tmp_path / "transforms.json", nerfstudio() | NERF | {"camera_model": "OPENCV_FISHEYE"}),
+            "transforms.json",
+            r'transforms\.json: camera_model "OPENCV_FISHEYE" is no pinhole: the frames have no camera, so give one',
+        ),
+        "text": (
+            lambda: colmap_text(tmp_path, "7 FOV 64 48 60 58 31 25 1"),
+            "cameras.txt",
+            r"cameras\.txt:2: camera model FOV is no pinhole: the frames have no camera",
+        ),
+        "binary": (
+            lambda: colmap_binary(tmp_path, 5, [60.0] * 8),
+            "cameras.bin",
+            "camera 7: camera model OPENCV_FISHEYE",
+        ),
+    }[kind]
+    path = make()
+    with pytest.warns(IntrinsicsWarning, match=message):
+        frames = read_frames(path)
+    np.testing.assert_allclose(poses_to_matrices(frames.camera_to_world), MATRICES, atol=1e-12)
+    assert frames.camera is None
+    with pytest.raises(FileFormatError, match="is no pinhole"):
+        load_camera(tmp_path / name)
 
 
 def test_bags_bring_their_camera(tmp_path):

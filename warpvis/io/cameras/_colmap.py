@@ -15,7 +15,7 @@ from typing import NamedTuple
 from warpvis.core.camera import Camera
 from warpvis.errors import FileFormatError
 from warpvis.io._files import read_lines
-from warpvis.io.cameras._pinhole import make_pinhole, one_camera
+from warpvis.io.cameras._pinhole import NoPinholeError, make_pinhole, one_camera
 
 # Parameters before those of the lens, by their places: fx fy cx cy; and how many there are.
 _MODELS = {
@@ -48,7 +48,8 @@ def colmap_camera(path: Path, used: set[int] | None = None) -> Camera | None:
         used: The cameras that count; all by default.
 
     Raises:
-        FileFormatError: It does not read, or a camera is no pinhole.
+        NoPinholeError: The lens of a camera is of another model.
+        FileFormatError: It does not read.
     """
     found = dict(_binary_cameras(path) if path.suffix == ".bin" else _text_cameras(path))
     chosen = [camera for number, camera in found.items() if used is None or number in used]
@@ -69,7 +70,7 @@ def colmap_images(path: Path) -> list[ColmapImage]:
 
 def _make(path: Path, place: str, model: str, size: tuple[int, int], parameters: list[float]) -> Camera:
     if model not in _MODELS:
-        raise FileFormatError(f"{place}: camera model {model} is no pinhole")
+        raise NoPinholeError(f"{place}: camera model {model} is no pinhole")
     _, intrinsics, count = _MODELS[model]
     if len(parameters) != count:
         raise FileFormatError(f"{place}: {model} has {count} parameters, got {len(parameters)}")

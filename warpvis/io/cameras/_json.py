@@ -9,14 +9,15 @@ https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_format.md
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from warpvis.core.camera import Camera
 from warpvis.core.types import Json
-from warpvis.errors import FileFormatError
-from warpvis.io._files import as_numbers, read_json
-from warpvis.io.cameras._pinhole import image_size, make_pinhole, one_camera
+from warpvis.errors import IntrinsicsWarning
+from warpvis.io._files import as_numbers, read_json, shorten
+from warpvis.io.cameras._pinhole import NoPinholeError, image_size, make_pinhole, one_camera
 
 _NERF_NUMBERS = ("fl_x", "fl_y", "cx", "cy", "w", "h")
 _LENS = ("k1", "k2", "k3", "k4", "p1", "p2")
@@ -39,7 +40,8 @@ def nerfstudio_camera(path: Path, fields: Mapping[str, Json]) -> Camera | None:
     """Read the camera of all frames; None if the file has none, or, with a warning, several.
 
     Raises:
-        FileFormatError: Its numbers make no pinhole.
+        NoPinholeError: Its lens is of another model.
+        FileFormatError: Its numbers make no camera.
     """
     frames = fields.get("frames")
     listed = [frame for frame in frames if isinstance(frame, dict)] if isinstance(frames, list) else []
@@ -51,12 +53,19 @@ def nerfstudio_camera(path: Path, fields: Mapping[str, Json]) -> Camera | None:
 def _nerfstudio_camera(path: Path, fields: Mapping[str, Json], frames: Sequence[Mapping[str, Json]]) -> Camera | None:
     model = fields.get("camera_model", "OPENCV")
     if model not in _PINHOLES:
-        raise FileFormatError(f"{path}: camera_model {model!r} is no pinhole")
+        raise NoPinholeError(f"{path}: camera_model {shorten(model)} is no pinhole")
     size = _nerfstudio_size(path, fields, frames)
-    if size is None:
-        return None
     focal = [_number(path, fields, name) for name in ("fl_x", "fl_y")]
     across = _number(path, fields, "camera_angle_x")
+    if size is None:
+        if focal[0] is not None or across is not None:
+            warnings.warn(
+                f"{path}: says a field of view, but not the images' size, and there is no picture beside it: the "
+                "frames have no camera, so give one",
+                IntrinsicsWarning,
+                stacklevel=2,
+            )
+        return None
     if focal[0] is None and across is not None and 0 < across < math.pi:
         focal[0] = size[0] / 2 / math.tan(across / 2)
     if focal[0] is None:

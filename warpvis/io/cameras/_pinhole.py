@@ -5,11 +5,15 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from warpvis.core.camera import Camera, describe_pixels, same_pixels
 from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning
+
+
+class NoPinholeError(FileFormatError):
+    """A file has a camera whose lens is of a model that is not rendered, such as a fisheye's."""
 
 
 def make_pinhole(
@@ -60,6 +64,19 @@ def one_camera(cameras: Sequence[Camera], place: str) -> Camera | None:
         stacklevel=2,
     )
     return None
+
+
+def camera_of_poses(read: Callable[[], Camera | None]) -> Camera | None:
+    """Read the camera that a file of poses brings; None, with a warning, if it is no pinhole: poses are of use alone.
+
+    Raises:
+        FileFormatError: The file does not read.
+    """
+    try:
+        return read()
+    except NoPinholeError as error:
+        warnings.warn(f"{error}: the frames have no camera, so give one", IntrinsicsWarning, stacklevel=2)
+        return None
 
 
 def image_size(folder: Path, names: Sequence[str]) -> tuple[int, int] | None:

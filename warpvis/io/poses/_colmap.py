@@ -14,6 +14,7 @@ import numpy as np
 from warpvis.core.poses import poses_to_matrices
 from warpvis.errors import FileFormatError
 from warpvis.io.cameras._colmap import colmap_camera, colmap_images
+from warpvis.io.cameras._pinhole import camera_of_poses
 from warpvis.io.poses._file_poses import FilePoses
 
 FILES = ("images.txt", "images.bin")
@@ -41,5 +42,6 @@ def read_colmap(path: Path) -> FilePoses:
     with np.errstate(over="ignore", invalid="ignore"):  # what is too large is named with the frames
         poses[:, :3, 3] = -np.einsum("nji,nj->ni", rotations, translations)
     beside = path.with_name("cameras" + path.suffix)
-    camera = colmap_camera(beside, {image.camera for image in images}) if images and beside.is_file() else None
+    used = {image.camera for image in images}
+    camera = camera_of_poses(lambda: colmap_camera(beside, used)) if images and beside.is_file() else None
     return FilePoses(poses, lambda index: f"{path}: image {images[index].name!r}", camera=camera)
