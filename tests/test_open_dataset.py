@@ -150,7 +150,16 @@ def test_slices_numbers_and_names(kind, written, rendered):
     labels = dataset["labels"]
     assert (len(labels), labels.shape, labels.dtype) == (FRAMES, (FRAMES, 18, 24), np.uint8)
     assert np.array_equal(labels[np.int64(3)], rendered["labels"][3])
-    assert np.array_equal(np.asarray(labels), rendered["labels"])
+    assert np.array_equal(np.asarray(labels), rendered["labels"]) and labels.ndim == 3
+    for key in (
+        (3, 5, 7),
+        (-1, slice(2, 9), 4),
+        (slice(1, 6, 2), 5),
+        (2,),
+        (),
+        ([4, 1], slice(3), slice(None, None, 2)),
+    ):
+        assert np.array_equal(labels[key], rendered["labels"][key]), key
     assert np.array_equal(dataset["timestamp"], frames.timestamps)
     assert [frame["frame"] for frame in dataset] == list(range(FRAMES))
     assert dataset[2:2]["depth"].shape == (0, 18, 24)
@@ -315,6 +324,10 @@ def test_what_is_wrong_is_said(written, tmp_path):
         dataset["rgb"]
     with pytest.raises(wv.WarpvisError, match=r"frames must be a list, got 1\.5"):
         dataset[1.5]
+    with pytest.raises(wv.WarpvisError, match="is chosen by whole numbers and slices, got 'a'"):
+        dataset["depth"][0, "a"]
+    with pytest.raises(wv.WarpvisError, match=r"there is no such part of depth, .*: index 99 is out of bounds"):
+        dataset["depth"][0, 99]
     with pytest.raises(wv.WarpvisError, match="a frame is a whole number, got 'a'"):
         dataset[["a", "b"]]
     with pytest.raises(wv.WarpvisError, match="there is no output 'rgb'; its files hold depth"):

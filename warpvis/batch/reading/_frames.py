@@ -61,9 +61,29 @@ class FrameArray:
     def __len__(self) -> int:
         return self.shape[0]
 
-    def __getitem__(self, key: int | slice | ArrayLike) -> NDArray:
-        """Read a frame's array, or those of several, stacked."""
-        return self._dataset.read(self._name, key)
+    @property
+    def ndim(self) -> int:
+        """How many axes there are."""
+        return len(self.shape)
+
+    def __getitem__(self, key: int | slice | ArrayLike | tuple[Any, ...]) -> NDArray:
+        """Read a frame's array, or those of several, stacked; behind a comma, a part of each, as of a NumPy array.
+
+        Raises:
+            ArrayError: There is no such frame or part.
+        """
+        if not isinstance(key, tuple):
+            return self._dataset.read(self._name, key)
+        frames, *parts = key or (slice(None),)
+        wrong = [part for part in parts if not (is_whole(part) or isinstance(part, slice))]
+        if wrong:
+            raise ArrayError(f"a part of each frame's array is chosen by whole numbers and slices, got {wrong[0]!r}")
+        array = self._dataset.read(self._name, frames)
+        before = () if is_whole(frames) else (slice(None),)
+        try:
+            return array[(*before, *parts)]
+        except (IndexError, TypeError) as error:
+            raise ArrayError(f"there is no such part of {self._name}, {self.shape}: {error}") from None
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray:
         array = self[:]
