@@ -350,6 +350,21 @@ def test_all_objects_of_an_image_are_told_apart(tmp_path):
     assert sum(found) >= 4
 
 
+def test_long_names_of_many_objects_keep_their_ends_and_what_is_seen(tmp_path, monkeypatch):
+    scene, figures = wv.Scene(), []
+    for k in range(17):
+        box = trimesh.creation.box((0.1, 0.1, 0.1), transform=trimesh.transformations.translation_matrix([k / 4, 3, 0]))
+        scene.add(box, name=f"a rather long name of a box of the warehouse {k:02d}")
+    monkeypatch.setattr("warpvis.viz._sightings.save_figure", lambda figure, path: figures.append(figure))
+    eye = wv.look_at((2, -2, 0), (2, 3, 0))
+    save_sightings(scene, wv.Camera.from_fov(320, 240, hfov=1.2, far=20), eye, tmp_path / "boxes.png")
+    (figure,) = figures
+    said = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert len(set(said)) == 15 and all(text.startswith("a rather...house ") for text in said), said
+    assert all(text.endswith(": seen 1.00") for text in said), said
+    assert figure.axes[0].get_xlabel() == "x [px]\n17 objects, of which 15 are named"
+
+
 def test_points_are_coloured_by_status(tmp_path):
     experiment = scenes.EXPERIMENTS[1]
     scene, pose = experiment.build(), experiment.poses()

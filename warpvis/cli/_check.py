@@ -127,8 +127,7 @@ class Check(FrameOptions):
         if self.picture is not None:
             from warpvis.viz import save_sightings
 
-            shown = objects or [item.name for item in scene if item.name not in exclude]
-            save_sightings(scene, camera, objects=shown, path=self.picture, **self._first_view(frames))
+            save_sightings(scene, camera, objects=names, path=self.picture, **self._first_view(frames))
         if self.out is not None:
             write_json(self.out, {"file": str(self.file), "views": views})
         rows = []

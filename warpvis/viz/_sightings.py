@@ -61,7 +61,7 @@ _WORDS = {
 }
 _TINT = 0.5
 _LEGEND_WIDTH = 90
-_LEGEND_COLUMNS, _MOST_NAMED = 3, 15
+_LEGEND_COLUMNS, _MOST_NAMED, _LONGEST_NAME = 3, 15, 20
 
 
 def save_sightings(
@@ -124,13 +124,14 @@ def save_sightings(
     for k in largest[:_MOST_NAMED]:
         status = Visibility(statuses[k])
         share = f" {fractions[k]:.2f}" if status == Visibility.VISIBLE else ""
-        label = textwrap.shorten(f"{found.names[k]}: {_WORDS[status]}{share}", _LEGEND_WIDTH // 3, placeholder="...")
+        label = f"{_cut(found.names[k])}: {_WORDS[status]}{share}"
         handles.append(Patch(facecolor=color_of[k], edgecolor="black", linewidth=0.5, label=label))
     figure.legend(handles=handles, loc="outside lower left", ncols=_LEGEND_COLUMNS, frameon=False, fontsize="small")
     missing = [name for name, status in zip(found.names, statuses, strict=True) if status == Visibility.OUT_OF_VIEW]
-    notes = [f"and {len(largest) - _MOST_NAMED} more"] if len(largest) > _MOST_NAMED else []
+    notes = [f"{len(largest)} objects, of which {_MOST_NAMED} are named"] if len(largest) > _MOST_NAMED else []
     notes += [f"out of view: {', '.join(missing)}"] if missing else []
-    axes.set_xlabel(textwrap.shorten("; ".join(notes), _LEGEND_WIDTH, placeholder=" ...") or "x [px]")
+    if notes:
+        axes.set_xlabel("x [px]\n" + textwrap.shorten("; ".join(notes), _LEGEND_WIDTH, placeholder=" ..."))
     save_figure(figure, path)
 
 
@@ -190,6 +191,12 @@ def save_point_sightings(
     axes.set(xlim=(-0.5, camera.width - 0.5), ylim=(camera.height - 0.5, -0.5))
     figure.legend(handles=handles, loc="outside lower left", ncols=len(handles), frameon=False, fontsize="small")
     save_figure(figure, path)
+
+
+def _cut(name: str) -> str:
+    """Shorten a long name in its middle: what tells names apart is often at their ends."""
+    half = (_LONGEST_NAME - 3) // 2
+    return name if len(name) <= _LONGEST_NAME else f"{name[:half]}...{name[-half:]}"
 
 
 def _draw_view(depth: NDArray[np.floating], title: str) -> tuple[Figure, Axes]:
