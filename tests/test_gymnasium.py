@@ -295,6 +295,10 @@ def test_what_is_no_environment_is_said():
             wrapper(wrapper(Cup()))
     with pytest.raises(wv.errors.ArrayError, match="outputs must be one or both of depth and segmentation"):
         DepthObservation(Cup(), outputs=())
+    with pytest.raises(wv.errors.SceneError, match="'fork' in objects fits no geom"):
+        DepthObservation(Cup(), objects=["fork"])
+    with pytest.raises(wv.errors.SceneError, match="'fork' in segmentation fits no geom"):
+        DepthObservation(Cup(), segmentation={"fork": 1})
     with pytest.raises(wv.errors.CameraError, match="camera 'rear' is not in the model"):
         DepthObservation(Cup(), camera="rear")
 

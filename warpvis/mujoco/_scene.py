@@ -248,19 +248,24 @@ def _choose_pieces(model: mujoco.MjModel, names: list[str], movable: Movable) ->
     return rigid_pieces(model, loose_bodies=loose, alone=alone)
 
 
-def class_of_geoms(model: mujoco.MjModel, classes: Mapping[str, int]) -> NDArray[np.int32]:
+def class_of_geoms(model: mujoco.MjModel, classes: Mapping[str, int], name: str = "classes") -> NDArray[np.int32]:
     """Give every shape the number of the last pattern that fits its object or body, ``(shapes,)``; -1 if none does.
+
+    Args:
+        model: The model.
+        classes: Numbers by name or pattern.
+        name: What messages call them: the argument of who asks.
 
     Raises:
         SceneError: A pattern fits nothing, or a number is none.
     """
     numbers = np.full(len(shape_bodies(model)), -1, dtype=np.int32)
     names = object_names(model)[: len(numbers)]
-    check_patterns(check_mapping(classes, "classes", SceneError), "classes")
+    check_patterns(check_mapping(classes, name, SceneError), name)
     for pattern, number in classes.items():
         if not is_whole(number) or not 0 <= number < 2**31:
-            raise SceneError(f"classes must be whole numbers from 0 up, got {number!r} for {pattern!r}")
-        numbers[_fitting(model, names, pattern, "classes")] = number
+            raise SceneError(f"{name} must be whole numbers from 0 up, got {number!r} for {pattern!r}")
+        numbers[_fitting(model, names, pattern, name)] = number
     return numbers
 
 

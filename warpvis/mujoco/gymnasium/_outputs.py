@@ -58,7 +58,7 @@ class Outputs:
         if not self.names or len(set(self.names)) < len(self.names):
             raise ArrayError(f"outputs must be one or both of depth and segmentation, got {outputs!r}")
         patterns = check_patterns(objects, "objects")
-        self.members = np.array([class_of_geoms(model, {name: 1}) == 1 for name in patterns], dtype=bool)
+        self.members = np.array([class_of_geoms(model, {name: 1}, "objects") == 1 for name in patterns], dtype=bool)
         """Which geoms and sites each of `objects` is, ``(objects, shapes)``."""
         self.members = self.members.reshape(len(patterns), shape_count(model))
         self.numbers, self._most_number = _numbers(model, segmentation)
@@ -117,7 +117,7 @@ class Outputs:
 
 def _numbers(model: mujoco.MjModel, segmentation: Segmentation) -> tuple[NDArray[np.int32], int]:
     if isinstance(segmentation, Mapping):
-        numbers = class_of_geoms(model, segmentation)
+        numbers = class_of_geoms(model, segmentation, "segmentation")
         most = int(numbers.max(initial=-1))
     else:
         kind = check_choice(segmentation, "segmentation", ("geom", "body"), SceneError)
