@@ -259,3 +259,12 @@ def test_views_are_copied():
             image = getattr(views, name)
             assert getattr(again, name).dtype == image.dtype and getattr(again, name).ptr != image.ptr
             assert np.array_equal(getattr(again, name).numpy(), image.numpy(), equal_nan=name == "points")
+
+
+def test_no_opengl_is_said(monkeypatch):
+    def fail(*_, **__):
+        raise mujoco.FatalError("an OpenGL platform library has not been loaded")
+
+    monkeypatch.setattr(mujoco, "Renderer", fail)
+    with pytest.raises(wv.WarpvisError, match=r"fallback=True needs OpenGL, and there is none \(an OpenGL platform"):
+        ready(fallback=True)

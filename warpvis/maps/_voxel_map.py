@@ -59,7 +59,7 @@ class Voxel(enum.IntEnum):
         """
         try:
             return cls[value.upper()] if isinstance(value, str) else cls(value)
-        except (KeyError, ValueError):
+        except (KeyError, ValueError, TypeError):
             names = ", ".join(f"{state.name} ({state.value})" for state in cls)
             raise ArrayError(f"state of a voxel must be one of {names}, got {value!r}") from None
 

@@ -262,7 +262,12 @@ class Renderer:
         self._fallback = self._make_fallback() if fallback and not self._closed else None
 
     def _make_fallback(self) -> mujoco.Renderer:
-        return mujoco.Renderer(self._model, *self._size, **self._fallback_options)
+        try:
+            return mujoco.Renderer(self._model, *self._size, **self._fallback_options)
+        except mujoco.FatalError as error:
+            raise WarpvisError(
+                f"fallback=True needs OpenGL, and there is none ({error}); MUJOCO_GL=egl finds that of a GPU or of Mesa"
+            ) from None
 
     def _draw(
         self, stage: Stage, data: mujoco.MjData, viewer: mujoco.MjvCamera, option: mujoco.MjvOption | None
