@@ -14,6 +14,7 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import IO, Protocol
 
+from warpvis.batch.storage._lease import leased
 from warpvis.batch.storage._output import ShardFiles, files_below
 from warpvis.batch.storage._sync import sync_folders, sync_tree
 from warpvis.core.checks import as_path
@@ -21,6 +22,8 @@ from warpvis.errors import FileFormatError
 
 _PART = ".part-"
 """Temporary folders of a dataset begin so: whatever is in them was not finished."""
+_LOCK = f"{_PART}lock"
+"""Of URLs: who writes the dataset."""
 
 
 class Store(Protocol):
@@ -66,7 +69,7 @@ class Store(Protocol):
         ...
 
     def locked(self) -> AbstractContextManager[None]:
-        """Keep other processes of this machine from writing the dataset, within a context."""
+        """Keep other processes from writing the dataset, within a context; of a folder, those of this machine."""
         ...
 
     def new_files(self) -> AbstractContextManager[ShardFiles]:
@@ -230,11 +233,12 @@ class RemoteStore:
             found = self._system.ls(path, detail=False)
         except FileNotFoundError:
             return []
-        return [entry.rstrip("/").rsplit("/", 1)[-1] for entry in found]
+        names = [entry.rstrip("/").rsplit("/", 1)[-1] for entry in found]
+        return [name for name in names if not name.startswith(_PART)]
 
     def files(self) -> Iterator[str]:
-        for path in self._system.find(self._root):
-            yield path[len(self._root) :].lstrip("/")
+        names = (path[len(self._root) :].lstrip("/") for path in self._system.find(self._root))
+        yield from (name for name in names if not name.startswith(_PART))
 
     def create(self) -> None:
         self._system.makedirs(self._root, exist_ok=True)
@@ -246,10 +250,9 @@ class RemoteStore:
         with suppress(FileNotFoundError):
             self._system.rm_file(self._path(name))
 
-    @contextmanager
-    def locked(self) -> Iterator[None]:
-        """Lock nothing: such stores have no locks."""
-        yield
+    def locked(self) -> AbstractContextManager[None]:
+        """Keep other processes, of any machine, from writing the dataset, within a context; see `leased`."""
+        return leased(self._system, self._path(_LOCK), self.name)
 
     @contextmanager
     def new_files(self) -> Iterator[ShardFiles]:

@@ -1,0 +1,119 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""One process writes a URL at a time: a lock file, which ends with its process or its lease."""
+
+import json
+import os
+import socket
+import subprocess
+import sys
+import time
+
+import pytest
+from batch_jobs import run
+
+import warpvis as wv
+from warpvis.batch import verify
+from warpvis.batch.storage import _lease as lease
+from warpvis.batch.storage._stores import open_store
+
+fsspec = pytest.importorskip("fsspec")
+BUSY = r"another process is writing it \(\d+ on .*\); wait for it, or end it and wait for 120 s$"
+
+
+class OldStore(fsspec.get_filesystem_class("memory")):
+    """A store that cannot create a file only if there is none."""
+
+    protocol = "oldstore"
+    store, pseudo_dirs = {}, [""]
+
+    def pipe_file(self, path, value, **options):
+        if options.get("mode") == "create":
+            raise NotImplementedError
+        super().pipe_file(path, value, **options)
+
+
+fsspec.register_implementation("oldstore", OldStore, clobber=True)
+
+
+@pytest.fixture(params=["memory", "local", "oldstore"])
+def url(request, tmp_path):
+    return {"memory": f"memory://{tmp_path}", "local": f"local://{tmp_path}/out", "oldstore": f"oldstore://{tmp_path}"}[
+        request.param
+    ]
+
+
+def write_lock(url, **changes):
+    """The lock of another process, alive and of this machine unless told otherwise."""
+    system, root = fsspec.core.url_to_fs(url)
+    fields = {"owner": "another", "host": socket.gethostname(), "process": os.getppid(), "time": time.time()}
+    system.makedirs(root, exist_ok=True)
+    system.pipe_file(f"{root}/.part-lock", json.dumps({**fields, **changes}).encode())
+    return lambda: json.loads(system.cat_file(f"{root}/.part-lock"))["owner"]
+
+
+def is_locked(url):
+    system, root = fsspec.core.url_to_fs(url)
+    return system.exists(f"{root}/.part-lock")
+
+
+def test_one_at_a_time(url):
+    run(url)
+    store = open_store(url)
+    with store.locked():
+        assert is_locked(url) and not any(".part" in name for name in [*store.entries(), *store.files()])
+        assert verify(url).ok  # to read is free
+        for job in (lambda: run(url, resume=True), lambda: verify(url, repair=True), lambda: open_store(url).locked()):
+            with pytest.raises(wv.errors.FileFormatError, match=BUSY):
+                with job() or pytest.fail("was not refused"):
+                    pass
+    assert not is_locked(url) and run(url, resume=True).rendered_frames == 0 and not is_locked(url)
+
+
+def test_another_machines_lock_holds_until_its_lease_ends(url):
+    owner = write_lock(url, host="elsewhere", process=1, time=time.time() - 100)
+    with pytest.raises(wv.errors.FileFormatError, match=BUSY):
+        run(url)
+    assert owner() == "another"
+    write_lock(url, host="elsewhere", process=1, time=time.time() - 121)
+    assert run(url).rendered_frames == 20 and not is_locked(url)
+
+
+def test_a_lock_ends_with_its_process(url):
+    child = subprocess.Popen([sys.executable, "-c", ""])
+    child.wait()
+    write_lock(url, process=child.pid)
+    assert run(url).rendered_frames == 20
+
+
+@pytest.mark.parametrize("changes", [{"time": "now"}, {"process": None}, {"host": []}, {"time": 1e999}])
+def test_a_lock_of_nonsense_does_no_harm(changes):
+    url = "memory://nonsense"
+    owner = write_lock(url, **changes)
+    try:
+        with open_store(url).locked():
+            assert owner() != "another"
+    except wv.WarpvisError as error:
+        assert "another process is writing it" in str(error)
+
+
+def test_a_lock_is_written_again_and_left_to_who_took_it(monkeypatch):
+    monkeypatch.setattr(lease, "LEASE", 0.2)
+    system = fsspec.filesystem("memory")
+    with open_store("memory://again").locked():
+        first = json.loads(system.cat_file("/again/.part-lock"))
+        deadline = time.time() + 10
+        while json.loads(system.cat_file("/again/.part-lock"))["time"] == first["time"] and time.time() < deadline:
+            time.sleep(0.01)
+        assert json.loads(system.cat_file("/again/.part-lock"))["time"] > first["time"]
+        owner = write_lock("memory://again")
+        time.sleep(0.2)
+    assert owner() == "another"
+
+
+def test_who_is_overwritten_at_the_same_moment_is_told(monkeypatch):
+    """A store that creates what is there already: the one that wrote last has it."""
+    monkeypatch.setattr(lease, "_create", lambda system, path, owner: bool(write_lock("memory://moment")))
+    with pytest.raises(wv.errors.FileFormatError, match="another process began to write it at the same moment"):
+        with open_store("memory://moment").locked():
+            pass
