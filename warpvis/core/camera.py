@@ -8,7 +8,7 @@ import math
 import warnings
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from warpvis.core.checks import check_choice, is_number
 from warpvis.errors import ArrayError, CameraError, IntrinsicsWarning
@@ -52,18 +52,7 @@ class Camera:
     """Greatest depth the camera measures [m]; what is farther reads +inf."""
 
     def __post_init__(self) -> None:
-        for name in ("width", "height"):
-            value = getattr(self, name)
-            object.__setattr__(self, name, check_size(value, name))
-        for name in ("fx", "fy", "cx", "cy", "near", "far"):
-            value = getattr(self, name)
-            if not is_number(value) or math.isnan(value) or (math.isinf(value) and name != "far"):
-                raise CameraError(f"{name} must be a finite number, got {value!r}")
-            object.__setattr__(self, name, float(value))
-        if self.fx <= 0 or self.fy <= 0:
-            raise CameraError(f"focal lengths must be positive, got fx={self.fx}, fy={self.fy}")
-        if self.near < 0 or self.far <= self.near:
-            raise CameraError(f"the depth range needs 0 <= near < far, got near={self.near}, far={self.far}")
+        check_numbers(self, "focal lengths must be positive")
         _warn_of(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
 
     @classmethod
@@ -310,6 +299,29 @@ def _most_inv_z(near: float) -> float:
     while one / most < least:
         most = np.nextafter(most, np.float32(0))
     return float(most)
+
+
+def check_numbers(camera: Any, positive: str) -> None:
+    """Check the fields of a camera, and make whole numbers and floats of them, whichever types they were given as.
+
+    Args:
+        camera: A frozen dataclass with `width`, `height`, `fx`, `fy`, `cx`, `cy`, `near` and `far`.
+        positive: What a message says of `fx` and `fy`, which have to be more than 0.
+
+    Raises:
+        CameraError: One is not what it has to be.
+    """
+    for name in ("width", "height"):
+        object.__setattr__(camera, name, check_size(getattr(camera, name), name))
+    for name in ("fx", "fy", "cx", "cy", "near", "far"):
+        value = getattr(camera, name)
+        if not is_number(value) or math.isnan(value) or (math.isinf(value) and name != "far"):
+            raise CameraError(f"{name} must be a finite number, got {value!r}")
+        object.__setattr__(camera, name, float(value))
+    if camera.fx <= 0 or camera.fy <= 0:
+        raise CameraError(f"{positive}, got fx={camera.fx}, fy={camera.fy}")
+    if camera.near < 0 or camera.far <= camera.near:
+        raise CameraError(f"the depth range needs 0 <= near < far, got near={camera.near}, far={camera.far}")
 
 
 def same_pixels(camera: Camera, other: Camera) -> bool:

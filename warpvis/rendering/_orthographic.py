@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
-from warpvis.core.camera import Camera, check_size
+from warpvis.core.camera import Camera, check_numbers, check_size
 from warpvis.core.checks import is_number
 from warpvis.errors import CameraError
 
@@ -44,17 +44,7 @@ class OrthographicCamera:
     """Greatest depth [m]; what is farther reads +inf."""
 
     def __post_init__(self) -> None:
-        for name in ("width", "height"):
-            object.__setattr__(self, name, check_size(getattr(self, name), name))
-        for name in ("fx", "fy", "cx", "cy", "near", "far"):
-            value = getattr(self, name)
-            if not is_number(value) or math.isnan(value) or (math.isinf(value) and name != "far"):
-                raise CameraError(f"{name} must be a finite number, got {value!r}")
-            object.__setattr__(self, name, float(value))
-        if self.fx <= 0 or self.fy <= 0:
-            raise CameraError(f"pixels a metre must be more than 0, got fx={self.fx}, fy={self.fy}")
-        if self.near < 0 or self.far <= self.near:
-            raise CameraError(f"the depth range needs 0 <= near < far, got near={self.near}, far={self.far}")
+        check_numbers(self, "pixels a metre must be more than 0")
 
     @classmethod
     def from_extent(
