@@ -191,12 +191,12 @@ def test_poses_of_a_lens_that_is_no_pinhole_are_read_without_it(kind, tmp_path):
         "nerfstudio": (
             lambda: put(tmp_path / "transforms.json", nerfstudio() | NERF | {"camera_model": "OPENCV_FISHEYE"}),
             "transforms.json",
-            r'transforms\.json: camera_model "OPENCV_FISHEYE" is no pinhole: the frames have no camera, so give one',
+            r'transforms\.json: camera_model "OPENCV_FISHEYE" is no pinhole: the poses come without a camera',
         ),
         "text": (
             lambda: colmap_text(tmp_path, "7 FOV 64 48 60 58 31 25 1"),
             "cameras.txt",
-            r"cameras\.txt:2: camera model FOV is no pinhole: the frames have no camera",
+            r"cameras\.txt:2: camera model FOV is no pinhole: the poses come without a camera",
         ),
         "binary": (
             lambda: colmap_binary(tmp_path, 5, [60.0] * 8),

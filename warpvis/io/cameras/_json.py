@@ -60,8 +60,8 @@ def _nerfstudio_camera(path: Path, fields: Mapping[str, Json], frames: Sequence[
     if size is None:
         if focal[0] is not None or across is not None:
             warnings.warn(
-                f"{path}: says a field of view, but not the images' size, and there is no picture beside it: the "
-                "frames have no camera, so give one",
+                f"{path}: says a field of view, but not the images' size, and there is no picture beside it: the poses "
+                "come without a camera",
                 IntrinsicsWarning,
                 stacklevel=2,
             )

@@ -75,7 +75,7 @@ def camera_of_poses(read: Callable[[], Camera | None]) -> Camera | None:
     try:
         return read()
     except NoPinholeError as error:
-        warnings.warn(f"{error}: the frames have no camera, so give one", IntrinsicsWarning, stacklevel=2)
+        warnings.warn(f"{error}: the poses come without a camera", IntrinsicsWarning, stacklevel=2)
         return None
 
 
