@@ -93,6 +93,12 @@ def test_a_scene_is_framed_on_the_command_line(tmp_path, monkeypatch, capsys):
     assert code in (0, None)
     frame = wv.open_dataset(tmp_path / "out" / "npz")[0]
     assert np.isfinite(frame["depth"]).mean() > 0.2  # at any range
+    arguments = ("render", "mm.stl", "--frame", "--camera", "kinect", "--out", "none", "--format", "npz")
+    code, _, said = run_here(monkeypatch, capsys, tmp_path, *arguments)
+    assert code in (0, None) and "1 of 1 frames see nothing" in said
+    save_preview(np.full((240, 320), np.inf), tmp_path / "wanted.png", (0.3, 4.5))  # the scale says what was searched
+    shown, wanted = (np.asarray(Image.open(tmp_path / name)) for name in ("none/preview/000000.png", "wanted.png"))
+    assert np.array_equal(shown, wanted)
     code, _, said = run_here(monkeypatch, capsys, tmp_path, "check", "mm.stl")
     assert code == 2 and "give either --poses or --frame" in said
     code, printed, _ = run_here(monkeypatch, capsys, tmp_path, "check", "experiment_1", "--frame")

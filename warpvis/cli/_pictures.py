@@ -21,7 +21,8 @@ _MOST_PREVIEWS, _MOST_ON_SHEET = 100, 24
 def write_pictures(dataset: FrameDataset, out: Path) -> str:
     """Write a picture of the first hundred frames' depth, and a sheet of two dozen from first to last.
 
-    All have one scale of colours, from the least to the greatest depth of what they show.
+    All have one scale of colours, from the least to the greatest depth of what they show; where that is nothing, it is
+    the camera's range, in which nothing is seen.
 
     Returns:
         What was written, in words.
@@ -37,7 +38,9 @@ def write_pictures(dataset: FrameDataset, out: Path) -> str:
         seen = seen[np.isfinite(seen)]
         if seen.size:
             least, greatest = min(least, float(seen.min())), max(greatest, float(seen.max()))
-    depth_range = (least, greatest) if least <= greatest else (0.0, 1.0)
+    near, far = dataset.camera.near, dataset.camera.far
+    searched = (near, far if np.isfinite(far) else near + 1)
+    depth_range = (least, greatest) if least <= greatest else searched
     (out / PREVIEWS).mkdir()
     for index in first:
         save_preview(dataset.read("depth", index), out / PREVIEWS / f"{index:06d}.png", depth_range)
