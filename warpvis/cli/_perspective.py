@@ -127,11 +127,14 @@ def _warn_of_eyes_inside(scene: Scene, agent: Agent, option: str) -> None:
     """Warn of objects that an agent's eyes are in: they hide all else from it, or what it sees is cut open."""
     from warpvis.planning import inside_solids
 
+    eyes = agent.poses[:, :3]
+    if not inside_solids(scene, eyes, exclude=agent.body).any():  # of a large scene, one by one take seconds
+        return
     names = [item.name for item in scene if item.name not in agent.body]
     around = [
         name
         for name in names
-        if inside_solids(scene, agent.poses[:, :3], exclude=[other.name for other in scene if other.name != name]).any()
+        if inside_solids(scene, eyes, exclude=[other.name for other in scene if other.name != name]).any()
     ]
     if around:
         listed = " ".join(repr(name) for name in around)
