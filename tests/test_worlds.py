@@ -367,3 +367,9 @@ def test_objects_that_are_added_are_seen(device, caster):
     index = scene.add(MESHES[1], name="later", movable=True)
     rows = np.array([STILL, (0.6, 0.3, 1.0, 0, 0, 0, 1)])
     assert (renderer.render(eyes(1), object_poses=rows).segmentation.numpy() == index).any()
+
+
+def test_an_array_without_an_axis_excludes_nothing_in_a_sentence():
+    scene = build("cpu", random_poses(np.random.default_rng(0), len(MESHES)), movable=False)
+    with pytest.raises(wv.WarpvisError, match="exclude must be"):
+        wv.render(scene, SMALL, STILL, exclude=np.array("floor"))

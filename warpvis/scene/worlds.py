@@ -54,9 +54,16 @@ def parse_worlds(
             f"object_poses are of {count} worlds and there are {views} views; say world_index= of each view"
         )
     exclude = (exclude,) if isinstance(exclude, str) else exclude
-    if exclude is not None and not (hasattr(exclude, "__len__") and len(exclude) == 0):
+    if exclude is not None and not _is_empty(exclude):
         worlds.excluded = _parse_exclude(scene, views, exclude)
     return worlds
+
+
+def _is_empty(exclude: object) -> bool:
+    try:
+        return len(exclude) == 0  # type: ignore[arg-type]
+    except TypeError:  # of what has no length, and of arrays without an axis
+        return False
 
 
 @cache
