@@ -231,7 +231,7 @@ NO_EFFECT = {
     ),
     "device name": (
         ("render", "world.wbt", "--poses", ORBIT, "--device-name", "eye", "--out", "x"),
-        "with --poses no device is rendered: give no --device-name",
+        "with --poses or --frame no device is rendered: give no --device-name",
     ),
     "experiment": (("perspective", "experiment_1", "--strict"), "so it takes no --strict"),
     "labels": (("info", "--labels", "a=human"), "info of this machine takes no --labels"),

@@ -99,6 +99,9 @@ def test_a_scene_is_framed_on_the_command_line(tmp_path, monkeypatch, capsys):
     save_preview(np.full((240, 320), np.inf), tmp_path / "wanted.png", (0.3, 4.5))  # the scale says what was searched
     shown, wanted = (np.asarray(Image.open(tmp_path / name)) for name in ("none/preview/000000.png", "wanted.png"))
     assert np.array_equal(shown, wanted)
+    arguments = ("render", "mm.stl", "--frame", "--device-name", "eye", "--out", "other")
+    code, _, said = run_here(monkeypatch, capsys, tmp_path, *arguments)
+    assert code == 2 and "with --poses or --frame no device is rendered: give no --device-name" in said
     code, _, said = run_here(monkeypatch, capsys, tmp_path, "check", "mm.stl")
     assert code == 2 and "give either --poses or --frame" in said
     code, printed, _ = run_here(monkeypatch, capsys, tmp_path, "check", "experiment_1", "--frame")

@@ -99,7 +99,9 @@ class Render(ImageOptions):
         from warpvis.cli._webots import is_world, render_world
 
         if self.poses is not None or self.frame:
-            refuse_options(self, ("device_name", "version_exact"), "with --poses no device is rendered: give")
+            refuse_options(
+                self, ("device_name", "version_exact"), "with --poses or --frame no device is rendered: give"
+            )
             self._render_poses(self.poses)
         elif not is_world(self.file):
             raise PoseError(

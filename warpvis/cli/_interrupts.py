@@ -58,8 +58,8 @@ def _is_importing(frame: FrameType | None) -> bool:
 
 def _exit_beside_compiler() -> None:
     """Exit at once if a thread compiles kernels: it would work on with what the interpreter takes down."""
-    threads = sys.modules.get("warpvis.core.kernel_cache")
-    if threads is not None and threads.is_compiling():
+    cache = sys.modules.get("warpvis.core.kernel_cache")
+    if cache is not None and cache.is_compiling():
         _exit()
 
 
