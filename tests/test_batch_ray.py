@@ -14,6 +14,7 @@ import pytest
 from batch_jobs import make_frames, make_scene, run, tree
 
 import warpvis as wv
+from warpvis.batch._writer import Job
 
 ray = pytest.importorskip("ray")
 SHARDS = 200
@@ -102,3 +103,10 @@ def test_empty_frames_are_counted(tmp_path, cluster):
     with pytest.warns(UserWarning, match="^2 of 6 frames see nothing$"):
         summary = run(tmp_path / "out", frames=frames, engine="ray", workers=1, threads=None, resume=True)
     assert (summary.rendered_frames, summary.empty_frames) == (3, 2)
+
+
+def test_a_worker_that_always_ends_is_not_started_for_ever(tmp_path, cluster, monkeypatch):
+    monkeypatch.setattr("warpvis.batch.engines._ray._MOST_RESTARTS", 1)
+    monkeypatch.setattr(Job, "__reduce__", lambda job: (os._exit, (7,)))  # which is what a worker gets that unpacks it
+    with pytest.raises(wv.errors.FileFormatError, match=r"workers ended, .* too often; 0 of 7 shards are whole"):
+        run(tmp_path / "out", engine="ray", workers=1, threads=None)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -42,13 +43,18 @@ def main() -> None:
     """Run the command of the command line: bad input ends with one sentence and exit code 2, Ctrl-C with 130."""
     with _interrupts.ending_the_process():
         commands = Demo | Render | Batch | Verify | Warmup | Check | Perspective | Info
-        command = tyro.cli(commands, prog="warpvis", description=_DESCRIPTION)
+        run_command(tyro.cli(commands, prog="warpvis", description=_DESCRIPTION).run)
+
+
+def run_command(run: Callable[[], None]) -> None:
+    """Run what a command does: bad input ends with one sentence and exit code 2, Ctrl-C with 130."""
+    with _interrupts.ending_the_process():
         try:
             _quiet_warp()
             with warnings.catch_warnings():
                 warnings.simplefilter("default", UserWarning)
                 warnings.showwarning = _show_warning
-                command.run()
+                run()
         except WarpvisError as error:
             print(f"warpvis: {error}", file=sys.stderr)
             sys.exit(2)

@@ -204,9 +204,22 @@ class Batch(ImageOptions):
 
     def run(self) -> None:
         """Run the command."""
-        from warpvis.batch import find_format, render_batch
+        from warpvis.batch import find_format
+        from warpvis.cli._apart import run_apart
 
         find_format(self.format)
+        if self.engine == "ray":
+            going_on = "what is whole stays, and --resume goes on from there"
+            run_apart(
+                self.render, f"{self.out}: the node of the Ray cluster was lost that this process was on; {going_on}"
+            )
+        else:
+            self.render()
+
+    def render(self) -> None:
+        """Render, in this process."""
+        from warpvis.batch import render_batch
+
         chosen = self.chosen()
         scene, camera, frames = self.load(self.file, self.poses)
         try:

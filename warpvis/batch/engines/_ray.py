@@ -20,19 +20,20 @@ import warp as wp
 
 from warpvis.batch._records import Record, read_whole, shard_record
 from warpvis.batch._writer import Done, Job, Run, ShardWriter, WorkerLostError
-from warpvis.batch.storage._stores import open_store
+from warpvis.batch.storage._stores import Store, open_store
 from warpvis.errors import ArrayError, FileFormatError, WarpvisError
 
 if TYPE_CHECKING:
     import ray
+    from ray.actor import ActorHandle
 
 # An actor is handed so many shards at once: enough that one is written while another is rendered, few enough that
 # little is rendered again when it is lost.
 _SHARDS_AT_ONCE = 8
 _LEAST_ROUNDS = 4
 
-# How often a worker is started anew: one that ends whatever it does must not be started for ever, as Ray does unless
-# told otherwise. From Ray 2.64 on it cannot be told in this way.
+# How often a worker is started anew: one that ends whatever it does must not be started for ever, as Ray Data does.
+# Ray 2.64 has no argument for it any more, so that starts are counted here.
 _MOST_RESTARTS = 10
 
 
@@ -51,22 +52,39 @@ class _Share(NamedTuple):
     gpus: int
 
 
+class Starts:
+    """Counts how often workers are started, as an actor of Ray."""
+
+    def __init__(self, most: int) -> None:
+        """Allow so many."""
+        self._left = most
+
+    def more(self) -> bool:
+        """Count one, and tell whether it is allowed."""
+        self._left -= 1
+        return self._left >= 0
+
+
 class ShardActor:
     """A worker: it builds the scene once, and then renders and writes the shards that it is handed."""
 
-    def __init__(self, job: Job | ray.ObjectRef[Job], device: str, threads: int) -> None:
+    def __init__(self, job: Job | ray.ObjectRef[Job], device: str, threads: int, starts: ActorHandle) -> None:
         """Prepare to render.
 
         Args:
             job: A `Job`, or a reference to one in Ray's object store.
             device: ``"cpu"``, or ``"cuda"`` for the GPU that Ray gave this worker.
             threads: CPU threads.
+            starts: A `Starts` of all workers.
         """
         import ray
 
+        self._writer: ShardWriter | None = None
+        if not ray.get(starts.more.remote()):
+            return
         wp.config.log_level = wp.LOG_WARNING
         self._job: Job = ray.get(job) if isinstance(job, ray.ObjectRef) else job
-        self._store = open_store(self._job.out)
+        self._store: Store = open_store(self._job.out)
         self._writer = ShardWriter(self._job, device=device, threads=threads)
 
     def __call__(self, batch: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -76,6 +94,9 @@ class ShardActor:
         """
         shards = [int(shard) for shard in batch["shard"]]
         error: Exception | None = None
+        if self._writer is None:
+            error = WorkerLostError("Ray's workers ended, and were started anew too often")
+            return {"shard": np.array(shards), "error": np.array([error] * len(shards), dtype=object)}
         try:
             self._writer.run([shard for shard in shards if self._record(shard) is None], lambda shard, record: None)
         except (OSError, WarpvisError) as caught:  # for the caller; Ray would take it for a reason to try again
@@ -130,10 +151,20 @@ def _run(ray: ModuleType, share: _Share, job: Job, shards: Sequence[int], done: 
 
 def _results(ray: ModuleType, job: Job, shards: Sequence[int], share: _Share) -> Iterator[_Row]:
     """Hand shards to actors, and go through what they return, as it comes."""
+    from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
+
     workers, cpus, gpus = share
     at_once = max(1, min(_SHARDS_AT_ONCE, len(shards) // (workers * _LEAST_ROUNDS)))
     rows = ray.data.from_items([{"shard": shard} for shard in shards], override_num_blocks=-(-len(shards) // at_once))
-    given = {"job": ray.put(job), "device": "cuda" if gpus else "cpu", "threads": max(1, int(cpus))}
+    # Beside this process, without which nothing goes on: of another node, it could be lost.
+    here = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=True)
+    counter = ray.remote(Starts).options(num_cpus=0, scheduling_strategy=here)
+    given = {
+        "job": ray.put(job),
+        "device": "cuda" if gpus else "cpu",
+        "threads": max(1, int(cpus)),
+        "starts": counter.remote(workers * (1 + _MOST_RESTARTS)),
+    }
     made = rows.map_batches(
         ShardActor,
         batch_size=None,
@@ -141,7 +172,6 @@ def _results(ray: ModuleType, job: Job, shards: Sequence[int], share: _Share) ->
         num_cpus=cpus,
         num_gpus=gpus,
         fn_constructor_kwargs=given,
-        ray_remote_args_fn=lambda: {"max_restarts": _MOST_RESTARTS},
     )
     return made.iter_rows()
 

@@ -1,0 +1,33 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""A command in a process of its own, which Ray may end: its exit code, or one sentence and exit code 2."""
+
+import os
+import sys
+from functools import partial
+
+import pytest
+
+import warpvis as wv
+from warpvis.cli import run_command
+from warpvis.cli._apart import run_apart
+from warpvis.cli._datasets import Batch
+
+
+def test_a_process_that_is_ended_is_one_sentence(capsys):
+    with pytest.raises(wv.WarpvisError, match=r"^the node was lost \(exit code 1\)$"):
+        run_apart(partial(os._exit, 1), "the node was lost")
+    with pytest.raises(SystemExit) as end:
+        run_command(partial(run_apart, partial(os._exit, 0), "the node was lost"))
+    assert end.value.code == 2
+    assert capsys.readouterr().err == "warpvis: the node was lost (exit code 0)\n"
+
+
+def test_exit_codes_are_the_processs(tmp_path):
+    with pytest.raises(SystemExit) as end:
+        run_apart(partial(sys.exit, 3), "the node was lost")
+    assert end.value.code == 3
+    with pytest.raises(SystemExit) as end:  # bad input, which the process has said
+        Batch(file=tmp_path / "nowhere.glb", poses="nowhere.txt", out=str(tmp_path / "out"), engine="ray").run()
+    assert end.value.code == 2
+    run_apart(partial(print, "well"), "the node was lost")
