@@ -209,10 +209,8 @@ class Batch(ImageOptions):
 
         find_format(self.format)
         if self.engine == "ray":
-            going_on = "what is whole stays, and --resume goes on from there"
-            run_apart(
-                self.render, f"{self.out}: the node of the Ray cluster was lost that this process was on; {going_on}"
-            )
+            lost = "the Ray cluster, or its node on this machine, was lost; what is whole stays, and --resume goes on"
+            run_apart(self.render, f"{self.out}: {lost}")
         else:
             self.render()
 
