@@ -332,8 +332,12 @@ def test_what_is_wrong_is_said(written, tmp_path):
         dataset[["a", "b"]]
     with pytest.raises(wv.WarpvisError, match="there is no output 'rgb'; its files hold depth"):
         wv.open_dataset(written("npz"), outputs=["rgb"])
-    with pytest.raises(wv.WarpvisError, match=r"is no dataset: it has no manifest\.json of warpvis"):
-        wv.open_dataset(tmp_path)
+    (tmp_path / "looked").mkdir()
+    for path in (tmp_path / "nowhere", tmp_path / "looked"):
+        with pytest.raises(wv.WarpvisError, match="no such folder, or an empty one, so no dataset"):
+            wv.open_dataset(path)
+    with pytest.raises(wv.WarpvisError, match=r"it has no manifest\.json of warpvis; .*npz.* in it would be"):
+        wv.open_dataset(written("npz").parent)
     with pytest.raises(wv.WarpvisError, match="format 'ply' cannot be read back; its files are clouds"):
         wv.open_dataset(written("ply"))
 

@@ -15,6 +15,7 @@ from warpvis.errors import FileFormatError
 if TYPE_CHECKING:
     from warpvis.batch._job import Options, Plan
     from warpvis.batch.formats._base import Format
+    from warpvis.batch.storage._stores import Store
     from warpvis.scene import Scene
 
 MANIFEST = "manifest.json"
@@ -123,6 +124,16 @@ def parse_manifest(data: bytes | None) -> Mapping[str, Json] | None:
     except (ValueError, RecursionError):
         return None
     return content if isinstance(content, dict) and "warpvis_dataset" in content else None
+
+
+def no_dataset(store: Store) -> FileFormatError:
+    """Make the error that a folder without a manifest is: it is not there, or what is in it."""
+    entries = store.entries()
+    if not entries:
+        return FileFormatError(f"{store.name}: no such folder, or an empty one, so no dataset")
+    inside = [entry for entry in entries if store.size(f"{entry}/{MANIFEST}") is not None]
+    there = f"; {' and '.join(inside)} in it would be" if inside else ""
+    return FileFormatError(f"{store.name}: is no dataset: it has no {MANIFEST} of warpvis{there}")
 
 
 def read_contents(manifest: Mapping[str, Json]) -> Contents | None:

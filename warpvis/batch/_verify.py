@@ -17,7 +17,7 @@ from typing import NamedTuple
 from warpvis.batch._dataset import POSES
 from warpvis.batch._identity import frames_hash
 from warpvis.batch._job import FRAME_ARRAYS, shard_name
-from warpvis.batch._manifest import MANIFEST, Contents, parse_manifest, read_contents
+from warpvis.batch._manifest import MANIFEST, Contents, no_dataset, parse_manifest, read_contents
 from warpvis.batch._records import BEGIN_RECORD, INDEX_RECORD, RECORDS_FOLDER, read_record, shard_record
 from warpvis.batch.storage._stores import Store, open_store
 from warpvis.core.checks import check_flag
@@ -91,7 +91,7 @@ def verify(out: str | os.PathLike[str], *, repair: bool = False) -> VerifyReport
 def _read_manifest(store: Store) -> Contents:
     manifest = parse_manifest(store.read(MANIFEST))
     if manifest is None:
-        raise FileFormatError(f"{store.name}: is no dataset: it has no {MANIFEST} of warpvis")
+        raise no_dataset(store)
     contents = read_contents(manifest)
     if contents is None:
         raise FileFormatError(f"{store.name}: is no dataset: its {MANIFEST} does not say what it holds")

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from warpvis.batch._manifest import MANIFEST, parse_manifest, read_contents
+from warpvis.batch._manifest import MANIFEST, no_dataset, parse_manifest, read_contents
 from warpvis.batch.formats._base import IMAGE_DTYPES, VISIBILITY_ARRAYS
 from warpvis.batch.storage._stores import Store
 from warpvis.core.camera import Camera
@@ -84,7 +84,7 @@ def read_job(store: Store) -> Job:
     """
     manifest = parse_manifest(store.read(MANIFEST))
     if manifest is None:
-        raise FileFormatError(f"{store.name}: is no dataset: it has no {MANIFEST} of warpvis")
+        raise no_dataset(store)
     contents = read_contents(manifest)
     if contents is not None:
         match manifest:
