@@ -11,7 +11,7 @@ CORE := $(VENV)/core
 STAMP := $(VENV)/installed
 
 .DELETE_ON_ERROR:
-.PHONY: demo test test-lanes test-lowest mutate fuzz lint bench format clean
+.PHONY: demo test test-slow test-lanes test-lowest mutate fuzz lint bench format clean
 
 demo: $(CORE)
 	$(BIN)/warpvis demo --out demo
@@ -20,6 +20,11 @@ test: $(STAMP)
 	-@./scripts/ensure_egl.sh
 	-@./scripts/ensure_clang.sh $(BIN)/python
 	$(BIN)/python -m pytest
+
+# What takes long: the native code under sanitizers over random scenes, and packets of more sizes on the emulated warp.
+test-slow: $(STAMP)
+	-@./scripts/ensure_clang.sh $(BIN)/python
+	$(BIN)/python -m pytest -m slow
 
 # The casters' tests again, compiled for AVX2 alone and for Warp's generic x86-64, which has AVX.
 LANE_TESTS := $(addprefix tests/test_,$(addsuffix .py,casters packets worlds points point_packets object_visibility))

@@ -90,7 +90,7 @@ def test_what_another_process_writes_is_not_repaired(wholes, tmp_path):
         run(tmp_path / "out", resume=True, repair=True, shard_frames=4)
     with pytest.raises(wv.errors.ArrayError, match="it needs resume"):
         run(tmp_path / "out", repair=True)
-    with pytest.raises(wv.errors.FileFormatError, match="is no dataset"):
+    with pytest.raises(wv.errors.FileFormatError, match="no such folder, or an empty one, so no dataset"):
         verify(tmp_path / "nowhere", repair=True)
     assert tree(tmp_path / "out") == before and not (tmp_path / "nowhere").exists()
 

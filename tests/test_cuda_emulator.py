@@ -26,6 +26,7 @@ from compare import assert_matches_reference
 pytestmark = pytest.mark.cxx
 
 SIDES = (8, 16, 32)
+SOME_SIDES = (8, pytest.param(16, marks=pytest.mark.slow), 32)
 VARIANTS = tuple(Variant(side, with_id, movable) for side in SIDES for with_id in (0, 1) for movable in (0, 1))
 OLD = Variant(16, True, True, arch=700)  # before the warp's reductions
 CLIPS = Variant(16, True, True, clip=True)
@@ -53,7 +54,7 @@ def moved(count=5, seed=1):
 
 
 @pytest.mark.parametrize("cull_backfaces", [False, True])
-@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("side", SOME_SIDES)
 def test_what_stays(emulator, side, cull_backfaces):
     """From outside all closed objects, and from inside one."""
     scene = build("cpu", moved(), movable=False)
@@ -64,7 +65,7 @@ def test_what_stays(emulator, side, cull_backfaces):
 
 
 @pytest.mark.parametrize("cull_backfaces", [False, True])
-@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("side", SOME_SIDES)
 def test_what_moves(emulator, side, cull_backfaces):
     """In several worlds, one of which two views share."""
     rows, world = random_poses(np.random.default_rng(2), 2, 5), np.array([1, 0, 1])
@@ -123,7 +124,7 @@ def test_images_that_are_no_multiple_of_packets(emulator, size):
         assert_matches_reference(views, scene, camera, eyes(2))
 
 
-@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("side", SOME_SIDES)
 @pytest.mark.parametrize("name", test_solids.SHAPES)
 def test_solids_of_every_kind(emulator, name, side):
     """From the side, from above, from inside, and so near that the other way of computing a root is taken."""

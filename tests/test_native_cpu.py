@@ -16,7 +16,7 @@ from native_build import ROOT, SCENES, build, cache_folder, run_check
 
 from warpvis.kernels.packets import HEADERS
 
-pytestmark = pytest.mark.clang
+pytestmark = [pytest.mark.clang, pytest.mark.slow]
 
 
 @pytest.fixture(scope="session")

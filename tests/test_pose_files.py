@@ -344,7 +344,7 @@ def test_bad_arguments(tmp_path):
         read_frames(tmp_path)
     with pytest.raises(wv.errors.FileFormatError, match=r"path must be the name of a file, .* got 'a\\x00b'$"):
         read_frames("a\0b")
-    with pytest.raises(wv.errors.FileFormatError, match=r": no such file$"):
+    with pytest.raises(wv.errors.FileFormatError, match=r"path is too long for the name of a file: 'aaa"):
         read_frames("a" * 5000)
     for file_format in ("tum", "npy", "npz", "csv", "parquet", "nerfstudio", "bop"):
         with pytest.raises(wv.errors.FileFormatError) as error:
