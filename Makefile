@@ -21,7 +21,7 @@ test: $(STAMP)
 	-@./scripts/ensure_clang.sh $(BIN)/python
 	$(BIN)/python -m pytest
 
-# What takes long: the native code under sanitizers over random scenes, and packets of more sizes on the emulated warp.
+# What takes long: the native code under sanitizers over random scenes, packets of more sizes on the emulated warp, Ray.
 test-slow: $(STAMP)
 	-@./scripts/ensure_clang.sh $(BIN)/python
 	$(BIN)/python -m pytest -m slow

@@ -17,6 +17,8 @@ import warpvis as wv
 from warpvis.batch._writer import Job
 
 ray = pytest.importorskip("ray")
+
+pytestmark = pytest.mark.slow
 SHARDS = 200
 
 

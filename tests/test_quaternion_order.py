@@ -171,6 +171,7 @@ def test_a_range_finder_of_webots():
         assert name == "floor_map" or not np.array_equal(one, wrong), name
 
 
+@pytest.mark.slow
 def test_pictures(tmp_path):
     seen = wv.render(SCENE, CAMERA, POSES[0])
     image = seen.depth.numpy()[0], seen.segmentation.numpy()[0]
