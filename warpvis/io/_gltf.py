@@ -12,14 +12,14 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.poses import poses_to_matrices
 from warpvis.core.types import Json
+from warpvis.io._file_meshes import FileMesh, FileMeshes
 from warpvis.io._gltf_data import DRACO, MESHOPT, Find, GltfData, decode_draco
 from warpvis.scene import keep_winding
 
@@ -38,30 +38,7 @@ _HARMLESS = re.compile(
 )
 
 
-class GltfMesh(NamedTuple):
-    """The triangles of a primitive at a node."""
-
-    name: str
-    """Of its node, or else of its mesh, and the primitive's number if there are several; empty if neither has one."""
-    vertices: NDArray[np.float64]
-    """In the file's frame [m], y up, shape ``(n, 3)``."""
-    faces: NDArray[np.integer]
-    extras: dict[str, Any]
-    """What the mesh and its node say of themselves."""
-
-
-@dataclass
-class GltfScene:
-    """What a file holds."""
-
-    meshes: list[GltfMesh] = field(default_factory=list)
-    empty: list[str] = field(default_factory=list)
-    """Names of what holds points or lines and no triangles."""
-    notes: list[str] = field(default_factory=list)
-    """What else is left out, as parts of a sentence."""
-
-
-def read_gltf(file: bytes, find: Find) -> GltfScene:
+def read_gltf(file: bytes, find: Find) -> FileMeshes:
     """Read the meshes of a file's default scene, in the order of its nodes: parents first, each with its children.
 
     Args:
@@ -76,7 +53,7 @@ def read_gltf(file: bytes, find: Find) -> GltfScene:
     unread = [name for name in data.names("extensionsRequired") if name not in _READ and not _HARMLESS.match(name)]
     if unread:
         raise ValueError(f"it requires the extension {unread[0]}, which is not read")
-    found = GltfScene()
+    found = FileMeshes(up="y")
     for index, node, placement in _nodes(data):
         if "mesh" in node:
             _add_mesh(data, index, node, placement, found)
@@ -127,7 +104,7 @@ def _transform(node: dict[str, Any]) -> NDArray[np.float64]:
 
 
 def _add_mesh(
-    data: GltfData, index: int, node: dict[str, Any], placement: NDArray[np.float64], found: GltfScene
+    data: GltfData, index: int, node: dict[str, Any], placement: NDArray[np.float64], found: FileMeshes
 ) -> None:
     """Add the primitives of a node's mesh."""
     mesh = data.one("meshes", node["mesh"])
@@ -143,7 +120,7 @@ def _add_mesh(
             continue
         with np.errstate(invalid="ignore", over="ignore"):  # the scene says what is not finite
             corners = vertices @ placement[:3, :3].T + placement[:3, 3]
-        found.meshes.append(GltfMesh(own, corners, keep_winding(faces, placement[:3, :3]), extras))
+        found.meshes.append(FileMesh(own, corners, keep_winding(faces, placement[:3, :3]), extras))
 
 
 def _said(item: dict[str, Any]) -> dict[str, Any]:

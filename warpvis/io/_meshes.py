@@ -9,17 +9,15 @@ import itertools
 import logging
 import posixpath
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warpvis.core.labels import Label
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.io._archives import is_archive, unpack
+from warpvis.io._file_meshes import FileMesh, FileMeshes
 from warpvis.io._gltf import read_gltf
 from warpvis.io._gltf_data import Find
 from warpvis.io._obj import obj_order, obj_splits, straighten_obj
@@ -33,26 +31,6 @@ _NAMELESS = ("geometry_0", "geometry")
 _MOST_NAMED = 5
 _NEEDED = {"dae": "pycollada: pip install 'warpvis[collada]'", "3mf": "lxml and networkx: pip install lxml networkx"}
 """What is missing where trimesh has no reader for a format that it knows."""
-
-
-class _Mesh(NamedTuple):
-    name: str
-    """Empty if the file does not name it."""
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.integer]
-    extras: dict[str, Any]
-
-
-@dataclass
-class _Loaded:
-    """What a file holds, in its own frame."""
-
-    meshes: list[_Mesh]
-    empty: list[str] = field(default_factory=list)
-    """Names of what has no triangles."""
-    notes: list[str] = field(default_factory=list)
-    """What else is left out."""
-    up: str | None = None
 
 
 def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> FileParts:
@@ -111,7 +89,7 @@ def _require_reader(name: str, suffix: str, kind: str) -> None:
     raise FileFormatError(f"{name}: {given} is no format of scenes; those are wbt, xml, urdf, and {known}")
 
 
-def _load_archive(path: Path) -> _Loaded:
+def _load_archive(path: Path) -> FileMeshes:
     """Read all mesh files of an archive.
 
     Raises:
@@ -125,7 +103,7 @@ def _load_archive(path: Path) -> _Loaded:
     if not members:
         known = ", ".join(sorted(readable))
         raise FileFormatError(f"{path}: holds no mesh file; those are {known}")
-    whole, axes = _Loaded([]), {}
+    whole, axes = FileMeshes(), {}
     for member in members:
         loaded = _load(f"{path}/{member}", _kind(member), files[member], partial(_find_member, files, member))
         stem = posixpath.splitext(posixpath.basename(member))[0]
@@ -170,7 +148,7 @@ def _finder(path: Path, search_path: Sequence[Path]) -> Find:
     return find
 
 
-def _load(name: str, kind: str, file: bytes, find: Find) -> _Loaded:
+def _load(name: str, kind: str, file: bytes, find: Find) -> FileMeshes:
     """Read one file.
 
     Raises:
@@ -178,8 +156,7 @@ def _load(name: str, kind: str, file: bytes, find: Find) -> _Loaded:
     """
     try:
         if kind in _GLTF:
-            found = read_gltf(file, find)
-            return _Loaded([_Mesh(*mesh) for mesh in found.meshes], found.empty, found.notes, up="y")
+            return read_gltf(file, find)
         if kind == "dae":
             return _load_collada(file)
         if kind == "3mf":
@@ -192,7 +169,7 @@ def _load(name: str, kind: str, file: bytes, find: Find) -> _Loaded:
         raise FileFormatError(f"{name}: does not read as {kind.upper()}: {said}") from None
 
 
-def _load_collada(file: bytes) -> _Loaded:
+def _load_collada(file: bytes) -> FileMeshes:
     """Read COLLADA in metres, and with the axis up that the file names; one of x up is turned to y up."""
     metres, axis = unit_and_axis(file)
     found = _load_by_trimesh(without_skins(file), "dae")
@@ -202,7 +179,7 @@ def _load_collada(file: bytes) -> _Loaded:
     return found
 
 
-def _load_3mf(path: Path, file: bytes) -> _Loaded:
+def _load_3mf(path: Path, file: bytes) -> FileMeshes:
     """Read 3MF in metres, and in the file's order; z is up, as its specification says."""
     metres, names = unit_and_names(unpack(path, file))
     found = _load_by_trimesh(file, "3mf")
@@ -213,7 +190,7 @@ def _load_3mf(path: Path, file: bytes) -> _Loaded:
     return found
 
 
-def _load_obj(file: bytes) -> _Loaded:
+def _load_obj(file: bytes) -> FileMeshes:
     text = straighten_obj(file)
     found = _load_by_trimesh(text, "obj", group_material=False, skip_materials=True, **obj_splits(text))
     order = obj_order(text)
@@ -221,7 +198,7 @@ def _load_obj(file: bytes) -> _Loaded:
     return found
 
 
-def _load_by_trimesh(file: bytes, kind: str, **options: bool) -> _Loaded:
+def _load_by_trimesh(file: bytes, kind: str, **options: bool) -> FileMeshes:
     import trimesh
 
     # It logs tracebacks of what it then raises, or reads all the same; a user's own handlers still see them.
@@ -230,7 +207,7 @@ def _load_by_trimesh(file: bytes, kind: str, **options: bool) -> _Loaded:
         log.addHandler(logging.NullHandler())
     # Face order and shared corners stay as they are in the file.
     loaded = trimesh.load_scene(io.BytesIO(file), file_type=kind, process=False, **options)
-    found = _Loaded([])
+    found = FileMeshes()
     for node in loaded.graph.nodes_geometry:
         placement, geometry = loaded.graph[node]
         mesh, name = loaded.geometry[geometry], "" if node in _NAMELESS else str(node)
@@ -240,7 +217,7 @@ def _load_by_trimesh(file: bytes, kind: str, **options: bool) -> _Loaded:
         vertices = np.asarray(mesh.vertices, dtype=np.float64)
         with np.errstate(invalid="ignore", over="ignore"):  # the scene says what is not finite
             corners = vertices @ placement[:3, :3].T + placement[:3, 3]
-        found.meshes.append(_Mesh(name, corners, keep_winding(mesh.faces, placement[:3, :3]), {}))
+        found.meshes.append(FileMesh(name, corners, keep_winding(mesh.faces, placement[:3, :3]), {}))
     return found
 
 

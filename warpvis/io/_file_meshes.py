@@ -1,0 +1,37 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What readers of mesh files give, in the file's own frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class FileMesh(NamedTuple):
+    """The triangles of a mesh where the file has it."""
+
+    name: str
+    """Empty if the file does not name it. Of glTF its node's, or else its mesh's, and the primitive's number if there
+    are several."""
+    vertices: NDArray[np.float64]
+    """Shape ``(n, 3)``."""
+    faces: NDArray[np.integer]
+    extras: dict[str, Any]
+    """What the file says of it besides."""
+
+
+@dataclass
+class FileMeshes:
+    """What a file holds."""
+
+    meshes: list[FileMesh] = field(default_factory=list)
+    empty: list[str] = field(default_factory=list)
+    """Names of what has no triangles."""
+    notes: list[str] = field(default_factory=list)
+    """What else is left out, as parts of a sentence."""
+    up: str | None = None
+    """The file's vertical axis, if its format or the file says it."""
