@@ -84,6 +84,7 @@ NO_WORLDS = Worlds()
 HEADERS = (
     "shared/constants.h",
     "shared/images.h",
+    "shared/stretch.h",
     "shared/pose.h",
     "cpu/lanes.h",
     "cpu/arena.h",
@@ -110,9 +111,9 @@ const Scene drawn = {
      scene.all_closed != 0, scene.closed_boxes.data, scene.closed_object.data, scene.closed_count},
     {scene.movable_count, scene.movable_object.data, scene.movable_root.data, scene.movable_leaf.data,
      scene.movable_first_id.data, scene.movable_closed.data, scene.movable_boxes.data, scene.movable_solid.data,
-     (const float*)scene.movable_size.data, (const float*)worlds.object_poses.data, worlds.object_poses.shape[0],
-     worlds.world.data, worlds.excluded.data, worlds.excluded.shape[0], scene.object_count, scene.static_object.data,
-     scene.static_object.shape[0]}};
+     (const float*)scene.movable_size.data, (const float*)worlds.object_poses.data,
+     (const float*)worlds.object_sizes.data, worlds.object_poses.shape[0], worlds.world.data, worlds.excluded.data,
+     worlds.excluded.shape[0], scene.object_count, scene.static_object.data, scene.static_object.shape[0]}};
 """
 """The structs of ``kernels/native/cpu`` of a `BvhScene` named ``scene`` and `Worlds` named ``worlds``."""
 

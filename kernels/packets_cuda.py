@@ -3,7 +3,8 @@
 """The ``packets`` caster on CUDA: a warp takes a block of pixels down a BVH of 32 lanes.
 
 The C++ is in ``kernels/native/cuda/``. There is a kernel for every size of packet, with and without what tells objects
-apart, with and without objects that move, and with and without a near plane that cuts.
+apart, with and without objects that move, or that are of other sizes than they were made, and with and without a near
+plane that cuts.
 """
 
 import warp as wp
@@ -19,7 +20,7 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 LEVELS = 8
 """Levels of nodes that a tree may have at most."""
 
-_SHARED_HEADERS = ("shared/constants.h", "shared/images.h", "shared/pose.h")
+_SHARED_HEADERS = ("shared/constants.h", "shared/images.h", "shared/stretch.h", "shared/pose.h")
 
 _HEADERS = (
     "cuda/bvh.h",
@@ -40,16 +41,19 @@ const int excluded_row = min(view, worlds.excluded.shape[0] - 1);
 if (worlds.excluded.data) excluded = worlds.excluded.data + excluded_row * scene.object_count;
 const int world_count = worlds.object_poses.shape[0];
 const int world = worlds.world.data ? worlds.world.data[view] : world_count == 1 ? 0 : view;
-const float* object_poses = nullptr;
-if (world >= 0 && world < world_count)
-    object_poses = (const float*)worlds.object_poses.data + (long long)world * scene.movable_count * POSE_WORDS;
+const float *object_poses = nullptr, *object_sizes = nullptr;
+if (world >= 0 && world < world_count) {
+    const long long first = (long long)world * scene.movable_count;
+    object_poses = (const float*)worlds.object_poses.data + first * POSE_WORDS;
+    if (RESIZED) object_sizes = (const float*)worlds.object_sizes.data + first * SOLID_WORDS;
+}
 const Scene all = {
     {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data, scene.static_root, 0,
      scene.all_closed != 0, excluded},
     {scene.closed_boxes.data, scene.closed_object.data, scene.closed_count},
     {MOVABLE ? scene.movable_count : 0, scene.movable_object.data, scene.movable_root.data, scene.movable_leaf.data,
      scene.movable_first_id.data, scene.movable_closed.data, scene.movable_boxes.data, scene.movable_solid.data,
-     (const float*)scene.movable_size.data, object_poses, excluded}};
+     (const float*)scene.movable_size.data, object_poses, object_sizes, excluded}};
 const View shape = {view, (int)camera.width, (int)camera.height, {camera.fx, camera.fy}, {camera.cx, camera.cy},
                     camera.near, camera.far, camera.most_inv_z, camera.clip_reach,
                     (const float*)(poses.data + view), cull_backfaces};
@@ -57,7 +61,7 @@ Packets::cast(all, shape, out, packet_x, packet_y, memory);
 """
 
 
-def make_packet_function(side: int, with_id: bool, movable: bool, clip: bool) -> wp.Function:
+def make_packet_function(side: int, with_id: bool, movable: bool, clip: bool, resized: bool = False) -> wp.Function:
     """Make the native function of a kernel: what each thread of a warp calls.
 
     Args:
@@ -65,8 +69,10 @@ def make_packet_function(side: int, with_id: bool, movable: bool, clip: bool) ->
         with_id: Whether normals, labels or objects may be asked for.
         movable: Whether the scene may have movable objects.
         clip: Whether what is nearer than the camera's `near` is not there.
+        resized: Whether movable objects are of the sizes that `Worlds.object_sizes` has; it must have some then.
     """
-    head = f"enum {{ PACKET_WIDTH = {side}, PACKET_HEIGHT = {side}, LEVELS = {LEVELS}, MOVABLE = {int(movable)} }};\n"
+    head = f"enum {{ PACKET_WIDTH = {side}, PACKET_HEIGHT = {side}, LEVELS = {LEVELS} }};\n"
+    head += f"enum {{ MOVABLE = {int(movable)}, RESIZED = {int(resized)} }};\n"
     kinds = ("cuda/depth_id.h" if with_id else "cuda/depth.h", "cuda/near_clips.h" if clip else "cuda/near_occludes.h")
 
     @wp.func_native(head + read_native(*_SHARED_HEADERS, "cuda/lanes.h", *kinds, *_HEADERS) + NATIVE_IMAGES + _CAST)
@@ -85,9 +91,9 @@ def make_packet_function(side: int, with_id: bool, movable: bool, clip: bool) ->
     return cast_packet
 
 
-def make_packet_kernel(side: int, with_id: bool, movable: bool, clip: bool) -> wp.Kernel:
+def make_packet_kernel(side: int, with_id: bool, movable: bool, clip: bool, resized: bool = False) -> wp.Kernel:
     """Make a kernel for packets of `side` x `side` pixels; see `make_packet_function`."""
-    cast_packet = make_packet_function(side, with_id, movable, clip)
+    cast_packet = make_packet_function(side, with_id, movable, clip, resized)
 
     # More registers than these leave too few warps on a multiprocessor, fewer spill too much.
     @wp.kernel(module="unique", enable_backward=False, grid_stride=False, cuda_max_registers=96 if movable else 80)

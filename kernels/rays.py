@@ -19,7 +19,7 @@ from warpvis.kernels.pinhole import (
     pose_origin,
     pose_rotation,
 )
-from warpvis.kernels.solids import SolidHit, is_outside, meet_solid, normal_of_solid, to_shape
+from warpvis.kernels.solids import SolidHit, is_outside, meet_solid, normal_of_solid, stretch_of, to_shape
 from warpvis.kernels.worlds import Worlds, is_excluded, world_of
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
@@ -49,6 +49,12 @@ class TriangleScene:
 @wp.func
 def corner(mesh: wp.uint64, triangle: int, k: int) -> wp.vec3d:
     return wp.vec3d(wp.mesh_get_point(mesh, triangle * 3 + k))
+
+
+@wp.func
+def stretched_corner(mesh: wp.uint64, triangle: int, k: int, factors: wp.vec3d) -> wp.vec3d:
+    """A corner of an object that is stretched along its axes."""
+    return wp.cw_mul(corner(mesh, triangle, k), factors)
 
 
 @wp.func
@@ -92,6 +98,24 @@ def seen_from(camera: CameraFrame, place: wp.transform) -> CameraFrame:
     frame.origin = wp.quat_rotate(turned_back, camera.origin - pose_origin(place))
     frame.rotation = turned_back * camera.rotation
     return frame
+
+
+@wp.func
+def size_of(scene: TriangleScene, worlds: Worlds, world: int, movable: int) -> wp.vec4:
+    """A movable object's size in a world: of a solid its own, of a mesh factors."""
+    if worlds.object_sizes:
+        return worlds.object_sizes[world, movable]
+    return scene.movable_size[movable]
+
+
+@wp.func
+def factors_of(scene: TriangleScene, worlds: Worlds, world: int, movable: int) -> wp.vec3d:
+    """Factors by which an object's triangles are stretched along its axes; ones for what stays (-1)."""
+    one = wp.float64(1.0)
+    if movable < 0 or not worlds.object_sizes:
+        return wp.vec3d(one, one, one)
+    made, now = scene.movable_size[movable], worlds.object_sizes[world, movable]
+    return stretch_of(scene.movable_solid[movable], made, now)
 
 
 @wp.func
@@ -188,18 +212,16 @@ def nothing() -> Seen:
 
 
 @wp.func
-def shows_solid(scene: TriangleScene, origin: wp.vec3d, movable: int) -> bool:
+def shows_solid(kind: int, size: wp.vec4, origin: wp.vec3d) -> bool:
     """Whether a camera at a place of an object's frame sees its true surface: a solid, from outside."""
-    kind, size = scene.movable_solid[movable], scene.movable_size[movable]
     return kind != 0 and is_outside(kind, wp.float64(size[3]), to_shape(origin, size))
 
 
 @wp.func
-def solid_hit(scene: TriangleScene, frame: CameraFrame, ray: wp.vec3d, movable: int) -> SolidHit:
+def solid_hit(kind: int, size: wp.vec4, frame: CameraFrame, ray: wp.vec3d) -> SolidHit:
     """Where a ray meets a solid's surface."""
-    size = scene.movable_size[movable]
     direction = to_shape(wp.quat_rotate(frame.rotation, ray), size)
-    return meet_solid(scene.movable_solid[movable], wp.float64(size[3]), to_shape(frame.origin, size), direction)
+    return meet_solid(kind, wp.float64(size[3]), to_shape(frame.origin, size), direction)
 
 
 @wp.func
@@ -233,14 +255,17 @@ def look(
     for movable in range(-1, scene.movable_count):  # -1: what stays
         shown = scene.mesh != wp.uint64(0)
         frame = in_world
+        is_round = bool(False)
+        size = wp.vec4()
         if movable >= 0:
             index = scene.movable_object[movable]
             shown = index < 0 or not is_excluded(worlds, view, index)
             frame = seen_from(in_world, worlds.object_poses[world, movable])
-        is_round = shown and movable >= 0 and shows_solid(scene, frame.origin, movable)
+            size = size_of(scene, worlds, world, movable)
+            is_round = shown and shows_solid(scene.movable_solid[movable], size, frame.origin)
         met = SolidHit()
         if is_round:
-            met = solid_hit(scene, frame, ray, movable)
+            met = solid_hit(scene.movable_solid[movable], size, frame, ray)
             # Where it is cut open, its triangles stand for it, as from inside.
             is_round = not met.w * wp.float64(clip) > wp.float64(1.0)
         if is_round:
@@ -250,8 +275,12 @@ def look(
                 seen.round = True
                 nearest = float(wp.float64(1.0) / met.w)
         elif shown:
-            direction = wp.vec3(wp.quat_rotate(frame.rotation, ray))
+            along = wp.quat_rotate(frame.rotation, ray)
+            direction = wp.vec3(along)
             eye = wp.vec3(frame.origin)
+            if worlds.object_sizes and movable >= 0:  # triangles are as they were in the frame divided by these
+                factors = factors_of(scene, worlds, world, movable)
+                direction, eye = wp.vec3(wp.cw_div(along, factors)), wp.vec3(wp.cw_div(frame.origin, factors))
             hit = first_hit(scene, worlds, view, movable, eye, direction, clip, nearest, cull_backfaces)
             if hit.result and hit.t < nearest:
                 seen.face = hit.face
@@ -266,9 +295,10 @@ def look(
         mesh = mesh_of(scene, seen.movable)
         if seen.movable >= 0:
             frame = seen_from(in_world, worlds.object_poses[world, seen.movable])
-        a = corner(mesh, seen.face, 0) - frame.origin
-        b = corner(mesh, seen.face, 1) - frame.origin
-        c = corner(mesh, seen.face, 2) - frame.origin
+        factors = factors_of(scene, worlds, world, seen.movable)
+        a = stretched_corner(mesh, seen.face, 0, factors) - frame.origin
+        b = stretched_corner(mesh, seen.face, 1, factors) - frame.origin
+        c = stretched_corner(mesh, seen.face, 2, factors) - frame.origin
         direction_there = wp.quat_rotate(frame.rotation, ray)
         forward = wp.where(is_planar, forward_axis(frame.rotation), direction_there)
         seen.depth = wp.max(float(plane_depth(a, b, c, direction_there, forward)), clip)
@@ -282,10 +312,10 @@ def look(
 
 
 @wp.func
-def normal_of(mesh: wp.uint64, face: int, direction: wp.vec3d) -> wp.vec3d:
-    """Unit normal of a triangle, against the direction from which it is seen."""
-    a = corner(mesh, face, 0)
-    facing = wp.cross(corner(mesh, face, 1) - a, corner(mesh, face, 2) - a)
+def normal_of(mesh: wp.uint64, face: int, factors: wp.vec3d, direction: wp.vec3d) -> wp.vec3d:
+    """Unit normal of a triangle of what is stretched, against the direction from which it is seen."""
+    a = stretched_corner(mesh, face, 0, factors)
+    facing = wp.cross(stretched_corner(mesh, face, 1, factors) - a, stretched_corner(mesh, face, 2, factors) - a)
     if wp.dot(facing, direction) > wp.float64(0.0):
         facing = -facing
     return wp.normalize(facing)
@@ -294,8 +324,9 @@ def normal_of(mesh: wp.uint64, face: int, direction: wp.vec3d) -> wp.vec3d:
 @wp.func
 def solid_normal(scene: TriangleScene, pose: wp.transform, worlds: Worlds, view: int, seen: Seen) -> wp.vec3:
     """Unit normal in the world of the true surface that a ray meets."""
-    place = worlds.object_poses[world_of(worlds, view), seen.movable]
-    kind, size = scene.movable_solid[seen.movable], scene.movable_size[seen.movable]
+    world = world_of(worlds, view)
+    place = worlds.object_poses[world, seen.movable]
+    kind, size = scene.movable_solid[seen.movable], size_of(scene, worlds, world, seen.movable)
     point = pose_origin(pose) + wp.float64(seen.depth) * seen.direction - pose_origin(place)
     there = to_shape(wp.quat_rotate_inv(pose_rotation(place), point), size)
     return wp.vec3(wp.quat_rotate(pose_rotation(place), normal_of_solid(kind, size, seen.face, there)))
@@ -306,12 +337,16 @@ def normal_in_world(scene: TriangleScene, pose: wp.transform, worlds: Worlds, vi
     if seen.face < 0:
         return wp.vec3(wp.nan, wp.nan, wp.nan)
     if seen.movable < 0:
-        return wp.vec3(normal_of(scene.mesh, seen.face, seen.direction))
+        factors = factors_of(scene, worlds, 0, seen.movable)
+        return wp.vec3(normal_of(scene.mesh, seen.face, factors, seen.direction))
     if seen.round:
         return solid_normal(scene, pose, worlds, view, seen)
-    rotation = pose_rotation(worlds.object_poses[world_of(worlds, view), seen.movable])
+    world = world_of(worlds, view)
+    rotation = pose_rotation(worlds.object_poses[world, seen.movable])
     direction = wp.quat_rotate_inv(rotation, seen.direction)
-    return wp.vec3(wp.quat_rotate(rotation, normal_of(scene.movable_mesh[seen.movable], seen.face, direction)))
+    factors = factors_of(scene, worlds, world, seen.movable)
+    normal = normal_of(scene.movable_mesh[seen.movable], seen.face, factors, direction)
+    return wp.vec3(wp.quat_rotate(rotation, normal))
 
 
 @wp.func

@@ -96,7 +96,7 @@ def meet_alone(
 ) -> float:
     """Depth at which a ray meets an object, whatever else there is; +inf if it does not."""
     if is_round:
-        met = solid_hit(scene, frame, ray, index)
+        met = solid_hit(scene.movable_solid[index], scene.movable_size[index], frame, ray)
         if met.w > wp.float64(0.0):
             return float(wp.float64(1.0) / met.w)
         return wp.inf
@@ -115,7 +115,8 @@ def meet_alone(
 def is_met_from_outside(scene: TriangleScene, index: int, frame: CameraFrame, is_round: bool, ray: wp.vec3d) -> bool:
     """Whether a ray meets an object in whose box the camera is not, which is known sooner than where."""
     if is_round:
-        return solid_hit(scene, frame, ray, index).w > wp.float64(0.0)
+        met = solid_hit(scene.movable_solid[index], scene.movable_size[index], frame, ray)
+        return met.w > wp.float64(0.0)
     direction = wp.vec3(wp.quat_rotate(frame.rotation, ray))
     return wp.mesh_query_ray_anyhit(scene.movable_mesh[index], wp.vec3(frame.origin), direction, 3.0e38)
 
@@ -249,7 +250,7 @@ def measure_silhouettes(
     if canvas.beyond_only != 0 and canvas.seen_only != 0 and counts_out[VISIBLE_PIXELS, view, place] == 0:
         return
     frame = seen_from(camera_frame(camera_to_world[view]), worlds.object_poses[world, index])
-    is_round = shows_solid(scene, frame.origin, index)
+    is_round = shows_solid(scene.movable_solid[index], scene.movable_size[index], frame.origin)
     low, high = chosen.boxes[index, 0], chosen.boxes[index, 1]
     part = touched(camera, frame, canvas, low, high)
     beside = is_beside(frame.origin, low, high)

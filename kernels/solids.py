@@ -12,7 +12,15 @@ nearest place is ``w = (B + sqrt(D)) / C``. ``D = B^2 - A C`` loses all digits a
 
 import warp as wp
 
-from warpvis.kernels.constants import PART_LOWER, PART_SIDE, PART_UPPER, SOLID_BALL, SOLID_CAPSULE, SOLID_CYLINDER
+from warpvis.kernels.constants import (
+    PART_LOWER,
+    PART_SIDE,
+    PART_UPPER,
+    SOLID_BALL,
+    SOLID_CAPSULE,
+    SOLID_CYLINDER,
+    SOLID_NONE,
+)
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -21,6 +29,21 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 def to_shape(v: wp.vec3d, size: wp.vec4) -> wp.vec3d:
     """A place or a direction of the object's frame in the shape frame."""
     return wp.vec3d(v[0] / wp.float64(size[0]), v[1] / wp.float64(size[1]), v[2] / wp.float64(size[2]))
+
+
+@wp.func
+def stretch_of(kind: int, made: wp.vec4, now: wp.vec4) -> wp.vec3d:
+    """Factors by which an object's triangles are stretched along its axes: `Stretch` of ``native/shared/stretch.h``."""
+    factors = wp.vec3d(wp.float64(now[0]), wp.float64(now[1]), wp.float64(now[2]))
+    if kind == SOLID_NONE:
+        return factors
+    longer, end = wp.float64(1.0), wp.float64(0.0)
+    if kind == SOLID_CAPSULE:
+        end = wp.float64(1.0)
+    if kind != SOLID_BALL:
+        longer = (wp.float64(now[3]) + end) / (wp.float64(made[3]) + end)
+    factors = to_shape(factors, made)
+    return wp.vec3d(factors[0], factors[1], factors[2] * longer)
 
 
 @wp.func

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where movable objects are, for every view."""
+"""Where movable objects are, and how large, for every view."""
 
 import warp as wp
 
@@ -13,6 +13,9 @@ class Worlds:
     """(world, movable object): object to world."""
     world: wp.array[wp.int32]
     """(view): its world; None for world 0, or if there are several, for each view its own."""
+    object_sizes: wp.array2d[wp.vec4]
+    """(world, movable object), as many as poses: of a solid, factors along x, y and z [m], and half length before them;
+    of a mesh, factors by which it is stretched along them. None where all are as they were made."""
     excluded: wp.array2d[wp.uint8]
     """(view or 1, object): not 0 for objects that the view does not see; None for none."""
 

@@ -52,6 +52,7 @@ SEEN = wv.perspective(scene(), agents())
 SPACE = {"bounds": [[0, -1, -1], [2, 1, 1]], "up": "z", "threads": 1}
 VIEW = {"camera": CAMERA, "camera_to_world": POSE, "convention": "opencv"}
 WORLDS = {"object_poses": MOVED, "world_index": [0], "exclude": ["floor"]}
+SCALES = {"object_scales": [[1.0, 2.0, 0.5]]}
 RENDERED = wv.render(scene(), CAMERA, POSE, outputs=("depth", "points", "normals", "labels", "segmentation"))
 MESH = ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
 

@@ -12,6 +12,7 @@ from arguments_shared import (
     MOVED,
     POSE,
     RENDERED,
+    SCALES,
     SEEN,
     SPACE,
     VIEW,
@@ -96,11 +97,11 @@ def top_cases(folder):
         ),
         "Renderer.render": (
             wv.Renderer(seen, CAMERA).render,
-            {"camera_to_world": POSE, "convention": "opencv", "out": None, **WORLDS},
+            {"camera_to_world": POSE, "convention": "opencv", "out": None, **WORLDS, **SCALES},
         ),
         "Renderer.render_at": (
             wv.Renderer(seen, CAMERA).render_at,
-            {"camera_to_world": POSE, "pixels": [[[1, 1]]], "convention": "opencv", "out": None, **WORLDS},
+            {"camera_to_world": POSE, "pixels": [[[1, 1]]], "convention": "opencv", "out": None, **WORLDS, **SCALES},
         ),
         "Scene": (wv.Scene, {"device": "cpu", "up": "z"}),
         "Scene.load": (
@@ -212,6 +213,7 @@ def top_cases(folder):
                 "scene": seen,
                 **VIEW,
                 **WORLDS,
+                **SCALES,
                 "outputs": "depth",
                 "caster": "auto",
                 "cull_backfaces": False,

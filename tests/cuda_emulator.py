@@ -45,11 +45,13 @@ class Variant:
     with_id: bool
     movable: bool
     clip: bool = False
+    resized: bool = False
     arch: int = 900
 
     @property
     def name(self) -> str:
-        return f"packet_{self.side}_{int(self.with_id)}_{int(self.movable)}_{int(self.clip)}_{self.arch}"
+        flags = "_".join(str(int(flag)) for flag in (self.with_id, self.movable, self.clip, self.resized))
+        return f"packet_{self.side}_{flags}_{self.arch}"
 
 
 REQUIRED = os.environ.get("WARPVIS_REQUIRE_CXX") == "1"
@@ -165,7 +167,8 @@ def _native_function(variant: Variant) -> Any:
 
     packets_cuda.read_native = read_marked
     try:
-        return packets_cuda.make_packet_function(variant.side, variant.with_id, variant.movable, variant.clip)
+        kind = variant.side, variant.with_id, variant.movable, variant.clip, variant.resized
+        return packets_cuda.make_packet_function(*kind)
     finally:
         packets_cuda.read_native = plain
 

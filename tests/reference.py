@@ -480,6 +480,12 @@ def hidden_objects(
     return hidden
 
 
+def scale_sizes(made: NDArray, scales: NDArray, worlds: int) -> NDArray[np.float64]:
+    """Sizes of movable objects, (worlds, M, 4), of those that they were made with and of factors, (1 or W, M, 3)."""
+    factors = np.concatenate([scales, np.ones((*scales.shape[:2], 1))], axis=-1).astype(np.float64)
+    return made * factors[np.arange(worlds) % len(factors)]
+
+
 def geoms_of_objects(objects: NDArray, geom_ids: NDArray) -> NDArray[np.int32]:
     return np.where(objects < 0, -1, np.asarray(geom_ids)[objects]).astype(np.int32)
 

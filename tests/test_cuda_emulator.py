@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import test_attached
 import test_near_plane
+import test_sizes
 import test_solids
 import trimesh
 import warp as wp
@@ -30,6 +31,7 @@ SOME_SIDES = (8, pytest.param(16, marks=pytest.mark.slow), 32)
 VARIANTS = tuple(Variant(side, with_id, movable) for side in SIDES for with_id in (0, 1) for movable in (0, 1))
 OLD = Variant(16, True, True, arch=700)  # before the warp's reductions
 CLIPS = Variant(16, True, True, clip=True)
+RESIZED = Variant(16, True, True, clip=True, resized=True)
 CAMERA = wv.Camera.from_fov(45, 37, hfov=0.994837, near=0.05, far=100.0)
 
 
@@ -38,7 +40,7 @@ def emulator(tmp_path_factory):
     """All variants, compiled with sanitizers, and counting which lines run."""
     compiler = find_compiler()
     assert compiler is not None
-    return Emulator(tmp_path_factory.mktemp("cuda_emulator"), (*VARIANTS, OLD, CLIPS), compiler)
+    return Emulator(tmp_path_factory.mktemp("cuda_emulator"), (*VARIANTS, OLD, CLIPS, RESIZED), compiler)
 
 
 def render(emulator, scene, poses, *, side=16, camera=CAMERA, outputs=ALL, cull_backfaces=False, **options):
@@ -94,6 +96,35 @@ def test_a_near_plane_that_cuts_solids(emulator, kind):
         return emulated_renderer(emulator, CLIPS, made, test_near_plane.CAMERA, **options).render(pose)
 
     test_near_plane.assert_solid_is_cut(kind, "cpu", render)
+
+
+@pytest.mark.parametrize("cull_backfaces", [False, True])
+def test_objects_of_other_sizes(emulator, cull_backfaces):
+    """As if built so; and of the sizes that they were built with, to the last bit as without any."""
+    rng, count = np.random.default_rng(0), len(test_sizes.SHAPES)
+    rows, scales = random_poses(rng, 2, count), test_sizes.random_scales(rng, 2, count)
+    scene = test_sizes.build("cpu", rows[0])
+    options = {"outputs": ALL, "cull_backfaces": cull_backfaces, "near_plane": "clip"}
+    renderer, plain = (emulated_renderer(emulator, kind, scene, CAMERA, **options) for kind in (RESIZED, CLIPS))
+    views = renderer.render(eyes(2), object_poses=rows, object_scales=scales)
+    checks = {"cull_backfaces": cull_backfaces, "near_plane": "clip"}
+    for view in range(2):
+        twin, one = test_sizes.build("cpu", rows[view], scales[view]), slice(view, view + 1)
+        assert_matches_reference(view_of(views, view), twin, CAMERA, eyes(2)[one], **checks)
+    same = renderer.render(eyes(2), object_poses=rows, object_scales=np.ones((count, 3)))
+    assert_bits_equal(same, plain.render(eyes(2), object_poses=rows))
+
+
+@pytest.mark.parametrize("kind", [1, 3, 4])
+def test_objects_of_other_sizes_from_inside_and_cut_open(emulator, kind):
+    shapes, row, scales = [test_sizes.SHAPES[kind]], [test_sizes.TURNED], [(1.5, 0.8, 1.2)]
+    scene, twin = (test_sizes.build("cpu", row, some, shapes=shapes) for some in (None, scales))
+    options = {"outputs": ALL, "near_plane": "clip"}
+    resized, built = (
+        emulated_renderer(emulator, variant, one, test_near_plane.CAMERA, **options)
+        for variant, one in ((RESIZED, scene), (CLIPS, twin))
+    )
+    test_sizes.assert_alike(resized.render(test_sizes.NEAR, object_scales=scales), built.render(test_sizes.NEAR))
 
 
 def test_all_variants_draw_the_same(emulator):

@@ -12,6 +12,7 @@
 namespace casting {
 #include "shared/constants.h"
 #include "shared/images.h"
+#include "shared/stretch.h"
 #include "shared/pose.h"
 #include "cpu/lanes.h"
 #include "guarded_arena.h"

@@ -33,6 +33,9 @@ PoseLike = ArrayInput
 ObjectPoses = ArrayInput | None
 """Rows ``x y z qx qy qz qw`` of the movable objects, ``(W, M, 7)`` or ``(M, 7)``; None for where they were added."""
 
+ObjectScales = ArrayInput | None
+"""Factors along the movable objects' own axes, ``(W, M, 3)`` or ``(M, 3)``; None for sizes as they were added."""
+
 Excluded = str | Sequence[str | int] | ArrayInput | None
 """Names or indices of objects, or flags of shape ``(V, objects)``."""
 

@@ -33,7 +33,7 @@ class CudaPacketsCaster(RaysCaster):
         with_id = any(image is not None for image in of_triangles)
         lens, outputs = camera.device_struct(clip_near=self._clip_near), images_struct(images)
         launch(
-            _kernel(side, with_id, moving, self._clip_near),
+            _kernel(side, with_id, moving, self._clip_near, moving and worlds.object_sizes is not None),
             (views, -(-camera.height // side), -(-camera.width // side), CUDA_LANES),
             [clusters.struct, lens, poses, worlds, self._cull_backfaces, outputs],
             device,
@@ -42,10 +42,10 @@ class CudaPacketsCaster(RaysCaster):
 
 
 @cache
-def _kernel(side: int, with_id: bool, movable: bool, clip: bool) -> wp.Kernel:
+def _kernel(side: int, with_id: bool, movable: bool, clip: bool, resized: bool) -> wp.Kernel:
     from warpvis.kernels.packets_cuda import make_packet_kernel
 
-    return make_packet_kernel(side, with_id, movable, clip)
+    return make_packet_kernel(side, with_id, movable, clip, resized)
 
 
 def packet_side(views: int, width: int, height: int, processors: int, large_packets: int = 64) -> int:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import warp as wp
 
@@ -15,7 +15,7 @@ from warpvis.core.camera import require_camera
 from warpvis.core.checks import check_choice, check_flag, check_number, check_whole
 from warpvis.core.poses import Convention, QuaternionOrder, to_xyzw
 from warpvis.core.threads import check_threads, launch_images
-from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
+from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, ObjectScales, PoseLike
 from warpvis.errors import ArrayError, CameraError
 from warpvis.rendering._cuda_packets import CudaPacketsCaster
 from warpvis.rendering._orthographic import AnyCamera, OrthographicCamera
@@ -106,6 +106,7 @@ class Renderer:
         camera_to_world: PoseLike,
         *,
         object_poses: ObjectPoses = None,
+        object_scales: ObjectScales = None,
         world_index: ArrayInput | None = None,
         exclude: Excluded = None,
         convention: Convention = "opencv",
@@ -124,6 +125,9 @@ class Renderer:
             object_poses: Where the movable objects (`Scene.movable`, M of them) are in each of W worlds: object to
                 world, rows ``x y z qx qy qz qw``, shape ``(W, M, 7)`` or ``(M, 7)``, or `wp.transform` of shape
                 ``(W, M)``. By default in one world, where they were added.
+            object_scales: How large they are in each of these worlds: factors along each one's own x, y and z, by which
+                it and what is attached to it are stretched, shape ``(W, M, 3)`` or ``(M, 3)``. By default 1. Round
+                solids stay round: a sphere becomes an ellipsoid, and so do a capsule's ends.
             world_index: Index of every view's world, shape ``(V,)`` int32. By default all views are of the one world,
                 or if there are V of them, each of its own.
             exclude: What is not seen: names or indices of objects, or for every view its own flags, shape
@@ -138,14 +142,18 @@ class Renderer:
 
         Raises:
             PoseError: The poses are malformed; the first few offending views are named.
-            ArrayError: `out`, `world_index` or `exclude` does not fit.
+            ArrayError: `out`, `world_index`, `exclude` or `object_scales` does not fit.
             SceneError: The scene is empty, or has no object that `exclude` names.
         """
         camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
         object_poses = to_xyzw(object_poses, quaternion, "object_poses")
         self.scene.require_objects()
         poses = self._caster.parse_poses(camera_to_world, convention)
-        worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude)
+        worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude, object_scales)
+        return self._render(poses, worlds, out)
+
+    def _render(self, poses: Any, worlds: Worlds, out: Views | None) -> Views:
+        """Render views whose poses are as the caster takes them."""
         shape = (len(poses), self.camera.height, self.camera.width)
         on_host = self._on_host(shape, out)
         device = wp.get_device("cpu") if on_host else self.scene.device
@@ -163,6 +171,7 @@ class Renderer:
         pixels: ArrayInput,
         *,
         object_poses: ObjectPoses = None,
+        object_scales: ObjectScales = None,
         world_index: ArrayInput | None = None,
         exclude: Excluded = None,
         convention: Convention = "opencv",
@@ -176,6 +185,7 @@ class Renderer:
             pixels: Coordinates ``(x, y)`` [px] from the image's top left corner, N for every view, shape ``(V, N, 2)``;
                 a pixel's centre is its index + 0.5. Outside the image, and where a coordinate is NaN, nothing is seen.
             object_poses: As for `render`.
+            object_scales: As for `render`.
             world_index: As for `render`.
             exclude: As for `render`.
             convention: Axes of the camera frame of the poses.
@@ -193,7 +203,7 @@ class Renderer:
         self.scene.require_objects()
         device = self.scene.device
         poses = self._caster.parse_poses(camera_to_world, convention)
-        worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude)
+        worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude, object_scales)
         points = as_warp(pixels, wp.vec2, (len(poses), "N"), name="pixels", device=device)
         views = views_for(self.outputs, points.shape, device, out)
         rows = [image if image is None else _as_rows(image) for image in self._asked_for(views)]
@@ -313,6 +323,7 @@ def render(
     near_plane: NearPlane = "occlude",
     fill: Fill = "inf",
     object_poses: ObjectPoses = None,
+    object_scales: ObjectScales = None,
     world_index: ArrayInput | None = None,
     exclude: Excluded = None,
     convention: Convention = "opencv",
@@ -336,6 +347,7 @@ def render(
     return renderer.render(
         camera_to_world,
         object_poses=object_poses,
+        object_scales=object_scales,
         world_index=world_index,
         exclude=exclude,
         convention=convention,

@@ -22,7 +22,7 @@ from warpvis.core.poses import QuaternionOrder, check_up, poses_to_matrices, pos
 from warpvis.core.types import ArrayInput, DeviceLike, MeshLike
 from warpvis.errors import SceneError
 from warpvis.scene._object import SceneObject, as_it_is, by_itself, check_mesh, check_scale
-from warpvis.scene.geometry import SceneBvh, Triangles, build_scene_bvh, build_triangles, label_array
+from warpvis.scene.geometry import SceneBvh, Triangles, build_scene_bvh, build_triangles, label_array, solid_sizes
 from warpvis.scene.solids import Solid
 
 if TYPE_CHECKING:
@@ -56,6 +56,7 @@ class Scene:
         self._triangles: Triangles | None = None
         self._bvh: SceneBvh | None = None
         self._apart: Scene | None = None
+        self._sizes: wp.array | None = None
         self._kept_trees: KeptTrees | None = None
         self._lock = Lock()
 
@@ -405,8 +406,15 @@ class Scene:
         """Return labels of the objects on the scene's device, shape ``(objects,)`` uint8."""
         return label_array(self.require_objects(), self.device)
 
+    def movable_sizes(self) -> wp.array:
+        """Return sizes of the movable objects as they were added, as casters have them, shape ``(M,)`` vec4."""
+        with self._lock:
+            if self._sizes is None:
+                self._sizes = solid_sizes(self._objects, self._movable, self.device)[1]
+            return self._sizes
+
     def _forget(self) -> None:
-        self._triangles = self._bvh = self._apart = None
+        self._triangles = self._bvh = self._apart = self._sizes = None
 
     def require_objects(self) -> list[SceneObject]:
         """Return the objects; a `SceneError` if there are none."""

@@ -104,7 +104,7 @@ def build_triangles(objects: Sequence[SceneObject], device: wp.Device) -> Triang
     struct.movable_mesh = wp.array(ids, dtype=wp.uint64, device=device)
     struct.movable_object = _one_object(movable, shared_meshes, device)
     struct.movable_count = len(movable)
-    struct.movable_solid, struct.movable_size = _solids(objects, movable, device)
+    struct.movable_solid, struct.movable_size = solid_sizes(objects, movable, device)
     struct.object_label = label_array(objects, device)
     return Triangles(struct, meshes, refits)
 
@@ -163,7 +163,7 @@ def build_scene_bvh(
     struct.movable_leaf = wp.array(_first_leaves(trees)[tree_of], dtype=wp.int32, device=device)
     struct.movable_first_id = wp.array(ends - slots[tree_of], dtype=wp.int32, device=device)
     struct.movable_closed = wp.array(mesh_closed, dtype=wp.int32, device=device)
-    struct.movable_solid, struct.movable_size = _solids(objects, movable, device)
+    struct.movable_solid, struct.movable_size = solid_sizes(objects, movable, device)
     struct.movable_boxes = _floats(_boxes(objects, movable, shared), device)
     struct.object_label = label_array(objects, device)
     struct.object_count = len(objects)
@@ -243,8 +243,8 @@ def _share_meshes(objects: Sequence[SceneObject], movable: Sequence[int]) -> lis
     return list(meshes.values())
 
 
-def _solids(objects: Sequence[SceneObject], movable: Sequence[int], device: wp.Device) -> tuple[wp.array, wp.array]:
-    """Return movable objects' kinds of solid, ``(M,)`` int32, and their radii and half lengths, ``(M,)`` vec4."""
+def solid_sizes(objects: Sequence[SceneObject], movable: Sequence[int], device: wp.Device) -> tuple[wp.array, wp.array]:
+    """Return movable objects' kinds of solid, ``(M,)`` int32, and sizes, ``(M,)`` vec4: ones of meshes."""
     kinds, sizes = np.zeros(len(movable), dtype=np.int32), np.ones((len(movable), SOLID_WORDS), dtype=np.float32)
     for position, index in enumerate(movable):
         solid = objects[index].solid

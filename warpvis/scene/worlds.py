@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Worlds: where movable objects are in each view, and what a view must not see."""
+"""Worlds: where movable objects are in each view, and how large, and what a view must not see."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_numpy, as_warp, on_gpu, surely_finite
+from warpvis.core.kernel_cache import launch
 from warpvis.core.poses import not_unit, wrong_length
-from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
+from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, ObjectScales, PoseLike
 from warpvis.errors import ArrayError, PoseError
 
 if TYPE_CHECKING:
@@ -27,7 +28,12 @@ _LEAST_SQUARE, _MOST_SQUARE = 0.9981, 1.0019
 
 
 def parse_worlds(
-    scene: Scene, views: int, object_poses: ObjectPoses, world_index: ArrayInput | None, exclude: Excluded
+    scene: Scene,
+    views: int,
+    object_poses: ObjectPoses,
+    world_index: ArrayInput | None,
+    exclude: Excluded,
+    object_scales: ObjectScales = None,
 ) -> Worlds:
     """Make a `warpvis.kernels.worlds.Worlds` of a call's arguments; see `Renderer.render`.
 
@@ -37,22 +43,27 @@ def parse_worlds(
 
     Raises:
         PoseError: The poses of the objects are malformed.
-        ArrayError: `world_index` or `exclude` is.
+        ArrayError: `world_index`, `exclude` or `object_scales` is.
         SceneError: `exclude` names an object that the scene does not have.
     """
     from warpvis.kernels.worlds import Worlds
 
-    if object_poses is None and world_index is None and exclude is None and not scene.movable:
+    said = [value for value in (object_poses, world_index, exclude, object_scales) if value is not None]
+    if not said and not scene.movable:
         return _still_world()
     worlds = Worlds()
-    worlds.object_poses = _parse_object_poses(scene, object_poses)
+    scales = None if object_scales is None else _parse_object_scales(scene, object_scales)
+    # Where only sizes differ, poses are the same in all worlds.
+    repeated = 1 if scales is None or object_poses is not None else scales.shape[0]
+    worlds.object_poses = _parse_object_poses(scene, object_poses, repeated)
     count = worlds.object_poses.shape[0]
+    if scales is not None:
+        worlds.object_sizes = _sizes(scene, scales, count)
     if world_index is not None:
         worlds.world = _parse_world(world_index, views, count, scene.device)
     elif count not in (1, views):
-        raise ArrayError(
-            f"object_poses are of {count} worlds and there are {views} views; say world_index= of each view"
-        )
+        given = "object_scales" if repeated > 1 else "object_poses"
+        raise ArrayError(f"{given} are of {count} worlds and there are {views} views; say world_index= of each view")
     exclude = (exclude,) if isinstance(exclude, str) else exclude
     if exclude is not None and not _is_empty(exclude):
         worlds.excluded = _parse_exclude(scene, views, exclude)
@@ -80,10 +91,13 @@ def part_of(worlds: Worlds, views: slice) -> Worlds:
 
     part = Worlds()
     part.object_poses, part.world, part.excluded = worlds.object_poses, worlds.world, worlds.excluded
+    part.object_sizes = worlds.object_sizes
     if worlds.world is not None and worlds.world.size:
         part.world = worlds.world[views]
     elif worlds.object_poses is not None and worlds.object_poses.shape[0] > 1:
         part.object_poses = worlds.object_poses[views]
+        if worlds.object_sizes is not None:
+            part.object_sizes = worlds.object_sizes[views]
     if worlds.excluded is not None and worlds.excluded.shape[0] > 1:
         part.excluded = worlds.excluded[views]
     return part
@@ -99,11 +113,48 @@ def pose_columns(scene: Scene) -> NDArray[np.int32]:
     return columns
 
 
-def _parse_object_poses(scene: Scene, poses: PoseLike) -> wp.array:
+def _parse_object_scales(scene: Scene, scales: ArrayInput) -> wp.array:
+    """Return factors on the scene's device, shape ``(1 or W, M)`` vec3; those of the host are checked."""
+    movable = scene.movable
+    if not movable:
+        raise ArrayError("object_scales were given, but no object of the scene is movable; add one with movable=True")
+    if not on_gpu(scales):
+        rows = as_numpy(scales.numpy() if isinstance(scales, wp.array) else scales, name="object_scales")
+        rows = rows[None] if rows.ndim == 2 else rows
+        if rows.ndim != 3 or rows.shape[1:] != (len(movable), 3) or not len(rows) or rows.dtype.kind not in "fiu":
+            raise ArrayError(
+                f"object_scales must be numbers of shape (W, {len(movable)}, 3), factors along x, y and z of the "
+                f"movable objects in W worlds, got {rows.dtype} of shape {rows.shape}"
+            )
+        with np.errstate(over="ignore"):
+            rows = rows.astype(np.float32)
+        bad = np.argwhere(~((rows > 0) & np.isfinite(rows)).all(axis=2))
+        if len(bad):
+            names = [f"{scene.objects[movable[m]].name!r} in world {w}" for w, m in bad[:3]]
+            raise ArrayError(f"object_scales must be positive and finite: wrong in {len(bad)}, of {', '.join(names)}")
+        scales = rows
+    elif isinstance(scales, wp.array) and scales.ndim == 1 and wp.types.types_equal(scales.dtype, wp.vec3):
+        scales = scales.reshape((1, scales.shape[0]))
+    return as_warp(scales, wp.vec3, ("W", len(movable)), name="object_scales", device=scene.device)
+
+
+def _sizes(scene: Scene, scales: wp.array, worlds: int) -> wp.array:
+    """Make what `Worlds` has of factors that are of one world or of all."""
+    from warpvis.kernels.sizes import scale_sizes
+
+    if scales.shape[0] not in (1, worlds):
+        raise ArrayError(f"object_scales are of {scales.shape[0]} worlds and object_poses of {worlds}")
+    sizes = wp.empty((worlds, scales.shape[1]), dtype=wp.vec4, device=scene.device)
+    launch(scale_sizes, sizes.shape, [scene.movable_sizes(), scales, sizes], scene.device)
+    return sizes
+
+
+def _parse_object_poses(scene: Scene, poses: PoseLike, repeated: int = 1) -> wp.array:
     movable = scene.movable
     if poses is None:
         rows = np.array([scene.objects[index].pose for index in movable], dtype=np.float32).reshape(1, -1, 7)
-        return wp.array(rows, dtype=wp.transform, shape=(1, len(movable)), device=scene.device)
+        rows = np.repeat(rows, repeated, axis=0)
+        return wp.array(rows, dtype=wp.transform, shape=(repeated, len(movable)), device=scene.device)
     if not movable:
         raise PoseError("object_poses were given, but no object of the scene is movable; add one with movable=True")
     if isinstance(poses, wp.array) and poses.dtype == wp.transform and poses.ndim == 1:

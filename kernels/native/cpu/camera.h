@@ -72,6 +72,20 @@ struct Camera {
         return camera;
     }
 
+    // In the frame of an object that is stretched, divided by the factors.
+    static inline Camera of(const Pose& pose, const Stretch& stretch, const Job& job) {
+        Pose there = pose;
+        for (int k = 0; k < 3; ++k) {
+            there.position[k] /= stretch.factor[k];
+            for (int i = 0; i < 3; ++i) there.axis[i][k] *= stretch.factor[k];
+        }
+        Camera camera = of(there, job);
+        // Places are multiplied on their way into the camera's space, rays divided on theirs out of it.
+        for (int k = 0; k < 3; ++k)
+            for (int i = 0; i < 3; ++i) camera.exact_to_camera[i][k] /= stretch.factor[k] * stretch.factor[k];
+        return camera;
+    }
+
     inline Points relative(Floats x, Floats y, Floats z) const {
         return Points{x - origin[0], y - origin[1], z - origin[2]};
     }

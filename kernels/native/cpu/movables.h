@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The objects of a view's world that it may see. Each has a bvh in its own frame, into which the camera is moved:
-// rigid motion changes neither depths nor where things are in the image, and moving an object rebuilds nothing.
+// neither rigid motion nor stretching changes depths or where things are in the image, and neither rebuilds anything.
 
 // Objects' boxes in camera space, one in each lane: their centres, and half of each of their edges.
 struct OrientedBoxes {
@@ -32,16 +32,32 @@ struct OrientedBoxes {
         axis[2][2] = 1.0 - s * (x * x + y * y);
     }
 
+    // How the objects from `first` on are stretched, one in each lane.
+    static inline void factors(const View& view, int first, int last, Doubles* factor) {
+        const Movables& movables = view.scene.movables;
+        double value[3][LANES];
+        for (int lane = 0; lane < LANES; ++lane) {
+            const Stretch stretch = movables.stretch_of(first + (lane < last ? lane : last), view.world);
+            for (int k = 0; k < 3; ++k) value[k][lane] = stretch.factor[k];
+        }
+        __builtin_memcpy(factor, value, sizeof value);
+    }
+
     // Centres in double precision: an object may be far from the origin of its frame, which may be far from the
     // world's.
-    static inline OrientedBoxes of(const float* box, const float* row, int last, const View& view) {
+    static inline OrientedBoxes of(int first, int last, const View& view) {
+        const float* box = view.scene.movables.boxes + (long long)first * BOX_WORDS;
+        const float* row = view.world.poses + (long long)first * POSE_WORDS;
         OrientedBoxes moved;
+        Doubles factor[3] = {(Doubles)(1.0), (Doubles)(1.0), (Doubles)(1.0)};
+        if (view.world.sizes) factors(view, first, last, factor);
         const double* focal = view.job.focal;
         Doubles axis[3][3], center[3];
         axes(row, last, axis);
         for (int k = 0; k < 3; ++k) center[k] = column(row + k, POSE_WORDS, last) - view.pose.position[k];
         for (int i = 0; i < 3; ++i) {
-            const Doubles low = column(box + i, BOX_WORDS, last), high = column(box + 3 + i, BOX_WORDS, last);
+            const Doubles low = column(box + i, BOX_WORDS, last) * factor[i],
+                          high = column(box + 3 + i, BOX_WORDS, last) * factor[i];
             for (int k = 0; k < 3; ++k) center[k] += axis[i][k] * (0.5 * (low + high));
             const Floats size = narrow(0.5 * (high - low));
             const Points edge = {narrow(axis[i][0]) * size, narrow(axis[i][1]) * size, narrow(axis[i][2]) * size};
@@ -88,10 +104,7 @@ struct Queue {
 
     // Objects from `first` on, as many as there are lanes.
     static inline ScreenBounds bounds(const View& view, const Image& image, int first, Ints wanted) {
-        const Movables& movables = view.scene.movables;
-        const float* box = movables.boxes + (long long)first * BOX_WORDS;
-        const float* row = view.world.poses + (long long)first * POSE_WORDS;
-        const OrientedBoxes boxes = OrientedBoxes::of(box, row, movables.count - 1 - first, view);
+        const OrientedBoxes boxes = OrientedBoxes::of(first, view.scene.movables.count - 1 - first, view);
         return boxes.bounds(view.camera.far, image, wanted);
     }
     // One object; false if it is not in the image.

@@ -142,18 +142,25 @@ struct Packets {
         return camera;
     }
 
-    // The camera in the frame of an object, which is kept.
+    // The camera in the frame of an object, which is kept; of its triangles' if those are drawn.
     static inline Camera movable_camera(const View& view, int movable, Frame& frame) {
         const Movables& movables = view.scene.movables;
         const Pose object = Pose::from(view.world.poses + (long long)movable * POSE_WORDS);
         const Pose there = view.pose.seen_from(object);
+        const Stretch stretch = movables.stretch_of(movable, view.world);
         __builtin_memcpy(frame.axis, object.axis, sizeof object.axis);
         __builtin_memcpy(frame.viewpoint, there.position, sizeof there.position);
+        frame.shrink[0] = frame.shrink[1] = frame.shrink[2] = 1.0;
         Camera camera = Camera::of(there, view.job);
         const float* box = movables.boxes + (long long)movable * BOX_WORDS;
-        const bool in_box = there.inside(box, view.job.clip_reach);
+        const bool in_box = there.inside(box, stretch, view.job.clip_reach);
         const bool clipped = view.job.clip_reach > 0.0f && in_box;
-        frame.solid = clipped ? Solid::none() : movables.solid_of(movable, camera);
+        frame.solid = clipped ? Solid::none() : movables.solid_of(movable, view.world, camera);
+        if (view.world.sizes && frame.solid.kind == SOLID_NONE) {
+            camera = Camera::of(there, stretch, view.job);
+            __builtin_memcpy(frame.viewpoint, camera.exact_origin, sizeof camera.exact_origin);
+            for (int k = 0; k < 3; ++k) frame.shrink[k] = 1.0 / stretch.factor[k];
+        }
         camera.skip_back_faces = movables.closed[movable] && !in_box;
         camera.cull_back_faces |= camera.skip_back_faces;
         if (movables.object[movable] < 0) camera.excluded = view.world.excluded;

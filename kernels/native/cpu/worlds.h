@@ -3,9 +3,10 @@
 //
 // What is drawn: what stays, and objects that move; where they are in a view's world, and whose a triangle is.
 
-// An object's axes in the world, and the camera in its frame: what normals take of a pose.
+// An object's axes in the world, and the camera in its frame: what normals take of a pose and a size.
 struct Frame {
     double axis[3][3], viewpoint[3];
+    double shrink[3];  // 1 / factors by which it is stretched, of which the viewpoint is a multiple too
     Solid solid;  // with the camera outside; of another kind than none, it is what the object is drawn as
 };
 
@@ -13,6 +14,7 @@ struct Frame {
 struct World {
     bool exists;  // if it does not, nothing is seen
     const float* poses;  // [movable]: x y z qx qy qz qw, object to world
+    const float* sizes;  // [movable][SOLID_WORDS]; null if all are as they were made
     const unsigned char* excluded;  // [object]: not 0 for what is not seen; null if nothing is excluded
 
     // -1 stands for several objects.
@@ -30,6 +32,7 @@ struct Movables {
     const int* solid;  // its kind
     const float* size;  // [movable][SOLID_WORDS]: of a solid, factors along x, y and z, and half length before them
     const float* poses;  // [world][movable][POSE_WORDS]
+    const float* sizes;  // [world][movable][SOLID_WORDS]: of a mesh, factors; null if all are as they were made
     int worlds;
     const int* world;  // [view]; null: the one world, or if there are several, for each view its own
     const unsigned char* excluded;  // [view or 1][object], or null
@@ -42,7 +45,9 @@ struct Movables {
         const int index = world ? world[view] : worlds == 1 ? 0 : view;
         World result;
         result.exists = count == 0 || (index >= 0 && index < worlds);
-        result.poses = poses + (long long)(result.exists ? index : 0) * count * POSE_WORDS;
+        const long long first = (long long)(result.exists ? index : 0) * count;
+        result.poses = poses + first * POSE_WORDS;
+        result.sizes = sizes ? sizes + first * SOLID_WORDS : nullptr;
         const int row = view < excluded_views ? view : excluded_views - 1;
         result.excluded = excluded ? excluded + (long long)row * objects : nullptr;
         return result;
@@ -55,10 +60,18 @@ struct Movables {
         return false;
     }
 
+    // How its triangles are stretched in a world.
+    inline Stretch stretch_of(int movable, const World& world) const {
+        if (!world.sizes) return Stretch::none();
+        const long long row = (long long)movable * SOLID_WORDS;
+        return Stretch::of(solid[movable], size + row, world.sizes + row);
+    }
+
     // The solid as which it is seen by a camera in its frame: from inside, triangles are seen whatever it is.
-    inline Solid solid_of(int movable, const Camera& camera) const {
+    inline Solid solid_of(int movable, const World& world, const Camera& camera) const {
         if (solid[movable] == SOLID_NONE) return Solid::none();
-        Solid found = Solid::of(solid[movable], size + (long long)movable * SOLID_WORDS, camera);
+        const float* sizes_there = world.sizes ? world.sizes : size;
+        Solid found = Solid::of(solid[movable], sizes_there + (long long)movable * SOLID_WORDS, camera);
         if (!found.outside()) found.kind = SOLID_NONE;
         return found;
     }
@@ -143,7 +156,7 @@ struct Lookup {
     // Unit normal of a triangle in the world, towards the camera.
     inline void normal_of(int id, float* n) {
         if (!moving || id < first_movable)
-            normal_there(viewpoint, id, n);
+            normal_there(viewpoint, nullptr, id, n);
         else
             movable_normal(id, n);
     }
@@ -151,7 +164,7 @@ struct Lookup {
         find(id);
         const Frame& frame = frames[movable];
         float there[3];
-        normal_there(frame.viewpoint, id - first + movables.first_leaf[movable] * LANES, there);
+        normal_there(frame.viewpoint, frame.shrink, id - first + movables.first_leaf[movable] * LANES, there);
         for (int k = 0; k < 3; ++k)
             n[k] = (float)(there[0] * frame.axis[0][k] + there[1] * frame.axis[1][k] + there[2] * frame.axis[2][k]);
     }
@@ -186,12 +199,13 @@ struct Lookup {
         return Points{n[0], n[1], n[2]};
     }
 
-    // In the frame of its tree, of the triangle at a place in the leaves.
-    inline void normal_there(const double* from, int slot, float* n) const {
+    // In the frame of its tree, of the triangle at a place in the leaves, which `shrink` undoes the stretching of.
+    inline void normal_there(const double* from, const double* shrink, int slot, float* n) const {
         const float* corners = bvh.leaf((unsigned)slot / LANES);
-        const ExactTriangle t = ExactTriangle::of(from, corners, (unsigned)slot % LANES);
-        const double* c = t.normal;
+        ExactTriangle t = ExactTriangle::of(from, corners, (unsigned)slot % LANES);
+        double* c = t.normal;
         const double towards = t.volume() > 0 ? -1.0 : 1.0;
+        for (int k = 0; k < 3 && shrink; ++k) c[k] *= shrink[k];
         const double length = __builtin_sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]);
         for (int k = 0; k < 3; ++k) n[k] = (float)(c[k] * towards / length);
     }

@@ -47,11 +47,15 @@ struct Bvh {
 };
 
 struct Box {
+    // A coordinate of a box of what may be stretched.
+    static inline float side(const float* value, float factor) {
+        return RESIZED ? __fmul_rn(__ldg(value), factor) : __ldg(value);
+    }
     // Whether a camera is in a box, least and greatest corner, or so near to it that the near plane may cut it.
-    static inline bool holds(const float* box, Vec3 p, NearPlane near) {
-        return p.x >= near.below(__ldg(box)) && p.x <= near.above(__ldg(box + 3)) &&
-               p.y >= near.below(__ldg(box + 1)) && p.y <= near.above(__ldg(box + 4)) &&
-               p.z >= near.below(__ldg(box + 2)) && p.z <= near.above(__ldg(box + 5));
+    static inline bool holds(const float* box, Vec3 by, Vec3 p, NearPlane near) {
+        return p.x >= near.below(side(box, by.x)) && p.x <= near.above(side(box + 3, by.x)) &&
+               p.y >= near.below(side(box + 1, by.y)) && p.y <= near.above(side(box + 4, by.y)) &&
+               p.z >= near.below(side(box + 2, by.z)) && p.z <= near.above(side(box + 5, by.z));
     }
 };
 

@@ -53,8 +53,11 @@ struct ObjectPass {
         // As much wider as the origin may be wrong.
         const float margin = MOVED_BOX_SLACK * (fabsf(origin.x) + fabsf(origin.y) + fabsf(origin.z));
         const Vec3 wider = {margin, margin, margin};
-        const Vec3 low = Vec3::minus(Vec3::minus(Vec3{__ldg(box), __ldg(box + 1), __ldg(box + 2)}, origin), wider);
-        const Vec3 high = Vec3::plus(Vec3::minus(Vec3{__ldg(box + 3), __ldg(box + 4), __ldg(box + 5)}, origin), wider);
+        const Vec3 by = movables.factors(m);
+        const Vec3 least = {Box::side(box, by.x), Box::side(box + 1, by.y), Box::side(box + 2, by.z)};
+        const Vec3 most = {Box::side(box + 3, by.x), Box::side(box + 4, by.y), Box::side(box + 5, by.z)};
+        const Vec3 low = Vec3::minus(Vec3::minus(least, origin), wider);
+        const Vec3 high = Vec3::plus(Vec3::minus(most, origin), wider);
         return Walk::visit(world, rows, packet, low, high, shown);
     }
     static inline Vec3 inside(const Vec3* axis, Vec3 v) {
@@ -78,28 +81,33 @@ struct ObjectPass {
         if (!NearPlane::clips()) return false;
         Vec3 axis[3];
         const Vec3 origin = camera_there(world, movables.pose(m), axis);
-        return Box::holds(movables.box(m), origin, world.near);
+        return Box::holds(movables.box(m), movables.factors(m), origin, world.near);
     }
 
-    // Move the world's camera into the frame of an object; a lane takes a coordinate of a ray, or of the origin.
+    // Move the world's camera into the frame of an object's triangles; a lane takes a coordinate of a ray, or of the
+    // origin.
     static inline void move(const Camera& world, const Movables& movables, int m, bool cull, Camera& moved) {
         const int lane = Warp::lane(), row = lane / 3, k = lane % 3;
         const float* pose = movables.pose(m);
         Vec3d axis[3];
         PoseRow::axes(pose, axis);
         const Vec3d along = k == 0 ? axis[0] : k == 1 ? axis[1] : axis[2];
+        const double factor = RESIZED ? movables.stretch(m).factor[k] : 1.0;
         if (row < 3) {
             const double value = Vec3d::dot(along, world.exact_rays[row]);
-            (&moved.exact_rays[row].x)[k] = value;
-            (&moved.to_camera[row].x)[k] = (float)(value * world.focal_squared[row]);
+            (&moved.exact_rays[row].x)[k] = RESIZED ? value / factor : value;
+            (&moved.to_camera[row].x)[k] = (float)(value * world.focal_squared[row] * factor);
         } else if (row == 3) {
-            const double value = Vec3d::dot(along, Vec3d::minus(world.exact_origin, PoseRow::position(pose)));
+            const double there = Vec3d::dot(along, Vec3d::minus(world.exact_origin, PoseRow::position(pose)));
+            const double value = RESIZED ? there / factor : there;
             (&moved.exact_origin.x)[k] = value;
             (&moved.origin.x)[k] = (float)value;
             (&moved.rest.x)[k] = (float)(value - (float)value);
         }
         Warp::sync();
-        const bool inside = Box::holds(movables.box(m), moved.origin, world.near);
+        const Vec3 by = movables.factors(m), o = moved.origin;
+        const Vec3 from = RESIZED ? Vec3{o.x * by.x, o.y * by.y, o.z * by.z} : o;
+        const bool inside = Box::holds(movables.box(m), by, from, world.near);
         if (lane == 0) {
             moved.skip_back_faces = __ldg(movables.closed + m) && !inside;
             moved.cull_back_faces = cull || moved.skip_back_faces;

@@ -52,7 +52,12 @@ struct Write {
             }
         }
         PoseRow::axes(pose, axis);
-        return PoseRow::turned_out(axis, Vec3d::normal(scene.bvh.corners(id - movables.id_offset(m))));
+        Vec3d n = Vec3d::normal(scene.bvh.corners(id - movables.id_offset(m)));
+        if (RESIZED) {
+            const Stretch stretch = movables.stretch(m);
+            n = Vec3d{n.x / stretch.factor[0], n.y / stretch.factor[1], n.z / stretch.factor[2]};
+        }
+        return PoseRow::turned_out(axis, n);
     }
 
     static inline Vec3 point(const Camera& camera, int x, int y, float z) {

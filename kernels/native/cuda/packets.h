@@ -36,7 +36,7 @@ struct Packets {
     static inline bool outside_all(const ClosedObjects& closed, const unsigned char* excluded, const Camera& camera) {
         bool inside = false;
         for (int i = Warp::lane(); i < closed.count; i += LANES)
-            inside |= Box::holds(closed.boxes + BOX_WORDS * i, camera.origin, camera.near) &&
+            inside |= Box::holds(closed.boxes + BOX_WORDS * i, Vec3{1.0f, 1.0f, 1.0f}, camera.origin, camera.near) &&
                       !(excluded && excluded[__ldg(closed.object + i)]);
         return !Warp::any(inside);
     }

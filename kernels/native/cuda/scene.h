@@ -22,12 +22,22 @@ struct Movables {
     const int* solid;  // a SolidKind
     const float* size;  // [movable][SOLID_WORDS]
     const float* poses;  // [movable][POSE_WORDS], object to world; null where the view's world does not exist
+    const float* sizes;  // [movable][SOLID_WORDS] there; nothing but for kernels that are RESIZED
     const unsigned char* excluded;  // [object]; null for none
 
     // What the number of a triangle is more than its slot in the leaves.
     inline int id_offset(int m) const { return __ldg(first_id + m) - __ldg(leaf + m) * LANES; }
     inline const float* box(int m) const { return boxes + BOX_WORDS * (long long)m; }
-    inline const float* solid_size(int m) const { return size + SOLID_WORDS * (long long)m; }
+    inline const float* solid_size(int m) const { return (RESIZED ? sizes : size) + SOLID_WORDS * (long long)m; }
+    // How its triangles are stretched.
+    inline Stretch stretch(int m) const {
+        const long long row = SOLID_WORDS * (long long)m;
+        return RESIZED ? Stretch::of(__ldg(solid + m), size + row, sizes + row) : Stretch::none();
+    }
+    inline Vec3 factors(int m) const {
+        const Stretch all = stretch(m);
+        return Vec3{(float)all.factor[0], (float)all.factor[1], (float)all.factor[2]};
+    }
     inline const float* pose(int m) const { return poses + POSE_WORDS * (long long)m; }
 
     // Which of them a triangle belongs to; -1 for what stays.

@@ -63,10 +63,13 @@ struct Pose {
         return seen;
     }
     // Whether it is in a box, least and greatest corner, or farther from it than a margin along no axis.
-    inline bool inside(const float* box, float margin) const {
+    inline bool inside(const float* box, float margin) const { return inside(box, Stretch::none(), margin); }
+    // The same of a box of what is stretched.
+    inline bool inside(const float* box, const Stretch& stretch, float margin) const {
         bool inside = true;
         for (int k = 0; k < 3; ++k)
-            inside &= position[k] >= (double)box[k] - margin && position[k] <= (double)box[3 + k] + margin;
+            inside &= position[k] >= box[k] * stretch.factor[k] - margin &&
+                      position[k] <= box[3 + k] * stretch.factor[k] + margin;
         return inside;
     }
 };

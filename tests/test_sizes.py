@@ -1,0 +1,212 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Movable objects of another size in every world: what is seen is what a scene shows that was built of those sizes."""
+
+import numpy as np
+import pytest
+import test_attached
+import test_near_plane
+import trimesh
+import warp as wp
+from pose_samples import unit
+from test_worlds import ALL, MESHES, SMALL, assert_bits_equal, assert_views_match_twins, eyes, random_poses
+
+import warpvis as wv
+from warpvis.scene import solids
+from warpvis.scene.worlds import parse_worlds, part_of
+
+import reference
+from compare import assert_matches_reference, wrong_depth
+
+SHAPES = (
+    solids.sphere(0.4),
+    solids.ellipsoid((0.6, 0.2, 0.4)),
+    solids.capsule(0.2, 0.5),
+    solids.cylinder(0.3, 0.5),
+    *MESHES[:3],
+)
+
+
+TURNED = unit((0, 0, 2, 0.1, 0.2, 0.3, 0.9))
+# From inside of what is there, and so near that a near plane cuts it.
+NEAR = np.array(
+    [wv.look_at((0.02, 0.01, 2.05), (1, 0.3, 2.2)), wv.look_at((0.75, 0.1, 2.1), (0, 0, 2))], dtype=np.float32
+)
+
+
+def build(device, poses, scales=None, *, shapes=SHAPES):
+    """A floor that stays, and movable objects."""
+    scene = wv.Scene(device=device)
+    scene.add(trimesh.creation.box((6, 6, 0.02)), name="floor", label="ground")
+    for index, shape in enumerate(shapes):
+        scale = (1, 1, 1) if scales is None else scales[index]
+        label = ("object", "human", "robot", "obstacle")[index % 4]
+        scene.add(shape, name=f"object_{index}", label=label, pose=poses[index], scale=scale, movable=True)
+    return scene
+
+
+def assert_alike(views, expected):
+    """Depth as close as depth has to be, and the same objects there."""
+    wrong = wrong_depth(views.depth.numpy(), expected.depth.numpy().astype(np.float64))
+    assert wrong.mean() <= 1e-4
+    np.testing.assert_array_equal(views.segmentation.numpy()[~wrong], expected.segmentation.numpy()[~wrong])
+
+
+def random_scales(rng, *shape):
+    return np.exp(rng.uniform(-0.9, 0.7, (*shape, 3)))
+
+
+@pytest.mark.parametrize("cull_backfaces", [False, True])
+def test_objects_of_other_sizes_are_as_if_built_so(device, caster, cull_backfaces):
+    rng, world = np.random.default_rng(0), np.array([1, 0, 2, 1])
+    rows, scales = random_poses(rng, 3, len(SHAPES)), random_scales(rng, 3, len(SHAPES))
+    renderer = wv.Renderer(build(device, rows[0]), SMALL, outputs=ALL, caster=caster, cull_backfaces=cull_backfaces)
+    views = renderer.render(eyes(4), object_poses=rows, object_scales=scales, world_index=world)
+    twins = [build("cpu", rows[index], scales[index]) for index in world]
+    assert_views_match_twins(views, SMALL, eyes(4), twins, cull_backfaces=cull_backfaces)
+
+
+def test_factors_of_1_change_no_bit(device, caster):
+    rows = random_poses(np.random.default_rng(1), 2, len(SHAPES))
+    renderer = wv.Renderer(build(device, rows[0]), SMALL, outputs=ALL, caster=caster)
+    plain = renderer.render(eyes(2), object_poses=rows)
+    assert_bits_equal(renderer.render(eyes(2), object_poses=rows, object_scales=np.ones((len(SHAPES), 3))), plain)
+
+
+def test_far_factors_and_far_places(device, caster):
+    """A cube of a millimetre made a wall, and a wall made a cube of a centimetre, a kilometre from the origin."""
+    scene, twin = wv.Scene(device=device), wv.Scene()
+    scales = np.array([(50.0, 2000.0, 3000.0), (0.002, 0.004, 0.01)])
+    poses = np.round([(1003, 1000, 2, 0, 0, 0, 1), (1001, 1000, 2, 0, 0, 0, 1)])
+    for shape, pose, scale in zip(((1e-3, 1e-3, 1e-3), (10, 5, 2)), poses, scales, strict=True):
+        for one, factors in ((scene, 1.0), (twin, scale)):
+            one.add(trimesh.creation.box(shape), pose=pose, scale=factors, movable=True)
+    pose = wv.look_at((1000, 1000, 2), (1001, 1000, 2))[None]
+    views = wv.render(scene, SMALL, pose, outputs=ALL, object_scales=scales, caster=caster)
+    assert (np.unique(views.segmentation.numpy()) == [-1, 0, 1]).all()
+    assert_matches_reference(views, twin, SMALL, pose)
+
+
+@pytest.mark.parametrize("near_plane", ["occlude", "clip"])
+@pytest.mark.parametrize("kind", [0, 1, 3, 4])
+def test_from_inside_and_cut_open(device, caster, kind, near_plane):
+    """Where triangles stand for a solid, they are stretched as it is; a capsule's ends are then half ellipsoids."""
+    shapes, row, scales = [SHAPES[kind]], [TURNED], [(1.5, 0.8, 1.2)]
+    scene, twin = build(device, row, shapes=shapes), build(device, row, scales, shapes=shapes)
+    camera = test_near_plane.CAMERA if near_plane == "clip" else SMALL
+    for cull_backfaces in (False, True):
+        options = {"outputs": ALL, "cull_backfaces": cull_backfaces, "near_plane": near_plane, "caster": caster}
+        views = wv.render(scene, camera, NEAR, object_scales=scales, **options)
+        assert_alike(views, wv.render(twin, camera, NEAR, **options))
+
+
+def test_what_is_attached_is_stretched_with_it(device, caster):
+    table, ball = random_poses(np.random.default_rng(2), 2)
+    scene = test_attached.build(device, table, ball, attached=True)
+    factors = np.array([(0.7, 1.4, 1.2), (1, 1, 1)])
+    views = wv.render(scene, SMALL, eyes(2), outputs=ALL, caster=caster, object_scales=factors)
+    twin = wv.Scene()
+    for item in scene.objects:
+        if item.pose is None and item.carrier is None:
+            twin.add((item.vertices, item.faces), name=item.name, label=item.label)
+            continue
+        carrier = item if item.carrier is None else scene.objects[item.carrier]
+        scale = factors[scene.movable.index(scene.index(carrier.name))]
+        twin.add((item.mesh_vertices * scale, item.faces), name=item.name, label=item.label, pose=carrier.pose)
+    assert_matches_reference(views, twin, SMALL, eyes(2))
+
+
+def test_points_of_the_image(device, caster):
+    rng = np.random.default_rng(3)
+    rows, scales = random_poses(rng, 2, len(SHAPES)), random_scales(rng, 2, len(SHAPES))
+    pixels = rng.uniform(-2, [98, 74], (2, 2000, 2)).astype(np.float32)
+    renderer = wv.Renderer(build(device, rows[0]), SMALL, outputs=ALL, caster=caster)
+    views = renderer.render_at(eyes(2), pixels, object_poses=rows, object_scales=scales)
+    for view in range(2):
+        expected = reference.cast_rays_at(build("cpu", rows[view], scales[view]), SMALL, eyes(2)[view], pixels[view])
+        wrong = wrong_depth(views.depth.numpy()[view], expected.depth)
+        assert wrong.mean() <= 1e-3
+        same = ~wrong & (expected.gap > 1e-5)
+        assert (views.segmentation.numpy()[view][same] == expected.objects[same]).all()
+        hit = same & np.isfinite(expected.depth)
+        apart = np.abs(views.normals.numpy()[view][hit] - expected.normals[hit]).max(axis=-1) > 2e-4
+        assert apart.mean() <= 1e-2  # at edges between triangles, either normal is right
+
+
+def test_an_orthographic_camera_sees_sizes_too(device):
+    row, scale = [(0, 0, 1, 0, 0, 0, 1)], [(2.0, 0.5, 1.5)]
+    camera = wv.rendering.OrthographicCamera(40, 30, 10, 10, 20, 15, far=10.0)
+    pose = wv.look_at((3, 1, 2), (0, 0, 1))[None]
+    for shape in (SHAPES[1], SHAPES[4]):
+        scene, twin = build(device, row, shapes=[shape]), build(device, row, scale, shapes=[shape])
+        views = wv.render(scene, camera, pose, object_scales=scale).depth.numpy()
+        np.testing.assert_allclose(views, wv.render(twin, camera, pose).depth.numpy(), atol=2e-6)
+
+
+def test_worlds_of_sizes_alone(device):
+    """Poses need not be given: objects stay where they were added. One world of sizes is for all."""
+    rng = np.random.default_rng(4)
+    rows, scales = random_poses(rng, len(SHAPES)), random_scales(rng, 3, len(SHAPES))
+    renderer = wv.Renderer(build(device, rows), SMALL, outputs=ALL)
+    views = renderer.render(eyes(3), object_scales=scales)
+    assert_bits_equal(renderer.render(eyes(3), object_poses=np.stack([rows] * 3), object_scales=scales), views)
+    one = renderer.render(eyes(3), object_scales=scales[0])
+    assert_bits_equal(renderer.render(eyes(3), object_scales=np.stack([scales[0]] * 3)), one)
+    given = wp.array(scales, dtype=wp.vec3, device=device)
+    assert_bits_equal(renderer.render(eyes(3), object_scales=given), views)
+    if device != "cpu":
+        small = wv.Renderer(build(device, rows), SMALL, outputs=ALL, device_bytes=1)
+        assert_bits_equal(small.render(eyes(3), object_scales=scales), views)
+
+
+def test_parts_of_a_call_have_their_sizes():
+    scene = build("cpu", random_poses(np.random.default_rng(5), len(SHAPES)))
+    scales = random_scales(np.random.default_rng(6), 4, len(SHAPES))
+    worlds = parse_worlds(scene, 4, None, None, None, scales)
+    part = part_of(worlds, slice(1, 3))
+    np.testing.assert_array_equal(part.object_sizes.numpy(), worlds.object_sizes.numpy()[1:3])
+    shared = parse_worlds(scene, 4, None, [3, 0, 1, 1], None, scales)
+    assert part_of(shared, slice(1, 3)).object_sizes is shared.object_sizes
+
+
+def test_sizes_are_as_the_reference_has_them(device):
+    from warpvis.kernels.sizes import scale_sizes
+
+    rng = np.random.default_rng(7)
+    made, scales = rng.uniform(0.1, 2, (5, 4)).astype(np.float32), rng.uniform(0.1, 2, (2, 5, 3)).astype(np.float32)
+    arrays = [wp.array(made, dtype=wp.vec4, device=device), wp.array(scales, dtype=wp.vec3, device=device)]
+    sizes = wp.empty((4, 5), dtype=wp.vec4, device=device)
+    wp.launch(scale_sizes, sizes.shape, [*arrays, sizes], device=device)
+    np.testing.assert_allclose(sizes.numpy(), reference.scale_sizes(made, scales, 4), rtol=1e-6)
+
+
+ONES = np.ones((2, 2, 3))
+BAD = {
+    "nothing moves": ({"movable": False}, ONES, "object_scales were given, but no object of the scene is movable"),
+    "another shape": ({}, ONES[:, :1], "object_scales must be numbers of shape (W, 2, 3), factors along x, y and z"),
+    "no worlds": ({}, ONES[:0], "object_scales must be numbers of shape (W, 2, 3), factors along x, y and z"),
+    "flags": ({}, ONES > 0, "of the movable objects in W worlds, got bool of shape (2, 2, 3)"),
+    "words": ({}, "large", "object_scales must be an array of numbers"),
+    "zero": ({}, ONES * [1, 0, 1], "object_scales must be positive and finite: wrong in 4, of 'a' in world 0, 'b' in"),
+    "negative": ({}, -ONES[0], "object_scales must be positive and finite: wrong in 2, of 'a' in world 0"),
+    "NaN": ({}, ONES * np.nan, "object_scales must be positive and finite: wrong in 4"),
+    "too large for single precision": ({}, ONES * 1e39, "object_scales must be positive and finite: wrong in 4"),
+    "other worlds": ({}, np.ones((3, 2, 3)), "object_scales are of 3 worlds and object_poses of 2"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_scales_are_named(name):
+    options, scales, said = BAD[name]
+    scene = wv.Scene()
+    for item in "ab":
+        scene.add(MESHES[0], name=item, **{"movable": True, **options})
+    poses = {"object_poses": np.tile([0, 0, 0, 0, 0, 0, 1], (2, 2, 1))} if scene.movable else {}
+    with pytest.raises(wv.errors.ArrayError) as error:
+        wv.Renderer(scene, SMALL).render(eyes(2), object_scales=scales, **poses)
+    assert said in str(error.value)
+    if name == "other worlds":
+        with pytest.raises(
+            wv.errors.ArrayError, match="object_scales are of 3 worlds and there are 2 views; say world"
+        ):
+            wv.Renderer(scene, SMALL).render(eyes(2), object_scales=scales)
