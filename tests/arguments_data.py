@@ -34,7 +34,13 @@ def data_cases(folder):
         "scene_option": mujoco.MjvOption(),
         "device": "cpu",
     }
-    model = {"tolerance": 5e-4, "labels": {"ball": "object"}, "exclude": ("floor",), "device": "cpu"}
+    model = {
+        "tolerance": 5e-4,
+        "labels": {"ball": "object"},
+        "label_names": {9: "shelf"},
+        "exclude": ("floor",),
+        "device": "cpu",
+    }
     return {
         # warpvis.batch
         "FrameRenderer": (

@@ -308,6 +308,7 @@ def tools_cases(folder):
                 "path": folder / "lab.wbt",
                 "device": "cpu",
                 "labels": {"box": "human"},
+                "label_names": {9: "shelf"},
                 "search_path": [folder],
                 "strict": False,
             },

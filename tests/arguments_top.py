@@ -103,7 +103,10 @@ def top_cases(folder):
             wv.Renderer(seen, CAMERA).render_at,
             {"camera_to_world": POSE, "pixels": [[[1, 1]]], "convention": "opencv", "out": None, **WORLDS, **SCALES},
         ),
-        "Scene": (wv.Scene, {"device": "cpu", "up": "z"}),
+        "Scene": (
+            wv.Scene,
+            {"device": "cpu", "up": "z", "label_names": {9: "shelf"}, "ground_labels": ["ground"]},
+        ),
         "Scene.load": (
             wv.Scene.load,
             {
@@ -113,6 +116,7 @@ def top_cases(folder):
                 "file_up": "y",
                 "scale": 2.0,
                 "labels": {"box": 2},
+                "label_names": {9: "shelf"},
                 "search_path": [],
                 "strict": False,
                 "movable": None,

@@ -340,7 +340,7 @@ POSES = ("--poses", "poses.txt")
             ("perspective", "lab.glb", *LOOK, "--labels", "ball", "--out", "x"),
             "labels must be given as NAME=LABEL, such",
         ),
-        (("perspective", "lab.glb", *LOOK, "--labels", "ball=cup"), "label must be one of EMPTY (0), "),
+        (("perspective", "lab.glb", *LOOK, "--labels", "ball=cup"), "label must be one of empty (0), "),
         (("perspective", "lab.glb", *LOOK, "--labels", "cup=object"), "labels for 'cup' fit no object of lab.glb"),
         (("perspective", "lab.glb", *LOOK, "--camera", "none.json", "--out", "x"), "none.json: no such file"),
         (

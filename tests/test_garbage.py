@@ -151,6 +151,8 @@ OURS = {
     "Camera.device_struct",
     "OrthographicCamera.device_struct",
     "Scene.replace_objects",
+    "Scene.add_parts",
+    "Scene.use_labels",
     "Renderer.render_parsed",
     "FieldOfView.faces",
     "FrameRenderer.render",

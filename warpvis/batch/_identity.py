@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
+from warpvis.core.labels import Label
+
 if TYPE_CHECKING:
     from warpvis.core.camera import Camera
     from warpvis.core.frames import Frames
@@ -22,7 +24,8 @@ if TYPE_CHECKING:
 class ObjectDescription(TypedDict):
     """What a manifest says of an object."""
 
-    label: str
+    label: str | int
+    """The name of a `Label`, or the number of another class."""
     vertices: int
     faces: int
     movable: bool
@@ -34,6 +37,8 @@ class SceneDescription(TypedDict):
 
     up: str
     sha256: str
+    label_names: dict[str, str]
+    """Names of classes, by their numbers."""
     objects: dict[str, ObjectDescription]
 
 
@@ -77,7 +82,7 @@ def describe_scene(scene: Scene) -> SceneDescription:
     """
     objects: dict[str, ObjectDescription] = {
         item.name: {
-            "label": item.label.name,
+            "label": item.label.name if isinstance(item.label, Label) else item.label,
             "vertices": len(item.vertices),
             "faces": len(item.faces),
             "movable": item.movable,
@@ -86,7 +91,8 @@ def describe_scene(scene: Scene) -> SceneDescription:
         for item in scene.objects
     }
     whole = hash_values(scene.up, *(item["sha256"] for item in objects.values()))
-    return {"up": scene.up, "sha256": whole, "objects": objects}
+    names = {str(number): name for number, name in scene.label_names.items()}
+    return {"up": scene.up, "sha256": whole, "label_names": names, "objects": objects}
 
 
 def describe_camera(camera: Camera) -> dict[str, float | None]:

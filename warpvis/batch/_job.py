@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from warpvis.core.labels import LabelNames
+
 if TYPE_CHECKING:
     import numpy as np
 
@@ -41,7 +43,9 @@ class Plan:
     object_names: tuple[str, ...] = ()
     """Names of all objects of the scene: values of object images index them."""
     object_labels: tuple[int, ...] = ()
-    """Their `Label` values."""
+    """Their labels."""
+    label_names: LabelNames = field(default_factory=LabelNames)
+    """Names of the scene's classes."""
     object_columns: tuple[int, ...] = ()
     """For every object, the column of `Frames.object_poses` that places it; -1 if it stays where it is."""
     object_centers: tuple[tuple[float, float, float], ...] = ()

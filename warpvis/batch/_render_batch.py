@@ -30,6 +30,7 @@ from warpvis.batch.formats._base import Format, find_format
 from warpvis.core.camera import Camera
 from warpvis.core.checks import check_choice, check_flag, check_mapping, check_whole
 from warpvis.core.frames import Frames
+from warpvis.core.labels import LabelNames
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike, PoseLike
 from warpvis.errors import ArrayError, FileFormatError, PoseError
@@ -240,6 +241,7 @@ def make_plan(
         shard_frames=_shard_frames(shard_frames, names, camera, masks=len(chosen) if kind.masks else 0),
         object_names=tuple(item.name for item in scene.objects),
         object_labels=tuple(int(item.label) for item in scene.objects),
+        label_names=LabelNames(scene.label_names),
         object_columns=tuple(pose_columns(scene).tolist()),
         object_centers=tuple(tuple(item.bounds.astype(np.float64).mean(axis=0).tolist()) for item in scene.objects),
         object_models=same_meshes(scene),

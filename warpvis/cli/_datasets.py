@@ -108,7 +108,8 @@ class Render(ImageOptions):
                 f"give --poses, a file of the camera's poses, or --frame: {self.file} is no Webots world with cameras"
             )
         else:
-            other = (*_FRAMES, *_IMAGES, "format", "labels", "up", "scale", "file_up", "exclude", "objects", "movable")
+            scene = ("labels", "label_names", "up", "scale", "file_up", "exclude", "objects", "movable")
+            other = (*_FRAMES, *_IMAGES, "format", *scene)
             refuse_options(self, tuple(dict.fromkeys(other)), "a world's range finders have their own poses: give")
             seen = render_world(
                 self.file,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from warpvis.cli._inputs import MaybeSceneFile, SceneOptions, parse_labels, refuse_options, scene_options
+from warpvis.cli._inputs import MaybeSceneFile, SceneOptions, refuse_options, scene_options
 from warpvis.cli._output import format_rows
 
 if TYPE_CHECKING:
@@ -37,10 +37,9 @@ class Info(SceneOptions):
             refuse_options(self, scene_options, "info of this machine takes")
             _print_versions()
         elif is_world(self.file):
-            own = [name for name in scene_options if name not in ("search_path", "strict", "labels")]
+            own = [name for name in scene_options if name not in ("search_path", "strict", "labels", "label_names")]
             refuse_options(self, own, "info of a Webots world takes")
-            labels = parse_labels(self.labels)
-            scene = print_world(self.file, search_path=self.search_path, strict=self.strict, labels=labels)
+            scene = print_world(self.file, search_path=self.search_path, strict=self.strict, labels=self.label_rules())
             print(f"\n{describe(scene)}")
         else:
             self._print_objects(self.file)
@@ -51,7 +50,9 @@ class Info(SceneOptions):
         print(describe(scene))
         rows = []
         for item in scene:
-            rows.append([item.name, item.label.name.lower(), str(len(item.faces)), *map(_numbers, item.bounds)])
+            rows.append(
+                [item.name, scene.label_names.name(item.label), str(len(item.faces)), *map(_numbers, item.bounds)]
+            )
         print()
         print(format_rows(["object", "label", "triangles", "least corner [m]", "greatest corner [m]"], rows))
 
@@ -67,7 +68,7 @@ def describe(scene: Scene) -> str:
     boxes = np.array([item.bounds for item in scene.objects], dtype=np.float64)
     low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
     size = high - low
-    labels = Counter(item.label.name.lower() for item in scene)
+    labels = Counter(scene.label_names.name(item.label) for item in scene)
     meshes = {id(item.faces): (item.vertices, item.faces) for item in scene.objects}
     corners, faces = (sum(len(mesh[k]) for mesh in meshes.values()) for k in (0, 1))
     memory = corners * _CORNER_BYTES + faces * (_FACE_BYTES + _TREE_BYTES)

@@ -21,9 +21,12 @@ if TYPE_CHECKING:
 
     from warpvis.core.camera import Camera
     from warpvis.core.frames import Frames
+    from warpvis.core.label_rules import LabelRules
     from warpvis.core.poses import QuaternionOrder
     from warpvis.scene import Scene
     from warpvis.scenes import Experiment
+
+_MOST_DIGITS = 10
 
 Axes = Literal["opencv", "opengl", "ros_body", "ros_optical"]
 PoseFormat = Literal["tum", "npy", "npz", "csv", "parquet", "nerfstudio", "bop", "colmap", "ros"]
@@ -52,8 +55,11 @@ Names = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME,...")]
 class SceneOptions:
     """How a scene's file is read."""
 
-    labels: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=LABEL ...")] = ()
-    """What objects are: "ball=object" "wall_*=obstacle" ..."""
+    labels: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=LABEL|FILE ...")] = ()
+    """What objects are: "ball=object" "wall_*=obstacle" "road_*=40" ...; or a file that says it: JSON, TOML or YAML of
+    names or patterns and their labels; or of labels, label_names and ground_labels."""
+    label_names: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NUMBER=NAME ...")] = ()
+    """Names of classes of your own, from 0 to 255: "40=road" "252=moving car" ..."""
     scale: float = 1.0
     """Metres in a unit of a mesh file (0.001 for millimetres)."""
     up: Literal["z", "y"] | None = None
@@ -64,6 +70,20 @@ class SceneOptions:
     """Folders to look for what the file names: PROTO files, meshes, packages, includes."""
     strict: bool = False
     """What cannot be shown is an error; by default a warning names it."""
+
+    def label_rules(self) -> LabelRules:
+        """Read what --labels and --label-names say.
+
+        Raises:
+            WarpvisError: A word says nothing, or a file cannot be read.
+        """
+        from warpvis.core.label_rules import LABEL_FILES, LabelRules
+
+        rules = LabelRules()
+        for word in self.labels:
+            is_file = "=" not in word and word.lower().endswith(LABEL_FILES)
+            rules = rules.followed_by(LabelRules.of(word if is_file else _parse_label(word)))
+        return LabelRules.of(rules, _parse_label_names(self.label_names))
 
     def load_scene(self, file: Path, *, device: str = "cpu", movable: bool | Sequence[str] = False) -> Scene:
         """Load the scene: a file, or an experiment of the demo.
@@ -85,7 +105,7 @@ class SceneOptions:
             up=self.up,
             file_up=self.file_up,
             scale=self.scale,
-            labels=parse_labels(self.labels),
+            labels=self.label_rules(),
             movable=movable,
             search_path=self.search_path,
             strict=self.strict,
@@ -314,19 +334,31 @@ def split_names(words: Sequence[str]) -> list[str]:
     return [name for word in words for name in word.split(",") if name]
 
 
-def parse_labels(words: Sequence[str]) -> dict[str, str]:
-    """Read labels by name or pattern from words ``name=label``.
+def _parse_label(word: str) -> dict[str, str]:
+    """Read a label by name or pattern from ``name=label``.
+
+    Raises:
+        SceneError: The word is not of that form.
+    """
+    name, _, label = word.rpartition("=")
+    if not (name and label):
+        raise SceneError(f"labels must be given as NAME=LABEL, such as ball=object, or as a file of them, got {word!r}")
+    return {name: label}
+
+
+def _parse_label_names(words: Sequence[str]) -> dict[int, str]:
+    """Read names of classes from words ``number=name``.
 
     Raises:
         SceneError: A word is not of that form.
     """
-    labels = {}
+    names: dict[int, str] = {}
     for word in words:
-        name, equals, label = word.rpartition("=")
-        if not (equals and name and label):
-            raise SceneError(f"labels must be given as NAME=LABEL, such as ball=object, got {word!r}")
-        labels[name] = label
-    return labels
+        number, equals, name = word.partition("=")
+        if not (equals and name and number.isascii() and number.isdigit() and len(number) < _MOST_DIGITS):
+            raise SceneError(f"label names must be given as NUMBER=NAME, such as 40=road, got {word!r}")
+        names[int(number)] = name
+    return names
 
 
 def _with_worlds(frames: Frames, path: Path, quaternion: QuaternionOrder) -> Frames:

@@ -71,9 +71,9 @@ class Perspective(ViewpointOptions):
         scene, robot, human = self._read()
         bodies = {*robot.body, *human.body}
         if any(item.label == Label.OBJECT and item.name not in bodies for item in scene):
-            labels = [Label.OBJECT]
+            labels = [int(Label.OBJECT)]
         else:
-            labels = [label for label in Label if label != Label.GROUND]
+            labels = sorted({item.label for item in scene} - scene.ground_labels)
         seen = perspective(scene, (robot, human))
         found = [item for item in seen.candidates("human", "robot", labels=labels) if item.object not in bodies]
         missed = [item.object for item in found if item.state == State.FIRST]

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from warpvis.core.label_rules import LabelRules
     from warpvis.scene import Scene
     from warpvis.webots import Device
 
@@ -26,7 +27,7 @@ def is_world(path: Path | None) -> bool:
     return path is not None and path.suffix.lower() == ".wbt"
 
 
-def print_world(path: Path, *, search_path: Sequence[Path], strict: bool, labels: Mapping[str, str]) -> Scene:
+def print_world(path: Path, *, search_path: Sequence[Path], strict: bool, labels: LabelRules) -> Scene:
     """Print the tree of what was read, the devices, what was left out and what has stand-ins.
 
     See `load_webots` for the arguments.

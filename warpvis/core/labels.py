@@ -5,16 +5,23 @@
 from __future__ import annotations
 
 import enum
-import fnmatch
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
-from warpvis.core.checks import check_mapping
+from warpvis.core.checks import as_items, check_mapping, is_whole
 from warpvis.errors import SceneError
 from warpvis.kernels import constants
 
+LABEL_COUNT = 256
+"""How many classes there are: label images are uint8."""
+
+_MOST_LISTED = 12
+
 
 class Label(enum.IntEnum):
-    """What a pixel shows. The order is the order of precedence where several fall on one cell of a map."""
+    """What a pixel shows: the classes that every scene has. `Scene.label_names` has those of one's own, too.
+
+    The order is the order of precedence where several fall on one cell of a map.
+    """
 
     EMPTY = constants.LABEL_EMPTY
     """No depth, or beyond the maximum range."""
@@ -60,34 +67,123 @@ class Visibility(enum.IntEnum):
     """In the image and in range, where nothing was measured."""
 
 
-class LabelPatterns:
-    """Labels that a user gives to the objects of a file, by names or patterns of names."""
+class LabelNames(Mapping[int, str]):
+    """Names of the classes of pixels, by their numbers from 0 to 255; those of `Label` to begin with.
 
-    def __init__(self, labels: Mapping[str, Label | int | str]) -> None:
-        """Read them.
+    It is a mapping to which names may be added, ``names[40] = "road"``, and in which they may be changed. Numbers
+    without a name are classes, too, and shown as ``label 40``.
+    """
+
+    def __init__(self, names: Mapping[int, str] | None = None) -> None:
+        """Begin with the names of `Label`, and add these to them.
 
         Raises:
-            SceneError: A label is none.
+            SceneError: A number or a name is none, or two numbers have one name.
         """
-        check_mapping(labels, "labels", SceneError)
-        bad = [pattern for pattern in labels if not isinstance(pattern, str)]
-        if bad:
-            raise SceneError(f"labels must be given to names or patterns of names, got {bad[0]!r}")
-        self._patterns = {pattern: Label.parse(label) for pattern, label in labels.items()}
-        self._unused = set(self._patterns)
+        self._names = {label.value: label.name.lower() for label in Label}
+        if names is not None:
+            self.update(names)
 
-    def label(self, name: str, own: Label | int | str, aliases: Iterable[str] = ()) -> Label | int | str:
-        """Return what the last pattern says that fits an object's name or an alias; its own label if none does."""
-        label, names = own, (name, *aliases)
-        for pattern, given in self._patterns.items():
-            if any(fnmatch.fnmatchcase(one, pattern) for one in names):
-                label = given
-                self._unused.discard(pattern)
-        return label
+    def update(self, names: Mapping[int, str]) -> None:
+        """Add names, or change them; all or none.
 
-    def require_used(self, names: Iterable[str], path: object) -> None:
-        """Raise `SceneError` if a pattern fits none of a file's objects."""
-        if self._unused:
-            some = ", ".join(map(repr, list(names)[:10]))
-            wrong = ", ".join(map(repr, sorted(self._unused)))
-            raise SceneError(f"labels for {wrong} fit no object of {path}, which has {some}")
+        Raises:
+            SceneError: A number or a name is none, or two numbers have one name.
+        """
+        new = dict(self._names)
+        for number, name in check_mapping(names, "label_names", SceneError).items():
+            new[_check_number(number)] = _check_name(name, number)
+        numbers: dict[str, int] = {}
+        for number, name in new.items():
+            first = numbers.setdefault(name.casefold(), number)
+            if first != number:
+                raise SceneError(f"label_names must be different names, got {name!r} for {first} and for {number}")
+        self._names = dict(sorted(new.items()))
+
+    def __setitem__(self, number: int, name: str) -> None:
+        self.update({number: name})
+
+    def __getitem__(self, number: int) -> str:
+        return self._names[number]
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def __repr__(self) -> str:
+        return f"LabelNames({self._names})"
+
+    def number(self, label: Label | int | str) -> int:
+        """Return the number of a class, of itself or of its name in any case: a `Label` of those that it has.
+
+        Raises:
+            SceneError: There is no such class.
+        """
+        number: int | None = None
+        if isinstance(label, str):
+            wanted = label.strip().casefold()
+            number = next((number for number, name in self._names.items() if name.casefold() == wanted), None)
+            number = _number_in(wanted) if number is None else number
+        elif is_whole(label):
+            number = int(label)
+        if number is None or not 0 <= number < LABEL_COUNT:
+            raise SceneError(f"label must be one of {self._listed()}, or a number from 0 to 255, got {label!r}")
+        return Label(number) if number <= max(Label) else number
+
+    def numbers(self, labels: Iterable[Label | int | str] | Label | int | str, name: str = "labels") -> set[int]:
+        """Return the numbers of several classes, or of one.
+
+        Args:
+            labels: The classes.
+            name: What messages call them.
+
+        Raises:
+            SceneError: There is no such class.
+        """
+        given = [labels] if isinstance(labels, str) or is_whole(labels) else as_items(labels, name, SceneError)
+        return {self.number(label) for label in given}
+
+    def name(self, label: Label | int | str) -> str:
+        """Return what a class is called: its name, or ``label 40`` if it has none.
+
+        Raises:
+            SceneError: There is no such class.
+        """
+        number = self.number(label)
+        return self._names.get(number, f"label {int(number)}")
+
+    def word(self, label: int) -> str:
+        """Return what reports and files call a class: ``"OBJECT"`` for a `Label` of that name, else its name."""
+        number, name = self.number(label), self.name(label)
+        return number.name if isinstance(number, Label) and number.name.lower() == name else name
+
+    def _listed(self) -> str:
+        names = [f"{name} ({number})" for number, name in self._names.items()]
+        more = len(names) - _MOST_LISTED
+        return ", ".join(names if more <= 1 else [*names[:_MOST_LISTED], f"{more} others"])
+
+
+def _check_number(number: object) -> int:
+    if not is_whole(number) or not 0 <= number < LABEL_COUNT:
+        raise SceneError(f"label_names must have numbers from 0 to 255, got {number!r}")
+    return int(number)
+
+
+def _check_name(name: object, number: int) -> str:
+    if not isinstance(name, str) or not name.strip() or name != name.strip() or not name.isprintable():
+        raise SceneError(f"label_names must be names without spaces around them, got {name!r} for {number}")
+    meant = _number_in(name.casefold())
+    if meant is not None and (meant != number or not name.casefold().startswith(_UNNAMED)):
+        raise SceneError(f"label_names must be names that are no numbers, got {name!r} for {number}")
+    return name
+
+
+_UNNAMED = "label "
+
+
+def _number_in(text: str) -> int | None:
+    """Read the number of a class: ``40``, or ``label 40``, as those without a name are shown."""
+    digits = text.removeprefix(_UNNAMED)
+    return int(digits) if digits.isascii() and digits.isdigit() and len(digits) <= len(str(LABEL_COUNT)) else None

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from warpvis.core.checks import is_whole
 from warpvis.core.labels import Label
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.io._archives import is_archive, unpack
@@ -22,7 +23,7 @@ from warpvis.io._gltf import read_gltf
 from warpvis.io._gltf_data import Find
 from warpvis.io._obj import obj_order, obj_splits, straighten_obj
 from warpvis.io._threemf import unit_and_names
-from warpvis.scene import FileParts, Part, keep_winding
+from warpvis.scene import Axis, FileParts, Part, keep_winding
 from warpvis.scene.collada import unit_and_axis, without_skins
 
 _GLTF = ("glb", "gltf")
@@ -53,7 +54,7 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
         [mesh.name or (path.stem if alone else f"mesh_{number}") for number, mesh in enumerate(loaded.meshes)]
     )
     parts = [
-        Part(name, (mesh.vertices, mesh.faces), Label.parse(mesh.extras.get("label", Label.OBSTACLE)))
+        Part(name, (mesh.vertices, mesh.faces), mesh.extras.get("label", Label.OBSTACLE))
         for name, mesh in zip(names, loaded.meshes, strict=True)
     ]
     messages = [f"{path}: left out {note}" for note in loaded.notes]
@@ -63,7 +64,22 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
         messages.insert(0, f"{path}: left out {some}, which hold lines or points and no triangles")
     if strict and messages:
         raise FileFormatError(messages[0])
-    return FileParts(path, parts, up="y" if loaded.up == "y" else "z" if loaded.up else None, warnings=tuple(messages))
+    up: Axis | None = "y" if loaded.up == "y" else "z" if loaded.up else None
+    return FileParts(path, parts, up=up, warnings=tuple(messages), label_names=_label_names(path, loaded.meshes))
+
+
+def _label_names(path: Path, meshes: Sequence[FileMesh]) -> dict[int, str]:
+    """Collect the names that `Scene.export` writes beside the numbers of classes.
+
+    Raises:
+        FileFormatError: A class has two.
+    """
+    names: dict[int, str] = {}
+    for mesh in meshes:
+        number, name = mesh.extras.get("label"), mesh.extras.get("label_name")
+        if is_whole(number) and isinstance(name, str) and names.setdefault(number, name) != name:
+            raise FileFormatError(f"{path}: calls the label {number} {names[number]!r} and {name!r}")
+    return names
 
 
 def _kind(name: str) -> str:

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera, require_camera
 from warpvis.core.checks import as_items
-from warpvis.core.labels import Label
 from warpvis.core.poses import Convention, QuaternionOrder, check_up, poses_to_matrices, poses_to_opencv, to_xyzw
 from warpvis.core.types import PoseLike
 from warpvis.errors import PoseError, SceneError
@@ -51,7 +50,8 @@ def plan_visibility(
     """Find which objects a 2D line of sight on the floor plan reaches.
 
     From the camera's place on the plan, one line runs along the horizontal direction of every image column, as far as
-    the camera measures. Outlines are the edges of all triangles seen from above; objects labelled ground have none.
+    the camera measures. Outlines are the edges of all triangles seen from above; ground (`Scene.ground_labels`) has
+    none.
 
     Args:
         scene: The world.
@@ -80,7 +80,7 @@ def plan_visibility(
         directions = _column_directions(camera, pose[:3, :3], floor, view)
         distance = np.full((len(outlines), camera.width), np.inf)
         for index, (item, edges) in enumerate(zip(scene.objects, outlines, strict=True)):
-            if item.label != Label.GROUND and index not in excluded:
+            if item.label not in scene.ground_labels and index not in excluded:
                 distance[index] = _nearest_edge(pose[floor, 3], directions, edges)
         distance[distance > camera.far] = np.inf
         met = np.isfinite(distance)

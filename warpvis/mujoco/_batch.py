@@ -17,7 +17,7 @@ from warpvis.core.arrays import as_numpy, check_out, empty
 from warpvis.core.camera import Camera
 from warpvis.core.checks import check_choice, check_whole
 from warpvis.core.kernel_cache import launch
-from warpvis.core.labels import Label
+from warpvis.core.label_rules import LabelInput
 from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError, SceneError
 from warpvis.mujoco._batch_cameras import (
@@ -99,7 +99,8 @@ class BatchRenderer:
         geom_groups: Iterable[int] | None = None,
         scene_option: mujoco.MjvOption | None = None,
         tolerance: float = DEFAULT_TOLERANCE,
-        labels: Mapping[str, Label | int | str] | None = None,
+        labels: LabelInput | None = None,
+        label_names: Mapping[int, str] | None = None,
         exclude: Iterable[str] = (),
         movable: Movable = "bodies",
         cull_backfaces: bool = True,
@@ -122,6 +123,7 @@ class BatchRenderer:
                 a warning: tendons, skins and flexes of the model.
             tolerance: Most distance between round shapes and their triangles [m]; see `scene_from_mujoco`.
             labels: Labels by name or pattern; see `scene_from_mujoco`.
+            label_names: Names of classes of your own, as for `warpvis.Scene`.
             exclude: Names or patterns of geoms, sites or bodies not to render, and of tendons, skins and flexes not to
                 be warned of.
             movable: Fixed bodies and geoms that are elsewhere in some worlds than in the model, by name or pattern, or
@@ -144,6 +146,7 @@ class BatchRenderer:
                 raise SceneError("scene_option has groups of geoms, so geom_groups must not be given too")
             groups = check_groups(geom_groups)
         chosen: dict[str, Any] = {"tolerance": tolerance, "labels": labels, "exclude": exclude, "static": static}
+        chosen["label_names"] = label_names
         self.model = model
         selection = select_geoms(model, geom_groups=groups, site_groups=sites, **chosen)
         warn_of_soft(model, selection, scene_option)

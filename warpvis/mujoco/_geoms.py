@@ -40,7 +40,7 @@ def geom_parts(
     model: mujoco.MjModel,
     geoms: Iterable[int],
     names: Sequence[str],
-    labels: Sequence[Label],
+    labels: Sequence[int],
     *,
     tolerance: float = DEFAULT_TOLERANCE,
     pieces: NDArray[np.int32] | None = None,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
 from warpvis.core.checks import check_choice, check_flag
-from warpvis.core.labels import Label
+from warpvis.core.label_rules import LabelInput, LabelRules
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, SceneError, WarpvisError
@@ -55,7 +55,8 @@ class Renderer:
         font_scale: object = None,
         *,
         tolerance: float = DEFAULT_TOLERANCE,
-        labels: Mapping[str, Label | int | str] | None = None,
+        labels: LabelInput | None = None,
+        label_names: Mapping[int, str] | None = None,
         exclude: Iterable[str] = (),
         cull_backfaces: bool = True,
         near_plane: NearPlane = "clip",
@@ -73,6 +74,7 @@ class Renderer:
             font_scale: Of no effect but on `fallback`: nothing is written in the images.
             tolerance: Most distance between round shapes and their triangles [m]; see `scene_from_mujoco`.
             labels: Labels for the objects of `scene`; see `scene_from_mujoco`.
+            label_names: Names of classes of your own, as for `warpvis.Scene`.
             exclude: Names or patterns of geoms, sites, tendons, skins, flexes or bodies not to render.
             cull_backfaces: See through surfaces from behind, as in MuJoCo: out of a head that a camera is in.
             near_plane: ``"clip"``: what is nearer than MuJoCo's near plane is cut away, and what is behind is seen, as
@@ -88,7 +90,8 @@ class Renderer:
             raise SceneError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
         Camera(width, height, 1, 1, 0, 0)  # checks the size
         self._model, self._size = model, (int(height), int(width))
-        self._options: dict[str, Any] = {"tolerance": tolerance, "labels": labels, "exclude": check_patterns(exclude)}
+        rules = LabelRules.of(labels, label_names)
+        self._options: dict[str, Any] = {"tolerance": tolerance, "labels": rules, "exclude": check_patterns(exclude)}
         self._device = device
         self._cull_backfaces = check_flag(cull_backfaces, "cull_backfaces")
         self._near_plane = check_choice(near_plane, "near_plane", get_args(NearPlane))
@@ -332,7 +335,9 @@ class Renderer:
             selection = select_geoms(
                 self._model, geom_groups=key[0], site_groups=key[2], static=static, **self._options
             )
-            self._stages[key] = Stage(self._model, selection, RendererScene(self._viewer, device=self._device))
+            scene = RendererScene(self._viewer, device=self._device)
+            scene.use_labels(selection.rules)
+            self._stages[key] = Stage(self._model, selection, scene)
         return self._stages[key]
 
 

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import check_metres
 from warpvis.core.checks import as_items, check_choice, check_flag, check_mapping, is_whole
-from warpvis.core.labels import Label
+from warpvis.core.label_rules import LabelInput, LabelRules
+from warpvis.core.labels import LabelNames
 from warpvis.core.types import DeviceLike
 from warpvis.errors import SceneError
 from warpvis.mujoco._geoms import (
@@ -87,7 +88,8 @@ def scene_from_mujoco(
     geom_groups: Iterable[int] = DEFAULT_GROUPS,
     site_groups: Iterable[int] = (),
     tolerance: float = DEFAULT_TOLERANCE,
-    labels: Mapping[str, Label | int | str] | None = None,
+    labels: LabelInput | None = None,
+    label_names: Mapping[int, str] | None = None,
     exclude: Iterable[str] = (),
     movable: Movable = "bodies",
     static: bool = True,
@@ -115,7 +117,8 @@ def scene_from_mujoco(
         site_groups: Groups of sites to show, none by default: they are marks, which no sensor sees.
         tolerance: Most distance between round shapes and their triangles [m].
         labels: Labels by name of the object or its body; a name may be a pattern (``"wall_*"``), and the last one that
-            fits counts.
+            fits counts. Or a file of them, as for `Scene.load`.
+        label_names: Names of classes of your own, as for `Scene`.
         exclude: Names or patterns of objects or bodies to leave out, and of tendons, skins and flexes not to be warned
             of.
         movable: ``"bodies"``: geoms of bodies that are not welded to the world, and of mocap bodies, move, and all
@@ -136,6 +139,7 @@ def scene_from_mujoco(
         site_groups=site_groups,
         tolerance=tolerance,
         labels=labels,
+        label_names=label_names,
         exclude=exclude,
         static=static,
     )
@@ -147,6 +151,7 @@ def make_scene(model: mujoco.MjModel, selection: Selection, *, movable: Movable,
     """Make the scene of `scene_from_mujoco`, and say nothing of what is not in it."""
     pieces = _choose_pieces(model, selection.names, movable)
     scene = Scene(device=device)
+    scene.use_labels(selection.rules)
     kept = []
     parts = geom_parts(
         model, selection.shown(model), selection.names, selection.labels, tolerance=selection.tolerance, pieces=pieces
@@ -167,8 +172,10 @@ class Selection:
 
     names: list[str]
     """Names of all that is drawn, as `object_names` counts."""
-    labels: list[Label]
+    labels: list[int]
     """Their labels."""
+    rules: LabelRules
+    """What was said of labels, and of the classes that they are."""
     left_out: frozenset[int]
     """What is not shown, whatever its group."""
     groups: tuple[int, ...]
@@ -196,7 +203,8 @@ def select_geoms(
     geom_groups: Iterable[int] = DEFAULT_GROUPS,
     site_groups: Iterable[int] = (),
     tolerance: float = DEFAULT_TOLERANCE,
-    labels: Mapping[str, Label | int | str] | None = None,
+    labels: LabelInput | None = None,
+    label_names: Mapping[int, str] | None = None,
     exclude: Iterable[str] = (),
     static: bool = True,
 ) -> Selection:
@@ -215,10 +223,9 @@ def select_geoms(
         check_patterns(exclude),
     )
     names = object_names(model)
-    labels = {} if labels is None else check_mapping(labels, "labels", SceneError)
-    check_patterns(labels, "labels")
-    wanted, left_out = _assign_labels(model, names, labels, exclude)
-    return Selection(names, wanted, frozenset(left_out), groups, sites, static, tolerance)
+    rules = LabelRules.of(labels, label_names)
+    wanted, left_out = _assign_labels(model, names, rules, exclude)
+    return Selection(names, wanted, rules, frozenset(left_out), groups, sites, static, tolerance)
 
 
 def warn_of_soft(model: mujoco.MjModel, selection: Selection, option: mujoco.MjvOption | None) -> None:
@@ -283,13 +290,14 @@ def check_patterns(patterns: Any, name: str = "exclude") -> tuple[str, ...]:
 
 
 def _assign_labels(
-    model: mujoco.MjModel, names: list[str], labels: Mapping[str, Label | int | str], exclude: tuple[str, ...]
-) -> tuple[list[Label], set[int]]:
+    model: mujoco.MjModel, names: list[str], rules: LabelRules, exclude: tuple[str, ...]
+) -> tuple[list[int], set[int]]:
     """Choose labels of all that is drawn, and what is left out."""
-    wanted = [default_label(model, geom, name) for geom, name in enumerate(names)]
-    for pattern, label in labels.items():
+    classes = LabelNames(rules.label_names)
+    wanted: list[int] = [default_label(model, geom, name) for geom, name in enumerate(names)]
+    for pattern, label in rules.labels.items():
         for geom in _fitting(model, names, pattern, "labels"):
-            wanted[geom] = Label.parse(label)
+            wanted[geom] = classes.number(label)
     return wanted, {geom for pattern in exclude for geom in _fitting(model, names, pattern, "exclude")}
 
 

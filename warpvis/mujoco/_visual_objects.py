@@ -136,6 +136,6 @@ class VisualObjects:
         own = self._selection.names[number]
         return own if key.part in MAIN_PARTS else f"{own}_{key.part}"
 
-    def _label(self, key: VisualKey) -> Label:
+    def _label(self, key: VisualKey) -> int:
         number = drawn_number(self._model, key.kind, key.which)
         return Label.OBSTACLE if number is None else self._selection.labels[number]

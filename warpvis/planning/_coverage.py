@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_numpy, as_points, check_metres, empty
 from warpvis.core.camera import Camera
-from warpvis.core.checks import as_items
 from warpvis.core.labels import Label, Visibility
 from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
@@ -281,11 +280,10 @@ def _choose(
         return choose_objects(scene, objects)
     if objects is not None:
         raise SceneError("give objects or labels, not both")
-    given = [labels] if isinstance(labels, str | int) else as_items(labels, "labels", SceneError)
-    wanted = {Label.parse(label) for label in given}
+    wanted = scene.label_names.numbers(labels)
     chosen = [index for index, item in enumerate(scene.objects) if item.label in wanted]
     if not chosen:
-        names = ", ".join(label.name for label in sorted(wanted)) or "no label"
+        names = ", ".join(scene.label_names.word(label) for label in sorted(wanted)) or "no label"
         raise SceneError(f"the scene has no object labelled {names}")
     return chosen
 

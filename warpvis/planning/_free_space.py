@@ -12,7 +12,6 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_points, check_metres, empty, surely_finite
-from warpvis.core.labels import Label
 from warpvis.core.poses import QuaternionOrder, check_up, parse_poses, poses_to_matrices, to_xyzw
 from warpvis.core.threads import launch_points
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
@@ -97,7 +96,7 @@ def standing_room(
     The robot is an upright cylinder around the camera, from `step` above the floor up to the camera's height. It has
     room if no triangle comes into the cylinder, and its top is not inside of a closed object whose triangles face
     outwards. That is computed from the triangles in double precision, so it is exact but for the rounding of the
-    input to single precision. Objects labelled `Label.GROUND` do not hinder.
+    input to single precision. Objects of the scene's `ground_labels` do not hinder.
 
     Args:
         scene: What may be in the way; of movable `warpvis.scene.solids.Solid` objects, their triangles.
@@ -127,7 +126,7 @@ def standing_room(
     vertices, excluded = one_world(scene, object_poses, exclude)
     device, up = scene.device, check_up(scene.up)
     poses = parse_poses(camera_to_world, device=device)
-    hinders = [i for i, item in enumerate(scene.objects) if item.label != Label.GROUND and not excluded[i]]
+    hinders = [i for i, item in enumerate(scene.objects) if item.label not in scene.ground_labels and not excluded[i]]
     mesh = build_mesh(scene, vertices, hinders) if hinders else None
     cameras = poses.numpy().reshape(-1, 7)[:, :3]
     solid = [may_hold(vertices[i], scene.objects[i].faces, cameras) for i in hinders]

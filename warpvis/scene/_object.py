@@ -11,7 +11,6 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.labels import Label
 from warpvis.core.types import MeshLike
 from warpvis.errors import SceneError
 from warpvis.scene.solids import Solid
@@ -22,7 +21,8 @@ class SceneObject:
     """One object of a scene: a mesh, a name and a label."""
 
     name: str
-    label: Label
+    label: int
+    """Its class: a `Label`, or another number from 6 to 255; `Scene.label_names` names it."""
     vertices: NDArray[np.float32] = field(repr=False)
     """Corners in the world frame [m], shape ``(n, 3)``; of a movable object at its `pose`."""
     faces: NDArray[np.int32] = field(repr=False)

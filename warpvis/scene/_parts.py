@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import fnmatch
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.checks import as_items
-from warpvis.core.labels import Label, LabelPatterns
+from warpvis.core.label_rules import LabelPatterns
+from warpvis.core.labels import Label
 from warpvis.core.poses import check_up, poses_to_matrices, poses_to_opencv
 from warpvis.core.types import MeshLike, PoseLike
 from warpvis.errors import SceneError
@@ -36,8 +37,8 @@ class Part:
     """A name that no other part of the file has."""
     mesh: tuple[NDArray[np.float64], NDArray[np.integer]] | Solid
     """Vertices, shape ``(n, 3)``, and corner indices, shape ``(m, 3)``; or a round solid."""
-    label: Label = Label.OBSTACLE
-    """What its pixels are labelled unless the user says otherwise."""
+    label: int | str = Label.OBSTACLE
+    """What its pixels are labelled unless the user says otherwise: a number, or a name that the scene has to know."""
     pose: NDArray[np.float64] | None = None
     """Part to file, a row ``x y z qx qy qz qw`` or a 4x4 matrix; None for the identity."""
     movable: bool = False
@@ -71,6 +72,8 @@ class FileParts:
 
     warnings: tuple[str, ...] = ()
     """Sentences about what is left out, or was corrected."""
+    label_names: Mapping[int, str] = field(default_factory=dict)
+    """Names that the file has for classes of its own."""
 
     def scene_up(self, up: Axis | None) -> Axis:
         """Return the vertical axis of a scene of these parts, of which the user asked for `up` or for none."""
@@ -82,7 +85,7 @@ class FileParts:
         *,
         file_up: Axis | None = None,
         scale: float = 1.0,
-        labels: Mapping[str, Label | int | str] | None = None,
+        labels: LabelPatterns,
         movable: bool | Sequence[str] = False,
     ) -> list[dict[str, Any]]:
         """Make arguments for `Scene.add`, for each part.
@@ -91,7 +94,7 @@ class FileParts:
             scene_up: The scene's vertical axis, to which geometry is turned.
             file_up: The file's vertical axis; what the file says by default, else the scene's.
             scale: Factor from the file's unit to metres.
-            labels: Labels by name or pattern; the last one that fits counts.
+            labels: What the user says of labels.
             movable: Whether what the file says moves is movable; or names and patterns of what is, each by itself.
 
         Raises:
@@ -108,13 +111,12 @@ class FileParts:
         axis = file_up if file_up is not None else self.up or scene_up
         check_up(axis)
         upright = None if axis == scene_up else (Y_UP_TO_Z_UP if axis == "y" else Y_UP_TO_Z_UP.T)
-        patterns = LabelPatterns({} if labels is None else labels)
         objects = []
         for part in _moving(self, movable):
             mesh, pose = _turned(part, upright)
-            label = patterns.label(part.name, part.label, part.aliases)
+            label = labels.label(part.name, part.label, part.aliases)
             objects.append({**part.arguments(), "mesh": mesh, "pose": pose, "label": label, "scale": scale})
-        patterns.require_used((part.name for part in self.parts), self.path)
+        labels.require_used((part.name for part in self.parts), self.path)
         return objects
 
 

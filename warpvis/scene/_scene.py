@@ -7,7 +7,7 @@ from __future__ import annotations
 import itertools
 import os
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from threading import Lock
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -17,10 +17,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import FARTHEST, get_device
 from warpvis.core.checks import check_flag
+from warpvis.core.label_rules import LabelInput, LabelPatterns, LabelRules
 from warpvis.core.labels import Label
 from warpvis.core.poses import QuaternionOrder, check_up, poses_to_matrices, poses_to_opencv, to_xyzw
 from warpvis.core.types import ArrayInput, DeviceLike, MeshLike
 from warpvis.errors import SceneError
+from warpvis.scene._classes import SceneClasses
 from warpvis.scene._object import SceneObject, as_it_is, by_itself, check_mesh, check_scale
 from warpvis.scene.geometry import SceneBvh, Triangles, build_scene_bvh, build_triangles, label_array, solid_sizes
 from warpvis.scene.solids import Solid
@@ -29,9 +31,10 @@ if TYPE_CHECKING:
     import trimesh
 
     from warpvis.scene._kept_trees import KeptTrees
+    from warpvis.scene._parts import FileParts
 
 
-class Scene:
+class Scene(SceneClasses):
     """Triangle meshes in the world frame, right-handed, in metres.
 
     Example:
@@ -40,14 +43,28 @@ class Scene:
         0
     """
 
-    def __init__(self, *, device: DeviceLike = "cpu", up: Literal["z", "y"] = "z") -> None:
+    def __init__(
+        self,
+        *,
+        device: DeviceLike = "cpu",
+        up: Literal["z", "y"] = "z",
+        label_names: Mapping[int, str] | None = None,
+        ground_labels: Iterable[Label | int | str] = (Label.GROUND,),
+    ) -> None:
         """Make an empty scene.
 
         Args:
             device: Where it is rendered: ``"cpu"``, ``"cuda:0"``, ...
             up: The world's vertical axis.
+            label_names: Names of classes of your own, by their numbers from 0 to 255: ``{40: "road"}``. They come to
+                those of `Label`, or change them.
+            ground_labels: Classes that are ground; see `ground_labels`.
+
+        Raises:
+            SceneError: A number, a name or a class is none, or two numbers have one name.
         """
         check_up(up)
+        super().__init__(label_names, ground_labels)
         self.device: wp.Device = get_device(device)
         self.up: Literal["z", "y"] = up
         self._objects: list[SceneObject] = []
@@ -69,7 +86,8 @@ class Scene:
         up: Literal["z", "y"] | None = None,
         file_up: Literal["z", "y"] | None = None,
         scale: float = 1.0,
-        labels: Mapping[str, Label | int | str] | None = None,
+        labels: LabelInput | None = None,
+        label_names: Mapping[int, str] | None = None,
         movable: bool | Sequence[str] = False,
         search_path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
         strict: bool = False,
@@ -90,7 +108,10 @@ class Scene:
                 turned upright. Webots, MJCF and URDF say it themselves.
             scale: Factor from a mesh file's unit to metres (0.001 for millimetres), besides the unit that
                 COLLADA and 3MF files say; the others are in metres.
-            labels: Labels by name; a name may be a pattern (``"wall_*"``), and the last one that fits counts.
+            labels: Labels by name; a name may be a pattern (``"wall_*"``), and the last one that fits counts. Or a file
+                that says them: JSON, TOML or YAML, with ``labels`` so, and ``label_names`` and ``ground_labels`` if
+                there are any.
+            label_names: Names of classes of your own, as for `Scene`.
             movable: Names or patterns of the objects that are movable, each with a pose of its own; or True for what
                 MJCF or URDF says moves, one pose for each body.
             search_path: Folders to look for other files in that the file names: PROTO files and meshes of Webots,
@@ -105,11 +126,10 @@ class Scene:
 
         if up is not None:
             check_up(up)
+        rules = LabelRules.of(labels, label_names)
         found = read_parts(path, search_path=search_path, strict=strict)
         scene = cls(device=device, up=found.scene_up(up))
-        given: dict[str, Any] = {"file_up": file_up, "scale": scale, "labels": labels, "movable": movable}
-        for item in found.objects(scene.up, **given):
-            scene.add(**item)
+        scene.add_parts(found, rules, file_up=file_up, scale=scale, movable=movable)
         for message in found.warnings:
             warnings.warn(message, stacklevel=2)
         return scene
@@ -135,7 +155,7 @@ class Scene:
                 triangles stand for it.
             name: A name that no other object has; by default ``object_`` and the object's index, or the next
                 number that is free.
-            label: What its pixels are labelled.
+            label: What its pixels are labelled: a `Label`, another number up to 255, or the name of one.
             pose: Object to world, ``x y z qx qy qz qw`` or a 4x4 matrix; identity by default.
             quaternion: Order of the quaternion in a pose of 7 numbers, ``"xyzw"`` or ``"wxyz"``.
             scale: Factor of size, or three of them along the mesh's axes, applied before the pose.
@@ -176,7 +196,8 @@ class Scene:
         elif movable:
             solid = mesh.scaled(factors) if isinstance(mesh, Solid) else None
             frame = {"mesh_vertices": vertices.astype(np.float32), "pose": row.astype(np.float32), "solid": solid}
-        self._objects.append(SceneObject(name, Label.parse(label), placed.astype(np.float32), faces, **frame))
+        number = self._label_names.number(label)
+        self._objects.append(SceneObject(name, number, placed.astype(np.float32), faces, **frame))
         self._index[name] = index
         self._movable += [index] if movable and attach_to is None else []
         self._forget()
@@ -276,6 +297,16 @@ class Scene:
             self._kept_trees = self._kept_trees or KeptTrees()
             self._forget()
 
+    def add_parts(self, found: FileParts, rules: LabelRules, **options: Any) -> None:
+        """Add what a file holds, labelled by rules; options as for `FileParts.objects`.
+
+        Raises:
+            SceneError: An object cannot be added, or an option has no meaning for the file.
+        """
+        self.use_labels(rules, found.label_names)
+        for item in found.objects(self.up, labels=LabelPatterns(rules.labels, self._label_names), **options):
+            self.add(**item)
+
     @property
     def objects(self) -> tuple[SceneObject, ...]:
         """The objects; an object image's values index this."""
@@ -324,7 +355,7 @@ class Scene:
 
     def to(self, device: DeviceLike) -> Scene:
         """Return the same scene for another device."""
-        scene = Scene(device=device, up=self.up)
+        scene = Scene(device=device, up=self.up, label_names=self._label_names, ground_labels=self._ground_labels)
         scene._objects = [as_it_is(item) for item in self._objects]
         scene._index, scene._movable = dict(self._index), list(self._movable)
         return scene
@@ -332,10 +363,13 @@ class Scene:
     def __getstate__(self) -> dict[str, Any]:
         """Return what another process makes the same scene of: its objects, and no trees."""
         objects = [as_it_is(item) for item in self._objects]
-        return {"device": str(self.device), "up": self.up, "objects": objects, "movable": list(self._movable)}
+        classes = {"label_names": dict(self._label_names), "ground_labels": sorted(self._ground_labels)}
+        places = {"device": str(self.device), "up": self.up}
+        return {**places, **classes, "objects": objects, "movable": list(self._movable)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__init__(device=state["device"], up=state["up"])  # type: ignore[misc]
+        given = {name: state[name] for name in ("device", "up", "label_names", "ground_labels") if name in state}
+        self.__init__(**given)  # type: ignore[misc]
         self._objects, self._movable = state["objects"], state["movable"]
         self._index = {item.name: index for index, item in enumerate(self._objects)}
 
@@ -345,7 +379,7 @@ class Scene:
 
         scene = trimesh.Scene()
         for item in self._objects:
-            mesh = trimesh.Trimesh(item.vertices, item.faces, process=False, metadata={"label": item.label.name})
+            mesh = trimesh.Trimesh(item.vertices, item.faces, process=False, metadata=self._metadata(item.label))
             scene.add_geometry(mesh, node_name=item.name, geom_name=item.name)
         return scene
 
@@ -394,7 +428,9 @@ class Scene:
         with self._lock:
             if self._apart is None:
                 items = [as_it_is(item) for item in self.require_objects()]
-                apart = Scene(device=self.device, up=self.up)
+                apart = Scene(
+                    device=self.device, up=self.up, label_names=self._label_names, ground_labels=self._ground_labels
+                )
                 apart._objects = [by_itself(item, items) for item in items]
                 apart._index, apart._movable = dict(self._index), list(range(len(items)))
                 if any(item.points is not None for item in self._objects):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
 from warpvis.core.checks import as_items, is_number
-from warpvis.core.labels import Label, Visibility
+from warpvis.core.labels import Label, LabelNames, Visibility
 from warpvis.core.poses import QuaternionOrder, to_xyzw
 from warpvis.core.types import ArrayInput, ObjectPoses
 from warpvis.errors import ArrayError, SceneError
@@ -71,7 +71,7 @@ class Perspective:
     """Names of the agents."""
     objects: tuple[str, ...]
     """Names of the objects."""
-    labels: tuple[Label, ...]
+    labels: tuple[int, ...]
     """Their labels."""
     fraction: NDArray[np.float32]
     """Share of the silhouette that is visible, ``(A, V, K)``; 0 where there is no silhouette."""
@@ -95,6 +95,8 @@ class Perspective:
     object_poses: NDArray[np.float32] | None = None
     """Where the movable objects are in each situation, or in all of them, rows ``x y z qx qy qz qw``, ``(V, M, 7)`` or
     ``(1, M, 7)``; None if nothing is movable."""
+    label_names: LabelNames = field(default_factory=LabelNames)
+    """Names of the scene's classes."""
 
     @property
     def visible(self) -> NDArray[np.bool_]:
@@ -127,15 +129,13 @@ class Perspective:
             human: The person's name.
             robot: A robot's name, to say of each object whether it sees it, too.
             view: The situation.
-            labels: Labels of the objects that may be meant; None for all.
+            labels: Labels of the objects that may be meant, numbers or names; None for all.
 
         Raises:
             WarpvisError: There is no such agent, view or label.
         """
         who, view = self._agent(human), self._view(view)
-        wanted = (
-            set(Label) if labels is None else {Label.parse(label) for label in as_items(labels, "labels", SceneError)}
-        )
+        wanted = set(self.labels) if labels is None else self.label_names.numbers(labels)
         other = None if robot is None else self._agent(robot)
         states = None if robot is None else self.states(human, robot)[view]
         found = []
@@ -187,7 +187,9 @@ class Perspective:
         for k, name in enumerate(self.objects):
             states = [{"first": a, "second": b, "state": State(state[k]).name} for (a, b), state in pairs]
             views = {agent: self._entry(a, view, k) for a, agent in enumerate(self.agents)}
-            objects.append({"name": name, "label": self.labels[k].name, "agents": views, "states": states})
+            objects.append(
+                {"name": name, "label": self.label_names.word(self.labels[k]), "agents": views, "states": states}
+            )
         return {"view": view, "agents": list(self.agents), "objects": objects}
 
     def _entry(self, agent: int, view: int, k: int) -> dict[str, Any]:
@@ -217,7 +219,12 @@ class Perspective:
         for k, name in enumerate(self.objects):
             cells = [self._cell(a, view, k) for a in range(len(self.agents))]
             rows.append(
-                [name, self.labels[k].name.lower(), *cells, *(_state_word(state[k], *p) for p, state in states)]
+                [
+                    name,
+                    self.label_names.name(self.labels[k]),
+                    *cells,
+                    *(_state_word(state[k], *p) for p, state in states),
+                ]
             )
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         rows.insert(1, ["-" * width for width in widths])
@@ -319,6 +326,7 @@ def perspective(
         body=np.array([[items[index].name in agent.body for index in indices] for agent in agents]),
         scene_objects=tuple(item.name for item in items),
         object_poses=situations.rows(),
+        label_names=LabelNames(scene.label_names),
     )
 
 

@@ -27,7 +27,13 @@ STATE_COLORS: dict[State, tuple[int, int, int]] = {
 """Colours of the four states (red, green, blue; 0 to 255), told apart with any kind of colour blindness: those of Okabe
 and Ito for one agent, dark green and violet, which Tol's and IBM's palettes have, for both and neither."""
 
-GREYS = {Label.GROUND: 0.88, Label.OBSTACLE: 0.70, Label.OBJECT: 0.70, Label.HUMAN: 0.45, Label.ROBOT: 0.45}
+GREYS: dict[int, float] = {
+    Label.GROUND: 0.88,
+    Label.OBSTACLE: 0.70,
+    Label.OBJECT: 0.70,
+    Label.HUMAN: 0.45,
+    Label.ROBOT: 0.45,
+}
 """How bright what has no state is, from 0 to 1."""
 
 
@@ -62,11 +68,7 @@ class Shown:
         if len(two) != 2 or not all(isinstance(agent, Agent) and agent.name in seen.agents for agent in two):
             names = ", ".join(repr(getattr(agent, "name", agent)) for agent in two)
             raise SceneError(f"agents must be two of those that perspective was asked about, got {names or 'none'}")
-        wanted = (
-            set(Label) - {Label.GROUND}
-            if labels is None
-            else {Label.parse(label) for label in as_items(labels, "labels", SceneError)}
-        )
+        wanted = set(seen.labels) - scene.ground_labels if labels is None else scene.label_names.numbers(labels)
         first, second = two
         found = seen.states(first.name, second.name)
         if not is_whole(view) or view not in range(len(found)):

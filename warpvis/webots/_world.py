@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from warpvis.core.checks import as_items, as_path, check_flag
-from warpvis.core.labels import Label
+from warpvis.core.label_rules import LabelInput, LabelRules
 from warpvis.core.types import DeviceLike
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.scene import FileParts, Scene
@@ -61,7 +61,8 @@ def load_webots(
     path: str | os.PathLike[str],
     *,
     device: DeviceLike = "cpu",
-    labels: Mapping[str, Label | int | str] | None = None,
+    labels: LabelInput | None = None,
+    label_names: Mapping[int, str] | None = None,
     search_path: Sequence[str | os.PathLike[str]] = (),
     strict: bool = False,
 ) -> WebotsWorld:
@@ -87,7 +88,8 @@ def load_webots(
         path: The file.
         device: Where the scene is rendered.
         labels: Labels by name that come before the rules; a name may be a pattern (``"wall_*"``), and the last one
-            that fits counts.
+            that fits counts. Or a file of them, as for `Scene.load`.
+        label_names: Names of classes of your own, as for `Scene`.
         search_path: Folders to look for PROTO files in, first of all; ``projects`` below the environment's
             ``WEBOTS_HOME`` is looked in after them, and at last the cache in which Webots keeps what it has downloaded.
         strict: Whether what cannot be read, and what Webots does not take, is an error. By default the first is left
@@ -104,10 +106,10 @@ def load_webots(
         [search_path] if isinstance(search_path, os.PathLike) else as_items(search_path, "search_path", SceneError)
     )
     check_flag(strict, "strict")
+    rules = LabelRules.of(labels, label_names)
     reader, names, found = _read(path, [as_path(folder, "search_path") for folder in folders], strict)
     scene = Scene(device=device, up=reader.up)
-    for item in found.objects(scene.up, labels=labels):
-        scene.add(**item)
+    scene.add_parts(found, rules)
     for message in found.warnings:
         warnings.warn(message, stacklevel=2)
     return WebotsWorld(

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from warpvis.batch._job import shard_name
 from warpvis.batch.formats._base import Format, check_options
 from warpvis.batch.storage._direct_io import FilePart
-from warpvis.core.labels import Label
 from warpvis.core.threads import core_count, run_each
 from warpvis.errors import FileFormatError
 from warpvis.io import count_lost, depth_to_units, encode_png
@@ -108,7 +107,7 @@ class Layout(Format):
         return unit
 
     def write_label_pngs(self, shard: int, labels: NDArray[np.uint8], files: ShardFiles) -> str:
-        """Write labels as 8-bit PNG of `Label` values, and return their folder."""
+        """Write labels as 8-bit PNG, and return their folder."""
         return self.write_frames(
             shard, "labels", ".png", len(labels), lambda frame: (encode_png(labels[frame]),), files
         )
@@ -147,14 +146,14 @@ class Layout(Format):
             raise FileFormatError(f"option {name} must be true or false, got {given!r}")
         return given in (True, "true")
 
+    def label_entries(self) -> dict[str, str]:
+        """Name the values of labels, as JSON has them."""
+        return {str(number): name for number, name in self.plan.label_names.items()}
+
     def object_entries(self) -> list[dict[str, str]]:
         """List names and labels of the scene's objects, in the order of their indices."""
         named = zip(self.plan.object_names, self.plan.object_labels, strict=True)
-        return [{"name": name, "label": Label(label).name.lower()} for name, label in named]
-
-
-LABEL_NAMES = {str(label.value): label.name.lower() for label in Label}
-"""Names of the values of labels, as JSON has them."""
+        return [{"name": name, "label": self.plan.label_names.name(label)} for name, label in named]
 
 
 def rows_of(array: NDArray[np.float64], convert: Callable[[NDArray[np.float64]], list[Row]]) -> Iterator[Row]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from warpvis.batch.formats._base import Images
-from warpvis.batch.formats._layouts import LABEL_NAMES, Layout, Parts
+from warpvis.batch.formats._layouts import Layout, Parts
 from warpvis.errors import FileFormatError
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class Ply(Layout):
 
     def index(self, files: ShardFiles) -> list[str]:
         """Write ``clouds.json``."""
-        meaning = {"up": self.plan.up, "label": LABEL_NAMES, "object": self.object_entries()}
+        meaning = {"up": self.plan.up, "label": self.label_entries(), "object": self.object_entries()}
         files.write_text("clouds.json", json.dumps(meaning, indent=2) + "\n")
         return ["clouds.json"]
 

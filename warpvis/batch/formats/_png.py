@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from warpvis.batch.formats._base import Images
-from warpvis.batch.formats._layouts import LABEL_NAMES, Layout, Parts
+from warpvis.batch.formats._layouts import Layout, Parts
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.io import encode_png
@@ -28,7 +28,7 @@ class Png(Layout):
     """Writes ``depth/000012/000000.png`` and the like for labels and objects, ``camera.json`` and ``images.json``.
 
     - Depth: 16 bits, planar depth in units of 1 / `scale` m, rounded; 0 where there is none, and where it does not fit.
-    - Labels: 8 bits, `Label` values.
+    - Labels: 8 bits; ``images.json`` names the values.
     - Objects: 16 bits, 0 for none, else the object's index in the scene + 1.
 
     ``camera.json`` is a camera as the command line reads it; ``images.json`` says what the images' values mean.
@@ -84,7 +84,7 @@ class Png(Layout):
     def _meaning(self) -> dict[str, Json]:
         meaning: dict[str, Json] = {
             "depth": {"kind": "planar", "units_per_metre": self._scale, "no_depth": 0},
-            "labels": {"values": LABEL_NAMES},
+            "labels": {"values": self.label_entries()},
             "segmentation": {"none": 0, "first": 1, "objects": self.object_entries()},
         }
         return {

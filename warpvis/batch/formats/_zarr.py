@@ -20,7 +20,6 @@ from warpvis.batch._job import Options, Plan, frame_arrays
 from warpvis.batch.formats._base import IMAGE_DTYPES, VISIBILITY_ARRAYS, Format, Images, check_options
 from warpvis.batch.storage._direct_io import FilePart
 from warpvis.batch.storage._output import files_below
-from warpvis.core.labels import Label
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.rendering import OUTPUTS
@@ -160,7 +159,7 @@ class Zarr(Format):
             "up": plan.up,
             "units": "metres",
             "depth": "planar, along z; inf: nothing or beyond far; -inf: nearer than near",
-            "labels": {label.name: int(label) for label in Label},
+            "labels": {plan.label_names.word(number): number for number in plan.label_names},
             "object_names": list(plan.object_names),
             "object_labels": list(plan.object_labels),
         }

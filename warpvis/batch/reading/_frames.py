@@ -24,7 +24,7 @@ from warpvis.batch.storage._stores import Store, open_store
 from warpvis.core.camera import Camera
 from warpvis.core.checks import as_items, is_whole
 from warpvis.core.frames import Frames
-from warpvis.core.labels import Label
+from warpvis.core.labels import LabelNames
 from warpvis.core.poses import poses_to_matrices
 from warpvis.errors import ArrayError, FileFormatError
 
@@ -142,9 +142,14 @@ class FrameDataset:
         return self._job.object_names
 
     @property
-    def object_labels(self) -> tuple[Label, ...]:
+    def object_labels(self) -> tuple[int, ...]:
         """Labels of the scene's objects."""
         return self._job.object_labels
+
+    @property
+    def label_names(self) -> LabelNames:
+        """Names of the classes, by number; ``label_names.number("road")`` is the value of its pixels in ``labels``."""
+        return self._job.label_names
 
     @property
     def visibility_objects(self) -> tuple[str, ...]:

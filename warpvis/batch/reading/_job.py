@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,9 +14,9 @@ from warpvis.batch._manifest import MANIFEST, no_dataset, parse_manifest, read_c
 from warpvis.batch.formats._base import IMAGE_DTYPES, VISIBILITY_ARRAYS
 from warpvis.batch.storage._stores import Store
 from warpvis.core.camera import Camera
-from warpvis.core.labels import Label
+from warpvis.core.labels import Label, LabelNames
 from warpvis.core.types import Json
-from warpvis.errors import CameraError, FileFormatError
+from warpvis.errors import CameraError, FileFormatError, SceneError
 from warpvis.rendering import OUTPUTS
 
 
@@ -40,7 +40,8 @@ class Job:
     shard_frames: int
     camera: Camera
     object_names: tuple[str, ...]
-    object_labels: tuple[Label, ...]
+    object_labels: tuple[int, ...]
+    label_names: LabelNames
     visibility_objects: tuple[str, ...]
     """Names of the objects that visibility is of."""
 
@@ -93,7 +94,7 @@ def read_job(store: Store) -> Job:
                 "outputs": list(outputs),
                 "objects": list(chosen),
                 "camera": dict(camera),
-                "scene": {"objects": dict(objects)},
+                "scene": {"objects": dict(objects), **said},
             } if all(isinstance(name, str) for name in (*outputs, *chosen)):
                 return Job(
                     name=store.name,
@@ -105,6 +106,7 @@ def read_job(store: Store) -> Job:
                     camera=_read_camera(store.name, camera),
                     object_names=tuple(objects),
                     object_labels=_read_labels(store.name, objects),
+                    label_names=_read_label_names(store.name, said.get("label_names", {})),
                     visibility_objects=tuple(chosen),
                 )
     raise FileFormatError(f"{store.name}: is no dataset: its {MANIFEST} does not say what it holds")
@@ -119,8 +121,19 @@ def _read_camera(name: str, fields: Mapping[str, Json]) -> Camera:
         raise FileFormatError(f"{name}: {MANIFEST} has no camera: {error}") from None
 
 
-def _read_labels(name: str, objects: Mapping[str, Json]) -> tuple[Label, ...]:
+def _read_label_names(name: str, names: object) -> LabelNames:
+    if isinstance(names, dict) and all(isinstance(key, str) and key.isascii() and key.isdigit() for key in names):
+        try:
+            return LabelNames({int(key): value for key, value in names.items()})
+        except (SceneError, ValueError):  # of many digits Python makes no number
+            pass
+    raise FileFormatError(f"{name}: {MANIFEST} has label_names that are no names of labels")
+
+
+def _read_labels(name: str, objects: Mapping[str, Json]) -> tuple[int, ...]:
+    by_number = LabelNames()
     try:
-        return tuple(Label[item["label"]] for item in objects.values())  # type: ignore[index, call-overload, misc]
-    except (KeyError, TypeError):
+        labels: list[Any] = [item["label"] for item in objects.values()]  # type: ignore[index, call-overload]
+        return tuple(Label[label] if isinstance(label, str) else by_number.number(label) for label in labels)
+    except (KeyError, TypeError, SceneError):
         raise FileFormatError(f"{name}: {MANIFEST} has objects without a label") from None

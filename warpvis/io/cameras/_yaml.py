@@ -13,8 +13,9 @@ from types import SimpleNamespace
 from typing import Any
 
 from warpvis.core.camera import Camera
+from warpvis.core.yaml_files import load_yaml
 from warpvis.errors import CameraError, FileFormatError, MessageError
-from warpvis.io._files import as_numbers, first_line, shorten
+from warpvis.io._files import as_numbers, shorten
 from warpvis.io.cameras._pinhole import make_pinhole
 
 _MATRICES = {"camera_matrix": 9, "projection_matrix": 12}
@@ -48,19 +49,7 @@ def yaml_camera(path: Path, name: str = "") -> Camera:
 
 
 def _load(path: Path) -> Mapping[str, Any]:
-    try:
-        from ruamel.yaml import YAML
-    except ImportError:
-        why = "YAML is read with ruamel.yaml, which is missing: pip install 'warpvis[ros]'"
-        raise FileFormatError(f"{path}: {why}") from None
-    try:
-        # OpenCV begins its files with a directive that YAML does not know.
-        text = path.read_text(encoding="utf-8-sig").removeprefix("%YAML:1.0")
-        data = YAML(typ="safe", pure=True).load(text)
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
-    except Exception as error:  # text of any kind raises what it likes
-        raise FileFormatError(f"{path}: is not YAML: {first_line(error)}") from None
+    data = load_yaml(path)
     if not isinstance(data, dict):
         raise FileFormatError(f"{path}: a camera file holds one YAML mapping, got {type(data).__name__}")
     return data

@@ -1,0 +1,386 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Classes of one's own: numbers and names beyond the six, in scenes, files of rules, images and datasets."""
+
+from __future__ import annotations
+
+import copy
+import json
+import pickle
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+from test_cli import run_here
+
+import warpvis as wv
+from warpvis.core.label_rules import LabelRules
+from warpvis.core.labels import LabelNames
+from warpvis.mujoco import BatchRenderer, Renderer, scene_from_mujoco
+from warpvis.webots import load_webots
+
+CAMERA = wv.Camera.from_fov(64, 48, hfov=1.2)
+ABOVE = wv.look_at((0.01, 0, 4), (0, 0, 0))
+NAMES = {40: "road", 48: "sidewalk", 252: "moving-car"}
+SIX = {0: "empty", 1: "ground", 2: "obstacle", 3: "object", 4: "human", 5: "robot"}
+MODEL = """<mujoco><worldbody>
+<geom name="floor" type="plane" size="3 3 1"/><geom name="shelf_0" type="box" size=".3 .3 .3" pos="1 0 .3"/>
+<body name="cart" pos="-1 0 .3"><freejoint/><geom type="sphere" size=".3"/></body></worldbody></mujoco>"""
+WORLD = """#VRML_SIM R2023b utf8
+WorldInfo { }
+Solid { name "shelf 1" translation 1 0 0.3 children [ Shape { geometry Box { size 0.6 0.6 0.6 } } ] }
+Solid { name "crate" translation -1 0 0.3 children [ Shape { geometry Box { size 0.6 0.6 0.6 } } ] }
+"""
+
+
+def street(**options):
+    """Two floors, a car and a box without a name, seen from above."""
+    scene = wv.Scene(label_names=NAMES, **options)
+    scene.add(trimesh.creation.box((2, 4, 0.1)), name="road_0", label="road", pose=(-1, 0, -0.05, 0, 0, 0, 1))
+    scene.add(trimesh.creation.box((2, 4, 0.1)), name="walk_0", label=48, pose=(1, 0, -0.05, 0, 0, 0, 1))
+    scene.add(trimesh.creation.box((0.6, 0.6, 0.6)), name="car_0", label="Moving-Car", pose=(-1, 0, 0.3, 0, 0, 0, 1))
+    scene.add(trimesh.creation.box((0.6, 0.6, 0.6)), name="thing", label=77, pose=(1, 0, 0.3, 0, 0, 0, 1))
+    return scene
+
+
+def labels_of(scene):
+    return {item.name: item.label for item in scene}
+
+
+@pytest.mark.parametrize("caster", ["rays", "packets"])
+def test_pixels_have_any_number(caster, device):
+    scene = street(device=device)
+    views = wv.Renderer(scene, CAMERA, outputs=("labels", "segmentation"), caster=caster).render(ABOVE)
+    labels, objects = views.labels.numpy(), views.segmentation.numpy()
+    assert labels.dtype == np.uint8
+    assert set(np.unique(labels)) == {0, 40, 48, 77, 252}
+    of_object = np.array([40, 48, 252, 77, 0])
+    assert np.array_equal(labels, of_object[objects])
+
+
+def test_every_number_is_seen():
+    """256 boxes, each with its own label, and a pixel of each."""
+    scene = wv.Scene()
+    for number in range(256):
+        place = (number % 16 - 7.5, number // 16 - 7.5, 0, 0, 0, 0, 1)
+        scene.add(trimesh.creation.box((1, 1, 1)), label=number, pose=place)
+    camera, pose = wv.Camera.from_fov(160, 160, hfov=np.pi / 2), wv.look_at((0, 0, 8.5), (0, 0, 0), up=(0, 1, 0))
+    for caster in ("rays", "packets"):
+        views = wv.Renderer(scene, camera, outputs=("labels",), caster=caster).render(pose)
+        assert set(np.unique(views.labels.numpy())) == set(range(256))
+
+
+def test_names_begin_with_the_six_and_take_more():
+    scene = wv.Scene()
+    assert dict(scene.label_names) == SIX
+    scene.label_names[40] = "road"
+    scene.label_names.update({1: "floor", 7: "shelf"})
+    assert dict(scene.label_names) == {**SIX, 1: "floor", 7: "shelf", 40: "road"}
+    assert scene.label_names.number("Road") == 40
+    assert scene.label_names.number("floor") is wv.Label.GROUND
+    assert (scene.label_names.name(41), scene.label_names.number("label 41")) == ("label 41", 41)
+    with pytest.raises(wv.errors.SceneError, match=r"label must be one of empty \(0\), floor \(1\)"):
+        scene.label_names.number("ground")
+
+
+def test_names_change_all_at_once_or_not_at_all():
+    names = LabelNames({1: "obstacle", 2: "ground"})  # names that change places
+    assert (names[1], names[2]) == ("obstacle", "ground")
+    before = dict(names)
+    with pytest.raises(wv.errors.SceneError):
+        names.update({7: "shelf", 8: "shelf"})
+    assert dict(names) == before
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        ({256: "road"}, "must have numbers from 0 to 255, got 256"),
+        ({-1: "road"}, "must have numbers from 0 to 255, got -1"),
+        ({"40": "road"}, "must have numbers from 0 to 255, got '40'"),
+        ({True: "road"}, "must have numbers from 0 to 255, got True"),
+        ({40: ""}, "must be names without spaces around them, got '' for 40"),
+        ({40: " road"}, "must be names without spaces around them, got ' road' for 40"),
+        ({40: "ro\nad"}, "must be names without spaces around them, got"),
+        ({40: 3}, "must be names without spaces around them, got 3 for 40"),
+        ({40: "41"}, "must be names that are no numbers, got '41' for 40"),
+        ({40: "label 41"}, "must be names that are no numbers, got 'label 41' for 40"),
+        ({40: "Ground"}, "must be different names, got 'Ground' for 1 and for 40"),
+        ({40: "road", 41: "ROAD"}, "must be different names, got 'ROAD' for 40 and for 41"),
+        ([40], "must be a mapping"),
+    ],
+)
+def test_bad_names_are_refused(names, said):
+    for call in (lambda: wv.Scene(label_names=names), lambda: wv.Scene().label_names.update(names)):
+        with pytest.raises(wv.errors.SceneError, match=f"label_names {said}"):
+            call()
+
+
+@pytest.mark.parametrize("label", [256, -1, 2.0, True, None, "street", "256", "-1", "²", [40]])
+def test_bad_labels_are_refused(label):
+    with pytest.raises(wv.errors.SceneError, match=r"label must be one of empty .*, or a number from 0 to 255, got "):
+        street().add(trimesh.creation.box(), label=label)
+
+
+def test_long_lists_of_names_are_cut():
+    names = LabelNames({number: f"class {number}" for number in range(6, 40)})
+    with pytest.raises(wv.errors.SceneError, match=r"28 others, or a number from 0 to 255, got 'street'$"):
+        names.number("street")
+
+
+def test_ground_is_what_the_scene_says():
+    """A road that rises by 5 cm is in a robot's way, and on a plan, unless it is ground."""
+    scene = wv.Scene(label_names=NAMES)
+    scene.add(trimesh.creation.box((4, 4, 0.1)), name="road", label="road")
+    scene.add(trimesh.creation.box((0.6, 0.6, 2)), name="car", label=252, pose=(1, 0, 1, 0, 0, 0, 1))
+    beside, inside = wv.look_at((-1, 0, 1), (0, 0, 1)), wv.look_at((1, 0, 1), (0, 0, 1))
+    room = [wv.planning.standing_room(scene, [beside, inside], radius=0.2).tolist()]
+    scene.ground_labels = ("road", wv.Label.GROUND)
+    assert scene.ground_labels == {1, 40}
+    room.append(wv.planning.standing_room(scene, [beside, inside], radius=0.2).tolist())
+    assert room == [[False, False], [True, False]]
+    plans = [wv.maps.plan_visibility(scene, CAMERA, beside).visible[0].tolist()]
+    scene.ground_labels = ()
+    plans.append(wv.maps.plan_visibility(scene, CAMERA, beside).visible[0].tolist())
+    assert [plan[0] for plan in plans] == [False, True]
+    with pytest.raises(wv.errors.SceneError, match=r"label must be one of .*, got 'street'"):
+        scene.ground_labels = ("street",)
+
+
+@pytest.mark.parametrize("copied", [copy.copy, lambda scene: pickle.loads(pickle.dumps(scene)), lambda s: s.to("cpu")])
+def test_copies_have_the_classes(copied):
+    scene = copied(street(ground_labels=("road", 48)))
+    assert dict(scene.label_names) == {**SIX, **NAMES}
+    assert scene.ground_labels == {40, 48}
+    assert labels_of(scene) == {"road_0": 40, "walk_0": 48, "car_0": 252, "thing": 77}
+    scene.label_names[7] = "shelf"
+    assert 7 not in street().label_names
+
+
+def test_exported_scenes_keep_numbers_and_names(tmp_path):
+    scene = street()
+    scene.label_names[3] = "item"
+    scene.add(trimesh.creation.box(), name="cup", label="item")
+    scene.add(trimesh.creation.box(), name="wall")
+    scene.export(tmp_path / "street.glb")
+    loaded = wv.Scene.load(tmp_path / "street.glb")
+    assert labels_of(loaded) == labels_of(scene)
+    assert dict(loaded.label_names) == {**SIX, **NAMES, 3: "item"}
+    renamed = wv.Scene.load(tmp_path / "street.glb", label_names={40: "street"})
+    assert renamed.label_names[40] == "street"
+
+
+def test_two_names_of_one_class_in_a_file_are_refused(tmp_path):
+    scene = trimesh.Scene()
+    for name in ("road", "street"):
+        mesh = trimesh.creation.box()
+        mesh.metadata.update({"label": 40, "label_name": name})
+        scene.add_geometry(mesh, node_name=name, geom_name=name)
+    (tmp_path / "two.glb").write_bytes(scene.export(file_type="glb"))
+    with pytest.raises(wv.errors.FileFormatError, match=r"two.glb: calls the label 40 'road' and 'street'"):
+        wv.Scene.load(tmp_path / "two.glb")
+
+
+RULES = {"label_names": {"40": "road"}, "labels": {"road_*": "road", "*": 7, "car_0": "252"}, "ground_labels": ["road"]}
+TEXTS = {
+    "rules.json": json.dumps(RULES),
+    "rules.toml": """ground_labels = ["road"]
+[label_names]
+40 = "road"
+[labels]
+"road_*" = "road"
+"*" = 7
+car_0 = "252"
+""",
+    "rules.yaml": """label_names:
+  40: road
+labels: {"road_*": road, "*": 7, car_0: 252}
+ground_labels: [road]
+""",
+}
+
+
+@pytest.fixture(scope="module")
+def street_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("street") / "street.glb"
+    scene = wv.Scene()
+    for item in street():
+        scene.add((item.vertices, item.faces), name=item.name)
+    scene.export(path)
+    return path
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_files_say_labels_and_classes(name, street_file, tmp_path):
+    if name.endswith("yaml"):
+        pytest.importorskip("ruamel.yaml")
+    (tmp_path / name).write_text(TEXTS[name])
+    for path in (tmp_path / name, str(tmp_path / name)):
+        scene = wv.Scene.load(street_file, labels=path)
+        # "*" comes after "road_*": the last that fits counts.
+        assert labels_of(scene) == {"road_0": 7, "walk_0": 7, "car_0": 252, "thing": 7}
+        assert dict(scene.label_names) == {**SIX, 40: "road"}
+        assert scene.ground_labels == {40}
+
+
+def test_files_may_be_patterns_alone(street_file, tmp_path):
+    (tmp_path / "rules.json").write_text('{"road_*": "street", "car_*": 9}')
+    scene = wv.Scene.load(street_file, labels=tmp_path / "rules.json", label_names={40: "street"})
+    assert labels_of(scene) == {"road_0": 40, "walk_0": 2, "car_0": 9, "thing": 2}
+    assert scene.ground_labels == {wv.Label.GROUND}
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("rules.json", "{", "is not JSON: "),
+        ("rules.json", "[" * 100_000, "is not JSON: "),
+        ("rules.json", '{"a": 1, "a": 2}', "is not JSON: 'a' is there twice"),
+        ("rules.json", "[1]", "must hold labels by names or patterns of objects, got list"),
+        ("rules.json", '{"labels": {"a": 1}, "colours": {}}', "must have labels, label_names, .* got 'colours'"),
+        ("rules.json", '{"labels": [1]}', "labels must be a mapping"),
+        ("rules.json", '{"label_names": ["road"]}', "label_names must be a mapping"),
+        ("rules.json", '{"label_names": {"x": "road"}}', "label_names must have numbers from 0 to 255, got 'x'"),
+        ("rules.json", '{"label_names": {"40": "ground"}}', "label_names must be different names"),
+        ("rules.json", '{"label_names": {}, "ground_labels": "road", "labels": {}}', "ground_labels must be a list"),
+        ("rules.toml", "a =", "is not TOML: "),
+        ("rules.yaml", "*floor: 1", "is not YAML: "),
+        ("rules.yaml", "- 1", "must hold labels by names or patterns of objects, got "),
+        ("rules.yaml", "1: road", "labels must be given to names or patterns of names, got 1"),
+        ("rules.txt", "a = 1", "'.txt' is no format of labels; those are json, toml and yaml"),
+    ],
+)
+def test_bad_files_of_labels_are_refused(name, text, said, street_file, tmp_path):
+    if name.endswith("yaml"):
+        pytest.importorskip("ruamel.yaml")
+    (tmp_path / name).write_text(text)
+    with pytest.raises(wv.errors.FileFormatError, match=f"{name}: {said}"):
+        wv.Scene.load(street_file, labels=tmp_path / name)
+
+
+def test_missing_files_and_unknown_classes_are_refused(street_file, tmp_path):
+    with pytest.raises(wv.errors.FileFormatError, match=r"none.json: cannot be read: No such file"):
+        wv.Scene.load(street_file, labels=tmp_path / "none.json")
+    with pytest.raises(wv.errors.SceneError, match=r"label must be one of .*, got 'road'"):
+        wv.Scene.load(street_file, labels={"road_*": "road"})
+    with pytest.raises(wv.errors.SceneError, match=r"labels for 'bus' fit no object of .*, which has 'road_0'"):
+        wv.Scene.load(street_file, labels={"bus": 40})
+
+
+def test_mujoco_models_take_classes(tmp_path):
+    model = mujoco.MjModel.from_xml_string(MODEL)
+    (tmp_path / "rules.json").write_text('{"label_names": {"9": "shelf"}, "labels": {"shelf_*": "shelf", "cart": 250}}')
+    (tmp_path / "model.xml").write_text(MODEL)
+    scene = scene_from_mujoco(model, labels=tmp_path / "rules.json").scene
+    loaded = wv.Scene.load(tmp_path / "model.xml", labels=tmp_path / "rules.json")
+    given = {"labels": {"shelf_*": "shelf", "cart": 250}, "label_names": {9: "shelf"}}
+    batch = BatchRenderer(model, outputs=("labels",), **given)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    with Renderer(model, 48, 64, **given) as renderer:
+        renderer.update_scene(data)
+        scenes = [scene, loaded, batch.scene, renderer.scene]
+    for each in scenes:
+        assert list(labels_of(each).values()) == [wv.Label.GROUND, 9, 250]
+        assert dict(each.label_names) == {**SIX, 9: "shelf"}
+    views = batch.render(data, cameras=-1)
+    assert set(np.unique(views.labels.numpy())) - {0} == {1, 9, 250}
+
+
+def test_webots_worlds_take_classes(tmp_path):
+    (tmp_path / "hall.wbt").write_text(WORLD)
+    (tmp_path / "rules.toml").write_text('[label_names]\n9 = "shelf"\n[labels]\n"shelf*" = "shelf"\n')
+    for scene in (
+        load_webots(tmp_path / "hall.wbt", labels=tmp_path / "rules.toml").scene,
+        wv.Scene.load(tmp_path / "hall.wbt", labels={"shelf*": 9}, label_names={9: "shelf"}),
+    ):
+        assert labels_of(scene) == {"shelf 1": 9, "crate": wv.Label.OBSTACLE}
+        assert scene.label_names[9] == "shelf"
+
+
+def test_rules_follow_each_other_in_order():
+    first = LabelRules.of({"a": 1, "b": 2}, {40: "road", 41: "car"})
+    both = first.followed_by(LabelRules.of({"a": 3}, {41: "bus"}))
+    assert list(both.labels.items()) == [("b", 2), ("a", 3)]
+    assert both.label_names == {40: "road", 41: "bus"}
+
+
+@pytest.mark.parametrize("kind", ["npz", "png", "zarr"])
+def test_datasets_keep_the_classes(kind, tmp_path):
+    if kind == "zarr":
+        pytest.importorskip("zarr")
+    poses = np.tile(ABOVE, (3, 1))
+    job = {"format": kind, "outputs": ["depth", "labels"], "quiet": True}
+    wv.render_batch(street(), CAMERA, poses, tmp_path / "street", **job)
+    dataset = wv.open_dataset(tmp_path / "street")
+    assert dict(dataset.label_names) == {**SIX, **NAMES}
+    assert dataset.object_labels == (40, 48, 252, 77)
+    mask = dataset[1]["labels"] == dataset.label_names.number("moving-car")
+    expected = wv.render(street(), CAMERA, ABOVE, outputs=("labels",)).labels.numpy()[0] == 252
+    assert mask.any()
+    assert np.array_equal(mask, expected)
+    wv.render_batch(street(), CAMERA, poses, tmp_path / "street", resume=True, **job)
+    renamed = street()
+    renamed.label_names[40] = "street"
+    with pytest.raises(wv.errors.FileFormatError, match='label_names\'s 40 was "road" and is "street"'):
+        wv.render_batch(renamed, CAMERA, poses, tmp_path / "street", resume=True, **job)
+
+
+def test_images_json_names_all_classes(tmp_path):
+    job = {"format": "png", "outputs": ["labels", "segmentation"], "quiet": True}
+    wv.render_batch(street(), CAMERA, ABOVE, tmp_path / "street", **job)
+    meaning = json.loads((tmp_path / "street" / "images.json").read_text())
+    assert meaning["labels"]["values"] == {str(number): name for number, name in {**SIX, **NAMES}.items()}
+    objects = meaning["segmentation"]["objects"]
+    assert [item["label"] for item in objects] == ["road", "sidewalk", "moving-car", "label 77"]
+
+
+@pytest.mark.parametrize("names", [{"40": "ground"}, {"x": "road"}, {"9" * 5000: "road"}, {"40": 3}, [], "road"])
+def test_manifests_with_bad_names_are_refused(names, tmp_path):
+    wv.render_batch(street(), CAMERA, ABOVE, tmp_path / "street", quiet=True)
+    manifest = json.loads((tmp_path / "street" / "manifest.json").read_text())
+    manifest["scene"]["label_names"] = names
+    (tmp_path / "street" / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(wv.errors.FileFormatError, match=r"manifest.json has label_names that are no names of labels"):
+        wv.open_dataset(tmp_path / "street")
+    del manifest["scene"]["label_names"]  # as of a version that had none
+    (tmp_path / "street" / "manifest.json").write_text(json.dumps(manifest))
+    assert dict(wv.open_dataset(tmp_path / "street").label_names) == SIX
+
+
+def test_commands_take_classes_from_render_to_a_mask(street_file, tmp_path, monkeypatch, capsys):
+    (tmp_path / "rules.json").write_text(TEXTS["rules.json"])
+    np.save(tmp_path / "poses.npy", np.tile(ABOVE, (2, 1)))
+    classes = ("--labels", "rules.json", "thing=crate", "walk_*=48", "--label-names", "90=crate")
+    made = ("--outputs", "depth", "labels", "--format", "npz", "--out", "out", "--quiet")
+    code, _, said = run_here(
+        monkeypatch, capsys, tmp_path, "batch", street_file, "--poses", "poses.npy", *classes, *made
+    )
+    assert code == 0, said
+    dataset = wv.open_dataset(tmp_path / "out")
+    assert dict(dataset.label_names) == {**SIX, 40: "road", 90: "crate"}
+    found = dict(zip(dataset.object_names, dataset.object_labels, strict=True))
+    assert found == {"road_0": 7, "walk_0": 48, "car_0": 252, "thing": 90}
+    assert (dataset[0]["labels"] == dataset.label_names.number("crate")).any()
+    classes = ("--labels", "road_*=40", "car_0=252", "--label-names", "40=road")
+    code, printed, said = run_here(monkeypatch, capsys, tmp_path, "info", street_file, *classes)
+    assert code == 0, said
+    assert "labels  obstacle 2, road 1, label 252 1" in printed
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--labels", "thing"], "labels must be given as NAME=LABEL, such as ball=object, or as a file"),
+        (["--labels", "thing=road"], "label must be one of empty (0), "),
+        (["--labels", "none.toml"], "none.toml: cannot be read: No such file"),
+        (["--label-names", "road"], "label names must be given as NUMBER=NAME, such as 40=road, got 'road'"),
+        (["--label-names", "road=40"], "label names must be given as NUMBER=NAME, such as 40=road, got 'road=40'"),
+        (["--label-names", "40=ground"], "label_names must be different names, got 'ground' for 1 and for 40"),
+    ],
+)
+def test_bad_words_of_commands_are_refused(words, said, street_file, tmp_path, monkeypatch, capsys):
+    code, _, printed = run_here(monkeypatch, capsys, tmp_path, "info", street_file, *words)
+    assert code == 2
+    assert printed.startswith(f"warpvis: {said}")

@@ -1,0 +1,163 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Which objects get which label: patterns of names that a user gives, or a file of them, with names of classes."""
+
+from __future__ import annotations
+
+import fnmatch
+import json
+import os
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from warpvis.core.checks import as_path, check_mapping
+from warpvis.core.labels import Label, LabelNames
+from warpvis.core.yaml_files import load_yaml
+from warpvis.errors import FileFormatError, SceneError, WarpvisError
+
+LabelInput: TypeAlias = "Mapping[str, Label | int | str] | str | os.PathLike[str] | LabelRules"
+"""Labels by names of objects or patterns of them, or the file that says them."""
+
+LABEL_FILES = (".json", ".toml", ".yaml", ".yml")
+"""How the names of files of labels end."""
+
+_SECTIONS = ("labels", "label_names", "ground_labels")
+
+
+@dataclass(frozen=True)
+class LabelRules:
+    """Labels of objects by patterns, in their order, and what a file says of classes."""
+
+    labels: Mapping[str, Label | int | str] = field(default_factory=dict)
+    """Labels by names of objects or patterns of them: the last that fits counts."""
+    label_names: Mapping[int, str] = field(default_factory=dict)
+    """Names of classes of the user's own."""
+    ground_labels: tuple[Label | int | str, ...] | None = None
+    """The classes that are ground; None if it is not said."""
+
+    @classmethod
+    def of(cls, labels: LabelInput | None, label_names: Mapping[int, str] | None = None) -> LabelRules:
+        """Read what a call was given as `labels` and `label_names`; names of the call come before those of a file.
+
+        Raises:
+            WarpvisError: They are none, or a file does not say labels.
+        """
+        if isinstance(labels, str | os.PathLike):
+            rules = _read_file(as_path(labels, "labels"))
+        elif isinstance(labels, LabelRules):
+            rules = labels
+        else:
+            rules = cls({} if labels is None else _check_patterns(labels))
+        own = {} if label_names is None else check_mapping(label_names, "label_names", SceneError)
+        return rules.followed_by(cls(label_names=own))
+
+    def followed_by(self, other: LabelRules) -> LabelRules:
+        """Return both: patterns of the other one come last, and so count more."""
+        kept = {pattern: label for pattern, label in self.labels.items() if pattern not in other.labels}
+        ground = self.ground_labels if other.ground_labels is None else other.ground_labels
+        return LabelRules({**kept, **other.labels}, {**self.label_names, **other.label_names}, ground)
+
+
+class LabelPatterns:
+    """Patterns of names and their labels, and which of them fitted an object."""
+
+    def __init__(self, labels: Mapping[str, Label | int | str], names: LabelNames) -> None:
+        """Look the labels up.
+
+        Raises:
+            SceneError: A label is none.
+        """
+        self._patterns = {pattern: names.number(label) for pattern, label in labels.items()}
+        self._unused = set(self._patterns)
+
+    def label(self, name: str, own: int | str, aliases: Iterable[str] = ()) -> int | str:
+        """Return what the last pattern says that fits an object's name or an alias; its own label if none does."""
+        label, names = own, (name, *aliases)
+        for pattern, given in self._patterns.items():
+            if any(fnmatch.fnmatchcase(one, pattern) for one in names):
+                label = given
+                self._unused.discard(pattern)
+        return label
+
+    def require_used(self, names: Iterable[str], path: object) -> None:
+        """Raise `SceneError` if a pattern fits none of a file's objects."""
+        if self._unused:
+            some = ", ".join(map(repr, list(names)[:10]))
+            wrong = ", ".join(map(repr, sorted(self._unused)))
+            raise SceneError(f"labels for {wrong} fit no object of {path}, which has {some}")
+
+
+def _check_patterns(labels: object) -> Mapping[str, Any]:
+    checked = check_mapping(labels, "labels", SceneError)
+    bad = [pattern for pattern in checked if not isinstance(pattern, str)]
+    if bad:
+        raise SceneError(f"labels must be given to names or patterns of names, got {bad[0]!r}")
+    return checked
+
+
+def _read_file(path: Path) -> LabelRules:
+    """Read a file of labels: JSON, TOML or YAML.
+
+    It holds a mapping of patterns to labels; or ``labels``, which is one, ``label_names``, of numbers to names, and
+    ``ground_labels``, a list.
+
+    Raises:
+        FileFormatError: It cannot be read, or does not say that.
+    """
+    data = _parse(path)
+    if not isinstance(data, dict):
+        raise FileFormatError(f"{path}: must hold labels by names or patterns of objects, got {type(data).__name__}")
+    if not any(isinstance(data.get(section), dict | list) for section in _SECTIONS):
+        data = {"labels": data}
+    other = [key for key in data if key not in _SECTIONS]
+    if other:
+        raise FileFormatError(f"{path}: must have {', '.join(_SECTIONS)} and nothing else, got {other[0]!r}")
+    try:
+        labels = _check_patterns(data.get("labels") or {})
+        names = {_as_number(key): name for key, name in _mapping(data.get("label_names") or {}).items()}
+        LabelNames(names)
+        ground = data.get("ground_labels")
+        if ground is not None and not isinstance(ground, list):
+            raise SceneError(f"ground_labels must be a list, got {ground!r}")
+    except WarpvisError as error:
+        raise FileFormatError(f"{path}: {error}") from None
+    return LabelRules(labels, names, None if ground is None else tuple(ground))
+
+
+def _mapping(value: object) -> Mapping[Any, Any]:
+    return check_mapping(value, "label_names", SceneError)
+
+
+def _as_number(key: object) -> Any:
+    """Return a key of a file as a number, if it is one in text: JSON and TOML have no others."""
+    return int(key) if isinstance(key, str) and key.isascii() and key.isdigit() and len(key) < 10 else key
+
+
+def _parse(path: Path) -> object:
+    kind = path.suffix.lower()
+    if kind in (".yaml", ".yml"):
+        return load_yaml(path)
+    if kind not in LABEL_FILES:
+        given = repr(path.suffix) if path.suffix else "a name without a suffix"
+        raise FileFormatError(f"{path}: {given} is no format of labels; those are json, toml and yaml")
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise FileFormatError(f"{path}: is not text in UTF-8") from None
+    try:
+        return json.loads(text, object_pairs_hook=_without_doubles) if kind == ".json" else tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise FileFormatError(f"{path}: is not {kind[1:].upper()}: {error}") from None
+
+
+def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        raise ValueError(f"{max(keys, key=keys.count)!r} is there twice")
+    return found

@@ -1,0 +1,56 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What classes the objects of a scene are of: their names, and which of them are ground."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from warpvis.core.label_rules import LabelRules
+from warpvis.core.labels import Label, LabelNames
+
+
+class SceneClasses:
+    """The classes of a scene."""
+
+    def __init__(self, label_names: Mapping[int, str] | None, ground_labels: Iterable[Label | int | str]) -> None:
+        """Check them; see `Scene`."""
+        self._label_names = LabelNames(label_names)
+        self.ground_labels = ground_labels
+
+    @property
+    def label_names(self) -> LabelNames:
+        """Names of the classes of pixels, by number: those of `Label`, and your own.
+
+        Add one by ``scene.label_names[40] = "road"``; ``scene.label_names.number("road")`` is the value of its pixels.
+        """
+        return self._label_names
+
+    @label_names.setter
+    def label_names(self, names: Mapping[int, str]) -> None:
+        self._label_names = LabelNames(names)
+
+    @property
+    def ground_labels(self) -> frozenset[int]:
+        """Classes that are ground: robots stand on them, and maps show them where nothing else is.
+
+        `Label.GROUND` alone to begin with. Every other class but those of `Label` is an obstacle.
+        """
+        return self._ground_labels
+
+    @ground_labels.setter
+    def ground_labels(self, labels: Iterable[Label | int | str]) -> None:
+        self._ground_labels = frozenset(self._label_names.numbers(labels, "ground_labels"))
+
+    def use_labels(self, rules: LabelRules, own: Mapping[int, str] | None = None) -> None:
+        """Take over the classes that rules say, after those of a file."""
+        self._label_names.update({**(own or {}), **rules.label_names})
+        if rules.ground_labels is not None:
+            self.ground_labels = rules.ground_labels
+
+    def _metadata(self, label: int) -> dict[str, int | str]:
+        """Say what a mesh is labelled, so that `load` labels it again."""
+        number, word = self._label_names.number(label), self._label_names.word(label)
+        if isinstance(number, Label) and word == number.name:
+            return {"label": word}
+        return {"label": int(number)} | ({"label_name": word} if number in self._label_names else {})
