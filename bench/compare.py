@@ -30,7 +30,7 @@ from timing import take_turns
 import warpvis as wv
 
 MARK = "bench"
-"""Of the tables in docs/figures.md."""
+"""Of the tables in docs/figures.md, unless another is asked for."""
 
 TOLERANCE = 1e-3
 
@@ -55,13 +55,13 @@ class Result:
         return self.views / float(np.median(self.seconds)) if self.seconds else 0.0
 
 
-def compare(preset: wv.scenes.ScenePreset, views: int, rounds: int) -> list[Result]:
-    """Measure all methods on one scene."""
+def compare(preset: wv.scenes.ScenePreset, methods: Sequence[Method], views: int, rounds: int) -> list[Result]:
+    """Measure methods on one scene."""
     scene = preset.build()
     work = Work(scene, preset.camera, preset.poses(views))
     truths = {culls: _reference(work, culls) for culls in (False, True)}
     results, calls = [], {}
-    for method in METHODS:
+    for method in methods:
         result = Result(method.title, preset.name)
         results.append(result)
         try:
@@ -97,33 +97,33 @@ def agreement(depth: NDArray, truth: NDArray, camera: wv.Camera) -> float:
         return float(np.mean((depth == truth) | (np.abs(depth - truth) <= TOLERANCE)))
 
 
-def markdown(results: list[Result], rounds: int) -> str:
+def markdown(results: list[Result], methods: Sequence[Method], rounds: int) -> str:
     """The table, with what it was measured on above and how to read it below."""
     scenes = list(dict.fromkeys(result.scene for result in results))
     cells = {(result.method, result.scene): result for result in results}
-    packages = dict.fromkeys(package for method in METHODS for package in method.packages)
+    packages = dict.fromkeys(package for method in methods for package in method.packages)
     lines = [describe(packages) + time.strftime("; %Y-%m-%d."), "", row(["Frames per second", *scenes, "Same depth"])]
     lines.append(row(["---", *["---:"] * (len(scenes) + 1)]))
-    for method in METHODS:
+    for method in methods:
         found = [cells[method.title, scene] for scene in scenes]
         ran = [result.agreement for result in found if not result.missing]
         missing = "; ".join(dict.fromkeys(result.missing for result in found if result.missing))
         title = f"{method.title} (missing: {missing})" if missing else method.title
         columns = [_cell(result, cells[BASELINE, result.scene]) for result in found]
         lines.append(row([title, *columns, _percent(min(ran)) if ran else "-"]))
-    return "\n".join([*lines, "", _caption(scenes, cells, rounds)])
+    return "\n".join([*lines, "", _caption(scenes, methods, cells, rounds)])
 
 
-def _caption(scenes: list[str], cells: dict[tuple[str, str], Result], rounds: int) -> str:
+def _caption(scenes: list[str], methods: Sequence[Method], cells: dict[tuple[str, str], Result], rounds: int) -> str:
     camera = wv.scenes.PRESETS[scenes[0]].camera
     views = ", ".join(f"{scene} {cells[BASELINE, scene].views}" for scene in scenes)
-    slow = [method for method in METHODS if method.most_views < sys.maxsize]
+    slow = [method for method in methods if method.most_views < sys.maxsize]
     few = ", ".join(f"{method.title.partition(',')[0]} at most {method.most_views}" for method in slow)
     return (
         f"Depth images of {camera.width}x{camera.height} pixels, on all cores, or on one thread where it says so. "
-        f"Views: {views}; of these, {few}. The median of {rounds} rounds, in which the methods take turns; in "
-        "brackets, how many times slower than the first row. Same depth: pixels within 1 mm of the `rays` caster's "
-        "(which culls where the row does), in the scene with the fewest."
+        f"Views: {views}{f'; of these, {few}' if few else ''}. The median of {rounds} rounds, in which the methods "
+        "take turns; in brackets, how many times slower than the first row. Same depth: pixels within 1 mm of the "
+        "`rays` caster's (which culls where the row does), in the scene with the fewest."
     )
 
 
@@ -177,12 +177,19 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--scenes", nargs="+", choices=wv.scenes.PRESETS, default=names, metavar="SCENE", help="presets' names"
     )
+    parser.add_argument("--methods", nargs="+", metavar="TEXT", help="rows that have one of these in their names; all")
     parser.add_argument("--views", type=count, default=64, help="views a round")
     parser.add_argument("--rounds", type=count, default=9)
     parser.add_argument("--skip-more", action="store_true", help="leave out the second table")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all times there")
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="put the tables there, between its marks")
+    parser.add_argument("--mark", default=MARK, help="whose tables they are in that file")
     return parser.parse_args(arguments)
+
+
+def _is_wanted(method: Method, texts: Sequence[str] | None) -> bool:
+    """Whether a row is asked for; the one that all are compared with always is."""
+    return texts is None or method.title == BASELINE or any(text in method.title for text in texts)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -190,24 +197,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parse(arguments)
     if options.markdown:
         try:
-            split_marked(options.markdown, MARK)
+            split_marked(options.markdown, options.mark)
         except (OSError, ValueError) as error:
             _say(f"compare.py: {error}")
             return 2
     wp.config.log_level = wp.LOG_WARNING
     others = OtherWork()
-    results = [
-        result for name in options.scenes for result in compare(wv.scenes.PRESETS[name], options.views, options.rounds)
-    ]
+    methods = [method for method in METHODS if _is_wanted(method, options.methods)]
+    results = []
+    for name in options.scenes:
+        results += compare(wv.scenes.PRESETS[name], methods, options.views, options.rounds)
     more = [] if options.skip_more else measure_more(options.scenes, options.rounds)
-    tables = "\n\n".join([markdown(results, options.rounds), *([more_markdown(more)] if more else [])])
+    tables = "\n\n".join([markdown(results, methods, options.rounds), *([more_markdown(more)] if more else [])])
     print(tables, flush=True)
     if others.warning():
         _say(others.warning())
     if options.json:
         write_json(options.json, results, more)
     if options.markdown:
-        write_marked(options.markdown, MARK, tables)
+        write_marked(options.markdown, options.mark, tables)
     return 0
 
 

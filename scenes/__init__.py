@@ -5,8 +5,9 @@
 from warpvis.scenes.benchmark import BENCHMARK_SCENES
 from warpvis.scenes.experiments import EXPERIMENTS, Experiment
 from warpvis.scenes.preset import ScenePreset
+from warpvis.scenes.terrain import TERRAINS
 
-PRESETS: dict[str, ScenePreset] = {preset.name: preset for preset in (*EXPERIMENTS, *BENCHMARK_SCENES)}
+PRESETS: dict[str, ScenePreset] = {preset.name: preset for preset in (*EXPERIMENTS, *BENCHMARK_SCENES, *TERRAINS)}
 """Every preset by its name."""
 
-__all__ = ["BENCHMARK_SCENES", "EXPERIMENTS", "PRESETS", "Experiment", "ScenePreset"]
+__all__ = ["BENCHMARK_SCENES", "EXPERIMENTS", "PRESETS", "TERRAINS", "Experiment", "ScenePreset"]

@@ -14,7 +14,9 @@ from pose_samples import unit
 
 import warpvis as wv
 from warpvis import scenes
+from warpvis.core.poses import poses_to_matrices
 from warpvis.rendering.casters import split_rows
+from warpvis.scenes import terrain
 
 import reference
 from compare import assert_matches_reference, wrong_depth
@@ -52,6 +54,54 @@ def test_triangles_all_around_the_camera(seed, device):
     assert_matches_reference(wv.render(scene, camera, poses, outputs=ALL), scene, camera, poses)
     culled = wv.render(scene, camera, poses, outputs=ALL, cull_backfaces=True)
     assert_matches_reference(culled, scene, camera, poses, cull_backfaces=True)
+
+
+def leaf_by_leaf(vertices, faces, camera, poses, device):
+    """Depth of a mesh without any box: a tree of one leaf has none."""
+    nearest = np.full((len(poses), camera.height, camera.width), np.inf, dtype=np.float32)
+    for some in np.array_split(faces, -(-len(faces) // 16)):
+        alone = wv.Scene(device=device)
+        alone.add((vertices, some))
+        shown = wv.render(alone, camera, poses, outputs=("depth",), caster="packets").depth.numpy()
+        nearest = np.minimum(nearest, shown)
+    return nearest
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_boxes_hide_no_triangle(seed, device):
+    """Bit for bit what leaves show without boxes: of triangles smaller than a pixel most boxes lie between centres."""
+    rng = np.random.default_rng(seed)
+    vertices, faces = terrain.ground(41)
+    vertices = vertices @ np.linalg.qr(rng.normal(size=(3, 3)))[0] + rng.normal(size=3) * 10.0 ** rng.uniform(0, 4)
+    camera = wv.Camera.from_fov(64, 48, hfov=rng.uniform(0.3, 1.5))
+    middle = vertices.mean(axis=0)
+    away = rng.normal(size=(4, 3))
+    away *= 10.0 ** rng.uniform(2.5, 4, (4, 1)) / np.linalg.norm(away, axis=1, keepdims=True)
+    poses = np.array([wv.look_at(middle + step, middle + rng.normal(size=3) * 50) for step in away]).astype(np.float32)
+    scene = wv.Scene(device=device)
+    scene.add((vertices, faces))
+    depth = wv.render(scene, camera, poses, outputs=("depth",), caster="packets").depth.numpy()
+    assert np.isfinite(depth).mean() > 0.01
+    np.testing.assert_array_equal(depth, leaf_by_leaf(vertices, faces, camera, poses, device))
+
+
+@pytest.mark.parametrize("turn", [(0, 0, 0, 1), (1, 0, 0, 0), (0.5, -0.5, 0.5, -0.5), (0.5, 0.5, 0.5, 0.5)])
+def test_boxes_that_end_at_pixel_centres_hide_no_triangle(turn, device):
+    """A wall of which every pixel's centre is at a corner of triangles, and so at the edges of boxes."""
+    rng = np.random.default_rng(int(10 * sum(turn)))
+    scale = 10.0 ** rng.uniform(-1, 1)
+    x = np.arange(-24.0, 24.25, 0.5) * scale  # a pixel is a metre at 100 m, times the scale
+    corners = np.stack([*np.meshgrid(x, x, indexing="ij"), np.full((len(x), len(x)), 100.0 * scale)], -1)
+    camera = wv.Camera(40, 40, 100.0, 100.0, 20.5, 20.5)
+    pose = np.r_[rng.normal(size=3) * 10.0 ** rng.uniform(0, 2), turn].astype(np.float32)[None]
+    placed = poses_to_matrices(pose)[0]
+    vertices = (corners.reshape(-1, 3) @ placed[:3, :3].T + placed[:3, 3]).astype(np.float32)
+    faces = terrain.grid_faces(len(x))
+    scene = wv.Scene(device=device)
+    scene.add((vertices, faces))
+    depth = wv.render(scene, camera, pose, outputs=("depth",), caster="packets").depth.numpy()
+    np.testing.assert_allclose(depth, 100.0 * scale, rtol=1e-4)
+    np.testing.assert_array_equal(depth, leaf_by_leaf(vertices, faces, camera, pose, device))
 
 
 def test_culling_sees_through_back_faces(device, caster):
@@ -245,6 +295,7 @@ import numpy as np, warp as wp
 wp.config.cpu_compiler_flags = sys.argv[1]
 import warpvis as wv
 from warpvis import scenes
+from warpvis.core.poses import poses_to_matrices
 camera = wv.Camera.from_fov(120, 90, hfov=0.994837, near=0.05, far=100.0)
 images = {}
 for name in ("experiment_3", "room", "blobs_77k"):

@@ -78,6 +78,13 @@ struct Image {
     inline int row_part(int y) const { return Grid::row_part(y, tiles_x); }
     inline int tiles() const { return tiles_x * tiles_y; }
 
+    // The first and the last pixel whose centres may be between two places, in pixels from the first centre; for points
+    // anywhere, all that may be touched.
+    inline Floats first_pixel(Floats from) const {
+        return __builtin_elementwise_ceil(first_packet ? __builtin_elementwise_floor(from + 0.5f) : from);
+    }
+    inline Floats last_pixel(Floats to) const { return __builtin_elementwise_floor(first_packet ? to + 0.5f : to); }
+
     // The index of the block in a column and a row of blocks.
     inline int block_at(int bx, int by) const {
         return ((by >> BLOCK_SHIFT) * tiles_x + (bx >> BLOCK_SHIFT)) * TILE_BLOCKS +

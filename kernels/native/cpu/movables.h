@@ -78,7 +78,7 @@ struct OrientedBoxes {
     }
 
     // Where they are in the image.
-    inline ScreenBounds bounds(float far, const Image& image, Ints shown) const {
+    inline ScreenBounds bounds(float far, float blur, const Image& image, Ints shown) const {
         const float center_x = image.center_x, center_y = image.center_y;
         shown &= reach(0.0f, 0.0f, 1.0f) & reach(1.0f, 0.0f, center_x) & reach(-1.0f, 0.0f, image.width - center_x) &
                  reach(0.0f, 1.0f, center_y) & reach(0.0f, -1.0f, image.height - center_y);
@@ -89,7 +89,7 @@ struct OrientedBoxes {
             term[i][0] = Points::minus(middle, half[i]);
             term[i][1] = Points::plus(middle, half[i]);
         }
-        return ScreenBounds::of(term, far, image, shown);
+        return ScreenBounds::of(term, far, blur, image, shown);
     }
 };
 
@@ -105,7 +105,7 @@ struct Queue {
     // Objects from `first` on, as many as there are lanes.
     static inline ScreenBounds bounds(const View& view, const Image& image, int first, Ints wanted) {
         const OrientedBoxes boxes = OrientedBoxes::of(first, view.scene.movables.count - 1 - first, view);
-        return boxes.bounds(view.camera.far, image, wanted);
+        return boxes.bounds(view.camera.far, view.camera.blur, image, wanted);
     }
     // One object; false if it is not in the image.
     static inline bool find(const View& view, const Image& image, int movable, Visit& found) {

@@ -94,20 +94,13 @@ struct Setup {
         Floats right = Lanes::max(px0, px1, px2) + (image.center_x - 0.5f + slack);
         Floats top = Lanes::min(py0, py1, py2) + (image.center_y - 0.5f - slack);
         Floats bottom = Lanes::max(py0, py1, py2) + (image.center_y - 0.5f + slack);
-        // Pixels whose centres may be inside; for points anywhere, all that may be touched.
-        if (image.first_packet) {
-            left = __builtin_elementwise_floor(left + 0.5f);
-            top = __builtin_elementwise_floor(top + 0.5f);
-            right += 0.5f;
-            bottom += 0.5f;
-        }
-        left = Lanes::max(crossing ? none : __builtin_elementwise_ceil(left), none);
+        left = Lanes::max(crossing ? none : image.first_pixel(left), none);
         const float first = (float)image.first_row, last = (float)(image.view_height - 1);
-        const Floats view_top = Lanes::max(crossing ? none : __builtin_elementwise_ceil(top) + first, none);
+        const Floats view_top = Lanes::max(crossing ? none : image.first_pixel(top) + first, none);
         const Floats view_bottom =
-            Lanes::min(crossing ? Lanes::all(last) : __builtin_elementwise_floor(bottom) + first, Lanes::all(last));
+            Lanes::min(crossing ? Lanes::all(last) : image.last_pixel(bottom) + first, Lanes::all(last));
         top = Lanes::max(view_top - first, none);
-        right = Lanes::min(crossing ? wide : __builtin_elementwise_floor(right), wide - one);
+        right = Lanes::min(crossing ? wide : image.last_pixel(right), wide - one);
         bottom = Lanes::min(view_bottom - first, tall - one);
         const Ints shown = out.shown & (left <= right) & (top <= bottom);
         if (!Lanes::any(shown)) return false;

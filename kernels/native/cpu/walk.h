@@ -5,6 +5,11 @@
 
 // Nearer than anything that is seen: such lanes come last where the nearest does.
 constexpr float BEHIND_ALL = 3.2e38f;
+// A box may be anywhere in the image from where its nearest corner is no farther than this part of the sum of its
+// terms.
+constexpr float BOX_CROSSING_SHARE = 0.02f;
+// How much rounding may be wrong: in pixels, a little, and so many times what it may move a corner.
+constexpr float BOX_SLACK = 0.01f, BOX_SLACK_BLURS = 256.0f;
 
 // Where boxes are in the image.
 struct ScreenBounds {
@@ -12,14 +17,14 @@ struct ScreenBounds {
     Ints shown;
 
     // Of the boxes' corners in camera space, as sums of one term an axis.
-    static inline ScreenBounds of(const Points (*term)[2], float far, const Image& image, Ints shown) {
+    static inline ScreenBounds of(const Points (*term)[2], float far, float blur, const Image& image, Ints shown) {
         Floats zmin = Lanes::all(0.0f), size = Lanes::all(0.0f);
         for (int axis = 0; axis < 3; ++axis) {
             zmin += Lanes::min(term[axis][0].z, term[axis][1].z);
             size += Lanes::max(__builtin_elementwise_abs(term[axis][0].z), __builtin_elementwise_abs(term[axis][1].z));
         }
         shown &= zmin <= Lanes::all(far);
-        const Ints crossing = zmin <= 0.01f * size;
+        const Ints crossing = zmin <= BOX_CROSSING_SHARE * size;
 
         Floats left = Lanes::all(NOWHERE), right = -left, top = left, bottom = -left;
         for (int corner = 0; corner < 8; ++corner) {
@@ -32,18 +37,19 @@ struct ScreenBounds {
             top = Lanes::min(top, y);
             bottom = Lanes::max(bottom, y);
         }
-        // In pixels, wider than rounding can be wrong; boxes that reach behind the camera may be anywhere.
-        const float slack = 0.1f + 2e-4f * (float)(image.width + image.height);
+        // Pixels that may be seen through a box, wider than rounding can be wrong: where triangles are small, most boxes
+        // lie between the centres. Boxes that reach behind the camera may be anywhere.
+        const float slack = BOX_SLACK + BOX_SLACK_BLURS * blur;
+        const float to_x = image.center_x - 0.5f, to_y = image.center_y - 0.5f;
         const Floats none = Lanes::all(0.0f), wide = Lanes::all((float)(image.width - 1)),
                      tall = Lanes::all((float)(image.height - 1));
-        left = Lanes::max(crossing ? none : left + (image.center_x - slack), none);
-        top = Lanes::max(crossing ? none : top + (image.center_y - slack), none);
-        right = crossing ? wide : right + (image.center_x + slack);
-        bottom = crossing ? tall : bottom + (image.center_y + slack);
-        shown &= (left < wide + 1.0f) & (top < tall + 1.0f) & (right >= none) & (bottom >= none);
+        left = Lanes::max(crossing ? none : image.first_pixel(left + (to_x - slack)), none);
+        top = Lanes::max(crossing ? none : image.first_pixel(top + (to_y - slack)), none);
+        right = Lanes::min(crossing ? wide : image.last_pixel(right + (to_x + slack)), wide);
+        bottom = Lanes::min(crossing ? tall : image.last_pixel(bottom + (to_y + slack)), tall);
+        shown &= (left <= right) & (top <= bottom);
         const Floats nearest_inv_z = crossing ? Lanes::all(NOWHERE) : 1.00001f / zmin;
-        return ScreenBounds{nearest_inv_z,           Lanes::min(left, wide),   Lanes::min(top, tall),
-                            Lanes::min(right, wide), Lanes::min(bottom, tall), shown};
+        return ScreenBounds{nearest_inv_z, left, top, right, bottom, shown};
     }
 
     // The bounds of each lane for itself, a little nearer by a factor where their corners come of longer sums.
@@ -108,7 +114,7 @@ struct Walk {
             term[2][k] = Points{m[0][2] * corner.z - camera.rest[0], m[1][2] * corner.z - camera.rest[1],
                                 m[2][2] * corner.z - camera.rest[2]};
         }
-        const ScreenBounds bounds = ScreenBounds::of(term, camera.far, image, shown);
+        const ScreenBounds bounds = ScreenBounds::of(term, camera.far, camera.blur, image, shown);
         const unsigned found = Lanes::bits(bounds.shown);
         int place[LANES];
         Lanes::store(place, places(bounds.shown ? bounds.nearest_inv_z : Lanes::all(BEHIND_ALL)));
