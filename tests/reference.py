@@ -8,6 +8,7 @@ Each function has the name of its kernel. Arguments are plain arrays; poses are 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -484,6 +485,21 @@ def scale_sizes(made: NDArray, scales: NDArray, worlds: int) -> NDArray[np.float
     """Sizes of movable objects, (worlds, M, 4), of those that they were made with and of factors, (1 or W, M, 3)."""
     factors = np.concatenate([scales, np.ones((*scales.shape[:2], 1))], axis=-1).astype(np.float64)
     return made * factors[np.arange(worlds) % len(factors)]
+
+
+def geom_sizes(
+    sizes: NDArray, rows: NDArray, geoms: NDArray, kinds: NDArray, own: NDArray, made: NDArray
+) -> NDArray[np.float64]:
+    """Sizes of what moves in some worlds: of MuJoCo's spheres, capsules, ellipsoids, cylinders (2 to 5) and boxes."""
+    found = np.tile(made.astype(np.float64), (len(rows), 1, 1))
+    for (row, world), (column, geom) in product(enumerate(rows), enumerate(geoms)):
+        now = sizes[world % len(sizes), geom].astype(np.float64)
+        if geom < 0 or (now == own[geom]).all():
+            continue
+        kind = kinds[geom]
+        radii = {4: now, 6: now / own[geom]}.get(kind, now[[0, 0, 0]])
+        found[row, column] = [*radii, now[1] / now[0] if kind in (3, 5) else made[column, 3]]
+    return found
 
 
 def geoms_of_objects(objects: NDArray, geom_ids: NDArray) -> NDArray[np.int32]:
