@@ -116,7 +116,6 @@ def data_cases(folder):
                 "geom_groups": (0,),
                 "scene_option": None,
                 "movable": "all",
-                "resizable": ["ball"],
                 "cull_backfaces": True,
                 "near_plane": "clip",
                 "fill": "far",

@@ -18,6 +18,7 @@ from warpvis.batch._job import Plan
 from warpvis.batch.formats._bop import Bop
 from warpvis.batch.storage._output import ShardFiles
 from warpvis.core.frames import Frames
+from warpvis.core.threads import Crew
 from warpvis.scene.worlds import pose_columns
 from warpvis.visibility import object_visibility
 
@@ -85,7 +86,7 @@ def images_of(scene, plan, frames, layout):
 def write(folder, scene, plan, threads=None):
     """Write a dataset as the job does, but in one folder."""
     layout, files = Bop(plan), ShardFiles(folder)
-    layout.threads = threads
+    layout.encoders = None if threads is None else Crew(threads, "encoder")
     units = []
     for shard in range(plan.shard_count):
         images = images_of(scene, plan, plan.frames[plan.shard_slice(shard)], layout)

@@ -18,6 +18,7 @@ from warpvis.batch._job import Plan
 from warpvis.batch.storage._output import ShardFiles
 from warpvis.core.frames import Frames
 from warpvis.core.poses import poses_to_matrices
+from warpvis.core.threads import Crew
 from warpvis.io import depth_to_units, encode_png, load_camera, read_frames
 
 # Not in the middle, and not square: half a pixel, and x taken for y, are centimetres at the scene's distances.
@@ -95,7 +96,7 @@ def write(folder, rendered, kind, *, up="z", threads=None, **changes):
     """Write a dataset, shard by shard; what the user is told at the end."""
     plan = make_plan(rendered, kind, up=up, **changes)
     layout = find_format(kind)(plan)
-    layout.threads = threads
+    layout.encoders = None if threads is None else Crew(threads, "encoder")
     folder.mkdir(exist_ok=True)
     files = ShardFiles(folder)
     units = []

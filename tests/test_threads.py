@@ -15,7 +15,7 @@ import warp as wp
 
 import warpvis as wv
 from warpvis import scenes
-from warpvis.core.threads import _forget_pool as forget_pool, _split, core_count, run_each
+from warpvis.core.threads import Crew, _forget_pool as forget_pool, _split, core_count, run_each
 
 
 @pytest.mark.parametrize("shape", [(1, 1, 1), (1, 480, 640), (7, 240, 320), (64, 48, 64), (1000, 5, 7), (3, 1000, 2)])
@@ -121,3 +121,40 @@ def test_an_error_comes_back_when_nobody_works_any_more(threads):
         run_each(work, range(1000), threads)
     assert not at_work
     assert len(done) < 100
+
+
+def test_a_crew_is_no_larger_for_several_callers():
+    at_work, most, done, lock = [0], [0], [], threading.Lock()
+
+    def work(part):
+        with lock:
+            at_work[0] += 1
+            most[0] = max(most[0], at_work[0])
+        time.sleep(0.002)
+        with lock:
+            at_work[0] -= 1
+            done.append(part)
+
+    with Crew(3, "crew") as crew, ThreadPoolExecutor(4) as callers:
+        for first in range(0, 80, 20):
+            callers.submit(crew.each, work, range(first, first + 20))
+    assert sorted(done) == list(range(80))
+    assert 1 < most[0] <= 3
+
+
+def test_a_crew_goes_on_after_an_error_of_one_caller():
+    def work(part):
+        if part == 3:
+            raise ValueError("part 3")
+        time.sleep(0.001)
+        done.append(part)
+
+    done = []
+    with Crew(2, "crew") as crew:
+        with pytest.raises(ValueError, match="part 3"):
+            crew.each(work, range(1000))
+        assert len(done) < 100
+        done.clear()
+        crew.each(work, [5, 6, 7])
+        crew.each(work, [])
+    assert sorted(done) == [5, 6, 7]

@@ -11,9 +11,10 @@ A dataset is a folder, or an fsspec URL::
     shards/000012.json   the record of a shard, with bytes and CRC-32 of its files; written after them
     index.json           the record of what covers the whole dataset; its presence means that it is complete
 
-`_job` says what is to be made, `formats` lays out files. `_writer` renders and writes shards in one process, `engines`
-do so in one or many. `_dataset`, `_records` and `storage` keep the folder, and `reading` reads it back. `_manifest` and
-`_identity` tell whether a job may go on with it, `_verify` whether it is sound.
+`_job` says what is to be made, `formats` lays out files. `_writer` renders shards in one process and has them written
+by `writing`, on threads or in processes beside; `engines` do so in one or many. `_dataset`, `_records` and `storage`
+keep the folder, and `reading` reads it back. `_manifest` and `_identity` tell whether a job may go on with it,
+`_verify` whether it is sound.
 """
 
 from __future__ import annotations

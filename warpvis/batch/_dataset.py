@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 from warpvis.batch._job import frame_arrays
 from warpvis.batch._manifest import MANIFEST, Manifest, manifest_text, parse_manifest, require_same
 from warpvis.batch._records import BEGIN_RECORD, INDEX_RECORD, Record, commit, read_whole, shard_record
-from warpvis.batch._writer import WorkerLostError
 from warpvis.batch.formats._npz import npz_parts
 from warpvis.batch.storage._stores import Store, open_store
+from warpvis.batch.writing._encoder import WorkerLostError
 from warpvis.errors import FileFormatError
 
 if TYPE_CHECKING:

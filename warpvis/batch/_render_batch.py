@@ -123,7 +123,8 @@ def render_batch(
         options: The format's own options.
         device: ``"cpu"``, ``"cuda:0"``, several with commas, or ``"cuda:all"``; the scene's by default. Of the engine
             ``"ray"`` ``"cpu"``, or ``"cuda"`` for a GPU each.
-        threads: CPU threads that render, of the engine ``"local"``; all cores of this process by default.
+        threads: CPU threads that render, and as many that encode, of the engine ``"local"``; all cores of this process
+            by default. From eight on, what is compressed is encoded in processes beside.
         caster: As for `Renderer`.
         engine: ``"local"``, this machine; or ``"ray"``, a Ray cluster, one of this machine if none is running.
         workers: Workers of the engine ``"ray"``; by default one for each GPU, or for each core.

@@ -48,7 +48,7 @@ class ImageOptions(FrameOptions):
     option: Annotated[tuple[str, ...], tyro.conf.arg(metavar="KEY=VALUE ...")] = ()
     """The format's own options."""
     threads: int | None = None
-    """CPU threads that render; all cores by default."""
+    """CPU threads that render, and as many that encode; all cores by default."""
     quiet: bool = False
     """No progress bar and no summary."""
     fail_empty: bool = False

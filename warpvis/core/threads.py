@@ -114,22 +114,27 @@ def pack_launch(kernel: wp.Kernel, inputs: list[object]) -> wp.Launch:
     return wp.launch(kernel, dim=1, inputs=inputs, device="cpu", record_cmd=True)
 
 
-def run_each(work: Callable[[_Part], object], parts: Sequence[_Part], threads: int) -> None:
-    """Call `work` for each part, on at most so many threads at a time: this one and the pool's."""
-    waiting = iter(parts)
-    failures: list[BaseException] = []
+class _PartTaker:
+    """Shares out parts among the threads that call it; after a failure the others take no more."""
 
-    def take_parts() -> None:
-        for part in waiting:
-            if failures:
+    def __init__(self, work: Callable[[_Part], object], parts: Sequence[_Part]) -> None:
+        self.failures: list[BaseException] = []
+        self._work, self._waiting = work, iter(parts)
+
+    def __call__(self) -> None:
+        for part in self._waiting:
+            if self.failures:
                 return
             try:
-                work(part)
+                self._work(part)
             except BaseException as error:
-                failures.append(error)
+                self.failures.append(error)
                 raise
 
-    run_together(take_parts, min(threads, len(parts)), lambda: False)
+
+def run_each(work: Callable[[_Part], object], parts: Sequence[_Part], threads: int) -> None:
+    """Call `work` for each part, on at most so many threads at a time: this one and the pool's."""
+    run_together(_PartTaker(work, parts), min(threads, len(parts)), lambda: False)
 
 
 def run_together(work: Callable[[], None], workers: int, all_finished: Callable[[], bool]) -> None:
@@ -158,6 +163,34 @@ def run_together(work: Callable[[], None], workers: int, all_finished: Callable[
 def _begun(futures: list[Future[None]]) -> list[Future[None]]:
     """Return those that could not be cancelled."""
     return [future for future in futures if not future.cancel()]
+
+
+class Crew:
+    """Threads apart from the pool's, which work through one call's parts after another's: what they do is no more than
+    so many things at a time, however many callers wait for them.
+
+    A context: its threads end with it.
+    """
+
+    def __init__(self, threads: int, name: str) -> None:
+        """Take so many threads, which begin when they are needed; `name` is what debuggers call them."""
+        self.threads = threads
+        self._pool = ThreadPoolExecutor(threads, thread_name_prefix=name)
+
+    def __enter__(self) -> Crew:
+        """Begin."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """End when all that was begun is done."""
+        self._pool.shutdown()
+
+    def each(self, work: Callable[[_Part], object], parts: Sequence[_Part]) -> None:
+        """Call `work` for each part, and wait; an error comes back when nobody works on this call's any more."""
+        run_parts = _PartTaker(work, parts)
+        wait([self._pool.submit(run_parts) for _ in range(min(self.threads, len(parts)))])
+        if run_parts.failures:
+            raise run_parts.failures[0]
 
 
 def check_threads(threads: int | None) -> int:

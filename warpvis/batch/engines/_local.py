@@ -5,21 +5,25 @@
 from __future__ import annotations
 
 import multiprocessing
+import sys
 import traceback
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
+from threading import Event
 
 import warp as wp
 
-from warpvis.batch._writer import Done, Job, ShardWriter, WorkerLostError
+from warpvis.batch._writer import Done, Job, ShardWriter, writer_count
+from warpvis.batch.writing._encoder import WorkerLostError
 from warpvis.core.arrays import get_device
-from warpvis.core.threads import core_count
+from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, WarpvisError
 
-_MOST_WRITERS = 8
+_LOOK_EVERY = 0.2
+"""How often a process that waits for work looks whether anything went wrong [s]."""
 
 
 def run_local(job: Job, shards: Iterable[int], done: Done, *, devices: Sequence[str], threads: int | None) -> None:
@@ -30,17 +34,17 @@ def run_local(job: Job, shards: Iterable[int], done: Done, *, devices: Sequence[
         shards: Numbers of the shards.
         done: Called with every shard that is whole, by one thread at a time.
         devices: One of them is used in this process; each of several has a process of its own.
-        threads: CPU threads that render.
+        threads: CPU threads that render, and as many that encode; processes share them.
 
     Raises:
         OSError: A file cannot be written.
         WorkerLostError: A process ended before its work did.
     """
     if len(devices) == 1:
-        writer = ShardWriter(job, device=devices[0], threads=threads, writers=writer_count(1))
-        writer.run(shards, done)
+        with ShardWriter(job, device=devices[0], threads=threads) as writer:
+            writer.run(shards, done)
     else:
-        _run_processes(job, shards, done, devices)
+        _run_processes(job, shards, done, devices, max(1, check_threads(threads) // len(devices)))
 
 
 def parse_devices(device: DeviceLike) -> list[str]:
@@ -60,24 +64,18 @@ def parse_devices(device: DeviceLike) -> list[str]:
     return [str(found) for found in devices]
 
 
-def writer_count(processes: int) -> int:
-    """Choose how many threads encode and write in each of some processes of this machine."""
-    return max(1, min(_MOST_WRITERS, core_count() // processes))
-
-
-def _run_processes(job: Job, shards: Iterable[int], done: Done, devices: Sequence[str]) -> None:
+def _run_processes(job: Job, shards: Iterable[int], done: Done, devices: Sequence[str], threads: int) -> None:
     """Run a process for each device. It is handed shards as it finishes others, so that none waits for a slower one."""
     context = multiprocessing.get_context("spawn")  # CUDA does not survive a fork
-    writers = writer_count(len(devices))
     workers: dict[Connection, SpawnProcess] = {}
     try:
         for device in devices:
             ours, theirs = context.Pipe()
-            process = context.Process(target=_work, args=(theirs, job, device, writers), name=device)
+            process = context.Process(target=_work, args=(theirs, job, device, threads), name=device)
             process.start()
             theirs.close()
             workers[ours] = process
-        _share_out(iter(shards), done, workers, ahead=writers + 2)
+        _share_out(iter(shards), done, workers, ahead=writer_count(threads) + 2)
     finally:
         for connection, process in workers.items():
             connection.close()
@@ -129,21 +127,32 @@ def _obituary(workers: dict[Connection, SpawnProcess]) -> str:
     return "a process ended"
 
 
-def _work(connection: Connection, job: Job, device: str, writers: int) -> None:
+def _work(connection: Connection, job: Job, device: str, threads: int) -> None:
     """Work as one process: shards come in through the connection, and records go out."""
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that shares out the work
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # which ends this one, when what it has begun is written
     wp.config.log_level = wp.LOG_WARNING
     try:
-        writer = ShardWriter(job, device=device, writers=writers)
-        writer.run(iter(connection.recv, None), lambda shard, record: connection.send((shard, record)))
+        with ShardWriter(job, device=device, threads=threads) as writer:
+            writer.run(_incoming(connection, writer.failed), lambda shard, record: connection.send((shard, record)))
     except EOFError:  # nobody is there who shares out work
         pass
     except (WarpvisError, OSError) as error:
         _tell(connection, error)
     except Exception:
         _tell(connection, RuntimeError(f"on {device}:\n{traceback.format_exc()}"))
+
+
+def _incoming(connection: Connection, failed: Event) -> Iterator[int]:
+    """Go through the shards that come in; where one could not be written, no others are waited for."""
+    while not failed.is_set():
+        if connection.poll(_LOOK_EVERY):
+            shard = connection.recv()
+            if shard is None:
+                return
+            yield shard
 
 
 def _tell(connection: Connection, error: Exception) -> None:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING, ClassVar, Protocol, TypeAlias
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from warpvis.batch._job import Plan
     from warpvis.batch.storage._output import ShardFiles
     from warpvis.core.labels import Label
+    from warpvis.core.threads import Crew
     from warpvis.scene import Scene
 
 _HOME = {
@@ -59,6 +60,10 @@ VISIBILITY_ARRAYS = {
 `warpvis.ObjectVisibility` has, whose `fraction` is called ``visible_fraction``."""
 
 
+# Each call of NumPy takes and lets go of the interpreter's lock, for which all threads that encode compete: frames are
+# handled by a few at once, as many as fit into a core's cache.
+_PIXELS_AT_ONCE = 1 << 19
+
 Images: TypeAlias = Mapping[str, np.ndarray]
 """Arrays of a shard's frames, by name; see `Format.write_shard`."""
 
@@ -82,8 +87,10 @@ class Format(Protocol):
     """Whether visibility is asked for from 0 to infinity, whatever the camera's range is."""
     object_label: ClassVar[Label | None] = None
     """Which objects visibility is of unless the job names some; None for all."""
-    threads: int | None = None
-    """CPU threads that encode one shard, if the format uses several; all cores of the process by default."""
+    encodes: bool = False
+    """Whether making its files takes a processor longer than writing them."""
+    encoders: Crew | None = None
+    """Threads that encode, the same ones for all shards; without, the thread that writes a shard does."""
 
     def __init__(self, plan: Plan) -> None:
         """Prepare to write a dataset.
@@ -121,6 +128,23 @@ class Format(Protocol):
     def write_models(self, files: ShardFiles, scene: Scene) -> list[str]:
         """Write the scene's objects, if there is a place for them, together with `index`; return the units as there."""
         return []
+
+    def encode_each(self, count: int, pixels: int, work: Callable[[range], object]) -> None:
+        """Call `work` for all frames of a shard, for a few neighbouring ones at a time, on the threads that encode.
+
+        Args:
+            count: Frames of the shard.
+            pixels: Pixels of a frame.
+            work: Encodes frames of those numbers in the shard.
+        """
+        threads = 1 if self.encoders is None else self.encoders.threads
+        step = max(1, min(_PIXELS_AT_ONCE // pixels, -(-count // threads)))
+        parts = [range(first, min(first + step, count)) for first in range(0, count, step)]
+        if self.encoders is not None:
+            self.encoders.each(work, parts)
+        else:
+            for part in parts:
+                work(part)
 
 
 def find_format(name: str) -> type[Format]:

@@ -8,7 +8,6 @@ import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from typing import TYPE_CHECKING, ClassVar, TypedDict
 
 import numpy as np
@@ -65,11 +64,9 @@ _NO_BOX = (-1, -1, -1, -1)
 
 @dataclass
 class _Image:
-    """What there is to write of a frame."""
+    """What is said of a frame."""
 
-    depth: bytes
     lost: int
-    masks: list[tuple[bytes, bytes]] = field(default_factory=list)
     infos: list[_ObjectInfo] = field(default_factory=list)
 
 
@@ -142,21 +139,22 @@ class Bop(Layout):
         """Write one BOP scene; see `warpvis.batch.formats._base.Format`."""
         scene = f"{self._split}/{shard_name(shard)}"
         frames = self.plan.frames[self.plan.shard_slice(shard)]
-        infos: list[list[_ObjectInfo]] = []
-        lost = 0
-        for image, made in enumerate(self.make_each(len(images["depth"]), partial(self._make, images))):
-            files.write(f"{scene}/depth/{image:06d}.png", made.depth)
-            for place, (mask, visible) in enumerate(made.masks):
-                files.write(f"{scene}/mask/{image:06d}_{place:06d}.png", mask)
-                files.write(f"{scene}/mask_visib/{image:06d}_{place:06d}.png", visible)
-            infos.append(made.infos)
-            lost += made.lost
+        count, camera = len(images["depth"]), self.plan.camera
+        made: dict[int, _Image] = {}
+
+        def write_some(numbers: range) -> None:
+            for image in numbers:
+                made[image] = self._write_image(scene, image, images, files)
+
+        self.encode_each(count, camera.width * camera.height, write_some)
+        infos = [made[image].infos for image in range(count)]
         world_to_camera = _inverse(poses_to_matrices(frames.camera_to_world))
         files.write_text(f"{scene}/scene_camera.json", _json_lines(enumerate(self._cameras(world_to_camera))))
         files.write_text(f"{scene}/scene_gt.json", _json_lines(enumerate(self._poses(frames, world_to_camera))))
         files.write_text(f"{scene}/scene_gt_info.json", _json_lines(enumerate(infos)))
         files.warn(
-            f"pixels have a depth that 16 bits of {self._depth_scale:g} mm cannot hold, and are 0, no depth", lost
+            f"pixels have a depth that 16 bits of {self._depth_scale:g} mm cannot hold, and are 0, no depth",
+            sum(image.lost for image in made.values()),
         )
         return [scene]
 
@@ -201,22 +199,26 @@ class Bop(Layout):
             return np.zeros(3)
         return np.array(self.plan.object_centers[index], dtype=np.float64)
 
-    def _make(self, images: Images, image: int) -> _Image:
+    def _write_image(self, scene: str, image: int, images: Images, files: ShardFiles) -> _Image:
+        """Write a frame's depth and masks, and return what is said of it."""
         depth = images["depth"][image]
         units = depth_to_units(depth, _MILLIMETRES / self._depth_scale)
-        made = _Image(encode_png(units), count_lost(depth, units))
+        files.write(f"{scene}/depth/{image:06d}.png", encode_png(units))
+        made = _Image(count_lost(depth, units))
         missing = units == 0
         for place, mask in enumerate(images["masks"][image]):
             whole = int(images["silhouette_pixels"][image, place])
             if not images["image_pixels"][image, place]:
                 made.infos.append(_object_info(whole, 0, None, ()))
-                made.masks.append((self._blank, self._blank))
-                continue
-            alone = mask > 0
-            visible = (mask > 1) | (alone & missing) if self._missing_is_visible else (mask > 1) & ~missing
-            valid, box = int(np.count_nonzero(alone & ~missing)), images["silhouette_box"][image, place].tolist()
-            made.infos.append(_object_info(whole, valid, visible, box))
-            made.masks.append((self._mask_png(alone), self._mask_png(visible)))
+                pair = self._blank, self._blank
+            else:
+                alone = mask > 0
+                visible = (mask > 1) | (alone & missing) if self._missing_is_visible else (mask > 1) & ~missing
+                valid, box = int(np.count_nonzero(alone & ~missing)), images["silhouette_box"][image, place].tolist()
+                made.infos.append(_object_info(whole, valid, visible, box))
+                pair = self._mask_png(alone), self._mask_png(visible)
+            for kind, mask_png in zip(("mask", "mask_visib"), pair, strict=True):
+                files.write(f"{scene}/{kind}/{image:06d}_{place:06d}.png", mask_png)
         return made
 
     def _mask_png(self, mask: NDArray[np.bool_]) -> bytes:

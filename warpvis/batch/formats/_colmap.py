@@ -73,7 +73,9 @@ class Colmap(Layout):
         return ["sparse"]
 
     def _write_maps(self, shard: int, kind: str, count: int, make: Callable[[int], Parts], files: ShardFiles) -> str:
-        return self.write_frames(shard, f"stereo/{kind}", ".png.geometric.bin", count, make, files)
+        return self.write_frames(
+            shard, f"stereo/{kind}", ".png.geometric.bin", count, lambda frames: map(make, frames), files
+        )
 
     def _image_lines(self, count: int) -> Iterator[str]:
         yield "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME"

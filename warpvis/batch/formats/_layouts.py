@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import partial
 from typing import TYPE_CHECKING, ClassVar, TypeAlias, TypeVar
 
 import numpy as np
@@ -15,9 +14,8 @@ from numpy.typing import NDArray
 from warpvis.batch._job import shard_name
 from warpvis.batch.formats._base import Format, check_options
 from warpvis.batch.storage._direct_io import FilePart
-from warpvis.core.threads import core_count, run_each
 from warpvis.errors import FileFormatError
-from warpvis.io import count_lost, depth_to_units, encode_png
+from warpvis.io import count_lost, depth_to_units, encode_pngs
 
 if TYPE_CHECKING:
     from warpvis.batch._job import Plan
@@ -26,11 +24,7 @@ if TYPE_CHECKING:
 Parts: TypeAlias = tuple[FilePart, ...]
 """What a file is written from, in order."""
 
-Made = TypeVar("Made")
 Row = TypeVar("Row")
-
-# Files of one shard that wait in memory to be written, for each thread that makes them.
-_FILES_PER_THREAD = 4
 
 _ROWS_AT_ONCE = 4096
 
@@ -41,10 +35,9 @@ class Layout(Format):
     A folder holds the files of one shard, so that they appear together.
     """
 
+    encodes = True
     options: ClassVar[Mapping[str, str]] = {}
     """Names of its options, and what messages say of their values."""
-    threads: int | None = None
-    """CPU threads that make files; all cores of this process by default."""
 
     def __init__(self, plan: Plan) -> None:
         """Check the plan's outputs and the names of its options.
@@ -60,57 +53,62 @@ class Layout(Format):
         self.plan = plan
 
     def write_frames(
-        self, shard: int, folder: str, suffix: str, count: int, make: Callable[[int], Parts], files: ShardFiles
+        self,
+        shard: int,
+        folder: str,
+        suffix: str,
+        count: int,
+        make: Callable[[range], Iterable[Parts]],
+        files: ShardFiles,
     ) -> str:
-        """Write the files of a shard's frames, which several threads make, and return their folder.
+        """Write the files of a shard's frames, a few of them on each thread that encodes, and return their folder.
 
         Args:
             shard: The shard.
             folder: Where its folder goes.
             suffix: How the names of files end.
             count: Frames of the shard.
-            make: Makes a frame's file, of the frame's number in the shard.
+            make: Makes the files of neighbouring frames, of their numbers in the shard, in order. Each is written
+                before it makes the next.
             files: Where to write.
         """
         unit = f"{folder}/{shard_name(shard)}"
-        for frame, parts in enumerate(self.make_each(count, make)):
-            files.write(f"{unit}/{frame:06d}{suffix}", *parts)
-        return unit
 
-    def make_each(self, count: int, make: Callable[[int], Made]) -> Iterator[Made]:
-        """Go through what `make` gives for 0, 1, 2, ..., in order; several threads make a few of them at a time."""
-        threads = core_count() if self.threads is None else self.threads
-        step = threads * _FILES_PER_THREAD
-        for first in range(0, count, step):
-            part = range(first, min(first + step, count))
-            made: dict[int, Made] = {}
-            run_each(partial(_make_one, made, make), part, threads)
-            yield from (made[number] for number in part)
+        def write_some(frames: range) -> None:
+            for frame, parts in zip(frames, make(frames), strict=True):
+                files.write(f"{unit}/{frame:06d}{suffix}", *parts)
+
+        camera = self.plan.camera
+        self.encode_each(count, camera.width * camera.height, write_some)
+        return unit
 
     def write_depth_pngs(
         self, shard: int, folder: str, depth: NDArray[np.float32], scale: float, files: ShardFiles
     ) -> str:
         """Write depth [m] as 16-bit PNG of `scale` units a metre, 0 where there is none, and return their folder."""
-        lost: dict[int, int] = {}
+        lost: list[int] = []
 
-        def make(frame: int) -> Parts:
-            units = depth_to_units(depth[frame], scale)
-            lost[frame] = count_lost(depth[frame], units)
-            return (encode_png(units),)
+        def make(frames: range) -> Iterable[Parts]:
+            some = depth[frames.start : frames.stop]
+            units = depth_to_units(some, scale)
+            lost.append(count_lost(some, units))
+            return zip(encode_pngs(units))
 
         unit = self.write_frames(shard, folder, ".png", len(depth), make, files)
         files.warn(
             f"pixels have a depth that 16 bits of {scale:g} units a metre cannot hold (they hold {0.5 / scale:g} to "
             f"{65535.5 / scale:g} m), and are 0, no depth",
-            sum(lost.values()),
+            sum(lost),
         )
         return unit
 
     def write_label_pngs(self, shard: int, labels: NDArray[np.uint8], files: ShardFiles) -> str:
         """Write labels as 8-bit PNG, and return their folder."""
-        return self.write_frames(
-            shard, "labels", ".png", len(labels), lambda frame: (encode_png(labels[frame]),), files
-        )
+
+        def make(frames: range) -> Iterable[Parts]:
+            return zip(encode_pngs(labels[frames.start : frames.stop]))
+
+        return self.write_frames(shard, "labels", ".png", len(labels), make, files)
 
     def frame_names(self, suffix: str) -> Iterator[str]:
         """Go through the names of all frames' files, without the folder in front of the shard's."""
@@ -171,7 +169,3 @@ def write_lines(files: ShardFiles, name: str, lines: Iterable[str]) -> None:
     """Write a text file line by line; it need not fit into memory."""
     with files.local_path(name).open("w", encoding="utf-8", newline="\n") as stream:
         stream.writelines(f"{line}\n" for line in lines)
-
-
-def _make_one(made: dict[int, Made], make: Callable[[int], Made], number: int) -> None:
-    made[number] = make(number)

@@ -65,7 +65,8 @@ class Ply(Layout):
         def make(frame: int) -> Parts:
             return self._cloud({output: images[output][frame] for output in self._outputs})
 
-        return [self.write_frames(shard, "clouds", ".ply", len(images["points"]), make, files)]
+        count = len(images["points"])
+        return [self.write_frames(shard, "clouds", ".ply", count, lambda frames: map(make, frames), files)]
 
     def index(self, files: ShardFiles) -> list[str]:
         """Write ``clouds.json``."""

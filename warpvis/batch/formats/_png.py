@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -15,7 +15,7 @@ from warpvis.batch.formats._base import Images
 from warpvis.batch.formats._layouts import Layout, Parts
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
-from warpvis.io import encode_png
+from warpvis.io import encode_pngs
 
 if TYPE_CHECKING:
     from warpvis.batch._job import Plan
@@ -65,8 +65,8 @@ class Png(Layout):
         if "segmentation" in self.plan.outputs:
             objects = images["segmentation"]
 
-            def make(frame: int) -> Parts:
-                return (encode_png((objects[frame] + 1).astype(np.uint16)),)
+            def make(frames: range) -> Iterable[Parts]:
+                return zip(encode_pngs((objects[frames.start : frames.stop] + 1).astype(np.uint16)))
 
             units.append(self.write_frames(shard, "segmentation", ".png", len(objects), make, files))
         return units

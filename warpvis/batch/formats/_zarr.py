@@ -64,6 +64,7 @@ class Zarr(Format):
             raise FileFormatError("format 'zarr' needs zarr: pip install 'warpvis[dataset]'") from None
         self._plan = plan
         self._level = _parse_level(plan.options)
+        self.encodes = self._level is not None
 
     def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
         """Write a file for every array."""
@@ -93,7 +94,15 @@ class Zarr(Format):
     def _compressed(self, array: np.ndarray) -> list[bytes]:
         from numcodecs.zstd import compress
 
-        return [compress(frame.reshape(-1).view(np.uint8), self._level) for frame in array]
+        frames = [b""] * len(array)
+
+        def compress_some(numbers: range) -> None:
+            for frame in numbers:
+                frames[frame] = compress(array[frame].reshape(-1).view(np.uint8), self._level)
+
+        camera = self._plan.camera
+        self.encode_each(len(array), camera.width * camera.height, compress_some)
+        return frames
 
     def begin(self, files: ShardFiles) -> list[str]:
         """Write the metadata, and the arrays that are not in shards: what is not finished opens, too."""

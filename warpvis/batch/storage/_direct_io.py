@@ -7,7 +7,6 @@ from __future__ import annotations
 import os
 import zlib
 from collections.abc import Iterable
-from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -25,7 +24,7 @@ _PIECE = 1 << 23
 _O_DIRECT = getattr(os, "O_DIRECT", 0)
 
 
-def write_file(path: Path, parts: Iterable[FilePart]) -> tuple[int, int]:
+def write_file(path: str | os.PathLike[str], parts: Iterable[FilePart]) -> tuple[int, int]:
     """Write a new file from its parts, and return the number of its bytes and their CRC-32.
 
     Parts are bytes-like or NumPy arrays. Of a part that begins at a page of memory, at a multiple of `ALIGNMENT` in the

@@ -21,14 +21,18 @@ class FileSum(NamedTuple):
 
 
 class ShardFiles:
-    """The files of one shard, or of the index, while they are written: in a folder of their own."""
+    """The files of one shard, or of the index, while they are written: in a folder of their own.
+
+    Several threads may write different files of it.
+    """
 
     def __init__(self, folder: str | os.PathLike[str]) -> None:
         """Write below `folder`, which is there and empty."""
         self.folder = Path(folder)
+        self._root = os.path.join(folder, "")  # of as many files a second as cores encode, joining paths shows
         self.warnings: dict[str, int] = {}
         self._sums: dict[str, FileSum] = {}
-        self._folders = {self.folder}
+        self._folders = {""}
 
     def write(self, name: str, *parts: FilePart) -> None:
         """Write one file from its parts, in order.
@@ -38,7 +42,7 @@ class ShardFiles:
             *parts: Bytes, memoryviews, or NumPy arrays, whose bytes are written in C order. An array that begins at a
                 page of memory and at a multiple of 4096 bytes in the file is written the fastest way there is.
         """
-        self._sums[name] = FileSum(*write_file(self.local_path(name), parts))
+        self._sums[name] = FileSum(*write_file(self._path(name), parts))
 
     def write_text(self, name: str, text: str) -> None:
         """Write one file of UTF-8 text."""
@@ -46,11 +50,14 @@ class ShardFiles:
 
     def local_path(self, name: str) -> Path:
         """Say where a library that writes files itself must write the file; the folder for it is made."""
-        path = self.folder / name
-        if path.parent not in self._folders:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._folders.add(path.parent)
-        return path
+        return Path(self._path(name))
+
+    def _path(self, name: str) -> str:
+        folder = name.rpartition("/")[0]
+        if folder not in self._folders:
+            (self.folder / folder).mkdir(parents=True, exist_ok=True)
+            self._folders.add(folder)
+        return f"{self._root}{name}"
 
     def warn(self, message: str, count: int) -> None:
         """Tell the user of something at the end, with its count over all shards.

@@ -269,6 +269,11 @@ class RemoteStore:
                 self._system.put_file(str(path), target)
 
 
+def is_local(out: str | os.PathLike[str]) -> bool:
+    """Tell whether a dataset is in a folder of this machine."""
+    return "://" not in os.fspath(out).removeprefix("file://")
+
+
 def open_store(out: str | os.PathLike[str]) -> Store:
     """Open the dataset of a folder, or of an fsspec URL such as ``s3://bucket/name``.
 
@@ -277,11 +282,9 @@ def open_store(out: str | os.PathLike[str]) -> Store:
     """
     as_path(out, "out")
     text = os.fspath(out)
-    if text.startswith("file://"):
-        text = text.removeprefix("file://")
-    if "://" in text:
+    if not is_local(text):
         return RemoteStore(text)
-    path = as_path(text, "out")
+    path = as_path(text.removeprefix("file://"), "out")
     if path.exists() and not path.is_dir():
         raise FileFormatError(f"{path}: is a file; a dataset needs a folder")
     return LocalStore(path)

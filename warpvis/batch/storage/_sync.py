@@ -29,7 +29,7 @@ def sync_tree(path: Path) -> None:
     places = list(os.walk(path))
     files = [os.path.join(place, name) for place, _, names in places for name in names]
     with ThreadPoolExecutor(_AT_ONCE) as pool:
-        list(pool.map(_sync, files))
+        list(pool.map(_sync_all, (files[first::_AT_ONCE] for first in range(min(_AT_ONCE, len(files))))))
     sync_folders(place for place, _, _ in places)
 
 
@@ -42,6 +42,11 @@ def sync_folders(folders: Iterable[str | os.PathLike[str]]) -> None:
     if hasattr(os, "O_DIRECTORY"):  # Windows opens no folders
         for folder in folders:
             _sync(folder)
+
+
+def _sync_all(paths: Iterable[str]) -> None:
+    for path in paths:
+        _sync(path)
 
 
 def _sync(path: str | os.PathLike[str]) -> None:

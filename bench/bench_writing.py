@@ -1,0 +1,201 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""How fast one process encodes and writes, by how many threads, beside what users did before.
+
+``python bench/bench_writing.py`` renders depth images of 320x240 once, and then lets a job write them again and again,
+as PNG, as Zarr with zstd, and as raw npz, to each of the folders ``--out``: rendering costs nothing, so that encoding
+and writing are all there is. Files are synced, as of every job. Beside them `cv2.imwrite` in a loop, zarr-python and
+`numpy.savez`, which sync nothing. What is not installed is left out, and said.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import warpvis as wv
+from warpvis.batch._frame_renderer import Batch, ImageBuffers
+from warpvis.batch._records import Record
+from warpvis.batch._render_batch import make_plan
+from warpvis.batch._writer import Job, ShardWriter
+from warpvis.batch.formats._base import find_format
+from warpvis.batch.storage._stores import open_store
+from warpvis.core.frames import Frames
+from warpvis.core.threads import core_count
+from warpvis.scenes import PRESETS
+
+sys.path.insert(0, str(Path(__file__).parent))
+from machine import OtherWork, describe
+
+CAMERA = wv.Camera.from_fov(320, 240, hfov=0.994837)
+SHARD = 218
+MOST_SHARDS = 4000
+FORMATS: dict[str, tuple[str, dict[str, Any]]] = {
+    "png": ("png", {}),
+    "zarr, zstd": ("zarr", {"compression": "zstd"}),
+    "npz": ("npz", {}),
+}
+LEAST_TIMES = 8.0
+"""What 16 threads on 16 cores must be times one, of PNG and of Zarr."""
+Peer = Callable[[Path, np.ndarray, float], float]
+
+
+class Rendered:
+    """Stands in for a `FrameRenderer`: gives the same images every time."""
+
+    def __init__(self, depth: np.ndarray) -> None:
+        """Keep images of one shard, at a page of memory as a renderer's are."""
+        _, self._images = ImageBuffers(("depth",), CAMERA, len(depth)).first(len(depth))
+        self._images["depth"][:] = depth
+
+    def render(self, batch: Batch, *, out: ImageBuffers) -> dict[str, np.ndarray]:
+        """Give the images."""
+        return {name: image[: len(batch["camera_to_world"])] for name, image in self._images.items()}
+
+
+def render_once(scene: str) -> np.ndarray:
+    """Depth of one shard."""
+    renderer = wv.Renderer(PRESETS[scene].build(), CAMERA, outputs=("depth",))
+    return renderer.render(PRESETS[scene].poses(SHARD)).depth.numpy()
+
+
+def write(out: Path, name: str, depth: np.ndarray, threads: int, seconds: float) -> tuple[float, dict[str, object]]:
+    """Frames a second of so many threads, and sizes and checksums of the first shard's files."""
+    kind, options = FORMATS[name]
+    scene = wv.Scene()
+    scene.add(([[0, 0, 1], [1, 0, 1], [0, 1, 1]], [[0, 1, 2]]), name="triangle")
+    frames = Frames.from_poses(np.tile([0.0, 0, 0, 0, 0, 0, 1], (SHARD * MOST_SHARDS, 1)))
+    plan = make_plan(scene, CAMERA, frames, find_format(kind), shard_frames=SHARD, options=options)
+    store = open_store(out)
+    store.create()
+    whole: dict[int, Record] = {}
+
+    def shards() -> Iterator[int]:
+        for shard in range(MOST_SHARDS):
+            if time.perf_counter() - start > seconds and shard >= 2:
+                return
+            yield shard
+
+    with ShardWriter(Job(plan, scene, kind, os.fspath(out)), device="cpu", threads=threads) as writer:
+        writer._renderer = Rendered(depth)  # type: ignore[assignment]
+        if writer._processes is not None:
+            writer._processes.ready()
+        start = time.perf_counter()
+        writer.run(shards(), whole.__setitem__)
+        rate = SHARD * len(whole) / (time.perf_counter() - start)
+    return rate, dict(whole[0].files)
+
+
+def cv2_in_a_loop(out: Path, depth: np.ndarray, seconds: float) -> float:
+    """Frames a second of 16-bit PNG, as users write them."""
+    import cv2
+
+    out.mkdir()
+    start, count = time.perf_counter(), 0
+    while time.perf_counter() - start < seconds:
+        image = depth[count % len(depth)]
+        units = np.where(np.isfinite(image), np.rint(image * 1000), 0).astype(np.uint16)
+        cv2.imwrite(str(out / f"{count:06d}.png"), units)
+        count += 1
+    return count / (time.perf_counter() - start)
+
+
+def zarr_python(out: Path, depth: np.ndarray, seconds: float) -> float:
+    """Frames a second of shards of the same layout, one after the other, with the threads that zarr-python takes."""
+    import zarr
+    from zarr.codecs import ZstdCodec
+
+    shape = (SHARD * MOST_SHARDS, *depth.shape[1:])
+    array = zarr.create_group(out).create_array(
+        "depth", shape=shape, chunks=(1, *shape[1:]), shards=(SHARD, *shape[1:]), dtype="float32",
+        compressors=ZstdCodec(level=1),
+    )  # fmt: skip
+    start, shard = time.perf_counter(), 0
+    while time.perf_counter() - start < seconds:
+        array[shard * SHARD : (shard + 1) * SHARD] = depth
+        shard += 1
+    return shard * SHARD / (time.perf_counter() - start)
+
+
+def savez_in_a_loop(out: Path, depth: np.ndarray, seconds: float) -> float:
+    """Frames a second of files of a shard's images, one after the other."""
+    out.mkdir()
+    start, shard = time.perf_counter(), 0
+    while time.perf_counter() - start < seconds:
+        np.savez(out / f"{shard:06d}.npz", depth=depth)
+        shard += 1
+    return shard * SHARD / (time.perf_counter() - start)
+
+
+PEERS: dict[str, tuple[str, Peer]] = {
+    "png": ("cv2.imwrite", cv2_in_a_loop),
+    "zarr, zstd": ("zarr-python", zarr_python),
+    "npz": ("numpy.savez", savez_in_a_loop),
+}
+
+
+def compare(out: Path, name: str, depth: np.ndarray, arguments: argparse.Namespace) -> None:
+    """Print a line: the rates of all numbers of threads, and the peer's."""
+    rates, sums = {}, []
+    others = OtherWork()
+    for threads in arguments.threads:
+        try:
+            rates[threads], files = write(out, name, depth, threads, arguments.seconds)
+        except wv.errors.FileFormatError as error:
+            print(f"{name:11} left out: {error}")
+            return
+        finally:
+            shutil.rmtree(out, ignore_errors=True)
+        sums.append(files)
+    title, peer = PEERS[name]
+    try:
+        beside = f"{title} {peer(out, depth, arguments.seconds):,.0f}"
+    except ImportError as error:
+        beside = f"{title} left out: {error}"
+    finally:
+        shutil.rmtree(out, ignore_errors=True)
+    first, last = arguments.threads[0], arguments.threads[-1]
+    line = " ".join(f"{rate:9,.0f}" for rate in rates.values())
+    same = "the same bytes" if all(item == sums[0] for item in sums) else "OTHER BYTES"
+    times = rates[last] / rates[first]
+    print(f"{name:11}{line}   {times:5.2f} times, {same}; {beside}. {others.warning()}", flush=True)
+    if first == 1 and last >= 16 <= core_count() and name != "npz":
+        verdict = "reached" if times >= LEAST_TIMES else "MISSED"
+        print(f"{name}: {times:.1f} times one thread, at least {LEAST_TIMES:g}: {verdict}")
+
+
+def main() -> None:
+    """Print a table for each folder."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--threads", type=lambda text: [int(n) for n in text.split(",")], default=[1, 2, 4, 8, 16])
+    parser.add_argument("--formats", nargs="*", default=list(FORMATS), choices=list(FORMATS))
+    parser.add_argument("--seconds", type=float, default=1.5, help="of each figure, at least")
+    parser.add_argument("--scene", default="blobs_77k", choices=sorted(PRESETS))
+    parser.add_argument(
+        "--out", type=Path, nargs="*", default=[Path("/dev/shm/bench_writing_out"), Path("bench_writing_out")]
+    )
+    arguments = parser.parse_args()
+    print(describe(["warp-lang", "numpy", "zarr", "numcodecs", "pyarrow", "opencv-python-headless"]))
+    depth = render_once(arguments.scene)
+    print(f"frames/s of {CAMERA.width}x{CAMERA.height}, {arguments.scene}, depth")
+    for out in arguments.out:
+        if out.exists():
+            sys.exit(f"{out} is there already; give another --out, which is deleted in the end")
+        if not out.absolute().parent.is_dir():
+            print(f"{out} left out: there is no {out.absolute().parent}")
+            continue
+        print(f"{os.path.abspath(out)}\nthreads    " + " ".join(f"{count:9}" for count in arguments.threads))
+        for name in arguments.formats:
+            compare(out, name, depth, arguments)
+
+
+if __name__ == "__main__":
+    main()
