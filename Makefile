@@ -11,7 +11,7 @@ CORE := $(VENV)/core
 STAMP := $(VENV)/installed
 
 .DELETE_ON_ERROR:
-.PHONY: demo test test-slow test-lanes test-lowest mutate fuzz lint bench format clean
+.PHONY: demo test test-slow test-lanes test-lowest mutate fuzz fuzz-files lint bench format clean
 
 demo: $(CORE)
 	$(BIN)/warpvis demo --out demo
@@ -55,6 +55,10 @@ mutate: $(STAMP)
 # Random arguments for all that is public: each call is taken, or refused in a sentence. `make fuzz FUZZ="--count 5000"`
 fuzz: $(STAMP)
 	$(BIN)/python tests/fuzz_calls.py $(FUZZ)
+
+# Changed files of all formats that are read, likewise. `make fuzz-files FUZZ="--seed 40000 --count 5000"`
+fuzz-files: $(STAMP)
+	$(BIN)/python tests/fuzz_files.py $(FUZZ)
 
 NATIVE := $(wildcard kernels/native/*/*.h tests/native/*.h tests/native/*.cpp)
 

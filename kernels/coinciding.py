@@ -10,7 +10,7 @@ import warp as wp
 
 from warpvis.kernels.constants import SOLID_BALL, SOLID_CYLINDER
 from warpvis.kernels.pinhole import PinholeCamera, Window, pixel_ray, pose_origin, pose_rotation
-from warpvis.kernels.rays import corner
+from warpvis.kernels.rays import stretched_corner
 from warpvis.kernels.solids import to_shape
 from warpvis.kernels.worlds import Worlds, is_excluded, world_of
 
@@ -62,6 +62,14 @@ def place_of(coinciding: Coinciding, worlds: Worlds, world: int, index: int) -> 
     if coinciding.column[index] < 0:
         return wp.transform_identity()
     return worlds.object_poses[world, coinciding.column[index]]
+
+
+@wp.func
+def size_in(coinciding: Coinciding, worlds: Worlds, world: int, index: int) -> wp.vec4:
+    """An object's size in a world: of a mesh, factors along its axes."""
+    if worlds.object_sizes and coinciding.column[index] >= 0:
+        return worlds.object_sizes[world, coinciding.column[index]]
+    return coinciding.size[index]
 
 
 @wp.func
@@ -126,14 +134,19 @@ def is_on_triangle(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, direction: wp.vec3d, r
 
 
 @wp.func
-def is_on_mesh(mesh: wp.uint64, p: wp.vec3d, direction: wp.vec3d, reach: wp.float64, cull: bool) -> bool:
-    """The same of a mesh."""
+def is_on_mesh(
+    mesh: wp.uint64, factors: wp.vec3d, p: wp.vec3d, direction: wp.vec3d, reach: wp.float64, cull: bool
+) -> bool:
+    """The same of a mesh, which is stretched along its axes."""
     side = reach + CLOSENESS * wp.length(p)  # the box is rounded to single precision
     sides = wp.vec3d(side, side, side)
-    query = wp.mesh_query_aabb(mesh, wp.vec3(p - sides), wp.vec3(p + sides))
+    low, high = wp.cw_div(p - sides, factors), wp.cw_div(p + sides, factors)
+    query = wp.mesh_query_aabb(mesh, wp.vec3(low), wp.vec3(high))
     face = int(0)
     while wp.mesh_query_next(query, face):
-        a, b, c = corner(mesh, face, 0) - p, corner(mesh, face, 1) - p, corner(mesh, face, 2) - p
+        a = stretched_corner(mesh, face, 0, factors) - p
+        b = stretched_corner(mesh, face, 1, factors) - p
+        c = stretched_corner(mesh, face, 2, factors) - p
         if is_on_triangle(a, b, c, direction, reach, cull):
             return True
     return False
@@ -182,11 +195,14 @@ def last_there(
         if not is_in_box(p, coinciding.low[pair], coinciding.high[pair], reach):
             continue
         direction = wp.quat_rotate_inv(pose_rotation(place), ray)
+        size = size_in(coinciding, worlds, world, later)
         if way == ON_SOLID:
-            if is_on_solid(coinciding.solid[later], coinciding.size[later], p, direction, reach, cull):
+            if is_on_solid(coinciding.solid[later], size, p, direction, reach, cull):
                 return later
-        elif is_on_mesh(coinciding.surface[later], p, direction, reach, cull):
-            return later
+        else:
+            factors = wp.vec3d(wp.float64(size[0]), wp.float64(size[1]), wp.float64(size[2]))
+            if is_on_mesh(coinciding.surface[later], factors, p, direction, reach, cull):
+                return later
     return seen
 
 

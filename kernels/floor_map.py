@@ -4,13 +4,13 @@
 
 import warp as wp
 
+from warpvis.kernels.constants import LABEL_ROBOT
+from warpvis.kernels.labels import EMPTY, GroundLabels, is_ground, label_of, precedence
 from warpvis.kernels.pinhole import Window
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
-EMPTY = wp.constant(wp.uint8(0))
-GROUND = wp.constant(wp.uint8(1))
-ROBOT = wp.constant(wp.uint8(5))
+ROBOT = wp.constant(wp.uint8(LABEL_ROBOT))
 
 
 @wp.struct
@@ -23,6 +23,7 @@ class Grid:
     origin: wp.vec2
     cell: float
     level: float
+    ground: GroundLabels
 
 
 @wp.func
@@ -48,9 +49,9 @@ def in_triangle(a: wp.vec2, b: wp.vec2, c: wp.vec2, p: wp.vec2) -> bool:
 
 
 @wp.func
-def mark(cells: wp.array3d[wp.int32], view: int, row: int, column: int, label: wp.uint8):
+def mark(cells: wp.array3d[wp.int32], view: int, row: int, column: int, order: int):
     if row >= 0 and row < cells.shape[1] and column >= 0 and column < cells.shape[2]:
-        wp.atomic_max(cells, view, row, column, int(label))
+        wp.atomic_max(cells, view, row, column, order)
 
 
 @wp.func
@@ -62,7 +63,7 @@ def cell_of(coordinate: float, count: int) -> int:
 @wp.func
 def level_height(grid: Grid, label: wp.uint8, a: wp.vec3, b: wp.vec3) -> bool:
     """Whether two neighbouring points can lie on one level surface. Ground is level by its label."""
-    return label == GROUND or wp.abs(a[grid.up_axis] - b[grid.up_axis]) < grid.level
+    return is_ground(grid.ground, label) or wp.abs(a[grid.up_axis] - b[grid.up_axis]) < grid.level
 
 
 @wp.kernel
@@ -76,7 +77,7 @@ def mark_cells(
     # Out:
     cells_out: wp.array3d[wp.int32],
 ):
-    """Raise every cell to the highest label that falls on it.
+    """Raise every cell to the precedence of the highest label that falls on it.
 
     Far from the camera neighbouring pixels fall cells apart. Where four of them have one label and lie level, the
     surface between them was seen too, and its cells are marked as well.
@@ -92,8 +93,9 @@ def mark_cells(
         return
     rows = cells_out.shape[1]
     columns = cells_out.shape[2]
+    order = precedence(grid.ground, label)
     a = map_coordinates(grid, point)
-    mark(cells_out, view, cell_of(a[1], rows), cell_of(a[0], columns), label)
+    mark(cells_out, view, cell_of(a[1], rows), cell_of(a[0], columns), order)
 
     if y + 1 >= points_in.shape[1] or x + 1 >= points_in.shape[2]:
         return
@@ -120,7 +122,7 @@ def mark_cells(
         for column in range(wp.max(cell_of(least[0], columns), 0), wp.min(cell_of(greatest[0], columns) + 1, columns)):
             center = wp.vec2(float(column) + 0.5, float(row) + 0.5)
             if in_triangle(a, b, c, center) or in_triangle(a, c, d, center):
-                mark(cells_out, view, row, column, label)
+                mark(cells_out, view, row, column, order)
 
 
 @wp.kernel
@@ -139,7 +141,7 @@ def finish_map(
     view += window.first_view
     row += window.first_row
 
-    label = wp.uint8(cells_in[view, row, column])
+    label = label_of(cells_in[view, row, column])
     center = grid.origin + grid.cell * wp.vec2(float(column) + 0.5, float(row) + 0.5)
     for i in range(robots.shape[0]):
         if wp.length(center - wp.vec2(robots[i][0], robots[i][1])) <= robots[i][2]:

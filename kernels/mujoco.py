@@ -68,6 +68,44 @@ def viewer_transforms(
     poses_out[row, column] = wp.transform(position, wp.transform_get_rotation(poses[row]))
 
 
+# Of mujoco.mjtGeom.
+SPHERE, CAPSULE, ELLIPSOID, CYLINDER = wp.constant(2), wp.constant(3), wp.constant(4), wp.constant(5)
+
+
+@wp.kernel
+def geom_sizes(
+    # In:
+    geom_size: wp.array2d[wp.vec3],
+    worlds: wp.array[wp.int32],
+    geoms: wp.array[wp.int32],
+    geom_type: wp.array[wp.int32],
+    own_size: wp.array[wp.vec3],
+    made: wp.array[wp.vec4],
+    # Out:
+    sizes_out: wp.array2d[wp.vec4],
+):
+    """Sizes of all that moves in some worlds, as `warpvis.kernels.worlds.Worlds` has them, of geoms' sizes.
+
+    What is no resizable geom, -1 among `geoms`, and what is of the model's own size there, is as it was made.
+    """
+    row, column = wp.tid()
+    geom = geoms[column]
+    size = made[column]
+    if geom >= 0:
+        now, own = geom_size[worlds[row] % geom_size.shape[0], geom], own_size[geom]
+        if not (now == own):
+            kind = geom_type[geom]
+            if kind == SPHERE:
+                size = wp.vec4(now[0], now[0], now[0], size[3])
+            elif kind == CAPSULE or kind == CYLINDER:
+                size = wp.vec4(now[0], now[0], now[0], now[1] / now[0])
+            elif kind == ELLIPSOID:
+                size = wp.vec4(now[0], now[1], now[2], size[3])
+            else:
+                size = wp.vec4(now[0] / own[0], now[1] / own[1], now[2] / own[2], size[3])
+    sizes_out[row, column] = size
+
+
 @wp.kernel
 def hidden_objects(
     # In:

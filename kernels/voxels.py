@@ -4,6 +4,8 @@
 
 import warp as wp
 
+from warpvis.kernels.constants import LABEL_OBSTACLE
+from warpvis.kernels.labels import GroundLabels, label_of, precedence
 from warpvis.kernels.pinhole import PinholeCamera, Window, pixel_ray, shown_depth
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
@@ -14,7 +16,7 @@ FREE = wp.constant(wp.uint8(2))
 SURFACE = wp.constant(wp.uint8(3))
 """As in `warpvis.maps.Voxel`."""
 
-OBSTACLE = wp.constant(wp.uint8(2))
+OBSTACLE = wp.constant(wp.uint8(LABEL_OBSTACLE))
 
 
 @wp.struct
@@ -24,6 +26,7 @@ class VoxelGrid:
     origin: wp.vec3d
     cell: wp.float64
     size: wp.vec3i
+    ground: GroundLabels
 
 
 @wp.func
@@ -32,10 +35,12 @@ def flat_index(grid: VoxelGrid, i: int, j: int, k: int) -> int:
 
 
 @wp.func
-def pixel_label(labels: wp.array3d[wp.uint8], view: int, y: int, x: int) -> wp.uint8:
+def pixel_order(ground: GroundLabels, labels: wp.array3d[wp.uint8], view: int, y: int, x: int) -> int:
+    """Precedence of a pixel's label."""
+    label = OBSTACLE
     if labels:
-        return labels[view, y, x]
-    return OBSTACLE
+        label = labels[view, y, x]
+    return precedence(ground, label)
 
 
 @wp.kernel
@@ -52,7 +57,7 @@ def mark_surface_points(
     # Out:
     marks_out: wp.array[wp.int32],
 ):
-    """Raise the mark of the voxel that a pixel's point lies in to the pixel's label + 1; a mark of 0 is no point."""
+    """Raise the mark of the voxel of a pixel's point to the precedence of the pixel's label + 1; 0 is no point."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -66,7 +71,7 @@ def mark_surface_points(
         if not (at[axis] >= wp.float64(0.0) and at[axis] < wp.float64(grid.size[axis])):
             return
     index = flat_index(grid, int(at[0]), int(at[1]), int(at[2]))
-    wp.atomic_max(marks_out, index, int(pixel_label(labels_in, view, y, x)) + 1)
+    wp.atomic_max(marks_out, index, pixel_order(grid.ground, labels_in, view, y, x) + 1)
 
 
 @wp.kernel
@@ -91,11 +96,11 @@ def judge_voxels(
     j += window.first_row
 
     state = wp.uint8(states_out[i, j, k])
-    label = wp.uint8(labels_out[i, j, k])
+    order = precedence(grid.ground, labels_out[i, j, k])
     mark = marks_in[flat_index(grid, i, j, k)]
     if mark > 0:
         state = SURFACE
-        label = wp.max(label, wp.uint8(mark - 1))
+        order = wp.max(order, mark - 1)
 
     half, none = wp.float64(0.5), wp.float64(0.0)
     width, height = wp.float64(camera.width), wp.float64(camera.height)
@@ -118,14 +123,14 @@ def judge_voxels(
         z = float(p[2])
         if way <= half * grid.cell:
             state = SURFACE
-            label = wp.max(label, pixel_label(labels_in, view, int(y), int(x)))
+            order = wp.max(order, pixel_order(grid.ground, labels_in, view, int(y), int(x)))
         elif z >= camera.near and z <= camera.far:
             if z < shown:
                 state = wp.max(state, FREE)
             else:
                 state = wp.max(state, HIDDEN)
     states_out[i, j, k] = state
-    labels_out[i, j, k] = label
+    labels_out[i, j, k] = label_of(order)
 
 
 @wp.kernel
@@ -133,6 +138,7 @@ def merge_voxels(
     # Cameras:
     window: Window,
     # In:
+    ground: GroundLabels,
     states_in: wp.array3d[wp.uint8],
     labels_in: wp.array3d[wp.uint8],
     # Out:
@@ -144,7 +150,8 @@ def merge_voxels(
     i += window.first_view
     j += window.first_row
     states_out[i, j, k] = wp.max(states_out[i, j, k], states_in[i, j, k])
-    labels_out[i, j, k] = wp.max(labels_out[i, j, k], labels_in[i, j, k])
+    order = precedence(ground, labels_out[i, j, k])
+    labels_out[i, j, k] = label_of(wp.max(order, precedence(ground, labels_in[i, j, k])))
 
 
 @wp.kernel
@@ -152,6 +159,7 @@ def highest_labels(
     # Cameras:
     window: Window,
     # In:
+    ground: GroundLabels,
     labels_in: wp.array3d[wp.uint8],
     up_axis: int,
     # Out:
@@ -162,10 +170,10 @@ def highest_labels(
     view += window.first_view
     row += window.first_row
 
-    label = wp.uint8(0)
+    order = int(0)
     for level in range(labels_in.shape[up_axis]):
         if up_axis == 2:
-            label = wp.max(label, labels_in[column, row, level])
+            order = wp.max(order, precedence(ground, labels_in[column, row, level]))
         else:
-            label = wp.max(label, labels_in[row, level, column])
-    floor_out[view, row, column] = label
+            order = wp.max(order, precedence(ground, labels_in[row, level, column]))
+    floor_out[view, row, column] = label_of(order)

@@ -116,6 +116,7 @@ def data_cases(folder):
                 "geom_groups": (0,),
                 "scene_option": None,
                 "movable": "all",
+                "resizable": ["ball"],
                 "cull_backfaces": True,
                 "near_plane": "clip",
                 "fill": "far",

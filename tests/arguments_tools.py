@@ -185,6 +185,15 @@ def tools_cases(folder):
             wv.viz.save_depth,
             {"depth": DEPTH[0], "path": path / "a.png", "title": "a", "depth_range": (0, 1)},
         ),
+        "save_labels": (
+            wv.viz.save_labels,
+            {
+                "labels": RENDERED.labels.numpy()[0],
+                "path": path / "labels.png",
+                "label_names": {9: "shelf"},
+                "title": "a",
+            },
+        ),
         "save_map": (
             wv.viz.save_map,
             {

@@ -161,6 +161,8 @@ def top_cases(folder):
                 "points": RENDERED.points,
                 "labels": RENDERED.labels,
                 "bounds": [[-1, -1], [1, 1]],
+                "label_names": {9: "shelf"},
+                "ground_labels": ["ground"],
                 "cell_size": 0.1,
                 "up": "z",
                 "level_tolerance": 0.01,
@@ -253,6 +255,10 @@ def top_cases(folder):
         "voxel_map": (
             wv.voxel_map,
             {"depth": DEPTH, **VIEW, **SPACE, "cell_size": 0.5, "labels": None, "device": "cpu", "out": None},
+        ),
+        "voxel_map of classes": (
+            wv.voxel_map,
+            {"depth": DEPTH, **VIEW, **SPACE, "label_names": {9: "shelf"}, "ground_labels": ["ground"]},
         ),
         "voxel_map_from_scene": (
             wv.voxel_map_from_scene,

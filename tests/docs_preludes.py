@@ -131,7 +131,7 @@ def _mujoco(folder):
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     warp_data = mujoco_warp.put_data(model, data, nworld=16)
-    every = {name: np.tile(getattr(model, name), (16, 1, 1)) for name in ("body_pos", "geom_rgba")}
+    every = {name: np.tile(getattr(model, name), (16, 1, 1)) for name in ("body_pos", "geom_rgba", "geom_size")}
     return {
         "model": model,
         "data": data,
@@ -140,6 +140,7 @@ def _mujoco(folder):
         "qpos": np.tile(data.qpos, (16, 1)),
         "places": every["body_pos"],
         "colours": every["geom_rgba"],
+        "sizes": every["geom_size"],
         "fovy": np.linspace(40, 60, 16)[:, None].repeat(model.ncam, axis=1),
         "cup": trimesh.creation.cylinder(0.04, 0.1),
         "camera": wv.Camera.kinect(),

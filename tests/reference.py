@@ -7,7 +7,9 @@ Each function has the name of its kernel. Arguments are plain arrays; poses are 
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +30,7 @@ from reference_voxels import (  # noqa: F401
     judge_voxels,
     mark_surface_points,
     merge_voxels,
+    precedence,
     shown_depth,
 )
 
@@ -315,15 +318,22 @@ def label_objects(object_label: NDArray, depth: NDArray, objects: NDArray, max_r
 
 
 def mark_cells(
-    points: NDArray, labels: NDArray, low: NDArray, cell: float, shape: tuple[int, int], sigma: float
+    points: NDArray,
+    labels: NDArray,
+    low: NDArray,
+    cell: float,
+    shape: tuple[int, int],
+    sigma: float,
+    ground: Collection[int] = (1,),
 ) -> NDArray[np.int64]:
     """Cells of one view's map, z up, by the definition: points first, then level quadrilaterals of four pixels."""
     cells = np.zeros(shape, dtype=np.int64)
+    order = precedence(np.arange(256), ground)
     at = (points[..., :2].astype(np.float64) - low) / cell
 
     def mark(row: int, column: int, label: int) -> None:
         if 0 <= row < shape[0] and 0 <= column < shape[1]:
-            cells[row, column] = max(cells[row, column], label)
+            cells[row, column] = max(cells[row, column], label, key=lambda number: order[number])
 
     def in_triangle(a: NDArray, b: NDArray, c: NDArray, p: NDArray) -> bool:
         sides = [(q - o)[0] * (p - o)[1] - (q - o)[1] * (p - o)[0] for o, q in ((a, b), (b, c), (c, a))]
@@ -336,7 +346,7 @@ def mark_cells(
         if y + 1 >= labels.shape[0] or x + 1 >= labels.shape[1] or any(labels[q] != label for q in quad):
             continue
         heights = np.array([points[q][2] for q in quad])
-        level = label == Label.GROUND or (np.abs(heights - heights[0]) < sigma).all()
+        level = label in ground or (np.abs(heights - heights[0]) < sigma).all()
         if not level or not np.isfinite([points[q] for q in quad]).all():
             continue
         a, b, c, d = (at[q] for q in quad)
@@ -484,6 +494,21 @@ def scale_sizes(made: NDArray, scales: NDArray, worlds: int) -> NDArray[np.float
     """Sizes of movable objects, (worlds, M, 4), of those that they were made with and of factors, (1 or W, M, 3)."""
     factors = np.concatenate([scales, np.ones((*scales.shape[:2], 1))], axis=-1).astype(np.float64)
     return made * factors[np.arange(worlds) % len(factors)]
+
+
+def geom_sizes(
+    sizes: NDArray, rows: NDArray, geoms: NDArray, kinds: NDArray, own: NDArray, made: NDArray
+) -> NDArray[np.float64]:
+    """Sizes of what moves in some worlds: of MuJoCo's spheres, capsules, ellipsoids, cylinders (2 to 5) and boxes."""
+    found = np.tile(made.astype(np.float64), (len(rows), 1, 1))
+    for (row, world), (column, geom) in product(enumerate(rows), enumerate(geoms)):
+        now = sizes[world % len(sizes), geom].astype(np.float64)
+        if geom < 0 or (now == own[geom]).all():
+            continue
+        kind = kinds[geom]
+        radii = {4: now, 6: now / own[geom]}.get(kind, now[[0, 0, 0]])
+        found[row, column] = [*radii, now[1] / now[0] if kind in (3, 5) else made[column, 3]]
+    return found
 
 
 def geoms_of_objects(objects: NDArray, geom_ids: NDArray) -> NDArray[np.int32]:

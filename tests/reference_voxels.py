@@ -4,12 +4,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis import Camera, Label
 from warpvis.core.poses import poses_to_matrices
 from warpvis.maps import Voxel
+
+
+def precedence(labels: NDArray, ground: Collection[int] = (1,)) -> NDArray[np.int64]:
+    """Which of several labels a cell shows: the one of the greatest."""
+    labels = np.asarray(labels, dtype=np.int64)
+    above = np.isin(labels, [Label.OBJECT, Label.HUMAN, Label.ROBOT])
+    low = np.isin(labels, list(ground)) | (labels == Label.EMPTY)
+    return labels + np.select([low, above], [0, 512], 256)
+
+
+def highest(labels: NDArray, axis: int, ground: Collection[int] = (1,)) -> NDArray[np.uint8]:
+    """The label of the greatest precedence along an axis."""
+    return (precedence(labels, ground).max(axis=axis) % 256).astype(np.uint8)
 
 
 def shown_depth(camera: Camera, depth: NDArray) -> NDArray[np.float64]:
@@ -29,8 +44,9 @@ def mark_surface_points(
     origin: NDArray,
     cell: float,
     size: tuple[int, int, int],
+    ground: Collection[int] = (1,),
 ) -> NDArray[np.int32]:
-    """The greatest label of the points in every voxel, plus 1; 0 where there are none."""
+    """The precedence of the highest label of the points in every voxel, plus 1; 0 where there are none."""
     marks = np.zeros(size, dtype=np.int32)
     y, x = np.mgrid[: camera.height, : camera.width]
     for view, matrix in enumerate(poses_to_matrices(np.asarray(poses, dtype=np.float32))):
@@ -41,7 +57,7 @@ def mark_surface_points(
         with np.errstate(invalid="ignore"):
             at = np.floor((points - origin) / cell)
             inside = (at >= 0).all(axis=-1) & (at < size).all(axis=-1)
-        np.maximum.at(marks, tuple(at[inside].astype(int).T), label[inside].astype(np.int32) + 1)
+        np.maximum.at(marks, tuple(at[inside].astype(int).T), precedence(label[inside], ground) + 1)
     return marks
 
 
@@ -53,11 +69,12 @@ def judge_voxels(
     origin: NDArray,
     cell: float,
     marks: NDArray,
+    ground: Collection[int] = (1,),
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """States and labels of a grid of which nothing was known before."""
     centers = np.asarray(origin) + cell * (np.stack(np.indices(marks.shape), axis=-1).reshape(-1, 3) + 0.5)
     states = np.where(marks.ravel() > 0, Voxel.SURFACE, Voxel.OUTSIDE)
-    highest = np.maximum(marks.ravel() - 1, Label.EMPTY)
+    order = np.maximum(marks.ravel() - 1, 0)
     for view, matrix in enumerate(poses_to_matrices(np.asarray(poses, dtype=np.float32))):
         at = camera.project((centers - matrix[:3, 3]) @ matrix[:3, :3])
         in_image = ((at >= 0) & (at < [camera.width, camera.height])).all(axis=1)
@@ -75,16 +92,19 @@ def judge_voxels(
         says = np.where(in_range & ~np.isnan(shown), says, Voxel.OUTSIDE)
         says = np.where(on_surface, Voxel.SURFACE, says)
         states[in_image] = np.maximum(states[in_image], says)
-        highest[in_image] = np.maximum(highest[in_image], np.where(on_surface, label, Label.EMPTY))
-    return states.reshape(marks.shape).astype(np.uint8), highest.reshape(marks.shape).astype(np.uint8)
+        order[in_image] = np.maximum(order[in_image], np.where(on_surface, precedence(label, ground), 0))
+    return states.reshape(marks.shape).astype(np.uint8), (order % 256).reshape(marks.shape).astype(np.uint8)
 
 
-def merge_voxels(first: NDArray, second: NDArray) -> NDArray:
-    """States, or labels, of what either map saw."""
-    return np.maximum(first, second)
+def merge_voxels(
+    first: tuple[NDArray, NDArray], second: tuple[NDArray, NDArray], ground: Collection[int] = (1,)
+) -> tuple[NDArray, NDArray]:
+    """States and labels of what either map saw."""
+    states, labels = (np.stack(both) for both in zip(first, second, strict=True))
+    return states.max(axis=0), highest(labels, 0, ground)
 
 
-def highest_labels(labels: NDArray, up_axis: int) -> NDArray:
+def highest_labels(labels: NDArray, up_axis: int, ground: Collection[int] = (1,)) -> NDArray:
     """Rows and columns of a floor map: y and x, or x and z where y is up."""
-    highest = labels.max(axis=up_axis)
-    return highest.T if up_axis == 2 else highest
+    found = highest(labels, up_axis, ground)
+    return found.T if up_axis == 2 else found

@@ -290,13 +290,13 @@ CASES = {
     ),
     "labels beyond bytes": (lambda: wv.floor_map(POINTS, LABELS + 300.0, bounds=SQUARE), "labels must be uint8"),
     "large labels": (lambda: wv.floor_map(POINTS, LABELS * np.int64(300), bounds=SQUARE), "must fit uint8"),
-    "unknown labels": (
-        lambda: wv.floor_map(POINTS, LABELS * np.uint8(9), bounds=SQUARE),
-        "labels must be from 0 to 5, values of Label, got 9",
+    "ground of no class": (
+        lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE, ground_labels=["road"]),
+        "label must be one of empty .*, got 'road'",
     ),
-    "unknown Warp labels": (
-        lambda: wv.floor_map(POINTS, wp.full(LABELS.shape, 6, dtype=wp.uint8, device="cpu"), bounds=SQUARE),
-        "labels must be from 0 to 5, values of Label, got 6",
+    "names of no classes": (
+        lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE, label_names={300: "road"}),
+        "label_names must have numbers from 0 to 255, got 300",
     ),
     "empty bounds": (lambda: wv.floor_map(POINTS, LABELS, bounds=((0, 0), (0, 1))), "bounds must be the least"),
     "bounds of one": (lambda: wv.floor_map(POINTS, LABELS, bounds=(1, 2)), "bounds must be the least"),

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+import warp as wp
 from test_cli import run_here
 
 import warpvis as wv
@@ -19,6 +20,8 @@ from warpvis.core.label_rules import LabelRules
 from warpvis.core.labels import LabelNames
 from warpvis.mujoco import BatchRenderer, Renderer, scene_from_mujoco
 from warpvis.webots import load_webots
+
+import reference
 
 CAMERA = wv.Camera.from_fov(64, 48, hfov=1.2)
 ABOVE = wv.look_at((0.01, 0, 4), (0, 0, 0))
@@ -180,6 +183,147 @@ def test_two_names_of_one_class_in_a_file_are_refused(tmp_path):
     (tmp_path / "two.glb").write_bytes(scene.export(file_type="glb"))
     with pytest.raises(wv.errors.FileFormatError, match=r"two.glb: calls the label 40 'road' and 'street'"):
         wv.Scene.load(tmp_path / "two.glb")
+
+
+def pixel(*labels):
+    """Points over one cell, and their labels."""
+    return np.zeros((1, 1, len(labels), 3), np.float32), np.array([[labels]], np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("labels", "shown"),
+    [
+        ([1, 40], 40),
+        ([2, 40, 252], 252),
+        ([40, 252, 3], 3),  # objects, people and robots cover all classes of one's own
+        ([255, 4, 3], 4),
+        ([5, 6, 4], 5),
+        ([0, 0], 0),
+        ([0, 7], 7),
+    ],
+)
+def test_cells_show_the_highest_class(labels, shown, device):
+    points, images = (wp.array(array, device=device) for array in pixel(*labels))
+    points = wp.array(pixel(*labels)[0], dtype=wp.vec3, device=device)
+    square = {"bounds": ((-1, -1), (1, 1)), "cell_size": 2.0}
+    assert wv.floor_map(points, images, **square).cells.numpy().item() == shown
+    ranks = reference.precedence(labels)
+    assert labels[int(np.argmax(ranks))] == shown
+
+
+def test_ground_labels_are_covered_by_all_others():
+    square = {"bounds": ((-1, -1), (1, 1)), "cell_size": 2.0}
+    for labels, ground, shown in [
+        ([40, 2], (40,), 2),
+        ([40, 48], (40, 48), 48),
+        ([40, 1], (40,), 1),
+        ([4, 9], (4,), 9),
+    ]:
+        found = wv.floor_map(*pixel(*labels), ground_labels=ground, **square)
+        assert found.cells.numpy().item() == shown
+        assert labels[int(np.argmax(reference.precedence(labels, ground)))] == shown
+
+
+def test_maps_of_classes_match_their_twins(device):
+    scene = street(device=device, ground_labels=("road", 48))
+    poses = np.stack([wv.look_at((-2.5, 1, 1.5), (0, 0, 0)), wv.look_at((2.1, -1.4, 1.1), (0.3, 0, 0))])
+    views = wv.render(scene, CAMERA, poses, outputs=("depth", "points", "labels"))
+    classes = {"label_names": scene.label_names, "ground_labels": scene.ground_labels}
+    low = np.array([-2.013, -1.987])
+    found = wv.floor_map(views.points, views.labels, bounds=(low, (2, 2)), cell_size=0.05, **classes)
+    assert {40, 48, 77, 252} <= set(np.unique(found.cells.numpy()))
+    for view in range(2):
+        images = (views.points.numpy()[view], views.labels.numpy()[view])
+        expected = reference.mark_cells(*images, low, 0.05, found.cells.shape[1:], 0.01, scene.ground_labels)
+        assert (found.cells.numpy()[view] != expected).mean() < 2e-3
+    assert found.area("road").shape == (2,)
+    assert list(found.legend.values())[1][0] == "road"
+
+    voxels = wv.voxel_map_from_scene(scene, CAMERA, poses, cell_size=0.1)
+    depth, labels = views.depth.numpy(), views.labels.numpy()
+    grid = (np.array(voxels.origin), 0.1)
+    rows = wv.core.poses.parse_poses(poses).numpy()
+    marks = reference.mark_surface_points(CAMERA, rows, depth, labels, *grid, voxels.states.shape, scene.ground_labels)
+    states, highest = reference.judge_voxels(CAMERA, rows, depth, labels, *grid, marks, scene.ground_labels)
+    assert (voxels.states.numpy() != states).sum() <= 5
+    assert (voxels.labels.numpy() != highest).sum() <= 5
+    floor = reference.highest_labels(voxels.labels.numpy(), 2, scene.ground_labels)
+    assert np.array_equal(voxels.floor_map().cells.numpy()[0], floor)
+    assert voxels.floor_map().legend[40][0] == "road"
+
+    bounds = voxels.bounds
+    alone = [wv.voxel_map_from_scene(scene, CAMERA, pose, cell_size=0.1, bounds=bounds) for pose in poses]
+    merged = alone[0].merge(alone[1])
+    assert np.array_equal(merged.labels.numpy(), voxels.labels.numpy())
+    given = {"bounds": bounds, "cell_size": 0.1, "labels": views.labels, **classes}
+    again = wv.voxel_map(views.depth, CAMERA, poses, **given)
+    assert np.array_equal(again.labels.numpy(), voxels.labels.numpy())
+    assert again.label_names[40] == "road"
+    wv.voxel_map(views.depth, CAMERA, poses, out=again, bounds=bounds, cell_size=0.1, labels=views.labels)
+    assert np.array_equal(again.labels.numpy(), voxels.labels.numpy())
+    other = wv.voxel_map(views.depth, CAMERA, poses, bounds=bounds, cell_size=0.1, labels=views.labels)
+    for call in (lambda: other.merge(voxels), lambda: wv.voxel_map(views.depth, CAMERA, poses, out=other, **given)):
+        with pytest.raises(wv.errors.ArrayError, match=r"must have the ground_labels \[.*\], got \[.*\]"):
+            call()
+
+
+def test_colours_are_the_numbers_own():
+    colors = wv.maps.label_colors()
+    assert (colors.shape, colors.dtype) == ((256, 3), np.uint8)
+    assert len(np.unique(colors, axis=0)) == 256
+    for label, (_, color) in wv.maps.MAP_LEGEND.items():
+        assert tuple(colors[label]) == color
+    steps = np.abs(np.diff(colors[6:].astype(int), axis=0)).sum(axis=1)
+    assert steps.min() > 100  # neighbours are told apart
+
+
+def test_pictures_show_the_classes_that_are_there(tmp_path):
+    labels = wv.render(street(), CAMERA, ABOVE, outputs=("labels",)).labels.numpy()[0]
+    wv.viz.save_labels(labels, tmp_path / "labels.svg", label_names=NAMES)
+    text = (tmp_path / "labels.svg").read_text()
+    for name in ("road", "sidewalk", "moving-car", "label 77", "empty"):
+        assert f"<!-- {name} -->" in text
+    assert "ground" not in text
+    points = wv.render(street(), CAMERA, ABOVE, outputs=("points",)).points
+    found = wv.floor_map(points, labels[None], bounds=((-2, -2), (2, 2)), label_names=NAMES)
+    found.save(tmp_path / "map.svg")
+    text = (tmp_path / "map.svg").read_text()
+    assert "<!-- moving-car -->" in text
+    assert "visible ground" not in text
+    wv.viz.save_labels(np.arange(256).reshape(16, 16), tmp_path / "all.png")
+    for bad in (labels[None], labels + 0.5, labels.astype(int) * 9, labels[:0]):
+        with pytest.raises(wv.errors.ArrayError, match="labels must "):
+            wv.viz.save_labels(bad, tmp_path / "bad.png")
+
+
+def test_perspectives_know_classes(tmp_path):
+    """Ground of one's own gets no state, and what has another class of one's own does, where it is asked for."""
+    scene = street(ground_labels=("road", "sidewalk"))
+    eyes = {"robot": (-2.5, -1, 1.2), "human": (2.5, 1, 1.6)}
+    agents = [
+        wv.Agent("robot", CAMERA, wv.look_at(eyes["robot"], (0, 0, 0))),
+        wv.Agent.human("human", wv.look_at(eyes["human"], (0, 0, 0))),
+    ]
+    seen = wv.perspective(scene, agents)
+    assert seen.labels == (40, 48, 252, 77)
+    assert [item.object for item in seen.candidates("human", labels=["moving-car", 77])] == ["thing", "car_0"]
+    assert not seen.candidates("human")
+    assert [item["label"] for item in seen.report()["objects"]] == ["road", "sidewalk", "moving-car", "label 77"]
+    assert "moving-car" in seen.table()
+    wv.viz.save_perspective(scene, agents, seen, tmp_path / "all.svg", labels=None)
+    text = (tmp_path / "all.svg").read_text()
+    assert "car_0" in text
+    assert "road_0" not in text
+    assert len(wv.planning.surface_samples(scene, spacing=0.2, labels="road")) > 50
+    with pytest.raises(wv.errors.SceneError, match="the scene has no object labelled GROUND"):
+        wv.planning.surface_samples(scene, labels=[1])
+
+
+def test_measured_objects_have_any_class():
+    spheres = [wv.maps.Sphere((0, 0, 1), 0.5, 40), wv.maps.Sphere((0, 0, 3), 0.5, "human")]
+    depth = np.full((1, 48, 64), 1.0, np.float32)
+    labels = wv.classify(depth, CAMERA, np.array([0, 0, 0, 0, 0, 0, 1.0]), spheres=spheres, up="z").numpy()
+    assert set(np.unique(labels)) == {wv.Label.OBSTACLE, 40}
 
 
 RULES = {"label_names": {"40": "road"}, "labels": {"road_*": "road", "*": 7, "car_0": "252"}, "ground_labels": ["road"]}

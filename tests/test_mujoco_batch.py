@@ -328,10 +328,10 @@ MODEL, DATA = task()
 QPOS = np.stack([DATA.qpos] * 2)
 RGBA = MODEL.geom_rgba[None].repeat(2, axis=0)
 BAD = {
-    "sizes": ({"geom_size": np.zeros((2, MODEL.ngeom, 3))}, "geom_size cannot differ from the renderer's model"),
-    "sizes as lists": ({"geom_size": [(2 * MODEL.geom_size).tolist()]}, "geom_size cannot differ from the renderer's"),
-    "another model's sizes": (SimpleNamespace(geom_size=2 * MODEL.geom_size[None]), "geom_size cannot differ from"),
-    "one size": ({"geom_size": 2.0}, "geom_size cannot differ from the renderer's model"),
+    "meshes": ({"geom_dataid": np.zeros((2, MODEL.ngeom))}, "geom_dataid cannot differ from the renderer's model"),
+    "meshes as lists": ({"geom_dataid": [[7] * MODEL.ngeom]}, "geom_dataid cannot differ from the renderer's"),
+    "another model's meshes": (SimpleNamespace(geom_dataid=MODEL.geom_dataid[None] + 1), "geom_dataid cannot differ"),
+    "one mesh": ({"geom_dataid": 2}, "geom_dataid cannot differ from the renderer's model"),
     "no rotation": ({"geom_quat": np.zeros((1, MODEL.ngeom, 4))}, "geom_quat must be quaternions, got one of length 0"),
     "unknown": ({"geom_colour": RGBA}, "model must have some of body_pos, .*; got geom_colour"),
     "a model": (MODEL, "got a mujoco.MjModel"),

@@ -133,8 +133,9 @@ def test_a_map_of_several_views_is_what_any_of_them_saw(device):
     merged = alone[0].merge(alone[1]).merge(alone[2])
     assert same(merged, together)
     assert not same(alone[0], together)  # merging wrote to neither
-    states = reference.merge_voxels(alone[0].states.numpy(), alone[1].states.numpy())
+    states, highest = reference.merge_voxels(*((one.states.numpy(), one.labels.numpy()) for one in alone[:2]))
     assert (alone[0].merge(alone[1]).states.numpy() == states).all()
+    assert (alone[0].merge(alone[1]).labels.numpy() == highest).all()
     added = voxel_map(depth[1:], CAMERA, POSES[1:], labels=labels[1:], out=alone[0], bounds=BOUNDS)
     assert added is alone[0]
     assert same(added, together)
@@ -287,7 +288,7 @@ def test_views_in_parts_of_worlds_that_move(device, monkeypatch):
     views = wv.render(scene, CAMERA, POSES, outputs=("depth", "labels"), **arguments)
     expected = voxel_map(views.depth, CAMERA, POSES, bounds=BOUNDS, labels=views.labels)
     assert same(voxel_map_from_scene(scene, CAMERA, POSES, bounds=BOUNDS, **arguments), expected)
-    monkeypatch.setattr("warpvis.maps._voxel_map._PIXELS_AT_A_TIME", 1)
+    monkeypatch.setattr("warpvis.maps._voxel_views._PIXELS_AT_A_TIME", 1)
     assert same(voxel_map_from_scene(scene, CAMERA, POSES, bounds=BOUNDS, **arguments), expected)
     assert Label.HUMAN in expected.labels.numpy()
 
@@ -326,7 +327,10 @@ def test_centers_counts_volumes_and_files(tmp_path, device):
     assert sum(map(result.volume, Voxel)) == pytest.approx(0.48)
     result.save(tmp_path / "map")
     with np.load(tmp_path / "map") as saved:
-        assert set(saved) == {"states", "labels", "origin", "cell_size", "up"}
+        classes = {"label_numbers", "label_names", "ground_labels"}
+        assert set(saved) == {"states", "labels", "origin", "cell_size", "up", *classes}
+        assert dict(zip(saved["label_numbers"], saved["label_names"], strict=True)) == dict(result.label_names)
+        assert saved["ground_labels"].tolist() == [Label.GROUND]
         np.testing.assert_array_equal(saved["states"], states)
         np.testing.assert_array_equal(saved["labels"], result.labels.numpy())
         assert (tuple(saved["origin"]), saved["cell_size"], saved["up"]) == ((0, 0, 0), 0.1, "y")
@@ -356,7 +360,9 @@ UNIT = ((0, 0, 0), (1, 1, 1))
         ({"camera": 3}, "camera must be a warpvis.Camera, got int"),
         ({"labels": np.ones((1, 12, 16), dtype=np.uint8)}, "labels must have shape (1, 120, 160), got (1, 12, 16)"),
         ({"labels": np.ones((120, 160))}, "labels must be uint8, got float64"),
-        ({"labels": np.full((1, 120, 160), 9)}, "labels must be from 0 to 5, values of Label, got 9"),
+        ({"labels": np.full((1, 120, 160), 300)}, "labels must fit uint8"),
+        ({"ground_labels": ["road"]}, "label must be one of empty (0), "),
+        ({"label_names": {40: "ground"}}, "label_names must be different names, got 'ground' for 1 and for 40"),
         ({"up": "x"}, 'up must be "z" or "y"'),
         ({"convention": "blender"}, "convention must be one of"),
         ({"device": "cuda:99"}, "device 'cuda:99' is not on this machine"),

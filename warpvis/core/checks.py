@@ -16,6 +16,12 @@ from warpvis.errors import ArrayError, FileFormatError, WarpvisError
 # Of one part of a path [bytes]: what file systems hold.
 _LONGEST_NAME = 255
 
+# Of what is said by others, in a message [characters].
+_LONGEST_SAID = 300
+
+# What readers of files stumble over where a file is damaged; what they say then is of them, and not of the file.
+_STUMBLES = (ArithmeticError, AssertionError, AttributeError, LookupError, NameError, StopIteration, TypeError)
+
 
 def is_number(value: object) -> TypeGuard[float]:
     """Tell whether a value is a real number, of Python or NumPy, that double precision has; infinity and NaN are."""
@@ -137,3 +143,22 @@ def as_path(path: object, name: str = "path") -> Path:
     if max(len(os.fsencode(part)) for part in Path(text).parts or ("",)) > _LONGEST_NAME:
         raise FileFormatError(f"{name} is too long for the name of a file: {text[:40]!r}...")
     return Path(text)
+
+
+def said_by(error: BaseException) -> str:
+    """Return what an exception of a library, or of other code, says, as a part of one sentence of bounded length."""
+    said = " ".join(str(error).split())
+    if isinstance(error, MemoryError):
+        said = "it asks for more memory than there is"
+    elif isinstance(error, RecursionError):
+        said = "it is nested too deeply"
+    elif isinstance(error, _STUMBLES):
+        said = f"it is damaged, or something else ({type(error).__name__}{': ' if said else ''}{said})"
+    said = said or type(error).__name__
+    return shortened(said, _LONGEST_SAID)
+
+
+def shortened(text: str, most: int = 120) -> str:
+    """Return a text for a message: of a longer one than `most` characters, its beginning and its end."""
+    end = most // 3
+    return text if len(text) <= most else f"{text[: most - end - 3]}...{text[-end:]}"

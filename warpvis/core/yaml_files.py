@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from warpvis.core.checks import said_by
 from warpvis.errors import FileFormatError
 
 
@@ -27,5 +28,4 @@ def load_yaml(path: Path) -> object:
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
     except Exception as error:  # text of any kind raises what it likes
-        said = (str(error).strip().splitlines() or [type(error).__name__])[0]
-        raise FileFormatError(f"{path}: is not YAML: {said}") from None
+        raise FileFormatError(f"{path}: is not YAML: {said_by(error)}") from None

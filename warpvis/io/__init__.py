@@ -15,6 +15,7 @@ from warpvis.io._depth import (
     save_depth_png,
 )
 from warpvis.io._files import read_archive as read_archive
+from warpvis.io._mcap import check_mcap as check_mcap
 from warpvis.io._messages import from_image_msg, to_image_msg, to_pointcloud2
 from warpvis.io._points import read_points
 from warpvis.io._scene_files import export_scene as export_scene, read_parts as read_parts

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
+from warpvis.core.checks import said_by
 from warpvis.errors import FileFormatError
 
 _TARS = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tbz2", ".tar.xz", ".txz")
@@ -56,8 +57,7 @@ def unpack(path: Path, zipped: bytes | None = None) -> dict[str, bytes]:
     except FileFormatError:
         raise
     except Exception as error:  # each library has exceptions of its own for what is no archive
-        said = " ".join(str(error).split()) or type(error).__name__
-        raise FileFormatError(f"{path}: does not unpack: {said}") from None
+        raise FileFormatError(f"{path}: does not unpack: {said_by(error)}") from None
     return found
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
+from warpvis.core.checks import said_by, shortened
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 
@@ -70,12 +71,12 @@ def read_archive(path: Path, wanted: Sequence[str], needed: str) -> dict[str, ND
         try:
             arrays = {name: loaded[name] for name in wanted if name in names}
         except Exception as error:  # so do damaged archives
-            raise FileFormatError(f"{path}: does not read as NPZ: {first_line(error)}") from None
+            raise FileFormatError(f"{path}: does not read as NPZ: {said_by(error)}") from None
     other = [name for name, array in arrays.items() if not isinstance(array, np.ndarray)]
     if other:
         raise FileFormatError(f"{path}: does not read as NPZ: {other[0]} is no array")
     if needed not in arrays:
-        raise FileFormatError(f"{path}: expected an array {needed}, got {', '.join(names) or 'no arrays'}")
+        raise FileFormatError(f"{path}: expected an array {needed}, got {shortened(', '.join(names)) or 'no arrays'}")
     return arrays
 
 
@@ -83,9 +84,9 @@ def _load_numpy(path: Path, kind: str) -> NDArray[np.generic] | NpzFile:
     try:
         return np.load(path, allow_pickle=False)
     except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror or first_line(error)}") from None
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror or said_by(error)}") from None
     except Exception as error:  # a file that looks like an archive has errors of its own
-        raise FileFormatError(f"{path}: does not read as {kind}: {first_line(error)}") from None
+        raise FileFormatError(f"{path}: does not read as {kind}: {said_by(error)}") from None
 
 
 def as_numbers(value: Json, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
@@ -147,8 +148,3 @@ def read_lines(path: Path, line: str) -> list[str]:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
         raise FileFormatError(f"{path}: is not a text file of lines '{line}'") from None
-
-
-def first_line(error: Exception) -> str:
-    """Return what a library's error says, for a message of one sentence."""
-    return (str(error).strip().splitlines() or [type(error).__name__])[0]

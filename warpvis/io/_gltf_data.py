@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.core.checks import said_by
 from warpvis.core.types import Json
 
 Find = Callable[[str], bytes]
@@ -222,7 +223,7 @@ def decode_draco(data: bytes) -> Any:
     try:
         return DracoPy.decode(data)
     except Exception as error:  # it has exceptions of its own
-        raise ValueError(f"{DRACO}: {error}") from None
+        raise ValueError(f"{DRACO}: {said_by(error)}") from None
 
 
 def missing(extension: str, package: str) -> str:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from warpvis.core.checks import is_whole
+from warpvis.core.checks import is_whole, said_by, shortened
 from warpvis.core.labels import Label
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.io._archives import is_archive, unpack
@@ -60,7 +60,7 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
     messages = [f"{path}: left out {note}" for note in loaded.notes]
     if loaded.empty:
         more = ", ..." if len(loaded.empty) > _MOST_NAMED else ""
-        some = ", ".join(map(repr, loaded.empty[:_MOST_NAMED])) + more
+        some = ", ".join(repr(shortened(name)) for name in loaded.empty[:_MOST_NAMED]) + more
         messages.insert(0, f"{path}: left out {some}, which hold lines or points and no triangles")
     if strict and messages:
         raise FileFormatError(messages[0])
@@ -181,8 +181,7 @@ def _load(name: str, kind: str, file: bytes, find: Find) -> FileMeshes:
     except FileFormatError:
         raise
     except Exception as error:  # readers raise what they like
-        said = " ".join(str(error).split()) or type(error).__name__
-        raise FileFormatError(f"{name}: does not read as {kind.upper()}: {said}") from None
+        raise FileFormatError(f"{name}: does not read as {kind.upper()}: {said_by(error)}") from None
 
 
 def _load_collada(file: bytes) -> FileMeshes:

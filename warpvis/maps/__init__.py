@@ -8,14 +8,11 @@ They take measured images and rendered ones alike. `plan_visibility` says what a
 from __future__ import annotations
 
 from warpvis.maps._classification import Sphere, back_project as back_project, classify as classify, classify_rendered
-from warpvis.maps._floor_map import MAP_LEGEND, FloorMap as FloorMap, floor_map as floor_map, map_numbers as map_numbers
+from warpvis.maps._floor_map import FloorMap as FloorMap, floor_map as floor_map, map_numbers as map_numbers
 from warpvis.maps._floor_plan import PlanVisibility, plan_visibility
-from warpvis.maps._voxel_map import (
-    Voxel,
-    VoxelMap as VoxelMap,
-    voxel_map as voxel_map,
-    voxel_map_from_scene as voxel_map_from_scene,
-)
+from warpvis.maps._map_labels import MAP_LEGEND, label_colors, legend_of as legend_of
+from warpvis.maps._voxel_map import Voxel, VoxelMap as VoxelMap
+from warpvis.maps._voxel_views import voxel_map as voxel_map, voxel_map_from_scene as voxel_map_from_scene
 
 __all__ = [
     "MAP_LEGEND",
@@ -23,5 +20,6 @@ __all__ = [
     "Sphere",
     "Voxel",
     "classify_rendered",
+    "label_colors",
     "plan_visibility",
 ]

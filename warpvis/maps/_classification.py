@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from warpvis.core.arrays import as_numpy, as_warp, check_metres, check_out, empty, on_gpu
 from warpvis.core.camera import Camera
 from warpvis.core.depth_images import read_depth
-from warpvis.core.labels import Label
+from warpvis.core.labels import Label, LabelNames
 from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, to_xyzw
 from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput, DeviceLike, PoseLike
@@ -35,7 +35,7 @@ class Sphere:
     """Centre in the world frame [m]."""
     diameter: float
     """Diameter [m]: the paper's size."""
-    label: Label = Label.OBJECT
+    label: int = Label.OBJECT
     """What pixels inside are labelled."""
 
     def __post_init__(self) -> None:
@@ -44,7 +44,7 @@ class Sphere:
             raise SceneError(f"center of a sphere must be three finite numbers, got {center.tolist()}")
         check_metres(self.diameter, "diameter of a sphere", zero=False, error=SceneError)
         object.__setattr__(self, "center", tuple(map(float, center)))
-        object.__setattr__(self, "label", Label.parse(self.label))
+        object.__setattr__(self, "label", LabelNames().number(self.label))
 
 
 def back_project(

@@ -5,7 +5,8 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -15,26 +16,17 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.core.arrays import as_numpy, as_warp, check_metres, empty, get_device
 from warpvis.core.checks import is_whole
 from warpvis.core.depth_images import read_labels
-from warpvis.core.labels import Label
+from warpvis.core.labels import Label, LabelNames
 from warpvis.core.poses import check_up
 from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
+from warpvis.maps._map_labels import Color, ground_bits, label_colors, legend_of, read_classes
 
 # The floor's axes, in the order that makes the map a view from above: first to the right, second upwards.
 _FLOOR_AXES = {"z": (0, 1), "y": (2, 0)}
 
 _MOST_CELLS = 2**31 - 1
-
-MAP_LEGEND: dict[Label, tuple[str, tuple[int, int, int]]] = {
-    Label.EMPTY: ("not seen", (0, 0, 0)),
-    Label.GROUND: ("visible ground", (76, 175, 80)),
-    Label.OBSTACLE: ("visible part of an obstacle", (141, 95, 55)),
-    Label.OBJECT: ("visible object", (229, 57, 53)),
-    Label.HUMAN: ("visible human", (41, 98, 255)),
-    Label.ROBOT: ("robot", (158, 158, 158)),
-}
-"""What each value of a map means, and the colour (red, green, blue; 0 to 255) it is shown in."""
 
 
 @dataclass(frozen=True)
@@ -42,18 +34,20 @@ class FloorMap:
     """Maps of the floor, one a view, as seen from above."""
 
     cells: wp.array
-    """`Label` of what was seen over each cell, ``(V, rows, columns)`` uint8; row 0 has the least second coordinate."""
+    """Label of what was seen over each cell, ``(V, rows, columns)`` uint8; row 0 has the least second coordinate."""
     bounds: tuple[float, float, float, float]
     """First coordinate's least and greatest, then the second's [m]: matplotlib's ``extent``."""
     cell_size: float
     """Side of a cell [m]."""
     up: Literal["z", "y"]
     """The world's vertical axis. The map's axes are x and y where z is up, z and x where y is up."""
+    label_names: LabelNames = field(default_factory=LabelNames)
+    """Names of the classes."""
 
     @property
-    def legend(self) -> dict[Label, tuple[str, tuple[int, int, int]]]:
-        """Meaning and colour of the values; see `MAP_LEGEND`."""
-        return MAP_LEGEND
+    def legend(self) -> dict[int, tuple[str, Color]]:
+        """Meaning and colour (red, green, blue; 0 to 255) of the labels that are there; see `MAP_LEGEND`."""
+        return legend_of(np.unique(self.cells.numpy()), self.label_names)
 
     @property
     def axes(self) -> tuple[str, str]:
@@ -63,12 +57,11 @@ class FloorMap:
 
     def rgb(self) -> NDArray[np.uint8]:
         """Colour the maps, ``(V, rows, columns, 3)``, in the order of `cells` (row 0 at the bottom of a picture)."""
-        palette = np.array([MAP_LEGEND[label][1] for label in Label], dtype=np.uint8)
-        return palette[self.cells.numpy()]
+        return label_colors()[self.cells.numpy()]
 
     def area(self, label: Label | int | str) -> NDArray[np.float64]:
         """Measure the floor area of a label in each view [m^2], shape ``(V,)``."""
-        count = (self.cells.numpy() == Label.parse(label)).sum(axis=(1, 2))
+        count = (self.cells.numpy() == self.label_names.number(label)).sum(axis=(1, 2))
         return count * self.cell_size**2
 
     def save(self, path: str | os.PathLike[str], *, view: int = 0) -> None:
@@ -81,7 +74,9 @@ class FloorMap:
 
         if not is_whole(view) or view not in range(len(self.cells)):
             raise ArrayError(f"view must be one of the map's {len(self.cells)}, counted from 0, got {view!r}")
-        save_map(self.cells.numpy()[view], path, bounds=self.bounds, legend=self.legend, axes=self.axes)
+        cells = self.cells.numpy()[view]
+        legend = legend_of(np.unique(cells), self.label_names)
+        save_map(cells, path, bounds=self.bounds, legend=legend, axes=self.axes)
 
 
 def floor_map(
@@ -93,12 +88,15 @@ def floor_map(
     up: Literal["z", "y"] = "z",
     level_tolerance: float = 0.01,
     robots: ArrayLike = (),
+    label_names: Mapping[int, str] | None = None,
+    ground_labels: Iterable[Label | int | str] = (Label.GROUND,),
     threads: int | None = None,
 ) -> FloorMap:
     """Project seen points to the floor: the paper's figure (c).
 
-    A cell shows the highest `Label` of the points over it. Where neighbouring pixels of one label lie level (all of
-    the ground; the tops of obstacles, within `level_tolerance`), the surface between them counts as seen.
+    A cell shows the highest label of the points over it: ground is the lowest, then come obstacles and all classes of
+    one's own, by their numbers, and highest are objects, humans and robots. Where neighbouring pixels of one label lie
+    level (all of the ground; the tops of obstacles, within `level_tolerance`), the surface between them counts as seen.
 
     Args:
         points: World points [m], shape ``(V, H, W)`` vec3, NaN where there is none.
@@ -109,6 +107,8 @@ def floor_map(
         up: The world's vertical axis.
         level_tolerance: Greatest difference in height of neighbouring points of a level surface [m].
         robots: Discs to draw: rows of centre on the floor's axes and radius [m], shape ``(R, 3)``.
+        label_names: Names of classes of your own, for the legend: a scene's `label_names`.
+        ground_labels: Classes that are ground: a scene's `ground_labels`.
         threads: CPU threads, all cores by default; a view is one thread's work.
 
     Returns:
@@ -120,6 +120,7 @@ def floor_map(
     device = points.device if isinstance(points, wp.array) else get_device("cpu")
     points = as_warp(points, wp.vec3, ("V", "H", "W"), name="points", device=device)
     labels = read_labels(labels, points.shape, device)
+    names, ground = read_classes(label_names, ground_labels)
     return map_numbers(
         points,
         labels,
@@ -128,6 +129,8 @@ def floor_map(
         up=up,
         level_tolerance=level_tolerance,
         robots=robots,
+        label_names=names,
+        ground_labels=ground,
         threads=threads,
     )
 
@@ -141,9 +144,11 @@ def map_numbers(
     up: Literal["z", "y"],
     level_tolerance: float = 0.01,
     robots: ArrayLike = (),
+    label_names: LabelNames | None = None,
+    ground_labels: Iterable[int] = (Label.GROUND,),
     threads: int | None = None,
 ) -> FloorMap:
-    """Make `floor_map` of Warp arrays whose labels may be any numbers: the highest one counts. For our own pictures."""
+    """Make `floor_map` of Warp arrays."""
     from warpvis.kernels import floor_map as kernels
 
     device = points.device
@@ -158,6 +163,7 @@ def map_numbers(
         cell_size,
         check_metres(level_tolerance, "level_tolerance", infinite=True),
     )
+    grid.ground = ground_bits(ground_labels)
     discs = _check_robots(robots, device)
 
     shape = (len(points), rows, columns)
@@ -179,7 +185,8 @@ def map_numbers(
         threads=threads,
     )
     first, second = low.tolist()
-    return FloorMap(cells, (first, first + columns * cell_size, second, second + rows * cell_size), cell_size, up)
+    extent = (first, first + columns * cell_size, second, second + rows * cell_size)
+    return FloorMap(cells, extent, cell_size, up, LabelNames() if label_names is None else label_names)
 
 
 def _check_bounds(bounds: ArrayLike, up: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -46,6 +46,7 @@ from warpvis.mujoco._poses import (
     viewer_transforms,
     world_count,
 )
+from warpvis.mujoco._resizable import Resizable, ResizableGeoms, resizable_geoms
 from warpvis.mujoco._scene import Movable, class_of_geoms, make_scene, select_geoms, warn_of_soft
 from warpvis.mujoco._shapes import shape_bodies
 from warpvis.mujoco._world_models import WorldModels
@@ -74,13 +75,15 @@ class _Workplace:
     eyes: wp.array
     hidden: wp.array | None = None
     """What every view does not show, ``(views, objects)`` uint8, if that differs between worlds."""
+    sizes: wp.array | None = None
+    """How large all that moves is in every world, ``(worlds, M)`` vec4, if that differs from the scene."""
 
 
 class BatchRenderer:
     """Renders cameras in many worlds.
 
-    Worlds share the model's shapes and differ in where things are, in what shows, and in fields of view. All views of
-    a call have one size; what a pixel is is as in `warpvis.Views`.
+    Worlds share the model's meshes and differ in where things are, how large, in what shows, and in fields of view. All
+    views of a call have one size; what a pixel is is as in `warpvis.Views`.
 
     Example:
         >>> batch = BatchRenderer(model, nworld=1024, height=64, width=64)
@@ -103,6 +106,7 @@ class BatchRenderer:
         label_names: Mapping[int, str] | None = None,
         exclude: Iterable[str] = (),
         movable: Movable = "bodies",
+        resizable: Resizable = (),
         cull_backfaces: bool = True,
         near_plane: NearPlane = "clip",
         fill: Fill = "inf",
@@ -128,6 +132,8 @@ class BatchRenderer:
                 be warned of.
             movable: Fixed bodies and geoms that are elsewhere in some worlds than in the model, by name or pattern, or
                 ``"all"``; see `scene_from_mujoco`.
+            resizable: Geoms that are of another size in some worlds than in the model, by name or pattern of geoms or
+                bodies, or ``"all"``: boxes, spheres, capsules, cylinders and ellipsoids.
             cull_backfaces: See through surfaces from behind, as MuJoCo does.
             near_plane: As for `warpvis.Renderer`; MuJoCo clips.
             fill: Depth of empty pixels, as for `warpvis.Renderer`.
@@ -150,7 +156,8 @@ class BatchRenderer:
         self.model = model
         selection = select_geoms(model, geom_groups=groups, site_groups=sites, **chosen)
         warn_of_soft(model, selection, scene_option)
-        self.mujoco_scene = make_scene(model, selection, movable=movable, device=device)
+        resized = resizable_geoms(model, selection, resizable)
+        self.mujoco_scene = make_scene(model, selection, movable=movable, device=device, alone=resized)
         if not len(self.scene):
             raise SceneError(f"the model has no geoms to render in groups {groups}; see geom_groups=")
         self.nworld, self.height, self.width = nworld, height, width
@@ -160,7 +167,9 @@ class BatchRenderer:
         check_choice(near_plane, "near_plane", get_args(NearPlane))
         self._render_options |= {"near_plane": near_plane, "fill": fill, "threads": threads}
         self._fixed = [FixedGeoms(model, self.mujoco_scene, sites=sites) for sites in (False, True)]
-        self._coinciding = CoincidingGeoms(model, self.scene, self.mujoco_scene.shapes())
+        self._resizable = ResizableGeoms(model, self.mujoco_scene, resized)
+        shapes = self.mujoco_scene.shapes()
+        self._coinciding = CoincidingGeoms(model, self.scene, shapes, resizable=self._resizable.objects)
         self._renderers: dict[AnyCamera, GeomRenderer] = {}
         self._idle: dict[_Key, _Workplace] = {}
 
@@ -200,8 +209,9 @@ class BatchRenderer:
                 the model itself hides are not in the scene. `cam_fovy` costs a call of the caster for each field of
                 view: 256 different ones of 64x64 pixels take 2.6 to 4 times as long on 2 cores as a single one.
                 `body_pos`, `body_quat`, `geom_pos`, `geom_quat`, `cam_pos` and `cam_quat` are taken account of where
-                joint positions are given; other poses have them in. Sizes and meshes cannot differ: worlds share their
-                shapes.
+                joint positions are given; other poses have them in. `geom_size` is that of geoms that are `resizable`:
+                of the host's arrays it is checked that the others have the model's. Meshes and height fields cannot
+                differ.
             out: Images of an earlier call to write into, of the same number of views.
 
         Returns:
@@ -247,9 +257,10 @@ class BatchRenderer:
         if any(camera.camera_id < 0 for camera in chosen):
             tracking = any(camera.body != NOBODY for camera in chosen)
             viewer_transforms(poses, self.model, place.cameras, place.worlds, tracking=tracking, out=place.eyes)
-        place.hidden = None
+        place.hidden = place.sizes = None
         if models is None:
             return None
+        place.sizes = self._resizable.sizes(models, rows)
         colours = models.colours(device)
         if colours is not None:
             place.hidden = self._hide(colours, rows, place.eyes.size)
@@ -343,14 +354,15 @@ class BatchRenderer:
         options: dict[str, Any] = {}
         if place.objects.size:
             options = {"object_poses": place.objects, "world_index": some(place.world_of_view)}
+            options["object_sizes"] = place.sizes
         if place.hidden is not None:
             options["exclude"] = some(place.hidden)
         images = {name: getattr(out, name) for name in self._outputs}
         if not scattered:
             part = Views(**{name: image[rows] for name, image in images.items()})
-            renderer.render(some(eyes), **options, out=part)
+            renderer.render_sizes(some(eyes), **options, out=part)
             return
-        part = renderer.render(some(eyes), **options)
+        part = renderer.render_sizes(some(eyes), **options)
         for name, image in images.items():
             wp.copy(image[rows], getattr(part, name))
 

@@ -41,6 +41,8 @@ _LEAST_SAMPLES = 3
 _Ints = NDArray[np.int64]
 _Floats = NDArray[np.float64]
 
+_NOBODY: _Ints = np.zeros(0, dtype=np.int64)
+
 
 @dataclass(frozen=True)
 class Pairs:
@@ -56,12 +58,15 @@ class Pairs:
     """Of the later objects, the triangles that coincide with some of an earlier object that is not the same."""
 
 
-def find_pairs(objects: Sequence[SceneObject], pieces: NDArray[np.int_]) -> Pairs:
+def find_pairs(
+    objects: Sequence[SceneObject], pieces: NDArray[np.int_], *, resizable: NDArray[np.int64] = _NOBODY
+) -> Pairs:
     """Find objects whose surfaces coincide somewhere, looking the same way.
 
     Args:
         objects: The objects, where they are at first.
         pieces: What each belongs to: only objects of one piece are compared.
+        resizable: Objects that may be of another size in some worlds: they may coincide with all that they touch.
     """
     boxes = np.array([item.bounds for item in objects], dtype=np.float64).reshape(-1, 2, 3)
     margin = _CLOSENESS * np.abs(boxes).max(axis=(1, 2), initial=0.0)[:, None]
@@ -69,13 +74,18 @@ def find_pairs(objects: Sequence[SceneObject], pieces: NDArray[np.int_]) -> Pair
     i, j = _overlapping(low, high, pieces)
     i, j = np.minimum(i, j), np.maximum(i, j)
     is_solid = np.array([item.solid is not None for item in objects], dtype=bool)
-    both = is_solid[i] & is_solid[j]
-    same = _find_same(objects, i[~both], j[~both])
-    compared = np.array([pair not in same for pair in zip(i.tolist(), j.tolist(), strict=True)], dtype=bool)
+    resized = np.isin(i, resizable) | np.isin(j, resizable)
+    both = is_solid[i] & is_solid[j] & ~resized
+    same = _find_same(objects, i[~both & ~resized], j[~both & ~resized])
+    compared = np.array([pair not in same for pair in zip(i.tolist(), j.tolist(), strict=True)], dtype=bool) & ~resized
     found, faces = _find_planes(objects, pieces, (i[compared], j[compared]), (low, high))
     solids = [pair for pair in zip(i[both].tolist(), j[both].tolist(), strict=True) if _share_surface(objects, pair)]
     for a, b in [*same, *solids]:
         found[a, b] = np.stack([np.maximum(low[a], low[b]), np.minimum(high[a], high[b])])
+    for a, b in zip(i[resized].tolist(), j[resized].tolist(), strict=True):
+        found[a, b] = np.array([[-np.inf] * 3, [np.inf] * 3])
+        if not is_solid[b]:
+            faces[b] = np.arange(len(objects[b].faces))
     pairs = sorted(found)
     rows = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     shared = np.array([found[pair] for pair in pairs], dtype=np.float64).reshape(-1, 2, 3)

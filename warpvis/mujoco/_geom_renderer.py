@@ -20,9 +20,9 @@ from warpvis.core.types import PoseLike
 from warpvis.kernels.constants import SOLID_WORDS
 from warpvis.mujoco._coinciding import Pairs, find_pairs, frame_vertices
 from warpvis.mujoco._shapes import shape_bodies
-from warpvis.rendering import AnyCamera, OrthographicCamera, Renderer
+from warpvis.rendering import AnyCamera, OrthographicCamera, Renderer, Views
 from warpvis.scene import Scene, SceneObject
-from warpvis.scene.worlds import pose_columns
+from warpvis.scene.worlds import parse_worlds, pose_columns
 
 if TYPE_CHECKING:
     from warpvis.kernels.coinciding import Coinciding
@@ -36,15 +36,19 @@ _MOST_SCRATCH = 4  # so many sizes of images have memory of their own
 class CoincidingGeoms:
     """Which geoms of a scene coincide with earlier ones, found when first asked for after the scene has changed."""
 
-    def __init__(self, model: mujoco.MjModel, scene: Scene, geoms: ArrayLike = ()) -> None:
+    def __init__(
+        self, model: mujoco.MjModel, scene: Scene, geoms: ArrayLike = (), *, resizable: ArrayLike = ()
+    ) -> None:
         """Find nothing yet.
 
         Args:
             model: The model.
             scene: Its scene.
             geoms: The geoms and sites of the scene's first objects; `follow` says it later on.
+            resizable: Objects that may be of another size in some worlds.
         """
         self._model, self._scene = model, scene
+        self._resizable = np.array(resizable, dtype=np.int64)
         self._geoms = np.array(geoms, dtype=np.int64)
         self._objects: tuple[SceneObject, ...] = ()
         self._found: _OnDevice | None = None
@@ -67,7 +71,8 @@ class CoincidingGeoms:
 
     def _find(self, objects: tuple[SceneObject, ...]) -> _OnDevice | None:
         geoms = objects[: len(self._geoms)]
-        pairs = find_pairs(geoms, np.asarray(self._model.body_weldid)[shape_bodies(self._model)[self._geoms]])
+        pieces = np.asarray(self._model.body_weldid)[shape_bodies(self._model)[self._geoms]]
+        pairs = find_pairs(geoms, pieces, resizable=self._resizable)
         return _OnDevice(objects, pairs, self._scene) if len(pairs.later) else None
 
 
@@ -116,6 +121,9 @@ def _boxes_in_frames(objects: Sequence[SceneObject], pairs: Pairs) -> NDArray[np
     """Return where pairs coincide, in the frames of the later objects, least and greatest corners ``(pairs, 2, 3)``."""
     boxes = np.empty((len(pairs.later), 2, 3), dtype=np.float32)
     for row, index, box in zip(boxes, pairs.later.tolist(), pairs.boxes, strict=True):
+        if np.isinf(box).any():
+            row[:] = box
+            continue
         item = objects[index]
         pose = item.pose if item.carrier is None else objects[item.carrier].pose
         corners = np.array(list(product(*box.T)))
@@ -143,6 +151,23 @@ class GeomRenderer(Renderer):
     """
 
     _caster: Any
+
+    def render_sizes(
+        self,
+        camera_to_world: wp.array,
+        *,
+        object_poses: wp.array | None = None,
+        object_sizes: wp.array | None = None,
+        world_index: wp.array | None = None,
+        exclude: wp.array | None = None,
+        out: Views | None = None,
+    ) -> Views:
+        """Do as `render`, with sizes as `warpvis.kernels.worlds.Worlds` has them."""
+        poses = self._caster.parse_poses(camera_to_world, "opencv")
+        worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude)
+        if object_sizes is not None:
+            worlds.object_sizes = object_sizes
+        return self._render(poses, worlds, out)
 
     def __init__(self, scene: Scene, camera: AnyCamera, coinciding: CoincidingGeoms, **options: Any) -> None:
         """Prepare to render.

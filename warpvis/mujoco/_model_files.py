@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 
 import mujoco  # noqa: TID253 - the whole package is about it
 
-from warpvis.core.checks import as_items, as_path, check_flag
+from warpvis.core.checks import as_items, as_path, check_flag, said_by
 from warpvis.core.labels import Label
 from warpvis.errors import FileFormatError
 from warpvis.mujoco._geoms import DEFAULT_GROUPS, default_label, geom_parts, movable_bodies, shown_geoms
@@ -58,7 +58,7 @@ def read_model(
     except ValueError as error:
         if isinstance(error, FileFormatError):
             raise
-        raise FileFormatError(f"{path}: MuJoCo does not compile it: {' '.join(str(error).split())}") from None
+        raise FileFormatError(f"{path}: MuJoCo does not compile it: {said_by(error)}") from None
     if missing:
         some = ", ".join(dict.fromkeys(missing))
         left_out.append(f"{some}, of which no file was found beside it, in packages above it, or on the search path")

@@ -147,9 +147,13 @@ def scene_from_mujoco(
     return make_scene(model, selection, movable=movable, device=device)
 
 
-def make_scene(model: mujoco.MjModel, selection: Selection, *, movable: Movable, device: DeviceLike) -> MujocoScene:
-    """Make the scene of `scene_from_mujoco`, and say nothing of what is not in it."""
+def make_scene(
+    model: mujoco.MjModel, selection: Selection, *, movable: Movable, device: DeviceLike, alone: Iterable[int] = ()
+) -> MujocoScene:
+    """Make the scene of `scene_from_mujoco`, and say nothing of what is not in it; some geoms move by themselves."""
     pieces = _choose_pieces(model, selection.names, movable)
+    single = list(alone)
+    pieces[single] = model.nbody + np.array(single, dtype=np.int32)
     scene = Scene(device=device)
     scene.use_labels(selection.rules)
     kept = []
@@ -246,7 +250,7 @@ def _choose_pieces(model: mujoco.MjModel, names: list[str], movable: Movable) ->
     fixed, bodies = rigid_pieces(model) == FIXED, shape_bodies(model)
     alone, loose = set(), set()
     for pattern in patterns:
-        for geom in _fitting(model, names[: len(bodies)], pattern, "movable"):
+        for geom in fitting(model, names[: len(bodies)], pattern, "movable"):
             body = int(bodies[geom])
             if fixed[geom] and body and fits(model.body(body).name, (pattern,)):
                 loose.add(body)
@@ -272,7 +276,7 @@ def class_of_geoms(model: mujoco.MjModel, classes: Mapping[str, int], name: str 
     for pattern, number in classes.items():
         if not is_whole(number) or not 0 <= number < 2**31:
             raise SceneError(f"{name} must be whole numbers from 0 up, got {number!r} for {pattern!r}")
-        numbers[_fitting(model, names, pattern, name)] = number
+        numbers[fitting(model, names, pattern, name)] = number
     return numbers
 
 
@@ -296,12 +300,12 @@ def _assign_labels(
     classes = LabelNames(rules.label_names)
     wanted: list[int] = [default_label(model, geom, name) for geom, name in enumerate(names)]
     for pattern, label in rules.labels.items():
-        for geom in _fitting(model, names, pattern, "labels"):
+        for geom in fitting(model, names, pattern, "labels"):
             wanted[geom] = classes.number(label)
-    return wanted, {geom for pattern in exclude for geom in _fitting(model, names, pattern, "exclude")}
+    return wanted, {geom for pattern in exclude for geom in fitting(model, names, pattern, "exclude")}
 
 
-def _fitting(model: mujoco.MjModel, names: list[str], pattern: str, argument: str) -> list[int]:
+def fitting(model: mujoco.MjModel, names: list[str], pattern: str, argument: str) -> list[int]:
     """Find the geoms and sites whose object or body has a name that fits, and what else is drawn of such a name."""
     of_bodies = [model.body(body).name for body in range(model.nbody)]
     bodies = [of_bodies[body] for body in shape_bodies(model)]

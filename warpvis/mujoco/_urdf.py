@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 
 import mujoco  # noqa: TID253 - the whole package is about it
 
+from warpvis.core.checks import said_by
 from warpvis.errors import FileFormatError
 
 VISUAL_GROUP = 1
@@ -124,5 +125,4 @@ def _as_obj(path: Path) -> bytes:
         whole = loaded.to_mesh()
         return trimesh.exchange.obj.export_obj(whole, include_normals=False, include_texture=False).encode()
     except Exception as error:  # trimesh's readers raise what they like
-        said = " ".join(str(error).split()) or type(error).__name__
-        raise FileFormatError(f"{path}: does not read as {path.suffix.lstrip('.').upper()}: {said}") from None
+        raise FileFormatError(f"{path}: does not read as {path.suffix.lstrip('.').upper()}: {said_by(error)}") from None

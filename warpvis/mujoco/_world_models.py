@@ -18,9 +18,9 @@ from warpvis.errors import ArrayError
 POSE_FIELDS = ("body_pos", "body_quat", "geom_pos", "geom_quat", "cam_pos", "cam_quat")
 """What poses follow from, where joint positions are given; who gives poses has taken account of it."""
 _COLOUR_FIELDS = {"geom_rgba": wp.vec4, "geom_matid": wp.int32, "mat_rgba": wp.vec4}
-# Worlds share their shapes, and so what these say.
-_SHARED_FIELDS = ("geom_size", "geom_dataid", "cam_intrinsic")
-_KNOWN = (*POSE_FIELDS, "cam_fovy", *_COLOUR_FIELDS)
+# Worlds share their meshes and lenses, and so what these say.
+_SHARED_FIELDS = ("geom_dataid", "cam_intrinsic")
+_KNOWN = (*POSE_FIELDS, "cam_fovy", *_COLOUR_FIELDS, "geom_size")
 
 
 class WorldModels:
@@ -51,6 +51,16 @@ class WorldModels:
         """Return vertical fields of view [degrees], shape ``(1 or W, ncam)``; None for the model's own."""
         return self._host("cam_fovy") if "cam_fovy" in self._given else None
 
+    def field(self, name: str) -> Any:
+        """Return an array as it was given, of one world or of all; None for the model's own."""
+        value = self._given.get(name)
+        if value is not None:
+            value = value if hasattr(value, "shape") else as_numpy(value, name=name)
+            if not value.shape:
+                raise ArrayError(f"{name} must be an array of 1 world or of {self._worlds}, got {value}")
+            self._check_worlds(name, value)
+        return value
+
     def colours(self, device: wp.Device) -> list[wp.array] | None:
         """Return colours and materials of geoms, and colours of materials; None for the model's own."""
         if not any(name in self._given for name in _COLOUR_FIELDS):
@@ -69,9 +79,7 @@ class WorldModels:
         value = self._given[name]
         on_gpu = isinstance(value, wp.array) and not value.device.is_cpu
         if (value.shape[0] > 1) if on_gpu else not self._is_own(name, value):
-            raise ArrayError(
-                f"{name} cannot differ from the renderer's model, of which all worlds share the shapes; leave it out"
-            )
+            raise ArrayError(f"{name} cannot differ from the renderer's model, which all worlds share; leave it out")
 
     def _is_own(self, name: str, value: Any) -> bool:
         """Tell whether a host's array says, for every world, what the model does in single precision."""

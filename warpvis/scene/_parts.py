@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import as_items
+from warpvis.core.checks import as_items, shortened
 from warpvis.core.label_rules import LabelPatterns
 from warpvis.core.labels import Label
 from warpvis.core.poses import check_up, poses_to_matrices, poses_to_opencv
@@ -21,6 +21,9 @@ from warpvis.core.types import MeshLike, PoseLike
 from warpvis.errors import SceneError
 from warpvis.scene._object import check_scale
 from warpvis.scene.solids import Solid
+
+_LONGEST_LIST = 500
+"""Of what is left out, in a message [characters]."""
 
 Axis = Literal["z", "y"]
 """A vertical axis."""
@@ -101,7 +104,7 @@ class FileParts:
             SceneError: There are no parts, a pattern fits none of them, or an argument has no meaning for the file.
         """
         if not self.parts:
-            left_out = next(iter(self.warnings), None)
+            left_out = shortened(next(iter(self.warnings), ""), _LONGEST_LIST)
             raise SceneError(f"{left_out}; nothing is left" if left_out else f"{self.path}: holds no triangles")
         if self.settled and (scale != 1 or file_up is not None):
             raise SceneError(

@@ -16,12 +16,12 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import FARTHEST, get_device
-from warpvis.core.checks import check_flag
+from warpvis.core.checks import check_flag, said_by
 from warpvis.core.label_rules import LabelInput, LabelPatterns, LabelRules
 from warpvis.core.labels import Label
 from warpvis.core.poses import QuaternionOrder, check_up, poses_to_matrices, poses_to_opencv, to_xyzw
 from warpvis.core.types import ArrayInput, DeviceLike, MeshLike
-from warpvis.errors import SceneError
+from warpvis.errors import FileFormatError, SceneError, WarpvisError
 from warpvis.scene._classes import SceneClasses
 from warpvis.scene._object import SceneObject, as_it_is, by_itself, check_mesh, check_scale
 from warpvis.scene.geometry import SceneBvh, Triangles, build_scene_bvh, build_triangles, label_array, solid_sizes
@@ -119,7 +119,8 @@ class Scene(SceneClasses):
             strict: Whether what cannot be shown is an error. By default it is left out, and a warning names it.
 
         Raises:
-            FileFormatError: The file is missing or does not parse, or something cannot be shown and `strict` is set.
+            FileFormatError: The file is missing, does not parse, or holds what is no mesh; or something cannot be shown
+                and `strict` is set.
             SceneError: It holds no triangles, a pattern fits nothing, or an argument has no meaning for such a file.
         """
         from warpvis.io import read_parts
@@ -301,11 +302,15 @@ class Scene(SceneClasses):
         """Add what a file holds, labelled by rules; options as for `FileParts.objects`.
 
         Raises:
-            SceneError: An object cannot be added, or an option has no meaning for the file.
+            FileFormatError: A part is no mesh: its vertices are not finite, or its faces index none.
+            SceneError: An option has no meaning for the file.
         """
         self.use_labels(rules, found.label_names)
         for item in found.objects(self.up, labels=LabelPatterns(rules.labels, self._label_names), **options):
-            self.add(**item)
+            try:
+                self.add(**item)
+            except WarpvisError as error:
+                raise FileFormatError(f"{found.path}: {said_by(error)}") from None
 
     @property
     def objects(self) -> tuple[SceneObject, ...]:

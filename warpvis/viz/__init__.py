@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Draw pictures: a depth image in metres, a floor map with its legend, a scene from outside, who sees what."""
+"""Draw pictures: depth images in metres, labels, a floor map with its legend, a scene from outside, who sees what."""
 
 import lazy_loader
 

@@ -3,6 +3,7 @@
 # The public names of warpvis.viz and where each lives; `lazy_loader` reads this table.
 
 from ._figures import save_map as save_map
+from ._label_images import save_labels as save_labels
 from ._overview import save_depth as save_depth, save_overview as save_overview, view_from_outside as view_from_outside
 from ._perspective import save_perspective as save_perspective
 from ._previews import (

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _DPI = 130
+# Of a line of a legend [inches].
+_LEGEND_LINE = 0.21
 
 _Meaning = tuple[str, tuple[int, int, int]]
 Legend = Mapping[int, _Meaning] | Mapping[Label, _Meaning]
@@ -94,7 +96,7 @@ def save_map(
         known |= values == value
     if not known.all():
         raise ArrayError(f"cells must have values of the legend, got {values[~known][0]}")
-    figure = new_figure(5.0, 5.4)
+    figure = new_figure(5.0, 4.77 + legend_height(legend, columns=2))
     draw_map(figure.subplots(), colors, bounds, axes, title)
     draw_legend(figure, legend, columns=2)
     save_figure(figure, path)
@@ -113,6 +115,11 @@ def draw_map(axes: Axes, colors: ArrayLike, bounds: Bounds, names: tuple[str, st
     axes.imshow(np.asarray(colors), origin="lower", extent=bounds, interpolation="nearest")
     first, second = names
     axes.set(title=title, xlabel=f"{first} [m]", ylabel=f"{second} [m]")
+
+
+def legend_height(legend: Legend, columns: int) -> float:
+    """Return the height of a legend [inches]."""
+    return _LEGEND_LINE * -(-len(legend) // columns)
 
 
 def draw_legend(figure: Figure, legend: Legend, columns: int) -> None:

@@ -15,15 +15,14 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.core.arrays import as_numpy, check_shape
 from warpvis.core.camera import Camera, require_camera
 from warpvis.core.checks import as_items, check_text, is_number
-from warpvis.core.labels import Label
 from warpvis.core.poses import QuaternionOrder, look_at, poses_to_matrices, poses_to_opencv
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
-from warpvis.maps import MAP_LEGEND, FloorMap
+from warpvis.maps import FloorMap, label_colors
 from warpvis.rendering import Views
 from warpvis.scene import Scene, require_scene
 from warpvis.viz._drawing import OUTSIDE_CAMERA, draw_lines, frustum, one_pose, shaded_picture
-from warpvis.viz._figures import draw_legend, draw_map, new_figure, save_figure
+from warpvis.viz._figures import draw_legend, draw_map, legend_height, new_figure, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -89,12 +88,13 @@ def save_overview(
     require_scene(scene)
     if not isinstance(_require_views(views, camera), Views) or not isinstance(floor_map, FloorMap):
         raise ArrayError(f"floor_map must be a warpvis.FloorMap, got {type(floor_map).__name__}")
-    figure = new_figure(15.0, 5.0)
+    legend = floor_map.legend
+    figure = new_figure(15.0, 4.79 + legend_height(legend, columns=6))
     outside, image, plan = figure.subplots(1, 3, width_ratios=(1.33, 1.45, 1.0))
     _draw_outside(outside, scene, camera, camera_to_world, views, eye, target)
     _draw_depth(image, views.depth.numpy()[0], "Depth image", (camera.near, camera.far))
     draw_map(plan, floor_map.rgb()[0], floor_map.bounds, floor_map.axes, "Seen floor")
-    draw_legend(figure, floor_map.legend, columns=6)
+    draw_legend(figure, legend, columns=6)
     figure.suptitle(title, fontsize=14, fontweight="bold")
     save_figure(figure, path)
 
@@ -130,7 +130,7 @@ def view_from_outside(
     require_scene(scene)
     require_camera(outside)
     require_camera(camera)
-    palette = np.array([MAP_LEGEND[label][1] for label in Label]) / 255
+    palette = label_colors() / 255
     image = (as_numpy(depth, name="depth"), as_numpy(segmentation, name="segmentation"))
     for name, array in zip(("depth", "segmentation"), image, strict=True):
         check_shape(array.shape, (camera.height, camera.width), name=name)

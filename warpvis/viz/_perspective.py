@@ -26,7 +26,7 @@ from warpvis.viz._agent_views import AgentView, agent_view, views_of_faces
 from warpvis.viz._drawing import draw_arrow, draw_name, light_on, one_pose, white_edge
 from warpvis.viz._figures import Bounds, draw_map, new_figure, save_figure
 from warpvis.viz._outside import draw_outside
-from warpvis.viz._states import GREYS, STATE_COLORS, Shown
+from warpvis.viz._states import GREYS, STATE_COLORS, Shown, standing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -175,19 +175,22 @@ def _floor_map(shown: Shown, agent: Agent) -> _Floor:
     margin = 0.03 * np.linalg.norm(bounds[1] - bounds[0])
     bounds = bounds + [[-margin], [margin]]
     cell_size = max(_LEAST_CELL, float((bounds[1] - bounds[0]).max()) / _CELLS)
-    # Of what falls on one cell the map shows the highest number: what has a state comes after all labels.
-    codes = np.array([*(item.label for item in scene), Label.EMPTY], dtype=np.uint8)
-    codes[list(shown.bodies)] = Label.HUMAN
+    # From 6 on, labels cover each other by their numbers: what has a state comes after all that has none.
+    above = range(len(Label), len(Label) + len(GREYS) - 1 + len(_MAP_ORDER))
+    ranks = [int(Label.EMPTY), int(Label.GROUND), *above]
+    greys = [_UNSEEN, *GREYS.values()]
+    codes = np.array([*(ranks[standing(scene, item.label)] for item in scene), Label.EMPTY], dtype=np.uint8)
+    codes[list(shown.bodies)] = ranks[Label.HUMAN]
     for index, state in shown.states.items():
-        codes[index] = len(Label) + _MAP_ORDER.index(state)
+        codes[index] = ranks[len(greys) + _MAP_ORDER.index(state)]
     cells = []
     for face in views_of_faces(scene, agent, shown.view, object_poses=shown.object_poses):
         numbers = wp.array(codes[face.segmentation.numpy()], dtype=wp.uint8, device=scene.device)
         seen_floor = map_numbers(face.points, numbers, bounds=bounds, cell_size=cell_size, up=scene.up)
         cells.append(seen_floor.cells.numpy())
-    palette = [[GREYS.get(label, _UNSEEN)] * 3 for label in Label]
-    palette += [[part / 255 for part in STATE_COLORS[state]] for state in _MAP_ORDER]
-    colors = np.array(palette)[np.max(cells, axis=0)[0]]
+    palette = np.zeros((ranks[-1] + 1, 3))
+    palette[ranks] = [[grey] * 3 for grey in greys] + [np.array(STATE_COLORS[state]) / 255 for state in _MAP_ORDER]
+    colors = palette[np.max(cells, axis=0)[0]]
     return _Floor(colors, seen_floor.bounds, seen_floor.axes, seen_floor.cell_size)
 
 

@@ -27,7 +27,7 @@ STATE_COLORS: dict[State, tuple[int, int, int]] = {
 """Colours of the four states (red, green, blue; 0 to 255), told apart with any kind of colour blindness: those of Okabe
 and Ito for one agent, dark green and violet, which Tol's and IBM's palettes have, for both and neither."""
 
-GREYS: dict[int, float] = {
+GREYS = {
     Label.GROUND: 0.88,
     Label.OBSTACLE: 0.70,
     Label.OBJECT: 0.70,
@@ -35,6 +35,13 @@ GREYS: dict[int, float] = {
     Label.ROBOT: 0.45,
 }
 """How bright what has no state is, from 0 to 1."""
+
+
+def standing(scene: Scene, label: int) -> Label:
+    """Say as what a class counts in these pictures: ground, an obstacle, or a `Label` of its own."""
+    if label in scene.ground_labels:
+        return Label.GROUND
+    return Label(label) if Label.OBJECT <= label <= Label.ROBOT else Label.OBSTACLE
 
 
 @dataclass(frozen=True)
@@ -79,7 +86,7 @@ class Shown:
             for name, label, state in zip(seen.objects, seen.labels, found[view], strict=True)
             if label in wanted and name not in bodies
         }
-        colors = np.array([[GREYS.get(item.label, 0.70)] * 3 for item in scene.objects] + [[1.0] * 3])
+        colors = np.array([[GREYS[standing(scene, item.label)]] * 3 for item in scene.objects] + [[1.0] * 3])
         for name in bodies:
             colors[scene.index(name)] = GREYS[Label.HUMAN]
         for index, state in states.items():

@@ -22,6 +22,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NoReturn
 
+from warpvis.core.checks import shortened
 from warpvis.errors import FileFormatError
 from warpvis.webots._nodes import Node, Value, Version, shown
 
@@ -185,7 +186,7 @@ class Parser:
             got = "the end of the file" if self.kind == "end" else shown(self.token)
             if self.kind == "bad" and self.token.startswith('"'):
                 wanted, got = "a string to end", "the end of the file"
-        raise FileFormatError(f"{self._file}:{self.line()}: expected {wanted}, got {got}")
+        raise FileFormatError(f"{self._file}:{self.line()}: expected {shortened(wanted)}, got {got}")
 
     def take(self, kind: str, wanted: str) -> str:
         """Take the current token, which must be of a kind, and go on to the next."""

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.core.checks import shortened as shortened_text
 from warpvis.core.labels import Label
 from warpvis.scene import Part
 from warpvis.webots._extents import Extent
@@ -209,7 +210,7 @@ def skipped_message(
 
 def _counted(counts: Mapping[str, int]) -> str:
     """List what there is and how often, but for all after the first of very many."""
-    listed = [f"{name} ({count})" for name, count in counts.items()]
+    listed = [f"{shortened_text(name)} ({count})" for name, count in counts.items()]
     more = len(listed) - _MOST_NAMES
     return ", ".join(listed if more <= 1 else [*listed[:_MOST_NAMES], f"and {more} others"])
 

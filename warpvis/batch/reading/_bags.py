@@ -15,8 +15,9 @@ from warpvis.batch._job import shard_name
 from warpvis.batch.reading._files import Files, Recent
 from warpvis.batch.reading._job import FrameSpec, Job
 from warpvis.batch.storage._stores import LocalStore
+from warpvis.core.checks import said_by
 from warpvis.errors import FileFormatError
-from warpvis.io import from_image_msg
+from warpvis.io import check_mcap, from_image_msg
 
 # A bag is read from its beginning to its end: all of its depth is kept, of the latest few.
 _BAGS = 2
@@ -59,6 +60,7 @@ class BagReader:
         depth = np.empty((length, *spec.shape), dtype=spec.dtype)
         count = 0
         try:
+            check_mcap(bag)
             with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
                 images = [connection for connection in reader.connections if connection.topic == self._topic]
                 for connection, _, data in reader.messages(connections=images):
@@ -66,7 +68,7 @@ class BagReader:
                         depth[count] = from_image_msg(reader.deserialize(data, connection.msgtype))
                     count += 1
         except Exception as error:  # whatever rosbags raises for what is no such bag
-            raise FileFormatError(f"{self._job.name}: {bag.name} cannot be read: {error}") from None
+            raise FileFormatError(f"{self._job.name}: {bag.name} cannot be read: {said_by(error)}") from None
         if count != length:
             raise FileFormatError(f"{self._job.name}: {bag.name} has {count} depth images, and should have {length}")
         return depth

@@ -22,7 +22,7 @@ from warpvis.batch.reading._pictures import BopReader, ColmapReader, PngReader, 
 from warpvis.batch.reading._shards import NpzReader, ShardReader, ZarrReader
 from warpvis.batch.storage._stores import Store, open_store
 from warpvis.core.camera import Camera
-from warpvis.core.checks import as_items, is_whole
+from warpvis.core.checks import as_items, is_whole, said_by
 from warpvis.core.frames import Frames
 from warpvis.core.labels import LabelNames
 from warpvis.core.poses import poses_to_matrices
@@ -334,7 +334,7 @@ def _read_poses(store: Store, job: Job) -> Frames:
         worlds = {"object_poses": objects, "world_index": world_index}
         frames = Frames.from_poses(poses, timestamps=times, camera=job.camera, **worlds)
     except Exception as error:  # whatever NumPy and zipfile raise for what is no such file
-        raise FileFormatError(f"{store.name}: {POSES} is missing or damaged: {error}") from None
+        raise FileFormatError(f"{store.name}: {POSES} is missing or damaged: {said_by(error)}") from None
     if len(frames) != job.frames:
         raise FileFormatError(f"{store.name}: {POSES} has {len(frames)} poses, and there should be {job.frames} frames")
     return frames

@@ -16,6 +16,7 @@ from warpvis.batch._job import shard_name
 from warpvis.batch.reading._files import Files, Recent
 from warpvis.batch.reading._job import FrameSpec, Job
 from warpvis.batch.reading._shards import number
+from warpvis.core.checks import said_by
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 
@@ -65,15 +66,19 @@ class PngReader:
     def _decode(self, file: str) -> NDArray:
         from PIL import Image, UnidentifiedImageError
 
-        data = self._files.read(file)
+        data, place = self._files.read(file), f"{self._job.name}: {file}"
+        size = (self._job.camera.height, self._job.camera.width)
         try:
             with Image.open(io.BytesIO(data), formats=("PNG",)) as picture:
-                image = np.asarray(picture)
-        except (OSError, SyntaxError, UnidentifiedImageError) as error:
-            raise FileFormatError(f"{self._job.name}: {file} is damaged: {error}") from None
-        size = (self._job.camera.height, self._job.camera.width)
-        if image.shape != size:
-            raise FileFormatError(f"{self._job.name}: {file} is of shape {image.shape}, and should be of {size}")
+                shape = picture.size[::-1]
+                image = np.asarray(picture) if shape == size else None  # of any size, and any memory
+        except UnidentifiedImageError:
+            raise FileFormatError(f"{place} is damaged, or no PNG image") from None
+        except Exception as error:  # each kind of damage has its own
+            raise FileFormatError(f"{place} is damaged: {said_by(error)}") from None
+        if image is None or image.shape != size:
+            found = shape if image is None else image.shape
+            raise FileFormatError(f"{place} is of shape {found}, and should be of {size}")
         return image
 
 
@@ -122,8 +127,8 @@ class BopReader(PngReader):
                 name: np.array([[number(item[key], where) for item in row] for row in rows], dtype=dtype).reshape(shape)
                 for name, (key, dtype) in _BOP_COUNTS.items()
             }
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
-            raise FileFormatError(f"{where} is damaged: {error}") from None
+        except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
+            raise FileFormatError(f"{where} is damaged: {said_by(error)}") from None
 
 
 class ColmapReader:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from warpvis.batch._job import shard_name
 from warpvis.batch.reading._files import Files, Recent
 from warpvis.batch.reading._job import FrameSpec, Job
+from warpvis.core.checks import said_by
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.rendering import OUTPUTS
@@ -72,7 +73,7 @@ class NpzReader:
                 entries = {entry.filename: entry for entry in archive.infolist()}
             arrays = {key: _mapped_array(data, entries[f"{key}.npy"]) for key in self._specs}
         except Exception as error:  # whatever zipfile and NumPy raise for what is no such file
-            raise FileFormatError(f"{self._job.name}: {name} is damaged: {error}") from None
+            raise FileFormatError(f"{self._job.name}: {name} is damaged: {said_by(error)}") from None
         length = self._job.shard_length(shard)
         for key, spec in self._specs.items():
             found = arrays[key]

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from warpvis.core.camera import Camera
+from warpvis.core.checks import shortened
 from warpvis.errors import FileFormatError
 from warpvis.io._files import read_lines
 from warpvis.io.cameras._pinhole import NoPinholeError, make_pinhole, one_camera
@@ -88,7 +89,8 @@ def _text_cameras(path: Path) -> Iterator[tuple[int, Camera]]:
             index, model, width, height = int(words[0]), words[1], int(words[2]), int(words[3])
             parameters = [float(word) for word in words[4:]]
         except (IndexError, ValueError):
-            raise FileFormatError(f"{place}: expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS[], got {line!r}") from None
+            wanted = "CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]"
+            raise FileFormatError(f"{place}: expected {wanted}, got {shortened(line)!r}") from None
         yield index, _make(path, place, model, (width, height), parameters)
 
 
@@ -104,7 +106,7 @@ def _text_images(path: Path) -> Iterator[ColmapImage]:
             yield ColmapImage(words[9].strip(), int(words[8]), tuple(numbers[:4]), tuple(numbers[4:]))
         except (IndexError, ValueError):
             wanted = "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME"
-            raise FileFormatError(f"{path}:{number}: expected {wanted}, got {line[:60]!r}") from None
+            raise FileFormatError(f"{path}:{number}: expected {wanted}, got {shortened(line, 60)!r}") from None
         next(lines, None)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from warpvis.core.camera import Camera
-from warpvis.core.checks import as_path
+from warpvis.core.checks import as_path, said_by
 from warpvis.core.types import Json
 from warpvis.errors import CameraError, FileFormatError
 from warpvis.io._files import read_json
@@ -87,6 +87,6 @@ def _camera_from_fields(fields: Json, path: Path) -> Camera:
     try:
         return Camera.from_K(**given) if "K" in fields else Camera.from_fov(**given)
     except CameraError as error:
-        raise CameraError(f"{path}: {error}") from None
+        raise CameraError(f"{path}: {said_by(error)}") from None
     except TypeError:
         raise CameraError(f"{path}: sizes, fields of view and ranges must be numbers") from None

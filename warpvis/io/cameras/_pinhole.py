@@ -81,12 +81,12 @@ def camera_of_poses(read: Callable[[], Camera | None]) -> Camera | None:
 
 def image_size(folder: Path, names: Sequence[str]) -> tuple[int, int] | None:
     """Read width and height of the first image that is there, of `names` in a folder; None if none is."""
-    from PIL import Image, UnidentifiedImageError
+    from PIL import Image
 
     for name in names:
         try:
             with Image.open(folder / name) as picture:
                 return picture.size
-        except (OSError, UnidentifiedImageError, ValueError):
+        except Exception:  # each kind of damage has its own
             continue
     return None

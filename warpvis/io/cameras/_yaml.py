@@ -7,12 +7,14 @@ Formats: https://wiki.ros.org/camera_calibration_parsers, https://github.com/eth
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 from warpvis.core.camera import Camera
+from warpvis.core.checks import is_number
 from warpvis.core.yaml_files import load_yaml
 from warpvis.errors import CameraError, FileFormatError, MessageError
 from warpvis.io._files import as_numbers, shorten
@@ -96,4 +98,5 @@ def _kalibr_camera(place: str, entry: Mapping[str, Any]) -> Camera:
 
 def _floats(value: object) -> list[float]:
     items = value if isinstance(value, list) else []
-    return [float(item) for item in items if isinstance(item, int | float)]
+    numbers = [item for item in items if isinstance(item, int | float)]
+    return [float(item) if is_number(item) else math.inf for item in numbers]  # YAML's have any number of digits

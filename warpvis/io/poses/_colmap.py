@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from warpvis.core.checks import shortened
 from warpvis.core.poses import poses_to_matrices
 from warpvis.errors import FileFormatError
 from warpvis.io.cameras._colmap import colmap_camera, colmap_images
@@ -32,7 +33,7 @@ def read_colmap(path: Path) -> FilePoses:
     lengths = np.linalg.norm(turns, axis=1, keepdims=True)
     bad = np.flatnonzero(~(lengths[:, 0] > 0) | ~np.isfinite(lengths[:, 0]))
     if len(bad):
-        raise FileFormatError(f"{path}: image {images[bad[0]].name!r} has no rotation")
+        raise FileFormatError(f"{path}: image {shortened(images[bad[0]].name)!r} has no rotation")
     world_to_camera = np.zeros((len(images), 7))
     world_to_camera[:, 3:] = (turns / lengths)[:, [1, 2, 3, 0]]
     rotations = poses_to_matrices(world_to_camera)[:, :3, :3]
@@ -44,4 +45,4 @@ def read_colmap(path: Path) -> FilePoses:
     beside = path.with_name("cameras" + path.suffix)
     used = {image.camera for image in images}
     camera = camera_of_poses(lambda: colmap_camera(beside, used)) if images and beside.is_file() else None
-    return FilePoses(poses, lambda index: f"{path}: image {images[index].name!r}", camera=camera)
+    return FilePoses(poses, lambda index: f"{path}: image {shortened(images[index].name)!r}", camera=camera)

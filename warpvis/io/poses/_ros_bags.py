@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from warpvis.core.camera import Camera
+from warpvis.core.checks import said_by, shortened
 from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning, MessageError
-from warpvis.io._files import first_line
+from warpvis.io._mcap import check_mcap
 from warpvis.io.cameras._pinhole import one_camera
 from warpvis.io.poses._file_poses import FilePoses
 
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
     )
 
 _OPTICAL = "_optical_frame"
+_LONGEST_LIST = 500
+"""Of names, in a message [characters]."""
 
 
 class _Stamped(NamedTuple):
@@ -80,6 +83,7 @@ def read_bag(path: Path, *, topic: str | None = None) -> FilePoses:
         raise FileFormatError(f"{path}: is a folder without metadata.yaml, so no ROS 2 bag; give a pose file")
     name, _, child = (topic or "").partition(":")
     try:
+        check_mcap(path)
         store = get_typestore(Stores.LATEST)
         with Reader(path) as reader:
             types = {item.topic: item.msgtype for item in reader.connections}
@@ -97,15 +101,15 @@ def read_bag(path: Path, *, topic: str | None = None) -> FilePoses:
     except FileFormatError:
         raise
     except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror or first_line(error)}") from None
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror or said_by(error)}") from None
     except Exception as error:  # damaged bags raise what they like
-        raise FileFormatError(f"{path}: does not read as a ROS 2 bag: {first_line(error)}") from None
+        raise FileFormatError(f"{path}: does not read as a ROS 2 bag: {said_by(error)}") from None
     return _as_poses(path, name, child, poses, found)
 
 
 def _choose_topic(path: Path, types: dict[str, str], topic: str) -> str:
     readable = sorted(name for name, kind in types.items() if kind in _POSES)
-    known = ", ".join(f"{name} ({types[name]})" for name in readable) or "none"
+    known = shortened(", ".join(f"{name} ({types[name]})" for name in readable), _LONGEST_LIST) or "none"
     if not topic:
         if len(readable) != 1:
             what = "several topics of poses; choose one as topic=" if readable else "no topic of poses"
@@ -119,7 +123,8 @@ def _choose_topic(path: Path, types: dict[str, str], topic: str) -> str:
 
 
 def _all(types: dict[str, str]) -> str:
-    return ", ".join(f"{name} ({kind})" for name, kind in sorted(types.items())) or "no topics"
+    listed = ", ".join(f"{name} ({kind})" for name, kind in sorted(types.items()))
+    return shortened(listed, _LONGEST_LIST) or "no topics"
 
 
 def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped], cameras: Sequence[CameraInfo]) -> FilePoses:
@@ -130,16 +135,18 @@ def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped], cameras
     children = sorted({pose.child for pose in poses})
     if child:
         if child not in children:
-            known = ", ".join(filter(None, children)) or "none"
+            known = shortened(", ".join(filter(None, children)), _LONGEST_LIST) or "none"
             raise FileFormatError(f"{place} has no child frame {child!r}; it has {known}")
         poses, children = [pose for pose in poses if pose.child == child], [child]
     if len(children) > 1:
         raise FileFormatError(
-            f"{place} has the child frames {', '.join(children)}; choose one as topic='{topic}:{children[0]}'"
+            f"{place} has the child frames {shortened(', '.join(children), _LONGEST_LIST)}; choose one as "
+            f"topic='{topic}:{children[0]}'"
         )
     parents = sorted({pose.parent for pose in poses})
     if len(parents) > 1:
-        raise FileFormatError(f"{place} has poses in the frames {', '.join(parents)}, and frames are not chained")
+        known = shortened(", ".join(parents), _LONGEST_LIST)
+        raise FileFormatError(f"{place} has poses in the frames {known}, and frames are not chained")
     rows = [_row(pose.position, pose.orientation) for pose in poses]
     times = np.array([pose.stamp.sec + 1e-9 * pose.stamp.nanosec for pose in poses])
     return FilePoses(

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.core.checks import said_by
 from warpvis.errors import FileFormatError
-from warpvis.io._files import first_line, read_lines, shorten
+from warpvis.io._files import read_lines, shorten
 from warpvis.io.poses._file_poses import FilePoses
 
 if TYPE_CHECKING:
@@ -89,9 +90,9 @@ def read_parquet(path: Path) -> FilePoses:
     except FileFormatError:
         raise
     except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror or first_line(error)}") from None
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror or said_by(error)}") from None
     except Exception as error:  # damaged files raise what they like
-        raise FileFormatError(f"{path}: does not read as Parquet: {first_line(error)}") from None
+        raise FileFormatError(f"{path}: does not read as Parquet: {said_by(error)}") from None
     return _as_poses(np.stack(arrays, axis=1), list(columns), lambda index: f"{path}: row {index}")
 
 

@@ -1,0 +1,215 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Small files of poses, cameras and points, and datasets, made by the tests' writers; for `fuzz_files`."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from batch_jobs import make_frames, make_scene
+from fuzz_scene_seeds import Item, png
+
+import warpvis as wv
+from warpvis.batch import render_batch, verify
+from warpvis.batch.formats._base import FORMATS
+from warpvis.errors import WarpvisError
+from warpvis.io import load_camera, read_archive, read_points
+
+CAMERA = wv.Camera.from_fov(12, 9, hfov=1.0, near=0.3, far=4.5)
+_FRAMES = 4
+_MOST_FRAMES = 6
+"""Frames of a dataset that are read; a manifest that was changed may speak of many."""
+
+
+def all_of(*calls: Callable[[], object]) -> None:
+    """Make several calls, though one of them refuses what it is given; then raise what the first such one did."""
+    refused = None
+    for call in calls:
+        try:
+            call()
+        except WarpvisError as error:
+            refused = refused or error
+    if refused is not None:
+        raise refused
+
+
+def _npy(array: np.ndarray) -> bytes:
+    whole = io.BytesIO()
+    np.save(whole, array)
+    return whole.getvalue()
+
+
+def _npz(**arrays: np.ndarray) -> bytes:
+    whole = io.BytesIO()
+    np.savez(whole, **arrays)
+    return whole.getvalue()
+
+
+def _read_poses(name: str, **options: object) -> Callable[[Path], None]:
+    return lambda folder: wv.read_frames(folder / name, **options)
+
+
+def poses(root: Path) -> Iterator[Item]:
+    from pose_samples import MATRICES, ROWS, TIMES, bop, nerfstudio
+    from test_camera_files import NERF, colmap_binary, colmap_text
+
+    rows = "".join(
+        " ".join(f"{value:.9g}" for value in (time, *row)) + "\n" for time, row in zip(TIMES, ROWS, strict=True)
+    )
+    yield "poses, TUM", {"a.txt": "# timestamp tx ty tz qx qy qz qw\n" + rows}, (), _read_poses("a.txt")
+    csv = "time,x,y,z,qx,qy,qz,qw\n" + rows.replace(" ", ",")
+    yield "poses, CSV", {"a.csv": csv}, (), _read_poses("a.csv")
+    for array in (ROWS, MATRICES, ROWS.astype(np.float32)):
+        yield "poses, npy", {"a.npy": _npy(array)}, (), _read_poses("a.npy")
+    moved = np.zeros((2, 1, 7)) + (0, 0, 0, 0, 0, 0, 1.0)
+    more = {"object_poses": moved, "world_index": np.arange(6) % 2}
+    archive = _npz(camera_to_world=ROWS, timestamps=TIMES, **more)
+    yield "poses, npz", {"a.npz": archive}, (), _read_poses("a.npz")
+    yield (
+        "worlds, npz",
+        {"a.npz": _npz(**more)},
+        (),
+        lambda folder: read_archive(folder / "a.npz", ("object_poses", "world_index"), "object_poses"),
+    )
+    parquet = _parquet(ROWS)
+    if parquet:
+        yield "poses, Parquet", {"a.parquet": parquet}, (), _read_poses("a.parquet")
+    yield (
+        "poses, nerfstudio",
+        {"transforms.json": json.dumps({**nerfstudio(), **NERF})},
+        (),
+        (_read_poses("transforms.json")),
+    )
+    seen = {"transforms.json": json.dumps(nerfstudio()), "0.png": png(64, 48)}
+    yield "poses, nerfstudio", seen, (), _read_poses("transforms.json")
+    yield "poses, BOP", {"scene_camera.json": json.dumps(bop())}, (), _read_poses("scene_camera.json")
+    seen = {"scene_camera.json": json.dumps(bop()), "depth/000000.png": png(64, 48, np.uint16)}
+    yield "poses, BOP", seen, (), _read_poses("scene_camera.json")
+    for number, write in enumerate((colmap_text, colmap_binary)):
+        path = write(root / f"colmap_{number}")
+        files = {item.name: item.read_bytes() for item in path.parent.iterdir()}
+        yield "poses, COLMAP", files, (), _read_poses(path.name)
+
+
+def _parquet(rows: np.ndarray) -> bytes | None:
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        return None
+    whole = io.BytesIO()
+    pyarrow.parquet.write_table(
+        pyarrow.table(dict(zip(("x", "y", "z", "qx", "qy", "qz", "qw"), rows.T, strict=True))), whole
+    )
+    return whole.getvalue()
+
+
+def bags(root: Path) -> Iterator[Item]:
+    try:
+        from test_ros_bags import KINDS, write_bag
+    except ImportError:
+        return
+    for storage in ("mcap", "sqlite3"):
+        for number, kind in enumerate(("PoseStamped", "Path", "TFMessage")):
+            folder = root / f"{storage}_{number}"
+            write_bag(folder, {"/camera": KINDS[kind][0]}, storage)
+            files = {f"bag/{path.name}": path.read_bytes() for path in folder.iterdir()}
+            yield f"poses, ROS bag ({storage})", files, (), _read_poses("bag")
+
+
+def _read_camera(name: str) -> Callable[[Path], None]:
+    return lambda folder: load_camera(str(folder / name))
+
+
+def cameras(root: Path) -> Iterator[Item]:
+    from pose_samples import bop, nerfstudio
+    from test_camera_files import KALIBR, NERF, ROS_YAML, colmap_binary, colmap_text
+
+    own = {"width": 64, "height": 48, "near": 0.1, "far": 5.0}
+    matrix = [[60, 0, 31.3], [0, 58, 25.1], [0, 0, 1]]
+    for fields in ({**own, "hfov": 1.0}, {**own, "K": matrix, "pixel_center": 0.0}):
+        yield "cameras, JSON", {"a.json": json.dumps(fields)}, (), _read_camera("a.json")
+    yield (
+        "cameras, nerfstudio",
+        {"transforms.json": json.dumps({**nerfstudio(), **NERF})},
+        (),
+        (_read_camera("transforms.json")),
+    )
+    fields = {"fx": 60, "fy": 58, "cx": 31, "cy": 25, "width": 64, "height": 48, "depth_scale": 0.1}
+    yield "cameras, BOP", {"camera.json": json.dumps(fields)}, (), _read_camera("camera.json")
+    files = {"train/000000/scene_camera.json": json.dumps(bop()), "camera.json": json.dumps(fields)}
+    yield "cameras, BOP", files, (), _read_camera("train/000000/scene_camera.json")
+    for text in (ROS_YAML, KALIBR, KALIBR + KALIBR.replace("cam0", "cam1")):
+        yield "cameras, YAML", {"a.yaml": text}, (), _read_camera("a.yaml")
+    for number, write in enumerate((colmap_text, colmap_binary)):
+        folder = write(root / f"camera_{number}").parent
+        path = next(folder.glob("cameras.*"))
+        yield "cameras, COLMAP", {path.name: path.read_bytes()}, (), _read_camera(path.name)
+
+
+def points(root: Path) -> Iterator[Item]:
+    points = np.random.default_rng(0).normal(size=(5, 3))
+    text = "# x y z\n" + "".join(" ".join(f"{value:.6g}" for value in point) + "\n" for point in points)
+    cloud = trimesh.PointCloud(points)
+    ascii_cloud = cloud.export(file_type="ply", encoding="ascii")
+    files = {"a.txt": text, "a.csv": "x,y,z\n" + text[8:].replace(" ", ","), "a.npy": _npy(points)}
+    files |= {"a.ply": cloud.export(file_type="ply"), "b.ply": ascii_cloud}
+    for name, data in files.items():
+        yield "points", {name: data}, (), lambda folder, name=name: read_points(folder / name)
+
+
+def datasets(root: Path) -> Iterator[Item]:
+    """Datasets of every format that has what it needs installed: looked through, and gone on with."""
+    kinds = [(kind, {}) for kind in FORMATS] + [("zarr", {"compression": "zstd"})]
+    for number, (kind, options) in enumerate(kinds):
+        folder = root / f"dataset_{number}"
+        try:
+            _run(folder, kind, options)
+        except WarpvisError as error:
+            print(f"left out: {kind}: {error}")
+            continue
+        files = {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+        inside = {f"set/{name}": data for name, data in files.items()}
+        yield f"dataset, {kind}", inside, (), _read_dataset
+        yield f"dataset, {kind}", inside, (), _repairer(kind, options)
+
+
+_SCENES: dict[str, wv.Scene] = {}
+
+
+def _run(folder: Path, kind: str, options: dict[str, str], **more: object) -> None:
+    scene = _SCENES.setdefault("scene", make_scene())
+    frames = make_frames(_FRAMES)
+    render_batch(scene, CAMERA, frames, folder, format=kind, shard_frames=2, threads=1, options=options, **more)
+
+
+def _read_dataset(folder: Path) -> None:
+    folder /= "set"
+    tables = ("*.txt", "transforms.json", "**/scene_camera.json", "**/images.txt", "poses.npz", "*.bin", "bag_000000")
+    poses = [path for pattern in tables for path in folder.glob(pattern)]
+
+    def read() -> None:
+        dataset = wv.open_dataset(folder)
+        for index in range(min(len(dataset), _MOST_FRAMES)):
+            dataset[index]
+
+    all_of(lambda: verify(folder), read, *(lambda path=path: wv.read_frames(path) for path in poses))
+
+
+def _repairer(kind: str, options: dict[str, str]) -> Callable[[Path], None]:
+    def read(folder: Path) -> None:
+        _run(folder / "set", kind, options, resume=True, repair=True)
+        # A record from which a name is lost says nothing of its file.
+        problems = [problem for problem in verify(folder / "set").problems if not problem.endswith("is in no record")]
+        if problems:
+            raise AssertionError(f"after repair: {problems[0]}")
+
+    return read
+
+
+MAKERS = (poses, bags, cameras, points, datasets)

@@ -1,0 +1,44 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Small files of every format that is read, and what reads them; for `fuzz_files`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import fuzz_data_seeds
+import fuzz_scene_seeds
+
+
+@dataclass(frozen=True)
+class Seed:
+    """A file, with those that it needs, and what reads it."""
+
+    format: str
+    """What it is counted as."""
+    folder: Path
+    """Where it and those that it needs are."""
+    changed: tuple[str, ...]
+    """Which of them are changed, as paths in the folder."""
+    read: Callable[[Path], None]
+    """Reads it from a copy of the folder."""
+
+
+def make_seeds(root: Path) -> list[Seed]:
+    """Write the files below a folder, and list them."""
+    makers = (*fuzz_scene_seeds.MAKERS, *fuzz_data_seeds.MAKERS)
+    seeds = []
+    for maker in makers:
+        for number, (kind, files, changed, read) in enumerate(maker(root)):
+            folder = root / f"{maker.__name__}_{number}"
+            for name, content in files.items():
+                place = folder / name
+                place.parent.mkdir(parents=True, exist_ok=True)
+                place.write_bytes(content.encode() if isinstance(content, str) else content)
+            chosen = changed or tuple(sorted(files))
+            for name in set(chosen) - set(files):
+                assert (folder / name).is_file(), name
+            seeds.append(Seed(kind, folder, tuple(chosen), read))
+    return seeds

@@ -1,0 +1,270 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Files that `fuzz_files` found to end in something else than one short sentence, one of each kind."""
+
+import io
+import json
+import struct
+import warnings
+import zipfile
+import zlib
+
+import numpy as np
+import pytest
+import trimesh
+from batch_jobs import CAMERA, make_frames, make_scene
+from gltf_files import GltfWriter
+from PIL import Image
+from pose_samples import bop
+
+import warpvis as wv
+from warpvis.errors import FileFormatError
+from warpvis.io import load_camera, read_frames, read_points
+
+LONG = "a" * 5000
+
+
+def refusal(call, *given, **options):
+    with pytest.raises(wv.WarpvisError) as caught:
+        call(*given, **options)
+    said = str(caught.value)
+    assert "\n" not in said and len(said) < 1000
+    cause = caught.value.__context__
+    while cause is not None:
+        assert not isinstance(cause, MemoryError)
+        cause = cause.__context__
+    return said
+
+
+def write(path, content):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def chunk(kind, body):
+    return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+
+def png(width, height, *, head=None):
+    """A PNG image that says that it is of a size, and holds one row."""
+    head = struct.pack(">IIBBBBB", width, height, 16, 0, 0, 0, 0) if head is None else head
+    row = zlib.compress(bytes(1 + 2 * min(width, 100)))
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", row) + chunk(b"IEND", b"")
+
+
+@pytest.fixture(scope="module")
+def datasets(tmp_path_factory):
+    """A folder of small datasets, by format."""
+    root = tmp_path_factory.mktemp("datasets")
+    for kind in ("png", "bop", "ros2"):
+        frames = make_frames(2)
+        wv.render_batch(make_scene(), CAMERA, frames, root / kind, format=kind, shard_frames=2, threads=1)
+    return root
+
+
+@pytest.mark.parametrize(
+    ("image", "wanted"),
+    [
+        (png(32, 24, head=b"\0\0"), "is damaged: Truncated IHDR chunk"),
+        (png(100_000, 100_000), "is damaged: Image size (10000000000 pixels) exceeds limit"),
+        (png(9_000, 9_000), "is of shape (9000, 9000), and should be of (24, 32)"),
+        (png(32, 24)[:45], "is damaged: "),
+        (b"no picture", "is damaged, or no PNG image"),
+    ],
+    ids=["short head", "larger than all memory", "larger", "cut off", "no picture"],
+)
+def test_pictures_of_datasets(datasets, image, wanted):
+    path = datasets / "png" / "depth" / "000000" / "000001.png"
+    kept = path.read_bytes()
+    path.write_bytes(image)
+    dataset = wv.open_dataset(datasets / "png")
+    assert f"png: depth/000000/000001.png {wanted}" in refusal(dataset.read, "depth", 1)
+    path.write_bytes(kept)
+    assert dataset.read("depth", 1).shape == (24, 32)
+
+
+def test_a_picture_beside_poses_may_be_anything(tmp_path):
+    """It would say which size the images have; without it the poses have no camera."""
+    path = write(tmp_path / "000000" / "scene_camera.json", json.dumps(bop()))
+    picture = io.BytesIO()
+    Image.fromarray(np.zeros((48, 64), np.uint16)).save(picture, "png")
+    for image, sized in ((picture.getvalue(), True), (png(200_000, 200_000), False), (png(1, 1, head=b"\0"), False)):
+        write(path.parent / "depth" / "000000.png", image)
+        assert (read_frames(path).camera is not None) == sized
+
+
+@pytest.mark.parametrize("value", [10**400, 1e300, None, [], {}], ids=["digits", "1e300", "none", "list", "object"])
+def test_numbers_of_bop_that_no_array_holds(datasets, value):
+    (path,) = (datasets / "bop").rglob("scene_gt_info.json")
+    kept = path.read_text()
+    content = json.loads(kept)
+    content["1"][0]["px_count_all"] = value
+    path.write_text(json.dumps(content))
+    said = refusal(wv.open_dataset(datasets / "bop").read, "silhouette_pixels", 1)
+    assert "scene_gt_info.json" in said
+    path.write_text(kept)
+
+
+@pytest.mark.parametrize("name", ["metadata.yaml", "bag_000000.mcap"])
+def test_bags_of_datasets_are_refused_in_one_line(datasets, name):
+    path = datasets / "ros2" / "bag_000000" / name
+    kept = path.read_bytes()
+    damaged = kept.replace(b"uint32 height", b"int32< height") if name.endswith("mcap") else b"a: [\nb: {\n" + kept
+    assert damaged != kept
+    path.write_bytes(damaged)
+    said = refusal(wv.open_dataset(datasets / "ros2").read, "depth", 0)
+    assert f"{datasets / 'ros2'}: bag_000000 cannot be read: " in said
+    path.write_bytes(kept)
+
+
+def test_records_of_mcap_that_are_longer_than_the_file(datasets, tmp_path):
+    """rosbags asks for so much memory as they say: gigabytes that a short file does not hold."""
+    pytest.importorskip("rosbags")
+    from test_ros_bags import KINDS, write_bag
+
+    good = write_bag(tmp_path / "bag", {"/camera": KINDS["PoseStamped"][0]})
+    data = good.read_bytes()
+    place = 8 + 9 + int.from_bytes(data[9:17], "little")  # behind the magic bytes and the header
+    length = int.from_bytes(data[place + 1 : place + 9], "little")
+    for size in (2**33, 2**62, len(data)):
+        good.write_bytes(data[: place + 1] + struct.pack("<Q", size) + data[place + 9 :])
+        for path in (good, good.parent):
+            wanted = f"bag.mcap has a record of {size} bytes at byte {place + 9}, and {len(data)} in all"
+            assert refusal(read_frames, path) == f"{path}: does not read as a ROS 2 bag: {wanted}"
+    good.write_bytes(data[: place + 1] + struct.pack("<Q", length) + data[place + 9 :])
+    assert len(read_frames(good.parent)) == 5
+
+
+def test_a_chunk_of_mcap_that_is_longer_than_the_file(tmp_path):
+    """The summary at the end says again how long chunks are."""
+    pytest.importorskip("rosbags")
+    from test_ros_bags import KINDS, write_bag
+
+    path = write_bag(tmp_path / "bag", {"/camera": KINDS["PoseStamped"][0]})
+    data, place = bytearray(path.read_bytes()), 8
+    places = []
+    while data[place] != 2:
+        length = int.from_bytes(data[place + 1 : place + 9], "little")
+        places.append((data[place], place + 9, length))
+        place += 9 + length
+    index = [(start, length) for kind, start, length in places if kind == 8]
+    if not index:  # such a bag has no chunks: it gets an index of one
+        record = bytes(32) + bytes(4) + bytes(8) + bytes(4) + struct.pack("<QQ", 2**40, 2**40)
+        start = places[0][1] + places[0][2]
+        path.write_bytes(data[:start] + b"\x08" + struct.pack("<Q", len(record)) + record + data[start:])
+        size = path.stat().st_size
+    else:
+        start, length = index[0]
+        data[start + length - 16 : start + length - 8] = struct.pack("<Q", 2**40)
+        path.write_bytes(data)
+        size = len(data)
+    assert refusal(read_frames, path).endswith(f"bag.mcap has a chunk of {2**40} bytes, and {size} in all")
+
+
+def test_a_lens_of_any_number_of_digits(tmp_path):
+    pytest.importorskip("ruamel.yaml")
+    from test_camera_files import KALIBR
+
+    text = KALIBR.replace("distortion_coeffs: [0.0,", f"distortion_coeffs: [{'9' * 400},")
+    with pytest.warns(wv.errors.IntrinsicsWarning, match="the lens has distortion"):
+        assert load_camera(str(write(tmp_path / "a.yaml", text))).width == 64
+
+
+def gltf(**changes):
+    writer = GltfWriter()
+    writer.node(writer.primitive(np.eye(3, dtype=np.float32), faces=[0, 1, 2]), name="part")
+    for key, change in changes.items():
+        writer.content[key] = change(writer.content[key])
+    return writer.bytes()
+
+
+@pytest.mark.parametrize(
+    ("file", "wanted"),
+    [
+        (
+            gltf(accessors=lambda items: [{key: item[key] for key in item if key != "count"} for item in items]),
+            "it is damaged, or something else (KeyError: 'count')",
+        ),
+        (
+            gltf(nodes=lambda items: [{"mesh": 0, "extensions": 3}]),
+            "it is damaged, or something else (AttributeError: 'int' object has no attribute 'get')",
+        ),
+        (gltf(nodes=lambda items: [{"mesh": LONG}]), "it names meshes 'aaaa"),
+        (b"glTF\2\0\0\0" + struct.pack("<II", 100_020, 100_000) + b"JSON" + b"[" * 100_000, "it is nested too deeply"),
+    ],
+    ids=["no count", "a number for an object", "a long name", "nested"],
+)
+def test_gltf_of_other_things_than_the_specification_says(tmp_path, file, wanted):
+    path = write(tmp_path / "a.glb", file)
+    assert refusal(wv.Scene.load, path).startswith(f"{path}: does not read as GLB: {wanted}")
+
+
+BAD_INDEX = "o box\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "wanted"),
+    [
+        (
+            "a.glb",
+            gltf(accessors=lambda items: [items[0] | {"count": 2}, items[1]]),
+            "faces of 'part' must index its 2",
+        ),
+        ("a.stl", trimesh.Trimesh(np.eye(3) * 1e30, [[0, 1, 2]]).export(file_type="stl"), "vertices of 'a' must lie"),
+        ("a.obj", BAD_INDEX, "does not read as OBJ: it is damaged, or something else (IndexError: index 8 is out of"),
+        ("a.stl", b"solid a\nfacet\nvertex 0 0 0\nvertex 1 0\nendsolid\n", "does not read as STL: "),
+        ("a.ply", b"ply\nformat ascii 1.0\nend\n", "does not read as PLY: "),
+        ("a.tar", b"no archive", "does not unpack: "),
+    ],
+    ids=["glb", "far stl", "obj", "short stl", "ply", "tar"],
+)
+def test_the_file_is_named_of_what_is_no_mesh(tmp_path, name, file, wanted):
+    path = write(tmp_path / name, file)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert refusal(wv.Scene.load, path).startswith(f"{path}: {wanted}")
+
+
+def test_the_file_is_named_of_a_world_with_what_is_no_mesh(tmp_path):
+    path = write(
+        tmp_path / "a.wbt",
+        "#VRML_SIM R2023b utf8\nSolid { translation 1e19 0 0 children [ Shape { geometry Box { } } ] }\n",
+    )
+    said = refusal(wv.webots.load_webots, path)
+    assert said.startswith(f"{path}") and "within" in said
+
+
+def long_names(path):
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr(f"{LONG}.npy", b"")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "read"),
+    [
+        ("a.txt", f"0 0 0 0 0 0 0 {LONG}\n", read_frames),
+        ("a.txt", "0 0 0 " + "nan " * 5 + " " * 5000 + "# nan\n", read_points),
+        ("a.txt", f"1 2 {LONG}\n", read_points),
+        ("images.txt", f"1 {LONG}\n", read_frames),
+        ("cameras.txt", f"1 PINHOLE {LONG} 48 1 1 1 1\n", lambda path: load_camera(str(path))),
+        ("a.json", json.dumps({"width": 4, "height": LONG, "hfov": 1.0}), lambda path: load_camera(str(path))),
+    ],
+)
+def test_long_texts_are_not_repeated(tmp_path, name, text, read):
+    path = write(tmp_path / name, text)
+    assert refusal(read, path).startswith(str(path))
+
+
+def test_long_names_are_not_repeated(tmp_path):
+    path = long_names(tmp_path / "a.npz")
+    assert refusal(read_frames, path).startswith(f"{path}: expected an array camera_to_world, got aaa")
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.writestr("a.obj", f"o {LONG}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    path.with_name("a.zip").write_bytes(path.with_name("a.zip").read_bytes().replace(b"a.obj", b"b.obj", 1))
+    assert "does not unpack: File name in directory" in refusal(wv.Scene.load, path.with_name("a.zip"))
+    world = write(path.with_name("a.wbt"), f"#VRML_SIM R2023b utf8\nBox{LONG} {{ }}\n")
+    assert f"{world}: left out Boxaaa" in refusal(wv.Scene.load, world)
+    with pytest.raises(FileFormatError):
+        wv.Scene.load(write(path.with_name("b.wbt"), "#VRML_SIM R2023b utf8\n{"))

@@ -1,0 +1,50 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Lengths in MCAP files: rosbags asks for as much memory as they say, which of a damaged file may be any.
+
+Format: https://mcap.dev/spec
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+_MAGIC = b"\x89MCAP0\r\n"
+_HEAD = 9
+"""Bytes before what a record holds: its kind, and its length."""
+_FOOTER, _CHUNK_INDEX = 2, 8
+_SIZES = 16
+"""Bytes at the end of a chunk's index: its length as it is stored, and unpacked."""
+
+
+def check_mcap(bag: Path) -> None:
+    """Refuse MCAP files of a bag in which a record is longer than the file.
+
+    Args:
+        bag: A file, or a folder of some; others are not looked at.
+
+    Raises:
+        ValueError: There is one.
+        OSError: A file cannot be read.
+    """
+    for path in sorted(bag.glob("*.mcap")) if bag.is_dir() else [bag]:
+        if path.suffix.lower() == ".mcap" and path.is_file():
+            _check_file(path)
+
+
+def _check_file(path: Path) -> None:
+    size = os.path.getsize(path)
+    with path.open("rb") as file:
+        if file.read(len(_MAGIC)) != _MAGIC:
+            return  # rosbags says so
+        while len(head := file.read(_HEAD)) == _HEAD and head[0] != _FOOTER:
+            start, length = file.tell(), int.from_bytes(head[1:], "little")
+            if start + length > size:
+                raise ValueError(f"{path.name} has a record of {length} bytes at byte {start}, and {size} in all")
+            if head[0] == _CHUNK_INDEX and length >= _SIZES:
+                file.seek(start + length - _SIZES)
+                stored = int.from_bytes(file.read(_SIZES)[:8], "little")
+                if stored > size:
+                    raise ValueError(f"{path.name} has a chunk of {stored} bytes, and {size} in all")
+            file.seek(start + length)

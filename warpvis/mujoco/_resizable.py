@@ -1,0 +1,157 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Geoms whose sizes differ between worlds: which they are, and how large."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, Literal
+
+import mujoco  # noqa: TID253 - the whole package is about it
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.arrays import as_numpy, as_warp, on_gpu
+from warpvis.core.checks import check_choice
+from warpvis.core.kernel_cache import launch
+from warpvis.errors import ArrayError, SceneError
+from warpvis.mujoco._scene import MujocoScene, Selection, check_patterns, fitting
+from warpvis.mujoco._world_models import WorldModels
+
+Resizable = Literal["all"] | Iterable[str]
+
+_GEOM = mujoco.mjtGeom
+# How many numbers of geom_size say how large a geom is.
+_NUMBERS = {_GEOM.mjGEOM_SPHERE: 1, _GEOM.mjGEOM_CAPSULE: 2, _GEOM.mjGEOM_CYLINDER: 2}
+_NUMBERS |= {_GEOM.mjGEOM_ELLIPSOID: 3, _GEOM.mjGEOM_BOX: 3}
+
+
+def resizable_geoms(model: mujoco.MjModel, selection: Selection, resizable: Resizable) -> tuple[int, ...]:
+    """List the geoms that are asked for by name or pattern, ascending; with ``"all"``, all that can be resized.
+
+    Raises:
+        SceneError: The argument is not what it has to be, or a pattern fits nothing that can be resized.
+    """
+    numbers = {int(kind): count for kind, count in _NUMBERS.items()}
+    primitive = {geom for geom in range(model.ngeom) if int(model.geom_type[geom]) in numbers}
+    if isinstance(resizable, str):
+        check_choice(resizable, "resizable", ("all",), SceneError)
+        return tuple(sorted(primitive))
+    chosen: set[int] = set()
+    for pattern in check_patterns(resizable, "resizable"):
+        found = primitive.intersection(fitting(model, selection.names, pattern, "resizable"))
+        if not found:
+            raise SceneError(
+                f"{pattern!r} in resizable fits no geom that is a box, sphere, capsule, cylinder or ellipsoid, and "
+                "nothing else can be of another size"
+            )
+        chosen |= found
+    return tuple(sorted(chosen))
+
+
+class ResizableGeoms:
+    """The geoms of a scene that are of another size in some worlds, and the sizes of all as the scene has them."""
+
+    def __init__(self, model: mujoco.MjModel, mujoco_scene: MujocoScene, geoms: Iterable[int]) -> None:
+        """Take note of the sizes that a scene was just made of."""
+        self._scene = mujoco_scene
+        self._geoms = np.array(sorted(set(geoms) & set(mujoco_scene.geom_ids.tolist())), dtype=np.int64)
+        self._kinds = np.array(model.geom_type, dtype=np.int32)
+        self._own = model.geom_size.astype(np.float32)
+        self._arrays: list[wp.array] | None = None
+
+    @property
+    def objects(self) -> NDArray[np.int64]:
+        """Indices of the objects that they are."""
+        return np.flatnonzero(np.isin(self._scene.geom_ids, self._geoms))
+
+    def sizes(self, models: WorldModels, rows: NDArray[np.int32]) -> wp.array | None:
+        """Return how large all that moves is in some worlds, as `warpvis.kernels.worlds.Worlds` has it.
+
+        Args:
+            models: What differs between worlds.
+            rows: The worlds, as rows of its arrays.
+
+        Returns:
+            Shape ``(worlds, M)`` vec4 on the scene's device; None if all are as the scene has them.
+
+        Raises:
+            ArrayError: A size is none, or of a geom that keeps its own.
+        """
+        from warpvis.kernels.mujoco import geom_sizes
+
+        given = models.field("geom_size")
+        if given is None or not self._checked(given):
+            return None
+        device, movable = self._scene.scene.device, len(self._scene.scene.movable)
+        sizes = wp.empty((len(rows), movable), dtype=wp.vec4, device=device)
+        geom_size = as_warp(given, wp.vec3, ("W", len(self._kinds)), name="geom_size", device=device)
+        worlds = wp.array(rows, dtype=wp.int32, device=device)
+        inputs = [geom_size, worlds, *self._on_device(movable), self._scene.scene.movable_sizes(), sizes]
+        launch(geom_sizes, sizes.shape, inputs, device)
+        return sizes
+
+    def _on_device(self, movable: int) -> list[wp.array]:
+        """Return the resizable geom of everything that moves, -1 for none, and all geoms' types and own sizes."""
+        if self._arrays is None or len(self._arrays[0]) != movable:
+            device, columns = self._scene.scene.device, np.full(movable, -1, dtype=np.int32)
+            moving = self._scene.movable_geoms
+            columns[: len(moving)] = np.where(np.isin(moving, self._geoms), moving, -1)
+            self._arrays = [wp.array(part, dtype=wp.int32, device=device) for part in (columns, self._kinds)]
+            self._arrays.append(wp.array(self._own, dtype=wp.vec3, device=device))
+        return self._arrays
+
+    def _checked(self, given: Any) -> bool:
+        """Tell whether sizes say anything new; those on a GPU are not read for that."""
+        if on_gpu(given):
+            if not len(self._geoms) and given.shape[0] > 1:
+                raise ArrayError(
+                    "geom_size is of several worlds and no geom is resizable; make the BatchRenderer with "
+                    'resizable=["box*", ...] or resizable="all"'
+                )
+            return len(self._geoms) > 0
+        rows = as_numpy(given.numpy() if isinstance(given, wp.array) else given, name="geom_size")
+        if rows.ndim != 3 or rows.shape[1:] != self._own.shape or not len(rows) or rows.dtype.kind not in "fiu":
+            raise ArrayError(
+                f"geom_size must be numbers of shape (W, {len(self._own)}, 3), got {rows.dtype} of shape {rows.shape}"
+            )
+        with np.errstate(over="ignore"):
+            rows = rows.astype(np.float32)
+        self._check_kept(rows)
+        self._check_positive(rows)
+        return len(self._geoms) > 0
+
+    def _check_kept(self, rows: NDArray[np.float32]) -> None:
+        """Raise an `ArrayError` if a geom of the scene that keeps its size has another one."""
+        kept = np.setdiff1d(self._scene.geom_ids, self._geoms)
+        other = np.argwhere((rows[:, kept] != self._own[kept]).any(axis=2))
+        if not len(other):
+            return
+        world, place = other[0].tolist()
+        name = self._name(int(kept[place]))
+        said = f"geom_size of {name!r} is another one in world {world} than the model's"
+        if int(self._kinds[kept[place]]) not in map(int, _NUMBERS):
+            raise ArrayError(f"{said}; planes, height fields and meshes keep their sizes")
+        raise ArrayError(f'{said}; make the BatchRenderer with resizable=[{name!r}] or resizable="all"')
+
+    def _check_positive(self, rows: NDArray[np.float32]) -> None:
+        for kind, count in _NUMBERS.items():
+            some = self._geoms[self._kinds[self._geoms] == int(kind)]
+            numbers = rows[:, some, :count]
+            bad = np.argwhere(~((numbers > 0) & np.isfinite(numbers)).all(axis=2))
+            if len(bad):
+                world, place = bad[0].tolist()
+                got = rows[world, some[place], :count].tolist()
+                raise ArrayError(
+                    f"geom_size of {self._name(int(some[place]))!r} must be positive numbers of metres in every world, "
+                    f"got {got} in world {world}"
+                )
+
+    def _name(self, geom: int) -> str:
+        place = int(np.flatnonzero(self._scene.geom_ids == geom)[0])
+        return self._scene.scene.objects[place].name
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process makes the same of: no memory to work with."""
+        return self.__dict__ | {"_arrays": None}

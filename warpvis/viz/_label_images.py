@@ -1,0 +1,57 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""A label image as a picture: every class in its colour, with a legend of those that it shows."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+
+import numpy as np
+
+from warpvis.core.arrays import as_numpy, check_shape
+from warpvis.core.checks import check_text
+from warpvis.core.labels import LABEL_COUNT, LabelNames
+from warpvis.core.types import ArrayInput
+from warpvis.errors import ArrayError
+from warpvis.maps import label_colors, legend_of
+from warpvis.viz._figures import draw_legend, legend_height, new_figure, save_figure
+
+_WIDTH, _COLUMNS = 5.4, 3
+# Of the title and the axis below the image [inches].
+_BESIDE = 0.75
+
+
+def save_labels(
+    labels: ArrayInput,
+    path: str | os.PathLike[str],
+    *,
+    label_names: Mapping[int, str] | None = None,
+    title: str = "Labels",
+) -> None:
+    """Write a label image as a picture with a legend of the classes in it.
+
+    Args:
+        labels: The image, whole numbers from 0 to 255, shape ``(H, W)``.
+        path: Picture to write.
+        label_names: Names of classes of your own: `Scene.label_names`, or those of `open_dataset`.
+        title: Heading.
+
+    Raises:
+        WarpvisError: `labels` is not one image, names are none, or the picture cannot be written.
+    """
+    check_text(title, "title")
+    image, names = as_numpy(labels, name="labels"), LabelNames(label_names)
+    check_shape(image.shape, ("H", "W"), name="labels")
+    if image.dtype.kind not in "iu" or not image.size or image.min() < 0 or image.max() >= LABEL_COUNT:
+        raise ArrayError("labels must be an image of whole numbers from 0 to 255")
+    legend = legend_of(np.unique(image), names)
+    if 0 in legend:
+        legend[0] = (names.name(0), legend[0][1])  # on a map it is what was not seen
+    height = _WIDTH * image.shape[0] / image.shape[1]
+    figure = new_figure(_WIDTH, _BESIDE + height + legend_height(legend, _COLUMNS))
+    axes = figure.subplots()
+    axes.imshow(label_colors()[image], interpolation="nearest")
+    axes.set(title=title, xlabel="x [px]", ylabel="y [px]")
+    draw_legend(figure, legend, columns=_COLUMNS)
+    save_figure(figure, path)
