@@ -151,6 +151,7 @@ OURS = {
     "Camera.device_struct",
     "OrthographicCamera.device_struct",
     "Scene.replace_objects",
+    "SceneObject.placed",
     "Scene.add_parts",
     "Scene.use_labels",
     "Renderer.render_parsed",

@@ -67,6 +67,9 @@ class Visibility(enum.IntEnum):
     """In the image and in range, where nothing was measured."""
 
 
+_GREATEST = max(Label)
+
+
 class LabelNames(Mapping[int, str]):
     """Names of the classes of pixels, by their numbers from 0 to 255; those of `Label` to begin with.
 
@@ -130,7 +133,7 @@ class LabelNames(Mapping[int, str]):
             number = int(label)
         if number is None or not 0 <= number < LABEL_COUNT:
             raise SceneError(f"label must be one of {self._listed()}, or a number from 0 to 255, got {label!r}")
-        return Label(number) if number <= max(Label) else number
+        return Label(number) if number <= _GREATEST else number
 
     def numbers(self, labels: Iterable[Label | int | str] | Label | int | str, name: str = "labels") -> set[int]:
         """Return the numbers of several classes, or of one.

@@ -113,6 +113,29 @@ def poses_to_opencv(poses: ArrayLike, convention: Convention = "opencv", *, name
     return np.concatenate([rows[:, :3], quaternion_product(rows[:, 3:], np.array(_OPENCV_TO[convention]))], axis=1)
 
 
+def read_pose(pose: ArrayLike, quaternion: QuaternionOrder, *, name: str = "pose") -> NDArray[np.float64]:
+    """Read one pose of the host, a row of 7 numbers or a matrix, as a normalised row ``x y z qx qy qz qw``.
+
+    A row that is well, as most are, costs little: scenes have many thousands.
+
+    Raises:
+        PoseError: It is no pose, or there are several.
+        ArrayError: It is no array of numbers.
+    """
+    if quaternion == "xyzw" and isinstance(pose, tuple | list | np.ndarray) and len(pose) == 7:
+        row = as_numpy(pose, name=name).astype(np.float64)
+        if row.ndim == 1:
+            x, y, z, *q = row.tolist()
+            squared = sum(part * part for part in q)
+            if math.isfinite(x + y + z) and _LEAST_SQUARE < squared < _MOST_SQUARE:
+                row[3:] /= math.sqrt(squared)
+                return row
+    rows = poses_to_opencv(to_xyzw(pose, quaternion, name), name=name)
+    if len(rows) != 1:
+        raise PoseError(f"{name} must be one pose, got {len(rows)}")
+    return rows[0]
+
+
 def poses_to_matrices(poses: ArrayLike) -> NDArray[np.float64]:
     """Turn rows ``x y z qx qy qz qw``, shape ``(..., 7)``, into matrices, shape ``(..., 4, 4)``."""
     rows = np.asarray(poses, dtype=np.float64)

@@ -11,9 +11,12 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.core.poses import poses_to_matrices
 from warpvis.core.types import MeshLike
 from warpvis.errors import SceneError
 from warpvis.scene.solids import Solid
+
+_ONE = np.array(1.0)
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,29 @@ class SceneObject:
     """Index of the movable object that it was attached to; None for most."""
     solid: Solid | None = None
     """What rays meet of a movable object in place of its triangles, if it was added as a `solids.Solid`."""
+
+    @classmethod
+    def placed(
+        cls,
+        name: str,
+        label: int,
+        mesh: tuple[NDArray[np.float32], NDArray[np.int32]],
+        pose: NDArray[np.float32],
+        solid: Solid | None = None,
+    ) -> SceneObject:
+        """Make a movable object of vertices and faces in its frame. Its `vertices` are computed when asked for."""
+        item = object.__new__(cls)
+        item.__dict__.update(name=name, label=label, faces=mesh[1], mesh_vertices=mesh[0], pose=pose, solid=solid)
+        return item
+
+    def __getattr__(self, name: str) -> NDArray[np.float32]:
+        """Compute what `placed` left out."""
+        if name != "vertices" or self.mesh_vertices is None or self.pose is None:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        matrix = poses_to_matrices(self.pose)
+        vertices = (self.mesh_vertices @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32)
+        object.__setattr__(self, "vertices", vertices)
+        return vertices
 
     @property
     def movable(self) -> bool:
@@ -119,6 +145,8 @@ def check_scale(scale: float | ArrayLike, name: str) -> NDArray[np.float64]:
     Raises:
         SceneError: They are not positive numbers.
     """
+    if isinstance(scale, float) and scale == 1.0:
+        return _ONE
     try:
         factors = np.asarray(scale, dtype=np.float64)
     except (TypeError, ValueError, OverflowError, RuntimeError):  # arrays of other libraries raise what they like

@@ -43,7 +43,7 @@ class DeformingObject(SceneObject):
     @property
     def points(self) -> wp.array:
         """The corners in the object's frame, on the scene's device."""
-        return self._points  # type: ignore[attr-defined]
+        return self._points
 
     @property
     def mesh_vertices(self) -> NDArray[np.float32]:

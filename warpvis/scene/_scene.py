@@ -8,7 +8,6 @@ import itertools
 import os
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from threading import Lock
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -19,22 +18,24 @@ from warpvis.core.arrays import FARTHEST, get_device
 from warpvis.core.checks import check_flag, said_by
 from warpvis.core.label_rules import LabelInput, LabelPatterns, LabelRules
 from warpvis.core.labels import Label
-from warpvis.core.poses import QuaternionOrder, check_up, poses_to_matrices, poses_to_opencv, to_xyzw
+from warpvis.core.poses import QuaternionOrder, check_quaternion, check_up, poses_to_matrices, read_pose
 from warpvis.core.types import ArrayInput, DeviceLike, MeshLike
 from warpvis.errors import FileFormatError, SceneError, WarpvisError
 from warpvis.scene._classes import SceneClasses
-from warpvis.scene._object import SceneObject, as_it_is, by_itself, check_mesh, check_scale
-from warpvis.scene.geometry import SceneBvh, Triangles, build_scene_bvh, build_triangles, label_array, solid_sizes
+from warpvis.scene._meshes import SharedMesh, SharedMeshes
+from warpvis.scene._object import SceneObject, as_it_is, by_itself, check_scale
+from warpvis.scene._trees import SceneTrees
 from warpvis.scene.solids import Solid
+
+_IDENTITY = np.array([0.0, 0, 0, 0, 0, 0, 1])
 
 if TYPE_CHECKING:
     import trimesh
 
-    from warpvis.scene._kept_trees import KeptTrees
     from warpvis.scene._parts import FileParts
 
 
-class Scene(SceneClasses):
+class Scene(SceneClasses, SceneTrees):
     """Triangle meshes in the world frame, right-handed, in metres.
 
     Example:
@@ -64,18 +65,12 @@ class Scene(SceneClasses):
             SceneError: A number, a name or a class is none, or two numbers have one name.
         """
         check_up(up)
-        super().__init__(label_names, ground_labels)
-        self.device: wp.Device = get_device(device)
+        SceneClasses.__init__(self, label_names, ground_labels)
+        SceneTrees.__init__(self, get_device(device))
         self.up: Literal["z", "y"] = up
-        self._objects: list[SceneObject] = []
         self._index: dict[str, int] = {}
-        self._movable: list[int] = []
-        self._triangles: Triangles | None = None
-        self._bvh: SceneBvh | None = None
+        self._meshes = SharedMeshes()
         self._apart: Scene | None = None
-        self._sizes: wp.array | None = None
-        self._kept_trees: KeptTrees | None = None
-        self._lock = Lock()
 
     @classmethod
     def load(
@@ -172,33 +167,26 @@ class Scene(SceneClasses):
             SceneError: The mesh is empty or malformed, the name is taken, or the object cannot be attached to that.
             PoseError: The pose is not a pose.
         """
-        pose = to_xyzw(pose, quaternion, "pose")
         index = len(self._objects)
         name = self._free_name() if name is None else str(name)
         if name in self._index:
             raise SceneError(f"the scene already has an object named {name!r}; give another name")
         movable = check_flag(movable, "movable", SceneError)
-        vertices, faces = check_mesh(mesh, name)
-        factors = check_scale(scale, name)
-        vertices = vertices * factors
-        row = np.array([0.0, 0, 0, 0, 0, 0, 1])
-        placed = vertices
-        if pose is not None:
-            rows = poses_to_opencv(pose, name=f"pose of {name!r}")
-            if len(rows) != 1:
-                raise SceneError(f"pose of {name!r} must be one pose, got {len(rows)}")
-            row, matrix = rows[0], poses_to_matrices(rows[0])
-            placed = vertices @ matrix[:3, :3].T + matrix[:3, 3]
-        if np.abs(placed).max() > FARTHEST:
-            raise SceneError(f"vertices of {name!r} must lie within 1e18 m of the origin")
-        frame: dict[str, Any] = {}
-        if attach_to is not None:
-            frame = self._attach(attach_to, mesh, name, placed)
-        elif movable:
-            solid = mesh.scaled(factors) if isinstance(mesh, Solid) else None
-            frame = {"mesh_vertices": vertices.astype(np.float32), "pose": row.astype(np.float32), "solid": solid}
+        shared = self._meshes.get(mesh, check_scale(scale, name), name)
+        check_quaternion(quaternion)
+        row = None if pose is None else read_pose(pose, quaternion, name=f"pose of {name!r}")
         number = self._label_names.number(label)
-        self._objects.append(SceneObject(name, number, placed.astype(np.float32), faces, **frame))
+        if attach_to is not None or not movable:
+            placed = _place(shared, row, name)
+            frame = {} if attach_to is None else self._attach(attach_to, mesh, name, placed)
+            item = SceneObject(name, number, placed.astype(np.float32), shared.faces, **frame)
+        else:
+            if shared.reach + (0.0 if row is None else np.abs(row[:3]).max()) > FARTHEST:
+                _place(shared, row, name)  # raises if any vertex is too far
+            pose = (_IDENTITY if row is None else row).astype(np.float32)
+            solid = mesh.scaled(check_scale(scale, name)) if isinstance(mesh, Solid) else None
+            item = SceneObject.placed(name, number, (shared.rounded, shared.faces), pose, solid)
+        self._objects.append(item)
         self._index[name] = index
         self._movable += [index] if movable and attach_to is None else []
         self._forget()
@@ -313,16 +301,6 @@ class Scene(SceneClasses):
                 raise FileFormatError(f"{found.path}: {said_by(error)}") from None
 
     @property
-    def objects(self) -> tuple[SceneObject, ...]:
-        """The objects; an object image's values index this."""
-        return tuple(self._objects)
-
-    @property
-    def movable(self) -> tuple[int, ...]:
-        """Indices of the movable objects that have poses of their own: the columns of `object_poses`."""
-        return tuple(self._movable)
-
-    @property
     def triangle_count(self) -> int:
         """Triangles of all objects together."""
         return sum(len(item.faces) for item in self._objects)
@@ -399,27 +377,9 @@ class Scene(SceneClasses):
         self.require_objects()
         export_scene(self, path)
 
-    def triangles(self) -> Triangles:
-        """Return the triangles and Warp's tree of them, built when first asked for after a change.
-
-        Raises:
-            SceneError: The scene is empty.
-        """
-        with self._lock:
-            if self._triangles is None:
-                self._triangles = build_triangles(self.require_objects(), self.device)
-            return self._triangles
-
-    def bvh(self) -> SceneBvh:
-        """Return the BVH, built when first asked for after a change.
-
-        Raises:
-            SceneError: The scene is empty.
-        """
-        with self._lock:
-            if self._bvh is None:
-                self._bvh = build_scene_bvh(self.require_objects(), self.device, kept=self._kept_trees)
-            return self._bvh
+    def _forget(self) -> None:
+        super()._forget()
+        self._apart = None
 
     def apart(self) -> Scene:
         """Return the same objects, each with a pose and a tree of its own, so that one can be looked at as if alone.
@@ -443,25 +403,16 @@ class Scene(SceneClasses):
                 self._apart = apart
             return self._apart
 
-    def object_labels(self) -> wp.array:
-        """Return labels of the objects on the scene's device, shape ``(objects,)`` uint8."""
-        return label_array(self.require_objects(), self.device)
 
-    def movable_sizes(self) -> wp.array:
-        """Return sizes of the movable objects as they were added, as casters have them, shape ``(M,)`` vec4."""
-        with self._lock:
-            if self._sizes is None:
-                self._sizes = solid_sizes(self._objects, self._movable, self.device)[1]
-            return self._sizes
-
-    def _forget(self) -> None:
-        self._triangles = self._bvh = self._apart = self._sizes = None
-
-    def require_objects(self) -> list[SceneObject]:
-        """Return the objects; a `SceneError` if there are none."""
-        if not self._objects:
-            raise SceneError("the scene has no objects; add() one first")
-        return self._objects
+def _place(mesh: SharedMesh, row: NDArray[np.float64] | None, name: str) -> NDArray[np.float64]:
+    """Return an object's vertices in the world; a `SceneError` if they are too far away for single precision."""
+    placed = mesh.vertices
+    if row is not None:
+        matrix = poses_to_matrices(row)
+        placed = placed @ matrix[:3, :3].T + matrix[:3, 3]
+    if np.abs(placed).max() > FARTHEST:
+        raise SceneError(f"vertices of {name!r} must lie within 1e18 m of the origin")
+    return placed
 
 
 def require_scene(scene: object) -> Scene:

@@ -1,0 +1,153 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes of many objects of one mesh: they share it, and what they cost is what is new."""
+
+import gc
+import pickle
+import sys
+
+import numpy as np
+import pytest
+import trimesh
+
+import warpvis as wv
+from warpvis.scene import solids
+
+CAMERA = wv.Camera.from_fov(64, 48, hfov=1.0)
+POSE = wv.look_at((0, -4, 2), (0, 0, 0)).astype(np.float32)[None]
+HALF = np.sqrt(0.5)
+
+
+def grid(count):
+    """Poses in a square, turned a little."""
+    side = int(np.ceil(np.sqrt(count)))
+    x, y = np.indices((side, side)).reshape(2, -1)[:, :count] - side / 2
+    turned = np.tile([0, 0, HALF, HALF], (count, 1))
+    return np.concatenate([np.stack([x, y, 0 * x], -1), turned], axis=1)
+
+
+def calls_of(function, run):
+    """How often Python calls a function of that name in a run."""
+    count = 0
+
+    def look(frame, event, _):
+        nonlocal count
+        count += event == "call" and frame.f_code.co_name == function
+
+    sys.setprofile(look)
+    try:
+        run()
+    finally:
+        sys.setprofile(None)
+    return count
+
+
+@pytest.mark.parametrize("kind", ["trimesh", "arrays"])
+def test_objects_of_one_mesh_share_its_arrays(kind):
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=0.3)
+    mesh = ball if kind == "trimesh" else (np.array(ball.vertices), np.array(ball.faces))
+    scene = wv.Scene()
+    assert calls_of("check_mesh", lambda: [scene.add(mesh, pose=pose, movable=True) for pose in grid(20)]) == 1
+    first = scene.objects[0]
+    assert all(item.faces is first.faces and item.mesh_vertices is first.mesh_vertices for item in scene)
+    scene.add(mesh)
+    scene.add(mesh, attach_to="object_3")
+    assert all(item.faces is first.faces for item in scene)
+
+
+@pytest.mark.parametrize("kind", ["trimesh", "arrays", "views"])
+def test_a_mesh_that_was_changed_is_another_one(kind):
+    """In place, between two times that it is added; and scaled."""
+    ball = trimesh.creation.icosphere(subdivisions=1, radius=0.3)
+    mesh = ball if kind == "trimesh" else (np.array(ball.vertices), np.array(ball.faces))
+    if kind == "views":
+        mesh = (mesh[0][:], mesh[1][:])
+    scene = wv.Scene()
+    scene.add(mesh, movable=True)
+    vertices = mesh.vertices if kind == "trimesh" else mesh[0]
+    before = np.array(vertices)
+    vertices[:] *= 2
+    scene.add(mesh, movable=True)
+    faces = mesh.faces if kind == "trimesh" else mesh[1]
+    faces[0] = faces[0, [1, 0, 2]]
+    scene.add(mesh, movable=True)
+    scene.add(mesh, movable=True, scale=(1, 2, 3))
+    one, two, three, four = scene.objects
+    np.testing.assert_array_equal(one.mesh_vertices, before.astype(np.float32))
+    np.testing.assert_array_equal(two.mesh_vertices, (2 * before).astype(np.float32))
+    assert (three.faces[0] == two.faces[0, [1, 0, 2]]).all()
+    np.testing.assert_array_equal(four.mesh_vertices, (2 * before * [1, 2, 3]).astype(np.float32))
+
+
+def test_meshes_of_the_same_id_are_told_apart():
+    """Arrays come and go, and Python gives their ids to others."""
+    scene = wv.Scene()
+    for size in range(1, 30):
+        box = trimesh.creation.box((size, size, size))
+        scene.add((np.array(box.vertices), np.array(box.faces)), movable=True)
+    np.testing.assert_allclose([item.bounds[1, 0] for item in scene], np.arange(1, 30) / 2)
+
+
+def test_vertices_in_the_world_are_computed_when_asked_for():
+    ball = trimesh.creation.icosphere(subdivisions=1, radius=0.3)
+    scene = wv.Scene()
+    scene.add(ball, pose=(1, 2, 3, 0, 0, HALF, HALF), movable=True, name="ball")
+    assert "vertices" not in vars(scene["ball"])
+    other = pickle.loads(pickle.dumps(scene))
+    turned = np.stack([-ball.vertices[:, 1], ball.vertices[:, 0], ball.vertices[:, 2]], -1) + [1, 2, 3]
+    for item in (scene["ball"], other["ball"]):
+        np.testing.assert_allclose(item.vertices, turned, atol=1e-6)
+        assert item.vertices is item.vertices
+    with pytest.raises(AttributeError, match="no attribute 'vertex'"):
+        _ = scene["ball"].vertex
+
+
+@pytest.mark.parametrize("mesh", [trimesh.creation.icosphere(subdivisions=1), solids.sphere(0.5)])
+def test_movable_objects_too_far_away_are_refused(mesh):
+    scene = wv.Scene()
+    with pytest.raises(wv.errors.SceneError, match="within 1e18 m"):
+        scene.add(mesh, pose=(1e19, 0, 0, 0, 0, 0, 1), movable=True)
+    assert len(scene) == 0
+
+
+def test_a_call_does_not_look_at_every_object(device):
+    """What a call costs in Python does not grow with the objects, as it did with their square."""
+    scene, ball = wv.Scene(device=device), trimesh.creation.icosphere(subdivisions=1, radius=0.3)
+    for pose in grid(300):
+        scene.add(ball, pose=pose, movable=True)
+    renderer = wv.Renderer(scene, CAMERA, outputs=("depth",))
+    renderer.render(POSE)
+    lines = 0
+
+    def look(frame, event, _):
+        nonlocal lines
+        lines += event == "line"
+        return look
+
+    sys.settrace(look)
+    try:
+        renderer.render(POSE)
+    finally:
+        sys.settrace(None)
+    assert 0 < lines < 1000
+
+
+def test_poses_as_they_were_added_are_the_ones_that_count(device):
+    scene, ball = wv.Scene(device=device), trimesh.creation.icosphere(subdivisions=1, radius=0.3)
+    rows = grid(50).astype(np.float32)
+    for pose in rows:
+        scene.add(ball, pose=pose, movable=True)
+    told = wv.render(scene, CAMERA, POSE, object_poses=rows, outputs=("depth",)).depth.numpy()
+    np.testing.assert_array_equal(wv.render(scene, CAMERA, POSE, outputs=("depth",)).depth.numpy(), told)
+    scene.add(ball, pose=(0, -2, 1, 0, 0, 0, 1), movable=True)  # and those that come later
+    assert (wv.render(scene, CAMERA, POSE, outputs=("depth",)).depth.numpy() < told).any()
+
+
+def test_meshes_are_forgotten_with_their_arrays():
+    scene = wv.Scene()
+    for _ in range(5):
+        box = trimesh.creation.box()
+        scene.add(box, movable=True)
+        scene.add((np.array(box.vertices), np.array(box.faces)), movable=True)
+    gc.collect()  # trimesh's meshes are in circles
+    assert len(scene._meshes._known) == 1  # that of the last box, which is alive

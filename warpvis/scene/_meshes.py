@@ -1,0 +1,111 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Meshes that objects share: one that was added before is neither checked nor kept again."""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.types import MeshLike
+from warpvis.scene._object import check_mesh
+
+# Larger meshes are not added many times, and to remember them takes memory.
+_MOST_REMEMBERED = 1_000_000
+
+
+@dataclass(frozen=True)
+class SharedMesh:
+    """A mesh in the frame of the objects that have it."""
+
+    vertices: NDArray[np.float64] = field(repr=False)
+    """Corners, scaled [m], shape ``(n, 3)``."""
+    faces: NDArray[np.int32] = field(repr=False)
+    """Corner indices of the triangles, shape ``(m, 3)``."""
+
+    @cached_property
+    def rounded(self) -> NDArray[np.float32]:
+        """The corners in single precision."""
+        return self.vertices.astype(np.float32)
+
+    @cached_property
+    def reach(self) -> float:
+        """The most that a coordinate of a corner may be, however the mesh is turned [m]."""
+        return float(np.sqrt(3.0) * np.abs(self.vertices).max())
+
+
+class SharedMeshes:
+    """The meshes that a scene was given, as long as the arrays live that hold them."""
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self._known: dict[tuple[int, int], _Known] = {}
+
+    def get(self, mesh: MeshLike, factors: NDArray[np.float64], name: str) -> SharedMesh:
+        """Return a mesh's scaled corners and its triangles: the same arrays as when the same mesh came before.
+
+        trimesh's arrays know whether they were changed. Of others the numbers are compared.
+
+        Raises:
+            SceneError: The mesh is empty or malformed.
+        """
+        arrays = _arrays(mesh)
+        key = (0, 0) if arrays is None else (id(arrays[0]), id(arrays[1]))
+        known = self._known.get(key)
+        if arrays is not None and known is not None and known.is_of(arrays, factors):
+            return known.mesh
+        vertices, faces = check_mesh(mesh, name)
+        shared = SharedMesh(vertices * factors, faces)
+        if arrays is not None and len(vertices) <= _MOST_REMEMBERED:
+            # An id may come to be another array's.
+            references = tuple(weakref.ref(array, lambda _: self._known.pop(key, None)) for array in arrays)
+            self._known[key] = _Known(references, _hashes(arrays), factors, shared)
+        return shared
+
+
+class _Known(NamedTuple):
+    """A mesh, and what it was made of."""
+
+    arrays: tuple[weakref.ref, ...]
+    """Vertices and faces."""
+    hashes: tuple[int, int] | None
+    """Theirs, if they have any."""
+    factors: NDArray[np.float64]
+    mesh: SharedMesh
+
+    def is_of(self, arrays: tuple[np.ndarray, np.ndarray], factors: NDArray[np.float64]) -> bool:
+        """Tell whether these are the arrays, unchanged, and the factors."""
+        if self.arrays[0]() is not arrays[0] or self.arrays[1]() is not arrays[1]:
+            return False
+        if factors is not self.factors and not np.array_equal(factors, self.factors):
+            return False
+        hashes = _hashes(arrays)
+        if hashes:
+            return hashes == self.hashes
+        return np.array_equal(arrays[0] * factors, self.mesh.vertices) and np.array_equal(arrays[1], self.mesh.faces)
+
+
+def _arrays(mesh: MeshLike) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return the arrays of vertices and faces of a mesh that has some."""
+    vertices: object
+    faces: object
+    if isinstance(mesh, tuple | list):
+        vertices, faces = mesh if len(mesh) == 2 else (None, None)
+    else:
+        vertices, faces = getattr(mesh, "vertices", None), getattr(mesh, "faces", None)
+    if not isinstance(vertices, np.ndarray) or not isinstance(faces, np.ndarray):
+        return None
+    return vertices, faces
+
+
+def _hashes(arrays: tuple[np.ndarray, np.ndarray]) -> tuple[int, int] | None:
+    """Return hashes of arrays that know when they are changed, as trimesh's do."""
+    vertices, faces = arrays
+    if type(vertices).__hash__ is None or type(faces).__hash__ is None:
+        return None
+    return hash(vertices), hash(faces)

@@ -1,0 +1,102 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What is made of a scene's objects when it is first asked for, and kept until they change."""
+
+from __future__ import annotations
+
+from threading import Lock
+from typing import TYPE_CHECKING
+
+import numpy as np
+import warp as wp
+
+from warpvis.errors import SceneError
+from warpvis.scene._object import SceneObject
+from warpvis.scene.geometry import SceneBvh, Triangles, build_scene_bvh, build_triangles, label_array, solid_sizes
+
+if TYPE_CHECKING:
+    from warpvis.scene._kept_trees import KeptTrees
+
+
+class SceneTrees:
+    """The objects of a scene, and what casters take of them."""
+
+    def __init__(self, device: wp.Device) -> None:
+        """Begin without objects."""
+        self.device = device
+        self._objects: list[SceneObject] = []
+        self._movable: list[int] = []
+        self._kept_trees: KeptTrees | None = None
+        self._lock = Lock()
+        self._tuple: tuple[SceneObject, ...] | None = None
+        self._columns: tuple[int, ...] | None = None
+        self._triangles: Triangles | None = None
+        self._bvh: SceneBvh | None = None
+        self._sizes: wp.array | None = None
+        self._poses: wp.array | None = None
+
+    @property
+    def objects(self) -> tuple[SceneObject, ...]:
+        """The objects; an object image's values index this."""
+        if self._tuple is None:
+            self._tuple = tuple(self._objects)
+        return self._tuple
+
+    @property
+    def movable(self) -> tuple[int, ...]:
+        """Indices of the movable objects that have poses of their own: the columns of `object_poses`."""
+        if self._columns is None:
+            self._columns = tuple(self._movable)
+        return self._columns
+
+    def triangles(self) -> Triangles:
+        """Return the triangles and Warp's tree of them, built when first asked for after a change.
+
+        Raises:
+            SceneError: The scene is empty.
+        """
+        with self._lock:
+            if self._triangles is None:
+                self._triangles = build_triangles(self.require_objects(), self.device)
+            return self._triangles
+
+    def bvh(self) -> SceneBvh:
+        """Return the BVH, built when first asked for after a change.
+
+        Raises:
+            SceneError: The scene is empty.
+        """
+        with self._lock:
+            if self._bvh is None:
+                self._bvh = build_scene_bvh(self.require_objects(), self.device, kept=self._kept_trees)
+            return self._bvh
+
+    def object_labels(self) -> wp.array:
+        """Return labels of the objects on the scene's device, shape ``(objects,)`` uint8."""
+        return label_array(self.require_objects(), self.device)
+
+    def movable_sizes(self) -> wp.array:
+        """Return sizes of the movable objects as they were added, as casters have them, shape ``(M,)`` vec4."""
+        with self._lock:
+            if self._sizes is None:
+                self._sizes = solid_sizes(self._objects, self._movable, self.device)[1]
+            return self._sizes
+
+    def movable_poses(self) -> wp.array:
+        """Return poses of the movable objects as they were added, as casters have them, shape ``(1, M)``."""
+        with self._lock:
+            if self._poses is None:
+                rows = np.array([self._objects[index].pose for index in self._movable], dtype=np.float32)
+                shape = (1, len(self._movable))
+                self._poses = wp.array(rows.reshape(1, -1, 7), dtype=wp.transform, shape=shape, device=self.device)
+            return self._poses
+
+    def _forget(self) -> None:
+        """Let go of all that was made of the objects: they have changed."""
+        self._tuple = self._columns = self._triangles = self._bvh = self._sizes = self._poses = None
+
+    def require_objects(self) -> list[SceneObject]:
+        """Return the objects; a `SceneError` if there are none."""
+        if not self._objects:
+            raise SceneError("the scene has no objects; add() one first")
+        return self._objects
