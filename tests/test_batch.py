@@ -229,3 +229,10 @@ def test_the_manifest(whole):
     assert manifest["scene"]["sha256"] == describe_scene(make_scene())["sha256"]
     assert manifest["versions"].keys() == {"warpvis", "warp-lang", "numpy"}
     assert list(manifest["scene"]["objects"]) == ["floor", "box", "ball"]
+
+
+@pytest.mark.parametrize("source", [np.zeros(2), {"file": "a"}, 3, b"a"])
+def test_source_is_a_text(tmp_path, source):
+    with pytest.raises(wv.WarpvisError, match="source must be a text, got "):
+        run(tmp_path / "set", source=source)
+    assert not (tmp_path / "set").exists()

@@ -235,6 +235,23 @@ def test_the_file_is_named_of_a_world_with_what_is_no_mesh(tmp_path):
     assert said.startswith(f"{path}") and "within" in said
 
 
+def test_long_labels_are_not_repeated(tmp_path):
+    path = write(tmp_path / "a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    for rules in ({"labels": {"a": LONG}}, {"label_names": {"40": LONG}, "labels": {"a": "x"}}, {LONG: 1}):
+        refusal(wv.Scene.load, path, labels=write(tmp_path / "rules.json", json.dumps(rules)))
+    refusal(wv.Scene.load, path, labels={LONG: "object"})
+
+
+def test_ply_of_a_mac_of_old(tmp_path):
+    """As Rhino writes it."""
+    for encoding in ("ascii", "binary"):
+        file = trimesh.creation.box().export(file_type="ply", encoding=encoding)
+        head, end, body = file.partition(b"end_header\n")
+        path = write(tmp_path / "a.ply", (head + end).replace(b"\n", b"\r") + body)
+        assert wv.Scene.load(path).triangle_count == 12
+        assert len(read_points(path)) == 8
+
+
 def long_names(path):
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr(f"{LONG}.npy", b"")

@@ -144,6 +144,8 @@ def render_batch(
     if check_flag(repair, "repair") and not resume:
         raise ArrayError("repair makes again what is damaged of a dataset that is there: it needs resume")
     _check_engine(engine, threads, workers, address)
+    if source is not None and not isinstance(source, str):
+        raise ArrayError(f"source must be a text, got {type(source).__name__}")
     if source is None and isinstance(scene, str | os.PathLike):
         source = os.path.basename(os.fspath(scene))
     scene = make_scene(scene, None)

@@ -7,7 +7,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Iterable, Iterator, Mapping
 
-from warpvis.core.checks import as_items, check_mapping, is_whole
+from warpvis.core.checks import as_items, check_mapping, is_whole, shortened
 from warpvis.errors import SceneError
 from warpvis.kernels import constants
 
@@ -132,7 +132,9 @@ class LabelNames(Mapping[int, str]):
         elif is_whole(label):
             number = int(label)
         if number is None or not 0 <= number < LABEL_COUNT:
-            raise SceneError(f"label must be one of {self._listed()}, or a number from 0 to 255, got {label!r}")
+            raise SceneError(
+                f"label must be one of {self._listed()}, or a number from 0 to 255, got {shortened(repr(label))}"
+            )
         return Label(number) if number <= _GREATEST else number
 
     def numbers(self, labels: Iterable[Label | int | str] | Label | int | str, name: str = "labels") -> set[int]:
@@ -163,7 +165,7 @@ class LabelNames(Mapping[int, str]):
         return number.name if isinstance(number, Label) and number.name.lower() == name else name
 
     def _listed(self) -> str:
-        names = [f"{name} ({number})" for number, name in self._names.items()]
+        names = [f"{shortened(name, 40)} ({number})" for number, name in self._names.items()]
         more = len(names) - _MOST_LISTED
         return ", ".join(names if more <= 1 else [*names[:_MOST_LISTED], f"{more} others"])
 

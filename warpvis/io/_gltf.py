@@ -24,11 +24,15 @@ from warpvis.io._gltf_data import DRACO, MESHOPT, Find, GltfData, decode_draco
 from warpvis.scene import keep_winding
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
-_READ = {DRACO, *MESHOPT, "KHR_mesh_quantization", "KHR_node_visibility"}
 _INSTANCES = "EXT_mesh_gpu_instancing"
+_READ = {DRACO, *MESHOPT, "KHR_mesh_quantization", "KHR_node_visibility", _INSTANCES}
 
-# Nodes that are children of several others, which the specification forbids and files have, can stand for any number.
+# Nodes that are children of several others, which the specification forbids and files have, can stand for any number,
+# and so can instances: their accessors may be of zeros that no bytes of the file stand for.
 _MOST_NODES = 1_000_000
+_MOST_INSTANCES = 100_000
+_MOST_CORNERS = 100_000_000
+"""Of all instances of a mesh."""
 
 # Extensions that change colours, lights, motion or notes, and no triangle at rest.
 _HARMLESS = re.compile(
@@ -109,18 +113,60 @@ def _add_mesh(
     """Add the primitives of a node's mesh."""
     mesh = data.one("meshes", node["mesh"])
     name = str(node.get("name") or mesh.get("name") or "")
-    if _INSTANCES in (node.get("extensions") or {}):
-        found.notes.append(f"the instances of {name or f'node {index}'!r} ({_INSTANCES}), of which one is shown")
     extras = {**_said(mesh), **_said(node)}
+    packed = (node.get("extensions") or {}).get(_INSTANCES)
+    copies = None if packed is None else _instances(data, packed)
     for number, primitive in enumerate(mesh["primitives"]):
         own = name if len(mesh["primitives"]) == 1 else f"{name or f'node_{index}'}_{number}"
         vertices, faces = _triangles(data, primitive)
         if not len(faces):
             found.empty.append(own or f"node_{index}")
             continue
-        with np.errstate(invalid="ignore", over="ignore"):  # the scene says what is not finite
-            corners = vertices @ placement[:3, :3].T + placement[:3, 3]
-        found.meshes.append(FileMesh(own, corners, keep_winding(faces, placement[:3, :3]), extras))
+        if copies is None:
+            found.meshes.append(_placed(own, vertices, faces, placement, extras))
+            continue
+        if len(copies) * len(vertices) > _MOST_CORNERS:
+            raise ValueError(f"the {len(copies)} instances of node {index} have more than {_MOST_CORNERS} corners")
+        for copy, matrix in enumerate(copies):
+            each = f"{own or f'node_{index}'}_{copy}"
+            found.meshes.append(_placed(each, vertices, faces, placement @ matrix, extras))
+
+
+def _placed(
+    name: str,
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.integer],
+    placement: NDArray[np.float64],
+    extras: dict[str, Any],
+) -> FileMesh:
+    with np.errstate(invalid="ignore", over="ignore"):  # the scene says what is not finite
+        corners = vertices @ placement[:3, :3].T + placement[:3, 3]
+    return FileMesh(name, corners, keep_winding(faces, placement[:3, :3]), extras)
+
+
+def _instances(data: GltfData, packed: dict[str, Any]) -> NDArray[np.float64]:
+    """Make the matrices from a node's instances to the node (EXT_mesh_gpu_instancing), shape ``(n, 4, 4)``."""
+    attributes = packed["attributes"]
+    counts = sorted({data.one("accessors", index)["count"] for index in attributes.values()})
+    if len(counts) != 1 or not 0 <= counts[0] <= _MOST_INSTANCES:
+        raise ValueError(
+            f"{_INSTANCES}: all attributes must have one number of rows up to {_MOST_INSTANCES}, got {counts}"
+        )
+    rest = {"TRANSLATION": np.zeros(3), "ROTATION": np.array([0.0, 0, 0, 1]), "SCALE": np.ones(3)}
+    move, turn, scale = (
+        data.accessor(attributes[key]).astype(np.float64) if key in attributes else np.tile(row, (counts[0], 1))
+        for key, row in rest.items()
+    )
+    for rows, row in zip((move, turn, scale), rest.values(), strict=True):
+        if rows.shape[1] != len(row):
+            raise ValueError(f"{_INSTANCES}: a place and a size are of 3 numbers, a turn is of 4, got {rows.shape[1]}")
+    if not (np.linalg.norm(turn, axis=1) > 0).all():
+        raise ValueError("an instance's rotation is of length 0")
+    matrices = poses_to_matrices(np.concatenate([move, turn], axis=1))
+    matrices[:, :3, :3] *= scale[:, None]
+    if not np.isfinite(matrices).all():
+        raise ValueError("an instance's placement is not finite")
+    return matrices
 
 
 def _said(item: dict[str, Any]) -> dict[str, Any]:

@@ -108,10 +108,15 @@ class GltfData:
         return self.scaled(rows, index)
 
     def scaled(self, rows: NDArray[np.generic], index: Json) -> NDArray[np.generic]:
-        """Return the numbers that integers stand for, if their accessor says that they are normalized (3.6.2.2)."""
-        if self.one("accessors", index).get("normalized") is not True or rows.dtype.kind not in "iu":
+        """Return the numbers that integers stand for, if their accessor says that they are normalized (3.6.2.2).
+
+        What counts is the accessor's type: a decoder may give integers as floats.
+        """
+        item = self.one("accessors", index)
+        kind = _component(item["componentType"])
+        if item.get("normalized") is not True or kind.kind not in "iu":
             return rows
-        return np.maximum(rows.astype(np.float64) / np.iinfo(rows.dtype.str).max, -1.0)
+        return np.maximum(rows.astype(np.float64) / np.iinfo(kind.str).max, -1.0)
 
     def has_data(self, index: Json) -> bool:
         """Tell whether an accessor has bytes, or waits for what an extension decodes."""

@@ -22,6 +22,7 @@ from warpvis.io._file_meshes import FileMesh, FileMeshes
 from warpvis.io._gltf import read_gltf
 from warpvis.io._gltf_data import Find
 from warpvis.io._obj import obj_order, obj_splits, straighten_obj
+from warpvis.io._ply import straighten_ply
 from warpvis.io._threemf import unit_and_names
 from warpvis.scene import Axis, FileParts, Part, keep_winding
 from warpvis.scene.collada import unit_and_axis, without_skins
@@ -177,6 +178,8 @@ def _load(name: str, kind: str, file: bytes, find: Find) -> FileMeshes:
             return _load_collada(file)
         if kind == "3mf":
             return _load_3mf(Path(name), file)
+        if kind == "ply":
+            file = straighten_ply(file)
         return _load_obj(file) if kind == "obj" else _load_by_trimesh(file, kind)
     except FileFormatError:
         raise

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import os
 from pathlib import Path
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from warpvis.core.checks import as_path, said_by, shortened
 from warpvis.errors import FileFormatError
 from warpvis.io._files import read_array, read_lines
+from warpvis.io._ply import straighten_ply
 
 _LINE = "x y z"
 
@@ -83,7 +85,7 @@ def _read_ply(path: Path) -> NDArray[np.float64]:
     import trimesh
 
     try:
-        loaded = trimesh.load(path, process=False)
+        loaded = trimesh.load(io.BytesIO(straighten_ply(path.read_bytes())), file_type="ply", process=False)
         return np.asarray(loaded.vertices, dtype=np.float64).reshape(-1, 3)
     except Exception as error:  # trimesh's readers raise what they like
         raise FileFormatError(f"{path}: does not read as PLY: {said_by(error)}") from None
