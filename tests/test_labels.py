@@ -128,7 +128,9 @@ def test_bad_labels_are_refused(label):
 
 def test_long_lists_of_names_are_cut():
     names = LabelNames({number: f"class {number}" for number in range(6, 40)})
-    with pytest.raises(wv.errors.SceneError, match=r"28 others, or a number from 0 to 255, got 'street'$"):
+    with pytest.raises(
+        wv.errors.SceneError, match=r"28 others, or a number from 0 to 255, got 'street'; label_names names others$"
+    ):
         names.number("street")
 
 
@@ -273,8 +275,9 @@ def test_colours_are_the_numbers_own():
     assert len(np.unique(colors, axis=0)) == 256
     for label, (_, color) in wv.maps.MAP_LEGEND.items():
         assert tuple(colors[label]) == color
-    steps = np.abs(np.diff(colors[6:].astype(int), axis=0)).sum(axis=1)
-    assert steps.min() > 100  # neighbours are told apart
+    few = colors[:40].astype(int)
+    steps = np.linalg.norm(few[:, None] - few, axis=-1)
+    assert steps[~np.eye(40, dtype=bool)].min() > 40  # the first ones are told apart
 
 
 def test_pictures_show_the_classes_that_are_there(tmp_path):
@@ -284,6 +287,8 @@ def test_pictures_show_the_classes_that_are_there(tmp_path):
     for name in ("road", "sidewalk", "moving-car", "label 77", "empty"):
         assert f"<!-- {name} -->" in text
     assert "ground" not in text
+    wv.viz.save_labels(np.array([[1, 2]]), tmp_path / "six.svg")
+    assert "<!-- obstacle -->" in (tmp_path / "six.svg").read_text()
     points = wv.render(street(), CAMERA, ABOVE, outputs=("points",)).points
     found = wv.floor_map(points, labels[None], bounds=((-2, -2), (2, 2)), label_names=NAMES)
     found.save(tmp_path / "map.svg")
@@ -368,6 +373,13 @@ def test_files_say_labels_and_classes(name, street_file, tmp_path):
         assert scene.ground_labels == {40}
 
 
+def test_classes_of_a_file_may_be_renamed(street_file, tmp_path):
+    (tmp_path / "rules.json").write_text(TEXTS["rules.json"])
+    scene = wv.Scene.load(street_file, labels=tmp_path / "rules.json", label_names={40: "street", 41: "road"})
+    assert scene["road_0"].label == 7
+    assert (scene.label_names[40], scene.ground_labels) == ("street", {40})
+
+
 def test_files_may_be_patterns_alone(street_file, tmp_path):
     (tmp_path / "rules.json").write_text('{"road_*": "street", "car_*": 9}')
     scene = wv.Scene.load(street_file, labels=tmp_path / "rules.json", label_names={40: "street"})
@@ -389,7 +401,7 @@ def test_files_may_be_patterns_alone(street_file, tmp_path):
         ("rules.json", '{"label_names": {"40": "ground"}}', "label_names must be different names"),
         ("rules.json", '{"label_names": {}, "ground_labels": "road", "labels": {}}', "ground_labels must be a list"),
         ("rules.toml", "a =", "is not TOML: "),
-        ("rules.yaml", "*floor: 1", "is not YAML: "),
+        ("rules.yaml", "*floor: 1", "is not YAML: .*; patterns that begin with [*] need quotes$"),
         ("rules.yaml", "- 1", "must hold labels by names or patterns of objects, got "),
         ("rules.yaml", "1: road", "labels must be given to names or patterns of names, got 1"),
         ("rules.txt", "a = 1", "'.txt' is no format of labels; those are json, toml and yaml"),
@@ -486,8 +498,11 @@ def test_manifests_with_bad_names_are_refused(names, tmp_path):
     manifest = json.loads((tmp_path / "street" / "manifest.json").read_text())
     manifest["scene"]["label_names"] = names
     (tmp_path / "street" / "manifest.json").write_text(json.dumps(manifest))
-    with pytest.raises(wv.errors.FileFormatError, match=r"manifest.json has label_names that are no names of labels"):
-        wv.open_dataset(tmp_path / "street")
+    for call in (wv.open_dataset, wv.batch.verify):
+        with pytest.raises(
+            wv.errors.FileFormatError, match=r"manifest.json has label_names that are no names of labels"
+        ):
+            call(tmp_path / "street")
     del manifest["scene"]["label_names"]  # as of a version that had none
     (tmp_path / "street" / "manifest.json").write_text(json.dumps(manifest))
     assert dict(wv.open_dataset(tmp_path / "street").label_names) == SIX

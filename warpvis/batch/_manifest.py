@@ -9,8 +9,9 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, NamedTuple, TypedDict
 
 from warpvis.batch._identity import SceneDescription, describe_camera, describe_scene, frames_hash, versions
+from warpvis.core.labels import LabelNames
 from warpvis.core.types import Json
-from warpvis.errors import FileFormatError
+from warpvis.errors import FileFormatError, SceneError
 
 if TYPE_CHECKING:
     from warpvis.batch._job import Options, Plan
@@ -147,6 +148,26 @@ def read_contents(manifest: Mapping[str, Json]) -> Contents | None:
         } if frames > 0 and shard_frames > 0:
             return Contents(format, frames, shard_frames, poses_sha256)
     return None
+
+
+def read_label_names(name: str, manifest: Mapping[str, Json]) -> LabelNames:
+    """Take out what the classes of a dataset are called; the names of `Label` alone, if it does not say.
+
+    Args:
+        name: What messages call the dataset.
+        manifest: The manifest.
+
+    Raises:
+        FileFormatError: It says no names of labels.
+    """
+    scene = manifest.get("scene")
+    names = scene.get("label_names", {}) if isinstance(scene, dict) else {}
+    if isinstance(names, dict) and all(isinstance(key, str) and key.isascii() and key.isdigit() for key in names):
+        try:
+            return LabelNames({int(key): value for key, value in names.items()})
+        except (SceneError, ValueError):  # of many digits Python makes no number
+            pass
+    raise FileFormatError(f"{name}: {MANIFEST} has label_names that are no names of labels")
 
 
 def require_same(found: Mapping[str, Json], wanted: Manifest, name: str) -> None:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 from warpvis.batch._dataset import POSES
 from warpvis.batch._identity import frames_hash
 from warpvis.batch._job import FRAME_ARRAYS, shard_name
-from warpvis.batch._manifest import MANIFEST, Contents, no_dataset, parse_manifest, read_contents
+from warpvis.batch._manifest import MANIFEST, Contents, no_dataset, parse_manifest, read_contents, read_label_names
 from warpvis.batch._records import BEGIN_RECORD, INDEX_RECORD, RECORDS_FOLDER, read_record, shard_record
 from warpvis.batch.storage._stores import Store, open_store
 from warpvis.core.checks import check_flag
@@ -95,6 +95,7 @@ def _read_manifest(store: Store) -> Contents:
     contents = read_contents(manifest)
     if contents is None:
         raise FileFormatError(f"{store.name}: is no dataset: its {MANIFEST} does not say what it holds")
+    read_label_names(store.name, manifest)
     return contents
 
 

@@ -120,13 +120,23 @@ def _read_file(path: Path) -> LabelRules:
     try:
         labels = _check_patterns(data.get("labels") or {})
         names = {_as_number(key): name for key, name in _mapping(data.get("label_names") or {}).items()}
-        LabelNames(names)
+        classes = LabelNames(names)
+        labels = {pattern: _settled(label, classes) for pattern, label in labels.items()}
         ground = data.get("ground_labels")
         if ground is not None and not isinstance(ground, list):
             raise SceneError(f"ground_labels must be a list, got {ground!r}")
     except WarpvisError as error:
         raise FileFormatError(f"{path}: {said_by(error)}") from None
-    return LabelRules(labels, names, None if ground is None else tuple(ground))
+    settled = None if ground is None else tuple(_settled(label, classes) for label in ground)
+    return LabelRules(labels, names, settled)
+
+
+def _settled(label: Any, names: LabelNames) -> Any:
+    """Return the number of a class that a file names, so that it may be renamed; other labels as they are."""
+    try:
+        return names.number(label)
+    except SceneError:
+        return label
 
 
 def _mapping(value: object) -> Mapping[Any, Any]:
@@ -141,7 +151,11 @@ def _as_number(key: object) -> Any:
 def _parse(path: Path) -> object:
     kind = path.suffix.lower()
     if kind in (".yaml", ".yml"):
-        return load_yaml(path)
+        try:
+            return load_yaml(path)
+        except FileFormatError as error:
+            hint = "; patterns that begin with * need quotes" if "alias" in str(error) else ""
+            raise FileFormatError(f"{error}{hint}") from None
     if kind not in LABEL_FILES:
         given = repr(path.suffix) if path.suffix else "a name without a suffix"
         raise FileFormatError(f"{path}: {given} is no format of labels; those are json, toml and yaml")

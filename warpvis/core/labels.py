@@ -132,9 +132,8 @@ class LabelNames(Mapping[int, str]):
         elif is_whole(label):
             number = int(label)
         if number is None or not 0 <= number < LABEL_COUNT:
-            raise SceneError(
-                f"label must be one of {self._listed()}, or a number from 0 to 255, got {shortened(repr(label))}"
-            )
+            known = f"one of {self._listed()}, or a number from 0 to 255"
+            raise SceneError(f"label must be {known}, got {shortened(repr(label))}; label_names names others")
         return Label(number) if number <= _GREATEST else number
 
     def numbers(self, labels: Iterable[Label | int | str] | Label | int | str, name: str = "labels") -> set[int]:

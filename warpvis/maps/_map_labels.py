@@ -4,8 +4,8 @@
 
 from __future__ import annotations
 
-import colorsys
 from collections.abc import Iterable, Mapping
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,21 +24,42 @@ MAP_LEGEND: dict[Label, tuple[str, Color]] = {
 }
 """What each `Label` of a map means, and the colour (red, green, blue; 0 to 255) it is shown in."""
 
-# A turn by the golden ratio from one class to the next keeps any run of them apart; these are told by brightness, too.
-_TURN = 0.6180339887498949
-_SHADES = ((0.85, 0.95), (0.55, 0.75), (0.95, 0.60), (0.40, 0.95))
+# Steps of red, green and blue between colours to choose from, and the lightness (L* of CIELAB) that these have.
+_STEP, _DARKEST, _BRIGHTEST = 17, 25, 92
+# From linear sRGB to XYZ, relative to the white D65: IEC 61966-2-1.
+_TO_XYZ = np.array([(0.4124, 0.3576, 0.1805), (0.2126, 0.7152, 0.0722), (0.0193, 0.1192, 0.9505)])
+_TO_XYZ /= _TO_XYZ.sum(axis=1, keepdims=True)
+
+
+@cache
+def _palette() -> NDArray[np.uint8]:
+    """Choose colours one by one, each as far as can be from those before it, beginning with the six."""
+    levels = np.arange(0, 256, _STEP)
+    choice = np.stack(np.meshgrid(levels, levels, levels, indexing="ij"), axis=-1).reshape(-1, 3)
+    light = _to_lab(choice)[:, 0]
+    choice = choice[(light >= _DARKEST) & (light <= _BRIGHTEST)]
+    chosen = [np.array(color) for _, color in MAP_LEGEND.values()]
+    places = _to_lab(choice)
+    distance = np.min([np.linalg.norm(places - _to_lab(color), axis=1) for color in chosen], axis=0)
+    while len(chosen) < LABEL_COUNT:
+        farthest = distance.argmax()
+        chosen.append(choice[farthest])
+        distance = np.minimum(distance, np.linalg.norm(places - places[farthest], axis=1))
+    return np.array(chosen, dtype=np.uint8)
+
+
+def _to_lab(colors: NDArray[np.integer]) -> NDArray[np.float64]:
+    """Convert sRGB, 0 to 255, to CIELAB (CIE 015), in which distances are about as large as they look, ``(..., 3)``."""
+    parts = colors / 255
+    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    xyz = linear @ _TO_XYZ.T
+    x, y, z = np.moveaxis(np.where(xyz > (6 / 29) ** 3, np.cbrt(xyz), xyz / (3 * (6 / 29) ** 2) + 4 / 29), -1, 0)
+    return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
 
 
 def label_colors() -> NDArray[np.uint8]:
     """Return the colour of every label, red, green and blue, shape ``(256, 3)``: always the same for a number."""
-    colors = [tuple(map(round, 255 * np.array(_shade(number)))) for number in range(LABEL_COUNT)]
-    for label, (_, color) in MAP_LEGEND.items():
-        colors[label] = color
-    return np.array(colors, dtype=np.uint8)
-
-
-def _shade(number: int) -> tuple[float, float, float]:
-    return colorsys.hsv_to_rgb(number * _TURN % 1.0, *_SHADES[number % len(_SHADES)])
+    return _palette().copy()
 
 
 def legend_of(labels: Iterable[int], names: LabelNames) -> dict[int, tuple[str, Color]]:

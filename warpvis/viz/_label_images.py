@@ -14,7 +14,7 @@ from warpvis.core.checks import check_text
 from warpvis.core.labels import LABEL_COUNT, LabelNames
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
-from warpvis.maps import label_colors, legend_of
+from warpvis.maps import label_colors
 from warpvis.viz._figures import draw_legend, legend_height, new_figure, save_figure
 
 _WIDTH, _COLUMNS = 5.4, 3
@@ -45,13 +45,12 @@ def save_labels(
     check_shape(image.shape, ("H", "W"), name="labels")
     if image.dtype.kind not in "iu" or not image.size or image.min() < 0 or image.max() >= LABEL_COUNT:
         raise ArrayError("labels must be an image of whole numbers from 0 to 255")
-    legend = legend_of(np.unique(image), names)
-    if 0 in legend:
-        legend[0] = (names.name(0), legend[0][1])  # on a map it is what was not seen
+    colors = label_colors()
+    legend = {number: (names.name(number), tuple(colors[number])) for number in np.unique(image).tolist()}
     height = _WIDTH * image.shape[0] / image.shape[1]
     figure = new_figure(_WIDTH, _BESIDE + height + legend_height(legend, _COLUMNS))
     axes = figure.subplots()
-    axes.imshow(label_colors()[image], interpolation="nearest")
+    axes.imshow(colors[image], interpolation="nearest")
     axes.set(title=title, xlabel="x [px]", ylabel="y [px]")
     draw_legend(figure, legend, columns=_COLUMNS)
     save_figure(figure, path)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpvis.batch._manifest import MANIFEST, no_dataset, parse_manifest, read_contents
+from warpvis.batch._manifest import MANIFEST, no_dataset, parse_manifest, read_contents, read_label_names
 from warpvis.batch.formats._base import IMAGE_DTYPES, VISIBILITY_ARRAYS
 from warpvis.batch.storage._stores import Store
 from warpvis.core.camera import Camera
@@ -94,7 +94,7 @@ def read_job(store: Store) -> Job:
                 "outputs": list(outputs),
                 "objects": list(chosen),
                 "camera": dict(camera),
-                "scene": {"objects": dict(objects), **said},
+                "scene": {"objects": dict(objects)},
             } if all(isinstance(name, str) for name in (*outputs, *chosen)):
                 return Job(
                     name=store.name,
@@ -106,7 +106,7 @@ def read_job(store: Store) -> Job:
                     camera=_read_camera(store.name, camera),
                     object_names=tuple(objects),
                     object_labels=_read_labels(store.name, objects),
-                    label_names=_read_label_names(store.name, said.get("label_names", {})),
+                    label_names=read_label_names(store.name, manifest),
                     visibility_objects=tuple(chosen),
                 )
     raise FileFormatError(f"{store.name}: is no dataset: its {MANIFEST} does not say what it holds")
@@ -119,15 +119,6 @@ def _read_camera(name: str, fields: Mapping[str, Json]) -> Camera:
         return Camera(**fields)  # type: ignore[arg-type]
     except (TypeError, CameraError) as error:
         raise FileFormatError(f"{name}: {MANIFEST} has no camera: {error}") from None
-
-
-def _read_label_names(name: str, names: object) -> LabelNames:
-    if isinstance(names, dict) and all(isinstance(key, str) and key.isascii() and key.isdigit() for key in names):
-        try:
-            return LabelNames({int(key): value for key, value in names.items()})
-        except (SceneError, ValueError):  # of many digits Python makes no number
-            pass
-    raise FileFormatError(f"{name}: {MANIFEST} has label_names that are no names of labels")
 
 
 def _read_labels(name: str, objects: Mapping[str, Json]) -> tuple[int, ...]:
