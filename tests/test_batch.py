@@ -236,3 +236,10 @@ def test_source_is_a_text(tmp_path, source):
     with pytest.raises(wv.WarpvisError, match="source must be a text, got "):
         run(tmp_path / "set", source=source)
     assert not (tmp_path / "set").exists()
+
+
+@pytest.mark.parametrize("caster", [{1, 2}, None, "fast", 3])
+def test_a_caster_that_is_none_begins_no_dataset(tmp_path, caster):
+    with pytest.raises(wv.WarpvisError, match="caster must be "):
+        run(tmp_path / "set", caster=caster)
+    assert not (tmp_path / "set").exists()

@@ -162,6 +162,27 @@ def test_a_chunk_of_mcap_that_is_longer_than_the_file(tmp_path):
     assert refusal(read_frames, path).endswith(f"bag.mcap has a chunk of {2**40} bytes, and {size} in all")
 
 
+def test_long_names_in_bags_are_not_repeated(tmp_path):
+    pytest.importorskip("rosbags")
+    from test_ros_bags import ROWS, pose_stamped, write_bag
+
+    poses = [pose_stamped(k, ROWS[k], frame=letter * 3000) for k, letter in enumerate("ab")]
+    path = write_bag(tmp_path / "bag", {"/" + LONG: poses})
+    assert "has poses in the frames aaa" in refusal(read_frames, path)
+
+
+@pytest.mark.parametrize("change", [{"camera": {"width": LONG}}, {"options": {"scale": LONG}}])
+def test_long_texts_of_manifests_are_not_repeated(datasets, change):
+    path = datasets / "png" / "manifest.json"
+    kept = path.read_text()
+    content = json.loads(kept)
+    for key, value in change.items():
+        content[key] |= value
+    path.write_text(json.dumps(content))
+    assert "manifest.json has " in refusal(wv.open_dataset, datasets / "png")
+    path.write_text(kept)
+
+
 def test_a_lens_of_any_number_of_digits(tmp_path):
     pytest.importorskip("ruamel.yaml")
     from test_camera_files import KALIBR

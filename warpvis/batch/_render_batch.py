@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
@@ -144,6 +144,7 @@ def render_batch(
     if check_flag(repair, "repair") and not resume:
         raise ArrayError("repair makes again what is damaged of a dataset that is there: it needs resume")
     _check_engine(engine, threads, workers, address)
+    check_choice(caster, "caster", get_args(Caster))
     if source is not None and not isinstance(source, str):
         raise ArrayError(f"source must be a text, got {type(source).__name__}")
     if source is None and isinstance(scene, str | os.PathLike):

@@ -12,6 +12,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from warpvis.core.poses import poses_to_matrices
 from warpvis.core.types import Json
 from warpvis.io._file_meshes import FileMesh, FileMeshes
 from warpvis.io._gltf_data import DRACO, MESHOPT, Find, GltfData, decode_draco
+from warpvis.io._gltf_rest import joint_matrices, morphed, skinned
 from warpvis.scene import keep_winding
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
@@ -116,12 +118,19 @@ def _add_mesh(
     extras = {**_said(mesh), **_said(node)}
     packed = (node.get("extensions") or {}).get(_INSTANCES)
     copies = None if packed is None else _instances(data, packed)
+    joints = None if node.get("skin") is None else joint_matrices(data, node["skin"], _transform)
+    weights = node.get("weights", mesh.get("weights"))
     for number, primitive in enumerate(mesh["primitives"]):
         own = name if len(mesh["primitives"]) == 1 else f"{name or f'node_{index}'}_{number}"
         vertices, faces = _triangles(data, primitive)
         if not len(faces):
             found.empty.append(own or f"node_{index}")
             continue
+        vertices = morphed(data, vertices, primitive.get("targets"), weights)
+        if joints is not None and "JOINTS_0" in primitive["attributes"]:
+            rows = partial(_attribute, data, primitive)
+            vertices = skinned(vertices, primitive["attributes"], rows, joints)
+            placement = np.eye(4)  # the node's own does not count
         if copies is None:
             found.meshes.append(_placed(own, vertices, faces, placement, extras))
             continue
@@ -198,12 +207,27 @@ def _draco_triangles(
     data: GltfData, packed: dict[str, Any], place: Json
 ) -> tuple[NDArray[np.float64], NDArray[np.integer]]:
     mesh = decode_draco(data.view(packed["bufferView"]).tobytes())
-    wanted = packed["attributes"]["POSITION"]
-    positions = [item["data"] for item in mesh.attributes if item["unique_id"] == wanted]
+    positions = _draco_rows(mesh, packed, "POSITION")
     faces = getattr(mesh, "faces", None)
-    if not positions or faces is None:
-        raise ValueError(f"{DRACO}: the positions or the triangles are not there")
-    return _points(data.scaled(np.asarray(positions[0]), place)), np.asarray(faces, dtype=np.int64).reshape(-1, 3)
+    if faces is None:
+        raise ValueError(f"{DRACO}: the triangles are not there")
+    return _points(data.scaled(positions, place)), np.asarray(faces, dtype=np.int64).reshape(-1, 3)
+
+
+def _draco_rows(mesh: Any, packed: dict[str, Any], name: str) -> NDArray[np.generic]:
+    found = [item["data"] for item in mesh.attributes if item["unique_id"] == packed["attributes"].get(name)]
+    if not found:
+        raise ValueError(f"{DRACO}: {name} is not there")
+    return np.asarray(found[0])
+
+
+def _attribute(data: GltfData, primitive: dict[str, Any], name: str) -> NDArray[np.generic]:
+    """Read an attribute of a primitive's vertices."""
+    place = primitive["attributes"][name]
+    packed = (primitive.get("extensions") or {}).get(DRACO)
+    if packed is None or data.has_data(place):
+        return data.accessor(place)
+    return data.scaled(_draco_rows(decode_draco(data.view(packed["bufferView"]).tobytes()), packed, name), place)
 
 
 def _points(rows: NDArray[np.generic]) -> NDArray[np.float64]:

@@ -27,7 +27,7 @@ MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 
 _HEADER, _CHUNK_HEADER = 12, 8
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 # An accessor may have a number of zeros that no bytes of the file stand for: a short file could ask for any memory.
 _MOST_ZEROS = 1 << 24

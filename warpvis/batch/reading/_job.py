@@ -14,6 +14,7 @@ from warpvis.batch._manifest import MANIFEST, no_dataset, parse_manifest, read_c
 from warpvis.batch.formats._base import IMAGE_DTYPES, VISIBILITY_ARRAYS
 from warpvis.batch.storage._stores import Store
 from warpvis.core.camera import Camera
+from warpvis.core.checks import said_by, shortened
 from warpvis.core.labels import Label, LabelNames
 from warpvis.core.types import Json
 from warpvis.errors import CameraError, FileFormatError, SceneError
@@ -73,8 +74,9 @@ class Job:
         given = self.options.get(name, default)
         try:
             return float(given)  # type: ignore[arg-type]
-        except (TypeError, ValueError):
-            raise FileFormatError(f"{self.name}: {MANIFEST} has the option {name}={given!r}, not a number") from None
+        except (TypeError, ValueError, OverflowError):
+            said = f"{MANIFEST} has the option {name}={shortened(repr(given))}, not a number"
+            raise FileFormatError(f"{self.name}: {said}") from None
 
 
 def read_job(store: Store) -> Job:
@@ -118,7 +120,7 @@ def _read_camera(name: str, fields: Mapping[str, Json]) -> Camera:
     try:
         return Camera(**fields)  # type: ignore[arg-type]
     except (TypeError, CameraError) as error:
-        raise FileFormatError(f"{name}: {MANIFEST} has no camera: {error}") from None
+        raise FileFormatError(f"{name}: {MANIFEST} has no camera: {said_by(error)}") from None
 
 
 def _read_labels(name: str, objects: Mapping[str, Json]) -> tuple[int, ...]:

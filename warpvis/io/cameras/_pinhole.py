@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from warpvis.core.camera import Camera, describe_pixels, same_pixels
+from warpvis.core.checks import said_by
 from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning
 
 
@@ -41,7 +42,7 @@ def make_pinhole(
         matrix = [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]
         camera = Camera.from_K(matrix, *size, pixel_center=pixel_center)  # type: ignore[arg-type]  # `Camera` checks
     except CameraError as error:
-        raise FileFormatError(f"{place}: {error}") from None
+        raise FileFormatError(f"{place}: {said_by(error)}") from None
     if any(distortion):
         warnings.warn(
             f"{place}: the lens has distortion, which is not rendered: images are those of the pinhole, as of pictures "

@@ -14,7 +14,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from warpvis.core.camera import Camera
-from warpvis.core.checks import is_number
+from warpvis.core.checks import is_number, said_by
 from warpvis.core.yaml_files import load_yaml
 from warpvis.errors import CameraError, FileFormatError, MessageError
 from warpvis.io._files import as_numbers, shorten
@@ -76,7 +76,7 @@ def _ros_camera(path: Path, data: Mapping[str, Any]) -> Camera:
     try:
         return Camera.from_camera_info(info, rectified=matrices["projection_matrix"] is not None)
     except (CameraError, MessageError) as error:
-        raise FileFormatError(f"{path}: {error}") from None
+        raise FileFormatError(f"{path}: {said_by(error)}") from None
 
 
 def _matrix(path: Path, data: Mapping[str, Any], name: str, count: int) -> list[float] | None:

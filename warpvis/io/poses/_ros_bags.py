@@ -118,7 +118,8 @@ def _choose_topic(path: Path, types: dict[str, str], topic: str) -> str:
     if topic not in types:
         raise FileFormatError(f"{path}: the bag has no topic {topic!r}; those of poses are: {known}")
     if topic not in readable:
-        raise FileFormatError(f"{path}: topic {topic} is of {types[topic]}, not of poses; those of poses are: {known}")
+        kind = shortened(types[topic])
+        raise FileFormatError(f"{path}: topic {topic} is of {kind}, not of poses; those of poses are: {known}")
     return topic
 
 
@@ -129,7 +130,7 @@ def _all(types: dict[str, str]) -> str:
 
 def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped], cameras: Sequence[CameraInfo]) -> FilePoses:
     """Choose one camera's poses, which are in one frame."""
-    place = f"{path}: topic {topic}"
+    place = f"{path}: topic {shortened(topic)}"
     if not poses:
         raise FileFormatError(f"{place} holds no poses")
     children = sorted({pose.child for pose in poses})
@@ -141,7 +142,7 @@ def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped], cameras
     if len(children) > 1:
         raise FileFormatError(
             f"{place} has the child frames {shortened(', '.join(children), _LONGEST_LIST)}; choose one as "
-            f"topic='{topic}:{children[0]}'"
+            f"topic='{shortened(topic)}:{shortened(children[0])}'"
         )
     parents = sorted({pose.parent for pose in poses})
     if len(parents) > 1:
