@@ -35,6 +35,9 @@ _HEADERS = (
 )
 
 _CAST = """
+static_assert(sizeof(*worlds.object_poses.data) == POSE_WORDS * sizeof(float) &&
+                  sizeof(*worlds.object_sizes.data) == SOLID_WORDS * sizeof(float),
+              "poses and sizes are read as rows of numbers");
 __shared__ WarpMemory memory;
 const unsigned char* excluded = nullptr;
 const int excluded_row = min(view, worlds.excluded.shape[0] - 1);

@@ -127,6 +127,15 @@ def test_objects_of_other_sizes_from_inside_and_cut_open(emulator, kind):
     test_sizes.assert_alike(resized.render(test_sizes.NEAR, object_scales=scales), built.render(test_sizes.NEAR))
 
 
+@pytest.mark.parametrize(("kind", "factor", "x"), test_sizes.SURROUNDED)
+def test_from_inside_of_what_has_grown_or_shrunk(emulator, kind, factor, x):
+    scales, pose = test_sizes.surrounded(factor, x)
+    scene = test_sizes.build("cpu", [(0, 0, 2, 0, 0, 0, 1)], shapes=[test_sizes.SHAPES[kind]])
+    renderer = emulated_renderer(emulator, RESIZED, scene, CAMERA, outputs=ALL, near_plane="clip")
+    views = renderer.render(pose, object_scales=scales)
+    assert (views.segmentation.numpy() == 1).mean() > 0.9
+
+
 def test_all_variants_draw_the_same(emulator):
     """Whatever the packets' size, and what else is asked for."""
     for movable in (False, True):

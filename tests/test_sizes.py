@@ -100,6 +100,27 @@ def test_from_inside_and_cut_open(device, caster, kind, near_plane):
         assert_alike(views, wv.render(twin, camera, NEAR, **options))
 
 
+# Kinds of closed shapes, factors, and places inside of what they make of them: of what has grown, such as is outside of
+# it as it was made; of what has shrunk, such as is outside of it when the place is divided once more than it has to be.
+SURROUNDED = ((0, 3.0, 0.6), (4, 3.0, 0.6), (0, 0.5, 0.15), (4, 0.5, 0.11))
+
+
+def surrounded(factor, x):
+    """Factors of one object, and a camera beside its middle that looks through that."""
+    return [(factor,) * 3], wv.look_at((x, 0.01, 2), (-1, 0.1, 2.05))[None].astype(np.float32)
+
+
+@pytest.mark.parametrize("near_plane", ["occlude", "clip"])
+@pytest.mark.parametrize(("kind", "factor", "x"), SURROUNDED)
+def test_from_inside_of_what_has_grown_or_shrunk(device, caster, kind, factor, x, near_plane):
+    scales, pose = surrounded(factor, x)
+    scene, twin = (build(device, [(0, 0, 2, 0, 0, 0, 1)], some, shapes=[SHAPES[kind]]) for some in (None, scales))
+    options = {"outputs": ALL, "near_plane": near_plane, "caster": caster}
+    views = wv.render(scene, SMALL, pose, object_scales=scales, **options)
+    assert (views.segmentation.numpy() == 1).mean() > 0.9
+    assert_alike(views, wv.render(twin, SMALL, pose, **options))
+
+
 def test_what_is_attached_is_stretched_with_it(device, caster):
     table, ball = random_poses(np.random.default_rng(2), 2)
     scene = test_attached.build(device, table, ball, attached=True)
