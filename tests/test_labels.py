@@ -62,9 +62,9 @@ def test_pixels_have_any_number(caster, device):
     assert np.array_equal(labels, of_object[objects])
 
 
-def test_every_number_is_seen():
+def test_every_number_is_seen(device):
     """256 boxes, each with its own label, and a pixel of each."""
-    scene = wv.Scene()
+    scene = wv.Scene(device=device)
     for number in range(256):
         place = (number % 16 - 7.5, number // 16 - 7.5, 0, 0, 0, 0, 1)
         scene.add(trimesh.creation.box((1, 1, 1)), label=number, pose=place)
@@ -481,6 +481,13 @@ def test_datasets_keep_the_classes(kind, tmp_path):
     renamed.label_names[40] = "street"
     with pytest.raises(wv.errors.FileFormatError, match='label_names\'s 40 was "road" and is "street"'):
         wv.render_batch(renamed, CAMERA, poses, tmp_path / "street", resume=True, **job)
+
+
+def test_frames_that_see_what_has_no_class_are_not_empty(tmp_path):
+    """Label images alone do not tell it from nothing, so no frame is counted."""
+    scene = wv.Scene(label_names={0: "unlabeled"})
+    scene.add(trimesh.creation.box((2, 2, 0.1)), label="unlabeled")
+    assert wv.render_batch(scene, CAMERA, ABOVE, tmp_path / "set", outputs=["labels"], quiet=True).empty_frames == 0
 
 
 def test_images_json_names_all_classes(tmp_path):

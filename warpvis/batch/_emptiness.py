@@ -9,12 +9,13 @@ record of their shard: so the count is of the whole dataset, whoever made its sh
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.core.labels import Label
 from warpvis.scene import fits_millimetres
 
 if TYPE_CHECKING:
@@ -39,14 +40,15 @@ _TOO_LARGE = 10.0
 _POSES_AT_ONCE = 1 << 20
 
 
-def count_empty(images: Mapping[str, np.ndarray]) -> int:
+def count_empty(images: Mapping[str, np.ndarray], object_labels: Collection[int] = ()) -> int:
     """Count frames that see nothing within the camera's range; by visibility alone, nothing of the chosen objects.
 
     Args:
         images: Arrays of n frames by name, as `warpvis.batch.FrameRenderer` gives them.
+        object_labels: Labels of the scene's objects; where one is EMPTY, labels do not tell.
     """
     for name, shows in _SHOWS.items():
-        if name in images:
+        if name in images and not (name == "labels" and Label.EMPTY in object_labels):
             image = images[name]
             few = shows(image[:, _STEP // 2 :: _STEP, _STEP // 2 :: _STEP])
             doubtful = np.flatnonzero(~few.reshape(len(image), -1).any(axis=1))

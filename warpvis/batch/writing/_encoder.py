@@ -67,5 +67,5 @@ class Encoder:
         part = self._plan.shard_slice(shard)
         with self._store.new_files() as files:
             units = self.layout.write_shard(shard, images, files)
-            empty = count_empty(images)
+            empty = count_empty(images, self._plan.object_labels)
             return commit(self._store, shard_record(shard), part.stop - part.start, files, units, empty=empty)
