@@ -37,8 +37,8 @@ struct ScreenBounds {
             top = Lanes::min(top, y);
             bottom = Lanes::max(bottom, y);
         }
-        // Pixels that may be seen through a box, wider than rounding can be wrong: where triangles are small, most boxes
-        // lie between the centres. Boxes that reach behind the camera may be anywhere.
+        // Pixels that may be seen through a box, wider than rounding can be wrong: where triangles are small, most
+        // boxes lie between the centres. Boxes that reach behind the camera may be anywhere.
         const float slack = BOX_SLACK + BOX_SLACK_BLURS * blur;
         const float to_x = image.center_x - 0.5f, to_y = image.center_y - 0.5f;
         const Floats none = Lanes::all(0.0f), wide = Lanes::all((float)(image.width - 1)),
