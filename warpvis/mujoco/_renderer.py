@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
-from warpvis.core.checks import check_choice, check_flag
+from warpvis.core.checks import check_choice, check_flag, said_by, shortened
 from warpvis.core.label_rules import LabelInput, LabelRules
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike
@@ -271,6 +271,9 @@ class Renderer:
             raise WarpvisError(
                 f"fallback=True needs OpenGL, and there is none ({error}); MUJOCO_GL=egl finds that of a GPU or of Mesa"
             ) from None
+        except (AttributeError, OverflowError, TypeError) as error:
+            given = ", ".join(f"{name}={shortened(repr(value))}" for name, value in self._fallback_options.items())
+            raise ArrayError(f"mujoco.Renderer, which fallback=True makes, refuses {given}: {said_by(error)}") from None
 
     def _draw(
         self, stage: Stage, data: mujoco.MjData, viewer: mujoco.MjvCamera, option: mujoco.MjvOption | None

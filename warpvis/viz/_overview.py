@@ -171,8 +171,9 @@ def _seen_from(
     local = (points.astype(np.float64) - matrix[:3, 3]) @ matrix[:3, :3]
     z = local[..., 2]
     pixels = np.floor(np.nan_to_num(camera.project(local), nan=-9)).clip(-9, 1e6).astype(np.int64)
-    depth = np.pad(depth, 1, constant_values=np.inf)
-    objects_seen = np.pad(segmentation, 1, constant_values=-1)
+    # Whole metres may be integers, which have no infinity, and objects unsigned, which have no -1.
+    depth = np.pad(depth.astype(np.float64), 1, constant_values=np.inf)
+    objects_seen = np.pad(segmentation.astype(np.int64), 1, constant_values=-1)
     inside = ((pixels >= 0) & (pixels < [camera.width, camera.height])).all(axis=-1) & (z > 0)
     columns, rows = np.where(inside[..., None], pixels + 1, 0)[..., 0], np.where(inside, pixels[..., 1] + 1, 0)
     seen = np.zeros(z.shape, dtype=bool)

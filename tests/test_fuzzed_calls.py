@@ -1,0 +1,35 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Calls that `fuzz_calls` found to end in something else than a result or a sentence, one of each kind."""
+
+import mujoco
+import numpy as np
+import pytest
+from arguments_shared import CAMERA, POSE, scene
+
+import warpvis as wv
+
+
+@pytest.mark.parametrize("dtype", [np.int64, np.int32, np.uint8])
+def test_pictures_from_outside_of_whole_metres(dtype):
+    """Integers have no infinity, and unsigned ones no -1."""
+    outside = wv.Camera.from_fov(16, 12, hfov=1.0)
+    world, depth = scene(), np.full((CAMERA.height, CAMERA.width), 2)
+    objects = np.zeros(depth.shape)
+    given = (world, outside, POSE, CAMERA, POSE)
+    wanted = wv.viz.view_from_outside(*given, depth.astype(np.float32), objects.astype(np.int32))
+    np.testing.assert_array_equal(wv.viz.view_from_outside(*given, depth.astype(dtype), objects.astype(dtype)), wanted)
+
+
+@pytest.mark.parametrize("options", [{"max_geom": 3.15}, {"max_geom": None}, {"max_geom": 10**30}, {"font_scale": 3}])
+def test_options_of_a_fallback_that_mujoco_refuses(options, monkeypatch):
+    def refuse(*given, max_geom, font_scale=mujoco.mjtFontScale.mjFONTSCALE_150):
+        font_scale.value  # noqa: B018
+        np.int32(max_geom) if isinstance(max_geom, int) else mujoco.MjvScene(maxgeom=max_geom)
+
+    monkeypatch.setattr(mujoco, "Renderer", refuse)
+    model = mujoco.MjModel.from_xml_string('<mujoco><worldbody><geom size="1"/></worldbody></mujoco>')
+    ((name, value),) = options.items()
+    with pytest.raises(wv.WarpvisError, match=rf"fallback=True makes, refuses .*{name}={value}") as caught:
+        wv.mujoco.Renderer(model, 12, 16, fallback=True, **options)
+    assert "\n" not in str(caught.value)
