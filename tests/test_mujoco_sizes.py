@@ -327,7 +327,7 @@ def test_bad_sizes_are_named(name):
     [
         (["nobody"], "'nobody' in resizable fits no geom and no body of the model"),
         (["block", "floor"], "'floor' in resizable fits no geom that is a box, sphere, capsule, cylinder or ellipsoid"),
-        ("block", "resizable must be"),
+        ("block", "resizable must be \"all\", or a list of names or patterns of names, got 'block'"),
         ([3], "resizable must be names or patterns of names, got 3"),
         (None, "resizable must be"),
     ],

@@ -13,7 +13,6 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_numpy, as_warp, on_gpu
-from warpvis.core.checks import check_choice
 from warpvis.core.kernel_cache import launch
 from warpvis.errors import ArrayError, SceneError
 from warpvis.mujoco._scene import MujocoScene, Selection, check_patterns, fitting
@@ -36,7 +35,8 @@ def resizable_geoms(model: mujoco.MjModel, selection: Selection, resizable: Resi
     numbers = {int(kind): count for kind, count in _NUMBERS.items()}
     primitive = {geom for geom in range(model.ngeom) if int(model.geom_type[geom]) in numbers}
     if isinstance(resizable, str):
-        check_choice(resizable, "resizable", ("all",), SceneError)
+        if resizable != "all":
+            raise SceneError(f'resizable must be "all", or a list of names or patterns of names, got {resizable!r}')
         return tuple(sorted(primitive))
     chosen: set[int] = set()
     for pattern in check_patterns(resizable, "resizable"):
