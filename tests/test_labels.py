@@ -176,6 +176,27 @@ def test_exported_scenes_keep_numbers_and_names(tmp_path):
     assert renamed.label_names[40] == "street"
 
 
+@pytest.mark.parametrize("ground", [(), ("ground",), (40,), (1, 40, 252), (3,)])
+def test_exported_scenes_keep_what_is_ground(ground, tmp_path):
+    scene = street(ground_labels=ground)
+    for label in (1, 3):
+        scene.add(trimesh.creation.box(), label=label)
+    scene.export(tmp_path / "street.glb")
+    assert wv.Scene.load(tmp_path / "street.glb").ground_labels == scene.ground_labels
+    (tmp_path / "rules.json").write_text('{"labels": {}, "ground_labels": [48]}')
+    assert wv.Scene.load(tmp_path / "street.glb", labels=tmp_path / "rules.json").ground_labels == {48}
+
+
+@pytest.mark.parametrize("extras", [{"ground": True}, {"label": 2, "ground": 1}, {"label": 2, "label_name": 3}])
+def test_extras_of_others_are_no_classes(extras, tmp_path):
+    scene, mesh = trimesh.Scene(), trimesh.creation.box()
+    mesh.metadata.update(extras)
+    scene.add_geometry(mesh, node_name="box", geom_name="box")
+    (tmp_path / "box.glb").write_bytes(scene.export(file_type="glb"))
+    loaded = wv.Scene.load(tmp_path / "box.glb")
+    assert (loaded["box"].label, loaded.ground_labels, dict(loaded.label_names)) == (2, {1}, SIX)
+
+
 def test_two_names_of_one_class_in_a_file_are_refused(tmp_path):
     scene = trimesh.Scene()
     for name in ("road", "street"):

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from warpvis.core.checks import is_whole, said_by, shortened
+from warpvis.core.label_rules import LabelRules
 from warpvis.core.labels import Label
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.io._archives import is_archive, unpack
@@ -66,21 +67,34 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
     if strict and messages:
         raise FileFormatError(messages[0])
     up: Axis | None = "y" if loaded.up == "y" else "z" if loaded.up else None
-    return FileParts(path, parts, up=up, warnings=tuple(messages), label_names=_label_names(path, loaded.meshes))
+    return FileParts(path, parts, up=up, warnings=tuple(messages), classes=_classes(path, loaded.meshes))
 
 
-def _label_names(path: Path, meshes: Sequence[FileMesh]) -> dict[int, str]:
-    """Collect the names that `Scene.export` writes beside the numbers of classes.
+def _classes(path: Path, meshes: Sequence[FileMesh]) -> LabelRules:
+    """Collect what `Scene.export` writes beside labels: names of classes, and which are ground.
 
     Raises:
-        FileFormatError: A class has two.
+        FileFormatError: A class has two names, or what is written are none.
     """
     names: dict[int, str] = {}
     for mesh in meshes:
         number, name = mesh.extras.get("label"), mesh.extras.get("label_name")
         if is_whole(number) and isinstance(name, str) and names.setdefault(number, name) != name:
             raise FileFormatError(f"{path}: calls the label {number} {names[number]!r} and {name!r}")
-    return names
+    ground = {int(Label.GROUND): True}
+    for mesh in meshes:
+        number, flag = _number(mesh.extras.get("label")), mesh.extras.get("ground")
+        if number is not None and isinstance(flag, bool):
+            ground[number] = flag
+    chosen = tuple(number for number, flag in ground.items() if flag)
+    return LabelRules(label_names=names, ground_labels=None if chosen == (Label.GROUND,) else chosen)
+
+
+def _number(label: object) -> int | None:
+    """Return the number of a label as `Scene.export` writes it; None for others."""
+    if isinstance(label, str):
+        return Label.__members__.get(label)
+    return int(label) if is_whole(label) else None
 
 
 def _kind(name: str) -> str:

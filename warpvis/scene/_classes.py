@@ -42,15 +42,17 @@ class SceneClasses:
     def ground_labels(self, labels: Iterable[Label | int | str]) -> None:
         self._ground_labels = frozenset(self._label_names.numbers(labels, "ground_labels"))
 
-    def use_labels(self, rules: LabelRules, own: Mapping[int, str] | None = None) -> None:
-        """Take over the classes that rules say, after those of a file."""
-        self._label_names.update({**(own or {}), **rules.label_names})
+    def use_labels(self, rules: LabelRules) -> None:
+        """Take over the classes that rules say."""
+        self._label_names.update(rules.label_names)
         if rules.ground_labels is not None:
             self.ground_labels = rules.ground_labels
 
-    def _metadata(self, label: int) -> dict[str, int | str]:
-        """Say what a mesh is labelled, so that `load` labels it again."""
+    def _metadata(self, label: int) -> dict[str, int | str | bool]:
+        """Say what a mesh is labelled, so that `load` labels it again; and if that is ground against the rule."""
         number, word = self._label_names.number(label), self._label_names.word(label)
+        ground = number in self._ground_labels
+        said: dict[str, int | str | bool] = {} if ground == (number == Label.GROUND) else {"ground": ground}
         if isinstance(number, Label) and word == number.name:
-            return {"label": word}
-        return {"label": int(number)} | ({"label_name": word} if number in self._label_names else {})
+            return {"label": word, **said}
+        return {"label": int(number), **({"label_name": word} if number in self._label_names else {}), **said}

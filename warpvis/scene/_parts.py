@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.checks import as_items, shortened
-from warpvis.core.label_rules import LabelPatterns
+from warpvis.core.label_rules import LabelPatterns, LabelRules
 from warpvis.core.labels import Label
 from warpvis.core.poses import check_up, poses_to_matrices, poses_to_opencv
 from warpvis.core.types import MeshLike, PoseLike
@@ -75,8 +75,8 @@ class FileParts:
 
     warnings: tuple[str, ...] = ()
     """Sentences about what is left out, or was corrected."""
-    label_names: Mapping[int, str] = field(default_factory=dict)
-    """Names that the file has for classes of its own."""
+    classes: LabelRules = field(default_factory=LabelRules)
+    """What the file says of classes of its own: their names, and which are ground."""
 
     def scene_up(self, up: Axis | None) -> Axis:
         """Return the vertical axis of a scene of these parts, of which the user asked for `up` or for none."""

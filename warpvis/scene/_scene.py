@@ -293,7 +293,7 @@ class Scene(SceneClasses, SceneTrees):
             FileFormatError: A part is no mesh: its vertices are not finite, or its faces index none.
             SceneError: An option has no meaning for the file.
         """
-        self.use_labels(rules, found.label_names)
+        self.use_labels(found.classes.followed_by(rules))
         for item in found.objects(self.up, labels=LabelPatterns(rules.labels, self._label_names), **options):
             try:
                 self.add(**item)
