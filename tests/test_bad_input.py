@@ -218,7 +218,7 @@ CASES = {
     ),
     "worlds and views": (
         lambda: render_moved(object_poses=moved(3)),
-        "object_poses are of 3 worlds and there are 2 views; say world_index= of each view",
+        "object_poses are of 3 worlds for 2 views; say world_index= of each view",
     ),
     "world out of range": (
         lambda: render_moved(object_poses=moved(3), world_index=[0, 3]),
@@ -250,7 +250,7 @@ CASES = {
     "depth of millimetres": (lambda: wv.classify(DEPTH.astype(np.uint16), KINECT, POSE), "in metres.*divide"),
     "depth of another size": (lambda: wv.classify(DEPTH[:, :9], KINECT, POSE), r"\(V, 240, 320\), got \(1, 9, 320\)"),
     "depth of no image": (lambda: wv.classify(None, KINECT, POSE), "depth must be an array of numbers"),
-    "more poses than depth": (lambda: wv.classify(DEPTH, KINECT, [POSE] * 3), "depth has 1 views and camera.* has 3"),
+    "more poses than depth": (lambda: wv.classify(DEPTH, KINECT, [POSE] * 3), "depth has 1 view and camera.* has 3"),
     "spheres of three": (lambda: wv.classify(DEPTH, KINECT, POSE, spheres=[[1, 2, 3]]), r"shape \(S, 4\)"),
     "negative sigma": (
         lambda: wv.classify(DEPTH, KINECT, POSE, ground_tolerance=-1),
@@ -461,10 +461,10 @@ COMMANDS = {
     "no device": ("render box.stl --poses poses.txt --out o --device cuda:9", "device 'cuda:9' is not on this machine"),
     "a file for a folder": (
         "render box.stl --poses poses.txt --out file",
-        "warpvis: file/npz: cannot be written: Not a directory",
+        "warpvis: file: is a file; a dataset needs a folder",
     ),
     "demo on no device": ("demo --out o --device tpu", "device 'tpu' is not on this machine"),
-    "demo into a file": ("demo --out file", "warpvis: file: cannot be made a folder"),
+    "demo into a file": ("demo --out file", "warpvis: file: is a file; a folder is wanted"),
     "negative scale": ("render box.stl --poses poses.txt --out o --scale -1", "scale of 'box.stl' must be"),
 }
 

@@ -43,6 +43,27 @@ def cli(*arguments):
     return subprocess.run(command, capture_output=True, text=True)
 
 
+def test_one_is_no_plural_and_a_file_is_no_folder(workspace):
+    """Of one frame of one triangle, in one process: each message says one of what there is one of."""
+    from warpvis.batch import verify
+    from warpvis.core.checks import counted
+
+    assert [counted(count, "frame") for count in (0, 1, 2)] == ["0 frames", "1 frame", "2 frames"]
+    scene = wv.Scene()
+    scene.add(([[-1, -1, 2], [1, -1, 2], [0, 1, 2]], [[0, 1, 2]]), name="triangle")
+    assert repr(scene) == "Scene(1 object, 1 triangle, device='cpu')"
+    given = scene, wv.Camera.from_fov(8, 8, hfov=1.0), [[0.0, 0, 0, 0, 0, 0, 1]]
+    wv.render_batch(*given, "one")
+    assert ": 1 frame, npz: depth>" in repr(wv.open_dataset("one"))
+    (workspace / "one" / "shards" / "000000.json").unlink()
+    assert verify("one").problems[0] == "1 of 1 shard is missing: 0"
+    for out in ("file", "file/below"):
+        with pytest.raises(wv.errors.FileFormatError, match=r"^file: is a file; a dataset needs a folder$"):
+            wv.render_batch(*given, out)
+    with pytest.warns(UserWarning, match=r"^1 of 2 frames sees nothing$"):
+        wv.render_batch(*given[:2], [given[2][0], wv.look_at((0, 0, 0), (1, 0, 0))], "two")
+
+
 def test_a_job_from_the_command_line(workspace):
     job = ("batch", "scene.glb", "--poses", ORBIT, "--camera", "camera.json", "--out", "out", "--shard-frames", "4")
     first = cli(*job)
@@ -130,7 +151,7 @@ BAD = {
     ),
     "worlds without movable": (
         {"worlds": Path("worlds.npz")},
-        "poses of 1 objects, and the scene has 0 that are movable",
+        "poses of 1 object, and the scene has 0 that are movable",
     ),
     "spec in axes": ({"poses": ORBIT, "convention": "opengl"}, "poses that are made need no --convention"),
     "spec of a topic": ({"poses": ORBIT, "topic": "/tf"}, "poses that are made need no --topic"),

@@ -135,7 +135,7 @@ def test_the_command_line(workspace, command, capsys):
     (said, *again) = call("plate.glb", "seen")
     assert said.startswith("5 of 5 frames see nothing") and set(again) <= {said}
     assert call("plate.glb", "mended", scale=0.001, fail_empty=True) == []
-    assert set(call("scene.glb", "some", poses="some.npy", fail_empty=True)) == {"1 of 5 frames see nothing"}
+    assert set(call("scene.glb", "some", poses="some.npy", fail_empty=True)) == {"1 of 5 frames sees nothing"}
     with warnings.catch_warnings(), pytest.raises(SystemExit) as ended:
         warnings.simplefilter("ignore")
         command(
@@ -151,7 +151,7 @@ def test_range_finders_that_see_nothing(workspace):
     for name, reach in (("blind", 1), ("sees", 9)):
         (workspace / f"{name}.wbt").write_text(robot % (name, reach))
     said, _ = messages(Render(file=workspace / "blind.wbt", out=workspace / "a", quiet=True).run)
-    assert said == ["1 of 1 range finders see nothing in their range: 'blind'"]
+    assert said == ["1 of 1 range finder sees nothing in their range: 'blind'"]
     sees = Render(file=workspace / "sees.wbt", out=workspace / "b", quiet=True, fail_empty=True)
     assert messages(sees.run)[0] == []
     for exact in (False, True):

@@ -312,3 +312,16 @@ def test_any_bytes_are_read_or_refused(tmp_path):
                     said += 1
             (tmp_path / name).write_bytes(whole)
     assert said > 100
+
+
+@pytest.mark.parametrize("inside", ["", "sparse", "sparse/0"])
+@pytest.mark.parametrize("make", [colmap_text, colmap_binary])
+def test_folders_of_models_are_read(tmp_path, inside, make):
+    (tmp_path / inside).mkdir(parents=True, exist_ok=True)
+    file = make(tmp_path / inside)
+    frames, there = wv.read_frames(file), wv.read_frames(tmp_path)
+    np.testing.assert_array_equal(there.camera_to_world, frames.camera_to_world)
+    assert there.camera == frames.camera and there.source["file"] == file.name
+    (tmp_path / "transforms.json").write_text("{}")
+    with pytest.raises(wv.errors.FileFormatError, match=r"holds .*images\.(txt|bin) and transforms\.json; give one of"):
+        wv.read_frames(tmp_path)

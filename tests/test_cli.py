@@ -352,7 +352,7 @@ POSES = ("--poses", "poses.txt")
             "--robot-radius must be a positive number of metres",
         ),
         (("perspective", "lab.glb", *LOOK, "--floor", "nan"), "--floor must be a finite number of metres, got nan"),
-        (("perspective", "lab.glb", *LOOK, "--out", "lab.glb"), "lab.glb: cannot be made a folder: "),
+        (("perspective", "lab.glb", *LOOK, "--out", "lab.glb"), "lab.glb: is a file; a folder is wanted"),
         (
             ("perspective", "experiment_1", "--robot", ROBOT, "--scale", "2"),
             "experiment_1 comes with its robot and its",

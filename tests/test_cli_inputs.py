@@ -131,7 +131,7 @@ def test_quaternions_with_w_first_in_every_command(run, tmp_path):
             out = tmp_path / f"{command}_{poses}_{worlds}"
             more = ("--out", out) if command != "check" else ()
             code, said, error = run(command, *given, worlds, "--poses", poses, *order, *more)
-            assert (code, error) == (0, "" if command == "check" else "warning: 1 of 2 frames see nothing\n")
+            assert (code, error) == (0, "" if command == "check" else "warning: 1 of 2 frames sees nothing\n")
             file = out / ("npz" if command == "render" else "") / "shard-000000.npz"
             found[poses] = said if command == "check" else np.load(file)["depth"].tolist()
         assert found["poses.npy"] == found["w_first.npy"] == found["poses.txt"]

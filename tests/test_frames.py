@@ -129,7 +129,7 @@ BAD = {
     "no convention": (([POSE],), {"convention": None}, "convention must be one of"),
     "times": (([POSE],), {"timestamps": [0, 1]}, "timestamps must be 1 seconds, one a frame, got int64 of shape (2,)"),
     "NaN time": (([POSE],), {"timestamps": [np.nan]}, "timestamps must be finite: 1 are not, the first at index 0"),
-    "worlds": (([POSE] * 3,), {"object_poses": worlds(2)}, "object_poses are of 2 worlds and there are 3 frames; give"),
+    "worlds": (([POSE] * 3,), {"object_poses": worlds(2)}, "object_poses are of 2 worlds for 3 frames; give"),
     "objects": (([POSE],), {"object_poses": [POSE[:6]]}, "object_poses must have shape (W, M, 7), rows x y z qx qy qz"),
     "no objects": (([POSE],), {"object_poses": np.zeros((1, 0, 7))}, "object_poses must have shape (W, M, 7)"),
     "object NaN": (([POSE],), {"object_poses": [[np.nan] * 7]}, "object_poses must be finite numbers of at most 1e18"),
@@ -192,7 +192,7 @@ HAND_MADE = {
         "camera_to_world of frames must be a NumPy array of numbers, shape (n, 7)",
     ),
     "words": ({"timestamps": np.array(["a"] * 4)}, "timestamps of frames must be a NumPy array of numbers"),
-    "worlds": ({"object_poses": worlds(3)}, "object_poses are of 3 worlds and there are 4 frames; give each frame's"),
+    "worlds": ({"object_poses": worlds(3)}, "object_poses are of 3 worlds for 4 frames; give each frame's"),
     "objects": ({"object_poses": np.zeros((4, 7))}, "object_poses of frames must have shape (n, n, 7), got (4, 7)"),
     "no objects": ({"world_index": np.zeros(4, np.int32)}, "world_index says which of object_poses a frame has"),
     "index": (

@@ -95,7 +95,7 @@ def test_a_scene_is_framed_on_the_command_line(tmp_path, monkeypatch, capsys):
     assert np.isfinite(frame["depth"]).mean() > 0.2  # at any range
     arguments = ("render", "mm.stl", "--frame", "--camera", "kinect", "--out", "none", "--format", "npz")
     code, _, said = run_here(monkeypatch, capsys, tmp_path, *arguments)
-    assert code in (0, None) and "1 of 1 frames see nothing" in said
+    assert code in (0, None) and "1 of 1 frame sees nothing" in said
     save_preview(np.full((240, 320), np.inf), tmp_path / "wanted.png", (0.3, 4.5))  # the scale says what was searched
     shown, wanted = (np.asarray(Image.open(tmp_path / name)) for name in ("none/preview/000000.png", "wanted.png"))
     assert np.array_equal(shown, wanted)

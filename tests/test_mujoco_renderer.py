@@ -463,7 +463,10 @@ BAD = {
     "no body": (lambda: Renderer(MODEL).update_scene(ball_data(), track(9)), "trackbodyid must be from 0 to 2, got 9"),
     "hulls": (with_hulls, "asks for convex hulls"),
     "nworld 0": (lambda: BatchRenderer(MODEL, 0), "nworld must be a whole number from 1 up, got 0"),
-    "other nworld": (lambda: batch_of(3).render(worlds_of(2)), "poses must be of nworld = 3 worlds, got 2"),
+    "other nworld": (
+        lambda: batch_of(3).render(worlds_of(2)),
+        "poses must be of as many worlds as nworld",
+    ),
     "no cameras": (lambda: batch_of().render(worlds_of(1), cameras=[]), "there must be a camera to render"),
     "unknown camera": (lambda: batch_of().render(worlds_of(1), cameras=[0, 7]), "camera 7 is not in the model"),
     "world 2": (lambda: batch_of().render(worlds_of(2), worlds=[0, 2]), "worlds must be from 0 to 1, got 2 at index 1"),

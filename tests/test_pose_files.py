@@ -293,7 +293,7 @@ BAD_FILES = [
     (
         "poses.npz",
         save(np.savez, camera_to_world=ROWS, object_poses=unit(np.ones((2, 1, 7)))),
-        "poses.npz: object_poses are of 2 worlds and there are 6 frames",
+        "poses.npz: object_poses are of 2 worlds for 6 frames",
     ),
     (
         "poses.npz",
@@ -340,7 +340,10 @@ def test_bad_arguments(tmp_path):
         with pytest.raises(wv.WarpvisError) as error:
             read_frames(tmp_path / "poses.npy", **options)
         assert str(error.value).startswith(said)
-    with pytest.raises(wv.errors.FileFormatError, match=r"is a folder without metadata\.yaml, so no ROS 2 bag"):
+    with pytest.raises(
+        wv.errors.FileFormatError,
+        match=r"is a folder without poses: it holds no metadata\.yaml",
+    ):
         read_frames(tmp_path)
     with pytest.raises(wv.errors.FileFormatError, match=r"path must be the name of a file, .* got 'a\\x00b'$"):
         read_frames("a\0b")

@@ -345,7 +345,7 @@ BAD = {
         {"count": 3},
         "path must be two or more finite points of shape (n, 3), got shape (1, 3",
     ),
-    "no length": (along, [BOX[0]] * 3, {"count": 3}, "path must have a length, and its 3 points are one"),
+    "no length": (along, [BOX[0]] * 3, {"count": 3}, "path must have a length, and all its points (3) are one"),
     "NaN path": (
         along,
         [(0, 0, 0), (np.nan, 0, 0)],

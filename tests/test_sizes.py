@@ -227,7 +227,5 @@ def test_bad_scales_are_named(name):
         wv.Renderer(scene, SMALL).render(eyes(2), object_scales=scales, **poses)
     assert said in str(error.value)
     if name == "other worlds":
-        with pytest.raises(
-            wv.errors.ArrayError, match="object_scales are of 3 worlds and there are 2 views; say world"
-        ):
+        with pytest.raises(wv.errors.ArrayError, match="object_scales are of 3 worlds for 2 views; say world"):
             wv.Renderer(scene, SMALL).render(eyes(2), object_scales=scales)

@@ -15,6 +15,7 @@ from warpvis.batch._records import BEGIN_RECORD, INDEX_RECORD, Record, commit, r
 from warpvis.batch.formats._npz import npz_parts
 from warpvis.batch.storage._stores import Store, open_store
 from warpvis.batch.writing._encoder import WorkerLostError
+from warpvis.core.checks import counted
 from warpvis.errors import FileFormatError
 
 if TYPE_CHECKING:
@@ -93,7 +94,9 @@ class Dataset:
                 commit(self._store, INDEX_RECORD, len(self._plan.frames), files, units)
 
     def _state(self) -> str:
-        return f"{self._whole} of {self._plan.shard_count} shards are whole, and --resume goes on from there"
+        count = self._plan.shard_count
+        shards = f"{counted(count, 'shard')} {'is' if count == 1 else 'are'}"
+        return f"{self._whole} of {shards} whole, and --resume goes on from there"
 
     def _require_ours(self, *, resume: bool) -> bool:
         """Tell whether the dataset was begun already, and may be gone on with.

@@ -28,7 +28,7 @@ from warpvis.batch._writer import Job, Run
 from warpvis.batch.engines._local import parse_devices, run_local
 from warpvis.batch.formats._base import Format, find_format
 from warpvis.core.camera import Camera
-from warpvis.core.checks import check_choice, check_flag, check_mapping, check_whole
+from warpvis.core.checks import check_choice, check_flag, check_mapping, check_whole, counted
 from warpvis.core.frames import Frames
 from warpvis.core.labels import LabelNames
 from warpvis.core.threads import check_threads
@@ -281,8 +281,8 @@ def _place_objects(scene: Scene, frames: Frames) -> Frames:
         return replace(frames, object_poses=rows[None])
     if frames.object_poses.shape[1] != movable:
         raise PoseError(
-            f"the frames have poses of {frames.object_poses.shape[1]} objects, and the scene has {movable} that are "
-            "movable"
+            f"the frames have poses of {counted(frames.object_poses.shape[1], 'object')}, and the scene has "
+            f"{movable} that are movable"
         )
     return frames
 

@@ -20,7 +20,7 @@ from warpvis.batch._job import FRAME_ARRAYS, shard_name
 from warpvis.batch._manifest import MANIFEST, Contents, no_dataset, parse_manifest, read_contents, read_label_names
 from warpvis.batch._records import BEGIN_RECORD, INDEX_RECORD, RECORDS_FOLDER, read_record, shard_record
 from warpvis.batch.storage._stores import Store, open_store
-from warpvis.core.checks import check_flag
+from warpvis.core.checks import check_flag, counted
 from warpvis.core.threads import core_count
 from warpvis.errors import FileFormatError
 
@@ -111,7 +111,8 @@ def _verify(store: Store) -> VerifyReport:
         checked = list(pool.map(lambda item: _check(store, item), [*expected.items(), *others.items()]))
     found = [shard for shard, item in zip(there, checked, strict=False) if not item.missing]
     if len(found) < shards:
-        problems.append(f"{shards - len(found)} of {shards} shards are missing: {_gaps(found, shards)}")
+        missing = f"{counted(shards, 'shard')} {'is' if shards == 1 else 'are'} missing"
+        problems.append(f"{shards - len(found)} of {missing}: {_gaps(found, shards)}")
     problems += [problem for item in checked for problem in item.problems]
     files = {name for item in checked for name in item.files}
     problems += [f"{name}: is in no record" for name in sorted(set(store.files()) - files - {MANIFEST, POSES})]
@@ -143,7 +144,7 @@ def _check_poses(store: Store, sha256: str, frames: int) -> Iterator[str]:
         if frames_hash(found) != sha256:
             yield f"{POSES}: holds other poses than the manifest says"
         elif len(found) != frames:
-            yield f"{POSES}: holds {len(found)} frames, and the manifest says {frames}"
+            yield f"{POSES}: holds {counted(len(found), 'frame')}, and the manifest says {frames}"
     except Exception:  # whatever NumPy and zipfile raise for what is no such file
         yield f"{POSES}: is missing or cannot be read"
 
@@ -168,7 +169,11 @@ def _check(store: Store, item: tuple[str, int]) -> _Checked:
     if record is None:
         index = name == INDEX_RECORD
         return _Checked([], 0, [f"{name}: is missing, so the job was not finished"] if index else [], not index)
-    wrong = [] if record.frames == frames else [f"{name}: is of {record.frames} frames, and should be of {frames}"]
+    wrong = (
+        []
+        if record.frames == frames
+        else [f"{name}: is of {counted(record.frames, 'frame')}, and should be of {frames}"]
+    )
     for file, expected in record.files.items():
         size = store.size(file)
         if size is None:

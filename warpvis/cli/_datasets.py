@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypedDict
 import tyro
 
 from warpvis.cli._inputs import FrameOptions, MaybePoses, Names, SceneFile, refuse_options, split_names
+from warpvis.core.checks import counted
 from warpvis.errors import FileFormatError, PoseError
 
 if TYPE_CHECKING:
@@ -268,9 +269,10 @@ class Verify:
         for problem in report.problems:
             print(problem)
         print(
-            f"{report.out}: {'complete and sound' if report.ok else f'{len(report.problems)} problems'}: "
-            f"{report.whole_shards} of {report.shards} shards ({report.format}, {report.frames} frames), "
-            f"{report.files} files, {report.bytes / 1e9:.3f} GB"
+            f"{report.out}: {'complete and sound' if report.ok else counted(len(report.problems), 'problem')}: "
+            f"{report.whole_shards} of {counted(report.shards, 'shard')} ({report.format}, "
+            f"{counted(report.frames, 'frame')}), "
+            f"{counted(report.files, 'file')}, {report.bytes / 1e9:.3f} GB"
         )
         records = ", ".join(report.damaged)
         if report.damaged and report.repaired:
@@ -312,7 +314,7 @@ def _parse_options(words: Sequence[str]) -> dict[str, str]:
 def print_summary(summary: BatchSummary, layout: str, *, quiet: bool) -> None:
     """Print what was made, and warn of what was lost."""
     for message, count in summary.warnings.items():
-        print(f"warning: {count} {message}", file=sys.stderr)
+        print(f"warning: {message}: {count} in all", file=sys.stderr)
     if quiet:
         return
     size = f"{summary.bytes / 1e6:,.1f} MB"

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from warpvis.cli._inputs import MaybeSceneFile, SceneOptions, refuse_options, scene_options
 from warpvis.cli._output import format_rows
+from warpvis.core.checks import counted
 
 if TYPE_CHECKING:
     import numpy as np
@@ -46,7 +47,7 @@ class Info(SceneOptions):
 
     def _print_objects(self, file: Path) -> None:
         scene = self.load_scene(file)
-        print(f"{file}: {scene.up} up, {len(scene)} objects, {scene.triangle_count} triangles")
+        print(f"{file}: {scene.up} up, {counted(len(scene), 'object')}, {counted(scene.triangle_count, 'triangle')}")
         print(describe(scene))
         rows = []
         for item in scene:
@@ -75,7 +76,7 @@ def describe(scene: Scene) -> str:
     lines = [
         f"spans   {' x '.join(f'{side:.4g}' for side in size)} m, from {_numbers(low)} to {_numbers(high)}",
         f"labels  {', '.join(f'{name} {count}' for name, count in labels.most_common())}",
-        f"memory  about {memory / 1e6:.3g} MB with its trees",
+        f"memory  {f'about {memory / 1e6:.3g}' if memory >= 1e5 else 'less than 0.1'} MB with its trees",
     ]
     if looks_like_millimetres(size):
         scaled = " x ".join(f"{side / 1000:.3g}" for side in size)

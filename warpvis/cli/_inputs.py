@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from warpvis.core.checks import counted
 from warpvis.errors import CameraError, FileFormatError, PoseError, SceneError, WarpvisError
 
 if TYPE_CHECKING:
@@ -233,7 +234,8 @@ class FrameOptions(ViewpointOptions):
             raise SceneError("--movable has no effect without poses of objects: give --worlds")
         if placed and placed != len(scene.movable):
             raise PoseError(
-                f"the frames have poses of {placed} objects, and the scene has {len(scene.movable)} that are movable; "
+                f"the frames have poses of {counted(placed, 'object')}, and the scene has {len(scene.movable)} that "
+                "are movable; "
                 "--movable names them"
             )
         camera = self.choose_camera(frames)

@@ -17,6 +17,9 @@ def make_folder(path: Path) -> None:
     Raises:
         FileFormatError: It cannot be made.
     """
+    there = next((place for place in (path, *path.parents) if place.exists()), path)
+    if there.is_file():
+        raise FileFormatError(f"{there}: is a file; a folder is wanted")
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warpvis.core.checks import counted
+
 if TYPE_CHECKING:
     from warpvis.batch import FrameDataset
 
@@ -46,5 +48,5 @@ def write_pictures(dataset: FrameDataset, out: Path) -> str:
         save_preview(dataset.read("depth", index), out / PREVIEWS / f"{index:06d}.png", depth_range)
     names = [f"{index:06d}" for index in spread]
     save_contact_sheet([dataset.read("depth", index) for index in spread], names, out / SHEET, depth_range)
-    some = "" if count == len(first) else f" of the first {len(first)} frames"
+    some = "" if count == len(first) else f" of the first {counted(len(first), 'frame')}"
     return f"{out / PREVIEWS}{some}, {out / SHEET}"

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from warpvis.cli._output import make_folder
+from warpvis.core.checks import counted
 from warpvis.errors import FileFormatError, SceneError
 
 if TYPE_CHECKING:
@@ -38,8 +39,8 @@ def print_world(path: Path, *, search_path: Sequence[Path], strict: bool, labels
     from warpvis.webots import load_webots
 
     world = load_webots(path, search_path=search_path, strict=strict, labels=labels)
-    triangles = f"{world.scene.triangle_count} triangles"
-    print(f"{path}: {world.version}, {world.scene.up} up, {len(world.scene)} objects, {triangles}")
+    triangles = counted(world.scene.triangle_count, "triangle")
+    print(f"{path}: {world.version}, {world.scene.up} up, {counted(len(world.scene), 'object')}, {triangles}")
     print(world.tree)
     for name, device in world.devices.items():
         place = " ".join(f"{value:.4g}" for value in device.pose)
@@ -88,8 +89,10 @@ def render_world(
         if not quiet:
             print(f"{name}: {folder / 'depth.npz'}, {folder / 'depth' / '000000.png'}")
     if blind:
-        some = ", ".join(map(repr, blind))
-        warnings.warn(f"{len(blind)} of {len(names)} range finders see nothing in their range: {some}", stacklevel=2)
+        some, sees = ", ".join(map(repr, blind)), "sees" if len(blind) == 1 else "see"
+        warnings.warn(
+            f"{len(blind)} of {counted(len(names), 'range finder')} {sees} nothing in their range: {some}", stacklevel=2
+        )
     return len(blind) < len(names)
 
 

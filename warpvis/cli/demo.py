@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
+from warpvis.cli._output import make_folder
 from warpvis.core.types import DeviceLike
 from warpvis.errors import FileFormatError
 from warpvis.maps import FloorMap, classify, floor_map, plan_visibility
@@ -139,10 +140,7 @@ def run_demo(out: Path, *, device: DeviceLike = "cpu") -> dict[str, object]:
     Raises:
         FileFormatError: The folder cannot be written.
     """
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileFormatError(f"{out}: cannot be made a folder: {error.strerror}") from None
+    make_folder(out)
     results = [run_experiment(number, device=device) for number in range(1, len(EXPERIMENTS) + 1)]
     for result in results:
         experiment = result.experiment

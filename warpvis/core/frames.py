@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import FARTHEST, as_numpy
 from warpvis.core.camera import Camera, describe_pixels, require_camera, same_pixels
+from warpvis.core.checks import counted
 from warpvis.core.poses import (
     Convention,
     QuaternionOrder,
@@ -65,7 +66,8 @@ class Frames:
         if self.world_index is None:
             if worlds not in (1, count):
                 raise ArrayError(
-                    f"object_poses are of {worlds} worlds and there are {count} frames; give each frame's world_index"
+                    f"object_poses are of {counted(worlds, 'world')} for {counted(count, 'frame')}; "
+                    "give each frame's world_index"
                 )
             return
         _length(self.world_index, "world_index", (count,))
@@ -149,7 +151,8 @@ class Frames:
             worlds = _check_world(world_index, count, objects)
         elif objects is not None and len(objects) not in (1, count):
             raise ArrayError(
-                f"object_poses are of {len(objects)} worlds and there are {count} frames; give each frame's world_index"
+                f"object_poses are of {counted(len(objects), 'world')} for {counted(count, 'frame')}; "
+                "give each frame's world_index"
             )
         return cls(rows, _check_timestamps(timestamps, count), objects, worlds, _check_source(source), camera)
 

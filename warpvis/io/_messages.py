@@ -63,8 +63,8 @@ def to_image_msg(
         lost = count_lost(image, units)
         if lost:
             warnings.warn(
-                f"{lost} pixels have a depth that 16 bits of millimetres cannot hold (they hold 0.0005 to 65.5355 m), "
-                "and are 0, no depth",
+                "pixels have a depth that 16 bits of millimetres cannot hold (they hold 0.0005 to 65.5355 m), "
+                f"and are 0, no depth: {lost} in all",
                 stacklevel=2,
             )
         pixels = np.ascontiguousarray(units, dtype="<u2")

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from warpvis.core.arrays import as_numpy, as_warp, check_metres, check_out, empty, on_gpu
 from warpvis.core.camera import Camera
+from warpvis.core.checks import counted
 from warpvis.core.depth_images import read_depth
 from warpvis.core.labels import Label, LabelNames
 from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, to_xyzw
@@ -228,7 +229,9 @@ def _read_images(
     depth = read_depth(depth, camera, device)
     poses = parse_poses(camera_to_world, convention=convention, device=depth.device)
     if len(poses) != len(depth):
-        raise ArrayError(f"depth has {len(depth)} views and camera_to_world has {len(poses)}; give one pose a view")
+        raise ArrayError(
+            f"depth has {counted(len(depth), 'view')} and camera_to_world has {len(poses)}; give one pose a view"
+        )
     return depth, poses
 
 

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from warpvis.core.arrays import as_numpy, check_metres, empty
 from warpvis.core.camera import Camera
+from warpvis.core.checks import counted
 from warpvis.core.depth_images import read_depth, read_labels
 from warpvis.core.kernel_cache import launch
 from warpvis.core.labels import Label, LabelNames
@@ -106,7 +107,9 @@ def voxel_map(
     device = images.device
     poses = parse_poses(camera_to_world, convention=convention, device=device)
     if len(poses) != len(images):
-        raise ArrayError(f"depth has {len(images)} views and camera_to_world has {len(poses)}; give one pose a view")
+        raise ArrayError(
+            f"depth has {counted(len(images), 'view')} and camera_to_world has {len(poses)}; give one pose a view"
+        )
     pixel_labels = None if labels is None else read_labels(labels, images.shape, device)
     given: Iterable[Label | int | str] = (Label.GROUND,) if ground_labels is None else ground_labels
     _, ground = read_classes(label_names, given)

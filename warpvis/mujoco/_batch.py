@@ -416,7 +416,7 @@ class BatchRenderer:
     def _chosen_worlds(self, worlds: ArrayLike | None, count: int) -> NDArray[np.int32]:
         """Check which of so many worlds are to be rendered."""
         if self.nworld not in (None, count):
-            raise ArrayError(f"poses must be of nworld = {self.nworld} worlds, got {count}")
+            raise ArrayError(f"poses must be of as many worlds as nworld says, {self.nworld}, got {count}")
         return check_worlds(worlds, count)
 
     def __getstate__(self) -> dict[str, Any]:

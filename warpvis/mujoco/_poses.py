@@ -16,7 +16,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, as_warp
-from warpvis.core.checks import as_items, is_whole
+from warpvis.core.checks import as_items, counted, is_whole
 from warpvis.core.kernel_cache import launch
 from warpvis.core.threads import check_threads, run_each
 from warpvis.core.types import ArrayInput
@@ -270,7 +270,9 @@ class Kinematics:
             if value is not None:
                 parts[name] = _check_rows(value, (self._model.nmocap, size), name)
                 if len(parts[name]) != len(rows):
-                    raise ArrayError(f"{name} must be of {len(rows)} worlds as qpos is, got {len(parts[name])}")
+                    raise ArrayError(
+                        f"{name} must be of {counted(len(rows), 'world')} as qpos is, got {len(parts[name])}"
+                    )
 
         def place(data: mujoco.MjData, world: int) -> None:
             for name, values in parts.items():
@@ -415,5 +417,7 @@ def _check_rows(values: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray
         raise ArrayError(f"{name} must have shape ({wanted}), got {rows.shape}")
     bad = np.flatnonzero(~np.isfinite(rows).all(axis=tuple(range(1, rows.ndim))))
     if len(bad):
-        raise ArrayError(f"{name} must be finite: not so in {len(bad)} of {len(rows)} worlds, the first {bad[0]}")
+        raise ArrayError(
+            f"{name} must be finite: not so in {len(bad)} of {counted(len(rows), 'world')}, the first {bad[0]}"
+        )
     return rows

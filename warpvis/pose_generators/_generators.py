@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import FARTHEST, as_numpy, as_point, check_metres
-from warpvis.core.checks import check_whole, is_number
+from warpvis.core.checks import check_whole, counted, is_number
 from warpvis.core.poses import check_up
 from warpvis.core.types import Excluded
 from warpvis.errors import ArrayError, PoseError
@@ -261,7 +261,7 @@ def along(
     lengths = np.linalg.norm(steps, axis=1)
     moving = lengths > 0
     if not moving.any():
-        raise ArrayError(f"path must have a length, and its {len(points)} points are one")
+        raise ArrayError(f"path must have a length, and all its points ({len(points)}) are one")
     begins, steps, lengths = points[:-1][moving], steps[moving], lengths[moving]
     at = np.concatenate([[0], np.cumsum(lengths)])
     ways = np.linspace(0, at[-1], count)
@@ -313,7 +313,9 @@ def _draw(
             if judge is not None:
                 what = f"are {judge.clearance} m from all surfaces and not inside of closed objects"
             box = " to ".join(" ".join(f"{value:g}" for value in corner) for corner in (low, high))
-            raise PoseError(f"there is no room for {count} cameras from {box}: of {tried} random places, {have} {what}")
+            raise PoseError(
+                f"there is no room for {counted(count, 'camera')} from {box}: of {tried} random places, {have} {what}"
+            )
         size = math.ceil((count - have) * tried / max(have, 1))
     return np.concatenate(good)[:count]
 

@@ -15,7 +15,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import FARTHEST, get_device
-from warpvis.core.checks import check_flag, said_by
+from warpvis.core.checks import check_flag, counted, said_by
 from warpvis.core.label_rules import LabelInput, LabelPatterns, LabelRules
 from warpvis.core.labels import Label
 from warpvis.core.poses import QuaternionOrder, check_quaternion, check_up, poses_to_matrices, read_pose
@@ -334,7 +334,8 @@ class Scene(SceneClasses, SceneTrees):
         return name in self._index
 
     def __repr__(self) -> str:
-        return f"Scene({len(self)} objects, {self.triangle_count} triangles, device={str(self.device)!r})"
+        holds = f"{counted(len(self), 'object')}, {counted(self.triangle_count, 'triangle')}"
+        return f"Scene({holds}, device={str(self.device)!r})"
 
     def to(self, device: DeviceLike) -> Scene:
         """Return the same scene for another device."""

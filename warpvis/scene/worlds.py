@@ -13,6 +13,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_numpy, as_warp, on_gpu, surely_finite
+from warpvis.core.checks import counted
 from warpvis.core.kernel_cache import launch
 from warpvis.core.poses import not_unit, wrong_length
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, ObjectScales, PoseLike
@@ -63,7 +64,9 @@ def parse_worlds(
         worlds.world = _parse_world(world_index, views, count, scene.device)
     elif count not in (1, views):
         given = "object_scales" if repeated > 1 else "object_poses"
-        raise ArrayError(f"{given} are of {count} worlds and there are {views} views; say world_index= of each view")
+        raise ArrayError(
+            f"{given} are of {counted(count, 'world')} for {counted(views, 'view')}; say world_index= of each view"
+        )
     exclude = (exclude,) if isinstance(exclude, str) else exclude
     if exclude is not None and not _is_empty(exclude):
         worlds.excluded = _parse_exclude(scene, views, exclude)

@@ -15,7 +15,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.camera import Camera
-from warpvis.core.checks import check_text
+from warpvis.core.checks import check_text, counted
 from warpvis.core.labels import Label
 from warpvis.core.poses import QuaternionOrder, poses_to_matrices, to_xyzw
 from warpvis.core.types import ObjectPoses
@@ -242,7 +242,7 @@ def _draw_legend(axes: Axes, shown: Shown, proposed: bool) -> None:
         names = [shown.scene.objects[index].name for index, its in shown.states.items() if its == state]
         text = f"{word}: {', '.join(names) or 'nothing'}"
         if len(text) > _LEGEND_WIDTH:
-            text = textwrap.shorten(f"{word}: {len(names)} objects", _LEGEND_WIDTH, placeholder=" ...")
+            text = textwrap.shorten(f"{word}: {counted(len(names), 'object')}", _LEGEND_WIDTH, placeholder=" ...")
         handles.append(Patch(facecolor=np.array(STATE_COLORS[state]) / 255, edgecolor="black", label=text))
     greys = {
         "seen ground": GREYS[Label.GROUND],

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import FARTHEST
+from warpvis.core.checks import counted
 from warpvis.errors import FileFormatError
 from warpvis.scene import keep_winding
 from warpvis.webots._depth_cameras import DEPTH_CAMERAS, expand_depth_camera
@@ -358,7 +359,7 @@ class Reader:
         for depth, text, solid in self._lines:
             if solid is not None and solid.parts:
                 count = sum(len(faces) for _, faces in solid.parts)
-                text += f": object {', '.join(map(repr, names[solid]))}, {count} triangles"
+                text += f": object {', '.join(map(repr, names[solid]))}, {counted(count, 'triangle')}"
             lines.append("  " * depth + text)
         return "\n".join(lines)
 

@@ -22,7 +22,7 @@ from warpvis.batch.reading._pictures import BopReader, ColmapReader, PngReader, 
 from warpvis.batch.reading._shards import NpzReader, ShardReader, ZarrReader
 from warpvis.batch.storage._stores import Store, open_store
 from warpvis.core.camera import Camera
-from warpvis.core.checks import as_items, is_whole, said_by
+from warpvis.core.checks import as_items, counted, is_whole, said_by
 from warpvis.core.frames import Frames
 from warpvis.core.labels import LabelNames
 from warpvis.core.poses import poses_to_matrices
@@ -275,7 +275,8 @@ class FrameDataset:
 
     def __repr__(self) -> str:
         state = "" if self.complete else f" of {self._job.frames}, unfinished"
-        return f"<FrameDataset {self._store.name}: {len(self)} frames{state}, {self.format}: {', '.join(self.outputs)}>"
+        frames = counted(len(self), "frame")
+        return f"<FrameDataset {self._store.name}: {frames}{state}, {self.format}: {', '.join(self.outputs)}>"
 
 
 _BESIDE = ("camera_to_world", "K", "distortion", "timestamp", "frame")
@@ -336,7 +337,10 @@ def _read_poses(store: Store, job: Job) -> Frames:
     except Exception as error:  # whatever NumPy and zipfile raise for what is no such file
         raise FileFormatError(f"{store.name}: {POSES} is missing or damaged: {said_by(error)}") from None
     if len(frames) != job.frames:
-        raise FileFormatError(f"{store.name}: {POSES} has {len(frames)} poses, and there should be {job.frames} frames")
+        raise FileFormatError(
+            f"{store.name}: {POSES} has {counted(len(frames), 'pose')}, and there should be "
+            f"{counted(job.frames, 'frame')}"
+        )
     return frames
 
 

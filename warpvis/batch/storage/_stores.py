@@ -285,6 +285,7 @@ def open_store(out: str | os.PathLike[str]) -> Store:
     if not is_local(text):
         return RemoteStore(text)
     path = as_path(text.removeprefix("file://"), "out")
-    if path.exists() and not path.is_dir():
-        raise FileFormatError(f"{path}: is a file; a dataset needs a folder")
+    there = next((place for place in (path, *path.parents) if place.exists()), path)
+    if there.exists() and not there.is_dir():
+        raise FileFormatError(f"{there}: is a file; a dataset needs a folder")
     return LocalStore(path)

@@ -23,6 +23,20 @@ from warpvis.io.poses._nerfstudio import parse_nerfstudio
 from warpvis.io.poses._tables import read_csv, read_parquet
 from warpvis.io.poses._tum import read_poses
 
+# Where a folder's poses are, of one kind a line; the first of a line that is there is read.
+_IN_FOLDERS = (
+    (
+        "images.bin",
+        "images.txt",
+        "sparse/0/images.bin",
+        "sparse/0/images.txt",
+        "sparse/images.bin",
+        "sparse/images.txt",
+    ),
+    ("transforms.json",),
+    ("scene_camera.json",),
+)
+
 PoseFormat = Literal["tum", "npy", "npz", "csv", "parquet", "nerfstudio", "bop", "colmap", "ros"]
 
 _SUFFIXES: dict[str, PoseFormat] = {
@@ -66,7 +80,7 @@ def read_frames(
     `Frames.camera`, without a range.
 
     Args:
-        path: The file, or the folder of a ROS 2 bag.
+        path: The file, or the folder of a ROS 2 bag, or one that holds a file of COLMAP, nerfstudio or BOP.
         convention: Axes of the camera frame that the poses are for. By default the format's: ``"opengl"`` for
             nerfstudio; for ROS ``"opencv"`` where the frame's name ends in ``_optical_frame`` and ``"ros_body"``
             elsewhere; ``"opencv"`` for every other.
@@ -93,8 +107,29 @@ def read_frames(
         raise FileFormatError(f"{path}: no such file")
     if quaternion != "xyzw" and not leaves_order_open(path, file_format):
         raise FileFormatError(f"{path}: quaternion= is for .npy and .npz: other formats say what their order is")
+    if path.is_dir() and file_format != "ros" and not (path / "metadata.yaml").is_file():
+        path = _file_in(path)
     kind, poses = _read(path, file_format, topic)
     return poses.to_frames(path, kind, convention, quaternion)
+
+
+def _file_in(folder: Path) -> Path:
+    """Find the one file of poses that a folder of COLMAP, nerfstudio or BOP holds.
+
+    Raises:
+        FileFormatError: There is none, or there are several.
+    """
+    kinds = [[folder / name for name in names if (folder / name).is_file()] for names in _IN_FOLDERS]
+    found = [files[0] for files in kinds if files]
+    if len(found) > 1:
+        names = " and ".join(file.relative_to(folder).as_posix() for file in found)
+        raise FileFormatError(f"{folder}: holds {names}; give one of them")
+    if not found:
+        raise FileFormatError(
+            f"{folder}: is a folder without poses: it holds no metadata.yaml (a ROS 2 bag), images.txt or images.bin "
+            "(COLMAP, also in sparse/0), transforms.json or scene_camera.json; give a pose file"
+        )
+    return found[0]
 
 
 def leaves_order_open(path: Path, file_format: PoseFormat | None = None) -> bool:

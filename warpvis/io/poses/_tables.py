@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import said_by
+from warpvis.core.checks import counted, said_by
 from warpvis.errors import FileFormatError
 from warpvis.io._files import read_lines, shorten
 from warpvis.io.poses._file_poses import FilePoses
@@ -55,7 +55,7 @@ def read_csv(path: Path) -> FilePoses:
             elif not words[0].lstrip().startswith("#"):
                 if len(words) != width:
                     raise FileFormatError(
-                        f"{place}: expected {width} values, as there are column names, got {len(words)}"
+                        f"{place}: expected {counted(width, 'value')}, as there are column names, got {len(words)}"
                     )
                 rows.append([_parse_number(words[column], place) for column in columns.values()])
                 numbers.append(reader.line_num)
