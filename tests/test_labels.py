@@ -19,6 +19,8 @@ import warpvis as wv
 from warpvis.core.label_rules import LabelRules
 from warpvis.core.labels import LabelNames
 from warpvis.mujoco import BatchRenderer, Renderer, scene_from_mujoco
+from warpvis.viz._perspective import _floor_map
+from warpvis.viz._states import GREYS, STATE_COLORS, Shown
 from warpvis.webots import load_webots
 
 import reference
@@ -316,13 +318,12 @@ def test_pictures_show_the_classes_that_are_there(tmp_path):
     text = (tmp_path / "map.svg").read_text()
     assert "<!-- moving-car -->" in text
     assert "visible ground" not in text
-    wv.viz.save_labels(np.arange(256).reshape(16, 16), tmp_path / "all.png")
     for bad in (labels[None], labels + 0.5, labels.astype(int) * 9, labels[:0]):
         with pytest.raises(wv.errors.ArrayError, match="labels must "):
             wv.viz.save_labels(bad, tmp_path / "bad.png")
 
 
-def test_perspectives_know_classes(tmp_path):
+def test_perspectives_know_classes():
     """Ground of one's own gets no state, and what has another class of one's own does, where it is asked for."""
     scene = street(ground_labels=("road", "sidewalk"))
     eyes = {"robot": (-2.5, -1, 1.2), "human": (2.5, 1, 1.6)}
@@ -336,10 +337,14 @@ def test_perspectives_know_classes(tmp_path):
     assert not seen.candidates("human")
     assert [item["label"] for item in seen.report()["objects"]] == ["road", "sidewalk", "moving-car", "label 77"]
     assert "moving-car" in seen.table()
-    wv.viz.save_perspective(scene, agents, seen, tmp_path / "all.svg", labels=None)
-    text = (tmp_path / "all.svg").read_text()
-    assert "car_0" in text
-    assert "road_0" not in text
+    shown = Shown.of(scene, agents, seen, 0, None, None)
+    assert set(shown.states) == {scene.index("car_0"), scene.index("thing")}
+    plan = _floor_map(shown, agents[1])
+    colors = np.unique(plan.colors.reshape(-1, 3), axis=0)
+    both = np.array(STATE_COLORS[wv.visibility.State.BOTH]) / 255
+    for color in ([GREYS[wv.Label.GROUND]] * 3, both):
+        assert np.isclose(colors, color).all(axis=1).any()
+    assert not np.isclose(colors, GREYS[wv.Label.OBSTACLE]).all(axis=1).any()
     assert len(wv.planning.surface_samples(scene, spacing=0.2, labels="road")) > 50
     with pytest.raises(wv.errors.SceneError, match="the scene has no object labelled GROUND"):
         wv.planning.surface_samples(scene, labels=[1])
