@@ -127,6 +127,10 @@ def top_cases(folder):
             {"mesh": MESH, "name": "new", "label": "human", "pose": POSE, "scale": 2.0, "movable": False},
         ),
         "Scene.add, attached": (lambda **given: scene().add(MESH, **given), {"attach_to": "cart"}),
+        "Scene.add_instances": (
+            lambda **given: scene().add_instances(**given),
+            {"mesh": MESH, "poses": [POSE], "names": "new", "label": "human", "scale": 2.0},
+        ),
         "Scene.update_vertices": (
             lambda **given: scene().update_vertices(**given),
             {"name": "cart", "vertices": np.zeros((8, 3))},

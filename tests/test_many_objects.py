@@ -157,3 +157,45 @@ def test_meshes_are_forgotten_with_their_arrays():
         scene.add((np.array(box.vertices), np.array(box.faces)), movable=True)
     gc.collect()  # trimesh's meshes are in circles
     assert len(scene._meshes._known) == 1  # that of the last box, which is alive
+
+
+@pytest.mark.parametrize("mesh", [trimesh.creation.icosphere(subdivisions=1, radius=0.3), solids.sphere(0.3)])
+def test_instances_are_what_adding_one_by_one_makes(mesh, device):
+    many, one_by_one = wv.Scene(device=device), wv.Scene(device=device)
+    for scene in (many, one_by_one):
+        scene.add(trimesh.creation.box((9, 9, 0.1)), name="floor")
+    rows = grid(20)
+    assert many.add_instances(mesh, rows, names="ball", label="object", scale=1.5) == range(1, 21)
+    for number, row in enumerate(rows):
+        one_by_one.add(mesh, pose=row, name=f"ball_{number}", label="object", scale=1.5, movable=True)
+    assert [item.name for item in many] == [item.name for item in one_by_one]
+    assert many.movable == one_by_one.movable == tuple(range(1, 21))
+    outputs = ("depth", "labels", "segmentation")
+    views, others = (wv.render(scene, CAMERA, POSE, outputs=outputs) for scene in (many, one_by_one))
+    for name in outputs:
+        np.testing.assert_array_equal(getattr(views, name).numpy(), getattr(others, name).numpy())
+    assert many["ball_3"].faces is many["ball_4"].faces
+    assert many.add_instances(mesh, np.zeros((0, 7))) == range(21, 21)
+    assert many.add_instances(mesh, rows[:2, [0, 1, 2, 6, 3, 4, 5]], quaternion="wxyz") == range(21, 23)
+    np.testing.assert_array_equal(many["object_22"].pose, many["ball_1"].pose)
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (["a", "b"], "names must be one for each of 3 poses, got 2"),
+        (["a", "b", "a"], "names must be different, got 'a' 2 times"),
+        (["a", "b", "floor"], "already has an object named 'floor'"),
+        (7, "names must be a list, got 7"),
+    ],
+)
+def test_names_of_instances(names, message):
+    scene, box = wv.Scene(), trimesh.creation.box()
+    scene.add(box, name="floor")
+    with pytest.raises(wv.errors.SceneError, match=message):
+        scene.add_instances(box, grid(3), names=names)
+    with pytest.raises(wv.errors.PoseError, match="poses must be finite"):
+        scene.add_instances(box, np.full((3, 7), np.nan))
+    with pytest.raises(wv.errors.SceneError, match="within 1e18 m"):
+        scene.add_instances(box, np.array([[0, 0, 1e19, 0, 0, 0, 1]]))
+    assert len(scene) == 1

@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 import weakref
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -12,7 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.core.arrays import FARTHEST
+from warpvis.core.checks import as_items
+from warpvis.core.poses import poses_to_matrices
 from warpvis.core.types import MeshLike
+from warpvis.errors import SceneError
 from warpvis.scene._object import check_mesh
 
 # Larger meshes are not added many times, and to remember them takes memory.
@@ -37,6 +43,22 @@ class SharedMesh:
     def reach(self) -> float:
         """The most that a coordinate of a corner may be, however the mesh is turned [m]."""
         return float(np.sqrt(3.0) * np.abs(self.vertices).max())
+
+    def placed(self, row: NDArray[np.float64] | None, name: str) -> NDArray[np.float64]:
+        """Return the corners in the world, of an object at a pose; a `SceneError` if they are too far away."""
+        placed = self.vertices
+        if row is not None:
+            matrix = poses_to_matrices(row)
+            placed = placed @ matrix[:3, :3].T + matrix[:3, 3]
+        if np.abs(placed).max() > FARTHEST:
+            raise SceneError(f"vertices of {name!r} must lie within 1e18 m of the origin")
+        return placed
+
+    def check_reach(self, rows: NDArray[np.float32], name: str) -> None:
+        """Raise a `SceneError` if a corner of objects at poses, ``(n, 7)``, is too far away."""
+        if self.reach + np.abs(rows[:, :3]).max(initial=0) > FARTHEST:
+            for row in rows:
+                self.placed(row.astype(np.float64), name)
 
 
 class SharedMeshes:
@@ -88,6 +110,29 @@ class _Known(NamedTuple):
         if hashes:
             return hashes == self.hashes
         return np.array_equal(arrays[0] * factors, self.mesh.vertices) and np.array_equal(arrays[1], self.mesh.faces)
+
+
+def instance_names(names: str | Sequence[str] | None, indices: range, taken: Mapping[str, int]) -> list[str]:
+    """Name objects by their indices, by what their names begin with, or as they are called.
+
+    Raises:
+        SceneError: A name is taken, or there are more or fewer of them than objects.
+    """
+    if names is None:
+        chosen = [f"object_{index}" for index in indices]
+    elif isinstance(names, str):
+        chosen = [f"{names}_{number}" for number in range(len(indices))]
+    else:
+        chosen = [str(name) for name in as_items(names, "names", SceneError)]
+        if len(chosen) != len(indices):
+            raise SceneError(f"names must be one for each of {len(indices)} poses, got {len(chosen)}")
+    taken_already = next((name for name in chosen if name in taken), None)
+    if taken_already is not None:
+        raise SceneError(f"the scene already has an object named {taken_already!r}; give other names")
+    if len(set(chosen)) < len(chosen):
+        name, times = Counter(chosen).most_common(1)[0]
+        raise SceneError(f"names must be different, got {name!r} {times} times")
+    return chosen
 
 
 def _arrays(mesh: MeshLike) -> tuple[np.ndarray, np.ndarray] | None:

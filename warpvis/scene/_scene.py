@@ -14,15 +14,23 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.arrays import FARTHEST, get_device
+from warpvis.core.arrays import get_device
 from warpvis.core.checks import check_flag, counted, said_by
 from warpvis.core.label_rules import LabelInput, LabelPatterns, LabelRules
 from warpvis.core.labels import Label
-from warpvis.core.poses import QuaternionOrder, check_quaternion, check_up, poses_to_matrices, read_pose
+from warpvis.core.poses import (
+    QuaternionOrder,
+    check_quaternion,
+    check_up,
+    poses_to_matrices,
+    poses_to_opencv,
+    read_pose,
+    to_xyzw,
+)
 from warpvis.core.types import ArrayInput, DeviceLike, MeshLike
 from warpvis.errors import FileFormatError, SceneError, WarpvisError
 from warpvis.scene._classes import SceneClasses
-from warpvis.scene._meshes import SharedMesh, SharedMeshes
+from warpvis.scene._meshes import SharedMeshes, instance_names
 from warpvis.scene._object import SceneObject, as_it_is, by_itself, check_scale
 from warpvis.scene._trees import SceneTrees
 from warpvis.scene.solids import Solid
@@ -177,13 +185,12 @@ class Scene(SceneClasses, SceneTrees):
         row = None if pose is None else read_pose(pose, quaternion, name=f"pose of {name!r}")
         number = self._label_names.number(label)
         if attach_to is not None or not movable:
-            placed = _place(shared, row, name)
+            placed = shared.placed(row, name)
             frame = {} if attach_to is None else self._attach(attach_to, mesh, name, placed)
             item = SceneObject(name, number, placed.astype(np.float32), shared.faces, **frame)
         else:
-            if shared.reach + (0.0 if row is None else np.abs(row[:3]).max()) > FARTHEST:
-                _place(shared, row, name)  # raises if any vertex is too far
             pose = (_IDENTITY if row is None else row).astype(np.float32)
+            shared.check_reach(pose[None], name)
             solid = mesh.scaled(check_scale(scale, name)) if isinstance(mesh, Solid) else None
             item = SceneObject.placed(name, number, (shared.rounded, shared.faces), pose, solid)
         self._objects.append(item)
@@ -191,6 +198,53 @@ class Scene(SceneClasses, SceneTrees):
         self._movable += [index] if movable and attach_to is None else []
         self._forget()
         return index
+
+    def add_instances(
+        self,
+        mesh: MeshLike,
+        poses: ArrayInput,
+        *,
+        names: str | Sequence[str] | None = None,
+        label: Label | int | str = Label.OBSTACLE,
+        quaternion: QuaternionOrder = "xyzw",
+        scale: float | ArrayLike = 1.0,
+    ) -> range:
+        """Add many movable objects of one mesh, which share its memory and its tree.
+
+        Args:
+            mesh: As for `add`.
+            poses: Object to world, rows ``x y z qx qy qz qw``, shape ``(n, 7)``, or matrices ``(n, 4, 4)``.
+            names: One for each, or what they begin with: ``"chair"`` makes ``chair_0``, ``chair_1``, ...; by default
+                ``object_``, and their indices.
+            label: As for `add`, of all.
+            quaternion: Order of the quaternions in rows of 7 numbers, ``"xyzw"`` or ``"wxyz"``.
+            scale: As for `add`, of all.
+
+        Returns:
+            Their indices, in the order of the poses.
+
+        Raises:
+            SceneError: The mesh is empty or malformed, or a name is taken.
+            PoseError: The poses are not poses.
+        """
+        check_quaternion(quaternion)
+        rows = poses_to_opencv(to_xyzw(poses, quaternion, "poses"), name="poses").astype(np.float32)
+        indices = range(len(self._objects), len(self._objects) + len(rows))
+        chosen = instance_names(names, indices, self._index)
+        what = chosen[0] if chosen else "instances"
+        factors = check_scale(scale, what)
+        shared = self._meshes.get(mesh, factors, what)
+        shared.check_reach(rows, what)
+        number = self._label_names.number(label)
+        solid = mesh.scaled(factors) if isinstance(mesh, Solid) else None
+        arrays = shared.rounded, shared.faces
+        self._objects += [
+            SceneObject.placed(name, number, arrays, row, solid) for name, row in zip(chosen, rows, strict=True)
+        ]
+        self._index.update(zip(chosen, indices, strict=True))
+        self._movable += indices
+        self._forget()
+        return indices
 
     def _free_name(self) -> str:
         """Find the first of ``object_0``, ``object_1``, ..., from the number of objects on, that no object has."""
@@ -403,17 +457,6 @@ class Scene(SceneClasses, SceneTrees):
                     return apart  # a replayed CUDA graph may deform them again, and nobody here would know
                 self._apart = apart
             return self._apart
-
-
-def _place(mesh: SharedMesh, row: NDArray[np.float64] | None, name: str) -> NDArray[np.float64]:
-    """Return an object's vertices in the world; a `SceneError` if they are too far away for single precision."""
-    placed = mesh.vertices
-    if row is not None:
-        matrix = poses_to_matrices(row)
-        placed = placed @ matrix[:3, :3].T + matrix[:3, 3]
-    if np.abs(placed).max() > FARTHEST:
-        raise SceneError(f"vertices of {name!r} must lie within 1e18 m of the origin")
-    return placed
 
 
 def require_scene(scene: object) -> Scene:
