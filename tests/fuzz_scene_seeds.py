@@ -80,6 +80,7 @@ def meshes(root: Path) -> Iterator[Item]:
 
 
 def gltf(root: Path) -> Iterator[Item]:
+    from test_gltf_rest import FIRST, WHOLE, skinned
     from test_mesh_files import car, draco_file, meshopt_file
 
     scene = trimesh.Scene([_BOX, _BALL])
@@ -91,7 +92,7 @@ def gltf(root: Path) -> Iterator[Item]:
         (_see_file("model.gltf")),
     )
     yield "glTF", {"a.gltf": _embedded(plain)}, (), _see_file("a.gltf")
-    for data in (car(), scene.export(file_type="glb"), _varied().bytes()):
+    for data in (car(), scene.export(file_type="glb"), _varied().bytes(), skinned(FIRST, WHOLE).bytes(roots=[0, 2])):
         yield "GLB", {"a.glb": data}, (), _see_file("a.glb")
     yield "GLB, Draco", {"a.glb": draco_file(_BALL)}, (), _see_file("a.glb")
     for mesh_filter in (None, "EXPONENTIAL"):
@@ -106,7 +107,7 @@ def _embedded(files: dict[str, bytes]) -> str:
 
 
 def _varied():
-    """Strips, fans, sparse and normalized accessors, and nodes of every placement."""
+    """Strips, fans, sparse and normalized accessors, morph targets, instances, and nodes of every placement."""
     from gltf_files import GltfWriter
 
     writer = GltfWriter(extensionsUsed=["KHR_mesh_quantization"])
@@ -121,7 +122,16 @@ def _varied():
         "indices": {"bufferView": places, "componentType": 5121},
         "values": {"bufferView": values},
     }
-    leaf = writer.node(strip, fan, {"attributes": {"POSITION": sparse}, "mode": 5}, extras={"label": "human"})
+    strip["targets"] = [{"POSITION": whole}, {"POSITION": sparse}]
+    many = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": whole, "SCALE": sparse}}}
+    leaf = writer.node(
+        strip,
+        fan,
+        {"attributes": {"POSITION": sparse}, "mode": 5},
+        extras={"label": "human"},
+        weights=[0.5, 1],
+        extensions=many,
+    )
     turned = writer.node(children=[leaf], rotation=[0, 0, 0.6, 0.8], translation=[1, 2, 3], scale=[1, -1, 2])
     writer.node(children=[turned], matrix=np.diag([2.0, 1, 1, 1]).ravel().tolist())
     return writer
