@@ -51,6 +51,7 @@ def _see_world(name: str, *search_path: str) -> Callable[[Path], None]:
 
 
 def meshes(root: Path) -> Iterator[Item]:
+    from test_damaged_files import ply
     from test_mesh_files import OBJ, SOLIDS, dae, threemf
 
     mtl = "newmtl red\nKd 1 0 0\nmap_Kd red.png\n"
@@ -69,6 +70,8 @@ def meshes(root: Path) -> Iterator[Item]:
         _BOX.export(file_type="ply", encoding="ascii"),
         colours.export(file_type="ply"),
         cloud,
+        ply("<", [(0, 1, 2, 3), (0, 1, 4), (0, 1, 5, 2, 3)]),
+        ply(">", [(0, 1, 2, 3), (0, 1, 4)], more="property uchar red\n", tail=b"\7"),
     ):
         yield "PLY", {"a.ply": data}, (), _see_file("a.ply")
     yield "OFF", {"a.off": _BOX.export(file_type="off")}, (), _see_file("a.off")

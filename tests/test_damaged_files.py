@@ -273,6 +273,52 @@ def test_ply_of_a_mac_of_old(tmp_path):
         assert len(read_points(path)) == 8
 
 
+def ply(order, faces, *, more="", after="", tail=b""):
+    """A binary PLY file of faces of any number of corners, and of what else a face has: a colour, a list of numbers."""
+    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [2, 2, 0]], order + "f4")
+    kind = {"<": "binary_little_endian", ">": "binary_big_endian"}[order]
+    head = f"ply\nformat {kind} 1.0\ncomment of a test\nelement vertex 6\n"
+    head += "".join(f"property float {axis}\n" for axis in "xyz") + f"element face {len(faces)}\n"
+    head += f"property list uchar uint vertex_indices\n{more}{after}end_header\n"
+    body = b"".join(bytes([len(face)]) + np.array(face, order + "u4").tobytes() + tail for face in faces)
+    return head.encode() + corners.tobytes() + body
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("more", ["", "property uchar red\n", "property list uchar float texcoord\n"])
+def test_ply_of_triangles_among_quads(tmp_path, order, more):
+    """As Blender and MeshLab write them; trimesh wants as many corners of each."""
+    tail = {"": b"", "property uchar red\n": b"\7"}.get(more, b"\1" + np.array([0.5], order + "f4").tobytes())
+    path = write(
+        tmp_path / "a.ply", ply(order, [(0, 1, 2, 3), (0, 1, 4), (0, 1, 5, 2, 3), (1, 2)], more=more, tail=tail)
+    )
+    scene = wv.Scene.load(path)
+    wanted = [(0, 1, 2), (0, 2, 3), (0, 1, 4), (0, 1, 5), (0, 5, 2), (0, 2, 3)]
+    (item,) = scene
+    assert [tuple(map(tuple, item.vertices[face])) for face in item.faces] == [
+        tuple(map(tuple, read_points(path)[list(face)])) for face in wanted
+    ]
+
+
+@pytest.mark.parametrize(
+    "file",
+    [
+        ply("<", [(0, 1, 2, 3), (0, 1, 4)])[:-2],
+        ply("<", [(0, 1, 2, 3), (0, 1, 9)]),
+        ply("<", [(0, 1, 2, 3), (0, 1, 4)]).replace(b"element face 2", b"element face 2000000000000"),
+        ply("<", [(0, 1, 2, 3), (0, 1, 4)])
+        .replace(b"list uchar", b"list char")
+        .replace(b"\4\0\0\0\0", b"\xfc\0\0\0\0"),
+        ply("<", [(0, 1, 2, 3), (0, 1, 4)]).replace(b"list uchar uint vertex_indices", b"float number"),
+        ply("<", [(0, 1, 2, 3), (0, 1, 4)]).replace(b"element vertex 6", b"element vertex 6000000000000"),
+    ],
+    ids=["cut off", "no vertex", "many faces", "fewer than none", "no list", "many vertices"],
+)
+def test_damaged_ply_of_triangles_among_quads(tmp_path, file):
+    path = write(tmp_path / "a.ply", file)
+    assert refusal(wv.Scene.load, path).startswith(f"{path}: ")
+
+
 def long_names(path):
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr(f"{LONG}.npy", b"")

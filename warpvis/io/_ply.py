@@ -1,15 +1,129 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What trimesh's reader of PLY files takes amiss, put right in the bytes before it reads them."""
+"""What trimesh's reader of PLY files takes amiss, put right in the bytes before it reads them.
+
+It wants headers with line ends of Unix, and binary faces that all have as many corners; Rhino writes those of a Mac of
+old, and Blender and MeshLab triangles among quads.
+"""
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 _END = b"\rend_header\r"
+_TYPES = {
+    **{name: code for names, code in (("char int8", "i1"), ("uchar uint8", "u1")) for name in names.split()},
+    **{name: code for names, code in (("short int16", "i2"), ("ushort uint16", "u2")) for name in names.split()},
+    **{name: code for names, code in (("int int32", "i4"), ("uint uint32", "u4")) for name in names.split()},
+    **{name: code for names, code in (("float float32", "f4"), ("double float64", "f8")) for name in names.split()},
+}
+_Element = tuple[str, int, list[list[str]]]
+"""Name, count, and the words of its properties."""
 
 
 def straighten_ply(file: bytes) -> bytes:
-    """Return a PLY file with line ends of Unix in its header, for those of a Mac of old, which Rhino writes."""
-    if not file.startswith(b"ply\r") or file.startswith(b"ply\r\n"):
+    """Return a PLY file that trimesh reads, where it is one that it does not; others, and what is none, as they are."""
+    if file.startswith(b"ply\r") and not file.startswith(b"ply\r\n"):
+        head, end, body = file.partition(_END)
+        file = (head + end).replace(b"\r", b"\n") + body if end else file
+    try:
+        return _with_triangles(file)
+    except (IndexError, KeyError, ValueError):  # trimesh says what is wrong
         return file
-    head, end, body = file.partition(_END)
-    return (head + end).replace(b"\r", b"\n") + body if end else file
+
+
+def _with_triangles(file: bytes) -> bytes:
+    """Make triangles of the faces of a binary file, if they have different numbers of corners; leave out the rest.
+
+    Raises:
+        ValueError: It is another file, or a damaged one; as do IndexError and KeyError say.
+    """
+    start = file.index(b"\n", file.index(b"end_header")) + 1
+    lines = [line.split() for line in file[:start].decode("ascii").splitlines()]
+    kind = next(words[1] for words in lines if words[0] == "format")
+    order = {"binary_little_endian": "<", "binary_big_endian": ">"}[kind]
+    elements = _elements(lines)
+    if [element[0] for element in elements[:2]] != ["vertex", "face"]:
+        return file
+    (_, vertices, scalars), (_, count, properties) = elements[:2]
+    place = start + vertices * sum(np.dtype(_TYPES[code]).itemsize for _, code, _ in scalars)
+    layout = [_Property(words, order) for words in properties]
+    if _are_alike(file, place, count, layout):
+        return file
+    corners = [face for face in _corners(file, place, count, layout) if len(face) > 2]
+    fans = [np.stack([np.broadcast_to(face[:1], len(face) - 2), face[1:-1], face[2:]], axis=1) for face in corners]
+    triangles = np.concatenate([np.zeros((0, 3), dtype=np.int64), *fans])
+    rows = np.zeros(len(triangles), dtype=[("count", "u1"), ("corners", order + "i4", 3)])
+    rows["count"], rows["corners"] = 3, triangles
+    head = ["ply", f"format {kind} 1.0", f"element vertex {vertices}"]
+    head += [f"property {code} {name}" for _, code, name in scalars]
+    head += [f"element face {len(rows)}", "property list uchar int vertex_indices", "end_header\n"]
+    return "\n".join(head).encode() + file[start:place] + rows.tobytes()
+
+
+class _Property:
+    """A number or a list of a face."""
+
+    def __init__(self, words: list[str], order: str) -> None:
+        self.is_list = words[1] == "list"
+        kinds = [np.dtype(order + _TYPES[word]) for word in words[1:-1] if word != "list"]
+        self.first, self.items = kinds[0], kinds[-1]
+        self.is_corners = words[-1] in ("vertex_indices", "vertex_index")
+
+
+def _elements(lines: list[list[str]]) -> list[_Element]:
+    found: list[_Element] = []
+    for words in lines:
+        if words[0] == "element":
+            found.append((words[1], int(words[2]), []))
+        elif words[0] == "property":
+            found[-1][2].append(words)
+    return found
+
+
+def _are_alike(file: bytes, place: int, count: int, layout: list[_Property]) -> bool:
+    """Tell whether all faces have as many corners as the first, and lists as long, or no corners at all.
+
+    Raises:
+        ValueError: The file is too short.
+    """
+    if not count or not any(item.is_list and item.is_corners for item in layout):
+        return True
+    fields, lengths, end = [], {}, place
+    for number, item in enumerate(layout):
+        if not item.is_list:
+            fields.append((f"value_{number}", item.first, (1,)))
+            end += item.first.itemsize
+            continue
+        length = max(0, int(np.frombuffer(file, item.first, 1, end)[0]))
+        lengths[f"length_{number}"] = length
+        fields += [(f"length_{number}", item.first, (1,)), (f"items_{number}", item.items, (length,))]
+        end += item.first.itemsize + length * item.items.itemsize
+    row = np.dtype(fields)
+    if place + count * row.itemsize > len(file):
+        return False
+    rows = np.frombuffer(file, row, count, place)
+    return all(bool((rows[name] == length).all()) for name, length in lengths.items())
+
+
+def _corners(file: bytes, place: int, count: int, layout: list[_Property]) -> list[NDArray[np.int64]]:
+    """Read the corners of each face, one after the other: where one ends, the next begins.
+
+    Raises:
+        ValueError: The file is too short, or a list has fewer items than none.
+    """
+    faces = []
+    for _ in range(count):
+        for item in layout:
+            if not item.is_list:
+                place += item.first.itemsize
+                continue
+            length = int(np.frombuffer(file, item.first, 1, place)[0])
+            if length < 0:
+                raise ValueError
+            place += item.first.itemsize
+            if item.is_corners:
+                faces.append(np.frombuffer(file, item.items, length, place).astype(np.int64))
+            place += length * item.items.itemsize
+    return faces
