@@ -95,6 +95,7 @@ def _worlds(folder):
         "gripper": trimesh.creation.box((0.2, 0.1, 0.1)),
         "finger": trimesh.creation.box((0.02, 0.02, 0.1)),
         "finger_pose": (0, 0, 0.1, 0, 0, 0, 1),
+        "cube_poses": np.random.default_rng(0).uniform(size=(20, 7)) * [1, 1, 1, 0, 0, 0, 0] + [0, 0, 0, 0, 0, 0, 1],
         "cube": box,
         "camera": wv.Camera.kinect(),
         "poses": _poses(),
