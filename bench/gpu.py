@@ -44,6 +44,17 @@ CASES = {
     "1m-64": ("1.2 M 64x64", "blobs_1m", 64, 64, 8192),
 }
 
+# Of triangles that are smaller than pixels; only if asked for.
+FINE_CASES = {
+    "terrain-200k-320": ("terrain 0.2 M 320x240", "terrain_200k", 320, 240, 64),
+    "terrain-200k-64": ("terrain 0.2 M 64x64", "terrain_200k", 64, 64, 1024),
+    "terrain-2m-320": ("terrain 2 M 320x240", "terrain_2m", 320, 240, 64),
+    "terrain-2m-64": ("terrain 2 M 64x64", "terrain_2m", 64, 64, 1024),
+    "terrain-10m-320": ("terrain 10 M 320x240", "terrain_10m", 320, 240, 64),
+    "terrain-10m-64": ("terrain 10 M 64x64", "terrain_10m", 64, 64, 1024),
+}
+ALL_CASES = CASES | FINE_CASES
+
 # Of several ways to use a library, those that are slower than the fastest by more than this at first look are not
 # looked at again.
 _WORTH_A_LOOK = 1.25
@@ -203,7 +214,9 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     groups = list(dict.fromkeys(method.group for method in all_methods()))
     out = os.environ.get("OUT")
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cases", nargs="+", choices=CASES, default=list(CASES), metavar="CASE", help=", ".join(CASES))
+    parser.add_argument(
+        "--cases", nargs="+", choices=ALL_CASES, default=list(CASES), metavar="CASE", help=", ".join(ALL_CASES)
+    )
     parser.add_argument(
         "--peers",
         nargs="+",
@@ -254,8 +267,8 @@ def crashes(groups: Sequence[str], device: str, log: Log) -> dict[str, str]:
 
 def _subjects(names: Sequence[str]) -> list[tuple[str, list[str]]]:
     """Cases by their preset, so that each is built once."""
-    presets = dict.fromkeys(CASES[name][1] for name in names)
-    return [(preset, [name for name in names if CASES[name][1] == preset]) for preset in presets]
+    presets = dict.fromkeys(ALL_CASES[name][1] for name in names)
+    return [(preset, [name for name in names if ALL_CASES[name][1] == preset]) for preset in presets]
 
 
 def _free() -> None:
@@ -290,7 +303,7 @@ def run(options: argparse.Namespace, log: Log) -> None:
         log.say(f"{preset}: building the scene")
         subject = Subject(preset, device)
         for name in names:
-            _, _, width, height, views = CASES[name]
+            _, _, width, height, views = ALL_CASES[name]
             if log.seconds > options.limit:
                 log.say(f"{name}: left out, {options.limit:.0f} s have passed")
                 continue
@@ -315,7 +328,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _try_out(next(method for method in all_methods() if method.group == options.trial), options)
     log = Log(options.json)
     run(options, log)
-    text = tables(log.results, {name: case[0] for name, case in CASES.items()}, options.rounds, device)
+    text = tables(log.results, {name: case[0] for name, case in ALL_CASES.items()}, options.rounds, device)
     print(f"\n{text}", flush=True)
     log.save("complete")
     if options.markdown:

@@ -46,12 +46,12 @@ class SceneObject:
         name: str,
         label: int,
         mesh: tuple[NDArray[np.float32], NDArray[np.int32]],
-        pose: NDArray[np.float32],
+        place: NDArray[np.float32],
         solid: Solid | None = None,
     ) -> SceneObject:
-        """Make a movable object of vertices and faces in its frame. Its `vertices` are computed when asked for."""
+        """Make a movable object of vertices and faces in its frame. `vertices` are computed when asked for."""
         item = object.__new__(cls)
-        item.__dict__.update(name=name, label=label, faces=mesh[1], mesh_vertices=mesh[0], pose=pose, solid=solid)
+        item.__dict__.update(name=name, label=label, faces=mesh[1], mesh_vertices=mesh[0], pose=place, solid=solid)
         return item
 
     def __getattr__(self, name: str) -> NDArray[np.float32]:
