@@ -9,11 +9,14 @@ from __future__ import annotations
 
 import logging
 import os
+import re
+import sys
+import threading
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from functools import partial
 from types import ModuleType
-from typing import TYPE_CHECKING, NamedTuple, TypedDict
+from typing import TYPE_CHECKING, Any, NamedTuple, TextIO, TypedDict
 
 import numpy as np
 import warp as wp
@@ -38,6 +41,10 @@ _LEAST_ROUNDS = 4
 _MOST_RESTARTS = 10
 
 
+_PRINTING_THREADS = ("ray_listen_error_messages", "ray_print_logs")
+_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+
+
 class _Row(TypedDict):
     """What an actor says of a shard."""
 
@@ -51,6 +58,19 @@ class _Share(NamedTuple):
     workers: int
     cpus: int
     gpus: int
+
+
+class _WithoutRay:
+    """A stream without what Ray's own threads print, which is of nodes and workers that end: the engine says it."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        return len(text) if threading.current_thread().name in _PRINTING_THREADS else self._stream.write(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
 
 
 class Starts:
@@ -121,7 +141,8 @@ def ray_engine(*, gpu: bool, workers: int | None, address: str | None) -> Iterat
     Raises:
         WarpvisError: Ray is missing, there is no such cluster, or it has no room for the workers.
     """
-    with _cluster(address) as ray:
+    printed = redirect_stdout(_WithoutRay(sys.stdout)), redirect_stderr(_WithoutRay(sys.stderr))
+    with printed[0], printed[1], _cluster(address) as ray:
         yield partial(_run, ray, _share(ray.cluster_resources(), gpu=gpu, workers=workers))
 
 
@@ -146,7 +167,7 @@ def _run(ray: ModuleType, share: _Share, job: Job, shards: Sequence[int], done: 
                 raise WorkerLostError(f"shard {shard} was written by a worker and cannot be seen from here")
             done(shard, record)
     except ray.exceptions.RayError as error:
-        reason = str(error).strip().splitlines()[0]
+        reason = _COLOUR.sub("", str(error)).strip().splitlines()[0]
         raise WorkerLostError(f"Ray gave up ({type(error).__name__}: {reason})") from None
 
 
@@ -159,7 +180,7 @@ def _results(ray: ModuleType, job: Job, shards: Sequence[int], share: _Share) ->
     rows = ray.data.from_items([{"shard": shard} for shard in shards], override_num_blocks=-(-len(shards) // at_once))
     # Beside this process, without which nothing goes on: of another node, it could be lost.
     here = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=True)
-    counter = ray.remote(Starts).options(num_cpus=0, scheduling_strategy=here)
+    counter = ray.remote(Starts).options(num_cpus=0, max_restarts=-1, max_task_retries=-1, scheduling_strategy=here)
     given = {
         "job": ray.put(job),
         "device": "cuda" if gpus else "cpu",
@@ -203,7 +224,8 @@ def _cluster(address: str | None) -> Iterator[ModuleType]:
         raise FileFormatError("engine 'ray' needs Ray: pip install 'warpvis[cluster]'") from None
     quiet = ray.data.DataContext.get_current()
     quiet.enable_progress_bars = False
-    logging.getLogger("ray.data").setLevel(logging.ERROR)
+    # It prints what goes wrong in many lines, which are raised anyway.
+    logging.getLogger("ray.data").setLevel(logging.CRITICAL)
     ours = not ray.is_initialized()
     if ours:
         try:
