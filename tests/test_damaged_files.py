@@ -183,6 +183,18 @@ def test_long_texts_of_manifests_are_not_repeated(datasets, change):
     path.write_text(kept)
 
 
+def test_long_names_of_another_job_are_not_repeated(datasets):
+    path = datasets / "png" / "manifest.json"
+    kept = path.read_text()
+    content = json.loads(kept)
+    content["scene"]["objects"][LONG] = content["scene"]["objects"].pop("ball")
+    path.write_text(json.dumps(content))
+    again = {"format": "png", "shard_frames": 2, "threads": 1, "resume": True}
+    said = refusal(wv.render_batch, make_scene(), CAMERA, make_frames(2), datasets / "png", **again)
+    assert "the scene's object 'aaa" in said and said.count(" is new") == 1
+    path.write_text(kept)
+
+
 def test_a_lens_of_any_number_of_digits(tmp_path):
     pytest.importorskip("ruamel.yaml")
     from test_camera_files import KALIBR
