@@ -4,6 +4,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 import warp as wp
 
 import warpvis as wv
@@ -55,7 +56,21 @@ def test_what_is_launched(monkeypatch):
         caster.cast(poses, worlds, [depth, None, None, None, ids])
         caster.cast(wp.zeros(0, dtype=wp.transform), worlds, [None] * 5)
     size = (3, 2, 4, 32)
-    assert launched == [((32, ids, False, clip), size) for clip in (False, True) for ids in (False, True)]
+    assert launched == [((32, ids, False, clip, False), size) for clip in (False, True) for ids in (False, True)]
+
+
+def test_what_is_launched_for_sizes_of_their_own(monkeypatch):
+    """A kernel that knows sizes, only where some are given."""
+    scene, camera, launched = wv.Scene(), wv.Camera.from_fov(100, 40, hfov=1.0), []
+    scene.add(trimesh.creation.box(), movable=True)
+    scene.bvh()
+    monkeypatch.setattr(_cuda_packets, "_kernel", lambda *key: key)
+    monkeypatch.setattr(_cuda_packets, "launch", lambda kernel, *_, **__: launched.append(kernel[2:]))
+    caster = CudaPacketsCaster(scene, camera, cull_backfaces=False, clip_near=False, threads=1)
+    for scales in (None, np.ones((1, 1, 3))):
+        worlds = parse_worlds(scene, 1, None, None, None, scales)
+        caster.cast(wp.zeros(1, dtype=wp.transform), worlds, [wp.zeros((1, 40, 100)), None, None, None, None])
+    assert launched == [(True, False, False), (True, False, True)]
 
 
 @pytest.mark.parametrize("name", ["room", "blobs_77k"])
