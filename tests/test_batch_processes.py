@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Processes that encode: the bytes of threads, one sentence when one is lost, and none that outlives its job."""
 
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -16,6 +17,7 @@ from batch_jobs import make_frames, run, tree
 
 import warpvis as wv
 from warpvis.batch import _writer as writer
+from warpvis.batch.engines._local import _incoming
 from warpvis.batch.writing._processes import EncodingProcesses, can_start, process_count, shards_at_once
 
 pytestmark = pytest.mark.skipif(not can_start() or not Path("/proc/self/stat").exists(), reason="needs Linux")
@@ -168,3 +170,16 @@ def test_poses_are_mapped_not_copied(tmp_path):
         assert there.camera == plan.camera and there.shard_frames == plan.shard_frames
     finally:
         os.close(descriptor)
+
+
+def test_a_process_that_has_to_end_takes_no_more_shards():
+    """SIGTERM says so by an event: what a handler raises is lost where Python is in a callback."""
+    ours, theirs = multiprocessing.Pipe()
+    ending = threading.Event()
+    for shard in range(3):
+        ours.send(shard)
+    taken = []
+    for shard in _incoming(theirs, threading.Event(), ending):
+        taken.append(shard)
+        ending.set()
+    assert taken == [0]

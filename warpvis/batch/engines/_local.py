@@ -132,22 +132,29 @@ def _work(connection: Connection, job: Job, device: str, threads: int) -> None:
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that shares out the work
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # which ends this one, when what it has begun is written
+    # SIGTERM ends this one, when what it has begun is written. To raise here would be in vain where Python is in a
+    # callback, which ignores what is raised.
+    ending = Event()
+    signal.signal(signal.SIGTERM, lambda *_: ending.set())
     wp.config.log_level = wp.LOG_WARNING
     try:
         with ShardWriter(job, device=device, threads=threads) as writer:
-            writer.run(_incoming(connection, writer.failed), lambda shard, record: connection.send((shard, record)))
+            writer.run(
+                _incoming(connection, writer.failed, ending), lambda shard, record: connection.send((shard, record))
+            )
     except EOFError:  # nobody is there who shares out work
         pass
     except (WarpvisError, OSError) as error:
         _tell(connection, error)
     except Exception:
         _tell(connection, RuntimeError(f"on {device}:\n{traceback.format_exc()}"))
+    if ending.is_set():
+        sys.exit(1)
 
 
-def _incoming(connection: Connection, failed: Event) -> Iterator[int]:
-    """Go through the shards that come in; where one could not be written, no others are waited for."""
-    while not failed.is_set():
+def _incoming(connection: Connection, *stops: Event) -> Iterator[int]:
+    """Go through the shards that come in, until one could not be written, or the process has to end."""
+    while not any(stop.is_set() for stop in stops):
         if connection.poll(_LOOK_EVERY):
             shard = connection.recv()
             if shard is None:
