@@ -189,7 +189,7 @@ NAMES = (
 ).split()
 
 
-@pytest.mark.parametrize("begin", NAMES)
+@pytest.mark.parametrize("begin", [pytest.param(n, marks=pytest.mark.slow) if n == "save_" else n for n in NAMES])
 @pytest.mark.filterwarnings("ignore")
 def test_what_is_wrong_is_said(table, begin):
     """Names that begin so: every parameter is given every bad value, and either takes it or says a sentence."""
