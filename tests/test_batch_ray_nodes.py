@@ -64,6 +64,20 @@ def test_a_node_is_lost(tmp_path):
     assert tree(out) == tree(tmp_path / "whole")
 
 
+def test_what_ray_kept_back_is_left_out(monkeypatch, capsys):
+    """It prints lines like those before some seconds later, or when it ends: on the thread that ends it."""
+    import ray
+
+    from warpvis.batch.engines._ray import _cluster as cluster
+
+    monkeypatch.setattr(ray, "is_initialized", lambda: False)
+    monkeypatch.setattr(ray, "init", lambda **_: None)
+    monkeypatch.setattr(ray, "shutdown", lambda: print("(raylet) kept back") or print("too", file=sys.stderr))
+    with cluster(None):
+        print("ours")
+    assert capsys.readouterr() == ("ours\n", "")
+
+
 def test_what_rays_threads_print_is_left_out():
     from warpvis.batch.engines._ray import _WithoutRay as WithoutRay
 

@@ -7,6 +7,7 @@ What flows through Ray is numbers of shards one way and their records the other;
 
 from __future__ import annotations
 
+import io
 import logging
 import os
 import re
@@ -236,4 +237,6 @@ def _cluster(address: str | None) -> Iterator[ModuleType]:
         yield ray
     finally:
         if ours:
-            ray.shutdown()
+            # Ray prints what its threads have kept back now, on this one.
+            with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+                ray.shutdown()
