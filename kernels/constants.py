@@ -82,3 +82,13 @@ POINT_CHUNK = 1 << 13  # points that are projected at a time
 
 # Where nothing is: beyond every coordinate, and nearer, as 1 / z, than any surface.
 NOWHERE = 3e38
+
+# A box may be anywhere in the image from where its nearest corner is no farther than this part of the sum of its
+# terms.
+BOX_CROSSING_SHARE = 0.02
+
+# How much rounding of a box may be wrong, in pixels: a little,
+BOX_SLACK = 0.01
+
+# and so many times what it may move a corner.
+BOX_SLACK_BLURS = 256.0

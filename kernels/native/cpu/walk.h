@@ -5,11 +5,6 @@
 
 // Nearer than anything that is seen: such lanes come last where the nearest does.
 constexpr float BEHIND_ALL = 3.2e38f;
-// A box may be anywhere in the image from where its nearest corner is no farther than this part of the sum of its
-// terms.
-constexpr float BOX_CROSSING_SHARE = 0.02f;
-// How much rounding may be wrong: in pixels, a little, and so many times what it may move a corner.
-constexpr float BOX_SLACK = 0.01f, BOX_SLACK_BLURS = 256.0f;
 
 // Where boxes are in the image.
 struct ScreenBounds {

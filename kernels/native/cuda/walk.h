@@ -38,12 +38,7 @@ struct Visit {
 static_assert(BLOCK_COLUMNS <= 1 << Visit::COLUMN_BITS && BLOCK_ROWS <= 1 << Visit::ROW_BITS,
               "a word holds all blocks");
 
-// A box may be anywhere in the image from where its nearest corner is no farther than this part of the sum of its
-// terms.
-constexpr float BOX_CROSSING_SHARE = 0.02f;
-// How much rounding may be wrong: in pixels, a little, and so many times what it may move a corner; of 1 / z; of a
-// radius.
-constexpr float BOX_SLACK = 0.01f, BOX_SLACK_BLURS = 256.0f;
+// How much rounding may be wrong: of 1 / z; of a radius.
 constexpr float NEARER = 1.00001f, WIDER = 1.0001f;
 
 struct Walk {

@@ -106,3 +106,13 @@ enum CpuImage {
 
 // Where nothing is: beyond every coordinate, and nearer, as 1 / z, than any surface.
 constexpr float NOWHERE = 3e38f;
+
+// A box may be anywhere in the image from where its nearest corner is no farther than this part of the sum of its
+// terms.
+constexpr float BOX_CROSSING_SHARE = 0.02f;
+
+// How much rounding of a box may be wrong, in pixels: a little,
+constexpr float BOX_SLACK = 0.01f;
+
+// and so many times what it may move a corner.
+constexpr float BOX_SLACK_BLURS = 256.0f;
