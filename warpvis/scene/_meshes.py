@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import FARTHEST
 from warpvis.core.checks import as_items
-from warpvis.core.poses import poses_to_matrices
 from warpvis.core.types import MeshLike
 from warpvis.errors import SceneError
-from warpvis.scene._object import check_mesh
+from warpvis.scene._object import check_mesh, placed_at
 
 # Larger meshes are not added many times, and to remember them takes memory.
 _MOST_REMEMBERED = 1_000_000
@@ -46,10 +45,7 @@ class SharedMesh:
 
     def placed(self, row: NDArray[np.float64] | None, name: str) -> NDArray[np.float64]:
         """Return the corners in the world, of an object at a pose; a `SceneError` if they are too far away."""
-        placed = self.vertices
-        if row is not None:
-            matrix = poses_to_matrices(row)
-            placed = placed @ matrix[:3, :3].T + matrix[:3, 3]
+        placed = self.vertices if row is None else placed_at(self.vertices, row)
         if np.abs(placed).max() > FARTHEST:
             raise SceneError(f"vertices of {name!r} must lie within 1e18 m of the origin")
         return placed

@@ -58,8 +58,7 @@ class SceneObject:
         """Compute what `placed` left out."""
         if name != "vertices" or self.mesh_vertices is None or self.pose is None:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        matrix = poses_to_matrices(self.pose)
-        vertices = (self.mesh_vertices @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32)
+        vertices = placed_at(self.mesh_vertices, self.pose).astype(np.float32)
         object.__setattr__(self, "vertices", vertices)
         return vertices
 
@@ -77,6 +76,12 @@ class SceneObject:
     def bounds(self) -> NDArray[np.float32]:
         """Least and greatest corner of the axis-aligned box [m], shape ``(2, 3)``."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
+
+
+def placed_at(vertices: np.ndarray, pose: np.ndarray) -> NDArray[np.float64]:
+    """Return vertices of an object's frame where they are in the world, shape ``(n, 3)``, at a pose of 7 numbers."""
+    matrix = poses_to_matrices(pose)
+    return vertices @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def as_it_is(item: SceneObject) -> SceneObject:

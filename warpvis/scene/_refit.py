@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import FARTHEST, as_numpy, as_warp, on_gpu
 from warpvis.core.kernel_cache import launch
-from warpvis.core.poses import poses_to_matrices
 from warpvis.core.threads import check_threads, run_each
 from warpvis.core.types import ArrayInput, KernelArguments
 from warpvis.errors import ArrayError, SceneError
 from warpvis.kernels.constants import LEAF_ROWS, NODE_ROWS
-from warpvis.scene._object import SceneObject
+from warpvis.scene._object import SceneObject, placed_at
 
 if TYPE_CHECKING:
     from warpvis.scene._bvh import Bvh
@@ -54,8 +53,7 @@ class DeformingObject(SceneObject):
     def vertices(self) -> NDArray[np.float32]:
         """The newest corners in the world frame, at the object's pose."""
         assert self.pose is not None
-        matrix = poses_to_matrices(self.pose)
-        return (self.mesh_vertices @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32)
+        return placed_at(self.mesh_vertices, self.pose).astype(np.float32)
 
 
 def parse_vertices(vertices: ArrayInput, item: SceneObject, device: wp.Device) -> wp.array:

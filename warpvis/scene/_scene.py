@@ -180,7 +180,8 @@ class Scene(SceneClasses, SceneTrees):
         if name in self._index:
             raise SceneError(f"the scene already has an object named {name!r}; give another name")
         movable = check_flag(movable, "movable", SceneError)
-        shared = self._meshes.get(mesh, check_scale(scale, name), name)
+        factors = check_scale(scale, name)
+        shared = self._meshes.get(mesh, factors, name)
         check_quaternion(quaternion)
         row = None if pose is None else read_pose(pose, quaternion, name=f"pose of {name!r}")
         number = self._label_names.number(label)
@@ -191,7 +192,7 @@ class Scene(SceneClasses, SceneTrees):
         else:
             pose = (_IDENTITY if row is None else row).astype(np.float32)
             shared.check_reach(pose[None], name)
-            solid = mesh.scaled(check_scale(scale, name)) if isinstance(mesh, Solid) else None
+            solid = mesh.scaled(factors) if isinstance(mesh, Solid) else None
             item = SceneObject.placed(name, number, (shared.rounded, shared.faces), pose, solid)
         self._objects.append(item)
         self._index[name] = index
@@ -227,7 +228,6 @@ class Scene(SceneClasses, SceneTrees):
             SceneError: The mesh is empty or malformed, or a name is taken.
             PoseError: The poses are not poses.
         """
-        check_quaternion(quaternion)
         rows = poses_to_opencv(to_xyzw(poses, quaternion, "poses"), name="poses").astype(np.float32)
         indices = range(len(self._objects), len(self._objects) + len(rows))
         chosen = instance_names(names, indices, self._index)

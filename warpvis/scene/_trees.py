@@ -82,14 +82,20 @@ class SceneTrees:
                 self._sizes = solid_sizes(self._objects, self._movable, self.device)[1]
             return self._sizes
 
-    def movable_poses(self) -> wp.array:
-        """Return poses of the movable objects as they were added, as casters have them, shape ``(1, M)``."""
+    def movable_poses(self, worlds: int = 1) -> wp.array:
+        """Return poses of the movable objects as they were added, as casters have them, shape ``(worlds, M)``.
+
+        Those of one world are kept.
+        """
         with self._lock:
-            if self._poses is None:
-                rows = np.array([self._objects[index].pose for index in self._movable], dtype=np.float32)
-                shape = (1, len(self._movable))
-                self._poses = wp.array(rows.reshape(1, -1, 7), dtype=wp.transform, shape=shape, device=self.device)
-            return self._poses
+            if worlds == 1 and self._poses is not None:
+                return self._poses
+            rows = np.array([self._objects[index].pose for index in self._movable], dtype=np.float32).reshape(-1, 7)
+            repeated = np.repeat(rows[None], worlds, axis=0)
+            poses = wp.array(repeated, dtype=wp.transform, shape=repeated.shape[:2], device=self.device)
+            if worlds == 1:
+                self._poses = poses
+            return poses
 
     def _forget(self) -> None:
         """Let go of all that was made of the objects: they have changed."""

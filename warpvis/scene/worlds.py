@@ -155,11 +155,7 @@ def _sizes(scene: Scene, scales: wp.array, worlds: int) -> wp.array:
 def _parse_object_poses(scene: Scene, poses: PoseLike, repeated: int = 1) -> wp.array:
     movable = scene.movable
     if poses is None:
-        if repeated == 1:
-            return scene.movable_poses()
-        added = np.array([scene.objects[index].pose for index in movable], dtype=np.float32)
-        rows = np.repeat(added[None], repeated, axis=0)
-        return wp.array(rows, dtype=wp.transform, shape=rows.shape[:2], device=scene.device)
+        return scene.movable_poses(repeated)
     if not movable:
         raise PoseError("object_poses were given, but no object of the scene is movable; add one with movable=True")
     if isinstance(poses, wp.array) and poses.dtype == wp.transform and poses.ndim == 1:
