@@ -87,22 +87,30 @@ def test_there_is_one_pool_as_large_as_the_most_that_was_asked_for():
     assert len(pool_threads()) == 8  # and the caller is the ninth
 
 
+class Counted:
+    """Work that takes a moment, and counts how many threads do it at a time, at most."""
+
+    def __init__(self):
+        self.most, self.done = 0, []
+        self._at_work, self._lock = 0, threading.Lock()
+
+    def __call__(self, part):
+        with self._lock:
+            self._at_work += 1
+            self.most = max(self.most, self._at_work)
+        time.sleep(0.002)
+        with self._lock:
+            self._at_work -= 1
+            self.done.append(part)
+
+
 @pytest.mark.parametrize("threads", [1, 2, 3])
 def test_no_more_threads_work_than_were_asked_for(threads):
     """Whatever the pool holds by now."""
-    at_work, most, lock = [0], [0], threading.Lock()
-
-    def work(_):
-        with lock:
-            at_work[0] += 1
-            most[0] = max(most[0], at_work[0])
-        time.sleep(0.002)
-        with lock:
-            at_work[0] -= 1
-
+    work = Counted()
     run_each(lambda _: time.sleep(0.01), range(8), 8)
     run_each(work, range(40), threads)
-    assert most[0] <= threads
+    assert work.most <= threads
 
 
 @pytest.mark.parametrize("threads", [1, 4])
@@ -124,22 +132,12 @@ def test_an_error_comes_back_when_nobody_works_any_more(threads):
 
 
 def test_a_crew_is_no_larger_for_several_callers():
-    at_work, most, done, lock = [0], [0], [], threading.Lock()
-
-    def work(part):
-        with lock:
-            at_work[0] += 1
-            most[0] = max(most[0], at_work[0])
-        time.sleep(0.002)
-        with lock:
-            at_work[0] -= 1
-            done.append(part)
-
+    work = Counted()
     with Crew(3, "crew") as crew, ThreadPoolExecutor(4) as callers:
         for first in range(0, 80, 20):
             callers.submit(crew.each, work, range(first, first + 20))
-    assert sorted(done) == list(range(80))
-    assert 1 < most[0] <= 3
+    assert sorted(work.done) == list(range(80))
+    assert 1 < work.most <= 3
 
 
 def test_a_crew_goes_on_after_an_error_of_one_caller():
