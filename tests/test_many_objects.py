@@ -200,3 +200,18 @@ def test_names_of_instances(names, message):
     with pytest.raises(wv.errors.SceneError, match="within 1e18 m"):
         scene.add_instances(box, np.array([[0, 0, 1e19, 0, 0, 0, 1]]))
     assert len(scene) == 1
+
+
+def test_instances_are_made_objects_when_asked_for():
+    scene, ball = wv.Scene(), trimesh.creation.icosphere(subdivisions=0)
+    rows = grid(1000)
+    assert calls_of("placed", lambda: scene.add_instances(ball, rows, names="ball")) == 0
+    assert calls_of("placed", lambda: scene["ball_7"]) == 1
+    np.testing.assert_allclose(scene["ball_7"].pose, rows[7], atol=1e-6)
+    assert scene["ball_7"] is scene.objects[7] is list(scene)[7]
+    assert calls_of("placed", lambda: scene.objects) == 0  # all of them by now
+    copy = pickle.loads(pickle.dumps(scene))
+    for other in (copy, scene.to("cpu")):
+        assert other["ball_999"].name == "ball_999"
+        np.testing.assert_array_equal(other["ball_999"].vertices, scene["ball_999"].vertices)
+        assert other.movable == scene.movable

@@ -32,6 +32,7 @@ from warpvis.errors import FileFormatError, SceneError, WarpvisError
 from warpvis.scene._classes import SceneClasses
 from warpvis.scene._meshes import SharedMeshes, instance_names
 from warpvis.scene._object import SceneObject, as_it_is, by_itself, check_scale
+from warpvis.scene._object_list import Instances, ObjectList
 from warpvis.scene._trees import SceneTrees
 from warpvis.scene.solids import Solid
 
@@ -237,10 +238,8 @@ class Scene(SceneClasses, SceneTrees):
         shared.check_reach(rows, what)
         number = self._label_names.number(label)
         solid = mesh.scaled(factors) if isinstance(mesh, Solid) else None
-        arrays = shared.rounded, shared.faces
-        self._objects += [
-            SceneObject.placed(name, number, arrays, row, solid) for name, row in zip(chosen, rows, strict=True)
-        ]
+        mesh_arrays = shared.rounded, shared.faces
+        self._objects.add_instances(Instances(indices.start, chosen, number, mesh_arrays, rows, solid))
         self._index.update(zip(chosen, indices, strict=True))
         self._movable += indices
         self._forget()
@@ -335,7 +334,7 @@ class Scene(SceneClasses, SceneTrees):
             names = [item.name for item in objects]
             raise SceneError(f"objects must have different names, got {max(names, key=names.count)!r} twice")
         with self._lock:
-            self._objects, self._index = list(objects), index
+            self._objects, self._index = ObjectList(objects), index
             self._movable = [number for number, item in enumerate(objects) if item.pose is not None]
             self._kept_trees = self._kept_trees or KeptTrees()
             self._forget()
@@ -394,7 +393,7 @@ class Scene(SceneClasses, SceneTrees):
     def to(self, device: DeviceLike) -> Scene:
         """Return the same scene for another device."""
         scene = Scene(device=device, up=self.up, label_names=self._label_names, ground_labels=self._ground_labels)
-        scene._objects = [as_it_is(item) for item in self._objects]
+        scene._objects = ObjectList(map(as_it_is, self._objects))
         scene._index, scene._movable = dict(self._index), list(self._movable)
         return scene
 
@@ -408,7 +407,7 @@ class Scene(SceneClasses, SceneTrees):
     def __setstate__(self, state: dict[str, Any]) -> None:
         given = {name: state[name] for name in ("device", "up", "label_names", "ground_labels") if name in state}
         self.__init__(**given)  # type: ignore[misc]
-        self._objects, self._movable = state["objects"], state["movable"]
+        self._objects, self._movable = ObjectList(state["objects"]), state["movable"]
         self._index = {item.name: index for index, item in enumerate(self._objects)}
 
     def to_trimesh(self) -> trimesh.Scene:
@@ -451,7 +450,7 @@ class Scene(SceneClasses, SceneTrees):
                 apart = Scene(
                     device=self.device, up=self.up, label_names=self._label_names, ground_labels=self._ground_labels
                 )
-                apart._objects = [by_itself(item, items) for item in items]
+                apart._objects = ObjectList(by_itself(item, items) for item in items)
                 apart._index, apart._movable = dict(self._index), list(range(len(items)))
                 if any(item.points is not None for item in self._objects):
                     return apart  # a replayed CUDA graph may deform them again, and nobody here would know

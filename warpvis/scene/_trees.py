@@ -12,6 +12,7 @@ import warp as wp
 
 from warpvis.errors import SceneError
 from warpvis.scene._object import SceneObject
+from warpvis.scene._object_list import ObjectList
 from warpvis.scene.geometry import SceneBvh, Triangles, build_scene_bvh, build_triangles, label_array, solid_sizes
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ class SceneTrees:
     def __init__(self, device: wp.Device) -> None:
         """Begin without objects."""
         self.device = device
-        self._objects: list[SceneObject] = []
+        self._objects = ObjectList()
         self._movable: list[int] = []
         self._kept_trees: KeptTrees | None = None
         self._lock = Lock()
@@ -57,7 +58,7 @@ class SceneTrees:
         """
         with self._lock:
             if self._triangles is None:
-                self._triangles = build_triangles(self.require_objects(), self.device)
+                self._triangles = build_triangles(list(self.require_objects()), self.device)
             return self._triangles
 
     def bvh(self) -> SceneBvh:
@@ -68,7 +69,7 @@ class SceneTrees:
         """
         with self._lock:
             if self._bvh is None:
-                self._bvh = build_scene_bvh(self.require_objects(), self.device, kept=self._kept_trees)
+                self._bvh = build_scene_bvh(list(self.require_objects()), self.device, kept=self._kept_trees)
             return self._bvh
 
     def object_labels(self) -> wp.array:
@@ -101,7 +102,7 @@ class SceneTrees:
         """Let go of all that was made of the objects: they have changed."""
         self._tuple = self._columns = self._triangles = self._bvh = self._sizes = self._poses = None
 
-    def require_objects(self) -> list[SceneObject]:
+    def require_objects(self) -> ObjectList:
         """Return the objects; a `SceneError` if there are none."""
         if not self._objects:
             raise SceneError("the scene has no objects; add() one first")

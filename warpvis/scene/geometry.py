@@ -226,6 +226,7 @@ def _share_meshes(objects: Sequence[SceneObject], movable: Sequence[int]) -> lis
     from warpvis.scene._refit import check_values
 
     meshes: dict[int | tuple[bytes, bytes], _Mesh] = {}
+    of_arrays: dict[tuple[int, int], _Mesh] = {}  # the same arrays need not be compared
     pieces = _pieces(objects)
     for position, index in enumerate(movable):
         item, piece = objects[index], pieces[index]
@@ -238,8 +239,10 @@ def _share_meshes(objects: Sequence[SceneObject], movable: Sequence[int]) -> lis
             check_values(vertices, item.name)  # those of a GPU have not been: building must not meet a NaN
             meshes[index] = _Mesh(vertices, faces, [position], item.points)
             continue
-        mesh = meshes.setdefault((vertices.tobytes(), faces.tobytes()), _Mesh(vertices, faces))
-        mesh.movables.append(position)
+        arrays = id(vertices), id(faces)
+        if arrays not in of_arrays:
+            of_arrays[arrays] = meshes.setdefault((vertices.tobytes(), faces.tobytes()), _Mesh(vertices, faces))
+        of_arrays[arrays].movables.append(position)
     return list(meshes.values())
 
 
