@@ -76,7 +76,8 @@ def compare(preset: wv.scenes.ScenePreset, methods: Sequence[Method], views: int
 
 
 def _reference(work: Work, cull_backfaces: bool) -> NDArray:
-    run, to_depth = warpvis(work, caster="rays", cull_backfaces=cull_backfaces)
+    still = Work(work.still, work.camera, work.poses)
+    run, to_depth = warpvis(still, caster="rays", cull_backfaces=cull_backfaces)
     return to_depth(run())
 
 

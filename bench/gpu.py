@@ -53,7 +53,16 @@ FINE_CASES = {
     "terrain-10m-320": ("terrain 10 M 320x240", "terrain_10m", 320, 240, 64),
     "terrain-10m-64": ("terrain 10 M 64x64", "terrain_10m", 64, 64, 1024),
 }
-ALL_CASES = CASES | FINE_CASES
+# Of thousands of objects, that may move or stay; only if asked for.
+CROWD_CASES = {
+    "crowd-1k-320": ("1 k balls 320x240", "crowd_1k", 320, 240, 64),
+    "crowd-1k-static-320": ("1 k that stay 320x240", "crowd_1k_static", 320, 240, 64),
+    "crowd-10k-320": ("10 k balls 320x240", "crowd_10k", 320, 240, 64),
+    "crowd-10k-static-320": ("10 k that stay 320x240", "crowd_10k_static", 320, 240, 64),
+    "crowd-100k-320": ("100 k balls 320x240", "crowd_100k", 320, 240, 64),
+    "crowd-100k-static-320": ("100 k that stay 320x240", "crowd_100k_static", 320, 240, 64),
+}
+ALL_CASES = CASES | FINE_CASES | CROWD_CASES
 
 # Of several ways to use a library, those that are slower than the fastest by more than this at first look are not
 # looked at again.

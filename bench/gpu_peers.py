@@ -27,12 +27,17 @@ BARE = "`wp.mesh_query_ray`, a thread a pixel, depth"
 
 _OWN = ("warpvis", "warp-lang")
 
+# Movable objects that the rays caster is measured with.
+_MOST_ASKED = 100
+
 # Turns a camera that looks along +z (OpenCV) to one that looks along -z (OpenGL).
 _HALF_TURN = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def warpvis(case: Case, *outputs: Any, **options: Any) -> Prepared:
     """This library."""
+    if options.get("caster") == "rays" and len(case.subject.scene.movable) > _MOST_ASKED:
+        raise RuntimeError(f"each ray asks every movable object, {len(case.subject.scene.movable)} here")
     renderer = wv.Renderer(case.subject.scene, case.camera, outputs=outputs or ("depth",), **options)
     poses = case.poses if case.device.is_cpu else case.device_poses
     views = renderer.render(poses)

@@ -45,6 +45,19 @@ _LLVM_FOLDERS = (
 _GL_NEAR = 1e-3
 
 
+# From here on peers get the triangles of all objects as one mesh.
+_MANY_OBJECTS = 1000
+
+
+def joined(scene: wv.Scene) -> wv.Scene:
+    """Make a scene of one object of all triangles, where they are."""
+    first = np.cumsum([0] + [len(item.vertices) for item in scene])
+    faces = np.concatenate([item.faces + start for item, start in zip(scene, first, strict=False)])
+    still = wv.Scene(device=scene.device)
+    still.add((np.concatenate([item.vertices for item in scene]), faces))
+    return still
+
+
 @dataclass(frozen=True)
 class Work:
     """Views of a scene that every method has to make."""
@@ -53,6 +66,14 @@ class Work:
     camera: wv.Camera
     poses: NDArray[np.float32]
     """Camera to world, rows ``x y z qx qy qz qw``, shape ``(V, 7)``."""
+
+    @cached_property
+    def still(self) -> wv.Scene:
+        """The same triangles, none of which moves: the scene itself, or one object where there are many or some move.
+
+        Peers have no objects that move, or take a call for each.
+        """
+        return joined(self.scene) if self.scene.movable or len(self.scene) > _MANY_OBJECTS else self.scene
 
     def first(self, count: int) -> Work:
         """The first views of them."""
@@ -111,7 +132,7 @@ def open3d(work: Work) -> Prepared:
     import open3d as o3d
 
     caster = o3d.t.geometry.RaycastingScene(nthreads=core_count())
-    for item in work.scene:
+    for item in work.still:
         caster.add_triangles(item.vertices, item.faces.astype(np.uint32))
     rays = o3d.core.Tensor(np.concatenate([work.origins, work.directions], axis=-1))
     return lambda: caster.cast_rays(rays), lambda result: work.as_images(result["t_hit"].numpy())
@@ -123,7 +144,7 @@ def embreex(work: Work) -> Prepared:
     from embreex.rtcore_scene import EmbreeScene
 
     scene = EmbreeScene()
-    for item in work.scene:
+    for item in work.still:
         TriangleMesh(scene, item.vertices, item.faces)
     origins = np.ascontiguousarray(work.origins).reshape(-1, 3)
     directions = work.directions.reshape(-1, 3)
@@ -141,7 +162,7 @@ def mitsuba(work: Work) -> Prepared:
     """
     mi, dr = _import_mitsuba()
     dr.set_thread_count(core_count())
-    scene = mi.load_dict({"type": "scene", **{f"m{i}": _mitsuba_mesh(mi, o) for i, o in enumerate(work.scene)}})
+    scene = mi.load_dict({"type": "scene", **{f"m{i}": _mitsuba_mesh(mi, o) for i, o in enumerate(work.still)}})
     y, x = np.indices(work.shape[1:]).reshape(2, -1)
     order = np.lexsort((x % 4, y % 4, x // 4, y // 4))
     origins, directions = (array[:, order].reshape(-1, 3).T for array in (work.origins, work.directions))
@@ -183,7 +204,7 @@ def mujoco_renderer(work: Work) -> Prepared:
     mujoco, model, data = _load_mujoco(work)
     if not hasattr(mujoco, "GLContext"):
         raise RuntimeError("no OpenGL library")
-    far = 2 * float(np.linalg.norm(work.scene.bounds)) + 2 * float(np.abs(work.poses[:, :3]).max())
+    far = 2 * float(np.linalg.norm(work.still.bounds)) + 2 * float(np.abs(work.poses[:, :3]).max())
     model.vis.map.znear, model.vis.map.zfar = _GL_NEAR / model.stat.extent, far / model.stat.extent
     renderer = mujoco.Renderer(model, work.camera.height, work.camera.width)
     renderer.enable_depth_rendering()
@@ -253,7 +274,7 @@ def _load_mujoco(work: Work) -> tuple[Any, Any, Any]:
     spec = mujoco.MjSpec()
     spec.visual.global_.offwidth, spec.visual.global_.offheight = camera.width, camera.height
     spec.visual.quality.offsamples = 0  # samples of a pixel would be averaged, and depths in between are nowhere
-    for i, item in enumerate(work.scene):
+    for i, item in enumerate(work.still):
         spec.add_mesh(
             name=f"m{i}",
             uservert=item.vertices.astype(np.float64).ravel(),

@@ -3,11 +3,14 @@
 """Name scenes that demo, tests, benchmarks and pictures use alike. The package installs as ``warpvis.scenes``."""
 
 from warpvis.scenes.benchmark import BENCHMARK_SCENES
+from warpvis.scenes.crowd import CROWDS
 from warpvis.scenes.experiments import EXPERIMENTS, Experiment
 from warpvis.scenes.preset import ScenePreset
 from warpvis.scenes.terrain import TERRAINS
 
-PRESETS: dict[str, ScenePreset] = {preset.name: preset for preset in (*EXPERIMENTS, *BENCHMARK_SCENES, *TERRAINS)}
+PRESETS: dict[str, ScenePreset] = {
+    preset.name: preset for preset in (*EXPERIMENTS, *BENCHMARK_SCENES, *TERRAINS, *CROWDS)
+}
 """Every preset by its name."""
 
-__all__ = ["BENCHMARK_SCENES", "EXPERIMENTS", "PRESETS", "TERRAINS", "Experiment", "ScenePreset"]
+__all__ = ["BENCHMARK_SCENES", "CROWDS", "EXPERIMENTS", "PRESETS", "TERRAINS", "Experiment", "ScenePreset"]

@@ -215,3 +215,19 @@ def test_instances_are_made_objects_when_asked_for():
         assert other["ball_999"].name == "ball_999"
         np.testing.assert_array_equal(other["ball_999"].vertices, scene["ball_999"].vertices)
         assert other.movable == scene.movable
+
+
+def test_crowds_look_alike_whether_they_may_move_or_not(device):
+    moving, static = (wv.scenes.PRESETS[name] for name in ("crowd_1k", "crowd_1k_static"))
+    scenes = [preset.build(device) for preset in (moving, static)]
+    assert [len(scene) for scene in scenes] == [1000, 1000]
+    assert [len(scene.movable) for scene in scenes] == [1000, 0]
+    np.testing.assert_array_equal(moving.poses(3), static.poses(3))
+    views, others = (
+        wv.render(scene, moving.camera, moving.poses(2), outputs=("depth", "segmentation")) for scene in scenes
+    )
+    depth, other = views.depth.numpy(), others.depth.numpy()
+    assert np.isfinite(depth).mean() > 0.05
+    same = np.isclose(depth, other, rtol=1e-5, atol=1e-5) | (depth == other)
+    assert same.mean() > 0.999
+    assert (views.segmentation.numpy() == others.segmentation.numpy()).mean() > 0.999
