@@ -17,7 +17,16 @@ from warpvis.core.kernel_cache import load_module
 from warpvis.core.threads import check_threads, run_each
 from warpvis.core.types import KernelArguments
 from warpvis.errors import ArrayError, SceneError
-from warpvis.kernels.constants import BINARY_WORDS, HALVING_DEPTH, ITEM_WORDS, LEAF_ROWS, NODE_ROWS, SPLIT_WORDS
+from warpvis.kernels.constants import (
+    BINARY_WORDS,
+    CPU_LANES,
+    CUDA_LANES,
+    HALVING_DEPTH,
+    ITEM_WORDS,
+    LEAF_ROWS,
+    NODE_ROWS,
+    SPLIT_WORDS,
+)
 
 # Ranges of fewer triangles are not worth a launch of their own.
 _LEAST_RANGE = 16384
@@ -105,7 +114,7 @@ def build_bvh(
     from warpvis.kernels import bvh
 
     count = len(faces)
-    _check_size(count, lanes, most_levels, bvh.LANE_COUNTS)
+    check_size(count, lanes, most_levels)
     threads = check_threads(threads) if count > 2 * _LEAST_RANGE else 1
     load_module(bvh.load_items)
     scene = [
@@ -133,9 +142,10 @@ def build_bvh(
     return Bvh(leaves, triangles, owners, nodes, children, lanes, depth, leaf_count, node_count, count)
 
 
-def _check_size(count: int, lanes: int, most_levels: int | None, lane_counts: tuple[int, ...]) -> None:
-    if lanes not in lane_counts:
-        raise ArrayError(f"lanes must be {' or '.join(map(str, lane_counts))}, got {lanes!r}")
+def check_size(count: int, lanes: int, most_levels: int | None) -> None:
+    """Raise an error unless there can be a tree of so many triangles, lanes and levels."""
+    if lanes not in (CPU_LANES, CUDA_LANES):
+        raise ArrayError(f"lanes must be {CPU_LANES} or {CUDA_LANES}, got {lanes!r}")
     if most_levels is None:
         return
     most = lanes ** (most_levels + 1) if most_levels > 0 else 0

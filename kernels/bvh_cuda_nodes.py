@@ -1,0 +1,332 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The BVH's builder, for CUDA: nodes of the binary tree's, as ``native/cpu/bvh_collapse.h`` makes them, and what leaves
+and nodes hold; see `warpvis.kernels.bvh_cuda`. Leaves and nodes have `CUDA_LANES` lanes.
+"""
+
+import warp as wp
+
+from warpvis.kernels.bvh_cuda import Binary, Items
+from warpvis.kernels.constants import (
+    CONE_AXIS_ROW,
+    CONE_CUTOFF_ROW,
+    CUDA_LANES,
+    LEAF_ROWS,
+    NODE_HIGH_ROW,
+    NODE_LOW_ROW,
+    NODE_ROWS,
+    NOWHERE,
+)
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+_LANES = wp.constant(CUDA_LANES)
+_WAITING = wp.constant(2 * CUDA_LANES)
+_NEVER = wp.constant(2.0)
+_LEAST_COSINE = wp.constant(wp.float64(0.0872))  # of 85 degrees
+_MARGIN = wp.constant(wp.float64(1e-3))
+
+
+@wp.struct
+class Mesh:
+    """The triangles, and what is known of their objects."""
+
+    vertices: wp.array[wp.vec3]
+    faces: wp.array2d[wp.int32]
+    owner: wp.array[wp.int32]  # of each triangle, its object
+    closed: wp.array[wp.uint8]  # of each object
+
+
+@wp.func
+def cost_of(binary: Binary, costs: wp.array2d[float], node: int, most: int) -> float:
+    """The least area of the nodes that a subtree takes as at most so many parts, each a node or a leaf."""
+    if binary.child[node] < 0:
+        return 0.0
+    return costs[node, most - 1]
+
+
+@wp.func
+def share_of_left(binary: Binary, costs: wp.array2d[float], node: int, most: int) -> int:
+    """The left child's share of at most so many parts, where they cost least."""
+    left = binary.child[node]
+    best, least = int(1), float(NOWHERE)
+    for share in range(1, most):
+        cost = cost_of(binary, costs, left, share) + cost_of(binary, costs, left + 1, most - share)
+        if cost < least:
+            best, least = share, cost
+    return best
+
+
+@wp.func
+def cost_of_share(binary: Binary, costs: wp.array2d[float], node: int, most: int) -> float:
+    left = binary.child[node]
+    share = share_of_left(binary, costs, node, most)
+    return cost_of(binary, costs, left, share) + cost_of(binary, costs, left + 1, most - share)
+
+
+@wp.kernel
+def find_costs(
+    # In:
+    binary: Binary,
+    first: int,
+    evenly: int,
+    # Out:
+    costs_out: wp.array2d[float],
+):
+    """Find what a node's subtree costs as at most 1, 2, ... parts, from its children's costs.
+
+    `evenly`: costs that part it so evenly that a node holds five levels of the binary tree or more.
+    """
+    node = wp.tid() + first
+    if binary.child[node] < 0:
+        return
+    if evenly != 0:
+        for most in range(1, _LANES + 1):
+            costs_out[node, most - 1] = 1.0 / float(most)
+        return
+    least = cost_of_share(binary, costs_out, node, _LANES) + binary.area[node] + 1.0e-30
+    costs_out[node, 0] = least
+    for most in range(2, _LANES + 1):
+        least = wp.min(least, cost_of_share(binary, costs_out, node, most))
+        costs_out[node, most - 1] = least
+
+
+@wp.kernel
+def open_nodes(
+    # In:
+    binary: Binary,
+    costs: wp.array2d[float],
+    nodes: wp.array[wp.int32],
+    # Out:
+    parts_out: wp.array2d[wp.int32],
+    counts_out: wp.array2d[wp.int32],
+):
+    """Find the children of a node that is made of a binary one, in the items' order; count its nodes and leaves."""
+    index = wp.tid()
+    stack = wp.vector(length=_WAITING, dtype=wp.int32)
+    mosts = wp.vector(length=_WAITING, dtype=wp.int32)
+    stack[0] = nodes[index]
+    mosts[0] = _LANES
+    waiting, count, inner = int(1), int(0), int(0)
+    is_root = bool(True)
+    while waiting > 0:
+        waiting -= 1
+        node, most = stack[waiting], int(mosts[waiting])
+        is_leaf = binary.child[node] < 0
+        if not is_leaf and not is_root:
+            while most > 1 and costs[node, most - 2] == costs[node, most - 1]:
+                most -= 1
+        if is_leaf or most == 1:
+            parts_out[index, count] = node
+            count += 1
+            inner += int(not is_leaf)
+        else:
+            share = share_of_left(binary, costs, node, most)
+            stack[waiting] = binary.child[node] + 1
+            mosts[waiting] = most - share
+            stack[waiting + 1] = binary.child[node]
+            mosts[waiting + 1] = share
+            waiting += 2
+        is_root = False
+    for lane in range(count, _LANES):
+        parts_out[index, lane] = -1
+    counts_out[0, index] = inner
+    counts_out[1, index] = count - inner
+
+
+@wp.kernel
+def name_children(
+    # In:
+    binary: Binary,
+    parts: wp.array2d[wp.int32],
+    counts: wp.array2d[wp.int32],
+    sums: wp.array2d[wp.int32],
+    first_node: int,
+    next_node: int,
+    first_leaf: int,
+    # Out:
+    children_out: wp.array2d[wp.int32],
+    leaf_ranges_out: wp.array2d[wp.int32],
+    nodes_out: wp.array[wp.int32],
+):
+    """Number the children of a node of one level, by sums of their counts."""
+    index = wp.tid()
+    last = counts.shape[1] - 1
+    inner = sums[0, index] - counts[0, index]
+    leaf = first_leaf + sums[1, index] - counts[1, index] - sums[0, last]
+    for lane in range(_LANES):
+        part, child = parts[index, lane], int(0)
+        if part >= 0:
+            if binary.child[part] < 0:
+                child = -1 - leaf
+                leaf_ranges_out[leaf, 0] = binary.begin[part]
+                leaf_ranges_out[leaf, 1] = binary.end[part]
+                leaf += 1
+            else:
+                child = next_node + inner
+                nodes_out[inner] = part
+                inner += 1
+        children_out[first_node + index, lane] = child
+
+
+@wp.kernel
+def fill_leaves(
+    # Scene:
+    mesh: Mesh,
+    # In:
+    items: Items,
+    leaf_ranges: wp.array2d[wp.int32],
+    # Out:
+    leaves_out: wp.array3d[float],
+    triangles_out: wp.array2d[wp.int32],
+    owners_out: wp.array2d[wp.int32],
+):
+    """Write a triangle's corners, and whose it is: the complement if that is closed; lane 0's where there is none."""
+    leaf, lane = wp.tid()
+    begin = leaf_ranges[leaf, 0]
+    is_used = lane < leaf_ranges[leaf, 1] - begin
+    triangle = items.triangle[begin + wp.where(is_used, lane, 0)]
+    for corner in range(3):
+        place = mesh.vertices[mesh.faces[triangle, wp.where(is_used, corner, 0)]]
+        for axis in range(3):
+            leaves_out[leaf, 3 * corner + axis, lane] = place[axis]
+    triangles_out[leaf, lane] = wp.where(is_used, triangle, -1)
+    owner = mesh.owner[triangle]
+    owners_out[leaf, lane] = wp.where(mesh.closed[owner] != wp.uint8(0), -1 - owner, owner)
+
+
+@wp.func
+def corner_of(leaves: wp.array3d[float], leaf: int, corner: int, lane: int) -> wp.vec3d:
+    row = 3 * corner
+    return wp.vec3d(
+        wp.float64(leaves[leaf, row, lane]),
+        wp.float64(leaves[leaf, row + 1, lane]),
+        wp.float64(leaves[leaf, row + 2, lane]),
+    )
+
+
+@wp.func
+def unit_normal(leaves: wp.array3d[float], leaf: int, lane: int) -> wp.vec3d:
+    """In double precision: a sliver's may be far off in single. Zero where a triangle has no area."""
+    a = corner_of(leaves, leaf, 0, lane)
+    normal = wp.cross(corner_of(leaves, leaf, 1, lane) - a, corner_of(leaves, leaf, 2, lane) - a)
+    squared = wp.dot(normal, normal)
+    if not (squared > wp.float64(1.0e-300)):
+        return wp.vec3d()
+    return normal * (wp.float64(1.0) / wp.sqrt(squared))
+
+
+@wp.func
+def cutoff_of(cosine: wp.float64) -> float:
+    """The sine of a cone's half angle and a little more; `_NEVER` where it says nothing."""
+    if not (cosine > _LEAST_COSINE):
+        return _NEVER
+    sine = wp.sqrt(wp.max(wp.float64(1.0) - cosine * cosine, wp.float64(0.0))) + _MARGIN
+    return wp.where(sine < wp.float64(1.0), float(sine), _NEVER)
+
+
+@wp.func
+def rounded_axis(total: wp.vec3d) -> wp.vec3:
+    """The direction of a sum of vectors as it is stored; zero if it has none."""
+    length = wp.length(total)
+    if not (length > wp.float64(1.0e-6)):
+        return wp.vec3()
+    axis = total / length
+    return wp.vec3(float(axis[0]), float(axis[1]), float(axis[2]))
+
+
+@wp.func
+def exact(v: wp.vec3) -> wp.vec3d:
+    return wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
+
+
+@wp.func
+def row_vector(nodes: wp.array3d[float], node: int, row: int, lane: int) -> wp.vec3:
+    return wp.vec3(nodes[node, row, lane], nodes[node, row + 1, lane], nodes[node, row + 2, lane])
+
+
+@wp.func
+def set_bounds(
+    nodes: wp.array3d[float], node: int, lane: int, low: wp.vec3, high: wp.vec3, axis: wp.vec3, cutoff: float
+):
+    for k in range(3):
+        nodes[node, NODE_LOW_ROW + k, lane] = low[k]
+        nodes[node, NODE_HIGH_ROW + k, lane] = high[k]
+        nodes[node, CONE_AXIS_ROW + k, lane] = axis[k]
+    nodes[node, CONE_CUTOFF_ROW, lane] = cutoff
+
+
+@wp.kernel
+def fit_leaves(
+    # In:
+    children: wp.array2d[wp.int32],
+    leaves: wp.array3d[float],
+    owners: wp.array2d[wp.int32],
+    # Out:
+    nodes_out: wp.array3d[float],
+):
+    """Write a leaf's box and the cone of its normals into the lane that it is of a node."""
+    node, lane = wp.tid()
+    child = children[node, lane]
+    low, high, axis, cutoff = wp.vec3(NOWHERE), wp.vec3(-NOWHERE), wp.vec3(), float(_NEVER)
+    if child > 0:
+        return
+    if child < 0:
+        leaf = -1 - child
+        all_closed, total = bool(True), wp.vec3d()
+        for k in range(_LANES):
+            for corner in range(3):
+                place = row_vector(leaves, leaf, 3 * corner, k)
+                low, high = wp.min(low, place), wp.max(high, place)
+            all_closed = all_closed and owners[leaf, k] < 0
+        if all_closed:
+            for k in range(_LANES):
+                total += unit_normal(leaves, leaf, k)
+            axis = rounded_axis(total)
+        if wp.length_sq(axis) > 0.0:
+            least = wp.float64(1.0)
+            for k in range(_LANES):
+                normal = unit_normal(leaves, leaf, k)
+                if wp.length_sq(normal) > wp.float64(0.0):
+                    least = wp.min(least, wp.dot(normal, exact(axis)))
+            cutoff = cutoff_of(least)
+    set_bounds(nodes_out, node, lane, low, high, axis, cutoff)
+
+
+@wp.kernel
+def fit_nodes(
+    # In:
+    children: wp.array2d[wp.int32],
+    first: int,
+    # Out:
+    nodes_out: wp.array3d[float],
+):
+    """Write the box and the cone of a node below into the lane that it is of one of a level."""
+    index, lane = wp.tid()
+    node = first + index
+    child = children[node, lane]
+    if child <= 0:
+        return
+    low, high, total = wp.vec3(NOWHERE), wp.vec3(-NOWHERE), wp.vec3d()
+    widest = float(0.0)
+    for k in range(_LANES):
+        if children[child, k] != 0:
+            low = wp.min(low, row_vector(nodes_out, child, NODE_LOW_ROW, k))
+            high = wp.max(high, row_vector(nodes_out, child, NODE_HIGH_ROW, k))
+            widest = wp.max(widest, nodes_out[child, CONE_CUTOFF_ROW, k])
+            total += exact(row_vector(nodes_out, child, CONE_AXIS_ROW, k))
+    axis, cutoff = wp.vec3(), float(_NEVER)
+    if widest < 1.0:
+        axis = rounded_axis(total)
+    if wp.length_sq(axis) > 0.0:
+        least, one = wp.float64(1.0), wp.float64(1.0)
+        for k in range(_LANES):
+            if children[child, k] != 0:
+                # The angle between the axes and a child's own half angle add up.
+                between = wp.min(wp.dot(exact(row_vector(nodes_out, child, CONE_AXIS_ROW, k)), exact(axis)), one)
+                sine = wp.float64(nodes_out[child, CONE_CUTOFF_ROW, k])
+                cosine = wp.sqrt(wp.max(one - sine * sine, wp.float64(0.0)))
+                across = wp.sqrt(wp.max(one - between * between, wp.float64(0.0)))
+                least = wp.min(least, between * cosine - across * sine)
+        cutoff = cutoff_of(least)
+    set_bounds(nodes_out, node, lane, low, high, axis, cutoff)
