@@ -9,206 +9,36 @@ its own box and its parent's, and ranges that many bins are filled of have copie
 
 import warp as wp
 
+from warpvis.kernels.bvh_cuda_ranges import (
+    AXIS_BITS,
+    BIN_WORDS,
+    BINS,
+    HALVED,
+    SMALL,
+    Binary,
+    Items,
+    Level,
+    best_axis,
+    best_bin,
+    best_count,
+    bin_child,
+    bin_of,
+    box_high,
+    box_low,
+    first_bin,
+    grow_box,
+    half_area,
+    half_of,
+    is_split,
+    must_halve,
+    not_right_of,
+    place_after,
+    rank_of,
+    set_child,
+)
 from warpvis.kernels.constants import CUDA_LANES, NOWHERE
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
-
-BINS = 16
-"""Of one axis."""
-SMALL = 4 * CUDA_LANES
-"""Ranges of at most this many items are split where it is cheapest of all places."""
-BIN_WORDS = 6
-"""Of a box while it grows: its corners as `ordered` has them, the greatest negated."""
-MOST_DEPTH = 40
-"""Levels of the binary tree: eight levels of nodes, five of these each."""
-NOTHING = 2147483647
-"""What a box has in each word before anything is in it, and a range's best place before any was found."""
-
-HALVED = 3
-"""In place of the axis along which a range is split: it is halved, as its items lie."""
-_AXIS_BITS = 2
-_COST_BITS = 32
-_LANES = wp.constant(CUDA_LANES)
-_SMALL = wp.constant(SMALL)
-
-
-@wp.struct
-class Items:
-    """The triangles' boxes, in the order of ranges."""
-
-    low: wp.array[wp.vec3]
-    high: wp.array[wp.vec3]
-    triangle: wp.array[wp.int32]
-    node: wp.array[wp.int32]  # of the binary tree, of the level that is split now; -1 where that is a leaf
-
-
-@wp.struct
-class Binary:
-    """The binary tree, a level after the other. A node is a range of items."""
-
-    begin: wp.array[wp.int32]
-    end: wp.array[wp.int32]
-    child: wp.array[wp.int32]  # the left one, before the right one; -1 for a leaf
-    area: wp.array[float]  # half the surface area of its box
-    low: wp.array[wp.vec3]  # a box around twice the centres of its items
-    high: wp.array[wp.vec3]
-
-
-@wp.struct
-class Level:
-    """How the nodes of a level are split: by their ranks, the large ones first."""
-
-    depth: int
-    next: int  # the first node of the level below
-    large_count: int
-    count: int
-    nodes: wp.array[wp.int32]
-    axis: wp.array[wp.int32]  # along which it is split; `HALVED` if as the items lie
-    bin: wp.array[wp.int32]  # of large ones, the first on the right
-    left_count: wp.array[wp.int32]  # items on the left, of large ones
-    best: wp.array[wp.int64]  # of small ones, by rank - large_count: the least cost, and the place of that
-
-
-@wp.func
-def ordered(value: float) -> int:
-    """A whole number that is the greater, the greater the value."""
-    bits = wp.cast(value, wp.int32)
-    if bits < 0:
-        bits = bits ^ 2147483647
-    return bits
-
-
-@wp.func
-def from_ordered(bits: int) -> float:
-    whole = bits
-    if whole < 0:
-        whole = whole ^ 2147483647
-    return wp.cast(whole, wp.float32)
-
-
-@wp.func
-def half_area(low: wp.vec3, high: wp.vec3) -> float:
-    size = high - low
-    return size[0] * size[1] + size[1] * size[2] + size[2] * size[0]
-
-
-@wp.func
-def leaves_of(count: int) -> int:
-    return (count + _LANES - 1) // _LANES
-
-
-@wp.func
-def split_cost(left: float, left_count: int, right: float, right_count: int) -> float:
-    """The surface area heuristic, with leaves counted whole; the fewest of them where boxes have no area."""
-    per_item = 1.0 / float(left_count + right_count)
-    return (left + 1.0e-30) * (float(leaves_of(left_count)) * per_item) + (right + 1.0e-30) * (
-        float(leaves_of(right_count)) * per_item
-    )
-
-
-@wp.func
-def half_of(count: int) -> int:
-    """The middle of a range, after a whole number of leaves."""
-    return leaves_of(count // 2) * _LANES
-
-
-@wp.func
-def must_halve(count: int, depth: int) -> bool:
-    """Whether a range that is split so deep down has to be halved from here on, for the tree to be no deeper."""
-    leaves = leaves_of(count)
-    levels = int(0)
-    while (1 << levels) < leaves:
-        levels += 1
-    return depth + levels >= MOST_DEPTH
-
-
-@wp.func
-def is_split(count: int) -> bool:
-    return count > _LANES
-
-
-@wp.func
-def bin_of(centre: float, low: float, high: float) -> int:
-    size = high - low
-    scale = float(0.0)
-    if size > 1.0e-30:
-        scale = float(BINS) / size
-    return wp.min(wp.max(int((centre - low) * scale), 0), BINS - 1)
-
-
-@wp.func
-def grow_box(words: wp.array2d[wp.int32], at: int, low: wp.vec3, high: wp.vec3):
-    for axis in range(3):
-        wp.atomic_min(words, at, axis, ordered(low[axis]))
-        wp.atomic_min(words, at, 3 + axis, ordered(-high[axis]))
-
-
-@wp.func
-def box_low(words: wp.array2d[wp.int32], at: int) -> wp.vec3:
-    return wp.vec3(from_ordered(words[at, 0]), from_ordered(words[at, 1]), from_ordered(words[at, 2]))
-
-
-@wp.func
-def box_high(words: wp.array2d[wp.int32], at: int) -> wp.vec3:
-    return -wp.vec3(from_ordered(words[at, 3]), from_ordered(words[at, 4]), from_ordered(words[at, 5]))
-
-
-@wp.func
-def rank_of(binary: Binary, level: Level, node: int) -> int:
-    return (binary.child[node] - level.next) // 2
-
-
-@wp.func
-def first_bin(rank: int, copy: int, copies: int) -> int:
-    return (rank * copies + copy) * (3 * BINS)
-
-
-@wp.func
-def not_right_of(items: Items, other: int, item: int, axis: int) -> bool:
-    """Whether an item is another one, or comes before it along an axis; where centres coincide, the order they have."""
-    theirs = items.low[other][axis] + items.high[other][axis]
-    own = items.low[item][axis] + items.high[item][axis]
-    return theirs < own or (theirs == own and other <= item)
-
-
-@wp.func
-def place_after(items: Items, begin: int, end: int, item: int, axis: int) -> wp.int64:
-    """What `Level.best` has of a split after an item, in the order of an axis; -1 after the last one."""
-    left_low, left_high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
-    right_low, right_high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
-    left = int(0)
-    for other in range(begin, end):
-        if not_right_of(items, other, item, axis):
-            left += 1
-            left_low, left_high = wp.min(left_low, items.low[other]), wp.max(left_high, items.high[other])
-        else:
-            right_low, right_high = wp.min(right_low, items.low[other]), wp.max(right_high, items.high[other])
-    right = end - begin - left
-    if right == 0:
-        return wp.int64(-1)
-    cost = split_cost(half_area(left_low, left_high), left, half_area(right_low, right_high), right)
-    return (wp.int64(wp.cast(cost, wp.int32)) << wp.int64(_COST_BITS)) | wp.int64((left << _AXIS_BITS) | axis)
-
-
-@wp.func
-def best_count(best: wp.int64) -> int:
-    """Items on the left where a small range is split."""
-    return int(best & wp.int64((1 << (_COST_BITS - _AXIS_BITS)) - 1)) >> _AXIS_BITS
-
-
-@wp.func
-def best_axis(best: wp.int64) -> int:
-    return int(best & wp.int64((1 << _AXIS_BITS) - 1))
-
-
-@wp.func
-def set_child(binary: Binary, node: int, begin: int, end: int, low: wp.vec3, high: wp.vec3, area: float):
-    binary.begin[node] = begin
-    binary.end[node] = end
-    binary.child[node] = -1
-    binary.area[node] = area
-    binary.low[node] = low
-    binary.high[node] = high
 
 
 @wp.kernel
@@ -270,8 +100,8 @@ def mark_ranges(
     """Of each node of a level, in two rows: whether it is large, and whether it is split though it is small."""
     index = wp.tid()
     count = binary.end[first + index] - binary.begin[first + index]
-    flags_out[0, index] = int(count > _SMALL)
-    flags_out[1, index] = int(is_split(count) and count <= _SMALL)
+    flags_out[0, index] = int(count > SMALL)
+    flags_out[1, index] = int(is_split(count) and count <= SMALL)
 
 
 @wp.kernel
@@ -315,7 +145,7 @@ def fill_bins(
     grid_low, grid_high = binary.low[node], binary.high[node]
     for axis in range(3):
         cell = bin_of(low[axis] + high[axis], grid_low[axis], grid_high[axis])
-        at = first_bin(rank, (item // _LANES) % copies, copies) + axis * BINS + cell
+        at = first_bin(rank, (item // CUDA_LANES) % copies, copies) + axis * BINS + cell
         grow_box(boxes_out, at, low, high)
         wp.atomic_add(counts_out, at, 1)
 
@@ -340,47 +170,6 @@ def merge_bins(
         for word in range(BIN_WORDS):
             boxes_out[to, word] = wp.min(boxes_out[to, word], boxes[at, word])
     counts_out[to] = count
-
-
-@wp.func
-def best_bin(boxes: wp.array2d[wp.int32], counts: wp.array[wp.int32], rank: int, total: int) -> wp.vec2i:
-    """Of all bins but the first of each axis, the one before which a split is cheapest, and the items left of it."""
-    right_areas = wp.vector(length=BINS, dtype=float)
-    best = wp.vec2i(-1, 0)
-    least = float(NOWHERE)
-    for line in range(3):
-        first = first_bin(rank, 0, 1) + line * BINS
-        low, high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
-        for step in range(1, BINS):
-            at = BINS - step
-            low = wp.min(low, box_low(boxes, first + at))
-            high = wp.max(high, box_high(boxes, first + at))
-            right_areas[at] = half_area(low, high)
-        low, high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
-        left = int(0)
-        for right in range(1, BINS):
-            low = wp.min(low, box_low(boxes, first + right - 1))
-            high = wp.max(high, box_high(boxes, first + right - 1))
-            left += counts[first + right - 1]
-            if left > 0 and left < total:
-                cost = split_cost(half_area(low, high), left, right_areas[right], total - left)
-                if cost < least:
-                    least = cost
-                    best = wp.vec2i(line * BINS + right, left)
-    return best
-
-
-@wp.func
-def bin_child(
-    binary: Binary, boxes: wp.array2d[wp.int32], node: int, child: int, first: int, bins: int, begin: int, end: int
-):
-    """Make a child of all items in some bins."""
-    low, high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
-    for at in range(first, first + bins):
-        low, high = wp.min(low, box_low(boxes, at)), wp.max(high, box_high(boxes, at))
-    # Twice a centre lies in the parent's bounds, between bins, and in twice the box.
-    centre_low, centre_high = wp.max(binary.low[node], 2.0 * low), wp.min(binary.high[node], 2.0 * high)
-    set_child(binary, child, begin, end, centre_low, centre_high, half_area(low, high))
 
 
 @wp.kernel
@@ -436,7 +225,7 @@ def choose_places(
         return
     begin, end = binary.begin[node], binary.end[node]
     if must_halve(end - begin, level.depth):
-        best_out[rank] = wp.int64(half_of(end - begin) << _AXIS_BITS) | wp.int64(HALVED)
+        best_out[rank] = wp.int64(half_of(end - begin) << AXIS_BITS) | wp.int64(HALVED)
         return
     for axis in range(3):
         place = place_after(items, begin, end, item, axis)

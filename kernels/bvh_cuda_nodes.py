@@ -6,35 +6,22 @@ and nodes hold; see `warpvis.kernels.bvh_cuda`. Leaves and nodes have `CUDA_LANE
 
 import warp as wp
 
-from warpvis.kernels.bvh_cuda import Binary, Items
+from warpvis.kernels.bvh_cuda_ranges import Binary
 from warpvis.kernels.constants import (
     CONE_AXIS_ROW,
     CONE_CUTOFF_ROW,
     CUDA_LANES,
-    LEAF_ROWS,
     NODE_HIGH_ROW,
     NODE_LOW_ROW,
-    NODE_ROWS,
     NOWHERE,
 )
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
-_LANES = wp.constant(CUDA_LANES)
 _WAITING = wp.constant(2 * CUDA_LANES)
 _NEVER = wp.constant(2.0)
 _LEAST_COSINE = wp.constant(wp.float64(0.0872))  # of 85 degrees
 _MARGIN = wp.constant(wp.float64(1e-3))
-
-
-@wp.struct
-class Mesh:
-    """The triangles, and what is known of their objects."""
-
-    vertices: wp.array[wp.vec3]
-    faces: wp.array2d[wp.int32]
-    owner: wp.array[wp.int32]  # of each triangle, its object
-    closed: wp.array[wp.uint8]  # of each object
 
 
 @wp.func
@@ -81,12 +68,12 @@ def find_costs(
     if binary.child[node] < 0:
         return
     if evenly != 0:
-        for most in range(1, _LANES + 1):
+        for most in range(1, CUDA_LANES + 1):
             costs_out[node, most - 1] = 1.0 / float(most)
         return
-    least = cost_of_share(binary, costs_out, node, _LANES) + binary.area[node] + 1.0e-30
+    least = cost_of_share(binary, costs_out, node, CUDA_LANES) + binary.area[node] + 1.0e-30
     costs_out[node, 0] = least
-    for most in range(2, _LANES + 1):
+    for most in range(2, CUDA_LANES + 1):
         least = wp.min(least, cost_of_share(binary, costs_out, node, most))
         costs_out[node, most - 1] = least
 
@@ -106,7 +93,7 @@ def open_nodes(
     stack = wp.vector(length=_WAITING, dtype=wp.int32)
     mosts = wp.vector(length=_WAITING, dtype=wp.int32)
     stack[0] = nodes[index]
-    mosts[0] = _LANES
+    mosts[0] = CUDA_LANES
     waiting, count, inner = int(1), int(0), int(0)
     is_root = bool(True)
     while waiting > 0:
@@ -128,7 +115,7 @@ def open_nodes(
             mosts[waiting + 1] = share
             waiting += 2
         is_root = False
-    for lane in range(count, _LANES):
+    for lane in range(count, CUDA_LANES):
         parts_out[index, lane] = -1
     counts_out[0, index] = inner
     counts_out[1, index] = count - inner
@@ -154,7 +141,7 @@ def name_children(
     last = counts.shape[1] - 1
     inner = sums[0, index] - counts[0, index]
     leaf = first_leaf + sums[1, index] - counts[1, index] - sums[0, last]
-    for lane in range(_LANES):
+    for lane in range(CUDA_LANES):
         part, child = parts[index, lane], int(0)
         if part >= 0:
             if binary.child[part] < 0:
@@ -172,27 +159,28 @@ def name_children(
 @wp.kernel
 def fill_leaves(
     # Scene:
-    mesh: Mesh,
+    vertices: wp.array[wp.vec3],
+    faces: wp.array2d[wp.int32],
+    owner: wp.array[wp.int32],
     # In:
-    items: Items,
+    order: wp.array[wp.int32],
     leaf_ranges: wp.array2d[wp.int32],
     # Out:
     leaves_out: wp.array3d[float],
     triangles_out: wp.array2d[wp.int32],
     owners_out: wp.array2d[wp.int32],
 ):
-    """Write a triangle's corners, and whose it is: the complement if that is closed; lane 0's where there is none."""
+    """Write a triangle's corners, and whose it is; lane 0's first corner, and owner, where there is none."""
     leaf, lane = wp.tid()
     begin = leaf_ranges[leaf, 0]
     is_used = lane < leaf_ranges[leaf, 1] - begin
-    triangle = items.triangle[begin + wp.where(is_used, lane, 0)]
+    triangle = order[begin + wp.where(is_used, lane, 0)]
     for corner in range(3):
-        place = mesh.vertices[mesh.faces[triangle, wp.where(is_used, corner, 0)]]
+        place = vertices[faces[triangle, wp.where(is_used, corner, 0)]]
         for axis in range(3):
             leaves_out[leaf, 3 * corner + axis, lane] = place[axis]
     triangles_out[leaf, lane] = wp.where(is_used, triangle, -1)
-    owner = mesh.owner[triangle]
-    owners_out[leaf, lane] = wp.where(mesh.closed[owner] != wp.uint8(0), -1 - owner, owner)
+    owners_out[leaf, lane] = owner[triangle]
 
 
 @wp.func
@@ -262,6 +250,7 @@ def fit_leaves(
     children: wp.array2d[wp.int32],
     leaves: wp.array3d[float],
     owners: wp.array2d[wp.int32],
+    closed: wp.array[wp.uint8],
     # Out:
     nodes_out: wp.array3d[float],
 ):
@@ -274,18 +263,18 @@ def fit_leaves(
     if child < 0:
         leaf = -1 - child
         all_closed, total = bool(True), wp.vec3d()
-        for k in range(_LANES):
+        for k in range(CUDA_LANES):
             for corner in range(3):
                 place = row_vector(leaves, leaf, 3 * corner, k)
                 low, high = wp.min(low, place), wp.max(high, place)
-            all_closed = all_closed and owners[leaf, k] < 0
+            all_closed = all_closed and closed[owners[leaf, k]] != wp.uint8(0)
         if all_closed:
-            for k in range(_LANES):
+            for k in range(CUDA_LANES):
                 total += unit_normal(leaves, leaf, k)
             axis = rounded_axis(total)
         if wp.length_sq(axis) > 0.0:
             least = wp.float64(1.0)
-            for k in range(_LANES):
+            for k in range(CUDA_LANES):
                 normal = unit_normal(leaves, leaf, k)
                 if wp.length_sq(normal) > wp.float64(0.0):
                     least = wp.min(least, wp.dot(normal, exact(axis)))
@@ -309,7 +298,7 @@ def fit_nodes(
         return
     low, high, total = wp.vec3(NOWHERE), wp.vec3(-NOWHERE), wp.vec3d()
     widest = float(0.0)
-    for k in range(_LANES):
+    for k in range(CUDA_LANES):
         if children[child, k] != 0:
             low = wp.min(low, row_vector(nodes_out, child, NODE_LOW_ROW, k))
             high = wp.max(high, row_vector(nodes_out, child, NODE_HIGH_ROW, k))
@@ -320,7 +309,7 @@ def fit_nodes(
         axis = rounded_axis(total)
     if wp.length_sq(axis) > 0.0:
         least, one = wp.float64(1.0), wp.float64(1.0)
-        for k in range(_LANES):
+        for k in range(CUDA_LANES):
             if children[child, k] != 0:
                 # The angle between the axes and a child's own half angle add up.
                 between = wp.min(wp.dot(exact(row_vector(nodes_out, child, CONE_AXIS_ROW, k)), exact(axis)), one)
@@ -330,3 +319,34 @@ def fit_nodes(
                 least = wp.min(least, between * cosine - across * sine)
         cutoff = cutoff_of(least)
     set_bounds(nodes_out, node, lane, low, high, axis, cutoff)
+
+
+@wp.kernel
+def join_children(
+    # In:
+    first_node: int,
+    first_leaf: int,
+    # Out:
+    children_out: wp.array[wp.int32],
+):
+    """Make a tree's children nodes and leaves of arrays that begin with other trees' nodes and leaves."""
+    slot = wp.tid()
+    child = children_out[slot]
+    if child > 0:
+        children_out[slot] = child + first_node
+    if child < 0:
+        children_out[slot] = child - first_leaf
+
+
+@wp.kernel
+def mark_owners(
+    # In:
+    closed: wp.array[wp.uint8],
+    # Out:
+    owners_out: wp.array[wp.int32],
+):
+    """Mark owners as casters read them: an object's complement where its back faces can be left out."""
+    slot = wp.tid()
+    owner = owners_out[slot]
+    if closed[owner] != wp.uint8(0):
+        owners_out[slot] = -1 - owner

@@ -13,6 +13,30 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from reference_building import (  # noqa: F401
+    BINS,
+    begin_tree,
+    bound_centres,
+    choose_bins,
+    choose_places,
+    fill_bins,
+    find_costs,
+    find_sides,
+    fit_leaves,
+    half_area,
+    half_of,
+    join_children,
+    mark_owners,
+    mark_ranges,
+    merge_bins,
+    move_items,
+    must_halve,
+    name_children,
+    open_nodes,
+    part_small,
+    places_of,
+    rank_ranges,
+)
 from reference_clearance import find_room, nearest_surface  # noqa: F401
 from reference_coinciding import show_later  # noqa: F401
 from reference_heights import climb  # noqa: F401

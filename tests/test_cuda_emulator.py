@@ -149,6 +149,18 @@ def test_all_variants_draw_the_same(emulator):
             assert_bits_equal(images, expected)
 
 
+def test_trees_that_a_gpu_built(emulator, monkeypatch):
+    """The same images to the last bit, of one tree, and of some that are joined."""
+    built = []
+    for movable in (False, True):
+        scene = build("cpu", moved(), movable=movable)
+        expected = render(emulator, scene, eyes(2))
+        with monkeypatch.context() as patch:
+            patch.setattr("warpvis.scene._kept_trees.builds_on", lambda device, count: built.append(count) or True)
+            assert_bits_equal(render(emulator, scene, eyes(2)), expected)
+    assert len(built) == 1 + 5
+
+
 @pytest.mark.parametrize("output", ALL)
 def test_an_image_alone_is_the_same(emulator, output):
     scene = build("cpu", moved(), movable=True)

@@ -38,9 +38,9 @@ _ALL = -1
 
 @dataclass(frozen=True)
 class Bvh:
-    """Triangles in clusters, and the tree above them, on the CPU. Node 0 is the root.
+    """Triangles in clusters, and the tree above them, where it was built. Node 0 is the root.
 
-    Arrays are flat, start at a multiple of 64 bytes, and hold `lanes` lanes a row.
+    Arrays are flat, start at a multiple of 64 bytes on a CPU, and hold `lanes` lanes a row.
     """
 
     leaves: wp.array = field(repr=False)

@@ -7,7 +7,9 @@ from __future__ import annotations
 from functools import partial
 from typing import Any, NamedTuple
 
+import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from warpvis.core.arrays import aligned_empty
 from warpvis.core.kernel_cache import launch
@@ -17,6 +19,13 @@ from warpvis.scene._bvh import Bvh, check_size
 # Threads that find the box around all items, and copies of bins that a level has in all, so that few wait for others.
 _BOUNDING_THREADS = 1 << 16
 _COPIED_BINS = 1024
+# Fewer triangles are built into a tree by the CPU before a GPU has begun with all levels.
+_LEAST_TRIANGLES = 30_000
+
+
+def builds_on(device: wp.Device, triangles: int) -> bool:
+    """Tell whether a device builds a tree of so many triangles itself."""
+    return not device.is_cpu and triangles >= _LEAST_TRIANGLES
 
 
 class DeviceMesh(NamedTuple):
@@ -31,12 +40,28 @@ class DeviceMesh(NamedTuple):
     closed: wp.array
     """Whether an object's back faces can be left out, uint8 of shape ``(objects,)``."""
 
+    @classmethod
+    def of(
+        cls,
+        vertices: NDArray[np.float32],
+        faces: NDArray[np.int32],
+        owner: NDArray[np.int32],
+        closed: NDArray[np.bool_],
+        device: wp.Device,
+    ) -> DeviceMesh:
+        """Copy arrays of the host, as `warpvis.scene._bvh.build_bvh` takes them."""
+        return cls(
+            wp.array(vertices, dtype=wp.vec3, device=device),
+            wp.array(faces, dtype=wp.int32, device=device),
+            wp.array(owner, dtype=wp.int32, device=device),
+            wp.array(closed, dtype=wp.uint8, device=device),
+        )
+
 
 def build_device_bvh(mesh: DeviceMesh, *, most_levels: int) -> Bvh:
     """Build a tree of 32 lanes where the mesh is, as `warpvis.scene._bvh.build_bvh` does it on the CPU.
 
-    Nothing is copied to the host but how many ranges and nodes there are in each level. The owners are marked: of a
-    closed object, the complement.
+    Nothing is copied to the host but how many ranges and nodes there are in each level.
 
     Args:
         mesh: The triangles, 1 or more.
@@ -65,7 +90,7 @@ class _Nodes(NamedTuple):
         return len(self.levels)
 
     @property
-    def count(self) -> int:
+    def node_count(self) -> int:
         return sum(self.levels[-1])
 
 
@@ -74,16 +99,16 @@ class _Splitter:
 
     def __init__(self, mesh: DeviceMesh) -> None:
         """Make the items, and the root."""
-        from warpvis.kernels import bvh_cuda
+        from warpvis.kernels import bvh_cuda, bvh_cuda_ranges
 
-        self._kernels, self._device = bvh_cuda, mesh.vertices.device
+        self._kernels, self._ranges, self._device = bvh_cuda, bvh_cuda_ranges, mesh.vertices.device
         self._count = len(mesh.faces)
         self._launch = partial(launch, device=self._device)
         self._items, self._moved = self._new_items(), self._new_items()
         self._lefts, self._before, self._places = (self._integers(self._count) for _ in range(3))
         # Leaves are filled by three quarters and more; where they are not, there is more room later.
         self._binary = self._new_binary(self._count // 8 + 64)
-        words = self._filled((1, bvh_cuda.BIN_WORDS))
+        words = self._filled((1, bvh_cuda_ranges.BIN_WORDS))
         threads = min(self._count, _BOUNDING_THREADS)
         self._launch(bvh_cuda.load_items, self._count, [mesh.vertices, mesh.faces, self._items])
         self._launch(bvh_cuda.bound_centres, threads, [self._items, threads, words])
@@ -106,7 +131,7 @@ class _Splitter:
         if ranges == 0:
             return 0
         self._grow(first + count + 2 * ranges)
-        level = kernels.Level()
+        level = self._ranges.Level()
         level.depth, level.next, level.large_count, level.count = depth, first + count, large, ranges
         level.nodes, level.axis, level.bin, level.left_count = (self._integers(ranges) for _ in range(4))
         level.best = wp.empty(ranges - large, dtype=wp.int64, device=device)
@@ -128,14 +153,14 @@ class _Splitter:
 
     def _fill_bins(self, level: Any) -> tuple[wp.array, wp.array]:
         """Fill the bins of large ranges; where these are few, of copies that different threads fill."""
-        bins = 3 * self._kernels.BINS * level.large_count
-        copies = 1 if self._device.is_cpu else max(1, _COPIED_BINS // level.large_count)
+        bins = 3 * self._ranges.BINS * level.large_count
+        copies = _copies(self._device, level.large_count)
         boxes, counts = self._new_bins(bins * copies)
         self._launch(self._kernels.fill_bins, self._count, [self._items, self._binary, level, copies, boxes, counts])
         if copies == 1:
             return boxes, counts
         merged = self._new_bins(bins)
-        shape = (level.large_count, 3 * self._kernels.BINS)
+        shape = (level.large_count, 3 * self._ranges.BINS)
         self._launch(self._kernels.merge_bins, shape, [boxes, counts, copies, *merged])
         return merged
 
@@ -153,25 +178,30 @@ class _Splitter:
 
     def _filled(self, shape: tuple[int, ...]) -> wp.array:
         array = self._integers(shape)
-        array.fill_(self._kernels.NOTHING)
+        array.fill_(self._ranges.NOTHING)
         return array
 
     def _new_bins(self, count: int) -> tuple[wp.array, wp.array]:
-        boxes = self._filled((count, self._kernels.BIN_WORDS))
+        boxes = self._filled((count, self._ranges.BIN_WORDS))
         return boxes, wp.zeros(count, dtype=wp.int32, device=self._device)
 
     def _new_items(self) -> Any:
-        items = self._kernels.Items()
+        items = self._ranges.Items()
         items.low, items.high = (wp.empty(self._count, dtype=wp.vec3, device=self._device) for _ in range(2))
         items.triangle, items.node = (self._integers(self._count) for _ in range(2))
         return items
 
     def _new_binary(self, nodes: int) -> Any:
-        binary = self._kernels.Binary()
+        binary = self._ranges.Binary()
         binary.begin, binary.end, binary.child = (self._integers(nodes) for _ in range(3))
         binary.area = wp.empty(nodes, dtype=wp.float32, device=self._device)
         binary.low, binary.high = (wp.empty(nodes, dtype=wp.vec3, device=self._device) for _ in range(2))
         return binary
+
+
+def _copies(device: wp.Device, ranges: int) -> int:
+    """How many copies of a range's bins are filled by different threads; one by the one thread of a CPU."""
+    return 1 if device.is_cpu else max(1, _COPIED_BINS // ranges)
 
 
 def _collapse(binary: Any, levels: list[tuple[int, int]], *, evenly: bool) -> _Nodes:
@@ -218,13 +248,21 @@ def _fill(mesh: DeviceMesh, items: Any, made: _Nodes) -> Bvh:
     make = aligned_empty if device.is_cpu else partial(wp.empty, device=device)
     leaves = make((made.leaf_count, LEAF_ROWS, lanes), wp.float32)
     triangles, owners = (make((made.leaf_count, lanes), wp.int32) for _ in range(2))
-    nodes = make((made.count, NODE_ROWS, lanes), wp.float32)
-    given = kernels.Mesh()
-    given.vertices, given.faces, given.owner, given.closed = mesh
-    outputs = [leaves, triangles, owners]
-    launch(kernels.fill_leaves, owners.shape, [given, items, made.leaf_ranges, *outputs], device)
-    launch(kernels.fit_leaves, made.children.shape, [made.children, leaves, owners, nodes], device)
+    nodes = make((made.node_count, NODE_ROWS, lanes), wp.float32)
+    inputs = [mesh.vertices, mesh.faces, mesh.owner, items.triangle, made.leaf_ranges]
+    launch(kernels.fill_leaves, owners.shape, [*inputs, leaves, triangles, owners], device)
+    launch(kernels.fit_leaves, made.children.shape, [made.children, leaves, owners, mesh.closed, nodes], device)
     for first, count in reversed(made.levels[:-1]):
         launch(kernels.fit_nodes, (count, lanes), [made.children, first, nodes], device)
-    flat = [array.flatten() for array in (leaves, triangles, owners, nodes, made.children)]
-    return Bvh(*flat, lanes, made.depth, made.leaf_count, made.count, len(mesh.faces))
+    return Bvh(
+        leaves.flatten(),
+        triangles.flatten(),
+        owners.flatten(),
+        nodes.flatten(),
+        made.children.flatten(),
+        lanes=lanes,
+        depth=made.depth,
+        leaf_count=made.leaf_count,
+        node_count=made.node_count,
+        triangle_count=len(mesh.faces),
+    )

@@ -5,10 +5,12 @@
 from __future__ import annotations
 
 import numpy as np
+import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.kernels.constants import CUDA_LANES
 from warpvis.scene._bvh import Bvh, build_bvh
+from warpvis.scene._bvh_cuda import DeviceMesh, build_device_bvh, builds_on
 from warpvis.scene.closed import provably_closed
 
 _Key = tuple[bytes, ...]
@@ -38,19 +40,17 @@ class KeptTrees:
         owner: NDArray[np.int32],
         closed: NDArray[np.bool_],
         lanes: int,
+        device: wp.Device,
     ) -> Bvh:
-        """Return the tree of some triangles, as `build_bvh` makes it. Nobody may write into it if trees are kept."""
-        from warpvis.kernels.packets_cuda import LEVELS
-
-        most_levels = LEVELS if lanes == CUDA_LANES else None
+        """Return the tree of some triangles, built on a GPU where that is quicker. Nobody may write into kept ones."""
         if not self.keep:
-            return build_bvh(vertices, faces, owner, closed, lanes=lanes, most_levels=most_levels)
+            return _build(vertices, faces, owner, closed, lanes, device)
         # Of the flags only those of the triangles' own objects count.
         own = closed[owner]
         key = (vertices.tobytes(), faces.tobytes(), owner.tobytes(), own.tobytes(), bytes([lanes]))
         found = self._last.get(key)
         if found is None:
-            found = build_bvh(vertices, faces, owner, closed, lanes=lanes, most_levels=most_levels)
+            found = _build(vertices, faces, owner, closed, lanes, device)
         self._now[key] = found
         return found
 
@@ -67,3 +67,20 @@ class KeptTrees:
         """Let go of what this build did not ask for."""
         self._last, self._now = self._now, {}
         self._closed, self._closed_now = self._closed_now, {}
+
+
+def _build(
+    vertices: NDArray[np.float32],
+    faces: NDArray[np.int32],
+    owner: NDArray[np.int32],
+    closed: NDArray[np.bool_],
+    lanes: int,
+    device: wp.Device,
+) -> Bvh:
+    """Build a tree; on the CPU, unless it is for a GPU and has many triangles."""
+    from warpvis.kernels.packets_cuda import LEVELS
+
+    if lanes == CUDA_LANES and builds_on(device, len(faces)):
+        return build_device_bvh(DeviceMesh.of(vertices, faces, owner, closed, device), most_levels=LEVELS)
+    most_levels = LEVELS if lanes == CUDA_LANES else None
+    return build_bvh(vertices, faces, owner, closed, lanes=lanes, most_levels=most_levels)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from warpvis.core.arrays import get_device
 from warpvis.errors import SceneError
 from warpvis.kernels.constants import BOX_WORDS, CPU_LANES, CUDA_LANES, LEAF_ROWS, NODE_ROWS, SOLID_WORDS
+from warpvis.scene._joined_trees import first_leaves, first_nodes, join_trees
 
 if TYPE_CHECKING:
     from warpvis.kernels.packets import BvhScene
@@ -127,13 +128,13 @@ def build_scene_bvh(
     lanes = lanes or (CPU_LANES if device.is_cpu else CUDA_LANES)
     static, movable = _part(objects)
     shared = _share_meshes(objects, movable)
-    trees, owners = [], []
+    trees, closed_of = [], []
     closed = np.zeros(len(objects), dtype=bool)
     if static:
         closed[static] = [kept.closed(objects[i].vertices, objects[i].faces) for i in static]
         vertices = [objects[i].vertices for i in static]
-        trees.append(kept.tree(*_flatten(vertices, objects, static), closed, lanes))
-        owners.append(_marked(trees[0], closed))
+        trees.append(kept.tree(*_flatten(vertices, objects, static), closed, lanes, device))
+        closed_of.append(closed)
     boxes = [objects[i].bounds for i in static if closed[i]]
     struct = BvhScene()
     struct.closed_boxes = _floats(boxes, device)
@@ -145,10 +146,10 @@ def build_scene_bvh(
     for mesh in shared:
         owner, part_closed = _owners(mesh, objects, kept)
         tree_of[mesh.movables], mesh_closed[mesh.movables] = len(trees), part_closed[owner].all()
-        trees.append(kept.tree(mesh.vertices, mesh.faces, owner, part_closed, lanes))
-        owners.append(_marked(trees[-1], part_closed))
+        trees.append(kept.tree(mesh.vertices, mesh.faces, owner, part_closed, lanes, device))
+        closed_of.append(part_closed)
     kept.finish()
-    _concatenate(struct, trees, owners, device, share=not kept.keep)
+    join_trees(struct, trees, closed_of, device, share=not kept.keep)
 
     slots = np.array([tree.leaf_count * tree.lanes for tree in trees])
     static_slots = int(slots[0]) if static else 0
@@ -159,8 +160,8 @@ def build_scene_bvh(
     struct.static_object = wp.array(static, dtype=wp.int32, device=device)
     struct.movable_count = len(movable)
     struct.movable_object = _one_object(movable, shared, device)
-    struct.movable_root = wp.array(_first_nodes(trees)[tree_of], dtype=wp.int32, device=device)
-    struct.movable_leaf = wp.array(_first_leaves(trees)[tree_of], dtype=wp.int32, device=device)
+    struct.movable_root = wp.array(first_nodes(trees)[tree_of], dtype=wp.int32, device=device)
+    struct.movable_leaf = wp.array(first_leaves(trees)[tree_of], dtype=wp.int32, device=device)
     struct.movable_first_id = wp.array(ends - slots[tree_of], dtype=wp.int32, device=device)
     struct.movable_closed = wp.array(mesh_closed, dtype=wp.int32, device=device)
     struct.movable_solid, struct.movable_size = solid_sizes(objects, movable, device)
@@ -215,12 +216,6 @@ def _owners(
     return mesh.owner, flags
 
 
-def _marked(tree: Bvh, closed: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Mark a tree's owners as casters read them: an object's complement where its back faces can be left out."""
-    owners = tree.owners.numpy()
-    return np.where(closed[owners], ~owners, owners)
-
-
 def _share_meshes(objects: Sequence[SceneObject], movable: Sequence[int]) -> list[_Mesh]:
     """Find the different meshes among movable objects, in the order in which they first come."""
     from warpvis.scene._refit import check_values
@@ -264,7 +259,7 @@ def _make_refits(
 
     refits = {}
     first = len(trees) - len(shared)
-    places = list(zip(trees, _first_nodes(trees), _first_leaves(trees), strict=True))[first:]
+    places = list(zip(trees, first_nodes(trees), first_leaves(trees), strict=True))[first:]
     for mesh, (tree, node, leaf) in zip(shared, places, strict=True):
         if mesh.points is None:
             continue
@@ -303,51 +298,6 @@ def _make_mesh(
         bvh_constructor="sah" if device.is_cpu else "cubql",
         bvh_leaf_size=4 if device.is_cpu else None,
     )
-
-
-def _concatenate(
-    struct: BvhScene, trees: Sequence[Bvh], owners: Sequence[NDArray[np.int32]], device: wp.Device, *, share: bool
-) -> None:
-    """Join all trees' arrays; a child is a node, or the complement of a leaf, of the whole arrays.
-
-    Args:
-        struct: What is to hold them.
-        trees: The trees.
-        owners: The owners of each, as casters read them.
-        device: Where the arrays are to be.
-        share: Whether a single tree may give its own arrays, which are then changed.
-    """
-    if len(trees) == 1 and share:
-        tree = trees[0]
-        np.copyto(tree.owners.numpy(), owners[0])
-        struct.leaves, struct.owners = tree.leaves.to(device), tree.owners.to(device)
-        struct.nodes, struct.children = tree.nodes.to(device), tree.children.to(device)
-        return
-    children = []
-    for tree, first_node, first_leaf in zip(trees, _first_nodes(trees), _first_leaves(trees), strict=True):
-        child = tree.children.numpy()
-        children.append(child + np.where(child > 0, first_node, 0) - np.where(child < 0, first_leaf, 0))
-    struct.leaves = _join([tree.leaves.numpy() for tree in trees], wp.float32, device)
-    struct.nodes = _join([tree.nodes.numpy() for tree in trees], wp.float32, device)
-    struct.owners = _join(owners, wp.int32, device)
-    struct.children = _join(children, wp.int32, device)
-
-
-def _first_nodes(trees: Sequence[Bvh]) -> NDArray[np.int64]:
-    return np.cumsum([0] + [tree.node_count for tree in trees])[:-1]
-
-
-def _first_leaves(trees: Sequence[Bvh]) -> NDArray[np.int64]:
-    return np.cumsum([0] + [tree.leaf_count for tree in trees])[:-1]
-
-
-def _join(parts: Sequence[np.ndarray], dtype: type, device: wp.Device) -> wp.array:
-    """Join the parts one after the other, on the CPU from a multiple of 64 bytes on."""
-    from warpvis.core.arrays import aligned_empty
-
-    joined = aligned_empty((sum(len(part) for part in parts),), dtype)
-    np.concatenate(parts, out=joined.numpy(), casting="same_kind")
-    return joined.to(device)
 
 
 def _mesh_vertices(item: SceneObject) -> NDArray[np.float32]:

@@ -1,0 +1,101 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Trees of a scene's meshes, one after the other in the same arrays, as casters read them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.arrays import aligned_empty
+from warpvis.core.kernel_cache import launch
+
+if TYPE_CHECKING:
+    from warpvis.kernels.packets import BvhScene
+    from warpvis.scene._bvh import Bvh
+
+
+def join_trees(
+    struct: BvhScene, trees: Sequence[Bvh], closed: Sequence[NDArray[np.bool_]], device: wp.Device, *, share: bool
+) -> None:
+    """Join all trees' arrays; a child is a node, or the complement of a leaf, of the whole arrays.
+
+    Args:
+        struct: What is to hold them.
+        trees: The trees, of the host or of the device.
+        closed: Of each tree, which of its owners are closed: casters read these owners' complement.
+        device: Where the arrays are to be.
+        share: Whether a single tree may give its own arrays, which are then changed.
+    """
+    if not all(tree.leaves.device.is_cpu for tree in trees):
+        _join_on_device(struct, trees, closed, device, share=share)
+        return
+    owners = [_marked(tree, flags) for tree, flags in zip(trees, closed, strict=True)]
+    if len(trees) == 1 and share:
+        tree = trees[0]
+        np.copyto(tree.owners.numpy(), owners[0])
+        struct.leaves, struct.owners = tree.leaves.to(device), tree.owners.to(device)
+        struct.nodes, struct.children = tree.nodes.to(device), tree.children.to(device)
+        return
+    children = []
+    for tree, first_node, first_leaf in zip(trees, first_nodes(trees), first_leaves(trees), strict=True):
+        child = tree.children.numpy()
+        children.append(child + np.where(child > 0, first_node, 0) - np.where(child < 0, first_leaf, 0))
+    struct.leaves = _join([tree.leaves.numpy() for tree in trees], wp.float32, device)
+    struct.nodes = _join([tree.nodes.numpy() for tree in trees], wp.float32, device)
+    struct.owners = _join(owners, wp.int32, device)
+    struct.children = _join(children, wp.int32, device)
+
+
+def first_nodes(trees: Sequence[Bvh]) -> NDArray[np.int64]:
+    """Return the place of each tree's first node in the arrays of all."""
+    return np.cumsum([0] + [tree.node_count for tree in trees])[:-1]
+
+
+def first_leaves(trees: Sequence[Bvh]) -> NDArray[np.int64]:
+    """Return the place of each tree's first leaf in the arrays of all."""
+    return np.cumsum([0] + [tree.leaf_count for tree in trees])[:-1]
+
+
+def _join_on_device(
+    struct: BvhScene, trees: Sequence[Bvh], closed: Sequence[NDArray[np.bool_]], device: wp.Device, *, share: bool
+) -> None:
+    from warpvis.kernels.bvh_cuda_nodes import join_children, mark_owners
+
+    for name in ("leaves", "owners", "nodes", "children"):
+        parts = [getattr(tree, name) for tree in trees]
+        whole = parts[0]
+        if len(parts) > 1 or not share or whole.device != device:
+            whole = wp.empty(sum(map(len, parts)), dtype=whole.dtype, device=device)
+            first = 0
+            for part in parts:
+                wp.copy(whole, part, dest_offset=first, count=len(part))
+                first += len(part)
+        setattr(struct, name, whole)
+    node, leaf = 0, 0
+    for tree, flags in zip(trees, closed, strict=True):
+        lanes = tree.lanes
+        owners = struct.owners[leaf * lanes : (leaf + tree.leaf_count) * lanes]
+        if flags.any():
+            launch(mark_owners, len(owners), [wp.array(flags, dtype=wp.uint8, device=device), owners], device)
+        if node:
+            children = struct.children[node * lanes : (node + tree.node_count) * lanes]
+            launch(join_children, len(children), [node, leaf, children], device)
+        node, leaf = node + tree.node_count, leaf + tree.leaf_count
+
+
+def _marked(tree: Bvh, closed: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Mark a tree's owners as casters read them: an object's complement where its back faces can be left out."""
+    owners = tree.owners.numpy()
+    return np.where(closed[owners], ~owners, owners)
+
+
+def _join(parts: Sequence[np.ndarray], dtype: type, device: wp.Device) -> wp.array:
+    """Join the parts one after the other, on the CPU from a multiple of 64 bytes on."""
+    joined = aligned_empty((sum(len(part) for part in parts),), dtype)
+    np.concatenate(parts, out=joined.numpy(), casting="same_kind")
+    return joined.to(device)
