@@ -13,7 +13,16 @@ from warpvis.kernels.bvh_cuda_ranges import (
     AXIS_BITS,
     BIN_WORDS,
     BINS,
+    COUNT,
+    DEPTH,
+    FIRST,
     HALVED,
+    LARGE,
+    NEXT,
+    NEXT_COUNT,
+    NO_PLACE,
+    NOTHING,
+    RANGES,
     SMALL,
     Binary,
     Items,
@@ -25,6 +34,7 @@ from warpvis.kernels.bvh_cuda_ranges import (
     bin_of,
     box_high,
     box_low,
+    copies_of,
     first_bin,
     grow_box,
     half_area,
@@ -82,10 +92,14 @@ def begin_tree(
     words: wp.array2d[wp.int32],
     item_count: int,
     # Out:
+    info_out: wp.array[wp.int32],
     binary_out: Binary,
 ):
-    """One thread: the root, which holds all items."""
+    """One thread: the root, which holds all items, and is the level below none."""
     node = wp.tid()
+    info_out[DEPTH] = -1
+    info_out[NEXT] = 0
+    info_out[NEXT_COUNT] = 1
     set_child(binary_out, node, 0, item_count, box_low(words, 0), box_high(words, 0), 0.0)
 
 
@@ -93,15 +107,36 @@ def begin_tree(
 def mark_ranges(
     # In:
     binary: Binary,
-    first: int,
+    level: Level,
     # Out:
     flags_out: wp.array2d[wp.int32],
 ):
-    """Of each node of a level, in two rows: whether it is large, and whether it is split though it is small."""
+    """Of each node of the level below, in two rows: whether it is large, and whether it is split though it is small."""
     index = wp.tid()
-    count = binary.end[first + index] - binary.begin[first + index]
+    count = int(0)
+    if index < level.info[NEXT_COUNT]:
+        node = level.info[NEXT] + index
+        count = binary.end[node] - binary.begin[node]
     flags_out[0, index] = int(count > SMALL)
     flags_out[1, index] = int(is_split(count) and count <= SMALL)
+
+
+@wp.kernel
+def count_ranges(
+    # In:
+    sums: wp.array2d[wp.int32],
+    # Out:
+    info_out: wp.array[wp.int32],
+):
+    """One thread: go on to the level below, by sums of its flags."""
+    last = sums.shape[1] - 1 - wp.tid()
+    info_out[FIRST] = info_out[NEXT]
+    info_out[COUNT] = info_out[NEXT_COUNT]
+    info_out[DEPTH] = info_out[DEPTH] + 1
+    info_out[LARGE] = sums[0, last]
+    info_out[RANGES] = sums[1, last]
+    info_out[NEXT] = info_out[FIRST] + info_out[COUNT]
+    info_out[NEXT_COUNT] = 2 * sums[1, last]
 
 
 @wp.kernel
@@ -109,7 +144,6 @@ def rank_ranges(
     # In:
     flags: wp.array2d[wp.int32],
     sums: wp.array2d[wp.int32],
-    first: int,
     # Out:
     level_out: Level,
     binary_out: Binary,
@@ -117,9 +151,24 @@ def rank_ranges(
     """List the nodes of a level that are split, by sums of their flags, and give them their children's numbers."""
     row, index = wp.tid()
     if flags[row, index] == 1:
-        rank = sums[row, index] - 1
-        level_out.nodes[rank] = first + index
-        binary_out.child[first + index] = level_out.next + 2 * rank
+        rank, node = sums[row, index] - 1, level_out.info[FIRST] + index
+        level_out.nodes[rank] = node
+        binary_out.child[node] = level_out.info[NEXT] + 2 * rank
+        if row == 1:
+            level_out.best[rank - level_out.info[LARGE]] = wp.int64(NO_PLACE)
+
+
+@wp.kernel
+def clear_bins(
+    # Out:
+    boxes_out: wp.array2d[wp.int32],
+    counts_out: wp.array[wp.int32],
+):
+    """Empty a bin."""
+    at = wp.tid()
+    counts_out[at] = 0
+    for word in range(BIN_WORDS):
+        boxes_out[at, word] = NOTHING
 
 
 @wp.kernel
@@ -128,7 +177,6 @@ def fill_bins(
     items: Items,
     binary: Binary,
     level: Level,
-    copies: int,
     # Out:
     boxes_out: wp.array2d[wp.int32],
     counts_out: wp.array[wp.int32],
@@ -139,13 +187,14 @@ def fill_bins(
     if node < 0:
         return
     rank = rank_of(binary, level, node)
-    if rank >= level.large_count:
+    if rank >= level.info[LARGE]:
         return
     low, high = items.low[item], items.high[item]
     grid_low, grid_high = binary.low[node], binary.high[node]
+    copies = copies_of(level)
+    first = first_bin(rank, (item // CUDA_LANES) % copies, copies)
     for axis in range(3):
-        cell = bin_of(low[axis] + high[axis], grid_low[axis], grid_high[axis])
-        at = first_bin(rank, (item // CUDA_LANES) % copies, copies) + axis * BINS + cell
+        at = first + axis * BINS + bin_of(low[axis] + high[axis], grid_low[axis], grid_high[axis])
         grow_box(boxes_out, at, low, high)
         wp.atomic_add(counts_out, at, 1)
 
@@ -153,23 +202,20 @@ def fill_bins(
 @wp.kernel
 def merge_bins(
     # In:
-    boxes: wp.array2d[wp.int32],
-    counts: wp.array[wp.int32],
-    copies: int,
+    level: Level,
     # Out:
     boxes_out: wp.array2d[wp.int32],
     counts_out: wp.array[wp.int32],
 ):
-    """Unite the copies of a bin."""
+    """Unite the copies of a bin in the first of them."""
     rank, place = wp.tid()
-    to = first_bin(rank, 0, 1) + place
-    count = int(0)
-    for copy in range(copies):
+    copies = copies_of(level)
+    to = first_bin(rank, 0, copies) + place
+    for copy in range(1, copies):
         at = first_bin(rank, copy, copies) + place
-        count += counts[at]
+        counts_out[to] = counts_out[to] + counts_out[at]
         for word in range(BIN_WORDS):
-            boxes_out[to, word] = wp.min(boxes_out[to, word], boxes[at, word])
-    counts_out[to] = count
+            boxes_out[to, word] = wp.min(boxes_out[to, word], boxes_out[at, word])
 
 
 @wp.kernel
@@ -186,8 +232,9 @@ def choose_bins(
     node = level_out.nodes[rank]
     begin, end, child = binary_out.begin[node], binary_out.end[node], binary_out.child[node]
     best = wp.vec2i(-1, 0)
-    if not must_halve(end - begin, level_out.depth):
-        best = best_bin(boxes, counts, rank, end - begin)
+    first = first_bin(rank, 0, copies_of(level_out))
+    if not must_halve(end - begin, level_out.info[DEPTH]):
+        best = best_bin(boxes, counts, first, end - begin)
     if best[0] < 0:
         middle = begin + half_of(end - begin)
         low, high, area = binary_out.low[node], binary_out.high[node], binary_out.area[node]
@@ -201,7 +248,7 @@ def choose_bins(
     level_out.bin[rank] = right
     level_out.left_count[rank] = best[1]
     middle = begin + best[1]
-    first = first_bin(rank, 0, 1) + axis * BINS
+    first += axis * BINS
     bin_child(binary_out, boxes, node, child, first, right, begin, middle)
     bin_child(binary_out, boxes, node, child + 1, first + right, BINS - right, middle, end)
 
@@ -220,11 +267,11 @@ def choose_places(
     node = items.node[item]
     if node < 0:
         return
-    rank = rank_of(binary, level, node) - level.large_count
+    rank = rank_of(binary, level, node) - level.info[LARGE]
     if rank < 0:
         return
     begin, end = binary.begin[node], binary.end[node]
-    if must_halve(end - begin, level.depth):
+    if must_halve(end - begin, level.info[DEPTH]):
         best_out[rank] = wp.int64(half_of(end - begin) << AXIS_BITS) | wp.int64(HALVED)
         return
     for axis in range(3):
@@ -252,7 +299,7 @@ def find_sides(
         return
     rank = rank_of(binary, level, node)
     begin = binary.begin[node]
-    if rank < level.large_count:
+    if rank < level.info[LARGE]:
         axis = level.axis[rank]
         if axis == HALVED:
             left_out[item] = int(item - begin < level.left_count[rank])
@@ -261,7 +308,7 @@ def find_sides(
             cell = bin_of(centre, binary.low[node][axis], binary.high[node][axis])
             left_out[item] = int(cell < level.bin[rank])
         return
-    axis = best_axis(level.best[rank - level.large_count])
+    axis = best_axis(level.best[rank - level.info[LARGE]])
     if axis != HALVED:
         place = begin - 1
         for other in range(begin, binary.end[node]):
@@ -289,12 +336,12 @@ def move_items(
         rank = rank_of(binary, level, node)
         begin, end = binary.begin[node], binary.end[node]
         count = int(0)
-        if rank < level.large_count:
+        if rank < level.info[LARGE]:
             count = level.left_count[rank]
             left = before[item] - before[begin]
             place = wp.where(lefts[item] == 1, begin + left, item + count - left)
         else:
-            count = best_count(level.best[rank - level.large_count])
+            count = best_count(level.best[rank - level.info[LARGE]])
         child = binary.child[node] + int(place - begin >= count)
         if not is_split(wp.where(place - begin < count, count, end - begin - count)):
             child = -1
@@ -314,7 +361,7 @@ def part_small(
 ):
     """Make the children of a small range, whose items have been put where they go."""
     rank = wp.tid()
-    node = level.nodes[level.large_count + rank]
+    node = level.nodes[level.info[LARGE] + rank]
     begin, end = binary_out.begin[node], binary_out.end[node]
     middle = begin + best_count(level.best[rank])
     for side in range(2):

@@ -15,12 +15,22 @@ BIN_WORDS = 6
 MOST_DEPTH = 40
 """Levels of the binary tree: eight levels of nodes, five of these each."""
 NOTHING = 2147483647
-"""What a box has in each word before anything is in it, and a range's best place before any was found."""
+"""What a box has in each word before anything is in it."""
+NO_PLACE = 9223372036854775807
+"""What `Level.best` has before a place was found."""
 
 HALVED = 3
 """In place of the axis along which a range is split: it is halved, as its items lie."""
 AXIS_BITS = 2
 COST_BITS = 32
+
+# Where `Level.info` has a level's first node, how many nodes it has, and how deep down it is;
+FIRST, COUNT, DEPTH = 0, 1, 2
+# how many of them are large, and how many are split at all;
+LARGE, RANGES = 3, 4
+# and of the level below, the first node, and how many there are.
+NEXT, NEXT_COUNT = 5, 6
+INFO_WORDS = 7
 
 
 @wp.struct
@@ -49,15 +59,13 @@ class Binary:
 class Level:
     """How the nodes of a level are split: by their ranks, the large ones first."""
 
-    depth: int
-    next: int  # the first node of the level below
-    large_count: int
-    count: int
+    info: wp.array[wp.int32]  # its first node and so on, see above
     nodes: wp.array[wp.int32]
     axis: wp.array[wp.int32]  # along which it is split; `HALVED` if as the items lie
     bin: wp.array[wp.int32]  # of large ones, the first on the right
     left_count: wp.array[wp.int32]  # items on the left, of large ones
-    best: wp.array[wp.int64]  # of small ones, by rank - large_count: the least cost, and the place of that
+    best: wp.array[wp.int64]  # of small ones, by rank less large ones: the least cost, and the place of that
+    copied_bins: int  # copies of bins in all, where ranges are few
 
 
 @wp.func
@@ -146,7 +154,13 @@ def box_high(words: wp.array2d[wp.int32], at: int) -> wp.vec3:
 
 @wp.func
 def rank_of(binary: Binary, level: Level, node: int) -> int:
-    return (binary.child[node] - level.next) // 2
+    return (binary.child[node] - level.info[NEXT]) // 2
+
+
+@wp.func
+def copies_of(level: Level) -> int:
+    """How many copies of a range's bins are filled by different threads."""
+    return wp.max(level.copied_bins // wp.max(level.info[LARGE], 1), 1)
 
 
 @wp.func
@@ -203,13 +217,13 @@ def set_child(binary: Binary, node: int, begin: int, end: int, low: wp.vec3, hig
 
 
 @wp.func
-def best_bin(boxes: wp.array2d[wp.int32], counts: wp.array[wp.int32], rank: int, total: int) -> wp.vec2i:
+def best_bin(boxes: wp.array2d[wp.int32], counts: wp.array[wp.int32], first_of_all: int, total: int) -> wp.vec2i:
     """Of all bins but the first of each axis, the one before which a split is cheapest, and the items left of it."""
     right_areas = wp.vector(length=BINS, dtype=float)
     best = wp.vec2i(-1, 0)
     least = float(NOWHERE)
     for line in range(3):
-        first = first_bin(rank, 0, 1) + line * BINS
+        first = first_of_all + line * BINS
         low, high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
         for step in range(1, BINS):
             at = BINS - step

@@ -19,6 +19,8 @@ from reference_building import (  # noqa: F401
     bound_centres,
     choose_bins,
     choose_places,
+    clear_bins,
+    count_ranges,
     fill_bins,
     find_costs,
     find_sides,

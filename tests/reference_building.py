@@ -47,6 +47,17 @@ def mark_ranges(counts: NDArray) -> NDArray:
     return np.stack([counts > SMALL, (counts > LANES) & (counts <= SMALL)]).astype(int)
 
 
+def count_ranges(info: NDArray, sums: NDArray) -> list[int]:
+    """What is known of the level below: first node, nodes, depth, large ranges, ranges; and of the one below that."""
+    _, _, depth, _, _, first, count = info
+    return [first, count, depth + 1, *sums, first + count, 2 * sums[1]]
+
+
+def clear_bins(count: int) -> tuple[NDArray, NDArray]:
+    """Boxes and numbers of bins that hold nothing."""
+    return np.tile([np.inf] * 3 + [-np.inf] * 3, (count, 1)), np.zeros(count, dtype=int)
+
+
 def rank_ranges(counts: NDArray) -> NDArray:
     """Indices of the ranges that are split, the large ones first."""
     large, small = mark_ranges(counts)

@@ -15,6 +15,7 @@ import test_bvh
 import warp as wp
 
 from warpvis.errors import SceneError
+from warpvis.kernels import bvh_cuda_ranges
 from warpvis.scene import _bvh_cuda, _joined_trees
 from warpvis.scene._bvh import Bvh
 
@@ -97,8 +98,32 @@ def snapshot(value):
     if isinstance(value, wp.array):
         return np.array(value.numpy()) if value.size else np.zeros(value.shape, dtype=wp.dtype_to_numpy(value.dtype))
     if hasattr(value, "_cls"):
-        return SimpleNamespace(**{name: snapshot(getattr(value, name)) for name in value._cls.vars})
+        kind = Level if value._cls.key == "Level" else SimpleNamespace
+        return kind(**{name: snapshot(getattr(value, name)) for name in value._cls.vars})
     return value
+
+
+class Recorded:
+    """A launch that is made when it is asked for."""
+
+    def __init__(self, run, dim):
+        self._run, self.set_dim = run, lambda dim: setattr(self, "_dim", dim)
+        self._dim = dim
+
+    def launch(self):
+        self._run(self._dim)
+
+
+class Level(SimpleNamespace):
+    """A level, with names for what is known of it."""
+
+    first = property(lambda self: self.info[bvh_cuda_ranges.FIRST])
+    count = property(lambda self: self.info[bvh_cuda_ranges.COUNT])
+    depth = property(lambda self: self.info[bvh_cuda_ranges.DEPTH])
+    large_count = property(lambda self: self.info[bvh_cuda_ranges.LARGE])
+    ranges = property(lambda self: self.info[bvh_cuda_ranges.RANGES])
+    next = property(lambda self: self.info[bvh_cuda_ranges.NEXT])
+    copies = property(lambda self: max(1, self.copied_bins // max(1, self.large_count)))
 
 
 class Checks:
@@ -108,17 +133,21 @@ class Checks:
         self.seen, self.halved = set(), 0
 
     def __call__(self, launch):
-        def checked(kernel, dim, inputs, device):
-            names = list(kernel.adj.arg_types)
-            before = SimpleNamespace(**dict(zip(names, map(snapshot, inputs), strict=True)))
-            launch(kernel, dim, inputs, device)
-            after = SimpleNamespace(**dict(zip(names, map(snapshot, inputs), strict=True)))
-            check = getattr(self, kernel.key, None)
-            if check:
-                self.seen.add(kernel.key)
-                check(dim, before, after)
+        def checked(kernel, dim, inputs, device, *, record_cmd=False):
+            recorded = Recorded(lambda dim: self._run(launch, kernel, dim, inputs, device), dim)
+            return recorded if record_cmd else recorded.launch()
 
         return checked
+
+    def _run(self, launch, kernel, dim, inputs, device):
+        names = list(kernel.adj.arg_types)
+        given = SimpleNamespace(**dict(zip(names, map(snapshot, inputs), strict=True)))
+        launch(kernel, dim, inputs, device)
+        made = SimpleNamespace(**dict(zip(names, map(snapshot, inputs), strict=True)))
+        check = getattr(self, kernel.key, None)
+        if check:
+            self.seen.add(kernel.key)
+            check(dim, given, made)
 
     def load_items(self, dim, given, made):
         boxes = reference.load_items(given.vertices, given.faces)
@@ -134,17 +163,30 @@ class Checks:
         assert (tree.begin[0], tree.end[0], tree.child[0]) == reference.begin_tree(given.item_count)
         np.testing.assert_allclose(np.concatenate([tree.low[0], tree.high[0]]), self.box, rtol=1e-6)
 
+        np.testing.assert_array_equal(made.info_out[[2, 5, 6]], [-1, 0, 1])
+
     def mark_ranges(self, dim, given, made):
-        counts = (given.binary.end - given.binary.begin)[given.first : given.first + dim]
+        _, _, _, _, _, first, count = given.level.info
+        counts = np.zeros(dim, dtype=int)
+        counts[:count] = (given.binary.end - given.binary.begin)[first : first + count]
         np.testing.assert_array_equal(made.flags_out, reference.mark_ranges(counts))
+
+    def count_ranges(self, dim, given, made):
+        np.testing.assert_array_equal(made.info_out, reference.count_ranges(given.info_out, given.sums[:, -1]))
 
     def rank_ranges(self, dim, given, made):
         tree, level = made.binary_out, made.level_out
-        here = slice(given.first, given.first + dim[1])
-        order = given.first + reference.rank_ranges((tree.end - tree.begin)[here])
-        np.testing.assert_array_equal(level.nodes, order)
+        here = slice(level.first, level.first + dim[1])
+        order = level.first + reference.rank_ranges((tree.end - tree.begin)[here])
+        np.testing.assert_array_equal(level.nodes[: level.ranges], order)
         np.testing.assert_array_equal(tree.child[order], level.next + 2 * np.arange(len(order)))
+        assert (level.best[: level.ranges - level.large_count] == 2**63 - 1).all()
         self.nodes = order
+
+    def clear_bins(self, dim, given, made):
+        boxes, counts = reference.clear_bins(dim)
+        np.testing.assert_array_equal(self._boxes(made.boxes_out[:dim]), boxes)
+        np.testing.assert_array_equal(made.counts_out[:dim], counts)
 
     def _large(self, given):
         """The items and the grid of each large range."""
@@ -159,32 +201,30 @@ class Checks:
         ordered = np.where(words == 0x7FFFFFFF, np.inf, ordered)
         return np.concatenate([ordered[..., :3], -ordered[..., 3:]], axis=-1)
 
+    def _bins(self, boxes, counts, level):
+        shape = (level.large_count, level.copies, 3, reference.BINS)
+        used = np.prod(shape)
+        return self._boxes(boxes[:used]).reshape(*shape, 6), counts[:used].reshape(shape)
+
     def fill_bins(self, dim, given, made):
-        shape = (given.level.large_count, given.copies, 3, reference.BINS)
-        boxes, counts = self._boxes(made.boxes_out).reshape(*shape, 6), made.counts_out.reshape(shape)
+        boxes, counts = self._bins(made.boxes_out, made.counts_out, given.level)
         for rank, _, low, high, grid in self._large(given):
             expected = reference.fill_bins(low, high, grid)
             for one, other in zip(expected, reference.merge_bins(boxes[rank], counts[rank]), strict=True):
                 np.testing.assert_array_equal(one, other)
 
     def merge_bins(self, dim, given, made):
-        shape = (dim[0], given.copies, 3, reference.BINS)
-        boxes, counts = self._boxes(given.boxes).reshape(*shape, 6), given.counts.reshape(shape)
-        for rank, (box, count) in enumerate(
-            zip(
-                self._boxes(made.boxes_out).reshape(dim[0], 3, -1, 6),
-                made.counts_out.reshape(dim[0], 3, -1),
-                strict=True,
-            )
-        ):
-            expected = reference.merge_bins(boxes[rank], counts[rank])
-            np.testing.assert_array_equal(box, expected[0])
-            np.testing.assert_array_equal(count, expected[1])
+        before = self._bins(given.boxes_out, given.counts_out, given.level)
+        after = self._bins(made.boxes_out, made.counts_out, given.level)
+        for rank in range(dim[0]):
+            expected = reference.merge_bins(before[0][rank], before[1][rank])
+            np.testing.assert_array_equal(after[0][rank, 0], expected[0])
+            np.testing.assert_array_equal(after[1][rank, 0], expected[1])
 
     def choose_bins(self, dim, given, made):
         tree, level = made.binary_out, made.level_out
-        boxes = self._boxes(given.boxes).reshape(dim, 3, -1, 6)
-        for rank, (box, counts) in enumerate(zip(boxes, given.counts.reshape(dim, 3, -1), strict=True)):
+        boxes, numbers = self._bins(given.boxes, given.counts, level)
+        for rank, (box, counts) in enumerate(zip(boxes[:, 0], numbers[:, 0], strict=True)):
             node = level.nodes[rank]
             begin, end, child = tree.begin[node], tree.end[node], tree.child[node]
             middle = begin + level.left_count[rank]
@@ -328,7 +368,7 @@ def exponents():
 def test_every_kernel_does_what_its_twin_does(monkeypatch, make, halves):
     given, checks = make(), Checks()
     monkeypatch.setattr(_bvh_cuda, "launch", checks(_bvh_cuda.launch))
-    monkeypatch.setattr(_bvh_cuda, "_copies", lambda device, ranges: 4 // ranges or 1)
+    monkeypatch.setattr(_bvh_cuda, "_copied_bins", lambda device: 4)
     build(given)
     assert (checks.halved > 0) == halves
     if len(given.faces) > 32:

@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import aligned_empty
 from warpvis.core.kernel_cache import launch
+from warpvis.kernels import bvh_cuda, bvh_cuda_nodes as node_kernels, bvh_cuda_ranges
 from warpvis.kernels.constants import CUDA_LANES, LEAF_ROWS, NODE_ROWS
 from warpvis.scene._bvh import Bvh, check_size
 
+_BINS = 3 * bvh_cuda_ranges.BINS  # of a range
 # Threads that find the box around all items, and copies of bins that a level has in all, so that few wait for others.
 _BOUNDING_THREADS = 1 << 16
-_COPIED_BINS = 1024
+_COPIES = 128
 # Fewer triangles are built into a tree by the CPU before a GPU has begun with all levels.
 _LEAST_TRIANGLES = 30_000
 
@@ -95,74 +97,100 @@ class _Nodes(NamedTuple):
 
 
 class _Splitter:
-    """Splits the triangles of a mesh into a binary tree, whose leaves are ranges of 32 of them at most."""
+    """Splits the triangles of a mesh into a binary tree, whose leaves are ranges of 32 of them at most.
+
+    Launches are recorded, once for each way between the two arrays of items: to pack one takes longer than many take.
+    """
 
     def __init__(self, mesh: DeviceMesh) -> None:
         """Make the items, and the root."""
-        from warpvis.kernels import bvh_cuda, bvh_cuda_ranges
-
-        self._kernels, self._ranges, self._device = bvh_cuda, bvh_cuda_ranges, mesh.vertices.device
-        self._count = len(mesh.faces)
-        self._launch = partial(launch, device=self._device)
-        self._items, self._moved = self._new_items(), self._new_items()
+        self._device, self._count = mesh.vertices.device, len(mesh.faces)
+        self._items = [self._new_items() for _ in range(2)]
         self._lefts, self._before, self._places = (self._integers(self._count) for _ in range(3))
         # Leaves are filled by three quarters and more; where they are not, there is more room later.
         self._binary = self._new_binary(self._count // 8 + 64)
-        words = self._filled((1, bvh_cuda_ranges.BIN_WORDS))
-        threads = min(self._count, _BOUNDING_THREADS)
-        self._launch(bvh_cuda.load_items, self._count, [mesh.vertices, mesh.faces, self._items])
-        self._launch(bvh_cuda.bound_centres, threads, [self._items, threads, words])
-        self._launch(bvh_cuda.begin_tree, 1, [words, self._count, self._binary])
+        # As many ranges as there can be that are no leaves, and that are large.
+        ranges, large = (self._count // (most + 1) + 1 for most in (CUDA_LANES, bvh_cuda_ranges.SMALL))
+        self._flags, self._sums = (self._integers((2, 2 * ranges)) for _ in range(2))
+        self._level = self._new_level(ranges)
+        bins = _BINS * max(large, self._level.copied_bins)
+        self._bins = self._integers((bins, bvh_cuda_ranges.BIN_WORDS)), self._integers(bins)
+        self._told = wp.empty(bvh_cuda_ranges.INFO_WORDS, dtype=wp.int32, pinned=not self._device.is_cpu, device="cpu")
+        self._begin(mesh)
+        self._record()
 
     def split(self) -> tuple[Any, Any, list[tuple[int, int]]]:
         """Return the items in the leaves' order, the binary tree, and the first node and the number of each level."""
-        levels = [(0, 1)]
-        while ranges := self._split_level(*levels[-1], len(levels) - 1):
-            levels.append((sum(levels[-1]), 2 * ranges))
-        return self._items, self._binary, levels
+        levels, way = list[tuple[int, int]](), 0
+        while True:
+            first, count, _, large, ranges, *_ = self._next_level()
+            levels.append((first, count))
+            if ranges == 0:
+                return self._items[way], self._binary, levels
+            self._grow(first + count + 2 * ranges)
+            self._split_level(way, count, large, ranges - large)
+            way = 1 - way
 
-    def _split_level(self, first: int, count: int, depth: int) -> int:
-        """Split a level's nodes; return how many of them were."""
-        kernels, device = self._kernels, self._device
-        flags, sums = (self._integers((2, count)) for _ in range(2))
-        self._launch(kernels.mark_ranges, count, [self._binary, first, flags])
-        wp.utils.array_scan(flags.flatten(), sums.flatten())
-        large, ranges = sums[:, count - 1].numpy().tolist()
-        if ranges == 0:
-            return 0
-        self._grow(first + count + 2 * ranges)
-        level = self._ranges.Level()
-        level.depth, level.next, level.large_count, level.count = depth, first + count, large, ranges
-        level.nodes, level.axis, level.bin, level.left_count = (self._integers(ranges) for _ in range(4))
-        level.best = wp.empty(ranges - large, dtype=wp.int64, device=device)
-        level.best.fill_(2**63 - 1)
-        self._launch(kernels.rank_ranges, (2, count), [flags, sums, first, level, self._binary])
+    def _begin(self, mesh: DeviceMesh) -> None:
+        """Fill the first of the arrays of items, and make the root of them."""
+        device, items = self._device, self._items[0]
+        words = self._integers((1, bvh_cuda_ranges.BIN_WORDS))
+        words.fill_(bvh_cuda_ranges.NOTHING)
+        threads = min(self._count, _BOUNDING_THREADS)
+        launch(bvh_cuda.load_items, self._count, [mesh.vertices, mesh.faces, items], device)
+        launch(bvh_cuda.bound_centres, threads, [items, threads, words], device)
+        launch(bvh_cuda.begin_tree, 1, [words, self._count, self._level.info, self._binary], device)
+
+    def _record(self) -> None:
+        """Prepare the launches of a level; how many threads they have is said later."""
+        kernels, level, binary, bins = bvh_cuda, self._level, self._binary, self._bins
+
+        def record(kernel: wp.Kernel, dim: int | tuple[int, int], *inputs: Any) -> Any:
+            return launch(kernel, dim, list(inputs), self._device, record_cmd=True)
+
+        self._mark = record(kernels.mark_ranges, self._flags.shape[1], binary, level, self._flags)
+        self._tell = record(kernels.count_ranges, 1, self._sums, level.info)
+        self._rank = record(kernels.rank_ranges, (2, 1), self._flags, self._sums, level, binary)
+        self._clear = record(kernels.clear_bins, 1, *bins)
+        self._merge = record(kernels.merge_bins, (1, _BINS), level, *bins)
+        self._choose = record(kernels.choose_bins, 1, *bins, level, binary)
+        self._fill, self._place, self._side, self._move, self._part = ([] for _ in range(5))
+        moving = self._lefts, self._before, self._places
+        for items, moved in (self._items, self._items[::-1]):
+            given = items, binary, level
+            self._fill.append(record(kernels.fill_bins, self._count, *given, *bins))
+            self._place.append(record(kernels.choose_places, self._count, *given, level.best))
+            self._side.append(record(kernels.find_sides, self._count, *given, self._lefts, self._places))
+            self._move.append(record(kernels.move_items, self._count, *given, *moving, moved))
+            self._part.append(record(kernels.part_small, 1, moved, level, binary))
+
+    def _next_level(self) -> list[int]:
+        """Find the ranges of the next level that are split, and return what is known of it."""
+        self._mark.launch()
+        wp.utils.array_scan(self._flags.flatten(), self._sums.flatten())
+        self._tell.launch()
+        wp.copy(self._told, self._level.info)
+        if not self._device.is_cpu:
+            wp.synchronize_stream(self._device)
+        return self._told.numpy().tolist()
+
+    def _split_level(self, way: int, count: int, large: int, small: int) -> None:
+        """Split so many large and small ranges of so many nodes, and move the items."""
+        _launch(self._rank, (2, count))
         if large:
-            self._launch(kernels.choose_bins, large, [*self._fill_bins(level), level, self._binary])
-        arguments = [self._items, self._binary, level]
-        if ranges > large:
-            self._launch(kernels.choose_places, self._count, [*arguments, level.best])
-        self._launch(kernels.find_sides, self._count, [*arguments, self._lefts, self._places])
+            copies = max(1, self._level.copied_bins // large)
+            _launch(self._clear, large * copies * _BINS)
+            self._fill[way].launch()
+            if copies > 1:
+                _launch(self._merge, (large, _BINS))
+            _launch(self._choose, large)
+        if small:
+            self._place[way].launch()
+        self._side[way].launch()
         wp.utils.array_scan(self._lefts, self._before, inclusive=False)
-        moving = [self._lefts, self._before, self._places, self._moved]
-        self._launch(kernels.move_items, self._count, [*arguments, *moving])
-        self._items, self._moved = self._moved, self._items
-        if ranges > large:
-            self._launch(kernels.part_small, ranges - large, [self._items, level, self._binary])
-        return ranges
-
-    def _fill_bins(self, level: Any) -> tuple[wp.array, wp.array]:
-        """Fill the bins of large ranges; where these are few, of copies that different threads fill."""
-        bins = 3 * self._ranges.BINS * level.large_count
-        copies = _copies(self._device, level.large_count)
-        boxes, counts = self._new_bins(bins * copies)
-        self._launch(self._kernels.fill_bins, self._count, [self._items, self._binary, level, copies, boxes, counts])
-        if copies == 1:
-            return boxes, counts
-        merged = self._new_bins(bins)
-        shape = (level.large_count, 3 * self._ranges.BINS)
-        self._launch(self._kernels.merge_bins, shape, [boxes, counts, copies, *merged])
-        return merged
+        self._move[way].launch()
+        if small:
+            _launch(self._part[way], small)
 
     def _grow(self, nodes: int) -> None:
         """Make room for so many nodes of the binary tree."""
@@ -172,48 +200,51 @@ class _Splitter:
         self._binary = self._new_binary(max(nodes, 2 * len(old.begin)))
         for name in ("begin", "end", "child", "area", "low", "high"):
             wp.copy(getattr(self._binary, name), getattr(old, name), count=len(old.begin))
+        self._record()
 
     def _integers(self, shape: int | tuple[int, ...]) -> wp.array:
         return wp.empty(shape, dtype=wp.int32, device=self._device)
 
-    def _filled(self, shape: tuple[int, ...]) -> wp.array:
-        array = self._integers(shape)
-        array.fill_(self._ranges.NOTHING)
-        return array
-
-    def _new_bins(self, count: int) -> tuple[wp.array, wp.array]:
-        boxes = self._filled((count, self._ranges.BIN_WORDS))
-        return boxes, wp.zeros(count, dtype=wp.int32, device=self._device)
+    def _new_level(self, ranges: int) -> Any:
+        level = bvh_cuda_ranges.Level()
+        level.info = self._integers(bvh_cuda_ranges.INFO_WORDS)
+        level.nodes, level.axis, level.bin, level.left_count = (self._integers(ranges) for _ in range(4))
+        level.best = wp.empty(ranges, dtype=wp.int64, device=self._device)
+        level.copied_bins = _copied_bins(self._device)
+        return level
 
     def _new_items(self) -> Any:
-        items = self._ranges.Items()
+        items = bvh_cuda_ranges.Items()
         items.low, items.high = (wp.empty(self._count, dtype=wp.vec3, device=self._device) for _ in range(2))
         items.triangle, items.node = (self._integers(self._count) for _ in range(2))
         return items
 
     def _new_binary(self, nodes: int) -> Any:
-        binary = self._ranges.Binary()
+        binary = bvh_cuda_ranges.Binary()
         binary.begin, binary.end, binary.child = (self._integers(nodes) for _ in range(3))
         binary.area = wp.empty(nodes, dtype=wp.float32, device=self._device)
         binary.low, binary.high = (wp.empty(nodes, dtype=wp.vec3, device=self._device) for _ in range(2))
         return binary
 
 
-def _copies(device: wp.Device, ranges: int) -> int:
-    """How many copies of a range's bins are filled by different threads; one by the one thread of a CPU."""
-    return 1 if device.is_cpu else max(1, _COPIED_BINS // ranges)
+def _launch(recorded: Any, dim: int | tuple[int, int]) -> None:
+    recorded.set_dim(dim)
+    recorded.launch()
+
+
+def _copied_bins(device: wp.Device) -> int:
+    """Tell how many copies of bins ranges have in all, so that few threads wait for each other; a CPU has one."""
+    return 1 if device.is_cpu else _COPIES
 
 
 def _collapse(binary: Any, levels: list[tuple[int, int]], *, evenly: bool) -> _Nodes:
     """Make nodes of the binary tree's: of the least area, or, `evenly`, of five of its levels or more each."""
-    from warpvis.kernels import bvh_cuda_nodes as kernels
-
     device = binary.begin.device
     count = sum(levels[-1])
     integers = partial(wp.empty, dtype=wp.int32, device=device)
     costs = wp.empty((count, CUDA_LANES), dtype=wp.float32, device=device)
     for first, size in reversed(levels):
-        launch(kernels.find_costs, size, [binary, first, int(evenly), costs], device)
+        launch(node_kernels.find_costs, size, [binary, first, int(evenly), costs], device)
     # Of a binary tree's nodes, half and one are leaves; each node has two children or more, but the root of a leaf.
     children, leaf_ranges = integers((count // 2 + 1, CUDA_LANES)), integers((count // 2 + 1, 2))
     nodes = wp.zeros(1, dtype=wp.int32, device=device)
@@ -221,12 +252,12 @@ def _collapse(binary: Any, levels: list[tuple[int, int]], *, evenly: bool) -> _N
     while size := len(nodes):
         first = sum(done[-1]) if done else 0
         parts, counts, sums = integers((size, CUDA_LANES)), integers((2, size)), integers((2, size))
-        launch(kernels.open_nodes, size, [binary, costs, nodes, parts, counts], device)
+        launch(node_kernels.open_nodes, size, [binary, costs, nodes, parts, counts], device)
         wp.utils.array_scan(counts.flatten(), sums.flatten())
         inner, both = sums[:, size - 1].numpy().tolist()
         below = integers(inner)
         names = [first, first + size, leaves, children, leaf_ranges, below]
-        launch(kernels.name_children, size, [binary, parts, counts, sums, *names], device)
+        launch(node_kernels.name_children, size, [binary, parts, counts, sums, *names], device)
         done.append((first, size))
         leaves, nodes = leaves + both - inner, below
     used = first + size if (size := done[-1][1]) else 0
@@ -242,18 +273,16 @@ def _shrunk(rows: wp.array, count: int) -> wp.array:
 
 def _fill(mesh: DeviceMesh, items: Any, made: _Nodes) -> Bvh:
     """Write the leaves, and the bounds of all nodes' children, from the deepest up."""
-    from warpvis.kernels import bvh_cuda_nodes as kernels
-
     device, lanes = mesh.vertices.device, CUDA_LANES
     make = aligned_empty if device.is_cpu else partial(wp.empty, device=device)
     leaves = make((made.leaf_count, LEAF_ROWS, lanes), wp.float32)
     triangles, owners = (make((made.leaf_count, lanes), wp.int32) for _ in range(2))
     nodes = make((made.node_count, NODE_ROWS, lanes), wp.float32)
     inputs = [mesh.vertices, mesh.faces, mesh.owner, items.triangle, made.leaf_ranges]
-    launch(kernels.fill_leaves, owners.shape, [*inputs, leaves, triangles, owners], device)
-    launch(kernels.fit_leaves, made.children.shape, [made.children, leaves, owners, mesh.closed, nodes], device)
+    launch(node_kernels.fill_leaves, owners.shape, [*inputs, leaves, triangles, owners], device)
+    launch(node_kernels.fit_leaves, made.children.shape, [made.children, leaves, owners, mesh.closed, nodes], device)
     for first, count in reversed(made.levels[:-1]):
-        launch(kernels.fit_nodes, (count, lanes), [made.children, first, nodes], device)
+        launch(node_kernels.fit_nodes, (count, lanes), [made.children, first, nodes], device)
     return Bvh(
         leaves.flatten(),
         triangles.flatten(),
