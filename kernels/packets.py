@@ -78,8 +78,17 @@ class PacketJob:
     scratch_bytes: wp.array[wp.int64]
 
 
-NO_WORLDS = Worlds()
-"""Of a launch in a scene whose objects stay where they were added."""
+@wp.struct
+class PacketCall:
+    """What a launch is given, in one piece of memory, which its owner may change between launches: to pack that much
+    as arguments takes longer than many an image.
+    """
+
+    scene: BvhScene
+    job: PacketJob
+    poses: wp.array[wp.transform]
+    worlds: Worlds
+
 
 HEADERS = (
     "shared/constants.h",
@@ -117,6 +126,14 @@ const Scene drawn = {
 """
 """The structs of ``kernels/native/cpu`` of a `BvhScene` named ``scene`` and `Worlds` named ``worlds``."""
 
+_CALL = """
+const auto& scene = calls.data->scene;
+const auto& job = calls.data->job;
+const auto& poses = calls.data->poses;
+const auto& worlds = calls.data->worlds;
+const auto& images = images_out.data[0];
+"""
+
 _CAST = """
 const Job shape = {job.views, job.height, job.width, job.strips, job.strip_rows.data, job.most_rows,
                    {job.focal_x, job.focal_y}, {job.center_x, job.center_y}, job.near, job.far,
@@ -135,32 +152,24 @@ Packets::run(drawn, shape, out, memory, job.counter.data);
 """
 
 
-@wp.func_native(read_native(*HEADERS) + SCENE + NATIVE_IMAGES + _CAST)
+@wp.func_native(read_native(*HEADERS) + _CALL + SCENE + NATIVE_IMAGES + _CAST)
 def cast_units(
-    scene: BvhScene,
-    job: PacketJob,
-    poses: wp.array[wp.transform],
-    worlds: Worlds,
-    images: Images,
+    calls: wp.array[PacketCall],
+    images_out: wp.array[Images],
 ): ...
 
 
 @wp.kernel
 def cast_packets(
-    # Scene:
-    scene: BvhScene,
-    # Cameras:
-    job: PacketJob,
-    camera_to_world: wp.array[wp.transform],
     # In:
-    worlds: Worlds,
+    calls: wp.array[PacketCall],
     # Out:
-    images_out: Images,
+    images_out: wp.array[Images],
 ):
-    """Write the asked-for images (one that is None is skipped).
+    """Write the asked-for images (one that is None is skipped) of one call: each array holds one.
 
     Every worker launches this with the same arguments. The job's counters tell it which one it is, and the next unit
     of work, until none is left.
     """
     _ = wp.tid()
-    cast_units(scene, job, camera_to_world, worlds, images_out)
+    cast_units(calls, images_out)

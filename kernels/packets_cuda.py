@@ -64,17 +64,22 @@ Packets::cast(all, shape, out, packet_x, packet_y, memory);
 """
 
 
+def packet_width(side: int) -> int:
+    """Return how wide packets of a height of 4, 8, 16 or 32 pixels are: as high, and 8 at least, a pixel a lane."""
+    return max(side, 8)
+
+
 def make_packet_function(side: int, with_id: bool, movable: bool, clip: bool, resized: bool = False) -> wp.Function:
     """Make the native function of a kernel: what each thread of a warp calls.
 
     Args:
-        side: 8, 16 or 32.
+        side: Of packets, see `packet_width`.
         with_id: Whether normals, labels or objects may be asked for.
         movable: Whether the scene may have movable objects.
         clip: Whether what is nearer than the camera's `near` is not there.
         resized: Whether movable objects are of the sizes that `Worlds.object_sizes` has; it must have some then.
     """
-    head = f"enum {{ PACKET_WIDTH = {side}, PACKET_HEIGHT = {side}, LEVELS = {LEVELS} }};\n"
+    head = f"enum {{ PACKET_WIDTH = {packet_width(side)}, PACKET_HEIGHT = {side}, LEVELS = {LEVELS} }};\n"
     head += f"enum {{ MOVABLE = {int(movable)}, RESIZED = {int(resized)} }};\n"
     kinds = ("cuda/depth_id.h" if with_id else "cuda/depth.h", "cuda/near_clips.h" if clip else "cuda/near_occludes.h")
 
@@ -95,7 +100,7 @@ def make_packet_function(side: int, with_id: bool, movable: bool, clip: bool, re
 
 
 def make_packet_kernel(side: int, with_id: bool, movable: bool, clip: bool, resized: bool = False) -> wp.Kernel:
-    """Make a kernel for packets of `side` x `side` pixels; see `make_packet_function`."""
+    """Make a kernel for packets of a side; see `make_packet_function`."""
     cast_packet = make_packet_function(side, with_id, movable, clip, resized)
 
     # More registers than these leave too few warps on a multiprocessor, fewer spill too much.

@@ -139,7 +139,7 @@ class EmulatedCaster(RaysCaster):
             "cull_backfaces": self._cull_backfaces,
             "images": images_struct(images),
         }
-        size = (len(poses), -(-camera.height // side), -(-camera.width // side))
+        size = (len(poses), -(-camera.height // side), -(-camera.width // packets_cuda.packet_width(side)))
         self._emulator.launch(self._variant, size, arguments)
 
 

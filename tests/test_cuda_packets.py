@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The packet caster on CUDA where it differs in kind: sizes of packets, parts of a batch, streams and graphs."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 import trimesh
@@ -32,11 +34,21 @@ def assert_identical(one, other):
             assert image.numpy().tobytes() == getattr(other, name).numpy().tobytes(), name
 
 
+class Recorded(NamedTuple):
+    """What a launch that is recorded, and launched later, notes then."""
+
+    launched: list
+    what: object
+
+    def launch(self):
+        self.launched.append(self.what)
+
+
 def test_few_pixels_make_small_packets():
     """Enough packets for every multiprocessor, and as large as that allows."""
     assert packet_side(512, 320, 240, 132) == 32
     assert packet_side(8192, 64, 64, 132) == 32
-    assert packet_side(1, 64, 64, 132) == 8
+    assert [packet_side(views, 64, 64, 132) for views in (1, 8, 9)] == [4, 4, 8]
     assert [packet_side(512, 64, 64, 132, least) for least in (64, 12)] == [16, 32]
     sides = [packet_side(views, 640, 480, 132) for views in range(1, 64)]
     assert sides == sorted(sides)
@@ -47,7 +59,7 @@ def test_what_is_launched(monkeypatch):
     scene, camera, launched = scenes.PRESETS["room"].build("cpu"), wv.Camera.from_fov(100, 40, hfov=1.0), []
     scene.bvh()  # has launches of its own
     monkeypatch.setattr(_cuda_packets, "_kernel", lambda *key: key)
-    monkeypatch.setattr(_cuda_packets, "launch", lambda kernel, dim, *_, **__: launched.append((kernel, dim)))
+    monkeypatch.setattr(_cuda_packets, "launch", lambda kernel, dim, *_, **__: Recorded(launched, (kernel, dim)))
     depth, ids = wp.zeros((3, 40, 100)), wp.zeros((3, 40, 100), dtype=wp.int32)
     worlds, poses = parse_worlds(scene, 3, None, None, None), wp.zeros(3, dtype=wp.transform)
     for clip_near in (False, True):
@@ -65,7 +77,7 @@ def test_what_is_launched_for_sizes_of_their_own(monkeypatch):
     scene.add(trimesh.creation.box(), movable=True)
     scene.bvh()
     monkeypatch.setattr(_cuda_packets, "_kernel", lambda *key: key)
-    monkeypatch.setattr(_cuda_packets, "launch", lambda kernel, *_, **__: launched.append(kernel[2:]))
+    monkeypatch.setattr(_cuda_packets, "launch", lambda kernel, *_, **__: Recorded(launched, kernel[2:]))
     caster = CudaPacketsCaster(scene, camera, cull_backfaces=False, clip_near=False, threads=1)
     for scales in (None, np.ones((1, 1, 3))):
         worlds = parse_worlds(scene, 1, None, None, None, scales)
@@ -80,7 +92,7 @@ def test_images_do_not_depend_on_the_packets_size(name, outputs, cuda, monkeypat
     scene = preset.build(cuda)
     camera = wv.Camera.from_fov(133, 77, hfov=0.994837, near=0.05, far=4.0)
     images = []
-    for side in (32, 16, 8):
+    for side in (32, 16, 8, 4):
         monkeypatch.setattr("warpvis.rendering._cuda_packets.packet_side", lambda *_, side=side: side)
         images.append(wv.render(scene, camera, preset.poses(3), outputs=outputs))
     for other in images[1:]:

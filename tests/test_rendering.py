@@ -95,7 +95,7 @@ def test_a_module_is_loaded_before_it_is_launched(monkeypatch):
 
 def test_memory_is_used_again(monkeypatch):
     made = []
-    renderer = wv.Renderer(movable_boxes(), CAMERA)
+    renderer = wv.Renderer(movable_boxes(), CAMERA, threads=1)
     make = renderer._caster._make_job
     monkeypatch.setattr(renderer._caster, "_make_job", lambda *key: (made.append(key), make(*key))[1])
     for _ in range(3):

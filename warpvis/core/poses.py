@@ -36,6 +36,10 @@ _ROTATION_TOLERANCE = 1e-3
 # Squares of lengths that surely are within that, in single precision.
 _LEAST_SQUARE, _MOST_SQUARE = 0.9981, 1.0019
 
+# Shapes of a single pose, and coordinates that surely are finite in single precision.
+_ONE_ROW, _ONE_MATRIX = ((1, 7), (7,)), ((1, 4, 4), (4, 4))
+_FAR = 1e30
+
 # How far from 1 a quaternion's length may be: what was printed with three decimals passes, what is none does not.
 LENGTH_TOLERANCE = 1e-3
 
@@ -77,21 +81,82 @@ def host_poses(
 ) -> NDArray[np.float32]:
     """Return poses for a caster on the CPU: what `parse_poses` gives, as rows ``(V, 7)``, at the least cost.
 
-    Rows that are well, as they mostly are, pass after two looks. They are not normalised: casters do that themselves.
+    Poses that are well, as they mostly are, pass after a look. Those in single precision are not normalised: casters do
+    that themselves.
     """
-    if type(poses) is np.ndarray and poses.dtype == np.float32 and poses.ndim == 2 and poses.shape[1] == 7:
-        with np.errstate(invalid="ignore", over="ignore"):  # what is not well is named below
-            squared = np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:])
-            total = poses.sum()
-        # A sum is finite only if its terms are.
-        well = (
-            math.isfinite(total)
-            and squared.min(initial=1.0) > _LEAST_SQUARE
-            and squared.max(initial=1.0) < _MOST_SQUARE
-        )
-        if well and check_convention(convention) == "opencv":
-            return poses
+    given = poses.numpy() if type(poses) is wp.array and poses.device.is_cpu else poses
+    if type(given) is np.ndarray:
+        rows = None
+        if given.size == 7 and given.shape in _ONE_ROW:
+            rows = _one_row(given)
+        elif given.size == 16 and given.shape in _ONE_MATRIX:
+            rows = _one_matrix(given)
+        elif given.dtype == np.float32 and given.ndim == 2 and given.shape[1] == 7 and _rows_are_well(given):
+            rows = given
+        if rows is not None and check_convention(convention) == "opencv":
+            return rows
     return parse_poses(poses, convention=convention, device="cpu", name=name).numpy().view(np.float32).reshape(-1, 7)
+
+
+def _one_row(pose: NDArray) -> NDArray[np.float32] | None:
+    """Return one row, shape ``(7,)`` or ``(1, 7)``, as ``(1, 7)`` in single precision, if it surely is well."""
+    if pose.dtype not in (np.float32, np.float64):
+        return None
+    x, y, z, *q = pose.ravel().tolist()
+    squared = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+    # NaN is in no range.
+    if not (-_FAR < x < _FAR and -_FAR < y < _FAR and -_FAR < z < _FAR and _LEAST_SQUARE < squared < _MOST_SQUARE):
+        return None
+    if pose.dtype == np.float32:
+        return pose.reshape(1, 7)
+    length = math.sqrt(squared)
+    return np.array([[x, y, z, *(part / length for part in q)]], dtype=np.float32)
+
+
+def _one_matrix(pose: NDArray) -> NDArray[np.float32] | None:
+    """Return one matrix as a row ``(1, 7)`` in single precision, if it surely is a pose; as `_rows_from_matrices`."""
+    if pose.dtype not in (np.float32, np.float64):
+        return None
+    a, b, c, x, d, e, f, y, g, h, i, z, *last = pose.ravel().tolist()
+    if last != [0.0, 0.0, 0.0, 1.0] or not (-_FAR < x < _FAR and -_FAR < y < _FAR and -_FAR < z < _FAR):
+        return None
+    errors = (
+        a * a + b * b + c * c - 1,
+        d * d + e * e + f * f - 1,
+        g * g + h * h + i * i - 1,
+        a * d + b * e + c * f,
+        a * g + b * h + c * i,
+        d * g + e * h + f * i,
+    )
+    # NaN is in no range, and of rotations and mirrors the determinant is nearly 1 or -1.
+    if not all(-_ROTATION_TOLERANCE < error < _ROTATION_TOLERANCE for error in errors):
+        return None
+    if a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) < 0:
+        return None
+    squares = (1 + a - e - i, 1 - a + e - i, 1 - a - e + i, 1 + a + e + i)
+    largest = squares.index(max(squares))
+    sums = (b + d, c + g, f + h)
+    turns = (h - f, c - g, d - b)
+    q = (
+        (squares[0], sums[0], sums[1], turns[0]),
+        (sums[0], squares[1], sums[2], turns[1]),
+        (sums[1], sums[2], squares[2], turns[2]),
+        (turns[0], turns[1], turns[2], squares[3]),
+    )[largest]
+    length = math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    return np.array([[x, y, z, *(part / length for part in q)]], dtype=np.float32)
+
+
+def _rows_are_well(rows: NDArray[np.float32]) -> bool:
+    with np.errstate(invalid="ignore", over="ignore"):  # what is not well is named elsewhere
+        squared = np.einsum("ij,ij->i", rows[:, 3:], rows[:, 3:])
+        total = np.add.reduce(rows, axis=None)
+    # A sum is finite only if its terms are.
+    return (
+        math.isfinite(total)
+        and np.minimum.reduce(squared, initial=1.0) > _LEAST_SQUARE
+        and np.maximum.reduce(squared, initial=1.0) < _MOST_SQUARE
+    )
 
 
 def poses_to_opencv(poses: ArrayLike, convention: Convention = "opencv", *, name: str = "poses") -> NDArray[np.float64]:
@@ -200,9 +265,11 @@ def to_xyzw(poses: PoseLike, quaternion: QuaternionOrder, name: str) -> PoseLike
         PoseError: There is no such order.
         ArrayError: The poses are no array of numbers.
     """
-    check_quaternion(quaternion)
-    if quaternion == "xyzw" or poses is None:
+    if isinstance(quaternion, str) and quaternion == "xyzw":
         return poses
+    check_quaternion(quaternion)
+    if poses is None:
+        return None
     if on_gpu(poses):
         return _to_xyzw_on_device(poses if isinstance(poses, wp.array) else _from_foreign(poses, name))
     rows = as_numpy(poses.numpy() if isinstance(poses, wp.array) else poses, name=name)
@@ -339,7 +406,7 @@ def _as_poses(poses: wp.array, name: str) -> tuple[bool, wp.array]:
     for dtype, shape in ((wp.transform, (7,)), (wp.mat44, (4, 4))):
         matrices = dtype is wp.mat44
         if poses.ndim == 1 and wp.types.types_equal(poses.dtype, dtype):
-            return matrices, poses
+            return matrices, poses.contiguous()  # packets take the rows one after the other
         if poses.dtype == wp.float32 and poses.shape[-len(shape) :] == shape and poses.is_contiguous:
             views = poses.shape[0] if poses.ndim > len(shape) else 1
             if poses.ndim <= len(shape) + 1:

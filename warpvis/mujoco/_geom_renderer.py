@@ -218,7 +218,8 @@ class _LaterWins:
     def _correct(self, coinciding: Coinciding, poses: Any, worlds: Worlds, images: list[wp.array | None]) -> None:
         if isinstance(poses, np.ndarray):
             rows = np.ascontiguousarray(poses, dtype=np.float32)
-            poses = wp.array(rows, dtype=wp.transform, shape=(len(rows),), device="cpu", copy=False)
+            device = self._scene.device
+            poses = wp.array(rows, dtype=wp.transform, shape=(len(rows),), device=device, copy=not device.is_cpu)
         depth, labels, segmentation = (images[place] for place in (_DEPTH, _LABELS, _SEGMENTATION))
         assert segmentation is not None
         camera = self._camera.device_struct()

@@ -4,23 +4,73 @@
 
 from __future__ import annotations
 
+import ctypes
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import warp as wp
 
 from warpvis.core.kernel_cache import launch
 from warpvis.kernels.constants import CUDA_LANES
-from warpvis.rendering.casters import RaysCaster, images_struct
+from warpvis.rendering._prepared import Idle, memory_of
+from warpvis.rendering.casters import CastPoses, RaysCaster
 
 if TYPE_CHECKING:
+    from warpvis.kernels.packets import BvhScene
+    from warpvis.kernels.pinhole import PinholeCamera
     from warpvis.kernels.worlds import Worlds
+
+# With fewer packets of 8x8 than these on a multiprocessor, those of 8x4 are done sooner.
+_FEWEST_OF_8 = 4
+# So many kinds of calls have a launch that waits for the next one.
+_MOST_KINDS = 4
+
+_Kind = tuple[int, bool, bool, bool, bool, int]
+"""What `_kernel` makes a kernel of, and views."""
+
+
+class _PackedLaunch:
+    """A launch that is packed once, which takes longer than a GPU takes for many an image.
+
+    CUDA reads these structs when it is launched. A call writes addresses into them, and keeps none: what the caller
+    drops does not live on.
+    """
+
+    def __init__(self, kind: _Kind, camera: PinholeCamera, packets: tuple[int, int], cull: bool, device: wp.Device):
+        """Pack a launch of so many rows and columns of packets."""
+        from warpvis.kernels.images import NAMES, Images
+        from warpvis.kernels.packets import BvhScene
+        from warpvis.kernels.worlds import Worlds
+
+        views = kind[-1]
+        self._structs = BvhScene(), Worlds(), Images()
+        poses = wp.array(ptr=1, dtype=wp.transform, shape=(views,), device=device)  # not yet any
+        self._scene, self._worlds, images = (memory_of(struct) for struct in self._structs)
+        self._poses, self._slots = poses.__ctype__(), [getattr(images, name) for name in NAMES]
+        inputs = [self._structs[0], camera, poses, self._structs[1], cull, self._structs[2]]
+        size = (views, *packets, CUDA_LANES)
+        kernel = _kernel(*kind[:-1])
+        self._launch = launch(kernel, size, inputs, device, block_dim=CUDA_LANES, record_cmd=True)
+
+    def run(self, scene: BvhScene, poses: wp.array, worlds: Worlds, images: list[wp.array | None]) -> None:
+        """Launch it on the device's current stream."""
+        for memory, struct in ((self._scene, scene), (self._worlds, worlds)):
+            ctypes.memmove(ctypes.byref(memory), ctypes.byref(memory_of(struct)), ctypes.sizeof(memory))
+        self._poses.data = poses.ptr
+        for slot, image in zip(self._slots, images, strict=True):
+            slot.data = 0 if image is None else image.ptr
+        self._launch.launch()
 
 
 class CudaPacketsCaster(RaysCaster):
     """A warp a packet; points of the image are cast as rays."""
 
-    def cast(self, poses: wp.array, worlds: Worlds, images: list[wp.array | None]) -> None:
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        """Prepare to cast, as `RaysCaster` does."""
+        super().__init__(*arguments, **options)
+        self._idle = Idle[_PackedLaunch](_MOST_KINDS)
+
+    def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
         views, device = len(poses), self._scene.device
         if views == 0:
@@ -31,14 +81,19 @@ class CudaPacketsCaster(RaysCaster):
         large_packets = (12 if clusters.moves_solids_only else 32) if moving else 64
         side = packet_side(views, camera.width, camera.height, device.sm_count, large_packets)
         with_id = any(image is not None for image in of_triangles)
-        lens, outputs = camera.device_struct(clip_near=self._clip_near), images_struct(images)
-        launch(
-            _kernel(side, with_id, moving, self._clip_near, moving and worlds.object_sizes is not None),
-            (views, -(-camera.height // side), -(-camera.width // side), CUDA_LANES),
-            [clusters.struct, lens, poses, worlds, self._cull_backfaces, outputs],
-            device,
-            block_dim=CUDA_LANES,
-        )
+        kind = (side, with_id, moving, self._clip_near, moving and worlds.object_sizes is not None, views)
+        packed = self._idle.take(kind) or self._pack(kind)
+        with self._placed(poses) as places:
+            packed.run(clusters.struct, places, worlds, images)
+        self._idle.give_back(kind, packed)
+
+    def _pack(self, kind: _Kind) -> _PackedLaunch:
+        from warpvis.kernels.packets_cuda import packet_width
+
+        side, camera = kind[0], self._camera
+        lens = camera.device_struct(clip_near=self._clip_near)
+        packets = -(-camera.height // side), -(-camera.width // packet_width(side))
+        return _PackedLaunch(kind, lens, packets, self._cull_backfaces, self._scene.device)
 
 
 @cache
@@ -49,7 +104,7 @@ def _kernel(side: int, with_id: bool, movable: bool, clip: bool, resized: bool) 
 
 
 def packet_side(views: int, width: int, height: int, processors: int, large_packets: int = 64) -> int:
-    """Choose the pixels a side of a packet: as many as leave enough packets for all multiprocessors.
+    """Choose the height of packets in pixels: as much as leaves enough packets for all multiprocessors.
 
     Images do not depend on it. The larger a packet, the fewer of them set up the same triangle; the smaller, the sooner
     the last one is done. See docs/internals/gpu.md for the measurements.
@@ -61,7 +116,7 @@ def packet_side(views: int, width: int, height: int, processors: int, large_pack
         processors: Multiprocessors of the GPU.
         large_packets: From how many a multiprocessor on packets of 32x32 are the fastest.
     """
-    for side, packets_per_processor in ((32, large_packets), (16, 24)):
+    for side, packets_per_processor in ((32, large_packets), (16, 24), (8, _FEWEST_OF_8)):
         if views * -(-width // side) * -(-height // side) >= packets_per_processor * processors:
             return side
-    return 8
+    return 4

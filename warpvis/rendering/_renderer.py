@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import warp as wp
@@ -17,10 +17,11 @@ from warpvis.core.poses import Convention, QuaternionOrder, to_xyzw
 from warpvis.core.threads import check_threads, launch_images
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, ObjectScales, PoseLike
 from warpvis.errors import ArrayError, CameraError
+from warpvis.rendering._cpu_packets import CpuPacketsCaster
 from warpvis.rendering._cuda_packets import CudaPacketsCaster
 from warpvis.rendering._orthographic import AnyCamera, OrthographicCamera
 from warpvis.rendering._views import OUTPUTS, Views, check_outputs, views_for
-from warpvis.rendering.casters import MakeCaster, OrthographicCaster, PacketsCaster, RaysCaster
+from warpvis.rendering.casters import OrthographicCaster, RaysCaster
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds, part_of
 
@@ -283,12 +284,14 @@ def _choose_caster(caster: Caster, camera: AnyCamera) -> Literal["packets", "ray
     return "packets" if caster == "auto" else caster
 
 
-def _caster_class(caster: Literal["packets", "rays"], camera: AnyCamera, device: wp.Device) -> MakeCaster:
+def _caster_class(
+    caster: Literal["packets", "rays"], camera: AnyCamera, device: wp.Device
+) -> Callable[..., RaysCaster | CpuPacketsCaster]:
     if isinstance(camera, OrthographicCamera):
         return OrthographicCaster
     if caster == "rays":
         return RaysCaster
-    return PacketsCaster if device.is_cpu else CudaPacketsCaster
+    return CpuPacketsCaster if device.is_cpu else CudaPacketsCaster
 
 
 def _fill_numbers(fill: Fill, camera: AnyCamera) -> tuple[float, float] | None:

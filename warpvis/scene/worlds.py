@@ -49,8 +49,8 @@ def parse_worlds(
     """
     from warpvis.kernels.worlds import Worlds
 
-    said = [value for value in (object_poses, world_index, exclude, object_scales) if value is not None]
-    if not said and not scene.movable:
+    nothing_said = object_poses is None and world_index is None and exclude is None and object_scales is None
+    if nothing_said and not scene.movable:
         return _still_world()
     worlds = Worlds()
     scales = None if object_scales is None else _parse_object_scales(scene, object_scales)

@@ -1,0 +1,356 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What is prepared once for calls of a renderer: nothing of an earlier call, scene, stream or thread is left in it."""
+
+import gc
+import weakref
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+import trimesh
+import warp as wp
+
+import warpvis as wv
+from warpvis.core import arrays
+from warpvis.core.arrays import aligned_empty
+from warpvis.core.poses import _as_poses, host_poses, poses_to_matrices, poses_to_opencv
+from warpvis.rendering._cpu_packets import RayCosts
+from warpvis.rendering._prepared import Idle
+
+ALL = ("depth", "points", "normals", "labels", "segmentation")
+CAMERA = wv.Camera.from_fov(40, 33, hfov=1.2, near=0.05, far=50.0)
+
+
+def eyes(count, seed=0):
+    places = np.random.default_rng(seed).uniform(-0.3, 0.3, (count, 3)) + (-3, 0, 0.5)
+    return np.array([wv.look_at(place, (0, 0, 0)) for place in places], dtype=np.float32)
+
+
+def build(device, *, movable=False):
+    scene = wv.Scene(device=device)
+    scene.add(trimesh.creation.box((6, 6, 0.1)), name="floor", label="ground", pose=(0, 0, -1, 0, 0, 0, 1))
+    scene.add(trimesh.creation.icosphere(2, 0.6), name="ball", label="object", movable=movable)
+    return scene
+
+
+def assert_identical(one, other):
+    for name in ALL:
+        image, twin = getattr(one, name), getattr(other, name)
+        assert (image is None) == (twin is None)
+        assert image is None or image.numpy().tobytes() == twin.numpy().tobytes(), name
+
+
+@pytest.fixture(params=["rows", "one row", "one wide row", "matrices", "one matrix", "warp", "device"])
+def given(request, device):
+    """Two sets of poses, in all ways in which they come."""
+
+    def convert(rows):
+        form = request.param
+        if form in ("warp", "device"):
+            return wp.array(rows, dtype=wp.transform, device=device if form == "device" else "cpu")
+        rows = poses_to_matrices(rows) if "matri" in form else rows
+        one = rows[:1].astype(np.float64) if "wide" in form else rows[0]
+        return one if "one" in form else rows
+
+    return [convert(eyes(2, seed)) for seed in (0, 1)]
+
+
+@pytest.mark.parametrize("caster", ["packets", "rays"])
+def test_every_call_has_its_own_images_and_poses(device, caster, given):
+    scene = build(device)
+    renderer = wv.Renderer(scene, CAMERA, outputs=ALL, caster=caster)
+    views = [renderer.render(poses) for poses in given]
+    again = renderer.render(given[0])
+    assert_identical(views[0], again)
+    for poses, view in zip(given, views, strict=True):
+        assert_identical(view, wv.render(scene, CAMERA, poses, outputs=ALL, caster=caster))
+    assert views[0].depth.numpy().tobytes() != views[1].depth.numpy().tobytes()
+
+
+def test_what_was_not_asked_for_is_not_written(device):
+    scene = build(device)
+    everything = wv.render(scene, CAMERA, eyes(1), outputs=ALL)
+    renderer = wv.Renderer(scene, CAMERA, outputs=("depth",))
+    labels = everything.labels.numpy().copy()
+    for seed in (1, 2):
+        renderer.render(eyes(1, seed), out=everything)
+    assert (everything.labels.numpy() == labels).all()
+    renderer.outputs = ("labels",)  # and so the same renderer of another kind of images
+    depth = everything.depth.numpy().copy()
+    renderer.render(eyes(1, 3), out=everything)
+    assert (everything.depth.numpy() == depth).all()
+    assert_identical(wv.Views(labels=everything.labels), wv.render(scene, CAMERA, eyes(1, 3), outputs=("labels",)))
+
+
+@pytest.mark.parametrize("caster", ["packets", "rays"])
+def test_a_scene_that_changes_is_seen_as_it_is(device, caster):
+    """Objects come, go on, change their shape, and get poses of their own, all for one renderer."""
+    scene = build(device, movable=True)
+    renderer = wv.Renderer(scene, CAMERA, outputs=ALL, caster=caster)
+    images = []
+
+    def check(**options):
+        images.append(renderer.render(eyes(1), **options))
+        assert_identical(images[-1], wv.render(scene, CAMERA, eyes(1), outputs=ALL, caster=caster, **options))
+
+    check()
+    scene.add(trimesh.creation.box((0.5, 0.5, 0.5)), pose=(0, 1, 0, 0, 0, 0, 1))
+    check()
+    scene.update_vertices("ball", scene["ball"].mesh_vertices * 0.5)
+    check()
+    check(object_poses=np.array([[[0, -0.5, 0.3, 0, 0, 0, 1]]]))
+    check(object_scales=np.full((1, 1, 3), 1.5))
+    check(exclude="ball")
+    check()
+    scene.add(trimesh.creation.icosphere(1, 0.2), movable=True, pose=(0, 0, 1, 0, 0, 0, 1))
+    check()
+    different = {image.depth.numpy().tobytes() for image in images}
+    assert len(different) == len(images) - 1  # the one without worlds came twice
+
+
+def test_what_the_caller_drops_is_let_go_of(device):
+    scene = build(device, movable=True)
+    renderer = wv.Renderer(scene, CAMERA, outputs=ALL)
+    poses = wp.array(eyes(2), dtype=wp.transform, device=device)
+    objects = wp.array(np.tile(np.float32([0, 0, 0, 0, 0, 0, 1]), (2, 1, 1)), dtype=wp.transform, device=device)
+    excluded = wp.zeros((2, 2), dtype=wp.uint8, device=device)
+    views = renderer.render(poses, object_poses=objects, exclude=excluded)
+    watched = [weakref.ref(array) for array in (poses, objects, excluded, *(getattr(views, name) for name in ALL))]
+    del views, poses, objects, excluded
+    gc.collect()
+    assert not [ref for ref in watched if ref() is not None]
+
+
+@pytest.mark.parametrize("caster", ["packets", "rays"])
+def test_callers_on_several_threads_have_their_own_calls(device, caster):
+    """Of host poses, which are copied, too; of one view and of some."""
+    scene = build(device, movable=True)
+    renderer = wv.Renderer(scene, CAMERA, outputs=("depth", "segmentation"), caster=caster)
+    calls = [(eyes(1 + seed % 2, seed), np.float32([[[0, 0, 0.1 * seed, 0, 0, 0, 1]]])) for seed in range(6)]
+    options = {"outputs": renderer.outputs, "caster": caster}
+    expected = [wv.render(scene, CAMERA, poses, object_poses=rows, **options) for poses, rows in calls]
+
+    def render(i):
+        poses, rows = calls[i % 6]
+        views = renderer.render(poses, object_poses=rows)
+        return views.depth.numpy(), views.segmentation.numpy()
+
+    with ThreadPoolExecutor(6) as callers:
+        for i, (depth, segmentation) in enumerate(callers.map(render, range(60))):
+            assert depth.tobytes() == expected[i % 6].depth.numpy().tobytes()
+            assert segmentation.tobytes() == expected[i % 6].segmentation.numpy().tobytes()
+
+
+@pytest.mark.parametrize("bad", ["nan", "inf", "length", "zero"])
+@pytest.mark.parametrize("form", ["row", "rows", "float64", "matrix", "warp", "many"])
+def test_bad_poses_after_good_ones_are_refused(device, form, bad):
+    renderer = wv.Renderer(build(device), CAMERA, outputs=("depth",))
+    count = 3 if form == "many" else 1
+    rows = eyes(count)
+    out = renderer.render(rows)
+    before = out.depth.numpy().copy()
+    wrong = rows.copy()
+    if bad in ("nan", "inf"):
+        wrong[-1, 1] = float(bad)
+    else:
+        wrong[-1, 3:] *= 1.01 if bad == "length" else 0
+    if form == "row":
+        wrong = wrong[0]
+    elif form == "float64":
+        wrong = wrong.astype(np.float64)
+    elif form == "matrix":
+        wrong = poses_to_matrices(rows)[0]
+        wrong[0, 3 if bad in ("nan", "inf") else 0] = float(bad) if bad in ("nan", "inf") else 1.2
+    elif form == "warp":
+        wrong = wp.array(wrong, dtype=wp.transform, device="cpu")
+    with pytest.raises(wv.errors.PoseError, match="camera_to_world must"):
+        renderer.render(wrong, out=out)
+    np.testing.assert_array_equal(out.depth.numpy(), before)
+
+
+def test_single_poses_are_read_as_many_are():
+    """Rows and matrices, of all turns and sizes, to the last bit of single precision."""
+    rng = np.random.default_rng(0)
+    quaternions = np.concatenate([rng.normal(size=(300, 4)), rng.integers(-1, 2, (100, 4)) + [0, 0, 0, 1e-9]])
+    quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
+    rows = np.c_[rng.normal(size=(400, 3)) * 10.0 ** rng.integers(-3, 6, (400, 1)), quaternions]
+    for row, matrix in zip(rows, poses_to_matrices(rows), strict=True):
+        for given in (row, row[None], matrix, matrix[None]):
+            expected = poses_to_opencv(given).astype(np.float32)
+            np.testing.assert_allclose(host_poses(given), expected, rtol=1.2e-7, atol=1e-30)
+        np.testing.assert_array_equal(host_poses(row.astype(np.float32)), row[None].astype(np.float32))
+        for convention in ("opengl", "ros_body"):
+            given = host_poses(row, convention=convention)
+            np.testing.assert_array_equal(given, poses_to_opencv(row, convention).astype(np.float32))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda m: m.__setitem__((0, 0), np.nan),
+        lambda m: m.__setitem__((3, 3), 2),
+        lambda m: m.__setitem__((3, 0), 1e-3),
+        lambda m: m.__setitem__((slice(0, 3), 0), -m[:3, 0]),
+        lambda m: m.__setitem__((slice(0, 3), slice(0, 3)), 1.01 * m[:3, :3]),
+        lambda m: m.__setitem__((slice(0, 3), 1), m[:3, 1] + 0.01 * m[:3, 0]),
+        lambda m: m.__setitem__((slice(0, 3), slice(0, 3)), 0),
+    ],
+    ids=["nan", "last", "row", "mirror", "scale", "shear", "zero"],
+)
+def test_matrices_that_are_no_poses_are_refused_alone_as_among_others(change):
+    matrix = poses_to_matrices(eyes(1)[0])
+    change(matrix)
+    for given in (matrix, matrix.astype(np.float32)[None], np.stack([matrix, matrix])):
+        with pytest.raises(wv.errors.PoseError, match="camera_to_world must"):
+            host_poses(given)
+
+
+def test_coordinates_beyond_single_precision_are_what_they_were():
+    """They are infinite there: Warp's casters see nothing from them."""
+    row = np.array([1e300, 0, 0, 0, 0, 0, 1.0])
+    with np.errstate(over="ignore"):
+        assert host_poses(row)[0, 0] == np.inf
+
+
+def test_images_do_not_depend_on_how_many_threads_share_them(monkeypatch):
+    scene = wv.scenes.PRESETS["room"].build()
+    poses = wv.scenes.PRESETS["room"].poses(3)
+    camera = wv.Camera.from_fov(150, 95, hfov=1.0)
+    pixels = np.random.default_rng(0).uniform(0, 90, (3, 500, 2))
+    expected = wv.Renderer(scene, camera, outputs=ALL, threads=1)
+    renderer = wv.Renderer(scene, camera, outputs=ALL, threads=8)
+    for count in (1, 2, 4, 8, 1):
+        monkeypatch.setattr(RayCosts, "threads_for", lambda *_, count=count: count)
+        for views in (1, 3):
+            assert_identical(renderer.render(poses[:views]), expected.render(poses[:views]))
+        assert_identical(renderer.render_at(poses, pixels), expected.render_at(poses, pixels))
+
+
+def test_little_work_is_one_threads():
+    costs = RayCosts(16)
+    assert costs.threads_for(64) == 1
+    costs.note(64 * 64, 1, 30_000)
+    costs.note(64 * 64, 1, 30_000)
+    assert costs.threads_for(64 * 64) == 1
+    assert [costs.threads_for(2**k) for k in (14, 20, 30)] == [4, 16, 16]
+    assert RayCosts(1).threads_for(2**30) == 1
+    assert RayCosts(2).threads_for(2**30) == 2
+
+
+def test_a_call_that_was_interrupted_once_wakes_nobody():
+    costs = RayCosts(4)
+    for nanoseconds in (30_000, 30_000, 9_000_000, 30_000, 30_000):
+        costs.note(4096, 1, nanoseconds)
+        assert costs.threads_for(4096) == 1
+
+
+def test_work_that_is_shared_in_vain_is_not_shared_for_long():
+    """To wake threads takes longer than the work: one of a few calls is one thread's, and shows it."""
+    costs = RayCosts(4)
+    for _ in range(2):
+        costs.note(4096, 1, 9_000_000)
+    chosen = []
+    for _ in range(40):
+        chosen.append(costs.threads_for(4096))
+        costs.note(4096, chosen[-1], 30_000)
+    assert chosen[0] == 4
+    assert chosen[-20:] == [1] * 20
+
+
+def test_arrays_that_are_copied_of_a_pattern_are_those_that_warp_makes():
+    for shape, dtype in (((2, 3, 4), wp.float32), ((1, 200, 300), wp.vec3), ((0, 5), wp.uint8), ((7,), wp.transform)):
+        array = aligned_empty(shape, dtype)
+        plain = wp.array(ptr=array.ptr, dtype=dtype, shape=shape, device="cpu")
+        mine, its = vars(array), vars(plain)
+        assert mine.pop("_ref") is not None
+        assert its.pop("_ref") is None
+        assert mine == its
+        assert array.ptr % 64 == 0
+        assert array.numpy().shape[: len(shape)] == shape
+
+
+def test_arrays_of_a_warp_that_keeps_more_of_them_are_made_by_it(monkeypatch):
+    monkeypatch.setattr(arrays, "_pattern", lambda shape, dtype: (None, 24))
+    array = aligned_empty((2, 3), wp.float32)
+    array.fill_(3.0)
+    assert array.numpy().tolist() == [[3.0] * 3] * 2
+
+
+def test_memory_of_an_array_lives_as_long_as_what_was_made_of_it():
+    image = wv.render(build("cpu"), CAMERA, eyes(1), outputs=("depth",)).depth
+    expected, view = image.numpy().copy(), image.numpy()
+    del image
+    gc.collect()
+    others = [aligned_empty((1, 33, 40), wp.float32) for _ in range(50)]
+    for other in others:
+        other.fill_(-1.0)
+    np.testing.assert_array_equal(view, expected)
+
+
+def test_kinds_that_did_not_come_last_are_forgotten():
+    idle = Idle[str](2)
+    for kind in (1, 2, 3):
+        assert idle.take(kind) is None
+        idle.give_back(kind, f"first of {kind}")
+    idle.give_back(3, "second of 3")
+    assert [idle.take(kind) for kind in (1, 2, 3, 3, 3)] == [None, "first of 2", "second of 3", "first of 3", None]
+
+
+def test_strided_poses_of_a_device_are_gathered():
+    rows = wp.array(np.arange(42, dtype=np.float32).reshape(6, 7), dtype=wp.transform, device="cpu")
+    matrices, poses = _as_poses(rows[::2], "poses")
+    assert not matrices
+    assert poses.is_contiguous
+    np.testing.assert_array_equal(poses.numpy(), rows.numpy()[::2])
+
+
+@pytest.fixture
+def cuda():
+    if not wp.is_cuda_available():
+        pytest.skip("no CUDA device")
+    return "cuda:0"
+
+
+@pytest.mark.parametrize("caster", ["packets", "rays"])
+def test_a_graph_has_poses_of_its_own(cuda, caster):
+    """Calls that come after it, with other poses of the host, are nothing to it; nor is what it is launched after."""
+    scene = build(cuda)
+    renderer = wv.Renderer(scene, CAMERA, outputs=("depth",), caster=caster)
+    poses = wp.array(eyes(2), dtype=wp.transform, device=cuda)
+    out = renderer.render(poses)
+    expected = out.depth.numpy()
+    with wp.ScopedCapture(cuda) as capture:
+        renderer.render(poses, out=out)
+    other = renderer.render(eyes(2, 5))
+    out.depth.zero_()
+    wp.capture_launch(capture.graph)
+    np.testing.assert_array_equal(out.depth.numpy(), expected)
+    assert not np.array_equal(other.depth.numpy(), expected)
+
+
+def test_streams_do_not_share_poses(cuda):
+    """A call that is queued on one stream, behind much work, is not given those of a call on another."""
+    scene = wv.scenes.PRESETS["blobs_77k"].build(cuda)
+    camera = wv.Camera.from_fov(64, 64, hfov=1.0)
+    renderer, rows = wv.Renderer(scene, camera, outputs=("depth",)), wv.scenes.PRESETS["blobs_77k"].poses(8)
+    busy = wv.Renderer(scene, wv.Camera.from_fov(640, 480, hfov=1.0), outputs=("depth",))
+    expected = [renderer.render(row[None]).depth.numpy() for row in rows]
+    many = wp.array(np.tile(rows, (16, 1)), dtype=wp.transform, device=cuda)
+    out = busy.render(many)
+    streams = [wp.Stream(cuda) for _ in range(2)]
+    images = []
+    for i, row in enumerate(rows):
+        with wp.ScopedStream(streams[i % 2], sync_enter=False):
+            busy.render(many, out=out)
+            images.append(renderer.render(row[None]))
+    wp.synchronize_device(cuda)
+    for image, right in zip(images, expected, strict=True):
+        np.testing.assert_array_equal(image.depth.numpy(), right)
+
+
+def test_strided_poses_on_a_gpu(cuda):
+    scene = build(cuda)
+    poses = wp.array(eyes(6), dtype=wp.transform, device=cuda)
+    strided = wv.render(scene, CAMERA, poses[::2], outputs=("depth",))
+    assert_identical(strided, wv.render(scene, CAMERA, eyes(6)[::2], outputs=("depth",)))
