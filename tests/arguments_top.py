@@ -135,6 +135,10 @@ def top_cases(folder):
             lambda **given: scene().update_vertices(**given),
             {"name": "cart", "vertices": np.zeros((8, 3))},
         ),
+        "Scene.update_mesh": (
+            lambda **given: scene().update_mesh(**given),
+            {"name": "cart", "vertices": MESH[0], "faces": MESH[1], "closed": False},
+        ),
         "Scene.index": (seen.index, {"name": "box"}),
         "Scene.to": (seen.to, {"device": "cpu"}),
         "Scene.export": (seen.export, {"path": path / "scene.glb"}),

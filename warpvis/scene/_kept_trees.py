@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from warpvis.kernels.constants import CUDA_LANES
 from warpvis.scene._bvh import Bvh, build_bvh
 from warpvis.scene._bvh_cuda import DeviceMesh, build_device_bvh, builds_on
+from warpvis.scene._object import SceneObject
 from warpvis.scene.closed import provably_closed
 
 _Key = tuple[bytes, ...]
@@ -62,6 +63,11 @@ class KeptTrees:
         known = self._closed.get(key) or (vertices, faces, provably_closed(vertices, faces))
         self._closed_now[key] = known
         return known[2]
+
+    def know_closed(self, item: SceneObject, closed: bool) -> None:
+        """Take it as known whether an object's mesh is closed, which nobody looks for then."""
+        vertices = item.vertices if item.mesh_vertices is None else item.mesh_vertices
+        self._closed[id(vertices), id(item.faces)] = (vertices, item.faces, closed)
 
     def finish(self) -> None:
         """Let go of what this build did not ask for."""

@@ -117,7 +117,12 @@ def check_mesh(mesh: MeshLike, name: str) -> tuple[NDArray[np.float64], NDArray[
         )
     try:
         vertices, faces = np.asarray(vertices, dtype=np.float64), np.asarray(faces)
-    except (TypeError, ValueError) as error:
+    except (
+        TypeError,
+        ValueError,
+        OverflowError,
+        RuntimeError,
+    ) as error:  # arrays of other libraries raise what they like
         raise SceneError(f"mesh of {name!r} must hold arrays of numbers: {error}") from None
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise SceneError(f"vertices of {name!r} must have shape (n, 3), got {vertices.shape}")

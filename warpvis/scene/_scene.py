@@ -265,17 +265,15 @@ class Scene(SceneClasses, SceneTrees):
         inside = (placed - place[:3, 3]) @ place[:3, :3]
         return {"mesh_vertices": inside.astype(np.float32), "carrier": index}
 
-    def _require_alone(self, index: int) -> None:
-        """Raise a `SceneError` if an object moves with others."""
+    def _require_alone(self, index: int, what: str) -> None:
+        """Raise a `SceneError` if an object moves with others, which says what therefore stays."""
         item = self._objects[index]
         others = [other.name for other in self._objects if other.carrier == index]
         if item.carrier is not None:
             others = [self._objects[item.carrier].name]
         if others:
             some = ", ".join(map(repr, others))
-            raise SceneError(
-                f"object {item.name!r} is of one piece with {some}, so its vertices stay; do not attach them"
-            )
+            raise SceneError(f"object {item.name!r} is of one piece with {some}, so its {what}; do not attach them")
 
     def update_vertices(self, name: str, vertices: ArrayInput) -> None:
         """Deform a movable object: its vertices are elsewhere from now on, its triangles stay.
@@ -310,7 +308,7 @@ class Scene(SceneClasses, SceneTrees):
         if not item.movable:
             raise SceneError(f"object {name!r} is not movable, so its vertices stay; add it with movable=True")
         if item.points is None:  # nothing can be attached to one that deforms already
-            self._require_alone(index)
+            self._require_alone(index, "vertices stay")
         given = parse_vertices(vertices, item, self.device)
         with self._lock:
             item = self._objects[index]
@@ -321,6 +319,42 @@ class Scene(SceneClasses, SceneTrees):
             for built in (self._bvh, self._triangles):
                 if built is not None:
                     built.refits[index].refit()
+
+    def update_mesh(
+        self, name: str, vertices: ArrayInput, faces: ArrayInput | None = None, *, closed: bool = False
+    ) -> None:
+        """Give an object another mesh: cut, filled with holes, made by marching cubes, ...
+
+        Its name, its index, its label and its pose stay. A movable object has a tree of its own, and only that is built
+        again when the scene is next rendered; all that stays is one tree, which is built again as a whole. To deform a
+        mesh whose triangles stay, `update_vertices` is quicker: it builds nothing.
+
+        Objects that had the same mesh keep it. A round solid becomes the mesh.
+
+        Args:
+            name: The object's name. What is attached to another object, or another one to, keeps its mesh.
+            vertices: Corners [m], shape ``(n, 3)``, in the frame of an object that is movable, else in the world's. The
+                scale that the object was added with is not applied again.
+            faces: Corner indices of the triangles, shape ``(m, 3)``; those that it has by default.
+            closed: Whether the mesh is known to be closed, with all normals outwards, so that its back faces can be
+                left out where it is seen from outside of its box: rendering is faster then. `add` finds out by
+                itself, which takes longer than building a tree.
+
+        Raises:
+            SceneError: There is no such object, it is of one piece with others, or the mesh is empty or malformed.
+        """
+        from warpvis.scene._kept_trees import KeptTrees
+        from warpvis.scene._new_mesh import with_mesh
+
+        index = self.index(name)
+        closed = check_flag(closed, "closed", SceneError)
+        self._require_alone(index, "mesh stays")
+        item = with_mesh(self._objects[index], vertices, faces)
+        with self._lock:
+            self._objects[index] = item
+            self._kept_trees = self._kept_trees or KeptTrees()
+            self._kept_trees.know_closed(item, closed)
+            self._forget()
 
     def replace_objects(self, objects: Sequence[SceneObject]) -> None:
         """Make these all objects of the scene, in their order; carriers are indices among them.

@@ -1,0 +1,194 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""An object gets another mesh: it is seen from then on, and nothing else is another one."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+import trimesh
+import warp as wp
+from test_refit import ALL, BALL, SMALL, assert_seen, eyes
+from test_worlds import assert_bits_equal
+
+import warpvis as wv
+from warpvis.errors import SceneError
+from warpvis.scene import _kept_trees, solids
+
+BOX, CONE = trimesh.creation.box((0.5, 0.4, 0.3)), trimesh.creation.cone(radius=0.3, height=0.5)
+POSES = np.array([[-0.6, 0.1, 0.4, 0, 0, 0.6, 0.8], [0.7, -0.2, 0.5, 0.6, 0, 0, 0.8]])
+# Half of a ball: open, so that its inner side is seen.
+HALF = (BALL.vertices * 0.4, BALL.faces[BALL.triangles_center[:, 0] < 0.05])
+
+
+def build(device, first, second, movable=True):
+    """A floor and two objects; the meshes are pairs of vertices and faces, or what `Scene.add` takes."""
+    scene = wv.Scene(device=device)
+    scene.add(trimesh.creation.box((4, 4, 0.1)), name="floor", label="ground", pose=(0, 0, -0.05, 0, 0, 0, 1))
+    for name, mesh, pose in zip(("first", "second"), (first, second), POSES, strict=True):
+        scene.add(mesh, name=name, label="human", pose=pose, movable=movable)
+    return scene
+
+
+def in_world(mesh, pose):
+    """A mesh's vertices where its object is."""
+    scene = wv.Scene()
+    scene.add(mesh, name="it", pose=pose)
+    return scene["it"].vertices
+
+
+def update(scene, name, mesh, **options):
+    vertices, faces = (mesh.vertices, mesh.faces) if hasattr(mesh, "faces") else mesh
+    if not scene[name].movable:
+        vertices = in_world((vertices, faces), POSES[("first", "second").index(name)])
+    scene.update_mesh(name, vertices, faces, **options)
+
+
+@pytest.mark.parametrize("movable", [True, False])
+def test_another_mesh_is_seen(movable, device, caster):
+    """Before the first rendering and after it, larger and smaller, closed and open, in turn."""
+    scene = build(device, BOX, BOX, movable)
+    for first, second in [(CONE, BOX), (HALF, BOX), (HALF, BALL), (BOX, HALF), (BOX, BOX)]:
+        update(scene, "first", first)
+        update(scene, "second", second)
+        assert_seen(scene, build("cpu", first, second, movable=False), caster)
+    item = scene["first"]
+    assert (item.name, item.label, item.movable, scene.index("first")) == ("first", wv.Label.HUMAN, movable, 1)
+    assert scene.movable == ((1, 2) if movable else ())
+
+
+@pytest.mark.parametrize("movable", [True, False])
+def test_renderers_and_worlds_see_it_in_the_next_call(movable, device, caster):
+    scene = build(device, BOX, BOX, movable)
+    renderer = wv.Renderer(scene, SMALL, outputs=ALL, caster=caster)
+    before = renderer.render(eyes(2))
+    poses = np.tile(POSES, (2, 1, 1)) if movable else None
+    update(scene, "first", HALF)
+    after = renderer.render(eyes(2), object_poses=poses)
+    assert_bits_equal(after, wv.render(build(device, HALF, BOX, movable), SMALL, eyes(2), outputs=ALL, caster=caster))
+    update(scene, "first", BOX)
+    assert_bits_equal(renderer.render(eyes(2), out=after), before)
+
+
+def test_objects_that_share_a_mesh_keep_it(device):
+    scene = wv.Scene(device=device)
+    scene.add_instances(BOX, [*POSES, [0, 0.8, 0.4, 0, 0, 0, 1]], names="box")
+    others = [scene[name].mesh_vertices for name in ("box_0", "box_2")]
+    scene.update_mesh("box_1", CONE.vertices, CONE.faces)
+    assert len(scene["box_1"].faces) == len(CONE.faces)
+    assert [scene[name].mesh_vertices is kept for name, kept in zip(("box_0", "box_2"), others, strict=True)] == [1, 1]
+    assert len(BOX.faces) == len(scene["box_0"].faces) == 12
+    twin = wv.Scene()
+    for name, mesh in zip(("box_0", "box_1", "box_2"), (BOX, CONE, BOX), strict=True):
+        twin.add(mesh, name=name, pose=scene[name].pose)
+    assert_seen(scene, twin, "packets")
+
+
+def test_only_what_changed_is_built_again(monkeypatch):
+    """And whether the others are closed is not asked again, nor of what changed."""
+    built, asked = [], []
+    build_bvh, provably_closed = _kept_trees.build_bvh, _kept_trees.provably_closed
+    monkeypatch.setattr(_kept_trees, "build_bvh", lambda *a, **k: built.append(len(a[1])) or build_bvh(*a, **k))
+    monkeypatch.setattr(_kept_trees, "provably_closed", lambda v, f: asked.append(len(f)) or provably_closed(v, f))
+    scene = build("cpu", CONE, BALL)
+    update(scene, "second", HALF)
+    scene.bvh()
+    assert (built, asked) == ([12, len(CONE.faces), len(HALF[1])], [12, len(CONE.faces)])
+    built.clear(), asked.clear()
+    update(scene, "second", BALL)
+    scene.bvh()
+    assert (built, asked) == ([len(BALL.faces)], [])
+
+
+@pytest.mark.parametrize("movable", [True, False])
+def test_back_faces_are_left_out_of_what_is_said_to_be_closed(movable, device):
+    """Nothing is seen differently; a half ball that is no closed mesh shows what was promised."""
+    scene, flags = build(device, BALL, BOX, movable), []
+    for mesh, closed in [(CONE, False), (CONE, True), (HALF, False), (HALF, True)]:
+        update(scene, "first", mesh, closed=closed)
+        struct = scene.bvh().struct
+        flags.append(bool(struct.movable_closed.numpy()[0]) if movable else 1 in struct.closed_object.numpy())
+        if mesh is CONE or not closed:
+            assert_seen(scene, build("cpu", mesh, BOX, movable=False), "packets")
+    assert flags == [False, True, False, True]
+
+
+def test_vertices_alone_and_updates_in_turn(device, caster):
+    scene = build(device, BOX, BOX)
+    scene.update_mesh("first", BOX.vertices * 1.3)
+    assert_seen(scene, build("cpu", (BOX.vertices * 1.3, BOX.faces), BOX, movable=False), caster)
+    scene.update_vertices("first", BOX.vertices * 0.7)
+    assert_seen(scene, build("cpu", (BOX.vertices * 0.7, BOX.faces), BOX, movable=False), caster)
+    update(scene, "first", CONE)
+    assert_seen(scene, build("cpu", CONE, BOX, movable=False), caster)
+    scene.update_vertices("first", CONE.vertices * 0.8)
+    assert_seen(scene, build("cpu", (CONE.vertices * 0.8, CONE.faces), BOX, movable=False), caster)
+
+
+def test_a_solid_becomes_the_mesh(device, caster):
+    scene = build(device, solids.sphere(0.4), BOX)
+    update(scene, "first", HALF)
+    assert scene["first"].solid is None
+    assert_seen(scene, build("cpu", HALF, BOX, movable=False), caster)
+
+
+def test_copies_of_the_scene_have_it(device):
+    scene = build(device, BOX, BOX)
+    update(scene, "second", HALF)
+    expected = wv.render(scene, SMALL, eyes(1), outputs=ALL)
+    for copy in (scene.to(device), pickle.loads(pickle.dumps(scene))):
+        assert_bits_equal(wv.render(copy, SMALL, eyes(1), outputs=ALL), expected)
+    assert len(scene.to_trimesh().geometry["second"].faces) == len(HALF[1])
+    assert scene.triangle_count == 24 + len(HALF[1])
+
+
+@pytest.mark.parametrize("form", ["list", "double", "vec3", "floats", "torch"])
+def test_meshes_come_in_several_forms(form, device):
+    """Faces of any integers, here and on a GPU."""
+    vertices, faces = np.float32(CONE.vertices), np.int32(CONE.faces)
+    forms = {
+        "list": lambda: (vertices.tolist(), faces.tolist()),
+        "double": lambda: (vertices.astype(np.float64), faces.astype(np.uint16)),
+        "vec3": lambda: (
+            wp.array(vertices, dtype=wp.vec3, device=device),
+            wp.array(faces, dtype=wp.vec3i, device=device),
+        ),
+        "floats": lambda: (wp.array(vertices, device=device), wp.array(faces, device=device)),
+        "torch": lambda: tuple(pytest.importorskip("torch").tensor(part, device=device) for part in (vertices, faces)),
+    }
+    scene = build(device, BOX, BOX)
+    scene.update_mesh("first", *forms[form]())
+    np.testing.assert_array_equal(scene["first"].mesh_vertices, vertices)
+    np.testing.assert_array_equal(scene["first"].faces, faces)
+
+
+BAD = {
+    "no object": ("cat", CONE.vertices, CONE.faces, "no object 'cat'"),
+    "no triangles": ("first", CONE.vertices, CONE.faces[:0], "'first' must have triangles, got none"),
+    "no such corner": ("first", CONE.vertices[:9], CONE.faces, "must index its 9 vertices, got indices from 0 to"),
+    "fewer corners": ("first", BOX.vertices[:7], None, "must index its 7 vertices, got indices from 0 to 7"),
+    "negative": ("first", CONE.vertices, CONE.faces - 1, "got indices from -1 to"),
+    "no indices": ("first", CONE.vertices, CONE.faces / 2, r"integers of shape \(m, 3\), got float64"),
+    "flat": ("first", CONE.vertices.ravel(), CONE.faces, r"shape \(n, 3\), got \("),
+    "NaN": ("first", CONE.vertices * np.nan, CONE.faces, "must be finite: 34 are not, the first at 0"),
+    "beyond floats": ("first", [[10**400, 0, 0]], [[0, 0, 0]], "'first' must hold arrays of numbers: int too large"),
+    "far away": ("second", CONE.vertices * 1e19, CONE.faces, "within 1e18 m of the origin of its frame"),
+    "far away, what stays": ("floor", CONE.vertices * 1e19, CONE.faces, "within 1e18 m of the origin$"),
+    "attached": ("hat", CONE.vertices, CONE.faces, "'hat' is of one piece with 'second', so its mesh stays"),
+    "carrier": ("second", CONE.vertices, CONE.faces, "'second' is of one piece with 'hat', so its mesh stays"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_meshes_change_nothing(case):
+    name, vertices, faces, message = BAD[case]
+    scene = build("cpu", BOX, BOX)
+    if case in ("attached", "carrier"):
+        scene.add(CONE, name="hat", attach_to="second")
+    built, objects = scene.bvh(), scene.objects
+    with pytest.raises(SceneError, match=message):
+        scene.update_mesh(name, vertices, faces)
+    assert scene.bvh() is built
+    assert scene.objects is objects
