@@ -258,6 +258,19 @@ def test_work_that_is_shared_in_vain_is_not_shared_for_long():
     assert chosen[-20:] == [1] * 20
 
 
+@pytest.mark.parametrize(("shared", "least", "most"), [(250_000, 1, 4), (120_000, 35, 38)])
+def test_work_is_shared_if_that_is_quicker(shared, least, most):
+    """Which it is not where another process has the other core; one of some calls shows whether that has changed."""
+    costs = RayCosts(2)
+    for _ in range(2):
+        costs.note(4096, 1, 200_000)
+    chosen = []
+    for _ in range(40):
+        chosen.append(costs.threads_for(4096))
+        costs.note(4096, chosen[-1], 200_000 if chosen[-1] == 1 else shared)
+    assert least <= chosen.count(2) <= most
+
+
 def test_arrays_that_are_copied_of_a_pattern_are_those_that_warp_makes():
     for shape, dtype in (((2, 3, 4), wp.float32), ((1, 200, 300), wp.vec3), ((0, 5), wp.uint8), ((7,), wp.transform)):
         array = aligned_empty(shape, dtype)

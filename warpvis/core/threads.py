@@ -6,8 +6,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, wait
-from threading import Lock
+from concurrent.futures import ThreadPoolExecutor, wait
+from queue import SimpleQueue
+from threading import Lock, Thread
 from typing import TypeVar
 
 import warp as wp
@@ -30,7 +31,7 @@ _CUDA_BLOCK = 64
 MOST_THREADS = 4096
 """More CPU threads than this are a mistake: each has memory of its own."""
 
-_pool: ThreadPoolExecutor | None = None
+_pool: SimpleQueue[_Task] = SimpleQueue()
 _pool_size = 0
 _pool_lock = Lock()
 
@@ -154,15 +155,52 @@ def run_together(work: Callable[[], None], workers: int, all_finished: Callable[
         if all_finished():
             return
     except BaseException:
-        wait(_begun(others))  # they write to what the caller takes back now
+        for other in _begun(others):
+            other.wait()  # it writes to what the caller takes back now
         raise
     for other in _begun(others):
-        other.result()
+        other.wait()
+        if other.error is not None:
+            raise other.error
 
 
-def _begun(futures: list[Future[None]]) -> list[Future[None]]:
-    """Return those that could not be cancelled."""
-    return [future for future in futures if not future.cancel()]
+class _Task:
+    """Work for a thread of the pool, unless it is called off before one has begun.
+
+    A `Future` does the same, and takes longer to make and to wait for than a small image.
+    """
+
+    __slots__ = ("_begun", "_done", "_work", "error")
+
+    def __init__(self, work: Callable[[], None]) -> None:
+        self.error: BaseException | None = None
+        self._work = work
+        self._begun, self._done = Lock(), Lock()
+        self._done.acquire()
+
+    def run(self) -> None:
+        """Do it."""
+        if not self._begun.acquire(blocking=False):
+            return
+        try:
+            self._work()
+        except BaseException as error:
+            self.error = error
+        finally:
+            self._done.release()
+
+    def call_off(self) -> bool:
+        """Have nobody begin any more; whether nobody has."""
+        return self._begun.acquire(blocking=False)
+
+    def wait(self) -> None:
+        """Wait until it is done, once."""
+        self._done.acquire()
+
+
+def _begun(tasks: list[_Task]) -> list[_Task]:
+    """Return those that could not be called off."""
+    return [task for task in tasks if not task.call_off()]
 
 
 class Crew:
@@ -220,25 +258,34 @@ def _window(view: int, row: int) -> Window:
     return window
 
 
-def _submit(work: Callable[[], None], count: int) -> list[Future[None]]:
-    """Hand `work` to so many threads of the one pool, which is as large as the most that were ever asked for.
+def _submit(work: Callable[[], None], count: int) -> list[_Task]:
+    """Hand `work` to so many threads of the one pool, which grows to as many as were ever asked for."""
+    tasks = [_Task(work) for _ in range(count)]
+    if _pool_size < count:
+        _enlarge_pool(count)
+    for task in tasks:
+        _pool.put(task)
+    return tasks
 
-    A pool that has become too small is dropped: its threads end when the calls that still use it do.
-    """
-    global _pool, _pool_size
-    if count == 0:
-        return []
+
+def _enlarge_pool(size: int) -> None:
+    global _pool_size
     with _pool_lock:
-        if _pool is None or _pool_size < count:
-            _pool, _pool_size = ThreadPoolExecutor(count, thread_name_prefix="warpvis"), count
-        pool = _pool
-    return [pool.submit(work) for _ in range(count)]
+        while _pool_size < size:
+            Thread(target=_work_for_pool, args=(_pool,), name=f"warpvis_{_pool_size}", daemon=True).start()
+            _pool_size += 1
+
+
+def _work_for_pool(pool: SimpleQueue[_Task]) -> None:
+    """Do what is to be done, for good: who sleeps here keeps no process from ending."""
+    while True:
+        pool.get().run()
 
 
 def _forget_pool() -> None:
     """Forget the pool: a forked child has its object but none of its threads."""
-    global _pool, _pool_lock
-    _pool, _pool_lock = None, Lock()
+    global _pool, _pool_size, _pool_lock
+    _pool, _pool_size, _pool_lock = SimpleQueue(), 0, Lock()
 
 
 if hasattr(os, "register_at_fork"):

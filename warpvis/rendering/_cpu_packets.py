@@ -30,11 +30,11 @@ if TYPE_CHECKING:
 _SHARES_PER_THREAD = 2
 TILE = TILE_SIDE
 
-# What a ray costs one thread [ns], until calls have shown it.
+# What a ray takes one thread [ns], until calls have shown it.
 _FIRST_COST = 6.0
 # Less work [ns] is done before another thread has woken up; more than that surely is not.
-_LEAST_SHARED, _SURELY_SHARED = 5e4, 4e5
-# In between, one of so many calls is one thread's, to see what it takes.
+_LEAST_SHARED, _SURELY_SHARED = 8e4, 5e5
+# In between, one of so many calls is made in the way that was slower, to see whether it still is.
 _CALLS_BETWEEN_LOOKS = 16
 # To wake a thread takes the caller so long [ns].
 _WAKING = 5e3
@@ -95,7 +95,7 @@ def _array_of_one(struct: Any, dtype: Any) -> wp.array:
 
 
 class RayCosts:
-    """What a ray takes a thread, as calls show it, and so how many threads a call is worth.
+    """How long rays take alone and shared, as calls show it, and so how many threads a call is worth.
 
     Images do not depend on it.
     """
@@ -103,17 +103,20 @@ class RayCosts:
     def __init__(self, threads: int) -> None:
         """Know nothing yet; use at most so many threads."""
         self._threads = threads
-        self._cost = self._last = _FIRST_COST
-        self._shared_calls = 0
+        # Of a ray [ns], the less of the last two times: what takes long once may have been interrupted.
+        self._alone = self._last_alone = _FIRST_COST
+        self._shared = self._last_shared = 0.0
+        self._calls = 0
 
     def threads_for(self, rays: int) -> int:
         """Choose a number of threads: one, a power of two, or all."""
-        work = rays * self._cost
+        work = rays * self._alone
         if self._threads == 1 or work < _LEAST_SHARED:
             return 1
         if work < _SURELY_SHARED:
-            self._shared_calls += 1
-            if self._shared_calls % _CALLS_BETWEEN_LOOKS == 0:
+            self._calls += 1
+            looks = self._calls % _CALLS_BETWEEN_LOOKS == 0
+            if looks == (self._shared < self._alone):
                 return 1
         # Who wakes n threads, one after the other, has then an nth of the work to do: that is least where n is the root
         # of their ratio.
@@ -122,13 +125,14 @@ class RayCosts:
 
     def note(self, rays: int, threads: int, nanoseconds: int) -> None:
         """Take note of what a call took."""
-        cost = nanoseconds * threads / rays
-        if threads > 1 and rays * cost < _SURELY_SHARED:
-            # That counts the waking, too: it is no less than the work.
-            self._cost = min(cost, self._cost)
-        else:
-            # What takes long once may have been interrupted.
-            self._cost, self._last = min(cost, self._last), cost
+        cost = nanoseconds / rays
+        if threads == 1:
+            self._alone, self._last_alone = min(cost, self._last_alone), cost
+            return
+        self._shared, self._last_shared = min(cost, self._last_shared), cost
+        # One thread would not have taken longer than all of them together.
+        together = cost * threads
+        self._alone = together if rays * self._alone >= _SURELY_SHARED else min(together, self._alone)
 
 
 class CpuPacketsCaster:
