@@ -37,10 +37,30 @@ def load_item_native(vertices: wp.uint64, faces: wp.uint64, triangle: int, items
 
 
 @wp.func_native(
-    _with_any_lanes(_SPLIT + "Splitter::split_all((v8*)items, (Split*)splits, begin, end, link, depth, most_splits);")
+    _with_any_lanes(
+        _SPLIT
+        + """
+        const Splitter::Range whole = {begin, end, link, depth,
+                                       slot < 0 ? Aabb::of_centres((const v8*)items, begin, end) : ((v8*)boxes)[slot]};
+        v8 centres[2];
+        Splitter::split_all((v8*)items, (Split*)splits, whole, most_splits, centres);
+        for (int side = 0; most_splits == 1 && side < 2; ++side) ((v8*)part_boxes)[first_part + side] = centres[side];
+        """
+    )
 )
 def split_range_native(
-    lanes: int, items: wp.uint64, splits: wp.uint64, begin: int, end: int, link: int, depth: int, most_splits: int
+    lanes: int,
+    items: wp.uint64,
+    splits: wp.uint64,
+    begin: int,
+    end: int,
+    link: int,
+    depth: int,
+    most_splits: int,
+    boxes: wp.uint64,
+    slot: int,
+    part_boxes: wp.uint64,
+    first_part: int,
 ): ...
 
 
@@ -120,13 +140,34 @@ def split_range(
     link: int,
     depth: int,
     most_splits: int,
+    boxes: wp.array[float],
+    slot: int,
+    first_part: int,
     # Out:
     items_out: wp.array[float],
     splits_out: wp.array[wp.int32],
+    part_boxes_out: wp.array[float],
 ):
-    """One thread: split a range of the items until all parts are leaves, or `most_splits` times."""
+    """One thread: split a range of the items until all parts are leaves, or `most_splits` times.
+
+    A box around the items' centres is in a slot of `boxes`, or looked for if that is -1. A single split puts those of
+    the two parts from `first_part` on into `part_boxes_out`.
+    """
     _ = wp.tid()
-    split_range_native(lanes, items_out.ptr, splits_out.ptr, begin, end, link, depth, most_splits)
+    split_range_native(
+        lanes,
+        items_out.ptr,
+        splits_out.ptr,
+        begin,
+        end,
+        link,
+        depth,
+        most_splits,
+        boxes.ptr,
+        slot,
+        part_boxes_out.ptr,
+        first_part,
+    )
 
 
 @wp.kernel

@@ -15,6 +15,7 @@ import pytest
 import trimesh
 import warp as wp
 
+from warpvis.core.arrays import aligned_empty
 from warpvis.errors import ArrayError, SceneError
 from warpvis.scene._bvh import Bvh, build_bvh
 from warpvis.scene.closed import provably_closed
@@ -277,7 +278,10 @@ def split_natively(given: Input, most_splits: int, lanes: int):
     splits = wp.zeros(count * SPLIT_WORDS, dtype=wp.int32, device="cpu")
     wp.launch(bvh.load_items, dim=count, inputs=[vertices, faces, 0, items], device="cpu")
     loaded = items.numpy().reshape(-1, ITEM_WORDS).copy()
-    wp.launch(bvh.split_range, dim=1, inputs=[lanes, 0, count, 0, 0, most_splits, items, splits], device="cpu")
+    nowhere = wp.zeros(0, device="cpu")
+    parts = aligned_empty((16,), wp.float32)
+    inputs = [lanes, 0, count, 0, 0, most_splits, nowhere, -1, 0, items, splits, parts]
+    wp.launch(bvh.split_range, dim=1, inputs=inputs, device="cpu")
     rows = items.numpy().reshape(-1, ITEM_WORDS)
     return loaded, np.concatenate([rows[:, :3], -rows[:, 4:7]], axis=1), splits.numpy().reshape(-1, SPLIT_WORDS)
 

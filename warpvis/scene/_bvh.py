@@ -180,27 +180,45 @@ def _shallow_root(count: int, lanes: int, most_levels: int) -> int:
     return max(0, HALVING_DEPTH - left)
 
 
-def _split(kernel: wp.Kernel, items: wp.array, splits: wp.array, lanes: int, root_depth: int, threads: int) -> None:
-    """Split the items into a binary tree: large ranges once at a time until there are enough, then each to its leaves.
+class _Range(NamedTuple):
+    """Items to split."""
 
-    A range is ``(begin, end, link, depth)``; its link is where its split is found: twice its parent's, and 1 more on
-    the right.
-    """
+    begin: int
+    end: int
+    link: int
+    """Where its split is found: twice its parent's, and 1 more on the right."""
+    depth: int
+    boxes: wp.array
+    """Holds a box around the items' centres,"""
+    slot: int
+    """here; -1 where it has to be looked for."""
+
+
+def _split(kernel: wp.Kernel, items: wp.array, splits: wp.array, lanes: int, root_depth: int, threads: int) -> None:
+    """Split the items into a binary tree: large ranges once at a time until there are enough, then all to leaves."""
     links = splits.numpy().reshape(-1, SPLIT_WORDS)[:, :2]
     count = len(links)
     large = max(_LEAST_RANGE, count // (threads * _RANGES_PER_THREAD)) if threads > 1 else count
-    pending, ready = [(0, count, 0, root_depth)], []
+    nowhere = aligned_empty((0,), wp.float32)
+
+    def split(work: tuple[_Range, int, int, wp.array]) -> None:
+        part, most_splits, first, boxes = work
+        _launch(kernel, [lanes, *part[:4], most_splits, part.boxes, part.slot, first, items, splits, boxes])
+
+    pending, ready = [_Range(0, count, 0, root_depth, nowhere, -1)], list[_Range]()
     while pending:
-        run_each(lambda part: _launch(kernel, [lanes, *part, 1, items, splits]), pending, threads)
+        boxes = aligned_empty((len(pending) * 2 * ITEM_WORDS,), wp.float32)
+        run_each(split, [(part, 1, 2 * index, boxes) for index, part in enumerate(pending)], threads)
         parts = []
-        for begin, end, link, depth in pending:
-            middle = int(links[link // 2, link % 2])
+        for index, part in enumerate(pending):
+            middle = int(links[part.link // 2, part.link % 2])
             if middle:
-                parts += [(begin, middle, 2 * middle, depth + 1), (middle, end, 2 * middle + 1, depth + 1)]
-        pending = [part for part in parts if part[1] - part[0] > large]
-        ready += [part for part in parts if part[1] - part[0] <= large]
-    ready.sort(key=lambda part: part[0] - part[1])
-    run_each(lambda part: _launch(kernel, [lanes, *part, _ALL, items, splits]), ready, threads)
+                parts.append(_Range(part.begin, middle, 2 * middle, part.depth + 1, boxes, 2 * index))
+                parts.append(_Range(middle, part.end, 2 * middle + 1, part.depth + 1, boxes, 2 * index + 1))
+        pending = [part for part in parts if part.end - part.begin > large]
+        ready += [part for part in parts if part.end - part.begin <= large]
+    ready.sort(key=lambda part: part.begin - part.end)
+    run_each(split, [(part, _ALL, 0, nowhere) for part in ready], threads)
 
 
 def _collapse(kernel: wp.Kernel, splits: wp.array, lanes: int, *, evenly: bool) -> _Nodes:

@@ -30,6 +30,8 @@ struct Aabb {
     // One instruction, where __builtin_elementwise_min takes care of NaNs, which there are none of.
     static v8 unite(v8 a, v8 b) { return a < b ? a : b; }
 
+    static v8 intersect(v8 a, v8 b) { return a > b ? a : b; }
+
     static float half_area(v8 box) {
         v4 size = -(box.lo + box.hi);
         return size.x * size.y + size.y * size.z + size.z * size.x;
@@ -155,24 +157,18 @@ struct Splitter {
 
     // Moves the items left of the bin to the front. Without a branch: every item is swapped with the first that
     // belongs to the right, and that border moves on if the item was one of the left's.
-    static void partition(v8* items, int begin, int end, Grid grid, Choice choice, v8& left_centres,
-                          v8& right_centres) {
+    static void partition(v8* items, int begin, int end, Grid grid, Choice choice) {
         const int axis = choice.axis;
         const float origin = grid.origin[axis], scale = grid.scale[axis], bound = (float)choice.bin;
-        v8 left = Aabb::empty(), right = Aabb::empty();
         int border = begin;
         for (int i = begin; i < end; ++i) {
-            const float* corner = (const float*)(items + i);
+            const v8 item = items[i];
+            const float* corner = (const float*)&item;
             const bool is_left = (corner[axis] - corner[4 + axis] - origin) * scale < bound;
-            const v8 item = items[i], centre = Aabb::of_point(Aabb::centre(item));
             items[i] = items[border];
             items[border] = item;
             border += is_left;
-            left = Aabb::unite(left, is_left ? centre : Aabb::empty());
-            right = Aabb::unite(right, is_left ? Aabb::empty() : centre);
         }
-        left_centres = left;
-        right_centres = right;
     }
 
     // The items' order along an axis. The keys differ, for they end in the items' places: so an item's rank is the
@@ -238,13 +234,15 @@ struct Splitter {
         int begin, end;
         int link;  // 2 * split + side of the parent
         int depth;
-        v8 centres;  // their bounds, of large ranges only
+        v8 centres;  // a box around them
 
         int count() const { return end - begin; }
     };
 
-    static Choice split(v8* items, const Range& range, v8& left_centres, v8& right_centres) {
-        left_centres = right_centres = range.centres;
+    // A range's split, and boxes around the centres of its parts: they are in the range's, on one side of the bin, and
+    // in the box of the part's items.
+    static Choice split(v8* items, const Range& range, v8* centres) {
+        centres[0] = centres[1] = range.centres;
         if (range.depth >= HALVING_DEPTH) return halve(items, range.begin, range.end);
         if (range.count() <= SMALL) return split_sorted(items + range.begin, range.count());
         const Grid grid = Grid::of(range.centres);
@@ -253,30 +251,36 @@ struct Splitter {
         Choice best = {0, 0, 0, __builtin_inff(), 0.0f, 0.0f};
         for (int axis = 0; axis < 3; ++axis) bins.choose(axis, range.count(), best);
         if (best.left_count == 0) return halve(items, range.begin, range.end);  // all centres coincide
-        partition(items, range.begin, range.end, grid, best, left_centres, right_centres);
+        partition(items, range.begin, range.end, grid, best);
+        for (int side = 0; side < 2; ++side) {
+            v8 box = Aabb::empty();
+            for (int k = side ? best.bin : 0; k < (side ? BINS : best.bin); ++k)
+                box = Aabb::unite(box, bins.box[best.axis][k]);
+            centres[side] = Aabb::intersect(range.centres, box + box);
+        }
         return best;
     }
 
     // Splits a range, its parts and so on until all are leaves, or just `most_splits` times. The smaller part comes
-    // first, so that the parts that wait are at most as many as the count has bits.
-    static void split_all(v8* items, Split* splits, int begin, int end, int link, int depth, int most_splits) {
-        Range stack[8 * sizeof(end)];
+    // first, so that the parts that wait are at most as many as the count has bits. `centres` are those of the parts
+    // of the last split.
+    static void split_all(v8* items, Split* splits, const Range& whole, int most_splits, v8* centres) {
+        Range stack[8 * sizeof(whole.end)];
         int waiting = 0;
-        stack[waiting++] = Range{begin, end, link, depth, Aabb::of_centres(items, begin, end)};
+        stack[waiting++] = whole;
         while (waiting > 0) {
             const Range range = stack[--waiting];
             int& name = splits[range.link / 2].child[range.link % 2];
             name = 0;
             if (range.count() <= LANES || most_splits == 0) continue;
             --most_splits;
-            v8 left_centres, right_centres;
-            const Choice choice = split(items, range, left_centres, right_centres);
+            const Choice choice = split(items, range, centres);
             const int middle = range.begin + choice.left_count;
             name = middle;
             splits[middle].area[0] = choice.left_area;
             splits[middle].area[1] = choice.right_area;
-            const Range left = {range.begin, middle, 2 * middle, range.depth + 1, left_centres};
-            const Range right = {middle, range.end, 2 * middle + 1, range.depth + 1, right_centres};
+            const Range left = {range.begin, middle, 2 * middle, range.depth + 1, centres[0]};
+            const Range right = {middle, range.end, 2 * middle + 1, range.depth + 1, centres[1]};
             const bool left_is_smaller = left.count() < right.count();
             stack[waiting++] = left_is_smaller ? right : left;
             stack[waiting++] = left_is_smaller ? left : right;
