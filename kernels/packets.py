@@ -17,7 +17,7 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 @wp.struct
 class BvhScene:
-    """BVHs in the same arrays: of all that stays, then of each mesh that moves.
+    """BVHs in the same arrays: of all that stays, then of each mesh that moves, or that objects share where they stay.
 
     Of a triangle, ``owners`` holds the object, or its complement if that is closed; of one that moves, and alone, 0 or
     its complement. Triangles are numbered by their places in leaves: first those that stay, then those of each movable
@@ -38,7 +38,9 @@ class BvhScene:
     closed_count: int
     all_closed: int  # whether all that stay are
     movable_count: int
-    movable_object: wp.array[wp.int32]  # -1 where several move together: then owners tell
+    drawn_count: int  # of what has a frame of its own: of the movable, and behind them instances, which stay
+    instance_pose: wp.array[wp.transform]  # of those that stay
+    movable_object: wp.array[wp.int32]  # (drawn), as the others; -1 where several move together: then owners tell
     movable_root: wp.array[wp.int32]
     movable_leaf: wp.array[wp.int32]  # the first leaf of its tree
     movable_first_id: wp.array[wp.int32]  # the number of its first triangle
@@ -118,11 +120,12 @@ static_assert(sizeof(wp::transform) == POSE_WORDS * sizeof(float) && sizeof(wp::
 const Scene drawn = {
     {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data, scene.static_root,
      scene.all_closed != 0, scene.closed_boxes.data, scene.closed_object.data, scene.closed_count},
-    {scene.movable_count, scene.movable_object.data, scene.movable_root.data, scene.movable_leaf.data,
-     scene.movable_first_id.data, scene.movable_closed.data, scene.movable_boxes.data, scene.movable_solid.data,
-     (const float*)scene.movable_size.data, (const float*)worlds.object_poses.data,
-     (const float*)worlds.object_sizes.data, worlds.object_poses.shape[0], worlds.world.data, worlds.excluded.data,
-     worlds.excluded.shape[0], scene.object_count, scene.static_object.data, scene.static_object.shape[0]}};
+    {scene.drawn_count, scene.movable_count, scene.movable_object.data, scene.movable_root.data,
+     scene.movable_leaf.data, scene.movable_first_id.data, scene.movable_closed.data, scene.movable_boxes.data,
+     scene.movable_solid.data, (const float*)scene.movable_size.data, (const float*)scene.instance_pose.data,
+     (const float*)worlds.object_poses.data, (const float*)worlds.object_sizes.data, worlds.object_poses.shape[0],
+     worlds.world.data, worlds.excluded.data, worlds.excluded.shape[0], scene.object_count, scene.static_object.data,
+     scene.static_object.shape[0]}};
 """
 """The structs of ``kernels/native/cpu`` of a `BvhScene` named ``scene`` and `Worlds` named ``worlds``."""
 
@@ -141,13 +144,13 @@ const Job shape = {job.views, job.height, job.width, job.strips, job.strip_rows.
                    job.at.data};
 if (!job.scratch.data) {
     Arena measured = Arena::at(nullptr);
-    StripMemory::carve(measured, shape, scene.movable_count, scene.levels);
+    StripMemory::carve(measured, shape, scene.drawn_count, scene.levels);
     job.scratch_bytes.data[0] = measured.used;
     return;
 }
 const int worker = Workers::enter(job.counter.data);
 Arena arena = Arena::at((char*)job.scratch.data + (long long)worker * job.scratch.strides[0]);
-const StripMemory memory = StripMemory::carve(arena, shape, scene.movable_count, scene.levels);
+const StripMemory memory = StripMemory::carve(arena, shape, scene.drawn_count, scene.levels);
 Packets::run(drawn, shape, out, memory, job.counter.data);
 """
 

@@ -50,13 +50,16 @@ if (world >= 0 && world < world_count) {
     object_poses = (const float*)worlds.object_poses.data + first * POSE_WORDS;
     if (RESIZED) object_sizes = (const float*)worlds.object_sizes.data + first * SOLID_WORDS;
 }
+// Where nothing is movable, there is one world.
+if (scene.movable_count == 0) object_poses = (const float*)scene.instance_pose.data;
 const Scene all = {
     {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data, scene.static_root, 0,
      scene.all_closed != 0, excluded},
     {scene.closed_boxes.data, scene.closed_object.data, scene.closed_count},
-    {MOVABLE ? scene.movable_count : 0, scene.movable_object.data, scene.movable_root.data, scene.movable_leaf.data,
-     scene.movable_first_id.data, scene.movable_closed.data, scene.movable_boxes.data, scene.movable_solid.data,
-     (const float*)scene.movable_size.data, object_poses, object_sizes, excluded}};
+    {MOVABLE ? scene.drawn_count : 0, scene.movable_count, scene.movable_object.data, scene.movable_root.data,
+     scene.movable_leaf.data, scene.movable_first_id.data, scene.movable_closed.data, scene.movable_boxes.data,
+     scene.movable_solid.data, (const float*)scene.movable_size.data, (const float*)scene.instance_pose.data,
+     object_poses, object_sizes, excluded}};
 const View shape = {view, (int)camera.width, (int)camera.height, {camera.fx, camera.fy}, {camera.cx, camera.cy},
                     camera.near, camera.far, camera.most_inv_z, camera.clip_reach,
                     (const float*)(poses.data + view), cull_backfaces};

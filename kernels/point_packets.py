@@ -51,7 +51,7 @@ const int tiles_x = Grid::tiles(shape.width), tiles_y = Grid::tiles(shape.height
 if (!job.bins.data) {
     Arena bins = Arena::at(nullptr), scratch = Arena::at(nullptr);
     PointBins::carve(bins, asked, tiles_x, tiles_y);
-    PointMemory::carve(scratch, asked, tiles_x, scene.movable_count, scene.levels);
+    PointMemory::carve(scratch, asked, tiles_x, scene.drawn_count, scene.levels);
     job.bytes.data[0] = bins.used;
     job.bytes.data[1] = scratch.used;
     return;
@@ -61,7 +61,7 @@ const int slot = Workers::take_memory(job.taken.data);
 Arena shared = Arena::at((char*)job.bins.data + (job.views_are_units ? slot : 0) * (long long)job.bins.strides[0]);
 Arena own = Arena::at((char*)job.scratch.data + slot * (long long)job.scratch.strides[0]);
 const PointBins bins = PointBins::carve(shared, asked, tiles_x, tiles_y);
-const PointMemory memory = PointMemory::carve(own, asked, tiles_x, scene.movable_count, scene.levels);
+const PointMemory memory = PointMemory::carve(own, asked, tiles_x, scene.drawn_count, scene.levels);
 const PointWork work = {drawn, shape, asked, bins};
 PointPackets::of(work, memory).run(job.counter.data);
 Workers::give_back_memory(job.taken.data, slot);

@@ -32,6 +32,17 @@ CLOSE = wp.constant(1.0e-3)
 
 
 @wp.struct
+class InstanceStep:
+    """A step of a walk through a tree of instances' boxes; see `warpvis.scene._instance_tree`."""
+
+    low: wp.vec3  # of the box, in the world
+    high: wp.vec3
+    after: int  # the step to go on at if the box is missed
+    instance: int  # which one the box is of, -1 for that of several
+    pose: wp.transform  # object to world, of the instance that has this step's number
+
+
+@wp.struct
 class TriangleScene:
     """Triangles in the world frame and what each belongs to, the meshes of movable objects, and all labels."""
 
@@ -44,6 +55,8 @@ class TriangleScene:
     movable_solid: wp.array[wp.int32]  # a `warpvis.scene.solids.SolidKind`
     movable_size: wp.array[wp.vec4]  # of a solid: factors along x, y and z [m], and half length before them
     object_label: wp.array[wp.uint8]
+    instance_count: int  # of steps through what stays and shares a mesh: those come behind the movable
+    instances: wp.uint64  # address of the first `InstanceStep`: an array would be copied for each ray
 
 
 @wp.func
@@ -101,6 +114,56 @@ def seen_from(camera: CameraFrame, place: wp.transform) -> CameraFrame:
 
 
 @wp.func
+def steps_of(scene: TriangleScene) -> wp.array[InstanceStep]:
+    return wp.array(ptr=scene.instances, shape=(scene.instance_count,), dtype=InstanceStep)
+
+
+@wp.func
+def place_in(scene: TriangleScene, worlds: Worlds, world: int, movable: int) -> wp.transform:
+    """Where an object with a frame of its own is in a world: what stays has one place."""
+    if movable >= scene.movable_count:
+        return steps_of(scene)[movable - scene.movable_count].pose
+    return worlds.object_poses[world, movable]
+
+
+@wp.func
+def inverse_of(direction: float) -> float:
+    """1 / a ray's direction along an axis; a large number where it has none, of which 0 times is 0."""
+    return 1.0 / wp.where(wp.abs(direction) < 1.0e-18, 1.0e-18, direction)
+
+
+@wp.func
+def inverses_of(direction: wp.vec3d) -> wp.vec3:
+    return wp.vec3(inverse_of(float(direction[0])), inverse_of(float(direction[1])), inverse_of(float(direction[2])))
+
+
+@wp.func
+def meets_box(low: wp.vec3, high: wp.vec3, eye: wp.vec3, inverse: wp.vec3, most_t: float) -> bool:
+    """Whether a ray may meet a box that is a little wider than what is in it, before it has gone so far."""
+    a, b = wp.cw_mul(low - eye, inverse), wp.cw_mul(high - eye, inverse)
+    least, most = wp.min(a, b), wp.max(a, b)
+    begin = wp.max(least[0], wp.max(least[1], least[2]))
+    end = wp.min(most[0], wp.min(most[1], most[2]))
+    reach = 1.0e-5 * wp.abs(end)
+    return end >= 0.0 and begin <= end + reach and begin <= most_t + 1.0e-5 * wp.abs(most_t)
+
+
+@wp.func
+def next_instance(steps: wp.array[InstanceStep], step: int, eye: wp.vec3, inverse: wp.vec3, most_t: float) -> int:
+    """The next step, from one on, at which a ray meets the box of an instance; -1 if there is none."""
+    at = int(step)
+    found = int(-1)
+    while found < 0 and at < steps.shape[0]:
+        if meets_box(steps[at].low, steps[at].high, eye, inverse, most_t):
+            if steps[at].instance >= 0:
+                found = at
+            at += 1
+        else:
+            at = steps[at].after
+    return found
+
+
+@wp.func
 def size_of(scene: TriangleScene, worlds: Worlds, world: int, movable: int) -> wp.vec4:
     """A movable object's size in a world: of a solid its own, of a mesh factors."""
     if worlds.object_sizes:
@@ -112,7 +175,7 @@ def size_of(scene: TriangleScene, worlds: Worlds, world: int, movable: int) -> w
 def factors_of(scene: TriangleScene, worlds: Worlds, world: int, movable: int) -> wp.vec3d:
     """Factors by which an object's triangles are stretched along its axes; ones for what stays (-1)."""
     one = wp.float64(1.0)
-    if movable < 0 or not worlds.object_sizes:
+    if movable < 0 or movable >= scene.movable_count or not worlds.object_sizes:
         return wp.vec3d(one, one, one)
     made, now = scene.movable_size[movable], worlds.object_sizes[world, movable]
     return stretch_of(scene.movable_solid[movable], made, now)
@@ -225,6 +288,40 @@ def solid_hit(kind: int, size: wp.vec4, frame: CameraFrame, ray: wp.vec3d) -> So
 
 
 @wp.func
+def nearest_instance(
+    scene: TriangleScene,
+    worlds: Worlds,
+    view: int,
+    in_world: CameraFrame,
+    ray: wp.vec3d,
+    clip: float,
+    most_t: float,
+    cull: bool,
+) -> Seen:
+    """What a ray meets first of objects that stay and share a mesh, nearer than anything else is."""
+    seen = nothing()
+    nearest = float(most_t)
+    towards = wp.quat_rotate(in_world.rotation, ray)
+    inverse, origin = inverses_of(towards), wp.vec3(in_world.origin)
+    steps = steps_of(scene)
+    step = next_instance(steps, 0, origin, inverse, nearest)
+    while step >= 0:
+        instance = steps[step].instance
+        movable = scene.movable_count + instance
+        if not is_excluded(worlds, view, scene.movable_object[movable]):
+            frame = seen_from(in_world, steps[instance].pose)
+            direction, eye = wp.vec3(wp.quat_rotate(frame.rotation, ray)), wp.vec3(frame.origin)
+            hit = first_hit(scene, worlds, view, movable, eye, direction, clip, nearest, cull)
+            if hit.result and hit.t < nearest:
+                seen.face = hit.face
+                seen.movable = movable
+                nearest = hit.t
+        step = next_instance(steps, step + 1, origin, inverse, nearest)
+    seen.depth = nearest
+    return seen
+
+
+@wp.func
 def look(
     scene: TriangleScene,
     near: float,
@@ -287,6 +384,13 @@ def look(
                 seen.movable = movable
                 seen.round = False
                 nearest = hit.t
+    if scene.instance_count > 0:
+        met_instance = nearest_instance(scene, worlds, view, in_world, ray, clip, nearest, cull_backfaces)
+        if met_instance.face >= 0:
+            seen.face = met_instance.face
+            seen.movable = met_instance.movable
+            seen.round = False
+            nearest = met_instance.depth
 
     if seen.face >= 0:
         seen.depth = nearest
@@ -294,7 +398,7 @@ def look(
         frame = in_world
         mesh = mesh_of(scene, seen.movable)
         if seen.movable >= 0:
-            frame = seen_from(in_world, worlds.object_poses[world, seen.movable])
+            frame = seen_from(in_world, place_in(scene, worlds, world, seen.movable))
         factors = factors_of(scene, worlds, world, seen.movable)
         a = stretched_corner(mesh, seen.face, 0, factors) - frame.origin
         b = stretched_corner(mesh, seen.face, 1, factors) - frame.origin
@@ -342,7 +446,7 @@ def normal_in_world(scene: TriangleScene, pose: wp.transform, worlds: Worlds, vi
     if seen.round:
         return solid_normal(scene, pose, worlds, view, seen)
     world = world_of(worlds, view)
-    rotation = pose_rotation(worlds.object_poses[world, seen.movable])
+    rotation = pose_rotation(place_in(scene, worlds, world, seen.movable))
     direction = wp.quat_rotate_inv(rotation, seen.direction)
     factors = factors_of(scene, worlds, world, seen.movable)
     normal = normal_of(scene.movable_mesh[seen.movable], seen.face, factors, direction)

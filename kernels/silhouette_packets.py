@@ -39,13 +39,13 @@ const SilhouetteJob asked = {chosen.index.shape[0], chosen.index.data, scene.obj
                              (char*)counts.data, counts.strides[0], counts.strides[1], hidden_by.data, masks.data};
 if (!job.scratch.data) {
     Arena measured = Arena::at(nullptr);
-    SilhouetteMemory::carve(measured, asked, scene.movable_count, scene.levels);
+    SilhouetteMemory::carve(measured, asked, scene.drawn_count, scene.levels);
     job.scratch_bytes.data[0] = measured.used;
     return;
 }
 const int worker = Workers::enter(job.counter.data);
 Arena arena = Arena::at((char*)job.scratch.data + (long long)worker * job.scratch.strides[0]);
-const SilhouetteMemory memory = SilhouetteMemory::carve(arena, asked, scene.movable_count, scene.levels);
+const SilhouetteMemory memory = SilhouetteMemory::carve(arena, asked, scene.drawn_count, scene.levels);
 const Silhouettes silhouettes = {drawn, shape, asked, memory};
 silhouettes.run(job.counter.data);
 """

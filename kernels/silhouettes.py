@@ -79,12 +79,13 @@ def spread_poses(
     # In:
     object_poses: wp.array2d[wp.transform],
     columns: wp.array[wp.int32],
+    at_rest: wp.array2d[wp.transform],
     # Out:
     poses_out: wp.array2d[wp.transform],
 ):
-    """Every object's pose in every world, by the column that it has among the movable ones, -1 if it stays."""
+    """Every object's pose in every world, by the column that it has among the movable ones, -1 if it stays at rest."""
     world, index = wp.tid()
-    pose = wp.transform_identity()
+    pose = at_rest[0, index]
     if columns[index] >= 0:
         pose = object_poses[world, columns[index]]
     poses_out[world, index] = pose

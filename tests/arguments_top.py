@@ -129,7 +129,7 @@ def top_cases(folder):
         "Scene.add, attached": (lambda **given: scene().add(MESH, **given), {"attach_to": "cart"}),
         "Scene.add_instances": (
             lambda **given: scene().add_instances(**given),
-            {"mesh": MESH, "poses": [POSE], "names": "new", "label": "human", "scale": 2.0},
+            {"mesh": MESH, "poses": [POSE], "names": "new", "label": "human", "scale": 2.0, "movable": False},
         ),
         "Scene.update_vertices": (
             lambda **given: scene().update_vertices(**given),

@@ -97,6 +97,8 @@ def _worlds(folder):
         "finger_pose": (0, 0, 0.1, 0, 0, 0, 1),
         "cube_poses": np.random.default_rng(0).uniform(size=(20, 7)) * [1, 1, 1, 0, 0, 0, 0] + [0, 0, 0, 0, 0, 0, 1],
         "cube": box,
+        "chair_poses": np.random.default_rng(1).uniform(size=(20, 7)) * [1, 1, 1, 0, 0, 0, 0] + [0, 0, 0, 0, 0, 0, 1],
+        "chair": box,
         "camera": wv.Camera.kinect(),
         "poses": _poses(),
         "object_poses": object_poses,

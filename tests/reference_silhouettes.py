@@ -104,7 +104,6 @@ def _box(mask: NDArray, left: int, top: int) -> list[int]:
     return [int(x.min()) - left, int(y.min()) - top, int(np.ptp(x)) + 1, int(np.ptp(y)) + 1]
 
 
-def spread_poses(object_poses: NDArray, columns: NDArray) -> NDArray:
+def spread_poses(object_poses: NDArray, columns: NDArray, at_rest: NDArray) -> NDArray:
     """Every object's pose in every world, shape (W, objects, 7)."""
-    identity = np.broadcast_to([0.0, 0, 0, 0, 0, 0, 1], (len(object_poses), 1, 7))
-    return np.concatenate([object_poses, identity], axis=1)[:, columns]
+    return np.where(columns[:, None] >= 0, object_poses[:, columns], at_rest)

@@ -9,6 +9,7 @@ behaviour is undefined, and must write the same bytes in all orders.
 import numpy as np
 import pytest
 import test_attached
+import test_instances
 import test_near_plane
 import test_sizes
 import test_solids
@@ -36,6 +37,9 @@ RESIZED = Variant(16, True, True, clip=True, resized=True)
 CAMERA = wv.Camera.from_fov(45, 37, hfov=0.994837, near=0.05, far=100.0)
 
 
+few_share = test_instances.shared  # a fixture
+
+
 @pytest.fixture(scope="module")
 def emulator(tmp_path_factory):
     """All variants, compiled with sanitizers, and counting which lines run."""
@@ -47,7 +51,7 @@ def emulator(tmp_path_factory):
 def render(emulator, scene, poses, *, side=16, camera=CAMERA, outputs=ALL, cull_backfaces=False, **options):
     """Images of the variant that a GPU would take."""
     with_id = bool(set(outputs) - {"depth", "points"})
-    variant = Variant(side, with_id, bool(scene.movable))
+    variant = Variant(side, with_id, bool(scene.bvh().struct.drawn_count))
     renderer = emulated_renderer(emulator, variant, scene, camera, outputs=outputs, cull_backfaces=cull_backfaces)
     return renderer.render(poses, **options)
 
@@ -79,6 +83,31 @@ def test_what_moves(emulator, side, cull_backfaces):
     for index, row in enumerate(rows[world]):
         twin, one = build("cpu", row, movable=False), slice(index, index + 1)
         assert_matches_reference(view_of(views, index), twin, CAMERA, poses[one], cull_backfaces=cull_backfaces)
+
+
+@pytest.mark.parametrize("cull_backfaces", [False, True])
+def test_instances_that_stay(emulator, few_share, cull_backfaces):
+    scene, poses = test_instances.build(), eyes(2)
+    assert test_instances.instances_of(scene) == test_instances.COUNT
+    views = render(emulator, scene, poses, cull_backfaces=cull_backfaces)
+    twin = test_instances.twin(scene)
+    assert_matches_reference(views, twin, CAMERA, poses, cull_backfaces=cull_backfaces)
+
+
+@pytest.mark.parametrize("scaled", [False, True])
+def test_instances_among_what_moves(emulator, few_share, scaled):
+    """In worlds, one of which is not there; of other sizes, which what stays has not."""
+    scene, poses, rows = test_instances.build(movable=2), eyes(3), random_poses(np.random.default_rng(2), 2, 2)
+    twin = test_instances.twin(scene)
+    given = {"object_poses": rows, "world_index": np.array([1, 0, 1]), "exclude": ["early_2", "late_3"]}
+    given |= {"object_scales": np.full((2, 2, 3), 1.5, dtype=np.float32)} if scaled else {}
+    options = {"outputs": ALL, "near_plane": "clip"}
+    variant = RESIZED if scaled else CLIPS
+    views = emulated_renderer(emulator, variant, scene, CAMERA, **options).render(poses, **given)
+    test_instances.assert_alike(views, wv.render(twin, CAMERA, poses, **options, **given))
+    if not scaled:
+        renderer = emulated_renderer(emulator, Variant(16, True, True), scene, CAMERA, outputs=ALL)
+        test_instances.assert_missing_world_is_empty(renderer, rows)
 
 
 @pytest.mark.parametrize("cull_backfaces", [False, True])

@@ -152,6 +152,7 @@ OURS = {
     "OrthographicCamera.device_struct",
     "Scene.replace_objects",
     "SceneObject.placed",
+    "SceneObject.staying",
     "Scene.add_parts",
     "Scene.use_labels",
     "Renderer.render_parsed",

@@ -300,7 +300,9 @@ def test_poses_are_spread():
     from warpvis.kernels.silhouettes import spread_poses
 
     rows, columns = np.random.default_rng(0).normal(size=(2, 3, 7)).astype(np.float32), np.array([2, -1, 0, 0])
+    at_rest = np.random.default_rng(1).normal(size=(1, 4, 7)).astype(np.float32)
     out = wp.zeros((2, 4), dtype=wp.transform, device="cpu")
-    inputs = [wp.array(rows, dtype=wp.transform, device="cpu"), wp.array(columns, dtype=wp.int32, device="cpu"), out]
+    places = [wp.array(array, dtype=wp.transform, device="cpu") for array in (rows, at_rest)]
+    inputs = [places[0], wp.array(columns, dtype=wp.int32, device="cpu"), places[1], out]
     wp.launch(spread_poses, dim=(2, 4), inputs=inputs, device="cpu")
-    assert (out.numpy().view(np.float32).reshape(2, 4, 7) == reference.spread_poses(rows, columns)).all()
+    assert (out.numpy().view(np.float32).reshape(2, 4, 7) == reference.spread_poses(rows, columns, at_rest)).all()

@@ -12,10 +12,16 @@
 struct Worlds {
     int views = 1, worlds = 1;
     Exact<float> cameras;  // [view][7]
-    Exact<float> poses;  // [world][movable][7]
+    int moving = 0;  // movables that have a pose in every world; those behind them stay
+    Exact<float> poses;  // [world][movable][7], of those
+    Exact<float> instances;  // [movable][7], of the others
     Exact<int> world;  // [view], or none
     Exact<unsigned char> excluded;  // [view or 1][object], or none
     int excluded_views = 0;
+
+    const float* place(int world, int movable) const {
+        return movable < moving ? &poses[7 * (world * moving + movable)] : &instances[7 * (movable - moving)];
+    }
 
     // The world of a view, -1 where there is none.
     int of(int view) const {

@@ -44,12 +44,15 @@ inline Worlds random_worlds(Random& random, const Scene& scene) {
     Worlds worlds;
     const int movables = (int)scene.movables.size(), objects = (int)scene.objects.size();
     worlds.views = random.whole(1, 3);
-    const bool by_index = movables && random.chance(0.4);
-    worlds.worlds = by_index ? random.whole(1, 4) : movables && random.chance(0.5) ? worlds.views : 1;
+    const int moving = worlds.moving = random.chance(0.3) ? random.whole(0, movables) : movables;
+    const bool by_index = moving && random.chance(0.4);
+    worlds.worlds = by_index ? random.whole(1, 4) : moving && random.chance(0.5) ? worlds.views : 1;
     worlds.cameras = Exact<float>((size_t)worlds.views * 7);
     for (int view = 0; view < worlds.views; ++view) random_pose(random, scene, &worlds.cameras[7 * view]);
-    worlds.poses = Exact<float>((size_t)worlds.worlds * movables * 7);
-    for (int i = 0; i < worlds.worlds * movables; ++i) random_pose(random, scene, &worlds.poses[7 * i]);
+    worlds.poses = Exact<float>((size_t)worlds.worlds * moving * 7);
+    for (int i = 0; i < worlds.worlds * moving; ++i) random_pose(random, scene, &worlds.poses[7 * i]);
+    worlds.instances = Exact<float>((size_t)(movables - moving) * 7);
+    for (int i = 0; i < movables - moving; ++i) random_pose(random, scene, &worlds.instances[7 * i]);
     if (by_index) {
         worlds.world = Exact<int>(worlds.views);
         for (int view = 0; view < worlds.views; ++view)
@@ -71,8 +74,8 @@ inline bool is_excluded(const Worlds& worlds, const Scene& scene, int view, int 
 
 inline Truth truth_of(const Scene& scene, const Worlds& worlds, const Lens& lens, int view, bool cull) {
     Truth truth(lens, &worlds.cameras[7 * view]);
-    const int world = worlds.of(view), movables = (int)scene.movables.size();
-    if (movables && world < 0) return truth;
+    const int world = worlds.of(view);
+    if (worlds.moving && world < 0) return truth;
     for (int index = 0; index < (int)scene.objects.size(); ++index) {
         const Object& object = scene.objects[index];
         if (is_excluded(worlds, scene, view, index)) continue;
@@ -81,7 +84,7 @@ inline Truth truth_of(const Scene& scene, const Worlds& worlds, const Lens& lens
             continue;
         }
         const Movable& movable = scene.movables[object.movable];
-        const Placed place = Placed::of(&worlds.poses[7 * (world * movables + object.movable)]);
+        const Placed place = Placed::of(worlds.place(world, object.movable));
         if (movable.solid)
             truth.add_solid(movable, place, cull, scene.objects);
         else

@@ -54,16 +54,17 @@ static Scene apart(const Scene& scene) {
 
 // Every object's pose in every world: its movable's, or none.
 static void spread(const Scene& scene, Worlds& worlds) {
-    const int movables = (int)scene.movables.size(), objects = (int)scene.objects.size();
+    const int objects = (int)scene.objects.size();
     Exact<float> poses((size_t)worlds.worlds * objects * 7, 0.0f);
     for (int world = 0; world < worlds.worlds; ++world)
         for (int i = 0; i < objects; ++i) {
             float* row = &poses[7 * (world * objects + i)];
             row[6] = 1;
             const int movable = scene.objects[i].movable;
-            if (movable >= 0) std::copy_n(&worlds.poses[7 * (world * movables + movable)], 7, row);
+            if (movable >= 0) std::copy_n(worlds.place(world, movable), 7, row);
         }
     worlds.poses = std::move(poses);
+    worlds.moving = objects;
 }
 
 static Compared random_comparison(Random& random, const Scene& scene, const Lens& lens, int views) {
@@ -130,7 +131,7 @@ static Expected expect(const Scene& scene, const Worlds& worlds, const Lens& len
     if (world < 0 || is_excluded(worlds, scene, view, index)) return e;
     Truth truth(lens, &worlds.cameras[7 * view]);
     const Movable& movable = scene.movables[index];
-    const Placed place = Placed::of(&worlds.poses[7 * (world * scene.objects.size() + index)]);
+    const Placed place = Placed::of(worlds.place(world, index));
     if (movable.solid)
         truth.add_solid(movable, place, false, scene.objects);
     else

@@ -171,7 +171,7 @@ class CpuPacketsCaster:
         costs = self._costs[points > 0]
         workers = costs.threads_for(rays)
         scene = clusters.struct
-        kind = (scene.levels, scene.movable_count, views, points, workers)
+        kind = (scene.levels, scene.drawn_count, views, points, workers)
         space = self._idle.take(kind) or _Workspace(scene, self._make_job(views, points, workers), workers)
         space.fill(scene, poses, worlds, images)
         if pixels is not None:

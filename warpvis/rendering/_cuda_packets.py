@@ -76,7 +76,7 @@ class CudaPacketsCaster(RaysCaster):
         if views == 0:
             return
         clusters, camera = self._scene.bvh(), self._camera
-        moving = bool(clusters.struct.movable_count)
+        moving = bool(clusters.struct.drawn_count)
         _, _, *of_triangles = images
         large_packets = (12 if clusters.moves_solids_only else 32) if moving else 64
         side = packet_side(views, camera.width, camera.height, device.sm_count, large_packets)

@@ -7,54 +7,19 @@ from __future__ import annotations
 import weakref
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.arrays import FARTHEST
 from warpvis.core.checks import as_items
 from warpvis.core.types import MeshLike
 from warpvis.errors import SceneError
-from warpvis.scene._object import check_mesh, placed_at
+from warpvis.scene._object import check_mesh
+from warpvis.scene._shared_mesh import SharedMesh
 
 # Larger meshes are not added many times, and to remember them takes memory.
 _MOST_REMEMBERED = 1_000_000
-
-
-@dataclass(frozen=True)
-class SharedMesh:
-    """A mesh in the frame of the objects that have it."""
-
-    vertices: NDArray[np.float64] = field(repr=False)
-    """Corners, scaled [m], shape ``(n, 3)``."""
-    faces: NDArray[np.int32] = field(repr=False)
-    """Corner indices of the triangles, shape ``(m, 3)``."""
-
-    @cached_property
-    def rounded(self) -> NDArray[np.float32]:
-        """The corners in single precision."""
-        return self.vertices.astype(np.float32)
-
-    @cached_property
-    def reach(self) -> float:
-        """The most that a coordinate of a corner may be, however the mesh is turned [m]."""
-        return float(np.sqrt(3.0) * np.abs(self.vertices).max())
-
-    def placed(self, row: NDArray[np.float64] | None, name: str) -> NDArray[np.float64]:
-        """Return the corners in the world, of an object at a pose; a `SceneError` if they are too far away."""
-        placed = self.vertices if row is None else placed_at(self.vertices, row)
-        if np.abs(placed).max() > FARTHEST:
-            raise SceneError(f"vertices of {name!r} must lie within 1e18 m of the origin")
-        return placed
-
-    def check_reach(self, rows: NDArray[np.float32], name: str) -> None:
-        """Raise a `SceneError` if a corner of objects at poses, ``(n, 7)``, is too far away."""
-        if self.reach + np.abs(rows[:, :3]).max(initial=0) > FARTHEST:
-            for row in rows:
-                self.placed(row.astype(np.float64), name)
 
 
 class SharedMeshes:

@@ -11,12 +11,13 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.poses import poses_to_matrices
 from warpvis.core.types import MeshLike
 from warpvis.errors import SceneError
+from warpvis.scene._shared_mesh import SharedMesh, placed_at
 from warpvis.scene.solids import Solid
 
 _ONE = np.array(1.0)
+_IDENTITY = np.array([0, 0, 0, 0, 0, 0, 1], dtype=np.float32)
 
 
 @dataclass(frozen=True)
@@ -54,13 +55,36 @@ class SceneObject:
         item.__dict__.update(name=name, label=label, faces=mesh[1], mesh_vertices=mesh[0], pose=place, solid=solid)
         return item
 
+    @classmethod
+    def staying(cls, name: str, label: int, shared: SharedMesh, row: NDArray[np.float64] | None) -> SceneObject:
+        """Make an object that stays, at a pose, of a mesh that others have. `vertices` are computed when asked for."""
+        item = object.__new__(cls)
+        item.__dict__.update(name=name, label=label, faces=shared.faces, shared=shared, row=row)
+        return item
+
     def __getattr__(self, name: str) -> NDArray[np.float32]:
-        """Compute what `placed` left out."""
-        if name != "vertices" or self.mesh_vertices is None or self.pose is None:
+        """Compute what `placed` and `staying` left out."""
+        if name == "vertices" and self.mesh_vertices is not None and self.pose is not None:
+            vertices = placed_at(self.mesh_vertices, self.pose).astype(np.float32)
+        elif name == "vertices" and "shared" in self.__dict__:
+            vertices = self.__dict__["shared"].rounded_at(self.__dict__["row"])
+            if self.__dict__["shared"].is_kept_once:
+                return vertices
+        else:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        vertices = placed_at(self.mesh_vertices, self.pose).astype(np.float32)
         object.__setattr__(self, "vertices", vertices)
         return vertices
+
+    @property
+    def shared_mesh(self) -> SharedMesh | None:
+        """The mesh in a frame of its own that an object that stays shares with others; None for most."""
+        return self.__dict__.get("shared")
+
+    @property
+    def place(self) -> NDArray[np.float32]:
+        """Where the object was added, of one that is movable or shares a mesh: ``x y z qx qy qz qw``."""
+        row = self.__dict__.get("row", self.pose)
+        return _IDENTITY if row is None else row.astype(np.float32)
 
     @property
     def movable(self) -> bool:
@@ -78,12 +102,6 @@ class SceneObject:
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
 
-def placed_at(vertices: np.ndarray, pose: np.ndarray) -> NDArray[np.float64]:
-    """Return vertices of an object's frame where they are in the world, shape ``(n, 3)``, at a pose of 7 numbers."""
-    matrix = poses_to_matrices(pose)
-    return vertices @ matrix[:3, :3].T + matrix[:3, 3]
-
-
 def as_it_is(item: SceneObject) -> SceneObject:
     """Return the object with the vertices it has now, whatever becomes of them."""
     if item.points is None:
@@ -91,13 +109,18 @@ def as_it_is(item: SceneObject) -> SceneObject:
     return SceneObject(item.name, item.label, item.vertices, item.faces, item.mesh_vertices, item.pose)
 
 
-def by_itself(item: SceneObject, objects: Sequence[SceneObject]) -> SceneObject:
-    """Return the object, movable, and of one piece with no other."""
+def by_itself(item: SceneObject, objects: Sequence[SceneObject], *, is_instance: bool = False) -> SceneObject:
+    """Return the object, movable, and of one piece with no other.
+
+    What stays has its vertices in the world then, and the identity for a pose; an instance has its mesh and its pose.
+    """
     if item.carrier is not None:
         return replace(item, pose=objects[item.carrier].pose, carrier=None)
+    shared = item.shared_mesh
+    if is_instance and shared is not None:
+        return SceneObject.placed(item.name, item.label, (shared.rounded, shared.faces), item.place)
     if item.pose is None:
-        identity = np.array([0, 0, 0, 0, 0, 0, 1], dtype=np.float32)
-        return replace(item, mesh_vertices=item.vertices, pose=identity)
+        return replace(item, mesh_vertices=item.vertices, pose=_IDENTITY)
     return item
 
 

@@ -6,37 +6,48 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.scene._object import SceneObject
+from warpvis.scene._shared_mesh import SharedMesh
 from warpvis.scene.solids import Solid
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Instances:
-    """Movable objects of one mesh that were added together."""
+    """Objects of one mesh that were added together."""
 
     first: int
     """Index of the first of them in the scene."""
     names: Sequence[str] = field(repr=False)
     label: int
-    mesh: tuple[NDArray[np.float32], NDArray[np.int32]] = field(repr=False)
-    """Vertices in their frames [m], and faces."""
-    poses: NDArray[np.float32] = field(repr=False)
-    """Object to world, rows ``x y z qx qy qz qw``, shape ``(n, 7)``."""
+    mesh: SharedMesh = field(repr=False)
+    rows: NDArray[np.float64] = field(repr=False)
+    """Object to world, ``x y z qx qy qz qw``, shape ``(n, 7)``."""
+    movable: bool
     solid: Solid | None = None
+    """What rays meet of them, if they are movable."""
 
     def make(self, index: int) -> SceneObject:
         """Make the object that has an index in the scene."""
         place = index - self.first
-        return SceneObject.placed(self.names[place], self.label, self.mesh, self.poses[place], self.solid)
+        name, row = self.names[place], self.rows[place]
+        if not self.movable:
+            return SceneObject.staying(name, self.label, self.mesh, row)
+        arrays = self.mesh.rounded, self.mesh.faces
+        return SceneObject.placed(name, self.label, arrays, row.astype(np.float32), self.solid)
+
+    def poses(self, first: int, count: int) -> NDArray[np.float32]:
+        """Return the poses of those from an index in the scene on, in single precision."""
+        return self.rows[first - self.first : first - self.first + count].astype(np.float32)
 
 
 class ObjectList(Sequence[SceneObject]):
-    """Objects, of which those of `add_instances` take no time and no memory of their own until they are asked for."""
+    """Objects, of which those of `add_instances` take no time and little memory until they are asked for."""
 
     def __init__(self, objects: Iterable[SceneObject] = ()) -> None:
         """Begin with some objects, or with none."""
@@ -49,6 +60,14 @@ class ObjectList(Sequence[SceneObject]):
     def add_instances(self, instances: Instances) -> None:
         """Add objects, of which the first gets the next index."""
         self._items += [instances] * len(instances.names)
+
+    def runs(self) -> Iterator[tuple[int, int, SceneObject | Instances]]:
+        """List all objects as they are kept: the index of the first one of each run, how many, and what they are."""
+        first = 0
+        for _, run in groupby(self._items, key=id):
+            same = list(run)
+            yield first, len(same), same[0]
+            first += len(same)
 
     def __len__(self) -> int:
         return len(self._items)

@@ -16,7 +16,8 @@ from warpvis.core.threads import check_threads, run_each
 from warpvis.core.types import ArrayInput, KernelArguments
 from warpvis.errors import ArrayError, SceneError
 from warpvis.kernels.constants import LEAF_ROWS, NODE_ROWS
-from warpvis.scene._object import SceneObject, placed_at
+from warpvis.scene._object import SceneObject
+from warpvis.scene._shared_mesh import placed_at
 
 if TYPE_CHECKING:
     from warpvis.scene._bvh import Bvh

@@ -30,6 +30,7 @@ from warpvis.core.poses import (
 from warpvis.core.types import ArrayInput, DeviceLike, MeshLike
 from warpvis.errors import FileFormatError, SceneError, WarpvisError
 from warpvis.scene._classes import SceneClasses
+from warpvis.scene._drawn import instance_indices
 from warpvis.scene._meshes import SharedMeshes, instance_names
 from warpvis.scene._object import SceneObject, as_it_is, by_itself, check_scale
 from warpvis.scene._object_list import Instances, ObjectList
@@ -165,7 +166,8 @@ class Scene(SceneClasses, SceneTrees):
             quaternion: Order of the quaternion in a pose of 7 numbers, ``"xyzw"`` or ``"wxyz"``.
             scale: Factor of size, or three of them along the mesh's axes, applied before the pose.
             movable: Whether `Renderer.render` may be told another pose of it for every world. Moving it then rebuilds
-                nothing, and objects of equal meshes share them. What stays where it is renders faster.
+                nothing, and objects of equal meshes share them. What stays where it is renders faster, as one mesh of
+                all; where very many of one mesh stay, they share it, too.
             attach_to: Name of a movable object that this one moves with, as if both were of one piece from here on. It
                 has no pose of its own in a world, and both render faster than if it had. Meshes only, not solids.
 
@@ -186,7 +188,11 @@ class Scene(SceneClasses, SceneTrees):
         check_quaternion(quaternion)
         row = None if pose is None else read_pose(pose, quaternion, name=f"pose of {name!r}")
         number = self._label_names.number(label)
-        if attach_to is not None or not movable:
+        stays = attach_to is None and not movable
+        if stays and shared.uses:
+            shared.check_reach((_IDENTITY if row is None else row)[None], name)
+            item = SceneObject.staying(name, number, shared, row)
+        elif attach_to is not None or not movable:
             placed = shared.placed(row, name)
             frame = {} if attach_to is None else self._attach(attach_to, mesh, name, placed)
             item = SceneObject(name, number, placed.astype(np.float32), shared.faces, **frame)
@@ -195,6 +201,7 @@ class Scene(SceneClasses, SceneTrees):
             shared.check_reach(pose[None], name)
             solid = mesh.scaled(factors) if isinstance(mesh, Solid) else None
             item = SceneObject.placed(name, number, (shared.rounded, shared.faces), pose, solid)
+        shared.uses += stays
         self._objects.append(item)
         self._index[name] = index
         self._movable += [index] if movable and attach_to is None else []
@@ -210,8 +217,11 @@ class Scene(SceneClasses, SceneTrees):
         label: Label | int | str = Label.OBSTACLE,
         quaternion: QuaternionOrder = "xyzw",
         scale: float | ArrayLike = 1.0,
+        movable: bool = True,
     ) -> range:
-        """Add many movable objects of one mesh, which share its memory and its tree.
+        """Add many objects of one mesh, which share its memory and its tree.
+
+        Those that stay share a tree where they are so many that it pays.
 
         Args:
             mesh: As for `add`.
@@ -221,6 +231,7 @@ class Scene(SceneClasses, SceneTrees):
             label: As for `add`, of all.
             quaternion: Order of the quaternions in rows of 7 numbers, ``"xyzw"`` or ``"wxyz"``.
             scale: As for `add`, of all.
+            movable: As for `add`, of all.
 
         Returns:
             Their indices, in the order of the poses.
@@ -229,7 +240,8 @@ class Scene(SceneClasses, SceneTrees):
             SceneError: The mesh is empty or malformed, or a name is taken.
             PoseError: The poses are not poses.
         """
-        rows = poses_to_opencv(to_xyzw(poses, quaternion, "poses"), name="poses").astype(np.float32)
+        movable = check_flag(movable, "movable", SceneError)
+        rows = poses_to_opencv(to_xyzw(poses, quaternion, "poses"), name="poses")
         indices = range(len(self._objects), len(self._objects) + len(rows))
         chosen = instance_names(names, indices, self._index)
         what = chosen[0] if chosen else "instances"
@@ -237,11 +249,11 @@ class Scene(SceneClasses, SceneTrees):
         shared = self._meshes.get(mesh, factors, what)
         shared.check_reach(rows, what)
         number = self._label_names.number(label)
-        solid = mesh.scaled(factors) if isinstance(mesh, Solid) else None
-        mesh_arrays = shared.rounded, shared.faces
-        self._objects.add_instances(Instances(indices.start, chosen, number, mesh_arrays, rows, solid))
+        solid = mesh.scaled(factors) if isinstance(mesh, Solid) and movable else None
+        shared.uses += 0 if movable else len(rows)
+        self._objects.add_instances(Instances(indices.start, chosen, number, shared, rows, movable, solid))
         self._index.update(zip(chosen, indices, strict=True))
-        self._movable += indices
+        self._movable += indices if movable else []
         self._forget()
         return indices
 
@@ -268,7 +280,7 @@ class Scene(SceneClasses, SceneTrees):
     def _require_alone(self, index: int, what: str) -> None:
         """Raise a `SceneError` if an object moves with others, which says what therefore stays."""
         item = self._objects[index]
-        others = [other.name for other in self._objects if other.carrier == index]
+        others = [self._objects[other].name for other, carrier in self.attached().items() if carrier == index]
         if item.carrier is not None:
             others = [self._objects[item.carrier].name]
         if others:
@@ -473,7 +485,7 @@ class Scene(SceneClasses, SceneTrees):
         """Return the same objects, each with a pose and a tree of its own, so that one can be looked at as if alone.
 
         It is made when first asked for after a change. Its columns of `object_poses` are the objects: what stays here
-        has its vertices in the world, and the identity for a pose.
+        has its vertices in the world, and the identity for a pose; or, where it shares a tree, its own frame's.
 
         Raises:
             SceneError: The scene is empty.
@@ -484,7 +496,10 @@ class Scene(SceneClasses, SceneTrees):
                 apart = Scene(
                     device=self.device, up=self.up, label_names=self._label_names, ground_labels=self._ground_labels
                 )
-                apart._objects = ObjectList(by_itself(item, items) for item in items)
+                instances = instance_indices(self._objects, self.device)
+                apart._objects = ObjectList(
+                    by_itself(item, items, is_instance=index in instances) for index, item in enumerate(items)
+                )
                 apart._index, apart._movable = dict(self._index), list(range(len(items)))
                 if any(item.points is not None for item in self._objects):
                     return apart  # a replayed CUDA graph may deform them again, and nobody here would know

@@ -11,9 +11,10 @@ import numpy as np
 import warp as wp
 
 from warpvis.errors import SceneError
+from warpvis.scene._drawn import draw_plan
 from warpvis.scene._object import SceneObject
 from warpvis.scene._object_list import ObjectList
-from warpvis.scene.geometry import SceneBvh, Triangles, build_scene_bvh, build_triangles, label_array, solid_sizes
+from warpvis.scene.geometry import SceneBvh, Triangles, build_scene_bvh, build_triangles
 
 if TYPE_CHECKING:
     from warpvis.scene._kept_trees import KeptTrees
@@ -58,7 +59,7 @@ class SceneTrees:
         """
         with self._lock:
             if self._triangles is None:
-                self._triangles = build_triangles(list(self.require_objects()), self.device)
+                self._triangles = build_triangles(self.require_objects(), self.device)
             return self._triangles
 
     def bvh(self) -> SceneBvh:
@@ -69,18 +70,19 @@ class SceneTrees:
         """
         with self._lock:
             if self._bvh is None:
-                self._bvh = build_scene_bvh(list(self.require_objects()), self.device, kept=self._kept_trees)
+                self._bvh = build_scene_bvh(self.require_objects(), self.device, kept=self._kept_trees)
             return self._bvh
 
     def object_labels(self) -> wp.array:
         """Return labels of the objects on the scene's device, shape ``(objects,)`` uint8."""
-        return label_array(self.require_objects(), self.device)
+        return wp.array(draw_plan(self.require_objects(), self.device).labels, dtype=wp.uint8, device=self.device)
 
     def movable_sizes(self) -> wp.array:
         """Return sizes of the movable objects as they were added, as casters have them, shape ``(M,)`` vec4."""
         with self._lock:
             if self._sizes is None:
-                self._sizes = solid_sizes(self._objects, self._movable, self.device)[1]
+                sizes = draw_plan(self._objects, self.device).solid_sizes[: len(self._movable)]
+                self._sizes = wp.array(sizes, dtype=wp.vec4, device=self.device)
             return self._sizes
 
     def movable_poses(self, worlds: int = 1) -> wp.array:
@@ -91,12 +93,21 @@ class SceneTrees:
         with self._lock:
             if worlds == 1 and self._poses is not None:
                 return self._poses
-            rows = np.array([self._objects[index].pose for index in self._movable], dtype=np.float32).reshape(-1, 7)
+            rows = draw_plan(self._objects, self.device).movable_poses
             repeated = np.repeat(rows[None], worlds, axis=0)
             poses = wp.array(repeated, dtype=wp.transform, shape=repeated.shape[:2], device=self.device)
             if worlds == 1:
                 self._poses = poses
             return poses
+
+    def attached(self) -> dict[int, int]:
+        """Return the carriers of objects that are attached to others, by object."""
+        runs = ((first, item) for first, _, item in self._objects.runs() if isinstance(item, SceneObject))
+        return {first: item.carrier for first, item in runs if item.carrier is not None}
+
+    def has_solids(self) -> bool:
+        """Tell whether any object is seen as a round solid."""
+        return any(item.solid is not None for _, _, item in self._objects.runs())
 
     def _forget(self) -> None:
         """Let go of all that was made of the objects: they have changed."""

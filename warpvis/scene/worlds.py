@@ -110,9 +110,8 @@ def pose_columns(scene: Scene) -> NDArray[np.int32]:
     """Find every object's column among object poses: its own, its carrier's, or -1 if it stays."""
     columns = np.full(len(scene), -1, dtype=np.int32)
     columns[list(scene.movable)] = np.arange(len(scene.movable))
-    for index, item in enumerate(scene.objects):
-        if item.carrier is not None:
-            columns[index] = columns[item.carrier]
+    for index, carrier in scene.attached().items():
+        columns[index] = columns[carrier]
     return columns
 
 

@@ -100,7 +100,7 @@ def judge_by_packets(
         return
     clusters = scene.bvh()
     # Solids are drawn with what is first along a ray.
-    with_id = occluders is not None or any(item.solid is not None for item in scene.objects)
+    with_id = occluders is not None or scene.has_solids()
     layout = _lay_out(camera, scene.triangle_count, len(poses), len(points), with_id, threads)
     space = _take(clusters, layout)
     space.counter[:] = 0

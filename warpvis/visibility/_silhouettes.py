@@ -109,7 +109,7 @@ class SilhouetteCounter:
         everywhere.world, everywhere.excluded = worlds.world, worlds.excluded
         shape = (poses.shape[0] if given else 1, len(self._columns))
         everywhere.object_poses = wp.empty(shape, dtype=wp.transform, device=self._device)
-        inputs = [poses if given else None, self._columns, everywhere.object_poses]
+        inputs = [poses if given else None, self._columns, self._apart.movable_poses(), everywhere.object_poses]
         launch(spread_poses, shape, inputs, self._device)
         return everywhere
 

@@ -47,10 +47,10 @@ struct OrientedBoxes {
     // world's.
     static inline OrientedBoxes of(int first, int last, const View& view) {
         const float* box = view.scene.movables.boxes + (long long)first * BOX_WORDS;
-        const float* row = view.world.poses + (long long)first * POSE_WORDS;
+        const float* row = view.scene.movables.poses_from(first, view.world);
         OrientedBoxes moved;
         Doubles factor[3] = {(Doubles)(1.0), (Doubles)(1.0), (Doubles)(1.0)};
-        if (view.world.sizes) factors(view, first, last, factor);
+        if (view.world.sizes && first < view.scene.movables.moving) factors(view, first, last, factor);
         const double* focal = view.job.focal;
         Doubles axis[3][3], center[3];
         axes(row, last, axis);
@@ -104,7 +104,7 @@ struct Queue {
 
     // Objects from `first` on, as many as there are lanes.
     static inline ScreenBounds bounds(const View& view, const Image& image, int first, Ints wanted) {
-        const OrientedBoxes boxes = OrientedBoxes::of(first, view.scene.movables.count - 1 - first, view);
+        const OrientedBoxes boxes = OrientedBoxes::of(first, view.scene.movables.end_of(first) - 1 - first, view);
         return boxes.bounds(view.camera.far, view.camera.blur, image, wanted);
     }
     // One object; false if it is not in the image.
@@ -117,9 +117,10 @@ struct Queue {
 
     inline void fill(const View& view, const Image& image) {
         const Movables& movables = view.scene.movables;
-        for (int first = 0; first < movables.count; first += LANES) {
-            const Ints wanted = Lanes::index() <= Lanes::all_ints(movables.count - 1 - first);
-            add(movables, view.world, first, bounds(view, image, first, wanted));
+        for (int first = 0; first < movables.count;) {
+            const int left = movables.end_of(first) - first;
+            add(movables, view.world, first, bounds(view, image, first, Lanes::index() < Lanes::all_ints(left)));
+            first += left < LANES ? left : (int)LANES;
         }
         sort();
     }

@@ -145,7 +145,7 @@ struct Packets {
     // The camera in the frame of an object, which is kept; of its triangles' if those are drawn.
     static inline Camera movable_camera(const View& view, int movable, Frame& frame) {
         const Movables& movables = view.scene.movables;
-        const Pose object = Pose::from(view.world.poses + (long long)movable * POSE_WORDS);
+        const Pose object = Pose::from(movables.poses_from(movable, view.world));
         const Pose there = view.pose.seen_from(object);
         const Stretch stretch = movables.stretch_of(movable, view.world);
         __builtin_memcpy(frame.axis, object.axis, sizeof object.axis);

@@ -21,16 +21,19 @@ struct World {
     inline bool excludes(int object) const { return excluded && object >= 0 && excluded[object]; }
 };
 
+// Objects with frames of their own: those that are movable, and behind them instances, which stay.
 struct Movables {
     int count;
-    const int* object;  // [movable], and so the others: its index among all objects, -1 where several move together
+    int moving;  // those that are movable
+    const int* object;  // [movable, instance], and so the others: its index among all objects, -1 for several together
     const int* root;  // node
     const int* first_leaf;  // of its tree
     const int* first_id;  // number of its first triangle, ascending
     const int* closed;  // whether its back faces are hidden from outside of its box
-    const float* boxes;  // [movable][BOX_WORDS]: least and greatest corner in its frame
+    const float* boxes;  // [movable or instance][BOX_WORDS]: least and greatest corner in its frame
     const int* solid;  // its kind
-    const float* size;  // [movable][SOLID_WORDS]: of a solid, factors along x, y and z, and half length before them
+    const float* size;  // [][SOLID_WORDS]: of a solid, factors along x, y and z, and half length before them
+    const float* instance_poses;  // [instance][POSE_WORDS]
     const float* poses;  // [world][movable][POSE_WORDS]
     const float* sizes;  // [world][movable][SOLID_WORDS]: of a mesh, factors; null if all are as they were made
     int worlds;
@@ -44,8 +47,8 @@ struct Movables {
     inline World of_view(int view) const {
         const int index = world ? world[view] : worlds == 1 ? 0 : view;
         World result;
-        result.exists = count == 0 || (index >= 0 && index < worlds);
-        const long long first = (long long)(result.exists ? index : 0) * count;
+        result.exists = moving == 0 || (index >= 0 && index < worlds);
+        const long long first = (long long)(result.exists ? index : 0) * moving;
         result.poses = poses + first * POSE_WORDS;
         result.sizes = sizes ? sizes + first * SOLID_WORDS : nullptr;
         const int row = view < excluded_views ? view : excluded_views - 1;
@@ -60,9 +63,16 @@ struct Movables {
         return false;
     }
 
+    // The poses of an object and of those that follow it, as many as `end_of` says.
+    inline const float* poses_from(int movable, const World& world) const {
+        return movable < moving ? world.poses + (long long)movable * POSE_WORDS
+                                : instance_poses + (long long)(movable - moving) * POSE_WORDS;
+    }
+    inline int end_of(int movable) const { return movable < moving ? moving : count; }
+
     // How its triangles are stretched in a world.
     inline Stretch stretch_of(int movable, const World& world) const {
-        if (!world.sizes) return Stretch::none();
+        if (!world.sizes || movable >= moving) return Stretch::none();
         const long long row = (long long)movable * SOLID_WORDS;
         return Stretch::of(solid[movable], size + row, world.sizes + row);
     }
@@ -70,7 +80,7 @@ struct Movables {
     // The solid as which it is seen by a camera in its frame: from inside, triangles are seen whatever it is.
     inline Solid solid_of(int movable, const World& world, const Camera& camera) const {
         if (solid[movable] == SOLID_NONE) return Solid::none();
-        const float* sizes_there = world.sizes ? world.sizes : size;
+        const float* sizes_there = world.sizes && movable < moving ? world.sizes : size;
         Solid found = Solid::of(solid[movable], sizes_there + (long long)movable * SOLID_WORDS, camera);
         if (!found.outside()) found.kind = SOLID_NONE;
         return found;

@@ -10,9 +10,10 @@ struct ClosedObjects {
     int count;
 };
 
-// The movable objects of one view's world.
+// Objects with frames of their own: the movable ones of one view's world, and behind them instances, which stay.
 struct Movables {
     int count;
+    int moving;  // those that are movable
     const int* object;  // -1 where several objects move together: then the owners of triangles tell
     const int* root;  // of the BVH in the nodes
     const int* leaf;  // the first leaf of the BVH
@@ -21,24 +22,29 @@ struct Movables {
     const float* boxes;  // [movable][BOX_WORDS] in its frame
     const int* solid;  // a SolidKind
     const float* size;  // [movable][SOLID_WORDS]
-    const float* poses;  // [movable][POSE_WORDS], object to world; null where the view's world does not exist
+    const float* instance_poses;  // [instance][POSE_WORDS], object to world
+    // [movable][POSE_WORDS], object to world; null where the view's world does not exist, and what is movable decides
+    const float* poses;
     const float* sizes;  // [movable][SOLID_WORDS] there; nothing but for kernels that are RESIZED
     const unsigned char* excluded;  // [object]; null for none
 
     // What the number of a triangle is more than its slot in the leaves.
     inline int id_offset(int m) const { return __ldg(first_id + m) - __ldg(leaf + m) * LANES; }
     inline const float* box(int m) const { return boxes + BOX_WORDS * (long long)m; }
-    inline const float* solid_size(int m) const { return (RESIZED ? sizes : size) + SOLID_WORDS * (long long)m; }
+    inline bool is_resized(int m) const { return RESIZED && m < moving; }
+    inline const float* solid_size(int m) const { return (is_resized(m) ? sizes : size) + SOLID_WORDS * (long long)m; }
     // How its triangles are stretched.
     inline Stretch stretch(int m) const {
         const long long row = SOLID_WORDS * (long long)m;
-        return RESIZED ? Stretch::of(__ldg(solid + m), size + row, sizes + row) : Stretch::none();
+        return is_resized(m) ? Stretch::of(__ldg(solid + m), size + row, sizes + row) : Stretch::none();
     }
     inline Vec3 factors(int m) const {
         const Stretch all = stretch(m);
         return Vec3{(float)all.factor[0], (float)all.factor[1], (float)all.factor[2]};
     }
-    inline const float* pose(int m) const { return poses + POSE_WORDS * (long long)m; }
+    inline const float* pose(int m) const {
+        return m < moving ? poses + POSE_WORDS * (long long)m : instance_poses + POSE_WORDS * (long long)(m - moving);
+    }
 
     // Which of them a triangle belongs to; -1 for what stays.
     inline int owner_of(unsigned id) const {

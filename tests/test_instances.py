@@ -1,0 +1,229 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Objects that stay and share a mesh and its tree: they show what the same triangles show as one mesh."""
+
+import pickle
+
+import numpy as np
+import pytest
+import trimesh
+import warp as wp
+from test_worlds import ALL, SMALL, STILL, assert_bits_equal, eyes, random_poses
+
+import warpvis as wv
+from warpvis.rendering import OrthographicCamera
+from warpvis.scene import _drawn, solids
+from warpvis.scene.worlds import parse_worlds
+
+from compare import assert_matches_reference, wrong_depth
+
+MESH = trimesh.creation.icosphere(subdivisions=1, radius=0.25)
+COUNT = 35  # of which some groups of lanes are full, and one is not
+
+
+@pytest.fixture
+def shared(monkeypatch):
+    """Few instances share a tree here: the reference has to draw them."""
+    monkeypatch.setattr(_drawn, "_LEAST_USES", 10)
+    monkeypatch.setattr(_drawn, "_LEAST_SAVED", 1000)
+    monkeypatch.setattr(_drawn, "_LEAST_SAVED_CUDA", 1000)
+
+
+def rows(seed=0):
+    return random_poses(np.random.default_rng(seed), COUNT)
+
+
+def build(device="cpu", *, mesh=MESH, offset=0.0, movable=0):
+    """A floor, instances in two calls, some objects that move among them, and a few that stay alone."""
+    scene = wv.Scene(device=device)
+    places = rows().astype(np.float64)
+    places[:, :3] += offset
+    scene.add_instances(mesh, places[:20], names="early", label="object", movable=False)
+    floor = trimesh.creation.box((5, 5, 0.02))
+    scene.add(floor, name="floor", label="ground", pose=[*np.broadcast_to(offset, 3), 0, 0, 0, 1])
+    for number in range(movable):
+        mover = solids.sphere(0.2) if number == 1 else trimesh.creation.box((0.3, 0.4, 0.5))
+        scene.add(mover, name=f"mover_{number}", label="robot", movable=True)
+    scene.add_instances(mesh, places[20:], names="late", label="human", movable=False)
+    return scene
+
+
+def twin(scene):
+    """The same objects, none of which shares anything."""
+    apart = wv.Scene()
+    for item in scene:
+        pose = {} if item.pose is None else {"pose": item.pose, "movable": True}
+        mesh = item.solid or (item.vertices if item.pose is None else item.mesh_vertices, item.faces)
+        apart.add(mesh, name=item.name, label=item.label, **pose)
+    return apart
+
+
+def instances_of(scene):
+    return len(_drawn.draw_plan(scene.objects, scene.device).instances)
+
+
+def assert_alike(one, other):
+    for view in range(len(one.depth.numpy())):
+        wrong = wrong_depth(one.depth.numpy()[view], other.depth.numpy()[view].astype(np.float64))
+        assert wrong.mean() <= 1e-4
+    assert (one.segmentation.numpy() != other.segmentation.numpy()).mean() <= 1e-4
+    assert (one.labels.numpy() != other.labels.numpy()).mean() <= 1e-4
+
+
+@pytest.mark.parametrize("cull_backfaces", [False, True])
+def test_instances_match_the_reference(shared, cull_backfaces, device, caster):
+    scene = build(device)
+    assert instances_of(scene) == COUNT
+    assert scene.movable == ()
+    poses = eyes(3)
+    views = wv.render(scene, SMALL, poses, outputs=ALL, caster=caster, cull_backfaces=cull_backfaces)
+    assert len(np.unique(views.segmentation.numpy())) > 25
+    assert_matches_reference(views, twin(scene), SMALL, poses, cull_backfaces=cull_backfaces)
+
+
+def test_instances_far_from_the_origin(shared, device, caster):
+    """At 10 km, where a coordinate is rounded by half a millimetre: of a pose, and of each vertex of one mesh."""
+    scene = build(device, offset=1e4)
+    poses = eyes(3)
+    poses[:, :3] += np.float32(1e4)
+    one, other = (
+        wv.render(which, SMALL, poses, outputs=ALL, caster=caster).depth.numpy() for which in (scene, twin(scene))
+    )
+    assert (np.isfinite(one) == np.isfinite(other)).mean() > 0.999
+    assert np.isclose(one, other, rtol=0, atol=5e-3).mean() > 0.99
+
+
+def test_what_moves_goes_among_instances(shared, device, caster):
+    """In worlds, of other sizes, without what is excluded: columns of poses are of what is movable."""
+    scene = build(device, movable=3)
+    alone = twin(scene)
+    assert instances_of(scene) == COUNT
+    assert scene.movable == alone.movable == (21, 22, 23)
+    rng = np.random.default_rng(3)
+    given = {
+        "object_poses": random_poses(rng, 4, 3),
+        "object_scales": rng.uniform(0.5, 2, (4, 3, 3)).astype(np.float32),
+        "world_index": np.array([2, 0, 3]),
+        "exclude": ["early_3", "late_1", "mover_0"],
+    }
+    one, other = (wv.render(which, SMALL, eyes(3), outputs=ALL, caster=caster, **given) for which in (scene, alone))
+    assert_alike(one, other)
+    seen = {scene.objects[index].name for index in np.unique(one.segmentation.numpy()) if index >= 0}
+    assert {"mover_1", "mover_2"} <= seen
+    assert not seen & {"early_3", "late_1", "mover_0"}
+    flags = np.zeros((3, len(scene)), dtype=np.uint8)
+    flags[1, [3, 25]] = 1
+    given["exclude"] = flags
+    one, other = (wv.render(which, SMALL, eyes(3), outputs=ALL, caster=caster, **given) for which in (scene, alone))
+    assert_alike(one, other)
+
+
+def assert_missing_world_is_empty(renderer, places):
+    """Nobody looks at numbers of worlds on a GPU: a view of none sees nothing, not even what stays."""
+    worlds = parse_worlds(renderer.scene, 3, places, np.zeros(3, dtype=np.int32), None)
+    worlds.world = wp.array([1, 2, -1], dtype=wp.int32, device=renderer.scene.device)
+    views = renderer.render(eyes(3), object_poses=places, world_index=[1, 0, 0])
+    before = views.depth.numpy().copy()
+    renderer._caster.cast(renderer._caster.parse_poses(eyes(3), "opencv"), worlds, renderer._asked_for(views))
+    np.testing.assert_array_equal(views.depth.numpy()[0], before[0])
+    assert np.isposinf(views.depth.numpy()[1:]).all()
+
+
+def test_a_world_that_is_not_there_shows_nothing(shared, device, caster):
+    renderer = wv.Renderer(build(device, movable=2), SMALL, outputs=ALL, caster=caster)
+    assert_missing_world_is_empty(renderer, random_poses(np.random.default_rng(5), 2, 2))
+
+
+def test_other_ways_to_look_at_instances(shared, device, caster):
+    """A near plane that cuts, points of the image, parallel rays and panoramas."""
+    scene = build(device, movable=2)
+    alone = twin(scene)
+    near = wv.Camera.from_fov(96, 72, hfov=0.994837, near=2.2, far=100.0)
+    options = {"outputs": ALL, "caster": caster, "near_plane": "clip"}
+    assert_alike(*(wv.render(which, near, eyes(2), **options) for which in (scene, alone)))
+    at = np.random.default_rng(0).uniform(0, 72, (2, 500, 2)).astype(np.float32)
+    renderers = [wv.Renderer(which, SMALL, outputs=ALL, caster=caster) for which in (scene, alone)]
+    assert_alike(*(renderer.render_at(eyes(2), at) for renderer in renderers))
+    parallel = OrthographicCamera.from_extent(60, 50, across=3.0, far=50.0)
+    assert_alike(*(wv.render(which, parallel, eyes(2), outputs=ALL) for which in (scene, alone)))
+
+
+def test_visibility_of_instances(shared, device):
+    scene = build(device, movable=2)
+    alone = twin(scene)
+    points = np.random.default_rng(1).uniform(-2, 2, (400, 3)).astype(np.float32)
+    for caster in ("rays", "packets"):
+        one, other = (
+            wv.point_visibility(which, SMALL, eyes(3), points, caster=caster, occluders=True)
+            for which in (scene, alone)
+        )
+        for mine, its in zip(one, other, strict=True):
+            assert (mine.numpy() != its.numpy()).mean() <= 2e-3
+        reports = [wv.object_visibility(which, SMALL, eyes(3), caster=caster) for which in (scene, alone)]
+        mine, its = (report.fraction.numpy() for report in reports)
+        np.testing.assert_allclose(mine, its, atol=0.05)
+        counts, others = (report.silhouette_pixels.numpy() for report in reports)
+        assert np.abs(counts - others).max() <= 2
+        assert counts.max() > 100
+
+
+def test_solids_that_stay_share_their_triangles(shared, device, caster):
+    scene = build(device, mesh=solids.sphere(0.2))
+    assert instances_of(scene) == COUNT
+    views = wv.render(scene, SMALL, eyes(2), outputs=ALL, caster=caster)
+    assert_alike(views, wv.render(twin(scene), SMALL, eyes(2), outputs=ALL, caster=caster))
+
+
+def test_instances_one_by_one(shared):
+    """`Scene.add` shares too, of the second use on; what it makes knows where it is."""
+    scene, places = wv.Scene(), rows()
+    for number, row in enumerate(places):
+        scene.add(MESH, name=f"ball_{number}", pose=row, scale=(1, 2, 1))
+    assert instances_of(scene) == COUNT - 1
+    assert "vertices" not in vars(scene["ball_5"])
+    expected = trimesh.transform_points(MESH.vertices * [1, 2, 1], wv.core.poses.poses_to_matrices(places[5]))
+    np.testing.assert_allclose(scene["ball_5"].vertices, expected, atol=1e-6)
+    views = wv.render(scene, SMALL, eyes(2), outputs=ALL)
+    assert_matches_reference(views, twin(scene), SMALL, eyes(2))
+    for other in (pickle.loads(pickle.dumps(scene)), scene.to("cpu")):
+        assert_bits_equal(wv.render(other, SMALL, eyes(2), outputs=ALL), views)
+
+
+def test_an_instance_gets_a_mesh_of_its_own(shared, device, caster):
+    scene = build(device)
+    before = scene["early_4"].vertices
+    box = trimesh.creation.box((0.4, 0.4, 0.4))
+    scene.update_mesh("early_3", box.vertices + [0, 0, 1.5], box.faces)
+    assert instances_of(scene) == COUNT - 1
+    np.testing.assert_array_equal(scene["early_4"].vertices, before)
+    views = wv.render(scene, SMALL, eyes(2), outputs=ALL, caster=caster)
+    assert (views.segmentation.numpy() == scene.index("early_3")).any()
+    assert_matches_reference(views, twin(scene), SMALL, eyes(2))
+
+
+@pytest.mark.parametrize(
+    ("uses", "subdivisions", "instances"), [(63, 5, 0), (64, 5, 64), (60000, 0, 0), (205, 4, 0), (206, 4, 206)]
+)
+def test_which_objects_share_a_tree(uses, subdivisions, instances):
+    """64 or more objects of 64 or more triangles, if that saves 2^20 of these."""
+    scene = wv.Scene()
+    mesh = trimesh.creation.icosphere(subdivisions=subdivisions)
+    scene.add_instances(mesh, np.tile(STILL, (uses, 1)), movable=False)
+    assert len(_drawn.draw_plan(scene._objects, scene.device).instances) == instances
+
+
+def test_a_hundred_thousand_instances_take_little():
+    """Of 10,000 triangles each, a thousand million together; none is made an object, or moved into the world."""
+    scene, mesh = wv.Scene(), trimesh.creation.uv_sphere(count=(51, 50), radius=0.3)
+    side = np.arange(316)
+    places = np.zeros((side.size**2, 7))
+    places[:, 0], places[:, 1] = np.repeat(side, side.size), np.tile(side, side.size)
+    places[:, 6] = 1
+    assert len(places) * len(mesh.faces) > 9e8
+    scene.add_instances(mesh, places, movable=False, names="ball", label="object")
+    struct = scene.bvh().struct
+    names = ("leaves", "owners", "nodes", "children", "movable_object", "movable_root", "movable_leaf", "instance_pose")
+    names += ("movable_first_id", "movable_closed", "movable_boxes", "movable_solid", "movable_size")
+    arrays = [getattr(struct, name) for name in names]
+    assert sum(array.size * wp.types.type_size_in_bytes(array.dtype) for array in arrays) < 15e6
+    assert all(isinstance(item, _drawn.Instances) for _, _, item in scene._objects.runs())

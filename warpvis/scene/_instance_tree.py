@@ -1,0 +1,67 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""A tree of instances' boxes, written in the order in which it is walked, for rays that ask one after the other."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.kernels.constants import CPU_LANES, NODE_HIGH_ROW, NODE_LOW_ROW, NODE_ROWS
+from warpvis.scene._bvh import Bvh, build_bvh
+
+
+def instance_steps(boxes: NDArray[np.float32], poses: NDArray[np.float32]) -> np.ndarray:
+    """Make a tree of boxes in the world, as the steps of a walk that needs no stack: `kernels.rays.InstanceStep`.
+
+    A step whose box is missed goes on at another, past all that is inside of it; else the next one is on (Smits 1998,
+    "Efficiency issues for ray tracing").
+
+    Args:
+        boxes: Least and greatest corner of each instance's box [m], shape ``(n, 2, 3)``.
+        poses: Their poses, shape ``(n, 7)``.
+    """
+    from warpvis.kernels.rays import InstanceStep
+
+    corners = np.arange(2 * len(boxes), dtype=np.int32).reshape(-1, 2)
+    tree = build_bvh(  # of triangles of which each is a diagonal of its box
+        boxes.reshape(-1, 3),
+        corners[:, [0, 1, 0]],
+        np.zeros(len(boxes), dtype=np.int32),
+        np.zeros(1, dtype=bool),
+        lanes=CPU_LANES,
+    )
+    source, after = _walk(tree, len(boxes))
+    nodes = tree.nodes.numpy().reshape(-1, NODE_ROWS, tree.lanes)
+    sides = [nodes[:, row : row + 3].transpose(0, 2, 1).reshape(-1, 3) for row in (NODE_LOW_ROW, NODE_HIGH_ROW)]
+    every_box = np.concatenate([boxes, np.stack(sides, axis=1)])
+    steps: np.ndarray = np.zeros(len(source), dtype=InstanceStep.numpy_dtype())  # type: ignore[attr-defined]
+    steps["low"], steps["high"] = every_box[source, 0], every_box[source, 1]
+    steps["after"], steps["instance"] = after, np.where(source < len(boxes), source, -1)
+    steps["pose"][: len(poses)] = poses
+    return steps
+
+
+def _walk(tree: Bvh, count: int) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
+    """List a tree's steps: what each one's box is of, one of `count` or a place of a child behind them, and `after`."""
+    children = tree.children.numpy().reshape(-1, tree.lanes)
+    leaves = [leaf[leaf >= 0].tolist() for leaf in tree.triangles.numpy().reshape(-1, tree.lanes)]
+    source: list[int] = []
+    after: list[int] = []
+
+    def visit(node: int) -> None:
+        for lane, child in enumerate(children[node].tolist()):
+            if child == 0:
+                continue
+            at = len(source)
+            source.append(count + node * tree.lanes + lane)
+            after.append(0)
+            if child > 0:
+                visit(child)
+            else:
+                source.extend(leaves[~child])
+                after.extend(range(at + 2, len(source) + 1))
+            after[at] = len(source)
+
+    visit(0)
+    return np.array(source, dtype=np.intp), np.array(after, dtype=np.int32)
