@@ -178,9 +178,9 @@ def collapse_tree(
     item_count: int,
     evenly: int,
     # Out:
-    binaries_out: wp.array[wp.int32],
-    children_out: wp.array[wp.int32],
-    leaf_ranges_out: wp.array[wp.int32],
+    binaries_out: wp.array2d[wp.int32],
+    children_out: wp.array2d[wp.int32],
+    leaf_ranges_out: wp.array2d[wp.int32],
     counts_out: wp.array[wp.int32],
 ):
     """One thread: name the tree's nodes and leaves, and count nodes, leaves and levels; `binaries_out` is scratch.
@@ -210,7 +210,7 @@ def fill_leaves(
     # In:
     lanes: int,
     items: wp.array[float],
-    leaf_ranges: wp.array[wp.int32],
+    leaf_ranges: wp.array2d[wp.int32],
     first_leaf: int,
     # Out:
     leaves_out: wp.array[float],

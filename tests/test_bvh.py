@@ -15,8 +15,10 @@ import pytest
 import trimesh
 import warp as wp
 
+import warpvis as wv
 from warpvis.core.arrays import aligned_empty
 from warpvis.errors import ArrayError, SceneError
+from warpvis.scene import _bvh
 from warpvis.scene._bvh import Bvh, build_bvh
 from warpvis.scene.closed import provably_closed
 from warpvis.scenes import PRESETS, shapes
@@ -264,6 +266,33 @@ def test_a_tree_has_levels_and_16_or_32_lanes():
         soup(random_triangles(1)).build(lanes=8)
 
 
+def test_trees_of_a_hundred_million_triangles_have_room():
+    """What their making works with has more numbers than an axis of an array; what is not written takes no memory."""
+    from warpvis.kernels import bvh
+    from warpvis.kernels.constants import SPLIT_WORDS
+
+    splits = np.zeros(100_000_000 * SPLIT_WORDS, dtype=np.int32)  # which say that all are one leaf
+    made = _bvh._collapse(bvh.collapse_tree, wp.array(splits, device="cpu", copy=False), 32, evenly=False)
+    assert made[2:] == (1, 1, 1)
+    np.testing.assert_array_equal(made.leaf_ranges.numpy()[0], [0, 100_000_000])
+
+
+def test_more_triangles_than_arrays_hold_are_refused(monkeypatch):
+    """Before a tree is built, when leaves turn out to be too many, and of all trees together."""
+    with pytest.raises(SceneError, match="at most 238609294 triangles, got 238609295"):
+        _bvh.check_size(238_609_295, 16, None)
+    _bvh.check_size(238_609_294, 16, None)
+    monkeypatch.setattr(_bvh, "MOST_PLACES", 3000)
+    with pytest.raises(SceneError, match=r"at most 187 leaves of 16 triangles, .* got \d+; let objects share meshes"):
+        CASES["soup"]().build()
+    monkeypatch.setattr(_bvh, "MOST_PLACES", 11 * 16)
+    scene = wv.Scene()
+    for size in (1, 2):
+        scene.add((random_triangles(65 * size).reshape(-1, 3), np.arange(195 * size).reshape(-1, 3)), movable=True)
+    with pytest.raises(SceneError, match="at most 11 leaves of 16 triangles"):
+        scene.bvh()
+
+
 def split_natively(given: Input, most_splits: int, lanes: int):
     """The items' boxes in their new order, and the splits."""
     from warpvis.kernels import bvh
@@ -394,6 +423,12 @@ MESHES = {
 def test_closed_star_shaped_meshes_are_found(name):
     mesh, expected = MESHES[name]
     assert provably_closed(mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32)) is expected
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_closed_meshes_are_found_a_few_faces_at_a_time(name, monkeypatch):
+    monkeypatch.setattr("warpvis.scene.closed._FACES_AT_A_TIME", 7)
+    test_closed_star_shaped_meshes_are_found(name)
 
 
 def test_minus_zero_is_zero():

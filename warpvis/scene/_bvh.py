@@ -32,6 +32,8 @@ from warpvis.kernels.constants import (
 _LEAST_RANGE = 16384
 # Ranges a thread gets on average, so that they end at about the same time. The tree does not depend on it.
 _RANGES_PER_THREAD = 8
+MOST_PLACES = (2**31 - 1) // LEAF_ROWS
+"""Places for triangles in leaves: Warp's arrays have fewer than 2^31 numbers, and a triangle is nine."""
 # No limit to the number of splits.
 _ALL = -1
 
@@ -79,7 +81,7 @@ class Bvh:
 class _Nodes(NamedTuple):
     children: wp.array
     leaf_ranges: wp.array
-    """int32, a pair a leaf: the first of its items, and the first after them."""
+    """int32, a row of two a leaf: the first of its items, and the first after them."""
     node_count: int
     leaf_count: int
     depth: int
@@ -127,6 +129,7 @@ def build_bvh(
     items = aligned_empty((count * ITEM_WORDS,), wp.float32)
     _launch_parts(bvh.load_items, count, lambda first: [*scene[:2], first, items], threads)
     children, leaf_ranges, node_count, leaf_count, depth = _arrange(items, lanes, most_levels, threads)
+    check_leaves(leaf_count, lanes)
 
     leaves = aligned_empty((leaf_count * LEAF_ROWS * lanes,), wp.float32)
     triangles, owners = (aligned_empty((leaf_count * lanes,), wp.int32) for _ in range(2))
@@ -146,12 +149,24 @@ def check_size(count: int, lanes: int, most_levels: int | None) -> None:
     """Raise an error unless there can be a tree of so many triangles, lanes and levels."""
     if lanes not in (CPU_LANES, CUDA_LANES):
         raise ArrayError(f"lanes must be {CPU_LANES} or {CUDA_LANES}, got {lanes!r}")
+    if count > MOST_PLACES:
+        raise SceneError(f"a scene has at most {MOST_PLACES} triangles, got {count}")
     if most_levels is None:
         return
     most = lanes ** (most_levels + 1) if most_levels > 0 else 0
     if count > most:
         raise SceneError(
             f"a tree of {lanes} lanes and at most {most_levels} levels holds {most} triangles, got {count}"
+        )
+
+
+def check_leaves(leaf_count: int, lanes: int) -> None:
+    """Raise a `SceneError` unless casters can have so many leaves, of all trees together."""
+    most = MOST_PLACES // lanes
+    if leaf_count > most:
+        raise SceneError(
+            f"a scene has at most {most} leaves of {lanes} triangles, some of which have fewer, got {leaf_count}; "
+            "let objects share meshes, or make meshes coarser"
         )
 
 
@@ -225,12 +240,13 @@ def _collapse(kernel: wp.Kernel, splits: wp.array, lanes: int, *, evenly: bool) 
     """Make nodes of the binary tree's: of the least area, or, `evenly`, of log2(lanes) of its levels or more each."""
     count = splits.size // SPLIT_WORDS
     # As large as for leaves of one triangle: what is not written takes no memory.
-    sizes = (count * (BINARY_WORDS + lanes), count * lanes, count * 2, 3)
-    binaries, children, leaf_ranges, counts = (aligned_empty((size,), wp.int32) for size in sizes)
+    # In rows, since no axis of an array may be of 2^31 numbers and more.
+    shapes = ((count, BINARY_WORDS + lanes), (count, lanes), (count, 2), (3,))
+    binaries, children, leaf_ranges, counts = (aligned_empty(shape, wp.int32) for shape in shapes)
     _launch(kernel, [lanes, splits, count, int(evenly), binaries, children, leaf_ranges, counts])
-    used = int(counts.numpy()[0]) * lanes
-    kept = aligned_empty((used,), wp.int32)
-    kept.numpy()[:] = children.numpy()[:used]
+    nodes = int(counts.numpy()[0])
+    kept = aligned_empty((nodes * lanes,), wp.int32)
+    kept.numpy()[:] = children.numpy()[:nodes].ravel()
     return _Nodes(kept, leaf_ranges, *counts.numpy().tolist())
 
 

@@ -15,7 +15,7 @@ from warpvis.core.arrays import aligned_empty
 from warpvis.core.kernel_cache import launch
 from warpvis.kernels import bvh_cuda, bvh_cuda_nodes as node_kernels, bvh_cuda_ranges
 from warpvis.kernels.constants import CUDA_LANES, LEAF_ROWS, NODE_ROWS
-from warpvis.scene._bvh import Bvh, check_size
+from warpvis.scene._bvh import Bvh, check_leaves, check_size
 
 _BINS = 3 * bvh_cuda_ranges.BINS  # of a range
 # Threads that find the box around all items, and copies of bins that a level has in all, so that few wait for others.
@@ -274,6 +274,7 @@ def _shrunk(rows: wp.array, count: int) -> wp.array:
 def _fill(mesh: DeviceMesh, items: Any, made: _Nodes) -> Bvh:
     """Write the leaves, and the bounds of all nodes' children, from the deepest up."""
     device, lanes = mesh.vertices.device, CUDA_LANES
+    check_leaves(made.leaf_count, lanes)
     make = aligned_empty if device.is_cpu else partial(wp.empty, device=device)
     leaves = make((made.leaf_count, LEAF_ROWS, lanes), wp.float32)
     triangles, owners = (make((made.leaf_count, lanes), wp.int32) for _ in range(2))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import aligned_empty
 from warpvis.core.kernel_cache import launch
+from warpvis.scene._bvh import check_leaves
 
 if TYPE_CHECKING:
     from warpvis.kernels.packets import BvhScene
@@ -30,7 +31,11 @@ def join_trees(
         closed: Of each tree, which of its owners are closed: casters read these owners' complement.
         device: Where the arrays are to be.
         share: Whether a single tree may give its own arrays, which are then changed.
+
+    Raises:
+        SceneError: There are more leaves than casters can have.
     """
+    check_leaves(sum(tree.leaf_count for tree in trees), trees[0].lanes)
     if not all(tree.leaves.device.is_cpu for tree in trees):
         _join_on_device(struct, trees, closed, device, share=share)
         return
