@@ -77,6 +77,8 @@ def as_warp(value: ArrayInput | None, dtype: type, shape: Shape, *, name: str, d
         raise ArrayError(f"{name} must fit {scalar.__name__}, got values from {host.min()} to {host.max()}")
     # NumPy calls any stride of an axis of length 1 contiguous, Warp does not: flattening settles it.
     host = np.ascontiguousarray(host, dtype=target).reshape(-1).reshape(host.shape)
+    if device.is_cpu and host.ndim:
+        return share(host, host.shape[: len(shape)], dtype)
     return wp.array(host, dtype=dtype, device=device, copy=not device.is_cpu)
 
 
@@ -142,14 +144,25 @@ def aligned_empty(shape: tuple[int, ...], dtype: type) -> wp.array:
     else:
         memory = np.empty(size + _CACHE_LINE, dtype=np.uint8)
         address = memory.ctypes.data
-    address += -address % _CACHE_LINE
+    return _array_at(address + -address % _CACHE_LINE, pattern, shape, dtype, memory)
+
+
+def share(host: np.ndarray, shape: tuple[int, ...], dtype: type) -> wp.array:
+    """View a contiguous array of NumPy, of as many numbers and of the same kind, as an array of Warp's on the CPU."""
+    return _array_at(host.ctypes.data, _pattern(shape, dtype)[0], shape, dtype, host)
+
+
+def _array_at(
+    address: int, pattern: dict[str, Any] | None, shape: tuple[int, ...], dtype: type, owner: object
+) -> wp.array:
+    """Make an array of memory that belongs to its owner."""
     if pattern is None:
         array = wp.array(ptr=address, dtype=dtype, shape=shape, device="cpu")
     else:
         array = wp.array.__new__(wp.array)
         vars(array).update(pattern)
         array.ptr = address
-    array._ref = memory
+    array._ref = owner
     return array
 
 

@@ -298,7 +298,11 @@ class Renderer:
 
     def _segmentation(self) -> NDArray[np.int32]:
         image = self._cast("segmentation")
-        return np.full((*self._size, 2), -1, dtype=np.int32) if image is None else self._stage.meanings()[image]
+        if image is None:
+            return np.full((*self._size, 2), -1, dtype=np.int32)
+        # A pair as one number: to gather pairs takes longer than to render a small image.
+        pairs = self._stage.meanings().view(np.int64)[:, 0]
+        return pairs[image].view(np.int32).reshape(*image.shape, 2)
 
     def _cast(self, output: Output) -> np.ndarray | None:
         """Cast one image of one view; None if there are no geoms."""

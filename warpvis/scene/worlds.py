@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.core.arrays import as_numpy, as_warp, on_gpu, surely_finite
+from warpvis.core.arrays import as_numpy, as_warp, on_gpu, share, surely_finite
 from warpvis.core.checks import counted
 from warpvis.core.kernel_cache import launch
 from warpvis.core.poses import not_unit, wrong_length
@@ -170,7 +170,9 @@ def _parse_object_poses(scene: Scene, poses: PoseLike, repeated: int = 1) -> wp.
             f"W worlds, got {rows.shape}"
         )
     checked, device = _checked_rows(rows, scene), scene.device
-    return wp.array(checked, dtype=wp.transform, shape=checked.shape[:2], device=device, copy=not device.is_cpu)
+    if device.is_cpu:
+        return share(checked, checked.shape[:2], wp.transform)
+    return wp.array(checked, dtype=wp.transform, shape=checked.shape[:2], device=device)
 
 
 def _checked_rows(rows: np.ndarray, scene: Scene) -> NDArray[np.float32]:
@@ -179,7 +181,8 @@ def _checked_rows(rows: np.ndarray, scene: Scene) -> NDArray[np.float32]:
     with np.errstate(invalid="ignore", over="ignore"):
         x, y, z, w = (rows[..., k] for k in range(3, 7))
         squared = x * x + y * y + z * z + w * w
-        if surely_finite(rows) and squared.min() > _LEAST_SQUARE and squared.max() < _MOST_SQUARE:
+        least, most = np.minimum.reduce(squared, axis=None), np.maximum.reduce(squared, axis=None)
+        if surely_finite(rows) and least > _LEAST_SQUARE and most < _MOST_SQUARE:
             return rows
         finite = np.isfinite(rows).all(axis=2)
     for bad in (np.argwhere(~finite), np.argwhere(not_unit(rows))):
