@@ -83,6 +83,35 @@ def test_what_was_not_asked_for_is_not_written(device):
     assert_identical(wv.Views(labels=everything.labels), wv.render(scene, CAMERA, eyes(1, 3), outputs=("labels",)))
 
 
+def test_images_that_were_checked_are_looked_at_again_when_they_are_others(device):
+    """`out` of the last call with another image in it, of another size, or of another device."""
+    scene = build(device)
+    renderer = wv.Renderer(scene, CAMERA, outputs=("depth", "labels"))
+    expected = renderer.render(eyes(2))
+    out = renderer.render(eyes(2))
+    for _ in range(3):
+        out.depth.fill_(0.0)
+        assert renderer.render(eyes(2), out=out) is out
+        assert_identical(out, expected)
+    first, out.depth = out.depth, wp.zeros_like(out.depth)
+    first.fill_(0.0)
+    renderer.render(eyes(2), out=out)
+    assert_identical(out, expected)
+    assert not first.numpy().any()
+    for wrong in (wp.zeros((2, 33, 41), device=device), wp.zeros((2, 33, 40), dtype=wp.int32, device=device), None):
+        out.depth = wrong
+        with pytest.raises(wv.errors.ArrayError, match=r"out\.depth must"):
+            renderer.render(eyes(2), out=out)
+    out.depth = first
+    with pytest.raises(wv.errors.ArrayError, match=r"out\.depth must"):
+        renderer.render(eyes(1), out=out)
+    with pytest.raises(wv.errors.ArrayError, match="out must be"):
+        renderer.render(eyes(2), out={"depth": first})
+    renderer.outputs = ("depth", "segmentation")
+    with pytest.raises(wv.errors.ArrayError, match=r"out\.segmentation must"):
+        renderer.render(eyes(2), out=out)
+
+
 @pytest.mark.parametrize("caster", ["packets", "rays"])
 def test_a_scene_that_changes_is_seen_as_it_is(device, caster):
     """Objects come, go on, change their shape, and get poses of their own, all for one renderer."""
@@ -116,6 +145,7 @@ def test_what_the_caller_drops_is_let_go_of(device):
     objects = wp.array(np.tile(np.float32([0, 0, 0, 0, 0, 0, 1]), (2, 1, 1)), dtype=wp.transform, device=device)
     excluded = wp.zeros((2, 2), dtype=wp.uint8, device=device)
     views = renderer.render(poses, object_poses=objects, exclude=excluded)
+    renderer.render(poses, object_poses=objects, exclude=excluded, out=views)
     watched = [weakref.ref(array) for array in (poses, objects, excluded, *(getattr(views, name) for name in ALL))]
     del views, poses, objects, excluded
     gc.collect()

@@ -19,7 +19,7 @@ from warpvis.core.poses import Convention, host_poses
 from warpvis.core.threads import pack_launch, run_together
 from warpvis.core.types import PoseLike
 from warpvis.kernels.constants import COUNTER_FINISHED, JOB_COUNTERS, POSE_WORDS, TILE_SIDE
-from warpvis.rendering._prepared import Idle, memory_of
+from warpvis.rendering._prepared import Idle, ImageSlots, memory_of
 from warpvis.scene import Scene
 
 if TYPE_CHECKING:
@@ -52,22 +52,20 @@ class _Workspace:
     def __init__(self, scene: BvhScene, job: PacketJob, workers: int) -> None:
         """Prepare for calls like a job on so many threads."""
         from warpvis.kernels import packets
-        from warpvis.kernels.images import NAMES, Images
+        from warpvis.kernels.images import Images
 
         views = job.views
         self.counter = np.zeros(JOB_COUNTERS, dtype=np.int32)
         job.counter = wp.array(self.counter, dtype=wp.int32, device="cpu", copy=False)
         self.pose_rows = np.empty((views, POSE_WORDS), dtype=np.float32)
-        self._call, self._images = packets.PacketCall(), Images()
+        self._call, self._images = packets.PacketCall(), ImageSlots()
         self._call.job = job
         self.job: Any = self._call.job
         self._call.poses = wp.array(self.pose_rows, dtype=wp.transform, device="cpu", copy=False)
         self._memory = memory_of(self._call)
-        self._slots = [getattr(memory_of(self._images), name) for name in NAMES]
         self._memory.scene = memory_of(scene)
-        self.launch = pack_launch(
-            packets.cast_packets, [_array_of_one(self._call, packets.PacketCall), _array_of_one(self._images, Images)]
-        )
+        arrays = _array_of_one(self._call, packets.PacketCall), _array_of_one(self._images.struct, Images)
+        self.launch = pack_launch(packets.cast_packets, [*arrays])
         self.launch.launch()  # without memory, it says how much it needs
         self._workers = min(workers, views * int(job.strips))
         self.job.scratch = aligned_zeros((workers, int(job.scratch_bytes.numpy()[0])), wp.uint8)
@@ -77,8 +75,7 @@ class _Workspace:
         self._memory.scene, self._memory.worlds = memory_of(scene), memory_of(worlds)
         self.pose_rows[:] = poses
         self.counter.fill(0)
-        for slot, image in zip(self._slots, images, strict=True):
-            slot.data = 0 if image is None else image.ptr
+        self._images.fill(images)
 
     def run(self) -> None:
         """Cast."""

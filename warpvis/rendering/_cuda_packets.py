@@ -12,7 +12,7 @@ import warp as wp
 
 from warpvis.core.kernel_cache import launch
 from warpvis.kernels.constants import CUDA_LANES
-from warpvis.rendering._prepared import Idle, memory_of
+from warpvis.rendering._prepared import Idle, ImageSlots, memory_of
 from warpvis.rendering.casters import CastPoses, RaysCaster
 
 if TYPE_CHECKING:
@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from warpvis.kernels.pinhole import PinholeCamera
     from warpvis.kernels.worlds import Worlds
 
-# With fewer packets of 8x8 than these on a multiprocessor, those of 8x4 are done sooner.
-_FEWEST_OF_8 = 4
+# With fewer packets of 8x8 than these on a multiprocessor, those of 8x4 are done sooner: where all stays, and where
+# objects move, which every packet looks for.
+_FEWEST_OF_8 = (32, 4)
 # So many kinds of calls have a launch that waits for the next one.
 _MOST_KINDS = 4
 
@@ -38,28 +39,34 @@ class _PackedLaunch:
 
     def __init__(self, kind: _Kind, camera: PinholeCamera, packets: tuple[int, int], cull: bool, device: wp.Device):
         """Pack a launch of so many rows and columns of packets."""
-        from warpvis.kernels.images import NAMES, Images
         from warpvis.kernels.packets import BvhScene
         from warpvis.kernels.worlds import Worlds
 
         views = kind[-1]
-        self._structs = BvhScene(), Worlds(), Images()
+        self._images = ImageSlots()
+        scene, worlds = BvhScene(), Worlds()
         poses = wp.array(ptr=1, dtype=wp.transform, shape=(views,), device=device)  # not yet any
-        self._scene, self._worlds, images = (memory_of(struct) for struct in self._structs)
-        self._poses, self._slots = poses.__ctype__(), [getattr(images, name) for name in NAMES]
-        inputs = [self._structs[0], camera, poses, self._structs[1], cull, self._structs[2]]
+        self._poses, self._scene, self._worlds = memory_of(poses), _Assigned(scene), _Assigned(worlds)
+        inputs = [scene, camera, poses, worlds, cull, self._images.struct]
         size = (views, *packets, CUDA_LANES)
-        kernel = _kernel(*kind[:-1])
-        self._launch = launch(kernel, size, inputs, device, block_dim=CUDA_LANES, record_cmd=True)
+        self._launch = launch(_kernel(*kind[:-1]), size, inputs, device, block_dim=CUDA_LANES, record_cmd=True)
 
     def run(self, scene: BvhScene, poses: wp.array, worlds: Worlds, images: list[wp.array | None]) -> None:
         """Launch it on the device's current stream."""
-        for memory, struct in ((self._scene, scene), (self._worlds, worlds)):
-            ctypes.memmove(ctypes.byref(memory), ctypes.byref(memory_of(struct)), ctypes.sizeof(memory))
+        self._scene.memory.struct, self._worlds.memory.struct = memory_of(scene), memory_of(worlds)
         self._poses.data = poses.ptr
-        for slot, image in zip(self._slots, images, strict=True):
-            slot.data = 0 if image is None else image.ptr
+        self._images.fill(images)
         self._launch.launch()
+
+
+class _Assigned:
+    """A struct of Warp's to which another one of its kind can be assigned: ctypes does that to fields only."""
+
+    def __init__(self, struct: Any) -> None:
+        self._owner = struct
+        memory = memory_of(struct)
+        holder: Any = type("Holder", (ctypes.Structure,), {"_fields_": [("struct", type(memory))]})
+        self.memory = holder.from_address(ctypes.addressof(memory))
 
 
 class CudaPacketsCaster(RaysCaster):
@@ -77,14 +84,17 @@ class CudaPacketsCaster(RaysCaster):
             return
         clusters, camera = self._scene.bvh(), self._camera
         moving = bool(clusters.struct.drawn_count)
-        _, _, *of_triangles = images
         large_packets = (12 if clusters.moves_solids_only else 32) if moving else 64
-        side = packet_side(views, camera.width, camera.height, device.sm_count, large_packets)
-        with_id = any(image is not None for image in of_triangles)
+        side = packet_side(views, camera.width, camera.height, device.sm_count, large_packets, _FEWEST_OF_8[moving])
+        _, _, normals, labels, segmentation = images
+        with_id = not (normals is None and labels is None and segmentation is None)
         kind = (side, with_id, moving, self._clip_near, moving and worlds.object_sizes is not None, views)
         packed = self._idle.take(kind) or self._pack(kind)
-        with self._placed(poses) as places:
-            packed.run(clusters.struct, places, worlds, images)
+        if isinstance(poses, wp.array):
+            packed.run(clusters.struct, poses, worlds, images)
+        else:
+            with self._placed(poses) as places:
+                packed.run(clusters.struct, places, worlds, images)
         self._idle.give_back(kind, packed)
 
     def _pack(self, kind: _Kind) -> _PackedLaunch:
@@ -103,7 +113,14 @@ def _kernel(side: int, with_id: bool, movable: bool, clip: bool, resized: bool) 
     return make_packet_kernel(side, with_id, movable, clip, resized)
 
 
-def packet_side(views: int, width: int, height: int, processors: int, large_packets: int = 64) -> int:
+def packet_side(
+    views: int,
+    width: int,
+    height: int,
+    processors: int,
+    large_packets: int = 64,
+    fewest_of_8: int = _FEWEST_OF_8[False],
+) -> int:
     """Choose the height of packets in pixels: as much as leaves enough packets for all multiprocessors.
 
     Images do not depend on it. The larger a packet, the fewer of them set up the same triangle; the smaller, the sooner
@@ -115,8 +132,9 @@ def packet_side(views: int, width: int, height: int, processors: int, large_pack
         height: Their height [px].
         processors: Multiprocessors of the GPU.
         large_packets: From how many a multiprocessor on packets of 32x32 are the fastest.
+        fewest_of_8: From how many a multiprocessor on packets of 8x8 are faster than those of 8x4.
     """
-    for side, packets_per_processor in ((32, large_packets), (16, 24), (8, _FEWEST_OF_8)):
+    for side, packets_per_processor in ((32, large_packets), (16, 24), (8, fewest_of_8)):
         if views * -(-width // side) * -(-height // side) >= packets_per_processor * processors:
             return side
     return 4

@@ -1,12 +1,17 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is made once for calls of a kind, and waits for the next one."""
+"""What is made, packed and checked once for calls of a kind, and waits for the next one."""
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Hashable
 from threading import Lock
 from typing import Any, Generic, TypeVar
+
+import warp as wp
+
+from warpvis.rendering._views import OUTPUTS, Views
 
 _Thing = TypeVar("_Thing")
 
@@ -44,3 +49,50 @@ class Idle(Generic[_Thing]):
 def memory_of(struct: Any) -> Any:
     """Return the memory of a struct of Warp's, as ctypes has it: a launch that is packed reads it when it is made."""
     return struct.__ctype__()
+
+
+class ImageSlots:
+    """Images as a packed launch reads them: a call writes their addresses, and keeps none of them alive."""
+
+    def __init__(self) -> None:
+        """Have no images."""
+        from warpvis.kernels.images import Images
+
+        self.struct = Images()
+        self._slots = [getattr(memory_of(self.struct), name) for name in OUTPUTS]
+        self._filled = [False] * len(OUTPUTS)
+
+    def fill(self, images: list[wp.array | None]) -> None:
+        """Write where the images of a call are; None is not made."""
+        for index, image in enumerate(images):
+            if image is not None:
+                self._slots[index].data = image.ptr
+                self._filled[index] = True
+            elif self._filled[index]:
+                self._slots[index].data = 0
+                self._filled[index] = False
+
+
+class CheckedImages:
+    """The images of `out` of the last call that gave some: the same ones need not be checked again."""
+
+    def __init__(self) -> None:
+        """Know none."""
+        self._last: tuple[tuple[int, ...], tuple[str, ...], list[Any]] = ((), (), [])
+
+    def find(self, out: Views, shape: tuple[int, ...], outputs: tuple[str, ...]) -> list[wp.array | None] | None:
+        """Return the images, in the casters' order, if they are those of the last call; None is not asked for."""
+        last_shape, last_outputs, last_images = self._last
+        if shape != last_shape or outputs is not last_outputs or not isinstance(out, Views):
+            return None
+        images: list[wp.array | None] = []
+        for name, last in zip(OUTPUTS, last_images, strict=False):
+            image = None if last is None else getattr(out, name)
+            if last is not None and (image is None or image is not last()):
+                return None
+            images.append(image)
+        return images
+
+    def keep(self, images: list[wp.array | None], shape: tuple[int, ...], outputs: tuple[str, ...]) -> None:
+        """Take note of images that were checked, without keeping them alive."""
+        self._last = shape, outputs, [None if image is None else weakref.ref(image) for image in images]
