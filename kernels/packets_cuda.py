@@ -9,6 +9,7 @@ plane that cuts.
 
 import warp as wp
 
+from warpvis.kernels.constants import CUDA_LANES
 from warpvis.kernels.images import NATIVE_IMAGES, Images
 from warpvis.kernels.native_source import read_native
 from warpvis.kernels.packets import BvhScene
@@ -19,6 +20,12 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 LEVELS = 8
 """Levels of nodes that a tree may have at most."""
+
+TILE_BITS = 5
+"""Of the pixels a side of the tiles of `FoundObjects`."""
+
+MOST_TILES = 4
+"""In how many tiles an object may be that is sorted into each."""
 
 _SHARED_HEADERS = ("shared/constants.h", "shared/images.h", "shared/stretch.h", "shared/pose.h")
 
@@ -34,11 +41,33 @@ _HEADERS = (
     "cuda/packets.h",
 )
 
-_CAST = """
+
+@wp.struct
+class FoundObjects:
+    """Movable objects that views may see; see ``native/cuda/scene.h``."""
+
+    entries: wp.array2d[wp.vec4i]
+    """(view, movable object): `FoundObjects::Entry`; None where packets look at all movable objects."""
+    counts: wp.array2d[wp.int32]
+    """(view, 2): how many were found, in few tiles and in many."""
+    tile_counts: wp.array[wp.int32]
+    """(tile of a view): how many of the former are in it and not yet in `order`."""
+    tile_ends: wp.array[wp.int32]
+    """(tile of a view): where in `order` its objects end."""
+    order: wp.array[wp.int32]
+    """Entries, sorted by tiles."""
+    tiles_y: int
+    tiles_x: int
+
+
+_CHECKS = """
 static_assert(sizeof(*worlds.object_poses.data) == POSE_WORDS * sizeof(float) &&
                   sizeof(*worlds.object_sizes.data) == SOLID_WORDS * sizeof(float),
               "poses and sizes are read as rows of numbers");
 __shared__ WarpMemory memory;
+"""
+
+_VIEW = """
 const unsigned char* excluded = nullptr;
 const int excluded_row = min(view, worlds.excluded.shape[0] - 1);
 if (worlds.excluded.data) excluded = worlds.excluded.data + excluded_row * scene.object_count;
@@ -59,12 +88,37 @@ const Scene all = {
     {MOVABLE ? scene.drawn_count : 0, scene.movable_count, scene.movable_object.data, scene.movable_root.data,
      scene.movable_leaf.data, scene.movable_first_id.data, scene.movable_closed.data, scene.movable_boxes.data,
      scene.movable_solid.data, (const float*)scene.movable_size.data, (const float*)scene.instance_pose.data,
-     object_poses, object_sizes, excluded}};
+     object_poses, object_sizes, excluded},
+    {found.entries.data ? (FoundObjects::Entry*)(found.entries.data + (long long)view * scene.drawn_count) : nullptr,
+     found.counts.data + 2 * view, found.tile_counts.data, found.tile_ends.data, found.order.data, found.tiles_x,
+     view * found.tiles_y * found.tiles_x}};
 const View shape = {view, (int)camera.width, (int)camera.height, {camera.fx, camera.fy}, {camera.cx, camera.cy},
                     camera.near, camera.far, camera.most_inv_z, camera.clip_reach,
                     (const float*)(poses.data + view), cull_backfaces};
+"""
+
+CAST = f"""
+{NATIVE_IMAGES}
+{_CHECKS}
+{_VIEW}
 Packets::cast(all, shape, out, packet_x, packet_y, memory);
 """
+
+FIND_OBJECT = f"""
+const bool cull_backfaces = false;
+{_VIEW}
+if (!object_poses) return;
+const bool there = object < scene.drawn_count;
+ObjectPass::find(Packets::camera_of(shape), all.movables, all.found, there ? object : scene.drawn_count - 1, there);
+"""
+
+
+def _headers(side: int, with_id: bool, movable: bool, clip: bool, resized: bool) -> str:
+    head = f"enum {{ PACKET_WIDTH = {packet_width(side)}, PACKET_HEIGHT = {side}, LEVELS = {LEVELS} }};\n"
+    head += f"enum {{ MOVABLE = {int(movable)}, RESIZED = {int(resized)} }};\n"
+    head += f"enum {{ TILE_BITS = {TILE_BITS}, MOST_TILES = {MOST_TILES} }};\n"
+    kinds = ("cuda/depth_id.h" if with_id else "cuda/depth.h", "cuda/near_clips.h" if clip else "cuda/near_occludes.h")
+    return head + read_native(*_SHARED_HEADERS, "cuda/lanes.h", *kinds, *_HEADERS)
 
 
 def packet_width(side: int) -> int:
@@ -82,16 +136,14 @@ def make_packet_function(side: int, with_id: bool, movable: bool, clip: bool, re
         clip: Whether what is nearer than the camera's `near` is not there.
         resized: Whether movable objects are of the sizes that `Worlds.object_sizes` has; it must have some then.
     """
-    head = f"enum {{ PACKET_WIDTH = {packet_width(side)}, PACKET_HEIGHT = {side}, LEVELS = {LEVELS} }};\n"
-    head += f"enum {{ MOVABLE = {int(movable)}, RESIZED = {int(resized)} }};\n"
-    kinds = ("cuda/depth_id.h" if with_id else "cuda/depth.h", "cuda/near_clips.h" if clip else "cuda/near_occludes.h")
 
-    @wp.func_native(head + read_native(*_SHARED_HEADERS, "cuda/lanes.h", *kinds, *_HEADERS) + NATIVE_IMAGES + _CAST)
+    @wp.func_native(_headers(side, with_id, movable, clip, resized) + CAST)
     def cast_packet(
         scene: BvhScene,
         camera: PinholeCamera,
         poses: wp.array[wp.transform],
         worlds: Worlds,
+        found: FoundObjects,
         view: int,
         packet_y: int,
         packet_x: int,
@@ -116,17 +168,23 @@ def make_packet_kernel(side: int, with_id: bool, movable: bool, clip: bool, resi
         camera_to_world: wp.array[wp.transform],
         # In:
         worlds: Worlds,
+        found: FoundObjects,
         cull_backfaces: bool,
         # Out:
         images_out: Images,
     ):
-        """Write the asked-for images (one that is None is skipped); 32 threads a packet."""
-        view, packet_y, packet_x, _ = wp.tid()
+        """Write the asked-for images (one that is None is skipped); 32 threads a packet.
+
+        Rows of packets of all views follow each other. Where the horizon is they take longest, in all views alike: the
+        last ones of a launch are of the bottom, and end together.
+        """
+        packet_y, view, packet_x, _ = wp.tid()
         cast_packet(
             scene,
             camera,
             camera_to_world,
             worlds,
+            found,
             view,
             packet_y,
             packet_x,
@@ -135,3 +193,53 @@ def make_packet_kernel(side: int, with_id: bool, movable: bool, clip: bool, resi
         )
 
     return cast_packets_cuda
+
+
+def make_find_kernel(resized: bool) -> wp.Kernel:
+    """Make the kernel that finds the movable objects that each view may see."""
+
+    @wp.func_native(_headers(32, False, True, False, resized) + FIND_OBJECT)
+    def find_object(
+        scene: BvhScene,
+        camera: PinholeCamera,
+        poses: wp.array[wp.transform],
+        worlds: Worlds,
+        found: FoundObjects,
+        view: int,
+        object: int,
+    ): ...
+
+    @wp.kernel(module="unique", enable_backward=False, grid_stride=False)
+    def find_objects_cuda(
+        # Scene:
+        scene: BvhScene,
+        # Cameras:
+        camera: PinholeCamera,
+        camera_to_world: wp.array[wp.transform],
+        # In:
+        worlds: Worlds,
+        # Out:
+        found_out: FoundObjects,
+    ):
+        """Note what a view may see: a lane an object, a warp's lanes of one view. Counts are 0 before."""
+        view, group, lane = wp.tid()
+        find_object(scene, camera, camera_to_world, worlds, found_out, view, group * CUDA_LANES + lane)
+
+    return find_objects_cuda
+
+
+@wp.kernel
+def sort_into_tiles(
+    # In, out:
+    found: FoundObjects,
+):
+    """Fill `order`: an object a thread. Of what is counted nothing is left then."""
+    view, i = wp.tid()
+    if i >= found.counts[view, 0]:
+        return
+    entry = found.entries[view, i]
+    columns, rows = entry[1], entry[2]
+    for y in range((rows & 0xFFFF) >> TILE_BITS, (((rows >> 16) & 0xFFFF) >> TILE_BITS) + 1):
+        for x in range((columns & 0xFFFF) >> TILE_BITS, (((columns >> 16) & 0xFFFF) >> TILE_BITS) + 1):
+            tile = (view * found.tiles_y + y) * found.tiles_x + x
+            found.order[found.tile_ends[tile] - wp.atomic_sub(found.tile_counts, tile, 1)] = i

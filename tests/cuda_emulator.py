@@ -46,11 +46,13 @@ class Variant:
     movable: bool
     clip: bool = False
     resized: bool = False
+    found: bool = False
+    """Whether movable objects are found, and sorted into tiles, before packets are drawn."""
     arch: int = 900
 
     @property
     def name(self) -> str:
-        flags = "_".join(str(int(flag)) for flag in (self.with_id, self.movable, self.clip, self.resized))
+        flags = "_".join(str(int(flag)) for flag in (self.with_id, self.movable, self.clip, self.resized, self.found))
         return f"packet_{self.side}_{flags}_{self.arch}"
 
 
@@ -136,11 +138,51 @@ class EmulatedCaster(RaysCaster):
             "camera": camera.device_struct(clip_near=self._clip_near),
             "poses": poses,
             "worlds": worlds,
+            "found": self._room(len(poses), clusters.struct.drawn_count),
             "cull_backfaces": self._cull_backfaces,
             "images": images_struct(images),
         }
         size = (len(poses), -(-camera.height // side), -(-camera.width // packets_cuda.packet_width(side)))
         self._emulator.launch(self._variant, size, arguments)
+
+    def _room(self, views: int, count: int) -> Any:
+        """Where to note objects, which a GPU has a kernel for, and this emulator the first packet of a view."""
+        room, camera, tile = packets_cuda.FoundObjects(), self._camera, 1 << packets_cuda.TILE_BITS
+        if self._variant.found:
+            room.tiles_y, room.tiles_x = -(-camera.height // tile), -(-camera.width // tile)
+            tiles = views * room.tiles_y * room.tiles_x
+            room.entries = wp.zeros((views, count), dtype=wp.vec4i, device="cpu")
+            room.counts = wp.zeros((views, 2), dtype=wp.int32, device="cpu")
+            room.tile_counts, room.tile_ends = (wp.zeros(tiles, dtype=wp.int32, device="cpu") for _ in range(2))
+            room.order = wp.zeros(packets_cuda.MOST_TILES * views * count, dtype=wp.int32, device="cpu")
+        return room
+
+
+# What `find_objects` of warpvis.rendering does: all lanes find, then one sorts.
+_FIND_AND_SORT = """
+if (packet_y == 0 && packet_x == 0) {
+    if (Warp::lane() == 0) found.counts.data[2 * view] = found.counts.data[2 * view + 1] = 0;
+    Warp::sync();
+    for (int first = 0; first < scene.drawn_count; first += LANES) {
+        const int object = first + Warp::lane();
+        [&] { FIND }();
+    }
+    Warp::sync();
+    if (Warp::lane() == 0) {
+        const int tiles = found.tiles_y * found.tiles_x;
+        int* count = found.tile_counts.data + view * tiles;
+        int* end = found.tile_ends.data + view * tiles;
+        for (int tile = 0, all = view ? end[-1] : 0; tile < tiles; ++tile) end[tile] = all += count[tile];
+        for (int i = 0; i < found.counts.data[2 * view]; ++i) {
+            const int* entry = (const int*)(found.entries.data + view * scene.drawn_count + i);
+            for (int y = (entry[2] & 0xffff) >> TILE_BITS; y <= entry[2] >> (16 + TILE_BITS); ++y)
+                for (int x = (entry[1] & 0xffff) >> TILE_BITS; x <= entry[1] >> (16 + TILE_BITS); ++x)
+                    found.order.data[end[y * found.tiles_x + x] - count[y * found.tiles_x + x]--] = i;
+        }
+    }
+    Warp::sync();
+}
+"""
 
 
 def emulated_renderer(emulator: Emulator, variant: Variant, scene: Scene, camera: Camera, **options: Any) -> Renderer:
@@ -155,12 +197,12 @@ _PLACE = ("view", "packet_y", "packet_x")
 _SCALARS = {int: "int", wp.int32: "int", float: "float", wp.float32: "float", wp.float64: "double", bool: "bool"}
 _SCALARS |= {wp.bool: "bool", wp.uint8: "unsigned char"}
 _FORMATS = {"int": "i", "float": "f", "double": "d", "bool": "?"}
-_ELEMENTS = {wp.vec3: "Vec3", wp.vec4: "Vec4", wp.transform: "Transform", **_SCALARS}
+_ELEMENTS = {wp.vec3: "Vec3", wp.vec4: "Vec4", wp.vec4i: "Vec4", wp.transform: "Transform", **_SCALARS}
 
 
 def _native_function(variant: Variant) -> Any:
     """The function that the kernel calls; its text says of every line in which file it is."""
-    plain = packets_cuda.read_native
+    plain, cast = packets_cuda.read_native, packets_cuda.CAST
 
     def read_marked(*names: str) -> str:
         return "\n".join(f'#line 1 "{HEADERS / name}"\n{plain(name)}' for name in names)
@@ -168,9 +210,12 @@ def _native_function(variant: Variant) -> Any:
     packets_cuda.read_native = read_marked
     try:
         kind = variant.side, variant.with_id, variant.movable, variant.clip, variant.resized
+        if variant.found:
+            find = _FIND_AND_SORT.replace("FIND", packets_cuda.FIND_OBJECT)
+            packets_cuda.CAST = find + cast
         return packets_cuda.make_packet_function(*kind)
     finally:
-        packets_cuda.read_native = plain
+        packets_cuda.read_native, packets_cuda.CAST = plain, cast
 
 
 def _is_array(kind: Any) -> bool:

@@ -34,6 +34,7 @@ VARIANTS += tuple(Variant(4, 1, movable) for movable in (0, 1))
 OLD = Variant(16, True, True, arch=700)  # before the warp's reductions
 CLIPS = Variant(16, True, True, clip=True)
 RESIZED = Variant(16, True, True, clip=True, resized=True)
+FINDS = Variant(16, True, True, found=True)
 CAMERA = wv.Camera.from_fov(45, 37, hfov=0.994837, near=0.05, far=100.0)
 
 
@@ -45,7 +46,7 @@ def emulator(tmp_path_factory):
     """All variants, compiled with sanitizers, and counting which lines run."""
     compiler = find_compiler()
     assert compiler is not None
-    return Emulator(tmp_path_factory.mktemp("cuda_emulator"), (*VARIANTS, OLD, CLIPS, RESIZED), compiler)
+    return Emulator(tmp_path_factory.mktemp("cuda_emulator"), (*VARIANTS, OLD, CLIPS, RESIZED, FINDS), compiler)
 
 
 def render(emulator, scene, poses, *, side=16, camera=CAMERA, outputs=ALL, cull_backfaces=False, **options):
@@ -322,6 +323,59 @@ def test_more_objects_than_a_list_holds(emulator, solid):
         twin.add(shape, name=f"object_{index}", pose=row, movable=shape is not shapes[1])
     views = render(emulator, scene, eyes(1), side=32)
     assert_matches_reference(views, twin, CAMERA, eyes(1))
+
+
+def test_objects_that_are_found_before(emulator):
+    """The same bits as if packets look at all of them: far, near, behind the camera, around it, and excluded."""
+    rng = np.random.default_rng(4)
+    rows = np.stack([random_poses(rng, 90, spread=spread) for spread in (1.5, 6.0)])
+    scene = wv.Scene()
+    shapes = [solids.sphere(0.06, tolerance=0.01), trimesh.creation.box((0.1, 0.06, 0.08))]
+    for index in range(90):
+        scene.add(shapes[index % 2] if index else MESHES[0], scale=20 if index == 1 else 1, movable=True)
+    camera = wv.Camera.from_fov(90, 70, hfov=1.2, near=0.05, far=9.0)
+    poses = np.concatenate([eyes(2), random_poses(rng, 1)]).astype(np.float32)
+    rows[1, 1, :3] = poses[2, :3]
+    options = {"object_poses": rows, "world_index": [0, 1, 1], "exclude": [3, 4]}
+    renderers = [
+        emulated_renderer(emulator, kind, scene, camera, outputs=ALL) for kind in (FINDS, Variant(16, True, True))
+    ]
+    found, expected = (renderer.render(poses, **options) for renderer in renderers)
+    assert len(np.unique(expected.segmentation.numpy())) > 30
+    assert_bits_equal(found, expected)
+
+
+def test_objects_are_sorted_into_tiles():
+    """Each into the tiles that its pixels are in."""
+    from warpvis.kernels.packets_cuda import TILE_BITS, FoundObjects, sort_into_tiles
+
+    rng, (views, count, tiles_y, tiles_x) = np.random.default_rng(0), (3, 50, 4, 5)
+    counts = np.array([[50, 0], [0, 7], [31, 2]], dtype=np.int32)
+    first = rng.integers(0, [[tiles_x - 1, tiles_y - 1]], (views, count, 2)) * 32 + rng.integers(
+        0, 32, (views, count, 2)
+    )
+    last = first + rng.integers(0, 33, (views, count, 2))
+    entries = np.zeros((views, count, 4), dtype=np.int32)
+    entries[..., 1:3] = first | last << 16
+    expected = [[[] for _ in range(tiles_y * tiles_x)] for _ in range(views)]
+    for view in range(views):
+        for i in range(counts[view, 0]):
+            (x0, y0), (x1, y1) = first[view, i] >> TILE_BITS, last[view, i] >> TILE_BITS
+            for tile in (y * tiles_x + x for y in range(y0, y1 + 1) for x in range(x0, x1 + 1)):
+                expected[view][tile].append(i)
+    lists = [tile for view in expected for tile in view]
+    found = FoundObjects()
+    found.tiles_y, found.tiles_x = tiles_y, tiles_x
+    found.entries = wp.array(entries, dtype=wp.vec4i, device="cpu")
+    found.counts = wp.array(counts, dtype=wp.int32, device="cpu")
+    found.tile_counts = wp.array([len(tile) for tile in lists], dtype=wp.int32, device="cpu")
+    found.tile_ends = wp.array(np.cumsum([len(tile) for tile in lists]), dtype=wp.int32, device="cpu")
+    found.order = wp.full(4 * views * count, -1, dtype=wp.int32, device="cpu")
+    wp.launch(sort_into_tiles, dim=(views, count), inputs=[found], device="cpu")
+    order, ends = found.order.numpy(), found.tile_ends.numpy()
+    for tile, end, start in zip(lists, ends, [0, *ends], strict=False):
+        assert sorted(order[start:end]) == tile
+    assert (order[ends[-1] :] == -1).all() and (found.tile_counts.numpy() == 0).all()
 
 
 def test_many_small_triangles_in_a_deep_tree(emulator):

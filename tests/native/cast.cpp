@@ -156,9 +156,26 @@ SceneBvh cluster(const Scene& scene) {
 static casting::Scene scene_of(const SceneBvh& c, const Worlds& worlds) {
     return {{c.leaves.data, c.owners.data, c.nodes.data, c.children.data, c.static_root, c.all_closed,
              c.closed_boxes.data, c.closed_object.data, (int)c.closed_object.count},
-            {(int)c.object.count, worlds.moving, c.object.data, c.root.data, c.first_leaf.data, c.first_id.data, c.closed.data,
-             c.boxes.data, c.solid.data, c.size.data, worlds.instances.data, worlds.poses.data, nullptr, worlds.worlds,
-             worlds.world.data, worlds.excluded.data, worlds.excluded_views, (int)c.labels.count, c.still.data, (int)c.still.count}};
+            {(int)c.object.count,
+             worlds.moving,
+             c.object.data,
+             c.root.data,
+             c.first_leaf.data,
+             c.first_id.data,
+             c.closed.data,
+             c.boxes.data,
+             c.solid.data,
+             c.size.data,
+             worlds.instances.data,
+             worlds.poses.data,
+             nullptr,
+             worlds.worlds,
+             worlds.world.data,
+             worlds.excluded.data,
+             worlds.excluded_views,
+             (int)c.labels.count,
+             c.still.data,
+             (int)c.still.count}};
 }
 
 static casting::Job job_of(const Worlds& worlds, const Lens& lens) {

@@ -80,6 +80,12 @@ static inline Word atomicMax(Word* at, Word value) {
     if (value > before) *at = value;
     return before;
 }
+static inline int atomicAdd(int* at, int value) {
+    emulator::interrupt();
+    const int before = *at;
+    *at = before + value;
+    return before;
+}
 static inline unsigned atomicAnd(unsigned* at, unsigned value) {
     emulator::interrupt();
     const unsigned before = *at;

@@ -12,11 +12,13 @@ import warp as wp
 
 from warpvis.core.kernel_cache import launch
 from warpvis.kernels.constants import CUDA_LANES
+from warpvis.rendering._found_objects import MANY_OBJECTS, find_objects, nothing_found
 from warpvis.rendering._prepared import Idle, ImageSlots, memory_of
 from warpvis.rendering.casters import CastPoses, RaysCaster
 
 if TYPE_CHECKING:
     from warpvis.kernels.packets import BvhScene
+    from warpvis.kernels.packets_cuda import FoundObjects
     from warpvis.kernels.pinhole import PinholeCamera
     from warpvis.kernels.worlds import Worlds
 
@@ -40,20 +42,30 @@ class _PackedLaunch:
     def __init__(self, kind: _Kind, camera: PinholeCamera, packets: tuple[int, int], cull: bool, device: wp.Device):
         """Pack a launch of so many rows and columns of packets."""
         from warpvis.kernels.packets import BvhScene
+        from warpvis.kernels.packets_cuda import FoundObjects
         from warpvis.kernels.worlds import Worlds
 
         views = kind[-1]
         self._images = ImageSlots()
-        scene, worlds = BvhScene(), Worlds()
+        scene, worlds, found = BvhScene(), Worlds(), FoundObjects()
         poses = wp.array(ptr=1, dtype=wp.transform, shape=(views,), device=device)  # not yet any
         self._poses, self._scene, self._worlds = memory_of(poses), _Assigned(scene), _Assigned(worlds)
-        inputs = [scene, camera, poses, worlds, cull, self._images.struct]
-        size = (views, *packets, CUDA_LANES)
+        self._found = _Assigned(found)
+        inputs = [scene, camera, poses, worlds, found, cull, self._images.struct]
+        size = (packets[0], views, packets[1], CUDA_LANES)
         self._launch = launch(_kernel(*kind[:-1]), size, inputs, device, block_dim=CUDA_LANES, record_cmd=True)
 
-    def run(self, scene: BvhScene, poses: wp.array, worlds: Worlds, images: list[wp.array | None]) -> None:
+    def run(
+        self,
+        scene: BvhScene,
+        poses: wp.array,
+        worlds: Worlds,
+        found: FoundObjects,
+        images: list[wp.array | None],
+    ) -> None:
         """Launch it on the device's current stream."""
         self._scene.memory.struct, self._worlds.memory.struct = memory_of(scene), memory_of(worlds)
+        self._found.memory.struct = memory_of(found)
         self._poses.data = poses.ptr
         self._images.fill(images)
         self._launch.launch()
@@ -83,19 +95,29 @@ class CudaPacketsCaster(RaysCaster):
         if views == 0:
             return
         clusters, camera = self._scene.bvh(), self._camera
-        moving = bool(clusters.struct.drawn_count)
-        large_packets = (12 if clusters.moves_solids_only else 32) if moving else 64
+        drawn = clusters.struct.drawn_count
+        moving, large_packets = drawn > 0, 64
+        if 0 < drawn < MANY_OBJECTS:
+            large_packets = 12 if clusters.moves_solids_only else 32
         side = packet_side(views, camera.width, camera.height, device.sm_count, large_packets, _FEWEST_OF_8[moving])
         _, _, normals, labels, segmentation = images
         with_id = not (normals is None and labels is None and segmentation is None)
         kind = (side, with_id, moving, self._clip_near, moving and worlds.object_sizes is not None, views)
         packed = self._idle.take(kind) or self._pack(kind)
         if isinstance(poses, wp.array):
-            packed.run(clusters.struct, poses, worlds, images)
+            self._draw(packed, clusters.struct, poses, worlds, images)
         else:
             with self._placed(poses) as places:
-                packed.run(clusters.struct, places, worlds, images)
+                self._draw(packed, clusters.struct, places, worlds, images)
         self._idle.give_back(kind, packed)
+
+    def _draw(
+        self, packed: _PackedLaunch, scene: BvhScene, poses: wp.array, worlds: Worlds, images: list[wp.array | None]
+    ) -> None:
+        found = nothing_found()
+        if scene.drawn_count >= MANY_OBJECTS:
+            found = find_objects(scene, self._camera, self._clip_near, poses, worlds, self._scene.device)
+        packed.run(scene, poses, worlds, found, images)
 
     def _pack(self, kind: _Kind) -> _PackedLaunch:
         from warpvis.kernels.packets_cuda import packet_width

@@ -6,14 +6,15 @@
 
 // Movable objects that a packet may see and that are not drawn yet, some at a time.
 struct ObjectQueue {
-    enum { SIZE = MOVABLE ? 256 : 1, WORDS = (SIZE + LANES - 1) / LANES };
+    enum { SIZE = MOVABLE ? 64 : 1 };
 
     unsigned visits[SIZE];
-    unsigned solids[WORDS];  // a bit each: whether its true surface is drawn
+    int objects[SIZE];  // the complement of one whose true surface is drawn
 
-    inline bool is_solid(int at) const { return solids[at / LANES] >> (at % LANES) & 1; }
+    inline bool is_solid(int at) const { return objects[at] < 0; }
+    inline int movable(int at) const { return objects[at] < 0 ? ~objects[at] : objects[at]; }
     // It is drawn by its triangles.
-    inline void unset_solid(int at) { atomicAnd(solids + at / LANES, ~(1u << at % LANES)); }
+    inline void unset_solid(int at) { objects[at] = ~objects[at]; }
 };
 
 enum {
@@ -42,24 +43,32 @@ constexpr float MOVED_BOX_SLACK = 1e-6f;
 
 struct ObjectPass {
     // In single precision, which is enough for a box: one lane an object.
-    static inline unsigned visit(const Camera& world, const Packet& packet, const Movables& movables, int m) {
-        const int object = __ldg(movables.object + m);
-        const bool shown = !(movables.excluded && object >= 0 && movables.excluded[object]);
-        Vec3 axis[3];
-        const Vec3 origin = camera_there(world, movables.pose(m), axis);
-        const Vec3 rows[3] = {inside(axis, world.to_camera[0]), inside(axis, world.to_camera[1]),
-                              inside(axis, world.to_camera[2])};
-        const float* box = movables.box(m);
-        // As much wider as the origin may be wrong.
-        const float margin = MOVED_BOX_SLACK * (fabsf(origin.x) + fabsf(origin.y) + fabsf(origin.z));
-        const Vec3 wider = {margin, margin, margin};
-        const Vec3 by = movables.factors(m);
-        const Vec3 least = {Box::side(box, by.x), Box::side(box + 1, by.y), Box::side(box + 2, by.z)};
-        const Vec3 most = {Box::side(box + 3, by.x), Box::side(box + 4, by.y), Box::side(box + 5, by.z)};
-        const Vec3 low = Vec3::minus(Vec3::minus(least, origin), wider);
-        const Vec3 high = Vec3::plus(Vec3::minus(most, origin), wider);
-        return Walk::visit(world, rows, packet, low, high, shown);
+    static inline Child visit(const Camera& world, const Packet& packet, const Movables& movables, int m, bool wanted) {
+        const MovedBox box = MovedBox::of(world, movables, m);
+        return Walk::visit(world, box.rows, packet, box.low, box.high, wanted && !movables.excludes(m));
     }
+
+    // The box of an object in its frame, from the camera, and how that frame turns into the camera's space.
+    struct MovedBox {
+        Vec3 rows[3], low, high;
+
+        static inline MovedBox of(const Camera& world, const Movables& movables, int m) {
+            MovedBox moved;
+            Vec3 axis[3];
+            const Vec3 origin = camera_there(world, movables.pose(m), axis);
+            for (int i = 0; i < 3; ++i) moved.rows[i] = inside(axis, world.to_camera[i]);
+            const float* box = movables.box(m);
+            // As much wider as the origin may be wrong.
+            const float margin = MOVED_BOX_SLACK * (fabsf(origin.x) + fabsf(origin.y) + fabsf(origin.z));
+            const Vec3 wider = {margin, margin, margin};
+            const Vec3 by = movables.factors(m);
+            const Vec3 least = {Box::side(box, by.x), Box::side(box + 1, by.y), Box::side(box + 2, by.z)};
+            const Vec3 most = {Box::side(box + 3, by.x), Box::side(box + 4, by.y), Box::side(box + 5, by.z)};
+            moved.low = Vec3::minus(Vec3::minus(least, origin), wider);
+            moved.high = Vec3::plus(Vec3::minus(most, origin), wider);
+            return moved;
+        }
+    };
     static inline Vec3 inside(const Vec3* axis, Vec3 v) {
         return Vec3{Vec3::dot(axis[0], v), Vec3::dot(axis[1], v), Vec3::dot(axis[2], v)};
     }
@@ -127,7 +136,7 @@ struct ObjectPass {
             // One call for both, though the camera is the world's at first: the code of a walk is long.
             if (some) Walk::draw(bvh, memory.moved, packet, memory.levels, {memory.triangles, 0}, &memory.triangle);
             Warp::sync();
-            const int m = draw_to_triangles(movables, packet, queued, memory);
+            const int m = draw_to_triangles(scene, packet, queued, memory);
             if (m < 0) return;
             move(memory.world, movables, m, view.cull_back_faces, memory.moved);
             bvh.root = __ldg(movables.root + m);
@@ -137,41 +146,85 @@ struct ObjectPass {
         }
     }
 
-    // The objects that are in the queue, or have been.
+    // How many objects are in the queue, or were, and how many have been looked at.
     struct QueuedRange {
-        int first, count;
+        int count, next;
     };
 
     // Draw solids until it is the turn of an object that is seen by its triangles, which is returned; -1 at the end.
-    static inline int draw_to_triangles(const Movables& movables, Packet& packet, QueuedRange& queued,
-                                        WarpMemory& memory) {
+    static inline int draw_to_triangles(const Scene& scene, Packet& packet, QueuedRange& queued, WarpMemory& memory) {
         for (;;) {
             const Taken taken = take(memory.objects, queued.count);
             if (taken.solids > 0) {
-                draw_solids(movables, packet, queued.first, taken, memory);
+                draw_solids(scene.movables, packet, taken, memory);
             } else if (taken.solids < 0) {
-                if (!Walk::hidden(packet, taken.visit)) return queued.first + taken.at;
+                const int m = memory.objects.movable(taken.at);
+                if (!Walk::hidden(packet, taken.visit)) return m;
             } else {
-                queued.first += queued.count;
-                queued.count = min(movables.count - queued.first, (int)ObjectQueue::SIZE);
+                fill(scene, packet, queued, memory);
                 if (queued.count == 0) return -1;
-                fill(movables, packet, queued, memory);
             }
         }
     }
 
-    // Queue objects, a lane each.
-    static inline void fill(const Movables& movables, const Packet& packet, QueuedRange queued, WarpMemory& memory) {
+    // Queue the next objects that the packet may see, a lane each, until the queue is full or all have been looked at.
+    static inline void fill(const Scene& scene, const Packet& packet, QueuedRange& queued, WarpMemory& memory) {
         const int lane = Warp::lane();
+        const bool sorted = scene.found.entries != nullptr;
+        const FoundObjects::Listed listed =
+            sorted ? scene.found.listed(packet.first_x, packet.first_y) : FoundObjects::Listed{0, 0, 0};
+        const int all = sorted ? listed.all() : scene.movables.count;
+        queued.count = 0;
         Warp::sync();
-        for (int i = lane; i < (queued.count + LANES - 1) / LANES * LANES; i += LANES) {
-            const int m = queued.first + min(i, queued.count - 1);
-            const unsigned found = visit(memory.world, packet, movables, m);
-            const unsigned solids = Warp::ballot(__ldg(movables.solid + m) != SOLID_NONE);
-            memory.objects.visits[i] = i < queued.count ? found : 0;
-            if (lane == 0) memory.objects.solids[i / LANES] = solids;
+        for (; queued.next < all && queued.count <= ObjectQueue::SIZE - LANES; queued.next += LANES) {
+            const int i = min(queued.next + lane, all - 1);
+            const bool there = queued.next + lane < all;
+            int m = i;
+            const Child found = sorted ? look_up(scene, memory.world, packet, listed, i, there, m)
+                                       : visit(memory.world, packet, scene.movables, i, there);
+            const unsigned lanes = Warp::ballot(found.visit != 0);
+            if (found.visit) {
+                const int at = queued.count + __popc(lanes & ((1u << lane) - 1));
+                memory.objects.visits[at] = found.visit;
+                memory.objects.objects[at] = __ldg(scene.movables.solid + m) != SOLID_NONE ? ~m : m;
+            }
+            queued.count += __popc(lanes);
         }
         Warp::sync();
+    }
+
+    // An object that was found before, in a packet.
+    static inline Child look_up(const Scene& scene, const Camera& world, const Packet& packet,
+                                const FoundObjects::Listed& listed, int i, bool there, int& m) {
+        const FoundObjects::Entry found = scene.found.entry(listed, i, scene.movables.count);
+        const int x0 = max(FoundObjects::Entry::first(found.columns) - packet.first_x, 0);
+        const int x1 = min(FoundObjects::Entry::last(found.columns) - packet.first_x, PACKET_WIDTH - 1);
+        const int y0 = max(FoundObjects::Entry::first(found.rows) - packet.first_y, 0);
+        const int y1 = min(FoundObjects::Entry::last(found.rows) - packet.first_y, PACKET_HEIGHT - 1);
+        m = found.movable;
+        const bool shown = there && x0 <= x1 && y0 <= y1, anywhere = shown && found.nearest_inv_z == NOWHERE;
+        if (Warp::any(anywhere)) {
+            const Child here = visit(world, packet, scene.movables, m, anywhere);
+            if (anywhere) return here;
+        }
+        return shown ? Walk::child_of(found.nearest_inv_z, x0, y0, x1, y1) : Child{0, 0};
+    }
+
+    // Note an object of a view if the view may see it: one a lane, in no order.
+    static inline void find(const Camera& world, const Movables& movables, const FoundObjects& found, int m,
+                            bool there) {
+        const MovedBox box = MovedBox::of(world, movables, m);
+        const bool wanted = there && !movables.excludes(m);
+        const Walk::ScreenBounds p = Walk::ScreenBounds::of(box.rows, box.low, box.high, world.blur, wanted);
+        const Walk::ScreenBounds::Pixels in = p.pixels(world.first_u, world.first_v, world.last_x, world.last_y);
+        if (!wanted || p.zmin > world.far || !in.some()) return;
+        // Else all that is behind the camera would be.
+        if (p.crossing && !Walk::reaches_frustum(box.rows, world.first_u, world.first_v, world.last_x + 1.0f,
+                                                 world.last_y + 1.0f, box.low, box.high))
+            return;
+        found.add({p.nearest_inv_z(), FoundObjects::Entry::pair(in.left, in.right),
+                   FoundObjects::Entry::pair(in.top, in.bottom), m},
+                  movables.count);
     }
 
     // What is drawn next: so many solids, each of them a lane's, or, where `solids` is -1, an object by its triangles,
@@ -210,9 +263,8 @@ struct ObjectPass {
     }
 
     // Each of the first lanes sets up a solid, then all draw one after the other.
-    static inline void draw_solids(const Movables& movables, Packet& packet, int first, Taken taken,
-                                   WarpMemory& memory) {
-        const int lane = Warp::lane(), m = first + taken.at;
+    static inline void draw_solids(const Movables& movables, Packet& packet, Taken taken, WarpMemory& memory) {
+        const int lane = Warp::lane(), m = memory.objects.movable(taken.at);
         bool outside = false;
         Warp::sync();
         if (lane < taken.solids) {

@@ -28,6 +28,8 @@ struct Packet {
     static inline int pixel_x(int lane) { return lane & (BLOCK_WIDTH - 1); }
     static inline int pixel_y(int lane) { return lane >> BLOCK_WIDTH_BITS; }
 
+    inline unsigned inv_z_bits(int x, int y) const { return DepthKey::inv_z_bits(z_buffer[index_at(x, y)]); }
+
     // Nothing seen yet. What lies outside the image counts as very near, so that it hides and never shows.
     inline void begin(int columns, int rows) {
         const int lane = Warp::lane();

@@ -42,6 +42,10 @@ struct Movables {
         const Stretch all = stretch(m);
         return Vec3{(float)all.factor[0], (float)all.factor[1], (float)all.factor[2]};
     }
+    inline bool excludes(int m) const {
+        const int alone = __ldg(object + m);
+        return excluded && alone >= 0 && excluded[alone];
+    }
     inline const float* pose(int m) const {
         return m < moving ? poses + POSE_WORDS * (long long)m : instance_poses + POSE_WORDS * (long long)(m - moving);
     }
@@ -60,10 +64,65 @@ struct Movables {
     }
 };
 
+// Movable objects that a view may see, found before its packets are drawn and sorted into tiles of the image, so that no
+// packet goes through all there are. In Python, `FoundObjects` of kernels/packets_cuda.py.
+struct FoundObjects {
+    enum { TILE = 1 << TILE_BITS };
+
+    struct Entry {
+        float nearest_inv_z;  // NOWHERE if it comes so near to the camera that it may be anywhere
+        unsigned columns, rows;  // the first pixel that it may cover and, in the upper half, the last
+        int movable;
+
+        static inline unsigned pair(float first, float last) { return (unsigned)first | (unsigned)last << 16; }
+        static inline int first(unsigned pair) { return pair & 0xffff; }
+        static inline int last(unsigned pair) { return pair >> 16; }
+    };
+    static_assert(sizeof(Entry) == 4 * sizeof(float), "Python makes room for rows of four numbers");
+
+    Entry* entries;  // [movable]: from the first on those in few tiles, from the last on others; null: nothing is known
+    int* count;  // of those in few tiles, of others
+    int* tile_count;  // [tile]; not for packets, which come when it is used up
+    const int* tile_end;  // [tile]: where in `order` its objects end, and those of the next tile begin
+    const int* order;  // objects in few tiles, sorted by tiles
+    int tiles_x, first_tile;  // of all views' tiles
+
+    // The objects of a tile, and all that are in many.
+    struct Listed {
+        int first, count;  // in `order`
+        int others;
+
+        inline int all() const { return count + others; }
+    };
+    inline Listed listed(int x, int y) const {
+        const int tile = first_tile + (y >> TILE_BITS) * tiles_x + (x >> TILE_BITS);
+        const int first = tile > 0 ? tile_end[tile - 1] : 0;
+        return Listed{first, tile_end[tile] - first, count[1]};
+    }
+    inline const Entry& entry(const Listed& listed, int i, int movable_count) const {
+        return entries[i < listed.others ? movable_count - 1 - i : order[listed.first + i - listed.others]];
+    }
+
+    // Note an object: any thread, in no order.
+    inline void add(const Entry& entry, int movable_count) const {
+        const int x0 = Entry::first(entry.columns) >> TILE_BITS, x1 = Entry::last(entry.columns) >> TILE_BITS;
+        const int y0 = Entry::first(entry.rows) >> TILE_BITS, y1 = Entry::last(entry.rows) >> TILE_BITS;
+        if ((x1 - x0 + 1) * (y1 - y0 + 1) > MOST_TILES) {
+            entries[movable_count - 1 - atomicAdd(count + 1, 1)] = entry;
+            return;
+        }
+        entries[atomicAdd(count, 1)] = entry;
+        for (int y = y0; y <= y1; ++y)
+            for (int x = x0; x <= x1; ++x) atomicAdd(tile_count + first_tile + y * tiles_x + x, 1);
+    }
+};
+static_assert(PACKET_WIDTH <= FoundObjects::TILE && PACKET_HEIGHT <= FoundObjects::TILE, "a packet is in one tile");
+
 struct Scene {
     Bvh bvh;  // of what stays, and in the same arrays those of what moves
     ClosedObjects closed;
     Movables movables;
+    FoundObjects found;
 
     // The object that a triangle belongs to.
     inline int object_of(unsigned id) const {

@@ -102,12 +102,12 @@ struct Setup {
             return b;
         }
         // The part in the packet that begins at a pixel, if there is one.
-        inline void cut(int first_x, int first_y, Triangle& t) const {
+        inline void cut(int first_x, int first_y, bool has_area, Triangle& t) const {
             const float x0 = fmaxf(left - (float)first_x, 0.0f),
                         x1 = fminf(right - (float)first_x, PACKET_WIDTH - 1.0f);
             const float y0 = fmaxf(top - (float)first_y, 0.0f),
                         y1 = fminf(bottom - (float)first_y, PACKET_HEIGHT - 1.0f);
-            const bool some = x0 <= x1 && y0 <= y1;
+            const bool some = has_area && x0 <= x1 && y0 <= y1;
             t.x0 = some ? (int)x0 : 0, t.x1 = some ? (int)x1 : -1;
             t.y0 = some ? (int)y0 : 0, t.y1 = some ? (int)y1 : -1;
         }
@@ -132,6 +132,7 @@ struct Setup {
         Vec3 a, b, c, normal;
         float volume;  // negative where the camera sees the front
 
+        inline bool has_area() const { return volume != 0.0f && fabsf(volume) <= NOWHERE; }
         static inline CameraTriangle of(const Camera& camera, const float* first) {
             CameraTriangle t;
             t.a = corner(camera, first), t.b = corner(camera, first + 3 * LANES),
@@ -145,12 +146,57 @@ struct Setup {
         }
     };
 
+    // The corners of a triangle as they are stored.
+    struct Corners {
+        Vec3 a, b, c;
+
+        static inline Corners of(const float* at) { return Corners{one(at), one(at + 3 * LANES), one(at + 6 * LANES)}; }
+        static inline Vec3 one(const float* at) { return Vec3{__ldg(at), __ldg(at + LANES), __ldg(at + 2 * LANES)}; }
+    };
+
+    // A packet's pixels, as distances from the principal point, and as much wider as rounding may be wrong.
+    struct PacketBounds {
+        float left, right, top, bottom;  // the centres of the first and the last pixel
+        float slack;
+
+        static inline PacketBounds of(const Camera& camera, int first_x, int first_y) {
+            const float u = camera.first_u + (float)first_x, v = camera.first_v + (float)first_y;
+            return PacketBounds{u, u + (PACKET_WIDTH - 1), v, v + (PACKET_HEIGHT - 1), slack_of(camera)};
+        }
+        // Whether the centre of a pixel is between two places along an axis that begins at the first pixel's.
+        static inline bool has_center(float least, float most, float first, float last, float slack) {
+            const float end = floorf(most - first + slack);
+            return end >= fmaxf(least - first - slack, 0.0f) && least - slack <= last;
+        }
+    };
+
+    // Whether this lane's triangle of a leaf that is small in the image, and all in front of the camera, may cover a
+    // pixel's centre of the packet.
+    static inline bool may_cover(const Bvh& bvh, const Camera& camera, const PacketBounds& bounds,
+                                 const Corners& stored, unsigned slot) {
+        const Vec3 a = camera.turn(camera.relative(stored.a)), b = camera.turn(camera.relative(stored.b)),
+                   c = camera.turn(camera.relative(stored.c));
+        const float a_inv_z = __fdividef(1.0f, a.z), b_inv_z = __fdividef(1.0f, b.z), c_inv_z = __fdividef(1.0f, c.z);
+        const float a_u = a.x * a_inv_z, b_u = b.x * b_inv_z, c_u = c.x * c_inv_z;
+        const float a_v = a.y * a_inv_z, b_v = b.y * b_inv_z, c_v = c.y * c_inv_z;
+        bool shown = PacketBounds::has_center(Three::min(a_u, b_u, c_u), Three::max(a_u, b_u, c_u), bounds.left,
+                                              bounds.right, bounds.slack) &&
+                     PacketBounds::has_center(Three::min(a_v, b_v, c_v), Three::max(a_v, b_v, c_v), bounds.top,
+                                              bounds.bottom, bounds.slack);
+        if (camera.cull_back_faces || camera.skip_back_faces) {
+            const float volume = Vec3::dot(Vec3::cross(Vec3::minus(b, a), Vec3::minus(c, a)), a);
+            shown = shown && (volume < 0.0f || (!camera.cull_back_faces && __ldg(bvh.owners + slot) >= 0));
+        }
+        if (bvh.excluded) shown = shown && !bvh.excluded[Bvh::object_of(__ldg(bvh.owners + slot))];
+        return shown;
+    }
+
     // Whether this lane's triangle of a leaf may cover a pixel's centre of the packet that begins at a pixel, and if
     // so, about how many.
     static inline int area(const Bvh& bvh, const Camera& camera, int first_x, int first_y, int leaf) {
         const unsigned slot = leaf * LANES + Warp::lane();
         const CameraTriangle c = CameraTriangle::of(camera, bvh.corners(slot));
-        bool shown = c.volume != 0.0f && fabsf(c.volume) <= NOWHERE;
+        bool shown = c.has_area();
         if (camera.cull_back_faces)
             shown &= c.volume < 0.0f;
         else if (camera.skip_back_faces)
@@ -189,7 +235,7 @@ struct Setup {
         return edge.at(edge.u >= 0.0f ? u1 : u0, edge.v >= 0.0f ? v1 : v0) < 0.0f;
     }
 
-    // A triangle that has an area.
+    // It covers no pixel where it has no area.
     static inline Triangle triangle(const Bvh& bvh, const Camera& camera, int first_x, int first_y, unsigned slot) {
         const CameraTriangle c = CameraTriangle::of(camera, bvh.corners(slot));
         const ProjectedTriangle p = ProjectedTriangle::of(c.a, c.b, c.c);
@@ -197,7 +243,7 @@ struct Setup {
         const float sign = c.volume < 0.0f ? -1.0f : 1.0f, scale = 1.0f / c.volume;
         Triangle t;
         t.slot = slot;
-        bounds.cut(first_x, first_y, t);
+        bounds.cut(first_x, first_y, c.has_area(), t);
         t.edge[0] = edge(c.b, c.c, sign);
         t.edge[1] = edge(c.c, c.a, sign);
         t.edge[2] = edge(c.a, c.b, sign);

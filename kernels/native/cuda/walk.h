@@ -38,8 +38,38 @@ struct Visit {
 static_assert(BLOCK_COLUMNS <= 1 << Visit::COLUMN_BITS && BLOCK_ROWS <= 1 << Visit::ROW_BITS,
               "a word holds all blocks");
 
+// The pixels of a packet that a child may cover, in a word.
+struct PixelRect {
+    enum { BITS = 5, MASK = (1 << BITS) - 1 };
+
+    static inline unsigned of(int x0, int y0, int x1, int y1) {
+        return x0 | y0 << BITS | (x1 - x0) << 2 * BITS | (y1 - y0) << 3 * BITS;
+    }
+    static inline int x0(unsigned rect) { return rect & MASK; }
+    static inline int y0(unsigned rect) { return rect >> BITS & MASK; }
+    static inline int columns(unsigned rect) { return (rect >> 2 * BITS & MASK) + 1; }
+    static inline int rows(unsigned rect) { return (rect >> 3 * BITS & MASK) + 1; }
+    // Whether it is no larger than a block, so that a lane can look at each of its pixels.
+    static inline bool small(unsigned rect) { return columns(rect) <= BLOCK_WIDTH && rows(rect) <= BLOCK_HEIGHT; }
+    // Whether it is no larger than 2x2, so that one lane can look at all of them.
+    static inline bool few(unsigned rect) { return columns(rect) <= 2 && rows(rect) <= 2; }
+};
+static_assert(PACKET_WIDTH <= 1 << PixelRect::BITS && PACKET_HEIGHT <= 1 << PixelRect::BITS, "a word holds a packet");
+
+// What a lane holds of one child of a node, when it is opened.
+struct Child {
+    unsigned visit, pixels;
+};
+
 // How much rounding may be wrong: of 1 / z; of a radius.
 constexpr float NEARER = 1.00001f, WIDER = 1.0001f;
+
+// The depth of half a box, as a part of its middle's, from which its bounds in the image are worth a look at each corner.
+constexpr float DEEP_SHARE = 0.03f;
+
+// How much rounding of other boxes may be wrong, in pixels, and so many times what it may move a corner: more than of
+// a triangle.
+constexpr float SMALL_BOX_SLACK = 0.003f, SMALL_BOX_SLACK_BLURS = 16.0f;
 
 struct Walk {
     // Where a walk goes on when a node's child is done: what is left of the nodes above.
@@ -65,12 +95,11 @@ struct Walk {
                fmaxf(direction.z * low.z, direction.z * high.z);
     }
 
-    // Whether a box reaches into the packet's pyramid, by its five planes.
-    static inline bool reaches_frustum(const Camera& camera, const Vec3* to_camera, const Packet& packet, Vec3 low,
+    // Whether a box reaches into the pyramid of some pixels from one at (u, v) on, by its five planes.
+    static inline bool reaches_frustum(const Vec3* to_camera, float u, float v, float columns, float rows, Vec3 low,
                                        Vec3 high) {
         const Vec3 x = to_camera[0], y = to_camera[1], z = to_camera[2];
-        const float u0 = (float)packet.first_x + camera.first_u - 0.5f, u1 = u0 + PACKET_WIDTH;
-        const float v0 = (float)packet.first_y + camera.first_v - 0.5f, v1 = v0 + PACKET_HEIGHT;
+        const float u0 = u - 0.5f, u1 = u0 + columns, v0 = v - 0.5f, v1 = v0 + rows;
         return farthest_along(z, low, high) >= 0.0f && farthest_along(combined(x, z, -u0, 1.0f), low, high) >= 0.0f &&
                farthest_along(combined(x, z, u1, -1.0f), low, high) >= 0.0f &&
                farthest_along(combined(y, z, -v0, 1.0f), low, high) >= 0.0f &&
@@ -84,65 +113,121 @@ struct Walk {
     struct ScreenBounds {
         float left, right, top, bottom;
         float zmin;
+        float slack;  // how much rounding may be wrong
         bool crossing;  // comes so near to the camera, or behind it, that it may be anywhere
 
-        static inline ScreenBounds of(const Vec3* m, Vec3 low, Vec3 high) {
+        static inline ScreenBounds of(const Vec3* m, Vec3 low, Vec3 high, float blur, bool shown) {
+            const Vec3 middle = half_of(Vec3::plus(low, high)), half = half_of(Vec3::minus(high, low));
+            const float x = Vec3::dot(m[0], middle), y = Vec3::dot(m[1], middle), z = Vec3::dot(m[2], middle);
+            const float depth = across(m[2], half);
+            ScreenBounds p;
+            p.zmin = z - depth;
+            p.slack = SMALL_BOX_SLACK + SMALL_BOX_SLACK_BLURS * blur;
+            p.crossing = p.zmin <= BOX_CROSSING_SHARE * (across(m[2], magnitude(middle)) + depth);
+            if (Warp::any(shown && !p.crossing && depth > DEEP_SHARE * z)) {
+                p.set_corners(m, low, high);
+                p.slack = BOX_SLACK + BOX_SLACK_BLURS * blur;
+                return p;
+            }
+            // x - u z is 0 in the middle of the box where u is the middle's, and linear.
+            const float inv_z = __fdividef(1.0f, z), inv_zmin = __fdividef(1.0f, p.zmin);
+            const float u = x * inv_z, v = y * inv_z;
+            const float aside = across(combined(m[0], m[2], -u), half) * inv_zmin;
+            const float along = across(combined(m[1], m[2], -v), half) * inv_zmin;
+            p.left = u - aside, p.right = u + aside, p.top = v - along, p.bottom = v + along;
+            return p;
+        }
+        inline float nearest_inv_z() const { return crossing ? NOWHERE : NEARER * __fdividef(1.0f, zmin); }
+
+        // Whole numbers of pixels.
+        struct Pixels {
+            float left, right, top, bottom;
+
+            inline bool some() const { return left <= right && top <= bottom; }
+        };
+        // Those whose centres may be inside, from the one that is at (u, v) to the last one.
+        inline Pixels pixels(float u, float v, float last_x, float last_y) const {
+            return Pixels{fmaxf(crossing ? 0.0f : ceilf(left - u - slack), 0.0f),
+                          fminf(crossing ? last_x : floorf(right - u + slack), last_x),
+                          fmaxf(crossing ? 0.0f : ceilf(top - v - slack), 0.0f),
+                          fminf(crossing ? last_y : floorf(bottom - v + slack), last_y)};
+        }
+        static inline Vec3 half_of(Vec3 v) { return Vec3{0.5f * v.x, 0.5f * v.y, 0.5f * v.z}; }
+        static inline Vec3 magnitude(Vec3 v) { return Vec3{fabsf(v.x), fabsf(v.y), fabsf(v.z)}; }
+        // How far a box reaches from its middle, along a direction.
+        static inline float across(Vec3 direction, Vec3 half) { return Vec3::dot(magnitude(direction), half); }
+        static inline Vec3 combined(Vec3 a, Vec3 b, float of_b) {
+            return Vec3{__fmaf_rn(of_b, b.x, a.x), __fmaf_rn(of_b, b.y, a.y), __fmaf_rn(of_b, b.z, a.z)};
+        }
+
+        inline void set_corners(const Vec3* m, Vec3 low, Vec3 high) {
             // The eight corners in camera space are sums of one term an axis.
             const Vec3 x[2] = {scaled(m, 0, low.x), scaled(m, 0, high.x)};
             const Vec3 y[2] = {scaled(m, 1, low.y), scaled(m, 1, high.y)};
             const Vec3 z[2] = {scaled(m, 2, low.z), scaled(m, 2, high.z)};
-            ScreenBounds p;
-            p.zmin = fminf(x[0].z, x[1].z) + fminf(y[0].z, y[1].z) + fminf(z[0].z, z[1].z);
-            p.crossing = p.zmin <= BOX_CROSSING_SHARE * (largest(x) + largest(y) + largest(z));
-            p.left = p.top = NOWHERE;
-            p.right = p.bottom = -NOWHERE;
+            left = top = NOWHERE;
+            right = bottom = -NOWHERE;
             for (int corner = 0; corner < 8; ++corner) {
                 const Vec3 at = Vec3::plus(Vec3::plus(x[corner & 1], y[corner >> 1 & 1]), z[corner >> 2]);
                 const float inv_z = __fdividef(1.0f, at.z), u = at.x * inv_z, v = at.y * inv_z;
-                p.left = fminf(p.left, u), p.right = fmaxf(p.right, u);
-                p.top = fminf(p.top, v), p.bottom = fmaxf(p.bottom, v);
+                left = fminf(left, u), right = fmaxf(right, u);
+                top = fminf(top, v), bottom = fmaxf(bottom, v);
             }
-            return p;
         }
         static inline Vec3 scaled(const Vec3* rows, int axis, float by) {
             const float* m = &rows[0].x + axis;
             return Vec3{m[0] * by, m[3] * by, m[6] * by};
         }
-        static inline float largest(const Vec3* terms) { return fmaxf(fabsf(terms[0].z), fabsf(terms[1].z)); }
     };
 
     static inline Vec3 corner(const float* rows) {
         return Vec3{__ldg(rows), __ldg(rows + LANES), __ldg(rows + 2 * LANES)};
     }
 
-    // This lane's child of a node: 0 if it is not seen.
-    static inline unsigned open(const Bvh& bvh, const Camera& camera, const Packet& packet, int index) {
+    // This lane's child of a node, and its visit: 0 if it is not seen. Where nothing but small leaves is seen, `small`
+    // tells which, and there is nothing to visit: they are near to each other, and their order hardly counts.
+    static inline unsigned open(const Bvh& bvh, const Camera& camera, const Packet& packet, int index, int& child,
+                                unsigned& small) {
         const float* node = bvh.nodes + (long long)index * NODE_WORDS + Warp::lane();
         const Vec3 least = corner(node + NODE_LOW_ROW * LANES), most = corner(node + NODE_HIGH_ROW * LANES);
         const Vec3 low = camera.relative(least), high = camera.relative(most);
         bool shown = least.x <= most.x;
         if (camera.skip_back_faces) shown = shown && !faces_away(node, low, high);
-        return visit(camera, camera.to_camera, packet, low, high, shown);
+        Child found = visit(camera, camera.to_camera, packet, low, high, shown);
+        child = __ldg(bvh.children + (long long)index * LANES + Warp::lane());
+        small = 0;
+        if (found.visit && PixelRect::few(found.pixels) && drawn_over(packet, found)) found.visit = 0;
+        if (!Warp::any(found.visit && !(child < 0 && PixelRect::small(found.pixels)))) {
+            small = Warp::ballot(found.visit != 0);
+            return 0;
+        }
+        return found.visit;
+    }
+
+    // Whether all pixels that a child may cover have been drawn nearer. They are few: a lane looks at its own child's.
+    static inline bool drawn_over(const Packet& packet, const Child& child) {
+        const unsigned nearest = Visit::nearest_inv_z(child.visit);
+        const int x0 = PixelRect::x0(child.pixels), y0 = PixelRect::y0(child.pixels);
+        const int x1 = x0 + PixelRect::columns(child.pixels) - 1, y1 = y0 + PixelRect::rows(child.pixels) - 1;
+        return packet.inv_z_bits(x0, y0) > nearest && packet.inv_z_bits(x1, y0) > nearest &&
+               packet.inv_z_bits(x0, y1) > nearest && packet.inv_z_bits(x1, y1) > nearest;
     }
 
     // The visit of a box, given from the camera in a frame that turns into the camera's by three rows.
-    static inline unsigned visit(const Camera& camera, const Vec3* to_camera, const Packet& packet, Vec3 low, Vec3 high,
-                                 bool shown) {
-        if (!Warp::any(shown)) return 0;
-        const ScreenBounds p = ScreenBounds::of(to_camera, low, high);
-        // Pixels of the packet whose centres may be inside: more than rounding can be wrong.
-        const float slack = BOX_SLACK + BOX_SLACK_BLURS * camera.blur;
-        const float to_x = camera.first_u + (float)packet.first_x, to_y = camera.first_v + (float)packet.first_y;
-        const float left = fmaxf(p.crossing ? 0.0f : ceilf(p.left - to_x - slack), 0.0f);
-        const float top = fmaxf(p.crossing ? 0.0f : ceilf(p.top - to_y - slack), 0.0f);
-        const float right =
-            fminf(p.crossing ? (float)PACKET_WIDTH : floorf(p.right - to_x + slack), PACKET_WIDTH - 1.0f);
-        const float bottom =
-            fminf(p.crossing ? (float)PACKET_HEIGHT : floorf(p.bottom - to_y + slack), PACKET_HEIGHT - 1.0f);
-        shown = shown && p.zmin <= camera.far && left <= right && top <= bottom;
-        if (shown && p.crossing) shown = reaches_frustum(camera, to_camera, packet, low, high);
-        const float nearest_inv_z = p.crossing ? NOWHERE : NEARER * __fdividef(1.0f, p.zmin);
-        return shown ? Visit::of(nearest_inv_z, (int)left, (int)top, (int)right, (int)bottom) : 0;
+    static inline Child visit(const Camera& camera, const Vec3* to_camera, const Packet& packet, Vec3 low, Vec3 high,
+                              bool shown) {
+        if (!Warp::any(shown)) return Child{0, 0};
+        const ScreenBounds p = ScreenBounds::of(to_camera, low, high, camera.blur, shown);
+        const float u = camera.first_u + (float)packet.first_x, v = camera.first_v + (float)packet.first_y;
+        const ScreenBounds::Pixels in = p.pixels(u, v, PACKET_WIDTH - 1.0f, PACKET_HEIGHT - 1.0f);
+        shown = shown && p.zmin <= camera.far && in.some();
+        if (shown && p.crossing)
+            shown = reaches_frustum(to_camera, u, v, (float)PACKET_WIDTH, (float)PACKET_HEIGHT, low, high);
+        if (!shown) return Child{0, 0};
+        return child_of(p.nearest_inv_z(), (int)in.left, (int)in.top, (int)in.right, (int)in.bottom);
+    }
+    static inline Child child_of(float nearest_inv_z, int x0, int y0, int x1, int y1) {
+        return Child{Visit::of(nearest_inv_z, x0, y0, x1, y1), PixelRect::of(x0, y0, x1, y1)};
     }
 
     // Blocks that the child may cover and that have not been drawn nearer.
@@ -153,6 +238,24 @@ struct Walk {
         return Warp::ballot(open_block(packet, visit));
     }
     static inline bool hidden(const Packet& packet, unsigned visit) { return !Warp::any(open_block(packet, visit)); }
+    // Queue triangles of leaves, until there are enough. The next leaf is read while the lanes look at one.
+    static inline void look_at_leaves(const Bvh& bvh, const Camera& camera, const Packet& packet, int child,
+                                      unsigned& lanes, TriangleQueue& queue) {
+        const Setup::PacketBounds bounds = Setup::PacketBounds::of(camera, packet.first_x, packet.first_y);
+        unsigned slot = ~Warp::shuffle(child, Warp::first_lane(lanes)) * LANES + Warp::lane();
+        Setup::Corners corners = Setup::Corners::of(bvh.corners(slot));
+        for (;;) {
+            const Setup::Corners here = corners;
+            const unsigned at = slot;
+            lanes = Warp::without_first_lane(lanes);
+            if (lanes) {
+                slot = ~Warp::shuffle(child, Warp::first_lane(lanes)) * LANES + Warp::lane();
+                corners = Setup::Corners::of(bvh.corners(slot));
+            }
+            queue.add(Setup::may_cover(bvh, camera, bounds, here, at), at);
+            if (!lanes || queue.count >= LANES) return;
+        }
+    }
 
     // Draw all that is seen of a bvh. `levels` has room for every level of it but the last, `queue` is empty.
     static inline void draw(const Bvh& bvh, const Camera& camera, Packet& packet, Level* levels, TriangleQueue queue,
@@ -160,8 +263,9 @@ struct Walk {
         const int lane = Warp::lane();
         int level = 0;
         bool at_once = false;  // whether what is queued must not wait
-        unsigned visit = open(bvh, camera, packet, bvh.root);
-        int child = __ldg(bvh.children + (long long)bvh.root * LANES + lane);
+        int child;
+        unsigned small;
+        unsigned visit = open(bvh, camera, packet, bvh.root, child, small);
         for (;;) {
             if (queue.count >= LANES || (at_once && queue.count > 0)) {
                 unsigned slot;
@@ -171,6 +275,10 @@ struct Walk {
                 continue;
             }
             at_once = false;
+            if (small) {
+                look_at_leaves(bvh, camera, packet, child, small, queue);
+                continue;
+            }
             const unsigned next = Warp::reduce_max(visit);
             if (next == 0) {
                 if (level > 0) {
@@ -195,8 +303,7 @@ struct Walk {
                 levels[level].visit[lane] = visit;
                 levels[level].child[lane] = child;
                 ++level;
-                visit = open(bvh, camera, packet, index);
-                child = __ldg(bvh.children + (long long)index * LANES + lane);
+                visit = open(bvh, camera, packet, index, child, small);
             }
         }
     }

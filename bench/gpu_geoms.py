@@ -1,0 +1,133 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Worlds of many moving boxes, spheres, capsules, cylinders and ellipsoids on a GPU, against MuJoCo Warp's renderer.
+
+    python bench/gpu_geoms.py [--cases GEOMS,WORLDS,SIZE ...]
+
+Every body floats freely above a floor, in each world elsewhere. A call moves all of them and renders one camera in all
+worlds, depth only, as in gpu_worlds.py. Prints a Markdown table, and how far the images agree.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any
+
+import mujoco
+import numpy as np
+import warp as wp
+from gpu_worlds import measure
+from numpy.typing import NDArray
+
+from warpvis.mujoco import BatchRenderer
+
+_CASES = (
+    "10,4096,64",
+    "10,256,512",
+    "100,64,64",
+    "100,2048,64",
+    "100,128,512",
+    "400,512,64",
+    "1000,64,64",
+    "1000,256,64",
+)
+_KINDS = ("box", "sphere", "capsule", "cylinder", "ellipsoid")
+_SIZES = {"box": 3, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3}
+_ROOM = 1.5  # half of its width [m]
+_CAMERA = "overview"
+
+
+def free_bodies(count: int) -> mujoco.MjModel:
+    """Make a model of a floor, a camera that sees all of it, and bodies that fill about the same share of any image."""
+    rng = np.random.default_rng(count)
+    spec = mujoco.MjSpec()
+    world = spec.worldbody
+    world.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[2 * _ROOM, 2 * _ROOM, 0.1])
+    world.add_camera(name=_CAMERA, pos=[0, -2.6 * _ROOM, 2.0 * _ROOM], xyaxes=[1, 0, 0, 0, 0.55, 0.83], fovy=50)
+    reach = 0.6 * _ROOM / np.sqrt(count)
+    for k in range(count):
+        kind = _KINDS[k % len(_KINDS)]
+        body = world.add_body()
+        body.add_freejoint()
+        size = np.zeros(3)
+        size[: _SIZES[kind]] = reach * rng.uniform(0.3, 1.0, _SIZES[kind])
+        body.add_geom(type=getattr(mujoco.mjtGeom, f"mjGEOM_{kind.upper()}"), size=size, contype=0, conaffinity=0)
+    return spec.compile()
+
+
+def scattered(model: mujoco.MjModel, worlds: int) -> NDArray[np.float32]:
+    """Joint positions, shape ``(worlds, nq)``: bodies anywhere in the room, turned in any way."""
+    rng = np.random.default_rng(1)
+    rows = np.empty((worlds, model.nq // 7, 7), dtype=np.float32)
+    rows[..., :2] = rng.uniform(-_ROOM, _ROOM, (*rows.shape[:2], 2))
+    rows[..., 2] = rng.uniform(0.1, _ROOM, rows.shape[:2])
+    rows[..., 3:] = rng.normal(size=(*rows.shape[:2], 4))
+    rows[..., 3:] /= np.linalg.norm(rows[..., 3:], axis=-1, keepdims=True)
+    return rows.reshape(worlds, -1)
+
+
+def compare(geoms: int, worlds: int, size: int, device: str) -> dict[str, Any]:
+    """Seconds a call of each, and how far their depth agrees."""
+    import mujoco_warp as mjw
+
+    model = free_bodies(geoms)
+    host = mujoco.MjData(model)
+    mujoco.mj_forward(model, host)
+    with wp.ScopedDevice(device):
+        m, data = mjw.put_model(model), mjw.put_data(model, host, nworld=worlds)
+        data.qpos.assign(scattered(model, worlds))
+        mjw.kinematics(m, data)
+        mjw.com_pos(m, data)
+        mjw.camlight(m, data)
+        context = mjw.create_render_context(
+            model,
+            nworld=worlds,
+            cam_res=(size, size),
+            render_rgb=False,
+            render_depth=True,
+            render_seg=False,
+            use_textures=False,
+            cam_active=[_CAMERA],
+        )
+
+    def theirs() -> None:
+        mjw.refit_bvh(m, data, context)
+        mjw.render(m, data, context)
+
+    batch = BatchRenderer(model, worlds, height=size, width=size, device=device)
+    views = batch.render(data, cameras=_CAMERA)
+    seconds = measure(
+        {"warpvis": lambda: batch.render(data, cameras=_CAMERA, out=views), "MuJoCo Warp": theirs}, device
+    )
+    ours, other = views.depth.numpy(), context.depth_data.numpy().reshape(worlds, size, size)
+    both = np.isfinite(ours) & (other > 0)
+    seconds["hit by both or neither"] = float(np.mean((ours < np.inf) == (other > 0)))
+    seconds["median difference"] = float(np.median(np.abs(ours - other)[both]))
+    return seconds
+
+
+def main() -> int:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cases", nargs="+", default=_CASES, metavar="GEOMS,WORLDS,SIZE")
+    parser.add_argument("--device", default="cuda:0")
+    options = parser.parse_args()
+    wp.config.log_level = wp.LOG_WARNING
+    print("| geoms, worlds, image | warpvis | MuJoCo Warp | times as fast | agree |")
+    print("| --- | ---: | ---: | ---: | --- |")
+    for case in options.cases:
+        geoms, worlds, size = (int(number) for number in case.split(","))
+        found = compare(geoms, worlds, size, options.device)
+        ours, theirs = found["warpvis"], found["MuJoCo Warp"]
+        print(
+            f"| {geoms}, {worlds}, {size}x{size} | {1e3 * ours:.3f} ms, {worlds / ours:,.0f} fps | "
+            f"{1e3 * theirs:.3f} ms, {worlds / theirs:,.0f} fps | {theirs / ours:.2f}x | "
+            f"{100 * found['hit by both or neither']:.2f} %, {1e3 * found['median difference']:.3f} mm |",
+            flush=True,
+        )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,82 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where movable objects are in the images, found on a GPU before packets are drawn."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+import warp as wp
+
+from warpvis.core.kernel_cache import launch
+from warpvis.kernels.constants import CUDA_LANES
+
+if TYPE_CHECKING:
+    from warpvis.kernels.packets import BvhScene
+    from warpvis.kernels.packets_cuda import FoundObjects
+    from warpvis.kernels.worlds import Worlds
+    from warpvis.rendering._orthographic import AnyCamera
+
+MANY_OBJECTS = 256
+"""With fewer, packets look at all of them themselves, a lane each."""
+
+# So many objects of views take 2 GB: beyond, packets look at all of them.
+_MOST = 1 << 26
+# Columns and rows of pixels are noted in 16 bits.
+_WIDEST = 0xFFFF
+_BLOCK = 128
+
+
+def find_objects(
+    scene: BvhScene, camera: AnyCamera, clip_near: bool, poses: wp.array, worlds: Worlds, device: wp.Device
+) -> FoundObjects:
+    """Find the objects with frames of their own that each view may see, and sort them into tiles of its image.
+
+    Args:
+        scene: The trees.
+        camera: Of all views.
+        clip_near: Whether what is nearer than its `near` is not there.
+        poses: Camera to world, shape ``(V,)``, transforms on the device.
+        worlds: Where objects are, and how large.
+        device: A GPU.
+
+    Returns:
+        What packets ask; without arrays where that would take too much memory.
+    """
+    from warpvis.kernels.packets_cuda import MOST_TILES, TILE_BITS, FoundObjects, sort_into_tiles
+
+    count, views = scene.drawn_count, len(poses)
+    if views * count > _MOST or max(camera.width, camera.height) > _WIDEST:
+        return nothing_found()
+    found = FoundObjects()
+    found.tiles_y, found.tiles_x = (-(-side >> TILE_BITS) for side in (camera.height, camera.width))
+    tiles = views * found.tiles_y * found.tiles_x
+    found.entries = wp.empty((views, count), dtype=wp.vec4i, device=device)
+    found.counts = wp.zeros((views, 2), dtype=wp.int32, device=device)
+    found.tile_counts = wp.zeros(tiles, dtype=wp.int32, device=device)
+    found.tile_ends = wp.empty(tiles, dtype=wp.int32, device=device)
+    found.order = wp.empty(MOST_TILES * views * count, dtype=wp.int32, device=device)
+    lens = camera.device_struct(clip_near=clip_near)
+    size = views, -(-count // CUDA_LANES), CUDA_LANES
+    launch(
+        _kernel(worlds.object_sizes is not None), size, [scene, lens, poses, worlds, found], device, block_dim=_BLOCK
+    )
+    wp.utils.array_scan(found.tile_counts, found.tile_ends, inclusive=True)
+    launch(sort_into_tiles, (views, count), [found], device)
+    return found
+
+
+@cache
+def nothing_found() -> FoundObjects:
+    """Return what makes packets look at all objects themselves."""
+    from warpvis.kernels.packets_cuda import FoundObjects
+
+    return FoundObjects()
+
+
+@cache
+def _kernel(resized: bool) -> wp.Kernel:
+    from warpvis.kernels.packets_cuda import make_find_kernel
+
+    return make_find_kernel(resized)
