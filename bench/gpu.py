@@ -62,7 +62,16 @@ CROWD_CASES = {
     "crowd-100k-320": ("100 k balls 320x240", "crowd_100k", 320, 240, 64),
     "crowd-100k-static-320": ("100 k that stay 320x240", "crowd_100k_static", 320, 240, 64),
 }
-ALL_CASES = CASES | FINE_CASES | CROWD_CASES
+# Of little work, where what counts is the time of who waits; only if asked for.
+SMALL_CASES = {
+    "small-room-1": ("room, 1 of 64x64", "room", 64, 64, 1),
+    "small-room-16": ("room, 16 of 84x84", "room", 84, 84, 16),
+    "small-room-128": ("room, 128 of 64x64", "room", 64, 64, 128),
+    "small-1m-1": ("1.2 M, 1 of 64x64", "blobs_1m", 64, 64, 1),
+    "small-1m-16": ("1.2 M, 16 of 84x84", "blobs_1m", 84, 84, 16),
+    "small-1m-128": ("1.2 M, 128 of 64x64", "blobs_1m", 64, 64, 128),
+}
+ALL_CASES = CASES | FINE_CASES | CROWD_CASES | SMALL_CASES
 
 # Of several ways to use a library, those that are slower than the fastest by more than this at first look are not
 # looked at again.

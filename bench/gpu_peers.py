@@ -117,6 +117,7 @@ def methods() -> Iterator[Method]:
     yield Method("warpvis", BASELINE, "", warpvis, _OWN)
     yield Method("warpvis", "**warpvis** `rays`, depth", "", lambda case: warpvis(case, caster="rays"), _OWN)
     yield Method("warpvis", "**warpvis** `packets`, depth", "", lambda case: warpvis(case, caster="packets"), _OWN)
+    yield Method("warpvis", f"{BASELINE}, poses of the host", "", lambda case: warpvis(case, host=True), _OWN)
     yield Method(
         "warpvis", EVERYTHING, "", lambda case: warpvis(case, "depth", "points", "labels", "segmentation"), _OWN
     )

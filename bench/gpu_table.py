@@ -201,11 +201,16 @@ def _calls(cases: dict[str, list[Result]], titles: dict[str, str]) -> str:
 
 def _call(result: Result) -> str:
     wall, device, graph = (
-        f"{np.median(times) * 1e3:.2f}" if times else "-"
+        _milliseconds(float(np.median(times))) if times else "-"
         for times in (result.wall_seconds, result.device_seconds, result.graph_seconds)
     )
     way = ", ".join(filter(None, [result.method.variant, result.note]))
     return f"{wall} ({device}, {graph}){f' {way}' if way else ''}"
+
+
+def _milliseconds(seconds: float) -> str:
+    """To ten microseconds, and to one where there are few of them."""
+    return f"{seconds * 1e3:.2f}" if seconds >= 1e-3 else f"{seconds * 1e3:.3f}"
 
 
 def _percent(share: float) -> str:

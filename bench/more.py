@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,10 +27,17 @@ _SINGLE_VIEWS = 8
 # What is measured on some scenes only: elsewhere it takes long and tells little more.
 _WITH_OPEN3D, _BUILT, _COMPILED = "room", "blobs_1m", ("room", "blobs_77k")
 
+# Sides of small images [px], as environments have them.
+_SIDES = (8, 32, 64, 84)
+# So many calls of each are timed at once.
+_SMALL_CALLS = 25
+
 # Lines of the table.
 _ONE = "One view of 640x480, `packets`, depth"
 _ONE_ALONE = f"{_ONE}, 1 thread"
 _ONE_OPEN3D = "One view of 640x480, Open3D"
+_SMALL = "One view of {0}x{0}, `packets`, depth, into new memory"
+_SMALL_OPEN3D = "One view of {0}x{0}, Open3D"
 _BATCH_OF_TWO = f"{_BATCH} views on 2 threads, times as fast as on 1"
 _ONE_OF_TWO = "One view of 640x480 on 2 threads, times as fast as on 1"
 _CLUSTERS = "Building `Scene.bvh()`"
@@ -54,6 +62,10 @@ def measure_more(scenes: Sequence[str], rounds: int) -> list[Figure]:
     figures = []
     for name in scenes:
         figures += _attempt(_ONE, name, lambda name=name: _single_view(wv.scenes.PRESETS[name], rounds))
+    if _WITH_OPEN3D in scenes:
+        for side in _SIDES:
+            small = partial(_small_view, wv.scenes.PRESETS[_WITH_OPEN3D], side, rounds)
+            figures += _attempt(_SMALL.format(side), _WITH_OPEN3D, small)
     for name in scenes:
         figures += _attempt(_BATCH_OF_TWO, name, lambda name=name: _two_threads(wv.scenes.PRESETS[name], rounds))
     if _BUILT in scenes:
@@ -95,6 +107,19 @@ def _single_view(preset: wv.scenes.ScenePreset, rounds: int) -> Iterator[Figure]
         else:
             milliseconds = value / len(works) * 1e3
             yield Figure(title, preset.name, milliseconds, f"{milliseconds:.3g} ms{_beside(value, seconds[_ONE])}")
+
+
+def _small_view(preset: wv.scenes.ScenePreset, side: int, rounds: int) -> Iterator[Figure]:
+    """Microseconds a view, of which each has new memory; Open3D's rays are made before."""
+    camera = wv.Camera.from_fov(side, side, hfov=preset.camera.hfov, near=preset.camera.near, far=preset.camera.far)
+    scene = preset.build()
+    renderer = wv.Renderer(scene, camera, outputs=("depth",))
+    poses = [pose[None] for pose in preset.poses(_SINGLE_VIEWS)]
+    ours = _one_by_one([partial(renderer.render, pose) for pose in poses] * _SMALL_CALLS)
+    theirs = _one_by_one([open3d(Work(scene, camera, pose))[0] for pose in poses] * _SMALL_CALLS)
+    own, other = (seconds / (len(poses) * _SMALL_CALLS) for seconds in _medians([ours, theirs], rounds))
+    yield Figure(_SMALL.format(side), preset.name, own, f"{own * 1e6:.0f} us")
+    yield Figure(_SMALL_OPEN3D.format(side), preset.name, other, f"{other * 1e6:.0f} us{_beside(other, own)}")
 
 
 def _one_by_one(runs: list[Callable[[], Any]]) -> Callable[[], None]:
@@ -184,6 +209,7 @@ def more_markdown(figures: Sequence[Figure]) -> str:
 
 _CAPTION = (
     "On all cores where it does not say how many threads; `wp.Mesh` builds on one. One view: a call for each, the mean "
-    f"of {_SINGLE_VIEWS}. Compiled for less: Warp's `cpu_compiler_flags` is `-target-cpu haswell` for AVX2 and empty "
-    "for AVX, the least that Warp compiles for on x86-64; each in processes of its own, in turns."
+    f"of {_SINGLE_VIEWS}; Open3D's rays are made before. Compiled for less: Warp's `cpu_compiler_flags` is "
+    "`-target-cpu haswell` for AVX2 and empty for AVX, the least that Warp compiles for on x86-64; each in processes of "
+    "its own, in turns."
 )
