@@ -210,6 +210,6 @@ def more_markdown(figures: Sequence[Figure]) -> str:
 _CAPTION = (
     "On all cores where it does not say how many threads; `wp.Mesh` builds on one. One view: a call for each, the mean "
     f"of {_SINGLE_VIEWS}; Open3D's rays are made before. Compiled for less: Warp's `cpu_compiler_flags` is "
-    "`-target-cpu haswell` for AVX2 and empty for AVX, the least that Warp compiles for on x86-64; each in processes of "
-    "its own, in turns."
+    "`-target-cpu haswell` for AVX2 and empty for AVX, the least that Warp compiles for on x86-64; each in processes "
+    "of its own, in turns."
 )

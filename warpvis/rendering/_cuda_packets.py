@@ -104,11 +104,9 @@ class CudaPacketsCaster(RaysCaster):
         with_id = not (normals is None and labels is None and segmentation is None)
         kind = (side, with_id, moving, self._clip_near, moving and worlds.object_sizes is not None, views)
         packed = self._idle.take(kind) or self._pack(kind)
-        if isinstance(poses, wp.array):
-            self._draw(packed, clusters.struct, poses, worlds, images)
-        else:
-            with self._placed(poses) as places:
-                self._draw(packed, clusters.struct, places, worlds, images)
+        places, staging = self._place(poses)
+        self._draw(packed, clusters.struct, places, worlds, images)
+        self._give_back(staging)
         self._idle.give_back(kind, packed)
 
     def _draw(

@@ -4,8 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -35,10 +34,11 @@ _MOST_STAGED = 4
 class _Staging:
     """Where rows of the host wait to be copied to a GPU, and where they go: to make arrays takes longer than a copy."""
 
-    def __init__(self, views: int, device: wp.Device) -> None:
+    def __init__(self, kind: tuple[int, wp.Stream]) -> None:
+        views, stream = self.kind = kind
         self._rows = np.empty((views, POSE_WORDS), dtype=np.float32)
         self._source = wp.array(self._rows, dtype=wp.transform, device="cpu", copy=False)
-        self._target = wp.empty(views, dtype=wp.transform, device=device)
+        self._target = wp.empty(views, dtype=wp.transform, device=stream.device)
 
     def fill(self, poses: np.ndarray) -> wp.array:
         """Queue the copy. Of memory that is not pinned, CUDA has taken all when that returns."""
@@ -100,30 +100,31 @@ class RaysCaster:
     ) -> None:
         triangles, outputs = self._scene.triangles(), images_struct(images)
         camera = self._camera.device_struct(clip_near=self._clip_near)
-        with self._placed(poses) as places:
-            launch_images(
-                kernel,
-                shape,
-                lambda window: [triangles.struct, camera, places, window, *others, self._cull_backfaces, outputs],
-                device=self._scene.device,
-                threads=self._threads,
-            )
+        places, staging = self._place(poses)
+        launch_images(
+            kernel,
+            shape,
+            lambda window: [triangles.struct, camera, places, window, *others, self._cull_backfaces, outputs],
+            device=self._scene.device,
+            threads=self._threads,
+        )
+        self._give_back(staging)
 
-    @contextmanager
-    def _placed(self, poses: CastPoses) -> Iterator[wp.array]:
-        """Have poses on the scene's device while a launch is queued there."""
+    def _place(self, poses: CastPoses) -> tuple[wp.array, _Staging | None]:
+        """Have poses on the scene's device; what is returned beside them is to be given back after the launch."""
         if isinstance(poses, wp.array):
-            yield poses
-            return
+            return poses, None
         device = self._scene.device
         if device.is_cpu or device.is_capturing:  # a graph has to have poses of its own
-            yield wp.array(poses, dtype=wp.transform, device=device)
-            return
-        # Work that is queued later on the same stream may write there.
+            return wp.array(poses, dtype=wp.transform, device=device), None
         kind = (len(poses), device.stream)
-        staging = self._staging.take(kind) or _Staging(len(poses), device)
-        yield staging.fill(poses)
-        self._staging.give_back(kind, staging)
+        staging = self._staging.take(kind) or _Staging(kind)
+        return staging.fill(poses), staging
+
+    def _give_back(self, staging: _Staging | None) -> None:
+        """Have memory wait for work that is queued later on the same stream, which may write there."""
+        if staging is not None:
+            self._staging.give_back(staging.kind, staging)
 
 
 class OrthographicCaster(RaysCaster):
