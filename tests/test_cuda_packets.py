@@ -67,7 +67,7 @@ def test_what_is_launched(monkeypatch):
         caster.cast(poses, worlds, [depth, None, None, None, None])
         caster.cast(poses, worlds, [depth, None, None, None, ids])
         caster.cast(wp.zeros(0, dtype=wp.transform), worlds, [None] * 5)
-    size = (3, 2, 4, 32)
+    size = (2, 3, 4, 32)  # rows of packets, views, columns, lanes
     assert launched == [((32, ids, False, clip, False), size) for clip in (False, True) for ids in (False, True)]
 
 
