@@ -52,6 +52,31 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 
 @wp.kernel
+def check_mesh(
+    # Scene:
+    vertices: wp.array[wp.vec3],
+    faces: wp.array2d[wp.int32],
+    # In:
+    farthest: float,
+    # Out:
+    found_out: wp.array[wp.int32],
+):
+    """Count corners that are too far away or nowhere, and find the first; find the least and the greatest index."""
+    index = wp.tid()
+    if index < vertices.shape[0]:
+        place = vertices[index]
+        reach = wp.max(wp.max(wp.abs(place[0]), wp.abs(place[1])), wp.abs(place[2]))
+        fine = reach <= farthest and place[0] == place[0] and place[1] == place[1] and place[2] == place[2]
+        if not fine:
+            wp.atomic_add(found_out, 0, 1)
+            wp.atomic_min(found_out, 1, index)
+    if index < faces.shape[0]:
+        for corner in range(3):
+            wp.atomic_min(found_out, 2, faces[index, corner])
+            wp.atomic_max(found_out, 3, faces[index, corner])
+
+
+@wp.kernel
 def load_items(
     # Scene:
     vertices: wp.array[wp.vec3],

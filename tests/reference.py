@@ -17,6 +17,7 @@ from reference_building import (  # noqa: F401
     BINS,
     begin_tree,
     bound_centres,
+    check_mesh,
     choose_bins,
     choose_places,
     clear_bins,

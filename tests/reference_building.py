@@ -31,6 +31,12 @@ def half_of(count: int) -> int:
     return int(leaves_of(count // 2)) * LANES
 
 
+def check_mesh(vertices: NDArray, faces: NDArray, farthest: float) -> list[int]:
+    """Count corners that are too far away or nowhere, and find the first; the least and the greatest index."""
+    bad = np.flatnonzero(~(np.abs(vertices) <= farthest).all(axis=1))
+    return [len(bad), *bad[:1], *([2**31 - 1] * (not len(bad))), faces.min(), faces.max()]
+
+
 def bound_centres(low: NDArray, high: NDArray) -> NDArray:
     """The box of twice the boxes' centres: least and greatest corner in one row of six."""
     twice = np.asarray(low, dtype=np.float64) + high

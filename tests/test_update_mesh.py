@@ -15,12 +15,18 @@ from test_worlds import assert_bits_equal
 
 import warpvis as wv
 from warpvis.errors import SceneError
-from warpvis.scene import _kept_trees, solids
+from warpvis.kernels.bvh_cuda import check_mesh
+from warpvis.scene import _kept_trees, _new_mesh, geometry, solids
+from warpvis.scene._spliced import splice_bvh
+from warpvis.scene.geometry import build_scene_bvh
+
+import reference
 
 BOX, CONE = trimesh.creation.box((0.5, 0.4, 0.3)), trimesh.creation.cone(radius=0.3, height=0.5)
 POSES = np.array([[-0.6, 0.1, 0.4, 0, 0, 0.6, 0.8], [0.7, -0.2, 0.5, 0.6, 0, 0, 0.8]])
 # Half of a ball: open, so that its inner side is seen.
-HALF = (BALL.vertices * 0.4, BALL.faces[BALL.triangles_center[:, 0] < 0.05])
+SLICE = BALL.submesh([np.flatnonzero(BALL.triangles_center[:, 0] < 0.05)], append=True)
+HALF = (SLICE.vertices * 0.4, SLICE.faces)
 
 
 def build(device, first, second, movable=True):
@@ -100,6 +106,141 @@ def test_only_what_changed_is_built_again(monkeypatch):
     update(scene, "second", BALL)
     scene.bvh()
     assert (built, asked) == ([len(BALL.faces)], [])
+
+
+def trees_of(built):
+    """Of each movable object, what its tree holds: corners and owners of its leaves, and boxes of its nodes."""
+    struct, found = built.struct, []
+    lanes = 16 if struct.leaves.device.is_cpu else 32
+    children, owners = (getattr(struct, name).numpy().reshape(-1, lanes) for name in ("children", "owners"))
+    nodes, leaves = struct.nodes.numpy().reshape(-1, 10, lanes), struct.leaves.numpy().reshape(-1, 9, lanes)
+    roots, first_leaves = struct.movable_root.numpy(), struct.movable_leaf.numpy()
+    for root, first in zip(roots.tolist(), first_leaves.tolist(), strict=True):
+        below, held = [root], []
+        while below:
+            node = below.pop()
+            held.append(nodes[node].tobytes())
+            for child in children[node][children[node] != 0].tolist():
+                assert child > root or ~child >= first
+                below += [child] if child > 0 else []
+                held += [leaves[~child].tobytes() + owners[~child].tobytes()] if child < 0 else []
+        found.append(held)
+    return found
+
+
+def test_an_update_after_rendering_builds_one_tree(device, monkeypatch):
+    """What casters read is then what it would be if all had been built: as much, and the same of each object."""
+    scene = build(device, CONE, BALL)
+    scene.add_instances(BOX, [*POSES], names="box")
+    scene.bvh(), scene.triangles()
+    built, meshes = [], []
+    for name in ("build_bvh", "build_device_bvh"):
+        make = getattr(_kept_trees, name)
+        monkeypatch.setattr(_kept_trees, name, lambda *a, make=make, **k: built.append(1) or make(*a, **k))
+    make_mesh = geometry.make_mesh
+    monkeypatch.setattr(geometry, "make_mesh", lambda *a: meshes.append(1) or make_mesh(*a))
+    for name, mesh in [("first", HALF), ("second", CONE), ("box_0", BALL), ("box_1", HALF), ("first", BOX)]:
+        built.clear(), meshes.clear()
+        update(scene, name, mesh, closed=mesh is not HALF)
+        bvh = scene.bvh()
+        scene.triangles()
+        assert (len(built), len(meshes)) == (1, 1)
+        fresh = scene.to(device).bvh()
+        assert trees_of(bvh) == trees_of(fresh)
+        assert bvh.depth >= fresh.depth
+    for name in ("movable_first_id", "movable_closed", "movable_boxes", "movable_object", "movable_solid"):
+        np.testing.assert_array_equal(getattr(bvh.struct, name).numpy(), getattr(fresh.struct, name).numpy())
+    for name in ("leaves", "owners", "nodes", "children"):
+        assert len(getattr(bvh.struct, name)) == len(getattr(fresh.struct, name))
+    assert bvh.bytes_per_triangle == pytest.approx(fresh.bytes_per_triangle)
+
+
+def test_objects_that_deform_still_do(device, caster):
+    scene = build(device, BOX, BOX)
+    scene.update_vertices("second", BOX.vertices * 1.1)
+    scene.bvh(), scene.triangles()
+    update(scene, "first", HALF)
+    for factor in (0.7, 1.3):
+        scene.update_vertices("second", BOX.vertices * factor)
+        assert_seen(scene, build("cpu", HALF, (BOX.vertices * factor, BOX.faces), movable=False), caster)
+
+
+def on_device(mesh, device="cpu"):
+    """An object's mesh on a device, as `Scene.update_mesh` is given it."""
+    vertices, faces = (mesh.vertices, mesh.faces) if hasattr(mesh, "faces") else mesh
+    return wp.array(np.float32(vertices), device=device), wp.array(np.int32(faces), device=device)
+
+
+def exchanged(monkeypatch, vertices, faces):
+    """The object that takes another's place, with Warp's arrays of the CPU taken for those of a GPU."""
+    monkeypatch.setattr(_new_mesh, "on_gpu", lambda value: isinstance(value, wp.array))
+    item = build("cpu", BOX, BOX)["first"]
+    return _new_mesh.with_mesh(item, vertices, faces, wp.get_device("cpu"))
+
+
+def test_a_mesh_of_a_gpu_stays_there_until_it_is_asked_for(monkeypatch):
+    """It is a copy: what becomes of the arrays that were given changes nothing."""
+    given = on_device(HALF)
+    item = exchanged(monkeypatch, *given)
+    assert isinstance(item, _new_mesh.MeshOnDevice)
+    assert (item.triangle_count, item.movable, item.name, item.label) == (len(HALF[1]), True, "first", 4)
+    for array in given:
+        array.zero_()
+    expected = build("cpu", HALF, BOX)["first"]
+    for one in (item, pickle.loads(pickle.dumps(item))):
+        for name in ("mesh_vertices", "faces", "vertices", "pose", "bounds"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(expected, name))
+    with pytest.raises(AttributeError, match="no attribute 'colour'"):
+        _ = item.colour
+    mesh = _new_mesh.build_warp_mesh(item, wp.get_device("cpu"))
+    np.testing.assert_array_equal(mesh.points.numpy(), expected.mesh_vertices)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_its_tree_is_built_there_and_takes_the_others_place(monkeypatch, closed):
+    item = exchanged(monkeypatch, *on_device(BALL))
+    scene = build("cpu", BOX, CONE)
+    built = build_scene_bvh(scene.objects, scene.device, lanes=32)
+    tree = _new_mesh.build_mesh_tree(item, closed, scene.device)
+    assert (tree.lanes, tree.triangle_count) == (32, len(BALL.faces))
+    assert (tree.nodes.numpy().reshape(-1, 10, 32)[:, 9].min() < 2) == closed
+    spliced = splice_bvh(built, 0, tree, closed=closed, had=12).struct
+    np.testing.assert_array_equal(spliced.leaves[-len(tree.leaves) :].numpy(), tree.leaves.numpy())
+    np.testing.assert_array_equal(spliced.owners[-len(tree.owners) :].numpy(), -1 if closed else 0)
+    box = spliced.movable_boxes.numpy()[:6]
+    np.testing.assert_array_equal(box, np.concatenate([item.mesh_vertices.min(axis=0), item.mesh_vertices.max(axis=0)]))
+
+
+BAD_ON_DEVICE = {
+    "NaN": (np.where(np.arange(24).reshape(8, 3) > 5, np.nan, BOX.vertices), BOX.faces, "6 are not, the first at 2$"),
+    "far away": (
+        BOX.vertices * 1e19,
+        BOX.faces,
+        "within 1e18 m of the origin of its frame: 8 are not, the first at 0$",
+    ),
+    "no such corner": (BOX.vertices[:7], BOX.faces, "must index its 7 vertices, got indices from 0 to 7$"),
+    "negative": (BOX.vertices, BOX.faces - 1, "must index its 8 vertices, got indices from -1 to 6$"),
+    "no triangles": (BOX.vertices, BOX.faces[:0], "must have triangles, got none$"),
+    "flat": (BOX.vertices.ravel(), BOX.faces, "vertices of 'first' must have dtype wp.vec3, got float32$"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_ON_DEVICE)
+def test_a_mesh_of_a_gpu_is_checked_there(monkeypatch, case):
+    vertices, faces, message = BAD_ON_DEVICE[case]
+    with pytest.raises(SceneError, match=message):
+        exchanged(monkeypatch, *on_device((vertices, faces)))
+
+
+def test_what_is_found_on_a_device_is_what_the_twin_finds(device):
+    rng = np.random.default_rng(0)
+    vertices, faces = rng.normal(size=(5000, 3)), rng.integers(-4, 6000, (700, 3))
+    vertices[rng.integers(0, 5000, 9), 1] = [np.nan, np.inf, -np.inf, 2, -2, 8, 9, 1e30, 3]
+    vertices = np.float32(vertices)
+    found = wp.array([0, 2**31 - 1, 2**31 - 1, -(2**31)], dtype=wp.int32, device=device)
+    arrays = wp.array(vertices, dtype=wp.vec3, device=device), wp.array(faces, dtype=wp.int32, device=device)
+    wp.launch(check_mesh, dim=5000, inputs=[*arrays, 2.5, found], device=device)
+    assert found.numpy().tolist() == reference.check_mesh(vertices, faces, 2.5)
 
 
 @pytest.mark.parametrize("movable", [True, False])

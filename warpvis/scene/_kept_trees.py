@@ -45,13 +45,13 @@ class KeptTrees:
     ) -> Bvh:
         """Return the tree of some triangles, built on a GPU where that is quicker. Nobody may write into kept ones."""
         if not self.keep:
-            return _build(vertices, faces, owner, closed, lanes, device)
+            return build_tree(vertices, faces, owner, closed, lanes, device)
         # Of the flags only those of the triangles' own objects count.
         own = closed[owner]
         key = (vertices.tobytes(), faces.tobytes(), owner.tobytes(), own.tobytes(), bytes([lanes]))
         found = self._last.get(key)
         if found is None:
-            found = _build(vertices, faces, owner, closed, lanes, device)
+            found = build_tree(vertices, faces, owner, closed, lanes, device)
         self._now[key] = found
         return found
 
@@ -75,7 +75,7 @@ class KeptTrees:
         self._closed, self._closed_now = self._closed_now, {}
 
 
-def _build(
+def build_tree(
     vertices: NDArray[np.float32],
     faces: NDArray[np.int32],
     owner: NDArray[np.int32],

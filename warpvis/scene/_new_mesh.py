@@ -4,39 +4,162 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
-from warpvis.core.arrays import FARTHEST, on_gpu
+from warpvis.core.arrays import FARTHEST, as_warp, on_gpu
+from warpvis.core.kernel_cache import launch
 from warpvis.core.types import ArrayInput
-from warpvis.errors import SceneError
+from warpvis.errors import ArrayError, SceneError
+from warpvis.kernels.constants import CPU_LANES, CUDA_LANES
+from warpvis.scene._bvh import Bvh
+from warpvis.scene._bvh_cuda import DeviceMesh, build_device_bvh
+from warpvis.scene._kept_trees import build_tree
 from warpvis.scene._object import SceneObject, check_mesh
+from warpvis.scene._shared_mesh import placed_at
 
 
-def with_mesh(item: SceneObject, vertices: ArrayInput, faces: ArrayInput | None) -> SceneObject:
+class MeshOnDevice(SceneObject):
+    """A movable object whose mesh is on the scene's GPU; the host is told of it when it asks."""
+
+    def __init__(self, item: SceneObject, mesh: DeviceMesh) -> None:
+        """Make the same object with another mesh."""
+        for name in ("name", "label", "pose"):
+            object.__setattr__(self, name, getattr(item, name))
+        object.__setattr__(self, "mesh", mesh)
+
+    def __getattr__(self, name: str) -> NDArray[np.float32]:
+        """Copy what is asked for to the host, and keep it."""
+        if name == "_host_vertices":
+            found = self.__dict__["mesh"].vertices.numpy()
+        elif name == "faces":
+            found = self.__dict__["mesh"].faces.numpy()
+        elif name == "vertices":
+            assert self.pose is not None
+            found = placed_at(self.mesh_vertices, self.pose).astype(np.float32)
+        else:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        object.__setattr__(self, name, found)
+        return found
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Be an object of the host in another process."""
+        return SceneObject.placed, (self.name, self.label, (self.mesh_vertices, self.faces), self.pose)
+
+    @property
+    def triangle_count(self) -> int:
+        """Triangles of its mesh."""
+        return len(self.__dict__["mesh"].faces)
+
+    @property
+    def mesh_vertices(self) -> NDArray[np.float32]:
+        """The corners in the object's frame."""
+        return self._host_vertices
+
+
+def with_mesh(item: SceneObject, vertices: ArrayInput, faces: ArrayInput | None, device: wp.Device) -> SceneObject:
     """Return the object with another mesh, in the frame of one that moves, and else in the world.
 
     Args:
         item: The object, which is of one piece with no other.
         vertices: Corners [m], shape ``(n, 3)``.
         faces: Corner indices of the triangles, shape ``(m, 3)``; those that it has for None.
+        device: The scene's.
 
     Raises:
         SceneError: The mesh is empty or malformed.
     """
     name = item.name
-    given = item.faces if faces is None else _host(faces, f"faces of {name!r}")
-    corners, triangles = check_mesh((_host(vertices, f"vertices of {name!r}"), given), name)
+    given = item.faces if faces is None else faces
+    if item.pose is not None and on_gpu(vertices) and on_gpu(given):
+        return MeshOnDevice(item, _on_device(vertices, given, name, device))
+    corners, triangles = check_mesh((_host(vertices, "vertices", name), _host(given, "faces", name)), name)
     if np.abs(corners).max() > FARTHEST:
-        where = "the origin of its frame" if item.movable else "the origin"
-        raise SceneError(f"vertices of {name!r} must lie within 1e18 m of {where}")
+        raise SceneError(_too_far(item))
     rounded = np.ascontiguousarray(corners, dtype=np.float32)
     if item.pose is None:
         return SceneObject(name, item.label, rounded, triangles)
     return SceneObject.placed(name, item.label, (rounded, triangles), item.pose)
 
 
-def _host(array: ArrayInput, name: str) -> ArrayInput:
+def build_mesh_tree(item: SceneObject, closed: bool, device: wp.Device) -> Bvh:
+    """Build the tree of an object's new mesh; on the device, if the mesh is there."""
+    if isinstance(item, MeshOnDevice):
+        from warpvis.kernels.packets_cuda import LEVELS
+
+        mesh: DeviceMesh = item.__dict__["mesh"]
+        return build_device_bvh(mesh._replace(closed=_flag(closed, device)), most_levels=LEVELS)
+    vertices, faces = item.mesh_vertices, item.faces
+    assert vertices is not None
+    lanes = CPU_LANES if device.is_cpu else CUDA_LANES
+    return build_tree(vertices, faces, np.zeros(len(faces), dtype=np.int32), np.array([closed]), lanes, device)
+
+
+def build_warp_mesh(item: SceneObject, device: wp.Device) -> wp.Mesh:
+    """Build the mesh of the ``rays`` caster."""
+    from warpvis.scene.geometry import make_mesh
+
+    if isinstance(item, MeshOnDevice):
+        mesh: DeviceMesh = item.__dict__["mesh"]
+        return make_mesh(mesh.vertices, mesh.faces.flatten(), device)
+    assert item.mesh_vertices is not None
+    return make_mesh(item.mesh_vertices, item.faces, device)
+
+
+def _flag(closed: bool, device: wp.Device) -> wp.array:
+    return wp.full(1, int(closed), dtype=wp.uint8, device=device)
+
+
+def _on_device(vertices: ArrayInput, faces: ArrayInput, name: str, device: wp.Device) -> DeviceMesh:
+    """Copy a mesh of the scene's GPU, and check it there."""
+    try:
+        corners = as_warp(_rows(vertices, wp.vec3), wp.vec3, ("n",), name=f"vertices of {name!r}", device=device)
+        triangles = as_warp(_rows(faces, wp.vec3i), wp.vec3i, ("m",), name=f"faces of {name!r}", device=device)
+    except ArrayError as error:
+        raise SceneError(str(error)) from None
+    if not len(triangles):
+        raise SceneError(f"mesh of {name!r} must have triangles, got none")
+    corners, indices = wp.clone(corners), wp.clone(triangles).view(wp.int32).reshape((len(triangles), 3))
+    _check_values(corners, indices, name)
+    owner = wp.zeros(len(indices), dtype=wp.int32, device=device)
+    return DeviceMesh(corners, indices, owner, _flag(False, device))
+
+
+def _check_values(vertices: wp.array, faces: wp.array, name: str) -> None:
+    """Raise a `SceneError` unless corners are where they can be, and indices are of corners."""
+    from warpvis.kernels.bvh_cuda import check_mesh as find_bad
+
+    count, limits = len(vertices), np.iinfo(np.int32)
+    found = wp.array([0, limits.max, limits.max, limits.min], dtype=wp.int32, device=vertices.device)
+    launch(find_bad, max(count, len(faces)), [vertices, faces, FARTHEST, found], vertices.device)
+    bad, first, low, high = found.numpy().tolist()
+    if bad:
+        raise SceneError(
+            f"vertices of {name!r} must be finite and within 1e18 m of the origin of its frame: {bad} are not, the "
+            f"first at {first}"
+        )
+    if low < 0 or high >= count:
+        what = "vertex" if count == 1 else "vertices"
+        raise SceneError(f"faces of {name!r} must index its {count} {what}, got indices from {low} to {high}")
+
+
+def _rows(value: ArrayInput, kind: type) -> ArrayInput:
+    """View a Warp array of rows of three numbers as one of vectors; return anything else as it is."""
+    scalar = kind._wp_scalar_type_  # type: ignore[attr-defined]
+    if isinstance(value, wp.array) and value.dtype == scalar and value.ndim == 2 and value.shape[1] == 3:
+        return value.contiguous().view(kind).reshape((value.shape[0],))
+    return value
+
+
+def _too_far(item: SceneObject) -> str:
+    where = "the origin of its frame" if item.movable else "the origin"
+    return f"vertices of {item.name!r} must lie within 1e18 m of {where}"
+
+
+def _host(array: ArrayInput, what: str, name: str) -> ArrayInput:
     """Copy an array of a GPU to the host; return any other as it is."""
     if isinstance(array, wp.array):
         return array.numpy()
@@ -45,4 +168,4 @@ def _host(array: ArrayInput, name: str) -> ArrayInput:
     try:
         return wp.from_dlpack(array).numpy()
     except (RuntimeError, TypeError) as error:
-        raise SceneError(f"{name} must be an array of numbers: {error}") from None
+        raise SceneError(f"{what} of {name!r} must be an array of numbers: {error}") from None

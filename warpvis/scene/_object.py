@@ -97,6 +97,11 @@ class SceneObject:
         return None
 
     @property
+    def triangle_count(self) -> int:
+        """Triangles of its mesh."""
+        return len(self.faces)
+
+    @property
     def bounds(self) -> NDArray[np.float32]:
         """Least and greatest corner of the axis-aligned box [m], shape ``(2, 3)``."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])

@@ -338,16 +338,20 @@ class Scene(SceneClasses, SceneTrees):
         """Give an object another mesh: cut, filled with holes, made by marching cubes, ...
 
         Its name, its index, its label and its pose stay. A movable object has a tree of its own, and only that is built
-        again when the scene is next rendered; all that stays is one tree, which is built again as a whole. To deform a
-        mesh whose triangles stay, `update_vertices` is quicker: it builds nothing.
+        again: at once, if the scene was rendered before. All that stays is one tree, which is built again as a whole
+        when it is next rendered. To deform a mesh whose triangles stay, take `update_vertices`, which builds nothing.
+
+        A movable object's mesh on the scene's GPU is copied there, checked there, and its tree built there: the host is
+        told how many ranges a level of the tree has, and whether the mesh is sound. `SceneObject.mesh_vertices` and
+        `faces` are copied from there when asked for.
 
         Objects that had the same mesh keep it. A round solid becomes the mesh.
 
         Args:
             name: The object's name. What is attached to another object, or another one to, keeps its mesh.
-            vertices: Corners [m], shape ``(n, 3)``, in the frame of an object that is movable, else in the world's. The
-                scale that the object was added with is not applied again.
-            faces: Corner indices of the triangles, shape ``(m, 3)``; those that it has by default.
+            vertices: Corners [m], shape ``(n, 3)`` or `wp.vec3` of shape ``(n,)``, in the frame of an object that is
+                movable, else in the world's. The scale that the object was added with is not applied again.
+            faces: Corner indices of the triangles, shape ``(m, 3)``, int32 on a GPU; those that it has by default.
             closed: Whether the mesh is known to be closed, with all normals outwards, so that its back faces can be
                 left out where it is seen from outside of its box: rendering is faster then. `add` finds out by
                 itself, which takes longer than building a tree.
@@ -355,18 +359,12 @@ class Scene(SceneClasses, SceneTrees):
         Raises:
             SceneError: There is no such object, it is of one piece with others, or the mesh is empty or malformed.
         """
-        from warpvis.scene._kept_trees import KeptTrees
         from warpvis.scene._new_mesh import with_mesh
 
         index = self.index(name)
         closed = check_flag(closed, "closed", SceneError)
         self._require_alone(index, "mesh stays")
-        item = with_mesh(self._objects[index], vertices, faces)
-        with self._lock:
-            self._objects[index] = item
-            self._kept_trees = self._kept_trees or KeptTrees()
-            self._kept_trees.know_closed(item, closed)
-            self._forget()
+        self._exchange(index, with_mesh(self._objects[index], vertices, faces, self.device), closed=closed)
 
     def replace_objects(self, objects: Sequence[SceneObject]) -> None:
         """Make these all objects of the scene, in their order; carriers are indices among them.
@@ -402,7 +400,7 @@ class Scene(SceneClasses, SceneTrees):
     @property
     def triangle_count(self) -> int:
         """Triangles of all objects together."""
-        return sum(len(item.faces) for item in self._objects)
+        return sum(item.triangle_count for item in self._objects)
 
     @property
     def bounds(self) -> NDArray[np.float32]:

@@ -109,6 +109,36 @@ class SceneTrees:
         """Tell whether any object is seen as a round solid."""
         return any(item.solid is not None for _, _, item in self._objects.runs())
 
+    def _exchange(self, index: int, item: SceneObject, *, closed: bool) -> None:
+        """Put an object, of one piece with no other, in the place of another one, which had another mesh.
+
+        Args:
+            index: Which object.
+            item: The new one, which moves if the old one does.
+            closed: Whether its back faces can be left out when it is seen from outside.
+        """
+        from warpvis.scene._kept_trees import KeptTrees
+        from warpvis.scene._new_mesh import build_mesh_tree, build_warp_mesh
+        from warpvis.scene._spliced import splice_bvh, splice_triangles
+
+        had = self._objects[index].triangle_count
+        with self._lock:
+            bvh, triangles = self._bvh, self._triangles
+            column = self._movable.index(index) if item.pose is not None else -1
+            if column < 0 or (bvh and bvh.refits.keys() - {index}):  # other objects deform in these very arrays
+                bvh = None
+            bvh = bvh and splice_bvh(bvh, column, build_mesh_tree(item, closed, self.device), closed=closed, had=had)
+            triangles = None if column < 0 or triangles is None else triangles
+            if triangles is not None:
+                triangles = splice_triangles(triangles, column, index, build_warp_mesh(item, self.device))
+            if bvh is None:
+                self._kept_trees = self._kept_trees or KeptTrees()
+            if self._kept_trees is not None:
+                self._kept_trees.know_closed(item, closed)
+            self._objects[index] = item
+            self._forget()
+            self._bvh, self._triangles = bvh, triangles
+
     def _forget(self) -> None:
         """Let go of all that was made of the objects: they have changed."""
         self._tuple = self._columns = self._triangles = self._bvh = self._sizes = self._poses = None

@@ -76,14 +76,14 @@ def build_triangles(objects: Sequence[SceneObject], device: wp.Device) -> Triang
     still = [objects[index] for index in plan.static]
     vertices, faces, owner = flatten([item.vertices for item in still], [item.faces for item in still], plan.static)
     if still:
-        meshes.append(_make_mesh(vertices, faces, device))
+        meshes.append(make_mesh(vertices, faces, device))
         struct.mesh = meshes[0].id
     owners, first_face = [owner], np.full(count, -1, dtype=np.int32)
     ids = np.zeros(count, dtype=np.uint64)
     refits = {}
     for shared in plan.meshes:
         places = shared.places
-        meshes.append(_make_mesh(shared.vertices, shared.faces, device, shared.points))
+        meshes.append(make_mesh(shared.vertices if shared.points is None else shared.points, shared.faces, device))
         ids[places] = int(meshes[-1].id)
         if shared.points is not None:
             refits[int(plan.movable[places[0]])] = meshes[-1]
@@ -215,12 +215,14 @@ def _make_refits(struct: BvhScene, trees: Sequence[Bvh], plan: Drawn) -> dict[in
     return refits
 
 
-def _make_mesh(
-    vertices: NDArray[np.float32], faces: NDArray[np.int32], device: wp.Device, points: wp.array | None = None
+def make_mesh(
+    vertices: NDArray[np.float32] | wp.array, faces: NDArray[np.int32] | wp.array, device: wp.Device
 ) -> wp.Mesh:
+    """Build Warp's tree; it keeps arrays of the device that it is given, of which faces are flat."""
+    on_device = isinstance(faces, wp.array)
     return wp.Mesh(
-        points=wp.array(vertices, dtype=wp.vec3, device=device) if points is None else points,
-        indices=wp.array(faces.ravel(), dtype=wp.int32, device=device),
+        points=vertices if isinstance(vertices, wp.array) else wp.array(vertices, dtype=wp.vec3, device=device),
+        indices=faces if on_device else wp.array(faces.ravel(), dtype=wp.int32, device=device),
         # What traces fastest: the surface area heuristic on the CPU, with leaves of 4 by 15 to 20 %; on CUDA the wide
         # tree, by 7 % (5 thousand triangles) to 86 % (1.2 million).
         bvh_constructor="sah" if device.is_cpu else "cubql",

@@ -1,0 +1,170 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What casters read of a scene, with another tree for one movable object: the others' trees are copied as they are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.arrays import aligned_empty
+from warpvis.core.kernel_cache import launch
+from warpvis.errors import SceneError
+from warpvis.kernels.constants import BOX_WORDS, LEAF_ROWS, NODE_HIGH_ROW, NODE_LOW_ROW, NODE_ROWS
+from warpvis.scene._bvh import Bvh, check_leaves
+from warpvis.scene.geometry import SceneBvh, Triangles
+
+
+class _Span(NamedTuple):
+    """Where a tree is in the arrays of all."""
+
+    node: int
+    nodes_end: int
+    leaf: int
+    leaves_end: int
+
+
+def splice_bvh(built: SceneBvh, column: int, tree: Bvh, *, closed: bool, had: int) -> SceneBvh:
+    """Return the trees with another one for the movable object in a column, at their end.
+
+    Args:
+        built: The trees of all objects, of which no other one deforms.
+        column: Of `Scene.movable`. The object is of one piece with no other.
+        tree: The object's new tree, wherever it is.
+        closed: Whether its back faces can be left out when it is seen from outside.
+        had: Triangles that it had before.
+
+    Raises:
+        SceneError: Together they are more than casters can have.
+    """
+    old, lanes = built.struct, tree.lanes
+    struct = _copied(old)
+    roots, leaves = old.movable_root.numpy(), old.movable_leaf.numpy()
+    gone = _gone(roots, leaves, column, len(old.children) // lanes, len(old.owners) // lanes)
+    node = len(old.children) // lanes - (gone.nodes_end - gone.node)
+    leaf = len(old.owners) // lanes - (gone.leaves_end - gone.leaf)
+    check_leaves(leaf + tree.leaf_count, lanes)
+    removed = had if gone.nodes_end > gone.node else 0
+    for name, words, begin, end in (
+        ("leaves", LEAF_ROWS * lanes, gone.leaf, gone.leaves_end),
+        ("owners", lanes, gone.leaf, gone.leaves_end),
+        ("nodes", NODE_ROWS * lanes, gone.node, gone.nodes_end),
+        ("children", lanes, gone.node, gone.nodes_end),
+    ):
+        setattr(struct, name, _exchanged(getattr(old, name), begin * words, end * words, getattr(tree, name)))
+    _renumber(struct, gone, node, leaf, lanes)
+    struct.owners[leaf * lanes :].fill_(-1 if closed else 0)  # the only object of the tree, or its complement
+    roots, leaves = (
+        np.where(starts >= end, starts - (end - begin), starts)
+        for starts, begin, end in ((roots, gone.node, gone.nodes_end), (leaves, gone.leaf, gone.leaves_end))
+    )
+    roots[column], leaves[column] = node, leaf
+    _set_columns(struct, column, roots, leaves, tree, closed=closed)
+    struct.levels = max(old.levels, tree.depth)
+    return replace(
+        built,
+        struct=struct,
+        depth=struct.levels,
+        bytes_per_triangle=_bytes(struct) / (_bytes(old) / built.bytes_per_triangle + tree.triangle_count - removed),
+        moves_solids_only=False,
+        refits={},
+        idle=[],
+    )
+
+
+def splice_triangles(built: Triangles, column: int, index: int, mesh: wp.Mesh) -> Triangles:
+    """Return the meshes of the ``rays`` caster with another one for the movable object in a column, of that index."""
+    struct = _copied(built.struct)
+    _set(struct, "movable_mesh", column, np.uint64(mesh.id))
+    _set(struct, "movable_solid", column, 0)
+    refits = {number: other for number, other in built.refits.items() if number != index}
+    return replace(built, struct=struct, meshes=[*built.meshes, mesh], refits=refits)
+
+
+def _gone(roots: NDArray[np.int32], leaves: NDArray[np.int32], column: int, nodes_end: int, leaves_end: int) -> _Span:
+    """Find the span of an object's tree; an empty one at the end if others have it too."""
+    if (roots == roots[column]).sum() > 1:
+        return _Span(nodes_end, nodes_end, leaves_end, leaves_end)
+    next_node = min(roots[roots > roots[column]], default=nodes_end)
+    next_leaf = min(leaves[leaves > leaves[column]], default=leaves_end)
+    return _Span(int(roots[column]), int(next_node), int(leaves[column]), int(next_leaf))
+
+
+def _exchanged(array: wp.array, begin: int, end: int, added: wp.array) -> wp.array:
+    """Copy an array without a part of it, and with another one at its end."""
+    kept = len(array) - (end - begin)
+    if array.device.is_cpu:
+        result = aligned_empty((kept + len(added),), array.dtype)
+    else:
+        result = wp.empty(kept + len(added), dtype=array.dtype, device=array.device)
+    for to, source, first, count in (
+        (0, array, 0, begin),
+        (begin, array, end, kept - begin),
+        (kept, added, 0, len(added)),
+    ):
+        if count:
+            wp.copy(result, source, dest_offset=to, src_offset=first, count=count)
+    return result
+
+
+def _renumber(struct: Any, gone: _Span, node: int, leaf: int, lanes: int) -> None:
+    """Make the children of what comes after the gap, and of what begins at a node and a leaf, those of all arrays."""
+    from warpvis.kernels.bvh_cuda_nodes import join_children
+
+    ends = node, len(struct.children) // lanes
+    moves = (gone.node - gone.nodes_end, gone.leaf - gone.leaves_end), (node, leaf)
+    for (begin, end), (nodes, leaves) in zip(pairwise((gone.node, *ends)), moves, strict=True):
+        if end > begin and (nodes or leaves):
+            children = struct.children[begin * lanes : end * lanes]
+            launch(join_children, len(children), [nodes, leaves, children], children.device)
+
+
+def _set_columns(
+    struct: Any, column: int, roots: NDArray[np.int32], leaves: NDArray[np.int32], tree: Bvh, *, closed: bool
+) -> None:
+    """Write what is known of each movable object's tree."""
+    device, lanes = struct.owners.device, tree.lanes
+    starts, which = np.unique(leaves, return_inverse=True)
+    slots = np.diff(starts, append=len(struct.owners) // lanes).astype(np.int64)[which] * lanes
+    first = int(struct.movable_first_id.numpy()[0])
+    ends = first + np.cumsum(slots)
+    if ends[-1] >= 2**31:
+        raise SceneError(f"all objects together must have fewer than 2^31 triangles, got {ends[-1]}, leaves filled up")
+    for name, values in (
+        ("movable_root", roots),
+        ("movable_leaf", leaves),
+        ("movable_first_id", ends - slots),
+    ):
+        setattr(struct, name, wp.array(values, dtype=wp.int32, device=device))
+    rows = tree.nodes[: NODE_ROWS * lanes].numpy().reshape(NODE_ROWS, lanes)
+    box = [*rows[NODE_LOW_ROW:][:3].min(axis=1), *rows[NODE_HIGH_ROW:][:3].max(axis=1)]
+    _set(struct, "movable_closed", column, int(closed))
+    _set(struct, "movable_solid", column, 0)
+    _set(struct, "movable_size", column, 1.0)
+    _set(struct, "movable_boxes", slice(BOX_WORDS * column, BOX_WORDS * (column + 1)), box)
+
+
+def _set(struct: Any, name: str, at: int | slice, value: Any) -> None:
+    """Exchange a small array of a struct by one that has another value in some places."""
+    array = getattr(struct, name)
+    values = array.numpy().copy()
+    values[at] = value
+    setattr(struct, name, wp.array(values, dtype=array.dtype, device=array.device))
+
+
+def _copied(struct: Any) -> Any:
+    """Make another struct that has the same."""
+    result = type(struct)()
+    for name in struct._cls.vars:
+        setattr(result, name, getattr(struct, name))
+    return result
+
+
+def _bytes(struct: Any) -> int:
+    """Memory of the trees as they were built: of a place in a leaf, they know the triangle, too."""
+    return 4 * sum(len(getattr(struct, name)) for name in ("leaves", "owners", "owners", "nodes", "children"))
