@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 import warp as wp
+from test_worlds import random_poses
 
 import warpvis as wv
 from warpvis import scenes
@@ -67,7 +68,7 @@ def test_what_is_launched(monkeypatch):
         caster.cast(poses, worlds, [depth, None, None, None, None])
         caster.cast(poses, worlds, [depth, None, None, None, ids])
         caster.cast(wp.zeros(0, dtype=wp.transform), worlds, [None] * 5)
-    size = (2, 3, 4, 32)  # rows of packets, views, columns, lanes
+    size = (2, 3, 4, 32)  # rows of packets of all views, one after the other
     assert launched == [((32, ids, False, clip, False), size) for clip in (False, True) for ids in (False, True)]
 
 
@@ -108,6 +109,42 @@ def test_depth_does_not_depend_on_what_else_is_asked_for(cuda):
     for name in ALL[1:]:
         one = wv.render(scene, preset.camera, preset.poses(4), outputs=name)
         assert getattr(one, name).numpy().tobytes() == getattr(with_all, name).numpy().tobytes()
+
+
+@pytest.mark.parametrize("movable", [True, False])
+@pytest.mark.parametrize("scales", [False, True])
+def test_many_objects_are_found_before(movable, scales, cuda, monkeypatch):
+    """The same bits as if packets look at all of them: of what moves and of instances, in worlds, and as a graph."""
+    rng, count = np.random.default_rng(0), 900
+    scene = wv.Scene(device=cuda)
+    for index in range(3):  # around a camera, and over many tiles
+        scene.add(trimesh.creation.box((1, 2, 3)), pose=(9 * index, 0, 0, 0, 0, 0, 1), movable=True)
+    scene.add_instances(trimesh.creation.icosphere(3, 0.3), random_poses(rng, count, spread=20.0), movable=movable)
+    camera = wv.Camera.from_fov(133, 77, hfov=1.2, near=0.05, far=30.0)
+    rows = np.repeat(scene.movable_poses(), 2, axis=0).astype(np.float32)
+    rows[1, :, :3] += 0.5
+    options = {"object_poses": rows, "world_index": [0, 1, 1], "exclude": [5, 6, 7]}
+    if scales:
+        options["object_scales"] = rng.uniform(0.7, 1.4, (2, len(scene.movable), 3))
+    poses = np.concatenate([random_poses(rng, 2, spread=20.0), [[9, 0, 0, 0, 0, 0, 1]]]).astype(np.float32)
+    renderer = wv.Renderer(scene, camera, outputs=ALL)
+    found = renderer.render(poses, **options)
+    assert len(np.unique(found.segmentation.numpy())) > 50
+    with monkeypatch.context() as patch:
+        patch.setattr("warpvis.rendering._cuda_packets.MANY_OBJECTS", 10_000)
+        assert_identical(found, renderer.render(poses, **options))
+    on_device = wp.array(poses, dtype=wp.transform, device=cuda)
+    options["object_poses"] = wp.array(rows, dtype=wp.transform, device=cuda)
+    options.pop("object_scales", None)
+    again = renderer.render(on_device, **options)
+    if not scales:
+        assert_identical(found, again)
+    with wp.ScopedCapture(cuda) as capture:
+        renderer.render(on_device, out=again, **options)
+    expected = again.depth.numpy()
+    again.depth.zero_()
+    wp.capture_launch(capture.graph)
+    assert (again.depth.numpy() == expected).all()
 
 
 def test_runs_are_bit_identical(cuda):

@@ -51,8 +51,8 @@ struct PixelRect {
     static inline int rows(unsigned rect) { return (rect >> 3 * BITS & MASK) + 1; }
     // Whether it is no larger than a block, so that a lane can look at each of its pixels.
     static inline bool small(unsigned rect) { return columns(rect) <= BLOCK_WIDTH && rows(rect) <= BLOCK_HEIGHT; }
-    // Whether it is no larger than 2x2, so that one lane can look at all of them.
-    static inline bool few(unsigned rect) { return columns(rect) <= 2 && rows(rect) <= 2; }
+    // Whether there are no more of them than one lane looks at: four in a row, or 2x2.
+    static inline bool few(unsigned rect) { return columns(rect) <= (rows(rect) == 1 ? 4 : 2) && rows(rect) <= 2; }
 };
 static_assert(PACKET_WIDTH <= 1 << PixelRect::BITS && PACKET_HEIGHT <= 1 << PixelRect::BITS, "a word holds a packet");
 
@@ -209,8 +209,9 @@ struct Walk {
         const unsigned nearest = Visit::nearest_inv_z(child.visit);
         const int x0 = PixelRect::x0(child.pixels), y0 = PixelRect::y0(child.pixels);
         const int x1 = x0 + PixelRect::columns(child.pixels) - 1, y1 = y0 + PixelRect::rows(child.pixels) - 1;
-        return packet.inv_z_bits(x0, y0) > nearest && packet.inv_z_bits(x1, y0) > nearest &&
-               packet.inv_z_bits(x0, y1) > nearest && packet.inv_z_bits(x1, y1) > nearest;
+        const int third_x = y0 == y1 ? min(x0 + 2, x1) : x0;
+        return packet.inv_z_bits(x0, y0) > nearest && packet.inv_z_bits(min(x0 + 1, x1), y0) > nearest &&
+               packet.inv_z_bits(third_x, y1) > nearest && packet.inv_z_bits(x1, y1) > nearest;
     }
 
     // The visit of a box, given from the camera in a frame that turns into the camera's by three rows.
