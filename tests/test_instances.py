@@ -201,6 +201,17 @@ def test_an_instance_gets_a_mesh_of_its_own(shared, device, caster):
     assert_matches_reference(views, twin(scene), SMALL, eyes(2))
 
 
+def test_a_movable_object_gets_another_mesh_among_instances(shared, device, caster):
+    """Where trees have been built, only its own is exchanged."""
+    scene = build(device, movable=2)
+    wv.render(scene, SMALL, eyes(2), outputs=ALL, caster=caster)
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=0.6)
+    scene.update_mesh("mover_0", ball.vertices, ball.faces)
+    views, others = (wv.render(which, SMALL, eyes(2), outputs=ALL, caster=caster) for which in (scene, twin(scene)))
+    assert_alike(views, others)
+    assert (views.segmentation.numpy() == scene.index("mover_0")).sum() > 100
+
+
 @pytest.mark.parametrize(
     ("uses", "subdivisions", "instances"), [(63, 5, 0), (64, 5, 64), (60000, 0, 0), (205, 4, 0), (206, 4, 206)]
 )
@@ -226,4 +237,5 @@ def test_a_hundred_thousand_instances_take_little():
     names += ("movable_first_id", "movable_closed", "movable_boxes", "movable_solid", "movable_size")
     arrays = [getattr(struct, name) for name in names]
     assert sum(array.size * wp.types.type_size_in_bytes(array.dtype) for array in arrays) < 15e6
+    assert scene.triangle_count == len(places) * len(mesh.faces)
     assert all(isinstance(item, _drawn.Instances) for _, _, item in scene._objects.runs())

@@ -13,7 +13,7 @@ import warp as wp
 
 import warpvis as wv
 from warpvis.core import arrays
-from warpvis.core.arrays import aligned_empty
+from warpvis.core.arrays import aligned_empty, aligned_zeros
 from warpvis.core.poses import _as_poses, host_poses, poses_to_matrices, poses_to_opencv
 from warpvis.rendering._cpu_packets import RayCosts
 from warpvis.rendering._prepared import Idle
@@ -311,6 +311,15 @@ def test_arrays_that_are_copied_of_a_pattern_are_those_that_warp_makes():
         assert mine == its
         assert array.ptr % 64 == 0
         assert array.numpy().shape[: len(shape)] == shape
+
+
+@pytest.mark.parametrize("size", [8, 1 << 22])
+def test_memory_that_is_asked_to_be_zero_is(size):
+    for _ in range(3):  # also where others have been
+        array = aligned_zeros((size,), wp.int32)
+        assert array.ptr % 64 == 0
+        assert not array.numpy().any()
+        array.fill_(7)
 
 
 def test_arrays_of_a_warp_that_keeps_more_of_them_are_made_by_it(monkeypatch):

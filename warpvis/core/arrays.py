@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
@@ -133,8 +134,14 @@ def empty(shape: tuple[int, ...], dtype: type, *, name: str, device: wp.Device) 
         ) from None
 
 
-def aligned_empty(shape: tuple[int, ...], dtype: type) -> wp.array:
-    """Allocate CPU memory that begins at a cache line. NumPy asks the system for large pages where it is large."""
+def aligned_empty(shape: tuple[int, ...], dtype: type, *, allocate: Callable[..., np.ndarray] = np.empty) -> wp.array:
+    """Allocate CPU memory that begins at a cache line. NumPy asks the system for large pages where it is large.
+
+    Args:
+        shape: The array's shape.
+        dtype: What it is of.
+        allocate: Makes large memory, `np.empty` or `np.zeros`; what is small is zero anyway.
+    """
     pattern, size = _pattern(shape, dtype)
     memory: Any
     if size < _SMALL:
@@ -142,7 +149,7 @@ def aligned_empty(shape: tuple[int, ...], dtype: type) -> wp.array:
         memory = (ctypes.c_char * (size + _CACHE_LINE))()
         address = ctypes.addressof(memory)
     else:
-        memory = np.empty(size + _CACHE_LINE, dtype=np.uint8)
+        memory = allocate(size + _CACHE_LINE, dtype=np.uint8)
         address = memory.ctypes.data
     return _array_at(address + -address % _CACHE_LINE, pattern, shape, dtype, memory)
 
@@ -181,10 +188,8 @@ def _pattern(shape: tuple[int, ...], dtype: type) -> tuple[dict[str, Any] | None
 
 
 def aligned_zeros(shape: tuple[int, ...], dtype: type) -> wp.array:
-    """Allocate the same, all zero."""
-    array = aligned_empty(shape, dtype)
-    array.zero_()
-    return array
+    """Allocate the same, all zero. What nobody writes to takes no memory."""
+    return aligned_empty(shape, dtype, allocate=np.zeros)
 
 
 def check_out(out: wp.array, dtype: type, shape: tuple[int, ...], *, name: str, device: wp.Device) -> wp.array:

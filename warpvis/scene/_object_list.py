@@ -32,6 +32,11 @@ class Instances:
     solid: Solid | None = None
     """What rays meet of them, if they are movable."""
 
+    @property
+    def triangle_count(self) -> int:
+        """Triangles of each one."""
+        return len(self.mesh.faces)
+
     def make(self, index: int) -> SceneObject:
         """Make the object that has an index in the scene."""
         place = index - self.first

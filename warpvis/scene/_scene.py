@@ -400,7 +400,7 @@ class Scene(SceneClasses, SceneTrees):
     @property
     def triangle_count(self) -> int:
         """Triangles of all objects together."""
-        return sum(item.triangle_count for item in self._objects)
+        return sum(count * item.triangle_count for _, count, item in self._objects.runs())
 
     @property
     def bounds(self) -> NDArray[np.float32]:

@@ -121,8 +121,10 @@ struct Packets {
                                     const Visit& visit, Mode mode) {
         const Movables& movables = view.scene.movables;
         const int movable = visit.child;
-        const Camera camera = movable_camera(view, movable, traversal.frames[movable]);
-        const Solid& solid = traversal.frames[movable].solid;
+        // Only normals are asked for once all is drawn: else one object's frame takes the place of another's.
+        Frame& frame = traversal.frames[mode == MODE_TRIANGLES ? movable : 0];
+        const Camera camera = movable_camera(view, movable, frame);
+        const Solid& solid = frame.solid;
         if (solid.kind != SOLID_NONE) {
             const int id = mode == MODE_TRIANGLES ? movables.first_id[movable] : movables.object[movable];
             Solids::draw(solid, camera, image, view.job.center, visit, id, mode);
