@@ -34,6 +34,8 @@ TILE = TILE_SIDE
 _FIRST_COST = 6.0
 # Less work [ns] is done before another thread has woken up; more than that surely is not.
 _LEAST_SHARED, _SURELY_SHARED = 8e4, 5e5
+# So few rays are one thread's, and nobody looks how long they take.
+_FEW_RAYS = 256
 # In between, one of so many calls is made in the way that was slower, to see whether it still is.
 _CALLS_BETWEEN_LOOKS = 16
 # To wake a thread takes the caller so long [ns].
@@ -165,17 +167,20 @@ class CpuPacketsCaster:
         clusters = self._scene.bvh()
         points = 0 if pixels is None else pixels.shape[2]
         rays = views * (points or self._camera.width * self._camera.height)
-        costs = self._costs[points > 0]
-        workers = costs.threads_for(rays)
+        costs = None if rays <= _FEW_RAYS else self._costs[points > 0]
+        workers = 1 if costs is None else costs.threads_for(rays)
         scene = clusters.struct
         kind = (scene.levels, scene.drawn_count, views, points, workers)
         space = self._idle.take(kind) or _Workspace(scene, self._make_job(views, points, workers), workers)
         space.fill(scene, poses, worlds, images)
         if pixels is not None:
             space.job.at = pixels.flatten().view(wp.float32).flatten()
-        start = time.perf_counter_ns()
-        space.run()
-        costs.note(rays, workers, time.perf_counter_ns() - start)
+        if costs is None:
+            space.run()
+        else:
+            start = time.perf_counter_ns()
+            space.run()
+            costs.note(rays, workers, time.perf_counter_ns() - start)
         if pixels is not None:
             space.job.at = None
         self._idle.give_back(kind, space)

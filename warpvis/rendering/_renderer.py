@@ -159,21 +159,22 @@ class Renderer:
         """Render views whose poses are as the caster takes them."""
         shape = (len(poses), self.camera.height, self.camera.width)
         known = None if out is None else self._checked.find(out, shape, self.outputs)
-        if known is not None and out is not None:
-            self._caster.cast(poses, worlds, known)
-            self._fill_depth(out.depth)
-            return out
-        on_host = self._on_host(shape, out)
-        device = wp.get_device("cpu") if on_host else self.scene.device
-        views = views_for(self.outputs, shape, device, out)
-        if on_host:
+        if out is not None and known is not None:
+            return self._cast_into(out, known, poses, worlds)
+        if self._on_host(shape, out):
+            views = views_for(self.outputs, shape, wp.get_device("cpu"), out)
             self._cast_in_parts(poses, worlds, self._asked_for(views))
-        else:
-            images = self._asked_for(views)
-            if out is not None:
-                self._checked.keep(images, shape, self.outputs)
-            self._caster.cast(poses, worlds, images)
-            self._fill_depth(views.depth)
+            return views
+        views = views_for(self.outputs, shape, self.scene.device, out)
+        images = self._asked_for(views)
+        if out is not None:
+            self._checked.keep(images, shape, self.outputs)
+        return self._cast_into(views, images, poses, worlds)
+
+    def _cast_into(self, views: Views, images: list[wp.array | None], poses: Any, worlds: Worlds) -> Views:
+        """Cast into checked images of views, which are returned."""
+        self._caster.cast(poses, worlds, images)
+        self._fill_depth(views.depth)
         return views
 
     def render_at(
@@ -277,7 +278,8 @@ class Renderer:
 
     def _asked_for(self, views: Views) -> list[wp.array | None]:
         """List the images in the casters' order; None for those that nobody asked for, though `views` may have them."""
-        return [getattr(views, name) if name in self.outputs else None for name in OUTPUTS]
+        outputs = self.outputs
+        return [getattr(views, name) if name in outputs else None for name in OUTPUTS]
 
 
 def _as_rows(array: wp.array) -> wp.array:

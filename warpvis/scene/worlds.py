@@ -47,11 +47,11 @@ def parse_worlds(
         ArrayError: `world_index`, `exclude` or `object_scales` is.
         SceneError: `exclude` names an object that the scene does not have.
     """
-    from warpvis.kernels.worlds import Worlds
-
     nothing_said = object_poses is None and world_index is None and exclude is None and object_scales is None
     if nothing_said and not scene.movable:
         return _still_world()
+    from warpvis.kernels.worlds import Worlds
+
     worlds = Worlds()
     scales = None if object_scales is None else _parse_object_scales(scene, object_scales)
     # Where only sizes differ, poses are the same in all worlds.
