@@ -1,12 +1,27 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Building a scene's tree, for either caster: what its first view costs more than the others."""
+"""Building a scene's tree, for either caster: what its first view costs more than the others.
+
+``python bench/bench_bvh.py`` builds trees of fine ground beside Embree's, as Open3D and Mitsuba have it, by turns: time
+that passes, and time of all cores together, which others at work on the machine change less. With ``--device cuda:0``
+it builds them on a GPU, beside `wp.Mesh`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
 
 import numpy as np
 import pytest
+import trimesh
+import warp as wp
 
 import warpvis as wv
 from warpvis.scene._bvh import build_bvh
+from warpvis.scene._bvh_cuda import DeviceMesh, build_device_bvh
+from warpvis.scenes import terrain
 
 NAMES = ["experiment_3", "room", "blobs_77k", "blobs_1m"]
 
@@ -41,3 +56,94 @@ def test_lanes(benchmark, scene_of, name, lanes):
     arguments = (vertices, faces, owner, np.ones(len(scene), dtype=bool))
     benchmark.pedantic(build_bvh, arguments, {"lanes": lanes}, rounds=rounds(scene), warmup_rounds=1)
     benchmark.extra_info["triangles"] = scene.triangle_count
+
+
+Mesh = tuple[np.ndarray, np.ndarray]
+
+
+def builders_of_the_host(mesh: Mesh) -> dict[str, Callable[[], object]]:
+    """What builds a tree of a mesh, by name; peers with a first ray, which is when they do it."""
+    import drjit as dr
+    import mitsuba as mi
+    import open3d as o3d
+
+    vertices, faces = mesh
+    scene = wv.Scene()
+    scene.add(mesh)
+    owner, closed = np.zeros(len(faces), dtype=np.int32), np.array([False])
+    corners, indices = o3d.core.Tensor(vertices), o3d.core.Tensor(faces.astype(np.uint32))
+    ray = o3d.core.Tensor(np.float32([[0, 0, 100, 0, 0, -1]]))
+    mi.set_variant("llvm_ad_rgb")
+    shape = mi.Mesh("ground", len(vertices), len(faces))
+    parameters = mi.traverse(shape)
+    parameters["vertex_positions"], parameters["faces"] = vertices.ravel(), faces.ravel().astype(np.uint32)
+    parameters.update()
+
+    def open3d() -> None:
+        peer = o3d.t.geometry.RaycastingScene()
+        peer.add_triangles(corners, indices)
+        peer.cast_rays(ray)
+
+    def mitsuba() -> None:
+        peer = mi.load_dict({"type": "scene", "mesh": shape})
+        dr.eval(peer.ray_intersect_preliminary(mi.Ray3f(mi.Point3f(0, 0, 100), mi.Vector3f(0, 0, -1))).t)
+        dr.sync_thread()
+
+    return {
+        "warpvis, the tree": lambda: build_bvh(vertices, faces, owner, closed),
+        "warpvis, `Scene.bvh()`": lambda: scene.to("cpu").bvh(),
+        "Open3D": open3d,
+        "Mitsuba": mitsuba,
+    }
+
+
+def builders_of_a_gpu(mesh: Mesh, device: wp.Device) -> dict[str, Callable[[], object]]:
+    """What builds a tree of a mesh that is on a GPU already, by name."""
+    there = DeviceMesh.of(*mesh, np.zeros(len(mesh[1]), dtype=np.int32), np.array([True]), device)
+    indices = there.faces.flatten()
+
+    def build() -> None:
+        build_device_bvh(there, most_levels=8)
+        wp.synchronize_device(device)
+
+    def build_warp(constructor: str) -> None:
+        wp.Mesh(there.vertices, indices, bvh_constructor=constructor)
+        wp.synchronize_device(device)
+
+    names = ("cubql", "lbvh")
+    return {"warpvis": build, **{f"`wp.Mesh`, {name}": lambda name=name: build_warp(name) for name in names}}
+
+
+def main() -> None:
+    """Print the least and the median time of each."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--side", type=int, default=2237, help="corners along a side of the ground: 10 M triangles")
+    arguments = parser.parse_args()
+    device = wp.get_device(arguments.device)
+    ball = trimesh.creation.icosphere(subdivisions=8)
+    meshes = {"ground": terrain.ground(arguments.side)}
+    if not device.is_cpu:
+        meshes["ball"] = (np.float32(ball.vertices), np.int32(ball.faces))
+    for title, mesh in meshes.items():
+        builders = builders_of_the_host(mesh) if device.is_cpu else builders_of_a_gpu(mesh, device)
+        times: dict[str, list[tuple[float, float]]] = {name: [] for name in builders}
+        for build in builders.values():
+            build()
+        for _ in range(arguments.rounds):
+            for name, build in builders.items():
+                start = time.perf_counter(), time.process_time()
+                build()
+                times[name].append((time.perf_counter() - start[0], time.process_time() - start[1]))
+        print(f"{title}: {len(mesh[1]):,} triangles, {device.name}")
+        for name, rows in times.items():
+            least, median = np.min(rows, axis=0), np.median(rows, axis=0)
+            print(
+                f"{name:24s} {1e3 * least[0]:8.1f} ms at the least, {1e3 * median[0]:8.1f} the median; "
+                f"of all cores together {1e3 * least[1]:8.1f} and {1e3 * median[1]:8.1f}"
+            )
+
+
+if __name__ == "__main__":
+    main()

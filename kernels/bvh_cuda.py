@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The BVH's builder, for CUDA: the binary tree, a level at a time, by one thread an item or a range.
 
-It splits as ``native/cpu/bvh_split.h`` does, but for two things: where the centres of a range's items are is known from
-its own box and its parent's, and ranges that many bins are filled of have copies of them. Nodes are made of it in
-`warpvis.kernels.bvh_cuda_nodes`; `warpvis.scene._bvh_cuda` launches all. Nothing here depends on the order of threads.
+It splits as ``native/cpu/bvh_split.h`` does. Nodes are made of it in `warpvis.kernels.bvh_cuda_nodes`;
+`warpvis.scene._bvh_cuda` launches all. Nothing here depends on the order of threads.
 """
 
 import warp as wp
