@@ -121,7 +121,7 @@ def test_many_objects_are_found_before(movable, scales, cuda, monkeypatch):
         scene.add(trimesh.creation.box((1, 2, 3)), pose=(9 * index, 0, 0, 0, 0, 0, 1), movable=True)
     scene.add_instances(trimesh.creation.icosphere(3, 0.3), random_poses(rng, count, spread=20.0), movable=movable)
     camera = wv.Camera.from_fov(133, 77, hfov=1.2, near=0.05, far=30.0)
-    rows = np.repeat(scene.movable_poses(), 2, axis=0).astype(np.float32)
+    rows = np.repeat(scene.movable_poses().numpy(), 2, axis=0).astype(np.float32)
     rows[1, :, :3] += 0.5
     options = {"object_poses": rows, "world_index": [0, 1, 1], "exclude": [5, 6, 7]}
     if scales:
@@ -130,21 +130,28 @@ def test_many_objects_are_found_before(movable, scales, cuda, monkeypatch):
     renderer = wv.Renderer(scene, camera, outputs=ALL)
     found = renderer.render(poses, **options)
     assert len(np.unique(found.segmentation.numpy())) > 50
-    with monkeypatch.context() as patch:
-        patch.setattr("warpvis.rendering._cuda_packets.MANY_OBJECTS", 10_000)
-        assert_identical(found, renderer.render(poses, **options))
-    on_device = wp.array(poses, dtype=wp.transform, device=cuda)
-    options["object_poses"] = wp.array(rows, dtype=wp.transform, device=cuda)
-    options.pop("object_scales", None)
-    again = renderer.render(on_device, **options)
-    if not scales:
-        assert_identical(found, again)
+    monkeypatch.setattr("warpvis.rendering._cuda_packets.MANY_OBJECTS", 10_000)
+    assert_identical(found, renderer.render(poses, **options))
+
+
+def test_a_graph_finds_objects_anew(cuda):
+    """Where they are when it is launched."""
+    scene = wv.Scene(device=cuda)
+    scene.add_instances(trimesh.creation.box((0.1, 0.1, 0.1)), np.zeros((300, 7)) + [0, 0, 0, 0, 0, 0, 1], movable=True)
+    camera = wv.Camera.from_fov(64, 48, hfov=1.0)
+    rows = [random_poses(np.random.default_rng(seed), 1, 300).astype(np.float32) for seed in range(2)]
+    poses = wp.array(wv.look_at((0, -5, 0), (0, 0, 0))[None].astype(np.float32), dtype=wp.transform, device=cuda)
+    places = wp.array(rows[0], dtype=wp.transform, device=cuda)
+    renderer = wv.Renderer(scene, camera, outputs="depth")
+    expected = [renderer.render(poses, object_poses=row).depth.numpy() for row in rows]
+    assert (expected[0] != expected[1]).any()
+    out = renderer.render(poses, object_poses=places)
     with wp.ScopedCapture(cuda) as capture:
-        renderer.render(on_device, out=again, **options)
-    expected = again.depth.numpy()
-    again.depth.zero_()
-    wp.capture_launch(capture.graph)
-    assert (again.depth.numpy() == expected).all()
+        renderer.render(poses, object_poses=places, out=out)
+    for row, depth in zip(rows[::-1], expected[::-1], strict=True):
+        places.assign(wp.array(row, dtype=wp.transform, device=cuda))
+        wp.capture_launch(capture.graph)
+        assert (out.depth.numpy() == depth).all()
 
 
 def test_runs_are_bit_identical(cuda):

@@ -40,7 +40,7 @@ static_assert(BLOCK_COLUMNS <= 1 << Visit::COLUMN_BITS && BLOCK_ROWS <= 1 << Vis
 
 // The pixels of a packet that a child may cover, in a word.
 struct PixelRect {
-    enum { BITS = 5, MASK = (1 << BITS) - 1 };
+    enum { BITS = 5, MASK = (1 << BITS) - 1, ANYWHERE = 1 << 4 * BITS };
 
     static inline unsigned of(int x0, int y0, int x1, int y1) {
         return x0 | y0 << BITS | (x1 - x0) << 2 * BITS | (y1 - y0) << 3 * BITS;
@@ -49,8 +49,10 @@ struct PixelRect {
     static inline int y0(unsigned rect) { return rect >> BITS & MASK; }
     static inline int columns(unsigned rect) { return (rect >> 2 * BITS & MASK) + 1; }
     static inline int rows(unsigned rect) { return (rect >> 3 * BITS & MASK) + 1; }
-    // Whether it is no larger than a block, so that a lane can look at each of its pixels.
-    static inline bool small(unsigned rect) { return columns(rect) <= BLOCK_WIDTH && rows(rect) <= BLOCK_HEIGHT; }
+    // Whether it is no larger than a block, of what is all in front of the camera.
+    static inline bool small(unsigned rect) {
+        return columns(rect) <= BLOCK_WIDTH && rows(rect) <= BLOCK_HEIGHT && !(rect & ANYWHERE);
+    }
     // Whether there are no more of them than one lane looks at: four in a row, or 2x2.
     static inline bool few(unsigned rect) { return columns(rect) <= (rows(rect) == 1 ? 4 : 2) && rows(rect) <= 2; }
 };
@@ -225,7 +227,9 @@ struct Walk {
         if (shown && p.crossing)
             shown = reaches_frustum(to_camera, u, v, (float)PACKET_WIDTH, (float)PACKET_HEIGHT, low, high);
         if (!shown) return Child{0, 0};
-        return child_of(p.nearest_inv_z(), (int)in.left, (int)in.top, (int)in.right, (int)in.bottom);
+        Child child = child_of(p.nearest_inv_z(), (int)in.left, (int)in.top, (int)in.right, (int)in.bottom);
+        if (p.crossing) child.pixels |= PixelRect::ANYWHERE;
+        return child;
     }
     static inline Child child_of(float nearest_inv_z, int x0, int y0, int x1, int y1) {
         return Child{Visit::of(nearest_inv_z, x0, y0, x1, y1), PixelRect::of(x0, y0, x1, y1)};
