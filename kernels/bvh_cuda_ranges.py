@@ -14,8 +14,8 @@ BIN_WORDS = 6
 """Of a box while it grows: its corners as `ordered` has them, the greatest negated."""
 MOST_DEPTH = 40
 """Levels of the binary tree: eight levels of nodes, five of these each."""
-NOTHING = 2147483647
-"""What a box has in each word before anything is in it."""
+NOTHING = 2137108966
+"""What a box has in each word before anything is in it: `NOWHERE`, as `ordered` has it."""
 NO_PLACE = 9223372036854775807
 """What `Level.best` has before a place was found."""
 

@@ -198,7 +198,7 @@ class Checks:
     @staticmethod
     def _boxes(words):
         ordered = np.where(words < 0, words ^ 0x7FFFFFFF, words).astype(np.int32).view(np.float32).astype(np.float64)
-        ordered = np.where(words == 0x7FFFFFFF, np.inf, ordered)
+        ordered = np.where(ordered == np.float32(3e38), np.inf, ordered)
         return np.concatenate([ordered[..., :3], -ordered[..., 3:]], axis=-1)
 
     def _bins(self, boxes, counts, level):
