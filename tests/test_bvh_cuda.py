@@ -16,6 +16,7 @@ import warp as wp
 
 from warpvis.errors import SceneError
 from warpvis.kernels import bvh_cuda_ranges
+from warpvis.kernels.bvh_cuda_nodes import join_children
 from warpvis.scene import _bvh_cuda, _joined_trees
 from warpvis.scene._bvh import Bvh
 
@@ -396,3 +397,16 @@ def test_trees_are_joined_on_a_device_as_on_the_host(names, share, device):
     np.testing.assert_array_equal(joined.children.numpy(), np.concatenate(children))
     if len(trees) > 1 or not share:
         assert all((tree.owners.numpy() == part).all() for tree, part in zip(trees, before, strict=True))
+
+
+def test_children_are_moved_as_by_the_twin(device):
+    children = build(CASES["room"]()).children.numpy()
+    for made in (wp.array(children, device=device), wp.array(children, device="cpu")):
+        if made.device.is_cpu:
+            wp.launch(join_children, dim=len(made), inputs=[70, 9, made], device="cpu")
+            again = wp.array(children, device="cpu")
+            _joined_trees.move_children(again, 70, 9)
+            np.testing.assert_array_equal(again.numpy(), made.numpy())
+        else:
+            _joined_trees.move_children(made, 70, 9)
+        np.testing.assert_array_equal(made.numpy(), reference.join_children(children, 70, 9))

@@ -66,10 +66,21 @@ def first_leaves(trees: Sequence[Bvh]) -> NDArray[np.int64]:
     return np.cumsum([0] + [tree.leaf_count for tree in trees])[:-1]
 
 
+def move_children(children: wp.array, node: int, leaf: int) -> None:
+    """Make a tree's children those of arrays in which its nodes and leaves are so many places farther on."""
+    if not children.device.is_cpu:
+        from warpvis.kernels.bvh_cuda_nodes import join_children
+
+        launch(join_children, len(children), [node, leaf, children], children.device)
+        return
+    child = children.numpy()
+    child += np.where(child > 0, node, 0).astype(np.int32) - np.where(child < 0, leaf, 0).astype(np.int32)
+
+
 def _join_on_device(
     struct: BvhScene, trees: Sequence[Bvh], closed: Sequence[NDArray[np.bool_]], device: wp.Device, *, share: bool
 ) -> None:
-    from warpvis.kernels.bvh_cuda_nodes import join_children, mark_owners
+    from warpvis.kernels.bvh_cuda_nodes import mark_owners
 
     for name in ("leaves", "owners", "nodes", "children"):
         parts = [getattr(tree, name) for tree in trees]
@@ -89,7 +100,7 @@ def _join_on_device(
             launch(mark_owners, len(owners), [wp.array(flags, dtype=wp.uint8, device=device), owners], device)
         if node:
             children = struct.children[node * lanes : (node + tree.node_count) * lanes]
-            launch(join_children, len(children), [node, leaf, children], device)
+            move_children(children, node, leaf)
         node, leaf = node + tree.node_count, leaf + tree.leaf_count
 
 

@@ -13,10 +13,10 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import aligned_empty
-from warpvis.core.kernel_cache import launch
 from warpvis.errors import SceneError
 from warpvis.kernels.constants import BOX_WORDS, LEAF_ROWS, NODE_HIGH_ROW, NODE_LOW_ROW, NODE_ROWS
 from warpvis.scene._bvh import Bvh, check_leaves
+from warpvis.scene._joined_trees import move_children
 from warpvis.scene.geometry import SceneBvh, Triangles
 
 
@@ -114,14 +114,11 @@ def _exchanged(array: wp.array, begin: int, end: int, added: wp.array) -> wp.arr
 
 def _renumber(struct: Any, gone: _Span, node: int, leaf: int, lanes: int) -> None:
     """Make the children of what comes after the gap, and of what begins at a node and a leaf, those of all arrays."""
-    from warpvis.kernels.bvh_cuda_nodes import join_children
-
     ends = node, len(struct.children) // lanes
     moves = (gone.node - gone.nodes_end, gone.leaf - gone.leaves_end), (node, leaf)
     for (begin, end), (nodes, leaves) in zip(pairwise((gone.node, *ends)), moves, strict=True):
         if end > begin and (nodes or leaves):
-            children = struct.children[begin * lanes : end * lanes]
-            launch(join_children, len(children), [nodes, leaves, children], children.device)
+            move_children(struct.children[begin * lanes : end * lanes], nodes, leaves)
 
 
 def _set_columns(
