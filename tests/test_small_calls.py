@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is prepared once for calls of a renderer: nothing of an earlier call, scene, stream or thread is left in it."""
 
+import copy
 import gc
+import pickle
 import weakref
 from concurrent.futures import ThreadPoolExecutor
 
@@ -338,6 +340,15 @@ def test_memory_of_an_array_lives_as_long_as_what_was_made_of_it():
     for other in others:
         other.fill_(-1.0)
     np.testing.assert_array_equal(view, expected)
+
+
+@pytest.mark.parametrize("caster", ["packets", "rays"])
+@pytest.mark.parametrize("convert", [copy.deepcopy, lambda renderer: pickle.loads(pickle.dumps(renderer))])
+def test_copies_of_a_renderer_that_was_used_prepare_their_own(device, caster, convert):
+    renderer = wv.Renderer(build(device), CAMERA, outputs=ALL, caster=caster)
+    out = renderer.render(eyes(2))
+    renderer.render(eyes(2), out=out)
+    assert_identical(convert(renderer).render(eyes(2)), out)
 
 
 def test_kinds_that_did_not_come_last_are_forgotten():

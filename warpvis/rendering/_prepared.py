@@ -28,6 +28,10 @@ class Idle(Generic[_Thing]):
         self._most_kinds = most_kinds
         self._lock = Lock()
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy, also to another process, as one that has nothing yet."""
+        return Idle, (self._most_kinds,)
+
     def take(self, kind: Hashable) -> _Thing | None:
         """Take a thing of a kind, if there is one."""
         try:
@@ -79,6 +83,10 @@ class CheckedImages:
     def __init__(self) -> None:
         """Know none."""
         self._last: tuple[tuple[int, ...], tuple[str, ...], list[Any]] = ((), (), [])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy as one that knows none."""
+        return CheckedImages, ()
 
     def find(self, out: Views, shape: tuple[int, ...], outputs: tuple[str, ...]) -> list[wp.array | None] | None:
         """Return the images, in the casters' order, if they are those of the last call; None is not asked for."""
