@@ -42,7 +42,7 @@ NATIVE = f"{PYTHON} tests/native_build.py"
 _PICTURES = ("casters", "packets", "worlds", "solids", "near_plane", "points", "point_packets", "object_visibility")
 _PICTURES += ("bvh",)
 _RENDER = ("rendering", "near_plane", "panorama", "casters", "worlds", "packets", "cuda_packets", "interop")
-_RENDER += ("threads", "bad_input")
+_RENDER += ("threads", "bad_input", "small_calls")
 
 
 @dataclass(frozen=True)
