@@ -230,16 +230,16 @@ def make_find_kernel(resized: bool) -> wp.Kernel:
 
 @wp.kernel
 def sort_into_tiles(
-    # In, out:
-    found: FoundObjects,
+    # Out:
+    found_out: FoundObjects,
 ):
-    """Fill `order`: an object a thread. Of what is counted nothing is left then."""
+    """Fill `order` by entries, counts and ends: an object a thread. Of what is counted nothing is left then."""
     view, i = wp.tid()
-    if i >= found.counts[view, 0]:
+    if i >= found_out.counts[view, 0]:
         return
-    entry = found.entries[view, i]
+    entry = found_out.entries[view, i]
     columns, rows = entry[1], entry[2]
-    for y in range((rows & 0xFFFF) >> TILE_BITS, (((rows >> 16) & 0xFFFF) >> TILE_BITS) + 1):
-        for x in range((columns & 0xFFFF) >> TILE_BITS, (((columns >> 16) & 0xFFFF) >> TILE_BITS) + 1):
-            tile = (view * found.tiles_y + y) * found.tiles_x + x
-            found.order[found.tile_ends[tile] - wp.atomic_sub(found.tile_counts, tile, 1)] = i
+    for y in range((rows & 0xFFFF) >> TILE_BITS, ((rows >> (16 + TILE_BITS)) & 0x7FF) + 1):
+        for x in range((columns & 0xFFFF) >> TILE_BITS, ((columns >> (16 + TILE_BITS)) & 0x7FF) + 1):
+            tile = (view * found_out.tiles_y + y) * found_out.tiles_x + x
+            found_out.order[found_out.tile_ends[tile] - wp.atomic_sub(found_out.tile_counts, tile, 1)] = i

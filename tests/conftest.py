@@ -101,6 +101,16 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
         terminalreporter.line(f"On Debian and Ubuntu: apt-get install {need.packages}", yellow=True)
 
 
+@pytest.fixture
+def cuda():
+    """A GPU's name."""
+    import warp as wp
+
+    if not wp.is_cuda_available():
+        pytest.skip("no CUDA device")
+    return "cuda:0"
+
+
 @pytest.fixture(params=["cpu", "cuda:0"])
 def device(request: pytest.FixtureRequest) -> str:
     """Every device of this machine that is tested."""

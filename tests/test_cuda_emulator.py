@@ -345,39 +345,6 @@ def test_objects_that_are_found_before(emulator):
     assert_bits_equal(found, expected)
 
 
-def test_objects_are_sorted_into_tiles():
-    """Each into the tiles that its pixels are in."""
-    from warpvis.kernels.packets_cuda import TILE_BITS, FoundObjects, sort_into_tiles
-
-    rng, (views, count, tiles_y, tiles_x) = np.random.default_rng(0), (3, 50, 4, 5)
-    counts = np.array([[50, 0], [0, 7], [31, 2]], dtype=np.int32)
-    first = rng.integers(0, [[tiles_x - 1, tiles_y - 1]], (views, count, 2)) * 32 + rng.integers(
-        0, 32, (views, count, 2)
-    )
-    last = first + rng.integers(0, 33, (views, count, 2))
-    entries = np.zeros((views, count, 4), dtype=np.int32)
-    entries[..., 1:3] = first | last << 16
-    expected = [[[] for _ in range(tiles_y * tiles_x)] for _ in range(views)]
-    for view in range(views):
-        for i in range(counts[view, 0]):
-            (x0, y0), (x1, y1) = first[view, i] >> TILE_BITS, last[view, i] >> TILE_BITS
-            for tile in (y * tiles_x + x for y in range(y0, y1 + 1) for x in range(x0, x1 + 1)):
-                expected[view][tile].append(i)
-    lists = [tile for view in expected for tile in view]
-    found = FoundObjects()
-    found.tiles_y, found.tiles_x = tiles_y, tiles_x
-    found.entries = wp.array(entries, dtype=wp.vec4i, device="cpu")
-    found.counts = wp.array(counts, dtype=wp.int32, device="cpu")
-    found.tile_counts = wp.array([len(tile) for tile in lists], dtype=wp.int32, device="cpu")
-    found.tile_ends = wp.array(np.cumsum([len(tile) for tile in lists]), dtype=wp.int32, device="cpu")
-    found.order = wp.full(4 * views * count, -1, dtype=wp.int32, device="cpu")
-    wp.launch(sort_into_tiles, dim=(views, count), inputs=[found], device="cpu")
-    order, ends = found.order.numpy(), found.tile_ends.numpy()
-    for tile, end, start in zip(lists, ends, [0, *ends], strict=False):
-        assert sorted(order[start:end]) == tile
-    assert (order[ends[-1] :] == -1).all() and (found.tile_counts.numpy() == 0).all()
-
-
 def test_many_small_triangles_in_a_deep_tree(emulator):
     """Two thousand and more, most of them smaller than a pixel, and one that fills the image behind them."""
     ball = trimesh.creation.icosphere(subdivisions=4, radius=0.4)

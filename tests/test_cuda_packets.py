@@ -21,13 +21,6 @@ from compare import assert_matches_reference
 ALL = ("depth", "points", "normals", "labels", "segmentation")
 
 
-@pytest.fixture
-def cuda():
-    if not wp.is_cuda_available():
-        pytest.skip("no CUDA device")
-    return "cuda:0"
-
-
 def assert_identical(one, other):
     for name in ALL:
         image = getattr(one, name)

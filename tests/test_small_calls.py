@@ -368,13 +368,6 @@ def test_strided_poses_of_a_device_are_gathered():
     np.testing.assert_array_equal(poses.numpy(), rows.numpy()[::2])
 
 
-@pytest.fixture
-def cuda():
-    if not wp.is_cuda_available():
-        pytest.skip("no CUDA device")
-    return "cuda:0"
-
-
 @pytest.mark.parametrize("caster", ["packets", "rays"])
 def test_a_graph_has_poses_of_its_own(cuda, caster):
     """Calls that come after it, with other poses of the host, are nothing to it; nor is what it is launched after."""

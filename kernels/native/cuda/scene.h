@@ -64,8 +64,8 @@ struct Movables {
     }
 };
 
-// Movable objects that a view may see, found before its packets are drawn and sorted into tiles of the image, so that no
-// packet goes through all there are. In Python, `FoundObjects` of kernels/packets_cuda.py.
+// Objects with frames of their own that a view may see, found before its packets are drawn, and sorted into tiles of
+// the image: no packet goes through all there are. In Python, `FoundObjects` of kernels/packets_cuda.py.
 struct FoundObjects {
     enum { TILE = 1 << TILE_BITS };
 

@@ -66,7 +66,7 @@ struct Child {
 // How much rounding may be wrong: of 1 / z; of a radius.
 constexpr float NEARER = 1.00001f, WIDER = 1.0001f;
 
-// The depth of half a box, as a part of its middle's, from which its bounds in the image are worth a look at each corner.
+// From this depth of half a box on, as a part of its middle's, its bounds in the image are worth a look at each corner.
 constexpr float DEEP_SHARE = 0.03f;
 
 // How much rounding of other boxes may be wrong, in pixels, and so many times what it may move a corner: more than of
