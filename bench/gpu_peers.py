@@ -34,12 +34,12 @@ _MOST_ASKED = 100
 _HALF_TURN = np.array([1.0, 0.0, 0.0, 0.0])
 
 
-def warpvis(case: Case, *outputs: Any, **options: Any) -> Prepared:
-    """This library."""
+def warpvis(case: Case, *outputs: Any, host: bool = False, **options: Any) -> Prepared:
+    """This library; with poses of the host, if asked for."""
     if options.get("caster") == "rays" and len(case.subject.scene.movable) > _MOST_ASKED:
         raise RuntimeError(f"each ray asks every movable object, {len(case.subject.scene.movable)} here")
     renderer = wv.Renderer(case.subject.scene, case.camera, outputs=outputs or ("depth",), **options)
-    poses = case.poses if case.device.is_cpu else case.device_poses
+    poses = case.poses if host or case.device.is_cpu else case.device_poses
     views = renderer.render(poses)
     return Prepared(
         run=lambda: renderer.render(poses, out=views),
