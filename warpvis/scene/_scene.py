@@ -345,7 +345,8 @@ class Scene(SceneClasses, SceneTrees):
         told how many ranges a level of the tree has, and whether the mesh is sound. `SceneObject.mesh_vertices` and
         `faces` are copied from there when asked for.
 
-        Objects that had the same mesh keep it. A round solid becomes the mesh.
+        Objects that had the same mesh keep it. A round solid becomes the mesh. CUDA graphs of renderings that were
+        recorded before are void: they read memory that the scene has let go of.
 
         Args:
             name: The object's name. What is attached to another object, or another one to, keeps its mesh.
