@@ -97,6 +97,7 @@ HEADERS = (
     "shared/images.h",
     "shared/stretch.h",
     "shared/pose.h",
+    "shared/edges.h",
     "cpu/lanes.h",
     "cpu/arena.h",
     "cpu/workers.h",

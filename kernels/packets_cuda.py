@@ -27,7 +27,7 @@ TILE_BITS = 5
 MOST_TILES = 4
 """In how many tiles an object may be that is sorted into each."""
 
-_SHARED_HEADERS = ("shared/constants.h", "shared/images.h", "shared/stretch.h", "shared/pose.h")
+_SHARED_HEADERS = ("shared/constants.h", "shared/images.h", "shared/stretch.h", "shared/pose.h", "shared/edges.h")
 
 _HEADERS = (
     "cuda/bvh.h",

@@ -15,6 +15,7 @@ import test_sizes
 import test_solids
 import trimesh
 import warp as wp
+from corner_walls import wall
 from cuda_emulator import Emulator, Variant, emulated_renderer
 from native_build import find_compiler
 from test_worlds import ALL, MESHES, STILL, assert_bits_equal, build, eyes, far_away, random_poses, view_of
@@ -419,6 +420,18 @@ def test_far_from_the_origin(emulator):
     there = render(emulator, scene, poses + offset, outputs=outputs, object_poses=rows + offset)
     assert_bits_equal(there, here)
     assert np.isfinite(here.depth.numpy()).any()
+
+
+@pytest.mark.parametrize("movable", [False, True], ids=["still", "movable"])
+def test_no_ray_slips_through_a_corner(emulator, movable):
+    """Walls of which every pixel's centre is at a corner, as nearly as numbers can say."""
+    for seed in (0, 1, 5):
+        camera, pose, vertices, faces = wall(seed)
+        scene = wv.Scene()
+        scene.add((vertices, faces), movable=movable)
+        for side in (8, 32):
+            depth = render(emulator, scene, pose[None], side=side, camera=camera, outputs=("depth",)).depth.numpy()
+            assert np.isfinite(depth).all()
 
 
 # The lines that no scene reaches, and why.

@@ -56,11 +56,12 @@ BuiltTree build_tree(int lanes, const Mesh& mesh, const std::vector<int>& owner,
 // The children of a node of 16 lanes whose triangles all face away from a camera, one bit for each.
 unsigned turned_away(const BuiltTree& tree, int node, const float* camera);
 
-// Make columns fewer, by an edge that is positive inside, u * edge[0] + v * edge[1] + edge[2], in rows from v0 to v1.
-void narrow_columns(const float* edge, float first_u, float v0, float v1, float& left, float& right);
+// Make columns fewer, by an edge that is positive inside, u * edge[0] + v * edge[1] + edge[2], in rows from v0 to v1,
+// and of which no value may be left out that is negative by no more than the doubt.
+void narrow_columns(const float* edge, float doubt, float first_u, float v0, float v1, float& left, float& right);
 
-// Whether a pixel is on an edge's inner side.
-bool is_inside(const float* edge, float u, float v);
+// Whether a pixel is on an edge's inner side, or may be.
+bool is_inside(const float* edge, float doubt, float u, float v);
 
 SceneBvh cluster(const Scene& scene);
 

@@ -47,6 +47,8 @@ void interrupt();
 
 }  // namespace emulator
 
+#define __noinline__ __attribute__((noinline))
+
 // The lane that runs.
 extern emulator::Index threadIdx;
 

@@ -14,6 +14,7 @@ namespace casting {
 #include "shared/images.h"
 #include "shared/stretch.h"
 #include "shared/pose.h"
+#include "shared/edges.h"
 #include "cpu/lanes.h"
 #include "guarded_arena.h"
 #include "cpu/workers.h"

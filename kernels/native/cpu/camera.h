@@ -7,8 +7,8 @@
 // its distances in pixels from the principal point. All that is needed is then linear in u and v: on which side of a
 // triangle's edge the ray passes, and inv_z = 1 / z of the triangle's plane.
 //
-// The same expressions in the same order give the value of an edge at a pixel wherever it is needed: two triangles
-// that share an edge get exactly opposite values there, so that no ray slips between them.
+// The same expressions in the same order give the value of an edge at a pixel wherever it is needed, and where rounding
+// leaves its sign in doubt, double precision decides (shared/edges.h): no ray slips between triangles.
 
 // The images to make, in units of strips.
 struct Job {
@@ -40,6 +40,10 @@ struct Camera {
     double exact_to_camera[3][3];  // rows: x and y divided by the focal lengths, z: a ray is their sum by u, v and 1
     float rest[3];  // what rounding took from the origin, in camera space: 0 in the world's frame
     float first_u, first_v;  // u and v of pixel (0, 0) of the view
+    double exact_first_u, exact_first_v;
+    float extent;  // pixels to the image's farthest side from the principal point, or the focal length if that is more
+    float per_extent;  // 1 / that
+    float edge_doubt;  // what rounding may change of an edge's value: see Setup::doubt_of
     float far;
     float blur;  // how far rounding may move a corner, in pixels
     bool skip_back_faces;  // of objects that are closed, since the camera is outside them all
@@ -64,6 +68,12 @@ struct Camera {
         }
         camera.first_u = (float)(0.5 - job.center[0]);
         camera.first_v = (float)(0.5 - job.center[1]);
+        camera.exact_first_u = 0.5 - job.center[0];
+        camera.exact_first_v = 0.5 - job.center[1];
+        const double reach = reach_of(job), focal = job.focal[0] < job.focal[1] ? job.focal[0] : job.focal[1];
+        camera.extent = (float)(reach > focal ? reach : focal);
+        camera.per_extent = 1.0f / camera.extent;
+        camera.edge_doubt = EDGE_DOUBT * (float)(1.0 + reach / focal);
         camera.far = job.far * 1.00001f;
         camera.blur = 6e-8f * ((float)(job.focal[0] + job.focal[1]) + (float)(job.width + job.height));
         camera.skip_back_faces = false;
@@ -84,6 +94,26 @@ struct Camera {
         for (int k = 0; k < 3; ++k)
             for (int i = 0; i < 3; ++i) camera.exact_to_camera[i][k] /= stretch.factor[k] * stretch.factor[k];
         return camera;
+    }
+
+    // How far the image reaches from the principal point, in pixels.
+    static inline double reach_of(const Job& job) {
+        const double size[2] = {(double)job.width, (double)job.height};
+        double most = 0.0;
+        for (int k = 0; k < 2; ++k) {
+            const double sides[2] = {__builtin_fabs(job.center[k]), __builtin_fabs(size[k] - job.center[k])};
+            for (double pixels : sides) most = pixels > most ? pixels : most;
+        }
+        return most;
+    }
+
+    // Of a pixel of the view.
+    inline double exact_u(int x) const { return x + exact_first_u; }
+    inline double exact_v(int y) const { return y + exact_first_v; }
+    // The ray through a place of the image, in the frame of the tree.
+    inline void ray_at(double u, double v, double* ray) const {
+        const ExactRow* m = exact_to_camera;
+        for (int k = 0; k < 3; ++k) ray[k] = u * m[0][k] + (v * m[1][k] + m[2][k]);
     }
 
     inline Points relative(Floats x, Floats y, Floats z) const {

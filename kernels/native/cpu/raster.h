@@ -4,6 +4,9 @@
 // From a leaf's triangles to pixels: small ones a pixel of each at a time, large ones block by block, slivers by
 // rows.
 
+// The least part of a plane's slope that inv_z may be in a block where it comes of sums in single precision.
+constexpr float STEEPEST = 0.1f;
+
 struct Raster {
     // What takes a mode is always inlined, so that there is a copy for each that walks know.
     // Triangles of at most this many pixels a side are drawn together, a lane each.
@@ -18,7 +21,7 @@ struct Raster {
         // By their size in the whole view: how a triangle is drawn must not depend on where a strip cuts it.
         const Ints small = triangles.shown & (triangles.x1 - triangles.x0 < Lanes::all_ints(SMALL_SIDE)) &
                            (triangles.view_y1 - triangles.view_y0 < Lanes::all_ints(SMALL_SIDE));
-        Ints inexact = loses_digits(camera, triangles);
+        Ints inexact = triangles.inexact;
         if (Lanes::any(small)) draw_small(camera, image, triangles, small, inexact, mode);
         const Ints larger = triangles.shown & ~small;
         if (!Lanes::any(larger)) return;
@@ -36,17 +39,7 @@ struct Raster {
             draw_large(camera, image, triangles, Lanes::first_lane(left), mode);
     }
 
-    // Seen at a grazing angle, inv_z is a small difference of large terms, and single precision is not enough.
-    static inline Ints loses_digits(const Camera& camera, const Triangles& t) {
-        const Floats u0 = __builtin_convertvector(t.x0, Floats) + camera.first_u;
-        const Floats u1 = __builtin_convertvector(t.x1, Floats) + camera.first_u;
-        const Floats v0 = __builtin_convertvector(t.view_y0, Floats) + camera.first_v;
-        const Floats v1 = __builtin_convertvector(t.view_y1, Floats) + camera.first_v;
-        const Floats u = Lanes::max(Lanes::abs(u0), Lanes::abs(u1)), v = Lanes::max(Lanes::abs(v0), Lanes::abs(v1));
-        return Lanes::abs(t.inv_z.u) * u + (Lanes::abs(t.inv_z.v) * v + Lanes::abs(t.inv_z.one)) > 16.0f * t.min_inv_z;
-    }
-
-    // Nor is it where the rounding of corners turns the plane of a sliver.
+    // Where the rounding of corners turns the plane of a sliver, single precision is not enough, either.
     static inline Ints turns(const Camera& camera, const Triangles& t) {
         const Floats width = __builtin_convertvector(t.x1 - t.x0, Floats);
         const Floats height = __builtin_convertvector(t.view_y1 - t.view_y0, Floats);
@@ -75,17 +68,79 @@ struct Raster {
         image.touch((unsigned)pixel / BLOCK_PIXELS);
     }
 
-    static inline float exact_inv_z(const Camera& camera, const Triangles& t, int k, float u, float v) {
-        const ExactPlane plane = ExactPlane::of(camera, t.corners, k);
+    // 1 / z by the plane in double precision, no nearer or farther than the corners are.
+    static inline float exact_inv_z(const Camera& camera, const float* corners, int k, float least, float most,
+                                    double u, double v) {
+        const ExactPlane plane = ExactPlane::of(camera, corners, k);
         const float inv_z = (float)(plane.u * u + (plane.v * v + plane.one));
-        return inv_z < t.min_inv_z[k] ? t.min_inv_z[k] : inv_z > t.max_inv_z[k] ? t.max_inv_z[k] : inv_z;
+        return inv_z < least ? least : inv_z > most ? most : inv_z;
     }
+    static inline float exact_inv_z(const Camera& camera, const Triangles& t, int k, double u, double v) {
+        return exact_inv_z(camera, t.corners, k, t.min_inv_z[k], t.max_inv_z[k], u, v);
+    }
+
+    // Pixels where an edge's value leaves in doubt whether the triangle covers them are passed over at first, and drawn
+    // when the rest of it is, by code of their own: what is kept in registers in between would cost more than they.
+    static inline bool covers(const Camera& camera, const Image& image, const float* corners, int k, int x, int y) {
+        const double v = camera.exact_v(y + image.first_row);
+        return Exactly::covers(camera, corners, k, camera.exact_u(x), v);
+    }
+    // A triangle's numbers on their way there: a copy, so that the others can stay in registers.
+    struct Unsure {
+        float edge[3][3], plane[3];
+        float min_inv_z, max_inv_z, doubt;
+        const float* corners;
+        int lane, id, x0, x1, y0, y1;
+        bool inexact;
+
+        static inline Unsure of(const Triangles& t, int k, bool inexact, Mode mode) {
+            Unsure one;
+            for (int e = 0; e < 3; ++e) put(t.edge[e], k, one.edge[e]);
+            put(t.inv_z, k, one.plane);
+            one.min_inv_z = t.min_inv_z[k], one.max_inv_z = t.max_inv_z[k], one.doubt = t.doubt[k];
+            one.corners = t.corners, one.lane = k, one.id = id_of(t, k, mode);
+            one.x0 = t.x0[k], one.x1 = t.x1[k], one.y0 = t.y0[k], one.y1 = t.y1[k];
+            one.inexact = inexact;
+            return one;
+        }
+        static inline void put(const Linear& all, int k, float* to) {
+            to[0] = all.u[k], to[1] = all.v[k], to[2] = all.one[k];
+        }
+        static inline Linear linear(const float* from) {
+            return Linear{Lanes::all(from[0]), Lanes::all(from[1]), Lanes::all(from[2])};
+        }
+    };
+    static __attribute__((noinline, cold)) void draw_unsure(const Camera& camera, const Image& image, const Unsure& t,
+                                                            Mode mode) {
+        const Linear e0 = Unsure::linear(t.edge[0]), e1 = Unsure::linear(t.edge[1]), e2 = Unsure::linear(t.edge[2]);
+        const Linear plane = Unsure::linear(t.plane);
+        for (int y = t.y0; y <= t.y1; ++y) {
+            const Floats v = Lanes::all((float)(y + image.first_row)) + camera.first_v;
+            const Floats row0 = e0.row(v), row1 = e1.row(v), row2 = e2.row(v), row_inv_z = plane.row(v);
+            for (int first = t.x0; first <= t.x1; first += LANES) {
+                const Floats u = (Lanes::index_floats() + (float)first) + camera.first_u;
+                const Ints unsure = in_doubt(Lanes::min(e0.at(u, row0), e1.at(u, row1), e2.at(u, row2)), t.doubt);
+                const Ints within = Lanes::index() <= Lanes::all_ints(t.x1 - first);
+                const Floats inv_z =
+                    Lanes::max(Lanes::min(plane.at(u, row_inv_z), Lanes::all(t.max_inv_z)), Lanes::all(t.min_inv_z));
+                for (unsigned left = Lanes::bits(unsure & within); left; left &= left - 1) {
+                    const int k = Lanes::first_lane(left), x = first + k;
+                    if (!covers(camera, image, t.corners, t.lane, x, y)) continue;
+                    const float value = t.inexact ? exact_inv_z(camera, t.corners, t.lane, t.min_inv_z, t.max_inv_z,
+                                                                camera.exact_u(x), camera.exact_v(y + image.first_row))
+                                                  : inv_z[k];
+                    put(image, Image::column_part(x) + image.row_part(y), value, t.id, mode);
+                }
+            }
+        }
+    }
+    static inline Ints in_doubt(Floats inner, float doubt) { return Lanes::abs(inner) <= Lanes::all(doubt); }
 
     // Lane k looks at the pixel (x, y) of its own triangle's bounds; all lanes step through x and y together.
     static inline __attribute__((always_inline)) void draw_small(const Camera& camera, const Image& image,
                                                                  const Triangles& t, Ints small, Ints inexact,
                                                                  Mode mode) {
-        const Floats none = Lanes::all(0.0f);
+        Floats closest = t.doubt + t.doubt;  // that an edge comes to a pixel
         const Ints last_x = small ? t.x1 : Lanes::all_ints(-1), last_y = small ? t.y1 : Lanes::all_ints(-1);
         const unsigned rounded = Lanes::bits(inexact);
         const int steps_x = __builtin_reduce_max(small ? t.x1 - t.x0 : Lanes::all_ints(0));
@@ -95,11 +150,13 @@ struct Raster {
             const Floats v = __builtin_convertvector(y + image.first_row, Floats) + camera.first_v;
             const Floats row0 = t.edge[0].row(v), row1 = t.edge[1].row(v), row2 = t.edge[2].row(v);
             const Floats row_inv_z = t.inv_z.row(v);
+            const Ints in_row = y <= last_y;
             for (int dx = 0; dx <= steps_x; ++dx) {
                 const Ints x = t.x0 + dx;
                 const Floats u = __builtin_convertvector(x, Floats) + camera.first_u;
                 const Floats inner = Lanes::min(t.edge[0].at(u, row0), t.edge[1].at(u, row1), t.edge[2].at(u, row2));
-                const unsigned hits = Lanes::bits((inner >= none) & (x <= last_x) & (y <= last_y));
+                closest = Lanes::min(closest, Lanes::abs(inner));
+                const unsigned hits = Lanes::bits((inner > t.doubt) & (x <= last_x) & in_row);
                 if (!hits) continue;
                 const Floats inv_z = Lanes::max(Lanes::min(t.inv_z.at(u, row_inv_z), t.max_inv_z), t.min_inv_z);
                 float value[LANES];
@@ -109,7 +166,8 @@ struct Raster {
                 Lanes::store(at_y, y);
                 for (unsigned left = hits & rounded; left; left &= left - 1) {
                     const int k = Lanes::first_lane(left);
-                    value[k] = exact_inv_z(camera, t, k, u[k], v[k]);
+                    value[k] =
+                        exact_inv_z(camera, t, k, camera.exact_u(at_x[k]), camera.exact_v(at_y[k] + image.first_row));
                 }
                 for (unsigned left = hits; left; left &= left - 1) {
                     const int k = Lanes::first_lane(left);
@@ -117,6 +175,10 @@ struct Raster {
                     put(image, pixel, value[k], id_of(t, k, mode), mode);
                 }
             }
+        }
+        for (unsigned left = Lanes::bits(small & (closest <= t.doubt)); left; left &= left - 1) {
+            const int k = Lanes::first_lane(left);
+            draw_unsure(camera, image, Unsure::of(t, k, (rounded >> k) & 1, mode), mode);
         }
     }
 
@@ -127,6 +189,8 @@ struct Raster {
                      e2 = Linear::of_lane(t.edge[2], k);
         const Linear plane = Linear::of_lane(t.inv_z, k);
         const Floats min_inv_z = Lanes::all(t.min_inv_z[k]), max_inv_z = Lanes::all(t.max_inv_z[k]);
+        const Floats doubt = Lanes::all(t.doubt[k]);
+        Floats closest = Lanes::all(NOWHERE);  // that an edge comes to a pixel
         const int id = id_of(t, k, mode);
         const int bx0 = t.x0[k] >> BLOCK_SHIFT, bx1 = t.x1[k] >> BLOCK_SHIFT, by0 = t.y0[k] >> BLOCK_SHIFT,
                   by1 = t.y1[k] >> BLOCK_SHIFT;
@@ -136,11 +200,14 @@ struct Raster {
             for (int bx = bx0; bx <= bx1; ++bx) {
                 const Floats u = (Grid::column_floats() + (float)(bx * BLOCK_SIDE)) + camera.first_u;
                 const Floats inv_z = Lanes::max(Lanes::min(plane.at(u, row_inv_z), max_inv_z), min_inv_z);
-                const Ints inside = Lanes::min(e0.at(u, row0), e1.at(u, row1), e2.at(u, row2)) >= Lanes::all(0.0f);
+                const Floats inner = Lanes::min(e0.at(u, row0), e1.at(u, row1), e2.at(u, row2));
+                closest = Lanes::min(closest, Lanes::abs(inner));
                 const int block = image.block_at(bx, by);
-                blend(image, block, block, inside, inv_z, id, mode);
+                blend(image, block, block, inner > doubt, inv_z, id, mode);
             }
         }
+        if (__builtin_expect(Lanes::any(closest <= doubt), 0))
+            draw_unsure(camera, image, Unsure::of(t, k, false, mode), mode);
     }
 
     // Keep the nearer surface in each pixel of a block, or in each point of a packet in it.
@@ -169,13 +236,14 @@ struct Raster {
                                                                 const Triangles& t, int k, Mode mode) {
         const Ints lane = Lanes::index();
         const int id = id_of(t, k, mode);
+        const float doubt = t.doubt[k];
         Linear edge[3];
         for (int e = 0; e < 3; ++e) edge[e] = Linear::of_lane(t.edge[e], k);
         for (int first = t.y0[k]; first <= t.y1[k]; first += LANES) {
             const Ints y = lane + first;
             const Floats v = __builtin_convertvector(y + image.first_row, Floats) + camera.first_v;
             Floats left = Lanes::all((float)t.x0[k]), right = Lanes::all((float)t.x1[k]);
-            for (const Linear& of : edge) narrow(camera, of, v, v, left, right);
+            for (const Linear& of : edge) narrow(camera, of, doubt, v, v, left, right);
             Ints here = y <= Lanes::all_ints(t.y1[k]);
             for (Floats x = __builtin_elementwise_ceil(left);; x += 1.0f) {
                 here &= x <= right;
@@ -183,10 +251,12 @@ struct Raster {
                 const Floats u = x + camera.first_u;
                 const Floats inner = Lanes::min(edge[0].at(u, edge[0].row(v)), edge[1].at(u, edge[1].row(v)),
                                                 edge[2].at(u, edge[2].row(v)));
-                for (unsigned hits = Lanes::bits(here & (inner >= Lanes::all(0.0f))); hits; hits &= hits - 1) {
-                    const int r = Lanes::first_lane(hits);
-                    const int pixel = Image::column_part((int)x[r]) + image.row_part(first + r);
-                    put(image, pixel, exact_inv_z(camera, t, k, u[r], v[r]), id, mode);
+                for (unsigned hits = Lanes::bits(here & (inner >= Lanes::all(-doubt))); hits; hits &= hits - 1) {
+                    const int r = Lanes::first_lane(hits), at_x = (int)x[r], at_y = first + r;
+                    if (inner[r] <= doubt && !covers(camera, image, t.corners, k, at_x, at_y)) continue;
+                    const int pixel = Image::column_part(at_x) + image.row_part(at_y);
+                    const double exact_v = camera.exact_v(at_y + image.first_row);
+                    put(image, pixel, exact_inv_z(camera, t, k, camera.exact_u(at_x), exact_v), id, mode);
                 }
             }
         }
@@ -194,13 +264,13 @@ struct Raster {
 
     // Rows from `left` to `right`, between v0 and v1 in the image, without what lies beyond an edge by more than
     // rounding can be wrong.
-    static inline void narrow(const Camera& camera, const Linear& edge, Floats v0, Floats v1, Floats& left,
+    static inline void narrow(const Camera& camera, const Linear& edge, float doubt, Floats v0, Floats v1, Floats& left,
                               Floats& right) {
         const float by = -1.0f / edge.u[0];
         if (!(__builtin_fabsf(by) < 1e30f)) return;  // it runs along the rows
         const Floats x0 = edge.row(v0) * by - camera.first_u, x1 = edge.row(v1) * by - camera.first_u;
         const Floats size = Lanes::abs(edge.v) * Lanes::max(Lanes::abs(v0), Lanes::abs(v1)) + Lanes::abs(edge.one);
-        const Floats slack = 0.01f + 4e-7f * __builtin_fabsf(by) * size;
+        const Floats slack = 0.01f + __builtin_fabsf(by) * (4e-7f * size + doubt);
         if (edge.u[0] > 0.0f)
             left = Lanes::max(left, Lanes::min(x0, x1) - slack);
         else
@@ -210,17 +280,25 @@ struct Raster {
     // A triangle of many pixels, in scalars, for as many pixels or blocks at a time as there are lanes.
     struct Large {
         Linear edge[3];
+        float doubt;
+        const float* corners;
+        int lane;
         ExactPlane plane;
         Floats slope;  // inv_z in a block, less inv_z at its first pixel
         float min_inv_z, max_inv_z;
+        float least_inv_z;  // that single precision tells well enough from its neighbours in a block
         int id;
         int x0, x1, y0, y1;
 
         static inline Large of(const Camera& camera, const Triangles& t, int k, Mode mode) {
             Large one;
             for (int e = 0; e < 3; ++e) one.edge[e] = Linear::of_lane(t.edge[e], k);
+            one.doubt = t.doubt[k];
+            one.corners = t.corners;
+            one.lane = k;
             one.plane = ExactPlane::of(camera, t.corners, k);
             one.slope = (float)one.plane.u * Grid::column_floats() + (float)one.plane.v * Grid::row_floats();
+            one.least_inv_z = STEEPEST * (float)(__builtin_fabs(one.plane.u) + __builtin_fabs(one.plane.v));
             one.min_inv_z = t.min_inv_z[k];
             one.max_inv_z = t.max_inv_z[k];
             one.id = id_of(t, k, mode);
@@ -251,7 +329,7 @@ struct Raster {
             const Floats top = __builtin_convertvector(y, Floats) + camera.first_v;
             const float last = TILE_SIDE - 1;
             Floats left = Lanes::all((float)(tx0 * TILE_SIDE)), right = Lanes::all((float)(tx1 * TILE_SIDE) + last);
-            for (const Linear& edge : t.edge) narrow(camera, edge, top, top + last, left, right);
+            for (const Linear& edge : t.edge) narrow(camera, edge, t.doubt, top, top + last, left, right);
             const Ints some = left <= right;
             const Floats nowhere = Lanes::all((float)TILE_SIDE), none = Lanes::all(0.0f);  // begins after it ends
             begin = __builtin_convertvector(some ? left : nowhere, Ints) >> TILE_SHIFT;
@@ -280,19 +358,21 @@ struct Raster {
         const Floats u1 = __builtin_convertvector(x + last, Floats) + camera.first_u;
         const Floats v0 = __builtin_convertvector(y + image.first_row, Floats) + camera.first_v;
         const Floats v1 = __builtin_convertvector(y + last + image.first_row, Floats) + camera.first_v;
+        unsigned unsure = 0;
         Ints touched = (x + last >= t.x0) & (x <= t.x1) & (y + last >= t.y0) & (y <= t.y1);
         Ints covered = touched;
         for (const Linear& edge : t.edge) {
             const Ints right = edge.u >= none, down = edge.v >= none;
-            touched &= edge.at(right ? u1 : u0, edge.row(down ? v1 : v0)) >= none;
-            covered &= edge.at(right ? u0 : u1, edge.row(down ? v0 : v1)) >= none;
+            touched &= edge.at(right ? u1 : u0, edge.row(down ? v1 : v0)) >= Lanes::all(-t.doubt);
+            covered &= edge.at(right ? u0 : u1, edge.row(down ? v0 : v1)) > Lanes::all(t.doubt);
         }
         if (!Lanes::any(touched)) return;
 
         // The nearest the plane gets in a block, and a little nearer.
         const int tile = ty * image.tiles_x + tx;
         const float pu = (float)t.plane.u, pv = (float)t.plane.v;
-        const double base = t.plane.one + t.plane.u * u0[0] + t.plane.v * v0[0];
+        const double base =
+            t.plane.one + t.plane.u * camera.exact_u(x[0]) + t.plane.v * camera.exact_v(y[0] + image.first_row);
         const Floats offset_x = __builtin_convertvector(block_x, Floats),
                      offset_y = __builtin_convertvector(block_y, Floats);
         const float reach = 3.0f * ((pu > 0 ? pu : 0) + (pv > 0 ? pv : 0));
@@ -305,22 +385,61 @@ struct Raster {
             const int b = Lanes::first_lane(left);
             const double at_block = base + t.plane.u * block_x[b] + t.plane.v * block_y[b];
             const TouchedBlock block = {tile * TILE_BLOCKS + b, x[b], y[b], (float)at_block, ((whole >> b) & 1) != 0};
-            draw_block(camera, image, t, block, mode);
+            if (draw_block(camera, image, t, block, mode)) unsure |= 1u << b;
+        }
+        for (; unsure; unsure &= unsure - 1) {
+            const int b = Lanes::first_lane(unsure);
+            const double at_block = base + t.plane.u * block_x[b] + t.plane.v * block_y[b];
+            const TouchedBlock block = {tile * TILE_BLOCKS + b, x[b], y[b], (float)at_block, false};
+            const Large copy = t;  // the other one can stay in registers
+            draw_unsure(camera, image, copy, block, mode);
         }
     }
 
-    static inline __attribute__((always_inline)) void draw_block(const Camera& camera, const Image& image,
+    // What a block's pixels are, of a triangle: 1 / z, and how far within its edges.
+    static inline Floats inv_z_in(const Large& t, const TouchedBlock& block) {
+        return Lanes::max(Lanes::min(t.slope + block.inv_z, Lanes::all(t.max_inv_z)), Lanes::all(t.min_inv_z));
+    }
+    static inline Floats within(const Camera& camera, const Image& image, const Large& t, const TouchedBlock& block) {
+        const Floats u = (Grid::column_floats() + (float)block.x) + camera.first_u;
+        const Floats v = (Grid::row_floats() + (float)(block.y + image.first_row)) + camera.first_v;
+        const Linear* e = t.edge;
+        return Lanes::min(e[0].at(u, e[0].row(v)), e[1].at(u, e[1].row(v)), e[2].at(u, e[2].row(v)));
+    }
+
+    // Those that single precision leaves in doubt: whether they are covered, or how near the plane is.
+    static inline Ints in_doubt(const Large& t, Floats inner, Floats inv_z) {
+        Ints unsure = in_doubt(inner, t.doubt);
+        if (t.least_inv_z > t.min_inv_z) unsure |= (inner > Lanes::all(t.doubt)) & (inv_z < Lanes::all(t.least_inv_z));
+        return unsure;
+    }
+
+    // Whether it has pixels that are in doubt, and are not drawn.
+    static inline __attribute__((always_inline)) bool draw_block(const Camera& camera, const Image& image,
                                                                  const Large& t, const TouchedBlock& block, Mode mode) {
-        const Floats inv_z =
-            Lanes::max(Lanes::min(t.slope + block.inv_z, Lanes::all(t.max_inv_z)), Lanes::all(t.min_inv_z));
-        Ints inside = Lanes::all_ints(-1);
-        if (!block.covered) {
-            const Floats u = (Grid::column_floats() + (float)block.x) + camera.first_u;
-            const Floats v = (Grid::row_floats() + (float)(block.y + image.first_row)) + camera.first_v;
-            const Linear* e = t.edge;
-            inside = Lanes::min(e[0].at(u, e[0].row(v)), e[1].at(u, e[1].row(v)), e[2].at(u, e[2].row(v))) >=
-                     Lanes::all(0.0f);
+        const Floats inv_z = inv_z_in(t, block);
+        if (block.covered && !(t.least_inv_z > t.min_inv_z)) {
+            blend(image, block.index, block.index, Lanes::all_ints(-1), inv_z, t.id, mode);
+            return false;
         }
-        blend(image, block.index, block.index, inside, inv_z, t.id, mode);
+        const Floats inner = within(camera, image, t, block);
+        const Ints unsure = in_doubt(t, inner, inv_z);
+        blend(image, block.index, block.index, (inner > Lanes::all(t.doubt)) & ~unsure, inv_z, t.id, mode);
+        return Lanes::any(unsure);
+    }
+    static __attribute__((noinline, cold)) void draw_unsure(const Camera& camera, const Image& image, const Large& t,
+                                                            const TouchedBlock block, Mode mode) {
+        const Floats inv_z = inv_z_in(t, block);
+        const Ints unsure = in_doubt(t, within(camera, image, t, block), inv_z);
+        for (unsigned left = Lanes::bits(unsure); left; left &= left - 1) {
+            const int k = Lanes::first_lane(left), x = block.x + (k & (BLOCK_SIDE - 1)),
+                      y = block.y + (k >> BLOCK_SHIFT);
+            if (!covers(camera, image, t.corners, t.lane, x, y)) continue;
+            const double u = camera.exact_u(x), v = camera.exact_v(y + image.first_row);
+            const float value = inv_z[k] < t.least_inv_z
+                                    ? exact_inv_z(camera, t.corners, t.lane, t.min_inv_z, t.max_inv_z, u, v)
+                                    : inv_z[k];
+            put(image, block.index * BLOCK_PIXELS + k, value, t.id, mode);
+        }
     }
 };

@@ -20,6 +20,8 @@ struct Triangles {
     int first_id;
     const int* owners;
     Linear edge[3];  // positive inside
+    Floats doubt;  // an edge's value of no more than this, either way, may have the wrong sign
+    Ints inexact;  // lanes where single precision is not enough for inv_z, whatever is looked at
     Linear inv_z;
     Floats min_inv_z, max_inv_z;  // at the corners: no point of a triangle is nearer or farther
     Floats area;  // in pixels, of the whole triangle; endless where it reaches behind the camera
@@ -27,6 +29,30 @@ struct Triangles {
     Ints x0, x1, y0, y1;  // pixels of the strip whose centres may be inside
     Ints view_y0, view_y1;  // the same rows in the whole view, counted from the view's first
 };
+
+// What is decided in double precision, of one triangle of a leaf.
+struct Exactly {
+    static inline ExactCorners corners(const Camera& camera, const float* corners, int lane) {
+        ExactCorners seen;
+        for (int k = 0; k < 3; ++k)
+            for (int i = 0; i < 3; ++i)
+                seen.corner[k][i] = corners[(3 * k + i) * LANES + lane] - camera.exact_origin[i];
+        return seen;
+    }
+    // Whether it covers a place of the image, on its edges too.
+    static __attribute__((noinline, cold)) bool covers(const Camera& camera, const float* leaf, int lane, double u,
+                                                       double v) {
+        double ray[3];
+        camera.ray_at(u, v, ray);
+        return corners(camera, leaf, lane).meet(ray);
+    }
+};
+
+// How far the rounding of a triangle's corners may turn its plane, as a part of 1 / z.
+constexpr float MOST_TURN = 5e-5f;
+
+// How many times inv_z the terms may be that it is a sum of.
+constexpr float MOST_TERMS = 16.0f;
 
 struct Setup {
     // cross(a - b, a + b) is 2 a x b, and exactly its negative when a and b change places.
@@ -42,9 +68,24 @@ struct Setup {
         return mask;
     }
 
+    // Where triangles are, in pixels, whether in the image or not: how far across, and from the principal point.
+    struct Box {
+        Floats width, height, reach_u, reach_v;
+    };
+
     // Where a row of x begins, below which are y and z.
     static inline Points corner(const Camera& camera, const float* rows) {
         return camera.relative(Lanes::load(rows), Lanes::load(rows + LANES), Lanes::load(rows + 2 * LANES));
+    }
+
+    // Of triangles that single precision sees edge-on, volumes of the right sign; 0 where double precision does, too.
+    static __attribute__((noinline, cold)) void settle_volumes(const Camera& camera, const float* corners, Ints edge_on,
+                                                               Floats least, Floats& volume) {
+        for (unsigned left = Lanes::bits(edge_on); left; left &= left - 1) {
+            const int k = Lanes::first_lane(left);
+            const double exact = Exactly::corners(camera, corners, k).volume();
+            volume[k] = exact < 0.0 ? -least[k] : exact > 0.0 ? least[k] : 0.0f;
+        }
     }
 
     // False if no lane can show: all face away, or none reaches a pixel's centre.
@@ -52,8 +93,18 @@ struct Setup {
         const float* p = out.corners;
         Points c[3];
         for (int k = 0; k < 3; ++k) c[k] = camera.turn(corner(camera, p + 3 * LANES * k));
-        const Points normal = Points::cross(Points::minus(c[1], c[0]), Points::minus(c[2], c[0]));
-        const Floats volume = Points::dot(normal, c[0]);  // negative where the camera sees the front
+        const Points ab = Points::minus(c[1], c[0]), ac = Points::minus(c[2], c[0]);
+        const Points normal = Points::cross(ab, ac);
+        Floats volume = Points::dot(normal, c[0]);  // negative where the camera sees the front
+        const Floats zmin = Lanes::min(c[0].z, c[1].z, c[2].z), zmax = Lanes::max(c[0].z, c[1].z, c[2].z);
+        // In pixels times depth, how far its corners are apart, and away, if any of it is in the image.
+        const Floats apart = ((Lanes::abs(ab.x) + Lanes::abs(ac.x)) + (Lanes::abs(ab.y) + Lanes::abs(ac.y))) +
+                             camera.extent * (zmax - zmin);
+        const Floats away = (2.0f * camera.extent) * zmax + apart;
+        const Floats rounded = camera.edge_doubt * away;
+        const Floats least_volume = (rounded * apart) * (camera.per_extent * away);
+        const Ints edge_on = Lanes::abs(volume) < least_volume;
+        if (__builtin_expect(Lanes::any(edge_on), 0)) settle_volumes(camera, p, edge_on, least_volume, volume);
         Ints shown = volume != Lanes::all(0.0f);
         if (camera.cull_back_faces)
             shown &= volume < Lanes::all(0.0f);
@@ -62,38 +113,50 @@ struct Setup {
         if (camera.excluded) shown &= ~excluded_lanes(camera.excluded, out.owners);
         if (!Lanes::any(shown)) return false;
 
-        const Floats zmin = Lanes::min(c[0].z, c[1].z, c[2].z), zmax = Lanes::max(c[0].z, c[1].z, c[2].z);
         const Floats one = Lanes::all(1.0f), none = Lanes::all(0.0f);
         const Floats inverse[3] = {one / c[0].z, one / c[1].z, one / c[2].z};
         // Triangles that reach behind the camera may be anywhere in the image.
         const Ints crossing = zmin <= 1e-6f * zmax + Lanes::all(1e-30f);
         out.shown = shown & (zmax > none);
-        if (!bound(image, c, inverse, crossing, out)) return false;
+        Box box;
+        if (!bound(image, c, inverse, crossing, out, box)) return false;
 
         const Floats sign = volume < none ? -one : one;
         out.edge[0] = edge(c[1], c[2], sign);
         out.edge[1] = edge(c[2], c[0], sign);
         out.edge[2] = edge(c[0], c[1], sign);
+        out.doubt = rounded * (apart + (EDGE_DOUBT_LEAST * camera.per_extent) * away);
         const Floats scale = one / volume;
         out.inv_z = Linear{normal.x * scale, normal.y * scale, normal.z * scale};
         out.min_inv_z = crossing ? one / zmax : Lanes::min(inverse[0], inverse[1], inverse[2]);
         out.max_inv_z = crossing ? Lanes::all(3e37f) : Lanes::max(inverse[0], inverse[1], inverse[2]);
         out.area = crossing ? Lanes::all(NOWHERE) : 0.5f * Lanes::abs(volume) * (inverse[0] * inverse[1] * inverse[2]);
+        const Floats slope_u = Lanes::abs(out.inv_z.u), slope_v = Lanes::abs(out.inv_z.v);
+        // Seen at a grazing angle, inv_z is a small difference of large terms.
+        const Floats terms = slope_u * box.reach_u + (slope_v * box.reach_v + Lanes::abs(out.inv_z.one));
+        const Floats turn = camera.blur * (box.width + box.height) * (slope_u * box.width + slope_v * box.height);
+        out.inexact =
+            (terms > MOST_TERMS * out.min_inv_z) | (turn > MOST_TURN * out.min_inv_z * out.area) | edge_on | crossing;
         return true;
     }
 
     // Bounds in pixels, a little wider than rounding can be wrong; false if no lane that may be shown has any.
-    static inline bool bound(const Image& image, const Points* c, const Floats* inverse, Ints crossing,
-                             Triangles& out) {
+    static inline bool bound(const Image& image, const Points* c, const Floats* inverse, Ints crossing, Triangles& out,
+                             Box& box) {
         const Floats one = Lanes::all(1.0f), none = Lanes::all(0.0f);
         const Floats px0 = c[0].x * inverse[0], px1 = c[1].x * inverse[1], px2 = c[2].x * inverse[2];
         const Floats py0 = c[0].y * inverse[0], py1 = c[1].y * inverse[1], py2 = c[2].y * inverse[2];
         const float slack = 0.004f + 2e-6f * (float)(image.width + image.height);
         const Floats wide = Lanes::all((float)image.width), tall = Lanes::all((float)image.height);
-        Floats left = Lanes::min(px0, px1, px2) + (image.center_x - 0.5f - slack);
-        Floats right = Lanes::max(px0, px1, px2) + (image.center_x - 0.5f + slack);
-        Floats top = Lanes::min(py0, py1, py2) + (image.center_y - 0.5f - slack);
-        Floats bottom = Lanes::max(py0, py1, py2) + (image.center_y - 0.5f + slack);
+        const Floats u0 = Lanes::min(px0, px1, px2), u1 = Lanes::max(px0, px1, px2);
+        const Floats v0 = Lanes::min(py0, py1, py2), v1 = Lanes::max(py0, py1, py2);
+        box.width = u1 - u0, box.height = v1 - v0;
+        box.reach_u = Lanes::max(Lanes::abs(u0), Lanes::abs(u1));
+        box.reach_v = Lanes::max(Lanes::abs(v0), Lanes::abs(v1));
+        Floats left = u0 + (image.center_x - 0.5f - slack);
+        Floats right = u1 + (image.center_x - 0.5f + slack);
+        Floats top = v0 + (image.center_y - 0.5f - slack);
+        Floats bottom = v1 + (image.center_y - 0.5f + slack);
         left = Lanes::max(crossing ? none : image.first_pixel(left), none);
         const float first = (float)image.first_row, last = (float)(image.view_height - 1);
         const Floats view_top = Lanes::max(crossing ? none : image.first_pixel(top) + first, none);

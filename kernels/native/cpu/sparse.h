@@ -100,6 +100,7 @@ struct Sparse {
         const Triangles& triangles;
         int k;  // its lane
         Linear edge[3];
+        float doubt;
         bool rounded;  // whether single precision is not enough for inv_z
         int id;
 
@@ -107,6 +108,7 @@ struct Sparse {
             return One{t,
                        k,
                        {Linear::of_lane(t.edge[0], k), Linear::of_lane(t.edge[1], k), Linear::of_lane(t.edge[2], k)},
+                       t.doubt[k],
                        rounded,
                        Raster::id_of(t, k, mode)};
         }
@@ -124,7 +126,7 @@ struct Sparse {
         Ints touched = Lanes::load(image.block_min + tile * TILE_BLOCKS) <= Lanes::all(one.triangles.max_inv_z[one.k]);
         for (const Linear& edge : one.edge) {
             const Floats u = edge.u >= Lanes::all(0.0f) ? u1 : u0, v = edge.v >= Lanes::all(0.0f) ? v1 : v0;
-            touched &= edge.at(u, edge.row(v)) >= Lanes::all(0.0f);
+            touched &= edge.at(u, edge.row(v)) >= Lanes::all(-one.doubt);
         }
         for (unsigned left = Lanes::bits(touched); left; left &= left - 1) {
             const int cell = tile * TILE_BLOCKS + Lanes::first_lane(left);
@@ -139,9 +141,32 @@ struct Sparse {
         const Linear* e = one.edge;
         const Floats u = Lanes::load(image.point_u + packet * LANES), v = Lanes::load(image.point_v + packet * LANES);
         const Floats old = Lanes::load(image.inv_z + packet * LANES), max_inv_z = Lanes::all(t.max_inv_z[one.k]);
-        Ints inside = (old <= max_inv_z) & (Lanes::min(e[0].at(u, e[0].row(v)), e[1].at(u, e[1].row(v)),
-                                                       e[2].at(u, e[2].row(v))) >= Lanes::all(0.0f));
-        if (!Lanes::any(inside)) return;
+        const Floats inner = Lanes::min(e[0].at(u, e[0].row(v)), e[1].at(u, e[1].row(v)), e[2].at(u, e[2].row(v)));
+        const Ints wanted = old <= max_inv_z, unsure = wanted & Raster::in_doubt(inner, one.doubt);
+        const Ints inside = wanted & (inner > Lanes::all(one.doubt));
+        if (Lanes::any(inside)) draw_lanes(camera, image, one, cell, packet, inside, mode);
+        if (__builtin_expect(Lanes::any(unsure), 0))
+            draw_unsure(camera, image, one, cell, packet, Lanes::bits(unsure), mode);
+    }
+
+    // Lanes of which an edge's value leaves in doubt whether the triangle covers them.
+    static __attribute__((noinline, cold)) void draw_unsure(const Camera& camera, const Image& image, const One& one,
+                                                            int cell, int packet, unsigned unsure, Mode mode) {
+        Ints inside = Lanes::all_ints(0);
+        for (unsigned left = unsure; left; left &= left - 1) {
+            const int lane = Lanes::first_lane(left), at = packet * LANES + lane;
+            const double u = image.point_u[at], v = image.point_v[at];
+            if (Exactly::covers(camera, one.triangles.corners, one.k, u, v)) inside[lane] = -1;
+        }
+        if (Lanes::any(inside)) draw_lanes(camera, image, one, cell, packet, inside, mode);
+    }
+
+    // Lanes that the triangle covers.
+    static inline void draw_lanes(const Camera& camera, const Image& image, const One& one, int cell, int packet,
+                                  Ints inside, Mode mode) {
+        const Triangles& t = one.triangles;
+        const Floats u = Lanes::load(image.point_u + packet * LANES), v = Lanes::load(image.point_v + packet * LANES);
+        const Floats old = Lanes::load(image.inv_z + packet * LANES), max_inv_z = Lanes::all(t.max_inv_z[one.k]);
         const Linear plane = Linear::of_lane(t.inv_z, one.k);
         const Floats min_inv_z = Lanes::all(t.min_inv_z[one.k]);
         Floats inv_z = Lanes::max(Lanes::min(plane.at(u, plane.row(v)), max_inv_z), min_inv_z);

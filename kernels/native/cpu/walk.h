@@ -189,8 +189,7 @@ struct Walk {
             triangles.first_id = (int)leaf * LANES + instance.first_id;
             if (!Setup::leaf(camera, image, triangles)) continue;
             if (image.first_packet)
-                Sparse::draw(camera, image, triangles,
-                             Raster::loses_digits(camera, triangles) | Raster::turns(camera, triangles), mode);
+                Sparse::draw(camera, image, triangles, triangles.inexact | Raster::turns(camera, triangles), mode);
             else
                 Raster::draw(camera, image, triangles, mode);
         }

@@ -95,9 +95,11 @@ struct Raster {
         for (int step = 0; step < steps; ++step) {
             if (step < area) {
                 const float u = view_x + camera.first_u, v = view_y + camera.first_v;
-                if (t.covers(u, v)) {
+                if (covers(bvh, camera, t, t.within(u, v), packet.first_x + x, packet.first_y + y)) {
                     const float inv_z =
-                        t.exact ? t.clamp(ExactPlane::of(camera, bvh.corners(t.slot)).at(u, v)) : t.inv_z_at(u, v);
+                        t.exact ? t.clamp(ExactPlane::of(camera, bvh.corners(t.slot))
+                                              .at((double)view_x + camera.first_u, (double)view_y + camera.first_v))
+                                : t.inv_z_at(u, v);
                     const Key key = DepthKey::of(inv_z, t.slot + bvh.first_id);
                     Key* at = packet.z_buffer + Packet::index_at(x, y);
                     if (camera.near.shows(inv_z, cut) && key > *at) {
@@ -119,6 +121,12 @@ struct Raster {
         Warp::sync();
     }
 
+    // Whether a triangle covers a pixel of the view, by how far it is within its edges, or exactly.
+    static inline bool covers(const Bvh& bvh, const Camera& camera, const Triangle& t, float within, int x, int y) {
+        if (within > t.doubt) return true;
+        return within >= -t.doubt && Exactly::covers(camera, bvh.corners(t.slot), x, y);
+    }
+
     // All lanes on one triangle: first each on a block, to see which are touched, then each on a pixel of those.
     static inline void draw_large(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle t) {
         const int lane = Warp::lane();
@@ -134,8 +142,8 @@ struct Raster {
             // An edge's value is greatest, and least, at corners of a block. Rounding keeps the order, so that the test
             // of the corner pixel never contradicts that of another pixel.
             const bool right = t.edge[e].u >= 0.0f, down = t.edge[e].v >= 0.0f;
-            touched &= t.edge[e].at(right ? u1 : u0, down ? v1 : v0) >= 0.0f;
-            covered &= t.edge[e].at(right ? u0 : u1, down ? v0 : v1) >= 0.0f;
+            touched &= t.edge[e].at(right ? u1 : u0, down ? v1 : v0) >= -t.doubt;
+            covered &= t.edge[e].at(right ? u0 : u1, down ? v0 : v1) > t.doubt;
         }
         const float nearest_inv_z =
             t.exact ? t.max_inv_z : t.inv_z_at(t.slope_u >= 0.0f ? u1 : u0, t.slope_v >= 0.0f ? v1 : v0);
@@ -149,26 +157,28 @@ struct Raster {
         if (t.exact) {
             const ExactPlane plane = ExactPlane::of(camera, bvh.corners(t.slot));
             for (unsigned left = blocks; left; left = Warp::without_first_lane(left)) {
-                const int block = Warp::first_lane(left);
-                float u, v;
-                pixel(camera, packet, block, u, v);
-                put(camera, packet, block, (whole >> block & 1) || t.covers(u, v), t.clamp(plane.at(u, v)), id, cut);
+                const int block = Warp::first_lane(left), x = pixel_x(packet, block), y = pixel_y(packet, block);
+                const float u = SmallInt::to_float(x) + camera.first_u, v = SmallInt::to_float(y) + camera.first_v;
+                const bool inside = (whole >> block & 1) || covers(bvh, camera, t, t.within(u, v), x, y);
+                const float inv_z = plane.at(x + (double)camera.first_u, y + (double)camera.first_v);
+                put(camera, packet, block, inside, t.clamp(inv_z), id, cut);
             }
         } else {
             for (unsigned left = blocks; left; left = Warp::without_first_lane(left)) {
-                const int block = Warp::first_lane(left);
-                float u, v;
-                pixel(camera, packet, block, u, v);
-                put(camera, packet, block, (whole >> block & 1) || t.covers(u, v), t.inv_z_at(u, v), id, cut);
+                const int block = Warp::first_lane(left), x = pixel_x(packet, block), y = pixel_y(packet, block);
+                const float u = SmallInt::to_float(x) + camera.first_u, v = SmallInt::to_float(y) + camera.first_v;
+                const bool inside = (whole >> block & 1) || covers(bvh, camera, t, t.within(u, v), x, y);
+                put(camera, packet, block, inside, t.inv_z_at(u, v), id, cut);
             }
         }
     }
 
-    // This lane's pixel of a block.
-    static inline void pixel(const Camera& camera, const Packet& packet, int block, float& u, float& v) {
-        const int lane = Warp::lane();
-        u = SmallInt::to_float(packet.first_x + Packet::block_x(block) + Packet::pixel_x(lane)) + camera.first_u;
-        v = SmallInt::to_float(packet.first_y + Packet::block_y(block) + Packet::pixel_y(lane)) + camera.first_v;
+    // This lane's pixel of a block, in the view.
+    static inline int pixel_x(const Packet& packet, int block) {
+        return packet.first_x + Packet::block_x(block) + Packet::pixel_x(Warp::lane());
+    }
+    static inline int pixel_y(const Packet& packet, int block) {
+        return packet.first_y + Packet::block_y(block) + Packet::pixel_y(Warp::lane());
     }
 
     static inline void put(const Camera& camera, Packet& packet, int block, bool inside, float inv_z, unsigned id,

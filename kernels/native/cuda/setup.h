@@ -14,12 +14,38 @@ struct ExactPlane {
                           Vec3d::dot(normal, camera.exact_rays[1]) * scale,
                           Vec3d::dot(normal, camera.exact_rays[2]) * scale};
     }
-    inline float at(float at_u, float at_v) const { return (float)(u * at_u + (v * at_v + one)); }
+    inline float at(double at_u, double at_v) const { return (float)(u * at_u + (v * at_v + one)); }
+};
+
+// What is decided in double precision, of one triangle. Functions of their own: they are rarely called, and their
+// numbers would take registers from what is always done.
+struct Exactly {
+    static inline ExactCorners corners(const Camera& camera, const float* from) {
+        const double origin[3] = {camera.exact_origin.x, camera.exact_origin.y, camera.exact_origin.z};
+        ExactCorners seen;
+        for (int k = 0; k < 3; ++k)
+            for (int i = 0; i < 3; ++i) seen.corner[k][i] = __ldg(from + (3 * k + i) * LANES) - origin[i];
+        return seen;
+    }
+    // Whether it covers a pixel's centre, on its edges too.
+    static __noinline__ bool covers(const Camera& camera, const float* from, int x, int y) {
+        const double u = x + (double)camera.first_u, v = y + (double)camera.first_v;
+        const Vec3d* rays = camera.exact_rays;
+        const double ray[3] = {u * rays[0].x + (v * rays[1].x + rays[2].x), u * rays[0].y + (v * rays[1].y + rays[2].y),
+                               u * rays[0].z + (v * rays[1].z + rays[2].z)};
+        return corners(camera, from).meet(ray);
+    }
+    // Negative where the camera sees the front, and 0 where it is in the plane.
+    static __noinline__ float volume(const Camera& camera, const float* from) {
+        const double exact = corners(camera, from).volume();
+        return exact < 0.0 ? -1.0f : exact > 0.0 ? 1.0f : 0.0f;
+    }
 };
 
 // One triangle, set up for the image.
 struct alignas(16) Triangle {
-    Linear edge[3];  // not negative inside
+    Linear edge[3];  // positive inside
+    float doubt;  // an edge's value of no more than this, either way, may have the wrong sign
     float slope_u, slope_v;  // of 1 / z
     float u, v, inv_z;  // where it is known: at a corner
     float min_inv_z, max_inv_z;  // at the corners: no point of a triangle is nearer or farther
@@ -27,8 +53,9 @@ struct alignas(16) Triangle {
     bool exact;  // single precision is not enough for 1 / z
     unsigned slot;  // in the leaves
 
-    inline bool covers(float at_u, float at_v) const {
-        return Three::min(edge[0].at(at_u, at_v), edge[1].at(at_u, at_v), edge[2].at(at_u, at_v)) >= 0.0f;
+    // How far within its edges a place is.
+    inline float within(float at_u, float at_v) const {
+        return Three::min(edge[0].at(at_u, at_v), edge[1].at(at_u, at_v), edge[2].at(at_u, at_v));
     }
     inline float clamp(float value) const { return fmaxf(fminf(value, max_inv_z), min_inv_z); }
     inline float inv_z_at(float at_u, float at_v) const {
@@ -42,6 +69,10 @@ constexpr float TRIANGLE_SLACK = 0.002f, TRIANGLE_SLACK_BLURS = 4.0f;
 constexpr float CROSSING_SHARE = 1e-6f, CROSSING_LEAST = 1e-30f;
 // Of 1 / z: the relative error of a rounded term, and the one that is allowed.
 constexpr float TERM_ERROR = 2e-7f, ALLOWED_ERROR = 6e-6f;
+
+// Pixels to the image's farthest side from the principal point, or the focal length if that is more, by what rounding
+// of as many pixels comes to.
+constexpr float EXTENT_OF_BLUR = 0.5f / 6e-8f;
 
 struct Setup {
     enum { LARGE = 64 };  // pixels of the bounds, from which a triangle is worth a look at its edges
@@ -127,18 +158,41 @@ struct Setup {
         return p.crossing || !(error <= ALLOWED_ERROR * t.min_inv_z);
     }
 
+    // What rounding may change of an edge's value and of the volume of a triangle, if any of it is in the image: by how
+    // far its corners are apart, in pixels times depth, and away.
+    struct Rounding {
+        float edge, volume;
+
+        static inline Rounding of(const Camera& camera, Vec3 ab, Vec3 ac, float zmin, float zmax) {
+            const float extent = Three::max(EXTENT_OF_BLUR * camera.blur, fabsf(camera.first_u), fabsf(camera.first_v));
+            const float apart =
+                __fmaf_rn(extent, zmax - zmin, (fabsf(ab.x) + fabsf(ac.x)) + (fabsf(ab.y) + fabsf(ac.y)));
+            const float away = __fmaf_rn(2.0f * extent, zmax, apart), per_extent = __fdividef(1.0f, extent);
+            const float rounded = __fmul_rn(EDGE_DOUBT, away);
+            return Rounding{__fmul_rn(rounded, __fmaf_rn(EDGE_DOUBT_LEAST * per_extent, away, apart)),
+                            __fmul_rn(__fmul_rn(rounded, apart), __fmul_rn(per_extent, away))};
+        }
+    };
+
     // A triangle in camera space.
     struct CameraTriangle {
         Vec3 a, b, c, normal;
         float volume;  // negative where the camera sees the front
+        float doubt;  // what rounding may change of an edge's value
+        bool edge_on;  // whether it may change the sign of the volume
 
         inline bool has_area() const { return volume != 0.0f && fabsf(volume) <= NOWHERE; }
         static inline CameraTriangle of(const Camera& camera, const float* first) {
             CameraTriangle t;
             t.a = corner(camera, first), t.b = corner(camera, first + 3 * LANES),
             t.c = corner(camera, first + 6 * LANES);
-            t.normal = Vec3::cross(Vec3::minus(t.b, t.a), Vec3::minus(t.c, t.a));
+            const Vec3 ab = Vec3::minus(t.b, t.a), ac = Vec3::minus(t.c, t.a);
+            t.normal = Vec3::cross(ab, ac);
             t.volume = Vec3::dot(t.normal, t.a);
+            const Rounding rounding =
+                Rounding::of(camera, ab, ac, Three::min(t.a.z, t.b.z, t.c.z), Three::max(t.a.z, t.b.z, t.c.z));
+            t.doubt = rounding.edge;
+            t.edge_on = fabsf(t.volume) < rounding.volume;
             return t;
         }
         static inline Vec3 corner(const Camera& camera, const float* at) {
@@ -184,8 +238,12 @@ struct Setup {
                      PacketBounds::has_center(Three::min(a_v, b_v, c_v), Three::max(a_v, b_v, c_v), bounds.top,
                                               bounds.bottom, bounds.slack);
         if (camera.cull_back_faces || camera.skip_back_faces) {
-            const float volume = Vec3::dot(Vec3::cross(Vec3::minus(b, a), Vec3::minus(c, a)), a);
-            shown = shown && (volume < 0.0f || (!camera.cull_back_faces && __ldg(bvh.owners + slot) >= 0));
+            const Vec3 ab = Vec3::minus(b, a), ac = Vec3::minus(c, a);
+            const float volume = Vec3::dot(Vec3::cross(ab, ac), a);
+            const Rounding rounding =
+                Rounding::of(camera, ab, ac, Three::min(a.z, b.z, c.z), Three::max(a.z, b.z, c.z));
+            const bool front = volume < rounding.volume;  // or may be
+            shown = shown && (front || (!camera.cull_back_faces && __ldg(bvh.owners + slot) >= 0));
         }
         if (bvh.excluded) shown = shown && !bvh.excluded[Bvh::object_of(__ldg(bvh.owners + slot))];
         return shown;
@@ -196,11 +254,12 @@ struct Setup {
     static inline int area(const Bvh& bvh, const Camera& camera, int first_x, int first_y, int leaf) {
         const unsigned slot = leaf * LANES + Warp::lane();
         const CameraTriangle c = CameraTriangle::of(camera, bvh.corners(slot));
-        bool shown = c.has_area();
+        // What may be edge-on, Setup::triangle looks at.
+        bool shown = c.has_area() || c.edge_on;
         if (camera.cull_back_faces)
-            shown &= c.volume < 0.0f;
+            shown &= c.volume < 0.0f || c.edge_on;
         else if (camera.skip_back_faces)
-            shown &= c.volume < 0.0f || __ldg(bvh.owners + slot) >= 0;
+            shown &= c.volume < 0.0f || c.edge_on || __ldg(bvh.owners + slot) >= 0;
         if (bvh.excluded) shown &= !bvh.excluded[Bvh::object_of(__ldg(bvh.owners + slot))];
         if (!Warp::any(shown)) return 0;
         const ProjectedTriangle p = ProjectedTriangle::of(c.a, c.b, c.c);
@@ -214,7 +273,7 @@ struct Setup {
         const int y1 = p.crossing ? PACKET_HEIGHT - 1 : min(__float2int_rd(p.v1 - to_y + slack), PACKET_HEIGHT - 1);
         const int count = shown && x0 <= x1 && y0 <= y1 ? (x1 - x0 + 1) * (y1 - y0 + 1) : 0;
         // Worth it where a packet meets much that is near: static scenes of small triangles are slower with it.
-        const bool large = MOVABLE && count > LARGE;
+        const bool large = MOVABLE && count > LARGE && !c.edge_on;
         if (large && passes_by(c, SmallInt::to_float(first_x + x0) + camera.first_u,
                                SmallInt::to_float(first_x + x1) + camera.first_u,
                                SmallInt::to_float(first_y + y0) + camera.first_v,
@@ -226,24 +285,34 @@ struct Setup {
     // Whether a triangle is outside of a rectangle of the image, judged by its edges.
     static inline bool passes_by(const CameraTriangle& c, float u0, float u1, float v0, float v1) {
         const float sign = c.volume < 0.0f ? -1.0f : 1.0f;
-        return beyond(edge(c.b, c.c, sign), u0, u1, v0, v1) || beyond(edge(c.c, c.a, sign), u0, u1, v0, v1) ||
-               beyond(edge(c.a, c.b, sign), u0, u1, v0, v1);
+        return beyond(edge(c.b, c.c, sign), c.doubt, u0, u1, v0, v1) ||
+               beyond(edge(c.c, c.a, sign), c.doubt, u0, u1, v0, v1) ||
+               beyond(edge(c.a, c.b, sign), c.doubt, u0, u1, v0, v1);
     }
     // An edge's value is greatest at a corner. Rounding keeps the order: no pixel of the rectangle contradicts the
     // corner.
-    static inline bool beyond(const Linear& edge, float u0, float u1, float v0, float v1) {
-        return edge.at(edge.u >= 0.0f ? u1 : u0, edge.v >= 0.0f ? v1 : v0) < 0.0f;
+    static inline bool beyond(const Linear& edge, float doubt, float u0, float u1, float v0, float v1) {
+        return edge.at(edge.u >= 0.0f ? u1 : u0, edge.v >= 0.0f ? v1 : v0) < -doubt;
     }
 
-    // It covers no pixel where it has no area.
+    // Whether a triangle of a volume is drawn: not by its back, if that is hidden or not wanted.
+    static inline bool faces(const Bvh& bvh, const Camera& camera, unsigned slot, float volume) {
+        if (camera.cull_back_faces) return volume < 0.0f;
+        if (camera.skip_back_faces) return volume < 0.0f || (volume > 0.0f && __ldg(bvh.owners + slot) >= 0);
+        return volume != 0.0f;
+    }
+
+    // A triangle of a leaf; it has no pixels where double precision sees it edge-on, or by a back that is not drawn.
     static inline Triangle triangle(const Bvh& bvh, const Camera& camera, int first_x, int first_y, unsigned slot) {
         const CameraTriangle c = CameraTriangle::of(camera, bvh.corners(slot));
         const ProjectedTriangle p = ProjectedTriangle::of(c.a, c.b, c.c);
         const Bounds bounds = Bounds::of(camera, p);
-        const float sign = c.volume < 0.0f ? -1.0f : 1.0f, scale = 1.0f / c.volume;
+        const float facing = c.edge_on ? Exactly::volume(camera, bvh.corners(slot)) : c.volume;
+        const float sign = facing < 0.0f ? -1.0f : 1.0f, scale = 1.0f / c.volume;
         Triangle t;
         t.slot = slot;
-        bounds.cut(first_x, first_y, c.has_area(), t);
+        t.doubt = c.doubt;
+        bounds.cut(first_x, first_y, c.edge_on ? faces(bvh, camera, slot, facing) : c.has_area(), t);
         t.edge[0] = edge(c.b, c.c, sign);
         t.edge[1] = edge(c.c, c.a, sign);
         t.edge[2] = edge(c.a, c.b, sign);
@@ -252,7 +321,7 @@ struct Setup {
         t.u = p.u[0], t.v = p.v[0], t.inv_z = p.inv_z[0];
         t.min_inv_z = p.crossing ? 1.0f / p.zmax : Three::min(p.inv_z[0], p.inv_z[1], p.inv_z[2]);
         t.max_inv_z = p.crossing ? MOST_INV_Z : Three::max(p.inv_z[0], p.inv_z[1], p.inv_z[2]);
-        t.exact = loses_digits(camera, p, bounds, t, scale);
+        t.exact = c.edge_on || loses_digits(camera, p, bounds, t, scale);
         return t;
     }
 };

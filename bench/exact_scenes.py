@@ -1,0 +1,225 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes of few triangles, at random and as unkind as they come, for `exact_pixels.py`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import trimesh
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+import warpvis as wv
+from warpvis.core.poses import poses_to_matrices, poses_to_opencv
+from warpvis.scenes.terrain import grid_faces
+
+Mesh = tuple[NDArray[np.float32], NDArray[np.int32]]
+
+
+@dataclass
+class Case:
+    """A scene, a camera and its poses; movable objects in one world."""
+
+    camera: wv.Camera
+    poses: NDArray[np.float32]
+    still: list[Mesh] = field(default_factory=list)
+    moving: list[Mesh] = field(default_factory=list)
+    object_poses: NDArray[np.float32] | None = None  # (moving objects, 7)
+    object_scales: NDArray[np.float32] | None = None  # (moving objects, 3)
+
+    def scene(self, device: str) -> wv.Scene:
+        """Make it on a device."""
+        scene = wv.Scene(device=device)
+        for mesh in self.still:
+            scene.add(mesh)
+        for mesh in self.moving:
+            scene.add(mesh, movable=True)
+        return scene
+
+    @property
+    def corners(self) -> NDArray[np.float64]:
+        """Triangles in the world, shape ``(T, 3, 3)``, from the numbers that the scene is given."""
+        parts = [vertices.astype(np.float64)[faces] for vertices, faces in self.still]
+        for k, (vertices, faces) in enumerate(self.moving):
+            matrix = poses_to_matrices(self.object_poses[k])
+            there = vertices.astype(np.float64)
+            if self.object_scales is not None:
+                there = there * self.object_scales[k]
+            parts.append((there @ matrix[:3, :3].T + matrix[:3, 3])[faces])
+        return np.concatenate(parts)
+
+
+def camera_of(rng: Generator, width: int, height: int) -> wv.Camera:
+    """A camera of 20 to 130 degrees, and in half of all cases a principal point as calibration gives it."""
+    camera = wv.Camera.from_fov(width, height, hfov=np.radians(rng.uniform(20, 130)))
+    if rng.random() < 0.5:
+        return camera
+    shift = rng.uniform(-0.1, 0.1, 2) * (width, height)
+    return wv.Camera(width, height, camera.fx, camera.fy * rng.uniform(0.9, 1.1), *(shift + (camera.cx, camera.cy)))
+
+
+def turned(rng: Generator, count: int) -> NDArray[np.float64]:
+    """Quaternions, all turns alike."""
+    q = rng.normal(size=(count, 4))
+    return q / np.linalg.norm(q, axis=1)[:, None]
+
+
+def looking(eyes: NDArray[np.float64], targets: NDArray[np.float64], up: NDArray[np.float64]) -> NDArray[np.float32]:
+    """`wv.look_at` for many at once; one `up`, or for each its own."""
+    forward = targets - eyes
+    right = np.cross(forward, up)
+    axes = np.stack([right, np.cross(forward, right), forward], axis=-1)
+    matrices = np.tile(np.eye(4), (len(eyes), 1, 1))
+    matrices[:, :3, :3] = axes / np.linalg.norm(axes, axis=1, keepdims=True)
+    matrices[:, :3, 3] = eyes
+    return poses_to_opencv(matrices).astype(np.float32)
+
+
+def around(rng: Generator, centre: NDArray[np.float64], distance: float, views: int) -> NDArray[np.float32]:
+    """Poses that look at places near a centre, from about so far."""
+    eyes = centre + rng.normal(size=(views, 3)) * distance
+    targets = centre + rng.normal(size=(views, 3)) * 0.3 * distance
+    return looking(eyes, targets, rng.normal(size=3))
+
+
+def soup(rng: Generator, count: int, size: float) -> Mesh:
+    """Triangles that have nothing to do with each other."""
+    corners = rng.normal(size=(count, 1, 3)) * size
+    corners = corners + rng.normal(size=(count, 3, 3)) * size * 10.0 ** rng.uniform(-2, 0.3, (count, 1, 1))
+    return corners.reshape(-1, 3).astype(np.float32), np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+
+
+def as_mesh(made: trimesh.Trimesh, scale: float = 1.0, at: NDArray[np.float64] | float = 0.0) -> Mesh:
+    """A mesh of a size at a place."""
+    return (made.vertices * scale + at).astype(np.float32), made.faces.astype(np.int32)
+
+
+def random(rng: Generator, width: int, height: int, views: int) -> Case:
+    """Triangles of all sizes."""
+    scale = 10.0 ** rng.uniform(-2, 2)
+    poses = around(rng, np.zeros(3), scale * 10.0 ** rng.uniform(-0.5, 1), views)
+    return Case(camera_of(rng, width, height), poses, [soup(rng, 150, scale)])
+
+
+def closed(rng: Generator, width: int, height: int, views: int) -> Case:
+    """Balls and boxes, from outside and from inside."""
+    scale = 10.0 ** rng.uniform(-2, 2)
+    meshes = [as_mesh(trimesh.creation.icosphere(subdivisions=2), scale * rng.uniform(0.5, 1))]
+    for _ in range(3):
+        box = trimesh.creation.box(rng.uniform(0.2, 2, 3))
+        box.apply_transform(trimesh.transformations.random_rotation_matrix(rng.random(3)))
+        meshes.append(as_mesh(box, scale, rng.normal(size=3) * 1.5 * scale))
+    return Case(camera_of(rng, width, height), around(rng, np.zeros(3), 2 * scale, views), meshes)
+
+
+def corners(rng: Generator, width: int, height: int, views: int) -> Case:
+    """A wall whose corners are at pixels' centres, as nearly as numbers can say, and another one beyond."""
+    scale, f = 10.0 ** rng.uniform(-1, 1), 100.0
+    step = rng.choice([0.5, 1.0, 3.0])
+    x = (np.arange(13) - 6) * step * scale
+    plane = np.stack([*np.meshgrid(x, x, indexing="ij"), np.full((13, 13), f * scale)], -1).reshape(-1, 3)
+    tilt = rng.choice([0.0, 1.0]) * rng.uniform(-1, 1)
+    plane *= 1 + tilt * plane[:, :1] / (f * scale)  # along the rays
+    pose = np.r_[rng.normal(size=3) * 10.0 ** rng.uniform(0, 2), turned(rng, 1)[0]].astype(np.float32)
+    if rng.random() < 0.3:
+        pose[3:] = rng.choice([[0, 0, 0, 1], [1, 0, 0, 0], [0.5, -0.5, 0.5, -0.5]])
+    matrix = poses_to_matrices(pose)
+    wall = (plane @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32)
+    camera = wv.Camera(width, height, f, f, width // 2 + 0.5, height // 2 + 0.5)
+    behind = ((plane * 2) @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32)
+    poses = np.tile(pose, (views, 1))
+    poses[1:, :3] += (rng.integers(-20, 20, (views - 1, 2)) * scale / 4) @ matrix[:3, :2].T.astype(np.float32)
+    faces = grid_faces(13).astype(np.int32)
+    return Case(camera, poses.astype(np.float32), [(wall, faces), (behind, faces)])
+
+
+def grazing(rng: Generator, width: int, height: int, views: int) -> Case:
+    """Planes that are seen at less than a degree, whole and of tiles."""
+    scale = 10.0 ** rng.uniform(-1, 2)
+    count = int(rng.choice([2, 9]))
+    x = np.linspace(-1, 1, count) * scale
+    grid = np.stack([*np.meshgrid(x, x, indexing="ij"), np.zeros((count, count))], -1).reshape(-1, 3)
+    turn = trimesh.transformations.random_rotation_matrix(rng.random(3))[:3, :3]
+    at = rng.normal(size=3) * scale
+    heights = scale * np.radians(10.0 ** rng.uniform(-3, 0.3, views)) * rng.choice([-1, 1], views)
+    angle = rng.uniform(0, 2 * np.pi, views)
+    away = rng.uniform(0.1, 1.5, views) * scale
+    eyes = np.stack([np.cos(angle) * away, np.sin(angle) * away, heights], -1)
+    targets = np.stack([*(rng.normal(size=(2, views)) * 0.3 * scale), np.zeros(views)], -1)
+    up = turn @ np.array([rng.normal() * 0.3, rng.normal() * 0.3, 1.0])
+    poses = looking(eyes @ turn.T + at, targets @ turn.T + at, up)
+    mesh = (grid @ turn.T + at).astype(np.float32), grid_faces(count).astype(np.int32)
+    return Case(camera_of(rng, width, height), poses, [mesh])
+
+
+def slivers(rng: Generator, width: int, height: int, views: int) -> Case:
+    """A surface of triangles that are a thousand to a million times as long as wide, and needles before it."""
+    scale = 10.0 ** rng.uniform(-1, 1)
+    rows = np.cumsum(10.0 ** rng.uniform(-6, -0.5, 40))
+    rows = (rows / rows[-1] - 0.5) * 2 * scale
+    columns = np.array([-1.0, rng.uniform(-1, 1), 1.0]) * scale
+    grid = np.stack([*np.meshgrid(rows, columns, indexing="ij"), np.zeros((40, 3))], -1).reshape(-1, 3)
+    grid[:, 2] = rng.normal(size=len(grid)) * scale * 10.0 ** rng.uniform(-4, -1)
+    first = (3 * np.arange(39)[:, None] + np.arange(2)).reshape(-1, 1)
+    faces = np.concatenate([first + (0, 3, 4), first + (0, 4, 1)]).astype(np.int32)
+    ends = rng.normal(size=(60, 2, 3)) * scale
+    third = ends[:, 0] + (ends[:, 1] - ends[:, 0]) * rng.random((60, 1))
+    third = third + rng.normal(size=(60, 3)) * scale * 10.0 ** rng.uniform(-6, -2, (60, 1))
+    needles = np.concatenate([ends, third[:, None]], 1).reshape(-1, 3).astype(np.float32)
+    poses = around(rng, np.zeros(3), scale, views)
+    meshes = [(grid.astype(np.float32), faces), (needles, np.arange(180, dtype=np.int32).reshape(-1, 3))]
+    return Case(camera_of(rng, width, height), poses, meshes)
+
+
+def far_away(rng: Generator, width: int, height: int, views: int) -> Case:
+    """Far from the origin, by 10 km and more, where numbers are coarse; camera and surface alike."""
+    inner = FAMILIES[str(rng.choice(["random", "closed", "slivers"]))](rng, width, height, views)
+    at = rng.normal(size=3) * 10.0 ** rng.uniform(3, 5)
+    still = [((vertices + at).astype(np.float32), faces) for vertices, faces in inner.still]
+    poses = inner.poses.astype(np.float64)
+    poses[:, :3] += at
+    return Case(inner.camera, poses.astype(np.float32), still)
+
+
+def moved(rng: Generator, width: int, height: int, views: int) -> Case:
+    """Objects that move, some far from their frame's origin, as large as they were made or stretched."""
+    scale = 10.0 ** rng.uniform(-1, 1.5)
+    at = rng.normal(size=3) * scale * rng.choice([1.0, 1e4])
+    meshes = [as_mesh(trimesh.creation.icosphere(subdivisions=1), scale), soup(rng, 40, scale)]
+    meshes.append(as_mesh(trimesh.creation.box((1, 2, 0.5)), scale, rng.choice([0.0, 1000.0]) * scale))
+    meshes.append(as_mesh(trimesh.creation.cylinder(0.5, 2.0, sections=24), scale))
+    poses = np.concatenate([at + rng.normal(size=(4, 3)) * 2 * scale, turned(rng, 4)], -1).astype(np.float32)
+    if np.abs(meshes[2][0]).max() > 100 * scale:  # back to where the others are
+        poses[2, :3] -= (poses_to_matrices(poses[2])[:3, :3] @ np.full(3, 1000.0 * scale)).astype(np.float32)
+    scales = (10.0 ** rng.uniform(-0.5, 0.5, (4, 3))).astype(np.float32) if rng.random() < 0.5 else None
+    still = [as_mesh(trimesh.creation.box((8, 8, 0.1)), scale, at)]
+    views_of = around(rng, at, 3 * scale, views)
+    return Case(camera_of(rng, width, height), views_of, still, meshes, poses, scales)
+
+
+def edge_on(rng: Generator, width: int, height: int, views: int) -> Case:
+    """Boxes along the axes, from within the planes of their sides, edges through pixels' centres."""
+    scale = 2.0 ** rng.integers(-3, 4)
+    boxes = [as_mesh(trimesh.creation.box((2, 2, 2)), scale, rng.integers(-3, 4, 3) * scale) for _ in range(8)]
+    eyes = rng.integers(-4, 5, (views, 3)) * scale
+    directions = np.concatenate([np.eye(3), -np.eye(3), [[1, 1, 0], [0, 1, 1], [1, 0, 1], [1, 1, 1]]])
+    chosen = directions[rng.integers(0, len(directions), views)]
+    poses = looking(eyes, eyes + chosen, np.eye(3)[np.abs(chosen).argmin(axis=1)])
+    f = float(rng.choice([50.0, 64.0, 100.0]))
+    camera = wv.Camera(width, height, f, f, width // 2 + 0.5, height // 2 + 0.5)
+    return Case(camera, poses, boxes)
+
+
+FAMILIES: dict[str, Callable[[Generator, int, int, int], Case]] = {
+    "random": random,
+    "closed": closed,
+    "corners": corners,
+    "grazing": grazing,
+    "slivers": slivers,
+    "far_away": far_away,
+    "moved": moved,
+    "edge_on": edge_on,
+}

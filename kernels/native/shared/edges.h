@@ -1,0 +1,58 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Whether a ray meets a triangle, where single precision cannot tell.
+//
+// Of the edge values at a pixel in single precision, two triangles that share the edge get exactly opposite ones; yet
+// around a corner the signs of all edges that meet there need not fit, and a ray through the corner would slip between
+// all triangles. So where a value is within what rounding may change of it, its sign is that of the corners as they
+// are stored, in double precision; and what is within rounding of that is inside of both triangles.
+
+// An edge's value may be wrong by this part of the product of how far apart the triangle's corners are and how far
+// away, both in pixels times depth: four roundings, and more where the image is wider than the focal length.
+constexpr float EDGE_DOUBT = 2.4e-7f;
+
+// Pixels within so much of a triangle may be looked at, however small it is.
+constexpr float EDGE_DOUBT_LEAST = 0.01f;
+
+// The same of double precision, eight roundings.
+constexpr double EXACT_DOUBT = 1e-15;
+
+// One triangle seen from where rays begin, in the frame of its tree.
+struct ExactCorners {
+    double corner[3][3];
+
+    static inline double size(double a) { return a < 0 ? -a : a; }
+    static inline double size(const double* v) { return size(v[0]) + size(v[1]) + size(v[2]); }
+    static inline void minus(const double* a, const double* b, double* c) {
+        for (int k = 0; k < 3; ++k) c[k] = a[k] - b[k];
+    }
+    static inline double triple(const double* a, const double* b, const double* c) {
+        return (a[1] * b[2] - a[2] * b[1]) * c[0] + (a[2] * b[0] - a[0] * b[2]) * c[1] +
+               (a[0] * b[1] - a[1] * b[0]) * c[2];
+    }
+
+    // Negative where the front is seen; 0 where the plane is seen edge-on, as nearly as can be told.
+    inline double volume() const {
+        double ab[3], ac[3];
+        minus(corner[1], corner[0], ab);
+        minus(corner[2], corner[0], ac);
+        const double value = triple(ab, ac, corner[0]);
+        return size(value) > EXACT_DOUBT * size(ab) * size(ac) * size(corner[0]) ? value : 0.0;
+    }
+
+    // Whether a ray meets it, on an edge or a corner too. What is seen edge-on meets nothing: its neighbours do.
+    inline bool meet(const double* ray) const {
+        const double all = volume(), sign = all < 0 ? -1.0 : 1.0;
+        if (all == 0.0) return false;
+        for (int k = 0; k < 3; ++k) {
+            const double *a = corner[(k + 1) % 3], *b = corner[(k + 2) % 3];
+            double apart[3];
+            minus(a, b, apart);
+            const double twice[3] = {a[0] + b[0], a[1] + b[1], a[2] + b[2]};
+            const double doubt = EXACT_DOUBT * size(apart) * size(twice) * size(ray);
+            if (sign * triple(apart, twice, ray) < -doubt) return false;
+        }
+        return true;
+    }
+};
