@@ -92,3 +92,12 @@ BOX_SLACK = 0.01
 
 # and so many times what it may move a corner.
 BOX_SLACK_BLURS = 256.0
+
+# From this depth of half a box on, as a part of its middle's, its bounds in the image are worth a look at each corner.
+DEEP_SHARE = 0.03
+
+# How much rounding of other boxes may be wrong, in pixels: a little, but more than of a triangle,
+SMALL_BOX_SLACK = 0.003
+
+# and so many times what it may move a corner.
+SMALL_BOX_SLACK_BLURS = 16.0

@@ -21,20 +21,15 @@ struct ScreenBounds {
         shown &= zmin <= Lanes::all(far);
         const Ints crossing = zmin <= BOX_CROSSING_SHARE * size;
 
-        Floats left = Lanes::all(NOWHERE), right = -left, top = left, bottom = -left;
-        for (int corner = 0; corner < 8; ++corner) {
-            const Points p =
-                Points::plus(Points::plus(term[0][corner & 1], term[1][(corner >> 1) & 1]), term[2][corner >> 2]);
-            const Floats inverse = 1.0f / (crossing ? Lanes::all(1.0f) : p.z);
-            const Floats x = p.x * inverse, y = p.y * inverse;
-            left = Lanes::min(left, x);
-            right = Lanes::max(right, x);
-            top = Lanes::min(top, y);
-            bottom = Lanes::max(bottom, y);
+        // Wider than rounding can be wrong, and hardly more: where triangles are small, most boxes lie between the
+        // centres of pixels. Boxes that reach behind the camera may be anywhere.
+        ScreenBounds bounds;
+        float slack = SMALL_BOX_SLACK + SMALL_BOX_SLACK_BLURS * blur;
+        if (Lanes::any(shown & ~bounds.set_reach(term, zmin, crossing))) {
+            bounds.set_corners(term, crossing);
+            slack = BOX_SLACK + BOX_SLACK_BLURS * blur;
         }
-        // Pixels that may be seen through a box, wider than rounding can be wrong: where triangles are small, most
-        // boxes lie between the centres. Boxes that reach behind the camera may be anywhere.
-        const float slack = BOX_SLACK + BOX_SLACK_BLURS * blur;
+        Floats left = bounds.left, right = bounds.right, top = bounds.top, bottom = bounds.bottom;
         const float to_x = image.center_x - 0.5f, to_y = image.center_y - 0.5f;
         const Floats none = Lanes::all(0.0f), wide = Lanes::all((float)(image.width - 1)),
                      tall = Lanes::all((float)(image.height - 1));
@@ -45,6 +40,41 @@ struct ScreenBounds {
         shown &= (left <= right) & (top <= bottom);
         const Floats nearest_inv_z = crossing ? Lanes::all(NOWHERE) : 1.00001f / zmin;
         return ScreenBounds{nearest_inv_z, left, top, right, bottom, shown};
+    }
+
+    // x - u z is linear, and 0 in the middle of a box where u is the middle's: as far as it reaches on either side, by
+    // the least z, so far does the box reach in the image. Returns for which boxes that is not much too far.
+    inline Ints set_reach(const Points (*term)[2], Floats zmin, Ints crossing) {
+        // Twice the middle, and twice the halves of the edges.
+        Points middle = Points::plus(term[0][0], term[0][1]);
+        for (int axis = 1; axis < 3; ++axis) middle = Points::plus(middle, Points::plus(term[axis][0], term[axis][1]));
+        const Floats inverse = 1.0f / middle.z, u = middle.x * inverse, v = middle.y * inverse;
+        Floats aside = Lanes::all(0.0f), along = aside, depth = aside;
+        for (int axis = 0; axis < 3; ++axis) {
+            const Points edge = Points::minus(term[axis][1], term[axis][0]);
+            aside += Lanes::abs(edge.x - u * edge.z);
+            along += Lanes::abs(edge.y - v * edge.z);
+            depth += Lanes::abs(edge.z);
+        }
+        const Floats half = 0.5f / (crossing ? Lanes::all(1.0f) : zmin);
+        left = u - aside * half, right = u + aside * half;
+        top = v - along * half, bottom = v + along * half;
+        return crossing | (depth <= DEEP_SHARE * middle.z);
+    }
+
+    inline void set_corners(const Points (*term)[2], Ints crossing) {
+        left = top = Lanes::all(NOWHERE);
+        right = bottom = -left;
+        for (int corner = 0; corner < 8; ++corner) {
+            const Points p =
+                Points::plus(Points::plus(term[0][corner & 1], term[1][(corner >> 1) & 1]), term[2][corner >> 2]);
+            const Floats inverse = 1.0f / (crossing ? Lanes::all(1.0f) : p.z);
+            const Floats x = p.x * inverse, y = p.y * inverse;
+            left = Lanes::min(left, x);
+            right = Lanes::max(right, x);
+            top = Lanes::min(top, y);
+            bottom = Lanes::max(bottom, y);
+        }
     }
 
     // The bounds of each lane for itself, a little nearer by a factor where their corners come of longer sums.

@@ -66,13 +66,6 @@ struct Child {
 // How much rounding may be wrong: of 1 / z; of a radius.
 constexpr float NEARER = 1.00001f, WIDER = 1.0001f;
 
-// From this depth of half a box on, as a part of its middle's, its bounds in the image are worth a look at each corner.
-constexpr float DEEP_SHARE = 0.03f;
-
-// How much rounding of other boxes may be wrong, in pixels, and so many times what it may move a corner: more than of
-// a triangle.
-constexpr float SMALL_BOX_SLACK = 0.003f, SMALL_BOX_SLACK_BLURS = 16.0f;
-
 struct Walk {
     // Where a walk goes on when a node's child is done: what is left of the nodes above.
     struct Level {

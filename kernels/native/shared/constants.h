@@ -116,3 +116,12 @@ constexpr float BOX_SLACK = 0.01f;
 
 // and so many times what it may move a corner.
 constexpr float BOX_SLACK_BLURS = 256.0f;
+
+// From this depth of half a box on, as a part of its middle's, its bounds in the image are worth a look at each corner.
+constexpr float DEEP_SHARE = 0.03f;
+
+// How much rounding of other boxes may be wrong, in pixels: a little, but more than of a triangle,
+constexpr float SMALL_BOX_SLACK = 0.003f;
+
+// and so many times what it may move a corner.
+constexpr float SMALL_BOX_SLACK_BLURS = 16.0f;
