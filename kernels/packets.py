@@ -105,6 +105,7 @@ HEADERS = (
     "cpu/bvh.h",
     "cpu/camera.h",
     "cpu/setup.h",
+    "cpu/pixels.h",
     "cpu/raster.h",
     "cpu/solids.h",
     "cpu/worlds.h",

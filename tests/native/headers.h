@@ -22,6 +22,7 @@ namespace casting {
 #include "cpu/bvh.h"
 #include "cpu/camera.h"
 #include "cpu/setup.h"
+#include "cpu/pixels.h"
 #include "cpu/raster.h"
 #include "cpu/solids.h"
 #include "cpu/worlds.h"

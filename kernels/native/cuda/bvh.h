@@ -7,9 +7,9 @@
 // its distances in pixels from the principal point. On which side of a triangle's edge the ray passes, and 1 / z of the
 // triangle's plane, are then linear in u and v.
 //
-// A pixel gets the same value of an edge and of 1 / z wherever they are computed, and whatever the packet: an image does
-// not depend on the packets' size. Where rounding leaves the sign of an edge's value in doubt, double precision decides
-// (shared/edges.h): no ray slips between triangles.
+// A pixel gets the same value of an edge and of 1 / z wherever they are computed, and whatever the packet: an image
+// does not depend on the packets' size. Where rounding leaves the sign of an edge's value in doubt, double precision
+// decides (shared/edges.h): no ray slips between triangles.
 
 enum {
     LEAF_WORDS = LEAF_ROWS * LANES,

@@ -23,6 +23,10 @@ struct Packets {
         }
         camera.first_u = (float)(0.5 - view.center[0]);
         camera.first_v = (float)(0.5 - view.center[1]);
+        // What rounding took from these, exact rays make up for.
+        const double rest[2] = {0.5 - view.center[0] - camera.first_u, 0.5 - view.center[1] - camera.first_v};
+        for (int i = 0; i < 2; ++i)
+            camera.exact_rays[2] = Vec3d::minus(camera.exact_rays[2], Vec3d::times(camera.exact_rays[i], -rest[i]));
         camera.last_x = (float)(view.width - 1);
         camera.last_y = (float)(view.height - 1);
         camera.far = view.far * FARTHER;
