@@ -115,6 +115,8 @@ struct Camera {
     float last_x, last_y;  // the view's last column and row
     float far;
     float blur;  // how far rounding may move a corner, in pixels
+    float extent,
+        per_extent;  // pixels to the image's farthest side, or the focal length if that is more; and 1 by that
     bool skip_back_faces;  // of objects that are closed, since the camera is outside them all
     bool cull_back_faces;  // of all objects
     NearPlane near;

@@ -55,14 +55,53 @@ struct Packet {
     }
 };
 
+// What single precision leaves in doubt, drawn when the rest is: it is rare, and its numbers would take registers from
+// what is always done.
+struct Again {
+    // All lanes on one triangle, a lane a pixel of a block.
+    static inline void draw(const Bvh& bvh, const Camera& camera, Packet& packet, unsigned slot) {
+        const float* corners = bvh.corners(slot);
+        const Setup::CameraTriangle c = Setup::CameraTriangle::of(camera, corners);
+        const float facing = c.edge_on ? Exactly::volume(camera, corners) : c.volume;
+        const bool shown = !c.edge_on || Setup::faces(camera, __ldg(bvh.owners + slot), facing);
+        const Triangle t = Setup::seen(c, camera, packet.first_x, packet.first_y, slot, facing, shown);
+        const int lane = Warp::lane();
+        for (int block = 0; block < BLOCKS; ++block) {
+            const int x = Packet::block_x(block) + Packet::pixel_x(lane),
+                      y = Packet::block_y(block) + Packet::pixel_y(lane);
+            const bool inside = x >= t.x0 && x <= t.x1 && y >= t.y0 && y <= t.y1;
+            if (inside) pixel(camera, packet, corners, t, c.edge_on, block, x, y, slot + bvh.first_id);
+            packet.stale_blocks |= (unsigned)Warp::any(inside) << block;
+        }
+        Warp::sync();
+        packet.refresh();
+    }
+
+    // This lane's pixel of a block, if it is in doubt or if `all` are wanted, and covered.
+    static inline void pixel(const Camera& camera, Packet& packet, const float* corners, const Triangle& t, bool all,
+                             int block, int x, int y, unsigned id) {
+        const float view_x = SmallInt::to_float(packet.first_x + x), view_y = SmallInt::to_float(packet.first_y + y);
+        const float u = view_x + camera.first_u, v = view_y + camera.first_v, within = t.within(u, v);
+        if (within < -t.doubt || !(all || within <= t.doubt)) return;
+        if (within <= t.doubt && !Exactly::covers(camera, corners, packet.first_x + x, packet.first_y + y)) return;
+        const double exact_u = (double)view_x + camera.first_u, exact_v = (double)view_y + camera.first_v;
+        const float inv_z = t.exact ? t.clamp(ExactPlane::of(camera, corners).at(exact_u, exact_v)) : t.inv_z_at(u, v);
+        Key* at = packet.z_buffer + Packet::index(block, Warp::lane());
+        const Key key = DepthKey::of(inv_z, id);
+        if (camera.near.shows(inv_z, camera.near.cuts(t.max_inv_z)) && key > *at) *at = key;
+    }
+};
+
 struct Raster {
     // A triangle of at most this many pixels is drawn by its lane alone, if enough others are.
     enum { SMALL_AREA = 64, STEPS_PER_LANE = 5 };
 
-    // Draw each lane's triangle, of the first so many lanes. `broadcast` has room for one.
-    static inline void draw(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t, int count,
-                            Triangle* broadcast) {
+    // Draw each lane's triangle, of the first so many lanes. `broadcast` has room for one. Returns the lanes of which
+    // something is in doubt, and was not drawn.
+    static inline unsigned draw(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t, int count,
+                                Triangle* broadcast) {
         const int lane = Warp::lane();
+        unsigned unsure = Warp::ballot(lane < count && t.edge_on);
         const int area = lane < count ? (t.x1 - t.x0 + 1) * (t.y1 - t.y0 + 1) : 0;
         const bool small = area > 0 && area <= SMALL_AREA;
         unsigned larger = Warp::ballot(area > 0);
@@ -70,23 +109,27 @@ struct Raster {
         if (small_lanes) {
             const int steps = Warp::reduce_max(small ? area : 0);
             if (steps <= STEPS_PER_LANE * __popc(small_lanes)) {
-                draw_small(bvh, camera, packet, t, small ? area : 0, steps);
+                unsure |= draw_small(bvh, camera, packet, t, small ? area : 0, steps);
                 larger &= ~small_lanes;
             }
         }
         for (; larger; larger = Warp::without_first_lane(larger)) {
-            if (lane == Warp::first_lane(larger)) *broadcast = t;
+            const int k = Warp::first_lane(larger);
+            if (lane == k) *broadcast = t;
             Warp::sync();
-            draw_large(bvh, camera, packet, *broadcast);
+            unsure |= (unsigned)draw_large(bvh, camera, packet, *broadcast) << k;
             Warp::sync();
         }
         packet.refresh();
+        return unsure;
     }
 
-    // Each lane goes through the pixels of its own triangle's bounds, all lanes at the same time.
-    static inline void draw_small(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t, int area,
-                                  int steps) {
+    // Each lane goes through the pixels of its own triangle's bounds, all lanes at the same time. Returns the lanes of
+    // which some are in doubt.
+    static inline unsigned draw_small(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t, int area,
+                                      int steps) {
         unsigned touched = 0;
+        bool unsure = false;
         const bool cut = camera.near.cuts(t.max_inv_z);
         int x = t.x0, y = t.y0;
         // The same as floats, in the view: whole numbers, so that counting them up is exact.
@@ -95,7 +138,9 @@ struct Raster {
         for (int step = 0; step < steps; ++step) {
             if (step < area) {
                 const float u = view_x + camera.first_u, v = view_y + camera.first_v;
-                if (covers(bvh, camera, t, t.within(u, v), packet.first_x + x, packet.first_y + y)) {
+                const float within = t.within(u, v);
+                unsure |= fabsf(within) <= t.doubt;
+                if (within > t.doubt) {
                     const float inv_z =
                         t.exact ? t.clamp(ExactPlane::of(camera, bvh.corners(t.slot))
                                               .at((double)view_x + camera.first_u, (double)view_y + camera.first_v))
@@ -118,17 +163,12 @@ struct Raster {
             }
         }
         packet.stale_blocks |= Warp::reduce_or(touched);
-        Warp::sync();
-    }
-
-    // Whether a triangle covers a pixel of the view, by how far it is within its edges, or exactly.
-    static inline bool covers(const Bvh& bvh, const Camera& camera, const Triangle& t, float within, int x, int y) {
-        if (within > t.doubt) return true;
-        return within >= -t.doubt && Exactly::covers(camera, bvh.corners(t.slot), x, y);
+        return Warp::ballot(unsure);
     }
 
     // All lanes on one triangle: first each on a block, to see which are touched, then each on a pixel of those.
-    static inline void draw_large(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle t) {
+    // Returns whether some of these are in doubt.
+    static inline bool draw_large(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle t) {
         const int lane = Warp::lane();
         const int block_x = Packet::block_x(lane), block_y = Packet::block_y(lane);
         const float u0 = SmallInt::to_float(packet.first_x + block_x) + camera.first_u,
@@ -150,35 +190,42 @@ struct Raster {
         touched &= __float_as_uint(nearest_inv_z) >= packet.block_min_inv_z;
         const unsigned whole = Warp::ballot(covered);
         const unsigned blocks = Warp::ballot(touched);
-        if (!blocks) return;
+        if (!blocks) return false;
         packet.stale_blocks |= blocks;
         const unsigned id = t.slot + bvh.first_id;
         const bool cut = camera.near.cuts(t.max_inv_z);
+        bool unsure = false;
         if (t.exact) {
             const ExactPlane plane = ExactPlane::of(camera, bvh.corners(t.slot));
             for (unsigned left = blocks; left; left = Warp::without_first_lane(left)) {
-                const int block = Warp::first_lane(left), x = pixel_x(packet, block), y = pixel_y(packet, block);
-                const float u = SmallInt::to_float(x) + camera.first_u, v = SmallInt::to_float(y) + camera.first_v;
-                const bool inside = (whole >> block & 1) || covers(bvh, camera, t, t.within(u, v), x, y);
+                const int block = Warp::first_lane(left);
+                float u, v;
+                pixel(camera, packet, block, u, v);
+                const float within = whole >> block & 1 ? NOWHERE : t.within(u, v);
+                const int x = packet.first_x + Packet::block_x(block) + Packet::pixel_x(lane),
+                          y = packet.first_y + Packet::block_y(block) + Packet::pixel_y(lane);
                 const float inv_z = plane.at(x + (double)camera.first_u, y + (double)camera.first_v);
-                put(camera, packet, block, inside, t.clamp(inv_z), id, cut);
+                unsure |= fabsf(within) <= t.doubt;
+                put(camera, packet, block, within > t.doubt, t.clamp(inv_z), id, cut);
             }
         } else {
             for (unsigned left = blocks; left; left = Warp::without_first_lane(left)) {
-                const int block = Warp::first_lane(left), x = pixel_x(packet, block), y = pixel_y(packet, block);
-                const float u = SmallInt::to_float(x) + camera.first_u, v = SmallInt::to_float(y) + camera.first_v;
-                const bool inside = (whole >> block & 1) || covers(bvh, camera, t, t.within(u, v), x, y);
-                put(camera, packet, block, inside, t.inv_z_at(u, v), id, cut);
+                const int block = Warp::first_lane(left);
+                float u, v;
+                pixel(camera, packet, block, u, v);
+                const float within = whole >> block & 1 ? NOWHERE : t.within(u, v);
+                unsure |= fabsf(within) <= t.doubt;
+                put(camera, packet, block, within > t.doubt, t.inv_z_at(u, v), id, cut);
             }
         }
+        return Warp::any(unsure);
     }
 
-    // This lane's pixel of a block, in the view.
-    static inline int pixel_x(const Packet& packet, int block) {
-        return packet.first_x + Packet::block_x(block) + Packet::pixel_x(Warp::lane());
-    }
-    static inline int pixel_y(const Packet& packet, int block) {
-        return packet.first_y + Packet::block_y(block) + Packet::pixel_y(Warp::lane());
+    // This lane's pixel of a block.
+    static inline void pixel(const Camera& camera, const Packet& packet, int block, float& u, float& v) {
+        const int lane = Warp::lane();
+        u = SmallInt::to_float(packet.first_x + Packet::block_x(block) + Packet::pixel_x(lane)) + camera.first_u;
+        v = SmallInt::to_float(packet.first_y + Packet::block_y(block) + Packet::pixel_y(lane)) + camera.first_v;
     }
 
     static inline void put(const Camera& camera, Packet& packet, int block, bool inside, float inv_z, unsigned id,

@@ -17,8 +17,7 @@ struct ExactPlane {
     inline float at(double at_u, double at_v) const { return (float)(u * at_u + (v * at_v + one)); }
 };
 
-// What is decided in double precision, of one triangle. Functions of their own: they are rarely called, and their
-// numbers would take registers from what is always done.
+// What is decided in double precision, of one triangle.
 struct Exactly {
     static inline ExactCorners corners(const Camera& camera, const float* from) {
         const double origin[3] = {camera.exact_origin.x, camera.exact_origin.y, camera.exact_origin.z};
@@ -28,7 +27,7 @@ struct Exactly {
         return seen;
     }
     // Whether it covers a pixel's centre, on its edges too.
-    static __noinline__ bool covers(const Camera& camera, const float* from, int x, int y) {
+    static inline bool covers(const Camera& camera, const float* from, int x, int y) {
         const double u = x + (double)camera.first_u, v = y + (double)camera.first_v;
         const Vec3d* rays = camera.exact_rays;
         const double ray[3] = {u * rays[0].x + (v * rays[1].x + rays[2].x), u * rays[0].y + (v * rays[1].y + rays[2].y),
@@ -36,7 +35,7 @@ struct Exactly {
         return corners(camera, from).meet(ray);
     }
     // Negative where the camera sees the front, and 0 where it is in the plane.
-    static __noinline__ float volume(const Camera& camera, const float* from) {
+    static inline float volume(const Camera& camera, const float* from) {
         const double exact = corners(camera, from).volume();
         return exact < 0.0 ? -1.0f : exact > 0.0 ? 1.0f : 0.0f;
     }
@@ -51,6 +50,7 @@ struct alignas(16) Triangle {
     float min_inv_z, max_inv_z;  // at the corners: no point of a triangle is nearer or farther
     int x0, x1, y0, y1;  // pixels of the packet whose centres may be inside
     bool exact;  // single precision is not enough for 1 / z
+    bool edge_on;  // nor for whether its front or its back is seen: it has no pixels then, but for Again
     unsigned slot;  // in the leaves
 
     // How far within its edges a place is.
@@ -69,10 +69,6 @@ constexpr float TRIANGLE_SLACK = 0.002f, TRIANGLE_SLACK_BLURS = 4.0f;
 constexpr float CROSSING_SHARE = 1e-6f, CROSSING_LEAST = 1e-30f;
 // Of 1 / z: the relative error of a rounded term, and the one that is allowed.
 constexpr float TERM_ERROR = 2e-7f, ALLOWED_ERROR = 6e-6f;
-
-// Pixels to the image's farthest side from the principal point, or the focal length if that is more, by what rounding
-// of as many pixels comes to.
-constexpr float EXTENT_OF_BLUR = 0.5f / 6e-8f;
 
 struct Setup {
     enum { LARGE = 64 };  // pixels of the bounds, from which a triangle is worth a look at its edges
@@ -164,10 +160,9 @@ struct Setup {
         float edge, volume;
 
         static inline Rounding of(const Camera& camera, Vec3 ab, Vec3 ac, float zmin, float zmax) {
-            const float extent = Three::max(EXTENT_OF_BLUR * camera.blur, fabsf(camera.first_u), fabsf(camera.first_v));
             const float apart =
-                __fmaf_rn(extent, zmax - zmin, (fabsf(ab.x) + fabsf(ac.x)) + (fabsf(ab.y) + fabsf(ac.y)));
-            const float away = __fmaf_rn(2.0f * extent, zmax, apart), per_extent = __fdividef(1.0f, extent);
+                __fmaf_rn(camera.extent, zmax - zmin, (fabsf(ab.x) + fabsf(ac.x)) + (fabsf(ab.y) + fabsf(ac.y)));
+            const float away = __fmaf_rn(2.0f * camera.extent, zmax, apart), per_extent = camera.per_extent;
             const float rounded = __fmul_rn(EDGE_DOUBT, away);
             return Rounding{__fmul_rn(rounded, __fmaf_rn(EDGE_DOUBT_LEAST * per_extent, away, apart)),
                             __fmul_rn(__fmul_rn(rounded, apart), __fmul_rn(per_extent, away))};
@@ -295,24 +290,31 @@ struct Setup {
         return edge.at(edge.u >= 0.0f ? u1 : u0, edge.v >= 0.0f ? v1 : v0) < -doubt;
     }
 
-    // Whether a triangle of a volume is drawn: not by its back, if that is hidden or not wanted.
-    static inline bool faces(const Bvh& bvh, const Camera& camera, unsigned slot, float volume) {
+    // Whether a triangle of an owner and a volume is drawn: not by its back, if that is hidden or not wanted.
+    static inline bool faces(const Camera& camera, int owner, float volume) {
         if (camera.cull_back_faces) return volume < 0.0f;
-        if (camera.skip_back_faces) return volume < 0.0f || (volume > 0.0f && __ldg(bvh.owners + slot) >= 0);
+        if (camera.skip_back_faces) return volume < 0.0f || (volume > 0.0f && owner >= 0);
         return volume != 0.0f;
     }
 
-    // A triangle of a leaf; it has no pixels where double precision sees it edge-on, or by a back that is not drawn.
+    // A triangle of a leaf.
     static inline Triangle triangle(const Bvh& bvh, const Camera& camera, int first_x, int first_y, unsigned slot) {
         const CameraTriangle c = CameraTriangle::of(camera, bvh.corners(slot));
+        Triangle t = seen(c, camera, first_x, first_y, slot, c.volume, !c.edge_on && c.has_area());
+        t.edge_on = c.edge_on;
+        return t;
+    }
+
+    // A triangle of which the front is seen where `facing` is negative; without pixels unless it is `shown`.
+    static inline Triangle seen(const CameraTriangle& c, const Camera& camera, int first_x, int first_y, unsigned slot,
+                                float facing, bool shown) {
         const ProjectedTriangle p = ProjectedTriangle::of(c.a, c.b, c.c);
         const Bounds bounds = Bounds::of(camera, p);
-        const float facing = c.edge_on ? Exactly::volume(camera, bvh.corners(slot)) : c.volume;
         const float sign = facing < 0.0f ? -1.0f : 1.0f, scale = 1.0f / c.volume;
         Triangle t;
         t.slot = slot;
         t.doubt = c.doubt;
-        bounds.cut(first_x, first_y, c.edge_on ? faces(bvh, camera, slot, facing) : c.has_area(), t);
+        bounds.cut(first_x, first_y, shown, t);
         t.edge[0] = edge(c.b, c.c, sign);
         t.edge[1] = edge(c.c, c.a, sign);
         t.edge[2] = edge(c.a, c.b, sign);

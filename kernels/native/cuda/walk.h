@@ -260,16 +260,21 @@ struct Walk {
                             Triangle* broadcast) {
         const int lane = Warp::lane();
         int level = 0;
+        unsigned slot = 0, unsure = 0;  // what a lane drew last, and of which lanes something is still in doubt
         bool at_once = false;  // whether what is queued must not wait
         int child;
         unsigned small;
         unsigned visit = open(bvh, camera, packet, bvh.root, child, small);
         for (;;) {
+            if (unsure) {
+                Again::draw(bvh, camera, packet, Warp::shuffle((int)slot, Warp::first_lane(unsure)));
+                unsure = Warp::without_first_lane(unsure);
+                continue;
+            }
             if (queue.count >= LANES || (at_once && queue.count > 0)) {
-                unsigned slot;
                 const int count = queue.take(slot);
                 const Triangle t = Setup::triangle(bvh, camera, packet.first_x, packet.first_y, slot);
-                Raster::draw(bvh, camera, packet, t, count, broadcast);
+                unsure = Raster::draw(bvh, camera, packet, t, count, broadcast);
                 continue;
             }
             at_once = false;
