@@ -62,15 +62,19 @@ struct Again {
     static inline void draw(const Bvh& bvh, const Camera& camera, Packet& packet, unsigned slot) {
         const float* corners = bvh.corners(slot);
         const Setup::CameraTriangle c = Setup::CameraTriangle::of(camera, corners);
-        const float facing = c.edge_on ? Exactly::volume(camera, corners) : c.volume;
-        const bool shown = !c.edge_on || Setup::faces(camera, __ldg(bvh.owners + slot), facing);
-        const Triangle t = Setup::seen(c, camera, packet.first_x, packet.first_y, slot, facing, shown);
+        const Setup::Rounding rounding = c.rounding(camera);
+        const bool edge_on = fabsf(c.volume) < rounding.volume;
+        const float facing = edge_on ? Exactly::volume(camera, corners) : c.volume;
+        const bool shown = !edge_on || Setup::faces(camera, __ldg(bvh.owners + slot), facing);
+        Triangle t = Setup::seen(c, camera, packet.first_x, packet.first_y, slot, facing, shown);
+        t.doubt = rounding.edge;
+        t.exact = t.exact || edge_on;
         const int lane = Warp::lane();
         for (int block = 0; block < BLOCKS; ++block) {
             const int x = Packet::block_x(block) + Packet::pixel_x(lane),
                       y = Packet::block_y(block) + Packet::pixel_y(lane);
             const bool inside = x >= t.x0 && x <= t.x1 && y >= t.y0 && y <= t.y1;
-            if (inside) pixel(camera, packet, corners, t, c.edge_on, block, x, y, slot + bvh.first_id);
+            if (inside) pixel(camera, packet, corners, t, edge_on, block, x, y, slot + bvh.first_id);
             packet.stale_blocks |= (unsigned)Warp::any(inside) << block;
         }
         Warp::sync();

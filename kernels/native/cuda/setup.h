@@ -173,21 +173,18 @@ struct Setup {
     struct CameraTriangle {
         Vec3 a, b, c, normal;
         float volume;  // negative where the camera sees the front
-        float doubt;  // what rounding may change of an edge's value
-        bool edge_on;  // whether it may change the sign of the volume
 
         inline bool has_area() const { return volume != 0.0f && fabsf(volume) <= NOWHERE; }
+        inline Rounding rounding(const Camera& camera) const {
+            return Rounding::of(camera, Vec3::minus(b, a), Vec3::minus(c, a), Three::min(a.z, b.z, c.z),
+                                Three::max(a.z, b.z, c.z));
+        }
         static inline CameraTriangle of(const Camera& camera, const float* first) {
             CameraTriangle t;
             t.a = corner(camera, first), t.b = corner(camera, first + 3 * LANES),
             t.c = corner(camera, first + 6 * LANES);
-            const Vec3 ab = Vec3::minus(t.b, t.a), ac = Vec3::minus(t.c, t.a);
-            t.normal = Vec3::cross(ab, ac);
+            t.normal = Vec3::cross(Vec3::minus(t.b, t.a), Vec3::minus(t.c, t.a));
             t.volume = Vec3::dot(t.normal, t.a);
-            const Rounding rounding =
-                Rounding::of(camera, ab, ac, Three::min(t.a.z, t.b.z, t.c.z), Three::max(t.a.z, t.b.z, t.c.z));
-            t.doubt = rounding.edge;
-            t.edge_on = fabsf(t.volume) < rounding.volume;
             return t;
         }
         static inline Vec3 corner(const Camera& camera, const float* at) {
@@ -249,12 +246,12 @@ struct Setup {
     static inline int area(const Bvh& bvh, const Camera& camera, int first_x, int first_y, int leaf) {
         const unsigned slot = leaf * LANES + Warp::lane();
         const CameraTriangle c = CameraTriangle::of(camera, bvh.corners(slot));
-        // What may be edge-on, Setup::triangle looks at.
-        bool shown = c.has_area() || c.edge_on;
-        if (camera.cull_back_faces)
-            shown &= c.volume < 0.0f || c.edge_on;
-        else if (camera.skip_back_faces)
-            shown &= c.volume < 0.0f || c.edge_on || __ldg(bvh.owners + slot) >= 0;
+        // What has no area, or is seen edge-on, Setup::triangle looks at.
+        bool shown = fabsf(c.volume) <= NOWHERE;
+        if (camera.cull_back_faces || camera.skip_back_faces) {
+            const bool front = c.volume < c.rounding(camera).volume;  // or may be
+            shown &= front || (!camera.cull_back_faces && __ldg(bvh.owners + slot) >= 0);
+        }
         if (bvh.excluded) shown &= !bvh.excluded[Bvh::object_of(__ldg(bvh.owners + slot))];
         if (!Warp::any(shown)) return 0;
         const ProjectedTriangle p = ProjectedTriangle::of(c.a, c.b, c.c);
@@ -268,8 +265,8 @@ struct Setup {
         const int y1 = p.crossing ? PACKET_HEIGHT - 1 : min(__float2int_rd(p.v1 - to_y + slack), PACKET_HEIGHT - 1);
         const int count = shown && x0 <= x1 && y0 <= y1 ? (x1 - x0 + 1) * (y1 - y0 + 1) : 0;
         // Worth it where a packet meets much that is near: static scenes of small triangles are slower with it.
-        const bool large = MOVABLE && count > LARGE && !c.edge_on;
-        if (large && passes_by(c, SmallInt::to_float(first_x + x0) + camera.first_u,
+        const bool large = MOVABLE && count > LARGE;
+        if (large && passes_by(camera, c, SmallInt::to_float(first_x + x0) + camera.first_u,
                                SmallInt::to_float(first_x + x1) + camera.first_u,
                                SmallInt::to_float(first_y + y0) + camera.first_v,
                                SmallInt::to_float(first_y + y1) + camera.first_v))
@@ -278,11 +275,13 @@ struct Setup {
     }
 
     // Whether a triangle is outside of a rectangle of the image, judged by its edges.
-    static inline bool passes_by(const CameraTriangle& c, float u0, float u1, float v0, float v1) {
+    static inline bool passes_by(const Camera& camera, const CameraTriangle& c, float u0, float u1, float v0,
+                                 float v1) {
+        const Rounding rounding = c.rounding(camera);
         const float sign = c.volume < 0.0f ? -1.0f : 1.0f;
-        return beyond(edge(c.b, c.c, sign), c.doubt, u0, u1, v0, v1) ||
-               beyond(edge(c.c, c.a, sign), c.doubt, u0, u1, v0, v1) ||
-               beyond(edge(c.a, c.b, sign), c.doubt, u0, u1, v0, v1);
+        return fabsf(c.volume) >= rounding.volume && (beyond(edge(c.b, c.c, sign), rounding.edge, u0, u1, v0, v1) ||
+                                                      beyond(edge(c.c, c.a, sign), rounding.edge, u0, u1, v0, v1) ||
+                                                      beyond(edge(c.a, c.b, sign), rounding.edge, u0, u1, v0, v1));
     }
     // An edge's value is greatest at a corner. Rounding keeps the order: no pixel of the rectangle contradicts the
     // corner.
@@ -300,8 +299,11 @@ struct Setup {
     // A triangle of a leaf.
     static inline Triangle triangle(const Bvh& bvh, const Camera& camera, int first_x, int first_y, unsigned slot) {
         const CameraTriangle c = CameraTriangle::of(camera, bvh.corners(slot));
-        Triangle t = seen(c, camera, first_x, first_y, slot, c.volume, !c.edge_on && c.has_area());
-        t.edge_on = c.edge_on;
+        const Rounding rounding = c.rounding(camera);
+        const bool edge_on = fabsf(c.volume) < rounding.volume;
+        Triangle t = seen(c, camera, first_x, first_y, slot, c.volume, !edge_on && c.has_area());
+        t.doubt = rounding.edge;
+        t.edge_on = edge_on;
         return t;
     }
 
@@ -313,7 +315,6 @@ struct Setup {
         const float sign = facing < 0.0f ? -1.0f : 1.0f, scale = 1.0f / c.volume;
         Triangle t;
         t.slot = slot;
-        t.doubt = c.doubt;
         bounds.cut(first_x, first_y, shown, t);
         t.edge[0] = edge(c.b, c.c, sign);
         t.edge[1] = edge(c.c, c.a, sign);
@@ -323,7 +324,7 @@ struct Setup {
         t.u = p.u[0], t.v = p.v[0], t.inv_z = p.inv_z[0];
         t.min_inv_z = p.crossing ? 1.0f / p.zmax : Three::min(p.inv_z[0], p.inv_z[1], p.inv_z[2]);
         t.max_inv_z = p.crossing ? MOST_INV_Z : Three::max(p.inv_z[0], p.inv_z[1], p.inv_z[2]);
-        t.exact = c.edge_on || loses_digits(camera, p, bounds, t, scale);
+        t.exact = loses_digits(camera, p, bounds, t, scale);
         return t;
     }
 };
