@@ -74,7 +74,7 @@ struct Again {
             const int x = Packet::block_x(block) + Packet::pixel_x(lane),
                       y = Packet::block_y(block) + Packet::pixel_y(lane);
             const bool inside = x >= t.x0 && x <= t.x1 && y >= t.y0 && y <= t.y1;
-            if (inside) pixel(camera, packet, corners, t, edge_on, block, x, y, slot + bvh.first_id);
+            if (inside) pixel(bvh, camera, packet, t, edge_on, block, x, y);
             packet.stale_blocks |= (unsigned)Warp::any(inside) << block;
         }
         Warp::sync();
@@ -82,8 +82,9 @@ struct Again {
     }
 
     // This lane's pixel of a block, if it is in doubt or if `all` are wanted, and covered.
-    static inline void pixel(const Camera& camera, Packet& packet, const float* corners, const Triangle& t, bool all,
-                             int block, int x, int y, unsigned id) {
+    static inline void pixel(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t, bool all,
+                             int block, int x, int y) {
+        const float* corners = bvh.corners(t.slot);
         const float view_x = SmallInt::to_float(packet.first_x + x), view_y = SmallInt::to_float(packet.first_y + y);
         const float u = view_x + camera.first_u, v = view_y + camera.first_v, within = t.within(u, v);
         if (within < -t.doubt || !(all || within <= t.doubt)) return;
@@ -91,7 +92,7 @@ struct Again {
         const double exact_u = (double)view_x + camera.first_u, exact_v = (double)view_y + camera.first_v;
         const float inv_z = t.exact ? t.clamp(ExactPlane::of(camera, corners).at(exact_u, exact_v)) : t.inv_z_at(u, v);
         Key* at = packet.z_buffer + Packet::index(block, Warp::lane());
-        const Key key = DepthKey::of(inv_z, id);
+        const Key key = DepthKey::of(inv_z, t.slot + bvh.first_id);
         if (camera.near.shows(inv_z, camera.near.cuts(t.max_inv_z)) && key > *at) *at = key;
     }
 };
@@ -167,6 +168,7 @@ struct Raster {
             }
         }
         packet.stale_blocks |= Warp::reduce_or(touched);
+        Warp::sync();
         return Warp::ballot(unsure);
     }
 
