@@ -116,7 +116,7 @@ struct FoundObjects {
             for (int x = x0; x <= x1; ++x) atomicAdd(tile_count + first_tile + y * tiles_x + x, 1);
     }
 };
-static_assert(PACKET_WIDTH <= FoundObjects::TILE && PACKET_HEIGHT <= FoundObjects::TILE, "a packet is in one tile");
+static_assert((int)PACKET_WIDTH <= FoundObjects::TILE && (int)PACKET_HEIGHT <= FoundObjects::TILE, "it is in one tile");
 
 struct Scene {
     Bvh bvh;  // of what stays, and in the same arrays those of what moves
