@@ -64,7 +64,7 @@ struct Child {
 };
 
 // How much rounding may be wrong: of 1 / z; of a radius.
-constexpr float NEARER = 1.00001f, WIDER = 1.0001f;
+constexpr float NEARER = 1.00003f, WIDER = 1.0001f;
 
 struct Walk {
     // Where a walk goes on when a node's child is done: what is left of the nodes above.
