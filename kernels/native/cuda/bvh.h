@@ -59,6 +59,11 @@ struct Box {
     }
 };
 
+// A place of which the coordinates are rows of numbers, one a lane.
+struct Place {
+    static inline Vec3 load(const float* at) { return Vec3{__ldg(at), __ldg(at + LANES), __ldg(at + 2 * LANES)}; }
+};
+
 // A value that is linear in u and v.
 struct Linear {
     float u, v, one;

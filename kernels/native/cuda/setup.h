@@ -188,7 +188,7 @@ struct Setup {
             return t;
         }
         static inline Vec3 corner(const Camera& camera, const float* at) {
-            return camera.turn(camera.relative(Vec3{__ldg(at), __ldg(at + LANES), __ldg(at + 2 * LANES)}));
+            return camera.turn(camera.relative(Place::load(at)));
         }
     };
 
@@ -196,8 +196,9 @@ struct Setup {
     struct Corners {
         Vec3 a, b, c;
 
-        static inline Corners of(const float* at) { return Corners{one(at), one(at + 3 * LANES), one(at + 6 * LANES)}; }
-        static inline Vec3 one(const float* at) { return Vec3{__ldg(at), __ldg(at + LANES), __ldg(at + 2 * LANES)}; }
+        static inline Corners of(const float* at) {
+            return Corners{Place::load(at), Place::load(at + 3 * LANES), Place::load(at + 6 * LANES)};
+        }
     };
 
     // A packet's pixels, as distances from the principal point, and as much wider as rounding may be wrong.

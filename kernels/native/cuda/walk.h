@@ -175,16 +175,12 @@ struct Walk {
         }
     };
 
-    static inline Vec3 corner(const float* rows) {
-        return Vec3{__ldg(rows), __ldg(rows + LANES), __ldg(rows + 2 * LANES)};
-    }
-
     // This lane's child of a node, and its visit: 0 if it is not seen. Where nothing but small leaves is seen, `small`
     // tells which, and there is nothing to visit: they are near to each other, and their order hardly counts.
     static inline unsigned open(const Bvh& bvh, const Camera& camera, const Packet& packet, int index, int& child,
                                 unsigned& small) {
         const float* node = bvh.nodes + (long long)index * NODE_WORDS + Warp::lane();
-        const Vec3 least = corner(node + NODE_LOW_ROW * LANES), most = corner(node + NODE_HIGH_ROW * LANES);
+        const Vec3 least = Place::load(node + NODE_LOW_ROW * LANES), most = Place::load(node + NODE_HIGH_ROW * LANES);
         const Vec3 low = camera.relative(least), high = camera.relative(most);
         bool shown = least.x <= most.x;
         if (camera.skip_back_faces) shown = shown && !faces_away(node, low, high);
