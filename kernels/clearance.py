@@ -8,7 +8,7 @@ import warp as wp
 
 from warpvis.kernels.pinhole import Window
 from warpvis.kernels.points import point_index
-from warpvis.kernels.rays import corner
+from warpvis.kernels.triangle_scene import corner
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
 

@@ -10,8 +10,8 @@ import warp as wp
 
 from warpvis.kernels.constants import SOLID_BALL, SOLID_CYLINDER
 from warpvis.kernels.pinhole import PinholeCamera, Window, pixel_ray, pose_origin, pose_rotation
-from warpvis.kernels.rays import stretched_corner
 from warpvis.kernels.solids import to_shape
+from warpvis.kernels.triangle_scene import stretched_corner
 from warpvis.kernels.worlds import Worlds, is_excluded, world_of
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})

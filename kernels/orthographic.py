@@ -19,7 +19,8 @@ from warpvis.kernels.pinhole import (
     pose_origin,
     pose_rotation,
 )
-from warpvis.kernels.rays import CUDA_REGISTERS, TriangleScene, look, nothing, write
+from warpvis.kernels.rays import CUDA_REGISTERS, look, nothing, write
+from warpvis.kernels.triangle_scene import TriangleScene
 from warpvis.kernels.worlds import Worlds
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})

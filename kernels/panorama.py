@@ -12,7 +12,8 @@ import warp as wp
 
 from warpvis.kernels.images import Images
 from warpvis.kernels.pinhole import Window
-from warpvis.kernels.rays import CUDA_REGISTERS, TriangleScene, look, write
+from warpvis.kernels.rays import CUDA_REGISTERS, look, write
+from warpvis.kernels.triangle_scene import TriangleScene
 from warpvis.kernels.worlds import Worlds
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})

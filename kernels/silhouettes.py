@@ -23,7 +23,7 @@ from warpvis.kernels.constants import (
 )
 from warpvis.kernels.pinhole import PinholeCamera, Window, forward_axis, pixel_ray
 from warpvis.kernels.points import OCCLUDED, OUT_OF_VIEW, TOO_FAR, TOO_NEAR, VISIBLE
-from warpvis.kernels.rays import (
+from warpvis.kernels.triangle_scene import (
     CameraFrame,
     TriangleScene,
     camera_frame,

@@ -12,7 +12,7 @@ from warpvis.scene._bvh import Bvh, build_bvh
 
 
 def instance_steps(boxes: NDArray[np.float32], poses: NDArray[np.float32]) -> np.ndarray:
-    """Make a tree of boxes in the world, as the steps of a walk that needs no stack: `kernels.rays.InstanceStep`.
+    """Make a tree of boxes in the world, as the steps of a walk that needs no stack: `InstanceStep` of the kernels.
 
     A step whose box is missed goes on at another, past all that is inside of it; else the next one is on (Smits 1998,
     "Efficiency issues for ray tracing").
@@ -21,7 +21,7 @@ def instance_steps(boxes: NDArray[np.float32], poses: NDArray[np.float32]) -> np
         boxes: Least and greatest corner of each instance's box [m], shape ``(n, 2, 3)``.
         poses: Their poses, shape ``(n, 7)``.
     """
-    from warpvis.kernels.rays import InstanceStep
+    from warpvis.kernels.instance_steps import InstanceStep
 
     corners = np.arange(2 * len(boxes), dtype=np.int32).reshape(-1, 2)
     tree = build_bvh(  # of triangles of which each is a diagonal of its box

@@ -23,7 +23,7 @@ from warpvis.scene._joined_trees import first_leaves, first_nodes, join_trees
 
 if TYPE_CHECKING:
     from warpvis.kernels.packets import BvhScene
-    from warpvis.kernels.rays import TriangleScene
+    from warpvis.kernels.triangle_scene import TriangleScene
     from warpvis.scene._bvh import Bvh
     from warpvis.scene._kept_trees import KeptTrees
     from warpvis.scene._object import SceneObject
@@ -67,7 +67,8 @@ class SceneBvh:
 
 def build_triangles(objects: Sequence[SceneObject], device: wp.Device) -> Triangles:
     """Build Warp's meshes, with a tree each."""
-    from warpvis.kernels.rays import InstanceStep, TriangleScene
+    from warpvis.kernels.instance_steps import InstanceStep
+    from warpvis.kernels.triangle_scene import TriangleScene
 
     plan = draw_plan(objects, device)
     count = len(plan.movable) + len(plan.instances)
