@@ -11,6 +11,7 @@ import pytest
 import trimesh
 
 import warpvis as wv
+from warpvis.rendering._found_objects import MANY_OBJECTS
 from warpvis.scene import solids
 
 CAMERA = wv.Camera.from_fov(64, 48, hfov=1.0)
@@ -110,9 +111,13 @@ def test_movable_objects_too_far_away_are_refused(mesh):
     assert len(scene) == 0
 
 
-def test_a_call_does_not_look_at_every_object(device):
-    """What a call costs in Python does not grow with the objects, as it did with their square."""
-    few, many = (lines_of_a_call(device, count) for count in (30, 300))
+@pytest.mark.parametrize("counts", [(30, MANY_OBJECTS - 1), (MANY_OBJECTS, 3 * MANY_OBJECTS)])
+def test_a_call_does_not_look_at_every_object(counts, device):
+    """What a call costs in Python does not grow with the objects, as it did with their square.
+
+    From `MANY_OBJECTS` on, a GPU finds them before it draws: some 50 lines more, however many they are.
+    """
+    few, many = (lines_of_a_call(device, count) for count in counts)
     assert 0 < many < few + 30
 
 
