@@ -5,16 +5,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
 
 from warpvis.core.checks import as_items, as_path, check_flag
+from warpvis.core.types import Json
 from warpvis.errors import FileFormatError, SceneError
+from warpvis.io._gltf_writer import gltf_chunks
 from warpvis.io._meshes import read_mesh_file
-from warpvis.scene import Y_UP_TO_Z_UP, FileParts
-
-if TYPE_CHECKING:
-    from warpvis.scene import Scene
+from warpvis.scene import Axis, FileParts, SceneObject
 
 _WEBOTS = (".wbt",)
 _MUJOCO = (".xml", ".urdf")
@@ -54,15 +52,19 @@ def read_parts(
     return read_mesh_file(path, search_path=where, strict=strict)
 
 
-def export_scene(scene: Scene, path: str | os.PathLike[str]) -> None:
-    """Write a scene as binary glTF; see `Scene.export`."""
+def export_scene(
+    path: str | os.PathLike[str], objects: Sequence[SceneObject], extras: Iterable[Json], up: Axis
+) -> None:
+    """Write objects as binary glTF, with what each one's node says besides; see `Scene.export`."""
     path = as_path(path)
     if path.suffix.lower() != ".glb":
         raise FileFormatError(f"{path}: scenes are exported as binary glTF, so the name must end in .glb")
-    exported = scene.to_trimesh()
-    if scene.up == "z":
-        exported.apply_transform(Y_UP_TO_Z_UP.T)
     try:
-        path.write_bytes(exported.export(file_type="glb"))
+        chunks = gltf_chunks(objects, extras, up)
+    except ValueError as error:
+        raise FileFormatError(f"{path}: {error}") from None
+    try:
+        with path.open("wb") as file:
+            file.writelines(chunks)
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be written: {error.strerror}") from None

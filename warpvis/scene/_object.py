@@ -81,10 +81,10 @@ class SceneObject:
         return self.__dict__.get("shared")
 
     @property
-    def place(self) -> NDArray[np.float32]:
+    def place(self) -> NDArray[np.floating]:
         """Where the object was added, of one that is movable or shares a mesh: ``x y z qx qy qz qw``."""
         row = self.__dict__.get("row", self.pose)
-        return _IDENTITY if row is None else row.astype(np.float32)
+        return _IDENTITY if row is None else row
 
     @property
     def movable(self) -> bool:
@@ -123,7 +123,7 @@ def by_itself(item: SceneObject, objects: Sequence[SceneObject], *, is_instance:
         return replace(item, pose=objects[item.carrier].pose, carrier=None)
     shared = item.shared_mesh
     if is_instance and shared is not None:
-        return SceneObject.placed(item.name, item.label, (shared.rounded, shared.faces), item.place)
+        return SceneObject.placed(item.name, item.label, (shared.rounded, shared.faces), item.place.astype(np.float32))
     if item.pose is None:
         return replace(item, mesh_vertices=item.vertices, pose=_IDENTITY)
     return item

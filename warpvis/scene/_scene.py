@@ -468,13 +468,17 @@ class Scene(SceneClasses, SceneTrees):
     def export(self, path: str | os.PathLike[str]) -> None:
         """Write the scene as glTF (``.glb``), y up as its specification says; `load` reads it back with its labels.
 
+        Every object is a node. Objects that share a mesh share it in the file, and their nodes say where they are, as
+        do those of movable objects; of others, the vertices do.
+
         Raises:
-            FileFormatError: The path does not end in ``.glb``, or cannot be written.
+            FileFormatError: The path does not end in ``.glb``, or cannot be written; or vertices that are on a GPU are
+                not finite, or the file would be larger than 4 GB, which the format cannot be.
         """
         from warpvis.io import export_scene
 
-        self.require_objects()
-        export_scene(self, path)
+        objects = self.require_objects()
+        export_scene(path, objects, (self._metadata(item.label) for item in objects), self.up)
 
     def _forget(self) -> None:
         super()._forget()

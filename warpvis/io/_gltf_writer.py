@@ -1,0 +1,129 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes as binary glTF 2.0: a node for every object, and a mesh once for all objects that share it.
+
+Sections are those of the glTF 2.0 specification.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.poses import poses_to_matrices, poses_to_opencv
+from warpvis.core.types import Json
+from warpvis.scene import Y_UP_TO_Z_UP, Axis, SceneObject
+
+_FLOAT, _UNSIGNED = 5126, 5125
+_VERTICES, _INDICES = 34962, 34963
+"""What buffer views are for (3.6.2.1): some programs need to be told."""
+_MOST_BYTES = 2**32 - 1
+"""Of a file, whose length is a number of 32 bits (4.4.2)."""
+
+
+class _Buffer:
+    """The bytes of a file, and what it says of them."""
+
+    def __init__(self) -> None:
+        self.chunks: list[bytes] = []
+        self.length = 0
+        self.views: list[dict[str, int]] = []
+        self.accessors: list[dict[str, Any]] = []
+
+    def add(self, rows: np.ndarray, target: int, **more: Any) -> int:
+        """Add an accessor of what is a multiple of four bytes long, and return its index."""
+        data = rows.tobytes()
+        self.views.append({"buffer": 0, "byteOffset": self.length, "byteLength": len(data), "target": target})
+        self.accessors.append({"bufferView": len(self.views) - 1, "count": len(rows), **more})
+        self.chunks.append(data)
+        self.length += len(data)
+        return len(self.accessors) - 1
+
+    def add_mesh(self, vertices: NDArray[np.float32], faces: NDArray[np.int32], name: str) -> dict[str, Any]:
+        """Add the arrays of a mesh, and return what is said of it; a `ValueError` if a vertex is not finite."""
+        if not np.isfinite(vertices).all():
+            raise ValueError(f"vertices of {name!r} must be finite")
+        box = {"min": vertices.min(axis=0).tolist(), "max": vertices.max(axis=0).tolist()}
+        corners = faces.astype("<u4").reshape(-1)
+        place = self.add(vertices.astype("<f4"), _VERTICES, componentType=_FLOAT, type="VEC3", **box)
+        order = self.add(corners, _INDICES, componentType=_UNSIGNED, type="SCALAR")
+        return {"primitives": [{"attributes": {"POSITION": place}, "indices": order}]}
+
+
+def gltf_chunks(objects: Sequence[SceneObject], extras: Iterable[Json], up: Axis) -> list[bytes]:
+    """Write objects as a binary glTF file.
+
+    Args:
+        objects: The objects.
+        extras: What the node of each one says besides.
+        up: The objects' vertical axis; that of the file is y.
+
+    Returns:
+        Parts of the file, in their order.
+
+    Raises:
+        ValueError: A vertex is not finite, or the file would be too long for its format.
+    """
+    upright = Y_UP_TO_Z_UP.T if up == "z" else np.eye(4)
+    buffer, meshes, nodes = _Buffer(), list[dict[str, Any]](), list[dict[str, Any]]()
+    known: dict[tuple[int, int], int] = {}
+    kept = []  # arrays whose ids are known must not go away
+    for item, said, placement in zip(objects, extras, _placements(objects, upright), strict=True):
+        vertices = _frame_vertices(item)
+        if vertices is None:
+            vertices = item.vertices @ upright[:3, :3].T.astype(np.float32)
+        arrays = id(vertices), id(item.faces)
+        if arrays not in known:
+            known[arrays] = len(meshes)
+            kept.append((vertices, item.faces))
+            meshes.append({"name": item.name, **buffer.add_mesh(vertices, item.faces, item.name)})
+        nodes.append({"name": item.name, "extras": said, **placement, "mesh": known[arrays]})
+    content = {
+        "asset": {"version": "2.0", "generator": "warpvis"},
+        "scene": 0,
+        "scenes": [{"nodes": list(range(len(nodes)))}],
+        "nodes": nodes,
+        "meshes": meshes,
+        "accessors": buffer.accessors,
+        "bufferViews": buffer.views,
+        "buffers": [{"byteLength": buffer.length}],
+    }
+    return _chunks(json.dumps(content, separators=(",", ":")).encode(), buffer)
+
+
+def _frame_vertices(item: SceneObject) -> NDArray[np.float32] | None:
+    """Return the vertices of an object in a frame of its own, where others may share them; None of those in the world.
+
+    What deforms has them where they are now.
+    """
+    if item.shared_mesh is not None:
+        return item.shared_mesh.rounded
+    return item.mesh_vertices if item.pose is not None and item.points is None else None
+
+
+def _placements(objects: Sequence[SceneObject], upright: NDArray[np.float64]) -> Iterator[dict[str, list[float]]]:
+    """Say where each object's node is; nothing of those in the world."""
+    apart = np.array([_frame_vertices(item) is not None for item in objects])
+    rows = np.array([item.place for item, own in zip(objects, apart, strict=True) if own]).reshape(-1, 7)
+    placed = iter(poses_to_opencv(upright @ poses_to_matrices(rows)).tolist() if len(rows) else ())
+    for own in apart:
+        row = next(placed) if own else None
+        yield {} if row is None else {"translation": row[:3], "rotation": row[3:]}
+
+
+def _chunks(text: bytes, buffer: _Buffer) -> list[bytes]:
+    """Put a header and chunks around JSON and data (4.4), both of which end at a multiple of four bytes."""
+    text += b" " * (-len(text) % 4)
+    length = 12 + 8 + len(text) + 8 + buffer.length
+    if length > _MOST_BYTES:
+        raise ValueError(f"binary glTF is of at most {_MOST_BYTES} bytes, and this would be {length}")
+    head = b"glTF" + _word(2) + _word(length)
+    return [head, _word(len(text)) + b"JSON", text, _word(buffer.length) + b"BIN\0", *buffer.chunks]
+
+
+def _word(number: int) -> bytes:
+    return number.to_bytes(4, "little")
