@@ -14,6 +14,7 @@ from . import (
     rendering as rendering,
     scene as scene,
     scenes as scenes,
+    sensors as sensors,
     visibility as visibility,
     viz as viz,
     webots as webots,

@@ -1,0 +1,265 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Lens models: there and back, against OpenCV's and COLMAP's own, and where a mapping turns back."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+from warpvis.errors import CameraError
+from warpvis.sensors import lenses
+from warpvis.sensors.lenses._colmap import COLMAP_NUMBERS, lens_from_colmap, lens_to_colmap
+
+INTRINSICS = (300.0, 310.0, 161.0, 119.0)
+WIDTH, HEIGHT = 320, 240
+PIXELS = np.stack(np.meshgrid(np.arange(0, WIDTH, 5) + 0.5, np.arange(0, HEIGHT, 5) + 0.5), axis=-1)
+OPENCV = (-0.3, 0.1, 0.001, -0.002, 0.01, 0.05, 0.05, 0.001, 0.01, 0.002, -0.003, 0.001, 0.05, -0.03)
+FISHEYE = (0.01, 0.002, -0.003, 0.0004)
+THIN_PRISM = (0.01, 0.02, 0.001, 0.002, 0.003, 0.001, 0.002, 0.003)
+ARIA = (0.01, 0.02, 0.003, 0.004, 0.001, 0.0005, 0.001, 0.002, 0.003, 0.004, 0.005, 0.006)
+
+LENSES = {
+    **{f"opencv {count}": lenses.OpenCVPinhole(*INTRINSICS, OPENCV[:count]) for count in (4, 5, 8, 12, 14)},
+    "opencv radial": lenses.OpenCVPinhole(*INTRINSICS, (-0.3, 0.1, 0, 0, 0.01)),
+    "opencv wide": lenses.OpenCVPinhole(60, 60, 160, 120, (-0.28, 0.07, 0.0003, -0.0002)),
+    "opencv folded": lenses.OpenCVPinhole(*INTRINSICS, (-0.9, 0, 0.05, -0.04)),
+    "azure kinect": lenses.OpenCVPinhole(252, 252, 160, 120, (4.9, 2.5, 1e-4, -5e-5, 0.12, 5.2, 3.8, 0.68)),
+    "fisheye": lenses.KannalaBrandt(100, 110, 160, 120, FISHEYE),
+    "fisheye folded": lenses.KannalaBrandt(100, 110, 160, 120, (-0.1, -0.02, 0, 0)),
+    "thin prism": lenses.ThinPrismFisheye(100, 110, 160, 120, THIN_PRISM),
+    "thin prism, radial": lenses.ThinPrismFisheye(100, 110, 160, 120, (0.01, 0.02, 0, 0, 0.003, 0.001, 0, 0)),
+    "aria": lenses.RadTanThinPrismFisheye(100, 110, 160, 120, ARIA),
+    "double sphere": lenses.DoubleSphere(100, 100, 160, 120, -0.2, 0.6),
+    "double sphere 2": lenses.DoubleSphere(100, 100, 160, 120, 0.3, 0.4),
+    "eucm": lenses.EUCM(100, 100, 160, 120, 0.6, 1.1),
+    "ucm": lenses.EUCM(100, 100, 160, 120, 0.4),
+    "fov": lenses.FOV(150, 150, 160, 120, 0.9),
+    "division": lenses.Division(100, 100, 160, 120, -0.2),
+    "division, pincushion": lenses.Division(200, 200, 160, 120, 0.2),
+    "ftheta": lenses.FTheta(160, 120, (0.01, 1e-7, -1e-9)),
+    "ftheta, forward": lenses.FTheta(160, 120, (100, -3, 1, 0.2), "angle_to_radius"),
+    "equirectangular": lenses.Equirectangular(WIDTH, HEIGHT),
+    "cylindrical": lenses.Cylindrical(50, 50, 160, 120),
+}
+FOLDED = {"opencv folded", "fisheye folded", "cylindrical", "fov"}
+
+
+def differences(ours, theirs):
+    there = np.isfinite(ours).all(-1)
+    assert there.sum() > 100
+    return np.abs(ours - theirs)[there].max()
+
+
+def directions(most_angle, count=2000):
+    rng = np.random.default_rng(5)
+    angle, azimuth = rng.uniform(0, most_angle, count), rng.uniform(0, 2 * math.pi, count)
+    sides = np.sin(angle) * np.cos(azimuth), np.sin(angle) * np.sin(azimuth)
+    return np.stack([*sides, np.cos(angle)], axis=-1) * rng.uniform(0.1, 10, count)[:, None]
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_there_and_back(name):
+    lens = LENSES[name]
+    rays = lens.unproject(PIXELS)
+    there = np.isfinite(rays).all(-1)
+    assert there.all() or name in FOLDED
+    np.testing.assert_allclose(np.linalg.norm(rays[there], axis=-1), 1, atol=1e-15)
+    np.testing.assert_allclose(lens.project(rays)[there], PIXELS[there], atol=1e-9, rtol=0)
+    points = directions(0.999 * lens.max_angle)
+    back = lens.unproject(lens.project(points))
+    close = points[:, 2] > 0.01 * np.linalg.norm(points, axis=1) if name.startswith("opencv") else slice(None)
+    np.testing.assert_allclose(back[close], (points / np.linalg.norm(points, axis=1)[:, None])[close], atol=1e-7)
+    assert pickle.loads(pickle.dumps(lens)) == lens and hash(lens) == hash(pickle.loads(pickle.dumps(lens)))
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_the_axis_and_what_is_behind(name):
+    lens = LENSES[name]
+    middle = lens.project([0.0, 0.0, 2.0])
+    np.testing.assert_allclose(lens.unproject(middle), [0, 0, 1], atol=1e-15)
+    assert np.isnan(lens.project([[0.0, 0, 0], [np.nan, 0, 1]])).all()
+    assert np.isnan(lens.unproject([[np.nan, 1.0], [np.inf, 1.0]])).all()
+    if lens.max_angle <= math.pi / 2 and name != "cylindrical":
+        assert np.isnan(lens.project([[0.1, 0.2, -1.0], [1.0, 0, 0]])).all()
+    assert lens.project(np.zeros((0, 3))).shape == (0, 2) and lens.unproject(np.zeros((2, 0, 2))).shape == (2, 0, 3)
+
+
+@pytest.mark.parametrize("count", [4, 5, 8, 12, 14])
+def test_opencv_projects_alike(count):
+    """OpenCV's pixels have their centres at whole numbers: it is half a pixel away."""
+    cv2 = pytest.importorskip("cv2")
+    lens = lenses.OpenCVPinhole(*INTRINSICS, OPENCV[:count])
+    fx, fy, cx, cy = INTRINSICS
+    k = np.array([[fx, 0, cx - 0.5], [0, fy, cy - 0.5], [0, 0, 1]])
+    points = directions(math.radians(50))
+    theirs, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), k, np.array(OPENCV[:count]))
+    assert differences(lens.project(points), theirs[:, 0] + 0.5) < 1e-9
+
+
+def test_opencvs_fisheye_projects_alike():
+    cv2 = pytest.importorskip("cv2")
+    fx, fy, cx, cy = INTRINSICS
+    k = np.array([[fx, 0, cx - 0.5], [0, fy, cy - 0.5], [0, 0, 1]])
+    points = directions(math.radians(88))
+    theirs, _ = cv2.fisheye.projectPoints(points[:, None], np.zeros(3), np.zeros(3), k, np.array(FISHEYE))
+    assert differences(lenses.KannalaBrandt(*INTRINSICS, FISHEYE).project(points), theirs[:, 0] + 0.5) < 1e-9
+
+
+def test_lenses_turn_back_where_their_slope_is_none():
+    """k1 alone: the radius r + k1 r^3 is greatest at r = 1 / sqrt(-3 k1)."""
+    lens = lenses.OpenCVPinhole(*INTRINSICS, (-0.5, 0, 0, 0))
+    end = 1 / math.sqrt(1.5)
+    assert lens.turns_back and lens.max_angle == pytest.approx(math.atan(end), abs=1e-9)
+    most = INTRINSICS[0] * (end - 0.5 * end**3)
+    x, y = INTRINSICS[2:]
+    rays = lens.unproject([[x + most - 1e-6, y], [x + most + 1e-6, y]])
+    assert np.isfinite(rays[0]).all() and np.isnan(rays[1]).all()
+    ahead = lens.project([[end - 1e-4, 0, 1], [end + 1e-4, 0, 1]])
+    assert np.isfinite(ahead[0]).all() and np.isnan(ahead[1]).all()
+    assert not lenses.OpenCVPinhole(*INTRINSICS).turns_back
+
+
+def test_the_double_spheres_range_is_that_of_its_paper():
+    """Usenko 2018: where alpha is above 1/2, the image ends at r^2 = 1 / (2 alpha - 1), as xi d1 + Z is -w1 d2."""
+    lens = LENSES["double sphere"]
+    xi, alpha = lens.xi, lens.alpha
+    second = math.cos(lens.max_angle) + xi
+    w1 = (1 - alpha) / alpha
+    assert second / math.hypot(math.sin(lens.max_angle), second) == pytest.approx(-w1, abs=1e-7)
+    most = lens.fx / math.sqrt(2 * alpha - 1)
+    rays = lens.unproject([[lens.cx + most * (1 - 1e-9), lens.cy], [lens.cx + most * (1 + 1e-9), lens.cy]])
+    assert np.isfinite(rays[0]).all() and np.isnan(rays[1]).all()
+
+
+def test_masks_of_bent_lenses_are_what_they_map_to():
+    """Every pixel whose centre's neighbourhood is the image of a direction has a ray, and none that is not."""
+    lens = LENSES["opencv folded"]
+    assert lens.turns_back
+    angle, azimuth = np.meshgrid(np.linspace(0, math.radians(40), 400), np.linspace(0, 2 * math.pi, 1200))
+    points = np.stack([np.sin(angle) * np.cos(azimuth), np.sin(angle) * np.sin(azimuth), np.cos(angle)], axis=-1)
+    image = lens.project(points).reshape(-1, 2)
+    columns, rows = np.floor(image[np.isfinite(image).all(-1)]).astype(int).T
+    inside = (columns >= 0) & (columns < WIDTH) & (rows >= 0) & (rows < HEIGHT)
+    hit = np.zeros((HEIGHT + 2, WIDTH + 2), dtype=bool)
+    hit[rows[inside] + 1, columns[inside] + 1] = True
+    shown = np.stack([hit[1 + y : HEIGHT + 1 + y, 1 + x : WIDTH + 1 + x] for x in (-1, 0, 1) for y in (-1, 0, 1)])
+    every = np.stack(np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5), axis=-1)
+    there = np.isfinite(lens.unproject(every)).all(-1)
+    assert there[1:-1, 1:-1][shown.all(0)[1:-1, 1:-1]].all() and hit[1:-1, 1:-1][there].all()
+    assert 0.2 < there.mean() < 0.9
+
+
+def test_derivatives_of_bent_lenses_are_those_of_differences():
+    x, y = np.random.default_rng(2).uniform(-0.4, 0.4, (2, 200))
+    for name in ("opencv 14", "thin prism", "aria"):
+        bend, h = LENSES[name]._bend, 1e-6
+        right, left, down, up = bend(x + h, y), bend(x - h, y), bend(x, y + h), bend(x, y - h)
+        bent = bend(x, y)
+        np.testing.assert_allclose(bent.xx, (right.x - left.x) / (2 * h), atol=1e-8)
+        np.testing.assert_allclose(bent.yx, (right.y - left.y) / (2 * h), atol=1e-8)
+        np.testing.assert_allclose(bent.xy, (down.x - up.x) / (2 * h), atol=1e-8)
+        np.testing.assert_allclose(bent.yy, (down.y - up.y) / (2 * h), atol=1e-8)
+
+
+def test_panoramas_see_all_around():
+    whole = LENSES["equirectangular"]
+    np.testing.assert_allclose(whole.project([[0, 0, 1], [1, 0, 0], [0, -1, 0.0]])[:, 0], [160, 240, 160])
+    np.testing.assert_allclose(whole.project([[0, 0, 1], [1, 0, 0], [0, -1, 0.0]])[:, 1], [120, 120, 0])
+    around = LENSES["cylindrical"]
+    np.testing.assert_allclose(
+        around.unproject([160 + 50 * math.pi / 2, 170]), [math.sqrt(0.5), math.sqrt(0.5), 0], atol=1e-15
+    )
+
+
+BAD = {
+    "count": (lambda: lenses.OpenCVPinhole(*INTRINSICS, (0.1,) * 6), "has 4, 5, 8, 12 or 14 coefficients, got 6"),
+    "fisheye's count": (lambda: lenses.KannalaBrandt(*INTRINSICS, (0.1,)), "KannalaBrandt has 4 coefficients, got 1"),
+    "nan": (lambda: lenses.OpenCVPinhole(*INTRINSICS, (math.nan, 0, 0, 0)), "must be finite numbers, got nan"),
+    "words": (lambda: lenses.KannalaBrandt(*INTRINSICS, ("a", 0, 0, 0)), "must be finite numbers, got 'a'"),
+    "focal": (lambda: lenses.FOV(0, 1, 2, 3, 0.9), "fx of a lens must be a number above 0, got 0"),
+    "omega": (lambda: lenses.FOV(1, 1, 2, 3, 4), "omega of a lens must be between -pi and pi radians"),
+    "alpha": (lambda: lenses.EUCM(1, 1, 2, 3, 1.5), "alpha of a lens must be from 0 to 1"),
+    "xi": (lambda: lenses.DoubleSphere(1, 1, 2, 3, -2, 0.5), "xi of a double sphere must be above -1"),
+    "slope": (lambda: lenses.FTheta(1, 1, (-1.0,)), "the first coefficient of FTheta must be above 0"),
+    "angle": (lambda: lenses.FTheta(1, 1, (1.0,), most_angle=7), "most_angle must be above 0 and at most pi radians"),
+    "way": (lambda: lenses.FTheta(1, 1, (1.0,), "both"), "maps must be"),
+    "points": (lambda: LENSES["fov"].project([1.0, 2.0]), r"points must have shape \(\.\.\., 3\), got \(2,\)"),
+    "pixels": (lambda: LENSES["fov"].unproject("here"), "pixels"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_lenses_are_said(name):
+    make, message = BAD[name]
+    with pytest.raises(CameraError, match=message):
+        make()
+
+
+F = (100.0, 110.0, 160.0, 120.0)
+COLMAP = {
+    "SIMPLE_PINHOLE": (100, 160, 120),
+    "PINHOLE": F,
+    "SIMPLE_RADIAL": (100, 160, 120, 0.05),
+    "RADIAL": (100, 160, 120, 0.05, -0.01),
+    "OPENCV": (*F, 0.05, -0.01, 0.002, -0.003),
+    "OPENCV_FISHEYE": (*F, *FISHEYE),
+    "FULL_OPENCV": (*F, *OPENCV[:8]),
+    "FOV": (*F, 0.9),
+    "SIMPLE_RADIAL_FISHEYE": (100, 160, 120, 0.01),
+    "RADIAL_FISHEYE": (100, 160, 120, 0.01, -0.002),
+    "THIN_PRISM_FISHEYE": (*F, *THIN_PRISM),
+    "RAD_TAN_THIN_PRISM_FISHEYE": (*F, *ARIA),
+    "SIMPLE_DIVISION": (100, 160, 120, -0.2),
+    "DIVISION": (*F, 0.1),
+    "SIMPLE_FISHEYE": (100, 160, 120),
+    "FISHEYE": F,
+    "EUCM": (*F, 0.6, 1.1),
+    "EQUIRECTANGULAR": (WIDTH, HEIGHT),
+}
+
+
+@pytest.mark.parametrize("model", COLMAP)
+def test_colmap_projects_alike(model):
+    pycolmap = pytest.importorskip("pycolmap")
+    lens = lens_from_colmap(model, COLMAP[model])
+    theirs = pycolmap.Camera(camera_id=1, model=model, width=WIDTH, height=HEIGHT, params=COLMAP[model])
+    points = directions(math.pi if model == "EQUIRECTANGULAR" else math.radians(85))
+    if model == "FOV":  # theirs is a series near the axis, good to 1e-8
+        points = points[np.hypot(points[:, 0], points[:, 1]) > 0.02 * points[:, 2]]
+    projected = lens.project(points)
+    assert differences(projected, theirs.img_from_cam(points)) < 1e-9
+    assert differences(projected, lens.project(lens.unproject(projected))) < 1e-9
+
+
+def test_all_models_of_colmap_are_known():
+    pycolmap = pytest.importorskip("pycolmap")
+    theirs = {member.value: name for name, member in pycolmap.CameraModelId.__members__.items() if name != "INVALID"}
+    assert theirs == {number: name for number, name in COLMAP_NUMBERS.items() if number in theirs}
+    assert set(COLMAP) == set(COLMAP_NUMBERS.values())
+
+
+@pytest.mark.parametrize("model", COLMAP)
+def test_models_of_colmap_are_written_as_the_same_lens(model):
+    lens = lens_from_colmap(model, COLMAP[model])
+    again = lens_from_colmap(*lens_to_colmap(lens))
+    points = directions(math.radians(40), 100)
+    np.testing.assert_array_equal(again.project(points), lens.project(points))
+
+
+def test_models_that_colmap_has_not_are_said():
+    with pytest.raises(CameraError, match="COLMAP has no camera model PANINI; its models are SIMPLE_PINHOLE, "):
+        lens_from_colmap("PANINI", F)
+    with pytest.raises(CameraError, match="EUCM has 6 parameters, got 4"):
+        lens_from_colmap("EUCM", F)
+    for name in ("opencv 12", "double sphere", "ftheta", "cylindrical"):
+        with pytest.raises(CameraError, match="COLMAP has no camera model for"):
+            lens_to_colmap(LENSES[name])
+
+
+def test_directions_are_kept():
+    lens = lenses.FOV(*F, 0.5)
+    table = lens.directions(8, 6)
+    assert table is lens.directions(8, 6) and not table.flags.writeable and table.shape == (6, 8, 3)
+    np.testing.assert_array_equal(table[2, 3], lens.unproject([3.5, 2.5]))

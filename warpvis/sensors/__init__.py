@@ -1,0 +1,9 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What devices make of a scene: lenses."""
+
+from __future__ import annotations
+
+from warpvis.sensors import lenses
+
+__all__ = ["lenses"]

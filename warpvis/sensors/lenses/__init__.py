@@ -1,0 +1,30 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Lens models: directions to points of the image and back, in double precision.
+
+All have `project` and `unproject`, of any number of points at once, and know up to where they map one to one.
+"""
+
+from __future__ import annotations
+
+from warpvis.sensors.lenses._closed import EUCM, FOV, Division, DoubleSphere
+from warpvis.sensors.lenses._fisheyes import KannalaBrandt, RadTanThinPrismFisheye, ThinPrismFisheye
+from warpvis.sensors.lenses._ftheta import FTheta
+from warpvis.sensors.lenses._lens import Lens
+from warpvis.sensors.lenses._panoramas import Cylindrical, Equirectangular
+from warpvis.sensors.lenses._pinhole import OpenCVPinhole
+
+__all__ = [
+    "EUCM",
+    "FOV",
+    "Cylindrical",
+    "Division",
+    "DoubleSphere",
+    "Equirectangular",
+    "FTheta",
+    "KannalaBrandt",
+    "Lens",
+    "OpenCVPinhole",
+    "RadTanThinPrismFisheye",
+    "ThinPrismFisheye",
+]

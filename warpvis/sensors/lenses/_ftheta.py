@@ -1,0 +1,100 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""NVIDIA's F-theta cameras: a polynomial between the angle from the axis and the image's radius in pixels."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from warpvis.core.checks import check_choice, is_number
+from warpvis.errors import CameraError
+from warpvis.sensors.lenses._lens import Lens, check_coefficients, rays_of
+from warpvis.sensors.lenses._rising import Floats, Rising
+
+_MOST_RADIUS = 2.0**20
+"""No image's radius is larger [px]."""
+
+
+@dataclass(frozen=True)
+class FTheta(Lens):
+    """A fisheye whose polynomial has a coefficient for every power from 1 up; that of power 0 is 0.
+
+    DriveWorks and Isaac Sim write ``pixeldistance-to-angle`` polynomials (``k0`` first, 0), and the other way round
+    ``angle-to-pixeldistance``.
+    """
+
+    cx: float
+    """Where the axis meets the image, from its left edge [px]."""
+    cy: float
+    """Where the axis meets the image, from its top edge [px]."""
+    coefficients: tuple[float, ...]
+    """``k1 k2 ...``, up to 10: of ``k1 t + k2 t^2 + ...``."""
+    maps: Literal["angle_to_radius", "radius_to_angle"] = "radius_to_angle"
+    """Which way the polynomial goes, between radians and pixels."""
+    most_angle: float = math.pi
+    """The greatest angle from the axis that the camera sees [rad]."""
+
+    def __post_init__(self) -> None:
+        for name in ("cx", "cy"):
+            value = getattr(self, name)
+            if not is_number(value) or not math.isfinite(value):
+                raise CameraError(f"{name} of a lens must be a finite number, got {value!r}")
+            object.__setattr__(self, name, float(value))
+        object.__setattr__(self, "coefficients", check_coefficients(self.coefficients, "FTheta", range(1, 11)))
+        check_choice(self.maps, "maps", ("angle_to_radius", "radius_to_angle"), CameraError)
+        if not is_number(self.most_angle) or not 0 < self.most_angle <= math.pi:
+            raise CameraError(f"most_angle must be above 0 and at most pi radians, got {self.most_angle!r}")
+        object.__setattr__(self, "most_angle", float(self.most_angle))
+        if self.coefficients[0] <= 0:
+            raise CameraError(f"the first coefficient of FTheta must be above 0, got {self.coefficients[0]!r}")
+
+    @property
+    def max_angle(self) -> float:
+        """The angle from the axis up to which the lens maps one to one [rad]."""
+        return self._rising.end if self._is_forward else min(self._rising.most, self.most_angle)
+
+    @property
+    def turns_back(self) -> bool:
+        """Whether it ends there because the polynomial turns back."""
+        return self._rising.turns and (self._is_forward or self._rising.most < self.most_angle)
+
+    @property
+    def _is_forward(self) -> bool:
+        return self.maps == "angle_to_radius"
+
+    @cached_property
+    def _rising(self) -> Rising:
+        polynomial = np.polynomial.Polynomial([0.0, *self.coefficients])
+        slope = polynomial.deriv()
+        limit = self.most_angle
+        if not self._is_forward:
+            limit = 1.0
+            while limit < _MOST_RADIUS and polynomial(limit) < self.most_angle and slope(limit) > 0:
+                limit *= 2
+        return Rising(lambda at: (polynomial(at), slope(at)), limit)
+
+    def _value(self, at: Floats) -> Floats:
+        return np.polynomial.Polynomial([0.0, *self.coefficients])(at)
+
+    def _project(self, points: Floats) -> Floats:
+        x, y, z = points.T
+        aside = np.hypot(x, y)
+        angle = np.arctan2(aside, z)
+        angle = np.where(angle <= self.max_angle, angle, np.nan)
+        radius = self._value(angle) if self._is_forward else self._rising.inverse(angle)
+        scale = np.where(aside > 0, radius / aside, np.where(z > 0, 0.0, np.nan))
+        return np.stack([self.cx + scale * x, self.cy + scale * y], axis=-1)
+
+    def _unproject(self, pixels: Floats) -> Floats:
+        x, y = pixels[:, 0] - self.cx, pixels[:, 1] - self.cy
+        radius = np.hypot(x, y)
+        if self._is_forward:
+            angle = self._rising.inverse(radius)
+        else:
+            angle = np.where(radius <= self._rising.end, self._value(radius), np.nan)
+        return rays_of(np.where(angle <= self.max_angle, angle, np.nan), x, y, radius)

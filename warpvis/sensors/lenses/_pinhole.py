@@ -1,0 +1,137 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""OpenCV's pinhole camera with radial, tangential and thin-prism distortion, and a tilted sensor.
+
+Formulas: https://docs.opencv.org/4.x/d9/d0c/group__calib3d.html
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from warpvis.sensors.lenses._bent import Bent, BentLens
+from warpvis.sensors.lenses._lens import check_fields
+from warpvis.sensors.lenses._rising import Floats
+
+COUNTS = (4, 5, 8, 12, 14)
+"""How many coefficients OpenCV's pinhole may have."""
+
+
+@dataclass(frozen=True)
+class OpenCVPinhole(BentLens):
+    """A pinhole camera with OpenCV's distortion, ROS's ``plumb_bob`` (5) and ``rational_polynomial`` (8) among them.
+
+    With ``x = X / Z``, ``y = Y / Z`` and ``r2 = x^2 + y^2``::
+
+        g  = (1 + k1 r2 + k2 r2^2 + k3 r2^3) / (1 + k4 r2 + k5 r2^2 + k6 r2^3)
+        x' = x g + 2 p1 x y + p2 (r2 + 2 x^2) + s1 r2 + s2 r2^2
+        y' = y g + p1 (r2 + 2 y^2) + 2 p2 x y + s3 r2 + s4 r2^2
+
+    then the sensor is tilted by ``tx`` about x and ``ty`` about y [rad]; the pixel is ``(fx x' + cx, fy y' + cy)``.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    """Principal point from the image's left edge [px]; half a pixel more than OpenCV's."""
+    cy: float
+    """Principal point from the image's top edge [px]; half a pixel more than OpenCV's."""
+    coefficients: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+    """``k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tx ty``: the first 4, 5, 8, 12, or all 14."""
+
+    _limit: ClassVar[float] = math.pi / 2
+
+    def __post_init__(self) -> None:
+        check_fields(self, COUNTS)
+
+    @cached_property
+    def all_coefficients(self) -> tuple[float, ...]:
+        """All 14; those that were not given are 0."""
+        return self.coefficients + (0.0,) * (14 - len(self.coefficients))
+
+    @property
+    def is_pinhole(self) -> bool:
+        """Whether all coefficients are 0."""
+        return not any(self.coefficients)
+
+    @property
+    def is_radial(self) -> bool:
+        """Whether tangential and thin-prism coefficients are 0, and the sensor is not tilted."""
+        c = self.all_coefficients
+        return not any(c[2:4]) and not any(c[8:])
+
+    def _gain(self, r2: Floats) -> tuple[Floats, Floats]:
+        """Compute by how much the radius grows, and the slope of that over its square."""
+        k1, k2, _, _, k3, k4, k5, k6, *_ = self.all_coefficients
+        above, below = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
+        above_slope, below_slope = k1 + r2 * (2 * k2 + r2 * 3 * k3), k4 + r2 * (2 * k5 + r2 * 3 * k6)
+        return above / below, (above_slope * below - above * below_slope) / below**2
+
+    def _radius(self, angle: Floats) -> tuple[Floats, Floats]:
+        r = np.tan(angle)
+        gain, slope = self._gain(r * r)
+        return r * gain, (gain + 2 * r * r * slope) * (1 + r * r)
+
+    def _bend(self, x: Floats, y: Floats) -> Bent:
+        *_, tilt_x, tilt_y = c = self.all_coefficients
+        r2 = x * x + y * y
+        gain, slope = self._gain(r2)
+        bent = decentered(x, y, c[2:4], c[8:12])
+        bent = Bent(*(a + b for a, b in zip(bent, scaled(x, y, gain, slope), strict=True)))
+        return _tilted(bent, self._tilt) if tilt_x or tilt_y else bent
+
+    @cached_property
+    def _tilt(self) -> Floats:
+        """The homography of a tilted sensor."""
+        tilt_x, tilt_y = self.all_coefficients[12:]
+        about_x = np.array(
+            [[1, 0, 0], [0, math.cos(tilt_x), math.sin(tilt_x)], [0, -math.sin(tilt_x), math.cos(tilt_x)]]
+        )
+        about_y = np.array(
+            [[math.cos(tilt_y), 0, -math.sin(tilt_y)], [0, 1, 0], [math.sin(tilt_y), 0, math.cos(tilt_y)]]
+        )
+        turned = about_y @ about_x
+        return np.array([[turned[2, 2], 0, -turned[0, 2]], [0, turned[2, 2], -turned[1, 2]], [0, 0, 1]]) @ turned
+
+
+def decentered(x: Floats, y: Floats, tangential: tuple[float, ...], prism: tuple[float, ...]) -> Bent:
+    """Compute what ``p1 p2`` and ``s1 s2 s3 s4`` add to points of a plane, and the derivatives of it."""
+    (p1, p2), (s1, s2, s3, s4) = tangential, prism
+    r2 = x * x + y * y
+    across, down = s1 + 2 * s2 * r2, s3 + 2 * s4 * r2
+    both = 2 * p1 * x + 2 * p2 * y
+    return Bent(
+        2 * p1 * x * y + p2 * (r2 + 2 * x * x) + r2 * (s1 + s2 * r2),
+        p1 * (r2 + 2 * y * y) + 2 * p2 * x * y + r2 * (s3 + s4 * r2),
+        2 * p1 * y + 6 * p2 * x + 2 * x * across,
+        both + 2 * y * across,
+        both + 2 * x * down,
+        6 * p1 * y + 2 * p2 * x + 2 * y * down,
+    )
+
+
+def scaled(x: Floats, y: Floats, gain: Floats, slope: Floats) -> Bent:
+    """Scale points by a gain that depends on their squared radius, over which it has that slope."""
+    both = 2 * x * y * slope
+    return Bent(x * gain, y * gain, gain + 2 * x * x * slope, both, both, gain + 2 * y * y * slope)
+
+
+def _tilted(bent: Bent, tilt: Floats) -> Bent:
+    """Apply a homography after what has bent the plane."""
+    (a, b, c), (d, e, f), (g, h, i) = tilt
+    below = g * bent.x + h * bent.y + i
+    x, y = (a * bent.x + b * bent.y + c) / below, (d * bent.x + e * bent.y + f) / below
+    xx, xy, yx, yy = (a - x * g) / below, (b - x * h) / below, (d - y * g) / below, (e - y * h) / below
+    return Bent(
+        x,
+        y,
+        xx * bent.xx + xy * bent.yx,
+        xx * bent.xy + xy * bent.yy,
+        yx * bent.xx + yy * bent.yx,
+        yx * bent.xy + yy * bent.yy,
+    )
