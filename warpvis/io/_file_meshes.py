@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 
 class FileMesh(NamedTuple):
-    """The triangles of a mesh where the file has it."""
+    """The triangles of a mesh where the file has it, or a mesh that others have too and where it is."""
 
     name: str
     """Empty if the file does not name it. Of glTF its node's, or else its mesh's, and the primitive's number if there
@@ -22,6 +22,10 @@ class FileMesh(NamedTuple):
     faces: NDArray[np.integer]
     extras: dict[str, Any]
     """What the file says of it besides."""
+    row: NDArray[np.float64] | None = None
+    """Mesh to file, ``x y z qx qy qz qw``; None if its vertices are in the file's frame."""
+    shares_movable: bool = True
+    """Whether one that may move shares its vertices, too, and begins there; else one that stays does."""
 
 
 @dataclass

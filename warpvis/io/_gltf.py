@@ -9,32 +9,25 @@ of the glTF 2.0 specification.
 
 from __future__ import annotations
 
-import itertools
 import re
-from collections.abc import Iterator
+from collections import Counter
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.poses import poses_to_matrices
 from warpvis.core.types import Json
-from warpvis.io._file_meshes import FileMesh, FileMeshes
+from warpvis.io._file_meshes import FileMeshes
 from warpvis.io._gltf_data import DRACO, MESHOPT, Find, GltfData, decode_draco
+from warpvis.io._gltf_placements import INSTANCES, Shape, instance_matrices, node_matrix, nodes_in_order, split
 from warpvis.io._gltf_rest import joint_matrices, morphed, skinned
-from warpvis.scene import keep_winding
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
-_INSTANCES = "EXT_mesh_gpu_instancing"
-_READ = {DRACO, *MESHOPT, "KHR_mesh_quantization", "KHR_node_visibility", _INSTANCES}
+_READ = {DRACO, *MESHOPT, "KHR_mesh_quantization", "KHR_node_visibility", INSTANCES}
 
-# Nodes that are children of several others, which the specification forbids and files have, can stand for any number,
-# and so can instances: their accessors may be of zeros that no bytes of the file stand for.
-_MOST_NODES = 1_000_000
-_MOST_INSTANCES = 100_000
 _MOST_CORNERS = 100_000_000
-"""Of all instances of a mesh."""
+"""Of all instances of a mesh that do not share it."""
 
 # Extensions that change colours, lights, motion or notes, and no triangle at rest.
 _HARMLESS = re.compile(
@@ -59,123 +52,81 @@ def read_gltf(file: bytes, find: Find) -> FileMeshes:
     unread = [name for name in data.names("extensionsRequired") if name not in _READ and not _HARMLESS.match(name)]
     if unread:
         raise ValueError(f"it requires the extension {unread[0]}, which is not read")
-    found = FileMeshes(up="y")
-    for index, node, placement in _nodes(data):
+    found, shapes = FileMeshes(up="y"), _Shapes(data)
+    for index, node, placement in nodes_in_order(data):
         if "mesh" in node:
-            _add_mesh(data, index, node, placement, found)
+            _add_mesh(shapes, index, node, placement, found)
     return found
 
 
-def _nodes(data: GltfData) -> Iterator[tuple[int, dict[str, Any], NDArray[np.float64]]]:
-    """Go through the visible nodes of the default scene (3.5): index, node, and its matrix to the file's frame."""
-    open_nodes = [(index, np.eye(4), 1) for index in reversed(_roots(data))]
-    for count in itertools.count():
-        if not open_nodes:
-            return
-        index, above, depth = open_nodes.pop()
-        node = data.one("nodes", index)
-        if depth > len(data.all("nodes")):
-            raise ValueError(f"node {index} is below itself")
-        if count >= _MOST_NODES:
-            raise ValueError(f"its nodes stand in more than {_MOST_NODES} places")
-        hides = (node.get("extensions") or {}).get("KHR_node_visibility") or {}
-        if hides.get("visible", True) is False:
-            continue
-        placement = above @ _transform(node)
-        yield index, node, placement
-        open_nodes += [(child, placement, depth + 1) for child in reversed(node.get("children", []))]
+class _Shapes:
+    """The meshes of a file, of which those that several nodes have are read once."""
+
+    def __init__(self, data: GltfData) -> None:
+        self.data = data
+        nodes = [node for node in data.all("nodes") if isinstance(node, dict) and isinstance(node.get("mesh"), int)]
+        self._uses = Counter(node["mesh"] for node in nodes)
+        self._known: dict[tuple[int, int], Shape | None] = {}
+
+    def is_shared(self, node: dict[str, Any]) -> bool:
+        """Tell whether a node's mesh is another one's, too, and the same there."""
+        return self._uses[node["mesh"]] > 1 and node.get("skin") is None and "weights" not in node
+
+    def of_primitive(self, node: dict[str, Any], number: int) -> Shape | None:
+        """Return a primitive of a node's mesh; None if it is of points or lines."""
+        key = node["mesh"], number
+        if self.is_shared(node):
+            if key not in self._known:
+                self._known[key] = self._read(node, number)
+            return self._known[key]
+        return self._read(node, number)
+
+    def _read(self, node: dict[str, Any], number: int) -> Shape | None:
+        data = self.data
+        mesh = data.one("meshes", node["mesh"])
+        primitive = mesh["primitives"][number]
+        vertices, faces = _triangles(data, primitive)
+        if not len(faces):
+            return None
+        vertices = morphed(data, vertices, primitive.get("targets"), node.get("weights", mesh.get("weights")))
+        if not _is_skinned(node, primitive):
+            return Shape(vertices, faces)
+        rows = partial(_attribute, data, primitive)
+        joints = joint_matrices(data, node["skin"], node_matrix)
+        return Shape(skinned(vertices, primitive["attributes"], rows, joints), faces)
 
 
-def _roots(data: GltfData) -> list[int]:
-    if data.all("scenes"):
-        return list(data.one("scenes", data.get("scene", 0)).get("nodes", []))
-    below = {child for node in data.all("nodes") for child in node.get("children", [])}
-    return [index for index in range(len(data.all("nodes"))) if index not in below]
-
-
-def _transform(node: dict[str, Any]) -> NDArray[np.float64]:
-    """Make the matrix from a node to its parent (3.5.2)."""
-    if "matrix" in node:
-        matrix = np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
-    else:
-        turn = np.array(node.get("rotation", (0, 0, 0, 1)), dtype=np.float64).reshape(4)
-        move = np.array(node.get("translation", (0, 0, 0)), dtype=np.float64).reshape(3)
-        if not np.linalg.norm(turn) > 0:
-            raise ValueError("a node's rotation is of length 0")
-        matrix = poses_to_matrices(np.concatenate([move, turn]))
-        matrix[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), dtype=np.float64).reshape(3)
-    if not np.isfinite(matrix).all():
-        raise ValueError("a node's placement is not finite")
-    return matrix
+def _is_skinned(node: dict[str, Any], primitive: dict[str, Any]) -> bool:
+    return node.get("skin") is not None and "JOINTS_0" in primitive["attributes"]
 
 
 def _add_mesh(
-    data: GltfData, index: int, node: dict[str, Any], placement: NDArray[np.float64], found: FileMeshes
+    shapes: _Shapes, index: int, node: dict[str, Any], placement: NDArray[np.float64], found: FileMeshes
 ) -> None:
     """Add the primitives of a node's mesh."""
-    mesh = data.one("meshes", node["mesh"])
+    mesh = shapes.data.one("meshes", node["mesh"])
     name = str(node.get("name") or mesh.get("name") or "")
     extras = {**_said(mesh), **_said(node)}
-    packed = (node.get("extensions") or {}).get(_INSTANCES)
-    copies = None if packed is None else _instances(data, packed)
-    joints = None if node.get("skin") is None else joint_matrices(data, node["skin"], _transform)
-    weights = node.get("weights", mesh.get("weights"))
+    packed = (node.get("extensions") or {}).get(INSTANCES)
+    copies = None if packed is None else instance_matrices(shapes.data, packed)
     for number, primitive in enumerate(mesh["primitives"]):
         own = name if len(mesh["primitives"]) == 1 else f"{name or f'node_{index}'}_{number}"
-        vertices, faces = _triangles(data, primitive)
-        if not len(faces):
+        shape = shapes.of_primitive(node, number)
+        if shape is None:
             found.empty.append(own or f"node_{index}")
             continue
-        vertices = morphed(data, vertices, primitive.get("targets"), weights)
-        if joints is not None and "JOINTS_0" in primitive["attributes"]:
-            rows = partial(_attribute, data, primitive)
-            vertices = skinned(vertices, primitive["attributes"], rows, joints)
-            placement = np.eye(4)  # the node's own does not count
-        if copies is None:
-            found.meshes.append(_placed(own, vertices, faces, placement, extras))
-            continue
-        if len(copies) * len(vertices) > _MOST_CORNERS:
-            raise ValueError(f"the {len(copies)} instances of node {index} have more than {_MOST_CORNERS} corners")
-        for copy, matrix in enumerate(copies):
-            each = f"{own or f'node_{index}'}_{copy}"
-            found.meshes.append(_placed(each, vertices, faces, placement @ matrix, extras))
-
-
-def _placed(
-    name: str,
-    vertices: NDArray[np.float64],
-    faces: NDArray[np.integer],
-    placement: NDArray[np.float64],
-    extras: dict[str, Any],
-) -> FileMesh:
-    with np.errstate(invalid="ignore", over="ignore"):  # the scene says what is not finite
-        corners = vertices @ placement[:3, :3].T + placement[:3, 3]
-    return FileMesh(name, corners, keep_winding(faces, placement[:3, :3]), extras)
-
-
-def _instances(data: GltfData, packed: dict[str, Any]) -> NDArray[np.float64]:
-    """Make the matrices from a node's instances to the node (EXT_mesh_gpu_instancing), shape ``(n, 4, 4)``."""
-    attributes = packed["attributes"]
-    counts = sorted({data.one("accessors", index)["count"] for index in attributes.values()})
-    if len(counts) != 1 or not 0 <= counts[0] <= _MOST_INSTANCES:
-        raise ValueError(
-            f"{_INSTANCES}: all attributes must have one number of rows up to {_MOST_INSTANCES}, got {counts}"
-        )
-    rest = {"TRANSLATION": np.zeros(3), "ROTATION": np.array([0.0, 0, 0, 1]), "SCALE": np.ones(3)}
-    move, turn, scale = (
-        data.accessor(attributes[key]).astype(np.float64) if key in attributes else np.tile(row, (counts[0], 1))
-        for key, row in rest.items()
-    )
-    for rows, row in zip((move, turn, scale), rest.values(), strict=True):
-        if rows.shape[1] != len(row):
-            raise ValueError(f"{_INSTANCES}: a place and a size are of 3 numbers, a turn is of 4, got {rows.shape[1]}")
-    if not (np.linalg.norm(turn, axis=1) > 0).all():
-        raise ValueError("an instance's rotation is of length 0")
-    matrices = poses_to_matrices(np.concatenate([move, turn], axis=1))
-    matrices[:, :3, :3] *= scale[:, None]
-    if not np.isfinite(matrices).all():
-        raise ValueError("an instance's placement is not finite")
-    return matrices
+        above = np.eye(4) if _is_skinned(node, primitive) else placement  # the place of a skinned node does not count
+        if copies is not None:
+            matrices = above @ copies
+            parts = split(matrices)
+            if parts.copies * len(shape.vertices) > _MOST_CORNERS:
+                raise ValueError(f"the {len(copies)} instances of node {index} have more than {_MOST_CORNERS} corners")
+            names = [f"{own or f'node_{index}'}_{copy}" for copy in range(len(copies))]
+            found.meshes += shape.shared(names, matrices, parts, extras, movable=True)
+        elif shapes.is_shared(node):
+            found.meshes += shape.shared([own], above[None], split(above[None]), extras, movable=False)
+        else:
+            found.meshes.append(shape.placed(own, above, extras))
 
 
 def _said(item: dict[str, Any]) -> dict[str, Any]:

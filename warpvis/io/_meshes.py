@@ -56,7 +56,13 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
         [mesh.name or (path.stem if alone else f"mesh_{number}") for number, mesh in enumerate(loaded.meshes)]
     )
     parts = [
-        Part(name, (mesh.vertices, mesh.faces), mesh.extras.get("label", Label.OBSTACLE))
+        Part(
+            name,
+            (mesh.vertices, mesh.faces),
+            mesh.extras.get("label", Label.OBSTACLE),
+            mesh.row,
+            has_frame=mesh.shares_movable,
+        )
         for name, mesh in zip(names, loaded.meshes, strict=True)
     ]
     messages = [f"{path}: left out {note}" for note in loaded.notes]

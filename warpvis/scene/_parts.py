@@ -5,7 +5,8 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -20,6 +21,7 @@ from warpvis.core.poses import check_up, poses_to_matrices, poses_to_opencv
 from warpvis.core.types import MeshLike, PoseLike
 from warpvis.errors import SceneError
 from warpvis.scene._object import check_scale
+from warpvis.scene._shared_mesh import placed_at
 from warpvis.scene.solids import Solid
 
 _LONGEST_LIST = 500
@@ -48,6 +50,9 @@ class Part:
     """Whether the file says that it moves."""
     attach_to: str | None = None
     """Name of an earlier part that it moves with; None if it moves by itself, or stays."""
+    has_frame: bool = True
+    """Whether its pose is where it begins if it is movable; else the pose is there for what stays to share a mesh, and
+    what is movable has its vertices where the file has them, and no pose."""
     aliases: tuple[str, ...] = ()
     """Other names that patterns may mean it by: its body's."""
 
@@ -110,14 +115,18 @@ class FileParts:
             raise SceneError(
                 f"{self.path}: such a file is in metres and says which axis is up: leave out scale and file_up"
             )
-        check_scale(scale, str(self.path))
+        factors = check_scale(scale, str(self.path))
         axis = file_up if file_up is not None else self.up or scene_up
         check_up(axis)
         upright = None if axis == scene_up else (Y_UP_TO_Z_UP if axis == "y" else Y_UP_TO_Z_UP.T)
+        factor = factors.flat[0]
+        uniform = bool((factors == factor).all())
+        parts = [part if _is_apart(part, uniform) else _without_pose(part) for part in _moving(self, movable)]
+        poses = _turned_poses(parts, upright, factor)
         objects = []
-        for part in _moving(self, movable):
-            mesh, pose = _turned(part, upright)
+        for part, pose in zip(parts, poses, strict=True):
             label = labels.label(part.name, part.label, part.aliases)
+            mesh = part.mesh if pose is not None else _turned(part, upright)
             objects.append({**part.arguments(), "mesh": mesh, "pose": pose, "label": label, "scale": scale})
         labels.require_used((part.name for part in self.parts), self.path)
         return objects
@@ -141,12 +150,58 @@ def _moving(file: FileParts, movable: bool | Sequence[str]) -> list[Part]:
     return [replace(part, movable=any(map(part.fits, wanted)), attach_to=None) for part in file.parts]
 
 
-def _turned(part: Part, upright: NDArray[np.float64] | None) -> tuple[MeshLike, PoseLike | None]:
-    """Return the mesh and pose of a part, turned upright: the pose if there is one, else the vertices."""
-    if upright is None:
-        return part.mesh, part.pose
-    if part.pose is None and not isinstance(part.mesh, Solid):
-        vertices, faces = part.mesh
-        return (np.asarray(vertices) @ upright[:3, :3].T, faces), None
-    pose = np.eye(4) if part.pose is None else poses_to_matrices(poses_to_opencv(part.pose)[0])
-    return part.mesh, upright @ pose
+def _is_apart(part: Part, uniform: bool) -> bool:
+    """Tell whether a part keeps the pose that it has: it cannot where the file is stretched along one axis."""
+    return part.pose is None or (uniform and (part.has_frame or not part.movable))
+
+
+def _without_pose(part: Part) -> Part:
+    """Return the same part with its vertices where the file has them."""
+    if part.pose is None or isinstance(part.mesh, Solid):
+        return part
+    vertices, faces = part.mesh
+    return replace(part, mesh=(placed_at(vertices, part.pose), faces), pose=None)
+
+
+def _turned(part: Part, upright: NDArray[np.float64] | None) -> MeshLike:
+    """Return the mesh of a part that has no pose, turned upright."""
+    if upright is None or isinstance(part.mesh, Solid):
+        return part.mesh
+    vertices, faces = part.mesh
+    return np.asarray(vertices) @ upright[:3, :3].T, faces
+
+
+def _turned_poses(parts: Sequence[Part], upright: NDArray[np.float64] | None, factor: float) -> list[PoseLike | None]:
+    """Return the parts' poses in metres, turned upright; None of meshes that have none."""
+    if upright is None and factor == 1:
+        return [part.pose for part in parts]
+    posed = [part.pose is not None or isinstance(part.mesh, Solid) for part in parts]
+    given = dict(enumerate(part.pose for part, own in zip(parts, posed, strict=True) if own))
+    matrices = np.tile(np.eye(4), (len(given), 1, 1))
+    for shape in ((7,), (4, 4)):
+        alike = {number: pose for number, pose in given.items() if pose is not None and pose.shape == shape}
+        if alike:
+            matrices[list(alike)] = poses_to_matrices(poses_to_opencv(np.stack(list(alike.values()))))
+    matrices[:, :3, 3] *= factor
+    turned = iter(matrices if upright is None else upright @ matrices)
+    return [next(turned) if own else None for own in posed]
+
+
+def joined(objects: Iterable[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    """Join arguments of `Scene.add` in a row that differ in name and pose alone to one of `Scene.add_instances`."""
+    for _, run in itertools.groupby(objects, key=_what_instances_share):
+        first, *others = run
+        if others:
+            names, poses = ([item[key] for item in (first, *others)] for key in ("name", "pose"))
+            same = {name: first[name] for name in ("mesh", "label", "scale", "movable")}
+            yield {**same, "names": names, "poses": np.stack(poses)}
+        else:
+            yield first
+
+
+def _what_instances_share(item: dict[str, Any]) -> object:
+    """Return what is the same of arguments of `Scene.add` that can be joined."""
+    mesh = item["mesh"]
+    if isinstance(mesh, Solid) or item["pose"] is None or item["attach_to"] is not None:
+        return id(item)
+    return id(mesh[0]), id(mesh[1]), np.shape(item["pose"]), item["label"], item["movable"]

@@ -34,6 +34,7 @@ from warpvis.scene._drawn import instance_indices
 from warpvis.scene._meshes import SharedMeshes, instance_names
 from warpvis.scene._object import SceneObject, as_it_is, by_itself, check_scale
 from warpvis.scene._object_list import Instances, ObjectList
+from warpvis.scene._parts import joined
 from warpvis.scene._trees import SceneTrees
 from warpvis.scene.solids import Solid
 
@@ -392,9 +393,10 @@ class Scene(SceneClasses, SceneTrees):
             SceneError: An option has no meaning for the file.
         """
         self.use_labels(found.classes.followed_by(rules))
-        for item in found.objects(self.up, labels=LabelPatterns(rules.labels, self._label_names), **options):
+        objects = found.objects(self.up, labels=LabelPatterns(rules.labels, self._label_names), **options)
+        for arguments in joined(objects):
             try:
-                self.add(**item)
+                (self.add_instances if "poses" in arguments else self.add)(**arguments)
             except WarpvisError as error:
                 raise FileFormatError(f"{found.path}: {said_by(error)}") from None
 
