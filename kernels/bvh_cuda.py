@@ -33,19 +33,18 @@ from warpvis.kernels.bvh_cuda_ranges import (
     bin_of,
     box_high,
     box_low,
-    copies_of,
     first_bin,
     grow_box,
     half_area,
     half_of,
     is_split,
     must_halve,
-    not_right_of,
-    place_after,
+    place_before,
     rank_of,
     set_child,
+    split_cost,
 )
-from warpvis.kernels.constants import CUDA_LANES, NOWHERE
+from warpvis.kernels.constants import NOWHERE
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -201,45 +200,41 @@ def fill_bins(
     items: Items,
     binary: Binary,
     level: Level,
+    length: int,
     # Out:
     boxes_out: wp.array2d[wp.int32],
     counts_out: wp.array[wp.int32],
 ):
-    """Sort the items of large ranges into bins along each axis."""
-    item = wp.tid()
-    node = items.node[item]
-    if node < 0:
-        return
-    rank = rank_of(binary, level, node)
-    if rank >= level.info[LARGE]:
-        return
-    low, high = items.low[item], items.high[item]
-    grid_low, grid_high = binary.low[node], binary.high[node]
-    copies = copies_of(level)
-    first = first_bin(rank, (item // CUDA_LANES) % copies, copies)
-    for axis in range(3):
-        at = first + axis * BINS + bin_of(low[axis] + high[axis], grid_low[axis], grid_high[axis])
-        grow_box(boxes_out, at, low, high)
-        wp.atomic_add(counts_out, at, 1)
+    """Sort the items of large ranges into bins along each axis: a thread takes so many items, and a bin of each axis.
 
-
-@wp.kernel
-def merge_bins(
-    # In:
-    level: Level,
-    # Out:
-    boxes_out: wp.array2d[wp.int32],
-    counts_out: wp.array[wp.int32],
-):
-    """Unite the copies of a bin in the first of them."""
-    rank, place = wp.tid()
-    copies = copies_of(level)
-    to = first_bin(rank, 0, copies) + place
-    for copy in range(1, copies):
-        at = first_bin(rank, copy, copies) + place
-        counts_out[to] = counts_out[to] + counts_out[at]
-        for word in range(BIN_WORDS):
-            boxes_out[to, word] = wp.min(boxes_out[to, word], boxes_out[at, word])
+    So the items of a range are united in registers, and few threads meet in memory.
+    """
+    part, cell = wp.tid()
+    item = part * length
+    end = wp.min(item + length, items.node.shape[0])
+    while item < end:
+        node = items.node[item]
+        if node < 0:
+            item += 1
+        else:
+            stop = wp.min(binary.end[node], end)
+            rank = rank_of(binary, level, node)
+            if rank < level.info[LARGE]:
+                grid_low, grid_high = binary.low[node], binary.high[node]
+                lows, highs, counts = wp.mat33(NOWHERE), wp.mat33(-NOWHERE), wp.vec3i()
+                for inside in range(item, stop):
+                    low, high = items.low[inside], items.high[inside]
+                    for axis in range(3):
+                        if bin_of(low[axis] + high[axis], grid_low[axis], grid_high[axis]) == cell:
+                            lows[axis] = wp.min(lows[axis], low)
+                            highs[axis] = wp.max(highs[axis], high)
+                            counts[axis] += 1
+                for axis in range(3):
+                    if counts[axis] > 0:
+                        at = first_bin(rank) + axis * BINS + cell
+                        grow_box(boxes_out, at, lows[axis], highs[axis])
+                        wp.atomic_add(counts_out, at, counts[axis])
+            item = stop
 
 
 @wp.kernel
@@ -256,7 +251,7 @@ def choose_bins(
     node = level_out.nodes[rank]
     begin, end, child = binary_out.begin[node], binary_out.end[node], binary_out.child[node]
     best = wp.vec2i(-1, 0)
-    first = first_bin(rank, 0, copies_of(level_out))
+    first = first_bin(rank)
     if not must_halve(end - begin, level_out.info[DEPTH]):
         best = best_bin(boxes, counts, first, end - begin)
     if best[0] < 0:
@@ -278,30 +273,67 @@ def choose_bins(
 
 
 @wp.kernel
-def choose_places(
+def sort_small(
     # In:
     items: Items,
     binary: Binary,
     level: Level,
     # Out:
-    best_out: wp.array[wp.int64],
+    order_out: wp.array2d[wp.int32],
 ):
-    """Find what it costs to split a small range after an item, in the order of each axis, and keep the least."""
+    """Find which item of a small range comes where, in the order of each axis."""
     item = wp.tid()
     node = items.node[item]
     if node < 0:
         return
-    rank = rank_of(binary, level, node) - level.info[LARGE]
-    if rank < 0:
+    if rank_of(binary, level, node) < level.info[LARGE]:
         return
-    begin, end = binary.begin[node], binary.end[node]
-    if must_halve(end - begin, level.info[DEPTH]):
-        best_out[rank] = wp.int64(half_of(end - begin) << AXIS_BITS) | wp.int64(HALVED)
-        return
+    begin = binary.begin[node]
+    centre = items.low[item] + items.high[item]
+    places = wp.vec3i(begin, begin, begin)
+    for other in range(begin, binary.end[node]):
+        theirs = items.low[other] + items.high[other]
+        for axis in range(3):
+            # Where centres coincide, items keep the order they have.
+            places[axis] += int(theirs[axis] < centre[axis] or (theirs[axis] == centre[axis] and other < item))
     for axis in range(3):
-        place = place_after(items, begin, end, item, axis)
-        if place >= wp.int64(0):
-            wp.atomic_min(best_out, rank, place)
+        order_out[axis, places[axis]] = item
+
+
+@wp.kernel
+def choose_places(
+    # In:
+    items: Items,
+    binary: Binary,
+    level: Level,
+    order: wp.array2d[wp.int32],
+    # Out:
+    areas_out: wp.array2d[float],
+    best_out: wp.array[wp.int64],
+):
+    """Find after which item it costs least to split a small range, in the order of an axis, and keep the least.
+
+    `areas_out`: of a box around an item and all after it.
+    """
+    axis, rank = wp.tid()
+    node = level.nodes[level.info[LARGE] + rank]
+    begin, end = binary.begin[node], binary.end[node]
+    best = wp.int64(half_of(end - begin) << AXIS_BITS) | wp.int64(HALVED)
+    if not must_halve(end - begin, level.info[DEPTH]):
+        low, high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
+        for step in range(1, end - begin):
+            at = end - step
+            item = order[axis, at]
+            low, high = wp.min(low, items.low[item]), wp.max(high, items.high[item])
+            areas_out[axis, at] = half_area(low, high)
+        low, high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
+        best = wp.int64(NO_PLACE)
+        for at in range(begin + 1, end):
+            item = order[axis, at - 1]
+            low, high = wp.min(low, items.low[item]), wp.max(high, items.high[item])
+            cost = split_cost(half_area(low, high), at - begin, areas_out[axis, at], end - at)
+            best = wp.min(best, place_before(cost, at - begin, axis))
+    wp.atomic_min(best_out, rank, best)
 
 
 @wp.kernel
@@ -312,32 +344,23 @@ def find_sides(
     level: Level,
     # Out:
     left_out: wp.array[wp.int32],
-    place_out: wp.array[wp.int32],
 ):
-    """Find whether an item of a large range goes left, 1 or 0, and where one of a small range goes."""
+    """Find whether an item goes left, 1 or 0; 0 where its range is not large."""
     item = wp.tid()
     node = items.node[item]
     left_out[item] = 0
-    place_out[item] = item
     if node < 0:
         return
     rank = rank_of(binary, level, node)
-    begin = binary.begin[node]
-    if rank < level.info[LARGE]:
-        axis = level.axis[rank]
-        if axis == HALVED:
-            left_out[item] = int(item - begin < level.left_count[rank])
-        else:
-            centre = items.low[item][axis] + items.high[item][axis]
-            cell = bin_of(centre, binary.low[node][axis], binary.high[node][axis])
-            left_out[item] = int(cell < level.bin[rank])
+    if rank >= level.info[LARGE]:
         return
-    axis = best_axis(level.best[rank - level.info[LARGE]])
-    if axis != HALVED:
-        place = begin - 1
-        for other in range(begin, binary.end[node]):
-            place += int(not_right_of(items, other, item, axis))
-        place_out[item] = place
+    axis = level.axis[rank]
+    if axis == HALVED:
+        left_out[item] = int(item - binary.begin[node] < level.left_count[rank])
+        return
+    centre = items.low[item][axis] + items.high[item][axis]
+    cell = bin_of(centre, binary.low[node][axis], binary.high[node][axis])
+    left_out[item] = int(cell < level.bin[rank])
 
 
 @wp.kernel
@@ -348,14 +371,17 @@ def move_items(
     level: Level,
     lefts: wp.array[wp.int32],
     before: wp.array[wp.int32],
-    places: wp.array[wp.int32],
+    order: wp.array2d[wp.int32],
     # Out:
     items_out: Items,
 ):
-    """Put each item where it goes, those on the left first; `before` counts those of `lefts` that come before it."""
+    """Put each item of a large range where it goes, those on the left first, and those of a small one in its order.
+
+    `before` counts those of `lefts` that come before an item.
+    """
     item = wp.tid()
     node = items.node[item]
-    place, child = int(places[item]), int(-1)
+    source, place, child = int(item), int(item), int(-1)
     if node >= 0:
         rank = rank_of(binary, level, node)
         begin, end = binary.begin[node], binary.end[node]
@@ -365,13 +391,16 @@ def move_items(
             left = before[item] - before[begin]
             place = wp.where(lefts[item] == 1, begin + left, item + count - left)
         else:
-            count = best_count(level.best[rank - level.info[LARGE]])
+            best = level.best[rank - level.info[LARGE]]
+            count = best_count(best)
+            if best_axis(best) != HALVED:
+                source = order[best_axis(best), item]
         child = binary.child[node] + int(place - begin >= count)
         if not is_split(wp.where(place - begin < count, count, end - begin - count)):
             child = -1
-    items_out.low[place] = items.low[item]
-    items_out.high[place] = items.high[item]
-    items_out.triangle[place] = items.triangle[item]
+    items_out.low[place] = items.low[source]
+    items_out.high[place] = items.high[source]
+    items_out.triangle[place] = items.triangle[source]
     items_out.node[place] = child
 
 

@@ -60,22 +60,22 @@ def find_costs(
     # Out:
     costs_out: wp.array2d[float],
 ):
-    """Find what a node's subtree costs as at most 1, 2, ... parts, from its children's costs.
+    """Find what a node's subtree costs as at most 1, 2, ... parts, from its children's costs: a thread a number.
 
     `evenly`: costs that part it so evenly that a node holds five levels of the binary tree or more.
     """
-    node = wp.tid() + first
+    index, fewer = wp.tid()
+    node, most = first + index, fewer + 1
     if binary.child[node] < 0:
         return
     if evenly != 0:
-        for most in range(1, CUDA_LANES + 1):
-            costs_out[node, most - 1] = 1.0 / float(most)
+        costs_out[node, fewer] = 1.0 / float(most)
         return
+    # More parts never cost more, but one part may cost less than many.
     least = cost_of_share(binary, costs_out, node, CUDA_LANES) + binary.area[node] + 1.0e-30
-    costs_out[node, 0] = least
-    for most in range(2, CUDA_LANES + 1):
+    if most > 1:
         least = wp.min(least, cost_of_share(binary, costs_out, node, most))
-        costs_out[node, most - 1] = least
+    costs_out[node, fewer] = least
 
 
 @wp.kernel

@@ -65,7 +65,6 @@ class Level:
     bin: wp.array[wp.int32]  # of large ones, the first on the right
     left_count: wp.array[wp.int32]  # items on the left, of large ones
     best: wp.array[wp.int64]  # of small ones, by rank less large ones: the least cost, and the place of that
-    copied_bins: int  # copies of bins in all, where ranges are few
 
 
 @wp.func
@@ -158,40 +157,13 @@ def rank_of(binary: Binary, level: Level, node: int) -> int:
 
 
 @wp.func
-def copies_of(level: Level) -> int:
-    """How many copies of a range's bins are filled by different threads."""
-    return wp.max(level.copied_bins // wp.max(level.info[LARGE], 1), 1)
+def first_bin(rank: int) -> int:
+    return rank * (3 * BINS)
 
 
 @wp.func
-def first_bin(rank: int, copy: int, copies: int) -> int:
-    return (rank * copies + copy) * (3 * BINS)
-
-
-@wp.func
-def not_right_of(items: Items, other: int, item: int, axis: int) -> bool:
-    """Whether an item is another one, or comes before it along an axis; where centres coincide, the order they have."""
-    theirs = items.low[other][axis] + items.high[other][axis]
-    own = items.low[item][axis] + items.high[item][axis]
-    return theirs < own or (theirs == own and other <= item)
-
-
-@wp.func
-def place_after(items: Items, begin: int, end: int, item: int, axis: int) -> wp.int64:
-    """What `Level.best` has of a split after an item, in the order of an axis; -1 after the last one."""
-    left_low, left_high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
-    right_low, right_high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
-    left = int(0)
-    for other in range(begin, end):
-        if not_right_of(items, other, item, axis):
-            left += 1
-            left_low, left_high = wp.min(left_low, items.low[other]), wp.max(left_high, items.high[other])
-        else:
-            right_low, right_high = wp.min(right_low, items.low[other]), wp.max(right_high, items.high[other])
-    right = end - begin - left
-    if right == 0:
-        return wp.int64(-1)
-    cost = split_cost(half_area(left_low, left_high), left, half_area(right_low, right_high), right)
+def place_before(cost: float, left: int, axis: int) -> wp.int64:
+    """What `Level.best` has of a split after so many items, in the order of an axis."""
     return (wp.int64(wp.cast(cost, wp.int32)) << wp.int64(COST_BITS)) | wp.int64((left << AXIS_BITS) | axis)
 
 

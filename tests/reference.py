@@ -31,14 +31,13 @@ from reference_building import (  # noqa: F401
     join_children,
     mark_owners,
     mark_ranges,
-    merge_bins,
     move_items,
     must_halve,
     name_children,
     open_nodes,
     part_small,
-    places_of,
     rank_ranges,
+    sort_small,
 )
 from reference_clearance import find_room, nearest_surface  # noqa: F401
 from reference_coinciding import show_later  # noqa: F401

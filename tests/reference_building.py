@@ -91,11 +91,6 @@ def fill_bins(low: NDArray, high: NDArray, grid: NDArray) -> tuple[NDArray, NDAr
     return boxes, counts
 
 
-def merge_bins(boxes: NDArray, counts: NDArray) -> tuple[NDArray, NDArray]:
-    """Unite copies, the first axis."""
-    return np.concatenate([boxes[..., :3].min(axis=0), boxes[..., 3:].max(axis=0)], axis=-1), counts.sum(axis=0)
-
-
 def cost_of_split(left: NDArray, left_count: NDArray, right: NDArray, right_count: NDArray) -> NDArray:
     """What two children cost, by their areas and numbers."""
     total = np.asarray(left_count) + right_count
@@ -115,7 +110,7 @@ def choose_bins(boxes: NDArray, counts: NDArray) -> NDArray:
     return costs
 
 
-def places_of(low: NDArray, high: NDArray, axis: int) -> NDArray:
+def sort_small(low: NDArray, high: NDArray, axis: int) -> NDArray:
     """Where items go that are sorted along an axis; in single precision, as their centres are compared."""
     places = np.empty(len(low), dtype=int)
     places[np.argsort(np.float32(low[:, axis]) + np.float32(high[:, axis]), kind="stable")] = np.arange(len(low))
@@ -126,7 +121,7 @@ def choose_places(low: NDArray, high: NDArray) -> NDArray:
     """What it costs to split after 1, 2, ... items along each axis, (3, n - 1)."""
     costs = []
     for axis in range(3):
-        order = np.argsort(places_of(low, high, axis))
+        order = np.argsort(sort_small(low, high, axis))
         sides = [(low[o], high[o]) for o in (order, order[::-1])]
         areas = [half_area(np.minimum.accumulate(a), np.maximum.accumulate(b)) for a, b in sides]
         count = np.arange(1, len(low))

@@ -124,7 +124,6 @@ class Level(SimpleNamespace):
     large_count = property(lambda self: self.info[bvh_cuda_ranges.LARGE])
     ranges = property(lambda self: self.info[bvh_cuda_ranges.RANGES])
     next = property(lambda self: self.info[bvh_cuda_ranges.NEXT])
-    copies = property(lambda self: max(1, self.copied_bins // max(1, self.large_count)))
 
 
 class Checks:
@@ -203,29 +202,20 @@ class Checks:
         return np.concatenate([ordered[..., :3], -ordered[..., 3:]], axis=-1)
 
     def _bins(self, boxes, counts, level):
-        shape = (level.large_count, level.copies, 3, reference.BINS)
+        shape = (level.large_count, 3, reference.BINS)
         used = np.prod(shape)
         return self._boxes(boxes[:used]).reshape(*shape, 6), counts[:used].reshape(shape)
 
     def fill_bins(self, dim, given, made):
         boxes, counts = self._bins(made.boxes_out, made.counts_out, given.level)
         for rank, _, low, high, grid in self._large(given):
-            expected = reference.fill_bins(low, high, grid)
-            for one, other in zip(expected, reference.merge_bins(boxes[rank], counts[rank]), strict=True):
+            for one, other in zip(reference.fill_bins(low, high, grid), (boxes[rank], counts[rank]), strict=True):
                 np.testing.assert_array_equal(one, other)
-
-    def merge_bins(self, dim, given, made):
-        before = self._bins(given.boxes_out, given.counts_out, given.level)
-        after = self._bins(made.boxes_out, made.counts_out, given.level)
-        for rank in range(dim[0]):
-            expected = reference.merge_bins(before[0][rank], before[1][rank])
-            np.testing.assert_array_equal(after[0][rank, 0], expected[0])
-            np.testing.assert_array_equal(after[1][rank, 0], expected[1])
 
     def choose_bins(self, dim, given, made):
         tree, level = made.binary_out, made.level_out
         boxes, numbers = self._bins(given.boxes, given.counts, level)
-        for rank, (box, counts) in enumerate(zip(boxes[:, 0], numbers[:, 0], strict=True)):
+        for rank, (box, counts) in enumerate(zip(boxes, numbers, strict=True)):
             node = level.nodes[rank]
             begin, end, child = tree.begin[node], tree.end[node], tree.child[node]
             middle = begin + level.left_count[rank]
@@ -250,6 +240,12 @@ class Checks:
         for rank, node in enumerate(self.nodes[level.large_count :]):
             yield rank, slice(tree.begin[node], tree.end[node])
 
+    def sort_small(self, dim, given, made):
+        for _, inside in self._small(given):
+            for axis in range(3):
+                places = reference.sort_small(given.items.low[inside], given.items.high[inside], axis)
+                np.testing.assert_array_equal(made.order_out[axis, inside][places], np.arange(dim)[inside])
+
     def choose_places(self, dim, given, made):
         for rank, inside in self._small(given):
             best = int(made.best_out[rank])
@@ -273,21 +269,15 @@ class Checks:
             np.testing.assert_array_equal(made.left_out[inside], expected)
             rest[inside] = False
         assert (made.left_out[rest] == 0).all()
-        for rank, inside in self._small(given):
-            axis, rest[inside] = int(level.best[rank]) & 3, False
-            expected = np.arange(inside.stop - inside.start)
-            if axis < 3:
-                expected = reference.places_of(given.items.low[inside], given.items.high[inside], axis)
-            np.testing.assert_array_equal(made.place_out[inside], inside.start + expected)
-        np.testing.assert_array_equal(made.place_out[rest], np.flatnonzero(rest))
 
     def move_items(self, dim, given, made):
         order = np.arange(dim)
         for _, node, *_ in self._large(given):
             inside = slice(given.binary.begin[node], given.binary.end[node])
             order[inside] = inside.start + reference.move_items(given.lefts[inside])
-        for _, inside in self._small(given):
-            order[given.places[inside]] = np.arange(inside.start, inside.stop)
+        for rank, inside in self._small(given):
+            if (axis := int(given.level.best[rank]) & 3) < 3:
+                order[inside] = given.order[axis, inside]
         for name in ("low", "high", "triangle"):
             np.testing.assert_array_equal(getattr(made.items_out, name), getattr(given.items, name)[order])
 
@@ -305,12 +295,12 @@ class Checks:
 
     def find_costs(self, dim, given, made):
         if given.evenly:
-            inner = given.first + np.flatnonzero(given.binary.child[given.first : given.first + dim] >= 0)
+            inner = given.first + np.flatnonzero(given.binary.child[given.first : given.first + dim[0]] >= 0)
             np.testing.assert_allclose(made.costs_out[inner], np.tile(1 / np.arange(1, 33), (len(inner), 1)), rtol=1e-6)
             return
         nodes = len(made.costs_out)
         expected = reference.find_costs(given.binary.child[:nodes], given.binary.area[:nodes], given.first)
-        here = given.first + np.flatnonzero(given.binary.child[given.first : given.first + dim] >= 0)
+        here = given.first + np.flatnonzero(given.binary.child[given.first : given.first + dim[0]] >= 0)
         np.testing.assert_allclose(made.costs_out[here], expected[here], rtol=1e-5, atol=1e-27)
 
     def open_nodes(self, dim, given, made):
@@ -369,7 +359,6 @@ def exponents():
 def test_every_kernel_does_what_its_twin_does(monkeypatch, make, halves):
     given, checks = make(), Checks()
     monkeypatch.setattr(_bvh_cuda, "launch", checks(_bvh_cuda.launch))
-    monkeypatch.setattr(_bvh_cuda, "_copied_bins", lambda device: 4)
     build(given)
     assert (checks.halved > 0) == halves
     if len(given.faces) > 32:

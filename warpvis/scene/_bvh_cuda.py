@@ -18,9 +18,10 @@ from warpvis.kernels.constants import CUDA_LANES, LEAF_ROWS, NODE_ROWS
 from warpvis.scene._bvh import Bvh, check_leaves, check_size
 
 _BINS = 3 * bvh_cuda_ranges.BINS  # of a range
-# Threads that find the box around all items, and copies of bins that a level has in all, so that few wait for others.
-_BOUNDING_THREADS = 1 << 16
-_COPIES = 128
+# Threads that find the box around all items: few wait for others. And of items, how many at least a thread puts into
+# bins, and into how many parts they are divided at most: a GPU's threads are busy, and seldom meet.
+_BOUNDING_THREADS = 1 << 14
+_LEAST_PART, _MOST_PARTS = 256, 1 << 13
 # Fewer triangles are built into a tree by the CPU before a GPU has begun with all levels.
 _LEAST_TRIANGLES = 30_000
 
@@ -106,14 +107,16 @@ class _Splitter:
         """Make the items, and the root."""
         self._device, self._count = mesh.vertices.device, len(mesh.faces)
         self._items = [self._new_items() for _ in range(2)]
-        self._lefts, self._before, self._places = (self._integers(self._count) for _ in range(3))
+        self._lefts, self._before = (self._integers(self._count) for _ in range(2))
+        self._order = self._integers((3, self._count))
+        self._areas = wp.empty((3, self._count), dtype=wp.float32, device=self._device)
         # Leaves are filled by three quarters and more; where they are not, there is more room later.
         self._binary = self._new_binary(self._count // 8 + 64)
         # As many ranges as there can be that are no leaves, and that are large.
         ranges, large = (self._count // (most + 1) + 1 for most in (CUDA_LANES, bvh_cuda_ranges.SMALL))
         self._flags, self._sums = (self._integers((2, 2 * ranges)) for _ in range(2))
         self._level = self._new_level(ranges)
-        bins = _BINS * max(large, self._level.copied_bins)
+        bins = _BINS * large
         self._bins = self._integers((bins, bvh_cuda_ranges.BIN_WORDS)), self._integers(bins)
         self._told = wp.empty(bvh_cuda_ranges.INFO_WORDS, dtype=wp.int32, pinned=not self._device.is_cpu, device="cpu")
         self._begin(mesh)
@@ -152,15 +155,18 @@ class _Splitter:
         self._tell = record(kernels.count_ranges, 1, self._sums, level.info)
         self._rank = record(kernels.rank_ranges, (2, 1), self._flags, self._sums, level, binary)
         self._clear = record(kernels.clear_bins, 1, *bins)
-        self._merge = record(kernels.merge_bins, (1, _BINS), level, *bins)
         self._choose = record(kernels.choose_bins, 1, *bins, level, binary)
-        self._fill, self._place, self._side, self._move, self._part = ([] for _ in range(5))
-        moving = self._lefts, self._before, self._places
+        self._fill, self._sort, self._place, self._side, self._move, self._part = ([] for _ in range(6))
+        length = max(_LEAST_PART, -(-self._count // _MOST_PARTS))
+        parts = -(-self._count // length), bvh_cuda_ranges.BINS
+        moving = self._lefts, self._before, self._order
         for items, moved in (self._items, self._items[::-1]):
             given = items, binary, level
-            self._fill.append(record(kernels.fill_bins, self._count, *given, *bins))
-            self._place.append(record(kernels.choose_places, self._count, *given, level.best))
-            self._side.append(record(kernels.find_sides, self._count, *given, self._lefts, self._places))
+            self._fill.append(record(kernels.fill_bins, parts, *given, length, *bins))
+            self._sort.append(record(kernels.sort_small, self._count, *given, self._order))
+            placing = self._order, self._areas, level.best
+            self._place.append(record(kernels.choose_places, (3, 1), *given, *placing))
+            self._side.append(record(kernels.find_sides, self._count, *given, self._lefts))
             self._move.append(record(kernels.move_items, self._count, *given, *moving, moved))
             self._part.append(record(kernels.part_small, 1, moved, level, binary))
 
@@ -178,16 +184,15 @@ class _Splitter:
         """Split so many large and small ranges of so many nodes, and move the items."""
         _launch(self._rank, (2, count))
         if large:
-            copies = max(1, self._level.copied_bins // large)
-            _launch(self._clear, large * copies * _BINS)
+            _launch(self._clear, large * _BINS)
             self._fill[way].launch()
-            if copies > 1:
-                _launch(self._merge, (large, _BINS))
             _launch(self._choose, large)
         if small:
-            self._place[way].launch()
-        self._side[way].launch()
-        wp.utils.array_scan(self._lefts, self._before, inclusive=False)
+            self._sort[way].launch()
+            _launch(self._place[way], (3, small))
+        if large:
+            self._side[way].launch()
+            wp.utils.array_scan(self._lefts, self._before, inclusive=False)
         self._move[way].launch()
         if small:
             _launch(self._part[way], small)
@@ -210,7 +215,6 @@ class _Splitter:
         level.info = self._integers(bvh_cuda_ranges.INFO_WORDS)
         level.nodes, level.axis, level.bin, level.left_count = (self._integers(ranges) for _ in range(4))
         level.best = wp.empty(ranges, dtype=wp.int64, device=self._device)
-        level.copied_bins = _copied_bins(self._device)
         return level
 
     def _new_items(self) -> Any:
@@ -232,11 +236,6 @@ def _launch(recorded: Any, dim: int | tuple[int, int]) -> None:
     recorded.launch()
 
 
-def _copied_bins(device: wp.Device) -> int:
-    """Tell how many copies of bins ranges have in all, so that few threads wait for each other; a CPU has one."""
-    return 1 if device.is_cpu else _COPIES
-
-
 def _collapse(binary: Any, levels: list[tuple[int, int]], *, evenly: bool) -> _Nodes:
     """Make nodes of the binary tree's: of the least area, or, `evenly`, of five of its levels or more each."""
     device = binary.begin.device
@@ -244,7 +243,7 @@ def _collapse(binary: Any, levels: list[tuple[int, int]], *, evenly: bool) -> _N
     integers = partial(wp.empty, dtype=wp.int32, device=device)
     costs = wp.empty((count, CUDA_LANES), dtype=wp.float32, device=device)
     for first, size in reversed(levels):
-        launch(node_kernels.find_costs, size, [binary, first, int(evenly), costs], device)
+        launch(node_kernels.find_costs, (size, CUDA_LANES), [binary, first, int(evenly), costs], device)
     # Of a binary tree's nodes, half and one are leaves; each node has two children or more, but the root of a leaf.
     children, leaf_ranges = integers((count // 2 + 1, CUDA_LANES)), integers((count // 2 + 1, 2))
     nodes = wp.zeros(1, dtype=wp.int32, device=device)
