@@ -248,6 +248,8 @@ def choose_bins(
 ):
     """Split a large range where it is cheapest between bins; halve it if all items are in one, or it is too deep."""
     rank = wp.tid()
+    if rank >= level_out.info[LARGE]:
+        return
     node = level_out.nodes[rank]
     begin, end, child = binary_out.begin[node], binary_out.end[node], binary_out.child[node]
     best = wp.vec2i(-1, 0)
@@ -316,6 +318,8 @@ def choose_places(
     `areas_out`: of a box around an item and all after it.
     """
     axis, rank = wp.tid()
+    if rank >= level.info[RANGES] - level.info[LARGE]:
+        return
     node = level.nodes[level.info[LARGE] + rank]
     begin, end = binary.begin[node], binary.end[node]
     best = wp.int64(half_of(end - begin) << AXIS_BITS) | wp.int64(HALVED)
@@ -414,6 +418,8 @@ def part_small(
 ):
     """Make the children of a small range, whose items have been put where they go."""
     rank = wp.tid()
+    if rank >= level.info[RANGES] - level.info[LARGE]:
+        return
     node = level.nodes[level.info[LARGE] + rank]
     begin, end = binary_out.begin[node], binary_out.end[node]
     middle = begin + best_count(level.best[rank])

@@ -176,7 +176,7 @@ class Checks:
 
     def rank_ranges(self, dim, given, made):
         tree, level = made.binary_out, made.level_out
-        here = slice(level.first, level.first + dim[1])
+        here = slice(level.first, level.first + level.count)
         order = level.first + reference.rank_ranges((tree.end - tree.begin)[here])
         np.testing.assert_array_equal(level.nodes[: level.ranges], order)
         np.testing.assert_array_equal(tree.child[order], level.next + 2 * np.arange(len(order)))
@@ -283,7 +283,7 @@ class Checks:
 
     def part_small(self, dim, given, made):
         tree, level = made.binary_out, given.level
-        for rank in range(dim):
+        for rank in range(level.ranges - level.large_count):
             node = level.nodes[level.large_count + rank]
             left, inside = (int(level.best[rank]) & 0xFFFFFFFF) >> 2, slice(tree.begin[node], tree.end[node])
             child = tree.child[node]

@@ -116,23 +116,21 @@ class _Splitter:
         ranges, large = (self._count // (most + 1) + 1 for most in (CUDA_LANES, bvh_cuda_ranges.SMALL))
         self._flags, self._sums = (self._integers((2, 2 * ranges)) for _ in range(2))
         self._level = self._new_level(ranges)
+        self._most = large, ranges
         bins = _BINS * large
         self._bins = self._integers((bins, bvh_cuda_ranges.BIN_WORDS)), self._integers(bins)
-        self._told = wp.empty(bvh_cuda_ranges.INFO_WORDS, dtype=wp.int32, pinned=not self._device.is_cpu, device="cpu")
+        told = bvh_cuda_ranges.MOST_DEPTH + 1, bvh_cuda_ranges.INFO_WORDS
+        self._told = wp.empty(told, dtype=wp.int32, pinned=not self._device.is_cpu, device="cpu")
         self._begin(mesh)
         self._record()
 
     def split(self) -> tuple[Any, Any, list[tuple[int, int]]]:
         """Return the items in the leaves' order, the binary tree, and the first node and the number of each level."""
-        levels, way = list[tuple[int, int]](), 0
-        while True:
-            first, count, _, large, ranges, *_ = self._next_level()
-            levels.append((first, count))
-            if ranges == 0:
-                return self._items[way], self._binary, levels
-            self._grow(first + count + 2 * ranges)
-            self._split_level(way, count, large, ranges - large)
-            way = 1 - way
+        depth = 0
+        while any(counts := self._next_level(depth)):
+            self._split_level(depth % 2, depth, *counts)
+            depth += 1
+        return self._items[depth % 2], self._binary, [(first, count) for first, count, *_ in self._rows(depth)]
 
     def _begin(self, mesh: DeviceMesh) -> None:
         """Fill the first of the arrays of items, and make the root of them."""
@@ -170,19 +168,29 @@ class _Splitter:
             self._move.append(record(kernels.move_items, self._count, *given, *moving, moved))
             self._part.append(record(kernels.part_small, 1, moved, level, binary))
 
-    def _next_level(self) -> list[int]:
-        """Find the ranges of the next level that are split, and return what is known of it."""
+    def _next_level(self, depth: int) -> tuple[int, int]:
+        """Find the ranges of a level that are split, and return how many large and small ones there are at most."""
         self._mark.launch()
         wp.utils.array_scan(self._flags.flatten(), self._sums.flatten())
         self._tell.launch()
-        wp.copy(self._told, self._level.info)
+        wp.copy(self._told, self._level.info, dest_offset=depth * bvh_cuda_ranges.INFO_WORDS)
+        nodes = 1 << depth
+        if nodes * CUDA_LANES < self._count and 4 * nodes <= len(self._binary.begin):
+            # So few leaves cannot hold all items, and there is room, however they are split: nothing needs to be known.
+            return min(nodes, self._most[0]), min(nodes, self._most[1])
         if not self._device.is_cpu:
             wp.synchronize_stream(self._device)
-        return self._told.numpy().tolist()
+        first, count, _, large, ranges, *_ = self._rows(depth)[-1]
+        self._grow(first + count + 2 * ranges)
+        return large, ranges - large
 
-    def _split_level(self, way: int, count: int, large: int, small: int) -> None:
-        """Split so many large and small ranges of so many nodes, and move the items."""
-        _launch(self._rank, (2, count))
+    def _rows(self, depth: int) -> list[list[int]]:
+        """Return what is known of all levels so far."""
+        return self._told.numpy()[: depth + 1].tolist()
+
+    def _split_level(self, way: int, depth: int, large: int, small: int) -> None:
+        """Split so many large and small ranges at most, and move the items."""
+        _launch(self._rank, (2, min(1 << depth, self._flags.shape[1])))
         if large:
             _launch(self._clear, large * _BINS)
             self._fill[way].launch()
