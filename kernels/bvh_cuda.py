@@ -315,7 +315,7 @@ def choose_places(
 ):
     """Find after which item it costs least to split a small range, in the order of an axis, and keep the least.
 
-    `areas_out`: of a box around an item and all after it.
+    `areas_out`: of a box around an item and all after it, in the order of each axis.
     """
     axis, rank = wp.tid()
     if rank >= level.info[RANGES] - level.info[LARGE]:

@@ -109,7 +109,6 @@ class _Splitter:
         self._items = [self._new_items() for _ in range(2)]
         self._lefts, self._before = (self._integers(self._count) for _ in range(2))
         self._order = self._integers((3, self._count))
-        self._areas = wp.empty((3, self._count), dtype=wp.float32, device=self._device)
         # Leaves are filled by three quarters and more; where they are not, there is more room later.
         self._binary = self._new_binary(self._count // 8 + 64)
         # As many ranges as there can be that are no leaves, and that are large.
@@ -162,7 +161,9 @@ class _Splitter:
             given = items, binary, level
             self._fill.append(record(kernels.fill_bins, parts, *given, length, *bins))
             self._sort.append(record(kernels.sort_small, self._count, *given, self._order))
-            placing = self._order, self._areas, level.best
+            # Where items are moved to, there is room for areas before.
+            areas = wp.array(ptr=moved.low.ptr, dtype=wp.float32, shape=(3, self._count), device=self._device)
+            placing = self._order, areas, level.best
             self._place.append(record(kernels.choose_places, (3, 1), *given, *placing))
             self._side.append(record(kernels.find_sides, self._count, *given, self._lefts))
             self._move.append(record(kernels.move_items, self._count, *given, *moving, moved))
