@@ -15,7 +15,7 @@ from test_worlds import assert_bits_equal
 
 import warpvis as wv
 from warpvis.errors import SceneError
-from warpvis.kernels.bvh_cuda import check_mesh
+from warpvis.kernels.bvh_cuda_items import check_mesh
 from warpvis.scene import _kept_trees, _new_mesh, geometry, solids
 from warpvis.scene._spliced import splice_bvh
 from warpvis.scene.geometry import build_scene_bvh

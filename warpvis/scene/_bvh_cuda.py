@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import aligned_empty
 from warpvis.core.kernel_cache import launch
-from warpvis.kernels import bvh_cuda, bvh_cuda_nodes as node_kernels, bvh_cuda_ranges
+from warpvis.kernels import bvh_cuda, bvh_cuda_items as item_kernels, bvh_cuda_nodes as node_kernels, bvh_cuda_ranges
 from warpvis.kernels.constants import CUDA_LANES, LEAF_ROWS, NODE_ROWS
 from warpvis.scene._bvh import Bvh, check_leaves, check_size
 
@@ -21,7 +21,7 @@ _BINS = 3 * bvh_cuda_ranges.BINS  # of a range
 # Threads that find the box around all items: few wait for others. And of items, how many at least a thread puts into
 # bins, and into how many parts they are divided at most: a GPU's threads are busy, and seldom meet.
 _BOUNDING_THREADS = 1 << 14
-_LEAST_PART, _MOST_PARTS = 256, 1 << 13
+_LEAST_PART, _MOST_PARTS = 64, 1 << 15
 # Fewer triangles are built into a tree by the CPU before a GPU has begun with all levels.
 _LEAST_TRIANGLES = 30_000
 
@@ -137,9 +137,9 @@ class _Splitter:
         words = self._integers((1, bvh_cuda_ranges.BIN_WORDS))
         words.fill_(bvh_cuda_ranges.NOTHING)
         threads = min(self._count, _BOUNDING_THREADS)
-        launch(bvh_cuda.load_items, self._count, [mesh.vertices, mesh.faces, items], device)
-        launch(bvh_cuda.bound_centres, threads, [items, threads, words], device)
-        launch(bvh_cuda.begin_tree, 1, [words, self._count, self._level.info, self._binary], device)
+        launch(item_kernels.load_items, self._count, [mesh.vertices, mesh.faces, items], device)
+        launch(item_kernels.bound_centres, threads, [items, threads, words], device)
+        launch(item_kernels.begin_tree, 1, [words, self._count, self._level.info, self._binary], device)
 
     def _record(self) -> None:
         """Prepare the launches of a level; how many threads they have is said later."""

@@ -130,7 +130,7 @@ def _on_device(vertices: ArrayInput, faces: ArrayInput, name: str, device: wp.De
 
 def _check_values(vertices: wp.array, faces: wp.array, name: str) -> None:
     """Raise a `SceneError` unless corners are where they can be, and indices are of corners."""
-    from warpvis.kernels.bvh_cuda import check_mesh as find_bad
+    from warpvis.kernels.bvh_cuda_items import check_mesh as find_bad
 
     count, limits = len(vertices), np.iinfo(np.int32)
     found = wp.array([0, limits.max, limits.max, limits.min], dtype=wp.int32, device=vertices.device)

@@ -1,0 +1,101 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the BVH's builder begins with on CUDA: triangles that are checked, an item of each, and the root of all items.
+
+They are split in `warpvis.kernels.bvh_cuda`.
+"""
+
+import warp as wp
+
+from warpvis.kernels.bvh_cuda_ranges import (
+    DEPTH,
+    NEXT,
+    NEXT_COUNT,
+    Binary,
+    Items,
+    box_high,
+    box_low,
+    grow_box,
+    is_split,
+    set_child,
+)
+from warpvis.kernels.constants import NOWHERE
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+
+@wp.kernel
+def check_mesh(
+    # Scene:
+    vertices: wp.array[wp.vec3],
+    faces: wp.array2d[wp.int32],
+    # In:
+    farthest: float,
+    # Out:
+    found_out: wp.array[wp.int32],
+):
+    """Count corners that are too far away or nowhere, and find the first; find the least and the greatest index."""
+    index = wp.tid()
+    if index < vertices.shape[0]:
+        place = vertices[index]
+        reach = wp.max(wp.max(wp.abs(place[0]), wp.abs(place[1])), wp.abs(place[2]))
+        fine = reach <= farthest and place[0] == place[0] and place[1] == place[1] and place[2] == place[2]
+        if not fine:
+            wp.atomic_add(found_out, 0, 1)
+            wp.atomic_min(found_out, 1, index)
+    if index < faces.shape[0]:
+        for corner in range(3):
+            wp.atomic_min(found_out, 2, faces[index, corner])
+            wp.atomic_max(found_out, 3, faces[index, corner])
+
+
+@wp.kernel
+def load_items(
+    # Scene:
+    vertices: wp.array[wp.vec3],
+    faces: wp.array2d[wp.int32],
+    # Out:
+    items_out: Items,
+):
+    """Make an item of each triangle, all of them of node 0."""
+    triangle = wp.tid()
+    a, b, c = vertices[faces[triangle, 0]], vertices[faces[triangle, 1]], vertices[faces[triangle, 2]]
+    items_out.low[triangle] = wp.min(a, wp.min(b, c))
+    items_out.high[triangle] = wp.max(a, wp.max(b, c))
+    items_out.triangle[triangle] = triangle
+    items_out.node[triangle] = wp.where(is_split(faces.shape[0]), 0, -1)
+
+
+@wp.kernel
+def bound_centres(
+    # In:
+    items: Items,
+    threads: int,
+    # Out:
+    words_out: wp.array2d[wp.int32],
+):
+    """Grow a box around twice the items' centres; a thread takes one item, and every `threads` items another one."""
+    item = wp.tid()
+    low, high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
+    while item < items.low.shape[0]:
+        centre = items.low[item] + items.high[item]
+        low, high = wp.min(low, centre), wp.max(high, centre)
+        item += threads
+    grow_box(words_out, 0, low, high)
+
+
+@wp.kernel
+def begin_tree(
+    # In:
+    words: wp.array2d[wp.int32],
+    item_count: int,
+    # Out:
+    info_out: wp.array[wp.int32],
+    binary_out: Binary,
+):
+    """One thread: the root, which holds all items, and is the level below none."""
+    node = wp.tid()
+    info_out[DEPTH] = -1
+    info_out[NEXT] = 0
+    info_out[NEXT_COUNT] = 1
+    set_child(binary_out, node, 0, item_count, box_low(words, 0), box_high(words, 0), 0.0)
