@@ -33,6 +33,8 @@ _HEADERS = (
     "cuda/bvh.h",
     "cuda/scene.h",
     "cuda/setup.h",
+    "cuda/pixels.h",
+    "cuda/doubts.h",
     "cuda/raster.h",
     "cuda/walk.h",
     "cuda/solids.h",

@@ -29,6 +29,9 @@ static_assert(PACKET_WIDTH % BLOCK_WIDTH == 0 && PACKET_HEIGHT % BLOCK_HEIGHT ==
 // The greatest 1 / z: nearer than this, a surface is as near as can be.
 constexpr float MOST_INV_Z = 3e37f;
 
+// How much rounding of 1 / z may be wrong.
+constexpr float NEARER = 1.00003f;
+
 struct Bvh {
     const float* leaves;  // [leaf][LEAF_ROWS][lane]
     const int* owners;  // [leaf][lane]: object of a triangle; its complement where the object is closed
@@ -122,6 +125,8 @@ struct Camera {
     float blur;  // how far rounding may move a corner, in pixels
     float extent,
         per_extent;  // pixels to the image's farthest side, or the focal length if that is more; and 1 by that
+    float focal;  // the greater one
+    float slope_error;  // of what slopes are made of, by the product of the lengths of two sides of a triangle
     bool skip_back_faces;  // of objects that are closed, since the camera is outside them all
     bool cull_back_faces;  // of all objects
     NearPlane near;
@@ -132,6 +137,12 @@ struct Camera {
         const Vec3 from = Vec3::minus(p, origin);
         return MOVABLE ? Vec3::minus(from, rest) : from;
     }
+    // Whether that side of a triangle is drawn of which the volume is negative in front.
+    inline bool draws_side(const int* owner, double volume) const {
+        return !(cull_back_faces || (skip_back_faces && __ldg(owner) < 0)) || volume < 0.0;
+    }
+    // How long a side of a triangle is, in pixels times depth, or a little more.
+    inline float length(Vec3 side) const { return __fmaf_rn(focal, fabsf(side.z), fabsf(side.x) + fabsf(side.y)); }
     inline Vec3 turn(Vec3 p) const {
         return Vec3{Vec3::dot(to_camera[0], p), Vec3::dot(to_camera[1], p), Vec3::dot(to_camera[2], p)};
     }

@@ -17,23 +17,20 @@ struct ObjectQueue {
     inline void unset_solid(int at) { objects[at] = ~objects[at]; }
 };
 
-enum {
-    BVH_STACK = LEVELS - 1,  // all levels of nodes but the last
-    SOLIDS_AT_A_TIME = (int)(BVH_STACK * sizeof(Walk::Level) / sizeof(Solid)),  // as many as have room there
-};
+enum { SOLIDS_AT_A_TIME = (int)(LEVELS * sizeof(Walk::Level) / sizeof(Solid)) };  // as many as have room there
 static_assert(SOLIDS_AT_A_TIME >= 1 && SOLIDS_AT_A_TIME <= (int)LANES, "a lane sets up a solid");
 
 // A warp's shared memory.
 struct WarpMemory {
-    Camera world;
-    Triangle triangle;
+    // Of the world, and where something may move also of the object that is drawn.
+    enum { WORLD = 0, DRAWN = MOVABLE };
+    Camera cameras[DRAWN + 1];
+    Walk::Memory walk;
     union {  // of a BVH, or of solids
-        Walk::Level levels[BVH_STACK];
+        Walk::Level levels[LEVELS];
         Solid solids[SOLIDS_AT_A_TIME];
     };
-    unsigned triangles[TriangleQueue::SIZE];
     Key z_buffer[Packet::PIXELS];
-    Camera moved;  // into the frame of an object
     ObjectQueue objects;
 };
 static_assert(sizeof(WarpMemory) <= 48 * 1024, "what a block may have without asking for more");
@@ -128,17 +125,18 @@ struct ObjectPass {
     static inline void draw(const Scene& scene, const View& view, Packet& packet, WarpMemory& memory) {
         const Movables& movables = scene.movables;
         Bvh bvh = scene.bvh;
-        if (Warp::lane() == 0) memory.moved = memory.world;
+        if (Warp::lane() == 0) memory.cameras[WarpMemory::DRAWN] = memory.cameras[WarpMemory::WORLD];
         Warp::sync();
         QueuedRange queued = {0, 0};
         bool some = bvh.root >= 0;
         for (;;) {
             // One call for both, though the camera is the world's at first: the code of a walk is long.
-            if (some) Walk::draw(bvh, memory.moved, packet, memory.levels, {memory.triangles, 0}, &memory.triangle);
+            if (some) Walk::draw(bvh, memory.cameras[WarpMemory::DRAWN], packet, memory.levels, memory.walk);
             Warp::sync();
             const int m = draw_to_triangles(scene, packet, queued, memory);
             if (m < 0) return;
-            move(memory.world, movables, m, view.cull_back_faces, memory.moved);
+            move(memory.cameras[WarpMemory::WORLD], movables, m, view.cull_back_faces,
+                 memory.cameras[WarpMemory::DRAWN]);
             bvh.root = __ldg(movables.root + m);
             bvh.first_id = movables.id_offset(m);
             bvh.excluded = __ldg(movables.object + m) < 0 ? scene.bvh.excluded : nullptr;
@@ -180,8 +178,8 @@ struct ObjectPass {
             const int i = min(queued.next + lane, all - 1);
             const bool there = queued.next + lane < all;
             int m = i;
-            const Child found = sorted ? look_up(scene, memory.world, packet, listed, i, there, m)
-                                       : visit(memory.world, packet, scene.movables, i, there);
+            const Child found = sorted ? look_up(scene, memory.cameras[WarpMemory::WORLD], packet, listed, i, there, m)
+                                       : visit(memory.cameras[WarpMemory::WORLD], packet, scene.movables, i, there);
             const unsigned lanes = Warp::ballot(found.visit != 0);
             if (found.visit) {
                 const int at = queued.count + __popc(lanes & ((1u << lane) - 1));
@@ -268,9 +266,10 @@ struct ObjectPass {
         bool outside = false;
         Warp::sync();
         if (lane < taken.solids) {
-            outside = !is_cut(memory.world, movables, m) &&
-                      memory.solids[lane].set_up(memory.world, movables.pose(m), __ldg(movables.solid + m),
-                                                 movables.solid_size(m), __ldg(movables.first_id + m));
+            outside = !is_cut(memory.cameras[WarpMemory::WORLD], movables, m) &&
+                      memory.solids[lane].set_up(memory.cameras[WarpMemory::WORLD], movables.pose(m),
+                                                 __ldg(movables.solid + m), movables.solid_size(m),
+                                                 __ldg(movables.first_id + m));
             if (!outside) {  // it is triangles that are seen, and it is still to be drawn
                 memory.objects.visits[taken.at] = taken.visit;
                 memory.objects.unset_solid(taken.at);
@@ -280,7 +279,7 @@ struct ObjectPass {
         for (unsigned left = Warp::ballot(outside); left; left = Warp::without_first_lane(left)) {
             const int k = Warp::first_lane(left);
             const unsigned blocks = Walk::open_blocks(packet, Warp::shuffle(taken.visit, k));
-            if (blocks) memory.solids[k].draw(memory.world, packet, blocks);
+            if (blocks) memory.solids[k].draw(memory.cameras[WarpMemory::WORLD], packet, blocks);
         }
         Warp::sync();
     }

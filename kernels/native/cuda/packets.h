@@ -3,9 +3,9 @@
 //
 // One packet, from its view's pose to its part of the images.
 
-// Of the camera: how much farther than `far` is walked, and how far rounding may move a corner, per pixel of its
-// numbers.
-constexpr float FARTHER = 1.00001f, BLUR = 6e-8f;
+// Of the camera: how much farther than `far` is walked; how far rounding may move a corner, per pixel of its numbers;
+// four roundings of a side of a triangle.
+constexpr float FARTHER = 1.00001f, BLUR = 6e-8f, SLOPE_ERROR = 2.4e-7f;
 
 struct Packets {
     static inline Camera camera_of(const View& view) {
@@ -34,6 +34,8 @@ struct Packets {
         camera.extent = Three::max(0.5f * ((float)(view.focal[0] + view.focal[1]) + camera.last_x + camera.last_y),
                                    fabsf(camera.first_u), fabsf(camera.first_v));
         camera.per_extent = 1.0f / camera.extent;
+        camera.focal = fmaxf((float)view.focal[0], (float)view.focal[1]);
+        camera.slope_error = SLOPE_ERROR / fminf((float)view.focal[0], (float)view.focal[1]);
         camera.blur = BLUR * ((float)(view.focal[0] + view.focal[1]) + camera.last_x + camera.last_y);
         return camera;
     }
@@ -56,7 +58,7 @@ struct Packets {
             camera.skip_back_faces = outside_all(scene.closed, scene.bvh.excluded, camera);
             // Where that means all back faces, it need not be looked up whose they are.
             camera.cull_back_faces = view.cull_back_faces || (camera.skip_back_faces && scene.bvh.all_closed);
-            if (Warp::lane() == 0) memory.world = camera;
+            if (Warp::lane() == 0) memory.cameras[WarpMemory::WORLD] = camera;
         }
         Packet packet;
         packet.z_buffer = memory.z_buffer;
@@ -67,8 +69,8 @@ struct Packets {
         if (MOVABLE && exists)
             ObjectPass::draw(scene, view, packet, memory);
         else if (scene.bvh.root >= 0 && exists)
-            Walk::draw(scene.bvh, memory.world, packet, memory.levels, {memory.triangles, 0}, &memory.triangle);
+            Walk::draw(scene.bvh, memory.cameras[WarpMemory::WORLD], packet, memory.levels, memory.walk);
         Warp::sync();
-        Write::images(scene, view, memory.world, packet, out);
+        Write::images(scene, view, memory.cameras[WarpMemory::WORLD], packet, out);
     }
 };

@@ -17,30 +17,6 @@ struct ExactPlane {
     inline float at(double at_u, double at_v) const { return (float)(u * at_u + (v * at_v + one)); }
 };
 
-// What is decided in double precision, of one triangle.
-struct Exactly {
-    static inline ExactCorners corners(const Camera& camera, const float* from) {
-        const double origin[3] = {camera.exact_origin.x, camera.exact_origin.y, camera.exact_origin.z};
-        ExactCorners seen;
-        for (int k = 0; k < 3; ++k)
-            for (int i = 0; i < 3; ++i) seen.corner[k][i] = __ldg(from + (3 * k + i) * LANES) - origin[i];
-        return seen;
-    }
-    // Whether it covers a pixel's centre, on its edges too.
-    static inline bool covers(const Camera& camera, const float* from, int x, int y) {
-        const double u = x + (double)camera.first_u, v = y + (double)camera.first_v;
-        const Vec3d* rays = camera.exact_rays;
-        const double ray[3] = {u * rays[0].x + (v * rays[1].x + rays[2].x), u * rays[0].y + (v * rays[1].y + rays[2].y),
-                               u * rays[0].z + (v * rays[1].z + rays[2].z)};
-        return corners(camera, from).meet(ray);
-    }
-    // Negative where the camera sees the front, and 0 where it is in the plane.
-    static inline float volume(const Camera& camera, const float* from) {
-        const double exact = corners(camera, from).volume();
-        return exact < 0.0 ? -1.0f : exact > 0.0 ? 1.0f : 0.0f;
-    }
-};
-
 // One triangle, set up for the image.
 struct alignas(16) Triangle {
     Linear edge[3];  // positive inside
@@ -50,13 +26,14 @@ struct alignas(16) Triangle {
     float min_inv_z, max_inv_z;  // at the corners: no point of a triangle is nearer or farther
     int x0, x1, y0, y1;  // pixels of the packet whose centres may be inside
     bool exact;  // single precision is not enough for 1 / z
-    bool edge_on;  // nor for whether its front or its back is seen: it has no pixels then, but for Again
     unsigned slot;  // in the leaves
 
     // How far within its edges a place is.
     inline float within(float at_u, float at_v) const {
         return Three::min(edge[0].at(at_u, at_v), edge[1].at(at_u, at_v), edge[2].at(at_u, at_v));
     }
+    // Whether it may be seen where the z-buffer keeps something.
+    inline bool may_show(Key there) const { return __float_as_uint(max_inv_z) >= DepthKey::inv_z_bits(there); }
     inline float clamp(float value) const { return fmaxf(fminf(value, max_inv_z), min_inv_z); }
     inline float inv_z_at(float at_u, float at_v) const {
         return clamp(__fmaf_rn(slope_u, at_u - u, __fmaf_rn(slope_v, at_v - v, inv_z)));
@@ -69,6 +46,9 @@ constexpr float TRIANGLE_SLACK = 0.002f, TRIANGLE_SLACK_BLURS = 4.0f;
 constexpr float CROSSING_SHARE = 1e-6f, CROSSING_LEAST = 1e-30f;
 // Of 1 / z: the relative error of a rounded term, and the one that is allowed.
 constexpr float TERM_ERROR = 2e-7f, ALLOWED_ERROR = 6e-6f;
+// The volume of a triangle may be wrong by this part of the product of how far its corners are apart, and of how far
+// away, twice.
+constexpr float VOLUME_DOUBT = 4e-8f;
 
 struct Setup {
     enum { LARGE = 64 };  // pixels of the bounds, from which a triangle is worth a look at its edges
@@ -140,17 +120,18 @@ struct Setup {
         }
     };
 
-    // Whether 1 / z may be wrong by more than a little: by rounding of its terms, by that of where the corners are, and
-    // by that of the slopes, which is great where the triangle is a sliver in the image. Judged by the whole view, so
-    // that a pixel's 1 / z is the same in every packet.
+    // Whether 1 / z may be wrong by more than a little: by rounding of its terms, by that of where the corner is, and
+    // by that of the slopes, which is great where the triangle is a sliver or seen at a grazing angle. Judged by the
+    // whole view, so that a pixel's 1 / z is the same in every packet.
     static inline bool loses_digits(const Camera& camera, const ProjectedTriangle& p, const Bounds& b,
-                                    const Triangle& t, float scale) {
+                                    const Triangle& t, Vec3 ab, Vec3 ac, float scale) {
         const float du = fmaxf(fabsf(b.left + camera.first_u - t.u), fabsf(b.right + camera.first_u - t.u));
         const float dv = fmaxf(fabsf(b.top + camera.first_v - t.v), fabsf(b.bottom + camera.first_v - t.v));
         const float change = __fmaf_rn(fabsf(t.slope_u), du, __fmul_rn(fabsf(t.slope_v), dv));
-        const float sliver = camera.blur * ((p.u1 - p.u0) + (p.v1 - p.v0)) * (p.zmax * p.zmax * p.zmax) * fabsf(scale);
-        const float slopes = __fmul_rn(camera.blur, fabsf(t.slope_u) + fabsf(t.slope_v));
-        const float error = __fmaf_rn(TERM_ERROR, change + t.inv_z, __fmaf_rn(sliver, change, slopes));
+        const float sides = __fmul_rn(camera.slope_error, __fmul_rn(camera.length(ab), camera.length(ac)));
+        const float slopes = __fmul_rn(sides, __fmul_rn(du + dv, fabsf(scale)));
+        const float corner = __fmul_rn(camera.blur, fabsf(t.slope_u) + fabsf(t.slope_v));
+        const float error = __fmaf_rn(TERM_ERROR, change + t.inv_z, slopes + corner);
         return p.crossing || !(error <= ALLOWED_ERROR * t.min_inv_z);
     }
 
@@ -165,30 +146,7 @@ struct Setup {
             const float away = __fmaf_rn(2.0f * camera.extent, zmax, apart), per_extent = camera.per_extent;
             const float rounded = __fmul_rn(EDGE_DOUBT, away);
             return Rounding{__fmul_rn(rounded, __fmaf_rn(EDGE_DOUBT_LEAST * per_extent, away, apart)),
-                            __fmul_rn(__fmul_rn(rounded, apart), __fmul_rn(per_extent, away))};
-        }
-    };
-
-    // A triangle in camera space.
-    struct CameraTriangle {
-        Vec3 a, b, c, normal;
-        float volume;  // negative where the camera sees the front
-
-        inline bool has_area() const { return volume != 0.0f && fabsf(volume) <= NOWHERE; }
-        inline Rounding rounding(const Camera& camera) const {
-            return Rounding::of(camera, Vec3::minus(b, a), Vec3::minus(c, a), Three::min(a.z, b.z, c.z),
-                                Three::max(a.z, b.z, c.z));
-        }
-        static inline CameraTriangle of(const Camera& camera, const float* first) {
-            CameraTriangle t;
-            t.a = corner(camera, first), t.b = corner(camera, first + 3 * LANES),
-            t.c = corner(camera, first + 6 * LANES);
-            t.normal = Vec3::cross(Vec3::minus(t.b, t.a), Vec3::minus(t.c, t.a));
-            t.volume = Vec3::dot(t.normal, t.a);
-            return t;
-        }
-        static inline Vec3 corner(const Camera& camera, const float* at) {
-            return camera.turn(camera.relative(Place::load(at)));
+                            __fmul_rn(__fmul_rn(VOLUME_DOUBT, away), __fmul_rn(apart, __fmul_rn(per_extent, away)))};
         }
     };
 
@@ -198,6 +156,29 @@ struct Setup {
 
         static inline Corners of(const float* at) {
             return Corners{Place::load(at), Place::load(at + 3 * LANES), Place::load(at + 6 * LANES)};
+        }
+    };
+
+    // A triangle in camera space. How far its corners are apart is found before they are turned: they are nearer to
+    // each other than to the camera, so that less of it is lost.
+    struct CameraTriangle {
+        Vec3 a, b, c, ab, ac, normal;
+        float volume;  // negative where the camera sees the front
+
+        static inline CameraTriangle of(const Camera& camera, const Corners& stored) {
+            CameraTriangle t;
+            t.a = camera.turn(camera.relative(stored.a));
+            t.ab = camera.turn(Vec3::minus(stored.b, stored.a));
+            t.ac = camera.turn(Vec3::minus(stored.c, stored.a));
+            t.b = Vec3::plus(t.a, t.ab);
+            t.c = Vec3::plus(t.a, t.ac);
+            t.normal = Vec3::cross(t.ab, t.ac);
+            t.volume = Vec3::dot(t.normal, t.a);
+            return t;
+        }
+        inline bool has_area() const { return volume != 0.0f && fabsf(volume) <= NOWHERE; }
+        inline Rounding rounding(const Camera& camera) const {
+            return Rounding::of(camera, ab, ac, Three::min(a.z, b.z, c.z), Three::max(a.z, b.z, c.z));
         }
     };
 
@@ -221,8 +202,8 @@ struct Setup {
     // pixel's centre of the packet.
     static inline bool may_cover(const Bvh& bvh, const Camera& camera, const PacketBounds& bounds,
                                  const Corners& stored, unsigned slot) {
-        const Vec3 a = camera.turn(camera.relative(stored.a)), b = camera.turn(camera.relative(stored.b)),
-                   c = camera.turn(camera.relative(stored.c));
+        const CameraTriangle t = CameraTriangle::of(camera, stored);
+        const Vec3 a = t.a, b = t.b, c = t.c;
         const float a_inv_z = __fdividef(1.0f, a.z), b_inv_z = __fdividef(1.0f, b.z), c_inv_z = __fdividef(1.0f, c.z);
         const float a_u = a.x * a_inv_z, b_u = b.x * b_inv_z, c_u = c.x * c_inv_z;
         const float a_v = a.y * a_inv_z, b_v = b.y * b_inv_z, c_v = c.y * c_inv_z;
@@ -231,11 +212,7 @@ struct Setup {
                      PacketBounds::has_center(Three::min(a_v, b_v, c_v), Three::max(a_v, b_v, c_v), bounds.top,
                                               bounds.bottom, bounds.slack);
         if (camera.cull_back_faces || camera.skip_back_faces) {
-            const Vec3 ab = Vec3::minus(b, a), ac = Vec3::minus(c, a);
-            const float volume = Vec3::dot(Vec3::cross(ab, ac), a);
-            const Rounding rounding =
-                Rounding::of(camera, ab, ac, Three::min(a.z, b.z, c.z), Three::max(a.z, b.z, c.z));
-            const bool front = volume < rounding.volume;  // or may be
+            const bool front = t.volume < t.rounding(camera).volume;  // or may be
             shown = shown && (front || (!camera.cull_back_faces && __ldg(bvh.owners + slot) >= 0));
         }
         if (bvh.excluded) shown = shown && !bvh.excluded[Bvh::object_of(__ldg(bvh.owners + slot))];
@@ -246,7 +223,7 @@ struct Setup {
     // so, about how many.
     static inline int area(const Bvh& bvh, const Camera& camera, int first_x, int first_y, int leaf) {
         const unsigned slot = leaf * LANES + Warp::lane();
-        const CameraTriangle c = CameraTriangle::of(camera, bvh.corners(slot));
+        const CameraTriangle c = CameraTriangle::of(camera, Corners::of(bvh.corners(slot)));
         // What has no area, or is seen edge-on, Setup::triangle looks at.
         bool shown = fabsf(c.volume) <= NOWHERE;
         if (camera.cull_back_faces || camera.skip_back_faces) {
@@ -290,33 +267,18 @@ struct Setup {
         return edge.at(edge.u >= 0.0f ? u1 : u0, edge.v >= 0.0f ? v1 : v0) < -doubt;
     }
 
-    // Whether a triangle of an owner and a volume is drawn: not by its back, if that is hidden or not wanted.
-    static inline bool faces(const Camera& camera, int owner, float volume) {
-        if (camera.cull_back_faces) return volume < 0.0f;
-        if (camera.skip_back_faces) return volume < 0.0f || (volume > 0.0f && owner >= 0);
-        return volume != 0.0f;
-    }
-
     // A triangle of a leaf.
     static inline Triangle triangle(const Bvh& bvh, const Camera& camera, int first_x, int first_y, unsigned slot) {
-        const CameraTriangle c = CameraTriangle::of(camera, bvh.corners(slot));
+        const CameraTriangle c = CameraTriangle::of(camera, Corners::of(bvh.corners(slot)));
         const Rounding rounding = c.rounding(camera);
+        // Single precision cannot tell then whether its front or its back is seen.
         const bool edge_on = fabsf(c.volume) < rounding.volume;
-        Triangle t = seen(c, camera, first_x, first_y, slot, c.volume, !edge_on && c.has_area());
-        t.doubt = rounding.edge;
-        t.edge_on = edge_on;
-        return t;
-    }
-
-    // A triangle of which the front is seen where `facing` is negative; without pixels unless it is `shown`.
-    static inline Triangle seen(const CameraTriangle& c, const Camera& camera, int first_x, int first_y, unsigned slot,
-                                float facing, bool shown) {
         const ProjectedTriangle p = ProjectedTriangle::of(c.a, c.b, c.c);
         const Bounds bounds = Bounds::of(camera, p);
-        const float sign = facing < 0.0f ? -1.0f : 1.0f, scale = 1.0f / c.volume;
+        const float sign = c.volume < 0.0f ? -1.0f : 1.0f, scale = 1.0f / c.volume;
         Triangle t;
         t.slot = slot;
-        bounds.cut(first_x, first_y, shown, t);
+        bounds.cut(first_x, first_y, fabsf(c.volume) <= NOWHERE && (edge_on || c.volume != 0.0f), t);
         t.edge[0] = edge(c.b, c.c, sign);
         t.edge[1] = edge(c.c, c.a, sign);
         t.edge[2] = edge(c.a, c.b, sign);
@@ -325,7 +287,10 @@ struct Setup {
         t.u = p.u[0], t.v = p.v[0], t.inv_z = p.inv_z[0];
         t.min_inv_z = p.crossing ? 1.0f / p.zmax : Three::min(p.inv_z[0], p.inv_z[1], p.inv_z[2]);
         t.max_inv_z = p.crossing ? MOST_INV_Z : Three::max(p.inv_z[0], p.inv_z[1], p.inv_z[2]);
-        t.exact = loses_digits(camera, p, bounds, t, scale);
+        t.exact = edge_on || loses_digits(camera, p, bounds, t, c.ab, c.ac, scale);
+        // Within a triangle, no edge's value is more than the volume by the depth there.
+        t.doubt = rounding.edge;
+        if (edge_on) t.doubt = p.crossing ? NOWHERE : __fmaf_rn(2.0f * rounding.volume, t.max_inv_z, rounding.edge);
         return t;
     }
 };

@@ -63,15 +63,25 @@ struct Child {
     unsigned visit, pixels;
 };
 
-// How much rounding may be wrong: of 1 / z; of a radius.
-constexpr float NEARER = 1.00003f, WIDER = 1.0001f;
+// How much rounding of a radius may be wrong.
+constexpr float WIDER = 1.0001f;
 
 struct Walk {
-    // Where a walk goes on when a node's child is done: what is left of the nodes above.
+    // Where a walk goes on when a node's child is done: what is left of the nodes above. Which children those are is
+    // read again.
     struct Level {
         unsigned visit[LANES];
-        int child[LANES];
+        int node;
+
+        inline void put(unsigned of_lane, int of_all) {
+            visit[Warp::lane()] = of_lane;
+            if (Warp::lane() == 0) node = of_all;
+            Warp::sync();
+        }
     };
+    static inline int child_of(const Bvh& bvh, int node) {
+        return __ldg(bvh.children + (long long)node * LANES + Warp::lane());
+    }
 
     // All triangles of the child face away: the directions from the camera to anywhere in its box make less than a
     // right angle with every normal in the cone.
@@ -185,7 +195,7 @@ struct Walk {
         bool shown = least.x <= most.x;
         if (camera.skip_back_faces) shown = shown && !faces_away(node, low, high);
         Child found = visit(camera, camera.to_camera, packet, low, high, shown);
-        child = __ldg(bvh.children + (long long)index * LANES + Warp::lane());
+        child = child_of(bvh, index);
         small = 0;
         if (found.visit && PixelRect::few(found.pixels) && drawn_over(packet, found)) found.visit = 0;
         if (!Warp::any(found.visit && !(child < 0 && PixelRect::small(found.pixels)))) {
@@ -251,27 +261,72 @@ struct Walk {
         }
     }
 
-    // Draw all that is seen of a bvh. `levels` has room for every level of it but the last, `queue` is empty.
-    static inline void draw(const Bvh& bvh, const Camera& camera, Packet& packet, Level* levels, TriangleQueue queue,
-                            Triangle* broadcast) {
-        const int lane = Warp::lane();
-        int level = 0;
-        unsigned slot = 0, unsure = 0;  // what a lane drew last, and of which lanes something is still in doubt
-        bool at_once = false;  // whether what is queued must not wait
-        int child;
+    // What a walk keeps in shared memory, but for the levels.
+    struct Memory {
+        Triangle broadcast;
+        unsigned triangles[TriangleQueue::SIZE];
+        Doubts doubts;
+        // Where it goes on: `level` is -1 before it begins.
+        int level, queued;
         unsigned small;
-        unsigned visit = open(bvh, camera, packet, bvh.root, child, small);
+
+        inline void go_on_at(int of_level, int of_queue, unsigned of_small) {
+            if (Warp::lane() == 0) level = of_level, queued = of_queue, small = of_small;
+            Warp::sync();
+        }
+    };
+
+    // Draw all that is seen of a bvh. `levels` has room for every level of it.
+    static inline void draw(const Bvh& bvh, const Camera& camera, Packet& packet, Level* levels, Memory& memory) {
+        if (Warp::lane() == 0) memory.doubts.count = 0;
+        memory.go_on_at(-1, 0, 0);
+        for (bool more = true; more;) {
+            more = go_on(bvh, camera, packet, levels, memory);
+            if (memory.doubts.count == 0) return;
+            // Nothing of the walk is in registers here, which the call would take from it.
+            packet.stale_blocks =
+                Exactly::draw(bvh, &camera, packet, &memory.doubts, TriangleQueue::taken(memory.triangles));
+            packet.refresh();
+        }
+    }
+
+    // Draw as many of the triangles that wait as there are lanes.
+    static inline void draw_queued(const Bvh& bvh, const Camera& camera, Packet& packet, TriangleQueue& queue,
+                                   Memory& memory) {
+        unsigned slot;
+        const int count = queue.take(slot);
+        const Triangle t = Setup::triangle(bvh, camera, packet.first_x, packet.first_y, slot);
+        Raster::draw(bvh, camera, packet, t, count, &memory.broadcast, memory.doubts);
+        packet.refresh();
+    }
+
+    // Draw until all is drawn, or so much is in doubt that there may be no room for more. Returns whether it is the
+    // latter.
+    static inline bool go_on(const Bvh& bvh, const Camera& camera, Packet& packet, Level* levels, Memory& memory) {
+        const int lane = Warp::lane();
+        TriangleQueue queue = {memory.triangles, memory.queued};
+        int level = memory.level, child = 0;
+        unsigned visit = 0, small = memory.small;
+        int node = bvh.root;  // whose children are left
+        bool opened = level >= 0, at_once = false;  // whether it was opened, and whether what is queued must not wait
+        if (opened) {
+            visit = levels[level].visit[lane];
+            node = levels[level].node;
+            child = child_of(bvh, node);
+        } else {
+            level = 0;
+        }
         for (;;) {
-            if (unsure) {
-                Again::draw(bvh, camera, packet, Warp::shuffle((int)slot, Warp::first_lane(unsure)));
-                unsure = Warp::without_first_lane(unsure);
-                continue;
+            if (!opened) {
+                visit = open(bvh, camera, packet, node, child, small);
+                opened = true;
             }
             if (queue.count >= LANES || (at_once && queue.count > 0)) {
-                const int count = queue.take(slot);
-                const Triangle t = Setup::triangle(bvh, camera, packet.first_x, packet.first_y, slot);
-                unsure = Raster::draw(bvh, camera, packet, t, count, broadcast);
-                continue;
+                draw_queued(bvh, camera, packet, queue, memory);
+                if (memory.doubts.count < Doubts::ENOUGH) continue;
+                levels[level].put(visit, node);
+                memory.go_on_at(level, queue.count, small);
+                return true;
             }
             at_once = false;
             if (small) {
@@ -283,10 +338,11 @@ struct Walk {
                 if (level > 0) {
                     --level;
                     visit = levels[level].visit[lane];
-                    child = levels[level].child[lane];
+                    node = levels[level].node;
+                    child = child_of(bvh, node);
                     continue;
                 }
-                if (queue.count == 0) return;
+                if (queue.count == 0) return false;
                 at_once = true;
                 continue;
             }
@@ -299,10 +355,10 @@ struct Walk {
                 queue.add(area > 0, ~index * LANES + lane);
                 at_once = Warp::any(area > Raster::SMALL_AREA);  // it may hide what comes next
             } else {
-                levels[level].visit[lane] = visit;
-                levels[level].child[lane] = child;
+                levels[level].put(visit, node);
                 ++level;
-                visit = open(bvh, camera, packet, index, child, small);
+                node = index;
+                opened = false;
             }
         }
     }

@@ -10,7 +10,7 @@
 
 // An edge's value may be wrong by this part of the product of how far apart the triangle's corners are and how far
 // away, both in pixels times depth: four roundings, and more where the image is wider than the focal length.
-constexpr float EDGE_DOUBT = 2.4e-7f;
+constexpr float EDGE_DOUBT = 1.5e-7f;
 
 // Pixels within so much of a triangle may be looked at, however small it is.
 constexpr float EDGE_DOUBT_LEAST = 0.01f;
@@ -27,32 +27,46 @@ struct ExactCorners {
     static inline void minus(const double* a, const double* b, double* c) {
         for (int k = 0; k < 3; ++k) c[k] = a[k] - b[k];
     }
-    static inline double triple(const double* a, const double* b, const double* c) {
-        return (a[1] * b[2] - a[2] * b[1]) * c[0] + (a[2] * b[0] - a[0] * b[2]) * c[1] +
-               (a[0] * b[1] - a[1] * b[0]) * c[2];
+    static inline double dot(const double* a, const double* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+    static inline void cross(const double* a, const double* b, double* c) {
+        c[0] = a[1] * b[2] - a[2] * b[1];
+        c[1] = a[2] * b[0] - a[0] * b[2];
+        c[2] = a[0] * b[1] - a[1] * b[0];
     }
 
-    // Negative where the front is seen; 0 where the plane is seen edge-on, as nearly as can be told.
-    inline double volume() const {
+    inline void normal(double* to) const {
         double ab[3], ac[3];
         minus(corner[1], corner[0], ab);
         minus(corner[2], corner[0], ac);
-        const double value = triple(ab, ac, corner[0]);
+        cross(ab, ac, to);
+    }
+    // Negative where the front is seen; 0 where the plane is seen edge-on, as nearly as can be told.
+    inline double volume() const {
+        double to[3];
+        normal(to);
+        return volume(to);
+    }
+    inline double volume(const double* normal) const {
+        double ab[3], ac[3];
+        minus(corner[1], corner[0], ab);
+        minus(corner[2], corner[0], ac);
+        const double value = dot(normal, corner[0]);
         return size(value) > EXACT_DOUBT * size(ab) * size(ac) * size(corner[0]) ? value : 0.0;
     }
 
     // Whether a ray meets it, on an edge or a corner too. What is seen edge-on meets nothing: its neighbours do.
-    inline bool meet(const double* ray) const {
-        const double all = volume(), sign = all < 0 ? -1.0 : 1.0;
-        if (all == 0.0) return false;
-        for (int k = 0; k < 3; ++k) {
-            const double *a = corner[(k + 1) % 3], *b = corner[(k + 2) % 3];
-            double apart[3];
-            minus(a, b, apart);
-            const double twice[3] = {a[0] + b[0], a[1] + b[1], a[2] + b[2]};
-            const double doubt = EXACT_DOUBT * size(apart) * size(twice) * size(ray);
-            if (sign * triple(apart, twice, ray) < -doubt) return false;
-        }
-        return true;
+    inline bool meet(const double* ray) const { return meet(ray, volume()); }
+    inline bool meet(const double* ray, double volume) const {
+        const double sign = volume < 0 ? -1.0 : 1.0;
+        return volume != 0.0 && inside(corner[1], corner[2], ray, sign) && inside(corner[2], corner[0], ray, sign) &&
+               inside(corner[0], corner[1], ray, sign);
+    }
+    // Whether a ray passes on that side of an edge where the triangle is, or through the edge.
+    static inline bool inside(const double* a, const double* b, const double* ray, double sign) {
+        double apart[3], plane[3];
+        minus(a, b, apart);
+        const double twice[3] = {a[0] + b[0], a[1] + b[1], a[2] + b[2]};
+        cross(apart, twice, plane);
+        return sign * dot(plane, ray) >= -EXACT_DOUBT * size(apart) * size(twice) * size(ray);
     }
 };

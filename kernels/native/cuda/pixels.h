@@ -1,0 +1,57 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// A packet's pixels, in shared memory.
+
+struct Packet {
+    enum { PIXELS = BLOCKS * LANES, NO_TRIANGLE = 0xffffffffu };
+
+    Key* z_buffer;  // [block][pixel]
+    int first_x, first_y;  // in the view
+    unsigned block_min_inv_z;  // least 1 / z of this lane's block, as bits
+    unsigned stale_blocks;  // blocks where that may be more by now
+
+    // Where a pixel is. Blocks of one row begin at different banks, so that a row of pixels is read without conflict.
+    static inline int index(unsigned block, unsigned pixel) { return index(block, block % BLOCK_COLUMNS, pixel); }
+    static inline int index(unsigned block, unsigned column, unsigned pixel) {
+        return block * LANES + ((pixel + column * (LANES / BLOCK_COLUMNS)) & (LANES - 1));
+    }
+    static inline unsigned block_of(unsigned x, unsigned y) {
+        return (y >> BLOCK_HEIGHT_BITS) * BLOCK_COLUMNS + (x >> BLOCK_WIDTH_BITS);
+    }
+    static inline int index_at(unsigned x, unsigned y) {
+        return index(block_of(x, y), x >> BLOCK_WIDTH_BITS,
+                     (y & (BLOCK_HEIGHT - 1)) * BLOCK_WIDTH + (x & (BLOCK_WIDTH - 1)));
+    }
+    static inline int block_x(unsigned block) { return block % BLOCK_COLUMNS * BLOCK_WIDTH; }
+    static inline int block_y(unsigned block) { return block / BLOCK_COLUMNS * BLOCK_HEIGHT; }
+    // A lane's pixel in a block.
+    static inline int pixel_x(int lane) { return lane & (BLOCK_WIDTH - 1); }
+    static inline int pixel_y(int lane) { return lane >> BLOCK_WIDTH_BITS; }
+
+    inline unsigned inv_z_bits(int x, int y) const { return DepthKey::inv_z_bits(z_buffer[index_at(x, y)]); }
+
+    // Nothing seen yet. What lies outside the image counts as very near, so that it hides and never shows.
+    inline void begin(int columns, int rows) {
+        const int lane = Warp::lane();
+        for (int block = 0; block < BLOCKS; ++block) {
+            const bool inside = block_x(block) + pixel_x(lane) < columns && block_y(block) + pixel_y(lane) < rows;
+            z_buffer[index(block, lane)] = DepthKey::of(inside ? 0.0f : NOWHERE, NO_TRIANGLE);
+        }
+        const bool seen = lane < BLOCKS && block_x(lane) < columns && block_y(lane) < rows;
+        block_min_inv_z = __float_as_uint(seen ? 0.0f : NOWHERE);
+        stale_blocks = 0;
+        Warp::sync();
+    }
+
+    // Look again at the blocks that were drawn into.
+    inline void refresh() {
+        const int lane = Warp::lane();
+        for (unsigned left = stale_blocks; left; left = Warp::without_first_lane(left)) {
+            const int block = Warp::first_lane(left);
+            const unsigned least = Warp::reduce_min(DepthKey::inv_z_bits(z_buffer[index(block, lane)]));
+            if (lane == block) block_min_inv_z = least;
+        }
+        stale_blocks = 0;
+    }
+};
