@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from warpvis.core.types import Json
 from warpvis.io._file_meshes import FileMeshes
 from warpvis.io._gltf_data import DRACO, MESHOPT, Find, GltfData, decode_draco
-from warpvis.io._gltf_placements import INSTANCES, Shape, instance_matrices, node_matrix, nodes_in_order, split
+from warpvis.io._gltf_placements import INSTANCES, Shape, Split, instance_matrices, node_matrix, nodes_in_order, split
 from warpvis.io._gltf_rest import joint_matrices, morphed, skinned
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
@@ -53,9 +53,11 @@ def read_gltf(file: bytes, find: Find) -> FileMeshes:
     if unread:
         raise ValueError(f"it requires the extension {unread[0]}, which is not read")
     found, shapes = FileMeshes(up="y"), _Shapes(data)
-    for index, node, placement in nodes_in_order(data):
-        if "mesh" in node:
-            _add_mesh(shapes, index, node, placement, found)
+    places = [(index, node, placement) for index, node, placement in nodes_in_order(data) if "mesh" in node]
+    shared = np.array([placement for _, node, placement in places if shapes.is_shared(node)]).reshape(-1, 4, 4)
+    parts = iter(split(shared).one_by_one())
+    for index, node, placement in places:
+        _add_mesh(shapes, index, node, placement, next(parts) if shapes.is_shared(node) else None, found)
     return found
 
 
@@ -101,9 +103,14 @@ def _is_skinned(node: dict[str, Any], primitive: dict[str, Any]) -> bool:
 
 
 def _add_mesh(
-    shapes: _Shapes, index: int, node: dict[str, Any], placement: NDArray[np.float64], found: FileMeshes
+    shapes: _Shapes,
+    index: int,
+    node: dict[str, Any],
+    placement: NDArray[np.float64],
+    shared: Split | None,
+    found: FileMeshes,
 ) -> None:
-    """Add the primitives of a node's mesh."""
+    """Add the primitives of a node's mesh, which others share if its placement is split."""
     mesh = shapes.data.one("meshes", node["mesh"])
     name = str(node.get("name") or mesh.get("name") or "")
     extras = {**_said(mesh), **_said(node)}
@@ -123,8 +130,8 @@ def _add_mesh(
                 raise ValueError(f"the {len(copies)} instances of node {index} have more than {_MOST_CORNERS} corners")
             names = [f"{own or f'node_{index}'}_{copy}" for copy in range(len(copies))]
             found.meshes += shape.shared(names, matrices, parts, extras, movable=True)
-        elif shapes.is_shared(node):
-            found.meshes += shape.shared([own], above[None], split(above[None]), extras, movable=False)
+        elif shared is not None:
+            found.meshes += shape.shared([own], above[None], shared, extras, movable=False)
         else:
             found.meshes.append(shape.placed(own, above, extras))
 

@@ -113,6 +113,12 @@ class Split(NamedTuple):
         """How often a mesh is kept for all of them: in every size, and wherever it is no pose."""
         return len(np.unique(_sizes(self.factors[self.fits]), axis=0)) + int((~self.fits).sum())
 
+    def one_by_one(self) -> Iterator[Split]:
+        """Go through them; to split them one by one takes long."""
+        for number in range(len(self.rows)):
+            one = slice(number, number + 1)
+            yield Split(self.factors[one], self.rows[one], self.fits[one])
+
 
 def split(matrices: NDArray[np.float64]) -> Split:
     """Split placements into factors and poses: the axes that are left have to be at right angles."""
