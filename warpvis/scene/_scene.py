@@ -28,6 +28,7 @@ from warpvis.core.poses import (
 )
 from warpvis.core.types import ArrayInput, DeviceLike, MeshLike
 from warpvis.errors import FileFormatError, SceneError, WarpvisError
+from warpvis.scene._bounds import bounds_of
 from warpvis.scene._changes import SceneChanges
 from warpvis.scene._classes import SceneClasses
 from warpvis.scene._drawn import instance_indices
@@ -299,8 +300,7 @@ class Scene(SceneClasses, SceneChanges):
     @property
     def bounds(self) -> NDArray[np.float32]:
         """Least and greatest corner of the scene's axis-aligned box [m], shape ``(2, 3)``."""
-        boxes = np.stack([item.bounds for item in self.require_objects()])
-        return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+        return bounds_of(self.require_objects())
 
     def __getitem__(self, name: str) -> SceneObject:
         return self._objects[self.index(name)]
