@@ -6,6 +6,8 @@ from arguments_shared import CAMERA, DEPTH, MOVED, POSE, RENDERED, SEEN, VIEW, W
 
 import warpvis as wv
 
+LENS = wv.sensors.LensCamera(wv.sensors.lenses.OpenCVPinhole(9, 9, 4, 3, (0.01, 0, 0, 0)), 8, 6)
+
 
 def tools_cases(folder):
     """Make them; files are in a folder."""
@@ -162,6 +164,31 @@ def tools_cases(folder):
             wv.rendering.OrthographicCamera.from_extent,
             {"width": 8, "height": 6, "across": 2.0, "near": 0.1, "far": 4.0},
         ),
+        # warpvis.sensors
+        "LensCamera": (
+            wv.sensors.LensCamera,
+            {"lens": LENS.lens, "width": 8, "height": 6, "near": 0.1, "far": 4.0, "kind": "z"},
+        ),
+        "LensCamera.project": (LENS.project, {"points": [[0, 0, 1]]}),
+        "LensCamera.unproject": (LENS.unproject, {"pixels": [[1, 1]]}),
+        "LensCamera.rays_at": (LENS.rays_at, {"pixels": [[1, 1]]}),
+        "LensCamera of OpenCV": (
+            wv.sensors.lenses.OpenCVPinhole,
+            {"fx": 9, "fy": 9, "cx": 4, "cy": 3, "coefficients": (0.01, 0, 0, 0)},
+        ),
+        "LensCamera of fisheyes": (
+            wv.sensors.lenses.KannalaBrandt,
+            {"fx": 9, "fy": 9, "cx": 4, "cy": 3, "coefficients": (0.01, 0, 0, 0)},
+        ),
+        "LensCamera of two spheres": (
+            wv.sensors.lenses.DoubleSphere,
+            {"fx": 9, "fy": 9, "cx": 4, "cy": 3, "xi": -0.2, "alpha": 0.6},
+        ),
+        "LensCamera of F-theta": (
+            wv.sensors.lenses.FTheta,
+            {"cx": 4, "cy": 3, "coefficients": (0.1,), "maps": "radius_to_angle", "most_angle": 2.0},
+        ),
+        "LensCamera of panoramas": (wv.sensors.lenses.Equirectangular, {"width": 8, "height": 6}),
         "render_wide": (
             wv.rendering.render_wide,
             {

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Valid arguments of what the package's top show, by name: ``name: (function, arguments)``."""
 
+import types
+
 import numpy as np
 from arguments_shared import (
     CAMERA,
@@ -23,6 +25,10 @@ from arguments_shared import (
 
 import warpvis as wv
 
+RAW_INFO = types.SimpleNamespace(
+    width=8, height=6, k=[9, 0, 4, 0, 9, 3, 0, 0, 1], d=[0.01, 0, 0, 0, 0], distortion_model="plumb_bob"
+)
+
 
 def top_cases(folder):
     """Make them; files are in a folder."""
@@ -42,6 +48,28 @@ def top_cases(folder):
         "Camera.from_fov, linear": (wv.Camera.from_fov, {"width": 8, "height": 6, "hfov": 1.0, "vertical": "linear"}),
         "Camera.from_K": (wv.Camera.from_K, {"K": CAMERA.to_K(), "width": 8, "height": 6, "pixel_center": 0.5}),
         "Camera.from_mujoco": (wv.Camera.from_mujoco, {"model": MODEL, "camera": "eye", "width": 8, "height": 6}),
+        "Camera.from_opencv": (
+            wv.Camera.from_opencv,
+            {"K": CAMERA.to_K(), "D": [0.01, 0, 0, 0], "width": 8, "height": 6, "model": "fisheye", "kind": "range"},
+        ),
+        "Camera.from_opencv, range": (
+            lambda near, far: wv.Camera.from_opencv(CAMERA.to_K(), None, 8, 6, near=near, far=far),
+            {"near": 0.1, "far": 4.0},
+        ),
+        "Camera.from_ros": (wv.Camera.from_ros, {"camera_info": RAW_INFO, "near": 0.1, "far": 4.0, "kind": "z"}),
+        "Camera.from_colmap": (
+            wv.Camera.from_colmap,
+            {"model": "SIMPLE_RADIAL", "params": (9, 4, 3, 0.01), "width": 8, "height": 6, "kind": "z"},
+        ),
+        "Camera.from_kalibr": (
+            wv.Camera.from_kalibr,
+            {"camera": {"intrinsics": [9, 9, 4, 3], "resolution": [8, 6]}, "near": 0.1, "far": 4.0, "kind": "z"},
+        ),
+        "Camera.from_nerfstudio": (
+            wv.Camera.from_nerfstudio,
+            {"fields": {"fl_x": 9, "fl_y": 9, "cx": 4, "cy": 3, "w": 8, "h": 6, "k1": 0.01}, "near": 0.1, "far": 4.0},
+        ),
+        "Camera.unproject": (CAMERA.unproject, {"pixels": [[1, 1]]}),
         "Camera.kinect": (wv.Camera.kinect, {"vertical": "square"}),
         "Camera.from_camera_info": (
             wv.Camera.from_camera_info,

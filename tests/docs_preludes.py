@@ -86,6 +86,10 @@ def _rendering(folder):
     return {"K": K, "poses": _poses(), "other_poses": _poses()[::-1], "pixels": pixels}
 
 
+def _sensors(folder):
+    return {"scene": _room(), "camera_to_world": _poses()}
+
+
 def _worlds(folder):
     box = trimesh.creation.box((0.1, 0.1, 0.1))
     object_poses = np.tile(np.array([0, 0, 0, 0, 0, 0, 1], dtype=np.float32), (2, 22, 1))

@@ -6,10 +6,12 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
+from warpvis.core.camera_makers import CameraMakers
 from warpvis.core.checks import check_choice, is_number
 from warpvis.errors import ArrayError, CameraError, IntrinsicsWarning
 
@@ -27,7 +29,7 @@ _SAME_PIXELS = 0.01
 
 
 @dataclass(frozen=True)
-class Camera:
+class Camera(CameraMakers):
     """An ideal pinhole camera with OpenCV axes: x right, y down, z forward.
 
     Pixel ``(x, y)`` covers the square from ``(x, y)`` to ``(x + 1, y + 1)``; its ray goes through the centre at +0.5.
@@ -147,19 +149,7 @@ class Camera:
         Raises:
             CameraError: `K` has another shape, skew, or a last row other than 0 0 1.
         """
-        import numpy as np
-
-        matrix = _as_floats(K, "K")
-        if matrix.shape != (3, 3):
-            raise CameraError(f"K must have shape (3, 3), got {matrix.shape}")
-        if np.any(matrix[[0, 1, 2, 2], [1, 0, 0, 1]] != 0) or matrix[2, 2] != 1:
-            raise CameraError(
-                f"K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] without skew, got {matrix.tolist()}; "
-                "undistort and rectify the image first"
-            )
-        shift = 0.5 - _check_pixel_center(pixel_center)
-        fx, fy, cx, cy = matrix[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
-        return cls(width, height, fx, fy, cx + shift, cy + shift, near, far)
+        return cls(width, height, *check_matrix(K, pixel_center), near, far)
 
     @classmethod
     def from_camera_info(
@@ -313,15 +303,50 @@ def check_numbers(camera: Any, positive: str) -> None:
     """
     for name in ("width", "height"):
         object.__setattr__(camera, name, check_size(getattr(camera, name), name))
-    for name in ("fx", "fy", "cx", "cy", "near", "far"):
+    _make_floats(camera, ("fx", "fy", "cx", "cy"))
+    if camera.fx <= 0 or camera.fy <= 0:
+        raise CameraError(f"{positive}, got fx={camera.fx}, fy={camera.fy}")
+    check_range(camera)
+
+
+def check_range(camera: Any) -> None:
+    """Check `near` and `far` of a camera, a frozen dataclass, and make floats of them.
+
+    Raises:
+        CameraError: One is not what it has to be.
+    """
+    _make_floats(camera, ("near", "far"))
+    if camera.near < 0 or camera.far <= camera.near:
+        raise CameraError(f"the depth range needs 0 <= near < far, got near={camera.near}, far={camera.far}")
+
+
+def _make_floats(camera: Any, names: Sequence[str]) -> None:
+    for name in names:
         value = getattr(camera, name)
         if not is_number(value) or math.isnan(value) or (math.isinf(value) and name != "far"):
             raise CameraError(f"{name} must be a finite number, got {value!r}")
         object.__setattr__(camera, name, float(value))
-    if camera.fx <= 0 or camera.fy <= 0:
-        raise CameraError(f"{positive}, got fx={camera.fx}, fy={camera.fy}")
-    if camera.near < 0 or camera.far <= camera.near:
-        raise CameraError(f"the depth range needs 0 <= near < far, got near={camera.near}, far={camera.far}")
+
+
+def check_matrix(k: ArrayLike, pixel_center: float) -> tuple[float, float, float, float]:
+    """Read ``fx fy cx cy`` [px], for pixel centres at +0.5, of an intrinsic matrix whose own are at `pixel_center`.
+
+    Raises:
+        CameraError: It has another shape, skew, or a last row other than 0 0 1.
+    """
+    import numpy as np
+
+    matrix = _as_floats(k, "K")
+    if matrix.shape != (3, 3):
+        raise CameraError(f"K must have shape (3, 3), got {matrix.shape}")
+    if np.any(matrix[[0, 1, 2, 2], [1, 0, 0, 1]] != 0) or matrix[2, 2] != 1:
+        raise CameraError(
+            f"K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] without skew, got {matrix.tolist()}; "
+            "undistort and rectify the image first"
+        )
+    shift = 0.5 - _check_pixel_center(pixel_center)
+    fx, fy, cx, cy = matrix[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
+    return fx, fy, cx + shift, cy + shift
 
 
 def same_pixels(camera: Camera, other: Camera) -> bool:

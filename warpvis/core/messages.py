@@ -224,6 +224,32 @@ def read_camera_info(message: Message, *, rectified: bool = True) -> CameraInfo:
         raise CameraError(
             f"CameraInfo {wanted}, and a Camera has no distortion: take the rectified image (image_rect) and its P"
         )
+    return _in_region(k, region)
+
+
+def read_raw_camera_info(message: Message) -> tuple[CameraInfo, NDArray[np.float64], str]:
+    """Read what a ``sensor_msgs/CameraInfo`` says of its raw image: size and `K`, the lens's `D` and its model.
+
+    Args:
+        message: As for `read_camera_info`; it need not have binning or a region of interest.
+
+    Raises:
+        CameraError: The camera is not calibrated, or the message contradicts itself.
+        MessageError: It is no CameraInfo.
+    """
+    k = _matrix(field(message, "k", "K"), (3, 3), "K")
+    if k[0, 0] == 0:
+        raise CameraError("CameraInfo is of a camera that is not calibrated: its K is zero")
+    coefficients, model = _numbers(field(message, "d", "D"), "D"), field(message, "distortion_model")
+    if not isinstance(model, str):
+        raise CameraError(f"distortion_model of CameraInfo must be text, got {model!r}")
+    if not hasattr(message, "roi"):
+        return CameraInfo(whole_field(message, "width"), whole_field(message, "height"), k), coefficients, model
+    return _in_region(k, _read_region(message)), coefficients, model
+
+
+def _in_region(k: NDArray[np.float64], region: _Region) -> CameraInfo:
+    """Apply a region of interest and binning to the whole image's intrinsics, which are written into."""
     k[:2, 2] -= region.x, region.y
     k[:2] /= np.array([[region.binning_x], [region.binning_y]])
     return CameraInfo(region.width // region.binning_x, region.height // region.binning_y, k)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import warp as wp
 
+from warpvis.core.camera import Camera
 from warpvis.core.kernel_cache import launch
 from warpvis.kernels.constants import CUDA_LANES
 from warpvis.rendering._found_objects import MANY_OBJECTS, find_objects, nothing_found
@@ -83,6 +84,8 @@ class _Assigned:
 
 class CudaPacketsCaster(RaysCaster):
     """A warp a packet; points of the image are cast as rays."""
+
+    _camera: Camera
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         """Prepare to cast, as `RaysCaster` does."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from warpvis.core.camera import Camera, check_numbers, check_size
 from warpvis.core.checks import is_number
+from warpvis.core.ray_camera import RayCamera
 from warpvis.errors import CameraError
 
 if TYPE_CHECKING:
@@ -98,3 +99,5 @@ class OrthographicCamera:
 
 
 AnyCamera: TypeAlias = Camera | OrthographicCamera
+RenderCamera: TypeAlias = AnyCamera | RayCamera
+"""What `Renderer` takes."""

@@ -14,15 +14,16 @@ from warpvis.core.arrays import as_warp
 from warpvis.core.camera import require_camera
 from warpvis.core.checks import check_choice, check_flag, check_number, check_whole
 from warpvis.core.poses import Convention, QuaternionOrder, to_xyzw
+from warpvis.core.ray_camera import RayCamera
 from warpvis.core.threads import check_threads, launch_images
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, ObjectScales, PoseLike
 from warpvis.errors import ArrayError, CameraError
 from warpvis.rendering._cpu_packets import CpuPacketsCaster
 from warpvis.rendering._cuda_packets import CudaPacketsCaster
-from warpvis.rendering._orthographic import AnyCamera, OrthographicCamera
+from warpvis.rendering._orthographic import OrthographicCamera, RenderCamera
 from warpvis.rendering._prepared import CheckedImages
 from warpvis.rendering._views import OUTPUTS, Views, check_outputs, views_for
-from warpvis.rendering.casters import OrthographicCaster, RaysCaster
+from warpvis.rendering.casters import OrthographicCaster, RaysCaster, RayTableCaster
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds, part_of
 
@@ -51,7 +52,7 @@ class Renderer:
     def __init__(
         self,
         scene: Scene,
-        camera: AnyCamera,
+        camera: RenderCamera,
         *,
         outputs: Sequence[Output] = DEFAULT_OUTPUTS,
         caster: Caster = "auto",
@@ -65,8 +66,8 @@ class Renderer:
 
         Args:
             scene: What is seen. What is added to it later is seen too.
-            camera: Intrinsics, image size and depth range of all views; or a
-                `warpvis.rendering.OrthographicCamera`, which is cast by rays.
+            camera: Intrinsics, image size and depth range of all views; or a `warpvis.sensors.LensCamera`, or a
+                `warpvis.rendering.OrthographicCamera`, which are cast by rays.
             outputs: The images to make, of ``"depth"``, ``"points"``, ``"normals"``, ``"labels"``, ``"segmentation"``.
             caster: ``"packets"``, for speed; ``"rays"``, the reference; ``"auto"`` takes packets, which have been the
                 faster ones on every scene and device measured. Both give the same images.
@@ -84,7 +85,7 @@ class Renderer:
             WarpvisError: An argument is not what it has to be.
         """
         require_scene(scene)
-        if not isinstance(camera, OrthographicCamera):
+        if not isinstance(camera, OrthographicCamera | RayCamera):
             require_camera(camera)
         self.scene = scene
         self.camera = camera
@@ -287,26 +288,29 @@ def _as_rows(array: wp.array) -> wp.array:
     return array.reshape((array.shape[0], 1, array.shape[1]))
 
 
-def _choose_caster(caster: Caster, camera: AnyCamera) -> Literal["packets", "rays"]:
+def _choose_caster(caster: Caster, camera: RenderCamera) -> Literal["packets", "rays"]:
     check_choice(caster, "caster", ("auto", "packets", "rays"))
-    if isinstance(camera, OrthographicCamera):
+    if isinstance(camera, OrthographicCamera | RayCamera):
         if caster == "packets":
-            raise CameraError('packets are cast through a pinhole; an OrthographicCamera needs caster="rays" or "auto"')
+            name = "an OrthographicCamera" if isinstance(camera, OrthographicCamera) else f"a {type(camera).__name__}"
+            raise CameraError(f'packets are cast through a pinhole; {name} needs caster="rays" or "auto"')
         return "rays"
     return "packets" if caster == "auto" else caster
 
 
 def _caster_class(
-    caster: Literal["packets", "rays"], camera: AnyCamera, device: wp.Device
+    caster: Literal["packets", "rays"], camera: RenderCamera, device: wp.Device
 ) -> Callable[..., RaysCaster | CpuPacketsCaster]:
     if isinstance(camera, OrthographicCamera):
         return OrthographicCaster
+    if isinstance(camera, RayCamera):
+        return RayTableCaster
     if caster == "rays":
         return RaysCaster
     return CpuPacketsCaster if device.is_cpu else CudaPacketsCaster
 
 
-def _fill_numbers(fill: Fill, camera: AnyCamera) -> tuple[float, float] | None:
+def _fill_numbers(fill: Fill, camera: RenderCamera) -> tuple[float, float] | None:
     """Return the depth of empty pixels and of those that are too near; None for the infinities.
 
     Raises:
@@ -329,7 +333,7 @@ def _check_device_bytes(device_bytes: int | None, device: wp.Device) -> int:
 
 def render(
     scene: Scene,
-    camera: AnyCamera,
+    camera: RenderCamera,
     camera_to_world: PoseLike,
     *,
     outputs: Sequence[Output] = DEFAULT_OUTPUTS,

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -12,10 +13,11 @@ import warp as wp
 
 from warpvis.core.arrays import on_gpu
 from warpvis.core.poses import Convention, check_convention, host_poses, parse_poses
+from warpvis.core.ray_camera import RayCamera
 from warpvis.core.threads import launch_images
 from warpvis.core.types import KernelArguments, PoseLike
 from warpvis.kernels.constants import POSE_WORDS
-from warpvis.rendering._orthographic import AnyCamera
+from warpvis.rendering._orthographic import RenderCamera
 from warpvis.rendering._prepared import Idle
 from warpvis.scene import Scene
 
@@ -53,7 +55,7 @@ class RaysCaster:
     def __init__(
         self,
         scene: Scene,
-        camera: AnyCamera,
+        camera: RenderCamera,
         *,
         cull_backfaces: bool,
         clip_near: bool,
@@ -142,6 +144,31 @@ class OrthographicCaster(RaysCaster):
         from warpvis.kernels.orthographic import cast_parallel_rays
 
         self._launch(cast_parallel_rays, pixels.shape, poses, [worlds, pixels], images)
+
+
+class RayTableCaster(RaysCaster):
+    """The same with the rays of a `RayCamera`, which are a table on the device."""
+
+    _camera: RayCamera
+
+    def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
+        """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
+        self._cast(poses, worlds, self._table, images)
+
+    def cast_at(self, poses: CastPoses, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
+        """Cast through image points, shape ``(V, 1, N)`` vec2, as are the images'; they are unprojected on the host."""
+        rays = self._camera.rays_at(pixels.numpy())
+        self._cast(poses, worlds, wp.array(rays, dtype=wp.vec3d, device=self._scene.device), images)
+
+    def _cast(self, poses: CastPoses, worlds: Worlds, rays: wp.array, images: list[wp.array | None]) -> None:
+        from warpvis.kernels.ray_table import cast_ray_table
+
+        shape = (len(poses), *rays.shape[1:])
+        self._launch(cast_ray_table, shape, poses, [worlds, rays], images)
+
+    @cached_property
+    def _table(self) -> wp.array:
+        return wp.array(self._camera.rays[None], dtype=wp.vec3d, device=self._scene.device)
 
 
 def images_struct(images: Sequence[wp.array | None]) -> Images:

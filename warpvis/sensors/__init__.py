@@ -5,5 +5,6 @@
 from __future__ import annotations
 
 from warpvis.sensors import lenses
+from warpvis.sensors._lens_camera import CalibratedCamera as CalibratedCamera, LensCamera, camera_of as camera_of
 
-__all__ = ["lenses"]
+__all__ = ["LensCamera", "lenses"]

@@ -8,9 +8,21 @@ All have `project` and `unproject`, of any number of points at once, and know up
 from __future__ import annotations
 
 from warpvis.sensors.lenses._closed import EUCM, FOV, Division, DoubleSphere
+from warpvis.sensors.lenses._colmap import (
+    COLMAP_NUMBERS as COLMAP_NUMBERS,
+    colmap_count as colmap_count,
+    lens_from_colmap as lens_from_colmap,
+    lens_to_colmap as lens_to_colmap,
+)
 from warpvis.sensors.lenses._fisheyes import KannalaBrandt, RadTanThinPrismFisheye, ThinPrismFisheye
+from warpvis.sensors.lenses._formats import (
+    lens_from_kalibr as lens_from_kalibr,
+    lens_from_nerfstudio as lens_from_nerfstudio,
+    lens_from_opencv as lens_from_opencv,
+    lens_from_ros as lens_from_ros,
+)
 from warpvis.sensors.lenses._ftheta import FTheta
-from warpvis.sensors.lenses._lens import Lens
+from warpvis.sensors.lenses._lens import Lens, check_coefficients as check_coefficients
 from warpvis.sensors.lenses._panoramas import Cylindrical, Equirectangular
 from warpvis.sensors.lenses._pinhole import OpenCVPinhole
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from warpvis.core.checks import check_text
 from warpvis.errors import CameraError
 from warpvis.sensors.lenses._closed import EUCM, FOV, Division
 from warpvis.sensors.lenses._fisheyes import KannalaBrandt, RadTanThinPrismFisheye, ThinPrismFisheye
@@ -80,7 +81,7 @@ def colmap_count(model: str) -> int:
     Raises:
         CameraError: COLMAP has no such model.
     """
-    if model not in _MODELS:
+    if check_text(model, "model", CameraError) not in _MODELS:
         raise CameraError(f"COLMAP has no camera model {model}; its models are {', '.join(_MODELS)}")
     return _MODELS[model][1]
 

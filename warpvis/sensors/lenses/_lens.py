@@ -192,23 +192,27 @@ def check_fields(lens: Lens, counts: Sequence[int] = (), positive: Sequence[str]
         object.__setattr__(lens, field.name, value)
 
 
-def check_coefficients(values: object, name: str, counts: Sequence[int]) -> tuple[float, ...]:
+def check_coefficients(
+    values: object, name: str, counts: Sequence[int], noun: str = "coefficients"
+) -> tuple[float, ...]:
     """Return a lens's coefficients: one of so many finite numbers.
 
     Raises:
         CameraError: They are others.
     """
-    items = (
-        np.ravel(values).tolist() if isinstance(values, np.ndarray) else as_items(values, "coefficients", CameraError)
-    )
+    items = np.ravel(values).tolist() if isinstance(values, np.ndarray) else as_items(values, noun, CameraError)
     if len(items) not in counts:
-        *most, last = map(str, counts)
-        wanted = f"{', '.join(most)} or {last}" if most else last
-        raise CameraError(f"{name} has {wanted} coefficients, got {len(items)}")
+        raise CameraError(f"{name} has {listed(counts)} {noun}, got {len(items)}")
     wrong = [item for item in items if not is_number(item) or not math.isfinite(item)]
     if wrong:
-        raise CameraError(f"coefficients of {name} must be finite numbers, got {wrong[0]!r}")
+        raise CameraError(f"{noun} of {name} must be finite numbers, got {wrong[0]!r}")
     return tuple(float(item) for item in items)
+
+
+def listed(counts: Sequence[int]) -> str:
+    """Write numbers to choose from: ``4, 5 or 8``."""
+    *most, last = map(str, counts)
+    return f"{', '.join(most)} or {last}" if most else last
 
 
 def _as_rows(values: ArrayLike, count: int, name: str) -> Floats:

@@ -1,0 +1,56 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Images of which every pixel has a ray of its own, from a table: one thread a pixel, as `rays` cast them."""
+
+import warp as wp
+
+from warpvis.kernels.images import Images
+from warpvis.kernels.pinhole import Window
+from warpvis.kernels.rays import CUDA_REGISTERS, look, nothing, write
+from warpvis.kernels.triangle_scene import TriangleScene
+from warpvis.kernels.worlds import Worlds
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+
+@wp.struct
+class RayRange:
+    """What depth along rays means, and which of it is measured [m]."""
+
+    near: float
+    far: float
+    clip: float  # surfaces nearer than this are not there; 0 where near ones hide what is behind them
+    is_planar: bool  # rays have z = 1 and depth is planar; otherwise they are of unit length, and it is theirs
+
+
+@wp.kernel(cuda_max_registers=CUDA_REGISTERS)
+def cast_ray_table(
+    # Scene:
+    scene: TriangleScene,
+    # Cameras:
+    camera: RayRange,
+    camera_to_world: wp.array[wp.transform],
+    window: Window,
+    # In:
+    worlds: Worlds,
+    rays_in: wp.array3d[wp.vec3d],
+    cull_backfaces: bool,
+    # Out:
+    images_out: Images,
+):
+    """Write the asked-for images (one that is None is skipped) of every view.
+
+    `rays_in` are of the camera frame, (view, y, x), or (1, y, x) for all views. Where a ray is NaN nothing is seen.
+    """
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+
+    pose = camera_to_world[view]
+    ray = rays_in[wp.min(view, rays_in.shape[0] - 1), y, x]
+    seen = nothing()
+    if ray[2] == ray[2]:
+        seen = look(
+            scene, camera.near, camera.far, pose, worlds, view, ray, camera.is_planar, camera.clip, cull_backfaces
+        )
+    write(scene, pose, worlds, seen, view, y, x, images_out)

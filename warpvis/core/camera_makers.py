@@ -1,0 +1,206 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Cameras of other systems' numbers: those that may have a lens."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+from warpvis.core.checks import check_choice, check_mapping
+from warpvis.errors import ArrayError, CameraError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+    from warpvis.core.messages import Message
+    from warpvis.core.ray_camera import DepthKind
+    from warpvis.sensors import CalibratedCamera
+
+
+class CameraMakers:
+    """What `Camera` makes cameras of: itself without distortion, or a `warpvis.sensors.LensCamera`.
+
+    All take `near` and `far` [m], and `kind`, what depth of a lens is: ``"z"`` or ``"range"``, see `LensCamera`.
+    """
+
+    width: int
+    height: int
+    kind: ClassVar[Literal["z"]] = "z"
+    """What depth is: along the axis, as of a pinhole."""
+
+    @property
+    def mask(self) -> NDArray[np.bool_]:
+        """Which pixels have no ray, shape ``(height, width)``: none, as of a pinhole."""
+        import numpy as np
+
+        return np.zeros((self.height, self.width), dtype=bool)
+
+    def unproject(self, pixels: ArrayLike) -> NDArray[np.float64]:
+        """Find the directions that points of the image show.
+
+        Args:
+            pixels: Coordinates ``(x, y)`` [px], shape ``(..., 2)``; a pixel's centre is its index + 0.5.
+
+        Returns:
+            Unit vectors of the camera frame, shape ``(..., 3)``.
+
+        Raises:
+            CameraError: `pixels` are no numbers of this shape.
+        """
+        import numpy as np
+
+        from warpvis.core.arrays import as_numpy
+
+        try:
+            ones = np.ones(as_numpy(pixels, name="pixels").shape[:-1])
+        except ArrayError as error:
+            raise CameraError(str(error)) from None
+        rays = self.back_project(pixels, ones)
+        return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+
+    if TYPE_CHECKING:  # of `Camera`, and of no camera without it
+
+        def back_project(self, pixels: ArrayLike, depth: ArrayLike) -> NDArray[np.float64]: ...  # noqa: D102
+
+    @staticmethod
+    def from_opencv(
+        K: ArrayLike,  # noqa: N803 - the field's names
+        D: ArrayLike | None,  # noqa: N803
+        width: int,
+        height: int,
+        *,
+        model: Literal["pinhole", "fisheye"] = "pinhole",
+        near: float = 0.0,
+        far: float = math.inf,
+        kind: DepthKind | None = None,
+    ) -> CalibratedCamera:
+        """Make a camera of OpenCV's calibration, whose pixels have their centres at whole numbers.
+
+        Args:
+            K: Intrinsics [px], shape ``(3, 3)``.
+            D: Coefficients: 4, 5, 8, 12 or 14 of ``cv2.calibrateCamera``, 4 of ``cv2.fisheye``; None for none.
+            width: Image width [px].
+            height: Image height [px].
+            model: Which of OpenCV's two cameras.
+            near: Least depth [m].
+            far: Greatest depth [m].
+            kind: What depth of a lens is.
+
+        Raises:
+            CameraError: `K` or `D` is not what it has to be.
+        """
+        from warpvis.sensors import camera_of
+        from warpvis.sensors.lenses import lens_from_opencv
+
+        fisheye = check_choice(model, "model", ("pinhole", "fisheye"), CameraError) == "fisheye"
+        return camera_of(lens_from_opencv(K, D, fisheye=fisheye), width, height, near=near, far=far, kind=kind)
+
+    @staticmethod
+    def from_ros(
+        camera_info: Message, *, near: float = 0.0, far: float = math.inf, kind: DepthKind | None = None
+    ) -> CalibratedCamera:
+        """Make a camera of a ``sensor_msgs/CameraInfo``, of its raw image: `K`, `D` and `distortion_model`.
+
+        `Camera.from_camera_info` makes that of its rectified image. Binning and region of interest count.
+
+        Args:
+            camera_info: The message, or any object with these fields, `width` and `height`.
+            near: Least depth [m].
+            far: Greatest depth [m].
+            kind: What depth of a lens is.
+
+        Raises:
+            CameraError: The model is none of ``plumb_bob``, ``rational_polynomial`` and ``equidistant``, or has other
+                coefficients; or the camera is not calibrated.
+            MessageError: It is no CameraInfo.
+        """
+        from warpvis.core.messages import read_raw_camera_info
+        from warpvis.sensors import camera_of
+        from warpvis.sensors.lenses import lens_from_ros
+
+        info, coefficients, model = read_raw_camera_info(camera_info)
+        lens = lens_from_ros(info.K, coefficients, model)
+        return camera_of(lens, info.width, info.height, near=near, far=far, kind=kind)
+
+    @staticmethod
+    def from_colmap(
+        model: str,
+        params: Sequence[float],
+        width: int,
+        height: int,
+        *,
+        near: float = 0.0,
+        far: float = math.inf,
+        kind: DepthKind | None = None,
+    ) -> CalibratedCamera:
+        """Make a camera of one of COLMAP's models, whose pixels have their centres at +0.5.
+
+        Args:
+            model: Its name, ``"OPENCV"``; of a ``pycolmap.Camera``, ``camera.model.name``.
+            params: Its parameters, in COLMAP's order.
+            width: Image width [px].
+            height: Image height [px].
+            near: Least depth [m].
+            far: Greatest depth [m].
+            kind: What depth of a lens is.
+
+        Raises:
+            CameraError: COLMAP has no such model, or it has other parameters.
+        """
+        from warpvis.sensors import camera_of
+        from warpvis.sensors.lenses import check_coefficients, colmap_count, lens_from_colmap
+
+        parameters = check_coefficients(params, model, (colmap_count(model),), "parameters")
+        return camera_of(lens_from_colmap(model, parameters), width, height, near=near, far=far, kind=kind)
+
+    @staticmethod
+    def from_kalibr(
+        camera: Mapping[str, Any], *, near: float = 0.0, far: float = math.inf, kind: DepthKind | None = None
+    ) -> CalibratedCamera:
+        """Make a camera of one of Kalibr's, whose pixels have their centres at whole numbers.
+
+        Args:
+            camera: What ``camchain.yaml`` says of it: ``camera_model`` (pinhole, omni, eucm, ds), ``intrinsics``,
+                ``distortion_model`` (none, radtan, equidistant, fov), ``distortion_coeffs``, ``resolution``.
+            near: Least depth [m].
+            far: Greatest depth [m].
+            kind: What depth of a lens is.
+
+        Raises:
+            CameraError: One is not known, or has other numbers.
+        """
+        from warpvis.sensors import camera_of
+        from warpvis.sensors.lenses import check_coefficients, lens_from_kalibr
+
+        entry = check_mapping(camera, "camera", CameraError)
+        width, height = check_coefficients(entry.get("resolution", ()), "resolution", (2,), "numbers")
+        return camera_of(lens_from_kalibr(entry), width, height, near=near, far=far, kind=kind)  # type: ignore[arg-type]  # it checks
+
+    @staticmethod
+    def from_nerfstudio(
+        fields: Mapping[str, Any], *, near: float = 0.0, far: float = math.inf, kind: DepthKind | None = None
+    ) -> CalibratedCamera:
+        """Make a camera of nerfstudio's ``transforms.json``, whose pixels have their centres at +0.5.
+
+        Args:
+            fields: ``fl_x fl_y cx cy w h``, ``camera_model`` and ``k1 k2 k3 k4 p1 p2``; of a frame that has its own,
+                ``{**transforms, **frame}``.
+            near: Least depth [m].
+            far: Greatest depth [m].
+            kind: What depth of a lens is.
+
+        Raises:
+            CameraError: A field is missing, or not what it has to be.
+        """
+        from warpvis.sensors import camera_of
+        from warpvis.sensors.lenses import lens_from_nerfstudio
+
+        entry = check_mapping(fields, "fields", CameraError)
+        missing = [name for name in ("fl_x", "fl_y", "cx", "cy", "w", "h") if entry.get(name) is None]
+        if missing:
+            raise CameraError(f"a camera of nerfstudio needs fl_x, fl_y, cx, cy, w and h, and {missing[0]} is missing")
+        lens = lens_from_nerfstudio(entry, (entry["w"], entry["h"]), [entry[n] for n in ("fl_x", "fl_y", "cx", "cy")])
+        return camera_of(lens, entry["w"], entry["h"], near=near, far=far, kind=kind)

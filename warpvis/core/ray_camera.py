@@ -1,0 +1,52 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What cameras are whose pixels have rays of their own, for those who render through them."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+    from warpvis.kernels.ray_table import RayRange
+
+DepthKind = Literal["z", "range"]
+"""What depth is: along the camera's axis, or along the ray."""
+
+
+class RayCamera(ABC):
+    """A camera with OpenCV axes whose pixels have rays of their own, all from one point.
+
+    Subclasses have `width`, `height` [px], `near`, `far` [m], and `kind`, what depth is.
+    """
+
+    width: int
+    height: int
+    near: float
+    far: float
+    kind: DepthKind | None
+
+    @property
+    @abstractmethod
+    def rays(self) -> NDArray[np.float64]:
+        """Rays through all pixels' centres, of depth 1, shape ``(height, width, 3)``; NaN where a pixel has none."""
+
+    @abstractmethod
+    def rays_at(self, pixels: ArrayLike) -> NDArray[np.float64]:
+        """Return rays through points of the image [px], shape ``(..., 2)``, likewise; NaN outside of it."""
+
+    def device_struct(self, *, clip_near: bool = False) -> RayRange:
+        """Return the camera's range as `warpvis.kernels.ray_table` takes it.
+
+        Args:
+            clip_near: Whether what is nearer than `near` is not there, instead of hiding what is behind it.
+        """
+        from warpvis.kernels.ray_table import RayRange
+
+        struct = RayRange()
+        struct.near, struct.far, struct.is_planar = self.near, self.far, self.kind == "z"
+        struct.clip = self.near if clip_near else 0.0
+        return struct

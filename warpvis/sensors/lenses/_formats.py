@@ -1,0 +1,154 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Lenses of other systems' numbers: OpenCV's, ROS's, Kalibr's and nerfstudio's, each with its own pixel centres."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from warpvis.core.checks import as_items, is_number, shortened
+from warpvis.errors import CameraError
+from warpvis.sensors.lenses._closed import EUCM, FOV, DoubleSphere
+from warpvis.sensors.lenses._fisheyes import KannalaBrandt
+from warpvis.sensors.lenses._lens import Lens, listed
+from warpvis.sensors.lenses._panoramas import Equirectangular
+from warpvis.sensors.lenses._pinhole import COUNTS, OpenCVPinhole
+
+_ROS_COUNTS: dict[str, tuple[int, ...]] = {
+    "plumb_bob": (4, 5),
+    "rational_polynomial": (8, 12, 14),
+    "equidistant": (4,),
+    "fisheye": (4,),
+}
+_KALIBR_COUNTS = {"none": (0,), "radtan": (4,), "equidistant": (4,), "equi": (4,), "fov": (1,)}
+_FISHEYES = ("equidistant", "equi", "fisheye")
+
+
+def lens_from_opencv(k: ArrayLike, d: ArrayLike | None, *, fisheye: bool = False) -> Lens:
+    """Make a lens of OpenCV's `K` and `D`, whose pixels have their centres at whole numbers.
+
+    Raises:
+        CameraError: `K` is no matrix of intrinsics, or `D` has another number of coefficients.
+    """
+    intrinsics = _intrinsics(k)
+    coefficients = _numbers(d, "D")
+    counts, name = ((4,), "OpenCV's fisheye") if fisheye else (COUNTS, "OpenCV's pinhole")
+    _check_count(coefficients, (0, *counts), "D", name)
+    if fisheye:
+        return KannalaBrandt(*intrinsics, coefficients or (0.0,) * 4)
+    return OpenCVPinhole(*intrinsics, coefficients or (0.0,) * 4)
+
+
+def lens_from_ros(k: ArrayLike, d: ArrayLike | None, model: str) -> Lens:
+    """Make a lens of the `K`, `D` and `distortion_model` of a CameraInfo.
+
+    Raises:
+        CameraError: ROS has no such model, or it has another number of coefficients.
+    """
+    coefficients = _numbers(d, "D")
+    if not model and not any(coefficients):
+        return lens_from_opencv(k, None)
+    if model not in _ROS_COUNTS:
+        raise CameraError(f"distortion_model must be one of {', '.join(_ROS_COUNTS)}, got {shortened(repr(model))}")
+    _check_count(coefficients, (0, *_ROS_COUNTS[model]), "D", model)
+    return lens_from_opencv(k, coefficients, fisheye=model in _FISHEYES)
+
+
+def lens_from_kalibr(entry: Mapping[str, Any]) -> Lens:
+    """Make a lens of a camera of Kalibr's ``camchain.yaml``, whose pixels have their centres at whole numbers.
+
+    Raises:
+        CameraError: It has no model that is known, or other numbers.
+    """
+    model, distortion = str(entry.get("camera_model", "pinhole")), str(entry.get("distortion_model", "none"))
+    coefficients = _numbers(entry.get("distortion_coeffs"), "distortion_coeffs")
+    numbers = _numbers(entry.get("intrinsics"), "intrinsics")
+    counts = {"pinhole": 4, "omni": 5, "eucm": 6, "ds": 6}
+    if model not in counts:
+        raise CameraError(f"camera_model must be one of {', '.join(counts)}, got {shortened(repr(model))}")
+    _check_count(numbers, (counts[model],), "intrinsics", model)
+    if distortion not in _KALIBR_COUNTS:
+        raise CameraError(
+            f"distortion_model must be one of {', '.join(_KALIBR_COUNTS)}, got {shortened(repr(distortion))}"
+        )
+    fx, fy, cx, cy = numbers[-4:]
+    intrinsics = fx, fy, cx + 0.5, cy + 0.5
+    if model == "pinhole":
+        if not any(coefficients):
+            return OpenCVPinhole(*intrinsics) if distortion in ("none", "radtan", "fov") else KannalaBrandt(*intrinsics)
+        _check_count(coefficients, _KALIBR_COUNTS[distortion], "distortion_coeffs", distortion)
+        makes: dict[str, Callable[[], Lens]] = {
+            "radtan": lambda: OpenCVPinhole(*intrinsics, coefficients),
+            "fov": lambda: FOV(*intrinsics, coefficients[0]),
+        }
+        return makes.get(distortion, lambda: KannalaBrandt(*intrinsics, coefficients))()
+    if any(coefficients):
+        raise CameraError(f"camera_model {model} with distortion {distortion} besides is not known; without it, it is")
+    if model == "ds":
+        return DoubleSphere(*intrinsics, *numbers[:2])
+    if model == "eucm":
+        return EUCM(*intrinsics, *numbers[:2])
+    xi = numbers[0]
+    if xi < 0:
+        raise CameraError(f"xi of an omni camera must be at least 0, got {xi!r}")
+    return EUCM(fx / (1 + xi), fy / (1 + xi), cx + 0.5, cy + 0.5, xi / (1 + xi))
+
+
+def lens_from_nerfstudio(fields: Mapping[str, Any], size: Sequence[float], intrinsics: Sequence[float]) -> Lens:
+    """Make a lens of ``camera_model`` and ``k1`` ... ``p2`` of nerfstudio, whose pixel centres are at + 0.5.
+
+    Raises:
+        CameraError: The model is not known, or has coefficients that it cannot have.
+    """
+    model = str(fields.get("camera_model", "OPENCV"))
+    k1, k2, k3, k4, p1, p2 = (_number(fields, name) for name in ("k1", "k2", "k3", "k4", "p1", "p2"))
+    fx, fy, cx, cy = (float(number) for number in intrinsics)
+    if model in ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE"):
+        if k4:
+            raise CameraError(
+                f"k4 of camera_model {model} scales the eighth power of the radius, which no lens here has"
+            )
+        return OpenCVPinhole(fx, fy, cx, cy, (k1, k2, p1, p2, k3) if k3 else (k1, k2, p1, p2))
+    if model in ("OPENCV_FISHEYE", "FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE"):
+        if p1 or p2:
+            raise CameraError(f"camera_model {model} has no tangential distortion, got p1={p1:g}, p2={p2:g}")
+        return KannalaBrandt(fx, fy, cx, cy, (k1, k2, k3, k4))
+    if model == "EQUIRECTANGULAR":
+        return Equirectangular(float(size[0]), float(size[1]))
+    raise CameraError(f"camera_model {shortened(repr(model))} of nerfstudio is not known")
+
+
+def _number(fields: Mapping[str, Any], name: str) -> float:
+    value = fields.get(name)
+    value = 0.0 if value is None else value
+    if not is_number(value):
+        raise CameraError(f"{name} must be a number, got {shortened(repr(value))}")
+    return float(value)
+
+
+def _intrinsics(k: ArrayLike) -> tuple[float, float, float, float]:
+    """Read `K` of pixel centres at whole numbers, as `Camera.from_K` does."""
+    from warpvis.core.camera import check_matrix
+
+    return check_matrix(k, 0.0)
+
+
+def _numbers(values: Any, name: str) -> tuple[float, ...]:
+    if values is None:
+        return ()
+    items = np.ravel(values).tolist() if hasattr(values, "__array__") else as_items(values, name, CameraError)
+    flat = [number for item in items for number in (item if isinstance(item, list | tuple) else [item])]
+    wrong = [number for number in flat if not is_number(number) or not np.isfinite(number)]
+    if wrong:
+        raise CameraError(f"{name} must be finite numbers, got {shortened(repr(wrong[0]))}")
+    return tuple(float(number) for number in flat)
+
+
+def _check_count(values: Sequence[float], counts: Sequence[int], name: str, model: str) -> None:
+    if len(values) not in counts:
+        wanted = listed([count for count in counts if count] or [0])
+        raise CameraError(f"{name} of {model} must be {wanted} numbers, got {len(values)}")
