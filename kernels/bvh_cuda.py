@@ -14,7 +14,6 @@ from warpvis.kernels.bvh_cuda_ranges import (
     BIN_WORDS,
     BINS,
     COUNT,
-    DEPTH,
     FIRST,
     HALVED,
     LARGE,
@@ -37,6 +36,7 @@ from warpvis.kernels.bvh_cuda_ranges import (
     half_area,
     half_of,
     is_split,
+    known,
     must_halve,
     place_before,
     rank_of,
@@ -56,32 +56,14 @@ def mark_ranges(
     # Out:
     flags_out: wp.array2d[wp.int32],
 ):
-    """Of each node of the level below, in two rows: whether it is large, and whether it is split though it is small."""
+    """Of each node of a level, in two rows: whether it is large, and whether it is split though it is small."""
     index = wp.tid()
     count = int(0)
-    if index < level.info[NEXT_COUNT]:
-        node = level.info[NEXT] + index
+    if index < level.info[level.depth, NEXT_COUNT]:
+        node = level.info[level.depth, NEXT] + index
         count = binary.end[node] - binary.begin[node]
     flags_out[0, index] = int(count > SMALL)
     flags_out[1, index] = int(is_split(count) and count <= SMALL)
-
-
-@wp.kernel
-def count_ranges(
-    # In:
-    sums: wp.array2d[wp.int32],
-    # Out:
-    info_out: wp.array[wp.int32],
-):
-    """One thread: go on to the level below, by sums of its flags."""
-    last = sums.shape[1] - 1 - wp.tid()
-    info_out[FIRST] = info_out[NEXT]
-    info_out[COUNT] = info_out[NEXT_COUNT]
-    info_out[DEPTH] = info_out[DEPTH] + 1
-    info_out[LARGE] = sums[0, last]
-    info_out[RANGES] = sums[1, last]
-    info_out[NEXT] = info_out[FIRST] + info_out[COUNT]
-    info_out[NEXT_COUNT] = 2 * sums[1, last]
 
 
 @wp.kernel
@@ -93,14 +75,26 @@ def rank_ranges(
     level_out: Level,
     binary_out: Binary,
 ):
-    """List the nodes of a level that are split, by sums of their flags, and give them their children's numbers."""
+    """List the nodes of a level that are split, by sums of their flags, and give them their children's numbers.
+
+    One thread writes what is known of the level, next to what is known of the one above, which all read.
+    """
     row, index = wp.tid()
+    last = sums.shape[1] - 1
+    first, count = level_out.info[level_out.depth, NEXT], level_out.info[level_out.depth, NEXT_COUNT]
+    if row == 0 and index == 0:
+        level_out.info[level_out.depth + 1, FIRST] = first
+        level_out.info[level_out.depth + 1, COUNT] = count
+        level_out.info[level_out.depth + 1, LARGE] = sums[0, last]
+        level_out.info[level_out.depth + 1, RANGES] = sums[1, last]
+        level_out.info[level_out.depth + 1, NEXT] = first + count
+        level_out.info[level_out.depth + 1, NEXT_COUNT] = 2 * sums[1, last]
     if flags[row, index] == 1:
-        rank, node = sums[row, index] - 1, level_out.info[FIRST] + index
+        rank, node = sums[row, index] - 1, first + index
         level_out.nodes[rank] = node
-        binary_out.child[node] = level_out.info[NEXT] + 2 * rank
+        binary_out.child[node] = first + count + 2 * rank
         if row == 1:
-            level_out.best[rank - level_out.info[LARGE]] = wp.int64(NO_PLACE)
+            level_out.best[rank - sums[0, last]] = wp.int64(NO_PLACE)
 
 
 @wp.kernel
@@ -141,7 +135,7 @@ def fill_bins(
         else:
             stop = wp.min(binary.end[node], end)
             rank = rank_of(binary, level, node)
-            if rank < level.info[LARGE]:
+            if rank < known(level, LARGE):
                 grid_low, grid_high = binary.low[node], binary.high[node]
                 lows, highs, counts = wp.mat33(NOWHERE), wp.mat33(-NOWHERE), wp.vec3i()
                 for inside in range(item, stop):
@@ -170,13 +164,13 @@ def choose_bins(
 ):
     """Split a large range where it is cheapest between bins; halve it if all items are in one, or it is too deep."""
     rank = wp.tid()
-    if rank >= level_out.info[LARGE]:
+    if rank >= known(level_out, LARGE):
         return
     node = level_out.nodes[rank]
     begin, end, child = binary_out.begin[node], binary_out.end[node], binary_out.child[node]
     best = wp.vec2i(-1, 0)
     first = first_bin(rank)
-    if not must_halve(end - begin, level_out.info[DEPTH]):
+    if not must_halve(end - begin, level_out.depth):
         best = best_bin(boxes, counts, first, end - begin)
     if best[0] < 0:
         middle = begin + half_of(end - begin)
@@ -210,7 +204,7 @@ def sort_small(
     node = items.node[item]
     if node < 0:
         return
-    if rank_of(binary, level, node) < level.info[LARGE]:
+    if rank_of(binary, level, node) < known(level, LARGE):
         return
     begin = binary.begin[node]
     centre = items.low[item] + items.high[item]
@@ -240,12 +234,12 @@ def choose_places(
     `areas_out`: of a box around an item and all after it, in the order of each axis.
     """
     axis, rank = wp.tid()
-    if rank >= level.info[RANGES] - level.info[LARGE]:
+    if rank >= known(level, RANGES) - known(level, LARGE):
         return
-    node = level.nodes[level.info[LARGE] + rank]
+    node = level.nodes[known(level, LARGE) + rank]
     begin, end = binary.begin[node], binary.end[node]
     best = wp.int64(half_of(end - begin) << AXIS_BITS) | wp.int64(HALVED)
-    if not must_halve(end - begin, level.info[DEPTH]):
+    if not must_halve(end - begin, level.depth):
         low, high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
         for step in range(1, end - begin):
             at = end - step
@@ -278,7 +272,7 @@ def find_sides(
     if node < 0:
         return
     rank = rank_of(binary, level, node)
-    if rank >= level.info[LARGE]:
+    if rank >= known(level, LARGE):
         return
     axis = level.axis[rank]
     if axis == HALVED:
@@ -312,12 +306,12 @@ def move_items(
         rank = rank_of(binary, level, node)
         begin, end = binary.begin[node], binary.end[node]
         count = int(0)
-        if rank < level.info[LARGE]:
+        if rank < known(level, LARGE):
             count = level.left_count[rank]
             left = before[item] - before[begin]
             place = wp.where(lefts[item] == 1, begin + left, item + count - left)
         else:
-            best = level.best[rank - level.info[LARGE]]
+            best = level.best[rank - known(level, LARGE)]
             count = best_count(best)
             if best_axis(best) != HALVED:
                 source = order[best_axis(best), item]
@@ -340,9 +334,9 @@ def part_small(
 ):
     """Make the children of a small range, whose items have been put where they go."""
     rank = wp.tid()
-    if rank >= level.info[RANGES] - level.info[LARGE]:
+    if rank >= known(level, RANGES) - known(level, LARGE):
         return
-    node = level.nodes[level.info[LARGE] + rank]
+    node = level.nodes[known(level, LARGE) + rank]
     begin, end = binary_out.begin[node], binary_out.end[node]
     middle = begin + best_count(level.best[rank])
     for side in range(2):

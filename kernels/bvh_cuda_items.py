@@ -8,7 +8,6 @@ They are split in `warpvis.kernels.bvh_cuda`.
 import warp as wp
 
 from warpvis.kernels.bvh_cuda_ranges import (
-    DEPTH,
     NEXT,
     NEXT_COUNT,
     Binary,
@@ -90,12 +89,11 @@ def begin_tree(
     words: wp.array2d[wp.int32],
     item_count: int,
     # Out:
-    info_out: wp.array[wp.int32],
+    info_out: wp.array2d[wp.int32],
     binary_out: Binary,
 ):
     """One thread: the root, which holds all items, and is the level below none."""
     node = wp.tid()
-    info_out[DEPTH] = -1
-    info_out[NEXT] = 0
-    info_out[NEXT_COUNT] = 1
+    info_out[0, NEXT] = 0
+    info_out[0, NEXT_COUNT] = 1
     set_child(binary_out, node, 0, item_count, box_low(words, 0), box_high(words, 0), 0.0)

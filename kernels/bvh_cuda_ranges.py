@@ -24,13 +24,13 @@ HALVED = 3
 AXIS_BITS = 2
 COST_BITS = 32
 
-# Where `Level.info` has a level's first node, how many nodes it has, and how deep down it is;
-FIRST, COUNT, DEPTH = 0, 1, 2
+# Where a row of `Level.info` has a level's first node, and how many nodes it has;
+FIRST, COUNT = 0, 1
 # how many of them are large, and how many are split at all;
-LARGE, RANGES = 3, 4
+LARGE, RANGES = 2, 3
 # and of the level below, the first node, and how many there are.
-NEXT, NEXT_COUNT = 5, 6
-INFO_WORDS = 7
+NEXT, NEXT_COUNT = 4, 5
+INFO_WORDS = 6
 
 
 @wp.struct
@@ -59,7 +59,8 @@ class Binary:
 class Level:
     """How the nodes of a level are split: by their ranks, the large ones first."""
 
-    info: wp.array[wp.int32]  # its first node and so on, see above
+    depth: int
+    info: wp.array2d[wp.int32]  # first nodes and so on, see above: a row for what is above the root, and one a level
     nodes: wp.array[wp.int32]
     axis: wp.array[wp.int32]  # along which it is split; `HALVED` if as the items lie
     bin: wp.array[wp.int32]  # of large ones, the first on the right
@@ -152,8 +153,14 @@ def box_high(words: wp.array2d[wp.int32], at: int) -> wp.vec3:
 
 
 @wp.func
+def known(level: Level, word: int) -> int:
+    """A word of `Level.info` of the level, once its ranges have ranks."""
+    return level.info[level.depth + 1, word]
+
+
+@wp.func
 def rank_of(binary: Binary, level: Level, node: int) -> int:
-    return (binary.child[node] - level.info[NEXT]) // 2
+    return (binary.child[node] - known(level, NEXT)) // 2
 
 
 @wp.func

@@ -54,9 +54,9 @@ def mark_ranges(counts: NDArray) -> NDArray:
 
 
 def count_ranges(info: NDArray, sums: NDArray) -> list[int]:
-    """What is known of the level below: first node, nodes, depth, large ranges, ranges; and of the one below that."""
-    _, _, depth, _, _, first, count = info
-    return [first, count, depth + 1, *sums, first + count, 2 * sums[1]]
+    """What is known of the level below: first node, nodes, large ranges, ranges; and of the one below that."""
+    *_, first, count = info
+    return [first, count, *sums, first + count, 2 * sums[1]]
 
 
 def clear_bins(count: int) -> tuple[NDArray, NDArray]:

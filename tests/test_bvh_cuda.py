@@ -107,23 +107,28 @@ def snapshot(value):
 class Recorded:
     """A launch that is made when it is asked for."""
 
-    def __init__(self, run, dim):
-        self._run, self.set_dim = run, lambda dim: setattr(self, "_dim", dim)
+    def __init__(self, run, dim, inputs):
+        self._run, self._dim, self._inputs = run, dim, list(inputs)
+
+    def set_dim(self, dim):
         self._dim = dim
 
+    def set_param_at_index(self, index, value):
+        self._inputs[index] = value
+
     def launch(self):
-        self._run(self._dim)
+        self._run(self._dim, self._inputs)
 
 
 class Level(SimpleNamespace):
     """A level, with names for what is known of it."""
 
-    first = property(lambda self: self.info[bvh_cuda_ranges.FIRST])
-    count = property(lambda self: self.info[bvh_cuda_ranges.COUNT])
-    depth = property(lambda self: self.info[bvh_cuda_ranges.DEPTH])
-    large_count = property(lambda self: self.info[bvh_cuda_ranges.LARGE])
-    ranges = property(lambda self: self.info[bvh_cuda_ranges.RANGES])
-    next = property(lambda self: self.info[bvh_cuda_ranges.NEXT])
+    row = property(lambda self: self.info[self.depth + 1])
+    first = property(lambda self: self.row[bvh_cuda_ranges.FIRST])
+    count = property(lambda self: self.row[bvh_cuda_ranges.COUNT])
+    large_count = property(lambda self: self.row[bvh_cuda_ranges.LARGE])
+    ranges = property(lambda self: self.row[bvh_cuda_ranges.RANGES])
+    next = property(lambda self: self.row[bvh_cuda_ranges.NEXT])
 
 
 class Checks:
@@ -134,7 +139,7 @@ class Checks:
 
     def __call__(self, launch):
         def checked(kernel, dim, inputs, device, *, record_cmd=False):
-            recorded = Recorded(lambda dim: self._run(launch, kernel, dim, inputs, device), dim)
+            recorded = Recorded(lambda dim, inputs: self._run(launch, kernel, dim, inputs, device), dim, inputs)
             return recorded if record_cmd else recorded.launch()
 
         return checked
@@ -162,20 +167,17 @@ class Checks:
         tree = made.binary_out
         assert (tree.begin[0], tree.end[0], tree.child[0]) == reference.begin_tree(given.item_count)
         np.testing.assert_allclose(np.concatenate([tree.low[0], tree.high[0]]), self.box, rtol=1e-6)
-
-        np.testing.assert_array_equal(made.info_out[[2, 5, 6]], [-1, 0, 1])
+        np.testing.assert_array_equal(made.info_out[0, [bvh_cuda_ranges.NEXT, bvh_cuda_ranges.NEXT_COUNT]], [0, 1])
 
     def mark_ranges(self, dim, given, made):
-        _, _, _, _, _, first, count = given.level.info
+        *_, first, count = given.level.info[given.level.depth]
         counts = np.zeros(dim, dtype=int)
         counts[:count] = (given.binary.end - given.binary.begin)[first : first + count]
         np.testing.assert_array_equal(made.flags_out, reference.mark_ranges(counts))
 
-    def count_ranges(self, dim, given, made):
-        np.testing.assert_array_equal(made.info_out, reference.count_ranges(given.info_out, given.sums[:, -1]))
-
     def rank_ranges(self, dim, given, made):
         tree, level = made.binary_out, made.level_out
+        np.testing.assert_array_equal(level.row, reference.count_ranges(level.info[level.depth], given.sums[:, -1]))
         here = slice(level.first, level.first + level.count)
         order = level.first + reference.rank_ranges((tree.end - tree.begin)[here])
         np.testing.assert_array_equal(level.nodes[: level.ranges], order)

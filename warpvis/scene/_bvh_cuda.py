@@ -114,12 +114,12 @@ class _Splitter:
         # As many ranges as there can be that are no leaves, and that are large.
         ranges, large = (self._count // (most + 1) + 1 for most in (CUDA_LANES, bvh_cuda_ranges.SMALL))
         self._flags, self._sums = (self._integers((2, 2 * ranges)) for _ in range(2))
+        self._flat = self._flags.flatten(), self._sums.flatten()
         self._level = self._new_level(ranges)
         self._most = large, ranges
         bins = _BINS * large
         self._bins = self._integers((bins, bvh_cuda_ranges.BIN_WORDS)), self._integers(bins)
-        told = bvh_cuda_ranges.MOST_DEPTH + 1, bvh_cuda_ranges.INFO_WORDS
-        self._told = wp.empty(told, dtype=wp.int32, pinned=not self._device.is_cpu, device="cpu")
+        self._rows: list[list[int]] = []
         self._begin(mesh)
         self._record()
 
@@ -127,9 +127,9 @@ class _Splitter:
         """Return the items in the leaves' order, the binary tree, and the first node and the number of each level."""
         depth = 0
         while any(counts := self._next_level(depth)):
-            self._split_level(depth % 2, depth, *counts)
+            self._split_level(depth % 2, *counts)
             depth += 1
-        return self._items[depth % 2], self._binary, [(first, count) for first, count, *_ in self._rows(depth)]
+        return self._items[depth % 2], self._binary, [(first, count) for first, count, *_ in self._rows]
 
     def _begin(self, mesh: DeviceMesh) -> None:
         """Fill the first of the arrays of items, and make the root of them."""
@@ -142,17 +142,20 @@ class _Splitter:
         launch(item_kernels.begin_tree, 1, [words, self._count, self._level.info, self._binary], device)
 
     def _record(self) -> None:
-        """Prepare the launches of a level; how many threads they have is said later."""
+        """Prepare the launches of a level, with threads for as many ranges as there can be: most levels have fewer.
+
+        They read `Level.depth` when they are made. To say how many threads there are takes as long as to make one.
+        """
         kernels, level, binary, bins = bvh_cuda, self._level, self._binary, self._bins
 
         def record(kernel: wp.Kernel, dim: int | tuple[int, int], *inputs: Any) -> Any:
             return launch(kernel, dim, list(inputs), self._device, record_cmd=True)
 
-        self._mark = record(kernels.mark_ranges, self._flags.shape[1], binary, level, self._flags)
-        self._tell = record(kernels.count_ranges, 1, self._sums, level.info)
-        self._rank = record(kernels.rank_ranges, (2, 1), self._flags, self._sums, level, binary)
+        (large, ranges), flags = self._most, self._flags.shape
+        self._mark = record(kernels.mark_ranges, flags[1], binary, level, self._flags)
+        self._rank = record(kernels.rank_ranges, flags, self._flags, self._sums, level, binary)
         self._clear = record(kernels.clear_bins, 1, *bins)
-        self._choose = record(kernels.choose_bins, 1, *bins, level, binary)
+        self._choose = record(kernels.choose_bins, large, *bins, level, binary)
         self._fill, self._sort, self._place, self._side, self._move, self._part = ([] for _ in range(6))
         length = max(_LEAST_PART, -(-self._count // _MOST_PARTS))
         parts = -(-self._count // length), bvh_cuda_ranges.BINS
@@ -164,47 +167,43 @@ class _Splitter:
             # Where items are moved to, there is room for areas before.
             areas = wp.array(ptr=moved.low.ptr, dtype=wp.float32, shape=(3, self._count), device=self._device)
             placing = self._order, areas, level.best
-            self._place.append(record(kernels.choose_places, (3, 1), *given, *placing))
+            self._place.append(record(kernels.choose_places, (3, ranges), *given, *placing))
             self._side.append(record(kernels.find_sides, self._count, *given, self._lefts))
             self._move.append(record(kernels.move_items, self._count, *given, *moving, moved))
-            self._part.append(record(kernels.part_small, 1, moved, level, binary))
+            self._part.append(record(kernels.part_small, ranges, moved, level, binary))
 
     def _next_level(self, depth: int) -> tuple[int, int]:
         """Find the ranges of a level that are split, and return how many large and small ones there are at most."""
+        self._level.depth = depth
         self._mark.launch()
-        wp.utils.array_scan(self._flags.flatten(), self._sums.flatten())
-        self._tell.launch()
-        wp.copy(self._told, self._level.info, dest_offset=depth * bvh_cuda_ranges.INFO_WORDS)
+        wp.utils.array_scan(*self._flat)
+        self._rank.launch()
         nodes = 1 << depth
         if nodes * CUDA_LANES < self._count and 4 * nodes <= len(self._binary.begin):
             # So few leaves cannot hold all items, and there is room, however they are split: nothing needs to be known.
             return min(nodes, self._most[0]), min(nodes, self._most[1])
-        if not self._device.is_cpu:
-            wp.synchronize_stream(self._device)
-        first, count, _, large, ranges, *_ = self._rows(depth)[-1]
+        # Of all levels so far, below what is above the root; the host waits.
+        self._rows = self._level.info.numpy()[1 : depth + 2].tolist()
+        first, count, large, ranges, *_ = self._rows[-1]
         self._grow(first + count + 2 * ranges)
         return large, ranges - large
 
-    def _rows(self, depth: int) -> list[list[int]]:
-        """Return what is known of all levels so far."""
-        return self._told.numpy()[: depth + 1].tolist()
-
-    def _split_level(self, way: int, depth: int, large: int, small: int) -> None:
+    def _split_level(self, way: int, large: int, small: int) -> None:
         """Split so many large and small ranges at most, and move the items."""
-        _launch(self._rank, (2, min(1 << depth, self._flags.shape[1])))
         if large:
-            _launch(self._clear, large * _BINS)
+            self._clear.set_dim(large * _BINS)
+            self._clear.launch()
             self._fill[way].launch()
-            _launch(self._choose, large)
+            self._choose.launch()
         if small:
             self._sort[way].launch()
-            _launch(self._place[way], (3, small))
+            self._place[way].launch()
         if large:
             self._side[way].launch()
             wp.utils.array_scan(self._lefts, self._before, inclusive=False)
         self._move[way].launch()
         if small:
-            _launch(self._part[way], small)
+            self._part[way].launch()
 
     def _grow(self, nodes: int) -> None:
         """Make room for so many nodes of the binary tree."""
@@ -221,7 +220,7 @@ class _Splitter:
 
     def _new_level(self, ranges: int) -> Any:
         level = bvh_cuda_ranges.Level()
-        level.info = self._integers(bvh_cuda_ranges.INFO_WORDS)
+        level.info = self._integers((bvh_cuda_ranges.MOST_DEPTH + 2, bvh_cuda_ranges.INFO_WORDS))
         level.nodes, level.axis, level.bin, level.left_count = (self._integers(ranges) for _ in range(4))
         level.best = wp.empty(ranges, dtype=wp.int64, device=self._device)
         return level
@@ -240,19 +239,19 @@ class _Splitter:
         return binary
 
 
-def _launch(recorded: Any, dim: int | tuple[int, int]) -> None:
-    recorded.set_dim(dim)
-    recorded.launch()
-
-
 def _collapse(binary: Any, levels: list[tuple[int, int]], *, evenly: bool) -> _Nodes:
     """Make nodes of the binary tree's: of the least area, or, `evenly`, of five of its levels or more each."""
     device = binary.begin.device
     count = sum(levels[-1])
     integers = partial(wp.empty, dtype=wp.int32, device=device)
     costs = wp.empty((count, CUDA_LANES), dtype=wp.float32, device=device)
+    find_costs = launch(
+        node_kernels.find_costs, (1, CUDA_LANES), [binary, 0, int(evenly), costs], device, record_cmd=True
+    )
     for first, size in reversed(levels):
-        launch(node_kernels.find_costs, (size, CUDA_LANES), [binary, first, int(evenly), costs], device)
+        find_costs.set_param_at_index(1, first)
+        find_costs.set_dim((size, CUDA_LANES))
+        find_costs.launch()
     # Of a binary tree's nodes, half and one are leaves; each node has two children or more, but the root of a leaf.
     children, leaf_ranges = integers((count // 2 + 1, CUDA_LANES)), integers((count // 2 + 1, 2))
     nodes = wp.zeros(1, dtype=wp.int32, device=device)
