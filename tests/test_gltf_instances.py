@@ -7,6 +7,7 @@ import pytest
 import test_instances
 import trimesh
 from gltf_files import GltfWriter
+from test_many_objects import calls_of
 
 import warpvis as wv
 from warpvis.errors import FileFormatError
@@ -197,6 +198,12 @@ def test_placements_of_nodes_are_split_at_once(tmp_path, monkeypatch):
     (tmp_path / "nodes.glb").write_bytes(shared_by_nodes().bytes())
     wv.Scene.load(tmp_path / "nodes.glb")
     assert calls == [3]
+
+
+def test_poses_of_instances_are_turned_at_once(tmp_path):
+    """Also of those whose sizes take turns, which are added one by one."""
+    path = write(tmp_path / "many.glb", rows_of(COUNT, SIZES))
+    assert calls_of("_quaternions", lambda: wv.Scene.load(path)) < 5
 
 
 def test_exported_instances_share_their_mesh_again(few_share, tmp_path):

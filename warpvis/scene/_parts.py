@@ -183,7 +183,7 @@ def _turned_poses(parts: Sequence[Part], upright: NDArray[np.float64] | None, fa
         if alike:
             matrices[list(alike)] = poses_to_matrices(poses_to_opencv(np.stack(list(alike.values()))))
     matrices[:, :3, 3] *= factor
-    turned = iter(matrices if upright is None else upright @ matrices)
+    turned = iter(poses_to_opencv(matrices if upright is None else upright @ matrices))  # all at once: it takes long
     return [next(turned) if own else None for own in posed]
 
 
