@@ -52,6 +52,24 @@ struct Vec3 {
     }
 };
 
+struct Reciprocal {
+    // About 1 / x, to the last digit or two; not of what is nearly 0, or nearly infinite.
+    static inline float about(float x) {
+#if defined(__CUDACC_RTC__)
+        float value;
+        asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(value) : "f"(x));
+        return value;
+#else
+        return 1.0f / x;
+#endif
+    }
+    // 1 / x, rounded, by one step of Newton's method: what a division does, but for a call where x is 0.
+    static inline float of(float x) {
+        const float value = about(x);
+        return __fmaf_rn(value, -__fmaf_rn(x, value, -1.0f), value);
+    }
+};
+
 struct Three {
     static inline float min(float a, float b, float c) { return fminf(a, fminf(b, c)); }
     static inline float max(float a, float b, float c) { return fmaxf(a, fmaxf(b, c)); }

@@ -3,13 +3,35 @@
 //
 // From a packet's pixels to depth, points, normals, labels and segmentation, a row at a time, each written once.
 
-struct Write {
-    enum {
-        ROWS = LANES / PACKET_WIDTH,  // that all lanes together take at a time
-        INFINITY_BITS = 0x7f800000,
-        NAN_BITS = 0x7fc00000,
-    };
+// A lane's pixels of a packet, one after the other: they are in one column.
+struct Column {
+    enum { ROWS = LANES / PACKET_WIDTH };  // that all lanes together take at a time
     static_assert(LANES % PACKET_WIDTH == 0, "lanes take whole rows");
+
+    int column, row;  // in the packet
+    int rows;  // of the packet that are in the image; none if the column is not
+    int step;  // to the next one in the images
+    long long at;  // in the images
+
+    static inline Column of(const View& view, const Packet& packet) {
+        const int column = Warp::lane() % PACKET_WIDTH, row = Warp::lane() / PACKET_WIDTH;
+        const int x = packet.first_x + column, y = packet.first_y + row;
+        const int rows = x < view.width ? min((int)PACKET_HEIGHT, view.height - packet.first_y) : 0;
+        return Column{column, row, rows, ROWS * view.width, ((long long)view.index * view.height + y) * view.width + x};
+    }
+    inline bool some() const { return row < rows; }
+    inline void next() { row += ROWS, at += step; }
+    inline Key key(const Packet& packet) const { return packet.z_buffer[Packet::index_at(column, row)]; }
+};
+
+struct Write {
+    enum { INFINITY_BITS = 0x7f800000, NAN_BITS = 0x7fc00000 };
+
+    // `z` is a number where something is, that is, where `inv_z` is greater than 0.
+    static inline bool seen(const View& view, float inv_z, float z) {
+        return inv_z > 0.0f && z >= view.near && z <= view.far;
+    }
+    static inline float inv_z_of(Key key) { return __uint_as_float(DepthKey::inv_z_bits(key)); }
 
     static inline void vector(float* image, long long at, Vec3 value) {
         image[3 * at] = value.x;
@@ -60,40 +82,57 @@ struct Write {
         return PoseRow::turned_out(axis, n);
     }
 
-    static inline Vec3 point(const Camera& camera, int x, int y, float z) {
-        const float u = (float)x + camera.first_u, v = (float)y + camera.first_v;
-        const Vec3 right = camera.exact_rays[0].rounded(), down = camera.exact_rays[1].rounded();
-        const Vec3 forward = camera.exact_rays[2].rounded();
-        return Vec3{__fmaf_rn(z, __fmaf_rn(u, right.x, __fmaf_rn(v, down.x, forward.x)), camera.origin.x),
-                    __fmaf_rn(z, __fmaf_rn(u, right.y, __fmaf_rn(v, down.y, forward.y)), camera.origin.y),
-                    __fmaf_rn(z, __fmaf_rn(u, right.z, __fmaf_rn(v, down.z, forward.z)), camera.origin.z)};
-    }
-
     static inline void images(const Scene& scene, const View& view, const Camera& camera, const Packet& packet,
                               const Images& out) {
-        const int column = Warp::lane() % PACKET_WIDTH;
-        const int x = packet.first_x + column;
-        for (int row = Warp::lane() / PACKET_WIDTH; row < PACKET_HEIGHT; row += ROWS) {
-            const int y = packet.first_y + row;
-            const Key key = packet.z_buffer[Packet::index_at(column, row)];
-            if (x < view.width && y < view.height) pixel(scene, view, camera, out, x, y, key);
+        if (out.depth) depths(view, packet, out.depth);
+        if (out.points) points(view, camera, packet, out.points);
+        if (DepthKey::HAS_ID && out.normals) normals(scene, view, camera, packet, out.normals);
+        if (DepthKey::HAS_ID && (out.segmentation || out.labels)) objects(scene, view, packet, out);
+    }
+
+    static inline void depths(const View& view, const Packet& packet, float* depth) {
+        const float infinity = __int_as_float(INFINITY_BITS);
+        for (Column at = Column::of(view, packet); at.some(); at.next()) {
+            const float inv_z = inv_z_of(at.key(packet)), z = Reciprocal::of(inv_z);
+            const bool near = inv_z > 0.0f && z < view.near;
+            depth[at.at] = seen(view, inv_z, z) ? z : near ? -infinity : infinity;
         }
     }
 
-    static inline void pixel(const Scene& scene, const View& view, const Camera& camera, const Images& out, int x,
-                             int y, Key key) {
-        const float infinity = __int_as_float(INFINITY_BITS);
-        const float inv_z = __uint_as_float(DepthKey::inv_z_bits(key)), z = 1.0f / inv_z;
-        const bool far_enough = z >= view.near, seen = far_enough && z <= view.far && inv_z > 0.0f;
-        const long long at = ((long long)view.index * view.height + y) * view.width + x;
-        if (out.depth) out.depth[at] = seen ? z : far_enough ? infinity : -infinity;
-        if (out.points) vector(out.points, at, seen ? point(camera, x, y, z) : none());
-        if (!DepthKey::HAS_ID) return;
-        const unsigned id = DepthKey::id(key);
-        if (out.normals) vector(out.normals, at, seen ? normal(scene, camera, id, x, y) : none());
-        if (!(out.segmentation || out.labels)) return;
-        const int object = seen ? scene.object_of(id) : -1;
-        if (out.segmentation) out.segmentation[at] = object;
-        if (out.labels) out.labels[at] = object < 0 ? (unsigned char)LABEL_EMPTY : __ldg(out.object_label + object);
+    static inline void points(const View& view, const Camera& camera, const Packet& packet, float* points) {
+        const Vec3 right = camera.exact_rays[0].rounded(), down = camera.exact_rays[1].rounded(),
+                   forward = camera.exact_rays[2].rounded(), o = camera.origin;
+        Column at = Column::of(view, packet);
+        const float u = (float)(packet.first_x + at.column) + camera.first_u;
+        for (; at.some(); at.next()) {
+            const float inv_z = inv_z_of(at.key(packet)), z = Reciprocal::of(inv_z);
+            const float v = (float)(packet.first_y + at.row) + camera.first_v;
+            const Vec3 place = {__fmaf_rn(z, __fmaf_rn(u, right.x, __fmaf_rn(v, down.x, forward.x)), o.x),
+                                __fmaf_rn(z, __fmaf_rn(u, right.y, __fmaf_rn(v, down.y, forward.y)), o.y),
+                                __fmaf_rn(z, __fmaf_rn(u, right.z, __fmaf_rn(v, down.z, forward.z)), o.z)};
+            vector(points, at.at, seen(view, inv_z, z) ? place : none());
+        }
+    }
+
+    static inline void normals(const Scene& scene, const View& view, const Camera& camera, const Packet& packet,
+                               float* normals) {
+        for (Column at = Column::of(view, packet); at.some(); at.next()) {
+            const Key key = at.key(packet);
+            const int x = packet.first_x + at.column, y = packet.first_y + at.row;
+            const float inv_z = inv_z_of(key);
+            vector(normals, at.at,
+                   seen(view, inv_z, Reciprocal::of(inv_z)) ? normal(scene, camera, DepthKey::id(key), x, y) : none());
+        }
+    }
+
+    static inline void objects(const Scene& scene, const View& view, const Packet& packet, const Images& out) {
+        for (Column at = Column::of(view, packet); at.some(); at.next()) {
+            const Key key = at.key(packet);
+            const float inv_z = inv_z_of(key);
+            const int object = seen(view, inv_z, Reciprocal::of(inv_z)) ? scene.object_of(DepthKey::id(key)) : -1;
+            if (out.segmentation) out.segmentation[at.at] = object;
+            if (out.labels)
+                out.labels[at.at] = object < 0 ? (unsigned char)LABEL_EMPTY : __ldg(out.object_label + object);
+        }
     }
 };

@@ -80,7 +80,7 @@ struct Setup {
             const float zmin = Three::min(a.z, b.z, c.z);
             p.zmax = Three::max(a.z, b.z, c.z);
             p.crossing = zmin <= CROSSING_SHARE * p.zmax + CROSSING_LEAST;
-            p.inv_z[0] = 1.0f / a.z, p.inv_z[1] = __fdividef(1.0f, b.z), p.inv_z[2] = __fdividef(1.0f, c.z);
+            p.inv_z[0] = Reciprocal::of(a.z), p.inv_z[1] = __fdividef(1.0f, b.z), p.inv_z[2] = __fdividef(1.0f, c.z);
             // Rounded here, though the compiler would rather fuse them with what they are subtracted from.
             p.u[0] = __fmul_rn(a.x, p.inv_z[0]), p.u[1] = __fmul_rn(b.x, p.inv_z[1]),
             p.u[2] = __fmul_rn(c.x, p.inv_z[2]);
