@@ -18,10 +18,27 @@ from warpvis.kernels.constants import (
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
+# Where a row of `Opened.info` has a level's first node, how many it has, and the first leaf among their children.
+FIRST_NODE, NODES, FIRST_LEAF = 0, 1, 2
+OPENED_WORDS = 3
+
 _WAITING = wp.constant(2 * CUDA_LANES)
 _NEVER = wp.constant(2.0)
 _LEAST_COSINE = wp.constant(wp.float64(0.0872))  # of 85 degrees
 _MARGIN = wp.constant(wp.float64(1e-3))
+
+
+@wp.struct
+class Opened:
+    """The nodes of a level, while their children are found. All but their numbers is there for one level at a time."""
+
+    depth: int
+    most: int  # nodes that the level has, or more
+    info: wp.array2d[wp.int32]  # first nodes and so on, see above: a row a level
+    nodes: wp.array2d[wp.int32]  # of the binary tree, which they are made of: one row for this level, one for the next
+    parts: wp.array2d[wp.int32]  # of the binary tree, which their children are made of; -1 for none
+    counts: wp.array[wp.int32]  # nodes among the children of each, then leaves among them: twice `most`
+    sums: wp.array[wp.int32]  # of these, including each
 
 
 @wp.func
@@ -83,16 +100,18 @@ def open_nodes(
     # In:
     binary: Binary,
     costs: wp.array2d[float],
-    nodes: wp.array[wp.int32],
     # Out:
-    parts_out: wp.array2d[wp.int32],
-    counts_out: wp.array2d[wp.int32],
+    opened_out: Opened,
 ):
     """Find the children of a node that is made of a binary one, in the items' order; count its nodes and leaves."""
     index = wp.tid()
+    if index >= opened_out.info[opened_out.depth, NODES]:
+        opened_out.counts[index] = 0
+        opened_out.counts[opened_out.most + index] = 0
+        return
     stack = wp.vector(length=_WAITING, dtype=wp.int32)
     mosts = wp.vector(length=_WAITING, dtype=wp.int32)
-    stack[0] = nodes[index]
+    stack[0] = opened_out.nodes[opened_out.depth % 2, index]
     mosts[0] = CUDA_LANES
     waiting, count, inner = int(1), int(0), int(0)
     is_root = bool(True)
@@ -104,7 +123,7 @@ def open_nodes(
             while most > 1 and costs[node, most - 2] == costs[node, most - 1]:
                 most -= 1
         if is_leaf or most == 1:
-            parts_out[index, count] = node
+            opened_out.parts[index, count] = node
             count += 1
             inner += int(not is_leaf)
         else:
@@ -116,33 +135,35 @@ def open_nodes(
             waiting += 2
         is_root = False
     for lane in range(count, CUDA_LANES):
-        parts_out[index, lane] = -1
-    counts_out[0, index] = inner
-    counts_out[1, index] = count - inner
+        opened_out.parts[index, lane] = -1
+    opened_out.counts[index] = inner
+    opened_out.counts[opened_out.most + index] = count - inner
 
 
 @wp.kernel
 def name_children(
     # In:
     binary: Binary,
-    parts: wp.array2d[wp.int32],
-    counts: wp.array2d[wp.int32],
-    sums: wp.array2d[wp.int32],
-    first_node: int,
-    next_node: int,
-    first_leaf: int,
     # Out:
+    opened_out: Opened,
     children_out: wp.array2d[wp.int32],
     leaf_ranges_out: wp.array2d[wp.int32],
-    nodes_out: wp.array[wp.int32],
 ):
-    """Number the children of a node of one level, by sums of their counts."""
+    """Number the children of a node of one level, by sums of their counts; one thread says what the next level has."""
     index = wp.tid()
-    last = counts.shape[1] - 1
-    inner = sums[0, index] - counts[0, index]
-    leaf = first_leaf + sums[1, index] - counts[1, index] - sums[0, last]
+    depth, most = opened_out.depth, opened_out.most
+    first, count = opened_out.info[depth, FIRST_NODE], opened_out.info[depth, NODES]
+    first_leaf, all_inner = opened_out.info[depth, FIRST_LEAF], opened_out.sums[most - 1]
+    if index == 0:
+        opened_out.info[depth + 1, FIRST_NODE] = first + count
+        opened_out.info[depth + 1, NODES] = all_inner
+        opened_out.info[depth + 1, FIRST_LEAF] = first_leaf + opened_out.sums[2 * most - 1] - all_inner
+    if index >= count:
+        return
+    inner = opened_out.sums[index] - opened_out.counts[index]
+    leaf = first_leaf + opened_out.sums[most + index] - opened_out.counts[most + index] - all_inner
     for lane in range(CUDA_LANES):
-        part, child = parts[index, lane], int(0)
+        part, child = opened_out.parts[index, lane], int(0)
         if part >= 0:
             if binary.child[part] < 0:
                 child = -1 - leaf
@@ -150,10 +171,10 @@ def name_children(
                 leaf_ranges_out[leaf, 1] = binary.end[part]
                 leaf += 1
             else:
-                child = next_node + inner
-                nodes_out[inner] = part
+                child = first + count + inner
+                opened_out.nodes[1 - depth % 2, inner] = part
                 inner += 1
-        children_out[first_node + index, lane] = child
+        children_out[first + index, lane] = child
 
 
 @wp.kernel

@@ -86,6 +86,17 @@ def test_the_binary_tree_has_room_for_leaves_that_are_all_but_empty(monkeypatch)
     test_bvh.assert_equal(build(given), expected)
 
 
+def test_the_host_asks_for_levels_only_where_they_may_be_the_last(monkeypatch):
+    """Each time it waits for the GPU: of 16 levels of ranges and of four levels of nodes, for few."""
+    given, asked = CASES["blobs_77k"](), []
+    numpy = wp.array.numpy
+    monkeypatch.setattr(wp.array, "numpy", lambda self: asked.append(self.shape[0]) or numpy(self))
+    tree = build(given)
+    assert tree.depth == 4
+    assert len(asked) <= 6
+    assert max(asked) <= bvh_cuda_ranges.MOST_DEPTH + 2
+
+
 def test_more_triangles_than_a_tree_holds_are_refused():
     mesh = _bvh_cuda.DeviceMesh(*(SimpleNamespace(device=None, __len__=None) for _ in range(4)))
     with pytest.raises(SceneError, match=r"at most 1 levels holds 1024 triangles, got 3000$"):
@@ -306,8 +317,12 @@ class Checks:
         np.testing.assert_allclose(made.costs_out[here], expected[here], rtol=1e-5, atol=1e-27)
 
     def open_nodes(self, dim, given, made):
-        child = given.binary.child
-        for node, parts, counts in zip(given.nodes, made.parts_out, made.counts_out.T, strict=True):
+        child, opened = given.binary.child, made.opened_out
+        size, both = opened.info[opened.depth, 1], opened.counts[: 2 * dim].reshape(2, dim)
+        assert opened.most == dim >= size
+        assert (both[:, size:] == 0).all()
+        nodes = opened.nodes[opened.depth % 2, :size]
+        for node, parts, counts in zip(nodes, opened.parts[:size], both.T[:size], strict=True):
             used = parts[parts >= 0]
             np.testing.assert_array_equal(parts[len(used) :], -1)
             inner = child[used] >= 0
@@ -321,13 +336,18 @@ class Checks:
                 assert total <= reference.open_nodes(child, costs, node) * (1 + 1e-4) + 1e-25 or costs[node, 1] == 0.5
 
     def name_children(self, dim, given, made):
-        is_leaf = given.binary.child[np.maximum(given.parts, 0)] < 0
-        expected = reference.name_children(given.parts, is_leaf, given.next_node, given.first_leaf)
-        np.testing.assert_array_equal(made.children_out[given.first_node : given.first_node + dim], expected)
-        leaves = given.parts[(given.parts >= 0) & is_leaf]
-        ranges = made.leaf_ranges_out[given.first_leaf : given.first_leaf + len(leaves)]
+        opened = given.opened_out
+        first, size, first_leaf = opened.info[opened.depth]
+        parts = opened.parts[:size]
+        is_leaf = given.binary.child[np.maximum(parts, 0)] < 0
+        expected = reference.name_children(parts, is_leaf, first + size, first_leaf)
+        np.testing.assert_array_equal(made.children_out[first : first + size], expected)
+        leaves, inner = (parts[(parts >= 0) & kind] for kind in (is_leaf, ~is_leaf))
+        ranges = made.leaf_ranges_out[first_leaf : first_leaf + len(leaves)]
         np.testing.assert_array_equal(ranges.T, [given.binary.begin[leaves], given.binary.end[leaves]])
-        np.testing.assert_array_equal(made.nodes_out, given.parts[(given.parts >= 0) & ~is_leaf])
+        np.testing.assert_array_equal(made.opened_out.nodes[1 - opened.depth % 2, : len(inner)], inner)
+        below = [first + size, len(inner), first_leaf + len(leaves)]
+        np.testing.assert_array_equal(made.opened_out.info[opened.depth + 1], below)
 
     def fit_leaves(self, dim, given, made):
         corners = given.leaves.swapaxes(1, 2).reshape(-1, 32, 3, 3)

@@ -240,35 +240,57 @@ class _Splitter:
 
 
 def _collapse(binary: Any, levels: list[tuple[int, int]], *, evenly: bool) -> _Nodes:
-    """Make nodes of the binary tree's: of the least area, or, `evenly`, of five of its levels or more each."""
+    """Make nodes of the binary tree's: of the least area, or, `evenly`, of five of its levels or more each.
+
+    The host is told how many there are once a level may be the last.
+    """
     device = binary.begin.device
-    count = sum(levels[-1])
-    integers = partial(wp.empty, dtype=wp.int32, device=device)
-    costs = wp.empty((count, CUDA_LANES), dtype=wp.float32, device=device)
-    find_costs = launch(
-        node_kernels.find_costs, (1, CUDA_LANES), [binary, 0, int(evenly), costs], device, record_cmd=True
-    )
-    for first, size in reversed(levels):
-        find_costs.set_param_at_index(1, first)
-        find_costs.set_dim((size, CUDA_LANES))
-        find_costs.launch()
     # Of a binary tree's nodes, half and one are leaves; each node has two children or more, but the root of a leaf.
-    children, leaf_ranges = integers((count // 2 + 1, CUDA_LANES)), integers((count // 2 + 1, 2))
-    nodes = wp.zeros(1, dtype=wp.int32, device=device)
-    done, leaves = list[tuple[int, int]](), 0
-    while size := len(nodes):
-        first = sum(done[-1]) if done else 0
-        parts, counts, sums = integers((size, CUDA_LANES)), integers((2, size)), integers((2, size))
-        launch(node_kernels.open_nodes, size, [binary, costs, nodes, parts, counts], device)
-        wp.utils.array_scan(counts.flatten(), sums.flatten())
-        inner, both = sums[:, size - 1].numpy().tolist()
-        below = integers(inner)
-        names = [first, first + size, leaves, children, leaf_ranges, below]
-        launch(node_kernels.name_children, size, [binary, parts, counts, sums, *names], device)
-        done.append((first, size))
-        leaves, nodes = leaves + both - inner, below
-    used = first + size if (size := done[-1][1]) else 0
-    return _Nodes(_shrunk(children, used), leaf_ranges, done, leaves)
+    leaves = sum(levels[-1]) // 2 + 1
+    children, leaf_ranges = (wp.empty((leaves, n), dtype=wp.int32, device=device) for n in (CUDA_LANES, 2))
+    costs, opened = _find_costs(binary, levels, evenly=evenly), _new_opened(leaves, device)
+    find = launch(node_kernels.open_nodes, 1, [binary, costs, opened], device, record_cmd=True)
+    name = launch(node_kernels.name_children, 1, [binary, opened, children, leaf_ranges], device, record_cmd=True)
+    rows, depth, most = list[list[int]](), 0, 1
+    while most:
+        opened.depth, opened.most = depth, most
+        find.set_dim(most)
+        find.launch()
+        wp.utils.array_scan(opened.counts[: 2 * most], opened.sums[: 2 * most])
+        name.set_dim(most)
+        name.launch()
+        depth += 1
+        most = min(CUDA_LANES**depth, leaves)
+        if most == leaves:
+            rows = opened.info.numpy()[: depth + 1].tolist()
+            most = rows[depth][node_kernels.NODES]
+    used, _, leaf_count = rows[depth]
+    return _Nodes(_shrunk(children, used), leaf_ranges, [(first, size) for first, size, _ in rows[:depth]], leaf_count)
+
+
+def _find_costs(binary: Any, levels: list[tuple[int, int]], *, evenly: bool) -> wp.array:
+    """Find what the subtrees cost as 1 to 32 parts, from the deepest level up."""
+    device = binary.begin.device
+    costs = wp.empty((sum(levels[-1]), CUDA_LANES), dtype=wp.float32, device=device)
+    inputs = [binary, 0, int(evenly), costs]
+    recorded = launch(node_kernels.find_costs, (1, CUDA_LANES), inputs, device, record_cmd=True)
+    for first, size in reversed(levels):
+        recorded.set_param_at_index(1, first)
+        recorded.set_dim((size, CUDA_LANES))
+        recorded.launch()
+    return costs
+
+
+def _new_opened(most: int, device: wp.Device) -> Any:
+    """Make room for levels of so many nodes at most, of which the first is the root."""
+    opened = node_kernels.Opened()
+    info = np.zeros((bvh_cuda_ranges.MOST_DEPTH + 2, node_kernels.OPENED_WORDS), dtype=np.int32)
+    info[0, node_kernels.NODES] = 1
+    opened.info = wp.array(info, dtype=wp.int32, device=device)
+    opened.nodes = wp.zeros((2, most), dtype=wp.int32, device=device)
+    opened.parts = wp.empty((most, CUDA_LANES), dtype=wp.int32, device=device)
+    opened.counts, opened.sums = (wp.empty(2 * most, dtype=wp.int32, device=device) for _ in range(2))
+    return opened
 
 
 def _shrunk(rows: wp.array, count: int) -> wp.array:
