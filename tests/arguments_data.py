@@ -71,7 +71,7 @@ def data_cases(folder):
         "from_image_msg": (wv.io.from_image_msg, {"message": wv.io.to_image_msg(DEPTH, **MESSAGE)}),
         "to_image_msg": (wv.io.to_image_msg, {"depth": DEPTH, "encoding": "16UC1", **MESSAGE}),
         "to_pointcloud2": (wv.io.to_pointcloud2, {"points": DEPTH, "camera": CAMERA, **MESSAGE}),
-        "load_camera": (wv.io.load_camera, {"name_or_path": "kinect"}),
+        "load_camera": (wv.io.load_camera, {"name_or_path": "kinect", "distortion": True}),
         "read_points": (wv.io.read_points, {"path": folder / "points.txt"}),
         "read_poses": (wv.io.read_poses, {"path": folder / "walk.txt"}),
         "save_depth_png": (wv.io.save_depth_png, {"depth": DEPTH[0], "path": path / "depth.png"}),

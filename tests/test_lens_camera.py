@@ -305,6 +305,7 @@ BAD = {
     "kind": (lambda: LensCamera(SMALL, 64, 48, kind="ray"), 'kind must be "z" or "range", got \'ray\''),
     "lens": (lambda: LensCamera("wide", 64, 48), "lens must be one of warpvis.sensors.lenses, got str"),
     "range": (lambda: LensCamera(SMALL, 64, 48, near=2.0, far=1.0), "0 <= near < far"),
+    "pixels": (lambda: LensCamera(SMALL, 10**5, 10**4), "has a ray for each pixel, of which there may be 67108864"),
     "size": (lambda: LensCamera(SMALL, 64.5, 48), "width must be a whole number of pixels"),
     "none": (
         lambda: LensCamera(lenses.OpenCVPinhole(1, 1, -900, 0, (-0.9, 0, 0, 0)), 64, 48),

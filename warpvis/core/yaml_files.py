@@ -22,8 +22,8 @@ def load_yaml(path: Path) -> object:
         why = "YAML is read with ruamel.yaml, which is missing: pip install 'warpvis[ros]'"
         raise FileFormatError(f"{path}: {why}") from None
     try:
-        # OpenCV begins its files with a directive that YAML does not know.
-        text = path.read_text(encoding="utf-8-sig").removeprefix("%YAML:1.0")
+        # OpenCV begins its files with a directive that YAML does not know, and has a tag of its own.
+        text = path.read_text(encoding="utf-8-sig").removeprefix("%YAML:1.0").replace("!!opencv-matrix", "")
         return YAML(typ="safe", pure=True).load(text)
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None

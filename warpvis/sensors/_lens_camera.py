@@ -19,6 +19,9 @@ from warpvis.core.ray_camera import DepthKind, RayCamera
 from warpvis.errors import CameraError, IntrinsicsWarning
 from warpvis.sensors.lenses import Lens
 
+# Their rays take 1.6 GB.
+_MOST_PIXELS = 2**26
+
 
 @dataclass(frozen=True)
 class LensCamera(RayCamera):
@@ -47,6 +50,11 @@ class LensCamera(RayCamera):
             raise CameraError(f"lens must be one of warpvis.sensors.lenses, got {type(self.lens).__name__}")
         for name in ("width", "height"):
             object.__setattr__(self, name, check_size(getattr(self, name), name))
+        if self.width * self.height > _MOST_PIXELS:
+            raise CameraError(
+                f"a LensCamera has a ray for each pixel, of which there may be {_MOST_PIXELS}, got {self.width} x "
+                f"{self.height}"
+            )
         check_range(self)
         shown = ~self.mask
         if not shown.any():

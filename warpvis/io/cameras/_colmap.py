@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,19 +17,19 @@ from warpvis.core.camera import Camera
 from warpvis.core.checks import shortened
 from warpvis.errors import FileFormatError
 from warpvis.io._files import read_lines
-from warpvis.io.cameras._pinhole import NoPinholeError, make_pinhole, one_camera
+from warpvis.io.cameras._pinhole import NoPinholeError, make_calibrated, make_pinhole, one_camera
+from warpvis.sensors import CalibratedCamera
+from warpvis.sensors.lenses import COLMAP_NUMBERS, colmap_count
 
 # Parameters before those of the lens, by their places: fx fy cx cy; and how many there are.
 _MODELS = {
-    "SIMPLE_PINHOLE": (0, (0, 0, 1, 2), 3),
-    "PINHOLE": (1, (0, 1, 2, 3), 4),
-    "SIMPLE_RADIAL": (2, (0, 0, 1, 2), 4),
-    "RADIAL": (3, (0, 0, 1, 2), 5),
-    "OPENCV": (4, (0, 1, 2, 3), 8),
-    "FULL_OPENCV": (6, (0, 1, 2, 3), 12),
+    "SIMPLE_PINHOLE": ((0, 0, 1, 2), 3),
+    "PINHOLE": ((0, 1, 2, 3), 4),
+    "SIMPLE_RADIAL": ((0, 0, 1, 2), 4),
+    "RADIAL": ((0, 0, 1, 2), 5),
+    "OPENCV": ((0, 1, 2, 3), 8),
+    "FULL_OPENCV": ((0, 1, 2, 3), 12),
 }
-_OTHERS = {5: "OPENCV_FISHEYE", 7: "FOV", 8: "SIMPLE_RADIAL_FISHEYE", 9: "RADIAL_FISHEYE", 10: "THIN_PRISM_FISHEYE"}
-_NAMES = {number: name for name, (number, *_) in _MODELS.items()} | _OTHERS
 
 
 class ColmapImage(NamedTuple):
@@ -39,6 +40,21 @@ class ColmapImage(NamedTuple):
     rotation: tuple[float, ...]
     """``w x y z``."""
     translation: tuple[float, ...]
+
+
+def colmap_lens_camera(path: Path) -> CalibratedCamera | None:
+    """Read the camera of ``cameras.txt`` or ``cameras.bin`` with its lens, of any of COLMAP's models.
+
+    Raises:
+        FileFormatError: It does not read, or its numbers make no camera.
+    """
+    rows = _binary_rows(path) if path.suffix == ".bin" else _text_rows(path)
+    kinds = {(row.model, row.size, tuple(row.parameters)): row for row in rows}
+    if not kinds:
+        raise FileFormatError(f"{path}: holds no camera")
+    some = list(kinds.values())[:2]  # two of them are several
+    makes = [partial(Camera.from_colmap, row.model, row.parameters, *row.size) for row in some]
+    return one_camera([make_calibrated(row.place, make) for row, make in zip(some, makes, strict=True)], str(path))
 
 
 def colmap_camera(path: Path, used: set[int] | None = None) -> Camera | None:
@@ -52,7 +68,8 @@ def colmap_camera(path: Path, used: set[int] | None = None) -> Camera | None:
         NoPinholeError: The lens of a camera is of another model.
         FileFormatError: It does not read.
     """
-    found = dict(_binary_cameras(path) if path.suffix == ".bin" else _text_cameras(path))
+    rows = _binary_rows(path) if path.suffix == ".bin" else _text_rows(path)
+    found = {row.number: _make(path, row) for row in rows}
     chosen = [camera for number, camera in found.items() if used is None or number in used]
     if not chosen:
         raise FileFormatError(f"{path}: holds no camera" + (" of the images" if found else ""))
@@ -69,17 +86,28 @@ def colmap_images(path: Path) -> list[ColmapImage]:
     return sorted(images, key=lambda image: image.name)
 
 
-def _make(path: Path, place: str, model: str, size: tuple[int, int], parameters: list[float]) -> Camera:
+class _Row(NamedTuple):
+    """What a file says of a camera, and where."""
+
+    number: int
+    place: str
+    model: str
+    size: tuple[int, int]
+    parameters: list[float]
+
+
+def _make(path: Path, row: _Row) -> Camera:
+    _, place, model, size, parameters = row
     if model not in _MODELS:
         raise NoPinholeError(f"{place}: camera model {model} is no pinhole")
-    _, intrinsics, count = _MODELS[model]
+    intrinsics, count = _MODELS[model]
     if len(parameters) != count:
         raise FileFormatError(f"{place}: {model} has {count} parameters, got {len(parameters)}")
     lens = parameters[max(intrinsics) + 1 :]
     return make_pinhole(place, size, [parameters[k] for k in intrinsics], pixel_center=0.5, distortion=lens)
 
 
-def _text_cameras(path: Path) -> Iterator[tuple[int, Camera]]:
+def _text_rows(path: Path) -> Iterator[_Row]:
     for number, line in enumerate(read_lines(path, "CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]"), start=1):
         words = line.split()
         if not words or words[0].startswith("#"):
@@ -91,7 +119,7 @@ def _text_cameras(path: Path) -> Iterator[tuple[int, Camera]]:
         except (IndexError, ValueError):
             wanted = "CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]"
             raise FileFormatError(f"{place}: expected {wanted}, got {shortened(line)!r}") from None
-        yield index, _make(path, place, model, (width, height), parameters)
+        yield _Row(index, place, model, (width, height), parameters)
 
 
 def _text_images(path: Path) -> Iterator[ColmapImage]:
@@ -139,14 +167,15 @@ class _Bytes:
         return text
 
 
-def _binary_cameras(path: Path) -> Iterator[tuple[int, Camera]]:
+def _binary_rows(path: Path) -> Iterator[_Row]:
     data = _Bytes(path)
     (count,) = data.take("Q")
     for _ in range(int(count)):
         index, model, width, height = (int(value) for value in data.take("iiQQ"))
-        name, place = _NAMES.get(model, f"number {model}"), f"{path}: camera {index}"
-        parameters = list(data.take(f"{_MODELS[name][2]}d")) if name in _MODELS else []
-        yield index, _make(path, place, name, (width, height), parameters)
+        name, place = COLMAP_NUMBERS.get(model, ""), f"{path}: camera {index}"
+        if not name:
+            raise NoPinholeError(f"{place}: camera model number {model} is no pinhole")
+        yield _Row(index, place, name, (width, height), list(data.take(f"{colmap_count(name)}d")))
 
 
 def _binary_images(path: Path) -> Iterator[ColmapImage]:

@@ -5,23 +5,39 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, overload
 
 from warpvis.core.camera import Camera
-from warpvis.core.checks import as_path, said_by
+from warpvis.core.checks import as_path, check_flag, said_by
 from warpvis.core.types import Json
 from warpvis.errors import CameraError, FileFormatError
 from warpvis.io._files import read_json
-from warpvis.io.cameras._colmap import colmap_camera
-from warpvis.io.cameras._json import bop_camera, bop_images_camera, is_bop, is_nerfstudio, nerfstudio_camera
-from warpvis.io.cameras._yaml import yaml_camera
+from warpvis.io.cameras._colmap import colmap_camera, colmap_lens_camera
+from warpvis.io.cameras._json import (
+    bop_camera,
+    bop_images_camera,
+    is_bop,
+    is_nerfstudio,
+    nerfstudio_camera,
+    nerfstudio_lens_camera,
+)
+from warpvis.io.cameras._yaml import xml_lens_camera, yaml_camera, yaml_lens_camera
+from warpvis.sensors import CalibratedCamera
 
 _COMMON = {"width", "height", "near", "far"}
 _FROM_K = _COMMON | {"K", "pixel_center"}
 _FROM_FOV = _COMMON | {"hfov", "vfov", "vertical"}
 
 
-def load_camera(name_or_path: str) -> Camera:
+@overload
+def load_camera(name_or_path: str, *, distortion: Literal[False] = False) -> Camera: ...
+
+
+@overload
+def load_camera(name_or_path: str, *, distortion: bool) -> CalibratedCamera: ...
+
+
+def load_camera(name_or_path: str, *, distortion: bool = False) -> CalibratedCamera:
     """Return the camera ``kinect``, or read one from a file.
 
     - JSON of our own: ``width``, ``height`` [px], optionally ``near``, ``far`` [m], and either ``hfov`` or ``vfov``
@@ -30,9 +46,15 @@ def load_camera(name_or_path: str) -> Camera:
     - nerfstudio's ``transforms.json``; BOP's ``camera.json`` and ``scene_camera.json``.
     - COLMAP's ``cameras.txt`` and ``cameras.bin``, of a single camera.
     - YAML of ROS's camera_calibration, of which `P` counts, and Kalibr's camchain (``camchain.yaml:cam1``).
+    - With `distortion`: YAML and XML of OpenCV's calibration, too.
 
-    Other systems' cameras have no range: `near` is 0 and `far` infinite. Where a lens has distortion, a warning says
-    that it is not rendered.
+    Other systems' cameras have no range: `near` is 0 and `far` infinite; `dataclasses.replace` gives them one.
+
+    Args:
+        name_or_path: ``"kinect"``, or a file.
+        distortion: Whether to read the lens: a `warpvis.sensors.LensCamera` where it has distortion, of any model that
+            the format has, and of ROS's calibration the raw image's camera. By default the camera is a pinhole, and a
+            warning says that distortion is not rendered.
 
     Raises:
         FileFormatError: There is no such file, or it holds no camera, or several.
@@ -41,9 +63,10 @@ def load_camera(name_or_path: str) -> Camera:
     if isinstance(name_or_path, str) and name_or_path == "kinect":
         return Camera.kinect()
     path, name = _split_name(as_path(name_or_path, "name_or_path"))
+    with_lens = check_flag(distortion, "distortion", CameraError)
     if not path.is_file():
         raise FileFormatError(f'{path}: no such file; a camera is "kinect" or a file')
-    camera = _read(path, name)
+    camera = _read_lens(path, name) if with_lens else _read(path, name)
     if camera is None:
         raise FileFormatError(f"{path}: holds no camera of all images")
     return camera
@@ -73,6 +96,22 @@ def _read(path: Path, name: str) -> Camera | None:
     if isinstance(fields, dict) and any(isinstance(entry, dict) and "cam_K" in entry for entry in fields.values()):
         return bop_images_camera(path, fields)
     return _camera_from_fields(fields, path)
+
+
+def _read_lens(path: Path, name: str) -> CalibratedCamera | None:
+    """Read what may have a lens; BOP's cameras and our own have none."""
+    kind = path.suffix.lower()
+    if kind in (".yaml", ".yml"):
+        return yaml_lens_camera(path, name)
+    if not name and kind == ".xml":
+        return xml_lens_camera(path)
+    if not name and path.name in ("cameras.txt", "cameras.bin"):
+        return colmap_lens_camera(path)
+    if not name and kind == ".json":
+        fields = read_json(path)
+        if isinstance(fields, dict) and is_nerfstudio(fields):
+            return nerfstudio_lens_camera(path, fields)
+    return _read(path, name)
 
 
 def _camera_from_fields(fields: Json, path: Path) -> Camera:

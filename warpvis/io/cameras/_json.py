@@ -11,13 +11,15 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from warpvis.core.camera import Camera
 from warpvis.core.types import Json
 from warpvis.errors import IntrinsicsWarning
 from warpvis.io._files import as_numbers, read_json, shorten
-from warpvis.io.cameras._pinhole import NoPinholeError, image_size, make_pinhole, one_camera
+from warpvis.io.cameras._pinhole import NoPinholeError, image_size, make_calibrated, make_pinhole, one_camera
+from warpvis.sensors import CalibratedCamera
 
 _NERF_NUMBERS = ("fl_x", "fl_y", "cx", "cy", "w", "h")
 _LENS = ("k1", "k2", "k3", "k4", "p1", "p2")
@@ -36,6 +38,32 @@ def is_bop(fields: Mapping[str, Json]) -> bool:
     return fields.keys() >= _BOP_CAMERA
 
 
+def nerfstudio_lens_camera(path: Path, fields: Mapping[str, Json]) -> CalibratedCamera | None:
+    """Read the camera of all frames with its lens; None if the file has none, or, with a warning, several.
+
+    Raises:
+        FileFormatError: Its numbers make no camera.
+    """
+    kinds: dict[str, dict[str, Json]] = {}
+    for entry, frames in _nerfstudio_entries(fields):
+        numbers = _nerfstudio_numbers(path, entry, frames)
+        if numbers is not None:
+            said = {name: entry[name] for name in ("camera_model", *_LENS) if name in entry}
+            said |= dict(zip(_NERF_NUMBERS, (*numbers[1], *numbers[0]), strict=True))
+            kinds.setdefault(repr(said), said)
+    some = list(kinds.values())[:2]  # two of them are several
+    makes = [partial(Camera.from_nerfstudio, said) for said in some]
+    return one_camera([make_calibrated(str(path), make) for make in makes], str(path))
+
+
+def _nerfstudio_entries(fields: Mapping[str, Json]) -> list[tuple[dict[str, Json], list[dict[str, Json]]]]:
+    """List what may describe a camera: frames that have their own, or else the file."""
+    frames = fields.get("frames")
+    listed = [frame for frame in frames if isinstance(frame, dict)] if isinstance(frames, list) else []
+    own = [{**fields, **frame} for frame in listed if any(name in frame for name in _NERF_NUMBERS)]
+    return [(entry, listed) for entry in own or [dict(fields)]]
+
+
 def nerfstudio_camera(path: Path, fields: Mapping[str, Json]) -> Camera | None:
     """Read the camera of all frames; None if the file has none, or, with a warning, several.
 
@@ -43,10 +71,7 @@ def nerfstudio_camera(path: Path, fields: Mapping[str, Json]) -> Camera | None:
         NoPinholeError: Its lens is of another model.
         FileFormatError: Its numbers make no camera.
     """
-    frames = fields.get("frames")
-    listed = [frame for frame in frames if isinstance(frame, dict)] if isinstance(frames, list) else []
-    own = [{**fields, **frame} for frame in listed if any(name in frame for name in _NERF_NUMBERS)]
-    cameras = [_nerfstudio_camera(path, entry, listed) for entry in own or [dict(fields)]]
+    cameras = [_nerfstudio_camera(path, entry, frames) for entry, frames in _nerfstudio_entries(fields)]
     return one_camera([camera for camera in cameras if camera is not None], str(path))
 
 
@@ -54,6 +79,18 @@ def _nerfstudio_camera(path: Path, fields: Mapping[str, Json], frames: Sequence[
     model = fields.get("camera_model", "OPENCV")
     if model not in _PINHOLES:
         raise NoPinholeError(f"{path}: camera_model {shorten(model)} is no pinhole")
+    numbers = _nerfstudio_numbers(path, fields, frames)
+    if numbers is None:
+        return None
+    size, intrinsics = numbers
+    lens = [_number(path, fields, name) or 0.0 for name in _LENS]
+    return make_pinhole(str(path), size, intrinsics, pixel_center=0.5, distortion=lens)
+
+
+def _nerfstudio_numbers(
+    path: Path, fields: Mapping[str, Json], frames: Sequence[Mapping[str, Json]]
+) -> tuple[tuple[float, float], tuple[float, ...]] | None:
+    """Read width and height, and ``fx fy cx cy`` [px]; None if they are not said."""
     size = _nerfstudio_size(path, fields, frames)
     focal = [_number(path, fields, name) for name in ("fl_x", "fl_y")]
     across = _number(path, fields, "camera_angle_x")
@@ -76,8 +113,7 @@ def _nerfstudio_camera(path: Path, fields: Mapping[str, Json], frames: Sequence[
         focal[0] if focal[1] is None else focal[1],
         *(side / 2 if at is None else at for at, side in zip(centre, size, strict=True)),
     )
-    lens = [_number(path, fields, name) or 0.0 for name in _LENS]
-    return make_pinhole(str(path), size, intrinsics, pixel_center=0.5, distortion=lens)
+    return size, intrinsics
 
 
 def _nerfstudio_size(

@@ -7,10 +7,14 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 from warpvis.core.camera import Camera, describe_pixels, same_pixels
-from warpvis.core.checks import said_by
-from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning
+from warpvis.core.checks import said_by, shortened
+from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning, MessageError
+from warpvis.sensors import CalibratedCamera
+
+_Camera = TypeVar("_Camera", Camera, CalibratedCamera)
 
 
 class NoPinholeError(FileFormatError):
@@ -53,13 +57,37 @@ def make_pinhole(
     return camera
 
 
-def one_camera(cameras: Sequence[Camera], place: str) -> Camera | None:
+def make_calibrated(place: str, make: Callable[[], CalibratedCamera]) -> CalibratedCamera:
+    """Make the camera of a file, with its lens.
+
+    Raises:
+        FileFormatError: Its numbers make no camera.
+    """
+    try:
+        return make()
+    except (CameraError, MessageError) as error:
+        raise FileFormatError(f"{place}: {said_by(error)}") from None
+
+
+def _same(camera: CalibratedCamera, other: CalibratedCamera) -> bool:
+    if isinstance(camera, Camera) and isinstance(other, Camera):
+        return same_pixels(camera, other)
+    return camera == other
+
+
+def _describe(camera: CalibratedCamera) -> str:
+    if isinstance(camera, Camera):
+        return describe_pixels(camera)
+    return f"{camera.width}x{camera.height} pixels, {shortened(repr(camera.lens))}"
+
+
+def one_camera(cameras: Sequence[_Camera], place: str) -> _Camera | None:
     """Return the camera of all images; None, with a warning, if they have several."""
-    other = next((camera for camera in cameras if not same_pixels(camera, cameras[0])), None)
+    other = next((camera for camera in cameras if not _same(camera, cameras[0])), None)
     if other is None:
         return cameras[0] if cameras else None
     warnings.warn(
-        f"{place}: its images have different cameras, of {describe_pixels(cameras[0])} and of {describe_pixels(other)} "
+        f"{place}: its images have different cameras, of {_describe(cameras[0])} and of {_describe(other)} "
         "among them; frames have one, so give it",
         IntrinsicsWarning,
         stacklevel=2,

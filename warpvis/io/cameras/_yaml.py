@@ -9,22 +9,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Literal
 
 from warpvis.core.camera import Camera
 from warpvis.core.checks import is_number, said_by
 from warpvis.core.yaml_files import load_yaml
 from warpvis.errors import CameraError, FileFormatError, MessageError
 from warpvis.io._files import as_numbers, shorten
-from warpvis.io.cameras._pinhole import make_pinhole
+from warpvis.io.cameras._pinhole import make_calibrated, make_pinhole
+from warpvis.sensors import CalibratedCamera
+
+_NAMES = {
+    "matrix": ("camera_matrix", "Camera_Matrix", "cameraMatrix"),
+    "lens": ("distortion_coefficients", "Distortion_Coefficients", "distCoeffs"),
+    "width": ("image_width", "image_Width", "imageWidth"),
+    "height": ("image_height", "image_Height", "imageHeight"),
+}
+"""What OpenCV's own samples, of now and of old, and ROS call it."""
 
 _MATRICES = {"camera_matrix": 9, "projection_matrix": 12}
 
 
 def yaml_camera(path: Path, name: str = "") -> Camera:
-    """Read a camera of a YAML file.
+    """Read a camera of a YAML file, without its lens.
 
     Args:
         path: The file.
@@ -35,9 +45,86 @@ def yaml_camera(path: Path, name: str = "") -> Camera:
     """
     data = _load(path)
     if "image_width" in data:
-        if name:
-            raise FileFormatError(f"{path}: holds one camera, so it takes no name {name!r}")
-        return _ros_camera(path, data)
+        return _ros_camera(path, _only(path, data, name))
+    return _kalibr_camera(*_choose(path, data, name))
+
+
+def yaml_lens_camera(path: Path, name: str = "") -> CalibratedCamera:
+    """Read a camera of a YAML file with its lens, of ROS and OpenCV that of the raw image; see `yaml_camera`.
+
+    Raises:
+        FileFormatError: It does not read, or holds no camera, or several.
+    """
+    data = _load(path)
+    if any(found in data for names in _NAMES.values() for found in names):
+        return opencv_lens_camera(path, _only(path, data, name))
+    place, entry = _choose(path, data, name)
+    return make_calibrated(place, partial(Camera.from_kalibr, entry))
+
+
+def xml_lens_camera(path: Path) -> CalibratedCamera:
+    """Read the camera of an XML file of OpenCV's, with its lens.
+
+    Raises:
+        FileFormatError: It does not read, or holds no camera.
+    """
+    from xml.etree import ElementTree
+
+    try:
+        root = ElementTree.parse(path).getroot()
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
+    except (ElementTree.ParseError, ValueError, LookupError) as error:  # the last two of encodings
+        raise FileFormatError(f"{path}: is not XML: {said_by(error)}") from None
+    data: dict[str, Any] = {}
+    for item in root:
+        numbers = item.findtext("data")
+        text = (item.text or "").strip()
+        data[item.tag] = text if numbers is None else {"data": [_number(word) for word in numbers.split()]}
+        if numbers is None:
+            data[item.tag] = _number(text)
+    return opencv_lens_camera(path, data)
+
+
+def opencv_lens_camera(path: Path, data: Mapping[str, Any]) -> CalibratedCamera:
+    """Make the camera of the raw images of what OpenCV's and ROS's calibrations write.
+
+    Raises:
+        FileFormatError: Something is missing, or its numbers make no camera.
+    """
+    entries = {}
+    for what, names in _NAMES.items():
+        found = [data[name] for name in names if name in data]
+        if not found and what != "lens":
+            raise FileFormatError(f"{path}: holds no camera of ROS or OpenCV: {names[0]} is missing")
+        entries[what] = found[0] if found else None
+    matrix, lens = entries["matrix"], entries["lens"]
+    numbers = as_numbers(matrix.get("data") if isinstance(matrix, dict) else matrix, (9,), f"{path}: camera matrix")
+    d = lens.get("data", []) if isinstance(lens, dict) else lens
+    size, model = (entries["width"], entries["height"]), data.get("distortion_model")
+    k = numbers.reshape(3, 3)
+    if model is not None:
+        info = SimpleNamespace(width=size[0], height=size[1], k=k, d=d or [], distortion_model=str(model))
+        return make_calibrated(str(path), partial(Camera.from_ros, info))
+    kind: Literal["pinhole", "fisheye"] = "fisheye" if data.get("fisheye_model") in (1, True) else "pinhole"
+    return make_calibrated(str(path), lambda: Camera.from_opencv(k, d, *size, model=kind))  # type: ignore[arg-type]  # it checks
+
+
+def _number(word: str) -> float | str:
+    try:
+        return float(word)
+    except ValueError:
+        return word
+
+
+def _only(path: Path, data: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    if name:
+        raise FileFormatError(f"{path}: holds one camera, so it takes no name {name!r}")
+    return data
+
+
+def _choose(path: Path, data: Mapping[str, Any], name: str) -> tuple[str, Mapping[str, Any]]:
+    """Choose a camera of Kalibr's, and say where it is."""
     cameras = {str(key): value for key, value in data.items() if isinstance(value, dict) and "intrinsics" in value}
     if not cameras:
         raise FileFormatError(f"{path}: holds no camera of ROS (image_width, ...) or Kalibr (cam0: intrinsics, ...)")
@@ -47,7 +134,7 @@ def yaml_camera(path: Path, name: str = "") -> Camera:
     if not name and len(cameras) > 1:
         raise FileFormatError(f"{path}: has the cameras {known}; choose one as {path}:{next(iter(cameras))}")
     chosen = name or next(iter(cameras))
-    return _kalibr_camera(f"{path}: {chosen}", cameras[chosen])
+    return f"{path}: {chosen}", cameras[chosen]
 
 
 def _load(path: Path) -> Mapping[str, Any]:

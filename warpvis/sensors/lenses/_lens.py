@@ -19,6 +19,8 @@ from warpvis.core.checks import as_items, is_number
 from warpvis.errors import ArrayError, CameraError
 from warpvis.sensors.lenses._rising import Floats, Rising
 
+_PIXELS_AT_ONCE = 2**18  # what is computed on the way takes 20 times as much memory as rays
+
 
 class Lens(ABC):
     """A map from directions of the camera frame (x right, y down, z forward) to points of the image, and back.
@@ -76,8 +78,12 @@ class Lens(ABC):
         """
         tables: dict[tuple[int, int], Floats] = self.__dict__.setdefault("_tables", {})
         if (width, height) not in tables:
-            pixels = np.stack(np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5), axis=-1)
-            found = self.unproject(pixels)
+            found, rows = np.empty((height, width, 3)), max(1, _PIXELS_AT_ONCE // width)
+            for first in range(0, height, rows):
+                some = np.arange(first, min(first + rows, height)) + 0.5
+                found[first : first + rows] = self.unproject(
+                    np.stack(np.meshgrid(np.arange(width) + 0.5, some), axis=-1)
+                )
             found.flags.writeable = False
             tables.clear()  # a lens is of one sensor: what is kept does not grow
             tables[width, height] = found

@@ -1,0 +1,154 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Cameras of other systems' files with their lenses."""
+
+import warnings
+
+import numpy as np
+import pytest
+from pose_samples import nerfstudio
+from test_camera_files import KALIBR, NERF, ROS_YAML, colmap_binary, colmap_text, put
+
+import warpvis as wv
+from warpvis.errors import FileFormatError, IntrinsicsWarning
+from warpvis.io import load_camera
+from warpvis.sensors import LensCamera, lenses
+
+F = (60.0, 58.0, 31.3, 25.1)
+K = np.array([[60.0, 0, 30.8], [0, 58, 24.6], [0, 0, 1]])
+D = (-0.2, 0.05, 0.001, -0.002, 0.01)
+FISHEYE = (0.01, 0.002, -0.003, 0.0004)
+
+
+def same_lens(camera, lens):
+    assert isinstance(camera, LensCamera) and (camera.width, camera.height) == (64, 48)
+    pixels = np.random.default_rng(0).uniform((5, 5), (60, 40), (30, 2))
+    np.testing.assert_allclose(camera.unproject(pixels), lens.unproject(pixels), atol=1e-9)
+
+
+def file_of_opencv(path, d, **others):
+    """Written by OpenCV itself."""
+    cv2 = pytest.importorskip("cv2")
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    for name, value in {"image_width": 64, "image_height": 48, "camera_matrix": K, **others}.items():
+        storage.write(name, value)
+    storage.write("distortion_coefficients", np.array(d)[:, None])
+    storage.release()
+    return path
+
+
+@pytest.mark.parametrize("ending", ["yaml", "xml"])
+def test_files_that_opencv_writes(ending, tmp_path):
+    pytest.importorskip("ruamel.yaml")
+    path = file_of_opencv(tmp_path / f"camera.{ending}", D)
+    same_lens(load_camera(path, distortion=True), lenses.OpenCVPinhole(*F, D))
+    path = file_of_opencv(tmp_path / f"fisheye.{ending}", FISHEYE, fisheye_model=1)
+    same_lens(load_camera(path, distortion=True), lenses.KannalaBrandt(*F, FISHEYE))
+    plain = load_camera(file_of_opencv(tmp_path / f"plain.{ending}", (0.0,) * 5), distortion=True)
+    assert isinstance(plain, wv.Camera)
+    np.testing.assert_allclose(plain.to_K(pixel_center=0.0), K)
+
+
+def test_calibrations_of_ros_are_of_the_raw_image(tmp_path):
+    """With or without a `P`, which is of the rectified one."""
+    pytest.importorskip("ruamel.yaml")
+    text = ROS_YAML.replace("[0, 0, 0, 0, 0]", str(list(D)))
+    same_lens(load_camera(put(tmp_path / "eye.yaml", text), distortion=True), lenses.OpenCVPinhole(*F, D))
+    text += "projection_matrix: {rows: 3, cols: 4, data: [50, 0, 30, 0, 0, 51, 20, 0, 0, 0, 1, 0]}\n"
+    same_lens(load_camera(put(tmp_path / "eye.yaml", text), distortion=True), lenses.OpenCVPinhole(*F, D))
+    text = ROS_YAML.replace("[0, 0, 0, 0, 0]", str(list(FISHEYE))).replace("plumb_bob", "equidistant")
+    same_lens(load_camera(put(tmp_path / "fish.yaml", text), distortion=True), lenses.KannalaBrandt(*F, FISHEYE))
+
+
+def test_chains_of_kalibr(tmp_path):
+    pytest.importorskip("ruamel.yaml")
+    radtan = KALIBR.replace("[0.0, 0.0, 0.0, 0.0]", str(list(D[:4])))
+    fish = KALIBR.replace("cam0", "cam1").replace("radtan", "equidistant")
+    path = put(tmp_path / "chain.yaml", radtan + fish.replace("[0.0, 0.0, 0.0, 0.0]", str(list(FISHEYE))))
+    same_lens(load_camera(f"{path}:cam0", distortion=True), lenses.OpenCVPinhole(*F, D[:4]))
+    same_lens(load_camera(f"{path}:cam1", distortion=True), lenses.KannalaBrandt(*F, FISHEYE))
+
+
+def test_models_of_colmap(tmp_path):
+    numbers = " ".join(map(str, (*F, *FISHEYE)))
+    colmap_text(tmp_path, f"7 OPENCV_FISHEYE 64 48 {numbers}\n8 OPENCV_FISHEYE 64 48 {numbers}")
+    same_lens(load_camera(tmp_path / "cameras.txt", distortion=True), lenses.KannalaBrandt(*F, FISHEYE))
+    colmap_binary(tmp_path, 5, (*F, *FISHEYE))
+    same_lens(load_camera(tmp_path / "cameras.bin", distortion=True), lenses.KannalaBrandt(*F, FISHEYE))
+    colmap_binary(tmp_path, 7, (*F, 0.9))
+    same_lens(load_camera(tmp_path / "cameras.bin", distortion=True), lenses.FOV(*F, 0.9))
+    colmap_text(tmp_path, "7 FOV 64 48 60 58 31.3 25.1 0.9\n8 FOV 64 48 60 58 31.3 25.1 0.8")
+    with (
+        pytest.warns(IntrinsicsWarning, match="of 64x48 pixels, FOV"),
+        pytest.raises(FileFormatError, match="no camera"),
+    ):
+        load_camera(tmp_path / "cameras.txt", distortion=True)
+
+
+def test_transforms_of_nerfstudio(tmp_path):
+    lens = {"k1": D[0], "k2": D[1], "p1": D[2], "p2": D[3]}
+    path = put(tmp_path / "transforms.json", nerfstudio() | NERF | lens)
+    same_lens(load_camera(path, distortion=True), lenses.OpenCVPinhole(*F, D[:4]))
+    each = nerfstudio()
+    each["frames"] = [frame | NERF | lens for frame in each["frames"]]
+    same_lens(load_camera(put(path, each), distortion=True), lenses.OpenCVPinhole(*F, D[:4]))
+    fish = dict(zip(("k1", "k2", "k3", "k4"), FISHEYE, strict=True)) | {"camera_model": "OPENCV_FISHEYE"}
+    same_lens(load_camera(put(path, nerfstudio() | NERF | fish), distortion=True), lenses.KannalaBrandt(*F, FISHEYE))
+    assert load_camera("kinect", distortion=True) == wv.Camera.kinect()
+
+
+XML = "<opencv_storage><image_width>64</image_width><image_height>48</image_height>{}</opencv_storage>"
+BAD = {
+    "no XML": ("a.xml", "<a", r"a\.xml: is not XML"),
+    "empty": ("a.xml", "<a/>", "holds no camera of ROS or OpenCV: camera_matrix is missing"),
+    "matrix": ("a.xml", XML.format("<camera_matrix><data>1 2</data></camera_matrix>"), "camera matrix must be"),
+    "count": (
+        "a.yaml",
+        ROS_YAML.replace("[0, 0, 0, 0, 0]", "[0.1, 0, 0]"),
+        "D of plumb_bob must be 4 or 5 numbers, got 3",
+    ),
+    "model": ("a.yaml", ROS_YAML.replace("plumb_bob", "omni"), "distortion_model must be one of plumb_bob"),
+    "kalibr": ("a.yaml", KALIBR.replace("radtan", "x").replace("[0.0,", "[0.1,"), "cam0: distortion_model must be one"),
+    "nan": ("a.yaml", ROS_YAML.replace("[0, 0, 0, 0, 0]", "[.nan, 0, 0, 0]"), "D of CameraInfo must be finite"),
+    "colmap": ("cameras.txt", "1 OPENCV 64 48 60 58 31 25", r"cameras\.txt:1: OPENCV has 8 parameters, got 4"),
+    "colmap's name": (
+        "cameras.txt",
+        "1 PANINI 64 48 60 58 31 25",
+        r"txt:1: COLMAP has no camera model PANINI",
+    ),
+    "nerfstudio": ("t.json", NERF | {"k1": "long"}, "k1 must be a number"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_files_are_said(name, tmp_path):
+    file, content, message = BAD[name]
+    if file.endswith("yaml"):
+        pytest.importorskip("ruamel.yaml")
+    with pytest.raises(FileFormatError, match=message):
+        load_camera(put(tmp_path / file, content), distortion=True)
+
+
+def test_any_bytes_are_read_or_refused(tmp_path):
+    """Mutations of every kind of file: a camera, or one sentence."""
+    pytest.importorskip("ruamel.yaml")
+    rng, said = np.random.default_rng(0), 0
+    colmap_text(tmp_path, f"7 FOV 64 48 {' '.join(map(str, F))} 0.9")
+    colmap_binary(tmp_path, 7, (*F, 0.9))
+    put(tmp_path / "transforms.json", NERF | {"k1": 0.1})
+    put(tmp_path / "eye.yaml", ROS_YAML), put(tmp_path / "chain.yaml", KALIBR)
+    put(tmp_path / "eye.xml", XML.format("<camera_matrix><data>60 0 31 0 58 25 0 0 1</data></camera_matrix>"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for name in ("cameras.txt", "cameras.bin", "transforms.json", "eye.yaml", "chain.yaml", "eye.xml"):
+            whole = (tmp_path / name).read_bytes()
+            for _ in range(40):
+                data = bytearray(whole if rng.random() < 0.7 else whole[: rng.integers(1, len(whole))])
+                for place in rng.integers(0, len(data), rng.integers(1, 4)):
+                    data[place] = int(rng.integers(256))
+                (tmp_path / name).write_bytes(data)
+                try:
+                    load_camera(tmp_path / name, distortion=True)
+                except wv.WarpvisError:
+                    said += 1
+    assert said > 80
