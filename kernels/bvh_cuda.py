@@ -29,6 +29,7 @@ from warpvis.kernels.bvh_cuda_ranges import (
     best_axis,
     best_bin,
     best_count,
+    best_place,
     bin_child,
     bin_of,
     first_bin,
@@ -93,8 +94,7 @@ def rank_ranges(
         rank, node = sums[row, index] - 1, first + index
         level_out.nodes[rank] = node
         binary_out.child[node] = first + count + 2 * rank
-        if row == 1:
-            level_out.best[rank - sums[0, last]] = wp.int64(NO_PLACE)
+        level_out.best[rank] = wp.int64(NO_PLACE)
 
 
 @wp.kernel
@@ -158,36 +158,61 @@ def choose_bins(
     # In:
     boxes: wp.array2d[wp.int32],
     counts: wp.array[wp.int32],
+    binary: Binary,
+    level: Level,
+    # Out:
+    best_out: wp.array[wp.int64],
+):
+    """Find before which bin of an axis it costs least to split a large range, and keep the least of all axes."""
+    axis, rank = wp.tid()
+    if rank >= known(level, LARGE):
+        return
+    node = level.nodes[rank]
+    total = binary.end[node] - binary.begin[node]
+    if not must_halve(total, level.depth):
+        wp.atomic_min(best_out, rank, best_bin(boxes, counts, first_bin(rank), axis, total))
+
+
+@wp.kernel
+def part_bins(
+    # In:
+    boxes: wp.array2d[wp.int32],
+    counts: wp.array[wp.int32],
     # Out:
     level_out: Level,
     binary_out: Binary,
 ):
-    """Split a large range where it is cheapest between bins; halve it if all items are in one, or it is too deep."""
-    rank = wp.tid()
+    """Make a child of a large range; half of it if all items are in one bin, or it is too deep."""
+    side, rank = wp.tid()
     if rank >= known(level_out, LARGE):
         return
     node = level_out.nodes[rank]
-    begin, end, child = binary_out.begin[node], binary_out.end[node], binary_out.child[node]
-    best = wp.vec2i(-1, 0)
+    begin, end, child = int(binary_out.begin[node]), int(binary_out.end[node]), binary_out.child[node] + side
+    axis, right = int(HALVED), int(0)
+    left_count = half_of(end - begin)
     first = first_bin(rank)
-    if not must_halve(end - begin, level_out.depth):
-        best = best_bin(boxes, counts, first, end - begin)
-    if best[0] < 0:
-        middle = begin + half_of(end - begin)
+    best = level_out.best[rank]
+    if best != wp.int64(NO_PLACE):
+        axis, right = best_place(best) // BINS, best_place(best) % BINS
+        first += axis * BINS
+        left_count = int(0)
+        for at in range(first, first + right):
+            left_count += counts[at]
+    middle = begin + left_count
+    if side == 0:
+        level_out.axis[rank] = axis
+        level_out.bin[rank] = right
+        level_out.left_count[rank] = left_count
+        end = middle
+    else:
+        begin = middle
+    if axis == HALVED:
         low, high, area = binary_out.low[node], binary_out.high[node], binary_out.area[node]
-        level_out.axis[rank] = HALVED
-        level_out.left_count[rank] = middle - begin
-        set_child(binary_out, child, begin, middle, low, high, area)
-        set_child(binary_out, child + 1, middle, end, low, high, area)
-        return
-    axis, right = best[0] // BINS, best[0] % BINS
-    level_out.axis[rank] = axis
-    level_out.bin[rank] = right
-    level_out.left_count[rank] = best[1]
-    middle = begin + best[1]
-    first += axis * BINS
-    bin_child(binary_out, boxes, node, child, first, right, begin, middle)
-    bin_child(binary_out, boxes, node, child + 1, first + right, BINS - right, middle, end)
+        set_child(binary_out, child, begin, end, low, high, area)
+    elif side == 0:
+        bin_child(binary_out, boxes, node, child, first, right, begin, end)
+    else:
+        bin_child(binary_out, boxes, node, child, first + right, BINS - right, begin, end)
 
 
 @wp.kernel
@@ -253,7 +278,7 @@ def choose_places(
             low, high = wp.min(low, items.low[item]), wp.max(high, items.high[item])
             cost = split_cost(half_area(low, high), at - begin, areas_out[axis, at], end - at)
             best = wp.min(best, place_before(cost, at - begin, axis))
-    wp.atomic_min(best_out, rank, best)
+    wp.atomic_min(best_out, known(level, LARGE) + rank, best)
 
 
 @wp.kernel
@@ -311,7 +336,7 @@ def move_items(
             left = before[item] - before[begin]
             place = wp.where(lefts[item] == 1, begin + left, item + count - left)
         else:
-            best = level.best[rank - known(level, LARGE)]
+            best = level.best[rank]
             count = best_count(best)
             if best_axis(best) != HALVED:
                 source = order[best_axis(best), item]
@@ -338,7 +363,7 @@ def part_small(
         return
     node = level.nodes[known(level, LARGE) + rank]
     begin, end = binary_out.begin[node], binary_out.end[node]
-    middle = begin + best_count(level.best[rank])
+    middle = begin + best_count(level.best[known(level, LARGE) + rank])
     for side in range(2):
         low, high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
         first, last = wp.where(side == 0, begin, middle), wp.where(side == 0, middle, end)

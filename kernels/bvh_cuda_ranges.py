@@ -65,7 +65,7 @@ class Level:
     axis: wp.array[wp.int32]  # along which it is split; `HALVED` if as the items lie
     bin: wp.array[wp.int32]  # of large ones, the first on the right
     left_count: wp.array[wp.int32]  # items on the left, of large ones
-    best: wp.array[wp.int64]  # of small ones, by rank less large ones: the least cost, and the place of that
+    best: wp.array[wp.int64]  # the least cost, and the place of that
 
 
 @wp.func
@@ -175,9 +175,15 @@ def place_before(cost: float, left: int, axis: int) -> wp.int64:
 
 
 @wp.func
+def best_place(best: wp.int64) -> int:
+    """What `Level.best` has below the cost: of large ranges, of all axes' bins the one before which they are split."""
+    return int(best & wp.int64((1 << (COST_BITS - AXIS_BITS)) - 1))
+
+
+@wp.func
 def best_count(best: wp.int64) -> int:
     """Items on the left where a small range is split."""
-    return int(best & wp.int64((1 << (COST_BITS - AXIS_BITS)) - 1)) >> AXIS_BITS
+    return best_place(best) >> AXIS_BITS
 
 
 @wp.func
@@ -196,30 +202,31 @@ def set_child(binary: Binary, node: int, begin: int, end: int, low: wp.vec3, hig
 
 
 @wp.func
-def best_bin(boxes: wp.array2d[wp.int32], counts: wp.array[wp.int32], first_of_all: int, total: int) -> wp.vec2i:
-    """Of all bins but the first of each axis, the one before which a split is cheapest, and the items left of it."""
+def best_bin(
+    boxes: wp.array2d[wp.int32], counts: wp.array[wp.int32], first_of_all: int, axis: int, total: int
+) -> wp.int64:
+    """The least cost of a split before a bin of an axis, and which of all axes' bins that is; `NO_PLACE` if in none."""
     right_areas = wp.vector(length=BINS, dtype=float)
-    best = wp.vec2i(-1, 0)
+    best = wp.int64(NO_PLACE)
     least = float(NOWHERE)
-    for line in range(3):
-        first = first_of_all + line * BINS
-        low, high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
-        for step in range(1, BINS):
-            at = BINS - step
-            low = wp.min(low, box_low(boxes, first + at))
-            high = wp.max(high, box_high(boxes, first + at))
-            right_areas[at] = half_area(low, high)
-        low, high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
-        left = int(0)
-        for right in range(1, BINS):
-            low = wp.min(low, box_low(boxes, first + right - 1))
-            high = wp.max(high, box_high(boxes, first + right - 1))
-            left += counts[first + right - 1]
-            if left > 0 and left < total:
-                cost = split_cost(half_area(low, high), left, right_areas[right], total - left)
-                if cost < least:
-                    least = cost
-                    best = wp.vec2i(line * BINS + right, left)
+    first = first_of_all + axis * BINS
+    low, high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
+    for step in range(1, BINS):
+        at = BINS - step
+        low = wp.min(low, box_low(boxes, first + at))
+        high = wp.max(high, box_high(boxes, first + at))
+        right_areas[at] = half_area(low, high)
+    low, high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
+    left = int(0)
+    for right in range(1, BINS):
+        low = wp.min(low, box_low(boxes, first + right - 1))
+        high = wp.max(high, box_high(boxes, first + right - 1))
+        left += counts[first + right - 1]
+        if left > 0 and left < total:
+            cost = split_cost(half_area(low, high), left, right_areas[right], total - left)
+            if cost < least:
+                least = cost
+                best = (wp.int64(wp.cast(cost, wp.int32)) << wp.int64(COST_BITS)) | wp.int64(axis * BINS + right)
     return best
 
 

@@ -35,6 +35,7 @@ from reference_building import (  # noqa: F401
     must_halve,
     name_children,
     open_nodes,
+    part_bins,
     part_small,
     rank_ranges,
     sort_small,

@@ -129,6 +129,12 @@ def choose_places(low: NDArray, high: NDArray) -> NDArray:
     return np.array(costs)
 
 
+def part_bins(boxes: NDArray, cell: int) -> list[NDArray]:
+    """Boxes of what is in the bins before one of an axis, and in the others."""
+    sides = boxes[:cell], boxes[cell:]
+    return [np.concatenate([side[:, :3].min(axis=0), side[:, 3:].max(axis=0)]) for side in sides]
+
+
 def find_sides(low: NDArray, high: NDArray, grid: NDArray, axis: int, first_right: int) -> NDArray:
     """Whether each item of a large range goes left, where it is split before a bin."""
     return (bins_of(low, high, grid)[:, axis] < first_right).astype(int)

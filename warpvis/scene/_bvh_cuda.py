@@ -155,7 +155,8 @@ class _Splitter:
         self._mark = record(kernels.mark_ranges, flags[1], binary, level, self._flags)
         self._rank = record(kernels.rank_ranges, flags, self._flags, self._sums, level, binary)
         self._clear = record(kernels.clear_bins, 1, *bins)
-        self._choose = record(kernels.choose_bins, large, *bins, level, binary)
+        self._choose = record(kernels.choose_bins, (3, large), *bins, binary, level, level.best)
+        self._part_large = record(kernels.part_bins, (2, large), *bins, level, binary)
         self._fill, self._sort, self._place, self._side, self._move, self._part = ([] for _ in range(6))
         length = max(_LEAST_PART, -(-self._count // _MOST_PARTS))
         parts = -(-self._count // length), bvh_cuda_ranges.BINS
@@ -195,6 +196,7 @@ class _Splitter:
             self._clear.launch()
             self._fill[way].launch()
             self._choose.launch()
+            self._part_large.launch()
         if small:
             self._sort[way].launch()
             self._place[way].launch()
