@@ -102,6 +102,7 @@ const View shape = {view, (int)camera.width, (int)camera.height, {camera.fx, cam
 CAST = f"""
 {NATIVE_IMAGES}
 {_CHECKS}
+view = Warp::uniform(view);
 {_VIEW}
 Packets::cast(all, shape, out, packet_x, packet_y, memory);
 """

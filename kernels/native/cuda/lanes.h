@@ -18,6 +18,8 @@ struct Warp {
     static inline unsigned ballot(bool condition) { return __ballot_sync(all, condition); }
     static inline bool any(bool condition) { return __any_sync(all, condition); }
     static inline int shuffle(int value, int lane) { return __shfl_sync(all, value, lane); }
+    // A number that all lanes have, and that the compiler knows all to have: it takes no register of theirs.
+    static inline int uniform(int value) { return (int)reduce_max((unsigned)value); }
     static inline int first_lane(unsigned lanes) { return __ffs(lanes) - 1; }
     static inline unsigned without_first_lane(unsigned lanes) { return lanes & (lanes - 1); }
 

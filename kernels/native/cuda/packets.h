@@ -62,8 +62,8 @@ struct Packets {
         }
         Packet packet;
         packet.z_buffer = memory.z_buffer;
-        packet.first_x = packet_x * PACKET_WIDTH;
-        packet.first_y = packet_y * PACKET_HEIGHT;
+        packet.first_x = Warp::uniform(packet_x * PACKET_WIDTH);
+        packet.first_y = Warp::uniform(packet_y * PACKET_HEIGHT);
         packet.begin(view.width - packet.first_x, view.height - packet.first_y);
         const bool exists = !MOVABLE || scene.movables.poses;
         if (MOVABLE && exists)
