@@ -106,7 +106,10 @@ class _Splitter:
     def __init__(self, mesh: DeviceMesh) -> None:
         """Make the items, and the root."""
         self._device, self._count = mesh.vertices.device, len(mesh.faces)
-        self._items = [self._new_items() for _ in range(2)]
+        self._items = [self._new_items()]
+        box = self._load(mesh)
+        # While a GPU does that, the rest is made.
+        self._items.append(self._new_items())
         self._lefts, self._before = (self._integers(self._count) for _ in range(2))
         self._order = self._integers((3, self._count))
         # Leaves are filled by three quarters and more; where they are not, there is more room later.
@@ -120,7 +123,7 @@ class _Splitter:
         bins = _BINS * large
         self._bins = self._integers((bins, bvh_cuda_ranges.BIN_WORDS)), self._integers(bins)
         self._rows: list[list[int]] = []
-        self._begin(mesh)
+        launch(item_kernels.begin_tree, 1, [box, self._count, self._level.info, self._binary], self._device)
         self._record()
 
     def split(self) -> tuple[Any, Any, list[tuple[int, int]]]:
@@ -131,15 +134,14 @@ class _Splitter:
             depth += 1
         return self._items[depth % 2], self._binary, [(first, count) for first, count, *_ in self._rows]
 
-    def _begin(self, mesh: DeviceMesh) -> None:
-        """Fill the first of the arrays of items, and make the root of them."""
-        device, items = self._device, self._items[0]
+    def _load(self, mesh: DeviceMesh) -> wp.array:
+        """Fill the first of the arrays of items, and return the box around their centres."""
         words = self._integers((1, bvh_cuda_ranges.BIN_WORDS))
         words.fill_(bvh_cuda_ranges.NOTHING)
         threads = min(self._count, _BOUNDING_THREADS)
-        launch(item_kernels.load_items, self._count, [mesh.vertices, mesh.faces, items], device)
-        launch(item_kernels.bound_centres, threads, [items, threads, words], device)
-        launch(item_kernels.begin_tree, 1, [words, self._count, self._level.info, self._binary], device)
+        launch(item_kernels.load_items, self._count, [mesh.vertices, mesh.faces, self._items[0]], self._device)
+        launch(item_kernels.bound_centres, threads, [self._items[0], threads, words], self._device)
+        return words
 
     def _record(self) -> None:
         """Prepare the launches of a level, with threads for as many ranges as there can be: most levels have fewer.
