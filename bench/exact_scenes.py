@@ -213,6 +213,20 @@ def edge_on(rng: Generator, width: int, height: int, views: int) -> Case:
     return Case(camera, poses, boxes)
 
 
+def far_corners(rng: Generator, width: int, height: int, views: int) -> Case:
+    """Walls of up to kilometres, faced from a metre or so beside the one corner that is near: the others are coarse."""
+    axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    near = rng.normal(size=3) * rng.choice([0.3, 300.0])
+    angles = rng.uniform(0, 2 * np.pi, 2)
+    along = np.cos(angles)[:, None] * axes[0] + np.sin(angles)[:, None] * axes[1]
+    corners = np.stack([near, *(near + along * 10.0 ** rng.uniform(2, 3.5))])
+    corners = np.roll(corners, rng.integers(3), axis=0).astype(np.float32)
+    eyes = near + axes[2] * rng.uniform(0.3, 3, (views, 1))
+    tilt = rng.normal(size=(views, 1)) * rng.choice([0.0, 1e-6, 1e-4, 1e-2, 0.3], (views, 1))
+    poses = looking(eyes, near + axes[0] * tilt, turned(rng, views)[:, :3])
+    return Case(camera_of(rng, width, height), poses, [(corners, np.array([[0, 1, 2]], np.int32))])
+
+
 FAMILIES: dict[str, Callable[[Generator, int, int, int], Case]] = {
     "random": random,
     "closed": closed,
@@ -222,4 +236,5 @@ FAMILIES: dict[str, Callable[[Generator, int, int, int], Case]] = {
     "far_away": far_away,
     "moved": moved,
     "edge_on": edge_on,
+    "far_corners": far_corners,
 }

@@ -49,6 +49,8 @@ constexpr float TERM_ERROR = 2e-7f, ALLOWED_ERROR = 6e-6f;
 // The volume of a triangle may be wrong by this part of the product of how far its corners are apart, and of how far
 // away, twice.
 constexpr float VOLUME_DOUBT = 4e-8f;
+// So many times as far apart as the nearest corner is away, corners are turned to the camera one by one.
+constexpr float COARSE = 4.0f;
 
 struct Setup {
     enum { LARGE = 64 };  // pixels of the bounds, from which a triangle is worth a look at its edges
@@ -140,10 +142,12 @@ struct Setup {
     struct Rounding {
         float edge, volume;
 
+        static inline float apart(const Camera& camera, Vec3 ab, Vec3 ac, float zmin, float zmax) {
+            return __fmaf_rn(camera.extent, zmax - zmin, (fabsf(ab.x) + fabsf(ac.x)) + (fabsf(ab.y) + fabsf(ac.y)));
+        }
         static inline Rounding of(const Camera& camera, Vec3 ab, Vec3 ac, float zmin, float zmax) {
-            const float apart =
-                __fmaf_rn(camera.extent, zmax - zmin, (fabsf(ab.x) + fabsf(ac.x)) + (fabsf(ab.y) + fabsf(ac.y)));
-            const float away = __fmaf_rn(2.0f * camera.extent, zmax, apart), per_extent = camera.per_extent;
+            const float apart = Rounding::apart(camera, ab, ac, zmin, zmax), per_extent = camera.per_extent;
+            const float away = __fmaf_rn(2.0f * camera.extent, zmax, apart);
             const float rounded = __fmul_rn(EDGE_DOUBT, away);
             return Rounding{__fmul_rn(rounded, __fmaf_rn(EDGE_DOUBT_LEAST * per_extent, away, apart)),
                             __fmul_rn(__fmul_rn(VOLUME_DOUBT, away), __fmul_rn(apart, __fmul_rn(per_extent, away)))};
@@ -172,9 +176,18 @@ struct Setup {
             t.ac = camera.turn(Vec3::minus(stored.c, stored.a));
             t.b = Vec3::plus(t.a, t.ab);
             t.c = Vec3::plus(t.a, t.ac);
+            if (t.is_coarse(camera)) {
+                t.b = camera.turn(camera.relative(stored.b));
+                t.c = camera.turn(camera.relative(stored.c));
+            }
             t.normal = Vec3::cross(t.ab, t.ac);
             t.volume = Vec3::dot(t.normal, t.a);
             return t;
+        }
+        // Whether a corner may be so much nearer than others that it must not get the rounding of how far these are.
+        inline bool is_coarse(const Camera& camera) const {
+            const float zmin = Three::min(a.z, b.z, c.z), zmax = Three::max(a.z, b.z, c.z);
+            return zmax > 0.0f && Rounding::apart(camera, ab, ac, zmin, zmax) > COARSE * camera.extent * zmin;
         }
         inline bool has_area() const { return volume != 0.0f && fabsf(volume) <= NOWHERE; }
         inline Rounding rounding(const Camera& camera) const {

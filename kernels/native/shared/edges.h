@@ -3,10 +3,10 @@
 //
 // Whether a ray meets a triangle, where single precision cannot tell.
 //
-// Of the edge values at a pixel in single precision, two triangles that share the edge get exactly opposite ones; yet
-// around a corner the signs of all edges that meet there need not fit, and a ray through the corner would slip between
-// all triangles. So where a value is within what rounding may change of it, its sign is that of the corners as they
-// are stored, in double precision; and what is within rounding of that is inside of both triangles.
+// Of the edge values at a pixel in single precision, those of two triangles that share the edge need not fit, nor those
+// of all that meet at a corner: a ray would slip between them. So where a value is within what rounding may change of
+// it, its sign is that of the corners as they are stored, in double precision; and what is within rounding of that is
+// inside of both triangles.
 
 // An edge's value may be wrong by this part of the product of how far apart the triangle's corners are and how far
 // away, both in pixels times depth: four roundings, and more where the image is wider than the focal length.
