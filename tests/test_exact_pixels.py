@@ -19,7 +19,7 @@ from warpvis.core.poses import poses_to_matrices
 
 sys.path.append(str(Path(__file__).resolve().parent.parent / "bench"))
 
-from exact_pixels import EDGE, Check, look_again
+from exact_pixels import EDGE, Check, look_again as look_again
 from exact_scenes import FAMILIES
 
 
