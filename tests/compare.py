@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from warpvis import Camera, Scene, Views
@@ -55,6 +57,38 @@ def assert_matches_reference(
             # Neighbouring triangles of one object meet at edges: there, either normal is right.
             apart = np.abs(normals[hit] - expected.normals[hit]).max(axis=-1) > 1e-4
             assert apart.mean() <= 1e-3 if apart.size else True
+
+
+def assert_view_matches(
+    views: Views, view: int, expected: reference.Images, depth_beside: Callable[[int, int], np.ndarray]
+) -> None:
+    """A view of rays of any kind, with all images, agrees with the float64 reference.
+
+    Depth and points within ``1e-5 * max(1, length)``; where a pixel differs, one of the rays a hair beside its own
+    sees that: `depth_beside` of its column and row.
+    """
+    depth = views.depth.numpy()[view]
+    wrong = wrong_depth(depth, expected.depth)
+    wrong |= (views.segmentation.numpy()[view] != expected.objects) & (expected.gap > 1e-5)
+    for y, x in np.argwhere(wrong):
+        beside = depth_beside(x, y)
+        got = np.full(beside.shape, depth[y, x])
+        assert not wrong_depth(got, beside).all(), f"view {view}: pixel {(y, x)} is not at an edge"
+    assert wrong.mean() <= 1e-3
+    same = ~wrong & (expected.gap > 1e-5)
+    hit = same & np.isfinite(expected.depth)
+    assert (views.labels.numpy()[view][same] == expected.labels[same]).all()
+    points, normals = (image.numpy()[view].astype(np.float64) for image in (views.points, views.normals))
+    for image in (points, normals):
+        assert np.isnan(image[~np.isfinite(depth)]).all()
+    error = np.linalg.norm(points[hit] - expected.points[hit], axis=-1)
+    assert (error <= 1e-5 * np.maximum(1, np.abs(expected.points[hit]).max(axis=-1, initial=0))).all()
+    assert (np.abs(normals[hit] - expected.normals[hit]).max(axis=-1) > 1e-4).mean() <= 1e-3
+
+
+def hair(size: float, axes: int) -> np.ndarray:
+    """Places a hair beside one, shape ``(1, 64, axes)``."""
+    return size * np.random.default_rng(0).normal(size=(1, 64, axes))
 
 
 def wrong_depth(depth: np.ndarray, expected: np.ndarray) -> np.ndarray:

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from reference_ray_table import cast_ray_table
 
-from warpvis import Camera, Scene
+from warpvis import Scene
 
 
 def cast_wide_rays(
@@ -22,10 +23,7 @@ def cast_wide_rays(
     cull_backfaces: bool = False,
 ) -> Any:
     """What is seen along unit rays of the camera frame, shape (H, W, 3): `reference.Images` whose depth is length."""
-    import reference
-
-    range_only = Camera(1, 1, 1.0, 1.0, 0.5, 0.5, near, far)
-    return reference._cast(scene, range_only, pose, rays, cull_backfaces)
+    return cast_ray_table(scene, rays, pose, near=near, far=far, cull_backfaces=cull_backfaces)
 
 
 def wide_rays(width: int, height: int, hfov: float, projection: str) -> NDArray[np.float64]:

@@ -220,13 +220,19 @@ struct Setup {
         const float a_inv_z = __fdividef(1.0f, a.z), b_inv_z = __fdividef(1.0f, b.z), c_inv_z = __fdividef(1.0f, c.z);
         const float a_u = a.x * a_inv_z, b_u = b.x * b_inv_z, c_u = c.x * c_inv_z;
         const float a_v = a.y * a_inv_z, b_v = b.y * b_inv_z, c_v = c.y * c_inv_z;
-        bool shown = PacketBounds::has_center(Three::min(a_u, b_u, c_u), Three::max(a_u, b_u, c_u), bounds.left,
-                                              bounds.right, bounds.slack) &&
-                     PacketBounds::has_center(Three::min(a_v, b_v, c_v), Three::max(a_v, b_v, c_v), bounds.top,
-                                              bounds.bottom, bounds.slack);
+        const bool shown = PacketBounds::has_center(Three::min(a_u, b_u, c_u), Three::max(a_u, b_u, c_u), bounds.left,
+                                                    bounds.right, bounds.slack) &&
+                           PacketBounds::has_center(Three::min(a_v, b_v, c_v), Three::max(a_v, b_v, c_v), bounds.top,
+                                                    bounds.bottom, bounds.slack);
+        return shown && wanted(bvh, camera, t, slot);
+    }
+
+    // Whether a view is to show a triangle of an object: not by a back that is hidden or culled.
+    static inline bool wanted(const Bvh& bvh, const Camera& camera, const CameraTriangle& t, unsigned slot) {
+        bool shown = true;
         if (camera.cull_back_faces || camera.skip_back_faces) {
             const bool front = t.volume < t.rounding(camera).volume;  // or may be
-            shown = shown && (front || (!camera.cull_back_faces && __ldg(bvh.owners + slot) >= 0));
+            shown = front || (!camera.cull_back_faces && __ldg(bvh.owners + slot) >= 0);
         }
         if (bvh.excluded) shown = shown && !bvh.excluded[Bvh::object_of(__ldg(bvh.owners + slot))];
         return shown;
@@ -238,12 +244,7 @@ struct Setup {
         const unsigned slot = leaf * LANES + Warp::lane();
         const CameraTriangle c = CameraTriangle::of(camera, Corners::of(bvh.corners(slot)));
         // What has no area, or is seen edge-on, Setup::triangle looks at.
-        bool shown = fabsf(c.volume) <= NOWHERE;
-        if (camera.cull_back_faces || camera.skip_back_faces) {
-            const bool front = c.volume < c.rounding(camera).volume;  // or may be
-            shown &= front || (!camera.cull_back_faces && __ldg(bvh.owners + slot) >= 0);
-        }
-        if (bvh.excluded) shown &= !bvh.excluded[Bvh::object_of(__ldg(bvh.owners + slot))];
+        bool shown = fabsf(c.volume) <= NOWHERE && wanted(bvh, camera, c, slot);
         if (!Warp::any(shown)) return 0;
         const ProjectedTriangle p = ProjectedTriangle::of(c.a, c.b, c.c);
         if (!(p.zmax > 0.0f)) shown = false;

@@ -78,6 +78,11 @@ struct Walk {
             if (Warp::lane() == 0) node = of_all;
             Warp::sync();
         }
+        inline void get(const Bvh& bvh, unsigned& of_lane, int& of_all, int& child) const {
+            of_lane = visit[Warp::lane()];
+            of_all = node;
+            child = child_of(bvh, node);
+        }
     };
     static inline int child_of(const Bvh& bvh, int node) {
         return __ldg(bvh.children + (long long)node * LANES + Warp::lane());
@@ -310,9 +315,7 @@ struct Walk {
         int node = bvh.root;  // whose children are left
         bool opened = level >= 0, at_once = false;  // whether it was opened, and whether what is queued must not wait
         if (opened) {
-            visit = levels[level].visit[lane];
-            node = levels[level].node;
-            child = child_of(bvh, node);
+            levels[level].get(bvh, visit, node, child);
         } else {
             level = 0;
         }
@@ -337,9 +340,7 @@ struct Walk {
             if (next == 0) {
                 if (level > 0) {
                     --level;
-                    visit = levels[level].visit[lane];
-                    node = levels[level].node;
-                    child = child_of(bvh, node);
+                    levels[level].get(bvh, visit, node, child);
                     continue;
                 }
                 if (queue.count == 0) return false;
