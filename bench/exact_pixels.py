@@ -52,6 +52,12 @@ def largest(v: wp.vec3d) -> wp.float64:
     return wp.abs(v[0]) + wp.abs(v[1]) + wp.abs(v[2])
 
 
+@wp.func
+def nearer(a: wp.vec3d, b: wp.vec3d) -> wp.vec3d:
+    """The end of an edge from which its plane is found: rounding of a far one must not move it beside a near one."""
+    return wp.where(largest(a) < largest(b), a, b)
+
+
 @wp.kernel
 def prepare_triangles(
     # In:
@@ -84,13 +90,14 @@ def prepare_triangles(
     least = wp.float64(1.0e-15)
     edge_on = wp.abs(volume) <= least * largest(b - a) * largest(c - a) * largest(a)
     sign = wp.where(volume < wp.float64(0.0), wp.float64(-1.0), wp.float64(1.0))
-    prepared_out.edges[view, triangle, 0] = sign * wp.cross(b - c, b + c)
-    prepared_out.edges[view, triangle, 1] = sign * wp.cross(c - a, c + a)
-    prepared_out.edges[view, triangle, 2] = sign * wp.cross(a - b, a + b)
+    near_a, near_b, near_c = nearer(b, c), nearer(c, a), nearer(a, b)  # of the edges that face these
+    prepared_out.edges[view, triangle, 0] = sign * wp.cross(b - c, near_a)
+    prepared_out.edges[view, triangle, 1] = sign * wp.cross(c - a, near_b)
+    prepared_out.edges[view, triangle, 2] = sign * wp.cross(a - b, near_c)
     prepared_out.doubt[view, triangle] = (
         least
         * largest(ray)
-        * wp.vec3d(largest(b - c) * largest(b + c), largest(c - a) * largest(c + a), largest(a - b) * largest(a + b))
+        * wp.vec3d(largest(b - c) * largest(near_a), largest(c - a) * largest(near_b), largest(a - b) * largest(near_c))
     )
     prepared_out.plane[view, triangle] = normal / volume
     zmin, zmax = wp.min(a[2], wp.min(b[2], c[2])), wp.max(a[2], wp.max(b[2], c[2]))
@@ -179,7 +186,8 @@ def look_again(case: Case, matrix: NDArray[np.float64], x: int, y: int, shown: f
         z = volume / (normal @ ray)
         values, lengths = [], []
         for i, j in ((1, 2), (2, 0), (0, 1)):
-            edge = np.cross(places[:, i] - places[:, j], places[:, i] + places[:, j])
+            from_i = np.abs(places[:, i]).sum(-1) < np.abs(places[:, j]).sum(-1)
+            edge = np.cross(places[:, i] - places[:, j], np.where(from_i[:, None], places[:, i], places[:, j]))
             values.append(np.sign(volume) * (edge @ ray))
             lengths.append(np.hypot(edge[:, 0], edge[:, 1]))
         beside = np.array(values) / np.array(lengths)  # pixels; negative outside

@@ -61,12 +61,13 @@ struct ExactCorners {
         return volume != 0.0 && inside(corner[1], corner[2], ray, sign) && inside(corner[2], corner[0], ray, sign) &&
                inside(corner[0], corner[1], ray, sign);
     }
-    // Whether a ray passes on that side of an edge where the triangle is, or through the edge.
+    // Whether a ray passes on that side of an edge where the triangle is, or through the edge. The plane through the
+    // edge, from the nearer of its ends: beside that one, rounding of the farther one would be many pixels' worth.
     static inline bool inside(const double* a, const double* b, const double* ray, double sign) {
         double apart[3], plane[3];
         minus(a, b, apart);
-        const double twice[3] = {a[0] + b[0], a[1] + b[1], a[2] + b[2]};
-        cross(apart, twice, plane);
-        return sign * dot(plane, ray) >= -EXACT_DOUBT * size(apart) * size(twice) * size(ray);
+        const double* nearer = size(a) < size(b) ? a : b;
+        cross(apart, nearer, plane);
+        return sign * dot(plane, ray) >= -EXACT_DOUBT * size(apart) * size(nearer) * size(ray);
     }
 };
