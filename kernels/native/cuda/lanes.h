@@ -72,6 +72,19 @@ struct Reciprocal {
     }
 };
 
+struct Root {
+    // About the square root of x, to the last digits; not a number where x is 0.
+    static inline float about(float x) {
+#if defined(__CUDACC_RTC__)
+        float value;
+        asm("rsqrt.approx.ftz.f32 %0, %1;" : "=f"(value) : "f"(x));
+        return x * value;
+#else
+        return x * (1.0f / sqrtf(x));
+#endif
+    }
+};
+
 struct Three {
     static inline float min(float a, float b, float c) { return fminf(a, fminf(b, c)); }
     static inline float max(float a, float b, float c) { return fmaxf(a, fmaxf(b, c)); }

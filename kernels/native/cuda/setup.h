@@ -82,7 +82,7 @@ struct Setup {
             const float zmin = Three::min(a.z, b.z, c.z);
             p.zmax = Three::max(a.z, b.z, c.z);
             p.crossing = zmin <= CROSSING_SHARE * p.zmax + CROSSING_LEAST;
-            p.inv_z[0] = Reciprocal::of(a.z), p.inv_z[1] = __fdividef(1.0f, b.z), p.inv_z[2] = __fdividef(1.0f, c.z);
+            p.inv_z[0] = Reciprocal::of(a.z), p.inv_z[1] = Reciprocal::about(b.z), p.inv_z[2] = Reciprocal::about(c.z);
             // Rounded here, though the compiler would rather fuse them with what they are subtracted from.
             p.u[0] = __fmul_rn(a.x, p.inv_z[0]), p.u[1] = __fmul_rn(b.x, p.inv_z[1]),
             p.u[2] = __fmul_rn(c.x, p.inv_z[2]);
@@ -197,17 +197,18 @@ struct Setup {
 
     // A packet's pixels, as distances from the principal point, and as much wider as rounding may be wrong.
     struct PacketBounds {
-        float left, right, top, bottom;  // the centres of the first and the last pixel
-        float slack;
+        // Of the first column and row: their centres less the slack, and more.
+        float left_less, left_more, top_less, top_more;
 
         static inline PacketBounds of(const Camera& camera, int first_x, int first_y) {
             const float u = camera.first_u + (float)first_x, v = camera.first_v + (float)first_y;
-            return PacketBounds{u, u + (PACKET_WIDTH - 1), v, v + (PACKET_HEIGHT - 1), slack_of(camera)};
+            const float slack = slack_of(camera);
+            return PacketBounds{u - slack, u + slack, v - slack, v + slack};
         }
-        // Whether the centre of a pixel is between two places along an axis that begins at the first pixel's.
-        static inline bool has_center(float least, float most, float first, float last, float slack) {
-            const float end = floorf(most - first + slack);
-            return end >= fmaxf(least - first - slack, 0.0f) && least - slack <= last;
+        // Whether the centre of one of so many pixels is between two places.
+        static inline bool has_center(float least, float most, float less, float more, float pixels) {
+            const float begin = least - more;
+            return floorf(most - less) >= fmaxf(begin, 0.0f) && begin <= pixels - 1.0f;
         }
     };
 
@@ -215,16 +216,18 @@ struct Setup {
     // pixel's centre of the packet.
     static inline bool may_cover(const Bvh& bvh, const Camera& camera, const PacketBounds& bounds,
                                  const Corners& stored, unsigned slot) {
-        const CameraTriangle t = CameraTriangle::of(camera, stored);
-        const Vec3 a = t.a, b = t.b, c = t.c;
-        const float a_inv_z = __fdividef(1.0f, a.z), b_inv_z = __fdividef(1.0f, b.z), c_inv_z = __fdividef(1.0f, c.z);
+        const Vec3 a = camera.turn(camera.relative(stored.a)), b = camera.turn(camera.relative(stored.b)),
+                   c = camera.turn(camera.relative(stored.c));
+        const float a_inv_z = Reciprocal::about(a.z), b_inv_z = Reciprocal::about(b.z),
+                    c_inv_z = Reciprocal::about(c.z);
         const float a_u = a.x * a_inv_z, b_u = b.x * b_inv_z, c_u = c.x * c_inv_z;
         const float a_v = a.y * a_inv_z, b_v = b.y * b_inv_z, c_v = c.y * c_inv_z;
-        const bool shown = PacketBounds::has_center(Three::min(a_u, b_u, c_u), Three::max(a_u, b_u, c_u), bounds.left,
-                                                    bounds.right, bounds.slack) &&
-                           PacketBounds::has_center(Three::min(a_v, b_v, c_v), Three::max(a_v, b_v, c_v), bounds.top,
-                                                    bounds.bottom, bounds.slack);
-        return shown && wanted(bvh, camera, t, slot);
+        const bool shown = PacketBounds::has_center(Three::min(a_u, b_u, c_u), Three::max(a_u, b_u, c_u),
+                                                    bounds.left_less, bounds.left_more, PACKET_WIDTH) &&
+                           PacketBounds::has_center(Three::min(a_v, b_v, c_v), Three::max(a_v, b_v, c_v),
+                                                    bounds.top_less, bounds.top_more, PACKET_HEIGHT);
+        const bool sorted_out = camera.cull_back_faces || camera.skip_back_faces || bvh.excluded;
+        return shown && (!sorted_out || wanted(bvh, camera, CameraTriangle::of(camera, stored), slot));
     }
 
     // Whether a view is to show a triangle of an object: not by a back that is hidden or culled.

@@ -49,9 +49,11 @@ struct PixelRect {
     static inline int y0(unsigned rect) { return rect >> BITS & MASK; }
     static inline int columns(unsigned rect) { return (rect >> 2 * BITS & MASK) + 1; }
     static inline int rows(unsigned rect) { return (rect >> 3 * BITS & MASK) + 1; }
-    // Whether it is no larger than a block, of what is all in front of the camera.
+    // Of what is all in front of the camera, and no larger than a block, or, since objects that move are small trees of
+    // which most is seen at once, than a few blocks.
+    enum { SMALL_COLUMNS = MOVABLE ? 16 : BLOCK_WIDTH, SMALL_ROWS = MOVABLE ? 16 : BLOCK_HEIGHT };
     static inline bool small(unsigned rect) {
-        return columns(rect) <= BLOCK_WIDTH && rows(rect) <= BLOCK_HEIGHT && !(rect & ANYWHERE);
+        return columns(rect) <= SMALL_COLUMNS && rows(rect) <= SMALL_ROWS && !(rect & ANYWHERE);
     }
     // Whether there are no more of them than one lane looks at: four in a row, or 2x2.
     static inline bool few(unsigned rect) { return columns(rect) <= (rows(rect) == 1 ? 4 : 2) && rows(rect) <= 2; }
@@ -90,13 +92,11 @@ struct Walk {
 
     // All triangles of the child face away: the directions from the camera to anywhere in its box make less than a
     // right angle with every normal in the cone.
-    static inline bool faces_away(const float* node, Vec3 low, Vec3 high) {
+    static inline bool faces_away(Vec3 axis, float cutoff, Vec3 low, Vec3 high) {
         const Vec3 sum = Vec3::plus(low, high), size = Vec3::minus(high, low);
-        const Vec3 axis = {__ldg(node + CONE_AXIS_ROW * LANES), __ldg(node + (CONE_AXIS_ROW + 1) * LANES),
-                           __ldg(node + (CONE_AXIS_ROW + 2) * LANES)};
         // Both sides twice what they are: of the centre, and of half the diagonal.
-        return Vec3::dot(sum, axis) >= __ldg(node + CONE_CUTOFF_ROW * LANES) * sqrtf(Vec3::dot(sum, sum)) +
-                                           WIDER * sqrtf(Vec3::dot(size, size));
+        return Vec3::dot(sum, axis) >=
+               cutoff * Root::about(Vec3::dot(sum, sum)) + WIDER * Root::about(Vec3::dot(size, size));
     }
 
     // How far along a direction a box reaches.
@@ -140,14 +140,14 @@ struct Walk {
                 return p;
             }
             // x - u z is 0 in the middle of the box where u is the middle's, and linear.
-            const float inv_z = __fdividef(1.0f, z), inv_zmin = __fdividef(1.0f, p.zmin);
+            const float inv_z = Reciprocal::about(z), inv_zmin = Reciprocal::about(p.zmin);
             const float u = x * inv_z, v = y * inv_z;
             const float aside = across(combined(m[0], m[2], -u), half) * inv_zmin;
             const float along = across(combined(m[1], m[2], -v), half) * inv_zmin;
             p.left = u - aside, p.right = u + aside, p.top = v - along, p.bottom = v + along;
             return p;
         }
-        inline float nearest_inv_z() const { return crossing ? NOWHERE : NEARER * __fdividef(1.0f, zmin); }
+        inline float nearest_inv_z() const { return crossing ? NOWHERE : NEARER * Reciprocal::about(zmin); }
 
         // Whole numbers of pixels.
         struct Pixels {
@@ -179,7 +179,7 @@ struct Walk {
             right = bottom = -NOWHERE;
             for (int corner = 0; corner < 8; ++corner) {
                 const Vec3 at = Vec3::plus(Vec3::plus(x[corner & 1], y[corner >> 1 & 1]), z[corner >> 2]);
-                const float inv_z = __fdividef(1.0f, at.z), u = at.x * inv_z, v = at.y * inv_z;
+                const float inv_z = Reciprocal::about(at.z), u = at.x * inv_z, v = at.y * inv_z;
                 left = fminf(left, u), right = fmaxf(right, u);
                 top = fminf(top, v), bottom = fmaxf(bottom, v);
             }
@@ -195,12 +195,16 @@ struct Walk {
     static inline unsigned open(const Bvh& bvh, const Camera& camera, const Packet& packet, int index, int& child,
                                 unsigned& small) {
         const float* node = bvh.nodes + (long long)index * NODE_WORDS + Warp::lane();
+        // All is read before anything of it is used: one wait.
         const Vec3 least = Place::load(node + NODE_LOW_ROW * LANES), most = Place::load(node + NODE_HIGH_ROW * LANES);
-        const Vec3 low = camera.relative(least), high = camera.relative(most);
-        bool shown = least.x <= most.x;
-        if (camera.skip_back_faces) shown = shown && !faces_away(node, low, high);
-        Child found = visit(camera, camera.to_camera, packet, low, high, shown);
         child = child_of(bvh, index);
+        Vec3 axis = {0.0f, 0.0f, 0.0f};
+        float cutoff = 0.0f;
+        if (camera.skip_back_faces)
+            axis = Place::load(node + CONE_AXIS_ROW * LANES), cutoff = __ldg(node + CONE_CUTOFF_ROW * LANES);
+        const Vec3 low = camera.relative(least), high = camera.relative(most);
+        const bool shown = least.x <= most.x && !(camera.skip_back_faces && faces_away(axis, cutoff, low, high));
+        Child found = visit(camera, camera.to_camera, packet, low, high, shown);
         small = 0;
         if (found.visit && PixelRect::few(found.pixels) && drawn_over(packet, found)) found.visit = 0;
         if (!Warp::any(found.visit && !(child < 0 && PixelRect::small(found.pixels)))) {
