@@ -125,8 +125,8 @@ def _headers(side: int, with_id: bool, movable: bool, clip: bool, resized: bool)
 
 
 def packet_width(side: int) -> int:
-    """Return how wide packets of a height of 4, 8, 16 or 32 pixels are: as high, and 8 at least, a pixel a lane."""
-    return max(side, 8)
+    """Return how wide packets of a height of 1, 2, 4, 8, 16 or 32 pixels are: as high, or up to 4 twice that."""
+    return max(side, min(2 * side, 4))
 
 
 def make_packet_function(side: int, with_id: bool, movable: bool, clip: bool, resized: bool = False) -> wp.Function:

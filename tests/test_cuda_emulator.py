@@ -33,6 +33,7 @@ SIDES = (4, 8, 16, 32)
 SOME_SIDES = (4, pytest.param(8, marks=pytest.mark.slow), pytest.param(16, marks=pytest.mark.slow), 32)
 VARIANTS = tuple(Variant(side, with_id, movable) for side in SIDES[1:] for with_id in (0, 1) for movable in (0, 1))
 VARIANTS += tuple(Variant(4, 1, movable) for movable in (0, 1))
+VARIANTS += tuple(Variant(side, 1, False) for side in (1, 2))  # which only what stays has
 OLD = Variant(16, True, True, arch=700)  # before the warp's reductions
 CLIPS = Variant(16, True, True, clip=True)
 RESIZED = Variant(16, True, True, clip=True, resized=True)
@@ -72,7 +73,7 @@ def moved(count=5, seed=1):
 
 
 @pytest.mark.parametrize("cull_backfaces", [False, True])
-@pytest.mark.parametrize("side", SOME_SIDES)
+@pytest.mark.parametrize("side", [1, 2, *SOME_SIDES])
 def test_what_stays(emulator, side, cull_backfaces):
     """From outside all closed objects, and from inside one."""
     scene = build("cpu", moved(), movable=False)

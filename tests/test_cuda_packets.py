@@ -42,7 +42,8 @@ def test_few_pixels_make_small_packets():
     """Enough packets for every multiprocessor, and as large as that allows."""
     assert packet_side(512, 320, 240, 132) == 32
     assert packet_side(8192, 64, 64, 132) == 32
-    assert [packet_side(views, 64, 64, 132) for views in (1, 65, 66)] == [4, 4, 8]
+    assert [packet_side(views, 64, 64, 132) for views in (1, 2, 3, 12, 13, 65, 66)] == [1, 1, 2, 2, 4, 4, 8]
+    assert [packet_side(views, 64, 64, 132, moving=True) for views in (1, 32, 33)] == [4, 4, 8]
     assert [packet_side(512, 64, 64, 132, least) for least in (64, 12)] == [16, 32]
     sides = [packet_side(views, 640, 480, 132) for views in range(1, 64)]
     assert sides == sorted(sides)
@@ -86,7 +87,7 @@ def test_images_do_not_depend_on_the_packets_size(name, outputs, cuda, monkeypat
     scene = preset.build(cuda)
     camera = wv.Camera.from_fov(133, 77, hfov=0.994837, near=0.05, far=4.0)
     images = []
-    for side in (32, 16, 8, 4):
+    for side in (32, 16, 8, 4, 2, 1):
         monkeypatch.setattr("warpvis.rendering._cuda_packets.packet_side", lambda *_, side=side: side)
         images.append(wv.render(scene, camera, preset.poses(3), outputs=outputs))
     for other in images[1:]:

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from warpvis.kernels.pinhole import PinholeCamera
     from warpvis.kernels.worlds import Worlds
 
-# With fewer packets of 8x8 than these on a multiprocessor, those of 8x4 are done sooner: where all stays, and where
-# objects move, which every packet looks for.
-_FEWEST_OF_8 = (32, 4)
+# Heights of packets, from how many on a multiprocessor on they are faster than the next, and the least height: where
+# all stays, and where objects move, which every packet looks for.
+_FEWEST_PACKETS = {False: (((16, 24), (8, 32), (4, 24), (2, 8)), 1), True: (((16, 24), (8, 16)), 4)}
 # So many kinds of calls have a launch that waits for the next one.
 _MOST_KINDS = 4
 
@@ -102,7 +102,7 @@ class CudaPacketsCaster(RaysCaster):
         moving, large_packets = drawn > 0, 64
         if 0 < drawn < MANY_OBJECTS:
             large_packets = 12 if clusters.moves_solids_only else 32
-        side = packet_side(views, camera.width, camera.height, device.sm_count, large_packets, _FEWEST_OF_8[moving])
+        side = packet_side(views, camera.width, camera.height, device.sm_count, large_packets, moving=moving)
         _, _, normals, labels, segmentation = images
         with_id = not (normals is None and labels is None and segmentation is None)
         kind = (side, with_id, moving, self._clip_near, moving and worlds.object_sizes is not None, views)
@@ -142,7 +142,8 @@ def packet_side(
     height: int,
     processors: int,
     large_packets: int = 64,
-    fewest_of_8: int = _FEWEST_OF_8[False],
+    *,
+    moving: bool = False,
 ) -> int:
     """Choose the height of packets in pixels: as much as leaves enough packets for all multiprocessors.
 
@@ -155,9 +156,12 @@ def packet_side(
         height: Their height [px].
         processors: Multiprocessors of the GPU.
         large_packets: From how many a multiprocessor on packets of 32x32 are the fastest.
-        fewest_of_8: From how many a multiprocessor on packets of 8x8 are faster than those of 8x4.
+        moving: Whether packets look for objects with frames of their own.
     """
-    for side, packets_per_processor in ((32, large_packets), (16, 24), (8, fewest_of_8)):
-        if views * -(-width // side) * -(-height // side) >= packets_per_processor * processors:
+    from warpvis.kernels.packets_cuda import packet_width
+
+    sides, least = _FEWEST_PACKETS[moving]
+    for side, packets_per_processor in ((32, large_packets), *sides):
+        if views * -(-width // packet_width(side)) * -(-height // side) >= packets_per_processor * processors:
             return side
-    return 4
+    return least

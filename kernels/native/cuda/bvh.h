@@ -14,15 +14,17 @@
 enum {
     LEAF_WORDS = LEAF_ROWS * LANES,
     NODE_WORDS = NODE_ROWS * LANES,
-    BLOCK_WIDTH_BITS = 3,
-    BLOCK_HEIGHT_BITS = 2,
+    // Of 8x4 pixels, or of the whole packet where that is less.
+    BLOCK_WIDTH_BITS = (PACKET_WIDTH >= 2) + (PACKET_WIDTH >= 4) + (PACKET_WIDTH >= 8),
+    BLOCK_HEIGHT_BITS = (PACKET_HEIGHT >= 2) + (PACKET_HEIGHT >= 4),
     BLOCK_WIDTH = 1 << BLOCK_WIDTH_BITS,  // pixels
     BLOCK_HEIGHT = 1 << BLOCK_HEIGHT_BITS,
+    BLOCK_PIXELS = BLOCK_WIDTH * BLOCK_HEIGHT,
     BLOCK_COLUMNS = PACKET_WIDTH / BLOCK_WIDTH,
     BLOCK_ROWS = PACKET_HEIGHT / BLOCK_HEIGHT,
     BLOCKS = BLOCK_COLUMNS * BLOCK_ROWS,
 };
-static_assert((int)BLOCK_WIDTH * BLOCK_HEIGHT == (int)LANES, "a lane draws a pixel of a block");
+static_assert((int)BLOCK_WIDTH * BLOCK_HEIGHT <= (int)LANES, "a lane draws a pixel of a block");
 static_assert((int)BLOCKS <= (int)LANES, "lane b keeps what is known of block b");
 static_assert(PACKET_WIDTH % BLOCK_WIDTH == 0 && PACKET_HEIGHT % BLOCK_HEIGHT == 0, "a packet is of whole blocks");
 

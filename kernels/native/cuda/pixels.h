@@ -34,12 +34,13 @@ struct Packet {
     // Nothing seen yet. What lies outside the image counts as very near, so that it hides and never shows.
     inline void begin(int columns, int rows) {
         const int lane = Warp::lane();
-        if (columns >= PACKET_WIDTH && rows >= PACKET_HEIGHT) {
+        if (columns >= PACKET_WIDTH && rows >= PACKET_HEIGHT && (int)BLOCK_PIXELS == (int)LANES) {
             for (int i = lane; i < (int)PIXELS; i += LANES) z_buffer[i] = DepthKey::of(0.0f, NO_TRIANGLE);
         } else {
-            for (int i = lane; i < (int)PIXELS; i += LANES) {
-                const int x = i % PACKET_WIDTH, y = i / PACKET_WIDTH;
-                z_buffer[index_at(x, y)] = DepthKey::of(x < columns && y < rows ? 0.0f : NOWHERE, NO_TRIANGLE);
+            for (int block = 0; block < BLOCKS; ++block) {
+                const bool seen = lane < BLOCK_PIXELS && block_x(block) + pixel_x(lane) < columns &&
+                                  block_y(block) + pixel_y(lane) < rows;
+                z_buffer[index(block, lane)] = DepthKey::of(seen ? 0.0f : NOWHERE, NO_TRIANGLE);
             }
         }
         const bool seen = lane < BLOCKS && block_x(lane) < columns && block_y(lane) < rows;
