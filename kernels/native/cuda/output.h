@@ -84,55 +84,57 @@ struct Write {
 
     static inline void images(const Scene& scene, const View& view, const Camera& camera, const Packet& packet,
                               const Images& out) {
-        if (out.depth) depths(view, packet, out.depth);
-        if (out.points) points(view, camera, packet, out.points);
-        if (DepthKey::HAS_ID && out.normals) normals(scene, view, camera, packet, out.normals);
-        if (DepthKey::HAS_ID && (out.segmentation || out.labels)) objects(scene, view, packet, out);
+        if (out.points || (DepthKey::HAS_ID && (out.normals || out.segmentation || out.labels)))
+            all(scene, view, camera, packet, out);
+        else if (out.depth)
+            depths(view, packet, out.depth);
     }
 
-    static inline void depths(const View& view, const Packet& packet, float* depth) {
-        const float infinity = __int_as_float(INFINITY_BITS);
-        for (Column at = Column::of(view, packet); at.some(); at.next()) {
-            const float inv_z = inv_z_of(at.key(packet)), z = Reciprocal::of(inv_z);
-            const bool near = inv_z > 0.0f && z < view.near;
-            depth[at.at] = seen(view, inv_z, z) ? z : near ? -infinity : infinity;
-        }
-    }
-
-    static inline void points(const View& view, const Camera& camera, const Packet& packet, float* points) {
+    static inline void all(const Scene& scene, const View& view, const Camera& camera, const Packet& packet,
+                           const Images& out) {
         const Vec3 right = camera.exact_rays[0].rounded(), down = camera.exact_rays[1].rounded(),
-                   forward = camera.exact_rays[2].rounded(), o = camera.origin;
+                   forward = camera.exact_rays[2].rounded();
+        const bool objects = DepthKey::HAS_ID && (out.segmentation || out.labels);
         Column at = Column::of(view, packet);
         const float u = (float)(packet.first_x + at.column) + camera.first_u;
         for (; at.some(); at.next()) {
-            const float inv_z = inv_z_of(at.key(packet)), z = Reciprocal::of(inv_z);
-            const float v = (float)(packet.first_y + at.row) + camera.first_v;
-            const Vec3 place = {__fmaf_rn(z, __fmaf_rn(u, right.x, __fmaf_rn(v, down.x, forward.x)), o.x),
-                                __fmaf_rn(z, __fmaf_rn(u, right.y, __fmaf_rn(v, down.y, forward.y)), o.y),
-                                __fmaf_rn(z, __fmaf_rn(u, right.z, __fmaf_rn(v, down.z, forward.z)), o.z)};
-            vector(points, at.at, seen(view, inv_z, z) ? place : none());
-        }
-    }
-
-    static inline void normals(const Scene& scene, const View& view, const Camera& camera, const Packet& packet,
-                               float* normals) {
-        for (Column at = Column::of(view, packet); at.some(); at.next()) {
             const Key key = at.key(packet);
-            const int x = packet.first_x + at.column, y = packet.first_y + at.row;
-            const float inv_z = inv_z_of(key);
-            vector(normals, at.at,
-                   seen(view, inv_z, Reciprocal::of(inv_z)) ? normal(scene, camera, DepthKey::id(key), x, y) : none());
-        }
-    }
-
-    static inline void objects(const Scene& scene, const View& view, const Packet& packet, const Images& out) {
-        for (Column at = Column::of(view, packet); at.some(); at.next()) {
-            const Key key = at.key(packet);
-            const float inv_z = inv_z_of(key);
-            const int object = seen(view, inv_z, Reciprocal::of(inv_z)) ? scene.object_of(DepthKey::id(key)) : -1;
+            const float inv_z = inv_z_of(key), z = Reciprocal::of(inv_z);
+            const bool shown = seen(view, inv_z, z);
+            // Read before the rest, which takes as long as that.
+            const int owner = !MOVABLE && objects && shown ? __ldg(scene.bvh.owners + DepthKey::id(key)) : 0;
+            if (out.depth) out.depth[at.at] = depth(view, inv_z, z, shown);
+            if (out.points) {
+                const float v = (float)(packet.first_y + at.row) + camera.first_v;
+                const Vec3 ray = {__fmaf_rn(u, right.x, __fmaf_rn(v, down.x, forward.x)),
+                                  __fmaf_rn(u, right.y, __fmaf_rn(v, down.y, forward.y)),
+                                  __fmaf_rn(u, right.z, __fmaf_rn(v, down.z, forward.z))};
+                vector(out.points, at.at, shown ? place(camera.origin, ray, z) : none());
+            }
+            if (DepthKey::HAS_ID && out.normals) {
+                const int x = packet.first_x + at.column, y = packet.first_y + at.row;
+                vector(out.normals, at.at, shown ? normal(scene, camera, DepthKey::id(key), x, y) : none());
+            }
+            if (!objects) continue;
+            int object = -1;
+            if (shown) object = MOVABLE ? scene.object_of(DepthKey::id(key)) : Bvh::object_of(owner);
             if (out.segmentation) out.segmentation[at.at] = object;
             if (out.labels)
                 out.labels[at.at] = object < 0 ? (unsigned char)LABEL_EMPTY : __ldg(out.object_label + object);
+        }
+    }
+    static inline Vec3 place(Vec3 origin, Vec3 ray, float z) {
+        return Vec3{__fmaf_rn(z, ray.x, origin.x), __fmaf_rn(z, ray.y, origin.y), __fmaf_rn(z, ray.z, origin.z)};
+    }
+
+    static inline float depth(const View& view, float inv_z, float z, bool shown) {
+        const float infinity = __int_as_float(INFINITY_BITS);
+        return shown ? z : inv_z > 0.0f && z < view.near ? -infinity : infinity;
+    }
+    static inline void depths(const View& view, const Packet& packet, float* depth) {
+        for (Column at = Column::of(view, packet); at.some(); at.next()) {
+            const float inv_z = inv_z_of(at.key(packet)), z = Reciprocal::of(inv_z);
+            depth[at.at] = Write::depth(view, inv_z, z, seen(view, inv_z, z));
         }
     }
 };
