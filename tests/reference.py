@@ -47,7 +47,7 @@ from reference_heights import climb  # noqa: F401
 from reference_inside import find_inside  # noqa: F401
 from reference_orthographic import cast_parallel_rays, show_later_from_plane  # noqa: F401
 from reference_panorama import cast_wide_rays  # noqa: F401
-from reference_ray_table import cast_ray_table  # noqa: F401
+from reference_ray_table import cast_ray_table
 from reference_silhouettes import (  # noqa: F401
     judge_silhouettes,
     measure_silhouettes,
@@ -115,6 +115,7 @@ def cast_rays_at(
 
 # What an image shows does not depend on how it is cast.
 cast_packets = cast_packets_cuda = cast_rays
+cast_table_packets = cast_ray_table
 
 
 def _cast(

@@ -272,7 +272,7 @@ class Camera(CameraMakers):
 
         camera = PinholeCamera()
         clips = clip_near and self.near > 0
-        camera.most_inv_z = _most_inv_z(self.near) if clips else math.inf
+        camera.most_inv_z = most_inv_z(self.near) if clips else math.inf
         camera.clip_reach = self._near_reach() if clips else 0.0
         camera.width, camera.height = self.width, self.height
         camera.fx, camera.fy, camera.cx, camera.cy = self.fx, self.fy, self.cx, self.cy
@@ -280,7 +280,7 @@ class Camera(CameraMakers):
         return camera
 
 
-def _most_inv_z(near: float) -> float:
+def most_inv_z(near: float) -> float:
     """Find the greatest 1 / z, in single precision, of which 1 / (1 / z) is still `near` or more."""
     import numpy as np
 

@@ -24,6 +24,7 @@ from warpvis.scene import Scene
 
 if TYPE_CHECKING:
     from warpvis.kernels.packets import BvhScene, PacketJob
+    from warpvis.kernels.table_packets import TableJob
     from warpvis.kernels.worlds import Worlds
 
 # A strip is a thread's part of the rows that are left, divided by this.
@@ -35,41 +36,42 @@ _FIRST_COST = 6.0
 # Less work [ns] is done before another thread has woken up; more than that surely is not.
 _LEAST_SHARED, _SURELY_SHARED = 8e4, 5e5
 # So few rays are one thread's, and nobody looks how long they take.
-_FEW_RAYS = 256
+FEW_RAYS = 256
 # In between, one of so many calls is made in the way that was slower, to see whether it still is.
 _CALLS_BETWEEN_LOOKS = 16
 # To wake a thread takes the caller so long [ns].
 _WAKING = 5e3
 # So many kinds of calls have memory that waits for the next one: as many threads as were tried last, and others.
-_MOST_KINDS = 3
+MOST_KINDS = 3
 
 
-class _Workspace:
+class Workspace:
     """What one call at a time works with: a launch that is packed once, and the memory that it reads then.
 
     To pack a launch takes longer than many an image. Here a call writes addresses, and keeps none: what the caller
     drops does not live on.
     """
 
-    def __init__(self, scene: BvhScene, job: PacketJob, workers: int) -> None:
-        """Prepare for calls like a job on so many threads."""
-        from warpvis.kernels import packets
+    def __init__(
+        self, scene: BvhScene, kernel: wp.Kernel, call: tuple[Any, Any], job: PacketJob | TableJob, workers: int
+    ) -> None:
+        """Prepare for calls like a job on so many threads; `call` is the kernel's struct of a call, and its type."""
         from warpvis.kernels.images import Images
 
-        views = job.views
         self.counter = np.zeros(JOB_COUNTERS, dtype=np.int32)
         job.counter = wp.array(self.counter, dtype=wp.int32, device="cpu", copy=False)
-        self.pose_rows = np.empty((views, POSE_WORDS), dtype=np.float32)
-        self._call, self._images = packets.PacketCall(), ImageSlots()
+        self.pose_rows = np.empty((job.views, POSE_WORDS), dtype=np.float32)
+        self._call, call_type = call
+        self._images = ImageSlots()
         self._call.job = job
         self.job: Any = self._call.job
         self._call.poses = wp.array(self.pose_rows, dtype=wp.transform, device="cpu", copy=False)
         self._memory = memory_of(self._call)
         self._memory.scene = memory_of(scene)
-        arrays = _array_of_one(self._call, packets.PacketCall), _array_of_one(self._images.struct, Images)
-        self.launch = pack_launch(packets.cast_packets, [*arrays])
+        arrays = _array_of_one(self._call, call_type), _array_of_one(self._images.struct, Images)
+        self.launch = pack_launch(kernel, [*arrays])
         self.launch.launch()  # without memory, it says how much it needs
-        self._workers = min(workers, views * int(job.strips))
+        self._workers = workers
         self.job.scratch = aligned_zeros((workers, int(job.scratch_bytes.numpy()[0])), wp.uint8)
 
     def fill(self, scene: BvhScene, poses: NDArray[np.float32], worlds: Worlds, images: list[wp.array | None]) -> None:
@@ -145,7 +147,7 @@ class CpuPacketsCaster:
         self._clip_near = clip_near
         self._threads = threads
         self._costs = RayCosts(threads), RayCosts(threads)  # of pixels, and of points
-        self._idle = Idle[_Workspace](_MOST_KINDS)
+        self._idle = Idle[Workspace](MOST_KINDS)
 
     def parse_poses(self, poses: PoseLike, convention: Convention) -> np.ndarray:
         """Check poses, and return them as this caster takes them."""
@@ -167,11 +169,11 @@ class CpuPacketsCaster:
         clusters = self._scene.bvh()
         points = 0 if pixels is None else pixels.shape[2]
         rays = views * (points or self._camera.width * self._camera.height)
-        costs = None if rays <= _FEW_RAYS else self._costs[points > 0]
+        costs = None if rays <= FEW_RAYS else self._costs[points > 0]
         workers = 1 if costs is None else costs.threads_for(rays)
         scene = clusters.struct
         kind = (scene.levels, scene.drawn_count, views, points, workers)
-        space = self._idle.take(kind) or _Workspace(scene, self._make_job(views, points, workers), workers)
+        space = self._idle.take(kind) or self._make_space(scene, self._make_job(views, points, workers), workers)
         space.fill(scene, poses, worlds, images)
         if pixels is not None:
             space.job.at = pixels.flatten().view(wp.float32).flatten()
@@ -184,6 +186,12 @@ class CpuPacketsCaster:
         if pixels is not None:
             space.job.at = None
         self._idle.give_back(kind, space)
+
+    @staticmethod
+    def _make_space(scene: BvhScene, job: PacketJob, workers: int) -> Workspace:
+        from warpvis.kernels.packets import PacketCall, cast_packets
+
+        return Workspace(scene, cast_packets, (PacketCall(), PacketCall), job, min(workers, job.views * job.strips))
 
     def _make_job(self, views: int, points: int, workers: int) -> PacketJob:
         from warpvis.kernels.packets import PacketJob

@@ -19,6 +19,7 @@ from warpvis.core.threads import check_threads, launch_images
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, ObjectScales, PoseLike
 from warpvis.errors import ArrayError, CameraError
 from warpvis.rendering._cpu_packets import CpuPacketsCaster
+from warpvis.rendering._cpu_table import CpuTablePacketsCaster
 from warpvis.rendering._cuda_packets import CudaPacketsCaster
 from warpvis.rendering._orthographic import OrthographicCamera, RenderCamera
 from warpvis.rendering._prepared import CheckedImages
@@ -66,8 +67,8 @@ class Renderer:
 
         Args:
             scene: What is seen. What is added to it later is seen too.
-            camera: Intrinsics, image size and depth range of all views; or a `warpvis.sensors.LensCamera`, or a
-                `warpvis.rendering.OrthographicCamera`, which are cast by rays.
+            camera: Intrinsics, image size and depth range of all views; or a `warpvis.sensors.LensCamera`, which is
+                cast by rays on a GPU, or a `warpvis.rendering.OrthographicCamera`, which always is.
             outputs: The images to make, of ``"depth"``, ``"points"``, ``"normals"``, ``"labels"``, ``"segmentation"``.
             caster: ``"packets"``, for speed; ``"rays"``, the reference; ``"auto"`` takes packets, which have been the
                 faster ones on every scene and device measured. Both give the same images.
@@ -91,7 +92,7 @@ class Renderer:
         self.camera = camera
         self.outputs = check_outputs(outputs)
         self.threads = check_threads(threads)
-        self.caster = _choose_caster(caster, camera)
+        self.caster = _choose_caster(caster, camera, scene.device)
         self.device_bytes = _check_device_bytes(device_bytes, scene.device)
         self.fill = fill
         self._fill = _fill_numbers(fill, camera)
@@ -288,9 +289,9 @@ def _as_rows(array: wp.array) -> wp.array:
     return array.reshape((array.shape[0], 1, array.shape[1]))
 
 
-def _choose_caster(caster: Caster, camera: RenderCamera) -> Literal["packets", "rays"]:
+def _choose_caster(caster: Caster, camera: RenderCamera, device: wp.Device) -> Literal["packets", "rays"]:
     check_choice(caster, "caster", ("auto", "packets", "rays"))
-    if isinstance(camera, OrthographicCamera | RayCamera):
+    if isinstance(camera, OrthographicCamera) or (isinstance(camera, RayCamera) and not device.is_cpu):
         if caster == "packets":
             name = "an OrthographicCamera" if isinstance(camera, OrthographicCamera) else f"a {type(camera).__name__}"
             raise CameraError(f'packets are cast through a pinhole; {name} needs caster="rays" or "auto"')
@@ -300,11 +301,11 @@ def _choose_caster(caster: Caster, camera: RenderCamera) -> Literal["packets", "
 
 def _caster_class(
     caster: Literal["packets", "rays"], camera: RenderCamera, device: wp.Device
-) -> Callable[..., RaysCaster | CpuPacketsCaster]:
+) -> Callable[..., RaysCaster | CpuPacketsCaster | CpuTablePacketsCaster]:
     if isinstance(camera, OrthographicCamera):
         return OrthographicCaster
     if isinstance(camera, RayCamera):
-        return RayTableCaster
+        return CpuTablePacketsCaster if caster == "packets" else RayTableCaster
     if caster == "rays":
         return RaysCaster
     return CpuPacketsCaster if device.is_cpu else CudaPacketsCaster

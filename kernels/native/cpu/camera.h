@@ -10,6 +10,9 @@
 // The same expressions in the same order give the value of an edge at a pixel wherever it is needed, and where rounding
 // leaves its sign in doubt, double precision decides (shared/edges.h): no ray slips between triangles.
 
+// By so much more an edge's value may be wrong where rays' u and v are rounded too.
+constexpr float ROUNDED_RAY_DOUBTS = 1.5f;
+
 // The images to make, in units of strips.
 struct Job {
     int views, height, width;
@@ -73,7 +76,7 @@ struct Camera {
         const double reach = reach_of(job), focal = job.focal[0] < job.focal[1] ? job.focal[0] : job.focal[1];
         camera.extent = (float)(reach > focal ? reach : focal);
         camera.per_extent = 1.0f / camera.extent;
-        camera.edge_doubt = EDGE_DOUBT * (float)(1.0 + reach / focal);
+        camera.edge_doubt = EDGE_DOUBT * (RAY_TABLE ? ROUNDED_RAY_DOUBTS : 1.0f) * (float)(1.0 + reach / focal);
         camera.far = job.far * 1.00001f;
         camera.blur = 6e-8f * ((float)(job.focal[0] + job.focal[1]) + (float)(job.width + job.height));
         camera.skip_back_faces = false;

@@ -50,6 +50,7 @@ struct Grid {
 };
 
 struct ExactOcclusion;
+struct RayTree;
 
 struct Image {
     int width, height;  // of this strip, in pixels
@@ -73,6 +74,7 @@ struct Image {
     float most_inv_z;  // of what is drawn: what is nearer is not there
     const ExactOcclusion*
         occlusion;  // of points whose lanes begin with the greatest inv_z that does not hide them, or null
+    const RayTree* tree;  // whose packets the blocks are, where rays are of a table
 
     static inline int column_part(int x) { return Grid::column_part(x); }
     inline int row_part(int y) const { return Grid::row_part(y, tiles_x); }

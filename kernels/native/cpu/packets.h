@@ -112,8 +112,7 @@ struct Packets {
         queue.fill(view, image);
         for (int i = 0; i < queue.count; ++i) {
             const Visit& visit = queue.visits[queue.order[i]];
-            if (!image.hides(visit.x0, visit.y0, visit.x1, visit.y1, visit.nearest_inv_z))
-                draw_movable(view, image, traversal, visit, mode);
+            if (!Hidden::is(image, visit)) draw_movable(view, image, traversal, visit, mode);
         }
     }
 
@@ -127,7 +126,10 @@ struct Packets {
         const Solid& solid = frame.solid;
         if (solid.kind != SOLID_NONE) {
             const int id = mode == MODE_TRIANGLES ? movables.first_id[movable] : movables.object[movable];
-            Solids::draw(solid, camera, image, view.job.center, visit, id, mode);
+            if (RAY_TABLE)
+                RayDrawing::draw_solid(solid, view, camera, image, visit, id, mode);
+            else
+                Solids::draw(solid, camera, image, view.job.center, visit, id, mode);
             return;
         }
         const Ints owner = Lanes::all_ints(movables.object[movable]);

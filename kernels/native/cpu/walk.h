@@ -165,10 +165,12 @@ struct Walk {
     }
 
     // Of a tree of one leaf, that leaf: its node is no smaller.
-    static inline int begin(const Bvh& bvh, int root, Visit* stack) {
+    static inline int begin(const Bvh& bvh, const Image& image, int root, Visit* stack) {
         const int* children = bvh.children_of(root);
         if (children[0] >= 0 || children[1] != 0) return 0;
-        stack[0] = Visit{children[0], NOWHERE, 0, 0, 0, 0};  // as near as can be: nothing hides it
+        // As near as can be: nothing hides it. Whoever asks where it is has to look at all of the image.
+        const int right = RAY_TABLE ? image.width - 1 : 0, bottom = RAY_TABLE ? image.height - 1 : 0;
+        stack[0] = Visit{children[0], NOWHERE, 0, 0, right, bottom};
         return 1;
     }
 
@@ -202,12 +204,12 @@ struct Walk {
                                                                const Camera& camera, const Image& image, Visit* stack,
                                                                Mode mode) {
         const Frustum frustum = Frustum::of(camera, image);
-        int depth = begin(bvh, instance.root, stack);
+        int depth = begin(bvh, image, instance.root, stack);
         if (depth == 0) depth = open(bvh, camera, frustum, image, instance.root, stack);
         while (depth > 0) {
             const Visit visit = stack[--depth];
             if (depth > 0) fetch(bvh, stack[depth - 1].child);
-            if (image.hides(visit.x0, visit.y0, visit.x1, visit.y1, visit.nearest_inv_z)) continue;
+            if (Hidden::is(image, visit)) continue;
             if (visit.child >= 0) {
                 depth += open(bvh, camera, frustum, image, visit.child, stack + depth);
                 continue;
@@ -218,7 +220,9 @@ struct Walk {
             triangles.owners = instance.owners + leaf * instance.owner_step;
             triangles.first_id = (int)leaf * LANES + instance.first_id;
             if (!Setup::leaf(camera, image, triangles)) continue;
-            if (image.first_packet)
+            if (RAY_TABLE)
+                RayDrawing::draw(camera, image, triangles, visit, mode);
+            else if (image.first_packet)
                 Sparse::draw(camera, image, triangles, triangles.inexact | Raster::turns(camera, triangles), mode);
             else
                 Raster::draw(camera, image, triangles, mode);

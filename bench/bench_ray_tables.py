@@ -1,0 +1,141 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Images whose rays are a table: a scan of 1024 x 128 rays beside Open3D, and a lens beside a pinhole.
+
+``python bench/bench_ray_tables.py`` lets all take turns on the CPU, with the same rays, and says the median times of a
+view and their ratios. Open3D's rays are made before, in the world; what is seen is compared first.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable
+from functools import cache, cached_property
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import warpvis as wv
+from warpvis.core.poses import poses_to_matrices
+from warpvis.core.ray_camera import RayCamera
+from warpvis.core.threads import core_count
+
+VIEWS = 8
+LEAST_TIMES = {"room": 12.0, "blobs_77k": 8.0, "blobs_1m": 4.0}
+"""A scan is at least so many times as fast as Open3D's."""
+MOST_OF_PINHOLE = 1.3
+"""A lens takes at most so many times as long as a pinhole of its size."""
+TOLERANCE = 1e-3
+
+_K = [[480.0, 0, 319.5], [0, 480.0, 239.5], [0, 0, 1]]
+_COEFFICIENTS = [-0.28, 0.09, 0.001, -0.0005, 0.01, 0.02, 0.003, 0.001]
+
+
+class Scan(RayCamera):
+    """A lidar's rays in even steps: 1024 all around, 128 of 45 degrees. Depth is their length."""
+
+    width, height, near, far, kind = 1024, 128, 0.0, math.inf, "range"
+
+    @cached_property
+    def rays(self) -> NDArray[np.float64]:
+        """Unit vectors, shape ``(128, 1024, 3)``."""
+        columns, rows = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
+        around, down = (columns / self.width - 0.5) * 2 * math.pi, (rows / self.height - 0.5) * math.radians(45)
+        across = np.cos(down)
+        return np.stack([across * np.sin(around), np.sin(down), across * np.cos(around)], axis=-1)
+
+    def rays_at(self, pixels: Any) -> NDArray[np.float64]:
+        """Not of use here."""
+        raise NotImplementedError
+
+
+@cache
+def cameras() -> dict[str, Any]:
+    """A scan; a lens of eight coefficients, and the same without."""
+    return {
+        "scan": Scan(),
+        "lens": wv.Camera.from_opencv(_K, _COEFFICIENTS, 640, 480),
+        "pinhole": wv.Camera.from_opencv(_K, None, 640, 480),
+    }
+
+
+@cache
+def build(name: str) -> wv.Scene:
+    """A preset's scene."""
+    return wv.scenes.PRESETS[name].build()
+
+
+def render(name: str, camera: str, **options: Any) -> Callable[[], wv.Views]:
+    """The call to measure, which makes depth of all views; it was made once."""
+    renderer = wv.Renderer(build(name), cameras()[camera], outputs="depth", **options)
+    poses = wv.scenes.PRESETS[name].poses(VIEWS)
+    views = renderer.render(poses)
+    return lambda: renderer.render(poses, out=views)
+
+
+@pytest.mark.benchmark(group="ray tables")
+@pytest.mark.parametrize("camera", ["scan", "lens"])
+def test_ray_tables(benchmark, camera, threads):
+    benchmark.pedantic(render("blobs_77k", camera, threads=threads), rounds=7, iterations=5, warmup_rounds=1)
+    benchmark.extra_info["views"] = VIEWS
+
+
+def open3d(name: str) -> tuple[Callable[[], Any], Callable[[Any], NDArray]]:
+    """Open3D's Embree on all cores, of the scan's rays; and its lengths as images."""
+    import open3d as o3d
+
+    caster = o3d.t.geometry.RaycastingScene(nthreads=core_count())
+    for item in build(name):
+        caster.add_triangles(item.vertices, item.faces.astype(np.uint32))
+    poses, rays = wv.scenes.PRESETS[name].poses(VIEWS), cameras()["scan"].rays
+    directions = rays.reshape(1, -1, 3) @ poses_to_matrices(poses)[:, :3, :3].transpose(0, 2, 1)
+    origins = np.broadcast_to(poses[:, None, :3], directions.shape)
+    tensor = o3d.core.Tensor(np.concatenate([origins, directions], axis=-1).astype(np.float32))
+    return lambda: caster.cast_rays(tensor), lambda result: result["t_hit"].numpy().reshape(-1, *rays.shape[:2])
+
+
+def compare(name: str, rounds: int) -> None:
+    """Print how long a view takes, and how many times as long others take."""
+    from timing import take_turns
+
+    calls = [render(name, camera) for camera in ("scan", "lens", "pinhole")]
+    peer, images = open3d(name)
+    own, other = calls[0]().depth.numpy(), images(peer())
+    with np.errstate(invalid="ignore"):
+        same = (own == other) | (np.abs(own - other) <= TOLERANCE * np.maximum(1, other))
+    times = [1e3 / VIEWS * float(np.median(column)) for column in take_turns([*calls, peer], rounds)]
+    scan, lens, pinhole, theirs = times
+    print(
+        f"{name}: scan {scan:.3f} ms, Open3D {theirs:.3f} ms ({same.mean():.4%} of rays alike): {theirs / scan:.1f} "
+        f"times as fast, {_reached(theirs / scan >= LEAST_TIMES[name])} ({LEAST_TIMES[name]:g})"
+    )
+    print(
+        f"{name}: lens {lens:.3f} ms, pinhole {pinhole:.3f} ms: {lens / pinhole:.2f} of its time, "
+        f"{_reached(lens / pinhole <= MOST_OF_PINHOLE)} ({MOST_OF_PINHOLE:g})"
+    )
+
+
+def _reached(reached: bool) -> str:
+    return "reached" if reached else "MISSED"
+
+
+def main() -> None:
+    """Print times and ratios."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rounds", type=int, default=9)
+    parser.add_argument("--scenes", nargs="+", default=list(LEAST_TIMES), choices=list(LEAST_TIMES))
+    arguments = parser.parse_args()
+    try:
+        import open3d as _  # noqa: F401
+    except ImportError:
+        print("open3d is not installed: nothing to compare with")
+        return
+    for name in arguments.scenes:
+        compare(name, arguments.rounds)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,250 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// From a leaf's triangles, or a solid, to the rays of a `RayTree`. What is drawn does not depend on the way there: it
+// is the same sum wherever a triangle and a ray meet, for many rays of one triangle or many triangles of one ray.
+
+// A leaf's triangles, and the rectangles they are in.
+struct RayLeaf {
+    const Triangles& triangles;
+    RayBox box;  // of all that are shown
+    float nearest;  // of them all
+    float bounds[RayTree::BOUND_ROWS][LANES];  // of each: least u and v, greatest u and v
+    unsigned inexact;  // lanes where single precision is not enough for inv_z
+    unsigned known;  // lanes whose planes are here
+    ExactPlane planes[LANES];
+
+    inline void set(const Image& image, const Visit& visit, unsigned rounded) {
+        const Triangles& t = triangles;
+        box = RayBox::of_pixels(image, visit.x0, visit.y0, visit.x1, visit.y1);
+        nearest = visit.nearest_inv_z;
+        Lanes::store(bounds[0], __builtin_convertvector(t.x0, Floats) - image.center_x);
+        Lanes::store(bounds[1], __builtin_convertvector(t.y0, Floats) - image.center_y);
+        Lanes::store(bounds[2], __builtin_convertvector(t.x1 + 1, Floats) - image.center_x);
+        Lanes::store(bounds[3], __builtin_convertvector(t.y1 + 1, Floats) - image.center_y);
+        inexact = rounded;
+        known = 0;
+    }
+    inline RayBox box_of(int k) const { return RayTree::box_of(bounds[0], k); }
+
+    // Triangles that may be seen in a rectangle: an edge's value is greatest at one of its corners.
+    inline unsigned touching(const RayBox& box, float min_inv_z) const {
+        const Triangles& t = triangles;
+        Ints some = t.shown & RayTree::overlap(bounds[0], box) & (t.max_inv_z >= Lanes::all(min_inv_z));
+        const Floats none = Lanes::all(0.0f);
+        for (const Linear& edge : t.edge) {
+            const Floats u = edge.u >= none ? Lanes::all(box.u1) : Lanes::all(box.u0);
+            const Floats v = edge.v >= none ? Lanes::all(box.v1) : Lanes::all(box.v0);
+            some &= edge.at(u, edge.row(v)) >= -t.doubt;
+        }
+        return Lanes::bits(some);
+    }
+
+    inline const ExactPlane& plane(const Camera& camera, int k) {
+        if (!((known >> k) & 1)) {
+            planes[k] = ExactPlane::of(camera, triangles.corners, k);
+            known |= 1u << k;
+        }
+        return planes[k];
+    }
+};
+
+// Of a tile's packets, those that a triangle touches, and those that it covers: bits.
+struct TouchedPackets {
+    unsigned touched, covered;
+
+    static inline TouchedPackets of(const Triangles& t, int k, const float* bounds) {
+        Ints touched = Lanes::all_ints(-1), covered = touched;
+        const Floats u0 = Lanes::load(bounds), v0 = Lanes::load(bounds + LANES), u1 = Lanes::load(bounds + 2 * LANES),
+                     v1 = Lanes::load(bounds + 3 * LANES);
+        const float doubt = t.doubt[k];
+        for (const Linear& of : t.edge) {
+            const Linear edge = Linear::of_lane(of, k);
+            const bool right = edge.u[0] >= 0.0f, down = edge.v[0] >= 0.0f;
+            touched &= edge.at(right ? u1 : u0, edge.row(down ? v1 : v0)) >= Lanes::all(-doubt);
+            covered &= edge.at(right ? u0 : u1, edge.row(down ? v0 : v1)) > Lanes::all(doubt);
+        }
+        return TouchedPackets{Lanes::bits(touched), Lanes::bits(covered)};
+    }
+};
+
+struct RayDrawing {
+    // Rays and packets of no more than this are looked at before triangles are.
+    enum { FEW_RAYS = 4, FEW_PACKETS = 3 };
+
+    static inline __attribute__((always_inline)) void draw(const Camera& camera, const Image& image,
+                                                           const Triangles& triangles, const Visit& visit, Mode mode) {
+        RayLeaf leaf = {triangles};
+        leaf.set(image, visit, Lanes::bits(triangles.inexact | Raster::turns(camera, triangles)));
+        const RayTree& tree = *image.tree;
+        for (unsigned groups = tree.groups_in(leaf.box); groups; groups &= groups - 1) {
+            const int group = Lanes::first_lane(groups);
+            for (unsigned tiles = tree.tiles_in(image, group, leaf.box, leaf.nearest); tiles; tiles &= tiles - 1)
+                draw_tile(camera, image, leaf, group * LANES + Lanes::first_lane(tiles), mode);
+        }
+    }
+
+    // By triangles where there are fewer of them than packets.
+    static inline __attribute__((always_inline)) void draw_tile(const Camera& camera, const Image& image, RayLeaf& leaf,
+                                                                int tile, Mode mode) {
+        const RayTree& tree = *image.tree;
+        const Triangles& t = leaf.triangles;
+        const unsigned packets = tree.packets_in(image, tile, leaf.box, leaf.nearest);
+        const int count = __builtin_popcount(packets);
+        unsigned some = Lanes::bits(t.shown);
+        if (count > FEW_PACKETS) {
+            RayTree::refresh(image, tile);
+            const RayBox bounds = RayTree::box_of(tree.bounds_of_tiles(tile / LANES), tile % LANES);
+            some = leaf.touching(bounds, image.tile_min[tile]);
+        }
+        if (count <= FEW_PACKETS || __builtin_popcount(some) > count) {
+            for (unsigned left = packets; left; left &= left - 1)
+                draw_packet(camera, image, leaf, tile * LANES + Lanes::first_lane(left), some, mode);
+            return;
+        }
+        for (; some; some &= some - 1) {
+            const int k = Lanes::first_lane(some);
+            unsigned touched = tree.packets_in(image, tile, leaf.box_of(k), t.max_inv_z[k]), covered = 0;
+            if (__builtin_popcount(touched) > FEW_PACKETS) {
+                const TouchedPackets of = TouchedPackets::of(t, k, tree.bounds_of_packets(tile));
+                touched &= of.touched;
+                covered = of.covered;
+            }
+            for (; touched; touched &= touched - 1) {
+                const int child = Lanes::first_lane(touched);
+                draw_rays(camera, image, leaf, k, tile * LANES + child, (covered >> child) & 1, mode);
+            }
+        }
+    }
+
+    // Some triangles, in one packet: ray by ray where few rays are there, or fewer than triangles.
+    static inline __attribute__((always_inline)) void draw_packet(const Camera& camera, const Image& image,
+                                                                  RayLeaf& leaf, int packet, unsigned some, Mode mode) {
+        const RayTree& tree = *image.tree;
+        const unsigned rays = tree.rays_in(image, packet, leaf.box, leaf.nearest);
+        if (!rays) return;
+        const int count = __builtin_popcount(rays);
+        if (count > FEW_RAYS) {
+            const RayBox bounds = RayTree::box_of(tree.bounds_of_packets(packet / LANES), packet % LANES);
+            some &= leaf.touching(bounds, image.block_min[packet]);
+        }
+        if (count <= FEW_RAYS || count < __builtin_popcount(some))
+            for (unsigned left = rays; left; left &= left - 1)
+                draw_ray(camera, image, leaf, packet * LANES + Lanes::first_lane(left), some, mode);
+        else
+            for (; some; some &= some - 1) draw_rays(camera, image, leaf, Lanes::first_lane(some), packet, false, mode);
+    }
+
+    // One ray, all triangles.
+    static inline __attribute__((always_inline)) void draw_ray(const Camera& camera, const Image& image, RayLeaf& leaf,
+                                                               int ray, unsigned some, Mode mode) {
+        const RayTree& tree = *image.tree;
+        const Triangles& t = leaf.triangles;
+        const Floats u = Lanes::all(tree.u[ray]), v = Lanes::all(tree.v[ray]);
+        const Linear* e = t.edge;
+        const Floats inner = Lanes::min(e[0].at(u, e[0].row(v)), e[1].at(u, e[1].row(v)), e[2].at(u, e[2].row(v)));
+        unsigned hits = Lanes::bits(inner >= -t.doubt) & some;
+        if (!hits) return;
+        const unsigned sure = Lanes::bits(inner > t.doubt);
+        const Floats inv_z = Lanes::max(Lanes::min(t.inv_z.at(u, t.inv_z.row(v)), t.max_inv_z), t.min_inv_z);
+        for (; hits; hits &= hits - 1) {
+            const int k = Lanes::first_lane(hits);
+            if (!((sure >> k) & 1) && !covers(camera, image, t, k, ray)) continue;
+            const float value = ((leaf.inexact >> k) & 1) ? exact_inv_z(camera, image, leaf, k, ray) : inv_z[k];
+            if (value > most_inv_z(tree, ray)) continue;
+            Raster::put(image, ray, value, Raster::id_of(t, k, mode), mode);
+        }
+    }
+    static inline float most_inv_z(const RayTree& tree, int ray) {
+        return tree.scale ? tree.most_inv_z * tree.scale[ray] : tree.most_inv_z;
+    }
+
+    // One triangle, all rays of a packet.
+    static inline __attribute__((always_inline)) void draw_rays(const Camera& camera, const Image& image, RayLeaf& leaf,
+                                                                int k, int packet, bool covered, Mode mode) {
+        const RayTree& tree = *image.tree;
+        const Triangles& t = leaf.triangles;
+        const Floats u = Lanes::load(tree.u + packet * LANES), v = Lanes::load(tree.v + packet * LANES);
+        Ints inside = Lanes::load(image.inv_z + packet * LANES) <= Lanes::all(t.max_inv_z[k]);
+        if (!covered) {
+            const Linear e0 = Linear::of_lane(t.edge[0], k), e1 = Linear::of_lane(t.edge[1], k),
+                         e2 = Linear::of_lane(t.edge[2], k);
+            const Floats inner = Lanes::min(e0.at(u, e0.row(v)), e1.at(u, e1.row(v)), e2.at(u, e2.row(v)));
+            const Ints unsure = inside & Raster::in_doubt(inner, t.doubt[k]);
+            inside &= inner > Lanes::all(t.doubt[k]);
+            if (__builtin_expect(Lanes::any(unsure), 0))
+                inside |= covered_lanes(camera, image, t, k, packet, Lanes::bits(unsure));
+            if (!Lanes::any(inside)) return;
+        }
+        Floats inv_z;
+        if ((leaf.inexact >> k) & 1) {
+            inv_z = exact_inv_z(tree, leaf.plane(camera, k), packet);
+        } else {
+            const Linear plane = Linear::of_lane(t.inv_z, k);
+            inv_z = plane.at(u, plane.row(v));
+        }
+        inv_z = Lanes::max(Lanes::min(inv_z, Lanes::all(t.max_inv_z[k])), Lanes::all(t.min_inv_z[k]));
+        if (tree.most_inv_z < NOWHERE) inside &= inv_z <= most_inv_z_of(tree, packet);
+        Raster::blend(image, packet, packet, inside, inv_z, Raster::id_of(t, k, mode), mode);
+    }
+    static inline Floats most_inv_z_of(const RayTree& tree, int packet) {
+        return tree.scale ? tree.most_inv_z * Lanes::load(tree.scale + packet * LANES) : Lanes::all(tree.most_inv_z);
+    }
+
+    // Places of a packet's rays as they are, and of one ray.
+    static inline Doubles exact_u(const RayTree& tree, int packet) { return exact(tree.u, tree.rest_u, packet); }
+    static inline Doubles exact_v(const RayTree& tree, int packet) { return exact(tree.v, tree.rest_v, packet); }
+    static inline Doubles exact(const float* value, const float* rest, int packet) {
+        return __builtin_convertvector(Lanes::load(value + packet * LANES), Doubles) +
+               __builtin_convertvector(Lanes::load(rest + packet * LANES), Doubles);
+    }
+    static inline Floats exact_inv_z(const RayTree& tree, const ExactPlane& plane, int packet) {
+        const Doubles at = plane.u * exact_u(tree, packet) + (plane.v * exact_v(tree, packet) + plane.one);
+        return __builtin_convertvector(at, Floats);
+    }
+    static inline float exact_inv_z(const Camera& camera, const Image& image, RayLeaf& leaf, int k, int ray) {
+        const RayTree& tree = *image.tree;
+        const ExactPlane& plane = leaf.plane(camera, k);
+        const double u = (double)tree.u[ray] + tree.rest_u[ray], v = (double)tree.v[ray] + tree.rest_v[ray];
+        const float inv_z = (float)(plane.u * u + (plane.v * v + plane.one));
+        const float least = leaf.triangles.min_inv_z[k], most = leaf.triangles.max_inv_z[k];
+        return inv_z < least ? least : inv_z > most ? most : inv_z;
+    }
+
+    // What an edge's value leaves in doubt.
+    static __attribute__((noinline, cold)) bool covers(const Camera& camera, const Image& image, const Triangles& t,
+                                                       int k, int ray) {
+        const RayTree& tree = *image.tree;
+        const double u = (double)tree.u[ray] + tree.rest_u[ray], v = (double)tree.v[ray] + tree.rest_v[ray];
+        return Exactly::covers(camera, t.corners, k, u, v);
+    }
+    static __attribute__((noinline, cold)) Ints covered_lanes(const Camera& camera, const Image& image,
+                                                              const Triangles& t, int k, int packet, unsigned unsure) {
+        Ints inside = Lanes::all_ints(0);
+        for (; unsure; unsure &= unsure - 1) {
+            const int lane = Lanes::first_lane(unsure);
+            if (covers(camera, image, t, k, packet * LANES + lane)) inside[lane] = -1;
+        }
+        return inside;
+    }
+
+    // A solid, whose true surface rays meet.
+    static __attribute__((noinline)) void draw_solid(const Solid& solid, const View& view, const Camera& camera,
+                                                     const Image& image, const Visit& visit, int id, Mode mode) {
+        const SolidSetup setup = SolidSetup::of(solid, camera, image, view.job.center);
+        const RayTree& tree = *image.tree;
+        const RayBox box = RayBox::of_pixels(image, visit.x0, visit.y0, visit.x1, visit.y1);
+        const float nearest = visit.nearest_inv_z;
+        for (unsigned groups = tree.groups_in(box); groups; groups &= groups - 1) {
+            const int group = Lanes::first_lane(groups);
+            for (unsigned tiles = tree.tiles_in(image, group, box, nearest); tiles; tiles &= tiles - 1) {
+                const int tile = group * LANES + Lanes::first_lane(tiles);
+                for (unsigned left = tree.packets_in(image, tile, box, nearest); left; left &= left - 1) {
+                    const int packet = tile * LANES + Lanes::first_lane(left);
+                    const Floats u = Lanes::load(tree.u + packet * LANES), v = Lanes::load(tree.v + packet * LANES);
+                    Solids::show(setup.at(u, v), image, packet, packet, id, mode);
+                }
+            }
+        }
+    }
+};

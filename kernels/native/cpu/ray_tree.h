@@ -1,0 +1,119 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Rays of a table, which do not change from view to view: a tree over them is prepared once (warpvis/rendering/
+// _ray_bundles.py). Packets of neighbouring rays, as many as there are lanes, are the children of tiles, tiles those of
+// groups, and groups those of a bundle, which is drawn as an image of its own: bounds of all children of one are a
+// register each. An image's blocks are packets here, and its tiles are these tiles.
+
+// A rectangle of the image: u and v.
+struct RayBox {
+    float u0, v0, u1, v1;
+
+    // All of the pixels from one to another.
+    static inline RayBox of_pixels(const Image& image, int x0, int y0, int x1, int y1) {
+        const float left = image.center_x, top = image.center_y;
+        return RayBox{(float)x0 - left, (float)y0 - top, (float)(x1 + 1) - left, (float)(y1 + 1) - top};
+    }
+};
+
+struct RayTree {
+    enum { BOUND_ROWS = 4, GROUP_PACKETS = LANES * LANES };  // of children: least u and v, greatest u and v
+
+    const float* group_bounds;  // [BOUND_ROWS][group]
+    const float* tile_bounds;  // [group][BOUND_ROWS][tile]
+    const float* packet_bounds;  // [tile][BOUND_ROWS][packet]
+    const float *u, *v;  // [packet][lane]
+    const float *rest_u, *rest_v;  // what rounding took from u and v
+    const float* scale;  // a ray's depth where z is 1; null if that is 1
+    const int* place;  // of the pixel in the image; -1 for lanes without a ray
+    const int* run;  // [packet]: as many lanes' pixels as this are side by side
+    const int* corner;  // [tile]: first pixel where a tile is one of the image, packets being its blocks; else -1
+    float most_inv_z;  // in terms of depth: nearer than that, nothing is there
+
+    // Which of as many bounds overlap a rectangle; of a child that is not there, they are the wrong way round.
+    static inline Ints overlap(const float* bounds, const RayBox& box) {
+        return (Lanes::load(bounds) <= Lanes::all(box.u1)) & (Lanes::load(bounds + LANES) <= Lanes::all(box.v1)) &
+               (Lanes::load(bounds + 2 * LANES) >= Lanes::all(box.u0)) &
+               (Lanes::load(bounds + 3 * LANES) >= Lanes::all(box.v0));
+    }
+    // One child's.
+    static inline RayBox box_of(const float* bounds, int child) {
+        return RayBox{bounds[child], bounds[LANES + child], bounds[2 * LANES + child], bounds[3 * LANES + child]};
+    }
+    inline const float* bounds_of_tiles(int group) const { return tile_bounds + group * (BOUND_ROWS * LANES); }
+    inline const float* bounds_of_packets(int tile) const { return packet_bounds + tile * (BOUND_ROWS * LANES); }
+
+    // Groups, tiles of a group and packets of a tile, as bits, that overlap a rectangle and may show a surface.
+    inline unsigned groups_in(const RayBox& box) const { return Lanes::bits(overlap(group_bounds, box)); }
+    inline unsigned tiles_in(const Image& image, int group, const RayBox& box, float inv_z) const {
+        const Ints open = Lanes::load(image.tile_min + group * LANES) <= Lanes::all(inv_z);
+        return Lanes::bits(open & overlap(bounds_of_tiles(group), box));
+    }
+    inline unsigned packets_in(const Image& image, int tile, const RayBox& box, float inv_z) const {
+        const Ints open = Lanes::load(image.block_min + tile * LANES) <= Lanes::all(inv_z);
+        return Lanes::bits(open & overlap(bounds_of_packets(tile), box));
+    }
+    inline unsigned rays_in(const Image& image, int packet, const RayBox& box, float inv_z) const {
+        const Floats at_u = Lanes::load(u + packet * LANES), at_v = Lanes::load(v + packet * LANES);
+        return Lanes::bits((Lanes::load(image.inv_z + packet * LANES) <= Lanes::all(inv_z)) &
+                           (at_u >= Lanes::all(box.u0)) & (at_u <= Lanes::all(box.u1)) & (at_v >= Lanes::all(box.v0)) &
+                           (at_v <= Lanes::all(box.v1)));
+    }
+
+    // What has been drawn since a packet was looked at only hides more: it is looked at again where that may matter.
+    static inline void refresh(const Image& image, int tile) {
+        if (!image.tile_stale[tile]) return;
+        typedef unsigned char Flags __attribute__((ext_vector_type(LANES)));
+        Flags stale;
+        const int first = tile * LANES;
+        __builtin_memcpy(&stale, image.block_stale + first, sizeof stale);
+        for (unsigned left = Lanes::bits(__builtin_convertvector(stale, Ints) != 0); left; left &= left - 1) {
+            const int packet = first + Lanes::first_lane(left);
+            image.block_min[packet] = Lanes::min_of(Lanes::load(image.inv_z + packet * LANES));
+        }
+        __builtin_memset(image.block_stale + first, 0, LANES);
+        image.tile_min[tile] = Lanes::min_of(Lanes::load(image.block_min + first));
+        image.tile_stale[tile] = 0;
+    }
+
+    // Whether no ray in a rectangle of pixels can show what is no nearer than this.
+    inline bool hides(const Image& image, const Visit& visit) const {
+        const RayBox box = RayBox::of_pixels(image, visit.x0, visit.y0, visit.x1, visit.y1);
+        const float inv_z = visit.nearest_inv_z;
+        for (unsigned groups = groups_in(box); groups; groups &= groups - 1) {
+            const int group = Lanes::first_lane(groups);
+            for (unsigned tiles = tiles_in(image, group, box, inv_z); tiles; tiles &= tiles - 1) {
+                const int tile = group * LANES + Lanes::first_lane(tiles);
+                for (unsigned packets = packets_in(image, tile, box, inv_z); packets; packets &= packets - 1)
+                    if (rays_in(image, tile * LANES + Lanes::first_lane(packets), box, inv_z)) return false;
+                refresh(image, tile);
+            }
+        }
+        return true;
+    }
+
+    // Nothing seen yet; lanes without a ray hide, and never show.
+    inline void begin(const Image& image, int groups) const {
+        const int packets = groups * GROUP_PACKETS;
+        for (int tile = 0; tile < groups * LANES; ++tile) {
+            const bool full = corner[tile] >= 0;
+            for (int packet = tile * LANES; packet < (tile + 1) * LANES; ++packet) {
+                const Ints none = full ? Lanes::all_ints(0) : Lanes::load(place + packet * LANES) < Lanes::all_ints(0);
+                Lanes::store(image.inv_z + packet * LANES, none ? Lanes::all(NOWHERE) : Lanes::all(0.0f));
+            }
+        }
+        __builtin_memset(image.block_min, 0, packets * sizeof(float));
+        __builtin_memset(image.tile_min, 0, groups * LANES * sizeof(float));
+        __builtin_memset(image.block_stale, 0, packets);
+        __builtin_memset(image.tile_stale, 0, groups * LANES);
+    }
+};
+
+// Whether a visit is not worth it.
+struct Hidden {
+    static inline bool is(const Image& image, const Visit& visit) {
+        if (RAY_TABLE) return image.tree->hides(image, visit);
+        return image.hides(visit.x0, visit.y0, visit.x1, visit.y1, visit.nearest_inv_z);
+    }
+};

@@ -1,0 +1,318 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Images whose rays are of a table, in units of bundles: each is an image of its own through a pinhole that faces along
+// one of the camera's axes, of which the pixels are much smaller than rays are apart.
+
+// How a bundle is made of the camera: what is right, down and forward there. Axes are 0, 1, 2 for x, y, z; the
+// complement is the other way.
+struct Bundle {
+    int first_group, groups;
+    int axis[3];
+    int width, height;  // in its pixels
+    int center[2];
+
+    inline Pose face(const Pose& camera) const {
+        Pose pose = camera;
+        for (int i = 0; i < 3; ++i) {
+            const int from = axis[i] < 0 ? ~axis[i] : axis[i];
+            for (int k = 0; k < 3; ++k) pose.axis[i][k] = axis[i] < 0 ? -camera.axis[from][k] : camera.axis[from][k];
+        }
+        return pose;
+    }
+};
+
+struct TableJob {
+    int views, height, width;
+    int bundles;
+    const Bundle* bundle;
+    const float* bundle_far;  // the greatest z there of what is in range
+    double focal;
+    float near, far, most_inv_z, clip_reach;
+    bool cull_back_faces;
+    const float* poses;  // [view]: x y z qx qy qz qw
+    RayTree tree;  // of all bundles
+    const int* without_ray;  // pixels
+    int without_rays;
+    int most_groups;  // of a bundle
+
+    // The bundle as a view of a pinhole.
+    inline Job job_of(int index) const {
+        const Bundle& from = bundle[index];
+        Job job = Job();
+        job.views = views;
+        job.width = from.width;
+        job.height = from.height;
+        job.focal[0] = job.focal[1] = focal;
+        job.center[0] = from.center[0];
+        job.center[1] = from.center[1];
+        job.near = near;
+        job.far = bundle_far[index];
+        job.most_inv_z = most_inv_z;
+        job.clip_reach = clip_reach;
+        job.cull_back_faces = cull_back_faces;
+        return job;
+    }
+    inline RayTree tree_of(int index) const {
+        const int group = bundle[index].first_group, rows = RayTree::BOUND_ROWS * LANES, tile = group * LANES;
+        const long long ray = (long long)tile * LANES * LANES;
+        RayTree part = tree;
+        part.group_bounds += (long long)index * rows;
+        part.tile_bounds += (long long)group * rows;
+        part.packet_bounds += (long long)tile * rows;
+        part.u += ray, part.v += ray, part.rest_u += ray, part.rest_v += ray, part.place += ray;
+        part.run += (long long)tile * LANES;
+        part.corner += tile;
+        if (part.scale) part.scale += ray;
+        return part;
+    }
+};
+
+// A worker's memory.
+struct TableMemory {
+    Image image;
+    Traversal traversal;
+
+    static inline TableMemory carve(Arena& arena, const TableJob& job, int movables, int levels) {
+        TableMemory memory;
+        Image& image = memory.image;
+        const long long packets = (long long)job.most_groups * RayTree::GROUP_PACKETS;
+        image.empty = nullptr;
+        image.rows = nullptr;
+        image.id_rows = nullptr;
+        image.occlusion = nullptr;
+        image.most_inv_z = __builtin_inff();
+        image.inv_z = arena.floats(packets * LANES);
+        image.id = arena.ints(packets * LANES);
+        image.take_blocks(arena, (long long)job.most_groups * LANES);
+        image.first_packet = image.id;  // not null: rays may go through any place of a pixel
+        memory.traversal = Traversal::carve(arena, movables, levels);
+        return memory;
+    }
+    inline Image image_of(const Job& job, const RayTree& tree) const {
+        Image part = image;
+        part.set_size(job.width, job.height, 0, job.height);
+        part.set_center(job.center);
+        part.tree = &tree;
+        return part;
+    }
+};
+
+// Writes what a bundle's rays see to their pixels, packet by packet.
+struct TableWriter {
+    Writer writer;
+    const TableJob& table;
+    const RayTree& tree;
+    long long first;  // pixel of the view
+
+    inline void tiles(int groups) {
+        for (int group = 0; group < groups; ++group) {
+            const float* bounds = tree.bounds_of_tiles(group);
+            for (int tile = 0; tile < LANES; ++tile) {
+                const int index = group * LANES + tile;
+                if (tree.corner[index] >= 0)
+                    blocks(index);
+                else if (bounds[tile] <= bounds[2 * LANES + tile])
+                    packets(index);
+            }
+        }
+    }
+
+    // What rays of a packet see.
+    struct Row {
+        Floats depth;
+        Points point, normal;
+        Ints object;
+    };
+    inline void look(int packet, Row& row) {
+        const Images& out = writer.out;
+        const Floats inv_z = Lanes::load(writer.image.inv_z + packet * LANES), z = 1.0f / inv_z;
+        const Floats depth = tree.scale ? z * Lanes::load(tree.scale + packet * LANES) : z;
+        const Floats infinity = Lanes::all(__builtin_inff());
+        const Ints far_enough = depth >= Lanes::all(table.near);
+        const Ints seen = far_enough & (depth <= Lanes::all(table.far)) & (inv_z > Lanes::all(0.0f));
+        row.depth = seen ? depth : (far_enough ? infinity : -infinity);
+        if (out.points) row.point = points(packet, seen ? z : Lanes::all(__builtin_nanf("")));
+        if (writer.mode == MODE_DEPTH) return;
+        const Ints id = Lanes::load(writer.image.id + packet * LANES);
+        if (writer.mode == MODE_TRIANGLES) row.normal = normals(packet, id, seen);
+        if (out.segmentation || out.labels) row.object = writer.objects(id, seen);
+    }
+    inline Points points(int packet, Floats reach) const {
+        const Rays& rays = writer.rays;
+        const float* origin = writer.camera.origin;
+        const Floats u = Lanes::load(tree.u + packet * LANES), v = Lanes::load(tree.v + packet * LANES);
+        Floats at[3];
+        for (int k = 0; k < 3; ++k)
+            at[k] = reach * (u * rays.right[k] + (v * rays.down[k] + rays.forward[k])) + origin[k];
+        return Points{at[0], at[1], at[2]};
+    }
+    inline Points normals(int packet, Ints id, Ints seen) {
+        if (!writer.lookup.moving) return writer.triangle_normals(id, Lanes::bits(seen));
+        Points round = {Lanes::all(0.0f), Lanes::all(0.0f), Lanes::all(0.0f)};
+        const Ints solid = writer.lookup.solid_normals(id, seen, RayDrawing::exact_u(tree, packet),
+                                                       RayDrawing::exact_v(tree, packet), round);
+        const Points n = writer.triangle_normals(id, Lanes::bits(seen & ~solid));
+        return Points{solid ? round.x : n.x, solid ? round.y : n.y, solid ? round.z : n.z};
+    }
+
+    // A tile of the image, four rows of pixels at a time, whole cache lines of them past the caches.
+    inline void blocks(int tile) {
+        const Images& out = writer.out;
+        for (int y = 0; y < TILE_SIDE; y += BLOCK_SIDE) {
+            Row row[BLOCKS_ACROSS];
+            for (int x = 0; x < BLOCKS_ACROSS; ++x)
+                look(tile * TILE_BLOCKS + y / BLOCK_SIDE * BLOCKS_ACROSS + x, row[x]);
+            const long long at = first + tree.corner[tile] + (long long)y * table.width;
+            Floats rows[3][BLOCK_SIDE];
+            if (out.depth) {
+                turn(&row[0].depth, rows[0]);
+                for (int r = 0; r < BLOCK_SIDE; ++r) Write::stream(out.depth + at + r * table.width, rows[0][r]);
+            }
+            if (out.points) rows_of(out.points + at * 3, &row[0].point, rows);
+            if (writer.mode == MODE_DEPTH) continue;
+            if (writer.mode == MODE_TRIANGLES) rows_of(out.normals + at * 3, &row[0].normal, rows);
+            if (!(out.segmentation || out.labels)) continue;
+            turn((const Floats*)&row[0].object, rows[0]);
+            for (int r = 0; r < BLOCK_SIDE; ++r) {
+                const Ints object = (Ints)rows[0][r];
+                if (out.segmentation) Write::stream(out.segmentation + at + r * table.width, object);
+                if (out.labels) Writer::labels(out.labels + at + r * table.width, out.object_label, object, LANES);
+            }
+        }
+    }
+    // Blocks side by side, of which one lies a `Row` after the other, to rows.
+    static inline void turn(const Floats* block, Floats* rows) {
+        float side_by_side[BLOCKS_ACROSS * BLOCK_PIXELS];
+        for (int x = 0; x < BLOCKS_ACROSS; ++x) {
+            Lanes::store(side_by_side + x * BLOCK_PIXELS, *block);
+            block = (const Floats*)((const char*)block + sizeof(Row));
+        }
+        Blocks::transpose(side_by_side, rows);
+    }
+    inline void rows_of(float* to, const Points* block, Floats (*rows)[BLOCK_SIDE]) const {
+        turn(&block->x, rows[0]);
+        turn(&block->y, rows[1]);
+        turn(&block->z, rows[2]);
+        for (int r = 0; r < BLOCK_SIDE; ++r)
+            Write::row(to + 3LL * r * table.width, Points{rows[0][r], rows[1][r], rows[2][r]}, LANES);
+    }
+
+    // Another tile, packet by packet.
+    inline void packets(int tile) {
+        const Images& out = writer.out;
+        const float* bounds = tree.bounds_of_packets(tile);
+        for (int child = 0; child < LANES; ++child) {
+            if (bounds[child] > bounds[2 * LANES + child]) continue;
+            const int packet = tile * LANES + child, run = tree.run[packet];
+            const int* place = tree.place + packet * LANES;
+            Row row;
+            look(packet, row);
+            if (out.depth) put(out.depth + first, place, run, row.depth);
+            if (out.points) put(out.points + first * 3, place, row.point);
+            if (writer.mode == MODE_DEPTH) continue;
+            if (writer.mode == MODE_TRIANGLES) put(out.normals + first * 3, place, row.normal);
+            if (out.segmentation) put((float*)out.segmentation + first, place, run, (Floats)row.object);
+            if (!out.labels) continue;
+            unsigned char label[LANES];
+            Writer::labels(label, out.object_label, row.object, LANES);
+            for (int lane = 0; lane < LANES; ++lane)
+                if (place[lane] >= 0) out.labels[first + place[lane]] = label[lane];
+        }
+    }
+
+    // Values of four bytes each, side by side as far as their pixels are.
+    static inline void put(float* to, const int* place, int run, Floats value) {
+        float lanes[LANES];
+        Lanes::store(lanes, value);
+        if (run == LANES) {
+            __builtin_memcpy(to + place[0], lanes, sizeof lanes);
+        } else if (run == LANES / 2) {
+            for (int k = 0; k < LANES; k += LANES / 2) __builtin_memcpy(to + place[k], lanes + k, sizeof lanes / 2);
+        } else if (run == LANES / 4) {
+            for (int k = 0; k < LANES; k += LANES / 4) __builtin_memcpy(to + place[k], lanes + k, sizeof lanes / 4);
+        } else {
+            for (int k = 0; k < LANES; ++k)
+                if (place[k] >= 0) to[place[k]] = lanes[k];
+        }
+    }
+    static inline void put(float* to, const int* place, const Points& value) {
+        float x[LANES], y[LANES], z[LANES];
+        Lanes::store(x, value.x);
+        Lanes::store(y, value.y);
+        Lanes::store(z, value.z);
+        for (int k = 0; k < LANES; ++k) {
+            if (place[k] < 0) continue;
+            float* at = to + 3LL * place[k];
+            at[0] = x[k];
+            at[1] = y[k];
+            at[2] = z[k];
+        }
+    }
+
+    // Pixels without a ray see nothing.
+    static inline void empty(const TableJob& table, const Images& out, long long first) {
+        const float nothing = __builtin_nanf("");
+        for (int i = 0; i < table.without_rays; ++i) {
+            const long long at = first + table.without_ray[i];
+            if (out.depth) out.depth[at] = __builtin_inff();
+            for (int k = 0; k < 3; ++k) {
+                if (out.points) out.points[at * 3 + k] = nothing;
+                if (out.normals) out.normals[at * 3 + k] = nothing;
+            }
+            if (out.segmentation) out.segmentation[at] = -1;
+            if (out.labels) out.labels[at] = LABEL_EMPTY;
+        }
+    }
+};
+
+struct TablePackets {
+    static inline void unit(const Scene& scene, const TableJob& table, const Images& out, const TableMemory& memory,
+                            int unit, Mode mode) {
+        const int index = unit / table.bundles, bundle = unit % table.bundles;
+        const Job job = table.job_of(bundle);
+        const RayTree tree = table.tree_of(bundle);
+        const Image image = memory.image_of(job, tree);
+        const int groups = table.bundle[bundle].groups;
+        tree.begin(image, groups);
+        const Pose pose = Pose::from(table.poses + (long long)index * POSE_WORDS);
+        const View view = View::of(scene, job, scene.movables.of_view(index), table.bundle[bundle].face(pose));
+        if (view.world.exists) Packets::draw(view, image, memory.traversal, mode);
+        const double* viewpoint = view.pose.position;
+        const Frame* frames = memory.traversal.frames;
+        const long long first = (long long)index * table.height * table.width;
+        // Two copies of the code, as for pixels: one knows that no triangle belongs to a movable object.
+        const Rays rays = Rays::of(view.camera);
+        if (scene.movables.count > 0 && mode == MODE_TRIANGLES)
+            TableWriter{{Lookup::of(scene, frames, viewpoint, true), view.camera, rays, image, job, out, index, mode},
+                        table,
+                        tree,
+                        first}
+                .tiles(groups);
+        else
+            TableWriter{{Lookup::of(scene, frames, viewpoint, false), view.camera, rays, image, job, out, index, mode},
+                        table,
+                        tree,
+                        first}
+                .tiles(groups);
+        if (bundle == 0) TableWriter::empty(table, out, first);
+    }
+
+    static inline void work(const Scene& scene, const TableJob& table, const Images& out, const TableMemory& memory,
+                            int* counter, Mode mode) {
+        const int units = table.views * table.bundles;
+        for (int next; (next = Workers::take(counter)) < units;) unit(scene, table, out, memory, next, mode);
+    }
+
+    // Take units of work, bundles of views, until none are left, as `Packets::run` does.
+    static inline void run(const Scene& scene, const TableJob& table, const Images& out, const TableMemory& memory,
+                           int* counter) {
+        if (out.normals)
+            work(scene, table, out, memory, counter, MODE_TRIANGLES);
+        else if (out.segmentation || out.labels)
+            work(scene, table, out, memory, counter, MODE_OBJECTS);
+        else
+            work(scene, table, out, memory, counter, MODE_DEPTH);
+        Workers::finish(counter);
+    }
+};

@@ -1,0 +1,5 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+
+// Rays are of a table: an image's packets are those of a `RayTree`.
+constexpr bool RAY_TABLE = true;

@@ -1,0 +1,120 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What `kernels.ray_table` casts ray by ray, by packets on CPU cores, in ``native/cpu/table.h``."""
+
+import warp as wp
+
+from warpvis.kernels.images import NATIVE_IMAGES, Images
+from warpvis.kernels.native_source import read_native
+from warpvis.kernels.packets import HEADERS, SCENE, BvhScene
+from warpvis.kernels.worlds import Worlds
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+
+@wp.struct
+class RayBundles:
+    """Rays of a table as a tree: see `native/cpu/ray_tree.h`, whose names these are, and ``Bundle`` in ``table.h``.
+
+    Rows of sixteen: bounds of a bundle's groups, a group's tiles and a tile's packets, and a packet's rays.
+    """
+
+    bundle: wp.array2d[wp.int32]
+    group_bounds: wp.array[float]
+    tile_bounds: wp.array[float]
+    packet_bounds: wp.array[float]
+    u: wp.array[float]
+    v: wp.array[float]
+    rest_u: wp.array[float]
+    rest_v: wp.array[float]
+    scale: wp.array[float]  # None where all are 1
+    place: wp.array[wp.int32]
+    run: wp.array[wp.int32]
+    corner: wp.array[wp.int32]
+    without_ray: wp.array[wp.int32]  # pixels
+    focal: wp.float64
+    most_groups: int
+
+
+@wp.struct
+class TableJob:
+    """Images to make, in units of bundles. Counters, from 0, are a `JobCounter` of ``native/shared``."""
+
+    views: int
+    height: int
+    width: int
+    near: float
+    far: float
+    most_inv_z: float
+    clip_reach: float
+    cull_backfaces: int
+    bundle_far: wp.array[float]
+    counter: wp.array[wp.int32]
+    scratch: wp.array2d[wp.uint8]  # of each worker; None to measure how many bytes each needs
+    scratch_bytes: wp.array[wp.int64]
+
+
+@wp.struct
+class TableCall:
+    """What a launch is given, as `kernels.packets.PacketCall`."""
+
+    scene: BvhScene
+    job: TableJob
+    rays: RayBundles
+    poses: wp.array[wp.transform]
+    worlds: Worlds
+
+
+_CALL = """
+const auto& scene = calls.data->scene;
+const auto& job = calls.data->job;
+const auto& rays = calls.data->rays;
+const auto& poses = calls.data->poses;
+const auto& worlds = calls.data->worlds;
+const auto& images = images_out.data[0];
+"""
+
+_CAST = """
+const RayTree tree = {rays.group_bounds.data, rays.tile_bounds.data, rays.packet_bounds.data, rays.u.data, rays.v.data,
+                      rays.rest_u.data, rays.rest_v.data, rays.scale.data, rays.place.data, rays.run.data,
+                      rays.corner.data, job.most_inv_z};
+const TableJob shape = {job.views, job.height, job.width, rays.bundle.shape[0], (const Bundle*)rays.bundle.data,
+                        job.bundle_far.data, rays.focal, job.near, job.far, job.most_inv_z, job.clip_reach,
+                        job.cull_backfaces != 0, (const float*)poses.data, tree, rays.without_ray.data,
+                        rays.without_ray.shape[0], rays.most_groups};
+if (!job.scratch.data) {
+    Arena measured = Arena::at(nullptr);
+    TableMemory::carve(measured, shape, scene.drawn_count, scene.levels);
+    job.scratch_bytes.data[0] = measured.used;
+    return;
+}
+const int worker = Workers::enter(job.counter.data);
+Arena arena = Arena::at((char*)job.scratch.data + (long long)worker * job.scratch.strides[0]);
+const TableMemory memory = TableMemory::carve(arena, shape, scene.drawn_count, scene.levels);
+TablePackets::run(drawn, shape, out, memory, job.counter.data);
+"""
+
+TABLE_HEADERS = tuple("cpu/table_rays.h" if name == "cpu/plain_rays.h" else name for name in HEADERS)
+
+
+@wp.func_native(read_native(*TABLE_HEADERS, "cpu/table.h") + _CALL + SCENE + NATIVE_IMAGES + _CAST)
+def cast_bundles(
+    calls: wp.array[TableCall],
+    images_out: wp.array[Images],
+): ...
+
+
+@wp.kernel
+def cast_table_packets(
+    # In:
+    calls: wp.array[TableCall],
+    # Out:
+    images_out: wp.array[Images],
+):
+    """Write the asked-for images (one that is None is skipped) of one call: each array holds one.
+
+    Every worker launches this with the same arguments. The job's counters tell it which one it is, and the next unit
+    of work, until none is left.
+    """
+    _ = wp.tid()
+    cast_bundles(calls, images_out)

@@ -1,0 +1,99 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The ``packets`` caster on CPU cores for rays of a table: lenses, panoramas, lidars."""
+
+from __future__ import annotations
+
+import math
+import time
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import warp as wp
+
+from warpvis.core.camera import most_inv_z
+from warpvis.core.poses import Convention, host_poses
+from warpvis.core.ray_camera import RayCamera
+from warpvis.core.types import PoseLike
+from warpvis.rendering._cpu_packets import FEW_RAYS, MOST_KINDS, RayCosts, Workspace
+from warpvis.rendering._prepared import Idle
+from warpvis.rendering._ray_bundles import PreparedRays, prepare_rays
+from warpvis.rendering.casters import RayTableCaster
+from warpvis.scene import Scene
+
+if TYPE_CHECKING:
+    from warpvis.kernels.packets import BvhScene
+    from warpvis.kernels.table_packets import TableJob
+    from warpvis.kernels.worlds import Worlds
+
+
+class CpuTablePacketsCaster:
+    """Neighbouring rays of a table walk a BVH together, through the pinholes that they are split over."""
+
+    def __init__(self, scene: Scene, camera: RayCamera, *, cull_backfaces: bool, clip_near: bool, threads: int) -> None:
+        """Prepare to cast."""
+        self._scene = scene
+        self._camera = camera
+        self._cull_backfaces = cull_backfaces
+        self._clip_near = clip_near and camera.near > 0
+        self._threads = threads
+        self._costs = RayCosts(threads)
+        self._idle = Idle[Workspace](MOST_KINDS)
+        self._single_rays = RayTableCaster(
+            scene, camera, cull_backfaces=cull_backfaces, clip_near=clip_near, threads=threads
+        )
+
+    def parse_poses(self, poses: PoseLike, convention: Convention) -> np.ndarray:
+        """Check poses, and return them as this caster takes them."""
+        return host_poses(poses, convention=convention)
+
+    def cast(self, poses: np.ndarray, worlds: Worlds, images: list[wp.array | None]) -> None:
+        """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
+        views = len(poses)
+        if views == 0:
+            return
+        units = views * self._rays.struct.bundle.shape[0]
+        if units == 0:  # no pixel has a ray
+            self._single_rays.cast(poses, worlds, images)
+            return
+        scene, rays = self._scene.bvh().struct, views * self._camera.width * self._camera.height
+        costs = None if rays <= FEW_RAYS else self._costs
+        workers = min(units, 1 if costs is None else costs.threads_for(rays))
+        kind = (scene.levels, scene.drawn_count, views, workers)
+        space = self._idle.take(kind) or self._make_space(scene, views, workers)
+        space.fill(scene, poses, worlds, images)
+        start = time.perf_counter_ns()
+        space.run()
+        if costs is not None:
+            costs.note(rays, workers, time.perf_counter_ns() - start)
+        self._idle.give_back(kind, space)
+
+    def cast_at(self, poses: np.ndarray, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
+        """Cast through image points, shape ``(V, 1, N)`` vec2, as are the images', which no table is prepared for."""
+        self._single_rays.cast_at(poses, worlds, pixels, images)
+
+    @cached_property
+    def _rays(self) -> PreparedRays:
+        return prepare_rays(self._camera.rays)
+
+    def _make_space(self, scene: BvhScene, views: int, workers: int) -> Workspace:
+        from warpvis.kernels.table_packets import TableCall, cast_table_packets
+
+        call = TableCall()
+        call.rays = self._rays.struct
+        return Workspace(scene, cast_table_packets, (call, TableCall), self._make_job(views), workers)
+
+    def _make_job(self, views: int) -> TableJob:
+        from warpvis.kernels.table_packets import TableJob
+
+        camera, job = self._camera, TableJob()
+        job.views, job.height, job.width = views, camera.height, camera.width
+        job.near, job.far = camera.near, camera.far
+        job.most_inv_z = most_inv_z(camera.near) if self._clip_near else math.inf
+        job.clip_reach = camera.near * self._rays.longest_ray if self._clip_near else 0.0
+        job.cull_backfaces = int(self._cull_backfaces)
+        far = np.minimum(camera.far * self._rays.longest, np.finfo(np.float32).max)
+        job.bundle_far = wp.array(far, dtype=wp.float32, device="cpu")
+        job.scratch_bytes = wp.zeros(1, dtype=wp.int64, device="cpu")
+        return job

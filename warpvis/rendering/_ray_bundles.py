@@ -1,0 +1,296 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Rays of a table as packets walk them on CPU cores: split over pinholes, and sorted into packets of neighbours.
+
+All in double precision, once for a table. What is made of it is in ``kernels/native/cpu/ray_tree.h``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.kernels.constants import BLOCK_SIDE, CPU_LANES, NOWHERE, TILE_SIDE
+
+if TYPE_CHECKING:
+    from warpvis.kernels.table_packets import RayBundles
+
+_LANES = CPU_LANES
+_GROUP = _LANES * _LANES
+# A bundle has so many groups at most: as many bytes as stay in a core's cache, and a few units of work an image.
+_MOST_GROUPS = 10
+# One pinhole is enough up to this tangent.
+_WIDEST = 1.6
+# Pixels of a bundle's image between neighbouring rays: places are known to that, and bounds to a bit more.
+_FINENESS = 4.0
+_LEAST_FOCAL, _MOST_FOCAL = 64.0, 2.0**15
+_MARGIN = 1e-3  # of bounds [px]
+# Neighbours in the table are neighbours in the image if their packets are not this much longer than sorted ones.
+_MOST_STRETCH = 2.0
+_BLOCKS = ((4, 4), (2, 8), (1, 16))
+
+# Of the pinhole that looks along each axis, and the other way: what is right, down and forward there. The complement
+# of an axis is the other way.
+_FACES: dict[tuple[int, bool], tuple[int, int, int]] = {
+    (0, False): (~2, 1, 0),
+    (0, True): (2, 1, ~0),
+    (1, False): (0, ~2, 1),
+    (1, True): (0, 2, ~1),
+    (2, False): (0, 1, 2),
+    (2, True): (~0, 1, ~2),
+}
+
+
+@dataclass(frozen=True)
+class _Split:
+    """Rays of a table through pinholes along axes, each through one."""
+
+    axes: list[tuple[int, int, int]]
+    """Of each pinhole: what is right, down and forward."""
+    face: NDArray[np.int8]
+    """Which pinhole, -1 for none, shape (H, W)."""
+    places: NDArray[np.float64]
+    """Where in its image, from the principal point [px], shape (H * W, 2)."""
+    forward: NDArray[np.float64]
+    """How far ahead in it rays reach, shape (H * W)."""
+    focal: float
+    """Of all [px]."""
+
+
+@dataclass(frozen=True)
+class PreparedRays:
+    """A table of rays for packets."""
+
+    struct: RayBundles
+    longest: NDArray[np.float64]
+    """Of each bundle, the greatest z of its rays, where depth is 1."""
+    longest_ray: float
+    """The greatest length of a ray where depth is 1."""
+
+
+def prepare_rays(rays: NDArray[np.float64]) -> PreparedRays:
+    """Prepare rays of the camera frame, shape (H, W, 3), where depth is 1; NaN for pixels without one."""
+    from warpvis.kernels.table_packets import RayBundles
+
+    split = _split(rays)
+    tiles, bundles = _sort(split)
+    layout = _Layout(tiles, bundles, split)
+    struct = RayBundles()
+    struct.bundle = wp.array(np.array(layout.bundle, dtype=np.int32).reshape(-1, 9), dtype=wp.int32, device="cpu")
+    for name, array in layout.arrays.items():
+        setattr(struct, name, wp.array(array, device="cpu"))
+    known = split.face.ravel() >= 0
+    if (split.forward[known] != 1).any():
+        scale = np.ones(layout.place.size, dtype=np.float32)
+        there = layout.place.ravel() >= 0
+        scale[there] = 1 / split.forward[layout.place.ravel()[there]]
+        struct.scale = wp.array(scale, device="cpu")
+    struct.without_ray = wp.array(np.flatnonzero(~known).astype(np.int32), dtype=wp.int32, device="cpu")
+    struct.focal, struct.most_groups = split.focal, layout.most_groups
+    pixels = [tiles[first:end] for _, first, end in bundles]
+    longest = [split.forward[part[part >= 0]].max() for part in pixels]
+    length = np.linalg.norm(rays.reshape(-1, 3)[known], axis=-1).max(initial=0)
+    return PreparedRays(struct, np.array(longest), float(length))
+
+
+def _split(rays: NDArray) -> _Split:
+    """Split rays over pinholes: one along the camera's axis if that is wide enough, else along the longest axes."""
+    known = np.isfinite(rays).all(axis=-1) & (rays != 0).any(axis=-1)
+    size = np.where(known[..., None], np.abs(rays), 0)
+    if (rays[..., 2][known] > 0).all() and (size[..., :2].max(axis=-1) <= _WIDEST * size[..., 2]).all():
+        along = np.full(known.shape, 2)
+    else:
+        along = size.argmax(axis=-1)
+    ahead = np.take_along_axis(rays, along[..., None], axis=-1)[..., 0]
+    face = np.full(known.shape, -1, dtype=np.int8)
+    places, area = np.full((*known.shape, 2), np.nan), 0.0
+    axes: list[tuple[int, int, int]] = []
+    for (axis, back), directions in _FACES.items():
+        here = known & (along == axis) & ((ahead < 0) == back)
+        if here.any():
+            face[here] = len(axes)
+            axes.append(directions)
+            shown = rays[here]
+            at = np.stack([_along(shown, towards) for towards in directions[:2]], axis=-1)
+            places[here] = at / np.abs(ahead[here])[:, None]
+            area += float(np.ptp(places[here], axis=0).prod())
+    spacing = math.sqrt(area / max(1, int(known.sum())))
+    focal = _MOST_FOCAL if spacing == 0 else 2.0 ** round(math.log2(_FINENESS / spacing))
+    focal = min(max(focal, _LEAST_FOCAL), _MOST_FOCAL)
+    return _Split(axes, face, (places * focal).reshape(-1, 2), np.abs(ahead).ravel(), focal)
+
+
+def _along(rays: NDArray, axis: int) -> NDArray:
+    return -rays[..., ~axis] if axis < 0 else rays[..., axis]
+
+
+def _sort(split: _Split) -> tuple[NDArray[np.int64], list[tuple[int, int, int]]]:
+    """Make tiles, and bundles of them: a face, and its first and last tile.
+
+    Tiles are sixteen packets each, of the indices of pixels, or -1 for none, shape (tiles, 16, 16).
+    """
+    tiles, bundles, first = [np.zeros((0, _LANES, _LANES), dtype=np.int64)], [], 0
+    for number in range(len(split.axes)):
+        made = _tiles(split.face == number, split.places)
+        middle = _middles(made.reshape(len(made), -1), split.places)
+        for part in _parts(middle, np.arange(len(made)), _LANES, _MOST_GROUPS * _LANES):
+            order = np.concatenate(list(_parts(middle, part, _LANES, _LANES)))
+            tiles.append(made[order])
+            bundles.append((number, first, first + len(order)))
+            first += len(order)
+    return np.concatenate(tiles), bundles
+
+
+def _tiles(there: NDArray[np.bool_], places: NDArray) -> NDArray[np.int64]:
+    """Make tiles of neighbours in the table, or of rays sorted by where they are if those are no neighbours."""
+    index = np.where(there, np.arange(there.size).reshape(there.shape), -1)
+    cuts = [_cut(index, block) for block in _BLOCKS]
+    lengths = [_lengths(tiles, places) for tiles in cuts]
+    best = int(np.argmin(lengths))
+    rays = index[there]
+    # How long packets would be if they were squares.
+    count = len(rays) / _LANES
+    ideal = 2 * math.sqrt(float(np.ptp(places[rays], axis=0).prod()) / count) * count
+    if lengths[best] <= _MOST_STRETCH * ideal:
+        return cuts[best]
+    packets = _filled(list(_parts(places, rays, _GROUP, _LANES)))
+    middles = _middles(packets, places)
+    order = _filled(list(_parts(middles, np.arange(len(packets)), _LANES, _LANES)))
+    tiles = np.where((order >= 0)[..., None], packets[order], -1)
+    return tiles if _lengths(tiles, places) < lengths[best] else cuts[best]
+
+
+def _cut(index: NDArray, block: tuple[int, int]) -> NDArray[np.int64]:
+    """Cut a table into tiles of 4 x 4 blocks of sixteen, those that have any ray."""
+    (rows, columns), across = block, TILE_SIDE // BLOCK_SIDE
+    height, width = across * rows, across * columns
+    padded = np.pad(index, ((0, -len(index) % height), (0, -index.shape[1] % width)), constant_values=-1)
+    cut = padded.reshape(padded.shape[0] // height, across, rows, padded.shape[1] // width, across, columns)
+    tiles = cut.transpose(0, 3, 1, 4, 2, 5).reshape(-1, _LANES, _LANES)
+    return tiles[(tiles >= 0).any(axis=(1, 2))]
+
+
+def _filled(parts: list[NDArray]) -> NDArray[np.int64]:
+    """Make rows of sixteen of what is sixteen or fewer each."""
+    rows = np.full((len(parts), _LANES), -1, dtype=np.int64)
+    for row, part in zip(rows, parts, strict=True):
+        row[: len(part)] = part
+    return rows
+
+
+def _lengths(tiles: NDArray, places: NDArray) -> float:
+    """Sum of half the circumferences of packets' bounds."""
+    packets = tiles.reshape(-1, _LANES)
+    packets = packets[(packets >= 0).any(axis=1)]
+    there = (packets >= 0)[..., None]
+    at = places[packets]
+    return float((np.where(there, at, -np.inf).max(axis=1) - np.where(there, at, np.inf).min(axis=1)).sum())
+
+
+def _middles(rows: NDArray, places: NDArray) -> NDArray:
+    """Mean places of what each row names; -1 names nothing."""
+    there = (rows >= 0)[..., None]
+    return np.where(there, places[rows], 0).sum(axis=1) / there.sum(axis=1)
+
+
+def _parts(places: NDArray, items: NDArray, unit: int, most: int) -> Iterator[NDArray]:
+    """Halve items where they are longest until no part has more than `most`.
+
+    Cuts are at multiples of `unit`, or of sixteen below that: all parts but the last are full.
+    """
+    count = len(items)
+    if count <= most:
+        yield items
+        return
+    step = unit if count > unit else _LANES
+    half = step * math.ceil(math.ceil(count / step) / 2)
+    at = places[items]
+    axis = int(np.argmax(np.ptp(at, axis=0)))
+    order = np.argpartition(at[:, axis], half - 1)
+    yield from _parts(places, items[order[:half]], unit, most)
+    yield from _parts(places, items[order[half:]], unit, most)
+
+
+class _Layout:
+    """Rows of rays, packets, tiles and groups, where those that are not full are filled up with nothing."""
+
+    def __init__(self, tiles: NDArray, bundles: list[tuple[int, int, int]], split: _Split) -> None:
+        counts = [-(-(end - first) // _LANES) for _, first, end in bundles]
+        starts = [0, *np.cumsum(counts).tolist()]
+        self.most_groups = max(counts, default=1)
+        self.place = np.full((starts[-1] * _LANES, _LANES, _LANES), -1, dtype=np.int32)
+        exact = np.zeros((2, *self.place.shape))
+        for (_, first, end), group in zip(bundles, starts, strict=False):
+            slots, here = slice(group * _LANES, group * _LANES + end - first), tiles[first:end]
+            self.place[slots] = here
+            exact[:, slots] = np.where(here >= 0, split.places.T[:, here], 0)
+        rounded = exact.astype(np.float32)
+        rest = (exact - rounded).astype(np.float32)
+        packet_rows, low, high = _rows(*self._packet_bounds(rounded))
+        tile_rows, low, high = _rows(low, high)
+        parts = [slice(*ends) for ends in pairwise(starts)]
+        ends = [_rows(_padded(low[part], NOWHERE), _padded(high[part], -NOWHERE)) for part in parts]
+        self.bundle = [
+            (group, count, *split.axes[number], *_rectangle(lowest[0], highest[0]))
+            for (number, _, _), group, count, (_, lowest, highest) in zip(bundles, starts, counts, ends, strict=False)
+        ]
+        self.arrays = {
+            "group_bounds": np.concatenate([np.zeros(0, dtype=np.float32), *(rows.ravel() for rows, _, _ in ends)]),
+            "tile_bounds": tile_rows.ravel(),
+            "packet_bounds": packet_rows.ravel(),
+            **dict(zip(("u", "v"), rounded.reshape(2, -1), strict=True)),
+            **dict(zip(("rest_u", "rest_v"), rest.reshape(2, -1), strict=True)),
+            "place": self.place.ravel(),
+            "run": _runs(self.place.reshape(-1, _LANES)),
+            "corner": _corners(self.place, split.face.shape[1]),
+        }
+
+    def _packet_bounds(self, rounded: NDArray) -> tuple[NDArray, NDArray]:
+        there = self.place >= 0
+        low = np.where(there, rounded, np.float32(NOWHERE)).min(axis=-1) - np.float32(_MARGIN)
+        high = np.where(there, rounded, np.float32(-NOWHERE)).max(axis=-1) + np.float32(_MARGIN)
+        return low.transpose(1, 2, 0), high.transpose(1, 2, 0)
+
+
+def _rows(low: NDArray, high: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Return bounds of children as rows of sixteen, [parent][u0 v0 u1 v1][child], and those of the parents."""
+    low, high = low.reshape(-1, _LANES, 2), high.reshape(-1, _LANES, 2)
+    rows = np.concatenate([low.transpose(0, 2, 1), high.transpose(0, 2, 1)], axis=1)
+    return rows.astype(np.float32), low.min(axis=1), high.max(axis=1)
+
+
+def _padded(bounds: NDArray, nowhere: float) -> NDArray:
+    """Fill up a bundle's groups to sixteen."""
+    return np.pad(bounds, ((0, _LANES - len(bounds)), (0, 0)), constant_values=nowhere)
+
+
+def _rectangle(low: NDArray, high: NDArray) -> tuple[int, int, int, int]:
+    """Width, height and centre of an image of whole pixels that holds all places."""
+    first = np.floor(low).astype(int) - 1
+    size = np.ceil(high).astype(int) + 1 - first
+    return int(size[0]), int(size[1]), int(-first[0]), int(-first[1])
+
+
+def _runs(place: NDArray[np.int32]) -> NDArray[np.int32]:
+    """How many of a packet's pixels are side by side: 16, 8, 4, or 1."""
+    runs = np.ones(len(place), dtype=np.int32)
+    for run in (4, 8, 16):
+        rows = place.reshape(len(place), _LANES // run, run)
+        runs[((rows == rows[..., :1] + np.arange(run)) & (rows[..., :1] >= 0)).all(axis=(1, 2))] = run
+    return runs
+
+
+def _corners(place: NDArray[np.int32], width: int) -> NDArray[np.int32]:
+    """Return the first pixel of tiles that are 16 x 16 neighbours in an image so wide, in blocks of 4 x 4; else -1."""
+    pixel = np.arange(TILE_SIDE * TILE_SIDE).reshape(TILE_SIDE, TILE_SIDE)
+    blocks = _cut(pixel, _BLOCKS[0])[0]
+    expected = place[:, :1, :1] + blocks // TILE_SIDE * width + blocks % TILE_SIDE
+    there = place[:, 0, 0] >= 0
+    return np.where(there & (place == expected).all(axis=(1, 2)), place[:, 0, 0], -1).astype(np.int32)
