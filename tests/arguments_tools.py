@@ -2,7 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Valid arguments of what the packages from `planning` to `webots` show: ``name: (function, arguments)``."""
 
-from arguments_shared import CAMERA, DEPTH, MOVED, POSE, RENDERED, SEEN, VIEW, WORLDS, RangeFinder, agents, scene
+from arguments_shared import (
+    CAMERA,
+    DEPTH,
+    MESSAGE,
+    MOVED,
+    POSE,
+    RENDERED,
+    SEEN,
+    VIEW,
+    WORLDS,
+    RangeFinder,
+    agents,
+    scene,
+)
 
 import warpvis as wv
 
@@ -171,6 +184,8 @@ def tools_cases(folder):
         ),
         "LensCamera.project": (LENS.project, {"points": [[0, 0, 1]]}),
         "LensCamera.unproject": (LENS.unproject, {"pixels": [[1, 1]]}),
+        "LensCamera.to_camera_info": (LENS.to_camera_info, MESSAGE),
+        "LensCamera.canvas_rays": (LENS.canvas_rays, {"canvas": (1, 0, 0, 1)}),
         "LensCamera.rays_at": (LENS.rays_at, {"pixels": [[1, 1]]}),
         "LensCamera of OpenCV": (
             wv.sensors.lenses.OpenCVPinhole,

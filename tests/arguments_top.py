@@ -247,7 +247,13 @@ def top_cases(folder):
         ),
         "read_frames": (
             wv.read_frames,
-            {"path": folder / "walk.txt", "convention": "opencv", "file_format": "tum", "topic": None},
+            {
+                "path": folder / "walk.txt",
+                "convention": "opencv",
+                "file_format": "tum",
+                "topic": None,
+                "distortion": True,
+            },
         ),
         "render": (
             wv.render,

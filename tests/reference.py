@@ -52,6 +52,7 @@ from reference_silhouettes import (  # noqa: F401
     judge_silhouettes,
     measure_silhouettes,
     measure_silhouettes_packets,
+    measure_silhouettes_rays,
     spread_poses,
 )
 from reference_voxels import (  # noqa: F401
@@ -67,6 +68,7 @@ from warpvis import Camera, Label, Scene, SceneObject, Visibility
 from warpvis.core.poses import poses_to_matrices, quaternion_product
 from warpvis.maps import Sphere
 from warpvis.scene.solids import SolidKind
+from warpvis.sensors import LensCamera
 
 # Blocks that fit a core's cache.
 _TRIANGLES_AT_A_TIME = 64
@@ -86,7 +88,10 @@ class Images:
 
 
 def pixel_rays(camera: Camera) -> NDArray[np.float64]:
-    """Camera-frame rays of all pixels with z = 1, shape (H, W, 3)."""
+    """Camera-frame rays of all pixels with z = 1, shape (H, W, 3); of a lens, of depth 1, or NaN."""
+    if isinstance(camera, LensCamera):
+        rays = camera.lens.unproject(np.stack(np.mgrid[: camera.height, : camera.width][::-1], axis=-1) + 0.5)
+        return rays / rays[..., 2:] if camera.kind == "z" else rays
     y, x = np.mgrid[: camera.height, : camera.width] + 0.5
     return np.stack([(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, np.ones_like(x)], axis=-1)
 
@@ -292,6 +297,10 @@ def back_project(camera: Camera, pose: NDArray, depth: NDArray) -> NDArray[np.fl
     return _points(camera, pose, shown_depth(camera, depth))
 
 
+def back_project_rays(camera: LensCamera, pose: NDArray, depth: NDArray) -> NDArray[np.float64]:
+    return back_project(camera, pose, depth)
+
+
 def _points(camera: Camera, pose: NDArray, depth: NDArray) -> NDArray[np.float64]:
     """The same of finite depths, whatever the camera's range."""
     matrix = poses_to_matrices(np.asarray(pose, dtype=np.float32))
@@ -340,6 +349,11 @@ def classify_depth(
     label_of = np.array([*(item.label for item in spheres), Label.OBSTACLE])
     labels = np.where(ground, Label.GROUND, label_of[sphere])
     return np.where(valid, labels, Label.EMPTY).astype(np.uint8), sphere, np.where(valid, margin, np.inf)
+
+
+def classify_rays(camera: LensCamera, pose: NDArray, depth: NDArray, *spheres, **options):
+    """The same where pixels without a ray have no point."""
+    return classify_depth(camera, pose, np.where(camera.mask, np.nan, depth), *spheres, **options)
 
 
 def label_objects(object_label: NDArray, depth: NDArray, objects: NDArray, max_range: float) -> NDArray[np.uint8]:

@@ -6,11 +6,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis import Camera, Scene, SceneObject, Visibility
+from warpvis.sensors import LensCamera
 
 
 @dataclass
@@ -44,12 +47,42 @@ def measure_silhouettes(
     )
     model = reference.cast_rays(Alone((scene.objects[index],)), wide, pose).depth
     image = (slice(top, top + camera.height), slice(left, left + camera.width))
-    silhouette = np.isfinite(model)[image]
     test = reference.cast_rays(scene, everything, pose)
     length = np.linalg.norm(reference.pixel_rays(camera), axis=-1)
+    return _compared(model, model[image], test, camera, length, index, delta)
+
+
+def measure_silhouettes_rays(
+    scene: Scene, camera: LensCamera, pose: NDArray, index: int, *, canvas: tuple[int, int, int, int], delta: float
+) -> dict[str, NDArray]:
+    """The same through a lens: the canvas is an image of the same lens whose first pixel lies beside."""
+    import reference
+
+    left, top, _, _ = canvas
+    rays = _canvas_rays(camera, canvas)
+    model = reference.cast_ray_table(Alone((scene.objects[index],)), rays, pose).depth
+    image = (slice(top, top + camera.height), slice(left, left + camera.width))
+    test = reference.cast_ray_table(scene, rays[image], pose)
+    return _compared(model, model[image], test, camera, np.linalg.norm(rays[image], axis=-1), index, delta)
+
+
+@lru_cache(maxsize=4)
+def _canvas_rays(camera: LensCamera, canvas: tuple[int, int, int, int]) -> NDArray[np.float64]:
+    left, top, right, bottom = canvas
+    lens = replace(camera.lens, cx=camera.lens.cx + left, cy=camera.lens.cy + top)
+    x, y = np.arange(camera.width + left + right) + 0.5, np.arange(camera.height + top + bottom) + 0.5
+    rays = lens.unproject(np.stack(np.meshgrid(x, y), axis=-1))
+    return np.where(rays[..., 2:] > 0, rays / rays[..., 2:], np.nan) if camera.kind == "z" else rays
+
+
+def _compared(
+    model: NDArray, inside: NDArray, test: Any, camera: Any, length: NDArray, index: int, delta: float
+) -> dict[str, NDArray]:
+    """Masks of an object whose depth on the canvas, and in the image, is that, where all objects look like `test`."""
+    silhouette = np.isfinite(inside)
     with np.errstate(invalid="ignore"):
-        behind = (model[image] - test.depth) * length
-        near, far = silhouette & (model[image] < camera.near), silhouette & (model[image] > camera.far)
+        behind = (inside - test.depth) * length
+        near, far = silhouette & (inside < camera.near), silhouette & (inside > camera.far)
     visible = behind <= delta if delta > 0 else test.objects == index
     return {
         "canvas": np.isfinite(model),

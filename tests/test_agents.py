@@ -163,10 +163,10 @@ def test_angles():
         ),
         (lambda: FieldOfView(1, 1, 1, near=2, far=1), "the depth range needs 0 <= near < far, got near=2.0, far=1.0"),
         (lambda: Agent.human("", POSE), "an agent's name must be a word or more, got ''"),
-        (lambda: Agent("robot", 3, POSE), "camera of 'robot' must be a warpvis.Camera or a FieldOfView, got int"),
+        (lambda: Agent("robot", 3, POSE), "camera of 'robot' must be a warpvis.Camera, a warpvis.sensors.Lens"),
         (
             lambda: Agent("robot", wv.Camera.kinect(), POSE, attention=1.0),
-            "attention of 'robot' must be a warpvis.Camera or None, got float",
+            "attention of 'robot' must be a warpvis.Camera, a LensCamera or None, got float",
         ),
         (lambda: Agent.kinect("robot", POSE, body=[3]), "body of 'robot' must be names of objects, got (3,)"),
         (lambda: Agent.kinect("robot", np.zeros(7)), "pose of 'robot' must have quaternions of length 1, got 0"),

@@ -207,7 +207,7 @@ BAD = {
     "object": ({"objects": ["cat"], "outputs": ["visibility"]}, "the scene has no object 'cat'"),
     "empty scene": ({"scene": wv.Scene()}, "the scene has no objects"),
     "no scene": ({"scene": 3}, "scene must be a warpvis.Scene, got int"),
-    "no camera": ({"camera": "kinect"}, "camera must be a warpvis.Camera, got str"),
+    "no camera": ({"camera": "kinect"}, "camera must be a warpvis.Camera or a warpvis.sensors.LensCamera, got str"),
     "device": ({"device": "cuda:99"}, "device 'cuda:99' is not on this machine"),
     "objects that do not move": ({"frames": moving_frames()}, "poses of 1 object, and the scene has 0 that are mov"),
     "threads": ({"threads": 0}, "threads must be a whole number from 1 up"),

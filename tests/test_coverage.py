@@ -216,7 +216,7 @@ def test_bad_input_of_samples(change, said):
     ("change", "said"),
     [
         ({"scene": None}, "scene must be a warpvis.Scene, got NoneType"),
-        ({"camera": None}, "camera must be a warpvis.Camera, got NoneType"),
+        ({"camera": None}, "camera must be a warpvis.Camera or a warpvis.sensors.LensCamera, got NoneType"),
         ({"camera_to_world": np.zeros((0, 7))}, "camera_to_world must have at least one pose, got 0"),
         ({"k": 0}, "k must be a whole number from 1 to the 2 views, got 0"),
         ({"k": 3}, "k must be a whole number from 1 to the 2 views, got 3"),

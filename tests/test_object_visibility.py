@@ -290,7 +290,7 @@ def test_bad_input(arguments, message):
 def test_bad_scene_and_camera():
     with pytest.raises(wv.errors.SceneError, match=r"scene must be a warpvis\.Scene, got list"):
         object_visibility([], SMALL, cameras())
-    with pytest.raises(wv.errors.CameraError, match=r"camera must be a warpvis\.Camera, got int"):
+    with pytest.raises(wv.errors.CameraError, match=r"camera must be a warpvis\.Camera or a .*LensCamera, got int"):
         object_visibility(desk(), 3, cameras())
     with pytest.raises(wv.errors.SceneError, match="the scene has no objects"):
         object_visibility(wv.Scene(), SMALL, cameras())

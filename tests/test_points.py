@@ -228,7 +228,7 @@ def test_measured_images(device):
     [
         ({"scene": 3}, "scene must be a warpvis.Scene, got int"),
         ({"scene": wv.Scene()}, "the scene has no objects; add() one first"),
-        ({"camera": None}, "camera must be a warpvis.Camera, got NoneType"),
+        ({"camera": None}, "camera must be a warpvis.Camera or a warpvis.sensors.LensCamera, got NoneType"),
         ({"tolerance": -1}, "tolerance must be a number of metres from 0 up, got -1"),
         ({"tolerance": np.nan}, "tolerance must be a number of metres from 0 up, got nan"),
         ({"points": [(0, 0, np.nan), (0, 0, 0)]}, "points must be finite: 1 are not, the first at 0"),

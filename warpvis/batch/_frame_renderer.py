@@ -17,12 +17,12 @@ import warp as wp
 
 from warpvis.batch.formats._base import VISIBILITY_ARRAYS
 from warpvis.core.arrays import as_numpy, check_metres, get_device
-from warpvis.core.camera import Camera, require_camera
 from warpvis.core.checks import as_items, check_flag, check_mapping
 from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, SceneError
 from warpvis.rendering import OUTPUTS, Caster, Output, Renderer, Views, check_outputs
 from warpvis.scene import Scene, require_scene
+from warpvis.sensors import CalibratedCamera, require_calibrated
 from warpvis.visibility import choose_objects, object_visibility
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class FrameRenderer:
     def __init__(
         self,
         scene: SceneSource,
-        camera: Camera,
+        camera: CalibratedCamera,
         *,
         outputs: Sequence[str] = ("depth",),
         objects: Sequence[str | int] | None = None,
@@ -88,9 +88,11 @@ class FrameRenderer:
         """
         self.outputs = check_outputs(outputs, BATCH_OUTPUTS)
         self.scene = make_scene(scene, device)
-        self.camera = require_camera(camera)
+        self.camera = require_calibrated(camera)
         self.images = tuple(name for name in self.outputs if _is_image(name))
-        eye = replace(camera, near=0.0, far=math.inf) if check_flag(any_depth, "any_depth") else camera
+        eye = camera
+        if check_flag(any_depth, "any_depth"):
+            eye = replace(camera, near=0.0, far=math.inf)
         self._exclude = choose_excluded(self.scene, exclude) or None
         self._object_visibility = partial(
             object_visibility,
@@ -159,7 +161,7 @@ class ImageBuffers:
     page cache; for a GPU the pages are locked, which copying from there is several times as fast to.
     """
 
-    def __init__(self, images: Sequence[str], camera: Camera, frames: int, *, pinned: bool = False) -> None:
+    def __init__(self, images: Sequence[str], camera: CalibratedCamera, frames: int, *, pinned: bool = False) -> None:
         """Allocate room for images of so many frames."""
         shape = (frames, camera.height, camera.width)
         self._arrays = {name: _page_aligned(shape, OUTPUTS[name], pinned) for name in images}

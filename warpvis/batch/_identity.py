@@ -14,11 +14,13 @@ from typing import TYPE_CHECKING, TypedDict
 import numpy as np
 
 from warpvis.core.labels import Label
+from warpvis.core.types import Json
+from warpvis.sensors import LensCamera, lens_camera_to_fields
 
 if TYPE_CHECKING:
-    from warpvis.core.camera import Camera
     from warpvis.core.frames import Frames
     from warpvis.scene import Scene, SceneObject
+    from warpvis.sensors import CalibratedCamera
 
 
 class ObjectDescription(TypedDict):
@@ -95,8 +97,10 @@ def describe_scene(scene: Scene) -> SceneDescription:
     return {"up": scene.up, "sha256": whole, "label_names": names, "objects": objects}
 
 
-def describe_camera(camera: Camera) -> dict[str, float | None]:
+def describe_camera(camera: CalibratedCamera) -> dict[str, Json]:
     """List a camera's fields; `far` is None where it is infinite, since JSON has no such number."""
+    if isinstance(camera, LensCamera):
+        return lens_camera_to_fields(camera)
     fields = asdict(camera)
     return {**fields, "far": None if math.isinf(camera.far) else camera.far}
 

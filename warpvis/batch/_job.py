@@ -13,8 +13,8 @@ from warpvis.core.labels import LabelNames
 if TYPE_CHECKING:
     import numpy as np
 
-    from warpvis.core.camera import Camera
     from warpvis.core.frames import Frames
+    from warpvis.sensors import CalibratedCamera
 
 Options = Mapping[str, str | float]
 """A format's options by name: texts, numbers or flags."""
@@ -34,7 +34,7 @@ class Plan:
 
     frames: Frames
     """The cameras' poses and times, and where the objects are; `Frames.object_poses` is there if anything moves."""
-    camera: Camera
+    camera: CalibratedCamera
     """The camera of all frames."""
     outputs: tuple[str, ...]
     """Names of the images, and ``"visibility"`` for what `warpvis.object_visibility` says."""

@@ -55,7 +55,7 @@ class Manifest(TypedDict):
     outputs: list[str]
     frames: int
     shard_frames: int
-    camera: dict[str, float | None]
+    camera: dict[str, Json]
     scene: ManifestScene
     objects: list[str]
     """Names of the objects that visibility is of."""

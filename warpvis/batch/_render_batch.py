@@ -27,7 +27,6 @@ from warpvis.batch._verify import verify
 from warpvis.batch._writer import Job, Run
 from warpvis.batch.engines._local import parse_devices, run_local
 from warpvis.batch.formats._base import Format, find_format
-from warpvis.core.camera import Camera
 from warpvis.core.checks import check_choice, check_flag, check_mapping, check_whole, counted
 from warpvis.core.frames import Frames
 from warpvis.core.labels import LabelNames
@@ -36,6 +35,7 @@ from warpvis.core.types import DeviceLike, PoseLike
 from warpvis.errors import ArrayError, FileFormatError, PoseError
 from warpvis.rendering import OUTPUTS, Caster, check_outputs
 from warpvis.scene.worlds import pose_columns
+from warpvis.sensors import CalibratedCamera, require_calibrated
 from warpvis.visibility import choose_objects
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ class BatchSummary:
 
 def render_batch(
     scene: SceneSource,
-    camera: Camera | None,
+    camera: CalibratedCamera | None,
     frames: Frames | PoseLike,
     out: str | os.PathLike[str],
     *,
@@ -109,8 +109,8 @@ def render_batch(
 
     Args:
         scene: A scene, a file for `Scene.load`, or a function that makes a scene.
-        camera: The camera of all frames; None for that which belongs to the poses, `Frames.camera`, which must be
-            the same, but for its range, if both are given.
+        camera: The camera of all frames, which may have a lens; None for that which belongs to the poses,
+            `Frames.camera`, which must be the same, but for its range, if both are given.
         frames: Poses, and where the objects are; see `warpvis.read_frames` and
             `warpvis.pose_generators`. Or poses alone, as for `Renderer.render`.
         out: Folder, new or empty, or an fsspec URL.
@@ -211,7 +211,7 @@ def _start_engine(
 
 def make_plan(
     scene: Scene,
-    camera: Camera | None,
+    camera: CalibratedCamera | None,
     frames: Frames | PoseLike,
     kind: type[Format],
     *,
@@ -231,7 +231,7 @@ def make_plan(
         frames = Frames.from_poses(frames)
     if not len(frames):
         raise PoseError("there must be at least one frame to render, got none")
-    camera = frames.choose_camera(camera)
+    eye = require_calibrated(frames.choose_camera(camera))
     names = check_outputs(kind.default_outputs if outputs is None else outputs, BATCH_OUTPUTS)
     unfit = [name for name in names if name not in kind.outputs]
     if unfit:
@@ -240,9 +240,9 @@ def make_plan(
     chosen = _choose_seen(scene, kind, objects, excluded) if VISIBILITY in names or objects is not None else ()
     return Plan(
         frames=_place_objects(scene, frames),
-        camera=camera,
+        camera=eye,
         outputs=names,
-        shard_frames=_shard_frames(shard_frames, names, camera, masks=len(chosen) if kind.masks else 0),
+        shard_frames=_shard_frames(shard_frames, names, eye, masks=len(chosen) if kind.masks else 0),
         object_names=tuple(item.name for item in scene.objects),
         object_labels=tuple(int(item.label) for item in scene.objects),
         label_names=LabelNames(scene.label_names),
@@ -287,7 +287,7 @@ def _place_objects(scene: Scene, frames: Frames) -> Frames:
     return frames
 
 
-def _shard_frames(shard_frames: int | None, outputs: Sequence[str], camera: Camera, *, masks: int) -> int:
+def _shard_frames(shard_frames: int | None, outputs: Sequence[str], camera: CalibratedCamera, *, masks: int) -> int:
     """Choose how many frames a shard has: as given, or as many as fit its bytes, with so many masks a frame.
 
     Raises:

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from warpvis.core.camera import Camera
     from warpvis.core.frames import Frames
+    from warpvis.core.image_cameras import ImageCamera
     from warpvis.scene import Scene
     from warpvis.visibility import ObjectVisibility
 
@@ -109,7 +109,7 @@ class Check(FrameOptions):
         if self.picture is not None:
             require_place(self.picture, [".png", ".pdf", ".svg"])
 
-    def _check_objects(self, scene: Scene, camera: Camera, frames: Frames) -> None:
+    def _check_objects(self, scene: Scene, camera: ImageCamera, frames: Frames) -> None:
         from warpvis.visibility import object_visibility
 
         objects, exclude = split_names(self.objects), split_names(self.exclude)
@@ -150,7 +150,7 @@ class Check(FrameOptions):
             "exclude": split_names(self.exclude) or None,
         }
 
-    def _check_points(self, scene: Scene, camera: Camera, frames: Frames, points: NDArray[np.float64]) -> None:
+    def _check_points(self, scene: Scene, camera: ImageCamera, frames: Frames, points: NDArray[np.float64]) -> None:
         import numpy as np
 
         from warpvis.core.labels import Visibility

@@ -18,9 +18,9 @@ from warpvis.errors import FileFormatError, PoseError
 
 if TYPE_CHECKING:
     from warpvis.batch import BatchSummary, Format
-    from warpvis.core.camera import Camera
     from warpvis.core.frames import Frames
     from warpvis.scene import Scene
+    from warpvis.sensors import CalibratedCamera
 
 
 _NOTHING_SEEN = 3
@@ -161,7 +161,9 @@ class Render(ImageOptions):
                     print(written)
         self.end(empty=empty)
 
-    def _check(self, kind: type[Format], scene: Scene, camera: Camera, frames: Frames, chosen: _Chosen) -> None:
+    def _check(
+        self, kind: type[Format], scene: Scene, camera: CalibratedCamera, frames: Frames, chosen: _Chosen
+    ) -> None:
         """Refuse what one of the formats would refuse, before anything is written."""
         from warpvis.batch import make_plan
         from warpvis.cli._pictures import PREVIEWS, SHEET
@@ -175,7 +177,17 @@ class Render(ImageOptions):
                 raise FileFormatError(f"{picture}: is there already, of another run; give a new or an empty folder")
 
 
-_FRAMES = ("camera", "replace_camera", "convention", "quaternion", "file_format", "topic", "movable", "worlds")
+_FRAMES = (
+    "camera",
+    "distortion",
+    "replace_camera",
+    "convention",
+    "quaternion",
+    "file_format",
+    "topic",
+    "movable",
+    "worlds",
+)
 _IMAGES = ("outputs", "option")
 
 

@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from warpvis.core.camera import Camera
     from warpvis.core.frames import Frames
     from warpvis.core.label_rules import LabelRules
     from warpvis.core.poses import QuaternionOrder
     from warpvis.scene import Scene
     from warpvis.scenes import Experiment
+    from warpvis.sensors import CalibratedCamera
 
 _MOST_DIGITS = 10
 
@@ -119,7 +119,10 @@ class ViewpointOptions(SceneOptions):
 
     camera: str | None = None
     """kinect, or a file: JSON with width, height, hfov (radians) or K, near and far (metres); transforms.json, BOP's
-    camera.json, COLMAP's cameras.txt or .bin, YAML of ROS or Kalibr. By default the pose file's own, else kinect."""
+    camera.json, COLMAP's cameras.txt or .bin, YAML of ROS, Kalibr or OpenCV, with the lens if it has one. By default
+    the pose file's own, else kinect."""
+    distortion: bool = True
+    """See through the camera's lens; without, a pinhole of the same intrinsics, of ROS the rectified images'."""
     replace_camera: bool = False
     """See through --camera, though the pose file says another one."""
     convention: Axes | None = None
@@ -142,23 +145,25 @@ class ViewpointOptions(SceneOptions):
             quaternion=quaternion,
             file_format=self.file_format,
             topic=self.topic,
+            distortion=self.distortion,
         )
 
-    def choose_camera(self, frames: Frames | None = None) -> Camera:
+    def choose_camera(self, frames: Frames | None = None) -> CalibratedCamera:
         """Load the camera that is asked for: the one given, that of a pose file, or the Kinect.
 
         Raises:
             WarpvisError: It does not load, or the pose file's is another one.
         """
         from warpvis.io import load_camera
+        from warpvis.sensors import require_calibrated
 
-        given = None if self.camera is None else load_camera(self.camera)
+        given = None if self.camera is None else load_camera(self.camera, distortion=self.distortion)
         own = None if frames is None else frames.camera
         if self.replace_camera and (given is None or own is None):
             raise CameraError("--replace-camera is for a pose file that says its camera, and another one as --camera")
         if frames is None or own is None or self.replace_camera:
             return load_camera("kinect") if given is None else given
-        return frames.choose_camera(given)
+        return require_calibrated(frames.choose_camera(given))
 
     def orders(self, path: str) -> bool:
         """Tell whether `quaternion` has an effect on a pose file."""
@@ -216,7 +221,7 @@ class FrameOptions(ViewpointOptions):
     """Where the movable objects are: .npz with object_poses, rows x y z qx qy qz qw, (W, M, 7), of what mesh files hold
     in the file's frame; and, unless each frame has a world of its own, world_index, (frames,)."""
 
-    def load(self, file: Path, poses: str | None, *, device: str = "cpu") -> tuple[Scene, Camera, Frames]:
+    def load(self, file: Path, poses: str | None, *, device: str = "cpu") -> tuple[Scene, CalibratedCamera, Frames]:
         """Load all three.
 
         Raises:
@@ -304,7 +309,9 @@ def refuse_options(command: SceneOptions, names: Sequence[str], why: str) -> Non
     """
     given = given_options(command, names)
     if given:
-        listed = ", ".join("--" + name.replace("_", "-") for name in given)
+        listed = ", ".join(
+            ("--no-" if getattr(command, name) is False else "--") + name.replace("_", "-") for name in given
+        )
         raise SceneError(f"{why} no {listed}")
 
 

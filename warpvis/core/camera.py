@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from warpvis.core.camera_makers import CameraMakers
 from warpvis.core.checks import check_choice, is_number
+from warpvis.core.ray_camera import RayCamera
 from warpvis.errors import ArrayError, CameraError, IntrinsicsWarning
 
 if TYPE_CHECKING:
@@ -349,22 +350,27 @@ def check_matrix(k: ArrayLike, pixel_center: float) -> tuple[float, float, float
     return fx, fy, cx + shift, cy + shift
 
 
-def same_pixels(camera: Camera, other: Camera) -> bool:
-    """Tell whether two cameras have the same pixels, whatever their ranges are."""
+def same_pinhole(camera: Camera, other: Camera) -> bool:
+    """Tell whether two pinholes have the same pixels, whatever their ranges are."""
     numbers = ((camera.fx, other.fx), (camera.fy, other.fy), (camera.cx, other.cx), (camera.cy, other.cy))
     same_size = (camera.width, camera.height) == (other.width, other.height)
     return same_size and all(abs(a - b) < _SAME_PIXELS for a, b in numbers)
 
 
-def describe_pixels(camera: Camera) -> str:
-    """Say in a few words which pixels a camera has."""
+def describe_pinhole(camera: Camera) -> str:
+    """Say in a few words which pixels a pinhole has."""
     intrinsics = f"fx={camera.fx:.6g} fy={camera.fy:.6g} cx={camera.cx:.6g} cy={camera.cy:.6g}"
     return f"{camera.width}x{camera.height} pixels, {intrinsics}"
 
 
 def require_camera(camera: object) -> Camera:
-    """Return `camera` itself; raise `CameraError` if it is none."""
+    """Return `camera` itself; raise `CameraError` if it is no pinhole."""
     if not isinstance(camera, Camera):
+        if isinstance(camera, RayCamera):
+            raise CameraError(
+                f"camera must be a pinhole here, a warpvis.Camera, got a {type(camera).__name__}: rendering, datasets, "
+                "points, back-projection and classification take lenses"
+            )
         raise CameraError(f"camera must be a warpvis.Camera, got {type(camera).__name__}")
     return camera
 

@@ -7,18 +7,18 @@ from __future__ import annotations
 import warp as wp
 
 from warpvis.core.arrays import as_numpy, as_warp, get_device
-from warpvis.core.camera import Camera, require_camera
+from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError
 
 
-def read_depth(depth: ArrayInput, camera: Camera, device: DeviceLike) -> wp.array:
+def read_depth(depth: ArrayInput, camera: ImageCamera, device: DeviceLike) -> wp.array:
     """Return depth images that a camera took, shape ``(V, H, W)``, on a device; by default where they are.
 
     Raises:
         WarpvisError: They, the camera or the device are not what they have to be.
     """
-    require_camera(camera)
+    require_image_camera(camera)
     if device is None:
         device = depth.device if isinstance(depth, wp.array) else _device_of(depth)
     device = get_device(device)

@@ -13,8 +13,8 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import FARTHEST, as_numpy
-from warpvis.core.camera import Camera, describe_pixels, require_camera, same_pixels
 from warpvis.core.checks import counted
+from warpvis.core.image_cameras import ImageCamera, describe_pixels, require_image_camera, same_pixels
 from warpvis.core.poses import (
     Convention,
     QuaternionOrder,
@@ -47,7 +47,7 @@ class Frames:
     """Every frame's world, shape ``(V,)``; None if there is one world, or W == V and each frame has its own."""
     source: Mapping[str, Json] = field(default_factory=dict)
     """Where the frames come from, of what JSON can hold: ``{"file": "walk.txt", "format": "tum"}``."""
-    camera: Camera | None = None
+    camera: ImageCamera | None = None
     """The camera that belongs to the poses, if a file of BOP, nerfstudio or COLMAP, or a ROS bag, says it."""
 
     def __post_init__(self) -> None:
@@ -55,7 +55,7 @@ class Frames:
         count = _length(self.camera_to_world, "camera_to_world", (None, 7))
         _length(self.timestamps, "timestamps", (count,))
         if self.camera is not None:
-            require_camera(self.camera)
+            require_image_camera(self.camera)
         if not isinstance(self.source, Mapping):
             raise ArrayError(f"source must be a mapping of what JSON can hold, got {self.source!r}")
         if self.object_poses is None:
@@ -90,7 +90,7 @@ class Frames:
         world_index = None if self.world_index is None else self.world_index[part]
         return Frames(self.camera_to_world[part], self.timestamps[part], objects, world_index, self.source, self.camera)
 
-    def choose_camera(self, camera: Camera | None = None) -> Camera:
+    def choose_camera(self, camera: ImageCamera | None = None) -> ImageCamera:
         """Return the camera to see the frames through: the given one, or that which belongs to the poses.
 
         Raises:
@@ -100,7 +100,7 @@ class Frames:
             if self.camera is None:
                 raise CameraError("the frames do not say which camera they are for, so give one")
             return self.camera
-        require_camera(camera)
+        require_image_camera(camera)
         if self.camera is not None and not same_pixels(camera, self.camera):
             raise CameraError(
                 f"the frames are of a camera of {describe_pixels(self.camera)}, and the given one is of "
@@ -119,7 +119,7 @@ class Frames:
         timestamps: ArrayInput | None = None,
         object_poses: ObjectPoses = None,
         world_index: ArrayInput | None = None,
-        camera: Camera | None = None,
+        camera: ImageCamera | None = None,
         source: Mapping[str, Json] | None = None,
     ) -> Frames:
         """Make frames of poses, check them, and normalise the cameras' quaternions.

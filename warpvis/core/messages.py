@@ -12,7 +12,7 @@ import array
 import importlib
 import math
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import ROUND_HALF_EVEN, Decimal
 from typing import Any, Protocol, TypeAlias
@@ -96,13 +96,23 @@ class MessageMaker:
         time = self.make("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
         return self.make("std_msgs/msg/Header", stamp=time, frame_id=frame_id)
 
-    def camera_info(self, size: tuple[int, int], k: NDArray[np.float64], header: Message) -> Message:
-        """Make a CameraInfo of an image that is rectified, without binning and region.
+    def camera_info(
+        self,
+        size: tuple[int, int],
+        k: NDArray[np.float64],
+        header: Message,
+        *,
+        d: Sequence[float] = (0.0,) * 5,
+        model: str = "plumb_bob",
+    ) -> Message:
+        """Make a CameraInfo without binning and region; rectified, its image has the same intrinsics.
 
         Args:
             size: Width and height [px].
             k: Intrinsics with pixels' centres at whole numbers, shape ``(3, 3)``.
             header: Its header.
+            d: Distortion of the raw image; zeros of one that is rectified.
+            model: The model that `d` is of.
         """
         width, height = size
         region = {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False}
@@ -111,8 +121,8 @@ class MessageMaker:
             header=header,
             height=height,
             width=width,
-            distortion_model="plumb_bob",
-            d=self.sequence(np.zeros(5)),
+            distortion_model=model,
+            d=self.sequence(np.array(d, dtype=np.float64)),
             k=k.ravel(),
             r=_IDENTITY.copy(),
             p=np.concatenate([k, np.zeros((3, 1))], axis=1).ravel(),

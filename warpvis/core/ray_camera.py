@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     import numpy as np
@@ -50,3 +50,22 @@ class RayCamera(ABC):
         struct.near, struct.far, struct.is_planar = self.near, self.far, self.kind == "z"
         struct.clip = self.near if clip_near else 0.0
         return struct
+
+
+class LensedCamera(RayCamera):
+    """A `RayCamera` whose rays come from a lens, so that points of the world have places in its image."""
+
+    lens: Any
+    """What maps directions to points of the image; equal lenses have equal images."""
+
+    @abstractmethod
+    def project(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Project camera-frame points [m], shape ``(..., 3)``, to ``(x, y)`` of the image [px]; NaN if nowhere."""
+
+    @abstractmethod
+    def unproject(self, pixels: ArrayLike) -> NDArray[np.float64]:
+        """Find the unit vectors that points ``(x, y)`` of the image [px] show; NaN where none has that image."""
+
+    @abstractmethod
+    def canvas_rays(self, canvas: tuple[int, int, int, int]) -> NDArray[np.float64]:
+        """Return rays as `rays` has them, through so many pixels more at the left, top, right and bottom."""

@@ -12,8 +12,9 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_numpy, on_gpu
-from warpvis.core.camera import Camera, require_camera
+from warpvis.core.camera import Camera
 from warpvis.core.checks import check_choice
+from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.messages import Message, MessageMaker, MessageTypes, Stamp, field, whole_field
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, MessageError
@@ -119,7 +120,7 @@ def from_image_msg(message: Message) -> NDArray[np.float32]:
 
 def to_pointcloud2(
     points: ArrayInput,
-    camera: Camera | None = None,
+    camera: ImageCamera | None = None,
     *,
     frame_id: str,
     stamp: Stamp = 0.0,
@@ -132,7 +133,7 @@ def to_pointcloud2(
             and columns and is in the camera's optical frame, NaN where no depth is, or none within its range. Else
             points [m] of any frame, shape ``(N, 3)``, or ``(H, W, 3)`` or ``(1, H, W, 3)`` for a cloud with rows and
             columns.
-        camera: The camera that a depth image is of.
+        camera: The camera that a depth image is of, which may be a `warpvis.sensors.LensCamera`.
         frame_id: The frame of the points; of a depth image, the camera's optical frame.
         stamp: When the image was taken [s], or a Time message.
         types: A type store of rosbags; by default ROS's own classes, which must be there then.
@@ -141,7 +142,7 @@ def to_pointcloud2(
         WarpvisError: An argument is not what it has to be, or ROS is not there.
     """
     maker = MessageMaker(types)
-    cloud = _read_points(points) if camera is None else _back_project(_read_image(points), require_camera(camera))
+    cloud = _read_points(points) if camera is None else _back_project(_read_image(points), require_image_camera(camera))
     rows, columns = cloud.shape[:2]
     # A depth image's points may be NaN, whether or not these are.
     dense = camera is None and bool(np.isfinite(cloud).all())
@@ -194,16 +195,18 @@ def _read_points(points: ArrayInput) -> NDArray[np.float32]:
     return np.array(cloud if cloud.ndim == 3 else cloud[None], dtype="<f4", order="C")
 
 
-def _back_project(depth: NDArray[Any], camera: Camera) -> NDArray[np.float32]:
+def _back_project(depth: NDArray[Any], camera: ImageCamera) -> NDArray[np.float32]:
     """Return the points of a depth image in the camera's frame, shape ``(H, W, 3)``, NaN where no depth is."""
     if depth.shape != (camera.height, camera.width):
         raise ArrayError(f"depth must have the camera's shape ({camera.height}, {camera.width}), got {depth.shape}")
-    slope_x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
-    slope_y = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
     depth = depth.astype(np.float32, copy=False)
     near, far = np.float32(camera.near), np.float32(camera.far)
     measured = np.isfinite(depth) & (depth > 0) & (depth >= near) & (depth <= far)
     z = np.where(measured, depth, np.float32(np.nan))
+    if not isinstance(camera, Camera):
+        return (camera.rays * z[..., None].astype(np.float64)).astype("<f4")
+    slope_x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
+    slope_y = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
     points = np.empty((*depth.shape, 3), dtype="<f4")
     points[..., 2] = z
     np.multiply(z, slope_x.astype(np.float32), out=points[..., 0])

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import warp as wp
@@ -17,6 +17,7 @@ from warpvis.core.arrays import as_numpy, as_warp, check_metres, check_out, empt
 from warpvis.core.camera import Camera
 from warpvis.core.checks import counted
 from warpvis.core.depth_images import read_depth
+from warpvis.core.image_cameras import ImageCamera
 from warpvis.core.labels import Label, LabelNames
 from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, to_xyzw
 from warpvis.core.threads import launch_images
@@ -50,7 +51,7 @@ class Sphere:
 
 def back_project(
     depth: ArrayInput,
-    camera: Camera,
+    camera: ImageCamera,
     camera_to_world: PoseLike,
     *,
     convention: Convention = "opencv",
@@ -62,8 +63,9 @@ def back_project(
     """Compute world points of depth images, by equations (3) to (6).
 
     Args:
-        depth: Planar depth [m], shape ``(V, H, W)`` float32, or ``(H, W)`` for one view.
-        camera: The camera that took the images.
+        depth: Depth of the camera's kind [m], planar of a pinhole, shape ``(V, H, W)`` float32, or ``(H, W)`` for one
+            view.
+        camera: The camera that took the images: a pinhole, or a `warpvis.sensors.LensCamera`.
         camera_to_world: Its poses, shape ``(V, 7)`` or ``(V, 4, 4)``.
         convention: Axes of the camera frame of the poses.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
@@ -73,21 +75,21 @@ def back_project(
 
     Returns:
         Points in the world frame [m], shape ``(V, H, W)`` vec3; NaN where the camera measured none: where depth is not
-        finite, zero or less, nearer than its `near`, or beyond its `far`.
+        finite, zero or less, nearer than its `near`, or beyond its `far`; or where a lens has no ray.
 
     Raises:
         WarpvisError: A shape, dtype, device or value is not what it has to be.
     """
-    from warpvis.kernels import classify as kernels
+    from warpvis.kernels import classify, ray_points
 
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     depth, poses = _read_images(depth, camera, camera_to_world, convention, device)
     points = _allocate(out, wp.vec3, depth, "out")
-    struct = camera.device_struct()
+    kernel, struct, rays = _choose(camera, depth.device, classify.back_project, ray_points.back_project_rays)
     launch_images(
-        kernels.back_project,
+        kernel,
         depth.shape,
-        lambda window: [struct, poses, window, depth, points],
+        lambda window: [struct, poses, window, *rays, depth, points],
         device=depth.device,
         threads=threads,
     )
@@ -96,7 +98,7 @@ def back_project(
 
 def classify(
     depth: ArrayInput,
-    camera: Camera,
+    camera: ImageCamera,
     camera_to_world: PoseLike,
     *,
     spheres: Sequence[Sphere] | ArrayLike = (),
@@ -120,8 +122,9 @@ def classify(
     `classify_rendered`.
 
     Args:
-        depth: Planar depth [m], shape ``(V, H, W)`` float32, or ``(H, W)`` for one view.
-        camera: The camera that took the images.
+        depth: Depth of the camera's kind [m], planar of a pinhole, shape ``(V, H, W)`` float32, or ``(H, W)`` for one
+            view.
+        camera: The camera that took the images: a pinhole, or a `warpvis.sensors.LensCamera`.
         camera_to_world: Its poses, shape ``(V, 7)`` or ``(V, 4, 4)``.
         spheres: The objects: `Sphere`s, or rows ``x y z diameter`` [m] of shape ``(S, 4)``, labelled `Label.OBJECT`.
         ground_tolerance: Height below which a point is ground [m]; sensors are noisy.
@@ -141,7 +144,7 @@ def classify(
     Raises:
         WarpvisError: A shape, dtype, device or value is not what it has to be.
     """
-    from warpvis.kernels import classify as kernels
+    from warpvis.kernels import classify as kernels, ray_points
 
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     depth, poses = _read_images(depth, camera, camera_to_world, convention, device)
@@ -154,11 +157,11 @@ def classify(
     labels = _allocate(out, wp.uint8, depth, "out")
     if spheres_out is not None:
         check_out(spheres_out, wp.int32, depth.shape, name="spheres_out", device=depth.device)
-    struct = camera.device_struct()
+    kernel, struct, rays = _choose(camera, depth.device, kernels.classify_depth, ray_points.classify_rays)
     launch_images(
-        kernels.classify_depth,
+        kernel,
         depth.shape,
-        lambda window: [struct, poses, window, depth, reach, ground, balls, labels, spheres_out],
+        lambda window: [struct, poses, window, *rays, depth, reach, ground, balls, labels, spheres_out],
         device=depth.device,
         threads=threads,
     )
@@ -208,6 +211,15 @@ def classify_rendered(
     return labels
 
 
+def _choose(
+    camera: ImageCamera, device: wp.Device, of_pinholes: wp.Kernel, of_rays: wp.Kernel
+) -> tuple[wp.Kernel, Any, list[wp.array]]:
+    """Choose a kernel for a camera, and return it, the camera as it takes it, and the rays if it takes them."""
+    if isinstance(camera, Camera):
+        return of_pinholes, camera.device_struct(), []
+    return of_rays, camera.device_struct(), [wp.array(camera.rays, dtype=wp.vec3d, device=device)]
+
+
 def _read_objects(objects: ArrayInput, depth: wp.array, scene: Scene) -> wp.array:
     """Read images of objects, of the shape of depth; those of the host index the scene's objects."""
     result = as_warp(objects, wp.int32, depth.shape, name="objects", device=scene.device)
@@ -223,7 +235,7 @@ def _read_objects(objects: ArrayInput, depth: wp.array, scene: Scene) -> wp.arra
 
 
 def _read_images(
-    depth: ArrayInput, camera: Camera, camera_to_world: PoseLike, convention: Convention, device: DeviceLike
+    depth: ArrayInput, camera: ImageCamera, camera_to_world: PoseLike, convention: Convention, device: DeviceLike
 ) -> tuple[wp.array, wp.array]:
     """Read depth images and as many poses, on one device."""
     depth = read_depth(depth, camera, device)
@@ -260,7 +272,7 @@ def _allocate(out: wp.array | None, dtype: type, like: wp.array, name: str) -> w
     return check_out(out, dtype, like.shape, name=name, device=like.device)
 
 
-def _check_range(max_range: float | None, camera: Camera) -> float:
+def _check_range(max_range: float | None, camera: ImageCamera) -> float:
     return camera.far if max_range is None else check_metres(max_range, "max_range", infinite=True)
 
 

@@ -17,7 +17,7 @@ import warp as wp
 from numpy.typing import ArrayLike
 
 from warpvis.core.arrays import as_numpy, check_metres, empty
-from warpvis.core.camera import Camera
+from warpvis.core.camera import Camera, require_camera
 from warpvis.core.checks import counted
 from warpvis.core.depth_images import read_depth, read_labels
 from warpvis.core.kernel_cache import launch
@@ -103,7 +103,7 @@ def voxel_map(
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     if out is not None and device is None:
         device = require_map(out, "out").states.device
-    images = read_depth(depth, camera, device)
+    images = read_depth(depth, require_camera(camera), device)
     device = images.device
     poses = parse_poses(camera_to_world, convention=convention, device=device)
     if len(poses) != len(images):
@@ -161,7 +161,7 @@ def voxel_map_from_scene(
     """
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
-    renderer = Renderer(scene, camera, outputs=("depth", "labels"), threads=threads)
+    renderer = Renderer(scene, require_camera(camera), outputs=("depth", "labels"), threads=threads)
     scene.require_objects()
     poses = parse_poses(camera_to_world, convention=convention, device=scene.device)
     worlds = parse_worlds(scene, len(poses), object_poses, world_index, exclude)

@@ -14,8 +14,8 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, as_point, check_metres, empty
-from warpvis.core.camera import Camera
 from warpvis.core.checks import as_items, check_choice, check_number, check_whole, is_number
+from warpvis.core.image_cameras import ImageCamera
 from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, poses_to_opencv, to_xyzw
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
@@ -125,7 +125,7 @@ def pose_grid(
 
 def best_views(
     scene: Scene,
-    camera: Camera,
+    camera: ImageCamera,
     candidates: PoseLike,
     *,
     objects: Sequence[str | int],
@@ -211,7 +211,9 @@ def best_views(
     return BestViews(order, scores, values, lengths if known else None, names, rows)
 
 
-def _look(scene: Scene, camera: Camera, rows: NDArray[np.float64], field: str, options: dict[str, Any]) -> np.ndarray:
+def _look(
+    scene: Scene, camera: ImageCamera, rows: NDArray[np.float64], field: str, options: dict[str, Any]
+) -> np.ndarray:
     """Return one field of `object_visibility` for all poses, ``(C, K)``: the device's results are read back once."""
     objects = options["objects"]
     poses = wp.array(rows.astype(np.float32), dtype=wp.transform, device=scene.device)

@@ -14,7 +14,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_numpy, as_points, check_metres, empty
-from warpvis.core.camera import Camera
+from warpvis.core.image_cameras import ImageCamera
 from warpvis.core.labels import Label, Visibility
 from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
@@ -151,7 +151,7 @@ class Coverage:
 
 def coverage(
     scene: Scene,
-    camera: Camera,
+    camera: ImageCamera,
     camera_to_world: PoseLike,
     *,
     samples: Samples | ArrayInput | None = None,

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import check_metres
-from warpvis.core.camera import Camera
 from warpvis.core.checks import as_items
 from warpvis.core.poses import QuaternionOrder, check_up, to_xyzw
 from warpvis.core.types import ObjectPoses
@@ -19,7 +18,7 @@ from warpvis.errors import ArrayError, CameraError, SceneError
 from warpvis.planning._best_views import best_views, pose_grid
 from warpvis.planning._free_space import one_world, standing_room
 from warpvis.scene import Scene, require_scene
-from warpvis.visibility import Agent, Candidate, State
+from warpvis.visibility import Agent, Candidate, FieldOfView, State
 
 # Places that see the objects equally well up to this: the nearest is taken.
 _TIE = 0.05
@@ -85,7 +84,7 @@ def propose_view(
     wrong = [type(item).__name__ for item in given if not isinstance(item, Candidate)]
     if wrong:
         raise SceneError(f"candidates must be what Perspective.candidates found, got {wrong[0]}")
-    if not isinstance(robot.camera, Camera):
+    if isinstance(robot.camera, FieldOfView):
         raise CameraError(f"camera of {robot.name!r} must be a warpvis.Camera to be placed, got a FieldOfView")
     if len(robot.poses) != 1:
         raise ArrayError(f"{robot.name!r} must have one pose to start from, got {len(robot.poses)}")

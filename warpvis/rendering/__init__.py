@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+from warpvis.rendering._along import render_along as render_along
 from warpvis.rendering._orthographic import AnyCamera, OrthographicCamera
 from warpvis.rendering._panorama import render_wide
 from warpvis.rendering._renderer import (

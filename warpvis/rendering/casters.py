@@ -153,14 +153,15 @@ class RayTableCaster(RaysCaster):
 
     def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
-        self._cast(poses, worlds, self._table, images)
+        self.cast_along(poses, worlds, self._table, images)
 
     def cast_at(self, poses: CastPoses, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
         """Cast through image points, shape ``(V, 1, N)`` vec2, as are the images'; they are unprojected on the host."""
         rays = self._camera.rays_at(pixels.numpy())
-        self._cast(poses, worlds, wp.array(rays, dtype=wp.vec3d, device=self._scene.device), images)
+        self.cast_along(poses, worlds, wp.array(rays, dtype=wp.vec3d, device=self._scene.device), images)
 
-    def _cast(self, poses: CastPoses, worlds: Worlds, rays: wp.array, images: list[wp.array | None]) -> None:
+    def cast_along(self, poses: CastPoses, worlds: Worlds, rays: wp.array, images: list[wp.array | None]) -> None:
+        """Cast along rays of the camera frame, of depth 1, shape ``(V, Y, X)`` vec3d; ``(1, Y, X)`` for all views."""
         from warpvis.kernels.ray_table import cast_ray_table
 
         shape = (len(poses), *rays.shape[1:])

@@ -8,23 +8,26 @@ import math
 import warnings
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.camera import Camera, check_range, check_size
-from warpvis.core.checks import check_choice
-from warpvis.core.ray_camera import DepthKind, RayCamera
+from warpvis.core.checks import as_items, check_choice, check_whole
+from warpvis.core.ray_camera import DepthKind, LensedCamera
 from warpvis.errors import CameraError, IntrinsicsWarning
-from warpvis.sensors.lenses import Lens
+from warpvis.sensors.lenses import Lens, lens_to_ros
+
+if TYPE_CHECKING:
+    from warpvis.core.messages import Message, MessageTypes, Stamp
 
 # Their rays take 1.6 GB.
 _MOST_PIXELS = 2**26
 
 
 @dataclass(frozen=True)
-class LensCamera(RayCamera):
+class LensCamera(LensedCamera):
     """A camera with a lens, and OpenCV axes: x right, y down, z forward.
 
     Pixel ``(x, y)`` covers the square from ``(x, y)`` to ``(x + 1, y + 1)``; its ray goes through the centre at +0.5.
@@ -50,11 +53,7 @@ class LensCamera(RayCamera):
             raise CameraError(f"lens must be one of warpvis.sensors.lenses, got {type(self.lens).__name__}")
         for name in ("width", "height"):
             object.__setattr__(self, name, check_size(getattr(self, name), name))
-        if self.width * self.height > _MOST_PIXELS:
-            raise CameraError(
-                f"a LensCamera has a ray for each pixel, of which there may be {_MOST_PIXELS}, got {self.width} x "
-                f"{self.height}"
-            )
+        _check_pixels(self.width, self.height)
         check_range(self)
         shown = ~self.mask
         if not shown.any():
@@ -107,6 +106,24 @@ class LensCamera(RayCamera):
         """Rays through all pixels' centres, of depth 1, shape ``(height, width, 3)``; NaN where a pixel has none."""
         return self._of_depth_one(self.directions)
 
+    def canvas_rays(self, canvas: tuple[int, int, int, int]) -> NDArray[np.float64]:
+        """Return rays as `rays` has them, through so many pixels more at the left, top, right and bottom.
+
+        Raises:
+            CameraError: These are not four whole numbers from 0 up, or too many pixels.
+        """
+        sides = as_items(canvas, "canvas", CameraError)
+        if len(sides) != 4:
+            raise CameraError(f"canvas must be four numbers of pixels: left, top, right, bottom, got {len(sides)}")
+        left, top, right, bottom = (check_whole(side, "canvas", least=0, error=CameraError) for side in sides)
+        if not any(sides):
+            return self.rays
+        _check_pixels(self.width + left + right, self.height + top + bottom)
+        rays = self._of_depth_one(
+            self.lens.directions(self.width + left + right, self.height + top + bottom, (-left, -top))
+        )
+        return np.where(rays[..., 2:] > 0, rays, np.nan) if self.kind == "z" else rays
+
     def rays_at(self, pixels: ArrayLike) -> NDArray[np.float64]:
         """Return rays of depth 1 through points of the image [px], shape ``(..., 2)``; NaN outside of it."""
         rays = self._of_depth_one(self.unproject(pixels))
@@ -120,6 +137,26 @@ class LensCamera(RayCamera):
         with np.errstate(all="ignore"):  # between pixels' centres a lens may look aside
             return directions / directions[..., 2:]
 
+    def to_camera_info(self, *, frame_id: str, stamp: Stamp = 0.0, types: MessageTypes | None = None) -> Message:
+        """Return the camera as a ``sensor_msgs/CameraInfo`` of ROS 2, of its raw image: `K`, `D` and the model.
+
+        `P` says that the rectified image has the same intrinsics. `Camera.from_ros` makes this camera of it again.
+
+        Args:
+            frame_id: The camera's optical frame, which has OpenCV's axes.
+            stamp: When the image was taken [s], or a Time message.
+            types: A type store of rosbags; by default ROS's own classes, which must be there then.
+
+        Raises:
+            CameraError: ROS has no model for the lens: it has ``plumb_bob``, ``rational_polynomial``, ``equidistant``.
+            MessageError: An argument is not what it has to be, or ROS is not there.
+        """
+        from warpvis.core.messages import MessageMaker
+
+        k, d, model = lens_to_ros(self.lens)
+        maker = MessageMaker(types)
+        return maker.camera_info((self.width, self.height), k, maker.header(frame_id, stamp), d=d, model=model)
+
     def __getstate__(self) -> dict[str, Any]:
         """Return what the camera is, without what has been computed of it."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
@@ -127,6 +164,21 @@ class LensCamera(RayCamera):
 
 CalibratedCamera: TypeAlias = Camera | LensCamera
 """What a calibration makes: without distortion a pinhole."""
+
+
+def _check_pixels(width: int, height: int) -> None:
+    if width * height > _MOST_PIXELS:
+        raise CameraError(
+            f"a LensCamera has a ray for each pixel, of which there may be {_MOST_PIXELS}, got {width} x {height}"
+        )
+
+
+def require_calibrated(camera: object) -> CalibratedCamera:
+    """Return `camera` itself; raise `CameraError` if it is neither a `Camera` nor a `LensCamera`."""
+    if not isinstance(camera, Camera | LensCamera):
+        kinds = "a warpvis.Camera or a warpvis.sensors.LensCamera"
+        raise CameraError(f"camera must be {kinds}, got {type(camera).__name__}")
+    return camera
 
 
 def camera_of(

@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
 from warpvis.core.checks import as_items, is_number
+from warpvis.core.image_cameras import ImageCamera
 from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, poses_to_matrices, quaternion_product, to_xyzw
+from warpvis.core.ray_camera import LensedCamera
 from warpvis.core.types import PoseLike
 from warpvis.errors import CameraError, SceneError
 
@@ -35,7 +37,7 @@ _HUMAN_RESOLUTION = 120.0
 class Face:
     """One pinhole image of a field of view."""
 
-    camera: Camera
+    camera: ImageCamera
     """Its intrinsics."""
     rotation: tuple[float, float, float, float]
     """Its camera frame to the agent's, ``x y z w``: a turn about the camera's y axis."""
@@ -128,14 +130,14 @@ class Agent:
 
     name: str
     """What reports call it."""
-    camera: Camera | FieldOfView
+    camera: ImageCamera | FieldOfView
     """How it sees."""
     pose: PoseLike = field(repr=False)
     """Its eyes, camera to world: one pose, or one for each of V situations, shape ``(V, 7)`` or ``(V, 4, 4)``."""
     body: tuple[str, ...] = ()
     """Names of the objects that are the agent itself: it neither sees them nor do they hide anything from it. Others
     see them as any object."""
-    attention: Camera | None = None
+    attention: ImageCamera | None = None
     """A narrower field along the same axis: of what the agent sees, it attends to what shows there too. Without one
     it attends to all that it sees."""
     convention: Convention = "opencv"
@@ -146,13 +148,13 @@ class Agent:
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
             raise SceneError(f"an agent's name must be a word or more, got {self.name!r}")
-        if not isinstance(self.camera, Camera | FieldOfView):
+        if not isinstance(self.camera, Camera | LensedCamera | FieldOfView):
+            kinds = "a warpvis.Camera, a warpvis.sensors.LensCamera or a FieldOfView"
+            raise CameraError(f"camera of {self.name!r} must be {kinds}, got {type(self.camera).__name__}")
+        if not isinstance(self.attention, Camera | LensedCamera | None):
             raise CameraError(
-                f"camera of {self.name!r} must be a warpvis.Camera or a FieldOfView, got {type(self.camera).__name__}"
-            )
-        if not isinstance(self.attention, Camera | None):
-            raise CameraError(
-                f"attention of {self.name!r} must be a warpvis.Camera or None, got {type(self.attention).__name__}"
+                f"attention of {self.name!r} must be a warpvis.Camera, a LensCamera or None, got "
+                f"{type(self.attention).__name__}"
             )
         body = _tuple_of(self.body)
         if not all(isinstance(name, str) for name in body):

@@ -13,8 +13,8 @@ import numpy as np
 import warp as wp
 
 from warpvis.core.arrays import check_metres, empty
-from warpvis.core.camera import Camera, require_camera
 from warpvis.core.checks import as_items, check_flag
+from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.kernel_cache import launch
 from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
@@ -78,7 +78,7 @@ class ObjectVisibility:
 
 def object_visibility(
     scene: Scene,
-    camera: Camera,
+    camera: ImageCamera,
     camera_to_world: PoseLike,
     *,
     objects: Sequence[str | int] | None = None,
@@ -103,7 +103,8 @@ def object_visibility(
 
     Args:
         scene: The world.
-        camera: Image size, intrinsics and depth range of all views.
+        camera: Image size, intrinsics and depth range of all views; or a `warpvis.sensors.LensCamera`, of whose canvas
+            the pixels count that the lens maps some direction to.
         camera_to_world: Poses, as for `Renderer.render`.
         objects: Names or indices of the objects; all by default.
         delta: How far an object's surface may lie behind what a pixel shows, along its ray, to count as visible
@@ -132,7 +133,7 @@ def object_visibility(
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     require_scene(scene)
-    require_camera(camera)
+    require_image_camera(camera)
     scene.require_objects()
     chosen = choose_objects(scene, objects)
     delta, min_pixels, canvas = (
@@ -146,7 +147,7 @@ def object_visibility(
     worlds = parse_worlds(scene, views, object_poses, world_index, exclude)
 
     # Whatever is too near or too far to be measured hides what is behind it all the same.
-    eye = dataclasses.replace(camera, near=0.0, far=math.inf)
+    eye = dataclasses.replace(camera, near=0.0, far=math.inf)  # type: ignore[type-var]  # all of them are dataclasses
     outputs: list[Output] = ["depth", "segmentation"] if delta > 0 else ["segmentation"]
     renderer = Renderer(scene, eye, outputs=outputs, caster=caster, threads=threads)
     kind, threads = renderer.caster, renderer.threads
@@ -197,7 +198,7 @@ def choose_objects(scene: Scene, objects: Sequence[str | int] | None) -> list[in
 
 
 def _allocate(
-    scene: Scene, chosen: Sequence[int], shape: tuple[int, int], camera: Camera | None
+    scene: Scene, chosen: Sequence[int], shape: tuple[int, int], camera: ImageCamera | None
 ) -> tuple[wp.array, ObjectVisibility]:
     """Allocate what is counted, in one array, and the results, among which it is; masks too if a camera is given."""
     names = tuple(scene.objects[index].name for index in chosen)
@@ -214,7 +215,7 @@ def _allocate(
     return counted, ObjectVisibility(tuple(chosen), names, **arrays, masks=masks)
 
 
-def _parts(views: int, camera: Camera, images: int, hidden: int, device: wp.Device) -> list[slice]:
+def _parts(views: int, camera: ImageCamera, images: int, hidden: int, device: wp.Device) -> list[slice]:
     """Yield views that are looked at together."""
     most = _CPU_BYTES if device.is_cpu else _CUDA_BYTES
     step = max(1, most // (camera.width * camera.height * 4 * images + hidden * 4))
@@ -235,7 +236,7 @@ def _check_min_pixels(min_pixels: int) -> int:
     return int(min_pixels)
 
 
-def _check_canvas(canvas: Sequence[float] | None, camera: Camera) -> tuple[int, int, int, int]:
+def _check_canvas(canvas: Sequence[float] | None, camera: ImageCamera) -> tuple[int, int, int, int]:
     if canvas is None:
         return camera.width, camera.height, camera.width, camera.height
     sides = tuple(canvas) if isinstance(canvas, Sequence) else ()

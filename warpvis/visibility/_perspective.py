@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.camera import Camera
 from warpvis.core.checks import as_items, is_number
+from warpvis.core.image_cameras import ImageCamera
 from warpvis.core.labels import Label, LabelNames, Visibility
 from warpvis.core.poses import QuaternionOrder, to_xyzw
 from warpvis.core.types import ArrayInput, ObjectPoses
@@ -357,7 +357,7 @@ class _Look:
         return self._at(agent, agent.attention, agent.poses, (0, 0, 0, 0)).visible_pixels.numpy()
 
     def _at(
-        self, agent: Agent, camera: Camera, poses: NDArray[np.float64], canvas: tuple[int, int, int, int]
+        self, agent: Agent, camera: ImageCamera, poses: NDArray[np.float64], canvas: tuple[int, int, int, int]
     ) -> ObjectVisibility:
         world_index = self.situations.world_index
         # Who stands still in a world that stands still looks once.

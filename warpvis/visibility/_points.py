@@ -9,8 +9,9 @@ import dataclasses
 import warp as wp
 
 from warpvis.core.arrays import as_points, check_metres, empty
-from warpvis.core.camera import Camera, require_camera
+from warpvis.core.camera import Camera
 from warpvis.core.depth_images import read_depth
+from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.kernel_cache import launch
 from warpvis.core.poses import Convention, QuaternionOrder, host_poses, parse_poses, to_xyzw
 from warpvis.core.threads import launch_points
@@ -19,12 +20,13 @@ from warpvis.errors import ArrayError
 from warpvis.rendering import Caster, Output, Renderer, Views
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds
+from warpvis.visibility._lens_points import judge_in_images, judge_in_scene
 from warpvis.visibility._point_packets import judge_by_packets
 
 
 def point_visibility(
     scene: Scene,
-    camera: Camera,
+    camera: ImageCamera,
     camera_to_world: PoseLike,
     points: ArrayInput,
     *,
@@ -42,7 +44,8 @@ def point_visibility(
 
     Args:
         scene: What may be in the way.
-        camera: Image size, intrinsics and depth range.
+        camera: Image size, intrinsics and depth range; or a `warpvis.sensors.LensCamera`, through which points are
+            projected on the host.
         camera_to_world: Poses, as for `Renderer.render`.
         points: Points in the world frame [m], shape ``(N, 3)``: anywhere, such as vertices, middles of faces or voxels.
         tolerance: How far behind the first surface along its ray a point still counts as seen [m]. Points of a surface
@@ -67,9 +70,18 @@ def point_visibility(
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     require_scene(scene)
-    require_camera(camera)
+    require_image_camera(camera)
     tolerance = check_metres(tolerance, "tolerance")
     scene.require_objects()
+    if not isinstance(camera, Camera):
+        rows = parse_poses(camera_to_world, convention=convention, device=scene.device).numpy()
+        places = as_points(points, "points", "N", scene.device).numpy()
+        worlds = parse_worlds(scene, len(rows), object_poses, world_index, exclude)
+        judged, hiding = judge_in_scene(
+            scene, camera, rows, worlds, places, tolerance, occluders=occluders, caster=caster, threads=threads
+        )
+        found = wp.array(judged, dtype=wp.uint8, device=scene.device)
+        return (found, wp.array(hiding, dtype=wp.int32, device=scene.device)) if occluders else found
     # Surfaces that are too near to be measured have a depth here, and are objects.
     eye = dataclasses.replace(camera, near=0.0)
     outputs: list[Output] = ["depth", "segmentation"] if occluders else ["depth"]
@@ -93,7 +105,7 @@ def point_visibility(
 
 def point_visibility_from_depth(
     depth: ArrayInput,
-    camera: Camera,
+    camera: ImageCamera,
     camera_to_world: PoseLike,
     points: ArrayInput,
     *,
@@ -106,10 +118,11 @@ def point_visibility_from_depth(
     """Tell the same from depth images that a sensor measured: each point by the pixel that it is in.
 
     Args:
-        depth: Planar depth [m], shape ``(V, H, W)`` float32, or ``(H, W)`` for one view. +inf is nothing up to the
+        depth: Depth of the camera's kind [m], planar of a pinhole, shape ``(V, H, W)`` float32, or ``(H, W)`` for one
+            view. +inf is nothing up to the
             camera's `far`, and so is a finite depth beyond it; -inf is something nearer than `near`, which hides all
             behind it, and so is a depth between 0 and `near` (REP 117). 0, negative and NaN is not measured.
-        camera: The camera that took the images.
+        camera: The camera that took the images: a pinhole, or a `warpvis.sensors.LensCamera`.
         camera_to_world: Where it was, as for `Renderer.render`.
         points: Points in the world frame [m], shape ``(N, 3)``.
         tolerance: How far behind what was measured along its ray a point still counts as seen [m]: the sensor's noise.
@@ -133,6 +146,10 @@ def point_visibility_from_depth(
     poses = parse_poses(camera_to_world, convention=convention, device=device)
     if len(poses) != len(images):
         raise ArrayError(f"depth must be of as many views as there are poses, got {len(images)} for {len(poses)}")
+    if not isinstance(camera, Camera):
+        places = as_points(points, "points", "N", device).numpy()
+        judged = judge_in_images(images.numpy(), camera, poses.numpy(), places, tolerance)
+        return wp.array(judged, dtype=wp.uint8, device=device)
     pixels, distance = _project(camera, poses, points, threads)
     status = empty(distance.shape, wp.uint8, name="status", device=device)
     lens, inputs = camera.device_struct(), [pixels, distance, images, tolerance, status]

@@ -12,7 +12,9 @@ import warp as wp
 
 from warpvis.core.arrays import aligned_zeros
 from warpvis.core.camera import Camera
+from warpvis.core.image_cameras import ImageCamera
 from warpvis.core.kernel_cache import launch
+from warpvis.core.ray_camera import LensedCamera
 from warpvis.core.threads import launch_images, pack_launch, run_together
 from warpvis.core.types import KernelArguments
 from warpvis.kernels.constants import COUNTER_FINISHED, JOB_COUNTERS
@@ -21,6 +23,7 @@ from warpvis.scene import Scene
 from warpvis.scene.worlds import pose_columns
 
 if TYPE_CHECKING:
+    from warpvis.kernels.lens_silhouettes import CanvasRays
     from warpvis.kernels.pinhole import Window
     from warpvis.kernels.silhouettes import Comparison
     from warpvis.kernels.worlds import Worlds
@@ -38,7 +41,7 @@ class SilhouetteCounter:
     def __init__(
         self,
         scene: Scene,
-        camera: Camera,
+        camera: ImageCamera,
         chosen: Sequence[int],
         *,
         canvas: tuple[int, int, int, int],
@@ -56,14 +59,15 @@ class SilhouetteCounter:
             canvas: Pixels beyond the image's left, top, right and bottom that silhouettes may reach.
             delta: See `warpvis.object_visibility`.
             skip_unseen: Likewise.
-            caster: How silhouettes are drawn; on CUDA by rays always.
+            caster: How silhouettes are drawn; on CUDA and through a lens by rays always.
             threads: CPU threads.
         """
         from warpvis.kernels.silhouettes import Canvas, Chosen
 
         device = scene.device
         self._device, self._camera, self._threads, self._delta = device, camera, threads, delta
-        self._packets = caster == "packets" and device.is_cpu
+        self._lens = None if isinstance(camera, Camera) else _canvas_rays(camera, canvas, device)
+        self._packets = caster == "packets" and device.is_cpu and self._lens is None
         self._apart = scene.apart()
         clusters = self._apart.bvh()
         self._columns = wp.array(pose_columns(scene), dtype=wp.int32, device=device)
@@ -116,9 +120,12 @@ class SilhouetteCounter:
     def _count_by_rays(
         self, poses: wp.array, worlds: Worlds, compared: Comparison, outputs: list[wp.array | None]
     ) -> None:
+        from warpvis.kernels.lens_silhouettes import measure_silhouettes_rays
         from warpvis.kernels.silhouettes import measure_silhouettes
 
-        triangles, camera = self._apart.triangles(), self._camera.device_struct()
+        triangles = self._apart.triangles()
+        kernel = measure_silhouettes if self._lens is None else measure_silhouettes_rays
+        camera = self._camera.device_struct() if self._lens is None else self._lens
         pairs = len(poses) * len(self._chosen.index)
         threads = 1
         if not self._device.is_cpu:
@@ -136,7 +143,7 @@ class SilhouetteCounter:
                 return [triangles.struct, self._chosen, camera, poses, window, *given]
 
             shape = (len(poses), len(self._chosen.index), threads)
-            launch_images(measure_silhouettes, shape, arguments, device=self._device, threads=self._threads)
+            launch_images(kernel, shape, arguments, device=self._device, threads=self._threads)
 
     def _count_by_packets(
         self, poses: wp.array, worlds: Worlds, compared: Comparison, outputs: list[wp.array | None]
@@ -153,3 +160,14 @@ class SilhouetteCounter:
         launch.launch()  # without memory, it says how much it needs
         job.scratch = aligned_zeros((workers, int(job.scratch_bytes.numpy()[0])), wp.uint8)
         run_together(launch.launch, workers, lambda: bool(counter[COUNTER_FINISHED] == workers))
+
+
+def _canvas_rays(camera: LensedCamera, canvas: tuple[int, int, int, int], device: wp.Device) -> CanvasRays:
+    """Make a lens's rays on a device, of all pixels of a canvas."""
+    from warpvis.kernels.lens_silhouettes import CanvasRays
+
+    struct = CanvasRays()
+    struct.width, struct.height, struct.near, struct.far = camera.width, camera.height, camera.near, camera.far
+    struct.is_planar, (struct.left, struct.top, _, _) = camera.kind == "z", canvas
+    struct.rays = wp.array(camera.canvas_rays(canvas), dtype=wp.vec3d, device=device)
+    return struct

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass, replace
 from typing import TypedDict
@@ -17,6 +16,7 @@ from warpvis.core.types import Excluded, ObjectPoses
 from warpvis.rendering import Renderer, Views, render
 from warpvis.scene import Scene
 from warpvis.visibility import Agent, FieldOfView
+from warpvis.viz._drawing import border_rays
 
 _PIXELS_PER_DEGREE = 3
 
@@ -57,7 +57,7 @@ def agent_view(scene: Scene, agent: Agent, view: int = 0, *, object_poses: Objec
     seen = render(scene, camera, pose_of(agent, view), outputs=("depth", "normals", "segmentation"), **options)
     border = np.empty((0, 2))
     if agent.attention is not None:
-        border = camera.project(_border_rays(agent.attention))
+        border = camera.project(border_rays(agent.attention))
     depth, normals, objects = (image.numpy()[0] for image in (seen.depth, seen.normals, seen.segmentation))
     return AgentView(depth, normals, objects, (0, camera.width, camera.height, 0), border)
 
@@ -76,7 +76,8 @@ def views_of_faces(scene: Scene, agent: Agent, view: int = 0, *, object_poses: O
         # One more column where the next face begins, so that there is no gap in between.
         left, right = int(k > 0), int(k < len(faces) - 1)
         lens = face.camera
-        lens = replace(lens, width=lens.width + left + right, cx=lens.cx + left)
+        if isinstance(lens, Camera):
+            lens = replace(lens, width=lens.width + left + right, cx=lens.cx + left)
         poses = agent.face_poses(face)
         pose = poses[view if len(poses) > 1 else 0]
         found.append(render(scene, lens, pose, outputs=("points", "labels", "segmentation"), **options))
@@ -109,15 +110,6 @@ def _panorama(scene: Scene, agent: Agent, view: int, options: _World) -> AgentVi
         objects[:, columns] = seen.segmentation.numpy().reshape(shape)
     border = np.empty((0, 2))
     if agent.attention is not None:
-        x, y, z = _border_rays(agent.attention).T
+        x, y, z = border_rays(agent.attention).T
         border = np.degrees(np.stack([np.arctan2(x, z), np.arctan2(-y, np.hypot(x, z))], axis=1))
     return AgentView(distance, normals, objects, (-sides, sides, -down, up), border)
-
-
-def _border_rays(camera: Camera) -> NDArray[np.float64]:
-    """Make rays along an image's border, around it, shape ``(n, 3)``."""
-    w, h = camera.width, camera.height
-    corners = np.array([(0, 0), (w, 0), (w, h), (0, h), (0, 0)], dtype=np.float64)
-    steps = np.linspace(0, 1, 30)[:, None]
-    pixels = np.concatenate([(1 - steps) * a + steps * b for a, b in itertools.pairwise(corners)])
-    return camera.back_project(pixels, np.ones(len(pixels)))

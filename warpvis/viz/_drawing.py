@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 import textwrap
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.camera import Camera
+from warpvis.core.image_cameras import ImageCamera
 from warpvis.core.poses import Convention, QuaternionOrder, poses_to_matrices, poses_to_opencv, to_xyzw
 from warpvis.core.types import ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
@@ -86,16 +88,30 @@ def shaded_picture(
     return blocks.mean(axis=(1, 3))
 
 
-def frustum(camera: Camera, camera_to_world: ArrayLike, reach: float) -> list[NDArray[np.float64]]:
-    """Make world lines from the camera to the image's corners at a depth, and around them."""
+def frustum(camera: ImageCamera, camera_to_world: ArrayLike, reach: float) -> list[NDArray[np.float64]]:
+    """Make world lines from the camera to the image's corners at a depth, of a lens at a range, and around them."""
     matrix = poses_to_matrices(poses_to_opencv(camera_to_world))[0]
     w, h = camera.width, camera.height
+    if not isinstance(camera, Camera):
+        border = reach * border_rays(camera) @ matrix[:3, :3].T + matrix[:3, 3]
+        shown = border[:: max(1, len(border) // 4)][:4]
+        return [np.stack([matrix[:3, 3], place]) for place in shown] + [border]
     corners = camera.back_project([(0, 0), (w, 0), (w, h), (0, h)], np.full(4, reach))
     corners = corners @ matrix[:3, :3].T + matrix[:3, 3]
     return [np.stack([matrix[:3, 3], corner]) for corner in corners] + [corners[[0, 1, 2, 3, 0]]]
 
 
-def to_picture(camera: Camera, camera_to_world: ArrayLike, points: ArrayLike) -> NDArray[np.float64]:
+def border_rays(camera: ImageCamera) -> NDArray[np.float64]:
+    """Make unit vectors around an image's border, from its first corner on, where there are any, ``(n, 3)``."""
+    w, h = camera.width, camera.height
+    corners = np.array([(0, 0), (w, 0), (w, h), (0, h), (0, 0)], dtype=np.float64)
+    steps = np.linspace(0, 1, 30)[:, None]
+    pixels = np.concatenate([(1 - steps) * a + steps * b for a, b in itertools.pairwise(corners)])
+    rays = camera.unproject(pixels)
+    return rays[np.isfinite(rays[:, 0])]
+
+
+def to_picture(camera: ImageCamera, camera_to_world: ArrayLike, points: ArrayLike) -> NDArray[np.float64]:
     """Find where points of the world are in a picture [px], shape ``(n, 2)``; NaN behind the camera."""
     to_camera = np.linalg.inv(poses_to_matrices(camera_to_world))
     return camera.project(np.asarray(points) @ to_camera[:3, :3].T + to_camera[:3, 3])

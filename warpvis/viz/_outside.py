@@ -15,6 +15,7 @@ from warpvis.core.camera import Camera
 from warpvis.core.poses import check_up, look_at, poses_to_matrices
 from warpvis.planning import best_views
 from warpvis.pose_generators import fitting_distance
+from warpvis.visibility import FieldOfView
 from warpvis.viz._drawing import OUTSIDE_CAMERA, draw_arrow, draw_lines, draw_name, frustum, shaded_picture, to_picture
 from warpvis.viz._states import Shown
 
@@ -41,7 +42,7 @@ def draw_outside(axes: Axes, shown: Shown, eye: ArrayLike | None, target: ArrayL
     starts = to_picture(camera, pose, [shown.pose(k)[:3] for k in (0, 1)])
     for k, agent in enumerate(shown.agents):
         place = shown.pose(k)
-        narrow = agent.camera if isinstance(agent.camera, Camera) else agent.attention
+        narrow = agent.attention if isinstance(agent.camera, FieldOfView) else agent.camera
         matrix = poses_to_matrices(place)
         gaze = matrix[:3, 3] + [[0, 0, 0], 1.25 * reach * matrix[:3, 2]]
         lines = [] if narrow is None else frustum(narrow, place, reach)

@@ -21,7 +21,7 @@ from warpvis.core.poses import QuaternionOrder, poses_to_matrices, to_xyzw
 from warpvis.core.types import ObjectPoses
 from warpvis.maps import map_numbers
 from warpvis.scene import Scene
-from warpvis.visibility import Agent, Perspective, State
+from warpvis.visibility import Agent, FieldOfView, Perspective, State
 from warpvis.viz._agent_views import AgentView, agent_view, views_of_faces
 from warpvis.viz._drawing import draw_arrow, draw_name, light_on, one_pose, white_edge
 from warpvis.viz._figures import Bounds, draw_map, new_figure, save_figure
@@ -132,11 +132,13 @@ def draw_perspective(
 def _draw_view(axes: Axes, shown: Shown, agent: Agent) -> None:
     seen = agent_view(shown.scene, agent, shown.view, object_poses=shown.object_poses)
     axes.imshow(_depth_shaded(shown, seen), extent=seen.extent)
-    if isinstance(agent.camera, Camera):
-        axes.set(xlabel="x [px]", ylabel="y [px]")
-    else:
+    if isinstance(agent.camera, FieldOfView):
         axes.set(xlabel="to the right of the gaze [degrees]", ylabel="above it [degrees]")
-    title = f"What the {agent.name} sees ({math.degrees(agent.camera.hfov):.0f} degrees wide)"
+    else:
+        axes.set(xlabel="x [px]", ylabel="y [px]")
+    title = f"What the {agent.name} sees"
+    if isinstance(agent.camera, Camera | FieldOfView):
+        title += f" ({math.degrees(agent.camera.hfov):.0f} degrees wide)"
     axes.set(title=textwrap.fill(title, _PANEL_WIDTH))
     if len(seen.attention):
         axes.plot(*seen.attention.T, color="black", linewidth=1.0, linestyle="--", label="field of attention")

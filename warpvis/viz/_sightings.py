@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_numpy
-from warpvis.core.camera import Camera
 from warpvis.core.checks import check_text
+from warpvis.core.image_cameras import ImageCamera
 from warpvis.core.labels import Visibility
 from warpvis.core.poses import Convention, QuaternionOrder, to_xyzw
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
@@ -66,7 +66,7 @@ _LEGEND_COLUMNS, _MOST_NAMED, _LONGEST_NAME = 3, 15, 20
 
 def save_sightings(
     scene: Scene,
-    camera: Camera,
+    camera: ImageCamera,
     camera_to_world: PoseLike,
     path: str | os.PathLike[str],
     *,
@@ -116,7 +116,7 @@ def save_sightings(
         for k, color in color_of.items():
             overlay[masks[k] == part] = [*color, opacity]
     overlay[..., :3] *= np.nan_to_num(light_on(normals, scene.up), nan=1.0)[..., None]
-    figure, axes = _draw_view(depth, title)
+    figure, axes = _draw_view(depth, title, camera)
     axes.imshow(overlay)
 
     largest = sorted(color_of, key=lambda k: -int((masks[k] > 0).sum()))
@@ -137,7 +137,7 @@ def save_sightings(
 
 def save_point_sightings(
     scene: Scene,
-    camera: Camera,
+    camera: ImageCamera,
     camera_to_world: PoseLike,
     points: ArrayInput,
     path: str | os.PathLike[str],
@@ -177,7 +177,7 @@ def save_point_sightings(
     assert not isinstance(found, tuple)  # with occluders, which were not asked for
     status = found.numpy()[0]
     places = to_picture(camera, pose[0], as_numpy(points, name="points"))
-    figure, axes = _draw_view(render(scene, camera, pose, outputs=("depth",), **worlds).depth.numpy()[0], title)
+    figure, axes = _draw_view(render(scene, camera, pose, outputs=("depth",), **worlds).depth.numpy()[0], title, camera)
     handles = []
     for kind, word in _WORDS.items():
         its = status == kind
@@ -199,13 +199,14 @@ def _cut(name: str) -> str:
     return name if len(name) <= _LONGEST_NAME else f"{name[:half]}...{name[-half:]}"
 
 
-def _draw_view(depth: NDArray[np.floating], title: str) -> tuple[Figure, Axes]:
+def _draw_view(depth: NDArray[np.floating], title: str, camera: ImageCamera) -> tuple[Figure, Axes]:
     """Begin a picture with a depth image in grey, and its scale."""
+    kind = "planar depth" if camera.kind == "z" else "range"
     figure = new_figure(7.2, 6.4)
     axes = figure.subplots()
     shown = axes.imshow(np.ma.masked_invalid(depth), cmap="gist_gray", vmin=0.0, vmax=_farthest(depth))
     axes.set(title=title, xlabel="x [px]", ylabel="y [px]")
-    figure.colorbar(shown, ax=axes, shrink=0.85, pad=0.02).set_label("planar depth [m], white: none")
+    figure.colorbar(shown, ax=axes, shrink=0.85, pad=0.02).set_label(f"{kind} [m], white: none")
     return figure, axes
 
 

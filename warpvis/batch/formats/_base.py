@@ -6,11 +6,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
-from typing import TYPE_CHECKING, ClassVar, Protocol, TypeAlias
+from typing import TYPE_CHECKING, ClassVar, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
-from warpvis.errors import FileFormatError
+from warpvis.core.camera import Camera
+from warpvis.errors import CameraError, FileFormatError
+from warpvis.sensors.lenses import OpenCVPinhole
 
 if TYPE_CHECKING:
     from warpvis.batch._job import Plan
@@ -18,6 +20,9 @@ if TYPE_CHECKING:
     from warpvis.core.labels import Label
     from warpvis.core.threads import Crew
     from warpvis.scene import Scene
+    from warpvis.sensors.lenses import Lens
+
+Written = TypeVar("Written")
 
 _HOME = {
     "npz": ("npz", "Npz"),
@@ -157,6 +162,45 @@ def find_format(name: str) -> type[Format]:
         raise FileFormatError(f"format must be one of {', '.join(FORMATS)}, got {name!r}")
     module, kind = _HOME[name]
     return getattr(import_module(f"warpvis.batch.formats._{module}"), kind)
+
+
+def lens_as(plan: Plan, name: str, write: Callable[[Lens], Written]) -> Written:
+    """Return the lens of a plan's camera as a format writes it, whose depth is along the axis; a pinhole has one, too.
+
+    Args:
+        plan: The plan.
+        name: The format.
+        write: Makes of a lens what the format says, or raises `CameraError`.
+
+    Raises:
+        FileFormatError: The format has no such lens, or the camera's depth is along the ray.
+    """
+    camera = plan.camera
+    if isinstance(camera, Camera):
+        return write(OpenCVPinhole(camera.fx, camera.fy, camera.cx, camera.cy))
+    if camera.kind == "range":
+        raise FileFormatError(
+            f'format {name!r} holds depth along the axis, and the camera\'s is along the ray (kind="range"): {_ANY}'
+        )
+    try:
+        return write(camera.lens)
+    except CameraError as error:
+        raise FileFormatError(f"format {name!r} cannot say the camera's lens: {error}; {_ANY}") from None
+
+
+def refuse_lens(plan: Plan, name: str, why: str) -> None:
+    """Refuse a camera with a lens.
+
+    Raises:
+        FileFormatError: The plan's has one.
+    """
+    if not isinstance(plan.camera, Camera):
+        raise FileFormatError(
+            f"format {name!r} is for pinholes, {why}: tum, nerfstudio, colmap and ros2 say some; {_ANY}"
+        )
+
+
+_ANY = "npz, zarr and png say any"
 
 
 def check_options(plan: Plan, name: str, known: Mapping[str, str]) -> None:

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.batch._job import shard_name
-from warpvis.batch.formats._base import Images
+from warpvis.batch.formats._base import Images, refuse_lens
 from warpvis.batch.formats._layouts import Layout
+from warpvis.core.camera import require_camera
 from warpvis.core.labels import Label
 from warpvis.core.poses import poses_to_matrices
 from warpvis.errors import FileFormatError
@@ -106,9 +107,10 @@ class Bop(Layout):
         """Check the plan.
 
         Raises:
-            FileFormatError: It has other outputs, no objects, or an unknown option.
+            FileFormatError: It has other outputs, no objects, an unknown option, or a camera with a lens.
         """
         super().__init__(plan)
+        refuse_lens(plan, self.name, "whose images are projected by cam_K alone")
         if len(plan.outputs) < 2:
             raise FileFormatError(f"format 'bop' needs the outputs depth and visibility, got only {plan.outputs[0]}")
         if not plan.chosen:
@@ -160,8 +162,7 @@ class Bop(Layout):
 
     def index(self, files: ShardFiles) -> list[str]:
         """Write ``camera.json``."""
-        camera = self.plan.camera
-        matrix = camera.to_K(pixel_center=0.0)
+        camera, matrix = self.plan.camera, self._matrix
         values = dict(zip(("fx", "fy", "cx", "cy"), matrix[[0, 1, 0, 1], [0, 1, 2, 2]].tolist(), strict=True))
         values |= {"width": camera.width, "height": camera.height, "depth_scale": self._depth_scale}
         files.write_text("camera.json", json.dumps(values, indent=2) + "\n")
@@ -192,6 +193,10 @@ class Bop(Layout):
             infos[number] = {**model_info(points), "name": item.name, "names": names[number]}
         files.write_text("models/models_info.json", _json_lines(infos.items()))
         return ["models"]
+
+    @property
+    def _matrix(self) -> NDArray[np.float64]:
+        return require_camera(self.plan.camera).to_K(pixel_center=0.0)
 
     def _origin(self, index: int) -> NDArray[np.float64]:
         """Find a model's origin in the mesh [m], shape ``(3,)``: its own if it moves, else the box's middle."""
@@ -225,7 +230,7 @@ class Bop(Layout):
         return encode_png(mask.view(np.uint8) * np.uint8(255)) if mask.any() else self._blank
 
     def _cameras(self, world_to_camera: NDArray[np.float64]) -> list[_Camera]:
-        matrix = self.plan.camera.to_K(pixel_center=0.0).ravel().tolist()
+        matrix = self._matrix.ravel().tolist()
         return [
             {
                 "cam_K": matrix,

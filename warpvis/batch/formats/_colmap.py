@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.batch.formats._base import Images
+from warpvis.batch.formats._base import Images, lens_as
 from warpvis.batch.formats._layouts import Layout, Parts, numbers, rows_of, write_lines
+from warpvis.core.camera import Camera
 from warpvis.core.poses import poses_to_matrices
+from warpvis.sensors.lenses import lens_to_colmap
 
 if TYPE_CHECKING:
+    from warpvis.batch._job import Plan
     from warpvis.batch.storage._output import ShardFiles
 
 _CAMERA = 1
@@ -23,9 +26,10 @@ _CAMERA = 1
 class Colmap(Layout):
     """Writes ``sparse/{cameras,images,points3D}.txt`` and ``stereo/depth_maps/000012/000000.png.geometric.bin``.
 
-    The camera is a ``PINHOLE`` with pixel centres at +0.5. Images are numbered from 1, named ``000012/000000.png``, and
-    posed world to camera with OpenCV axes; they have no keypoints, and there are no 3D points. Depth maps are float32
-    [m], 0 where there is none; normal maps, in ``stereo/normal_maps``, are in the camera's frame, 0 where nothing is.
+    The camera is a ``PINHOLE``, or of the model that is its lens, with pixel centres at +0.5. Images are numbered from
+    1, named ``000012/000000.png``, and posed world to camera with OpenCV axes; they have no keypoints, and there are no
+    3D points. Depth maps are float32 [m], 0 where there is none; normal maps, in ``stereo/normal_maps``, are in the
+    camera's frame, 0 where nothing is.
 
     COLMAP's own ``stereo_fusion`` places a depth map's pixels at whole coordinates, half a pixel from where its
     documentation and these files have their centres.
@@ -36,6 +40,17 @@ class Colmap(Layout):
     name: ClassVar[str] = "colmap"
     outputs: ClassVar[frozenset[str]] = frozenset({"depth", "normals"})
     default_outputs: ClassVar[tuple[str, ...]] = ("depth",)
+
+    def __init__(self, plan: Plan) -> None:
+        """Check the plan.
+
+        Raises:
+            FileFormatError: An output, an option or a lens is not this format's.
+        """
+        super().__init__(plan)
+        model, parameters = lens_as(plan, self.name, lens_to_colmap)
+        pinhole = isinstance(plan.camera, Camera)
+        self._model, self._parameters = ("PINHOLE", parameters[:4]) if pinhole else (model, parameters)
 
     def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
         """Write one shard; see `warpvis.batch.formats._base.Format`."""
@@ -62,11 +77,10 @@ class Colmap(Layout):
     def index(self, files: ShardFiles) -> list[str]:
         """Write ``cameras.txt``, ``images.txt`` and ``points3D.txt``."""
         camera, count = self.plan.camera, len(self.plan.frames)
-        parameters = numbers((camera.fx, camera.fy, camera.cx, camera.cy))
         files.write_text(
             "sparse/cameras.txt",
             "# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
-            f"{_CAMERA} PINHOLE {camera.width} {camera.height} {parameters}\n",
+            f"{_CAMERA} {self._model} {camera.width} {camera.height} {numbers(self._parameters)}\n",
         )
         write_lines(files, "sparse/images.txt", self._image_lines(count))
         files.write_text("sparse/points3D.txt", "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] (none)\n")

@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.batch.formats._base import Images
+from warpvis.batch.formats._base import Images, lens_as
 from warpvis.batch.formats._layouts import Layout, rows_of, write_lines
 from warpvis.core.poses import poses_to_matrices
 from warpvis.core.types import Json
+from warpvis.sensors.lenses import lens_to_nerfstudio
 
 if TYPE_CHECKING:
+    from warpvis.batch._job import Plan
     from warpvis.batch.storage._output import ShardFiles
 
 # Right-multiplied, OpenGL's camera axes (x right, y up, z backward) in place of OpenCV's.
@@ -26,11 +28,15 @@ _OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 _Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 
 
+_COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4")
+
+
 class Nerfstudio(Layout):
     """Writes ``transforms.json``, ``depth/000012/000000.png`` and ``labels/000012/000000.png``.
 
-    Intrinsics are for pixel centres at +0.5, ``transform_matrix`` is camera to world with OpenGL axes, and depth is
-    16-bit PNG in millimetres, 0 where there is none, all as nerfstudio has them by default.
+    Intrinsics are for pixel centres at +0.5, a lens is of its models ``OPENCV`` or ``OPENCV_FISHEYE``,
+    ``transform_matrix`` is camera to world with OpenGL axes, and depth is 16-bit PNG in millimetres, 0 where there is
+    none, all as nerfstudio has them by default.
 
     Its world has z up. A scene with y up is turned, ``(x, y, z)`` to ``(x, -z, y)``, and ``applied_transform`` says so:
     nerfstudio's field for the way from the original world to the saved one. ``orientation_override`` keeps its loader
@@ -47,6 +53,15 @@ class Nerfstudio(Layout):
     library: ClassVar[str | None] = "zlib"
     outputs: ClassVar[frozenset[str]] = frozenset({"depth", "labels"})
     default_outputs: ClassVar[tuple[str, ...]] = ("depth", "labels")
+
+    def __init__(self, plan: Plan) -> None:
+        """Check the plan.
+
+        Raises:
+            FileFormatError: An output, an option or a lens is not this format's.
+        """
+        super().__init__(plan)
+        self._camera = lens_as(plan, self.name, lens_to_nerfstudio)
 
     def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
         """Write one shard; see `warpvis.batch.formats._base.Format`."""
@@ -65,14 +80,10 @@ class Nerfstudio(Layout):
     def _lines(self) -> Iterator[str]:
         camera, poses = self.plan.camera, self.plan.frames.camera_to_world
         head: dict[str, Json] = {
-            "camera_model": "OPENCV",
-            "fl_x": camera.fx,
-            "fl_y": camera.fy,
-            "cx": camera.cx,
-            "cy": camera.cy,
+            **{name: value for name, value in self._camera.items() if name not in _COEFFICIENTS},
             "w": camera.width,
             "h": camera.height,
-            **dict.fromkeys(("k1", "k2", "p1", "p2"), 0.0),
+            **{name: value for name, value in self._camera.items() if name in _COEFFICIENTS},
             "orientation_override": "none",
         }
         if self.plan.up == "y":

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import io
+import json
 import zipfile
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, ClassVar
@@ -14,7 +15,9 @@ import numpy as np
 from warpvis.batch._job import Plan, shard_name
 from warpvis.batch.formats._base import Format, Images, check_options
 from warpvis.batch.storage._direct_io import ALIGNMENT, LEAST_DIRECT
+from warpvis.core.camera import Camera
 from warpvis.rendering import OUTPUTS
+from warpvis.sensors import CalibratedCamera, lens_camera_to_fields, opencv_intrinsics
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
@@ -28,7 +31,10 @@ _PADDING_ID = 0xD935
 
 
 class Npz(Format):
-    """Arrays by their names, with ``K``, ``camera_to_world``, ``timestamps`` and ``frame`` beside them."""
+    """Arrays by their names, with ``K``, ``camera_to_world``, ``timestamps`` and ``frame`` beside them.
+
+    Of a lens there is ``camera``, JSON text, and only of OpenCV's pinhole ``K``, with its ``distortion``.
+    """
 
     name: ClassVar[str] = "npz"
     outputs: ClassVar[frozenset[str]] = frozenset([*OUTPUTS, "visibility"])
@@ -43,7 +49,7 @@ class Npz(Format):
         """Write the shard's one file."""
         plan, part = self._plan, self._plan.shard_slice(shard)
         beside = {
-            "K": plan.camera.to_K(),
+            **_camera_arrays(plan.camera),
             "camera_to_world": plan.frames.camera_to_world[part],
             "timestamps": plan.frames.timestamps[part],
             "frame": np.arange(part.start, part.stop),
@@ -55,6 +61,13 @@ class Npz(Format):
     def index(self, files: ShardFiles) -> list[str]:
         """Write nothing: each shard says all."""
         return []
+
+
+def _camera_arrays(camera: CalibratedCamera) -> dict[str, np.ndarray]:
+    """Return a pinhole's ``K``; of a lens ``camera``, JSON as `load_camera` reads it, and what OpenCV would call it."""
+    if isinstance(camera, Camera):
+        return {"K": camera.to_K()}
+    return {**opencv_intrinsics(camera), "camera": np.array(json.dumps(lens_camera_to_fields(camera)))}
 
 
 def npz_parts(arrays: Mapping[str, np.ndarray]) -> list[memoryview]:

@@ -16,6 +16,7 @@ from warpvis.batch.formats._layouts import Layout, Parts
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.io import encode_pngs
+from warpvis.sensors import LensCamera, lens_camera_to_fields
 
 if TYPE_CHECKING:
     from warpvis.batch._job import Plan
@@ -27,11 +28,13 @@ _MOST_OBJECTS = 65_535
 class Png(Layout):
     """Writes ``depth/000012/000000.png`` and the like for labels and objects, ``camera.json`` and ``images.json``.
 
-    - Depth: 16 bits, planar depth in units of 1 / `scale` m, rounded; 0 where there is none, and where it does not fit.
+    - Depth: 16 bits, in units of 1 / `scale` m, rounded; 0 where there is none, and where it does not fit. It is
+      planar, but along the ray where a camera's lens has ``kind="range"``.
     - Labels: 8 bits; ``images.json`` names the values.
     - Objects: 16 bits, 0 for none, else the object's index in the scene + 1.
 
-    ``camera.json`` is a camera as the command line reads it; ``images.json`` says what the images' values mean.
+    ``camera.json`` is a camera as the command line reads it, with its lens; ``images.json`` says what the images'
+    values mean.
 
     Options:
         scale: Units of a metre, 1000 (millimetres) by default: depth to 65.535 m.
@@ -74,16 +77,24 @@ class Png(Layout):
     def index(self, files: ShardFiles) -> list[str]:
         """Write ``camera.json`` and ``images.json``."""
         camera = self.plan.camera
-        fields = {"width": camera.width, "height": camera.height, "K": camera.to_K().tolist(), "near": camera.near}
-        if math.isfinite(camera.far):
-            fields["far"] = camera.far
+        fields: dict[str, Json]
+        if isinstance(camera, LensCamera):
+            fields = lens_camera_to_fields(camera)
+        else:
+            fields = {"width": camera.width, "height": camera.height, "K": camera.to_K().tolist(), "near": camera.near}
+            if math.isfinite(camera.far):
+                fields["far"] = camera.far
         files.write_text("camera.json", json.dumps(fields, indent=2) + "\n")
         files.write_text("images.json", json.dumps(self._meaning(), indent=2) + "\n")
         return ["camera.json", "images.json"]
 
     def _meaning(self) -> dict[str, Json]:
         meaning: dict[str, Json] = {
-            "depth": {"kind": "planar", "units_per_metre": self._scale, "no_depth": 0},
+            "depth": {
+                "kind": "planar" if self.plan.camera.kind == "z" else "range",
+                "units_per_metre": self._scale,
+                "no_depth": 0,
+            },
             "labels": {"values": self.label_entries()},
             "segmentation": {"none": 0, "first": 1, "objects": self.object_entries()},
         }

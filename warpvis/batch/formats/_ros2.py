@@ -11,11 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.batch._job import shard_name
-from warpvis.batch.formats._base import Images
+from warpvis.batch.formats._base import Images, lens_as
 from warpvis.batch.formats._layouts import Layout
+from warpvis.core.camera import Camera
 from warpvis.core.messages import Message, MessageMaker, nanoseconds
 from warpvis.errors import FileFormatError
 from warpvis.io import to_image_msg, to_pointcloud2
+from warpvis.sensors import CalibratedCamera
+from warpvis.sensors.lenses import lens_to_ros
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -36,6 +39,9 @@ class Ros2(Layout):
     near), ``/camera/depth/camera_info`` (intrinsics with pixel centres at whole numbers, no distortion), ``/tf`` (world
     to camera), and if ``points`` are among the outputs ``/camera/depth/points`` (``sensor_msgs/PointCloud2`` in the
     camera's optical frame, NaN where nothing is; it has the image's rows and columns).
+
+    Through a lens images are not rectified: they are on ``/camera/depth/image_raw``, and the camera info has the
+    distortion, and a ``P`` of the same intrinsics.
     """
 
     name: ClassVar[str] = "ros2"
@@ -52,12 +58,14 @@ class Ros2(Layout):
         """Check the plan.
 
         Raises:
-            FileFormatError: It has no depth, an unknown option, or a time that ROS cannot say, or the package
+            FileFormatError: It has no depth, an unknown option, or a time or a lens that ROS cannot say, or the package
                 ``rosbags`` is missing.
         """
         super().__init__(plan)
         if "depth" not in plan.outputs:
             raise FileFormatError(f"format 'ros2' needs the output depth, got {', '.join(plan.outputs)}")
+        lens_as(plan, self.name, lens_to_ros)
+        self._image_topic = image_topic(plan.camera)
         self._frame_id = self._name("frame_id", "camera_depth_optical_frame")
         self._parent = self._name("parent_frame_id", "world")
         self._topic = "/" + self._name("topic", "/camera/depth").strip("/")
@@ -104,7 +112,7 @@ class Ros2(Layout):
         makers: dict[str, tuple[str, MakeMessage]] = {
             "/tf": ("tf2_msgs/msg/TFMessage", self._transforms),
             f"{self._topic}/camera_info": ("sensor_msgs/msg/CameraInfo", self._camera_info),
-            f"{self._topic}/image_rect": ("sensor_msgs/msg/Image", self._image),
+            f"{self._topic}/{self._image_topic}": ("sensor_msgs/msg/Image", self._image),
         }
         if "points" in self.plan.outputs:
             makers[f"{self._topic}/points"] = ("sensor_msgs/msg/PointCloud2", self._cloud)
@@ -134,6 +142,11 @@ class Ros2(Layout):
 
     def _cloud(self, time: float, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> Message:
         return to_pointcloud2(depth, self.plan.camera, frame_id=self._frame_id, stamp=time, types=self._types)
+
+
+def image_topic(camera: CalibratedCamera) -> str:
+    """Name the topic of a camera's images, which are rectified as they are if it is a pinhole."""
+    return "image_rect" if isinstance(camera, Camera) else "image_raw"
 
 
 def _message_types() -> Typestore:

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from warpvis.batch.formats._base import Images
+from warpvis.batch.formats._base import Images, lens_as
 from warpvis.batch.formats._layouts import Layout, numbers, rows_of, write_lines
 from warpvis.errors import FileFormatError
+from warpvis.sensors.lenses import lens_to_tum
 
 if TYPE_CHECKING:
     from warpvis.batch._job import Plan
@@ -30,7 +31,8 @@ class Tum(Layout):
 
     TUM's format has no file for the camera. Its tools take pixel centres at whole numbers (``cx = 319.5`` in the middle
     of 640 columns); ``calibration.txt`` holds ``fx fy cx cy`` in one line in that convention, as in the datasets of
-    ETH3D's SLAM benchmark, whose layout this is too.
+    ETH3D's SLAM benchmark, whose layout this is too. Of a lens five coefficients of OpenCV follow, ``k1 k2 p1 p2 k3``,
+    in the order of TUM's own list of its cameras.
 
     Source: https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats
     """
@@ -44,10 +46,11 @@ class Tum(Layout):
         """Check the plan.
 
         Raises:
-            FileFormatError: An output or an option is not this format's, or timestamps do not increase, by which TUM's
-                tools tell frames apart.
+            FileFormatError: An output, an option or a lens is not this format's, or timestamps do not increase, by
+                which TUM's tools tell frames apart.
         """
         super().__init__(plan)
+        self._numbers = lens_as(plan, self.name, lens_to_tum)
         times = plan.frames.timestamps
         late = np.flatnonzero(np.diff(times) <= 0)
         if len(late):
@@ -63,15 +66,17 @@ class Tum(Layout):
 
     def index(self, files: ShardFiles) -> list[str]:
         """Write ``depth.txt``, ``groundtruth.txt`` and ``calibration.txt``."""
-        frames, camera = self.plan.frames, self.plan.camera.to_K(pixel_center=0.0)
+        frames = self.plan.frames
         names = self.frame_names(".png")
         depths = (f"{time!r} depth/{name}" for time, name in zip(self._times(), names, strict=True))
         write_lines(files, "depth.txt", chain(["# timestamp filename"], depths))
         rows: Iterator[list[float]] = rows_of(frames.camera_to_world, np.ndarray.tolist)
         poses = (f"{time!r} {numbers(row)}" for time, row in zip(self._times(), rows, strict=True))
         write_lines(files, "groundtruth.txt", chain(["# timestamp tx ty tz qx qy qz qw"], poses))
-        intrinsics = numbers(camera[[0, 1, 0, 1], [0, 1, 2, 2]].tolist())
-        files.write_text("calibration.txt", f"{intrinsics}\n# fx fy cx cy [px], pixel centres at whole numbers\n")
+        bent = any(self._numbers[4:])
+        said = numbers(self._numbers if bent else self._numbers[:4])
+        kinds = "fx fy cx cy k1 k2 p1 p2 k3" if bent else "fx fy cx cy"
+        files.write_text("calibration.txt", f"{said}\n# {kinds} [px], pixel centres at whole numbers\n")
         return ["depth.txt", "groundtruth.txt", "calibration.txt"]
 
     def _times(self) -> Iterator[float]:

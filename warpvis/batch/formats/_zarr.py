@@ -23,6 +23,7 @@ from warpvis.batch.storage._output import files_below
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.rendering import OUTPUTS
+from warpvis.sensors import CalibratedCamera, LensCamera, lens_camera_to_fields, opencv_intrinsics
 
 if TYPE_CHECKING:
     import zarr
@@ -157,17 +158,14 @@ class Zarr(Format):
 
     def _attributes(self) -> dict[str, Json]:
         plan, camera = self._plan, self._plan.camera
+        along = "planar, along z" if camera.kind == "z" else "range, along the ray"
         attributes: dict[str, Json] = {
-            "K": camera.to_K().tolist(),
-            "pixel_center": 0.5,
-            "near": camera.near,
-            "far": camera.far if math.isfinite(camera.far) else None,
-            "distortion": "none",
+            **_camera_attributes(camera),
             "camera_axes": "opencv: x right, y down, z forward",
             "camera_to_world": "rows x y z qx qy qz qw",
             "up": plan.up,
             "units": "metres",
-            "depth": "planar, along z; inf: nothing or beyond far; -inf: nearer than near",
+            "depth": f"{along}; inf: nothing or beyond far; -inf: nearer than near",
             "labels": {plan.label_names.word(number): number for number in plan.label_names},
             "object_names": list(plan.object_names),
             "object_labels": list(plan.object_labels),
@@ -175,6 +173,18 @@ class Zarr(Format):
         if "visibility" in plan.outputs:
             attributes["visibility_objects"] = [plan.object_names[index] for index in plan.chosen]
         return attributes
+
+
+def _camera_attributes(camera: CalibratedCamera) -> dict[str, Json]:
+    """Describe the camera; of a lens there is ``camera``, as `load_camera` reads it."""
+    kept: dict[str, Json] = {name: array.tolist() for name, array in opencv_intrinsics(camera).items()}
+    if isinstance(camera, LensCamera):
+        kept["camera"] = lens_camera_to_fields(camera)
+    else:
+        kept["distortion"] = "none"
+    far = camera.far if math.isfinite(camera.far) else None
+    matrix = {"K": kept.pop("K")} if "K" in kept else {}
+    return {**matrix, "pixel_center": 0.5, "near": camera.near, "far": far, **kept}
 
 
 def _create_whole(group: zarr.Group, name: str, array: np.ndarray) -> None:

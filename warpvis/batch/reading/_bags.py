@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.batch._job import shard_name
+from warpvis.batch.formats._ros2 import image_topic
 from warpvis.batch.reading._files import Files, Recent
 from warpvis.batch.reading._job import FrameSpec, Job
 from warpvis.batch.storage._stores import LocalStore
@@ -40,7 +41,7 @@ class BagReader:
             raise FileFormatError(f"{job.name}: bags need the package rosbags: pip install 'warpvis[ros]'") from None
         self._root, self._job = files.store.root, job
         self._specs = {name: spec for name, spec in job.specs().items() if name == "depth"}
-        self._topic = "/" + str(job.options.get("topic", "/camera/depth")).strip("/") + "/image_rect"
+        self._topic = "/" + str(job.options.get("topic", "/camera/depth")).strip("/") + f"/{image_topic(job.camera)}"
         self._bags = Recent[NDArray[np.float32]](_BAGS)
 
     def specs(self) -> Mapping[str, FrameSpec]:

@@ -21,12 +21,12 @@ from warpvis.batch.reading._job import FrameSpec, Job, read_job
 from warpvis.batch.reading._pictures import BopReader, ColmapReader, PngReader, TumReader
 from warpvis.batch.reading._shards import NpzReader, ShardReader, ZarrReader
 from warpvis.batch.storage._stores import Store, open_store
-from warpvis.core.camera import Camera
 from warpvis.core.checks import as_items, counted, is_whole, said_by
 from warpvis.core.frames import Frames
 from warpvis.core.labels import LabelNames
 from warpvis.core.poses import poses_to_matrices
 from warpvis.errors import ArrayError, FileFormatError
+from warpvis.sensors import CalibratedCamera, opencv_intrinsics
 
 _READERS: Mapping[str, type[ShardReader]] = {
     "npz": NpzReader,
@@ -37,9 +37,6 @@ _READERS: Mapping[str, type[ShardReader]] = {
     "bop": BopReader,
     "ros2": BagReader,
 }
-
-# Coefficients k1 k2 p1 p2 k3 of OpenCV's lens model; all cameras here are pinholes.
-_DISTORTION = 5
 
 Frame: TypeAlias = dict[str, Any]
 """A frame, or several: arrays and numbers by name."""
@@ -97,10 +94,11 @@ class FrameDataset:
     """Frames of a dataset that `render_batch` wrote; `open_dataset` opens it.
 
     ``dataset[3]`` is a frame, a dict: each output's array, ``camera_to_world`` (row ``x y z qx qy qz qw``, ``(7,)``
-    float64), ``K`` (``(3, 3)`` float64, pixel centres at +0.5), ``distortion`` (``(5,)``, zeros: a pinhole),
-    ``timestamp`` [s], ``frame`` (its number in the job), and where something moves ``object_poses`` (``(M, 7)``) and
-    ``world``. All arrays are copies. ``dataset[3:9]`` and ``dataset[[5, 1]]`` stack several frames, and
-    ``dataset["depth"]`` is one array of all of them.
+    float64), ``K`` (``(3, 3)`` float64, pixel centres at +0.5), ``distortion`` (OpenCV's coefficients, ``(5,)`` zeros
+    of a pinhole; of a lens of another model than OpenCV's pinhole there is neither, see `camera`), ``timestamp`` [s],
+    ``frame`` (its number in the job), and where something moves ``object_poses`` (``(M, 7)``) and ``world``. All arrays
+    are copies. ``dataset[3:9]`` and ``dataset[[5, 1]]`` stack several frames, and ``dataset["depth"]`` is one array of
+    all of them.
 
     A `torch.utils.data.DataLoader` takes a dataset as it is, with workers that are forked or spawned.
     """
@@ -122,8 +120,8 @@ class FrameDataset:
         """Poses, times and worlds of the frames."""
 
     @property
-    def camera(self) -> Camera:
-        """The camera of all frames."""
+    def camera(self) -> CalibratedCamera:
+        """The camera of all frames: a `warpvis.sensors.LensCamera` if it has a lens, whose `rays` are of depth 1."""
         return self._job.camera
 
     @property
@@ -190,7 +188,9 @@ class FrameDataset:
             FileFormatError: A file is missing or damaged.
         """
         if not isinstance(name, str) or name not in self._specs:
-            raise ArrayError(f"there is no array {name!r}; there are {', '.join([*self._specs, *_BESIDE])}")
+            raise ArrayError(
+                f"there is no array {name!r}; there are {', '.join([*self._specs, *self._beside_rows(())])}"
+            )
         spec = self._specs[name]
         if is_whole(frames):
             out = self._memory(spec.shape, spec.dtype)
@@ -242,8 +242,7 @@ class FrameDataset:
         frames = self.frames
         frame: Frame = {
             "camera_to_world": frames.camera_to_world[row].copy(),
-            "K": self.camera.to_K(),
-            "distortion": np.zeros(_DISTORTION),
+            **opencv_intrinsics(self.camera),
             "timestamp": float(frames.timestamps[row]),
             "frame": int(self.frame_numbers[row]),
         }
@@ -253,11 +252,10 @@ class FrameDataset:
         return frame
 
     def _beside_rows(self, rows: Sequence[int]) -> Frame:
-        chosen, frames = np.asarray(rows, dtype=np.int64), self.frames
+        chosen, frames, same = np.asarray(rows, dtype=np.int64), self.frames, opencv_intrinsics(self.camera)
         several: Frame = {
             "camera_to_world": frames.camera_to_world[chosen],
-            "K": np.repeat(self.camera.to_K()[None], len(chosen), axis=0),
-            "distortion": np.zeros((len(chosen), _DISTORTION)),
+            **{name: np.repeat(array[None], len(chosen), axis=0) for name, array in same.items()},
             "timestamp": frames.timestamps[chosen],
             "frame": self.frame_numbers[chosen],
         }
@@ -277,9 +275,6 @@ class FrameDataset:
         state = "" if self.complete else f" of {self._job.frames}, unfinished"
         frames = counted(len(self), "frame")
         return f"<FrameDataset {self._store.name}: {frames}{state}, {self.format}: {', '.join(self.outputs)}>"
-
-
-_BESIDE = ("camera_to_world", "K", "distortion", "timestamp", "frame")
 
 
 def open_dataset(path: str | os.PathLike[str], *, outputs: Iterable[str] | None = None) -> FrameDataset:

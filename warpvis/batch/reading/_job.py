@@ -19,6 +19,7 @@ from warpvis.core.labels import Label, LabelNames
 from warpvis.core.types import Json
 from warpvis.errors import CameraError, FileFormatError, SceneError
 from warpvis.rendering import OUTPUTS
+from warpvis.sensors import CalibratedCamera, lens_camera_from_fields
 
 
 class FrameSpec(NamedTuple):
@@ -39,7 +40,7 @@ class Job:
     outputs: tuple[str, ...]
     frames: int
     shard_frames: int
-    camera: Camera
+    camera: CalibratedCamera
     object_names: tuple[str, ...]
     object_labels: tuple[int, ...]
     label_names: LabelNames
@@ -114,7 +115,12 @@ def read_job(store: Store) -> Job:
     raise FileFormatError(f"{store.name}: is no dataset: its {MANIFEST} does not say what it holds")
 
 
-def _read_camera(name: str, fields: Mapping[str, Json]) -> Camera:
+def _read_camera(name: str, fields: Mapping[str, Json]) -> CalibratedCamera:
+    if "lens" in fields:
+        try:
+            return lens_camera_from_fields(fields)
+        except CameraError as error:
+            raise FileFormatError(f"{name}: {MANIFEST} has no camera: {said_by(error)}") from None
     if fields.get("far", 0) is None:  # JSON has no infinity
         fields = {**fields, "far": np.inf}
     try:

@@ -42,16 +42,18 @@ class ColmapImage(NamedTuple):
     translation: tuple[float, ...]
 
 
-def colmap_lens_camera(path: Path) -> CalibratedCamera | None:
-    """Read the camera of ``cameras.txt`` or ``cameras.bin`` with its lens, of any of COLMAP's models.
+def colmap_lens_camera(path: Path, used: set[int] | None = None) -> CalibratedCamera | None:
+    """Read the camera of a file with its lens, of any of COLMAP's models; see `colmap_camera`.
 
     Raises:
         FileFormatError: It does not read, or its numbers make no camera.
     """
     rows = _binary_rows(path) if path.suffix == ".bin" else _text_rows(path)
-    kinds = {(row.model, row.size, tuple(row.parameters)): row for row in rows}
-    if not kinds:
-        raise FileFormatError(f"{path}: holds no camera")
+    listed = list(rows)
+    chosen = [row for row in listed if used is None or row.number in used]
+    if not chosen:
+        raise FileFormatError(f"{path}: holds no camera" + (" of the images" if listed else ""))
+    kinds = {(row.model, row.size, tuple(row.parameters)): row for row in chosen}
     some = list(kinds.values())[:2]  # two of them are several
     makes = [partial(Camera.from_colmap, row.model, row.parameters, *row.size) for row in some]
     return one_camera([make_calibrated(row.place, make) for row, make in zip(some, makes, strict=True)], str(path))

@@ -4,10 +4,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, overload
 
-from warpvis.core.camera import Camera
+from warpvis.core.camera import Camera, require_camera
 from warpvis.core.checks import as_path, check_flag, said_by
 from warpvis.core.types import Json
 from warpvis.errors import CameraError, FileFormatError
@@ -21,8 +22,10 @@ from warpvis.io.cameras._json import (
     nerfstudio_camera,
     nerfstudio_lens_camera,
 )
+from warpvis.io.cameras._pinhole import NoPinholeError
+from warpvis.io.cameras._tum import TUM_FILE, tum_camera
 from warpvis.io.cameras._yaml import xml_lens_camera, yaml_camera, yaml_lens_camera
-from warpvis.sensors import CalibratedCamera
+from warpvis.sensors import CalibratedCamera, lens_camera_from_fields
 
 _COMMON = {"width", "height", "near", "far"}
 _FROM_K = _COMMON | {"K", "pixel_center"}
@@ -42,9 +45,10 @@ def load_camera(name_or_path: str, *, distortion: bool = False) -> CalibratedCam
 
     - JSON of our own: ``width``, ``height`` [px], optionally ``near``, ``far`` [m], and either ``hfov`` or ``vfov``
       [rad] (optionally ``vertical``), or ``K`` (3x3, optionally ``pixel_center``); see `Camera.from_fov` and
-      `Camera.from_K`.
+      `Camera.from_K`. With `distortion` it may have a ``lens``, as ``render_batch`` writes it.
     - nerfstudio's ``transforms.json``; BOP's ``camera.json`` and ``scene_camera.json``.
     - COLMAP's ``cameras.txt`` and ``cameras.bin``, of a single camera.
+    - ``calibration.txt`` beside the images of TUM's layout: ``fx fy cx cy``, and ``k1 k2 p1 p2 k3`` of a lens.
     - YAML of ROS's camera_calibration, of which `P` counts, and Kalibr's camchain (``camchain.yaml:cam1``).
     - With `distortion`: YAML and XML of OpenCV's calibration, too.
 
@@ -88,6 +92,8 @@ def _read(path: Path, name: str) -> Camera | None:
         raise FileFormatError(f"{path}: a name after a colon, {name!r}, is for cameras of YAML files")
     if path.name in ("cameras.txt", "cameras.bin"):
         return colmap_camera(path)
+    if path.name == TUM_FILE:
+        return require_camera(tum_camera(path, distortion=False))
     fields = read_json(path)
     if isinstance(fields, dict) and is_nerfstudio(fields):
         return nerfstudio_camera(path, fields)
@@ -107,17 +113,30 @@ def _read_lens(path: Path, name: str) -> CalibratedCamera | None:
         return xml_lens_camera(path)
     if not name and path.name in ("cameras.txt", "cameras.bin"):
         return colmap_lens_camera(path)
+    if not name and path.name == TUM_FILE:
+        return tum_camera(path, distortion=True)
     if not name and kind == ".json":
         fields = read_json(path)
         if isinstance(fields, dict) and is_nerfstudio(fields):
             return nerfstudio_lens_camera(path, fields)
+        if isinstance(fields, dict) and "lens" in fields:
+            return _own_lens_camera(path, fields)
     return _read(path, name)
+
+
+def _own_lens_camera(path: Path, fields: Mapping[str, Json]) -> CalibratedCamera:
+    try:
+        return lens_camera_from_fields(fields)
+    except CameraError as error:
+        raise CameraError(f"{path}: {said_by(error)}") from None
 
 
 def _camera_from_fields(fields: Json, path: Path) -> Camera:
     if not isinstance(fields, dict):
         raise CameraError(f"{path}: a camera file holds one JSON object, got {type(fields).__name__}")
     known = _FROM_K if "K" in fields else _FROM_FOV
+    if "lens" in fields:
+        raise NoPinholeError(f"{path}: the camera has a lens, so it is no pinhole")
     unknown, missing = sorted(fields.keys() - known), sorted({"width", "height"} - fields.keys())
     if unknown or missing:
         problem = f"unknown {', '.join(unknown)}" if unknown else f"missing {', '.join(missing)}"

@@ -9,8 +9,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from warpvis.core.camera import Camera, describe_pixels, same_pixels
-from warpvis.core.checks import said_by, shortened
+from warpvis.core.camera import Camera
+from warpvis.core.checks import said_by
+from warpvis.core.image_cameras import describe_pixels, same_pixels
 from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning, MessageError
 from warpvis.sensors import CalibratedCamera
 
@@ -69,25 +70,13 @@ def make_calibrated(place: str, make: Callable[[], CalibratedCamera]) -> Calibra
         raise FileFormatError(f"{place}: {said_by(error)}") from None
 
 
-def _same(camera: CalibratedCamera, other: CalibratedCamera) -> bool:
-    if isinstance(camera, Camera) and isinstance(other, Camera):
-        return same_pixels(camera, other)
-    return camera == other
-
-
-def _describe(camera: CalibratedCamera) -> str:
-    if isinstance(camera, Camera):
-        return describe_pixels(camera)
-    return f"{camera.width}x{camera.height} pixels, {shortened(repr(camera.lens))}"
-
-
 def one_camera(cameras: Sequence[_Camera], place: str) -> _Camera | None:
     """Return the camera of all images; None, with a warning, if they have several."""
-    other = next((camera for camera in cameras if not _same(camera, cameras[0])), None)
+    other = next((camera for camera in cameras if not same_pixels(camera, cameras[0])), None)
     if other is None:
         return cameras[0] if cameras else None
     warnings.warn(
-        f"{place}: its images have different cameras, of {_describe(cameras[0])} and of {_describe(other)} "
+        f"{place}: its images have different cameras, of {describe_pixels(cameras[0])} and of {describe_pixels(other)} "
         "among them; frames have one, so give it",
         IntrinsicsWarning,
         stacklevel=2,
@@ -95,7 +84,7 @@ def one_camera(cameras: Sequence[_Camera], place: str) -> _Camera | None:
     return None
 
 
-def camera_of_poses(read: Callable[[], Camera | None]) -> Camera | None:
+def camera_of_poses(read: Callable[[], CalibratedCamera | None]) -> CalibratedCamera | None:
     """Read the camera that a file of poses brings; None, with a warning, if it is no pinhole: poses are of use alone.
 
     Raises:

@@ -14,7 +14,7 @@ import numpy as np
 from warpvis.core.checks import shortened
 from warpvis.core.poses import poses_to_matrices
 from warpvis.errors import FileFormatError
-from warpvis.io.cameras._colmap import colmap_camera, colmap_images
+from warpvis.io.cameras._colmap import colmap_camera, colmap_images, colmap_lens_camera
 from warpvis.io.cameras._pinhole import camera_of_poses
 from warpvis.io.poses._file_poses import FilePoses
 
@@ -22,7 +22,7 @@ FILES = ("images.txt", "images.bin")
 """Names of the files."""
 
 
-def read_colmap(path: Path) -> FilePoses:
+def read_colmap(path: Path, *, distortion: bool = False) -> FilePoses:
     """Read the poses of a model's images, in the order of the images' names, and their camera if they have one.
 
     Raises:
@@ -44,5 +44,6 @@ def read_colmap(path: Path) -> FilePoses:
         poses[:, :3, 3] = -np.einsum("nji,nj->ni", rotations, translations)
     beside = path.with_name("cameras" + path.suffix)
     used = {image.camera for image in images}
-    camera = camera_of_poses(lambda: colmap_camera(beside, used)) if images and beside.is_file() else None
+    read = colmap_lens_camera if distortion else colmap_camera
+    camera = camera_of_poses(lambda: read(beside, used)) if images and beside.is_file() else None
     return FilePoses(poses, lambda index: f"{path}: image {shortened(images[index].name)!r}", camera=camera)

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.camera import Camera
 from warpvis.core.frames import Frames
+from warpvis.core.image_cameras import ImageCamera
 from warpvis.core.poses import Convention, QuaternionOrder
 from warpvis.core.types import ArrayInput, Json, ObjectPoses
 from warpvis.errors import FileFormatError, PoseError, WarpvisError
@@ -34,7 +34,7 @@ class FilePoses:
     """See `Frames`."""
     world_index: ArrayInput | None = None
     """See `Frames`."""
-    camera: Camera | None = None
+    camera: ImageCamera | None = None
     """The camera of all poses, if the file says which it is."""
     details: Mapping[str, Json] = field(default_factory=dict)
     """What else says where the poses come from."""

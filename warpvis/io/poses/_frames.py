@@ -11,7 +11,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import as_path
+from warpvis.core.checks import as_path, check_flag
 from warpvis.core.frames import Frames
 from warpvis.core.poses import Convention, QuaternionOrder, check_convention, check_quaternion
 from warpvis.errors import FileFormatError
@@ -57,6 +57,7 @@ def read_frames(
     quaternion: QuaternionOrder = "xyzw",
     file_format: PoseFormat | None = None,
     topic: str | None = None,
+    distortion: bool = False,
 ) -> Frames:
     """Read camera poses, and what else a pose file says of its frames.
 
@@ -88,6 +89,8 @@ def read_frames(
             The other formats define theirs.
         file_format: The file's format; by default its suffix tells, and of JSON files the content.
         topic: Of a ROS 2 bag: the topic to read.
+        distortion: Whether the frames' camera has its lens, as of `warpvis.io.load_camera`: of a bag it is that of the
+            raw images. By default it is a pinhole's, and a warning says what was left out.
 
     Returns:
         The frames, in the file's order; their `source` says the file's name, its format and the convention.
@@ -109,7 +112,7 @@ def read_frames(
         raise FileFormatError(f"{path}: quaternion= is for .npy and .npz: other formats say what their order is")
     if path.is_dir() and file_format != "ros" and not (path / "metadata.yaml").is_file():
         path = _file_in(path)
-    kind, poses = _read(path, file_format, topic)
+    kind, poses = _read(path, file_format, topic, check_flag(distortion, "distortion", FileFormatError))
     return poses.to_frames(path, kind, convention, quaternion)
 
 
@@ -144,19 +147,21 @@ def _known_kind(path: Path, file_format: PoseFormat | None) -> PoseFormat | None
     return file_format or ("ros" if os.path.isdir(path) else _SUFFIXES.get(path.suffix.lower()))
 
 
-def _read(path: Path, file_format: PoseFormat | None, topic: str | None) -> tuple[str, FilePoses]:
+def _read(path: Path, file_format: PoseFormat | None, topic: str | None, distortion: bool) -> tuple[str, FilePoses]:
     kind = _known_kind(path, file_format)
     if topic is not None and kind != "ros":
         raise FileFormatError(f"{path}: topic= is for ROS 2 bags, which this is not")
     if kind == "ros":
         from warpvis.io.poses._ros_bags import read_bag
 
-        return kind, read_bag(path, topic=topic)
+        return kind, read_bag(path, topic=topic, distortion=distortion)
     if kind in ("nerfstudio", "bop") or (kind is None and path.suffix.lower() == ".json"):
         data = read_json(path)
         kind = kind or ("nerfstudio" if isinstance(data, dict) and "frames" in data else "bop")
-        return kind, {"nerfstudio": parse_nerfstudio, "bop": parse_bop}[kind](path, data)
-    readers = {"colmap": read_colmap, "npy": _read_npy, "npz": _read_npz, "csv": read_csv, "parquet": read_parquet}
+        return kind, parse_bop(path, data) if kind == "bop" else parse_nerfstudio(path, data, distortion=distortion)
+    if kind == "colmap":
+        return kind, read_colmap(path, distortion=distortion)
+    readers = {"npy": _read_npy, "npz": _read_npz, "csv": read_csv, "parquet": read_parquet}
     return kind or "tum", readers.get(kind or "tum", _read_tum)(path)
 
 

@@ -14,12 +14,12 @@ import numpy as np
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.io._files import as_numbers, shorten
-from warpvis.io.cameras._json import nerfstudio_camera
+from warpvis.io.cameras._json import nerfstudio_camera, nerfstudio_lens_camera
 from warpvis.io.cameras._pinhole import camera_of_poses
 from warpvis.io.poses._file_poses import FilePoses
 
 
-def parse_nerfstudio(path: Path, data: Json) -> FilePoses:
+def parse_nerfstudio(path: Path, data: Json, *, distortion: bool = False) -> FilePoses:
     """Read the poses of the file's ``frames``, in the order in which it has them and in its world frame.
 
     Raises:
@@ -33,5 +33,6 @@ def parse_nerfstudio(path: Path, data: Json) -> FilePoses:
         if not isinstance(frame, dict) or "transform_matrix" not in frame:
             raise FileFormatError(f'{path}: frame {index} must be an object with a "transform_matrix"')
         poses[index] = as_numbers(frame["transform_matrix"], (4, 4), f"{path}: transform_matrix of frame {index}")
-    camera = camera_of_poses(lambda: nerfstudio_camera(path, data))
+    read = nerfstudio_lens_camera if distortion else nerfstudio_camera
+    camera = camera_of_poses(lambda: read(path, data))
     return FilePoses(poses, lambda index: f"{path}: frame {index}", "opengl", camera=camera)

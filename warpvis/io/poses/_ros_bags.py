@@ -7,6 +7,7 @@ from __future__ import annotations
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -18,6 +19,7 @@ from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning, Mess
 from warpvis.io._mcap import check_mcap
 from warpvis.io.cameras._pinhole import one_camera
 from warpvis.io.poses._file_poses import FilePoses
+from warpvis.sensors import CalibratedCamera
 
 if TYPE_CHECKING:
     from rosbags.typesys.stores.latest import (
@@ -52,7 +54,7 @@ class _Stamped(NamedTuple):
     orientation: Quaternion
 
 
-def read_bag(path: Path, *, topic: str | None = None) -> FilePoses:
+def read_bag(path: Path, *, topic: str | None = None, distortion: bool = False) -> FilePoses:
     """Read the poses of one topic of a bag, in the order of the bag's messages.
 
     The topic is one of geometry_msgs/PoseStamped, PoseWithCovarianceStamped, TransformStamped or PoseArray,
@@ -67,6 +69,7 @@ def read_bag(path: Path, *, topic: str | None = None) -> FilePoses:
     Args:
         path: A folder with ``metadata.yaml``, or one ``.mcap`` or ``.db3`` file.
         topic: The topic; not needed where one topic has poses.
+        distortion: Whether the camera is that of the raw images, with its lens, or of the rectified ones.
 
     Raises:
         FileFormatError: rosbags is missing, the bag does not read, the topic is not in it or not of poses, or frames
@@ -104,7 +107,9 @@ def read_bag(path: Path, *, topic: str | None = None) -> FilePoses:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror or said_by(error)}") from None
     except Exception as error:  # damaged bags raise what they like
         raise FileFormatError(f"{path}: does not read as a ROS 2 bag: {said_by(error)}") from None
-    return _as_poses(path, name, child, poses, found)
+    return _as_poses(
+        path, name, child, poses, [_Eye(info.header.frame_id, partial(_camera, info, distortion)) for info in found]
+    )
 
 
 def _choose_topic(path: Path, types: dict[str, str], topic: str) -> str:
@@ -128,7 +133,7 @@ def _all(types: dict[str, str]) -> str:
     return shortened(listed, _LONGEST_LIST) or "no topics"
 
 
-def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped], cameras: Sequence[CameraInfo]) -> FilePoses:
+def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped], cameras: Sequence[_Eye]) -> FilePoses:
     """Choose one camera's poses, which are in one frame."""
     place = f"{path}: topic {shortened(topic)}"
     if not poses:
@@ -160,15 +165,27 @@ def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped], cameras
     )
 
 
-def _choose_camera(path: Path, messages: Sequence[CameraInfo], child: str) -> Camera | None:
+def _choose_camera(path: Path, eyes: Sequence[_Eye], child: str) -> CalibratedCamera | None:
     """Make the camera of a bag's first CameraInfo of the frame that the poses are of, or of the only one."""
-    of_frame = [message for message in messages if child and message.header.frame_id == child]
-    chosen = of_frame or (messages if len(messages) == 1 else [])
+    of_frame = [eye for eye in eyes if child and eye.frame == child]
+    chosen = of_frame or (eyes if len(eyes) == 1 else [])
     try:
-        return one_camera([Camera.from_camera_info(message) for message in chosen], str(path))
+        return one_camera([eye.make() for eye in chosen], str(path))
     except (CameraError, MessageError) as error:
         warnings.warn(f"{path}: its CameraInfo makes no camera: {error}", IntrinsicsWarning, stacklevel=2)
         return None
+
+
+class _Eye(NamedTuple):
+    """A camera of a bag's, made when it is needed."""
+
+    frame: str
+    make: Callable[[], CalibratedCamera]
+
+
+def _camera(info: CameraInfo, distortion: bool) -> CalibratedCamera:
+    """Make the camera of the rectified images; with their distortion, where there is any, of the raw ones."""
+    return Camera.from_ros(info) if distortion and np.any(info.d) else Camera.from_camera_info(info)
 
 
 def _row(place: Point | Vector3, turn: Quaternion) -> list[float]:

@@ -25,6 +25,11 @@ from warpvis.sensors.lenses._ftheta import FTheta
 from warpvis.sensors.lenses._lens import Lens, check_coefficients as check_coefficients
 from warpvis.sensors.lenses._panoramas import Cylindrical, Equirectangular
 from warpvis.sensors.lenses._pinhole import OpenCVPinhole
+from warpvis.sensors.lenses._writing import (
+    lens_to_nerfstudio as lens_to_nerfstudio,
+    lens_to_ros as lens_to_ros,
+    lens_to_tum as lens_to_tum,
+)
 
 __all__ = [
     "EUCM",

@@ -19,6 +19,7 @@ from warpvis.core.checks import as_items, is_number
 from warpvis.errors import ArrayError, CameraError
 from warpvis.sensors.lenses._rising import Floats, Rising
 
+_MOST_TABLES = 2  # an image, and a canvas around it
 _PIXELS_AT_ONCE = 2**18  # what is computed on the way takes 20 times as much memory as rays
 
 
@@ -66,29 +67,31 @@ class Lens(ABC):
         found[~np.isfinite(found).all(axis=1)] = np.nan
         return found.reshape(*given.shape[:-1], 3)
 
-    def directions(self, width: int, height: int) -> NDArray[np.float64]:
-        """Find what the centres of an image's pixels show; the same array, read-only, whenever it is asked for.
+    def directions(self, width: int, height: int, first: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
+        """Find what the centres of an image's pixels show; the same array, read-only, when it is asked for again.
 
         Args:
             width: Image width [px].
             height: Image height [px].
+            first: Column and row of the first pixel, which may lie beside the image.
 
         Returns:
             Unit vectors, shape ``(height, width, 3)``; NaN where no direction has this image.
         """
-        tables: dict[tuple[int, int], Floats] = self.__dict__.setdefault("_tables", {})
-        if (width, height) not in tables:
+        tables: dict[tuple[int, int, int, int], Floats] = self.__dict__.setdefault("_tables", {})
+        part = (width, height, *first)
+        if part not in tables:
             found, rows = np.empty((height, width, 3)), max(1, _PIXELS_AT_ONCE // width)
-            for first in range(0, height, rows):
-                some = np.arange(first, min(first + rows, height)) + 0.5
-                found[first : first + rows] = self.unproject(
-                    np.stack(np.meshgrid(np.arange(width) + 0.5, some), axis=-1)
-                )
+            columns = first[0] + np.arange(width) + 0.5
+            for row in range(0, height, rows):
+                some = first[1] + np.arange(row, min(row + rows, height)) + 0.5
+                found[row : row + rows] = self.unproject(np.stack(np.meshgrid(columns, some), axis=-1))
             found.flags.writeable = False
-            tables.clear()  # a lens is of one sensor: what is kept does not grow
-            tables[width, height] = found
+            if len(tables) >= _MOST_TABLES:  # a lens is of one sensor: what is kept does not grow
+                tables.clear()
+            tables[part] = found
             return found
-        return tables[width, height]
+        return tables[part]
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what the lens is, without what has been computed of it."""

@@ -22,7 +22,7 @@ COUNTS = (4, 5, 8, 12, 14)
 """How many coefficients OpenCV's pinhole may have."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class OpenCVPinhole(BentLens):
     """A pinhole camera with OpenCV's distortion, ROS's ``plumb_bob`` (5) and ``rational_polynomial`` (8) among them.
 
@@ -33,6 +33,7 @@ class OpenCVPinhole(BentLens):
         y' = y g + p1 (r2 + 2 y^2) + 2 p2 x y + s3 r2 + s4 r2^2
 
     then the sensor is tilted by ``tx`` about x and ``ty`` about y [rad]; the pixel is ``(fx x' + cx, fy y' + cy)``.
+    Coefficients that are not given are 0: lenses are equal that have all 14 of them, and the intrinsics, in common.
     """
 
     fx: float
@@ -53,6 +54,16 @@ class OpenCVPinhole(BentLens):
     def all_coefficients(self) -> tuple[float, ...]:
         """All 14; those that were not given are 0."""
         return self.coefficients + (0.0,) * (14 - len(self.coefficients))
+
+    @property
+    def _numbers(self) -> tuple[float, ...]:
+        return (self.fx, self.fy, self.cx, self.cy, *self.all_coefficients)
+
+    def __eq__(self, other: object) -> bool:
+        return self._numbers == other._numbers if isinstance(other, OpenCVPinhole) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._numbers)
 
     @property
     def is_pinhole(self) -> bool:

@@ -1,0 +1,80 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Points and labels of depth images of which every pixel has a ray of its own, from a table."""
+
+import warp as wp
+
+from warpvis.kernels.classify import EMPTY, GROUND, OBSTACLE, Ground, Spheres, has_depth, nearest_sphere
+from warpvis.kernels.pinhole import Window, pose_origin, pose_rotation
+from warpvis.kernels.ray_table import RayRange
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+
+@wp.func
+def point_along(pose: wp.transform, ray: wp.vec3d, depth: float) -> wp.vec3:
+    """World point at a depth along a ray of the camera frame whose depth is 1; NaN where the ray is."""
+    return wp.vec3(pose_origin(pose) + wp.float64(depth) * wp.quat_rotate(pose_rotation(pose), ray))
+
+
+@wp.kernel
+def back_project_rays(
+    # Cameras:
+    camera: RayRange,
+    camera_to_world: wp.array[wp.transform],
+    window: Window,
+    # In:
+    rays_in: wp.array2d[wp.vec3d],
+    depth_in: wp.array3d[float],
+    # Out:
+    points_out: wp.array3d[wp.vec3],
+):
+    """World points of depth images; NaN where the camera measured none, or a pixel has no ray."""
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+    depth = depth_in[view, y, x]
+    point = wp.vec3(wp.nan, wp.nan, wp.nan)
+    if has_depth(depth, camera.near, camera.far):
+        point = point_along(camera_to_world[view], rays_in[y, x], depth)
+    points_out[view, y, x] = point
+
+
+@wp.kernel
+def classify_rays(
+    # Cameras:
+    camera: RayRange,
+    camera_to_world: wp.array[wp.transform],
+    window: Window,
+    # In:
+    rays_in: wp.array2d[wp.vec3d],
+    depth_in: wp.array3d[float],
+    max_range: float,
+    ground: Ground,
+    spheres: Spheres,
+    # Out:
+    labels_out: wp.array3d[wp.uint8],
+    spheres_out: wp.array3d[wp.int32],
+):
+    """The paper's cases for every pixel, as `warpvis.kernels.classify.classify_depth` has them; empty without a ray."""
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+
+    depth = depth_in[view, y, x]
+    ray = rays_in[y, x]
+    label = EMPTY
+    sphere = int(-1)
+    if has_depth(depth, camera.near, max_range) and ray[2] == ray[2]:
+        point = point_along(camera_to_world[view], ray, depth)
+        if point[ground.up] - ground.height < ground.sigma:
+            label = GROUND
+        else:
+            label = OBSTACLE
+            sphere = nearest_sphere(spheres, point)
+            if sphere >= 0:
+                label = spheres.label[sphere]
+
+    labels_out[view, y, x] = label
+    if spheres_out:
+        spheres_out[view, y, x] = sphere

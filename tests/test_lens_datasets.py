@@ -1,0 +1,341 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Datasets through a lens: every format writes it in its own words, and reading gives the same camera and points."""
+
+import json
+import sys
+import warnings
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from PIL import Image
+from test_lens_camera import FISHEYE, PLUMB_BOB, RATIONAL, SMALL, STRAIGHT, WIDE
+
+import warpvis as wv
+from warpvis.cli import main
+from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning
+from warpvis.io import load_camera
+from warpvis.sensors import LensCamera, lenses
+
+TILTED = (*RATIONAL, 0.001, 0, 0, 0, 0.01, 0.02)
+CAMERAS = {
+    "five": LensCamera(SMALL, 64, 48, near=0.1, far=9.0),
+    "four": LensCamera(lenses.OpenCVPinhole(52, 50, 32, 24, PLUMB_BOB[:4]), 64, 48),
+    "rational": LensCamera(lenses.OpenCVPinhole(52, 50, 32, 24, RATIONAL), 64, 48),
+    "tilted": LensCamera(lenses.OpenCVPinhole(52, 50, 32, 24, TILTED), 64, 48),
+    "fisheye": LensCamera(lenses.KannalaBrandt(52, 50, 32, 24, FISHEYE), 64, 48),
+    "eucm": LensCamera(lenses.EUCM(40, 41, 32, 24, 0.6, 1.1), 64, 48),
+    "sphere": LensCamera(lenses.DoubleSphere(40, 41, 32, 24, -0.1, 0.3), 64, 48),
+    "wide": LensCamera(WIDE, 64, 48),
+    "ftheta": LensCamera(lenses.FTheta(32, 24, (0.02, 1e-5)), 64, 48, kind="z"),
+}
+ANY = {"five", "tilted", "wide", "ftheta"}  # of those that say any lens, a few
+HOLD = {
+    "png": ANY,
+    "npz": ANY,
+    "zarr": ANY,
+    "tum": {"five", "four"},
+    "nerfstudio": {"five", "four", "fisheye"},
+    "colmap": {"five", "four", "rational", "fisheye", "eucm"},
+    "ros2": {"five", "four", "rational", "tilted", "fisheye"},
+    "bop": set(),
+}
+WHY = {
+    "tum": "format 'tum' cannot say the camera's lens: TUM has five coefficients of OpenCV's pinhole, and none for",
+    "nerfstudio": "format 'nerfstudio' cannot say the camera's lens: nerfstudio has no camera_model for",
+    "colmap": "format 'colmap' cannot say the camera's lens: COLMAP has no camera model for",
+    "ros2": "format 'ros2' cannot say the camera's lens: ROS has no distortion_model for",
+    "bop": "format 'bop' is for pinholes, whose images are projected by cam_K alone",
+}
+FILES = {
+    "png": "camera.json",
+    "tum": "calibration.txt",
+    "nerfstudio": "transforms.json",
+    "colmap": "sparse/cameras.txt",
+}
+POSES = np.stack([wv.look_at(eye, (0.5, 0.4, 0.3)) for eye in ((-1.6, -1.3, 1.6), (0.1, 0.2, 0.9))])
+K = np.array([[52.0, 0, 32], [0, 50, 24], [0, 0, 1]])
+
+
+@pytest.fixture(scope="module")
+def room():
+    return wv.scenes.PRESETS["room"].build()
+
+
+@cache
+def depth_of(room, camera):
+    return wv.render(room, camera, POSES, outputs="depth").depth.numpy()
+
+
+def write(room, camera, out, kind, **options):
+    pytest.importorskip({"ros2": "rosbags"}.get(kind, "zarr" if kind == "zarr" else "numpy"))
+    wv.render_batch(room, camera, POSES, out, format=kind, **options)
+    return wv.open_dataset(out)
+
+
+@pytest.mark.parametrize("kind", HOLD)
+def test_reading_back_gives_the_same_camera(kind, room, tmp_path):
+    for name, camera in CAMERAS.items():
+        out = tmp_path / name
+        if (HOLD[kind] is ANY and name not in ANY) or (name == "four" and kind != "tum"):
+            continue
+        if name not in HOLD[kind]:
+            why = WHY[kind] if camera.kind == "z" or kind == "bop" else 'along the ray \\(kind="range"\\)'
+            with pytest.raises(FileFormatError, match=f"{why}.*npz, zarr and png say any") as error:
+                write(room, camera, out, kind)
+            assert "\n" not in str(error.value) and not out.exists()
+            continue
+        dataset = write(room, camera, out, kind)
+        assert dataset.camera == camera, name
+        depth = depth_of(room, camera)
+        seen = np.isfinite(depth) & np.isfinite(dataset["depth"][:])
+        assert seen.mean() > 0.9 * np.isfinite(depth).mean() > 0.1
+        np.testing.assert_allclose(dataset["depth"][:][seen], depth[seen], atol=6e-4)
+        back = []
+        if kind in FILES:
+            back = [load_camera(str(out / FILES[kind]), distortion=True)]
+        if kind in ("nerfstudio", "colmap", "ros2"):
+            file = {"nerfstudio": "transforms.json", "colmap": "sparse/images.txt", "ros2": "bag_000000"}[kind]
+            back.append(wv.read_frames(out / file, distortion=True).camera)
+        for found in back:
+            assert replace(found, near=camera.near, far=camera.far) == camera, name
+
+
+@pytest.mark.parametrize("kind", ["npz", "png", "colmap"])
+def test_points_of_a_dataset_are_those_that_were_seen(kind, room, tmp_path):
+    """Depth back-projected through the dataset's own camera; a pinhole of the same intrinsics is off by centimetres."""
+    camera = CAMERAS["five"]
+    dataset = write(room, camera, tmp_path / "set", kind)
+    depth = np.where(np.isfinite(dataset["depth"][:]), dataset["depth"][:], np.nan).astype(np.float32)
+    expected = wv.render(room, camera, POSES, outputs="points").points.numpy()
+    points = wv.back_project(depth, dataset.camera, POSES).numpy()
+    seen = np.isfinite(points[..., 0])
+    np.testing.assert_allclose(points[seen], expected[seen], atol=2e-3 if kind == "png" else 1e-5)
+    pinhole = wv.back_project(depth, wv.Camera(64, 48, 52, 50, 32, 24), POSES).numpy()
+    assert np.nanmax(np.abs(pinhole - expected)) > 0.05
+
+
+def test_frames_say_opencvs_numbers_where_the_lens_is_opencvs(room, tmp_path):
+    dataset = write(room, CAMERAS["rational"], tmp_path / "set", "npz")
+    np.testing.assert_array_equal(dataset[0]["K"], K)
+    np.testing.assert_array_equal(dataset[0]["distortion"], RATIONAL)
+    assert dataset[0:2]["distortion"].shape == dataset["distortion"].shape == (2, 8)
+    fisheye = write(room, CAMERAS["fisheye"], tmp_path / "fisheye", "npz")
+    assert not {"K", "distortion"} & set(fisheye[0]) and not {"K", "distortion"} & set(fisheye[0:2])
+    with pytest.raises(
+        wv.errors.ArrayError, match="there is no array 'K'; there are depth, camera_to_world, timestamp"
+    ):
+        fisheye["K"]
+    pinhole = write(room, wv.Camera(64, 48, 52, 50, 32, 24), tmp_path / "pinhole", "npz")
+    np.testing.assert_array_equal(pinhole[0]["distortion"], np.zeros(5))
+
+
+def test_shards_say_the_camera(room, tmp_path):
+    for name in ("five", "wide"):
+        write(room, CAMERAS[name], tmp_path / name, "npz")
+        with np.load(tmp_path / name / "shard-000000.npz") as arrays:
+            (tmp_path / f"{name}.json").write_text(str(arrays["camera"]))
+            assert ("K" in arrays) == (name == "five") == ("distortion" in arrays)
+        assert load_camera(str(tmp_path / f"{name}.json"), distortion=True) == CAMERAS[name]
+    meaning = json.loads((write_png(room, tmp_path / "range") / "images.json").read_text())
+    assert meaning["depth"]["kind"] == "range"
+
+
+def write_png(room, out):
+    write(room, CAMERAS["wide"], out, "png")
+    return out
+
+
+def test_zarr_says_the_camera(room, tmp_path):
+    zarr = pytest.importorskip("zarr")
+    write(room, CAMERAS["five"], tmp_path / "five", "zarr")
+    said = zarr.open_group(tmp_path / "five" / "data.zarr", mode="r").attrs
+    np.testing.assert_array_equal(said["K"], K)
+    assert tuple(said["distortion"]) == PLUMB_BOB and said["camera"]["lens"]["model"] == "OpenCVPinhole"
+    write(room, CAMERAS["wide"], tmp_path / "wide", "zarr")
+    said = zarr.open_group(tmp_path / "wide" / "data.zarr", mode="r").attrs
+    assert "K" not in said and said["depth"].startswith("range, along the ray")
+
+
+def test_colmap_reads_what_was_written(room, tmp_path):
+    pycolmap = pytest.importorskip("pycolmap")
+    for name in ("rational", "fisheye", "eucm"):
+        camera = CAMERAS[name]
+        write(room, camera, tmp_path / name, "colmap")
+        model = pycolmap.Reconstruction(str(tmp_path / name / "sparse"))
+        (theirs,) = model.cameras.values()
+        points = np.random.default_rng(0).uniform((-0.4, -0.4, 1), (0.4, 0.4, 2), (50, 3))
+        expected = camera.project(points)
+        np.testing.assert_allclose(np.array([theirs.img_from_cam(p) for p in points]), expected, atol=1e-6)
+
+
+def test_opencv_projects_where_a_camera_info_says(room, tmp_path):
+    """Pixel centres at whole numbers: what cv2 projects is half a pixel less."""
+    cv2 = pytest.importorskip("cv2")
+    pytest.importorskip("rosbags")
+    from rosbags.typesys import Stores, get_typestore
+
+    points = np.random.default_rng(0).uniform((-0.4, -0.4, 1), (0.4, 0.4, 2), (50, 3))
+    zero, types = np.zeros(3), get_typestore(Stores.ROS2_JAZZY)
+    for name, model, count in (("four", "plumb_bob", 5), ("rational", "rational_polynomial", 8), ("tilted", "", 14)):
+        info = CAMERAS[name].to_camera_info(frame_id="eye", types=types)
+        assert len(info.d) == count and (info.distortion_model == model or not model)
+        at = cv2.projectPoints(points, zero, zero, info.k.reshape(3, 3), info.d)[0][:, 0]
+        np.testing.assert_allclose(at + 0.5, CAMERAS[name].project(points), atol=1e-9)
+        np.testing.assert_array_equal(info.p.reshape(3, 4)[:, :3], info.k.reshape(3, 3))
+        assert wv.Camera.from_ros(info) == CAMERAS[name].__class__(CAMERAS[name].lens, 64, 48)
+    info = CAMERAS["fisheye"].to_camera_info(frame_id="eye", types=types)
+    assert info.distortion_model == "equidistant"
+    at = cv2.fisheye.projectPoints(points[:, None], zero, zero, info.k.reshape(3, 3), info.d)[0][:, 0]
+    np.testing.assert_allclose(at + 0.5, CAMERAS["fisheye"].project(points), atol=1e-9)
+    with pytest.raises(CameraError, match="ROS has no distortion_model for EUCM"):
+        CAMERAS["eucm"].to_camera_info(frame_id="eye", types=types)
+
+
+def test_clouds_of_bags_are_the_points_of_the_lens(room, tmp_path):
+    pytest.importorskip("rosbags")
+    from rosbags.highlevel import AnyReader
+
+    write(room, CAMERAS["five"], tmp_path / "set", "ros2", outputs=("depth", "points"))
+    with AnyReader([tmp_path / "set" / "bag_000000"]) as reader:
+        topics = {connection.topic for connection in reader.connections}
+        assert "/camera/depth/image_raw" in topics and "/camera/depth/image_rect" not in topics
+        clouds = [c for c in reader.connections if c.topic.endswith("/points")]
+        message = next(reader.deserialize(data, c.msgtype) for c, _, data in reader.messages(connections=clouds))
+    cloud = message.data.view(np.float32).reshape(48, 64, 3)
+    depth = wv.render(room, CAMERAS["five"], POSES[0], outputs="depth").depth.numpy()[0]
+    expected = np.where(np.isfinite(depth)[..., None], depth[..., None] * CAMERAS["five"].rays, np.nan)
+    np.testing.assert_allclose(cloud, expected, atol=1e-6)
+
+
+def test_visibility_and_interrupted_jobs(room, tmp_path):
+    camera = CAMERAS["five"]
+    dataset = write(room, camera, tmp_path / "a", "npz", outputs=("depth", "visibility"), shard_frames=1)
+    seen = wv.object_visibility(room, camera, POSES)
+    np.testing.assert_array_equal(dataset["visible_fraction"][:], seen.fraction.numpy())
+    for file in (*(tmp_path / "a").glob("shard-000001*"), *(tmp_path / "a").rglob("000001.json")):
+        file.unlink()
+    wv.render_batch(room, camera, POSES, tmp_path / "a", outputs=("depth", "visibility"), shard_frames=1, resume=True)
+    assert wv.batch.verify(tmp_path / "a").ok
+    with pytest.raises(FileFormatError, match="begun with other input: camera's lens's fx was 52"):
+        bent = replace(camera, lens=replace(camera.lens, fx=53))
+        wv.render_batch(room, bent, POSES, tmp_path / "a", outputs=("depth", "visibility"), shard_frames=1, resume=True)
+
+
+def test_frames_have_cameras_with_lenses():
+    camera = CAMERAS["five"]
+    frames = wv.Frames.from_poses(POSES, camera=camera)
+    same = LensCamera(lenses.OpenCVPinhole(52, 50, 32, 24, (*PLUMB_BOB, 0, 0, 0)), 64, 48, far=5.0)
+    assert frames.choose_camera() is camera and frames[:1].choose_camera(same) is same
+    other = r"the frames are of a camera of 64x48 pixels, OpenCVPinhole\(.*, and the given one is of 64x48 pixels, "
+    for given in (wv.Camera(64, 48, 52, 50, 32, 24), CAMERAS["four"], replace(camera, kind="range")):
+        with pytest.raises(CameraError, match=other):
+            frames.choose_camera(given)
+
+
+def test_calibrations_beside_images(tmp_path):
+    file = tmp_path / "calibration.txt"
+    file.write_text("# fx fy cx cy\n52 50 31.5 23.5 -0.3 0.1 0.001 -0.002 0.01\n")
+    with pytest.raises(FileFormatError, match="does not say the images' size, and no image is beside it"):
+        load_camera(str(file), distortion=True)
+    (tmp_path / "depth.txt").write_text("# timestamp filename\n0.0 a.png\n")
+    Image.new("L", (64, 48)).save(tmp_path / "a.png")
+    assert load_camera(str(file), distortion=True) == LensCamera(SMALL, 64, 48)
+    with pytest.warns(IntrinsicsWarning, match="the lens has distortion, which is not rendered"):
+        assert load_camera(str(file)) == wv.Camera(64, 48, 52, 50, 32, 24)
+    file.write_text("52 50 31.5 23.5")
+    assert load_camera(str(file)) == load_camera(str(file), distortion=True) == wv.Camera(64, 48, 52, 50, 32, 24)
+    for text, message in (
+        ("52 50", "calibration.txt:1: expected fx fy cx cy, or those and k1 k2 p1 p2 k3, got '52 50'"),
+        ("# nothing", "expected fx fy cx cy, or those and k1 k2 p1 p2 k3, and holds no numbers"),
+        ("wide 50 31 23", "calibration.txt:1: expected fx fy"),
+        ("-52 50 31.5 23.5", "focal lengths must be positive|fx of a lens must be a number above 0"),
+    ):
+        file.write_text(text)
+        for distortion in (False, True):
+            with pytest.raises(FileFormatError, match=message):
+                load_camera(str(file), distortion=distortion)
+
+
+LENS = {"model": "OpenCVPinhole", "fx": 52, "fy": 50, "cx": 32, "cy": 24, "coefficients": [-0.3, 0.1, 0, 0]}
+BAD = {
+    "model": (
+        {"lens": LENS | {"model": "Fish"}},
+        "model of a lens must be one of EUCM, FOV, Cylindrical, .*, got 'Fish'",
+    ),
+    "no model": ({"lens": {}}, "model of a lens must be one of"),
+    "missing": ({"lens": {"model": "EUCM", "fx": 3}}, "EUCM needs the numbers fx, fy, cx, cy, alpha, beta, got fx"),
+    "more": ({"lens": LENS | {"k9": 1}}, "unknown k9 of a lens; OpenCVPinhole has fx, fy, cx, cy, coefficients"),
+    "words": ({"lens": LENS | {"fx": "long"}}, "fx of a lens must be a number above 0, got 'long'"),
+    "count": ({"lens": LENS | {"coefficients": [1]}}, "OpenCVPinhole has 4, 5, 8, 12 or 14 coefficients, got 1"),
+    "list": ({"lens": [1]}, "lens must be a mapping|lens must be"),
+    "size": ({"lens": LENS, "width": 64.5}, "width must be a whole number"),
+    "unknown": (
+        {"lens": LENS, "K": 1},
+        "unknown K; a camera with a lens may hold lens, width, height, near, far, kind",
+    ),
+    "kind": ({"lens": LENS, "kind": "ray"}, 'kind must be "z" or "range"'),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_cameras_of_our_own_are_said(name, tmp_path):
+    fields, message = BAD[name]
+    (tmp_path / "eye.json").write_text(json.dumps({"width": 64, "height": 48} | fields))
+    with pytest.raises(CameraError, match=rf"eye\.json: .*({message})"):
+        load_camera(str(tmp_path / "eye.json"), distortion=True)
+    with pytest.raises(wv.WarpvisError, match=r"eye\.json: the camera has a lens, so it is no pinhole"):
+        load_camera(str(tmp_path / "eye.json"))
+
+
+def run(monkeypatch, capsys, *arguments):
+    monkeypatch.setattr(sys, "argv", ["warpvis", *map(str, arguments)])
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        try:
+            main()
+            code = 0
+        except SystemExit as stop:
+            code = stop.code or 0
+    output = capsys.readouterr()
+    return code, output.out, output.err + " ".join(str(one.message) for one in told)
+
+
+def test_the_command_line_sees_through_the_lens(room, tmp_path, monkeypatch, capsys):
+    (tmp_path / "eye.json").write_text(json.dumps({"width": 64, "height": 48, "lens": LENS}))
+    given = ("experiment_1", "--frame", "--camera", tmp_path / "eye.json", "--quiet")
+    code, _, said = run(monkeypatch, capsys, "render", *given, "--out", tmp_path / "a", "--format", "npz,colmap")
+    assert code == 0 and "distortion" not in said, said
+    camera = load_camera(str(tmp_path / "eye.json"), distortion=True)
+    assert wv.open_dataset(tmp_path / "a" / "npz").camera == camera
+    assert (tmp_path / "a" / "preview" / "000000.png").is_file()
+    code, _, said = run(monkeypatch, capsys, "render", *given, "--out", tmp_path / "b", "--format", "bop")
+    assert code == 2 and "format 'bop' is for pinholes" in said and not (tmp_path / "b").exists()
+    again = ("batch", "experiment_1", "--poses", tmp_path / "a" / "colmap" / "sparse" / "images.txt", "--quiet")
+    code, _, said = run(monkeypatch, capsys, *again, "--out", tmp_path / "c")
+    assert code == 0 and wv.open_dataset(tmp_path / "c").camera == camera and "distortion" not in said
+    code, _, said = run(monkeypatch, capsys, *again, "--no-distortion", "--out", tmp_path / "d")
+    assert code == 0 and "the lens has distortion, which is not rendered" in said
+    assert wv.open_dataset(tmp_path / "d").camera == wv.Camera(64, 48, 52, 50, 32, 24)
+    code, said, _ = run(monkeypatch, capsys, "check", *given[:-1], "--picture", tmp_path / "check.png")
+    assert code == 0 and "visible" in said and (tmp_path / "check.png").stat().st_size > 5000
+
+
+def test_agents_with_lenses_are_drawn(tmp_path):
+    scene = wv.scenes.PRESETS["room"].build()
+    agents = [
+        wv.Agent("robot", CAMERAS["five"], POSES[0], attention=CAMERAS["fisheye"]),
+        wv.Agent("dome", CAMERAS["wide"], POSES[1]),
+    ]
+    found = wv.perspective(scene, agents)
+    wv.viz.save_perspective(scene, agents, found, tmp_path / "seen.png")
+    assert (tmp_path / "seen.png").stat().st_size > 20_000
+
+
+def test_rows_of_straight_poses():
+    """The camera's own frame: points of depth are depth times ray."""
+    camera = CAMERAS["five"]
+    depth = np.full((1, 48, 64), 2.0, dtype=np.float32)
+    np.testing.assert_allclose(wv.back_project(depth, camera, STRAIGHT).numpy()[0], 2 * camera.rays, rtol=1e-6)

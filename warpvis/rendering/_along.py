@@ -1,0 +1,50 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What is seen along rays of their own for every view, for our own modules."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import warp as wp
+
+from warpvis.core.ray_camera import RayCamera
+from warpvis.rendering._views import OUTPUTS, Views, views_for
+from warpvis.rendering.casters import RayTableCaster
+from warpvis.scene import Scene
+
+if TYPE_CHECKING:
+    from warpvis.kernels.worlds import Worlds
+
+
+def render_along(
+    scene: Scene,
+    camera: RayCamera,
+    poses: wp.array,
+    worlds: Worlds,
+    rays: wp.array,
+    *,
+    outputs: Sequence[str],
+    threads: int,
+) -> Views:
+    """Render what is seen along rays of the camera frame; both sides of surfaces are seen.
+
+    Args:
+        scene: What is seen.
+        camera: Its range counts, and what depth is.
+        poses: As of `warpvis.core.poses.parse_poses`.
+        worlds: As of `warpvis.scene.worlds.parse_worlds`.
+        rays: N of depth 1 for every view, shape ``(V, N)`` vec3d; nothing is seen where one is NaN.
+        outputs: Images to make.
+        threads: CPU threads.
+
+    Returns:
+        The outputs, of shape ``(V, N)``, on the scene's device.
+    """
+    views = views_for(outputs, rays.shape, scene.device)
+    shape = (rays.shape[0], 1, rays.shape[1])
+    rows = [getattr(views, name).reshape(shape) if name in outputs else None for name in OUTPUTS]
+    caster = RayTableCaster(scene, camera, cull_backfaces=False, clip_near=False, threads=threads)
+    caster.cast_along(caster.parse_poses(poses, "opencv"), worlds, rays.reshape(shape), rows)
+    return views

@@ -1,0 +1,140 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Points seen through a lens: projected on the host in double precision, and judged along their own rays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.labels import Visibility
+from warpvis.core.poses import poses_to_matrices
+from warpvis.core.ray_camera import LensedCamera
+from warpvis.rendering import Caster, Output, Renderer, render_along
+from warpvis.scene import Scene
+from warpvis.scene.worlds import part_of
+
+if TYPE_CHECKING:
+    from warpvis.kernels.worlds import Worlds
+
+# Projected points take 200 bytes each while they are worked on.
+_AT_ONCE = 1 << 20
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PlacedPoints:
+    """Where N points are in V views' images, all of shape ``(V, N)``."""
+
+    pixels: Floats
+    """``(V, N, 2)`` [px]; NaN where a point is not in the image."""
+    depth: Floats
+    """Depth of what kind the camera has [m]."""
+    rays: Floats
+    """From the camera to the point, of depth 1, ``(V, N, 3)``; NaN where it is not in the image."""
+
+    @property
+    def inside(self) -> NDArray[np.bool_]:
+        """Which points are in the image."""
+        return np.isfinite(self.pixels[..., 0])
+
+    def judge(self, camera: LensedCamera, surface: NDArray[np.floating], tolerance: float) -> NDArray[np.uint8]:
+        """Tell whether points are seen, as `warpvis.kernels.points.judge` does, where surfaces are at these depths."""
+        with np.errstate(invalid="ignore"):
+            behind = (self.depth - surface) * np.linalg.norm(self.rays, axis=-1) > tolerance
+        status = np.where(behind, Visibility.OCCLUDED, Visibility.VISIBLE)
+        status = np.where(self.depth > camera.far, Visibility.TOO_FAR, status)
+        status = np.where(self.depth < camera.near, Visibility.TOO_NEAR, status)
+        return np.where(self.inside, status, Visibility.OUT_OF_VIEW).astype(np.uint8)
+
+
+def place_points(camera: LensedCamera, poses: NDArray[np.float32], points: Floats) -> PlacedPoints:
+    """Project points of the world.
+
+    Args:
+        camera: The camera.
+        poses: Rows ``(V, 7)`` as of `warpvis.core.poses.host_poses`.
+        points: Points [m], shape ``(N, 3)``.
+    """
+    matrices = poses_to_matrices(poses.astype(np.float64))
+    seen = np.einsum("vij,vni->vnj", matrices[:, :3, :3], points - matrices[:, None, :3, 3])
+    depth = seen[..., 2] if camera.kind == "z" else np.linalg.norm(seen, axis=-1)
+    pixels = camera.project(seen)
+    inside = ((pixels >= 0) & (pixels < (camera.width, camera.height))).all(axis=-1) & (depth > 0)
+    with np.errstate(all="ignore"):
+        rays = np.where(inside[..., None], seen / depth[..., None], np.nan)
+    return PlacedPoints(np.where(inside[..., None], pixels, np.nan), depth, rays)
+
+
+def judge_in_scene(
+    scene: Scene,
+    camera: LensedCamera,
+    poses: NDArray[np.float32],
+    worlds: Worlds,
+    points: NDArray[np.float32],
+    tolerance: float,
+    *,
+    occluders: bool,
+    caster: Caster,
+    threads: int | None,
+) -> tuple[NDArray[np.uint8], NDArray[np.int32] | None]:
+    """Tell which points are seen in a scene; see `warpvis.point_visibility`."""
+    # Surfaces that are too near to be measured have a depth here, and are objects.
+    outputs: list[Output] = ["depth", "segmentation"] if occluders else ["depth"]
+    eye = replace(camera, near=0.0)  # type: ignore[type-var]  # all of them are dataclasses
+    threads = Renderer(scene, eye, outputs=outputs, caster=caster, threads=threads).threads  # which checks them
+    shape = (len(poses), len(points))
+    status = np.empty(shape, dtype=np.uint8)
+    hidden_by = np.full(shape, -1, dtype=np.int32) if occluders else None
+    for views, some in _parts(*shape):
+        placed = place_points(camera, poses[views], points[some].astype(np.float64))
+        rows = wp.array(np.ascontiguousarray(poses[views]), dtype=wp.transform, device=scene.device)
+        rays = wp.array(placed.rays, dtype=wp.vec3d, device=scene.device)
+        seen = render_along(scene, eye, rows, part_of(worlds, views), rays, outputs=outputs, threads=threads)
+        judged = placed.judge(camera, seen.depth.numpy(), tolerance)
+        status[views, some] = judged
+        if hidden_by is not None:
+            hidden_by[views, some] = np.where(judged == Visibility.OCCLUDED, seen.segmentation.numpy(), -1)
+    return status, hidden_by
+
+
+def judge_in_images(
+    depth: NDArray[np.float32],
+    camera: LensedCamera,
+    poses: NDArray[np.float32],
+    points: NDArray[np.float32],
+    tolerance: float,
+) -> NDArray[np.uint8]:
+    """Tell which points are seen in depth images; see `warpvis.point_visibility_from_depth`."""
+    status = np.empty((len(poses), len(points)), dtype=np.uint8)
+    for views, some in _parts(*status.shape):
+        placed = place_points(camera, poses[views], points[some].astype(np.float64))
+        columns, rows = np.moveaxis(np.where(placed.inside[..., None], placed.pixels, 0).astype(np.int64), -1, 0)
+        shown = shown_depth(camera, depth[np.arange(len(depth))[views, None], rows, columns])
+        judged = placed.judge(camera, shown, tolerance)
+        in_range = (judged == Visibility.VISIBLE) | (judged == Visibility.OCCLUDED)
+        status[views, some] = np.where(in_range & np.isnan(shown), Visibility.UNKNOWN, judged)
+    return status
+
+
+def shown_depth(camera: LensedCamera, depth: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return depth as REP 117 has it: -inf nearer than near, +inf beyond far; NaN where nothing was measured."""
+    near, far, endless = np.float32(camera.near), np.float32(camera.far), np.float32(np.inf)
+    with np.errstate(invalid="ignore"):
+        shown = np.where(depth < near, -endless, np.where(depth > far, endless, depth))
+        return np.where((depth > 0) | (depth == -endless), shown, np.float32(np.nan))
+
+
+def _parts(views: int, points: int) -> Iterator[tuple[slice, slice]]:
+    """Go through views and points, as many at a time as there is memory for."""
+    most = max(1, min(points, _AT_ONCE))
+    step = max(1, _AT_ONCE // most)
+    for first in range(0, views, step):
+        for start in range(0, points, most):
+            yield slice(first, min(first + step, views)), slice(start, min(start + most, points))
