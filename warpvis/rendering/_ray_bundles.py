@@ -29,7 +29,7 @@ _MOST_GROUPS = 10
 # One pinhole is enough up to this tangent.
 _WIDEST = 1.6
 # Pixels of a bundle's image between neighbouring rays: places are known to that, and bounds to a bit more.
-_FINENESS = 4.0
+_FINENESS = 8.0
 _LEAST_FOCAL, _MOST_FOCAL = 64.0, 2.0**15
 _MARGIN = 1e-3  # of bounds [px]
 # Neighbours in the table are neighbours in the image if their packets are not this much longer than sorted ones.

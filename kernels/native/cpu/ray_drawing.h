@@ -174,10 +174,10 @@ struct RayDrawing {
             inside &= inner > Lanes::all(t.doubt[k]);
             if (__builtin_expect(Lanes::any(unsure), 0))
                 inside |= covered_lanes(camera, image, t, k, packet, Lanes::bits(unsure));
-            if (!Lanes::any(inside)) return;
         }
         Floats inv_z;
         if ((leaf.inexact >> k) & 1) {
+            if (!Lanes::any(inside)) return;
             inv_z = exact_inv_z(tree, leaf.plane(camera, k), packet);
         } else {
             const Linear plane = Linear::of_lane(t.inv_z, k);
