@@ -4,6 +4,7 @@
 
 import dataclasses
 import math
+import sys
 import warnings
 from pathlib import Path
 
@@ -11,7 +12,8 @@ import numpy as np
 import pytest
 
 import warpvis as wv
-from warpvis.errors import FileFormatError, SceneError
+from warpvis.cli import main
+from warpvis.errors import FileFormatError, IntrinsicsWarning, SceneError
 from warpvis.webots import load_webots, recognise, render_range, segmentation_image
 
 WORLDS = Path(__file__).parent.parent / "scenes" / "webots"
@@ -297,11 +299,32 @@ def test_a_lens_bends_the_image(tmp_path):
     lens = " width 32 height 32 lens Lens { radialCoefficients 0.5 0 }"
     post = wall(2.05, "0.1 2.6 9")
     straight, bent = (load_text(tmp_path, finder(FINDER + fields) + post) for fields in (" width 32 height 32", lens))
-    assert render_range(bent, "eye").tolist() == render_range(straight, "eye").tolist()
-    image = render_range(bent, "eye", webots_version="header")
+    with pytest.warns(
+        IntrinsicsWarning, match="'eye' has a Lens, which true depth leaves out: its image is a pinhole's"
+    ):
+        true = render_range(bent, "eye")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert true.tolist() == render_range(straight, "eye").tolist()
+        image = render_range(bent, "eye", webots_version="header")
     rows = np.isfinite(image) & (image > 0)
     assert len({tuple(row) for row in rows.tolist()}) > 1  # straight, all rows are the same
     np.testing.assert_allclose(image[rows], 2.0, atol=1e-6)
+
+
+def test_files_of_bent_images_have_no_pinholes_matrix(tmp_path, monkeypatch):
+    world = tmp_path / "world.wbt"
+    fields = FINDER + " width 32 height 32 lens Lens { center 0.4 0.6 radialCoefficients 0.5 0.1 }"
+    world.write_text("#VRML_SIM R2023b utf8\n" + finder(fields) + wall(2.05))
+    for out, options in (("true", ()), ("bent", ("--version-exact",))):
+        monkeypatch.setattr(sys, "argv", ["warpvis", "render", str(world), "--out", str(tmp_path / out), *options])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", IntrinsicsWarning)
+            main()
+    true, bent = (dict(np.load(tmp_path / out / "eye" / "depth.npz")) for out in ("true", "bent"))
+    assert "K" in true and "lens" not in true and "K" not in bent
+    np.testing.assert_array_equal(bent["lens"], [[0.4, 0.6], [0.5, 0.1], [0, 0]])
+    assert bent["hfov"] > 0
 
 
 @pytest.mark.parametrize("projection", ["cylindrical", "spherical"])

@@ -83,7 +83,7 @@ def render_world(
     for name in names:
         image = render_range(world, name, webots_version="header" if version_exact else None, threads=threads)
         folder = out / re.sub(r"[^\w .-]|^\.+", "_", name)
-        _write(folder, world.devices[name], image)
+        _write(folder, world.devices[name], image, bent=version_exact)
         if not _sees(image, world.devices[name]):
             blind.append(name)
         if not quiet:
@@ -103,7 +103,8 @@ def _sees(image: NDArray[np.float32], device: Device) -> bool:
     return bool((np.isfinite(image) & (image < device.max_range)).any())
 
 
-def _write(folder: Path, device: Device, image: NDArray[np.float32]) -> None:
+def _write(folder: Path, device: Device, image: NDArray[np.float32], *, bent: bool) -> None:
+    """Write an image, in which the device's lens has its part if it is bent: a pinhole's K does not say that."""
     import numpy as np
 
     from warpvis.batch import npz_parts
@@ -112,7 +113,10 @@ def _write(folder: Path, device: Device, image: NDArray[np.float32]) -> None:
     make_folder(folder / "depth")
     arrays: dict[str, NDArray[np.generic]] = {"depth": image[None], "timestamps": np.zeros(1)}
     arrays["camera_to_world"] = device.pose[None].astype(np.float32)
-    if device.projection == "planar":
+    if bent and device.bends and device.lens is not None:
+        lens = device.lens
+        arrays |= {"hfov": np.array(device.fov), "lens": np.array([lens.center, lens.radial, lens.tangential])}
+    elif device.projection == "planar":
         arrays["K"] = device.camera.to_K()
     else:
         arrays |= {"projection": np.array(device.projection), "hfov": np.array(device.fov)}

@@ -84,8 +84,14 @@ class Device:
         return self.kind != "camera"
 
     @property
+    def bends(self) -> bool:
+        """Whether Webots bends its image, which is planar, by a `Lens` with coefficients other than 0."""
+        bent = self.lens is not None and any((*self.lens.radial, *self.lens.tangential))
+        return bent and self.projection == "planar"
+
+    @property
     def camera(self) -> Camera:
-        """The device as a pinhole camera, whose depth range is what it measures.
+        """The device as a pinhole camera without its `lens`, whose depth range is what it measures.
 
         Its vertical field of view is that of square pixels, ``2 atan(tan(fov / 2) height / width)``, in all versions.
 

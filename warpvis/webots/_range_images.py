@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.checks import check_flag
 from warpvis.core.poses import poses_to_matrices
-from warpvis.errors import SceneError
+from warpvis.errors import IntrinsicsWarning, SceneError
 from warpvis.rendering import Renderer, render_wide
 from warpvis.scene import Scene
 from warpvis.webots import _ranges as ranges
@@ -59,7 +60,8 @@ def render_range(
         world: The world, from `load_webots`.
         device_name: The device.
         webots_version: By default ranges are the true ones (REP 117): +inf where nothing is hit or it is farther than
-            `Device.max_range`, -inf where it is nearer than `Device.min_range`. ``"header"`` gives the values that the
+            `Device.max_range`, -inf where it is nearer than `Device.min_range`; a `Lens` is left out, and a warning
+            says so. ``"header"`` gives the values that the
             Webots of the world's header gives, with its lens, near plane and resolution, and nothing nearer than
             `Device.near` in the way; another version's name, like ``"R2019a"``, that version's values. R2022a is taken
             to be its revision 1.
@@ -77,12 +79,19 @@ def render_range(
     device = find_device(world, device_name)
     exclude = list(world.robots.get(device.robot, ())) if check_flag(exclude_body, "exclude_body") else []
     if webots_version is None:
+        if device.bends:
+            warnings.warn(
+                f"{device_name!r} has a Lens, which true depth leaves out: its image is a pinhole's; "
+                'webots_version="header", on the command line --version-exact, bends it',
+                IntrinsicsWarning,
+                stacklevel=2,
+            )
         return _depth(world.scene, device, device.min_range, device.max_range, exclude, threads)
     if not device.measures:
         raise SceneError(f"{device_name!r} is a camera: Webots gives no ranges of it, so ask for true depth")
     version = world.version if str(webots_version) == "header" else Version.parse(webots_version)
     pixels = None
-    if device.lens is not None and device.projection == "planar":
+    if device.bends and device.lens is not None:
         lens = device.lens
         pixels = ranges.distort_pixels(device.width, device.height, lens.center, lens.radial, lens.tangential)
     values = ranges.range_values(
