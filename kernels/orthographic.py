@@ -20,7 +20,7 @@ from warpvis.kernels.pinhole import (
     pose_rotation,
 )
 from warpvis.kernels.rays import CUDA_REGISTERS, look, nothing, write
-from warpvis.kernels.triangle_scene import TriangleScene
+from warpvis.kernels.triangle_scene import TriangleScene, camera_frame
 from warpvis.kernels.worlds import Worlds
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
@@ -67,13 +67,13 @@ def cast_parallel_rays(
     at = pixel_place(y, x)
     if pixels_in:
         at = pixels_in[view, y, x]
-    pose = camera_to_world[view]
+    eye = camera_frame(camera_to_world[view])
     seen = nothing()
     if at[0] >= 0.0 and at[0] < camera.width and at[1] >= 0.0 and at[1] < camera.height:
-        pose = eye_at(camera, pose, at)
+        eye = camera_frame(eye_at(camera, camera_to_world[view], at))
         ahead, clip = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0)), clip_depth(camera)
-        seen = look(scene, camera.near, camera.far, pose, worlds, view, ahead, True, clip, cull_backfaces)
-    write(scene, pose, worlds, seen, view, y, x, images_out)
+        seen = look(scene, camera.near, camera.far, eye, worlds, view, ahead, True, clip, cull_backfaces)
+    write(scene, eye.origin, worlds, view, seen, view, y, x, images_out)
 
 
 @wp.kernel

@@ -13,7 +13,7 @@ import warp as wp
 from warpvis.kernels.images import Images
 from warpvis.kernels.pinhole import Window
 from warpvis.kernels.rays import CUDA_REGISTERS, look, write
-from warpvis.kernels.triangle_scene import TriangleScene
+from warpvis.kernels.triangle_scene import TriangleScene, camera_frame
 from warpvis.kernels.worlds import Worlds
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
@@ -67,7 +67,7 @@ def cast_wide_rays(
     view += window.first_view
     y += window.first_row
 
-    pose = camera_to_world[view]
+    eye = camera_frame(camera_to_world[view])
     ray = wide_ray(camera, y, x)
-    seen = look(scene, camera.near, camera.far, pose, worlds, view, ray, False, 0.0, cull_backfaces)
-    write(scene, pose, worlds, seen, view, y, x, images_out)
+    seen = look(scene, camera.near, camera.far, eye, worlds, view, ray, False, 0.0, cull_backfaces)
+    write(scene, eye.origin, worlds, view, seen, view, y, x, images_out)

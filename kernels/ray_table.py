@@ -7,7 +7,7 @@ import warp as wp
 from warpvis.kernels.images import Images
 from warpvis.kernels.pinhole import Window
 from warpvis.kernels.rays import CUDA_REGISTERS, look, nothing, write
-from warpvis.kernels.triangle_scene import TriangleScene
+from warpvis.kernels.triangle_scene import TriangleScene, camera_frame
 from warpvis.kernels.worlds import Worlds
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
@@ -34,6 +34,7 @@ def cast_ray_table(
     # In:
     worlds: Worlds,
     rays_in: wp.array3d[wp.vec3d],
+    origins_in: wp.array2d[wp.vec3d],
     cull_backfaces: bool,
     # Out:
     images_out: Images,
@@ -41,16 +42,19 @@ def cast_ray_table(
     """Write the asked-for images (one that is None is skipped) of every view.
 
     `rays_in` are of the camera frame, (view, y, x), or (1, y, x) for all views. Where a ray is NaN nothing is seen.
+    `origins_in` are where they start in that frame, (y, x); None for its origin.
     """
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
 
-    pose = camera_to_world[view]
+    eye = camera_frame(camera_to_world[view])
+    if origins_in:
+        eye.origin += wp.quat_rotate(eye.rotation, origins_in[y, x])
     ray = rays_in[wp.min(view, rays_in.shape[0] - 1), y, x]
     seen = nothing()
     if ray[2] == ray[2]:
         seen = look(
-            scene, camera.near, camera.far, pose, worlds, view, ray, camera.is_planar, camera.clip, cull_backfaces
+            scene, camera.near, camera.far, eye, worlds, view, ray, camera.is_planar, camera.clip, cull_backfaces
         )
-    write(scene, pose, worlds, seen, view, y, x, images_out)
+    write(scene, eye.origin, worlds, view, seen, view, y, x, images_out)

@@ -106,7 +106,7 @@ def look(
     scene: TriangleScene,
     near: float,
     far: float,
-    pose: wp.transform,
+    in_world: CameraFrame,
     worlds: Worlds,
     view: int,
     ray: wp.vec3d,
@@ -114,11 +114,10 @@ def look(
     clip: float,
     cull_backfaces: bool,
 ) -> Seen:
-    """What a camera at a pose sees along a ray of its frame: of z = 1 for planar depth, of length 1 for a length.
+    """What a camera sees along a ray of its frame: of z = 1 for planar depth, of length 1 for a length.
 
     What is nearer than `clip` is not there; what is nearer than `near` hides what is behind it.
     """
-    in_world = camera_frame(pose)
     seen = nothing()
     seen.direction = wp.quat_rotate(in_world.rotation, ray)
 
@@ -196,25 +195,25 @@ def look(
 
 
 @wp.func
-def solid_normal(scene: TriangleScene, pose: wp.transform, worlds: Worlds, view: int, seen: Seen) -> wp.vec3:
+def solid_normal(scene: TriangleScene, origin: wp.vec3d, worlds: Worlds, view: int, seen: Seen) -> wp.vec3:
     """Unit normal in the world of the true surface that a ray meets."""
     world = world_of(worlds, view)
     place = worlds.object_poses[world, seen.movable]
     kind, size = scene.movable_solid[seen.movable], size_of(scene, worlds, world, seen.movable)
-    point = pose_origin(pose) + wp.float64(seen.depth) * seen.direction - pose_origin(place)
+    point = origin + wp.float64(seen.depth) * seen.direction - pose_origin(place)
     there = to_shape(wp.quat_rotate_inv(pose_rotation(place), point), size)
     return wp.vec3(wp.quat_rotate(pose_rotation(place), normal_of_solid(kind, size, seen.face, there)))
 
 
 @wp.func
-def normal_in_world(scene: TriangleScene, pose: wp.transform, worlds: Worlds, view: int, seen: Seen) -> wp.vec3:
+def normal_in_world(scene: TriangleScene, origin: wp.vec3d, worlds: Worlds, view: int, seen: Seen) -> wp.vec3:
     if seen.face < 0:
         return wp.vec3(wp.nan, wp.nan, wp.nan)
     if seen.movable < 0:
         factors = factors_of(scene, worlds, 0, seen.movable)
         return wp.vec3(normal_of(scene.mesh, seen.face, factors, seen.direction))
     if seen.round:
-        return solid_normal(scene, pose, worlds, view, seen)
+        return solid_normal(scene, origin, worlds, view, seen)
     world = world_of(worlds, view)
     rotation = pose_rotation(place_in(scene, worlds, world, seen.movable))
     direction = wp.quat_rotate_inv(rotation, seen.direction)
@@ -226,24 +225,28 @@ def normal_in_world(scene: TriangleScene, pose: wp.transform, worlds: Worlds, vi
 @wp.func
 def write(
     scene: TriangleScene,
-    pose: wp.transform,
+    origin: wp.vec3d,
     worlds: Worlds,
+    world_view: int,
     seen: Seen,
     view: int,
     y: int,
     x: int,
     images_out: Images,
 ):
-    """Write to the images that were asked for; the others are None."""
+    """Write to the images that were asked for; the others are None.
+
+    `origin` is where the ray starts, and `world_view` the view by which `look` found its world.
+    """
     if images_out.depth:
         images_out.depth[view, y, x] = seen.depth
     if images_out.points:
         point = wp.vec3(wp.nan, wp.nan, wp.nan)
         if seen.face >= 0:
-            point = wp.vec3(pose_origin(pose) + wp.float64(seen.depth) * seen.direction)
+            point = wp.vec3(origin + wp.float64(seen.depth) * seen.direction)
         images_out.points[view, y, x] = point
     if images_out.normals:
-        images_out.normals[view, y, x] = normal_in_world(scene, pose, worlds, view, seen)
+        images_out.normals[view, y, x] = normal_in_world(scene, origin, worlds, world_view, seen)
     if images_out.labels or images_out.segmentation:
         index = int(-1)
         label = wp.uint8(0)
@@ -275,10 +278,10 @@ def cast_rays(
     view += window.first_view
     y += window.first_row
 
-    pose = camera_to_world[view]
+    eye = camera_frame(camera_to_world[view])
     ray, clip = pixel_ray(camera, y, x), clip_depth(camera)
-    seen = look(scene, camera.near, camera.far, pose, worlds, view, ray, True, clip, cull_backfaces)
-    write(scene, pose, worlds, seen, view, y, x, images_out)
+    seen = look(scene, camera.near, camera.far, eye, worlds, view, ray, True, clip, cull_backfaces)
+    write(scene, eye.origin, worlds, view, seen, view, y, x, images_out)
 
 
 @wp.kernel(cuda_max_registers=CUDA_REGISTERS)
@@ -302,9 +305,9 @@ def cast_rays_at(
     row += window.first_row
 
     at = pixels_in[view, row, point]
-    pose = camera_to_world[view]
+    eye = camera_frame(camera_to_world[view])
     seen = nothing()
     if at[0] >= 0.0 and at[0] < camera.width and at[1] >= 0.0 and at[1] < camera.height:
         ray, clip = image_ray(camera, at), clip_depth(camera)
-        seen = look(scene, camera.near, camera.far, pose, worlds, view, ray, True, clip, cull_backfaces)
-    write(scene, pose, worlds, seen, view, row, point, images_out)
+        seen = look(scene, camera.near, camera.far, eye, worlds, view, ray, True, clip, cull_backfaces)
+    write(scene, eye.origin, worlds, view, seen, view, row, point, images_out)

@@ -186,7 +186,7 @@ NAMES = (
     "persp point_ read_frames render voxel Frame verify warmup load_ read_po read_model save_ Sphere plan_ Batch "
     "Kinematics Mujoco mujoco World camera_ geom_ scene_ Best Coverage best_ clearance coverage minimum pose_ "
     "propose standing surface along frames_ grid looks orbit random sphere view_ Depth Lens Version add_ distort "
-    "Ortho gym open_ framing depth_ from_image to_image to_point find_ quanti range_ recog segm "
+    "Ortho gym open_ framing depth_ from_image to_image to_point find_ quanti range_ recog segm Rays "
 ).split()
 
 

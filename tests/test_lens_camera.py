@@ -223,6 +223,25 @@ def test_pixels_without_a_ray_are_empty_and_said(device):
     assert np.isnan(views.points.numpy()[0][camera.mask]).all() and (views.labels.numpy()[0][camera.mask] == 0).all()
 
 
+BENT = (-0.9, 0, 0.001, 0)
+WARNS = {
+    "LensCamera": lambda: LensCamera(lenses.OpenCVPinhole(52, 50, 32, 24, BENT), 64, 48),
+    "opencv": lambda: wv.Camera.from_opencv(K, BENT, 64, 48),
+    "ros": lambda: wv.Camera.from_ros(info(d=(*BENT, 0.0))),
+    "colmap": lambda: wv.Camera.from_colmap("OPENCV", (52, 50, 32, 24, *BENT), 64, 48),
+    "pinhole": lambda: wv.Camera(64, 48, 52, 50, 65.25, 24),
+    "pinhole of K": lambda: wv.Camera.from_K([[52, 0, 65.5], [0, 50, 24], [0, 0, 1]], 64, 48),
+}
+
+
+@pytest.mark.parametrize("name", WARNS)
+def test_warnings_name_the_line_of_the_caller(name):
+    """However deep in the library they come up."""
+    with pytest.warns(IntrinsicsWarning) as caught:
+        WARNS[name]()
+    assert [warning.filename for warning in caught] == [__file__]
+
+
 def test_points_of_the_image_worlds_and_exclude(device):
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((0.4, 0.4, 0.4)), name="cart", movable=True)

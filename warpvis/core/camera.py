@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from warpvis.core.camera_makers import CameraMakers
 from warpvis.core.checks import check_choice, is_number
 from warpvis.core.ray_camera import RayCamera
+from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError, CameraError, IntrinsicsWarning
 
 if TYPE_CHECKING:
@@ -384,7 +384,7 @@ def _warn_of(width: int, height: int, fx: float, fy: float, cx: float, cy: float
     elif not (0 <= cx <= width and 0 <= cy <= height):
         problem = f"the principal point ({cx:g}, {cy:g}) is outside of the image of {width} x {height} pixels"
     if problem:
-        warnings.warn(f"{problem}; are the intrinsics of an image of this size?", IntrinsicsWarning, stacklevel=4)
+        warn_user(f"{problem}; are the intrinsics of an image of this size?", IntrinsicsWarning)
 
 
 def _as_floats(value: object, name: str) -> NDArray[np.float64]:

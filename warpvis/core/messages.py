@@ -11,7 +11,6 @@ from __future__ import annotations
 import array
 import importlib
 import math
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import ROUND_HALF_EVEN, Decimal
@@ -22,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import check_flag, check_text, is_number
+from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError, CameraError, IntrinsicsWarning, MessageError
 
 Message: TypeAlias = Any
@@ -304,11 +304,10 @@ def _check_projection(p: NDArray[np.float64]) -> None:
     if p[0, 3] == 0 and p[1, 3] == 0:
         return
     x, y = 0.0 - p[0, 3] / p[0, 0], 0.0 - p[1, 3] / p[1, 1]
-    warnings.warn(
+    warn_user(
         f"P of CameraInfo is of the second camera of a stereo pair, which stands at x = {x:.6g} m, y = {y:.6g} m in "
         "the frame that its header names; a Camera stands where its pose says",
         IntrinsicsWarning,
-        stacklevel=4,
     )
 
 

@@ -76,6 +76,16 @@ def parse_poses(
     return wp.array(rows.astype(np.float32), dtype=wp.transform, device=device)
 
 
+def poses_in_axes(poses: wp.array, axes: Convention) -> wp.array:
+    """Return poses of the OpenCV camera frame, `wp.transform`, as poses of the same camera's frame of other axes."""
+    from warpvis.kernels.poses import poses_to_opencv
+
+    *axis, w = _OPENCV_TO[axes]
+    out = wp.empty(poses.shape, dtype=wp.transform, device=poses.device)
+    launch(poses_to_opencv, poses.shape, [poses, wp.quat(*(-part for part in axis), w), out], poses.device)
+    return out
+
+
 def host_poses(
     poses: PoseLike, *, convention: Convention = "opencv", name: str = "camera_to_world"
 ) -> NDArray[np.float32]:

@@ -7,22 +7,30 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any, Literal
 
+from warpvis.errors import CameraError
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
+    from warpvis.core.poses import Convention
     from warpvis.kernels.ray_table import RayRange
 
 DepthKind = Literal["z", "range"]
 """What depth is: along the camera's axis, or along the ray."""
 
+MOST_RAYS = 2**26
+"""So many rays may one camera have: they take 1.6 GB."""
+
 
 class RayCamera(ABC):
-    """A camera with OpenCV axes whose pixels have rays of their own, all from one point.
+    """A camera whose pixels have rays of their own.
 
-    Subclasses have `width`, `height` [px], `near`, `far` [m], and `kind`, what depth is.
+    Subclasses have `width`, `height` [px], `near`, `far` [m], and `kind`, what depth is. Those that say nothing else
+    have OpenCV axes, rays that all start at one point, and images of that width and height.
     """
 
+    axes: Convention = "opencv"
     width: int
     height: int
     near: float
@@ -32,11 +40,28 @@ class RayCamera(ABC):
     @property
     @abstractmethod
     def rays(self) -> NDArray[np.float64]:
-        """Rays through all pixels' centres, of depth 1, shape ``(height, width, 3)``; NaN where a pixel has none."""
+        """Rays of all pixels, of depth 1, shape ``(*shape, 3)``; NaN where a pixel has none."""
 
-    @abstractmethod
+    @property
+    def origins(self) -> NDArray[np.float64] | None:
+        """Where these rays start in the camera frame [m], of the same shape; None for its origin."""
+        return None
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The shape of one view's images: height and width, or of a list of rays their number."""
+        return self.height, self.width
+
     def rays_at(self, pixels: ArrayLike) -> NDArray[np.float64]:
-        """Return rays through points of the image [px], shape ``(..., 2)``, likewise; NaN outside of it."""
+        """Return rays through points of the image [px], shape ``(..., 2)``, likewise; NaN outside of it.
+
+        Raises:
+            CameraError: Between its rays the camera has no image.
+        """
+        raise CameraError(
+            f"render_at is for points of an image, and {type(self).__name__} are rays without anything between them: "
+            "render other Rays"
+        )
 
     def device_struct(self, *, clip_near: bool = False) -> RayRange:
         """Return the camera's range as `warpvis.kernels.ray_table` takes it.

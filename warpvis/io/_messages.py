@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any, Literal
 
 import numpy as np
@@ -17,6 +16,7 @@ from warpvis.core.checks import check_choice
 from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.messages import Message, MessageMaker, MessageTypes, Stamp, field, whole_field
 from warpvis.core.types import ArrayInput
+from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError, MessageError
 from warpvis.io._depth import count_lost, depth_to_units
 
@@ -63,10 +63,10 @@ def to_image_msg(
         units = depth_to_units(image, _MILLIMETRES)
         lost = count_lost(image, units)
         if lost:
-            warnings.warn(
+            warn_user(
                 "pixels have a depth that 16 bits of millimetres cannot hold (they hold 0.0005 to 65.5355 m), "
                 f"and are 0, no depth: {lost} in all",
-                stacklevel=2,
+                UserWarning,
             )
         pixels = np.ascontiguousarray(units, dtype="<u2")
     else:

@@ -24,7 +24,7 @@ from warpvis.rendering._cuda_packets import CudaPacketsCaster
 from warpvis.rendering._orthographic import OrthographicCamera, RenderCamera
 from warpvis.rendering._prepared import CheckedImages
 from warpvis.rendering._views import OUTPUTS, Views, check_outputs, views_for
-from warpvis.rendering.casters import OrthographicCaster, RaysCaster, RayTableCaster
+from warpvis.rendering.casters import OrthographicCaster, RaysCaster, RayTableCaster, as_rows
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds, part_of
 
@@ -67,8 +67,9 @@ class Renderer:
 
         Args:
             scene: What is seen. What is added to it later is seen too.
-            camera: Intrinsics, image size and depth range of all views; or a `warpvis.sensors.LensCamera`, which is
-                cast by rays on a GPU, or a `warpvis.rendering.OrthographicCamera`, which always is.
+            camera: Intrinsics, image size and depth range of all views; or a `warpvis.sensors.LensCamera` or
+                `warpvis.sensors.Rays`, which are cast by rays on a GPU and where rays have origins of their own, or a
+                `warpvis.rendering.OrthographicCamera`, which always is.
             outputs: The images to make, of ``"depth"``, ``"points"``, ``"normals"``, ``"labels"``, ``"segmentation"``.
             caster: ``"packets"``, for speed; ``"rays"``, the reference; ``"auto"`` takes packets, which have been the
                 faster ones on every scene and device measured. Both give the same images.
@@ -96,6 +97,8 @@ class Renderer:
         self.device_bytes = _check_device_bytes(device_bytes, scene.device)
         self.fill = fill
         self._fill = _fill_numbers(fill, camera)
+        self._axes: Convention = camera.axes if isinstance(camera, RayCamera) else "opencv"
+        self._shape = camera.shape if isinstance(camera, RayCamera) else (camera.height, camera.width)
         self._checked = CheckedImages()
         kind = _caster_class(self.caster, camera, scene.device)
         self._caster = kind(
@@ -114,7 +117,7 @@ class Renderer:
         object_scales: ObjectScales = None,
         world_index: ArrayInput | None = None,
         exclude: Excluded = None,
-        convention: Convention = "opencv",
+        convention: Convention | None = None,
         quaternion: QuaternionOrder = "xyzw",
         out: Views | None = None,
     ) -> Views:
@@ -138,7 +141,7 @@ class Renderer:
             exclude: What is not seen: names or indices of objects, or for every view its own flags, shape
                 ``(V, objects)``. A robot's camera excludes the robot's body.
             convention: Axes of the camera frame of the poses: ``"opencv"``, ``"opengl"``, ``"ros_body"`` or
-                ``"ros_optical"``.
+                ``"ros_optical"``; by default the camera's own, OpenCV's but for `warpvis.sensors.Rays` that say others.
             quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
             out: Images of an earlier call to write into, of the same number of views.
 
@@ -153,13 +156,13 @@ class Renderer:
         camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
         object_poses = to_xyzw(object_poses, quaternion, "object_poses")
         self.scene.require_objects()
-        poses = self._caster.parse_poses(camera_to_world, convention)
+        poses = self._caster.parse_poses(camera_to_world, self._axes if convention is None else convention)
         worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude, object_scales)
         return self._render(poses, worlds, out)
 
     def _render(self, poses: Any, worlds: Worlds, out: Views | None) -> Views:
         """Render views whose poses are as the caster takes them."""
-        shape = (len(poses), self.camera.height, self.camera.width)
+        shape = (len(poses), *self._shape)
         known = None if out is None else self._checked.find(out, shape, self.outputs)
         if out is not None and known is not None:
             return self._cast_into(out, known, poses, worlds)
@@ -188,7 +191,7 @@ class Renderer:
         object_scales: ObjectScales = None,
         world_index: ArrayInput | None = None,
         exclude: Excluded = None,
-        convention: Convention = "opencv",
+        convention: Convention | None = None,
         quaternion: QuaternionOrder = "xyzw",
         out: Views | None = None,
     ) -> Views:
@@ -202,7 +205,7 @@ class Renderer:
             object_scales: As for `render`.
             world_index: As for `render`.
             exclude: As for `render`.
-            convention: Axes of the camera frame of the poses.
+            convention: As for `render`.
             quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
             out: Results of an earlier call to write into, of the same shape.
 
@@ -216,12 +219,12 @@ class Renderer:
         object_poses = to_xyzw(object_poses, quaternion, "object_poses")
         self.scene.require_objects()
         device = self.scene.device
-        poses = self._caster.parse_poses(camera_to_world, convention)
+        poses = self._caster.parse_poses(camera_to_world, self._axes if convention is None else convention)
         worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude, object_scales)
         points = as_warp(pixels, wp.vec2, (len(poses), "N"), name="pixels", device=device)
         views = views_for(self.outputs, points.shape, device, out)
-        rows = [image if image is None else _as_rows(image) for image in self._asked_for(views)]
-        self._caster.cast_at(poses, worlds, _as_rows(points), rows)
+        rows = [image if image is None else as_rows(image) for image in self._asked_for(views)]
+        self._caster.cast_at(poses, worlds, as_rows(points), rows)
         self._fill_depth(rows[0])
         return views
 
@@ -230,7 +233,7 @@ class Renderer:
 
         The images stay on the scene's device, whatever their size.
         """
-        shape = (len(poses), self.camera.height, self.camera.width)
+        shape = (len(poses), *self._shape)
         views = views_for(self.outputs, shape, self.scene.device, out)
         self._caster.cast(self._caster.parse_poses(poses, "opencv"), worlds, self._asked_for(views))
         self._fill_depth(views.depth)
@@ -242,6 +245,7 @@ class Renderer:
             return
         from warpvis.kernels.images import fill_depth
 
+        depth = depth if depth.ndim == 3 else as_rows(depth)
         empty, too_near = self._fill
         launch_images(
             fill_depth,
@@ -265,9 +269,9 @@ class Renderer:
 
     def _cast_in_parts(self, poses: wp.array, worlds: Worlds, images: list[wp.array | None]) -> None:
         """Cast as many views at a time as fit `device_bytes`, at least one, and copy them to the host's images."""
-        pixels = self.camera.height * self.camera.width
+        pixels = math.prod(self._shape)
         step = min(len(poses), max(1, self.device_bytes // (pixels * self._bytes_per_pixel())))
-        views = views_for(self.outputs, (step, self.camera.height, self.camera.width), self.scene.device)
+        views = views_for(self.outputs, (step, *self._shape), self.scene.device)
         for first in range(0, len(poses), max(1, step)):
             part = slice(first, min(first + step, len(poses)))
             sources = [None if image is None else image[: part.stop - first] for image in self._asked_for(views)]
@@ -284,16 +288,13 @@ class Renderer:
         return [getattr(views, name) if name in outputs else None for name in OUTPUTS]
 
 
-def _as_rows(array: wp.array) -> wp.array:
-    """View ``(V, N)`` as ``(V, 1, N)``: an image of one row, in the same memory."""
-    return array.reshape((array.shape[0], 1, array.shape[1]))
-
-
 def _choose_caster(caster: Caster, camera: RenderCamera, device: wp.Device) -> Literal["packets", "rays"]:
     check_choice(caster, "caster", ("auto", "packets", "rays"))
-    if isinstance(camera, OrthographicCamera) or (isinstance(camera, RayCamera) and not device.is_cpu):
+    apart = isinstance(camera, RayCamera) and camera.origins is not None
+    if apart or isinstance(camera, OrthographicCamera) or (isinstance(camera, RayCamera) and not device.is_cpu):
         if caster == "packets":
             name = "an OrthographicCamera" if isinstance(camera, OrthographicCamera) else f"a {type(camera).__name__}"
+            name += " whose rays have origins" if apart else ""
             raise CameraError(f'packets are cast through a pinhole; {name} needs caster="rays" or "auto"')
         return "rays"
     return "packets" if caster == "auto" else caster
@@ -346,7 +347,7 @@ def render(
     object_scales: ObjectScales = None,
     world_index: ArrayInput | None = None,
     exclude: Excluded = None,
-    convention: Convention = "opencv",
+    convention: Convention | None = None,
     quaternion: QuaternionOrder = "xyzw",
     threads: int | None = None,
     device_bytes: int | None = None,

@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 
 from warpvis.core.arrays import on_gpu
-from warpvis.core.poses import Convention, check_convention, host_poses, parse_poses
+from warpvis.core.poses import Convention, check_convention, host_poses, parse_poses, poses_in_axes
 from warpvis.core.ray_camera import RayCamera
 from warpvis.core.threads import launch_images
 from warpvis.core.types import KernelArguments, PoseLike
@@ -151,9 +151,19 @@ class RayTableCaster(RaysCaster):
 
     _camera: RayCamera
 
+    def parse_poses(self, poses: PoseLike, convention: Convention) -> CastPoses:
+        """Check poses, and return them as poses of the frame that the rays are of."""
+        axes, convention = self._camera.axes, check_convention(convention)
+        if convention == axes:
+            return super().parse_poses(poses, "opencv")
+        if axes == "opencv":
+            return super().parse_poses(poses, convention)
+        return poses_in_axes(parse_poses(poses, convention=convention, device=self._scene.device), axes)
+
     def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
-        self.cast_along(poses, worlds, self._table, images)
+        rows = [image if image is None or image.ndim == 3 else as_rows(image) for image in images]
+        self._cast(poses, worlds, self._table, self._origins, rows)
 
     def cast_at(self, poses: CastPoses, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
         """Cast through image points, shape ``(V, 1, N)`` vec2, as are the images'; they are unprojected on the host."""
@@ -162,14 +172,39 @@ class RayTableCaster(RaysCaster):
 
     def cast_along(self, poses: CastPoses, worlds: Worlds, rays: wp.array, images: list[wp.array | None]) -> None:
         """Cast along rays of the camera frame, of depth 1, shape ``(V, Y, X)`` vec3d; ``(1, Y, X)`` for all views."""
+        self._cast(poses, worlds, rays, None, images)
+
+    def _cast(
+        self,
+        poses: CastPoses,
+        worlds: Worlds,
+        rays: wp.array,
+        origins: wp.array | None,
+        images: list[wp.array | None],
+    ) -> None:
         from warpvis.kernels.ray_table import cast_ray_table
 
         shape = (len(poses), *rays.shape[1:])
-        self._launch(cast_ray_table, shape, poses, [worlds, rays], images)
+        self._launch(cast_ray_table, shape, poses, [worlds, rays, origins], images)
 
     @cached_property
     def _table(self) -> wp.array:
-        return wp.array(self._camera.rays[None], dtype=wp.vec3d, device=self._scene.device)
+        return wp.array(self._as_image(self._camera.rays)[None], dtype=wp.vec3d, device=self._scene.device)
+
+    @cached_property
+    def _origins(self) -> wp.array | None:
+        origins = self._camera.origins
+        if origins is None:
+            return None
+        return wp.array(self._as_image(origins), dtype=wp.vec3d, device=self._scene.device)
+
+    def _as_image(self, vectors: np.ndarray) -> np.ndarray:
+        return vectors.reshape(self._camera.height, self._camera.width, 3)
+
+
+def as_rows(array: wp.array) -> wp.array:
+    """View ``(V, N)`` as ``(V, 1, N)``: an image of one row, in the same memory."""
+    return array.reshape((array.shape[0], 1, array.shape[1]))
 
 
 def images_struct(images: Sequence[wp.array | None]) -> Images:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What devices make of a scene: lenses."""
+"""What devices make of a scene: lenses, ray patterns."""
 
 from __future__ import annotations
 
@@ -16,5 +16,6 @@ from warpvis.sensors._lens_camera import (
     camera_of as camera_of,
     require_calibrated as require_calibrated,
 )
+from warpvis.sensors._rays import Rays
 
-__all__ = ["LensCamera", "lenses"]
+__all__ = ["LensCamera", "Rays", "lenses"]

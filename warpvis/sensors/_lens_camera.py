@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -15,15 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.camera import Camera, check_range, check_size
 from warpvis.core.checks import as_items, check_choice, check_whole
-from warpvis.core.ray_camera import DepthKind, LensedCamera
+from warpvis.core.ray_camera import MOST_RAYS, DepthKind, LensedCamera
+from warpvis.core.user_warnings import warn_user
 from warpvis.errors import CameraError, IntrinsicsWarning
 from warpvis.sensors.lenses import Lens, lens_to_ros
 
 if TYPE_CHECKING:
     from warpvis.core.messages import Message, MessageTypes, Stamp
-
-# Their rays take 1.6 GB.
-_MOST_PIXELS = 2**26
 
 
 @dataclass(frozen=True)
@@ -74,11 +71,10 @@ class LensCamera(LensedCamera):
         if count:
             degrees = math.degrees(self.lens.max_angle)
             why = "turns back" if self.lens.turns_back else "ends"
-            warnings.warn(
+            warn_user(
                 f"{count} of {self.mask.size} pixels have no ray, since the lens {why} {degrees:.4g} degrees from its "
                 "axis: they stay empty, and the camera's mask shows them",
                 IntrinsicsWarning,
-                stacklevel=4,
             )
 
     @property
@@ -167,9 +163,9 @@ CalibratedCamera: TypeAlias = Camera | LensCamera
 
 
 def _check_pixels(width: int, height: int) -> None:
-    if width * height > _MOST_PIXELS:
+    if width * height > MOST_RAYS:
         raise CameraError(
-            f"a LensCamera has a ray for each pixel, of which there may be {_MOST_PIXELS}, got {width} x {height}"
+            f"a LensCamera has a ray for each pixel, of which there may be {MOST_RAYS}, got {width} x {height}"
         )
 
 

@@ -9,13 +9,13 @@ https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_format.md
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
 from warpvis.core.camera import Camera
 from warpvis.core.types import Json
+from warpvis.core.user_warnings import warn_user
 from warpvis.errors import IntrinsicsWarning
 from warpvis.io._files import as_numbers, read_json, shorten
 from warpvis.io.cameras._pinhole import NoPinholeError, image_size, make_calibrated, make_pinhole, one_camera
@@ -96,11 +96,10 @@ def _nerfstudio_numbers(
     across = _number(path, fields, "camera_angle_x")
     if size is None:
         if focal[0] is not None or across is not None:
-            warnings.warn(
+            warn_user(
                 f"{path}: says a field of view, but not the images' size, and there is no picture beside it: the poses "
                 "come without a camera",
                 IntrinsicsWarning,
-                stacklevel=2,
             )
         return None
     if focal[0] is None and across is not None and 0 < across < math.pi:

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
@@ -12,6 +11,7 @@ from typing import TypeVar
 from warpvis.core.camera import Camera
 from warpvis.core.checks import said_by
 from warpvis.core.image_cameras import describe_pixels, same_pixels
+from warpvis.core.user_warnings import warn_user
 from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning, MessageError
 from warpvis.sensors import CalibratedCamera
 
@@ -49,11 +49,10 @@ def make_pinhole(
     except CameraError as error:
         raise FileFormatError(f"{place}: {said_by(error)}") from None
     if any(distortion):
-        warnings.warn(
+        warn_user(
             f"{place}: the lens has distortion, which is not rendered: images are those of the pinhole, as of pictures "
             "that were undistorted",
             IntrinsicsWarning,
-            stacklevel=2,
         )
     return camera
 
@@ -75,11 +74,10 @@ def one_camera(cameras: Sequence[_Camera], place: str) -> _Camera | None:
     other = next((camera for camera in cameras if not same_pixels(camera, cameras[0])), None)
     if other is None:
         return cameras[0] if cameras else None
-    warnings.warn(
+    warn_user(
         f"{place}: its images have different cameras, of {describe_pixels(cameras[0])} and of {describe_pixels(other)} "
         "among them; frames have one, so give it",
         IntrinsicsWarning,
-        stacklevel=2,
     )
     return None
 
@@ -93,7 +91,7 @@ def camera_of_poses(read: Callable[[], CalibratedCamera | None]) -> CalibratedCa
     try:
         return read()
     except NoPinholeError as error:
-        warnings.warn(f"{error}: the poses come without a camera", IntrinsicsWarning, stacklevel=2)
+        warn_user(f"{error}: the poses come without a camera", IntrinsicsWarning)
         return None
 
 

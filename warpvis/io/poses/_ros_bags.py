@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
@@ -15,6 +14,7 @@ import numpy as np
 
 from warpvis.core.camera import Camera
 from warpvis.core.checks import said_by, shortened
+from warpvis.core.user_warnings import warn_user
 from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning, MessageError
 from warpvis.io._mcap import check_mcap
 from warpvis.io.cameras._pinhole import one_camera
@@ -172,7 +172,7 @@ def _choose_camera(path: Path, eyes: Sequence[_Eye], child: str) -> CalibratedCa
     try:
         return one_camera([eye.make() for eye in chosen], str(path))
     except (CameraError, MessageError) as error:
-        warnings.warn(f"{path}: its CameraInfo makes no camera: {error}", IntrinsicsWarning, stacklevel=2)
+        warn_user(f"{path}: its CameraInfo makes no camera: {error}", IntrinsicsWarning)
         return None
 
 

@@ -1,0 +1,245 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Ray patterns: closed forms, the float64 reference, MuJoCo's rays, axes, and what is refused."""
+
+import pickle
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+from test_solids import build as build_solids
+from test_worlds import ALL, assert_bits_equal, build, random_poses
+
+import warpvis as wv
+from warpvis.errors import CameraError
+from warpvis.sensors import LensCamera, Rays, lenses
+
+import reference
+from compare import assert_view_matches, hair
+
+STRAIGHT = np.array([0, 0, 0, 0, 0, 0, 1.0])
+FROM_BODY = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0.0]])  # OpenCV's axes of x forward, y left, z up
+
+
+def sphere_of_rays(count, seed=0):
+    directions = np.random.default_rng(seed).normal(size=(count, 3))
+    return directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+
+
+def few_origins(count, spread=0.03, seed=1):
+    """Of few places, as the twin casts rays of one place together."""
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-spread, spread, (8, 3))[rng.integers(8, size=count)]
+
+
+def assert_matches_reference(views, scene, poses, pattern, **options):
+    """Save where a ray 1e-6 beside sees something else."""
+    options |= {"near": pattern.near, "far": pattern.far}
+    for view, pose in enumerate(poses):
+        expected = reference.cast_ray_table(scene, pattern.rays, pose, origins=pattern.origins, **options)
+
+        def depth_beside(x, y, pose=pose):
+            start = None if pattern.origins is None else pattern.origins[y, x] + 0 * hair(1, 3)
+            rays = pattern.rays[y, x] + hair(1e-6, 3)
+            return reference.cast_ray_table(scene, rays, pose, origins=start, **options).depth
+
+        assert_view_matches(views, view, expected, depth_beside)
+
+
+def test_inside_a_box(device):
+    """In closed form, from origins of their own, at a place far from the world's."""
+    scene, away = wv.Scene(device=device), np.array([500.0, -300.0, 20.0])
+    scene.add(trimesh.creation.box((4, 6, 8)), name="box", pose=(*away, 0, 0, 0, 1))
+    directions, origins = sphere_of_rays(2000), np.random.default_rng(2).uniform(-0.5, 0.5, (2000, 3))
+    views = wv.render(scene, Rays(directions, origins), [*away, 0, 0, 0, 1], outputs=ALL)
+    expected = np.where(directions > 0, [2, 3, 4] - origins, [-2, -3, -4] - origins) / directions
+    assert views.depth.shape == (1, 2000)
+    np.testing.assert_allclose(views.depth.numpy()[0], expected.min(axis=-1), atol=1e-5)
+    points = origins + expected.min(axis=-1)[:, None] * directions
+    np.testing.assert_allclose(views.points.numpy()[0] - away, points, atol=5e-5)  # 500 m in single precision
+
+
+def test_inside_a_sphere(device):
+    """A solid is its triangles from inside: those of a fine ball, within its sagitta of the sphere."""
+    scene = wv.Scene(device=device)
+    ball = trimesh.creation.icosphere(subdivisions=5, radius=3.0)
+    scene.add(ball, name="ball")
+    directions, start = sphere_of_rays(500), np.array([0.4, -0.3, 0.2])
+    depth = wv.render(scene, Rays(directions, np.tile(start, (500, 1))), STRAIGHT).depth.numpy()[0]
+    along = directions @ start
+    expected = -along + np.sqrt(along**2 - start @ start + 9)
+    sagitta = 3 - np.linalg.norm(ball.triangles_center, axis=-1).min()
+    assert (depth <= expected + 1e-6).all() and (depth >= expected - 1.1 * sagitta).all()
+
+
+@pytest.mark.parametrize("cull_backfaces", [False, True])
+def test_origins_match_the_reference(cull_backfaces, device):
+    rng = np.random.default_rng(0)
+    meshes = [trimesh.creation.box((0.5, 0.3, 0.7)), trimesh.creation.icosphere(subdivisions=1, radius=0.3)]
+    scene = build_solids(device, random_poses(rng, 10, spread=2.0), extra=meshes)
+    poses = random_poses(rng, 2, spread=0.3)
+    shape = (24, 40, 3)
+    pattern = Rays(
+        sphere_of_rays(960).reshape(shape), few_origins(960, 0.2).reshape(shape), near=0.4, far=2.0, axes="ros_body"
+    )
+    views = wv.render(scene, pattern, poses, outputs=ALL, cull_backfaces=cull_backfaces)
+    assert views.depth.shape == (2, 24, 40) and np.isneginf(views.depth.numpy()).any()
+    assert_matches_reference(views, scene, poses, pattern, cull_backfaces=cull_backfaces)
+
+
+@pytest.mark.parametrize("caster", ["auto", "rays"])
+def test_rays_of_one_point_match_the_reference(caster, device):
+    scene = wv.scenes.PRESETS["room"].build(device)
+    poses = np.array([wv.look_at(eye, (0.5, 0.4, 0.3)) for eye in ((0.1, 0.2, 0.9), (-0.8, 1.2, 1.5))])
+    pattern = Rays(sphere_of_rays(1200).reshape(30, 40, 3), near=0.8, far=2.0, axes="ros_body")
+    views = wv.render(scene, pattern, poses, caster=caster, outputs=ALL)
+    assert np.isneginf(views.depth.numpy()).any() and np.isposinf(views.depth.numpy()).any()
+    assert_matches_reference(views, scene, poses, pattern)
+
+
+def test_a_list_is_an_image_of_one_row(device):
+    scene = wv.scenes.PRESETS["room"].build(device)
+    poses = [wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3)), wv.look_at((-0.8, 1.2, 1.5), (0.5, 0.4, 0.3))]
+    directions = sphere_of_rays(300)
+    flat = wv.render(scene, Rays(directions, far=1.5), poses, outputs=ALL, fill=0.0)
+    row = wv.render(scene, Rays(directions[None], far=1.5), poses, outputs=ALL, fill=0.0)
+    assert (flat.depth.numpy() == 0).any()
+    for name in ALL:
+        np.testing.assert_array_equal(getattr(flat, name).numpy(), getattr(row, name).numpy()[:, 0])
+    renderer = wv.Renderer(scene, Rays(directions, far=1.5), outputs=ALL, fill=0.0)
+    assert renderer.render(poses, out=flat) is flat
+    assert_bits_equal(flat, renderer.render(poses, out=flat))
+
+
+def test_a_cameras_rays_as_a_pattern(device):
+    """What the camera shows, by length and along the axis, but for the last bit of directions of length 1."""
+    scene, pose = wv.scenes.PRESETS["room"].build(device), wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))
+    lens = lenses.OpenCVPinhole(52, 50, 32, 24, (-0.1, 0.02, 0, 0))
+    for kind in ("z", "range"):
+        camera = LensCamera(lens, 64, 48, kind=kind, near=0.2, far=4.0)
+        pattern = Rays(camera.directions, kind=kind, near=0.2, far=4.0)
+        first, second = (wv.render(scene, given, pose, outputs=ALL) for given in (camera, pattern))
+        np.testing.assert_allclose(first.depth.numpy(), second.depth.numpy(), rtol=2e-7)
+        np.testing.assert_array_equal(first.segmentation.numpy(), second.segmentation.numpy())
+
+
+def test_poses_are_of_the_patterns_frame(device):
+    """By default, whatever its axes are called; `convention` names the axes of poses that are of another."""
+    scene = wv.scenes.PRESETS["room"].build(device)
+    body = np.array([0.1, 0.2, 0.9, 0.1, -0.2, 0.3, 0.9])
+    body[3:] /= np.linalg.norm(body[3:])
+    directions, origins = sphere_of_rays(400), few_origins(400)
+    lidar = Rays(directions, origins, axes="ros_body")
+    seen = wv.render(scene, lidar, body, outputs=ALL)
+    assert_bits_equal(seen, wv.render(scene, Rays(directions, origins), body, outputs=ALL))
+    assert_bits_equal(seen, wv.render(scene, lidar, body, convention="ros_body", outputs=ALL))
+    optical = wv.core.poses.poses_to_opencv(body, "ros_body")
+    of_optical = Rays(directions @ FROM_BODY.T, origins @ FROM_BODY.T)
+    for pattern, poses, convention in (
+        (lidar, optical, "opencv"),
+        (of_optical, optical, None),
+        (of_optical, body, "ros_body"),
+    ):
+        other = wv.render(scene, pattern, poses, convention=convention, outputs=ALL)
+        np.testing.assert_allclose(other.depth.numpy(), seen.depth.numpy(), atol=2e-5)
+        np.testing.assert_allclose(other.points.numpy(), seen.points.numpy(), atol=2e-5)
+    on_device = wv.core.poses.parse_poses(optical, device=device)
+    there = wv.render(scene, lidar, on_device, convention="opencv", outputs=ALL)
+    np.testing.assert_allclose(there.depth.numpy(), seen.depth.numpy(), atol=2e-5)
+
+
+def test_worlds_and_exclude(device):
+    rows = np.stack([random_poses(np.random.default_rng(seed), 5, spread=1.5) for seed in (0, 1)])
+    scene = build(device, rows[0], movable=True)
+    pattern, poses = Rays(sphere_of_rays(600), few_origins(600)), random_poses(np.random.default_rng(3), 2, spread=0.3)
+    both = wv.render(scene, pattern, poses, object_poses=rows, world_index=[1, 0], outputs=ALL)
+    for view, world in enumerate((1, 0)):
+        alone = wv.render(scene, pattern, poses[view], object_poses=rows[world], outputs=ALL)
+        for name in ALL:
+            np.testing.assert_array_equal(getattr(alone, name).numpy()[0], getattr(both, name).numpy()[view])
+    names = [scene.objects[index].name for index in np.unique(both.segmentation.numpy()) if index >= 0]
+    hidden = wv.render(scene, pattern, poses, object_poses=rows, world_index=[1, 0], exclude=names[:1], outputs=ALL)
+    index = [item.name for item in scene.objects].index(names[0])
+    assert (both.segmentation.numpy() == index).any()
+    assert not (hidden.segmentation.numpy() == index).any()
+
+
+def test_mujocos_rays(device):
+    """`mj_ray` casts them in double precision."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody>
+          <geom type="plane" size="5 5 .1"/><geom type="box" size=".3 .2 .4" pos="1 .2 .4" euler="10 20 30"/>
+          <geom type="box" size=".1 2 .5" pos="-1.5 0 .5" euler="0 0 15"/>
+          <geom type="box" size="2 .1 .5" pos="0 -2 .4"/>
+        </worldbody></mujoco>"""
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    scene = wv.mujoco.scene_from_mujoco(model, device=device).scene
+    directions, origins, place = sphere_of_rays(800), few_origins(800), np.array([0.1, 0.3, 0.7])
+    depth = wv.render(scene, Rays(directions, origins, axes="ros_body"), [*place, 0, 0, 0, 1]).depth.numpy()[0]
+    geom = np.zeros(1, dtype=np.int32)
+    expected = np.array(
+        [mujoco.mj_ray(model, data, place + o, d, None, 1, -1, geom) for o, d in zip(origins, directions, strict=True)]
+    )
+    hit = expected >= 0
+    assert 0.5 < hit.mean() < 1
+    wrong = np.where(hit, np.abs(depth - expected) > 1e-5 * np.maximum(1, expected), ~np.isposinf(depth))
+    assert wrong.mean() <= 0.005  # at edges
+
+
+def test_what_it_holds():
+    given = sphere_of_rays(6).reshape(2, 3, 3)
+    times, rings = np.arange(6).reshape(2, 3) * 1e-3, [[0, 1, 2], [3, 4, 5]]
+    pattern = Rays(given, 0 * given, times, rings, near=0.5, far=9, axes="ros_optical")
+    assert pattern.shape == (2, 3) and len(pattern) == 6 and pattern.axes == "opencv" and pattern.far == 9.0
+    np.testing.assert_array_equal(pattern.directions, given)
+    np.testing.assert_array_equal(pattern.times, times)
+    np.testing.assert_array_equal(pattern.rings, rings)
+    assert pattern.rings.dtype == np.int32
+    given[:] = 0
+    assert np.allclose(np.linalg.norm(pattern.directions, axis=-1), 1)
+    with pytest.raises(ValueError, match="read-only"):
+        pattern.directions[0] = 0
+    again = pickle.loads(pickle.dumps(pattern))
+    np.testing.assert_array_equal(again.rays, pattern.rays)
+    assert "(2, 3) with origins, times, rings" in repr(pattern)
+    single = Rays(pattern.directions.astype(np.float32))
+    np.testing.assert_allclose(np.linalg.norm(single.rays, axis=-1), 1, atol=1e-15)
+
+
+ONE = np.array([[0, 0, 1.0], [0, 0.6, 0.8]])
+REFUSED = {
+    "length": (lambda: Rays(1.001 * ONE), r"directions must have length 1 .* 2 of 2 have not, first at \[0\], .*1.001"),
+    "nan": (
+        lambda: Rays([[np.nan, 0, 1], [0, 0, 1]]),
+        r"directions must be finite, and 1 of 2 are not, first at \[0\]",
+    ),
+    "shape": (lambda: Rays([0, 0, 1.0]), r"directions must have shape \(H, W, 3\) or \(N, 3\), got \(3,\)"),
+    "none": (lambda: Rays(np.zeros((0, 3))), r"directions must have shape"),
+    "origins": (lambda: Rays(ONE, ONE[:1]), r"origins must be one for each of the \(2,\) rays, got shape \(1, 3\)"),
+    "origins of images": (lambda: Rays(ONE, ONE[None]), r"origins must be one for each of the \(2,\) rays"),
+    "times": (lambda: Rays(ONE, times=[0.0]), r"times must be one for each of the \(2,\) rays, got shape \(1,\)"),
+    "times that are none": (lambda: Rays(ONE, times=[0, np.inf]), "times must be finite, and 1 are not"),
+    "rings": (lambda: Rays(ONE, rings=[0, 1.5]), "rings must be whole numbers from 0 up, got 1.5"),
+    "range": (lambda: Rays(ONE, near=2, far=1), "0 <= near < far"),
+    "kind": (lambda: Rays(-ONE, kind="z"), 'kind="z" is for what is ahead, and 2 of 2 rays look 90 degrees or more'),
+    "kind of axes": (lambda: Rays(ONE, kind="z", axes="ros_body"), "is for axes whose z is forward"),
+    "axes": (lambda: Rays(ONE, axes="body"), "axes must be one of 'opencv', 'opengl', 'ros_body'"),
+    "packets": (
+        lambda: wv.Renderer(wv.scenes.PRESETS["room"].build("cpu"), Rays(ONE, ONE), caster="packets"),
+        "origins needs",
+    ),
+    "points": (
+        lambda: wv.Renderer(wv.scenes.PRESETS["room"].build("cpu"), Rays(ONE)).render_at(STRAIGHT, [[[0.5, 0.5]]]),
+        "render_at is for points of an image, and Rays are rays without anything between them",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_no_pattern_is_refused(name):
+    make, message = REFUSED[name]
+    with pytest.raises(CameraError, match=message):
+        make()
