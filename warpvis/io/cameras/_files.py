@@ -10,9 +10,9 @@ from typing import Any, Literal, overload
 
 from warpvis.core.camera import Camera, require_camera
 from warpvis.core.checks import as_path, check_flag, said_by
+from warpvis.core.json_files import read_json
 from warpvis.core.types import Json
 from warpvis.errors import CameraError, FileFormatError
-from warpvis.io._files import read_json
 from warpvis.io.cameras._colmap import colmap_camera, colmap_lens_camera
 from warpvis.io.cameras._json import (
     bop_camera,

@@ -14,10 +14,11 @@ from functools import partial
 from pathlib import Path
 
 from warpvis.core.camera import Camera
+from warpvis.core.json_files import read_json
 from warpvis.core.types import Json
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import IntrinsicsWarning
-from warpvis.io._files import as_numbers, read_json, shorten
+from warpvis.io._files import as_numbers, shorten
 from warpvis.io.cameras._pinhole import NoPinholeError, image_size, make_calibrated, make_pinhole, one_camera
 from warpvis.sensors import CalibratedCamera
 

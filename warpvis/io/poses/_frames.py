@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from warpvis.core.checks import as_path, check_flag
 from warpvis.core.frames import Frames
+from warpvis.core.json_files import read_json
 from warpvis.core.poses import Convention, QuaternionOrder, check_convention, check_quaternion
 from warpvis.errors import FileFormatError
-from warpvis.io._files import read_archive, read_array, read_json
+from warpvis.io._files import read_archive, read_array
 from warpvis.io.poses._bop import parse_bop
 from warpvis.io.poses._colmap import FILES as COLMAP_FILES, read_colmap
 from warpvis.io.poses._file_poses import FilePoses

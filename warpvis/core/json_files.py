@@ -1,0 +1,31 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Read JSON files: all readers say what is wrong with one in the same words."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from warpvis.core.types import Json
+from warpvis.errors import FileFormatError
+
+
+def read_json(path: Path) -> Json:
+    """Read a JSON file.
+
+    Raises:
+        FileFormatError: It cannot be read, or is not JSON; the line is named.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise FileFormatError(f"{path}: is not a JSON text file") from None
+    except json.JSONDecodeError as error:
+        raise FileFormatError(f"{path}:{error.lineno}: is not JSON: {error.msg}") from None
+    except RecursionError:
+        raise FileFormatError(f"{path}: is not JSON that can be read: it is nested too deeply") from None
+    except ValueError as error:  # a whole number of thousands of digits
+        raise FileFormatError(f"{path}: is not JSON that can be read: {error}") from None
