@@ -1,0 +1,407 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Ray patterns of lidars, against the makers' formulas, tables and libraries."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import warpvis as wv
+from warpvis.sensors import lidars
+
+SPINNING = {
+    "vlp16": lidars.vlp16,
+    "vlp32c": lidars.vlp32c,
+    "hdl64e": lidars.hdl64e,
+    "ouster": lambda rate: lidars.ouster("OS1-128", f"512x{rate}"),
+    "even": lambda rate: lidars.even(4, rate=rate),
+    "bpearl": lambda rate: lidars.bpearl(0.01, rate=rate),
+}
+
+# What ouster-sdk 1.0.1's `XYZLut` says of `SensorInfo.from_default(LidarMode._1024x10)`: direction and offset.
+OS1_64 = {
+    (0, 0): (
+        [-0.9568069643596201, 0.05289077661276211, 0.28587234686521795],
+        [-0.0006827091213318451, -0.0008359916151413141, 0.031661501685448366],
+    ),
+    (1, 255): (
+        [0.011796428297887674, 0.960784142498171, 0.27704634233908787],
+        [-0.00028343813844094144, 0.0006195483001907025, 0.031801005512988374],
+    ),
+    (31, 512): (
+        [0.9984650416738222, 0.055193569279846165, 0.004607652921339913],
+        [2.426155130356733e-05, -0.0008723895560372502, 0.0361071714379253],
+    ),
+    (63, 1023): (
+        [-0.9564644210346107, -0.058760638123657255, -0.28587234686521795],
+        [-0.000687825817643736, 0.0008317868534179946, 0.040698498314551634],
+    ),
+}
+
+
+def angles(rays):
+    """Azimuth to the left and elevation [deg]."""
+    x, y, z = np.moveaxis(np.asarray(rays.directions), -1, 0)
+    return np.degrees(np.arctan2(y, x)), np.degrees(np.arcsin(z))
+
+
+@pytest.mark.parametrize("rate", [10, 20])
+@pytest.mark.parametrize("name", SPINNING)
+def test_times_rise_and_stay_within_a_turn(name, rate):
+    rays = SPINNING[name](rate)
+    times = np.asarray(rays.times)
+    assert times.min() == 0 and times.max() < 1 / rate
+    assert (np.diff(times, axis=1) > 0).all()
+    assert times.max() > 0.99 / rate
+    np.testing.assert_allclose(np.linalg.norm(rays.directions, axis=-1), 1, atol=1e-14)
+
+
+@pytest.mark.parametrize("name", ["vlp16", "vlp32c", "hdl64e"])
+def test_a_velodyne_turns_clockwise_at_its_rate(name):
+    rays = SPINNING[name](10)
+    azimuth, elevation = angles(rays)
+    turned = np.unwrap(np.radians(azimuth), axis=1)
+    slope = np.diff(turned, axis=1) / np.diff(rays.times, axis=1)
+    np.testing.assert_allclose(slope, -2 * math.pi * 10, rtol=1e-6)
+    assert (np.diff(elevation[:, 0]) <= 0).all()
+    assert (np.asarray(rays.rings)[:, 0] == np.arange(len(elevation))[::-1]).all()
+
+
+def test_a_vlp16_fires_its_lasers_in_the_manuals_order():
+    rays = lidars.vlp16()
+    azimuth, elevation = angles(rays)
+    order = np.argsort(rays.times[:, 0])
+    fired = [-15, 1, -13, 3, -11, 5, -9, 7, -7, 9, -5, 11, -3, 13, -1, 15]
+    np.testing.assert_allclose(elevation[order, 0], fired, atol=1e-12)
+    np.testing.assert_allclose(rays.times[order, 0], np.arange(16) * 2.304e-6, atol=1e-15)
+    np.testing.assert_allclose(np.diff(rays.times, axis=1), 55.296e-6, atol=1e-12)
+    assert rays.directions.shape == (16, 1808, 3)
+    assert azimuth[15, 0] == 0 and azimuth[15, 1] == pytest.approx(-0.1990656, abs=1e-9)
+    # 11.2 mm for the outermost lasers, by the sensor's drawing; beams meet 41.91 mm ahead.
+    heights = np.asarray(rays.origins)[:, 0, 2]
+    assert heights[0] == pytest.approx(-0.0112, abs=5e-5) and heights[-1] == pytest.approx(0.0112, abs=5e-5)
+    at = rays.origins[:, 0] + rays.directions[:, 0] * (0.04191 / np.cos(np.radians(elevation[:, 0])))[:, None]
+    np.testing.assert_allclose(at[:, 2], 0, atol=1e-15)
+
+
+def test_a_vlp32c_has_two_lasers_at_a_time_and_azimuths_of_their_own():
+    rays = lidars.vlp32c()
+    times, counts = np.unique(np.round(rays.times[:, 0], 9), return_counts=True)
+    assert (counts == 2).all() and len(times) == 16
+    azimuth, elevation = angles(rays)
+    left = azimuth[:, 0] + 3600 * rays.times[:, 0]
+    assert set(np.round(left, 9)) == {-4.2, -1.4, 1.4, 4.2}
+    assert elevation[0, 0] == pytest.approx(15) and elevation[-1, 0] == pytest.approx(-25)
+    assert left[0] == pytest.approx(1.4) and left[-1] == pytest.approx(-1.4)
+
+
+def test_an_hdl64e_has_two_blocks_that_fire_together():
+    rays = lidars.hdl64e()
+    times, counts = np.unique(np.round(rays.times[:, 0], 9), return_counts=True)
+    assert (counts == 2).all() and times[-1] == pytest.approx(7 * 7.2e-6 + 3.7e-6)
+    assert 64 * rays.directions.shape[1] * 10 == pytest.approx(1.11e6, rel=0.01)  # points a second, by its data sheet
+    # Every ray passes the axis at 26 mm.
+    across = np.abs(rays.origins[..., 0] * rays.directions[..., 1] - rays.origins[..., 1] * rays.directions[..., 0])
+    np.testing.assert_allclose(across / np.hypot(rays.directions[..., 0], rays.directions[..., 1]), 0.026, atol=1e-12)
+
+
+def velodyne_file(path, count=16, **changes):
+    lasers = [
+        {"laser_id": n, "vert_correction": 0.01 * n, "rot_correction": 0.1, "vert_offset_correction": 0.2, **changes}
+        for n in range(count)
+    ]
+    path.write_text(json.dumps({"lasers": lasers, "num_lasers": count}))  # JSON is YAML
+    return path
+
+
+def test_a_velodynes_own_calibration_is_read(tmp_path):
+    rays = lidars.vlp16(calibration=velodyne_file(tmp_path / "a.yaml"))
+    assert rays.directions[0, 0, 2] == pytest.approx(math.sin(0.15))
+    heading = 0.1 - 2 * math.pi * 10 * rays.times[0, 0]
+    assert math.atan2(*rays.directions[0, 0, 1::-1]) == pytest.approx(heading)
+    np.testing.assert_allclose(rays.origins[0, 0], [0, 0, 0.2], atol=1e-15)
+
+
+def ouster_metadata(**changes):
+    """Metadata of an OS1-64 as `SensorInfo.from_default` writes it, shortened."""
+    known = json.loads(
+        '{"lidar_data_format": {"columns_per_frame": 1024, "column_window": [0, 1023], "pixels_per_column": 64},'
+        '"lidar_intrinsics": {"lidar_to_sensor_transform": [-1,0,0,0, 0,-1,0,0, 0,0,1,36.18, 0,0,0,1]},'
+        '"config_params": {"lidar_mode": "1024x10"}, "sensor_info": {"prod_line": "OS-1-64"}}'
+    )
+    altitude, azimuth = lidars._ouster._nominal("OS1-64").altitude, [3.164, 1.055, -1.055, -3.164] * 16
+    known["beam_intrinsics"] = {
+        "beam_altitude_angles": np.degrees(altitude).tolist(),
+        "beam_azimuth_angles": azimuth,
+        "beam_to_lidar_transform": [1, 0, 0, 15.806, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1],
+    }
+    for name, values in changes.items():
+        known[name] = {**known[name], **values}
+    return known
+
+
+def old_ouster_metadata():
+    """The same as firmware before 2.4 writes it."""
+    new = ouster_metadata()
+    beams, lidar = new["beam_intrinsics"], new["lidar_intrinsics"]
+    return {
+        **{name: beams[name] for name in ("beam_altitude_angles", "beam_azimuth_angles")},
+        **lidar,
+        "data_format": new["lidar_data_format"],
+        "lidar_mode": "1024x10",
+        "prod_line": "OS-1-64",
+    }
+
+
+def put(path, fields):
+    path.write_text(json.dumps(fields))
+    return path
+
+
+def test_an_ouster_is_that_of_ouster_sdk():
+    rays = lidars.ouster("OS1-64")
+    assert rays.directions.shape == (64, 1024, 3)
+    for place, (direction, offset) in OS1_64.items():
+        np.testing.assert_allclose(rays.directions[place], direction, atol=1e-12)
+        np.testing.assert_allclose(rays.origins[place], offset, atol=1e-12)
+    np.testing.assert_allclose(rays.times[0], np.arange(1024) / 10240, atol=1e-15)
+    assert (rays.times == rays.times[0]).all() and (rays.rings[:, 5] == np.arange(64)).all()
+
+
+def test_an_ouster_is_that_of_an_installed_ouster_sdk():
+    core = pytest.importorskip("ouster.sdk.core")
+    lut = core.XYZLut(core.SensorInfo.from_default(core.LidarMode._1024x10))
+    rays = lidars.ouster("OS1-64")
+    np.testing.assert_allclose(rays.directions.reshape(-1, 3), lut.direction * 1000, atol=1e-9)
+    np.testing.assert_allclose(rays.origins.reshape(-1, 3), lut.offset, atol=1e-9)
+
+
+@pytest.mark.parametrize("metadata", [ouster_metadata, old_ouster_metadata])
+def test_an_ousters_metadata_is_read_of_all_firmwares(tmp_path, metadata):
+    path = put(tmp_path / "os.json", metadata())
+    rays, nominal = lidars.ouster(path), lidars.ouster("OS1-64")
+    np.testing.assert_allclose(rays.directions, nominal.directions, atol=1e-15)
+    np.testing.assert_allclose(rays.origins, nominal.origins, atol=1e-15)
+    assert lidars.ouster(path, "512x20").directions.shape == (64, 512, 3)
+
+
+@pytest.mark.parametrize(("window", "columns"), [((100, 200), range(100, 201)), ((1022, 1), (0, 1, 1022, 1023))])
+def test_an_ousters_column_window_is_kept(tmp_path, window, columns):
+    fields = ouster_metadata(lidar_data_format={"column_window": list(window)})
+    rays, whole = lidars.ouster(put(tmp_path / "os.json", fields)), lidars.ouster("OS1-64")
+    np.testing.assert_allclose(rays.directions, whole.directions[:, list(columns)], atol=1e-15)
+    np.testing.assert_allclose(rays.times, whole.times[:, list(columns)], atol=1e-15)
+
+
+@pytest.mark.parametrize("name", ["OS0-128", "os-1-128", "OS2-128"])
+def test_nominal_ousters_have_even_beams_in_columns_of_four(name):
+    rays = lidars.ouster(name, "512x10")
+    _, elevation = angles(rays)
+    np.testing.assert_allclose(np.diff(elevation[:, 0]), -2 * elevation[0, 0] / 127, atol=1e-9)
+    left = np.degrees(np.arctan2(rays.directions[:, 256, 1], rays.directions[:, 256, 0]))
+    assert (np.abs(left - np.tile(left[:4], 32)) < 1e-9).all() and left[0] < 0 < left[3]
+
+
+LIVOX = np.array([[0.0, 0.1], [1.0, -0.2], [2.0, 0.3], [3.0, 0.0], [-1.0, 0.5]], dtype=np.float32)
+
+
+def livox_csv(path):
+    rows = [f"{t:.6f},{np.degrees(a):.9f},{90 - np.degrees(e):.9f}" for t, (a, e) in enumerate(LIVOX.astype(float))]
+    path.write_text("\n".join(["Time/s,Azimuth/deg,Zenith/deg", *rows]) + "\n")
+    return path
+
+
+def livox_npy(path):
+    np.save(path, LIVOX)
+    return path
+
+
+@pytest.mark.parametrize("file", [lambda p: livox_csv(p / "mid360.csv"), lambda p: livox_npy(p / "mid360.npy")])
+def test_frames_of_a_livox_go_on_where_the_last_one_ended(tmp_path, file):
+    pattern = lidars.livox("Mid-360", file(tmp_path))
+    azimuth, elevation = LIVOX.T.astype(np.float64)
+    wanted = np.stack([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)], -1)
+    frames = [pattern.frame(k, samples=3) for k in range(6)]
+    seen = np.concatenate([frame.directions.reshape(-1, 3) for frame in frames])
+    np.testing.assert_allclose(seen, np.tile(wanted, (4, 1))[:18], atol=1e-9)
+    np.testing.assert_allclose(np.ravel(frames[0].times), [0, 1 / 30, 2 / 30], atol=1e-15)
+    # Livox' own words: Rz(azimuth) Ry(zenith - 90 degrees) x.
+    turn = wanted[1]
+    c, s = math.cos(-elevation[1]), math.sin(-elevation[1])
+    np.testing.assert_allclose(turn[2], -s, atol=1e-12)
+    np.testing.assert_allclose(np.hypot(*turn[:2]), c, atol=1e-12)
+
+
+def test_a_livox_is_that_of_an_installed_mujoco_lidar():
+    pytest.importorskip("mujoco_lidar")
+    from mujoco_lidar.scan_gen import LivoxGenerator
+
+    theta, phi = LivoxGenerator("mid360").sample_ray_angles()
+    frame = lidars.livox("mid360").frame(samples=24000)
+    azimuth, elevation = angles(frame)
+    np.testing.assert_allclose(np.radians(elevation.ravel()), phi, atol=1e-7)
+    np.testing.assert_allclose(np.cos(np.radians(azimuth.ravel()) - theta), 1, atol=1e-12)
+    assert lidars.livox("mid360").frame().directions.shape[:-1] == (20_000,)
+
+
+def test_an_even_lidar_is_isaac_labs():
+    """Isaac Lab's `lidar_pattern`: linspace of elevations, arange of azimuths without the last of a whole turn."""
+    rays = lidars.even(5, (-0.5, 0.25), increment=math.radians(3))
+    azimuth, elevation = angles(rays)
+    np.testing.assert_allclose(elevation[::-1, 0], np.degrees(np.linspace(-0.5, 0.25, 5)), atol=1e-12)
+    expected = np.deg2rad(np.arange(-180, 180, 3))
+    np.testing.assert_allclose(np.cos(np.radians(azimuth[0]) - expected), 1, atol=1e-12)
+    part = lidars.even(1, (0, 0), (0.0, 1.0), 0.25)
+    np.testing.assert_allclose(np.radians(angles(part)[0]), [[0, 0.25, 0.5, 0.75, 1]], atol=1e-12)
+
+
+def test_a_bpearl_looks_up_from_89_5_to_2_3_degrees():
+    azimuth, elevation = angles(lidars.bpearl(math.radians(10)))
+    isaac = [89.5, 86.6875, 83.875, 81.0625, 78.25, 75.4375, 72.625, 69.8125, 67.0, 64.1875, 61.375, 58.5625, 55.75,
+             52.9375, 50.125, 47.3125, 44.5, 41.6875, 38.875, 36.0625, 33.25, 30.4375, 27.625, 24.8125, 22, 19.1875,
+             16.375, 13.5625, 10.75, 7.9375, 5.125, 2.3125]  # fmt: skip
+    np.testing.assert_allclose(elevation[:, 0], isaac, atol=1e-9)
+    assert azimuth.shape == (32, 36)
+    np.testing.assert_allclose(np.diff(azimuth[5]), 10, atol=1e-9)
+
+
+def test_a_grid_is_isaac_labs():
+    rays = lidars.grid((1.6, 1.0), 0.1)
+    x, y = np.meshgrid(np.arange(-0.8, 0.8 + 1e-9, 0.1), np.arange(-0.5, 0.5 + 1e-9, 0.1), indexing="xy")
+    np.testing.assert_allclose(rays.origins, np.stack([x, y, 0 * x], axis=-1), atol=1e-12)
+    assert (np.asarray(rays.directions) == [0, 0, -1]).all()
+    slanted = lidars.grid((0, 0), 1, (0, 3, -4))
+    np.testing.assert_allclose(slanted.directions, [[[0, 0.6, -0.8]]])
+
+
+def test_a_laser_scan_has_the_angles_of_its_message():
+    rays = lidars.laser_scan(-1.0, 1.0, 0.5, time_increment=0.001, near=0.1, far=9.0)
+    np.testing.assert_allclose(np.radians(angles(rays)[0]).ravel(), [-1, -0.5, 0, 0.5, 1], atol=1e-12)
+    np.testing.assert_allclose(np.ravel(rays.times), np.arange(5) * 0.001)
+    assert (rays.near, rays.far) == (0.1, 9.0)
+    np.testing.assert_allclose(
+        np.radians(angles(lidars.laser_scan(1.0, -1.0, -1.0))[0]).ravel(), [1, 0, -1], atol=1e-12
+    )
+
+
+BAD = {
+    "a rate out of range": (lambda p: lidars.vlp16(30), "rate must be a number from 5 to 20, got 30"),
+    "no calibration": (lambda p: lidars.vlp16(calibration=put(p / "a.yaml", {})), "which has a list of lasers"),
+    "a calibration of another sensor": (
+        lambda p: lidars.vlp32c(calibration=velodyne_file(p / "a.yaml")),
+        "is of 16 lasers, and the sensor has 32",
+    ),
+    "lasers without an angle": (
+        lambda p: lidars.vlp16(calibration=velodyne_file(p / "a.yaml", vert_correction="up")),
+        "vert_correction of a laser must be a finite number, got 'up'",
+    ),
+    "a laser twice": (
+        lambda p: lidars.vlp16(calibration=velodyne_file(p / "a.yaml", laser_id=3)),
+        "laser_id of its lasers must be 0 to 15, each once",
+    ),
+    "an unknown Ouster": (lambda p: lidars.ouster("OS1-32"), "or the metadata of another, a JSON file; got 'OS1-32'"),
+    "an unknown mode": (lambda p: lidars.ouster("OS1-128", "1024x11"), 'mode must be "512x10", .* got .1024x11.'),
+    "metadata of another kind": (
+        lambda p: lidars.ouster(put(p / "a.json", {"width": 3})),
+        "is no metadata of an Ouster sensor: beam_altitude_angles is not there",
+    ),
+    "a list": (lambda p: lidars.ouster(put(p / "a.json", [1])), "which is a JSON object"),
+    "beams that are missing": (
+        lambda p: lidars.ouster(
+            put(p / "a.json", ouster_metadata(beam_intrinsics={"beam_altitude_angles": [1.0] * 63}))
+        ),
+        "has 63 altitudes of beams, and 64 azimuths",
+    ),
+    "words for beams": (
+        lambda p: lidars.ouster(
+            put(p / "a.json", ouster_metadata(beam_intrinsics={"beam_altitude_angles": ["a"] * 64}))
+        ),
+        "beam_altitude_angles must be 64 finite numbers",
+    ),
+    "beams that are not there": (
+        lambda p: lidars.ouster(
+            put(p / "a.json", ouster_metadata(beam_intrinsics={"beam_altitude_angles": [1.0] * 32 + [0.0] * 32}))
+        ),
+        "must have angles of all 64 beams, got 64, of which 32 are 0",
+    ),
+    "another model's beams": (
+        lambda p: lidars.ouster(put(p / "a.json", ouster_metadata(sensor_info={"prod_line": "OS-1-16-A0"}))),
+        "is of an OS-1-16-A0, and has 64 beams",
+    ),
+    "a window outside": (
+        lambda p: lidars.ouster(put(p / "a.json", ouster_metadata(lidar_data_format={"column_window": [0, 1024]}))),
+        r"column_window must be two columns of the 1024 per frame, got \[0, 1024\]",
+    ),
+    "a window of another mode": (
+        lambda p: lidars.ouster(
+            put(p / "a.json", ouster_metadata(lidar_data_format={"column_window": [9, 99]})), "512x10"
+        ),
+        "mode must have 1024 columns, since the file measures 9 to 99 of them",
+    ),
+    "no rotation": (
+        lambda p: lidars.ouster(
+            put(p / "a.json", ouster_metadata(lidar_intrinsics={"lidar_to_sensor_transform": [2.0] * 16}))
+        ),
+        "lidar_to_sensor_transform must be a rotation and a translation",
+    ),
+    "an unknown Livox": (lambda p: lidars.livox("mid999"), "model must be one of mid360, avia.* got 'mid999'"),
+    "a Livox file that is not there": (lambda p: lidars.livox("avia", p / "a.csv"), "cannot be read"),
+    "a Livox file of other columns": (
+        lambda p: lidars.livox("avia", put(p / "a.csv", [1])),
+        "must begin with the line 'Time/s,Azimuth/deg,Zenith/deg'",
+    ),
+    "a Livox file of words": (
+        lambda p: lidars.livox("avia", text(p / "a.csv", "Time/s,Azimuth/deg,Zenith/deg\n1,2,x\n")),
+        "must hold three numbers a line",
+    ),
+    "Livox angles in degrees": (
+        lambda p: lidars.livox("avia", array(p / "a.npy", np.full((9, 2), 45.0))),
+        "elevations between -90 and 90 degrees",
+    ),
+    "a Livox array of another shape": (
+        lambda p: lidars.livox("avia", array(p / "a.npy", np.zeros((9, 3)))),
+        r"floats of shape \(samples, 2\), got float64 of \(9, 3\)",
+    ),
+    "a frame longer than the pattern": (
+        lambda p: lidars.livox("avia", livox_npy(p / "a.npy")).frame(),
+        "a frame of 24000 samples is longer than the pattern, which has 5",
+    ),
+    "increments that lead away": (
+        lambda p: lidars.laser_scan(0.0, 1.0, -0.1),
+        "angle_increment must lead from 0 to 1, got -0.1",
+    ),
+    "elevations the wrong way round": (
+        lambda p: lidars.even(3, (0.5, 0.1)),
+        "elevation must be two angles, the lower one first, got 0.5 and 0.1",
+    ),
+    "more than a turn": (lambda p: lidars.even(3, azimuth=(0, 7)), "azimuth must be within one turn, got 7 radians"),
+    "no resolution": (lambda p: lidars.grid((1, 1), 0), "resolution must be more than 0 m, got 0"),
+    "no direction": (lambda p: lidars.grid((1, 1), 1, (0, 0, 0)), "direction must have a length, got 0"),
+    "a grid without end": (lambda p: lidars.grid((1e9, 1e9), 0.1), "a grid may have 67108864 rays"),
+}
+
+
+def text(path, words):
+    path.write_text(words)
+    return path
+
+
+def array(path, values):
+    np.save(path, values)
+    return path
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_told_in_one_sentence(tmp_path, name):
+    call, message = BAD[name]
+    with pytest.raises(wv.WarpvisError, match=message) as found:
+        call(tmp_path)
+    assert "\n" not in str(found.value)
+
+
+def test_a_livox_needs_a_file_where_no_wheel_is(monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(wv.WarpvisError, match=r"file must be said, .* where mujoco-lidar, .* is not installed"):
+        lidars.livox("mid360")

@@ -1,0 +1,15 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Ray patterns of lidars: those of Velodyne, Ouster, Livox and RoboSense, scanners of one plane, and patterns by rule.
+
+Each makes `warpvis.sensors.Rays` in the sensor's frame: x forward, y left, z up (REP 103).
+"""
+
+from __future__ import annotations
+
+from warpvis.sensors.lidars._livox import Livox, livox
+from warpvis.sensors.lidars._ouster import ouster
+from warpvis.sensors.lidars._plain import bpearl, even, grid, laser_scan
+from warpvis.sensors.lidars._velodyne import hdl64e, vlp16, vlp32c
+
+__all__ = ["Livox", "bpearl", "even", "grid", "hdl64e", "laser_scan", "livox", "ouster", "vlp16", "vlp32c"]
