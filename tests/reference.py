@@ -42,6 +42,7 @@ from reference_building import (  # noqa: F401
 )
 from reference_clearance import find_room, nearest_surface  # noqa: F401
 from reference_coinciding import show_later  # noqa: F401
+from reference_echoes import gather_returns, measure_incidence, reflect_rays  # noqa: F401
 from reference_found import find_objects_cuda, sort_into_tiles  # noqa: F401
 from reference_heights import climb  # noqa: F401
 from reference_inside import find_inside  # noqa: F401

@@ -26,6 +26,7 @@ KINDS = [
     "sensor_msgs/msg/RegionOfInterest",
     "sensor_msgs/msg/CameraInfo",
     "sensor_msgs/msg/Image",
+    "sensor_msgs/msg/LaserScan",
     "sensor_msgs/msg/PointField",
     "sensor_msgs/msg/PointCloud2",
     "geometry_msgs/msg/Vector3",
@@ -34,7 +35,7 @@ KINDS = [
     "geometry_msgs/msg/TransformStamped",
 ]
 
-_CODES = {"uint8": "B", "float64": "d"}
+_CODES = {"uint8": "B", "float32": "f", "float64": "d"}
 
 
 def install(monkeypatch):

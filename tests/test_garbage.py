@@ -12,6 +12,7 @@ import pytest
 import trimesh
 import warp as wp
 from arguments_data import data_cases
+from arguments_lidars import lidar_cases
 from arguments_shared import CAMERA, POSE, WORLD, scene
 from arguments_tools import tools_cases
 from arguments_top import top_cases
@@ -72,7 +73,9 @@ RESULTS = {
     "Perspective",
     "PlanVisibility",
     "Proposal",
+    "Livox",
     "Recognised",
+    "Returns",
     "Samples",
     "SceneObject",
     "ScenePreset",
@@ -98,7 +101,7 @@ FEW = ("None", "a word", "NaN", "minus one", "an object", "an array")
 
 def cases(folder):
     """Valid arguments of all that is public and can be called."""
-    return {**top_cases(folder), **data_cases(folder), **tools_cases(folder)}
+    return {**top_cases(folder), **data_cases(folder), **tools_cases(folder), **lidar_cases(folder)}
 
 
 def files_for_cases(folder):
@@ -108,6 +111,7 @@ def files_for_cases(folder):
     (folder / "walk.txt").write_text("0 0 0 0 0 0 0 1\n")
     (folder / "box.xml").write_text('<mujoco><worldbody><geom name="ball" size="0.1"/></worldbody></mujoco>')
     (folder / "points.txt").write_text("1 2 3\n")
+    np.save(folder / "mid360.npy", np.zeros((4, 2), dtype=np.float32))
     trimesh.creation.box().export(folder / "box.ply")
     wv.render_batch(scene(), CAMERA, wv.Frames.from_poses([POSE]), folder / "set", threads=1)
     return folder
@@ -186,7 +190,8 @@ NAMES = (
     "persp point_ read_frames render voxel Frame verify warmup load_ read_po read_model save_ Sphere plan_ Batch "
     "Kinematics Mujoco mujoco World camera_ geom_ scene_ Best Coverage best_ clearance coverage minimum pose_ "
     "propose standing surface along frames_ grid looks orbit random sphere view_ Depth Lens Version add_ distort "
-    "Ortho gym open_ framing depth_ from_image to_image to_point find_ quanti range_ recog segm Rays "
+    "Ortho gym open_ framing depth_ from_image to_image to_point find_ quanti range_ recog segm Livox bpearl even "
+    "hdl64e laser_ livox ouster vlp gather_ measure_ reflect spread_ to_laser Rays "
 ).split()
 
 

@@ -7,6 +7,8 @@
 
 from __future__ import annotations
 
+from warpvis.io._cloud_messages import to_laserscan
+from warpvis.io._clouds import save_cloud, save_clouds
 from warpvis.io._depth import (
     count_lost as count_lost,
     depth_to_units as depth_to_units,
@@ -28,7 +30,10 @@ __all__ = [
     "load_camera",
     "read_points",
     "read_poses",
+    "save_cloud",
+    "save_clouds",
     "save_depth_png",
     "to_image_msg",
+    "to_laserscan",
     "to_pointcloud2",
 ]

@@ -18,6 +18,7 @@ from warpvis.core.messages import Message, MessageMaker, MessageTypes, Stamp, fi
 from warpvis.core.types import ArrayInput
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError, MessageError
+from warpvis.io._cloud_messages import DATATYPES, CloudLayout, as_layout, check_cloud
 from warpvis.io._depth import count_lost, depth_to_units
 
 DepthEncoding = Literal["32FC1", "16UC1"]
@@ -27,9 +28,6 @@ _MILLIMETRES = 1000.0
 
 # Bytes of a pixel, and what they are; some drivers call 16UC1 mono16.
 _PIXELS = {"32FC1": "f4", "16UC1": "u2", "mono16": "u2"}
-
-_FLOAT32 = 7  # sensor_msgs/PointField
-_POINT_BYTES = 12
 
 
 def to_image_msg(
@@ -124,43 +122,65 @@ def to_pointcloud2(
     *,
     frame_id: str,
     stamp: Stamp = 0.0,
+    layout: CloudLayout | None = None,
     types: MessageTypes | None = None,
 ) -> Message:
-    """Make a ``sensor_msgs/PointCloud2`` with the fields x, y and z, float32. It shares no memory with what it is of.
+    """Make a ``sensor_msgs/PointCloud2``. It shares no memory with what it is of.
+
+    Of depth images and points it has the fields x, y and z, float32; of a lidar's cloud those of the cloud.
 
     Args:
         points: With `camera`, its depth image [m], shape ``(H, W)`` or ``(1, H, W)``: the cloud has the image's rows
             and columns and is in the camera's optical frame, NaN where no depth is, or none within its range. Else
             points [m] of any frame, shape ``(N, 3)``, or ``(H, W, 3)`` or ``(1, H, W, 3)`` for a cloud with rows and
-            columns.
+            columns. Or a lidar's cloud, one of those that `warpvis.sensors.point_clouds` makes, whose times
+            are counted from `stamp`.
         camera: The camera that a depth image is of, which may be a `warpvis.sensors.LensCamera`.
         frame_id: The frame of the points; of a depth image, the camera's optical frame.
         stamp: When the image was taken [s], or a Time message.
+        layout: Whose driver's fields a lidar's cloud gets: ``"velodyne"``, x y z intensity float32, ring uint16, time
+            float32 [s]; or ``"ouster"``, x y z intensity float32, t uint32 [ns], reflectivity ring ambient uint16,
+            range uint32 [mm]. Odometry packages look for these. Intensity is 0 if the cloud has none, reflectivity
+            255 for an intensity of 1, and ambient light, which is not simulated, 0. By default the cloud's own fields.
         types: A type store of rosbags; by default ROS's own classes, which must be there then.
 
     Raises:
         WarpvisError: An argument is not what it has to be, or ROS is not there.
     """
     maker = MessageMaker(types)
+    if camera is None and isinstance(points, np.ndarray) and points.dtype.names is not None:
+        return _cloud_message(as_layout(check_cloud(points), layout), maker, maker.header(frame_id, stamp))
+    if layout is not None:
+        raise MessageError(f"layout is for a lidar's cloud, an array with named fields, got {layout!r}")
     cloud = _read_points(points) if camera is None else _back_project(_read_image(points), require_image_camera(camera))
-    rows, columns = cloud.shape[:2]
     # A depth image's points may be NaN, whether or not these are.
     dense = camera is None and bool(np.isfinite(cloud).all())
+    named = np.ascontiguousarray(cloud).view([(axis, "<f4") for axis in "xyz"])[..., 0]
+    return _cloud_message(named, maker, maker.header(frame_id, stamp), dense=dense)
+
+
+def _cloud_message(cloud: NDArray[np.void], maker: MessageMaker, header: Message, dense: bool | None = None) -> Message:
+    """Make a PointCloud2 of a packed cloud with named fields, shape ``(columns,)`` or ``(rows, columns)``."""
+    rows, columns = cloud.shape if cloud.ndim == 2 else (1, len(cloud))
     return maker.make(
         "sensor_msgs/msg/PointCloud2",
-        header=maker.header(frame_id, stamp),
+        header=header,
         height=rows,
         width=columns,
-        fields=[
-            maker.make("sensor_msgs/msg/PointField", name=axis, offset=4 * place, datatype=_FLOAT32, count=1)
-            for place, axis in enumerate("xyz")
-        ],
+        fields=[_point_field(cloud.dtype, name, maker) for name in cloud.dtype.names or ()],
         is_bigendian=False,
-        point_step=_POINT_BYTES,
-        row_step=_POINT_BYTES * columns,
-        data=maker.sequence(cloud.reshape(-1).view(np.uint8)),
-        is_dense=dense,
+        point_step=cloud.itemsize,
+        row_step=cloud.itemsize * columns,
+        data=maker.sequence(np.ascontiguousarray(cloud).reshape(-1).view(np.uint8)),
+        is_dense=bool(np.isfinite(cloud["x"]).all()) if dense is None else dense,
     )
+
+
+def _point_field(kind: np.dtype[np.void], name: str, maker: MessageMaker) -> Message:
+    """Make the PointField of a field of a packed cloud."""
+    offset = kind.fields[name][1] if kind.fields is not None else 0
+    datatype = DATATYPES[kind[name].str[1:]]
+    return maker.make("sensor_msgs/msg/PointField", name=name, offset=offset, datatype=datatype, count=1)
 
 
 def _on_host(value: ArrayInput, name: str) -> NDArray[Any]:

@@ -1,10 +1,12 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What devices make of a scene: lenses, ray patterns."""
+"""What devices make of a scene: lenses, ray patterns, lidars and what comes back of their beams."""
 
 from __future__ import annotations
 
-from warpvis.sensors import lenses
+from warpvis.sensors import lenses, lidars
+from warpvis.sensors._clouds import point_clouds
+from warpvis.sensors._echoes import Returns, gather_returns, measure_incidence, reflect, spread_beams
 from warpvis.sensors._fields import (
     lens_camera_from_fields as lens_camera_from_fields,
     lens_camera_to_fields as lens_camera_to_fields,
@@ -18,4 +20,15 @@ from warpvis.sensors._lens_camera import (
 )
 from warpvis.sensors._rays import Rays
 
-__all__ = ["LensCamera", "Rays", "lenses"]
+__all__ = [
+    "LensCamera",
+    "Rays",
+    "Returns",
+    "gather_returns",
+    "lenses",
+    "lidars",
+    "measure_incidence",
+    "point_clouds",
+    "reflect",
+    "spread_beams",
+]

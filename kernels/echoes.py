@@ -1,0 +1,179 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What of a lidar's beam comes back: intensities of rays, and the returns of beams that are made of several rays."""
+
+import warp as wp
+
+from warpvis.kernels.pinhole import Window
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+
+@wp.struct
+class Return:
+    """What of a beam comes back from surfaces that are closer to each other than it can tell apart."""
+
+    distance: float
+    intensity: float
+
+
+@wp.kernel
+def measure_incidence(
+    # Cameras:
+    rays_to_world: wp.array[wp.transform],
+    window: Window,
+    # In:
+    directions_in: wp.array3d[wp.vec3],
+    normals_in: wp.array3d[wp.vec3],
+    # Out:
+    incidence_out: wp.array3d[float],
+):
+    """Write the cosine between every ray and the normal of what it meets; NaN where it meets nothing.
+
+    `directions_in` are unit vectors of the frame that poses are of, (1, y, x).
+    """
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+
+    along = wp.transform_vector(rays_to_world[view], directions_in[0, y, x])
+    incidence_out[view, y, x] = wp.abs(wp.dot(along, normals_in[view, y, x]))
+
+
+@wp.kernel
+def reflect_rays(
+    window: Window,
+    # In:
+    depth_in: wp.array3d[float],
+    incidence_in: wp.array3d[float],
+    segmentation_in: wp.array3d[wp.int32],
+    reflectivity_in: wp.array[float],
+    falls_off: bool,
+    # Out:
+    intensity_out: wp.array3d[float],
+):
+    """Write the intensity of every ray: its object's reflectivity by the cosine of incidence, 0 where nothing is seen.
+
+    `falls_off`: Whether it falls with the square of the range, too [1/m^2].
+    """
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+
+    distance = depth_in[view, y, x]
+    hit = segmentation_in[view, y, x]
+    found = float(0.0)
+    if hit >= 0 and wp.isfinite(distance):
+        found = reflectivity_in[hit] * incidence_in[view, y, x]
+        if falls_off:
+            found = found / (distance * distance)
+    intensity_out[view, y, x] = found
+
+
+@wp.func
+def next_distance(depth_in: wp.array3d[float], view: int, y: int, first: int, count: int, after: float) -> float:
+    """The least range of a beam's rays that is more than `after`; +inf if there is none."""
+    found = float(wp.inf)
+    for i in range(count):
+        distance = depth_in[view, y, first + i]
+        if distance > after and distance < found:
+            found = distance
+    return found
+
+
+@wp.func
+def return_within(
+    depth_in: wp.array3d[float],
+    intensity_in: wp.array3d[float],
+    view: int,
+    y: int,
+    first: int,
+    count: int,
+    least: float,
+    most: float,
+) -> Return:
+    """What the rays of a beam whose ranges are from `least` to `most` bring back: the mean range, by intensity."""
+    total = float(0.0)
+    moment = float(0.0)
+    for i in range(count):
+        distance = depth_in[view, y, first + i]
+        if distance >= least and distance <= most:
+            intensity = intensity_in[view, y, first + i]
+            total += intensity
+            moment += intensity * (distance - least)
+    back = Return()
+    back.distance = least
+    if total > 0.0:
+        back.distance = least + moment / total
+    back.intensity = total / float(count)
+    return back
+
+
+@wp.kernel
+def gather_returns(
+    window: Window,
+    # In:
+    depth_in: wp.array3d[float],
+    intensity_in: wp.array3d[float],
+    count: int,
+    separation: float,
+    threshold: float,
+    keeps_last: bool,
+    # Out:
+    range_out: wp.array4d[float],
+    intensity_out: wp.array4d[float],
+):
+    """Write a return of every beam, of `count` rays side by side: the strongest, or if `keeps_last`, the last.
+
+    Rays are of one return while no gap between their ranges is more than `separation` [m]. Returns weaker than
+    `threshold` are none. Indices of what is written are (view, return, y, x). Of two returns the second is the last
+    one, and where that is the strongest, the second strongest. Where there is no return, range is +inf and intensity
+    0; -inf where all of the beam is too near.
+    """
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+
+    first = x * count
+    blocked = int(0)
+    for i in range(count):
+        if depth_in[view, y, first + i] == -wp.inf:
+            blocked += 1
+
+    strongest = Return()
+    second = Return()
+    last = Return()
+    nothing = float(wp.inf)
+    if blocked == count:
+        nothing = -wp.inf
+    strongest.distance = nothing
+    second.distance = nothing
+    last.distance = nothing
+
+    least = next_distance(depth_in, view, y, first, count, -wp.inf)
+    while least < wp.inf:
+        most = least
+        beyond = next_distance(depth_in, view, y, first, count, most)
+        while beyond - most <= separation:
+            most = beyond
+            beyond = next_distance(depth_in, view, y, first, count, most)
+        back = return_within(depth_in, intensity_in, view, y, first, count, least, most)
+        if back.intensity >= threshold and back.intensity > 0.0:
+            last = back
+            if back.intensity > strongest.intensity:
+                second = strongest
+                strongest = back
+            elif back.intensity > second.intensity:
+                second = back
+        least = beyond
+
+    kept = strongest
+    if keeps_last:
+        kept = last
+    range_out[view, 0, y, x] = kept.distance
+    intensity_out[view, 0, y, x] = kept.intensity
+    if range_out.shape[1] > 1:
+        if last.distance != strongest.distance:
+            second = last
+        range_out[view, 1, y, x] = second.distance
+        intensity_out[view, 1, y, x] = second.intensity

@@ -1,0 +1,100 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Valid arguments of what lidars need, of `sensors` and `io`, by name: ``name: (function, arguments)``."""
+
+import numpy as np
+from arguments_shared import MESSAGE, POSE, scene
+
+import warpvis as wv
+from warpvis.sensors import lidars
+
+
+def lidar_cases(folder):
+    """Make them; files are in a folder."""
+    seen = scene()
+    path = folder / "out"
+    laser = lidars.laser_scan(-1.0, 1.0, 0.25, time_increment=0.001, far=9.0)
+    scanned = wv.render(seen, laser, POSE, outputs=("depth", "normals", "segmentation"))
+    cloud = wv.sensors.point_clouds(scanned, laser)[0]
+    met = wv.sensors.measure_incidence(scanned, laser, POSE)
+    return {
+        "Livox.frame": (
+            lidars.livox("mid360", folder / "mid360.npy").frame,
+            {"index": 0, "rate": 10.0, "samples": 2, "near": 0.1, "far": 9.0},
+        ),
+        "bpearl": (lidars.bpearl, {"increment": 0.5, "rate": 10.0, "near": 0.1, "far": 9.0}),
+        "even": (
+            lidars.even,
+            {
+                "channels": 2,
+                "elevation": (-0.1, 0.1),
+                "azimuth": (0.0, 1.0),
+                "increment": 0.5,
+                "rate": 10.0,
+                "near": 0.1,
+                "far": 9.0,
+            },
+        ),
+        "grid": (
+            lidars.grid,
+            {"size": (1.0, 1.0), "resolution": 0.5, "direction": (0, 0, -1), "near": 0.1, "far": 9.0},
+        ),
+        "hdl64e": (lidars.hdl64e, {"rate": 20.0, "near": 0.1, "far": 9.0, "calibration": None}),
+        "vlp16": (lidars.vlp16, {"rate": 20.0, "near": 0.1, "far": 9.0, "calibration": None}),
+        "vlp32c": (lidars.vlp32c, {"rate": 20.0, "near": 0.1, "far": 9.0, "calibration": None}),
+        "laser_scan": (
+            lidars.laser_scan,
+            {
+                "angle_min": -1.0,
+                "angle_max": 1.0,
+                "angle_increment": 0.5,
+                "time_increment": 0.1,
+                "near": 0.1,
+                "far": 9.0,
+            },
+        ),
+        "livox": (lidars.livox, {"model": "mid360", "file": folder / "mid360.npy"}),
+        "ouster": (lidars.ouster, {"sensor": "OS1-64", "mode": "512x10", "near": 0.1, "far": 9.0}),
+        "gather_returns": (
+            wv.sensors.gather_returns,
+            {
+                "depth": scanned.depth,
+                "intensity": met,
+                "count": 3,
+                "keep": "dual",
+                "separation": 0.5,
+                "threshold": 0.0,
+                "out": None,
+            },
+        ),
+        "measure_incidence": (
+            wv.sensors.measure_incidence,
+            {"views": scanned, "rays": laser, "sensor_to_world": POSE, "convention": None, "out": None},
+        ),
+        "point_clouds": (
+            wv.sensors.point_clouds,
+            {"views": scanned, "rays": laser, "intensity": met, "incidence": met, "organized": False},
+        ),
+        "reflect": (
+            wv.sensors.reflect,
+            {
+                "scene": seen,
+                "views": scanned,
+                "incidence": met,
+                "reflectivity": {"box": 0.5},
+                "falls_off": False,
+                "out": None,
+            },
+        ),
+        "spread_beams": (wv.sensors.spread_beams, {"rays": laser, "divergence": 0.01, "count": 3}),
+        "to_pointcloud2 of a cloud": (wv.io.to_pointcloud2, {"points": cloud, "layout": None, **MESSAGE}),
+        "to_laserscan": (
+            wv.io.to_laserscan,
+            {"ranges": np.ones(9), "rays": laser, "scan_time": 0.1, "intensities": np.ones(9), **MESSAGE},
+        ),
+        "save_cloud": (wv.io.save_cloud, {"path": path / "a.pcd", "cloud": cloud}),
+        "save_clouds": (
+            wv.io.save_clouds,
+            {"folder": path / "clouds", "clouds": [cloud], "suffix": ".bin", "first": 0},
+        ),
+    }

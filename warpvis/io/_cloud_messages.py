@@ -1,0 +1,179 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Lidars' scans as messages of ROS 2: a LaserScan, and the fields of a PointCloud2."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Literal
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.arrays import as_numpy
+from warpvis.core.checks import check_choice, check_number
+from warpvis.core.messages import Message, MessageMaker, MessageTypes, Stamp
+from warpvis.core.types import ArrayInput
+from warpvis.errors import ArrayError, MessageError
+from warpvis.sensors import Rays
+
+CloudLayout = Literal["velodyne", "ouster"]
+"""Whose driver's fields a PointCloud2 has."""
+
+# sensor_msgs/PointField
+DATATYPES = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}
+
+_VELODYNE = (("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"), ("time", "<f4"))
+_OUSTER = (
+    *_VELODYNE[:4], ("t", "<u4"), ("reflectivity", "<u2"), ("ring", "<u2"), ("ambient", "<u2"), ("range", "<u4"),
+)  # fmt: skip
+# Units a field's number is of, in one of ours, and the most that it holds: nanoseconds, millimetres, 1 / 255.
+_SCALES = {"t": (1e9, 2**32 - 1), "range": (1e3, 2**32 - 1), "reflectivity": (255.0, 2**16 - 1)}
+
+_STRAIGHT = 1e-6  # rad
+
+
+def check_cloud(cloud: object) -> NDArray[np.void]:
+    """Return a structured array with the fields x, y and z, of shape ``(N,)`` or ``(H, W)``.
+
+    Raises:
+        ArrayError: It is none, or a field is not a number.
+    """
+    if not isinstance(cloud, np.ndarray) or cloud.dtype.names is None:
+        raise ArrayError("a cloud must be a NumPy array with named fields, as warpvis.sensors.point_clouds makes them")
+    names = cloud.dtype.names
+    if not {"x", "y", "z"} <= set(names) or cloud.ndim not in (1, 2):
+        raise ArrayError(f"a cloud must have fields x, y and z, and one or two dimensions, got {', '.join(names)}")
+    unknown = [name for name in names if cloud.dtype[name].str[1:] not in DATATYPES]
+    if unknown:
+        raise ArrayError(f"the field {unknown[0]} of a cloud must be a number, got {cloud.dtype[unknown[0]]}")
+    return cloud
+
+
+def as_layout(cloud: NDArray[np.void], layout: CloudLayout | None) -> NDArray[np.void]:
+    """Return a cloud, packed, with the fields that a driver gives.
+
+    Raises:
+        ArrayError: The cloud has not what the driver's fields are made of.
+        MessageError: The layout is unknown.
+    """
+    if layout is None:
+        wanted = [(name, cloud.dtype[name].newbyteorder("<").str) for name in cloud.dtype.names or ()]
+    else:
+        check_choice(layout, "layout", ("velodyne", "ouster"), MessageError)
+        wanted = list(_VELODYNE if layout == "velodyne" else _OUSTER)
+    packed = np.zeros(cloud.shape, dtype=wanted)
+    for name, _ in wanted:
+        packed[name] = _field(cloud, name, layout)
+    return packed
+
+
+def _field(cloud: NDArray[np.void], name: str, layout: CloudLayout | None) -> Any:
+    """Return what a field of a driver's is made of; 0 for what no ray caster knows."""
+    names = cloud.dtype.names or ()
+    if layout is None or name in ("x", "y", "z"):
+        return cloud[name]
+    if name == "ambient" or (name in ("intensity", "reflectivity") and "intensity" not in names):
+        return 0
+    source = {"t": "time", "reflectivity": "intensity"}.get(name, name)
+    if source not in names:
+        raise ArrayError(f'the layout "{layout}" needs the field {source}, which the cloud has not')
+    values = cloud[source]
+    if layout == "ouster" and name in _SCALES:
+        return _scaled(values, name, source)
+    return values
+
+
+def _scaled(values: NDArray[Any], name: str, source: str) -> NDArray[np.float64]:
+    """Return whole numbers of the unit of a field of Ouster's; 0 where nothing was measured.
+
+    Raises:
+        ArrayError: The field does not hold them.
+    """
+    scale, most = _SCALES[name]
+    scaled = np.nan_to_num(np.rint(values.astype(np.float64) * scale), nan=0.0, posinf=0.0, neginf=0.0)
+    if scaled.size and not 0 <= scaled.min() <= scaled.max() <= most:
+        raise ArrayError(
+            f"{source} must be from 0 to {most / scale:g} for the field {name}, got {scaled.min() / scale:g} to "
+            f"{scaled.max() / scale:g}"
+        )
+    return scaled
+
+
+def to_laserscan(
+    ranges: ArrayInput,
+    rays: Rays,
+    *,
+    frame_id: str,
+    stamp: Stamp = 0.0,
+    scan_time: float | None = None,
+    intensities: ArrayInput | None = None,
+    types: MessageTypes | None = None,
+) -> Message:
+    """Make a ``sensor_msgs/LaserScan`` of one view of a scanner of one plane. It shares no memory with it.
+
+    Args:
+        ranges: Depth of one view [m], float, as many as there are rays: +inf for nothing, -inf for too near (REP 117).
+        rays: What was rendered, `warpvis.sensors.lidars.laser_scan` or others in the plane z = 0, evenly spaced.
+        frame_id: The scanner's frame: x forward, y left, z up.
+        stamp: When the first ray was cast [s], or a Time message.
+        scan_time: From scan to scan [s]: by default as long as this one takes.
+        intensities: Intensities, of the same number.
+        types: A type store of rosbags; by default ROS's own classes, which must be there then.
+
+    Raises:
+        ArrayError: The arrays are not what they have to be, or rays are in no plane or not evenly spaced.
+        MessageError: Another argument is not, or ROS is not there.
+    """
+    maker = MessageMaker(types)
+    if not isinstance(rays, Rays):
+        raise ArrayError(f"rays must be warpvis.sensors.Rays, got {type(rays).__name__}")
+    first, last, step, count = _even_angles(rays)
+    wait = 0.0 if rays.times is None or count < 2 else _even_times(np.asarray(rays.times).reshape(-1))
+    taken = check_number(count * wait if scan_time is None else scan_time, "scan_time", least=0.0, error=MessageError)
+    row = _one_row(ranges, "ranges", count)
+    strengths = np.zeros(0, dtype="<f4") if intensities is None else _one_row(intensities, "intensities", count)
+    return maker.make(
+        "sensor_msgs/msg/LaserScan",
+        header=maker.header(frame_id, stamp),
+        angle_min=first,
+        angle_max=last,
+        angle_increment=step,
+        time_increment=wait,
+        scan_time=taken,
+        range_min=float(rays.near),
+        range_max=float(rays.far),
+        ranges=maker.sequence(row),
+        intensities=maker.sequence(strengths),
+    )
+
+
+def _one_row(values: Any, name: str, count: int) -> NDArray[np.float32]:
+    row = as_numpy(values.numpy() if isinstance(values, wp.array) else values, name=name)
+    if row.size != count or row.dtype.kind not in "fiu":
+        raise ArrayError(f"{name} must be {count} numbers, one for each ray, got {row.dtype} of {row.shape}")
+    return np.array(row.reshape(-1), dtype="<f4")
+
+
+def _even_angles(rays: Rays) -> tuple[float, float, float, int]:
+    """Return the first and last angle of a scanner of one plane, and the increment [rad], and how many there are."""
+    directions = np.asarray(rays.directions).reshape(-1, 3)
+    if np.abs(directions[:, 2]).max() > _STRAIGHT or rays.origins is not None:
+        raise ArrayError("rays of a LaserScan must be in the plane z = 0, from one point")
+    angles = np.unwrap(np.arctan2(directions[:, 1], directions[:, 0]))
+    if len(angles) < 2:
+        return float(angles[0]), float(angles[0]), 0.0, len(angles)
+    step = (angles[-1] - angles[0]) / (len(angles) - 1)
+    if np.abs(np.diff(angles) - step).max() > _STRAIGHT:
+        raise ArrayError("rays of a LaserScan must be evenly spaced")
+    if angles[0] > math.pi - _STRAIGHT and step > 0:
+        angles -= 2.0 * math.pi
+    return float(angles[0]), float(angles[-1]), float(step), len(angles)
+
+
+def _even_times(times: NDArray[np.float64]) -> float:
+    wait = (times[-1] - times[0]) / (len(times) - 1)
+    if np.abs(np.diff(times) - wait).max() > 1e-9:
+        raise ArrayError("times of the rays of a LaserScan must be evenly spaced")
+    return float(wait)
