@@ -87,7 +87,7 @@ def _rendering(folder):
 
 
 def _sensors(folder):
-    return {"scene": _room(), "camera_to_world": _poses()}
+    return {"scene": _room(), "camera_to_world": _poses(), "lidar_to_world": _poses()}
 
 
 def _worlds(folder):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypedDict
 
 import tyro
 
-from warpvis.cli._inputs import FrameOptions, MaybePoses, Names, SceneFile, refuse_options, split_names
+from warpvis.cli._inputs import FrameOptions, MaybePoses, Names, SceneFile, given_options, refuse_options, split_names
 from warpvis.core.checks import counted
 from warpvis.errors import FileFormatError, PoseError
 
@@ -85,7 +85,10 @@ class Render(ImageOptions):
     """Folder to write to; each format has a folder of its own in it, new or empty."""
     poses: MaybePoses = None
     format: Names = ("npz", "png")
-    """npz, zarr, png, tum, bop, nerfstudio, colmap, ply or ros2."""
+    """npz, zarr, png, tum, bop, nerfstudio, colmap, ply or ros2; with --lidar bin, pcd, las or npy, pcd by default."""
+    lidar: str | None = None
+    """Point clouds of a lidar in place of images: vlp16, vlp32c, hdl64e, bpearl, os0-128, os1-128, os2-128, an Ouster's
+    metadata file (.json), or mid360:FILE and other Livox models. Poses are of its frame: x forward, y left, z up."""
     device: str = "cpu"
     """Where to compute: cpu, cuda:0, ..."""
     device_name: str | None = None
@@ -99,7 +102,9 @@ class Render(ImageOptions):
         """Run the command."""
         from warpvis.cli._webots import is_world, render_world
 
-        if self.poses is not None or self.frame:
+        if self.lidar is not None:
+            self._render_clouds(self.lidar)
+        elif self.poses is not None or self.frame:
             refuse_options(
                 self, ("device_name", "version_exact"), "with --poses or --frame no device is rendered: give"
             )
@@ -124,6 +129,22 @@ class Render(ImageOptions):
                 strict=self.strict,
             )
             self.end(empty=not seen)
+
+    def _render_clouds(self, lidar: str) -> None:
+        from warpvis.cli._lidar import CloudJob, render_clouds
+
+        job = CloudJob(
+            lidar=lidar,
+            file=self.file,
+            poses=self.poses,
+            out=self.out,
+            formats=split_names(self.format) if given_options(self, ("format",)) else ["pcd"],
+            exclude=split_names(self.exclude),
+            threads=self.threads,
+            device=self.device,
+            quiet=self.quiet,
+        )
+        self.end(empty=not render_clouds(self, job))
 
     def _render_poses(self, poses: str | None) -> None:
         from warpvis.batch import find_format, open_dataset, render_batch

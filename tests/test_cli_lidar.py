@@ -1,0 +1,72 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""``warpvis render --lidar``: point clouds along poses, as a user runs it."""
+
+import re
+import sys
+
+import numpy as np
+import pytest
+import trimesh
+
+from warpvis.cli import main
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    trimesh.creation.box((4, 4, 2)).export(tmp_path / "room.ply")
+    (tmp_path / "walk.txt").write_text("0 0 0 0 0 0 0 1\n0.1 0.5 0 0 0 0 0.70710678 0.70710678\n")
+    np.save(tmp_path / "mid360.npy", np.zeros((40_000, 2), dtype=np.float32))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def render(monkeypatch, *arguments):
+    monkeypatch.setattr(sys, "argv", ["warpvis", "render", "room.ply", "--out", "scans", *arguments])
+    main()
+
+
+def test_a_cloud_is_written_for_every_pose(folder, monkeypatch, capsys):
+    render(monkeypatch, "--lidar", "os1-128@512x10", "--poses", "walk.txt", "--format", "bin", "npy")
+    names = sorted(path.relative_to(folder / "scans").as_posix() for path in (folder / "scans").rglob("*.*"))
+    assert names == ["bin/000000.bin", "bin/000001.bin", "npy/000000.npy", "npy/000001.npy"]
+    cloud = np.load(folder / "scans/npy/000001.npy")
+    points = np.stack([cloud[axis] for axis in "xyz"], axis=-1)
+    # The room is 4 m wide, and the lidar looks along its y, with its middle half a metre to the left.
+    walls = np.abs(points - [0, 0.5, 0]) - [2, 2, 1]
+    assert np.abs(walls.max(axis=1)).max() < 1e-5
+    np.testing.assert_array_equal(np.fromfile("scans/bin/000001.bin", np.float32).reshape(-1, 4)[:, :3], points)
+    assert "clouds: 2 frames, 131072 points" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("lidar", ["vlp16", "mid360:mid360.npy"])
+def test_other_lidars_are_known_by_name(folder, monkeypatch, lidar):
+    render(monkeypatch, "--lidar", lidar, "--poses", "walk.txt", "--quiet")
+    assert len(list((folder / "scans/pcd").iterdir())) == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--lidar", "vlp99", "--poses", "walk.txt"), "--lidar must be vlp16, vlp32c, .* got 'vlp99'"),
+        (("--lidar", "vlp16"), "give --poses with --lidar"),
+        (("--lidar", "vlp16", "--poses", "walk.txt", "--camera", "kinect"), "no camera is rendered: give no --camera"),
+        (("--lidar", "vlp16", "--poses", "walk.txt", "--format", "png"), "--format with --lidar must be .* got 'png'"),
+        (("--lidar", "os1-128@9x9", "--poses", "walk.txt"), 'mode must be "512x10", .* got .9x9.'),
+        (("--lidar", "avia:none.csv", "--poses", "walk.txt"), "none.csv: cannot be read"),
+    ],
+)
+def test_what_is_wrong_is_said(folder, monkeypatch, capsys, arguments, message):
+    with pytest.raises(SystemExit) as ended:
+        render(monkeypatch, *arguments)
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert re.search(message, said) and len(said.splitlines()) == 1
+    assert not (folder / "scans").exists()
+
+
+def test_a_folder_that_is_not_empty_is_left_alone(folder, monkeypatch, capsys):
+    render(monkeypatch, "--lidar", "vlp16", "--poses", "walk.txt", "--quiet")
+    with pytest.raises(SystemExit):
+        render(monkeypatch, "--lidar", "vlp16", "--poses", "walk.txt", "--quiet")
+    assert "is there already; give a new or an empty folder" in capsys.readouterr().err

@@ -1,0 +1,133 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""``warpvis render --lidar``: point clouds of a lidar along poses."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warpvis.cli._inputs import FrameOptions, refuse_options
+from warpvis.core.checks import check_choice, counted
+from warpvis.errors import CameraError, FileFormatError, PoseError
+
+if TYPE_CHECKING:
+    from warpvis.core.frames import Frames
+    from warpvis.rendering import Output
+    from warpvis.scene import Scene
+    from warpvis.sensors import Rays
+    from warpvis.sensors.lidars import Livox
+
+FORMATS = ("bin", "pcd", "las", "npy")
+"""What clouds are written as."""
+
+_OUTPUTS: tuple[Output, ...] = ("depth", "labels", "segmentation")
+_RAYS_AT_ONCE = 2**22
+_CAMERAS = ("camera", "replace_camera", "convention", "outputs", "objects", "option", "device_name", "version_exact")
+
+
+def find_lidar(name: str) -> Rays | Livox:
+    """Make the rays of a lidar: its name, metadata of an Ouster, or a Livox's name with its file, ``mid360:FILE``.
+
+    Raises:
+        WarpvisError: There is none, or the file is not its.
+    """
+    from warpvis.sensors import lidars
+
+    spinning: dict[str, Callable[[], Rays]] = {
+        "vlp16": lidars.vlp16,
+        "vlp32c": lidars.vlp32c,
+        "hdl64e": lidars.hdl64e,
+        "bpearl": lidars.bpearl,
+    }
+    plain = name.lower().replace("-", "")
+    if plain in spinning:
+        return spinning[plain]()
+    model, mode = (name.partition("@")[0], name.partition("@")[2] or None)
+    if model.lower().endswith(".json") or plain.startswith("os"):
+        return lidars.ouster(model, mode)
+    livox, _, file = name.partition(":")
+    if livox.lower().replace("-", "") in ("mid360", "avia", "horizon", "tele", "mid40", "mid70", "hap"):
+        return lidars.livox(livox, file or None)
+    raise CameraError(
+        f"--lidar must be {', '.join(spinning)}, os1-128 or the metadata of an Ouster (with @1024x10 for a mode), or "
+        f"mid360:FILE, got {name!r}"
+    )
+
+
+@dataclass(frozen=True)
+class CloudJob:
+    """What ``warpvis render --lidar`` was told."""
+
+    lidar: str
+    file: Path
+    poses: str | None
+    out: Path
+    formats: Sequence[str]
+    exclude: Sequence[str]
+    threads: int | None
+    device: str
+    quiet: bool
+
+
+def render_clouds(command: FrameOptions, job: CloudJob) -> bool:
+    """Write a cloud of every frame, OUT/pcd/000000.pcd and so on; return whether any of them has points.
+
+    Args:
+        command: The command, whose options say how files are read.
+        job: What is to be made.
+
+    Raises:
+        WarpvisError: An argument is not what it has to be.
+    """
+    from warpvis.io import save_clouds
+    from warpvis.pose_generators import looks_like_spec
+
+    refuse_options(command, _CAMERAS, "with --lidar no camera is rendered: give")
+    if job.poses is None or looks_like_spec(job.poses):
+        raise PoseError("give --poses with --lidar, a file of the lidar's poses: x forward, y left, z up")
+    lidar = find_lidar(job.lidar)
+    for name in job.formats:
+        check_choice(name, "--format with --lidar", FORMATS, FileFormatError)
+        if (job.out / name).exists() and any((job.out / name).iterdir()):
+            raise FileFormatError(f"{job.out / name}: is there already; give a new or an empty folder")
+    scene, _, frames = command.load(job.file, job.poses, device=job.device)
+    if frames.camera is not None:
+        raise PoseError(f"{job.poses} holds a camera and its poses, and a lidar's are x forward, y left, z up")
+    began, points = time.perf_counter(), 0
+    for place, cloud in enumerate(_clouds(job, scene, frames, lidar)):
+        points += len(cloud)
+        for name in job.formats:
+            save_clouds(job.out / name, [cloud], f".{name}", first=place)
+    if not job.quiet:
+        folders = ", ".join(str(job.out / name) for name in job.formats)
+        seconds = time.perf_counter() - began
+        print(f"clouds: {counted(len(frames), 'frame')}, {counted(points, 'point')}, in {seconds:.1f} s: {folders}")
+    return points > 0
+
+
+def _clouds(job: CloudJob, scene: Scene, frames: Frames, lidar: Rays | Livox) -> Iterator[np.ndarray]:
+    """Make the clouds, as many at a time as are worth it; every frame of a Livox has rays of its own."""
+    from warpvis.rendering import Renderer
+    from warpvis.sensors import Rays, point_clouds
+
+    prepare = partial(Renderer, scene, outputs=_OUTPUTS, threads=job.threads)
+    renderer, step = None, 1
+    if isinstance(lidar, Rays):
+        renderer, step = prepare(lidar), max(_RAYS_AT_ONCE // len(lidar), 1)
+    for first in range(0, len(frames), step):
+        part = frames[first : first + step]
+        rays = lidar if isinstance(lidar, Rays) else lidar.frame(first)
+        views = (renderer or prepare(rays)).render(
+            part.camera_to_world,
+            object_poses=part.object_poses,
+            world_index=part.world_index,
+            exclude=list(job.exclude) or None,
+        )
+        yield from point_clouds(views, rays)
