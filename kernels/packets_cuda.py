@@ -21,6 +21,9 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 LEVELS = 8
 """Levels of nodes that a tree may have at most."""
 
+CACHED_NUMBERS = 1 << 24
+"""Of larger trees, packets ask for leaves before they read them: 64 MB are more than many a GPU caches."""
+
 TILE_BITS = 5
 """Of the pixels a side of the tiles of `FoundObjects`."""
 
@@ -85,7 +88,7 @@ if (world >= 0 && world < world_count) {
 if (scene.movable_count == 0) object_poses = (const float*)scene.instance_pose.data;
 const Scene all = {
     {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data, scene.static_root, 0,
-     scene.all_closed != 0, excluded},
+     scene.all_closed != 0, scene.leaves.shape[0] > CACHED_NUMBERS, excluded},
     {scene.closed_boxes.data, scene.closed_object.data, scene.closed_count},
     {MOVABLE ? scene.drawn_count : 0, scene.movable_count, scene.movable_object.data, scene.movable_root.data,
      scene.movable_leaf.data, scene.movable_first_id.data, scene.movable_closed.data, scene.movable_boxes.data,
@@ -119,7 +122,7 @@ ObjectPass::find(Packets::camera_of(shape), all.movables, all.found, there ? obj
 def _headers(side: int, with_id: bool, movable: bool, clip: bool, resized: bool) -> str:
     head = f"enum {{ PACKET_WIDTH = {packet_width(side)}, PACKET_HEIGHT = {side}, LEVELS = {LEVELS} }};\n"
     head += f"enum {{ MOVABLE = {int(movable)}, RESIZED = {int(resized)} }};\n"
-    head += f"enum {{ TILE_BITS = {TILE_BITS}, MOST_TILES = {MOST_TILES} }};\n"
+    head += f"enum {{ TILE_BITS = {TILE_BITS}, MOST_TILES = {MOST_TILES}, CACHED_NUMBERS = {CACHED_NUMBERS} }};\n"
     kinds = ("cuda/depth_id.h" if with_id else "cuda/depth.h", "cuda/near_clips.h" if clip else "cuda/near_occludes.h")
     return head + read_native(*_SHARED_HEADERS, "cuda/lanes.h", *kinds, *_HEADERS)
 

@@ -48,11 +48,14 @@ class Variant:
     resized: bool = False
     found: bool = False
     """Whether movable objects are found, and sorted into tiles, before packets are drawn."""
+    large: bool = False
+    """Whether trees count as larger than a GPU's cache."""
     arch: int = 900
 
     @property
     def name(self) -> str:
-        flags = "_".join(str(int(flag)) for flag in (self.with_id, self.movable, self.clip, self.resized, self.found))
+        kind = (self.with_id, self.movable, self.clip, self.resized, self.found, self.large)
+        flags = "_".join(str(int(flag)) for flag in kind)
         return f"packet_{self.side}_{flags}_{self.arch}"
 
 
@@ -202,7 +205,7 @@ _ELEMENTS = {wp.vec3: "Vec3", wp.vec4: "Vec4", wp.vec4i: "Vec4", wp.transform: "
 
 def _native_function(variant: Variant) -> Any:
     """The function that the kernel calls; its text says of every line in which file it is."""
-    plain, cast = packets_cuda.read_native, packets_cuda.CAST
+    plain, cast, cached = packets_cuda.read_native, packets_cuda.CAST, packets_cuda.CACHED_NUMBERS
 
     def read_marked(*names: str) -> str:
         return "\n".join(f'#line 1 "{HEADERS / name}"\n{plain(name)}' for name in names)
@@ -210,12 +213,13 @@ def _native_function(variant: Variant) -> Any:
     packets_cuda.read_native = read_marked
     try:
         kind = variant.side, variant.with_id, variant.movable, variant.clip, variant.resized
+        packets_cuda.CACHED_NUMBERS = 0 if variant.large else cached
         if variant.found:
             find = _FIND_AND_SORT.replace("FIND", packets_cuda.FIND_OBJECT)
             packets_cuda.CAST = find + cast
         return packets_cuda.make_packet_function(*kind)
     finally:
-        packets_cuda.read_native, packets_cuda.CAST = plain, cast
+        packets_cuda.read_native, packets_cuda.CAST, packets_cuda.CACHED_NUMBERS = plain, cast, cached
 
 
 def _is_array(kind: Any) -> bool:

@@ -38,6 +38,7 @@ OLD = Variant(16, True, True, arch=700)  # before the warp's reductions
 CLIPS = Variant(16, True, True, clip=True)
 RESIZED = Variant(16, True, True, clip=True, resized=True)
 FINDS = Variant(16, True, True, found=True)
+LARGE = Variant(32, False, False, large=True)
 CAMERA = wv.Camera.from_fov(45, 37, hfov=0.994837, near=0.05, far=100.0)
 
 
@@ -49,7 +50,7 @@ def emulator(tmp_path_factory):
     """All variants, compiled with sanitizers, and counting which lines run."""
     compiler = find_compiler()
     assert compiler is not None
-    return Emulator(tmp_path_factory.mktemp("cuda_emulator"), (*VARIANTS, OLD, CLIPS, RESIZED, FINDS), compiler)
+    return Emulator(tmp_path_factory.mktemp("cuda_emulator"), (*VARIANTS, OLD, CLIPS, RESIZED, FINDS, LARGE), compiler)
 
 
 def render(emulator, scene, poses, *, side=16, camera=CAMERA, outputs=ALL, cull_backfaces=False, **options):
@@ -365,7 +366,11 @@ def test_many_small_triangles_in_a_deep_tree(emulator):
         scene.add(ball, name="ball", pose=(0, 0, 0.6, 0, 0, 0, 1), movable=movable)
         poses = np.concatenate([eyes(1), eyes(1, radius=7.0)])
         outputs = ("depth", "points", "segmentation")  # of neighbours that share an edge, either normal is right
-        assert_matches_reference(render(emulator, scene, poses, side=32, outputs=outputs), scene, CAMERA, poses)
+        views = render(emulator, scene, poses, side=32, outputs=outputs)
+        assert_matches_reference(views, scene, CAMERA, poses)
+        if not movable:  # leaves are asked for first, of a tree that counts as large
+            asked = emulated_renderer(emulator, LARGE, scene, CAMERA, outputs=("depth",)).render(poses)
+            assert asked.depth.numpy().tobytes() == views.depth.numpy().tobytes()
 
 
 def test_slivers_and_grazing_planes(emulator):

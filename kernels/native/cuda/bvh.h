@@ -42,6 +42,7 @@ struct Bvh {
     int root;
     int first_id;  // what the number of a triangle is more than its slot in the leaves
     bool all_closed;  // whether every object is
+    bool is_large;  // whether a GPU's cache has no room for the leaves: they are asked for before they are read
     const unsigned char* excluded;  // [object]: whether the view must not see it; null where it sees them all
 
     static inline int object_of(int owner) { return owner < 0 ? ~owner : owner; }

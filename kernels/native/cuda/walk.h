@@ -209,6 +209,7 @@ struct Walk {
         if (found.visit && PixelRect::few(found.pixels) && drawn_over(packet, found)) found.visit = 0;
         if (!Warp::any(found.visit && !(child < 0 && PixelRect::small(found.pixels)))) {
             small = Warp::ballot(found.visit != 0);
+            if (found.visit && bvh.is_large) Cache::ask_for(bvh.corners((unsigned)~child * LANES), LEAF_ROWS);
             return 0;
         }
         return found.visit;
