@@ -88,7 +88,7 @@ def test_images_do_not_depend_on_the_packets_size(name, outputs, cuda, monkeypat
     camera = wv.Camera.from_fov(133, 77, hfov=0.994837, near=0.05, far=4.0)
     images = []
     for side in (32, 16, 8, 4, 2, 1):
-        monkeypatch.setattr("warpvis.rendering._cuda_packets.packet_side", lambda *_, side=side: side)
+        monkeypatch.setattr("warpvis.rendering._cuda_packets.packet_side", lambda *_, side=side, **__: side)
         images.append(wv.render(scene, camera, preset.poses(3), outputs=outputs))
     for other in images[1:]:
         assert_identical(images[0], other)
