@@ -18,7 +18,7 @@ from warpvis.errors import CameraError, FileFormatError
 from warpvis.sensors._rays import Rays
 from warpvis.sensors.lidars._angles import directions_at
 
-# Samples in a second, by the manuals of the sensors (HAP: user manual, table 1.2.1).
+# Samples in a second: HAP's by its user manual, table 1.2.1; the others' are not checked against theirs.
 _SAMPLES = {
     "mid360": 200_000,
     "avia": 240_000,
