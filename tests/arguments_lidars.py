@@ -69,7 +69,14 @@ def lidar_cases(folder):
         ),
         "measure_incidence": (
             wv.sensors.measure_incidence,
-            {"views": scanned, "rays": laser, "sensor_to_world": POSE, "convention": None, "out": None},
+            {
+                "views": scanned,
+                "rays": laser,
+                "sensor_to_world": POSE,
+                "convention": None,
+                "quaternion": "xyzw",
+                "out": None,
+            },
         ),
         "point_clouds": (
             wv.sensors.point_clouds,

@@ -74,7 +74,7 @@ def moved(count=5, seed=1):
 
 
 @pytest.mark.parametrize("cull_backfaces", [False, True])
-@pytest.mark.parametrize("side", [1, 2, *SOME_SIDES])
+@pytest.mark.parametrize("side", [pytest.param(1, marks=pytest.mark.slow), 2, *SOME_SIDES])
 def test_what_stays(emulator, side, cull_backfaces):
     """From outside all closed objects, and from inside one."""
     scene = build("cpu", moved(), movable=False)
@@ -219,7 +219,7 @@ def test_images_that_are_no_multiple_of_packets(emulator, size):
         assert_matches_reference(views, scene, camera, eyes(2))
 
 
-@pytest.mark.parametrize("side", SOME_SIDES)
+@pytest.mark.parametrize("side", [*(pytest.param(side, marks=pytest.mark.slow) for side in SIDES[:-1]), SIDES[-1]])
 @pytest.mark.parametrize("name", test_solids.SHAPES)
 def test_solids_of_every_kind(emulator, name, side):
     """From the side, from above, from inside, and so near that the other way of computing a root is taken."""

@@ -67,6 +67,8 @@ def test_kernels_are_their_twins(device):
     poses = np.stack([turned(0.0), turned(0.7, (-1, 0.5, 0.2))])
     views = wv.render(scene, rays, poses, outputs=OUTPUTS)
     incidence = sensors.measure_incidence(views, rays, poses)
+    w_first = sensors.measure_incidence(views, rays, poses[:, [0, 1, 2, 6, 3, 4, 5]], quaternion="wxyz")
+    np.testing.assert_array_equal(w_first.numpy(), incidence.numpy())
     twin = reference.measure_incidence(poses, rays.directions, views.normals.numpy())
     np.testing.assert_allclose(incidence.numpy(), twin, atol=1e-6)
     shares = np.array([0.3, 0.9])

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, check_out, check_shape, empty
 from warpvis.core.checks import check_choice, check_flag, check_number, check_whole, is_number
-from warpvis.core.poses import Convention, check_convention, parse_poses, poses_in_axes
+from warpvis.core.poses import Convention, QuaternionOrder, check_convention, parse_poses, poses_in_axes, to_xyzw
 from warpvis.core.threads import launch_images
 from warpvis.core.types import PoseLike
 from warpvis.errors import ArrayError, SceneError
@@ -91,6 +91,7 @@ def measure_incidence(
     sensor_to_world: PoseLike,
     *,
     convention: Convention | None = None,
+    quaternion: QuaternionOrder = "xyzw",
     out: wp.array | None = None,
 ) -> wp.array:
     """Compute the cosine between every ray and the normal of what it meets: 1 straight on, 0 along the surface.
@@ -100,6 +101,7 @@ def measure_incidence(
         rays: What was rendered.
         sensor_to_world: The poses that were rendered.
         convention: Axes of the sensor frame of the poses; the rays' own by default.
+        quaternion: Order of the quaternions in the poses, ``"xyzw"`` or ``"wxyz"``.
         out: An incidence of an earlier call to write into.
 
     Returns:
@@ -116,6 +118,7 @@ def measure_incidence(
     device = normals.device
     named = rays.axes if convention is None else check_convention(convention)
     same = "opencv" if named == rays.axes else named
+    sensor_to_world = to_xyzw(sensor_to_world, quaternion, "sensor_to_world")
     poses = parse_poses(sensor_to_world, convention=same, device=device, name="sensor_to_world")
     if named != rays.axes and rays.axes != "opencv":
         poses = poses_in_axes(poses, rays.axes)
