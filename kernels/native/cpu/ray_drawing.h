@@ -14,6 +14,8 @@ struct RayLeaf {
     unsigned known;  // lanes whose planes are here
     ExactPlane planes[LANES];
 
+    explicit inline RayLeaf(const Triangles& of) : triangles(of) {}
+
     inline void set(const Image& image, const Visit& visit, unsigned rounded) {
         const Triangles& t = triangles;
         box = RayBox::of_pixels(image, visit.x0, visit.y0, visit.x1, visit.y1);
@@ -74,7 +76,7 @@ struct RayDrawing {
 
     static inline __attribute__((always_inline)) void draw(const Camera& camera, const Image& image,
                                                            const Triangles& triangles, const Visit& visit, Mode mode) {
-        RayLeaf leaf = {triangles};
+        RayLeaf leaf(triangles);
         leaf.set(image, visit, Lanes::bits(triangles.inexact | Raster::turns(camera, triangles)));
         const RayTree& tree = *image.tree;
         for (unsigned groups = tree.groups_in(leaf.box); groups; groups &= groups - 1) {
