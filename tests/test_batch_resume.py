@@ -74,6 +74,7 @@ run(sys.argv[2], frames=make_frames(900), resume=True, format="zarr")
 """
 
 
+@pytest.mark.slow
 def test_killed_at_any_moment(tmp_path):
     pytest.importorskip("zarr")
     out, random = tmp_path / "out", np.random.default_rng(os.getpid())

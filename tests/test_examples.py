@@ -32,7 +32,12 @@ def test_there_are_no_others():
     assert {path.relative_to(EXAMPLES).as_posix() for path in EXAMPLES.rglob("*.py")} == set(SAYS)
 
 
-@pytest.mark.parametrize("name", SAYS)
+_SLOW = {"aloha_perspective.py", "gymnasium_depth.py", "mujoco_warp_depth.py"}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in _SLOW else name for name in SAYS]
+)
 def test_examples_run(name, tmp_path):
     for module in ("mujoco_warp", "gymnasium", "torch"):
         if f"import {module}" in (EXAMPLES / name).read_text() and importlib.util.find_spec(module) is None:

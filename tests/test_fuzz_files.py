@@ -59,6 +59,7 @@ def run(*options, **environment):
     return done.stdout, done.returncode
 
 
+@pytest.mark.slow
 def test_what_is_wrong_is_found_and_named(tmp_path):
     (tmp_path / "bad_seeds.py").write_text(BAD_SEEDS)
     options = ("--seeds", "bad_seeds", "--count", "11", "--seconds", "2", "--gigabytes", "2")

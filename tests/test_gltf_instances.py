@@ -215,6 +215,7 @@ def test_exported_instances_share_their_mesh_again(few_share, tmp_path):
     assert_alike(again, scene)
 
 
+@pytest.mark.slow
 def test_a_hundred_thousand_instances_take_little(tmp_path):
     """They had to have less than 100 million corners, of which each was read."""
     rng, count = np.random.default_rng(0), 100_000

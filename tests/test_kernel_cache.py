@@ -69,6 +69,7 @@ def objects(folder):
     return list(Path(folder).glob("**/wp_tiny*/*.o"))
 
 
+@pytest.mark.slow
 def test_of_six_processes_one_compiles_and_a_killed_one_blocks_nobody(start, tmp_path):
     folder = tmp_path / wp.config.version / "warpvis-locks"
     folder.mkdir(parents=True)

@@ -155,6 +155,7 @@ def test_a_million_triangles_in_one_pixel(device):
     assert np.isinf(np.delete(depth.ravel(), 24 * 65 + 32)).all()
 
 
+@pytest.mark.slow
 def test_a_large_image_of_large_triangles(device):
     """4096 x 4096 pixels of the room agree with rays."""
     preset = scenes.PRESETS["room"]

@@ -248,7 +248,7 @@ def is_alive(pid):
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc")
-@pytest.mark.parametrize("case", ["idle", "busy", "held"])
+@pytest.mark.parametrize("case", ["idle", pytest.param("busy", marks=pytest.mark.slow), "held"])
 def test_it_ends_with_its_parent(case):
     """Killed while it waits, while it is busy, and while another process of the parent holds its pipe."""
     parent = subprocess.Popen([sys.executable, "-c", PARENT, case], stdout=subprocess.PIPE, text=True)
