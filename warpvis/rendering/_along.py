@@ -11,7 +11,7 @@ import warp as wp
 
 from warpvis.core.ray_camera import RayCamera
 from warpvis.rendering._views import OUTPUTS, Views, views_for
-from warpvis.rendering.casters import RayTableCaster
+from warpvis.rendering.casters import RayTableCaster, as_rows
 from warpvis.scene import Scene
 
 if TYPE_CHECKING:
@@ -43,8 +43,7 @@ def render_along(
         The outputs, of shape ``(V, N)``, on the scene's device.
     """
     views = views_for(outputs, rays.shape, scene.device)
-    shape = (rays.shape[0], 1, rays.shape[1])
-    rows = [getattr(views, name).reshape(shape) if name in outputs else None for name in OUTPUTS]
+    rows = [as_rows(getattr(views, name)) if name in outputs else None for name in OUTPUTS]
     caster = RayTableCaster(scene, camera, cull_backfaces=False, clip_near=False, threads=threads)
-    caster.cast_along(caster.parse_poses(poses, "opencv"), worlds, rays.reshape(shape), rows)
+    caster.cast_along(caster.parse_poses(poses, "opencv"), worlds, as_rows(rays), rows)
     return views
