@@ -52,6 +52,8 @@ FINE_CASES = {
     "terrain-2m-64": ("terrain 2 M 64x64", "terrain_2m", 64, 64, 1024),
     "terrain-10m-320": ("terrain 10 M 320x240", "terrain_10m", 320, 240, 64),
     "terrain-10m-64": ("terrain 10 M 64x64", "terrain_10m", 64, 64, 1024),
+    "terrain-50m-320": ("terrain 50 M 320x240", "terrain_50m", 320, 240, 64),
+    "terrain-50m-64": ("terrain 50 M 64x64", "terrain_50m", 64, 64, 1024),
 }
 # Of thousands of objects, that may move or stay; only if asked for.
 CROWD_CASES = {

@@ -13,13 +13,12 @@ from warpvis.kernels.images import Images
 from warpvis.kernels.pinhole import (
     PinholeCamera,
     Window,
-    clip_depth,
     forward_axis,
     image_ray,
     pose_origin,
     pose_rotation,
 )
-from warpvis.kernels.rays import CUDA_REGISTERS, look, nothing, write
+from warpvis.kernels.rays import CUDA_REGISTERS, look, nothing, pinhole_range, write
 from warpvis.kernels.triangle_scene import TriangleScene, camera_frame
 from warpvis.kernels.worlds import Worlds
 
@@ -71,8 +70,8 @@ def cast_parallel_rays(
     seen = nothing()
     if at[0] >= 0.0 and at[0] < camera.width and at[1] >= 0.0 and at[1] < camera.height:
         eye = camera_frame(eye_at(camera, camera_to_world[view], at))
-        ahead, clip = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0)), clip_depth(camera)
-        seen = look(scene, camera.near, camera.far, eye, worlds, view, ahead, True, clip, cull_backfaces)
+        ahead = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
+        seen = look(scene, pinhole_range(camera), eye, worlds, view, ahead, cull_backfaces)
     write(scene, eye.origin, worlds, view, seen, view, y, x, images_out)
 
 

@@ -113,6 +113,7 @@ HEADERS = (
     "cpu/worlds.h",
     "cpu/output.h",
     "cpu/sparse.h",
+    "cpu/ray_leaf.h",
     "cpu/ray_drawing.h",
     "cpu/walk.h",
     "cpu/movables.h",

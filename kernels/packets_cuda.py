@@ -33,12 +33,10 @@ MOST_TILES = 4
 _SHARED_HEADERS = ("shared/constants.h", "shared/images.h", "shared/stretch.h", "shared/pose.h", "shared/edges.h")
 
 _HEADERS = (
-    "cuda/bvh.h",
-    "cuda/scene.h",
-    "cuda/setup.h",
     "cuda/pixels.h",
     "cuda/doubts.h",
     "cuda/raster.h",
+    "cuda/visits.h",
     "cuda/walk.h",
     "cuda/solids.h",
     "cuda/objects.h",
@@ -65,14 +63,13 @@ class FoundObjects:
     tiles_x: int
 
 
-_CHECKS = """
+CHECKS = """
 static_assert(sizeof(*worlds.object_poses.data) == POSE_WORDS * sizeof(float) &&
                   sizeof(*worlds.object_sizes.data) == SOLID_WORDS * sizeof(float),
               "poses and sizes are read as rows of numbers");
-__shared__ WarpMemory memory;
 """
 
-_VIEW = """
+WORLD = """
 const unsigned char* excluded = nullptr;
 const int excluded_row = min(view, worlds.excluded.shape[0] - 1);
 if (worlds.excluded.data) excluded = worlds.excluded.data + excluded_row * scene.object_count;
@@ -97,6 +94,10 @@ const Scene all = {
     {found.entries.data ? (FoundObjects::Entry*)(found.entries.data + (long long)view * scene.drawn_count) : nullptr,
      found.counts.data + 2 * view, found.tile_counts.data, found.tile_ends.data, found.order.data, found.tiles_x,
      view * found.tiles_y * found.tiles_x}};
+"""
+"""The struct ``Scene`` of a view, of a kernel's scene, worlds and found objects."""
+
+_VIEW = """
 const View shape = {view, (int)camera.width, (int)camera.height, {camera.fx, camera.fy}, {camera.cx, camera.cy},
                     camera.near, camera.far, camera.most_inv_z, camera.clip_reach,
                     (const float*)(poses.data + view), cull_backfaces};
@@ -104,14 +105,17 @@ const View shape = {view, (int)camera.width, (int)camera.height, {camera.fx, cam
 
 CAST = f"""
 {NATIVE_IMAGES}
-{_CHECKS}
+{CHECKS}
+__shared__ WarpMemory memory;
 view = Warp::uniform(view);
+{WORLD}
 {_VIEW}
 Packets::cast(all, shape, out, packet_x, packet_y, memory);
 """
 
 FIND_OBJECT = f"""
 const bool cull_backfaces = false;
+{WORLD}
 {_VIEW}
 if (!object_poses) return;
 const bool there = object < scene.drawn_count;
@@ -119,12 +123,14 @@ ObjectPass::find(Packets::camera_of(shape), all.movables, all.found, there ? obj
 """
 
 
-def _headers(side: int, with_id: bool, movable: bool, clip: bool, resized: bool) -> str:
+def headers(side: int, with_id: bool, movable: bool, clip: bool, resized: bool, *, ray_table: bool = False) -> str:
+    """Return the C++ of packets, as `make_packet_function` describes them; or of those whose rays are of a table."""
     head = f"enum {{ PACKET_WIDTH = {packet_width(side)}, PACKET_HEIGHT = {side}, LEVELS = {LEVELS} }};\n"
-    head += f"enum {{ MOVABLE = {int(movable)}, RESIZED = {int(resized)} }};\n"
+    head += f"enum {{ MOVABLE = {int(movable)}, RESIZED = {int(resized)}, RAY_TABLE = {int(ray_table)} }};\n"
     head += f"enum {{ TILE_BITS = {TILE_BITS}, MOST_TILES = {MOST_TILES}, CACHED_NUMBERS = {CACHED_NUMBERS} }};\n"
     kinds = ("cuda/depth_id.h" if with_id else "cuda/depth.h", "cuda/near_clips.h" if clip else "cuda/near_occludes.h")
-    return head + read_native(*_SHARED_HEADERS, "cuda/lanes.h", *kinds, *_HEADERS)
+    setup = ("cuda/bvh.h", "cuda/scene.h", "cuda/setup.h", f"cuda/{'table' if ray_table else 'grid'}_places.h")
+    return head + read_native(*_SHARED_HEADERS, "cuda/lanes.h", *kinds, *setup, *_HEADERS)
 
 
 def packet_width(side: int) -> int:
@@ -143,7 +149,7 @@ def make_packet_function(side: int, with_id: bool, movable: bool, clip: bool, re
         resized: Whether movable objects are of the sizes that `Worlds.object_sizes` has; it must have some then.
     """
 
-    @wp.func_native(_headers(side, with_id, movable, clip, resized) + CAST)
+    @wp.func_native(headers(side, with_id, movable, clip, resized) + CAST)
     def cast_packet(
         scene: BvhScene,
         camera: PinholeCamera,
@@ -204,7 +210,7 @@ def make_packet_kernel(side: int, with_id: bool, movable: bool, clip: bool, resi
 def make_find_kernel(resized: bool) -> wp.Kernel:
     """Make the kernel that finds the movable objects that each view may see."""
 
-    @wp.func_native(_headers(32, False, True, False, resized) + FIND_OBJECT)
+    @wp.func_native(headers(32, False, True, False, resized) + FIND_OBJECT)
     def find_object(
         scene: BvhScene,
         camera: PinholeCamera,

@@ -78,17 +78,23 @@ def forward_axis(rotation: wp.quatd) -> wp.vec3d:
 
 
 @wp.func
-def shown_depth(camera: PinholeCamera, depth: float) -> float:
+def shown_between(near: float, far: float, depth: float) -> float:
     """What was measured, as REP 117 has it: -inf nearer than near, +inf beyond far; NaN where nothing was."""
     if depth == -wp.inf:
         return depth
     if not depth > 0.0:
         return wp.nan
-    if depth < camera.near:
+    if depth < near:
         return -wp.inf
-    if depth > camera.far:
+    if depth > far:
         return wp.inf
     return depth
+
+
+@wp.func
+def shown_depth(camera: PinholeCamera, depth: float) -> float:
+    """The same of a camera's range."""
+    return shown_between(camera.near, camera.far, depth)
 
 
 @wp.func

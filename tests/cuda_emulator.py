@@ -20,9 +20,12 @@ import numpy as np
 import warp as wp
 
 from warpvis import Camera, Scene
-from warpvis.kernels import native_source, packets_cuda
+from warpvis.core.ray_camera import RayCamera
+from warpvis.kernels import native_source, packets_cuda, ray_packets_cuda
 from warpvis.rendering import Renderer
-from warpvis.rendering.casters import RaysCaster, images_struct
+from warpvis.rendering._found_objects import nothing_found
+from warpvis.rendering._ray_packets import prepare_all
+from warpvis.rendering.casters import RaysCaster, RayTableCaster, as_images, images_struct
 from warpvis.scene.geometry import build_scene_bvh
 
 NATIVE = Path(__file__).parent / "native"
@@ -50,11 +53,13 @@ class Variant:
     """Whether movable objects are found, and sorted into tiles, before packets are drawn."""
     large: bool = False
     """Whether trees count as larger than a GPU's cache."""
+    ray_table: bool = False
+    """Whether rays are of a table."""
     arch: int = 900
 
     @property
     def name(self) -> str:
-        kind = (self.with_id, self.movable, self.clip, self.resized, self.found, self.large)
+        kind = (self.with_id, self.movable, self.clip, self.resized, self.found, self.large, self.ray_table)
         flags = "_".join(str(int(flag)) for flag in kind)
         return f"packet_{self.side}_{flags}_{self.arch}"
 
@@ -108,8 +113,8 @@ class Emulator:
             at += image.nbytes
         assert at == len(result.stdout)
 
-    def lines_that_never_ran(self) -> list[str]:
-        """Lines of the CUDA headers that no launch came to, in no variant: each as its file, number and text."""
+    def lines_that_ran(self) -> dict[tuple[str, int, str], bool]:
+        """Whether a launch came to lines of the CUDA headers, in any variant: by file, number and text."""
         ran: dict[tuple[str, int, str], bool] = {}
         for variant in self.variants:
             file = ""
@@ -122,7 +127,7 @@ class Emulator:
                     key = (Path(file).name, int(number), text)
                     ran[key] = ran.get(key, False) or count not in ("#####", "=====")
         assert len(ran) > 400
-        return [f"{name}:{number}: {text}" for (name, number, text), once in sorted(ran.items()) if not once]
+        return ran
 
 
 class EmulatedCaster(RaysCaster):
@@ -161,6 +166,33 @@ class EmulatedCaster(RaysCaster):
         return room
 
 
+class EmulatedTableCaster(RayTableCaster):
+    """The same for rays of a table."""
+
+    def __init__(self, emulator: Emulator, variant: Variant, scene: Scene, camera: RayCamera, cull: bool) -> None:
+        super().__init__(scene, camera, cull_backfaces=cull, clip_near=False, threads=1)
+        self._emulator = emulator
+        self._variant = variant
+
+    def cast(self, poses: wp.array, worlds: Any, images: list[wp.array | None]) -> None:
+        arguments = {
+            "scene": build_scene_bvh(self._scene.objects, self._scene.device, lanes=32).struct,
+            "range": self._camera.device_struct(),
+            "poses": poses,
+            "worlds": worlds,
+            "found": nothing_found(),
+            "cull_backfaces": self._cull_backfaces,
+            "images": images_struct(as_images(images)),
+        }
+        # A launch writes all of an image: packets are all of one size.
+        packets = prepare_all(
+            self._camera.rays.reshape(self._camera.height, self._camera.width, 3),
+            self._variant.side,
+            self._scene.device,
+        )
+        self._emulator.launch(self._variant, (len(poses), packets.frame.shape[0], 1), arguments | {"packets": packets})
+
+
 # What `find_objects` of warpvis.rendering does: all lanes find, then one sorts.
 _FIND_AND_SORT = """
 if (packet_y == 0 && packet_x == 0) {
@@ -192,15 +224,16 @@ def emulated_renderer(emulator: Emulator, variant: Variant, scene: Scene, camera
     """A `Renderer` whose images the emulator makes."""
     renderer = Renderer(scene, camera, **options)
     cull = options.get("cull_backfaces", False)
-    renderer._caster = EmulatedCaster(emulator, variant, scene, camera, cull)  # type: ignore[assignment]
+    kind: Any = EmulatedTableCaster if variant.ray_table else EmulatedCaster
+    renderer._caster = kind(emulator, variant, scene, camera, cull)
     return renderer
 
 
-_PLACE = ("view", "packet_y", "packet_x")
+_PLACE = {"view": "view", "packet_y": "packet_y", "packet_x": "packet_x", "packet": "packet_y"}
 _SCALARS = {int: "int", wp.int32: "int", float: "float", wp.float32: "float", wp.float64: "double", bool: "bool"}
 _SCALARS |= {wp.bool: "bool", wp.uint8: "unsigned char"}
 _FORMATS = {"int": "i", "float": "f", "double": "d", "bool": "?"}
-_ELEMENTS = {wp.vec3: "Vec3", wp.vec4: "Vec4", wp.vec4i: "Vec4", wp.transform: "Transform", **_SCALARS}
+_ELEMENTS = {wp.vec2: "Vec2", wp.vec3: "Vec3", wp.vec4: "Vec4", wp.vec4i: "Vec4", wp.transform: "Transform", **_SCALARS}
 
 
 def _native_function(variant: Variant) -> Any:
@@ -210,8 +243,12 @@ def _native_function(variant: Variant) -> Any:
     def read_marked(*names: str) -> str:
         return "\n".join(f'#line 1 "{HEADERS / name}"\n{plain(name)}' for name in names)
 
-    packets_cuda.read_native = read_marked
+    packets_cuda.read_native = ray_packets_cuda.read_native = read_marked
     try:
+        if variant.ray_table:
+            return ray_packets_cuda.make_ray_packet_function(
+                variant.side, variant.with_id, variant.movable, variant.resized
+            )
         kind = variant.side, variant.with_id, variant.movable, variant.clip, variant.resized
         packets_cuda.CACHED_NUMBERS = 0 if variant.large else cached
         if variant.found:
@@ -220,6 +257,7 @@ def _native_function(variant: Variant) -> Any:
         return packets_cuda.make_packet_function(*kind)
     finally:
         packets_cuda.read_native, packets_cuda.CAST, packets_cuda.CACHED_NUMBERS = plain, cast, cached
+        ray_packets_cuda.read_native = plain
 
 
 def _is_array(kind: Any) -> bool:
@@ -261,14 +299,14 @@ def _launch_header(arguments: dict[str, Any], variants: tuple[Variant, ...]) -> 
 
 def _variant_source(variant: Variant, function: Any) -> str:
     parameters = ", ".join(f"{_cpp_type(kind)} {name}" for name, kind in function.input_types.items())
-    given = ", ".join(name if name in _PLACE else f"all.{name}" for name in function.input_types)
+    given = ", ".join(_PLACE.get(name, f"all.{name}") for name in function.input_types)
     assert function.native_snippet.count(_SHARED) == 1
     borrowed = "WarpMemory& memory = *(WarpMemory*)emulator::shared_memory(sizeof(WarpMemory));"
     body = function.native_snippet.replace(_SHARED, borrowed)
     return (
         f'#define __CUDA_ARCH__ {variant.arch}\n#include "cuda_launch.h"\n'
         f"static void cast_packet({parameters}) {{\n{body}}}\n"
-        f"void {variant.name}(void* arguments, int view, int packet_y, int packet_x) {{\n"
+        f"void {variant.name}(void* arguments, int view, int packet_y, int packet_x) {{\n    (void)packet_x;\n"
         f"    const Arguments& all = *(const Arguments*)arguments;\n    cast_packet({given});\n}}\n"
     )
 

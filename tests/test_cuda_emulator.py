@@ -13,6 +13,7 @@ import test_instances
 import test_near_plane
 import test_sizes
 import test_solids
+import test_table_packets
 import trimesh
 import warp as wp
 from corner_walls import wall
@@ -39,6 +40,8 @@ CLIPS = Variant(16, True, True, clip=True)
 RESIZED = Variant(16, True, True, clip=True, resized=True)
 FINDS = Variant(16, True, True, found=True)
 LARGE = Variant(32, False, False, large=True)
+TABLES = (Variant(16, False, False, ray_table=True), Variant(32, True, False, ray_table=True))
+TABLES += (Variant(16, True, True, resized=True, ray_table=True),)
 CAMERA = wv.Camera.from_fov(45, 37, hfov=0.994837, near=0.05, far=100.0)
 
 
@@ -51,6 +54,12 @@ def emulator(tmp_path_factory):
     compiler = find_compiler()
     assert compiler is not None
     return Emulator(tmp_path_factory.mktemp("cuda_emulator"), (*VARIANTS, OLD, CLIPS, RESIZED, FINDS, LARGE), compiler)
+
+
+@pytest.fixture(scope="module")
+def table_emulator(tmp_path_factory):
+    """The same for rays of a table."""
+    return Emulator(tmp_path_factory.mktemp("table_emulator"), TABLES, find_compiler())
 
 
 def render(emulator, scene, poses, *, side=16, camera=CAMERA, outputs=ALL, cull_backfaces=False, **options):
@@ -454,14 +463,44 @@ def test_no_ray_slips_through_a_corner(emulator, movable, seed, side):
     assert np.isfinite(depth).all()
 
 
+def test_rays_of_a_table_in_the_room(table_emulator):
+    """Of depth alone in small packets, and of all in large ones."""
+    scene, pose = wv.scenes.PRESETS["room"].build(), wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))
+    for name in ("lidar", "planar, wide"):
+        camera = test_table_packets.PATTERNS[name]
+        depth, views = (
+            emulated_renderer(table_emulator, variant, scene, camera, outputs=outputs).render(pose)
+            for variant, outputs in zip(TABLES, (("depth",), ALL), strict=False)
+        )
+        test_table_packets.assert_views_match(views, scene, camera, [pose])
+        shown = np.isfinite(views.depth.numpy())
+        np.testing.assert_allclose(depth.depth.numpy()[shown], views.depth.numpy()[shown], rtol=2e-6)
+
+
+def test_rays_of_a_table_and_what_moves(table_emulator):
+    """Meshes and solids, of other sizes than they were built."""
+    rng = np.random.default_rng(0)
+    shapes = [test_sizes.SHAPES[kind] for kind in (0, 1, 3, 4)]
+    rows, scales = random_poses(rng, 4, spread=2.0), test_sizes.random_scales(rng, 1, 4)[0]
+    scene, twin = (test_sizes.build("cpu", rows, some, shapes=shapes) for some in (None, scales))
+    camera = test_table_packets.Table(test_table_packets.PATTERNS["gaps"].table, near=0.5, far=4.0)
+    poses = random_poses(rng, 2, spread=0.3)
+    views = emulated_renderer(table_emulator, TABLES[2], scene, camera, outputs=ALL).render(poses, object_scales=scales)
+    test_table_packets.assert_views_match(views, twin, camera, poses)
+    assert len(np.unique(views.segmentation.numpy())) >= 4
+
+
 # The lines that no scene reaches, and why.
 UNREACHED: dict[str, str] = {}
 
 
-def test_every_line_runs(emulator, request):
+def test_every_line_runs(emulator, table_emulator, request):
     """By all the tests above: what no test runs, nobody knows."""
     chosen = {item.function for item in request.session.items if item.path == request.path}
     if not all(value in chosen for name, value in globals().items() if name.startswith("test_") and callable(value)):
         pytest.skip("only some of this file's tests ran")
-    missed = emulator.lines_that_never_ran()
+    ran = emulator.lines_that_ran()
+    for line, once in table_emulator.lines_that_ran().items():
+        ran[line] = ran.get(line, False) or once
+    missed = [f"{name}:{number}: {text}" for (name, number, text), once in sorted(ran.items()) if not once]
     assert [line for line in missed if line not in UNREACHED] == []

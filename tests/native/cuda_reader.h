@@ -16,6 +16,9 @@ struct Array {
     int shape[DIMENSIONS];
 };
 
+struct Vec2 {
+    float value[2];
+};
 struct Vec3 {
     float value[3];
 };

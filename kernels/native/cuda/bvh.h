@@ -23,6 +23,7 @@ enum {
     BLOCK_COLUMNS = PACKET_WIDTH / BLOCK_WIDTH,
     BLOCK_ROWS = PACKET_HEIGHT / BLOCK_HEIGHT,
     BLOCKS = BLOCK_COLUMNS * BLOCK_ROWS,
+    PIXELS = BLOCKS * LANES,
 };
 static_assert((int)BLOCK_WIDTH * BLOCK_HEIGHT <= (int)LANES, "a lane draws a pixel of a block");
 static_assert((int)BLOCKS <= (int)LANES, "lane b keeps what is known of block b");
@@ -77,6 +78,14 @@ struct Linear {
     inline float at(float at_u, float at_v) const { return __fmaf_rn(u, at_u, __fmaf_rn(v, at_v, one)); }
 };
 
+// Where a ray passes.
+struct alignas(8) ImagePoint {
+    float u, v;
+};
+struct ExactImagePoint {
+    double u, v;
+};
+
 // Three coordinates in double precision.
 struct Vec3d {
     double x, y, z;
@@ -121,7 +130,8 @@ struct PoseRow {
 struct Camera {
     Vec3 origin, rest;  // their sum is the origin: in an object's frame, single precision need not be enough for it
     Vec3 to_camera[3];  // rows: x scaled by fx, y scaled by fy, z
-    double focal_squared[3];  // rows of to_camera, divided by the exact rays
+    // Rows of to_camera, divided by the exact rays; of a table, in double precision.
+    double rows[RAY_TABLE ? 9 : 3];
     float first_u, first_v;  // u and v of the view's first pixel
     float last_x, last_y;  // the view's last column and row
     float far;
@@ -130,6 +140,7 @@ struct Camera {
         per_extent;  // pixels to the image's farthest side, or the focal length if that is more; and 1 by that
     float focal;  // the greater one
     float slope_error;  // of what slopes are made of, by the product of the lengths of two sides of a triangle
+    float spread;  // of a table: how far from a pixel's centre its ray may pass, along each axis
     bool skip_back_faces;  // of objects that are closed, since the camera is outside them all
     bool cull_back_faces;  // of all objects
     NearPlane near;
@@ -139,6 +150,14 @@ struct Camera {
     inline Vec3 relative(Vec3 p) const {
         const Vec3 from = Vec3::minus(p, origin);
         return MOVABLE ? Vec3::minus(from, rest) : from;
+    }
+    // A place as much farther, or less far, as a ray may pass from the centre of its pixel.
+    inline float wider(float place) const { return RAY_TABLE ? place + spread : place; }
+    inline float before(float place) const { return RAY_TABLE ? place - spread : place; }
+    // A number of a row of to_camera in the frame of an object, of which the axis and the number of the ray are given.
+    inline double turned_row(int row, Vec3d axis, double of_ray) const {
+        return RAY_TABLE ? Vec3d::dot(axis, Vec3d{rows[3 * row], rows[3 * row + 1], rows[3 * row + 2]})
+                         : of_ray * rows[row];
     }
     // Whether that side of a triangle is drawn of which the volume is negative in front.
     inline bool draws_side(const int* owner, double volume) const {

@@ -30,13 +30,14 @@ struct Exactly {
         return seen;
     }
 
-    // What the z-buffer keeps of a triangle in a pixel of the view, if it covers the pixel's centre, on its edges too,
-    // by a side that is drawn; 0 if not.
-    static __noinline__ Key key(const Camera& camera, const float* from, const int* owner, unsigned id, int x, int y) {
-        const double u = x + (double)camera.first_u, v = y + (double)camera.first_v;
+    // What the z-buffer keeps of a triangle where a ray passes, if the ray meets it, on its edges too, by a side that
+    // is drawn; 0 if not.
+    static __noinline__ Key key(const Camera& camera, const float* from, const int* owner, unsigned id,
+                                ExactImagePoint p) {
         const Vec3d* rays = camera.exact_rays;
-        const double ray[3] = {u * rays[0].x + (v * rays[1].x + rays[2].x), u * rays[0].y + (v * rays[1].y + rays[2].y),
-                               u * rays[0].z + (v * rays[1].z + rays[2].z)};
+        const double ray[3] = {p.u * rays[0].x + (p.v * rays[1].x + rays[2].x),
+                               p.u * rays[0].y + (p.v * rays[1].y + rays[2].y),
+                               p.u * rays[0].z + (p.v * rays[1].z + rays[2].z)};
         const ExactCorners seen = corners(camera, from);
         double normal[3];
         seen.normal(normal);
@@ -83,9 +84,8 @@ struct Exactly {
         for (int block = 0; block < BLOCKS; ++block) {
             const int x = Packet::block_x(block) + Packet::pixel_x(Warp::lane()),
                       y = Packet::block_y(block) + Packet::pixel_y(Warp::lane());
-            const float u = SmallInt::to_float(packet.first_x + x) + camera.first_u,
-                        v = SmallInt::to_float(packet.first_y + y) + camera.first_v;
-            if (x >= t.x0 && x <= t.x1 && y >= t.y0 && y <= t.y1 && fabsf(t.within(u, v)) <= t.doubt)
+            const ImagePoint p = packet.point(camera, x, y, Packet::index(block, Warp::lane()));
+            if (x >= t.x0 && x <= t.x1 && y >= t.y0 && y <= t.y1 && fabsf(t.within(p.u, p.v)) <= t.doubt)
                 touched |= draw_pixel(bvh, camera, packet, slot, x, y);
         }
         return touched;
@@ -94,9 +94,10 @@ struct Exactly {
     // Returns the block that was drawn into, as a bit.
     static inline unsigned draw_pixel(const Bvh& bvh, const Camera& camera, const Packet& packet, unsigned slot, int x,
                                       int y) {
-        Key* at = packet.z_buffer + Packet::index_at(x, y);
-        const Key found = key(camera, bvh.corners(slot), bvh.owners + slot, slot + bvh.first_id, packet.first_x + x,
-                              packet.first_y + y);
+        const int index = Packet::index_at(x, y);
+        Key* at = packet.at(index);
+        const Key found = key(camera, bvh.corners(slot), bvh.owners + slot, slot + bvh.first_id,
+                              packet.exact_point(camera, x, y, index));
         if (found <= *at) return 0;
         atomicMax(at, found);
         return 1u << Packet::block_of(x, y);

@@ -30,7 +30,7 @@ struct WarpMemory {
         Walk::Level levels[LEVELS];
         Solid solids[SOLIDS_AT_A_TIME];
     };
-    Key z_buffer[Packet::PIXELS];
+    PixelMemory pixels;
     ObjectQueue objects;
 };
 static_assert(sizeof(WarpMemory) <= 48 * 1024, "what a block may have without asking for more");
@@ -102,7 +102,7 @@ struct ObjectPass {
         if (row < 3) {
             const double value = Vec3d::dot(along, world.exact_rays[row]);
             (&moved.exact_rays[row].x)[k] = RESIZED ? value / factor : value;
-            (&moved.to_camera[row].x)[k] = (float)(value * world.focal_squared[row] * factor);
+            (&moved.to_camera[row].x)[k] = (float)(world.turned_row(row, along, value) * factor);
         } else if (row == 3) {
             const double there = Vec3d::dot(along, Vec3d::minus(world.exact_origin, PoseRow::position(pose)));
             const double value = RESIZED ? there / factor : there;

@@ -21,7 +21,7 @@ struct Column {
     }
     inline bool some() const { return row < rows; }
     inline void next() { row += ROWS, at += step; }
-    inline Key key(const Packet& packet) const { return packet.z_buffer[Packet::index_at(column, row)]; }
+    inline Key key(const Packet& packet) const { return *packet.at(Packet::index_at(column, row)); }
 };
 
 struct Write {
@@ -45,11 +45,10 @@ struct Write {
     }
 
     // Of a triangle or a solid, in the world, against the direction from which it is seen.
-    static inline Vec3 normal(const Scene& scene, const Camera& camera, unsigned id, int x, int y) {
-        const double u = (double)x + camera.first_u, v = (double)y + camera.first_v;
-        const Vec3d ray = {u * camera.exact_rays[0].x + v * camera.exact_rays[1].x + camera.exact_rays[2].x,
-                           u * camera.exact_rays[0].y + v * camera.exact_rays[1].y + camera.exact_rays[2].y,
-                           u * camera.exact_rays[0].z + v * camera.exact_rays[1].z + camera.exact_rays[2].z};
+    static inline Vec3 normal(const Scene& scene, const Camera& camera, unsigned id, ExactImagePoint p) {
+        const Vec3d ray = {p.u * camera.exact_rays[0].x + p.v * camera.exact_rays[1].x + camera.exact_rays[2].x,
+                           p.u * camera.exact_rays[0].y + p.v * camera.exact_rays[1].y + camera.exact_rays[2].y,
+                           p.u * camera.exact_rays[0].z + p.v * camera.exact_rays[1].z + camera.exact_rays[2].z};
         const int m = scene.movables.owner_of(id);
         const Vec3d n = m < 0 ? Vec3d::normal(scene.bvh.corners(id)) : moved_normal(scene, camera, m, id, ray);
         const double towards = Vec3d::dot(n, ray);
@@ -82,9 +81,12 @@ struct Write {
         return PoseRow::turned_out(axis, n);
     }
 
+    static inline bool more_than_depth(const Images& out) {
+        return out.points || (DepthKey::HAS_ID && (out.normals || out.segmentation || out.labels));
+    }
     static inline void images(const Scene& scene, const View& view, const Camera& camera, const Packet& packet,
                               const Images& out) {
-        if (out.points || (DepthKey::HAS_ID && (out.normals || out.segmentation || out.labels)))
+        if (more_than_depth(out))
             all(scene, view, camera, packet, out);
         else if (out.depth)
             depths(view, packet, out.depth);
@@ -92,49 +94,76 @@ struct Write {
 
     static inline void all(const Scene& scene, const View& view, const Camera& camera, const Packet& packet,
                            const Images& out) {
-        const Vec3 right = camera.exact_rays[0].rounded(), down = camera.exact_rays[1].rounded(),
-                   forward = camera.exact_rays[2].rounded();
-        const bool objects = DepthKey::HAS_ID && (out.segmentation || out.labels);
-        Column at = Column::of(view, packet);
-        const float u = (float)(packet.first_x + at.column) + camera.first_u;
-        for (; at.some(); at.next()) {
+        const Frame frame = Frame::of(camera);
+        for (Column at = Column::of(view, packet); at.some(); at.next()) {
             const Key key = at.key(packet);
             const float inv_z = inv_z_of(key), z = Reciprocal::of(inv_z);
             const bool shown = seen(view, inv_z, z);
-            // Read before the rest, which takes as long as that.
-            const int owner = !MOVABLE && objects && shown ? __ldg(scene.bvh.owners + DepthKey::id(key)) : 0;
-            if (out.depth) out.depth[at.at] = depth(view, inv_z, z, shown);
-            if (out.points) {
-                const float v = (float)(packet.first_y + at.row) + camera.first_v;
-                const Vec3 ray = {__fmaf_rn(u, right.x, __fmaf_rn(v, down.x, forward.x)),
-                                  __fmaf_rn(u, right.y, __fmaf_rn(v, down.y, forward.y)),
-                                  __fmaf_rn(u, right.z, __fmaf_rn(v, down.z, forward.z))};
-                vector(out.points, at.at, shown ? place(camera.origin, ray, z) : none());
-            }
-            if (DepthKey::HAS_ID && out.normals) {
-                const int x = packet.first_x + at.column, y = packet.first_y + at.row;
-                vector(out.normals, at.at, shown ? normal(scene, camera, DepthKey::id(key), x, y) : none());
-            }
-            if (!objects) continue;
-            int object = -1;
-            if (shown) object = MOVABLE ? scene.object_of(DepthKey::id(key)) : Bvh::object_of(owner);
-            if (out.segmentation) out.segmentation[at.at] = object;
-            if (out.labels)
-                out.labels[at.at] = object < 0 ? (unsigned char)LABEL_EMPTY : __ldg(out.object_label + object);
+            const Found found = {key, z, shown ? z : nothing(view, inv_z, z), shown};
+            pixel(scene, frame, camera, packet, out, Spot{at.at, at.column, at.row, 0}, found);
         }
+    }
+
+    // Of a camera, what turns a place in its image into one of the world.
+    struct Frame {
+        Vec3 right, down, forward;
+
+        static inline Frame of(const Camera& camera) {
+            return Frame{camera.exact_rays[0].rounded(), camera.exact_rays[1].rounded(),
+                         camera.exact_rays[2].rounded()};
+        }
+        inline Vec3 ray(ImagePoint p) const {
+            return Vec3{__fmaf_rn(p.u, right.x, __fmaf_rn(p.v, down.x, forward.x)),
+                        __fmaf_rn(p.u, right.y, __fmaf_rn(p.v, down.y, forward.y)),
+                        __fmaf_rn(p.u, right.z, __fmaf_rn(p.v, down.z, forward.z))};
+        }
+    };
+    // Where a pixel is: in the images, and in the packet.
+    struct Spot {
+        long long at;
+        int x, y, index;
+    };
+    // What it shows.
+    struct Found {
+        Key key;
+        float z, depth;
+        bool shown;
+    };
+
+    static inline void pixel(const Scene& scene, const Frame& frame, const Camera& camera, const Packet& packet,
+                             const Images& out, const Spot& spot, const Found& found) {
+        const bool objects = DepthKey::HAS_ID && (out.segmentation || out.labels), shown = found.shown;
+        const unsigned id = DepthKey::id(found.key);
+        // Read before the rest, which takes as long as that.
+        const int owner = !MOVABLE && objects && shown ? __ldg(scene.bvh.owners + id) : 0;
+        if (out.depth) out.depth[spot.at] = found.depth;
+        if (out.points) {
+            const Vec3 ray = frame.ray(packet.point(camera, spot.x, spot.y, spot.index));
+            vector(out.points, spot.at, shown ? place(camera.origin, ray, found.z) : none());
+        }
+        if (DepthKey::HAS_ID && out.normals)
+            vector(out.normals, spot.at,
+                   shown ? normal(scene, camera, id, packet.exact_point(camera, spot.x, spot.y, spot.index)) : none());
+        if (!objects) return;
+        int object = -1;
+        if (shown) object = MOVABLE ? scene.object_of(id) : Bvh::object_of(owner);
+        if (out.segmentation) out.segmentation[spot.at] = object;
+        if (out.labels)
+            out.labels[spot.at] = object < 0 ? (unsigned char)LABEL_EMPTY : __ldg(out.object_label + object);
     }
     static inline Vec3 place(Vec3 origin, Vec3 ray, float z) {
         return Vec3{__fmaf_rn(z, ray.x, origin.x), __fmaf_rn(z, ray.y, origin.y), __fmaf_rn(z, ray.z, origin.z)};
     }
 
-    static inline float depth(const View& view, float inv_z, float z, bool shown) {
+    // Depth of what is not shown.
+    static inline float nothing(const View& view, float inv_z, float depth) {
         const float infinity = __int_as_float(INFINITY_BITS);
-        return shown ? z : inv_z > 0.0f && z < view.near ? -infinity : infinity;
+        return inv_z > 0.0f && depth < view.near ? -infinity : infinity;
     }
     static inline void depths(const View& view, const Packet& packet, float* depth) {
         for (Column at = Column::of(view, packet); at.some(); at.next()) {
             const float inv_z = inv_z_of(at.key(packet)), z = Reciprocal::of(inv_z);
-            depth[at.at] = Write::depth(view, inv_z, z, seen(view, inv_z, z));
+            depth[at.at] = seen(view, inv_z, z) ? z : nothing(view, inv_z, z);
         }
     }
 };

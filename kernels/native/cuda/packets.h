@@ -19,7 +19,7 @@ struct Packets {
             const double f = i < 2 ? view.focal[i] : 1.0;
             camera.exact_rays[i] = Vec3d::times(axis[i], 1.0 / f);
             camera.to_camera[i] = Vec3d::times(axis[i], f).rounded();
-            camera.focal_squared[i] = f * f;
+            camera.rows[i] = f * f;
         }
         camera.first_u = (float)(0.5 - view.center[0]);
         camera.first_v = (float)(0.5 - view.center[1]);
@@ -61,16 +61,30 @@ struct Packets {
             if (Warp::lane() == 0) memory.cameras[WarpMemory::WORLD] = camera;
         }
         Packet packet;
-        packet.z_buffer = memory.z_buffer;
+        packet.memory = &memory.pixels;
         packet.first_x = Warp::uniform(packet_x * PACKET_WIDTH);
         packet.first_y = Warp::uniform(packet_y * PACKET_HEIGHT);
         packet.begin(view.width - packet.first_x, view.height - packet.first_y);
+        draw(scene, view, packet, memory);
+        Write::images(scene, view, memory.cameras[WarpMemory::WORLD], packet, out);
+    }
+
+    // Of a camera in shared memory, which sides of triangles it sees.
+    static inline void set_sides(const Scene& scene, const View& view, Camera& camera) {
+        const bool outside = outside_all(scene.closed, scene.bvh.excluded, camera);
+        if (Warp::lane() == 0) {
+            camera.skip_back_faces = outside;
+            // Where that means all back faces, it need not be looked up whose they are.
+            camera.cull_back_faces = view.cull_back_faces || (outside && scene.bvh.all_closed);
+        }
+        Warp::sync();
+    }
+    static inline void draw(const Scene& scene, const View& view, Packet& packet, WarpMemory& memory) {
         const bool exists = !MOVABLE || scene.movables.poses;
         if (MOVABLE && exists)
             ObjectPass::draw(scene, view, packet, memory);
         else if (scene.bvh.root >= 0 && exists)
             Walk::draw(scene.bvh, memory.cameras[WarpMemory::WORLD], packet, memory.levels, memory.walk);
         Warp::sync();
-        Write::images(scene, view, memory.cameras[WarpMemory::WORLD], packet, out);
     }
 };

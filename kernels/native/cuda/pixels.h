@@ -3,10 +3,14 @@
 //
 // A packet's pixels, in shared memory.
 
-struct Packet {
-    enum { PIXELS = BLOCKS * LANES, NO_TRIANGLE = 0xffffffffu };
+struct PixelMemory : Places {
+    Key z_buffer[PIXELS];  // [block][pixel]
+};
 
-    Key* z_buffer;  // [block][pixel]
+struct Packet {
+    enum { NO_TRIANGLE = 0xffffffffu };
+
+    PixelMemory* memory;
     int first_x, first_y;  // in the view
     unsigned block_min_inv_z;  // least 1 / z of this lane's block, as bits
     unsigned stale_blocks;  // blocks where that may be more by now
@@ -29,18 +33,27 @@ struct Packet {
     static inline int pixel_x(int lane) { return lane & (BLOCK_WIDTH - 1); }
     static inline int pixel_y(int lane) { return lane >> BLOCK_WIDTH_BITS; }
 
-    inline unsigned inv_z_bits(int x, int y) const { return DepthKey::inv_z_bits(z_buffer[index_at(x, y)]); }
+    inline Key* at(int index) const { return memory->z_buffer + index; }
+    inline unsigned inv_z_bits(int x, int y) const { return DepthKey::inv_z_bits(*at(index_at(x, y))); }
+
+    // Where the ray of a pixel passes.
+    inline ImagePoint point(const Camera& camera, int x, int y, int index) const {
+        return memory->point(camera, first_x + x, first_y + y, index);
+    }
+    inline ExactImagePoint exact_point(const Camera& camera, int x, int y, int index) const {
+        return memory->exact(camera, first_x + x, first_y + y, index);
+    }
 
     // Nothing seen yet. What lies outside the image counts as very near, so that it hides and never shows.
     inline void begin(int columns, int rows) {
         const int lane = Warp::lane();
         if (columns >= PACKET_WIDTH && rows >= PACKET_HEIGHT && (int)BLOCK_PIXELS == (int)LANES) {
-            for (int i = lane; i < (int)PIXELS; i += LANES) z_buffer[i] = DepthKey::of(0.0f, NO_TRIANGLE);
+            for (int i = lane; i < (int)PIXELS; i += LANES) *at(i) = DepthKey::of(0.0f, NO_TRIANGLE);
         } else {
             for (int block = 0; block < BLOCKS; ++block) {
                 const bool seen = lane < BLOCK_PIXELS && block_x(block) + pixel_x(lane) < columns &&
                                   block_y(block) + pixel_y(lane) < rows;
-                z_buffer[index(block, lane)] = DepthKey::of(seen ? 0.0f : NOWHERE, NO_TRIANGLE);
+                *at(index(block, lane)) = DepthKey::of(seen ? 0.0f : NOWHERE, NO_TRIANGLE);
             }
         }
         const bool seen = lane < BLOCKS && block_x(lane) < columns && block_y(lane) < rows;
@@ -54,7 +67,7 @@ struct Packet {
         const int lane = Warp::lane();
         for (unsigned left = stale_blocks; left; left = Warp::without_first_lane(left)) {
             const int block = Warp::first_lane(left);
-            const unsigned least = Warp::reduce_min(DepthKey::inv_z_bits(z_buffer[index(block, lane)]));
+            const unsigned least = Warp::reduce_min(DepthKey::inv_z_bits(*at(index(block, lane))));
             if (lane == block) block_min_inv_z = least;
         }
         stale_blocks = 0;

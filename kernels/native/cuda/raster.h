@@ -40,16 +40,14 @@ struct Raster {
         int x = t.x0, y = t.y0;
         for (int step = 0; step < steps; ++step) {
             if (step < area) {
-                const float view_x = SmallInt::to_float(packet.first_x + x),
-                            view_y = SmallInt::to_float(packet.first_y + y);
-                const float u = view_x + camera.first_u, v = view_y + camera.first_v;
-                const float within = t.within(u, v);
+                const int index = Packet::index_at(x, y);
+                const ImagePoint p = packet.point(camera, x, y, index);
+                const float within = t.within(p.u, p.v);
                 if (within >= -t.doubt) {
-                    Key* at = packet.z_buffer + Packet::index_at(x, y);
-                    const float inv_z =
-                        t.exact ? t.clamp(ExactPlane::of(camera, bvh.corners(t.slot))
-                                              .at((double)view_x + camera.first_u, (double)view_y + camera.first_v))
-                                : t.inv_z_at(u, v);
+                    Key* at = packet.at(index);
+                    const float inv_z = t.exact ? t.clamp(ExactPlane::of(camera, bvh.corners(t.slot))
+                                                              .at(packet.exact_point(camera, x, y, index)))
+                                                : t.inv_z_at(p.u, p.v);
                     const Key key = DepthKey::of(inv_z, t.slot + bvh.first_id);
                     if (within <= t.doubt) {
                         if (t.may_show(*at)) doubts.add(t.slot, x, y);
@@ -71,10 +69,10 @@ struct Raster {
                                   Doubts& doubts) {
         const int lane = Warp::lane();
         const int block_x = Packet::block_x(lane), block_y = Packet::block_y(lane);
-        const float u0 = SmallInt::to_float(packet.first_x + block_x) + camera.first_u,
-                    u1 = SmallInt::to_float(packet.first_x + block_x + BLOCK_WIDTH - 1) + camera.first_u;
-        const float v0 = SmallInt::to_float(packet.first_y + block_y) + camera.first_v,
-                    v1 = SmallInt::to_float(packet.first_y + block_y + BLOCK_HEIGHT - 1) + camera.first_v;
+        const float u0 = camera.before(SmallInt::to_float(packet.first_x + block_x) + camera.first_u),
+                    u1 = camera.wider(SmallInt::to_float(packet.first_x + block_x + BLOCK_WIDTH - 1) + camera.first_u);
+        const float v0 = camera.before(SmallInt::to_float(packet.first_y + block_y) + camera.first_v),
+                    v1 = camera.wider(SmallInt::to_float(packet.first_y + block_y + BLOCK_HEIGHT - 1) + camera.first_v);
         bool touched = lane < BLOCKS && block_x + BLOCK_WIDTH - 1 >= t.x0 && block_x <= t.x1 &&
                        block_y + BLOCK_HEIGHT - 1 >= t.y0 && block_y <= t.y1;
         bool covered = true;
@@ -96,20 +94,18 @@ struct Raster {
         if (t.exact) plane = ExactPlane::of(camera, bvh.corners(t.slot));
         for (unsigned left = blocks; left; left = Warp::without_first_lane(left)) {
             const int block = Warp::first_lane(left);
-            const float view_x = SmallInt::to_float(packet.first_x + Packet::block_x(block) + Packet::pixel_x(lane)),
-                        view_y = SmallInt::to_float(packet.first_y + Packet::block_y(block) + Packet::pixel_y(lane));
-            const float u = view_x + camera.first_u, v = view_y + camera.first_v;
-            const float within = whole >> block & 1 ? NOWHERE : t.within(u, v);
+            const int index = Packet::index(block, lane);
+            const int x = Packet::block_x(block) + Packet::pixel_x(lane),
+                      y = Packet::block_y(block) + Packet::pixel_y(lane);
+            const ImagePoint p = packet.point(camera, x, y, index);
+            const float within = whole >> block & 1 ? NOWHERE : t.within(p.u, p.v);
             if (within < -t.doubt) continue;
             const float inv_z =
-                t.exact ? t.clamp(plane.at((double)view_x + camera.first_u, (double)view_y + camera.first_v))
-                        : t.inv_z_at(u, v);
-            Key* at = packet.z_buffer + Packet::index(block, lane);
+                t.exact ? t.clamp(plane.at(packet.exact_point(camera, x, y, index))) : t.inv_z_at(p.u, p.v);
+            Key* at = packet.at(index);
             const Key key = DepthKey::of(inv_z, t.slot + bvh.first_id);
             if (within <= t.doubt) {
-                if (t.may_show(*at))
-                    doubts.add(t.slot, Packet::block_x(block) + Packet::pixel_x(lane),
-                               Packet::block_y(block) + Packet::pixel_y(lane));
+                if (t.may_show(*at)) doubts.add(t.slot, x, y);
             } else if (camera.near.shows(inv_z, camera.near.cuts(t.max_inv_z)) && key > *at) {
                 *at = key;
             }

@@ -14,7 +14,7 @@ struct ExactPlane {
                           Vec3d::dot(normal, camera.exact_rays[1]) * scale,
                           Vec3d::dot(normal, camera.exact_rays[2]) * scale};
     }
-    inline float at(double at_u, double at_v) const { return (float)(u * at_u + (v * at_v + one)); }
+    inline float at(ExactImagePoint p) const { return (float)(u * p.u + (v * p.v + one)); }
 };
 
 // One triangle, set up for the image.
@@ -51,6 +51,15 @@ constexpr float TERM_ERROR = 2e-7f, ALLOWED_ERROR = 6e-6f;
 constexpr float VOLUME_DOUBT = 4e-8f;
 // So many times as far apart as the nearest corner is away, corners are turned to the camera one by one.
 constexpr float COARSE = 4.0f;
+
+// Bounds in the image.
+struct ImageBox {
+    float left, right, top, bottom;
+
+    inline bool holds(ImagePoint p, float slack) const {
+        return p.u >= left - slack && p.u <= right + slack && p.v >= top - slack && p.v <= bottom + slack;
+    }
+};
 
 struct Setup {
     enum { LARGE = 64 };  // pixels of the bounds, from which a triangle is worth a look at its edges
@@ -95,7 +104,10 @@ struct Setup {
     };
 
     // How much wider than rounding can be wrong the bounds of a triangle are, in pixels.
-    static inline float slack_of(const Camera& camera) { return TRIANGLE_SLACK + TRIANGLE_SLACK_BLURS * camera.blur; }
+    static inline float rounding_of(const Camera& camera) {
+        return TRIANGLE_SLACK + TRIANGLE_SLACK_BLURS * camera.blur;
+    }
+    static inline float slack_of(const Camera& camera) { return camera.wider(rounding_of(camera)); }
 
     // Pixels of the view whose centres may be inside a triangle.
     struct Bounds {
@@ -127,8 +139,10 @@ struct Setup {
     // whole view, so that a pixel's 1 / z is the same in every packet.
     static inline bool loses_digits(const Camera& camera, const ProjectedTriangle& p, const Bounds& b,
                                     const Triangle& t, Vec3 ab, Vec3 ac, float scale) {
-        const float du = fmaxf(fabsf(b.left + camera.first_u - t.u), fabsf(b.right + camera.first_u - t.u));
-        const float dv = fmaxf(fabsf(b.top + camera.first_v - t.v), fabsf(b.bottom + camera.first_v - t.v));
+        const float du =
+            camera.wider(fmaxf(fabsf(b.left + camera.first_u - t.u), fabsf(b.right + camera.first_u - t.u)));
+        const float dv =
+            camera.wider(fmaxf(fabsf(b.top + camera.first_v - t.v), fabsf(b.bottom + camera.first_v - t.v)));
         const float change = __fmaf_rn(fabsf(t.slope_u), du, __fmul_rn(fabsf(t.slope_v), dv));
         const float sides = __fmul_rn(camera.slope_error, __fmul_rn(camera.length(ab), camera.length(ac)));
         const float slopes = __fmul_rn(sides, __fmul_rn(du + dv, fabsf(scale)));
@@ -215,17 +229,18 @@ struct Setup {
     // Whether this lane's triangle of a leaf that is small in the image, and all in front of the camera, may cover a
     // pixel's centre of the packet.
     static inline bool may_cover(const Bvh& bvh, const Camera& camera, const PacketBounds& bounds,
-                                 const Corners& stored, unsigned slot) {
+                                 const Corners& stored, unsigned slot, ImageBox& box) {
         const Vec3 a = camera.turn(camera.relative(stored.a)), b = camera.turn(camera.relative(stored.b)),
                    c = camera.turn(camera.relative(stored.c));
         const float a_inv_z = Reciprocal::about(a.z), b_inv_z = Reciprocal::about(b.z),
                     c_inv_z = Reciprocal::about(c.z);
         const float a_u = a.x * a_inv_z, b_u = b.x * b_inv_z, c_u = c.x * c_inv_z;
         const float a_v = a.y * a_inv_z, b_v = b.y * b_inv_z, c_v = c.y * c_inv_z;
-        const bool shown = PacketBounds::has_center(Three::min(a_u, b_u, c_u), Three::max(a_u, b_u, c_u),
-                                                    bounds.left_less, bounds.left_more, PACKET_WIDTH) &&
-                           PacketBounds::has_center(Three::min(a_v, b_v, c_v), Three::max(a_v, b_v, c_v),
-                                                    bounds.top_less, bounds.top_more, PACKET_HEIGHT);
+        box = ImageBox{Three::min(a_u, b_u, c_u), Three::max(a_u, b_u, c_u), Three::min(a_v, b_v, c_v),
+                       Three::max(a_v, b_v, c_v)};
+        const bool shown =
+            PacketBounds::has_center(box.left, box.right, bounds.left_less, bounds.left_more, PACKET_WIDTH) &&
+            PacketBounds::has_center(box.top, box.bottom, bounds.top_less, bounds.top_more, PACKET_HEIGHT);
         const bool sorted_out = camera.cull_back_faces || camera.skip_back_faces || bvh.excluded;
         return shown && (!sorted_out || wanted(bvh, camera, CameraTriangle::of(camera, stored), slot));
     }
@@ -261,10 +276,10 @@ struct Setup {
         const int count = shown && x0 <= x1 && y0 <= y1 ? (x1 - x0 + 1) * (y1 - y0 + 1) : 0;
         // Worth it where a packet meets much that is near: static scenes of small triangles are slower with it.
         const bool large = MOVABLE && count > LARGE;
-        if (large && passes_by(camera, c, SmallInt::to_float(first_x + x0) + camera.first_u,
-                               SmallInt::to_float(first_x + x1) + camera.first_u,
-                               SmallInt::to_float(first_y + y0) + camera.first_v,
-                               SmallInt::to_float(first_y + y1) + camera.first_v))
+        if (large && passes_by(camera, c, camera.before(SmallInt::to_float(first_x + x0) + camera.first_u),
+                               camera.wider(SmallInt::to_float(first_x + x1) + camera.first_u),
+                               camera.before(SmallInt::to_float(first_y + y0) + camera.first_v),
+                               camera.wider(SmallInt::to_float(first_y + y1) + camera.first_v)))
             return 0;
         return p.cover(count);
     }

@@ -236,19 +236,30 @@ struct alignas(16) Solid {
         return blocks & Warp::ballot(meets);
     }
 
+    // Where this lane's ray of a block passes, counted from there.
+    inline ImagePoint from_anchor(const Camera& camera, const Packet& packet, int block) const {
+        const int lane = Warp::lane();
+        if (RAY_TABLE) {
+            const ImagePoint p = packet.point(camera, 0, 0, Packet::index(block, lane));
+            return ImagePoint{p.u - (x + camera.first_u), p.v - (y + camera.first_v)};
+        }
+        const float u0 = SmallInt::to_float(packet.first_x + Packet::pixel_x(lane)) - x,
+                    v0 = SmallInt::to_float(packet.first_y + Packet::pixel_y(lane)) - y;
+        return ImagePoint{u0 + SmallInt::to_float(Packet::block_x(block)),
+                          v0 + SmallInt::to_float(Packet::block_y(block))};
+    }
+
     // Draw it into blocks of pixels. It is not cut; what is nearer than the near plane is so by rounding.
     inline void draw(const Camera& camera, Packet& packet, unsigned blocks) const {
         const int lane = Warp::lane();
         const float most_inv_z = camera.near.most(MOST_INV_Z);
-        if (__popc(blocks) > FEW_BLOCKS) blocks = blocks_met(packet, blocks);
-        const float u0 = SmallInt::to_float(packet.first_x + Packet::pixel_x(lane)) - x,
-                    v0 = SmallInt::to_float(packet.first_y + Packet::pixel_y(lane)) - y;
+        if (!RAY_TABLE && __popc(blocks) > FEW_BLOCKS) blocks = blocks_met(packet, blocks);
         for (; blocks; blocks = Warp::without_first_lane(blocks)) {
             const int block = Warp::first_lane(blocks);
             int part;
-            const float w = at(u0 + SmallInt::to_float(Packet::block_x(block)),
-                               v0 + SmallInt::to_float(Packet::block_y(block)), part);
-            Key* stored = packet.z_buffer + Packet::index(block, lane);
+            const ImagePoint p = from_anchor(camera, packet, block);
+            const float w = at(p.u, p.v, part);
+            Key* stored = packet.at(Packet::index(block, lane));
             const Key key = DepthKey::of(fminf(w, most_inv_z), first_id + part);
             Key nearest = *stored;
             if (w > 0.0f && key > nearest) *stored = nearest = key;

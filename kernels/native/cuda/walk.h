@@ -4,67 +4,6 @@
 // A packet's way down the BVH: nearest first, past what is outside of it, faces away, or is hidden behind what
 // has been drawn.
 
-// What a lane holds of one child of a node, in a word that orders them: how near it may be, as the bits of 1 / z
-// rounded up, and below them the blocks it may cover; 0 if there is nothing to visit.
-struct Visit {
-    enum {
-        COLUMN_BITS = 2,
-        ROW_BITS = 3,
-        BLOCK_BITS = 2 * (COLUMN_BITS + ROW_BITS),
-        BLOCK_MASK = (1 << BLOCK_BITS) - 1,
-        // Where the first and the last column and row are.
-        X0 = 0,
-        X1 = COLUMN_BITS,
-        Y0 = 2 * COLUMN_BITS,
-        Y1 = 2 * COLUMN_BITS + ROW_BITS,
-    };
-
-    static inline unsigned of(float nearest_inv_z, int x0, int y0, int x1, int y1) {
-        const unsigned bits = (__float_as_uint(nearest_inv_z) + BLOCK_MASK) & ~BLOCK_MASK;
-        const unsigned columns = (x0 >> BLOCK_WIDTH_BITS) << X0 | (x1 >> BLOCK_WIDTH_BITS) << X1;
-        const unsigned rows = (y0 >> BLOCK_HEIGHT_BITS) << Y0 | (y1 >> BLOCK_HEIGHT_BITS) << Y1;
-        return bits | columns | rows;
-    }
-    static inline int column(unsigned visit, int at) { return visit >> at & ((1 << COLUMN_BITS) - 1); }
-    static inline int row(unsigned visit, int at) { return visit >> at & ((1 << ROW_BITS) - 1); }
-    static inline bool touches(unsigned visit, int block) {
-        const int bx = block % BLOCK_COLUMNS, by = block / BLOCK_COLUMNS;
-        // Without a branch: every step of a walk asks this.
-        return (bx >= column(visit, X0)) & (bx <= column(visit, X1)) & (by >= row(visit, Y0)) & (by <= row(visit, Y1));
-    }
-    static inline unsigned nearest_inv_z(unsigned visit) { return visit & ~BLOCK_MASK; }
-};
-
-static_assert(BLOCK_COLUMNS <= 1 << Visit::COLUMN_BITS && BLOCK_ROWS <= 1 << Visit::ROW_BITS,
-              "a word holds all blocks");
-
-// The pixels of a packet that a child may cover, in a word.
-struct PixelRect {
-    enum { BITS = 5, MASK = (1 << BITS) - 1, ANYWHERE = 1 << 4 * BITS };
-
-    static inline unsigned of(int x0, int y0, int x1, int y1) {
-        return x0 | y0 << BITS | (x1 - x0) << 2 * BITS | (y1 - y0) << 3 * BITS;
-    }
-    static inline int x0(unsigned rect) { return rect & MASK; }
-    static inline int y0(unsigned rect) { return rect >> BITS & MASK; }
-    static inline int columns(unsigned rect) { return (rect >> 2 * BITS & MASK) + 1; }
-    static inline int rows(unsigned rect) { return (rect >> 3 * BITS & MASK) + 1; }
-    // Of what is all in front of the camera, and no larger than a block, or, since objects that move are small trees of
-    // which most is seen at once, than a few blocks.
-    enum { SMALL_COLUMNS = MOVABLE ? 16 : BLOCK_WIDTH, SMALL_ROWS = MOVABLE ? 16 : BLOCK_HEIGHT };
-    static inline bool small(unsigned rect) {
-        return columns(rect) <= SMALL_COLUMNS && rows(rect) <= SMALL_ROWS && !(rect & ANYWHERE);
-    }
-    // Whether there are no more of them than one lane looks at: four in a row, or 2x2.
-    static inline bool few(unsigned rect) { return columns(rect) <= (rows(rect) == 1 ? 4 : 2) && rows(rect) <= 2; }
-};
-static_assert(PACKET_WIDTH <= 1 << PixelRect::BITS && PACKET_HEIGHT <= 1 << PixelRect::BITS, "a word holds a packet");
-
-// What a lane holds of one child of a node, when it is opened.
-struct Child {
-    unsigned visit, pixels;
-};
-
 // How much rounding of a radius may be wrong.
 constexpr float WIDER = 1.0001f;
 
@@ -218,26 +157,31 @@ struct Walk {
     // Whether all pixels that a child may cover have been drawn nearer. They are few: a lane looks at its own child's.
     static inline bool drawn_over(const Packet& packet, const Child& child) {
         const unsigned nearest = Visit::nearest_inv_z(child.visit);
-        const int x0 = PixelRect::x0(child.pixels), y0 = PixelRect::y0(child.pixels);
-        const int x1 = x0 + PixelRect::columns(child.pixels) - 1, y1 = y0 + PixelRect::rows(child.pixels) - 1;
-        const int third_x = y0 == y1 ? min(x0 + 2, x1) : x0;
-        return packet.inv_z_bits(x0, y0) > nearest && packet.inv_z_bits(min(x0 + 1, x1), y0) > nearest &&
-               packet.inv_z_bits(third_x, y1) > nearest && packet.inv_z_bits(x1, y1) > nearest;
+        const FewPixels few = FewPixels::of(child.pixels);
+        return packet.inv_z_bits(few.x[0], few.y[0]) > nearest && packet.inv_z_bits(few.x[1], few.y[1]) > nearest &&
+               packet.inv_z_bits(few.x[2], few.y[2]) > nearest && packet.inv_z_bits(few.x[3], few.y[3]) > nearest;
     }
 
     // The visit of a box, given from the camera in a frame that turns into the camera's by three rows.
     static inline Child visit(const Camera& camera, const Vec3* to_camera, const Packet& packet, Vec3 low, Vec3 high,
                               bool shown) {
         if (!Warp::any(shown)) return Child{0, 0};
-        const ScreenBounds p = ScreenBounds::of(to_camera, low, high, camera.blur, shown);
+        ScreenBounds p = ScreenBounds::of(to_camera, low, high, camera.blur, shown);
+        const float slack = p.slack;
+        p.slack = camera.wider(p.slack);
         const float u = camera.first_u + (float)packet.first_x, v = camera.first_v + (float)packet.first_y;
         const ScreenBounds::Pixels in = p.pixels(u, v, PACKET_WIDTH - 1.0f, PACKET_HEIGHT - 1.0f);
         shown = shown && p.zmin <= camera.far && in.some();
         if (shown && p.crossing)
-            shown = reaches_frustum(to_camera, u, v, (float)PACKET_WIDTH, (float)PACKET_HEIGHT, low, high);
+            shown = reaches_frustum(to_camera, camera.before(u), camera.before(v),
+                                    (float)PACKET_WIDTH + 2.0f * camera.wider(0.0f),
+                                    (float)PACKET_HEIGHT + 2.0f * camera.wider(0.0f), low, high);
         if (!shown) return Child{0, 0};
         Child child = child_of(p.nearest_inv_z(), (int)in.left, (int)in.top, (int)in.right, (int)in.bottom);
         if (p.crossing) child.pixels |= PixelRect::ANYWHERE;
+        if (RAY_TABLE && !p.crossing && PixelRect::few(child.pixels) &&
+            !meets_few(camera, packet, child.pixels, ImageBox{p.left, p.right, p.top, p.bottom}, slack))
+            return Child{0, 0};
         return child;
     }
     static inline Child child_of(float nearest_inv_z, int x0, int y0, int x1, int y1) {
@@ -252,6 +196,25 @@ struct Walk {
         return Warp::ballot(open_block(packet, visit));
     }
     static inline bool hidden(const Packet& packet, unsigned visit) { return !Warp::any(open_block(packet, visit)); }
+    // Whether a ray passes through bounds of a few pixels; of more, one may.
+    static inline bool meets_rays(const Camera& camera, const Packet& packet, const ImageBox& box) {
+        const float rounding = Setup::rounding_of(camera), slack = camera.wider(rounding);
+        const float x0 = fmaxf(ceilf(box.left - camera.first_u - slack), 0.0f),
+                    x1 = fminf(floorf(box.right - camera.first_u + slack), PACKET_WIDTH - 1.0f);
+        const float y0 = fmaxf(ceilf(box.top - camera.first_v - slack), 0.0f),
+                    y1 = fminf(floorf(box.bottom - camera.first_v + slack), PACKET_HEIGHT - 1.0f);
+        const unsigned pixels = PixelRect::of((int)x0, (int)y0, (int)x1, (int)y1);
+        return !PixelRect::few(pixels) || meets_few(camera, packet, pixels, box, rounding);
+    }
+    static inline bool meets_few(const Camera& camera, const Packet& packet, unsigned pixels, const ImageBox& box,
+                                 float rounding) {
+        const FewPixels few = FewPixels::of(pixels);
+        bool some = false;
+        for (int k = 0; k < 4; ++k)
+            some |= box.holds(packet.point(camera, few.x[k], few.y[k], Packet::index_at(few.x[k], few.y[k])), rounding);
+        return some;
+    }
+
     // Queue triangles of leaves, until there are enough. The next leaf is read while the lanes look at one.
     static inline void look_at_leaves(const Bvh& bvh, const Camera& camera, const Packet& packet, int child,
                                       unsigned& lanes, TriangleQueue& queue) {
@@ -266,7 +229,10 @@ struct Walk {
                 slot = ~Warp::shuffle(child, Warp::first_lane(lanes)) * LANES + Warp::lane();
                 corners = Setup::Corners::of(bvh.corners(slot));
             }
-            queue.add(Setup::may_cover(bvh, camera, bounds, here, at), at);
+            ImageBox box;
+            bool wanted = Setup::may_cover(bvh, camera, bounds, here, at, box);
+            if (RAY_TABLE && wanted) wanted = meets_rays(camera, packet, box);
+            queue.add(wanted, at);
             if (!lanes || queue.count >= LANES) return;
         }
     }

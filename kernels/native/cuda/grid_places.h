@@ -1,0 +1,15 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Where the rays of a packet's pixels pass: through their centres. See table_places.h for the other kind.
+
+struct Places {
+    // Of a pixel, by where it is in the view, and in the packet.
+    static inline ImagePoint point(const Camera& camera, int x, int y, int) {
+        return ImagePoint{SmallInt::to_float(x) + camera.first_u, SmallInt::to_float(y) + camera.first_v};
+    }
+    static inline ExactImagePoint exact(const Camera& camera, int x, int y, int) {
+        return ExactImagePoint{(double)SmallInt::to_float(x) + camera.first_u,
+                               (double)SmallInt::to_float(y) + camera.first_v};
+    }
+};

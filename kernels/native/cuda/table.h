@@ -1,0 +1,116 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Packets of a table's rays, each an image of its own: turned, scaled and sheared so that neighbouring rays pass near
+// the centres of neighbouring pixels, one each (warpvis/rendering/_ray_packets.py). All else is as in other packets.
+
+// What turns the space of the table's camera into that of a packet.
+struct TableFrame {
+    double rows[3][3];  // u times z, v times z, and z of a place, from the camera
+    double rays[3][3];  // the inverse: a ray is u times the first, plus v times the second, plus the third
+    double first_u, first_v;  // of the centre of the packet's first pixel
+    double spread;  // how far from a pixel's centre its ray may pass, along each axis [px]
+    double focal[2];  // lengths of the first two rows
+    double least_focal;  // by how much a place of the image moves at least, by that of the ray [px]
+    double longest;  // the greatest z of the packet's rays where depth is 1
+};
+static_assert(sizeof(TableFrame) == TABLE_FRAME_WORDS * sizeof(double), "Python makes rows of numbers");
+
+// A packet's rays, in the order of the z-buffer.
+struct TablePacket {
+    const TableFrame* frame;
+    const ImagePoint *points, *rests;  // see `Places`
+    const float* scale;  // depth where z is 1; 0 where there is no ray
+    const int* place;  // of the pixel in the table's image; -1 where there is none
+    int pixels;  // of that image
+
+    // Have the camera in shared memory. A lane takes a coordinate of a ray, or of a row.
+    inline void set_camera(const Scene& scene, const View& view, Camera& camera) const {
+        const int lane = Warp::lane(), row = lane / 3, k = lane % 3;
+        Vec3d axis[3];  // right, down and forward in the world
+        PoseRow::axes(view.pose, axis);
+        if (row < 6) {
+            const double* by = row < 3 ? frame->rays[row] : frame->rows[row - 3];
+            const double value = (&axis[0].x)[k] * by[0] + (&axis[1].x)[k] * by[1] + (&axis[2].x)[k] * by[2];
+            if (row < 3) {
+                (&camera.exact_rays[row].x)[k] = value;
+            } else {
+                (&camera.to_camera[row - 3].x)[k] = (float)value;
+                if (RAY_TABLE) camera.rows[3 * (row - 3) + k] = value;
+            }
+        }
+        if (lane == 0) set_numbers(view, camera);
+        Warp::sync();
+        Packets::set_sides(scene, view, camera);
+    }
+    inline void set_numbers(const View& view, Camera& camera) const {
+        camera.exact_origin = PoseRow::position(view.pose);
+        camera.origin = camera.exact_origin.rounded();
+        camera.rest = Vec3{0.0f, 0.0f, 0.0f};
+        camera.first_u = (float)frame->first_u;
+        camera.first_v = (float)frame->first_v;
+        camera.last_x = PACKET_WIDTH - 1.0f;
+        camera.last_y = PACKET_HEIGHT - 1.0f;
+        camera.spread = (float)frame->spread;
+        camera.far = fminf(view.far * (float)frame->longest * FARTHER, NOWHERE);
+        camera.near = NearPlane::of(view.most_inv_z, view.clip_reach);
+        const float width = (float)frame->focal[0], height = (float)frame->focal[1];
+        camera.focal = fmaxf(width, height);
+        const float first = fmaxf(fabsf(camera.first_u), fabsf(camera.first_v));
+        camera.extent = fmaxf(0.5f * (width + height + camera.last_x + camera.last_y), first) + camera.spread;
+        camera.per_extent = 1.0f / camera.extent;
+        // Pixels need not be squares here: lengths in pixels are the least exact where they are the shortest.
+        const float least = (float)frame->least_focal;
+        camera.slope_error = SLOPE_ERROR * camera.focal / (least * least);
+        camera.blur = BLUR * (width + height + 2.0f * first + camera.last_x + camera.last_y);
+    }
+
+    // Nothing seen yet. A pixel without a ray counts as very near, so that it hides and never shows.
+    inline void begin(Packet& packet) const {
+        const int lane = Warp::lane();
+        if (lane == 0) packet.memory->points = points, packet.memory->rests = rests;
+        unsigned some = 0;
+        for (int block = 0; block < BLOCKS; ++block) {
+            const int index = block * LANES + lane;
+            const bool there = __ldg(scale + index) > 0.0f;
+            *packet.at(index) = DepthKey::of(there ? 0.0f : NOWHERE, Packet::NO_TRIANGLE);
+            if (Warp::any(there)) some |= 1u << block;
+        }
+        packet.block_min_inv_z = __float_as_uint(some >> lane & 1 ? 0.0f : NOWHERE);
+        packet.stale_blocks = 0;
+        Warp::sync();
+    }
+
+    inline void write(const Scene& scene, const View& view, const Camera& camera, const Packet& packet,
+                      const Images& out) const {
+        const long long first = (long long)view.index * pixels;
+        const bool more = Write::more_than_depth(out);
+        const Write::Frame frame = Write::Frame::of(camera);
+        for (int index = Warp::lane(); index < (int)PIXELS; index += LANES) {
+            const int at = __ldg(place + index);
+            const float to_depth = __ldg(scale + index);
+            if (at < 0) continue;
+            const Key key = *packet.at(index);
+            const float inv_z = to_depth > 0.0f ? Write::inv_z_of(key) : 0.0f, z = Reciprocal::of(inv_z);
+            const float depth = __fmul_rn(z, to_depth);
+            const bool shown = Write::seen(view, inv_z, depth);
+            const Write::Found found = {key, z, shown ? depth : Write::nothing(view, inv_z, depth), shown};
+            if (more)
+                Write::pixel(scene, frame, camera, packet, out, Write::Spot{first + at, 0, 0, index}, found);
+            else if (out.depth)
+                out.depth[first + at] = found.depth;
+        }
+    }
+
+    // Drawn and written, of a view. Where the view's world does not exist, nothing is seen.
+    inline void cast(const Scene& scene, const View& view, const Images& out, WarpMemory& memory) const {
+        set_camera(scene, view, memory.cameras[WarpMemory::WORLD]);
+        Packet packet;
+        packet.memory = &memory.pixels;
+        packet.first_x = packet.first_y = 0;
+        begin(packet);
+        Packets::draw(scene, view, packet, memory);
+        write(scene, view, memory.cameras[WarpMemory::WORLD], packet, out);
+    }
+};
+static_assert((int)BLOCK_PIXELS == (int)LANES, "a block has a pixel for each lane");

@@ -1,0 +1,76 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a packet knows of a node's children: how near they may be, and which pixels they may cover.
+
+// What a lane holds of one child of a node, in a word that orders them: how near it may be, as the bits of 1 / z
+// rounded up, and below them the blocks it may cover; 0 if there is nothing to visit.
+struct Visit {
+    enum {
+        COLUMN_BITS = 2,
+        ROW_BITS = 3,
+        BLOCK_BITS = 2 * (COLUMN_BITS + ROW_BITS),
+        BLOCK_MASK = (1 << BLOCK_BITS) - 1,
+        // Where the first and the last column and row are.
+        X0 = 0,
+        X1 = COLUMN_BITS,
+        Y0 = 2 * COLUMN_BITS,
+        Y1 = 2 * COLUMN_BITS + ROW_BITS,
+    };
+
+    static inline unsigned of(float nearest_inv_z, int x0, int y0, int x1, int y1) {
+        const unsigned bits = (__float_as_uint(nearest_inv_z) + BLOCK_MASK) & ~BLOCK_MASK;
+        const unsigned columns = (x0 >> BLOCK_WIDTH_BITS) << X0 | (x1 >> BLOCK_WIDTH_BITS) << X1;
+        const unsigned rows = (y0 >> BLOCK_HEIGHT_BITS) << Y0 | (y1 >> BLOCK_HEIGHT_BITS) << Y1;
+        return bits | columns | rows;
+    }
+    static inline int column(unsigned visit, int at) { return visit >> at & ((1 << COLUMN_BITS) - 1); }
+    static inline int row(unsigned visit, int at) { return visit >> at & ((1 << ROW_BITS) - 1); }
+    static inline bool touches(unsigned visit, int block) {
+        const int bx = block % BLOCK_COLUMNS, by = block / BLOCK_COLUMNS;
+        // Without a branch: every step of a walk asks this.
+        return (bx >= column(visit, X0)) & (bx <= column(visit, X1)) & (by >= row(visit, Y0)) & (by <= row(visit, Y1));
+    }
+    static inline unsigned nearest_inv_z(unsigned visit) { return visit & ~BLOCK_MASK; }
+};
+
+static_assert(BLOCK_COLUMNS <= 1 << Visit::COLUMN_BITS && BLOCK_ROWS <= 1 << Visit::ROW_BITS,
+              "a word holds all blocks");
+
+// The pixels of a packet that a child may cover, in a word.
+struct PixelRect {
+    enum { BITS = 5, MASK = (1 << BITS) - 1, ANYWHERE = 1 << 4 * BITS };
+
+    static inline unsigned of(int x0, int y0, int x1, int y1) {
+        return x0 | y0 << BITS | (x1 - x0) << 2 * BITS | (y1 - y0) << 3 * BITS;
+    }
+    static inline int x0(unsigned rect) { return rect & MASK; }
+    static inline int y0(unsigned rect) { return rect >> BITS & MASK; }
+    static inline int columns(unsigned rect) { return (rect >> 2 * BITS & MASK) + 1; }
+    static inline int rows(unsigned rect) { return (rect >> 3 * BITS & MASK) + 1; }
+    // Of what is all in front of the camera, and no larger than a block, or, since objects that move are small trees of
+    // which most is seen at once, than a few blocks.
+    enum { SMALL_COLUMNS = MOVABLE ? 16 : BLOCK_WIDTH, SMALL_ROWS = MOVABLE ? 16 : BLOCK_HEIGHT };
+    static inline bool small(unsigned rect) {
+        return columns(rect) <= SMALL_COLUMNS && rows(rect) <= SMALL_ROWS && !(rect & ANYWHERE);
+    }
+    // Whether there are no more of them than one lane looks at: four in a row, or 2x2.
+    static inline bool few(unsigned rect) { return columns(rect) <= (rows(rect) == 1 ? 4 : 2) && rows(rect) <= 2; }
+};
+static_assert(PACKET_WIDTH <= 1 << PixelRect::BITS && PACKET_HEIGHT <= 1 << PixelRect::BITS, "a word holds a packet");
+
+// They are at these places, some of which may be the same.
+struct FewPixels {
+    int x[4], y[4];
+
+    static inline FewPixels of(unsigned rect) {
+        const int x0 = PixelRect::x0(rect), y0 = PixelRect::y0(rect);
+        const int x1 = x0 + PixelRect::columns(rect) - 1, y1 = y0 + PixelRect::rows(rect) - 1;
+        return FewPixels{{x0, min(x0 + 1, x1), y0 == y1 ? min(x0 + 2, x1) : x0, x1}, {y0, y0, y1, y1}};
+    }
+};
+
+// What a lane holds of one child of a node, when it is opened.
+struct Child {
+    unsigned visit, pixels;
+};

@@ -1,0 +1,100 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What `kernels.ray_table` casts ray by ray, by packets on CUDA: ``native/cuda/table.h``."""
+
+import warp as wp
+
+from warpvis.kernels.images import NATIVE_IMAGES, Images
+from warpvis.kernels.native_source import read_native
+from warpvis.kernels.packets import BvhScene
+from warpvis.kernels.packets_cuda import CHECKS, WORLD, FoundObjects, headers
+from warpvis.kernels.rays import RayRange
+from warpvis.kernels.worlds import Worlds
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+FRAME_WORDS = 25
+"""Numbers of a `TableFrame`."""
+
+
+@wp.struct
+class RayPackets:
+    """Rays of a table as packets: see ``native/cuda/table.h``, whose names these are."""
+
+    frame: wp.array2d[wp.float64]
+    """(packet, word): `TableFrame`."""
+    points: wp.array2d[wp.vec2]
+    """(packet, pixel), as are all others."""
+    rests: wp.array2d[wp.vec2]
+    scale: wp.array2d[float]
+    place: wp.array2d[wp.int32]
+    pixels: int
+    """Of a view's image."""
+
+
+_CAST = f"""
+{NATIVE_IMAGES}
+{CHECKS}
+__shared__ WarpMemory memory;
+view = Warp::uniform(view);
+packet = Warp::uniform(packet);
+{WORLD}
+const View shape = {{view, PACKET_WIDTH, PACKET_HEIGHT, {{1.0, 1.0}}, {{0.0, 0.0}}, range.near, range.far, NOWHERE,
+                     0.0f, (const float*)(poses.data + view), cull_backfaces}};
+const long long first = (long long)packet * PIXELS;
+const TablePacket rays = {{(const TableFrame*)(packets.frame.data + (long long)packet * TABLE_FRAME_WORDS),
+                           (const ImagePoint*)packets.points.data + first,
+                           (const ImagePoint*)packets.rests.data + first,
+                           packets.scale.data + first, packets.place.data + first, packets.pixels}};
+rays.cast(all, shape, out, memory);
+"""
+
+
+def make_ray_packet_function(side: int, with_id: bool, movable: bool, resized: bool = False) -> wp.Function:
+    """Make the native function of a kernel, as `kernels.packets_cuda.make_packet_function` does."""
+    text = f"enum {{ TABLE_FRAME_WORDS = {FRAME_WORDS} }};\n"
+    text += headers(side, with_id, movable, False, resized, ray_table=True) + read_native("cuda/table.h")
+
+    @wp.func_native(text + _CAST)
+    def cast_ray_packet(
+        scene: BvhScene,
+        range: RayRange,
+        poses: wp.array[wp.transform],
+        worlds: Worlds,
+        found: FoundObjects,
+        packets: RayPackets,
+        view: int,
+        packet: int,
+        cull_backfaces: bool,
+        images: Images,
+    ): ...
+
+    return cast_ray_packet
+
+
+def make_ray_packet_kernel(side: int, with_id: bool, movable: bool, resized: bool = False) -> wp.Kernel:
+    """Make a kernel for packets of a table's rays; see `kernels.packets_cuda.make_packet_function`."""
+    cast_ray_packet = make_ray_packet_function(side, with_id, movable, resized)
+
+    @wp.kernel(module="unique", enable_backward=False, grid_stride=False, cuda_max_registers=96 if movable else 80)
+    def cast_ray_packets_cuda(
+        # Scene:
+        scene: BvhScene,
+        # Cameras:
+        camera: RayRange,
+        camera_to_world: wp.array[wp.transform],
+        # In:
+        worlds: Worlds,
+        found: FoundObjects,
+        packets: RayPackets,
+        cull_backfaces: bool,
+        # Out:
+        images_out: Images,
+    ):
+        """Write the asked-for images (one that is None is skipped); 32 threads a packet of a view."""
+        packet, view, _ = wp.tid()
+        cast_ray_packet(
+            scene, camera, camera_to_world, worlds, found, packets, view, packet, cull_backfaces, images_out
+        )
+
+    return cast_ray_packets_cuda

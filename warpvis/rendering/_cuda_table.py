@@ -1,0 +1,66 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The ``packets`` caster on CUDA for rays of a table: lenses, panoramas, lidars."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+import warp as wp
+
+from warpvis.core.kernel_cache import launch
+from warpvis.kernels.constants import CUDA_LANES
+from warpvis.rendering._found_objects import nothing_found
+from warpvis.rendering._ray_packets import PreparedPackets, prepare_packets
+from warpvis.rendering.casters import CastPoses, RayTableCaster, as_images, images_struct
+
+if TYPE_CHECKING:
+    from warpvis.kernels.worlds import Worlds
+
+
+# Numbers of a tree of many small triangles, of which rays that are far apart share little: they are cast one by one.
+_FINE_TREE = 1 << 23
+
+
+class CudaTablePacketsCaster(RayTableCaster):
+    """A warp a packet of neighbouring rays; points of the image are cast as rays."""
+
+    def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
+        """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
+        if len(poses) == 0:
+            return
+        scene, prepared = self._scene.bvh().struct, self._prepared
+        cuts = self._clip_near and self._camera.near > 0
+        if cuts or (prepared.is_scattered and scene.leaves.shape[0] > _FINE_TREE):
+            super().cast(poses, worlds, images)
+            return
+        _, _, normals, labels, segmentation = images
+        with_id = not (normals is None and labels is None and segmentation is None)
+        moving = scene.drawn_count > 0
+        places, staging = self._place(poses)
+        outputs, lens = images_struct(as_images(images)), self._camera.device_struct()
+        for side, packets in prepared.packets:
+            launch(
+                _kernel(side, with_id, moving, moving and worlds.object_sizes is not None),
+                (packets.frame.shape[0], len(poses), CUDA_LANES),
+                [scene, lens, places, worlds, nothing_found(), packets, self._cull_backfaces, outputs],
+                self._scene.device,
+                block_dim=CUDA_LANES,
+            )
+        self._give_back(staging)
+
+    @property
+    def _prepared(self) -> PreparedPackets:
+        camera, device = self._camera, self._scene.device
+        shape = (camera.height, camera.width, 3)
+        return camera.prepared(
+            ("ray packets", device.alias), lambda: prepare_packets(camera.rays.reshape(shape), device)
+        )
+
+
+@cache
+def _kernel(side: int, with_id: bool, movable: bool, resized: bool) -> wp.Kernel:
+    from warpvis.kernels.ray_packets_cuda import make_ray_packet_kernel
+
+    return make_ray_packet_kernel(side, with_id, movable, resized)
