@@ -46,6 +46,19 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 # Spilling some of what is computed after a hit is faster than fewer threads on a multiprocessor: by 15 to 21 % (H200).
 CUDA_REGISTERS = 64
 
+FARTHEST = wp.constant(3.0e38)
+"""Farther than anything is [m]."""
+
+
+@wp.struct
+class RayRange:
+    """What depth along rays means, and which of it is measured [m]."""
+
+    near: float
+    far: float
+    clip: float  # surfaces nearer than this are not there; 0 where near ones hide what is behind them
+    is_planar: bool  # rays have z = 1 and depth is planar; otherwise they are of unit length, and it is theirs
+
 
 @wp.struct
 class Seen:
@@ -56,6 +69,17 @@ class Seen:
     movable: int  # which movable object it belongs to; -1 for what stays
     round: bool  # whether it is a solid's true surface
     direction: wp.vec3d  # of the ray, in the world
+
+
+@wp.func
+def pinhole_range(camera: PinholeCamera) -> RayRange:
+    """What planar depth a pinhole measures."""
+    measured = RayRange()
+    measured.near = camera.near
+    measured.far = camera.far
+    measured.clip = clip_depth(camera)
+    measured.is_planar = True
+    return measured
 
 
 @wp.func
@@ -102,96 +126,145 @@ def nearest_instance(
 
 
 @wp.func
-def look(
+def meet_object(
     scene: TriangleScene,
-    near: float,
-    far: float,
-    in_world: CameraFrame,
+    worlds: Worlds,
+    world: int,
+    view: int,
+    movable: int,
+    frame: CameraFrame,
+    ray: wp.vec3d,
+    clip: float,
+    cull: bool,
+    seen: Seen,
+) -> Seen:
+    """What a ray meets of a movable object, or of what stays (-1), if that is nearer than what is seen.
+
+    `frame` is the camera in the object's frame. Depth is how far along the ray, as the tree has it.
+    """
+    shown = scene.mesh != wp.uint64(0)
+    is_round = bool(False)
+    size = wp.vec4()
+    if movable >= 0:
+        index = scene.movable_object[movable]
+        shown = index < 0 or not is_excluded(worlds, view, index)
+        size = size_of(scene, worlds, world, movable)
+        is_round = shown and shows_solid(scene.movable_solid[movable], size, frame.origin)
+    met = SolidHit()
+    if is_round:
+        met = solid_hit(scene.movable_solid[movable], size, frame, ray)
+        # Where it is cut open, its triangles stand for it, as from inside.
+        is_round = not met.w * wp.float64(clip) > wp.float64(1.0)
+    if is_round:
+        if met.w * wp.float64(seen.depth) > wp.float64(1.0):
+            seen.face = met.part
+            seen.movable = movable
+            seen.round = True
+            seen.depth = float(wp.float64(1.0) / met.w)
+    elif shown:
+        along = wp.quat_rotate(frame.rotation, ray)
+        direction = wp.vec3(along)
+        eye = wp.vec3(frame.origin)
+        if worlds.object_sizes and movable >= 0:  # triangles are as they were in the frame divided by these
+            factors = factors_of(scene, worlds, world, movable)
+            direction, eye = wp.vec3(wp.cw_div(along, factors)), wp.vec3(wp.cw_div(frame.origin, factors))
+        hit = first_hit(scene, worlds, view, movable, eye, direction, clip, seen.depth, cull)
+        if hit.result and hit.t < seen.depth:
+            seen.face = hit.face
+            seen.movable = movable
+            seen.round = False
+            seen.depth = hit.t
+    return seen
+
+
+@wp.func
+def meet_instances(
+    scene: TriangleScene,
     worlds: Worlds,
     view: int,
+    in_world: CameraFrame,
     ray: wp.vec3d,
-    is_planar: bool,
     clip: float,
-    cull_backfaces: bool,
+    cull: bool,
+    seen: Seen,
 ) -> Seen:
-    """What a camera sees along a ray of its frame: of z = 1 for planar depth, of length 1 for a length.
-
-    What is nearer than `clip` is not there; what is nearer than `near` hides what is behind it.
-    """
-    seen = nothing()
-    seen.direction = wp.quat_rotate(in_world.rotation, ray)
-
-    # Whole-range queries: what lies beyond `far` is sorted out below, by the exact depth.
-    nearest = float(3.0e38)
-    world = int(0)
-    if scene.movable_count > 0:
-        world = world_of(worlds, view)
-        if world < 0:
-            return seen
-    for movable in range(-1, scene.movable_count):  # -1: what stays
-        shown = scene.mesh != wp.uint64(0)
-        frame = in_world
-        is_round = bool(False)
-        size = wp.vec4()
-        if movable >= 0:
-            index = scene.movable_object[movable]
-            shown = index < 0 or not is_excluded(worlds, view, index)
-            frame = seen_from(in_world, worlds.object_poses[world, movable])
-            size = size_of(scene, worlds, world, movable)
-            is_round = shown and shows_solid(scene.movable_solid[movable], size, frame.origin)
-        met = SolidHit()
-        if is_round:
-            met = solid_hit(scene.movable_solid[movable], size, frame, ray)
-            # Where it is cut open, its triangles stand for it, as from inside.
-            is_round = not met.w * wp.float64(clip) > wp.float64(1.0)
-        if is_round:
-            if met.w * wp.float64(nearest) > wp.float64(1.0):
-                seen.face = met.part
-                seen.movable = movable
-                seen.round = True
-                nearest = float(wp.float64(1.0) / met.w)
-        elif shown:
-            along = wp.quat_rotate(frame.rotation, ray)
-            direction = wp.vec3(along)
-            eye = wp.vec3(frame.origin)
-            if worlds.object_sizes and movable >= 0:  # triangles are as they were in the frame divided by these
-                factors = factors_of(scene, worlds, world, movable)
-                direction, eye = wp.vec3(wp.cw_div(along, factors)), wp.vec3(wp.cw_div(frame.origin, factors))
-            hit = first_hit(scene, worlds, view, movable, eye, direction, clip, nearest, cull_backfaces)
-            if hit.result and hit.t < nearest:
-                seen.face = hit.face
-                seen.movable = movable
-                seen.round = False
-                nearest = hit.t
+    """The same of all objects that stay and share a mesh."""
     if scene.instance_count > 0:
-        met_instance = nearest_instance(scene, worlds, view, in_world, ray, clip, nearest, cull_backfaces)
-        if met_instance.face >= 0:
-            seen.face = met_instance.face
-            seen.movable = met_instance.movable
+        met = nearest_instance(scene, worlds, view, in_world, ray, clip, seen.depth, cull)
+        if met.face >= 0:
+            seen.face = met.face
+            seen.movable = met.movable
             seen.round = False
-            nearest = met_instance.depth
+            seen.depth = met.depth
+    return seen
 
-    if seen.face >= 0:
-        seen.depth = nearest
-    if seen.face >= 0 and not seen.round:
-        frame = in_world
+
+@wp.func
+def measure(
+    scene: TriangleScene,
+    worlds: Worlds,
+    world: int,
+    frame: CameraFrame,
+    camera: RayRange,
+    ray: wp.vec3d,
+    seen: Seen,
+) -> Seen:
+    """What a camera makes of what a ray meets: exact depth, and only what is in its range.
+
+    `frame` is the camera in the frame of the object that is met.
+    """
+    if seen.face < 0:
+        seen.depth = wp.inf
+        return seen
+    if not seen.round:
         mesh = mesh_of(scene, seen.movable)
-        if seen.movable >= 0:
-            frame = seen_from(in_world, place_in(scene, worlds, world, seen.movable))
         factors = factors_of(scene, worlds, world, seen.movable)
         a = stretched_corner(mesh, seen.face, 0, factors) - frame.origin
         b = stretched_corner(mesh, seen.face, 1, factors) - frame.origin
         c = stretched_corner(mesh, seen.face, 2, factors) - frame.origin
         direction_there = wp.quat_rotate(frame.rotation, ray)
-        forward = wp.where(is_planar, forward_axis(frame.rotation), direction_there)
-        seen.depth = wp.max(float(plane_depth(a, b, c, direction_there, forward)), clip)
-    if seen.face >= 0 and seen.depth < near:
+        forward = wp.where(camera.is_planar, forward_axis(frame.rotation), direction_there)
+        seen.depth = wp.max(float(plane_depth(a, b, c, direction_there, forward)), camera.clip)
+    if seen.depth < camera.near:
         seen.depth = -wp.inf
         seen.face = -1
-    elif seen.face >= 0 and seen.depth > far:
+    elif seen.depth > camera.far:
         seen.depth = wp.inf
         seen.face = -1
     return seen
+
+
+@wp.func
+def look(
+    scene: TriangleScene,
+    camera: RayRange,
+    in_world: CameraFrame,
+    worlds: Worlds,
+    view: int,
+    ray: wp.vec3d,
+    cull_backfaces: bool,
+) -> Seen:
+    """What a camera sees along a ray of its frame: of z = 1 for planar depth, of length 1 for a length."""
+    seen = nothing()
+    seen.direction = wp.quat_rotate(in_world.rotation, ray)
+
+    world = int(0)
+    if scene.movable_count > 0:
+        world = world_of(worlds, view)
+        if world < 0:
+            return seen
+    # Whole-range queries: what lies beyond `far` is sorted out below, by the exact depth.
+    seen.depth = float(FARTHEST)
+    for movable in range(-1, scene.movable_count):  # -1: what stays
+        frame = in_world
+        if movable >= 0:
+            frame = seen_from(in_world, worlds.object_poses[world, movable])
+        seen = meet_object(scene, worlds, world, view, movable, frame, ray, camera.clip, cull_backfaces, seen)
+    seen = meet_instances(scene, worlds, view, in_world, ray, camera.clip, cull_backfaces, seen)
+    there = in_world
+    if seen.face >= 0 and seen.movable >= 0:
+        there = seen_from(in_world, place_in(scene, worlds, world, seen.movable))
+    return measure(scene, worlds, world, there, camera, ray, seen)
 
 
 @wp.func
@@ -279,8 +352,7 @@ def cast_rays(
     y += window.first_row
 
     eye = camera_frame(camera_to_world[view])
-    ray, clip = pixel_ray(camera, y, x), clip_depth(camera)
-    seen = look(scene, camera.near, camera.far, eye, worlds, view, ray, True, clip, cull_backfaces)
+    seen = look(scene, pinhole_range(camera), eye, worlds, view, pixel_ray(camera, y, x), cull_backfaces)
     write(scene, eye.origin, worlds, view, seen, view, y, x, images_out)
 
 
@@ -308,6 +380,5 @@ def cast_rays_at(
     eye = camera_frame(camera_to_world[view])
     seen = nothing()
     if at[0] >= 0.0 and at[0] < camera.width and at[1] >= 0.0 and at[1] < camera.height:
-        ray, clip = image_ray(camera, at), clip_depth(camera)
-        seen = look(scene, camera.near, camera.far, eye, worlds, view, ray, True, clip, cull_backfaces)
+        seen = look(scene, pinhole_range(camera), eye, worlds, view, image_ray(camera, at), cull_backfaces)
     write(scene, eye.origin, worlds, view, seen, view, row, point, images_out)

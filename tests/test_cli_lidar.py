@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
+import warpvis as wv
 from warpvis.cli import main
 
 
@@ -16,6 +17,8 @@ from warpvis.cli import main
 def folder(tmp_path, monkeypatch):
     trimesh.creation.box((4, 4, 2)).export(tmp_path / "room.ply")
     (tmp_path / "walk.txt").write_text("0 0 0 0 0 0 0 1\n0.1 0.5 0 0 0 0 0.70710678 0.70710678\n")
+    (tmp_path / "back.txt").write_text("1 0 0 0 0 0 0 1\n0.5 0.5 0 0 0 0 0 1\n")
+    (tmp_path / "short.txt").write_text("1 0 0 0 0 0 0 1\n1.01 0.5 0 0 0 0 0 1\n")
     np.save(tmp_path / "mid360.npy", np.zeros((40_000, 2), dtype=np.float32))
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -45,6 +48,25 @@ def test_other_lidars_are_known_by_name(folder, monkeypatch, lidar):
     assert len(list((folder / "scans/pcd").iterdir())) == 2
 
 
+@pytest.mark.parametrize("lidar", ["os1-128@512x10", "mid360:mid360.npy"])
+def test_a_lidar_that_moves_along_its_poses(folder, monkeypatch, capsys, lidar):
+    """At 10 m/s, a turn is skewed by a metre; what is de-skewed is the room."""
+    rows = np.zeros((5, 8))
+    rows[:, 0], rows[:, 1], rows[:, 7] = 1e3 + 0.04 * np.arange(5), -0.8 + 0.4 * np.arange(5), 1
+    np.savetxt("drive.txt", rows)
+    np.save("mid360.npy", np.random.default_rng(0).uniform((-3.1, -0.8), (3.1, 0.8), (40_000, 2)).astype(np.float32))
+    render(monkeypatch, "--lidar", lidar, "--poses", "drive.txt", "--format", "npy", "--moving")
+    assert sorted(path.name for path in (folder / "scans/npy").iterdir()) == ["000000.npy", "000001.npy"]
+    assert "clouds: 2 frames of 5 poses" in capsys.readouterr().out
+    motion = wv.sensors.Motion(rows[:, 1:], rows[:, 0], starts=rows[:2, 0])
+    clouds = [np.load(folder / f"scans/npy/00000{k}.npy") for k in (0, 1)]
+    for view, straight in enumerate(wv.sensors.deskew(clouds, motion)):
+        skewed, points = (np.stack([c[axis] for axis in "xyz"], axis=-1) for c in (clouds[view], straight))
+        place = [0.4 * view - 0.8, 0, 0]
+        errors = [np.abs((np.abs(given + place) - [2, 2, 1]).max(axis=1)).max() for given in (skewed, points)]
+        assert errors[0] > 0.5 and errors[1] < 1e-5
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -52,6 +74,15 @@ def test_other_lidars_are_known_by_name(folder, monkeypatch, lidar):
         (("--lidar", "vlp16"), "give --poses with --lidar"),
         (("--lidar", "vlp16", "--poses", "walk.txt", "--camera", "kinect"), "no camera is rendered: give no --camera"),
         (("--lidar", "vlp16", "--poses", "walk.txt", "--format", "png"), "--format with --lidar must be .* got 'png'"),
+        (("--poses", "walk.txt", "--moving"), "--moving is of a lidar: give --lidar"),
+        (
+            ("--lidar", "vlp16", "--poses", "back.txt", "--moving"),
+            "by the poses' times, which must rise from",
+        ),
+        (
+            ("--lidar", "vlp16", "--poses", "short.txt", "--moving"),
+            "turn of the lidar, 0.09.* has them for 0.01 s",
+        ),
         (("--lidar", "os1-128@9x9", "--poses", "walk.txt"), 'mode must be "512x10", .* got .9x9.'),
         (("--lidar", "avia:none.csv", "--poses", "walk.txt"), "none.csv: cannot be read"),
     ],

@@ -71,6 +71,7 @@ class CloudJob:
     out: Path
     formats: Sequence[str]
     exclude: Sequence[str]
+    moving: bool
     threads: int | None
     device: str
     quiet: bool
@@ -100,32 +101,50 @@ def render_clouds(command: FrameOptions, job: CloudJob) -> bool:
     scene, _, frames = command.load(job.file, job.poses, device=job.device)
     if frames.camera is not None:
         raise PoseError(f"{job.poses} holds a camera and its poses, and a lidar's are x forward, y left, z up")
+    turns = len(_turns(frames, lidar)) if job.moving else len(frames)
     began, points = time.perf_counter(), 0
-    for place, cloud in enumerate(_clouds(job, scene, frames, lidar)):
+    for place, cloud in enumerate(_clouds(job, scene, frames, lidar, turns)):
         points += len(cloud)
         for name in job.formats:
             save_clouds(job.out / name, [cloud], f".{name}", first=place)
     if not job.quiet:
         folders = ", ".join(str(job.out / name) for name in job.formats)
         seconds = time.perf_counter() - began
-        print(f"clouds: {counted(len(frames), 'frame')}, {counted(points, 'point')}, in {seconds:.1f} s: {folders}")
+        of = f" of {counted(len(frames), 'pose')}" if job.moving else ""
+        print(f"clouds: {counted(turns, 'frame')}{of}, {counted(points, 'point')}, in {seconds:.1f} s: {folders}")
     return points > 0
 
 
-def _clouds(job: CloudJob, scene: Scene, frames: Frames, lidar: Rays | Livox) -> Iterator[np.ndarray]:
+def _turns(frames: Frames, lidar: Rays | Livox) -> Frames:
+    """Return the frames at which a whole turn begins, before the last pose."""
+    from warpvis.sensors import Rays
+
+    rays = lidar if isinstance(lidar, Rays) else lidar.frame(0)
+    if rays.times is None:
+        raise CameraError(f"--moving needs a lidar whose rays have times, and {type(rays).__name__} have none")
+    if not (np.diff(frames.timestamps) > 0).all():
+        raise PoseError("--moving goes by the poses' times, which must rise from pose to pose")
+    lasts, known = float(rays.times.max()), float(frames.timestamps[-1] - frames.timestamps[0])
+    if known < lasts:
+        raise PoseError(f"--moving needs poses for a turn of the lidar, {lasts:.6g} s, and has them for {known:.6g} s")
+    return frames[: int(np.searchsorted(frames.timestamps, frames.timestamps[-1] - lasts, side="right"))]
+
+
+def _clouds(job: CloudJob, scene: Scene, frames: Frames, lidar: Rays | Livox, turns: int) -> Iterator[np.ndarray]:
     """Make the clouds, as many at a time as are worth it; every frame of a Livox has rays of its own."""
     from warpvis.rendering import Renderer
-    from warpvis.sensors import Rays, point_clouds
+    from warpvis.sensors import Motion, Rays, point_clouds
 
     prepare = partial(Renderer, scene, outputs=_OUTPUTS, threads=job.threads)
     renderer, step = None, 1
     if isinstance(lidar, Rays):
         renderer, step = prepare(lidar), max(_RAYS_AT_ONCE // len(lidar), 1)
-    for first in range(0, len(frames), step):
-        part = frames[first : first + step]
+    for first in range(0, turns, step):
+        part = frames[first : min(first + step, turns)]
         rays = lidar if isinstance(lidar, Rays) else lidar.frame(first)
+        moves = job.moving and Motion(frames.camera_to_world, frames.timestamps, starts=part.timestamps)
         views = (renderer or prepare(rays)).render(
-            part.camera_to_world,
+            moves or part.camera_to_world,
             object_poses=part.object_poses,
             world_index=part.world_index,
             exclude=list(job.exclude) or None,

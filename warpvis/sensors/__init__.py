@@ -4,8 +4,10 @@
 
 from __future__ import annotations
 
+from warpvis.core.motion import Motion
 from warpvis.sensors import lenses, lidars
 from warpvis.sensors._clouds import point_clouds
+from warpvis.sensors._deskew import deskew
 from warpvis.sensors._echoes import Returns, gather_returns, measure_incidence, reflect, spread_beams
 from warpvis.sensors._fields import (
     lens_camera_from_fields as lens_camera_from_fields,
@@ -19,11 +21,15 @@ from warpvis.sensors._lens_camera import (
     require_calibrated as require_calibrated,
 )
 from warpvis.sensors._rays import Rays
+from warpvis.sensors._rolling_shutter import RollingShutter
 
 __all__ = [
     "LensCamera",
+    "Motion",
     "Rays",
     "Returns",
+    "RollingShutter",
+    "deskew",
     "gather_returns",
     "lenses",
     "lidars",

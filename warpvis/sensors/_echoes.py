@@ -15,11 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, check_out, check_shape, empty
 from warpvis.core.checks import check_choice, check_flag, check_number, check_whole, is_number
-from warpvis.core.poses import Convention, QuaternionOrder, check_convention, parse_poses, poses_in_axes, to_xyzw
+from warpvis.core.motion import Motion
+from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
 from warpvis.core.threads import launch_images
 from warpvis.core.types import PoseLike
 from warpvis.errors import ArrayError, SceneError
-from warpvis.rendering import Views
+from warpvis.rendering import Views, parse_sensor
 from warpvis.scene import Scene, require_scene
 from warpvis.sensors._rays import Rays
 
@@ -88,7 +89,7 @@ def spread_beams(rays: Rays, divergence: float, count: int = 7) -> Rays:
 def measure_incidence(
     views: Views,
     rays: Rays,
-    sensor_to_world: PoseLike,
+    sensor_to_world: PoseLike | Motion,
     *,
     convention: Convention | None = None,
     quaternion: QuaternionOrder = "xyzw",
@@ -99,7 +100,7 @@ def measure_incidence(
     Args:
         views: Images of these rays, with normals.
         rays: What was rendered.
-        sensor_to_world: The poses that were rendered.
+        sensor_to_world: The poses that were rendered, or the motion.
         convention: Axes of the sensor frame of the poses; the rays' own by default.
         quaternion: Order of the quaternions in the poses, ``"xyzw"`` or ``"wxyz"``.
         out: An incidence of an earlier call to write into.
@@ -116,12 +117,11 @@ def measure_incidence(
     _require_rays(rays)
     normals = _image(views, "normals")
     device = normals.device
-    named = rays.axes if convention is None else check_convention(convention)
-    same = "opencv" if named == rays.axes else named
+    if isinstance(sensor_to_world, Motion):
+        return _measure_moving_incidence(normals, rays, sensor_to_world, convention, out)
+    named = rays.axes if convention is None else convention
     sensor_to_world = to_xyzw(sensor_to_world, quaternion, "sensor_to_world")
-    poses = parse_poses(sensor_to_world, convention=same, device=device, name="sensor_to_world")
-    if named != rays.axes and rays.axes != "opencv":
-        poses = poses_in_axes(poses, rays.axes)
+    poses = parse_poses(sensor_to_world, convention=named, axes=rays.axes, device=device, name="sensor_to_world")
     check_shape(normals.shape, (len(poses), *rays.shape), name="normals")
     directions = rays.directions.astype(np.float32).reshape(1, -1, 3)
     along = wp.array(directions, dtype=wp.vec3, device=device).reshape(_as_image(rays.shape, 1))
@@ -129,6 +129,23 @@ def measure_incidence(
     shape = _as_image(rays.shape, len(poses))
     inputs = [along, normals.reshape(shape), out.reshape(shape)]
     launch_images(echoes.measure_incidence, shape, lambda window: [poses, window, *inputs], device=device)
+    return out
+
+
+def _measure_moving_incidence(
+    normals: wp.array, rays: Rays, motion: Motion, convention: Convention | None, out: wp.array | None
+) -> wp.array:
+    from warpvis.kernels.moving_rays import measure_moving_incidence
+
+    device = normals.device
+    sensor, views = parse_sensor(rays, motion, convention, device)
+    check_shape(normals.shape, (views, *rays.shape), name="normals")
+    shape = _as_image(rays.shape, views)
+    along = wp.array(rays.directions.reshape(*shape[1:], 3), dtype=wp.vec3d, device=device)
+    times = None if rays.times is None else wp.array(rays.times.reshape(shape[1:]), dtype=wp.float64, device=device)
+    out = _output(out, normals.shape, "out", device)
+    inputs = [along, times, normals.reshape(shape), out.reshape(shape)]
+    launch_images(measure_moving_incidence, shape, lambda window: [sensor, window, *inputs], device=device)
     return out
 
 

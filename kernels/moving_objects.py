@@ -1,0 +1,158 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Images of objects that move while a sensor measures: every ray meets them where they are at its time.
+
+As `warpvis.kernels.rays`, whose objects stand still while an image is made; the ray is moved into each one's frame.
+"""
+
+import warp as wp
+
+from warpvis.kernels.images import Images
+from warpvis.kernels.motions import Frame, Motion, frame_at, frame_of, sensor_at, time_of
+from warpvis.kernels.pinhole import Window
+from warpvis.kernels.rays import CUDA_REGISTERS, FARTHEST, RayRange, Seen, measure, meet_instances, meet_object, nothing
+from warpvis.kernels.solids import normal_of_solid, to_shape
+from warpvis.kernels.triangle_scene import (
+    CameraFrame,
+    TriangleScene,
+    factors_of,
+    normal_of,
+    object_of,
+    size_of,
+    steps_of,
+)
+from warpvis.kernels.worlds import Worlds, world_of
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+
+@wp.func
+def place_at(scene: TriangleScene, objects: Motion, world: int, movable: int, time: wp.float64) -> Frame:
+    """Where an object with a frame of its own is at a time: what stays has one place."""
+    if movable >= scene.movable_count:
+        return frame_of(steps_of(scene)[movable - scene.movable_count].pose)
+    return frame_at(objects, world, movable, time)
+
+
+@wp.func
+def seen_from_place(camera: CameraFrame, place: Frame) -> CameraFrame:
+    """The same camera in the frame of an object."""
+    turned_back = wp.quat_inverse(place.rotation)
+    frame = CameraFrame()
+    frame.origin = wp.quat_rotate(turned_back, camera.origin - place.origin)
+    frame.rotation = turned_back * camera.rotation
+    return frame
+
+
+@wp.func
+def look_at_moving(
+    scene: TriangleScene,
+    camera: RayRange,
+    in_world: CameraFrame,
+    worlds: Worlds,
+    objects: Motion,
+    view: int,
+    time: wp.float64,
+    ray: wp.vec3d,
+    cull_backfaces: bool,
+) -> Seen:
+    """What a sensor sees along a ray of its frame at a time; otherwise as `warpvis.kernels.rays.look`."""
+    seen = nothing()
+    seen.direction = wp.quat_rotate(in_world.rotation, ray)
+
+    world = world_of(worlds, view)
+    if world < 0:
+        return seen
+    seen.depth = float(FARTHEST)
+    for movable in range(-1, scene.movable_count):  # -1: what stays
+        frame = in_world
+        if movable >= 0:
+            frame = seen_from_place(in_world, frame_at(objects, world, movable, time))
+        seen = meet_object(scene, worlds, world, view, movable, frame, ray, camera.clip, cull_backfaces, seen)
+    seen = meet_instances(scene, worlds, view, in_world, ray, camera.clip, cull_backfaces, seen)
+    there = in_world
+    if seen.face >= 0 and seen.movable >= 0:
+        there = seen_from_place(in_world, place_at(scene, objects, world, seen.movable, time))
+    return measure(scene, worlds, world, there, camera, ray, seen)
+
+
+@wp.func
+def normal_of_seen(
+    scene: TriangleScene, origin: wp.vec3d, worlds: Worlds, objects: Motion, view: int, time: wp.float64, seen: Seen
+) -> wp.vec3:
+    """Unit normal in the world of what a ray meets that starts at a place."""
+    world = world_of(worlds, view)
+    factors = factors_of(scene, worlds, world, seen.movable)
+    if seen.movable < 0:
+        return wp.vec3(normal_of(scene.mesh, seen.face, factors, seen.direction))
+    place = place_at(scene, objects, world, seen.movable, time)
+    normal = wp.vec3d()
+    if seen.round:
+        kind, size = scene.movable_solid[seen.movable], size_of(scene, worlds, world, seen.movable)
+        point = origin + wp.float64(seen.depth) * seen.direction - place.origin
+        there = to_shape(wp.quat_rotate_inv(place.rotation, point), size)
+        normal = normal_of_solid(kind, size, seen.face, there)
+    else:
+        direction = wp.quat_rotate_inv(place.rotation, seen.direction)
+        normal = normal_of(scene.movable_mesh[seen.movable], seen.face, factors, direction)
+    return wp.vec3(wp.quat_rotate(place.rotation, normal))
+
+
+@wp.kernel(cuda_max_registers=CUDA_REGISTERS)
+def cast_at_moving_objects(
+    # Scene:
+    scene: TriangleScene,
+    # Cameras:
+    camera: RayRange,
+    sensor: Motion,
+    window: Window,
+    # In:
+    worlds: Worlds,
+    objects: Motion,
+    rays_in: wp.array2d[wp.vec3d],
+    origins_in: wp.array2d[wp.vec3d],
+    times_in: wp.array2d[wp.float64],
+    cull_backfaces: bool,
+    # Out:
+    images_out: Images,
+):
+    """Write images as `warpvis.kernels.moving_rays.cast_moving_rays`, of objects that move. All have one clock.
+
+    `worlds` says which world a view is of, and the rest but poses, of which it has those of the first instant.
+    """
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+
+    time = time_of(sensor, times_in, view, y, x)
+    sensor_place = sensor_at(sensor, view, y, x, time)
+    eye = CameraFrame()
+    eye.origin = sensor_place.origin
+    eye.rotation = sensor_place.rotation
+    if origins_in:
+        eye.origin += wp.quat_rotate(eye.rotation, origins_in[y, x])
+    ray = rays_in[y, x]
+    seen = nothing()
+    if ray[2] == ray[2]:
+        seen = look_at_moving(scene, camera, eye, worlds, objects, view, time, ray, cull_backfaces)
+
+    point = wp.vec3(wp.nan, wp.nan, wp.nan)
+    normal = wp.vec3(wp.nan, wp.nan, wp.nan)
+    index = int(-1)
+    label = wp.uint8(0)
+    if seen.face >= 0:
+        point = wp.vec3(eye.origin + wp.float64(seen.depth) * seen.direction)
+        index = object_of(scene, seen.movable, seen.face)
+        label = scene.object_label[index]
+        if images_out.normals:
+            normal = normal_of_seen(scene, eye.origin, worlds, objects, view, time, seen)
+    if images_out.depth:
+        images_out.depth[view, y, x] = seen.depth
+    if images_out.points:
+        images_out.points[view, y, x] = point
+    if images_out.normals:
+        images_out.normals[view, y, x] = normal
+    if images_out.labels:
+        images_out.labels[view, y, x] = label
+    if images_out.segmentation:
+        images_out.segmentation[view, y, x] = index

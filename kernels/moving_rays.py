@@ -1,0 +1,76 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Images of sensors that move while they measure: every ray is cast from where the sensor is at its time."""
+
+import warp as wp
+
+from warpvis.kernels.images import Images
+from warpvis.kernels.motions import Motion, sensor_at, time_of
+from warpvis.kernels.pinhole import Window
+from warpvis.kernels.rays import CUDA_REGISTERS, RayRange, look, nothing, write
+from warpvis.kernels.triangle_scene import CameraFrame, TriangleScene
+from warpvis.kernels.worlds import Worlds
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+
+@wp.kernel(cuda_max_registers=CUDA_REGISTERS)
+def cast_moving_rays(
+    # Scene:
+    scene: TriangleScene,
+    # Cameras:
+    camera: RayRange,
+    sensor: Motion,
+    window: Window,
+    # In:
+    worlds: Worlds,
+    rays_in: wp.array2d[wp.vec3d],
+    origins_in: wp.array2d[wp.vec3d],
+    times_in: wp.array2d[wp.float64],
+    cull_backfaces: bool,
+    # Out:
+    images_out: Images,
+):
+    """Write the asked-for images (one that is None is skipped) of every view, among objects that stand still.
+
+    `rays_in` are of the sensor frame, (y, x). Where a ray is NaN nothing is seen. `origins_in` are where they start in
+    that frame; None for its origin. `times_in` are when they are cast, after the frame's start [s]; None if each has a
+    pose of its own.
+    """
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+
+    place = sensor_at(sensor, view, y, x, time_of(sensor, times_in, view, y, x))
+    eye = CameraFrame()
+    eye.origin = place.origin
+    eye.rotation = place.rotation
+    if origins_in:
+        eye.origin += wp.quat_rotate(eye.rotation, origins_in[y, x])
+    ray = rays_in[y, x]
+    seen = nothing()
+    if ray[2] == ray[2]:
+        seen = look(scene, camera, eye, worlds, view, ray, cull_backfaces)
+    write(scene, eye.origin, worlds, view, seen, view, y, x, images_out)
+
+
+@wp.kernel
+def measure_moving_incidence(
+    # Cameras:
+    sensor: Motion,
+    window: Window,
+    # In:
+    directions_in: wp.array2d[wp.vec3d],
+    times_in: wp.array2d[wp.float64],
+    normals_in: wp.array3d[wp.vec3],
+    # Out:
+    incidence_out: wp.array3d[float],
+):
+    """Write the cosine between every ray and the normal of what it meets; NaN where it meets nothing."""
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+
+    place = sensor_at(sensor, view, y, x, time_of(sensor, times_in, view, y, x))
+    along = wp.quat_rotate(place.rotation, directions_in[y, x])
+    incidence_out[view, y, x] = float(wp.abs(wp.dot(along, wp.vec3d(normals_in[view, y, x]))))

@@ -1,0 +1,282 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Sensors and objects that move within a frame: every ray is cast by itself, from where the sensor is at its time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import warp as wp
+
+from warpvis.core.image_cameras import pinhole_rays
+from warpvis.core.kernel_cache import launch
+from warpvis.core.motion import Motion, check_times, instants_of, stacked
+from warpvis.core.poses import Convention, check_convention, parse_poses, vectors_in_axes
+from warpvis.core.ray_camera import RayCamera
+from warpvis.core.threads import launch_images
+from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, ObjectScales, PoseLike
+from warpvis.errors import ArrayError, CameraError, PoseError
+from warpvis.rendering._orthographic import OrthographicCamera, RenderCamera
+from warpvis.rendering.casters import as_images, images_struct, vectors_on_device
+from warpvis.scene import Scene
+from warpvis.scene.worlds import parse_moving_poses, parse_worlds
+
+if TYPE_CHECKING:
+    from warpvis.kernels.motions import Motion as MotionStruct
+    from warpvis.kernels.worlds import Worlds
+
+
+@dataclass(frozen=True)
+class MovingPoses:
+    """Motions of views and of objects, on a device."""
+
+    sensor: MotionStruct
+    objects: MotionStruct | None
+    views: int
+    own_worlds: bool
+    """Whether each view has a world of its own, without `world_index`."""
+
+    def __len__(self) -> int:
+        """Count the views."""
+        return self.views
+
+    def __getitem__(self, part: slice) -> MovingPoses:
+        """Return those of some of the views."""
+        views = len(range(*part.indices(self.views)))
+        objects = _sliced(self.objects, part) if self.objects is not None and self.own_worlds else self.objects
+        return replace(self, sensor=_sliced(self.sensor, part), objects=objects, views=views)
+
+
+class MovingCaster:
+    """One thread a ray, one query of Warp's mesh a thread, as `warpvis.rendering.casters.RaysCaster`."""
+
+    def __init__(
+        self, scene: Scene, camera: RenderCamera, *, cull_backfaces: bool, clip_near: bool, threads: int
+    ) -> None:
+        """Prepare to cast.
+
+        Raises:
+            CameraError: Rays of the camera are not cast from one place.
+        """
+        if isinstance(camera, OrthographicCamera):
+            raise CameraError(
+                "a Motion is of cameras and Rays, whose rays start at one place; an OrthographicCamera's do not"
+            )
+        self._scene = scene
+        self._camera = camera
+        self._cull_backfaces = cull_backfaces
+        self._clip_near = clip_near
+        self._threads = threads
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return what it is, without what is on a device."""
+        return {name: value for name, value in self.__dict__.items() if name not in ("_rays", "_origins", "_times")}
+
+    def parse(
+        self,
+        camera_to_world: PoseLike | Motion,
+        object_poses: ObjectPoses | Motion,
+        convention: Convention | None,
+        world_index: ArrayInput | None,
+        exclude: Excluded,
+        object_scales: ObjectScales,
+    ) -> tuple[MovingPoses, Worlds]:
+        """Check what a call of `Renderer.render` is given, of which something moves.
+
+        Raises:
+            WarpvisError: An argument is not what it has to be.
+        """
+        sensor, views = parse_sensor(self._camera, camera_to_world, convention, self._scene.device)
+        if not isinstance(object_poses, Motion):
+            worlds = parse_worlds(self._scene, views, object_poses, world_index, exclude, object_scales)
+            return MovingPoses(sensor, None, views, False), worlds
+        parts = instants_of(object_poses)
+        worlds = parse_worlds(self._scene, views, parts[0], world_index, exclude, object_scales)
+        starts = camera_to_world.starts if isinstance(camera_to_world, Motion) else None
+        objects = self._parse_objects(object_poses, starts)
+        return MovingPoses(sensor, objects, views, world_index is None and objects.legs.shape[1] > 1), worlds
+
+    def cast(self, poses: MovingPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
+        """Write depth, points, normals, labels and segmentation of all views; None is not made."""
+        from warpvis.kernels.moving_objects import cast_at_moving_objects
+        from warpvis.kernels.moving_rays import cast_moving_rays
+
+        outputs = images_struct(as_images(images))
+        triangles, camera = self._scene.triangles().struct, self._range()
+        objects = [] if poses.objects is None else [poses.objects]
+        rays = [self._rays, self._origins, self._times, self._cull_backfaces, outputs]
+        launch_images(
+            cast_moving_rays if poses.objects is None else cast_at_moving_objects,
+            (len(poses), self._camera.height, self._camera.width),
+            lambda window: [triangles, camera, poses.sensor, window, worlds, *objects, *rays],
+            device=self._scene.device,
+            threads=self._threads,
+        )
+
+    def _parse_objects(self, motion: Motion, starts: np.ndarray | None) -> MotionStruct:
+        if motion.starts is not None:
+            raise ArrayError("starts are of views: give them to the motion of camera_to_world, not to that of objects")
+        if motion.of_rays:
+            raise PoseError("object_poses must be a motion in time: poses of rays are a sensor's")
+        _check_rays_times(self._camera, motion, starts)
+        return _struct_of(parse_moving_poses(self._scene, motion), motion)
+
+    def _range(self) -> object:
+        if isinstance(self._camera, RayCamera):
+            return self._camera.device_struct(clip_near=self._clip_near)
+        from warpvis.kernels.rays import RayRange
+
+        struct = RayRange()
+        struct.near, struct.far, struct.is_planar = self._camera.near, self._camera.far, True
+        struct.clip = self._camera.near if self._clip_near else 0.0
+        return struct
+
+    @cached_property
+    def _rays(self) -> wp.array:
+        camera, device = self._camera, self._scene.device
+        if isinstance(camera, RayCamera):
+            return vectors_on_device(camera, "rays", lambda: camera.rays, device).reshape(self._image)
+        return wp.array(pinhole_rays(camera), dtype=wp.vec3d, device=device)
+
+    @cached_property
+    def _origins(self) -> wp.array | None:
+        camera = self._camera
+        if not isinstance(camera, RayCamera) or camera.origins is None:
+            return None
+        origins = camera.origins
+        return vectors_on_device(camera, "origins", lambda: origins, self._scene.device).reshape(self._image)
+
+    @cached_property
+    def _times(self) -> wp.array | None:
+        times = self._camera.times if isinstance(self._camera, RayCamera) else None
+        if times is None:
+            return None
+        return wp.array(times.reshape(self._image), dtype=wp.float64, device=self._scene.device)
+
+    @property
+    def _image(self) -> tuple[int, int]:
+        return self._camera.height, self._camera.width
+
+
+def parse_sensor(
+    camera: RenderCamera, poses: PoseLike | Motion, convention: Convention | None, device: wp.Device
+) -> tuple[MotionStruct, int]:
+    """Return where a sensor is, as kernels take it, and of how many views.
+
+    Raises:
+        PoseError: The poses are malformed.
+        ArrayError: Rays are cast at times of which the motion says nothing, or it is of another number of views.
+        CameraError: Rays have no times, and it moves.
+    """
+    axes = camera.axes if isinstance(camera, RayCamera) else "opencv"
+    given = axes if convention is None else check_convention(convention)
+
+    def parse(rows: PoseLike) -> wp.array:
+        return parse_poses(rows, convention=given, axes=axes, device=device)
+
+    if not isinstance(poses, Motion):
+        still = parse(poses)
+        return _struct_of(still.reshape((1, still.shape[0], 1))), still.shape[0]
+    if poses.of_rays:
+        return _parse_poses_of_rays(_shape_of(camera), poses, parse)
+    parts = instants_of(poses)
+    if isinstance(parts, np.ndarray):
+        if parts.ndim not in (2, 3):
+            raise PoseError(
+                f"camera_to_world must be a motion of views, with poses of shape (T, 7) or (T, V, 7), got {parts.shape}"
+            )
+        parsed = parse(parts.reshape(-1, 7)).reshape((len(parts), -1))
+    else:
+        parsed = stacked([parse(part) for part in parts])
+    _check_rays_times(camera, poses, poses.starts)
+    views = parsed.shape[1]
+    struct = _struct_of(
+        parsed.reshape((*parsed.shape, 1)), poses, lambda vectors: vectors_in_axes(vectors, given, axes)
+    )
+    if poses.starts is not None:
+        if views not in (1, len(poses.starts)):
+            raise ArrayError(f"starts must be one for each of the {views} views, got {len(poses.starts)}")
+        views = len(poses.starts)
+        struct.starts = wp.array(poses.starts, dtype=wp.float64, device=device)
+    return struct, views
+
+
+def _parse_poses_of_rays(
+    shape: tuple[int, ...], motion: Motion, parse: Callable[[PoseLike], wp.array]
+) -> tuple[MotionStruct, int]:
+    from warpvis.kernels.motions import Motion as MotionStruct
+
+    rows = instants_of(motion)
+    assert isinstance(rows, np.ndarray)
+    of = rows.shape[1:-1]
+    lead = of if len(of) == len(shape) + 1 else (1, *of)
+    if len(lead) != len(shape) + 1 or any(a not in (1, b) for a, b in zip(lead[1:], shape, strict=True)):
+        raise PoseError(
+            f"poses of rays must have shape (V, {', '.join(map(str, shape))}, 7), where an axis of rays may be 1, "
+            f"got {(*of, 7)}"
+        )
+    struct = MotionStruct()
+    struct.poses = parse(rows.reshape(-1, 7)).reshape(lead if len(lead) == 3 else (lead[0], 1, lead[1]))
+    return struct, lead[0]
+
+
+def _check_rays_times(camera: RenderCamera, motion: Motion, starts: np.ndarray | None) -> None:
+    times = camera.times if isinstance(camera, RayCamera) else None
+    if times is None:
+        raise CameraError(
+            "what moves is seen at the times of rays, which this camera has not: give Rays times, or take a "
+            "warpvis.sensors.RollingShutter of the camera"
+        )
+    check_times(motion, times, np.zeros(1) if starts is None else starts)
+
+
+def _shape_of(camera: RenderCamera) -> tuple[int, ...]:
+    return camera.shape if isinstance(camera, RayCamera) else (camera.height, camera.width)
+
+
+def _struct_of(
+    poses: wp.array, motion: Motion | None = None, turn: Callable[[np.ndarray], np.ndarray] = np.asarray
+) -> MotionStruct:
+    """Make what kernels take of poses on a device, shape ``(T, rows, columns)``, and of how they move.
+
+    Args:
+        poses: The poses.
+        motion: Says when they are, or which twist moves them; None if they stay.
+        turn: Brings velocities into the frame of the poses.
+    """
+    from warpvis.kernels.motions import Leg, Motion as MotionStruct, begin_legs
+
+    struct, device = MotionStruct(), poses.device
+    twist = None if motion is None else motion.twist
+    velocities: list[wp.array | None] = [None, None]
+    if twist is not None:
+        shape = (*poses.shape[1:], 3)
+        velocities = [wp.array(turn(part).reshape(shape), dtype=wp.vec3d, device=device) for part in twist]
+    struct.is_screw = twist is not None
+    struct.legs = wp.empty(poses.shape, dtype=Leg, device=device)
+    launch(begin_legs, poses.shape, [poses, *velocities, struct.legs], device)
+    if motion is not None and motion.times is not None:
+        struct.times = wp.array(motion.times, dtype=wp.float64, device=device)
+    return struct
+
+
+def _sliced(struct: MotionStruct, part: slice) -> MotionStruct:
+    """Return the motion of some of the views, or of their worlds; one of all views is for each part, too."""
+    from warpvis.kernels.motions import Motion as MotionStruct
+
+    some = MotionStruct()
+    some.is_screw = struct.is_screw
+    for name in ("legs", "times", "starts", "poses"):
+        values = getattr(struct, name)
+        if values is None or not values.size:
+            continue
+        if name == "legs" and values.shape[1] > 1:
+            values = values[:, part]
+        elif name == "starts" or (name == "poses" and values.shape[0] > 1):
+            values = values[part]
+        setattr(some, name, values)
+    return some
