@@ -434,7 +434,7 @@ def test_poses_and_a_camera_work_for_worlds_too(tmp_path):
     ("arguments", "message"),
     [
         (("render", "box.stl", "--out", "out"), "give --poses"),
-        (("render", "world.wbt", "--out", "out"), "has no range finder; its devices are: none"),
+        (("render", "world.wbt", "--out", "out"), "has no range finder or lidar; its devices are: none"),
         (("render", "world.wbt", "--out", "out", "--device-name", "eye"), "the world has no device 'eye'"),
         (("render", "world.wbt", "--out", "out", "--labels", "a=human"), "have their own poses: give no --labels"),
         (("render", "world.wbt", "--out", "out", "--format", "png"), "have their own poses: give no --format"),

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Webots worlds on the command line: what was read of them, and the images of their range finders."""
+"""Webots worlds on the command line: what was read of them, and the images of their range finders and lidars."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from warpvis.core.label_rules import LabelRules
     from warpvis.scene import Scene
-    from warpvis.webots import Device
+    from warpvis.webots import Device, Lidar, WebotsWorld
 
 
 def is_world(path: Path | None) -> bool:
@@ -45,6 +45,9 @@ def print_world(path: Path, *, search_path: Sequence[Path], strict: bool, labels
     for name, device in world.devices.items():
         place = " ".join(f"{value:.4g}" for value in device.pose)
         print(f"device  {name!r} of {device.robot!r}: {device.describe()}; at {place}")
+    for name, lidar in world.lidars.items():
+        place = " ".join(f"{value:.4g}" for value in lidar.pose)
+        print(f"lidar  {name!r} of {lidar.robot!r}: {lidar.describe()}; at {place}")
     for name, count in world.skipped.items():
         print(f"left out  {name} ({count})")
     for name, count in world.stand_ins.items():
@@ -64,39 +67,63 @@ def render_world(
     search_path: Sequence[Path],
     strict: bool,
 ) -> bool:
-    """Render range finders of a world to OUT/NAME/depth.npz and OUT/NAME/depth/000000.png.
+    """Render range finders and lidars of a world.
+
+    Range finders: OUT/NAME/depth.npz and OUT/NAME/depth/000000.png. Lidars: OUT/NAME/ranges.npz and
+    OUT/NAME/pcd/000000.pcd.
 
     Returns:
         Whether any of them sees anything; a warning names those that do not.
     """
-    from warpvis.webots import find_device, load_webots, render_range
+    from warpvis.webots import load_webots, render_lidar, render_range
 
     world = load_webots(path, device=device, search_path=search_path, strict=strict)
-    names = [name for name, item in world.devices.items() if item.measures]
-    if device_name is not None:
-        find_device(world, device_name)
-        names = [device_name]
-    if not names:
-        known = ", ".join(map(repr, world.devices)) or "none"
-        raise SceneError(f"{path} has no range finder; its devices are: {known}; give --poses and --camera")
-    blind = []
-    for name in names:
-        image = render_range(world, name, webots_version="header" if version_exact else None, threads=threads)
-        folder = out / re.sub(r"[^\w .-]|^\.+", "_", name)
+    finders, lidars = _chosen(world, path, device_name)
+    release, blind = "header" if version_exact else None, []
+    for name in finders:
+        image = render_range(world, name, webots_version=release, threads=threads)
+        folder = out / _file_name(name)
         _write(folder, world.devices[name], image, bent=version_exact)
         if not _sees(image, world.devices[name]):
             blind.append(name)
         if not quiet:
             print(f"{name}: {folder / 'depth.npz'}, {folder / 'depth' / '000000.png'}")
+    for name in lidars:
+        image = render_lidar(world, name, webots_version=release, threads=threads)
+        folder = out / _file_name(name)
+        _write_scan(folder, world.lidars[name], image, drawn=version_exact)
+        if not _sees(image, world.lidars[name]):
+            blind.append(name)
+        if not quiet:
+            print(f"{name}: {folder / 'ranges.npz'}, {folder / 'pcd' / '000000.pcd'}")
     if blind:
-        some, sees = ", ".join(map(repr, blind)), "sees" if len(blind) == 1 else "see"
-        warnings.warn(
-            f"{len(blind)} of {counted(len(names), 'range finder')} {sees} nothing in their range: {some}", stacklevel=2
-        )
-    return len(blind) < len(names)
+        some, sees = ", ".join(map(repr, blind)), "sees nothing in its" if len(blind) == 1 else "see nothing in their"
+        count = counted(len(finders) + len(lidars), "device")
+        warnings.warn(f"{len(blind)} of {count} {sees} range: {some}", stacklevel=2)
+    return len(blind) < len(finders) + len(lidars)
 
 
-def _sees(image: NDArray[np.float32], device: Device) -> bool:
+def _chosen(world: WebotsWorld, path: Path, name: str | None) -> tuple[list[str], list[str]]:
+    """List the range finders and the lidars to render: all of them, or the one that was asked for."""
+    from warpvis.webots import find_device
+
+    if name in world.lidars and name not in world.devices:
+        return [], [name]
+    if name is not None:
+        find_device(world, name)
+        return [name], []
+    finders = [known for known, item in world.devices.items() if item.measures]
+    if not finders and not world.lidars:
+        known = ", ".join(map(repr, world.devices)) or "none"
+        raise SceneError(f"{path} has no range finder or lidar; its devices are: {known}; give --poses and --camera")
+    return finders, list(world.lidars)
+
+
+def _file_name(name: str) -> str:
+    return re.sub(r"[^\w .-]|^\.+", "_", name)
+
+
+def _sees(image: NDArray[np.float32], device: Device | Lidar) -> bool:
     """Tell whether an image shows anything nearer than the range ends; some versions of Webots say that for nothing."""
     import numpy as np
 
@@ -107,7 +134,6 @@ def _write(folder: Path, device: Device, image: NDArray[np.float32], *, bent: bo
     """Write an image, in which the device's lens has its part if it is bent: a pinhole's K does not say that."""
     import numpy as np
 
-    from warpvis.batch import npz_parts
     from warpvis.io import save_depth_png
 
     make_folder(folder / "depth")
@@ -120,8 +146,36 @@ def _write(folder: Path, device: Device, image: NDArray[np.float32], *, bent: bo
         arrays["K"] = device.camera.to_K()
     else:
         arrays |= {"projection": np.array(device.projection), "hfov": np.array(device.fov)}
-    try:
-        (folder / "depth.npz").write_bytes(b"".join(npz_parts(arrays)))
-    except OSError as error:
-        raise FileFormatError(f"{folder / 'depth.npz'}: cannot be written: {error.strerror}") from None
+    _write_arrays(folder / "depth.npz", arrays)
     save_depth_png(image, folder / "depth" / "000000.png")
+
+
+def _write_scan(folder: Path, lidar: Lidar, image: NDArray[np.float32], *, drawn: bool) -> None:
+    """Write a range image with its rays, and its point cloud in the lidar's frame."""
+    import numpy as np
+    import warp as wp
+
+    from warpvis.io import save_clouds
+    from warpvis.rendering import Views
+    from warpvis.sensors import point_clouds
+
+    make_folder(folder)
+    rays = lidar.drawn_rays if drawn else lidar.rays
+    lengths = image
+    if drawn and lidar.projection == "planar" and not lidar.rotates:
+        lengths = (image / lidar.cosines()).astype(np.float32)
+    arrays: dict[str, NDArray[np.generic]] = {"ranges": image, "directions": rays.directions}
+    arrays["lidar_to_world"] = lidar.pose
+    _write_arrays(folder / "ranges.npz", arrays)
+    # Some versions of Webots say the greatest range for nothing.
+    found = np.where(image < lidar.max_range, lengths, np.float32(np.inf))
+    save_clouds(folder / "pcd", point_clouds(Views(depth=wp.array(found[None], device="cpu")), rays), ".pcd")
+
+
+def _write_arrays(path: Path, arrays: dict[str, NDArray[np.generic]]) -> None:
+    from warpvis.batch import npz_parts
+
+    try:
+        path.write_bytes(b"".join(npz_parts(arrays)))
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be written: {error.strerror}") from None

@@ -1,11 +1,13 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Read Webots' worlds, from V6.0 to R2025a, and give the depth images that their range finders give."""
+"""Read Webots' worlds, from V6.0 to R2025a, and give the depth images that their range finders and lidars give."""
 
 from __future__ import annotations
 
 from warpvis.webots._controller import DepthEye
 from warpvis.webots._devices import Device, Lens
+from warpvis.webots._lidar_images import find_lidar, render_lidar
+from warpvis.webots._lidars import Lidar
 from warpvis.webots._nodes import Node, Version
 from warpvis.webots._range_images import find_device, render_range
 from warpvis.webots._ranges import add_noise, distort_pixels, quantise, range_values
@@ -16,6 +18,7 @@ __all__ = [
     "DepthEye",
     "Device",
     "Lens",
+    "Lidar",
     "Node",
     "Recognised",
     "Version",
@@ -23,10 +26,12 @@ __all__ = [
     "add_noise",
     "distort_pixels",
     "find_device",
+    "find_lidar",
     "load_webots",
     "quantise",
     "range_values",
     "recognise",
+    "render_lidar",
     "render_range",
     "segmentation_image",
 ]

@@ -109,8 +109,12 @@ class Device:
 
     def at_origin_of(self, proto: str) -> Device:
         """Return the same device, with a note that it was plugged into a PROTO whose slots are not known."""
-        note = f"{self.name!r} is taken to be at the origin of {proto}, whose slots are not known without its file"
-        return dataclasses.replace(self, notes=(*self.notes, note))
+        return dataclasses.replace(self, notes=(*self.notes, origin_note(self.name, proto)))
+
+
+def origin_note(name: str, proto: str) -> str:
+    """Write that a device was plugged into a PROTO whose slots are not known."""
+    return f"{name!r} is taken to be at the origin of {proto}, whose slots are not known without its file"
 
 
 def read_device(
@@ -135,7 +139,7 @@ def read_device(
     notes: list[str] = []
     width, height = (_size(node, name, notes) for name in ("width", "height"))
     projection = _projection(node, notes)
-    near, least, greatest = _ranges(node, measures, notes)
+    near, least, greatest = read_ranges(node, measures, notes)
     noise, resolution = node.number("noise", 0.0), node.number("resolution", -1.0)
     if node.type == "Camera" and measures:
         noise, resolution = node.number("rangeNoise", noise), node.number("rangeResolution", resolution)
@@ -154,7 +158,7 @@ def read_device(
         kind=kind,
         width=width,
         height=height,
-        fov=_field_of_view(node, projection, notes),
+        fov=read_field_of_view(node, projection, notes),
         near=near,
         min_range=least,
         max_range=greatest,
@@ -186,8 +190,9 @@ def _projection(node: Node, notes: list[str]) -> Projection:
     return "planar"
 
 
-def _field_of_view(node: Node, projection: Projection, notes: list[str]) -> float:
-    fov, fixed = node.number("fieldOfView", DEFAULT_FOV), None
+def read_field_of_view(node: Node, projection: Projection, notes: list[str], default: float = DEFAULT_FOV) -> float:
+    """Read the horizontal field of view [rad], corrected as Webots does (``WbAbstractCamera.cpp``)."""
+    fov, fixed = node.number("fieldOfView", default), None
     if fov <= 0 or (projection == "planar" and fov >= math.pi):
         fixed = DEFAULT_FOV
     elif projection != "planar" and fov > 2 * math.pi + 1e-4:
@@ -198,7 +203,7 @@ def _field_of_view(node: Node, projection: Projection, notes: list[str]) -> floa
     return fixed
 
 
-def _ranges(node: Node, measures: bool, notes: list[str]) -> tuple[float, float, float]:
+def read_ranges(node: Node, measures: bool, notes: list[str]) -> tuple[float, float, float]:
     """Read `near`, least and greatest range [m], corrected in the order of Webots' checks (``WbRangeFinder.cpp``)."""
     near = node.number("near", 0.01)
     if near <= 0:
@@ -211,7 +216,7 @@ def _ranges(node: Node, measures: bool, notes: list[str]) -> tuple[float, float,
             far = near + 1
         return near, near, far if far > 0 else math.inf
     # A range finder of the time when it was a type of camera measured from `near` on.
-    least = node.number("minRange", 0.01 if node.type == "RangeFinder" else near)
+    least = node.number("minRange", near if node.type == "Camera" else 0.01)
     if least <= 0:
         notes.append(correction(node, "minRange", least, near))
         least = near

@@ -61,7 +61,7 @@ def missing_parts(
     while nodes and len(seen) <= MOST_LOOKED_AT:
         node = nodes.pop()
         inside: list[Node] = []
-        eyes = eyes or node.type in ("Camera", "RangeFinder")
+        eyes = eyes or node.type in ("Camera", "RangeFinder", "Lidar")
         if node.type in ("Shape", "CadShape"):
             geometry = node if node.type == "CadShape" else node.node("geometry")
             if geometry is None or geometry.type in LINES:

@@ -24,6 +24,7 @@ from warpvis.webots._devices import Device, read_device
 from warpvis.webots._extents import Extent, ball_about, bounding_geometry
 from warpvis.webots._grammar import World
 from warpvis.webots._kinds import LINES, PARTS, SOLIDS, TRANSFORMS, UNSEEN, missing_parts, parts_of
+from warpvis.webots._lidars import Lidar, read_lidar
 from warpvis.webots._nodes import Node, Value
 from warpvis.webots._parts import (
     HUMANS,
@@ -65,6 +66,7 @@ class Reader:
         self.version = world.version
         self.solids: list[Solid] = []
         self.devices: dict[str, Device] = {}
+        self.lidars: dict[str, Lidar] = {}
         self.robots: dict[str, list[Solid]] = {}
         self.recognisable: dict[str, tuple[Node, list[Solid]]] = {}
         self.extents: list[Extent] = []  # of all Solids
@@ -80,7 +82,7 @@ class Reader:
         self._lines: list[tuple[int, str, Solid | None]] = []
         self._meshes: dict[int, tuple[Node, Triangles | None]] = {}  # by the node's id, and the node to keep it
         self._triangles = 0
-        self._taken = {kind: Names() for kind in ("recognised", "devices", "robots")}
+        self._taken = {kind: Names() for kind in ("recognised", "devices", "lidars", "robots")}
         with self._leaving_out():
             self.up, notes = vertical_axis(world)
             self.notes += notes
@@ -222,15 +224,19 @@ class Reader:
             step = self._begin_solid(step, name)
         step = self._begin_extent(step, transform)
         robot = step.robots[-1] if step.robots else ""
-        found = None
+        found: Device | Lidar | None = None
         with self._leaving_out():
             found = read_device(node, transform.rotation, transform.offset, robot, step.within)
+            found = found or read_lidar(node, transform.rotation, transform.offset, robot)
         line = f"{step.instances[0].type if step.instances else node.type} {name!r}"
         line += f" (DEF {node.name})" if node.name else ""
         if found is not None:
             if step.origin:
                 found = found.at_origin_of(step.origin)
-            self.devices[self._taken["devices"].take(found.name)] = found
+            if isinstance(found, Lidar):
+                self.lidars[self._taken["lidars"].take(found.name)] = found
+            else:
+                self.devices[self._taken["devices"].take(found.name)] = found
             line += f": {found.describe()}"
         if found is not None or not is_part:
             self._lines.append((step.depth, line, None if is_part else step.owner))
@@ -345,7 +351,8 @@ class Reader:
 
     def corrections(self) -> tuple[str, ...]:
         """List values that were corrected, as Webots corrects them."""
-        return tuple(dict.fromkeys([note for item in self.devices.values() for note in item.notes] + self.notes))
+        found: list[Device | Lidar] = [*self.devices.values(), *self.lidars.values()]
+        return tuple(dict.fromkeys([note for item in found for note in item.notes] + self.notes))
 
     def _skip(self, what: str) -> None:
         self.skipped[what] = self.skipped.get(what, 0) + 1

@@ -18,6 +18,7 @@ from warpvis.scene import FileParts, Scene
 from warpvis.webots._devices import Device
 from warpvis.webots._extents import Bounds
 from warpvis.webots._grammar import parse_world
+from warpvis.webots._lidars import Lidar
 from warpvis.webots._nodes import Node, Version
 from warpvis.webots._parts import Solid, make_parts, names_of, shortened, skipped_message
 from warpvis.webots._urls import CACHED_SINCE, installed, webots_cache
@@ -36,6 +37,8 @@ class WebotsWorld:
     """Version of the file's header."""
     devices: dict[str, Device]
     """Range finders and cameras, by name; of equal names, later ones are ``"name (2)"``, ..."""
+    lidars: dict[str, Lidar]
+    """Lidars, likewise."""
     robots: dict[str, tuple[str, ...]]
     """For every robot, the names of the objects that are its body, what it carries included."""
     recognisable: dict[str, tuple[Node, tuple[str, ...]]]
@@ -54,7 +57,8 @@ class WebotsWorld:
     """What was read, a line each, indented by what holds what."""
 
     def __repr__(self) -> str:
-        return f"WebotsWorld({str(self.path)!r}, {self.version}, {self.scene!r}, devices={list(self.devices)})"
+        found = f"devices={list(self.devices)}, lidars={list(self.lidars)}"
+        return f"WebotsWorld({str(self.path)!r}, {self.version}, {self.scene!r}, {found})"
 
 
 def load_webots(
@@ -117,6 +121,7 @@ def load_webots(
         path,
         reader.version,
         reader.devices,
+        reader.lidars,
         {name: names_of(names, solids) for name, solids in reader.robots.items()},
         {name: (node, names_of(names, solids)) for name, (node, solids) in reader.recognisable.items()},
         Bounds(reader.bounds, reader.extents, reader.find_mesh),

@@ -1,0 +1,290 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Lidars of Webots worlds: where they are, and the rays that they cast (``WbLidar.cpp``, ``WbWrenCamera.cpp``)."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.arrays import as_numpy
+from warpvis.core.poses import Convention, turn_poses
+from warpvis.core.ray_camera import MOST_RAYS
+from warpvis.core.types import ArrayInput
+from warpvis.errors import ArrayError, SceneError
+from warpvis.sensors import Rays
+from warpvis.webots._devices import origin_note, read_field_of_view, read_ranges
+from warpvis.webots._nodes import Node, Version
+from warpvis.webots.shapes._resets import correction
+
+# From here on images of rotating lidars begin behind them, and fixed ones' points are right about their columns
+# (Webots' pull requests 6324 and 6417).
+_BEGINS_BEHIND = Version(2024, 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Lidar:
+    """A `Lidar` node of a Webots world."""
+
+    name: str
+    """What its controller calls it."""
+    robot: str
+    """Name of the robot that it is part of; empty if it is part of none."""
+    layers: int
+    """Number of layers, ``numberOfLayers``: rows of its image, the highest first."""
+    columns: int
+    """Points of a layer, ``horizontalResolution``: columns of its image, from left to right."""
+    fov: float
+    """Horizontal field of view [rad]; of the turning head if it rotates, whose image has the whole turn."""
+    vertical_fov: float
+    """Angle from the lowest to the highest layer [rad]."""
+    tilt: float
+    """How far it looks up [rad]."""
+    rotates: bool
+    """Whether its type is ``"rotating"``."""
+    projection: Literal["planar", "cylindrical"]
+    """``"cylindrical"``, of lengths of rays; or ``"planar"``, of which Webots gives planar depth."""
+    near: float
+    """Nearer than this Webots draws nothing, so that it hides nothing either [m]."""
+    min_range: float
+    """Least range that is measured [m]."""
+    max_range: float
+    """Greatest range that is measured [m]."""
+    noise: float
+    """The file's `noise`."""
+    resolution: float
+    """Step of the ranges [m], or -1."""
+    frequency: float
+    """Turns in a second, if it rotates."""
+    pose: NDArray[np.float64]
+    """Lidar (x forward, y left, z up, in all versions) to world, ``x y z qx qy qz qw``, shape ``(7,)``."""
+    version: Version
+    """Version of the file that it is in."""
+    notes: tuple[str, ...] = ()
+    """What was corrected in its fields, as Webots corrects it."""
+
+    @cached_property
+    def rays(self) -> Rays:
+        """What it is to measure: a ray for each value of its image, shape ``(layers, columns)``.
+
+        Layers are evenly spread over the vertical field of view, columns look through the middles of equal parts of the
+        horizontal one, and the whole is tilted about y; of a rotating lidar, each layer is. Its columns go clockwise
+        from behind, up to R2023b from ahead, and have times; rings are layers. Those of a planar projection are lines
+        of the pixels of a pinhole.
+        """
+        return self._cast(self.min_range, self.max_range, drawn=False)
+
+    @cached_property
+    def drawn_rays(self) -> Rays:
+        """The same as Webots draws them, without limits: a layer is a line of a coarse image, the one above it.
+
+        Their `near` is where Webots begins to draw.
+        """
+        return self._cast(self.near, math.inf, drawn=True)
+
+    def describe(self) -> str:
+        """Describe the lidar in a few words."""
+        kind = "rotating lidar" if self.rotates else "lidar"
+        around = 2 * math.pi if self.rotates else self.fov
+        reach = f"{self.min_range:g} to {self.max_range:g} m"
+        image = f"{self.layers}x{self.columns}, fov {around:g} x {self.vertical_fov:g}"
+        return f"{kind}, {image}, {self.projection}, {reach}"
+
+    def at_origin_of(self, proto: str) -> Lidar:
+        """Return the same lidar, with a note that it was plugged into a PROTO whose slots are not known."""
+        return dataclasses.replace(self, notes=(*self.notes, origin_note(self.name, proto)))
+
+    def points(self, ranges: ArrayInput) -> NDArray[np.float32]:
+        """Compute the point cloud that Webots makes of a range image, in the device's own axes.
+
+        Its angles are those of the layers and columns, not of the pixels that were drawn: up to R2023b, columns of a
+        lidar that does not rotate are taken to reach from edge to edge of the field of view, up to half a column aside
+        of where they look. A tilted one's layers are taken to be cones.
+
+        Args:
+            ranges: Values of `warpvis.webots.render_lidar` [m], shape ``(layers, columns)``.
+
+        Returns:
+            Points [m], shape ``(layers, columns, 3)``: x forward, y left, z up; up to R2021b x right, y up, z backward.
+            Not finite where the range is not.
+
+        Raises:
+            ArrayError: The image is of another shape.
+        """
+        image = as_numpy(ranges, name="ranges").astype(np.float64)
+        if image.shape != (self.layers, self.columns):
+            raise ArrayError(f"ranges must have shape ({self.layers}, {self.columns}), got {image.shape}")
+        column = np.arange(self.columns)
+        late = self.version >= _BEGINS_BEHIND
+        if self.rotates:
+            azimuth = -2 * math.pi * column / self.columns - (math.pi if late else 0.0)
+        elif late:
+            azimuth = self.fov / 2 - (column + 0.5) * self.fov / self.columns
+        else:
+            azimuth = self.fov / 2 - column * self.fov / max(self.columns - 1, 1)
+        forward, left, up = np.moveaxis(_directions(azimuth, self._elevations() + self.tilt), -1, 0)
+        axes = (forward, left, up) if self.version.z_up else (-left, up, -forward)
+        with np.errstate(invalid="ignore"):  # of infinite ranges straight along an axis
+            return (image[..., None] * np.stack(axes, axis=-1)).astype(np.float32)
+
+    def _elevations(self) -> NDArray[np.float64]:
+        """Compute the elevations of the layers, from above, without the tilt [rad]."""
+        if self.layers == 1:
+            return np.zeros(1)
+        return self.vertical_fov * (0.5 - np.arange(self.layers) / (self.layers - 1))
+
+    def cosines(self) -> NDArray[np.float64]:
+        """Compute the cosines of the angles between `drawn_rays` and where its camera looks, of a planar projection."""
+        forward = np.array([math.cos(self.tilt), 0.0, math.sin(self.tilt)])
+        return self.drawn_rays.directions @ forward
+
+    def _cast(self, near: float, far: float, *, drawn: bool) -> Rays:
+        if self.layers * self.columns > MOST_RAYS:
+            raise SceneError(
+                f"{self.name!r} has {self.layers} layers of {self.columns} points, and {MOST_RAYS} rays are the most"
+            )
+        width = image_width(self.columns, self.fov, self.rotates)
+        height = image_height(self.layers, self.fov, self.vertical_fov, width)
+        line = np.arange(self.layers) * ((height - 1) / max(self.layers - 1, 1))
+        above = (height - 1) / 2 - (np.floor(line) if drawn else line)  # lines above the middle
+        column = np.arange(self.columns) + 0.5
+        elevation = np.asarray(above * (self.fov / width) if drawn else self._elevations(), dtype=np.float64)
+        times = None
+        if self.rotates:
+            first = math.pi if self.version >= _BEGINS_BEHIND else 0.0
+            directions = _directions(first - 2 * math.pi * column / self.columns, elevation + self.tilt)
+            each = np.arange(self.columns) / (self.columns * self.frequency)
+            times = np.broadcast_to(each, (self.layers, self.columns))
+        else:
+            if self.projection == "planar":
+                pitch = 2 * math.tan(self.fov / 2) / self.columns
+                left, up = np.broadcast_arrays((self.columns / 2 - column) * pitch, above[:, None] * pitch)
+                directions = np.stack([np.ones_like(left), left, up], axis=-1)
+                directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+            else:
+                directions = _directions(self.fov / 2 - column * self.fov / self.columns, elevation)
+            sine, cosine = math.sin(self.tilt), math.cos(self.tilt)
+            directions = directions @ np.array([(cosine, 0, sine), (0, 1, 0), (-sine, 0, cosine)])
+        rings = np.broadcast_to(np.arange(self.layers)[:, None], (self.layers, self.columns))
+        return Rays(directions, times=times, rings=rings, near=near, far=far, axes="ros_body")
+
+
+def image_width(columns: int, fov: float, rotates: bool) -> int:
+    """Compute how many pixels wide the image is of which Webots takes the columns: a rotating head's is narrower."""
+    return max(math.ceil(columns * (fov / (2 * math.pi))), 1) if rotates else columns
+
+
+def image_height(layers: int, fov: float, vertical_fov: float, width: int) -> int:
+    """Compute how many lines it has: as many as there are between the highest and the lowest layer."""
+    # As Webots writes it, whose rounding it has.
+    return 1 if layers == 1 else math.ceil((vertical_fov + fov / width) * (width / fov))
+
+
+def _directions(azimuth: NDArray[np.float64], elevation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Compute unit vectors, x forward, y left, z up, shape ``(layers, columns, 3)``."""
+    around, up = np.broadcast_arrays(azimuth, elevation[:, None])
+    return np.stack([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)], axis=-1)
+
+
+def read_lidar(node: Node, rotation: NDArray[np.float64], offset: NDArray[np.float64], robot: str) -> Lidar | None:
+    """Read the lidar that a node is; None if it is none.
+
+    Args:
+        node: Any node.
+        rotation: Node to world, shape ``(3, 3)``.
+        offset: The node's origin in the world [m], shape ``(3,)``.
+        robot: Name of its robot.
+
+    Raises:
+        FileFormatError: A field is not what it has to be.
+    """
+    if node.type != "Lidar":
+        return None
+    notes: list[str] = []
+    projection = _projection(node, notes)
+    fov = read_field_of_view(node, projection, notes, 1.5708)
+    near, least, greatest = read_ranges(node, True, notes)
+    resolution = node.number("resolution", -1.0)
+    if resolution <= 0 and resolution != -1:
+        notes.append(correction(node, "resolution", resolution, -1))
+        resolution = -1.0
+    kind = node.text("type", "fixed")
+    if kind.lower() not in ("fixed", "rotating"):
+        notes.append(correction(node, "type", kind, "fixed"))
+    rotates = kind.lower() == "rotating"
+    layers, columns, vertical = _image(node, fov, rotates, notes)
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation, offset
+    axes: Convention = "ros_body" if node.version.z_up else "opengl"
+    return Lidar(
+        name=node.text("name", "lidar"),
+        robot=robot,
+        layers=layers,
+        columns=columns,
+        fov=fov,
+        vertical_fov=vertical,
+        tilt=node.number("tiltAngle", 0.0),
+        rotates=rotates,
+        projection=projection,
+        near=near,
+        min_range=least,
+        max_range=greatest,
+        noise=node.number("noise", 0.0),
+        resolution=resolution,
+        frequency=_frequency(node, notes),
+        pose=turn_poses(matrix, axes, "ros_body")[0],
+        version=node.version,
+        notes=tuple(notes),
+    )
+
+
+def _projection(node: Node, notes: list[str]) -> Literal["planar", "cylindrical"]:
+    projection = node.text("projection", "cylindrical")
+    if projection not in ("planar", "cylindrical"):
+        notes.append(correction(node, "projection", projection, "planar"))
+        return "planar"
+    # The older field is obeyed before the newer one.
+    return "planar" if projection == "planar" or not node.flag("spherical", True) else "cylindrical"
+
+
+def _image(node: Node, fov: float, rotates: bool, notes: list[str]) -> tuple[int, int, float]:
+    """Read layers, columns and the vertical field of view [rad], corrected in the order of Webots' checks."""
+    layers, columns = node.integer("numberOfLayers", 4), node.integer("horizontalResolution", 512)
+    vertical = node.number("verticalFieldOfView", 0.2)
+    if columns < 1:
+        notes.append(correction(node, "horizontalResolution", columns, 1))
+        columns = 1
+    given, counted = vertical, max(layers, 1)
+    if vertical <= 0 or vertical > math.pi:
+        vertical = 0.1 if vertical <= 0 else math.pi
+        notes.append(correction(node, "verticalFieldOfView", given, vertical))
+    if layers < 1:
+        notes.append(correction(node, "numberOfLayers", layers, 1))
+    width = image_width(columns, fov, rotates)
+    if max(vertical * width / fov, counted * 2 * math.pi / vertical) > MOST_RAYS:
+        node.refuse("fieldOfView", f"angles that make an image of at most {MOST_RAYS} lines", f"{fov:g}")
+    # Every layer has a line of its own.
+    if image_height(counted, fov, vertical, width) < counted:
+        needed = math.ceil(counted * fov / vertical)
+        needed = int(needed * (2 * math.pi / fov)) if rotates else needed
+        notes.append(correction(node, "horizontalResolution", columns, needed))
+        columns = needed
+    return counted, columns, vertical
+
+
+def _frequency(node: Node, notes: list[str]) -> float:
+    """Read the turns in a second, within the least and the greatest."""
+    least, most = node.number("minFrequency", 1.0), node.number("maxFrequency", 25.0)
+    least = least if least > 0 else 0.01
+    most = max(most, least)
+    given = node.number("defaultFrequency", 10.0)
+    taken = min(max(given, least), most)
+    if taken != given:
+        notes.append(correction(node, "defaultFrequency", given, taken))
+    return taken
