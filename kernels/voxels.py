@@ -35,6 +35,16 @@ def flat_index(grid: VoxelGrid, i: int, j: int, k: int) -> int:
 
 
 @wp.func
+def voxel_at(grid: VoxelGrid, point: wp.vec3d) -> int:
+    """Flat index of the voxel that a point is in; -1 outside of the grid."""
+    at = (point - grid.origin) / grid.cell
+    for axis in range(3):
+        if not (at[axis] >= wp.float64(0.0) and at[axis] < wp.float64(grid.size[axis])):
+            return -1
+    return flat_index(grid, int(at[0]), int(at[1]), int(at[2]))
+
+
+@wp.func
 def pixel_order(ground: GroundLabels, labels: wp.array3d[wp.uint8], view: int, y: int, x: int) -> int:
     """Precedence of a pixel's label."""
     label = OBSTACLE
@@ -66,12 +76,9 @@ def mark_surface_points(
     if not wp.isfinite(depth):
         return
     direction = wp.transpose(rotation[view]) * pixel_ray(camera, y, x)
-    at = (camera_origin[view] + wp.float64(depth) * direction - grid.origin) / grid.cell
-    for axis in range(3):
-        if not (at[axis] >= wp.float64(0.0) and at[axis] < wp.float64(grid.size[axis])):
-            return
-    index = flat_index(grid, int(at[0]), int(at[1]), int(at[2]))
-    wp.atomic_max(marks_out, index, pixel_order(grid.ground, labels_in, view, y, x) + 1)
+    index = voxel_at(grid, camera_origin[view] + wp.float64(depth) * direction)
+    if index >= 0:
+        wp.atomic_max(marks_out, index, pixel_order(grid.ground, labels_in, view, y, x) + 1)
 
 
 @wp.kernel

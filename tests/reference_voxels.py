@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from warpvis import Camera, Label
 from warpvis.core.poses import poses_to_matrices
 from warpvis.maps import Voxel
+from warpvis.sensors import LensCamera
 
 
 def precedence(labels: NDArray, ground: Collection[int] = (1,)) -> NDArray[np.int64]:
@@ -47,18 +48,22 @@ def mark_surface_points(
     ground: Collection[int] = (1,),
 ) -> NDArray[np.int32]:
     """The precedence of the highest label of the points in every voxel, plus 1; 0 where there are none."""
+    import reference
+
     marks = np.zeros(size, dtype=np.int32)
-    y, x = np.mgrid[: camera.height, : camera.width]
     for view, matrix in enumerate(poses_to_matrices(np.asarray(poses, dtype=np.float32))):
         shown = shown_depth(camera, depth[view])
         measured = np.where(np.isfinite(shown), shown, np.nan)
-        points = camera.back_project(np.stack([x, y], axis=-1) + 0.5, measured) @ matrix[:3, :3].T + matrix[:3, 3]
+        points = (reference.pixel_rays(camera) * measured[..., None]) @ matrix[:3, :3].T + matrix[:3, 3]
         label = np.full(shown.shape, Label.OBSTACLE) if labels is None else labels[view]
         with np.errstate(invalid="ignore"):
             at = np.floor((points - origin) / cell)
             inside = (at >= 0).all(axis=-1) & (at < size).all(axis=-1)
         np.maximum.at(marks, tuple(at[inside].astype(int).T), precedence(label[inside], ground) + 1)
     return marks
+
+
+mark_surface_rays = mark_surface_points
 
 
 def judge_voxels(
@@ -76,11 +81,15 @@ def judge_voxels(
     states = np.where(marks.ravel() > 0, Voxel.SURFACE, Voxel.OUTSIDE)
     order = np.maximum(marks.ravel() - 1, 0)
     for view, matrix in enumerate(poses_to_matrices(np.asarray(poses, dtype=np.float32))):
-        at = camera.project((centers - matrix[:3, 3]) @ matrix[:3, :3])
+        seen = (centers - matrix[:3, 3]) @ matrix[:3, :3]
+        at = camera.project(seen)
         in_image = ((at >= 0) & (at < [camera.width, camera.height])).all(axis=1)
+        if isinstance(camera, LensCamera):
+            in_image[in_image] = ~camera.mask[tuple(at[in_image].astype(int).T[::-1])]
         column, row = at[in_image].astype(int).T
         sight = centers[in_image] - matrix[:3, 3]
-        z = sight @ matrix[:3, 2]
+        by_length = getattr(camera, "kind", "z") == "range"
+        z = np.linalg.norm(sight, axis=1) if by_length else sight @ matrix[:3, 2]
         shown = shown_depth(camera, depth[view])[row, column]
         label = np.full(len(z), Label.OBSTACLE) if labels is None else labels[view][row, column]
 
@@ -94,6 +103,9 @@ def judge_voxels(
         states[in_image] = np.maximum(states[in_image], says)
         order[in_image] = np.maximum(order[in_image], np.where(on_surface, precedence(label, ground), 0))
     return states.reshape(marks.shape).astype(np.uint8), (order % 256).reshape(marks.shape).astype(np.uint8)
+
+
+judge_voxels_at = judge_voxels
 
 
 def merge_voxels(

@@ -23,6 +23,7 @@ from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_pose
 from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput, DeviceLike, PoseLike
 from warpvis.errors import ArrayError, SceneError
+from warpvis.rendering import ray_table
 from warpvis.scene import Scene, require_scene
 
 if TYPE_CHECKING:
@@ -217,7 +218,7 @@ def _choose(
     """Choose a kernel for a camera, and return it, the camera as it takes it, and the rays if it takes them."""
     if isinstance(camera, Camera):
         return of_pinholes, camera.device_struct(), []
-    return of_rays, camera.device_struct(), [wp.array(camera.rays, dtype=wp.vec3d, device=device)]
+    return of_rays, camera.device_struct(), [ray_table(camera, device)]
 
 
 def _read_objects(objects: ArrayInput, depth: wp.array, scene: Scene) -> wp.array:

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.camera import Camera, require_camera
+from warpvis.core.camera import Camera
 from warpvis.core.checks import as_items
+from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.poses import Convention, QuaternionOrder, check_up, poses_to_matrices, poses_to_opencv, to_xyzw
 from warpvis.core.types import PoseLike
 from warpvis.errors import PoseError, SceneError
@@ -40,7 +41,7 @@ class PlanVisibility:
 
 def plan_visibility(
     scene: Scene,
-    camera: Camera,
+    camera: ImageCamera,
     camera_to_world: PoseLike,
     *,
     exclude: Sequence[str] = (),
@@ -51,11 +52,12 @@ def plan_visibility(
 
     From the camera's place on the plan, one line runs along the horizontal direction of every image column, as far as
     the camera measures. Outlines are the edges of all triangles seen from above; ground (`Scene.ground_labels`) has
-    none.
+    none. Through a lens, a column's direction is that of its pixel at the height of the lens's centre; a column that
+    has no ray there has no line.
 
     Args:
         scene: The world.
-        camera: The camera; only its columns and its greatest depth count.
+        camera: The camera, a pinhole or a `warpvis.sensors.LensCamera`; only its columns and its greatest depth count.
         camera_to_world: Its poses, shape ``(V, 7)`` or ``(V, 4, 4)``.
         exclude: Names of objects that hide nothing, like the robot that carries the camera.
         convention: Axes of the camera frame of the poses.
@@ -67,7 +69,7 @@ def plan_visibility(
     """
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     require_scene(scene)
-    require_camera(camera)
+    require_image_camera(camera)
     vertical = check_up(scene.up)
     floor = [axis for axis in range(3) if axis != vertical]
     poses = poses_to_matrices(poses_to_opencv(camera_to_world, convention, name="camera_to_world"))
@@ -98,15 +100,32 @@ def _edges(corners: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np
 
 
 def _column_directions(
-    camera: Camera, rotation: NDArray[np.float64], floor: list[int], view: int
+    camera: ImageCamera, rotation: NDArray[np.float64], floor: list[int], view: int
 ) -> NDArray[np.float64]:
-    """Compute directions on the plan of length 1 along the camera's heading, so that range is depth, ``(W, 2)``."""
+    """Compute directions on the plan, ``(W, 2)``: of length 1, or 1 along the heading, so that range is depth."""
     heading = rotation[floor, 2]
     if np.linalg.norm(heading) < 1e-6:
         raise PoseError(f"camera_to_world must not look straight up or down on a floor plan: view {view} does")
-    x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
-    rays = np.stack([x, np.zeros_like(x), np.ones_like(x)], axis=1) @ rotation.T
-    return rays[:, floor] / np.linalg.norm(heading)
+    directions = (_level_rays(camera) @ rotation.T)[:, floor]
+    if isinstance(camera, Camera) or camera.kind == "z":
+        return directions / np.linalg.norm(heading)
+    with np.errstate(invalid="ignore"):  # straight up or down, a line has no direction
+        return directions / np.linalg.norm(directions, axis=1)[:, None]
+
+
+def _level_rays(camera: ImageCamera) -> NDArray[np.float64]:
+    """Compute what columns show at the height of the camera's centre, without y, ``(W, 3)``; z is 1 if depth is z."""
+    x = np.arange(camera.width) + 0.5
+    if isinstance(camera, Camera):
+        across = (x - camera.cx) / camera.fx
+        return np.stack([across, np.zeros_like(across), np.ones_like(across)], axis=1)
+    _, middle = camera.project([0.0, 0.0, 1.0])
+    rays = camera.unproject(np.stack([x, np.full_like(x, middle)], axis=1))
+    rays[:, 1] = 0
+    if camera.kind == "z":
+        with np.errstate(all="ignore"):  # a column beside the image's middle may look aside
+            rays = np.where(rays[:, 2:] > 0, rays / rays[:, 2:], np.nan)
+    return rays
 
 
 def _nearest_edge(

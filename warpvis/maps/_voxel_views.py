@@ -17,15 +17,17 @@ import warp as wp
 from numpy.typing import ArrayLike
 
 from warpvis.core.arrays import as_numpy, check_metres, empty
-from warpvis.core.camera import Camera, require_camera
+from warpvis.core.camera import Camera
 from warpvis.core.checks import counted
 from warpvis.core.depth_images import read_depth, read_labels
+from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.kernel_cache import launch
 from warpvis.core.labels import Label, LabelNames
 from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, to_xyzw
 from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput, DeviceLike, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
+from warpvis.maps._lens_voxels import add_lens_views
 from warpvis.maps._map_labels import ground_bits, read_classes
 from warpvis.maps._voxel_map import VoxelMap, check_same_grid, check_same_ground, require_map
 from warpvis.rendering import Renderer
@@ -40,7 +42,7 @@ _PIXELS_AT_A_TIME = 2**24
 
 def voxel_map(
     depth: ArrayInput,
-    camera: Camera,
+    camera: ImageCamera,
     camera_to_world: PoseLike,
     *,
     bounds: ArrayLike,
@@ -61,7 +63,7 @@ def voxel_map(
 
     - `Voxel.SURFACE` if the point of a pixel with depth lies in it, as `back_project` gives it, unrounded; or if the
       ray through its middle meets the seen surface in it: the middle lies in some pixel, and the point of that ray at
-      the pixel's planar depth is in the voxel. The second is what closes surfaces whose pixels lie voxels apart. A
+      the pixel's depth is in the voxel. The second is what closes surfaces whose pixels lie voxels apart. A
       voxel holds its least faces by the first rule, and all of them by the second.
     - `Voxel.FREE` if its middle is in the image, from the camera's `near` to its `far`, and nearer than what its pixel
       shows.
@@ -72,11 +74,12 @@ def voxel_map(
     into either by rounding: begin the box half a voxel lower.
 
     Args:
-        depth: Planar depth [m], measured or rendered, shape ``(V, H, W)`` float32, or ``(H, W)`` for one view. +inf is
-            nothing up to `far`, and so is a finite depth beyond it; -inf is something nearer than `near`, which hides
-            all behind it, and so is a depth between 0 and `near` (REP 117). 0, negative and NaN is not measured, and
-            says nothing.
-        camera: The camera that took the images.
+        depth: Depth of the camera's kind [m], planar of a pinhole, measured or rendered, shape ``(V, H, W)`` float32,
+            or ``(H, W)`` for one view. +inf is nothing up to `far`, and so is a finite depth beyond it; -inf is
+            something nearer than `near`, which hides all behind it, and so is a depth between 0 and `near` (REP 117).
+            0, negative and NaN is not measured, and says nothing.
+        camera: The camera that took the images: a pinhole, or a `warpvis.sensors.LensCamera`, through which voxels are
+            projected on the host; a pixel without a ray says nothing.
         camera_to_world: Its poses, shape ``(V, 7)`` or ``(V, 4, 4)``.
         bounds: Least and greatest corner of the box [m], shape ``(2, 3)``. Voxels begin at the least one; the last of
             an axis may reach beyond the greatest.
@@ -103,7 +106,7 @@ def voxel_map(
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     if out is not None and device is None:
         device = require_map(out, "out").states.device
-    images = read_depth(depth, require_camera(camera), device)
+    images = read_depth(depth, camera, device)
     device = images.device
     poses = parse_poses(camera_to_world, convention=convention, device=device)
     if len(poses) != len(images):
@@ -122,7 +125,7 @@ def voxel_map(
 
 def voxel_map_from_scene(
     scene: Scene,
-    camera: Camera,
+    camera: ImageCamera,
     camera_to_world: PoseLike,
     *,
     bounds: ArrayLike | None = None,
@@ -139,7 +142,7 @@ def voxel_map_from_scene(
 
     Args:
         scene: What is seen; its vertical axis is the map's.
-        camera: Intrinsics, image size and depth range of all views.
+        camera: Intrinsics, image size and depth range of all views; or a `warpvis.sensors.LensCamera`.
         camera_to_world: Poses, as for `Renderer.render`.
         bounds: Least and greatest corner of the box [m], shape ``(2, 3)``. By default those of `out`, or else the
             scene's, with movable objects where they were added, and one and a half voxels more on every side: a floor
@@ -161,7 +164,7 @@ def voxel_map_from_scene(
     """
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
-    renderer = Renderer(scene, require_camera(camera), outputs=("depth", "labels"), threads=threads)
+    renderer = Renderer(scene, require_image_camera(camera), outputs=("depth", "labels"), threads=threads)
     scene.require_objects()
     poses = parse_poses(camera_to_world, convention=convention, device=scene.device)
     worlds = parse_worlds(scene, len(poses), object_poses, world_index, exclude)
@@ -207,7 +210,12 @@ def _map_for(
 
 
 def _add_views(
-    target: VoxelMap, depth: wp.array, labels: wp.array | None, camera: Camera, poses: wp.array, threads: int | None
+    target: VoxelMap,
+    depth: wp.array,
+    labels: wp.array | None,
+    camera: ImageCamera,
+    poses: wp.array,
+    threads: int | None,
 ) -> None:
     """Raise a map by what views show, on the device of all of them."""
     from warpvis.kernels import voxels as kernels
@@ -216,11 +224,15 @@ def _add_views(
     device, size = target.states.device, target.states.shape
     frames = [wp.empty(len(poses), dtype=dtype, device=device) for dtype in (wp.vec3d, wp.mat33d)]
     launch(camera_frames, len(poses), [poses, *frames], device)
-    grid, lens = kernels.VoxelGrid(), camera.device_struct()
+    grid = kernels.VoxelGrid()
     grid.origin, grid.cell, grid.size = wp.vec3d(*target.origin), target.cell_size, wp.vec3i(*size)
     grid.ground = ground_bits(target.ground_labels)
     # Flat: Warp counts the bytes from one index of a first axis to the next in 32 bits.
     marks = _zeros((math.prod(size),), wp.int32, device)
+    if not isinstance(camera, Camera):
+        add_lens_views(target, grid, depth, labels, camera, poses, frames, marks, threads)
+        return
+    lens = camera.device_struct()
     launch_images(
         kernels.mark_surface_points,
         depth.shape,
