@@ -6,7 +6,7 @@ import warp as wp
 
 from warpvis.kernels.classify import EMPTY, GROUND, OBSTACLE, Ground, Spheres, has_depth, nearest_sphere
 from warpvis.kernels.pinhole import Window, pose_origin, pose_rotation
-from warpvis.kernels.ray_table import RayRange
+from warpvis.kernels.rays import RayRange
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 

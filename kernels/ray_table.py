@@ -6,21 +6,11 @@ import warp as wp
 
 from warpvis.kernels.images import Images
 from warpvis.kernels.pinhole import Window
-from warpvis.kernels.rays import CUDA_REGISTERS, look, nothing, write
+from warpvis.kernels.rays import CUDA_REGISTERS, RayRange, look, nothing, write
 from warpvis.kernels.triangle_scene import TriangleScene, camera_frame
 from warpvis.kernels.worlds import Worlds
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
-
-
-@wp.struct
-class RayRange:
-    """What depth along rays means, and which of it is measured [m]."""
-
-    near: float
-    far: float
-    clip: float  # surfaces nearer than this are not there; 0 where near ones hide what is behind them
-    is_planar: bool  # rays have z = 1 and depth is planar; otherwise they are of unit length, and it is theirs
 
 
 @wp.kernel(cuda_max_registers=CUDA_REGISTERS)
@@ -54,7 +44,5 @@ def cast_ray_table(
     ray = rays_in[wp.min(view, rays_in.shape[0] - 1), y, x]
     seen = nothing()
     if ray[2] == ray[2]:
-        seen = look(
-            scene, camera.near, camera.far, eye, worlds, view, ray, camera.is_planar, camera.clip, cull_backfaces
-        )
+        seen = look(scene, camera, eye, worlds, view, ray, cull_backfaces)
     write(scene, eye.origin, worlds, view, seen, view, y, x, images_out)

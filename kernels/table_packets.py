@@ -27,10 +27,13 @@ class RayBundles:
     v: wp.array[float]
     rest_u: wp.array[float]
     rest_v: wp.array[float]
+    row_u: wp.array[float]
+    row_v: wp.array[float]
     scale: wp.array[float]  # None where all are 1
     place: wp.array[wp.int32]
     run: wp.array[wp.int32]
     corner: wp.array[wp.int32]
+    fit: wp.array2d[float]  # (tiles, words of a ``RayFit``)
     without_ray: wp.array[wp.int32]  # pixels
     focal: wp.float64
     most_groups: int
@@ -76,8 +79,8 @@ const auto& images = images_out.data[0];
 
 _CAST = """
 const RayTree tree = {rays.group_bounds.data, rays.tile_bounds.data, rays.packet_bounds.data, rays.u.data, rays.v.data,
-                      rays.rest_u.data, rays.rest_v.data, rays.scale.data, rays.place.data, rays.run.data,
-                      rays.corner.data, job.most_inv_z};
+                      rays.rest_u.data, rays.rest_v.data, rays.row_u.data, rays.row_v.data, rays.scale.data,
+                      rays.place.data, rays.run.data, rays.corner.data, (const RayFit*)rays.fit.data, job.most_inv_z};
 const TableJob shape = {job.views, job.height, job.width, rays.bundle.shape[0], (const Bundle*)rays.bundle.data,
                         job.bundle_far.data, rays.focal, job.near, job.far, job.most_inv_z, job.clip_reach,
                         job.cull_backfaces != 0, (const float*)poses.data, tree, rays.without_ray.data,

@@ -1,29 +1,11 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twin of the kernel of `warpvis.kernels.panorama`; see `reference`, whose brute force takes rays of any direction."""
+"""Twin of the rays of `warpvis.rendering.WideCamera`, by turning one direction."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
-from reference_ray_table import cast_ray_table
-
-from warpvis import Scene
-
-
-def cast_wide_rays(
-    scene: Scene,
-    rays: NDArray,
-    pose: NDArray,
-    *,
-    near: float = 0.0,
-    far: float = np.inf,
-    cull_backfaces: bool = False,
-) -> Any:
-    """What is seen along unit rays of the camera frame, shape (H, W, 3): `reference.Images` whose depth is length."""
-    return cast_ray_table(scene, rays, pose, near=near, far=far, cull_backfaces=cull_backfaces)
 
 
 def wide_rays(width: int, height: int, hfov: float, projection: str) -> NDArray[np.float64]:

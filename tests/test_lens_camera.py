@@ -332,13 +332,6 @@ def test_bad_cameras_are_said(name):
         make()
 
 
-def test_packets_are_cast_on_cpu_cores(device):
+def test_packets_are_cast(device):
     scene = wv.scenes.PRESETS["room"].build(device)
-    camera = LensCamera(SMALL, 64, 48)
-    if scene.device.is_cpu:
-        assert wv.Renderer(scene, camera, caster="packets").caster == "packets"
-    else:
-        with pytest.raises(
-            CameraError, match='packets are cast through a pinhole; a LensCamera needs caster="rays" or "auto"'
-        ):
-            wv.Renderer(scene, camera, caster="packets")
+    assert wv.Renderer(scene, LensCamera(SMALL, 64, 48)).caster == "packets"

@@ -12,7 +12,7 @@ from test_worlds import ALL, assert_bits_equal, build, eyes, far_away, random_po
 
 import warpvis as wv
 from warpvis import scenes
-from warpvis.rendering import render_wide
+from warpvis.rendering import WideCamera, _panorama, render_wide
 
 import reference
 from compare import assert_view_matches, hair
@@ -30,10 +30,10 @@ def projection(request):
 def assert_matches_reference(views, scene, poses, rays, **options):
     """Save where a ray 1e-6 rad beside sees something else."""
     for view, pose in enumerate(poses):
-        expected = reference.cast_wide_rays(scene, rays, pose, **options)
+        expected = reference.cast_ray_table(scene, rays, pose, **options)
 
         def depth_beside(x, y, pose=pose):
-            return reference.cast_wide_rays(scene, rays[y, x] + hair(1e-6, 3), pose, **options).depth
+            return reference.cast_ray_table(scene, rays[y, x] + hair(1e-6, 3), pose, **options).depth
 
         assert_view_matches(views, view, expected, depth_beside)
 
@@ -221,7 +221,45 @@ def test_runs_are_bit_identical_whatever_the_threads(projection, device):
         assert_bits_equal(first, render_wide(scene, 160, 120, AROUND, preset.poses(3), threads=threads, **arguments))
 
 
+@pytest.mark.parametrize("caster", ["auto", "rays"])
+def test_a_camera_is_rendered_as_any_other(projection, caster, device):
+    """Its images, and points of them, are what the reference and `render_wide` say."""
+    preset, size = scenes.PRESETS["room"], SIZES[projection]
+    scene, poses = preset.build(device), preset.poses(2)
+    camera = WideCamera(*size, AROUND, projection, near=0.5, far=3.0)
+    np.testing.assert_allclose(camera.rays, wide_rays(*size, AROUND, projection), atol=1e-15)
+    renderer = wv.Renderer(scene, camera, outputs=ALL, caster=caster)
+    views = renderer.render(poses)
+    assert_matches_reference(views, scene, poses, camera.rays, near=0.5, far=3.0)
+    if caster == "auto":
+        arguments = {"projection": projection, "near": 0.5, "far": 3.0, "outputs": ALL}
+        assert_bits_equal(views, render_wide(scene, *size, AROUND, poses, **arguments))
+    columns, rows = np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
+    pixels = np.stack([columns, rows], axis=-1).reshape(1, -1, 2).repeat(2, axis=0)
+    pixels[:, :3] = [[-1, 3], [5, np.nan], [size[0], 0]]
+    shown = renderer.render_at(poses, pixels).segmentation.numpy()
+    assert (shown[:, :3] == -1).all()
+    assert (shown[:, 3:] == views.segmentation.numpy().reshape(2, -1)[:, 3:]).mean() > 0.999
+
+
+def test_images_of_more_than_the_scene_keeps_are_the_same(monkeypatch, projection, device):
+    scene, poses, size = scenes.PRESETS["room"].build(device), scenes.PRESETS["room"].poses(1), SIZES[projection]
+    kept = render_wide(scene, *size, AROUND, poses, projection=projection, outputs=ALL)
+    monkeypatch.setattr(_panorama, "_MOST_KEPT_RAYS", size[0] * size[1] - 1)
+    other = scenes.PRESETS["room"].build(device)
+    alone = render_wide(other, *size, AROUND, poses, projection=projection, outputs=ALL)
+    assert not other.kept_rays and scene.kept_rays
+    assert (alone.segmentation.numpy() == kept.segmentation.numpy()).mean() > 0.999
+    np.testing.assert_allclose(alone.depth.numpy(), kept.depth.numpy(), rtol=1e-5)
+
+
+def test_a_panorama_of_the_whole_sphere_is_a_lens_too():
+    camera = wv.sensors.LensCamera(wv.sensors.lenses.Equirectangular(64, 32), 64, 32)
+    np.testing.assert_allclose(WideCamera(64, 32, AROUND).rays, camera.rays, atol=1e-15)
+
+
 CASES = {
+    "too many": ({"width": 2**14, "height": 2**13}, "a WideCamera may have 67108864 rays, got 16384 x 8192"),
     "projection": ({"projection": "planar"}, 'projection must be "cylindrical" or "spherical", got \'planar\''),
     "width": ({"width": 0}, "width must be a whole number of pixels from 1 up, got 0"),
     "height": ({"height": 2.5}, "height must be a whole number of pixels from 1 up, got 2.5"),

@@ -243,3 +243,23 @@ def test_what_is_no_pattern_is_refused(name):
     make, message = REFUSED[name]
     with pytest.raises(CameraError, match=message):
         make()
+
+
+def test_who_brings_a_wide_camera_where_a_lens_is_needed_is_told_where_it_goes():
+    camera = wv.rendering.WideCamera(8, 4, 6.0)
+    with pytest.raises(CameraError, match=r"got WideCamera: wv\.render takes it"):
+        wv.object_visibility(wv.scenes.PRESETS["room"].build(), camera, STRAIGHT)
+
+
+def test_who_brings_a_pattern_where_an_image_is_needed_is_told_where_it_goes():
+    scene, pattern = wv.scenes.PRESETS["room"].build(), Rays(sphere_of_rays(10))
+    depth = wv.render(scene, pattern, STRAIGHT).depth
+    for call in (
+        lambda: wv.object_visibility(scene, pattern, STRAIGHT),
+        lambda: wv.point_visibility(scene, pattern, STRAIGHT, [[0, 0, 0]]),
+        lambda: wv.back_project(depth, pattern, STRAIGHT),
+        lambda: wv.maps.plan_visibility(scene, pattern, STRAIGHT),
+        lambda: wv.batch.FrameRenderer(scene, pattern),
+    ):
+        with pytest.raises(CameraError, match=r"got (a )?Rays: its rays have no image; wv\.render takes it"):
+            call()

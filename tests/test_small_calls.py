@@ -16,7 +16,8 @@ import warp as wp
 import warpvis as wv
 from warpvis.core import arrays
 from warpvis.core.arrays import aligned_empty, aligned_zeros
-from warpvis.core.poses import _as_poses, host_poses, poses_to_matrices, poses_to_opencv
+from warpvis.core.device_poses import _as_poses
+from warpvis.core.poses import host_poses, poses_to_matrices, poses_to_opencv
 from warpvis.rendering._cpu_packets import RayCosts
 from warpvis.rendering._prepared import Idle
 
@@ -349,6 +350,18 @@ def test_copies_of_a_renderer_that_was_used_prepare_their_own(device, caster, co
     out = renderer.render(eyes(2))
     renderer.render(eyes(2), out=out)
     assert_identical(convert(renderer).render(eyes(2)), out)
+
+
+@pytest.mark.parametrize("caster", ["auto", "rays"])
+@pytest.mark.parametrize("convert", [copy.deepcopy, lambda renderer: pickle.loads(pickle.dumps(renderer))])
+def test_copies_of_a_renderer_of_rays_that_was_used(device, caster, convert):
+    """What a caster has made of rays for a device is no part of it: renderers that were used could not be copied."""
+    lens = wv.sensors.LensCamera(wv.sensors.lenses.OpenCVPinhole(30, 30, 20, 16, (-0.1, 0.02, 0, 0)), 40, 33)
+    rays = wv.sensors.Rays(lens.directions, origins=0 * lens.directions + 0.01)
+    for camera in (lens, rays):
+        renderer = wv.Renderer(build(device), camera, outputs=ALL, caster=caster)
+        out = renderer.render(eyes(2))
+        assert_identical(convert(renderer).render(eyes(2)), out)
 
 
 def test_kinds_that_did_not_come_last_are_forgotten():

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rays of a table by packets on CPU cores: by the float64 reference, at the borders of faces, whatever their order."""
+"""Rays of a table by packets: by the float64 reference, at the borders of faces, whatever their order."""
 
 import itertools
 from dataclasses import dataclass
@@ -8,12 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import trimesh
+import warp as wp
 from test_solids import build as build_solids
 from test_worlds import ALL, random_poses
 
 import warpvis as wv
 from warpvis.core.ray_camera import RayCamera
 from warpvis.rendering._ray_bundles import prepare_rays
+from warpvis.rendering._ray_packets import prepare_all, prepare_packets
 
 import reference
 from compare import assert_view_matches, hair
@@ -90,6 +92,11 @@ PATTERNS = {
 
 def assert_matches_reference(scene, camera, poses, **options):
     views = wv.render(scene, camera, poses, outputs=ALL, **options)
+    assert_views_match(views, scene, camera, poses, **options)
+    return views
+
+
+def assert_views_match(views, scene, camera, poses, **options):
     for view, pose in enumerate(poses):
         ranges = options | {"near": camera.near, "far": camera.far}
         expected = reference.cast_ray_table(scene, camera.rays, pose, **ranges)
@@ -98,12 +105,11 @@ def assert_matches_reference(scene, camera, poses, **options):
             return reference.cast_ray_table(scene, camera.rays[y, x] + hair(1e-6, 3), pose, **ranges).depth
 
         assert_view_matches(views, view, expected, depth_beside)
-    return views
 
 
 @pytest.mark.parametrize("name", PATTERNS)
-def test_the_room_matches_the_reference(name):
-    scene = wv.scenes.PRESETS["room"].build()
+def test_the_room_matches_the_reference(name, device):
+    scene = wv.scenes.PRESETS["room"].build(device)
     poses = np.array([wv.look_at(eye, (0.5, 0.4, 0.3)) for eye in ((0.1, 0.2, 0.9), (-0.8, 1.2, 1.5))])
     assert_matches_reference(scene, PATTERNS[name], poses)
 
@@ -119,20 +125,29 @@ def test_the_room_matches_the_reference(name):
         ("planar, wide", "occlude"),
     ],
 )
-def test_solids_meshes_and_their_range_match_the_reference(name, near_plane):
+def test_solids_meshes_and_their_range_match_the_reference(name, near_plane, device):
     rng = np.random.default_rng(0)
     meshes = [trimesh.creation.box((0.5, 0.3, 0.7)), trimesh.creation.icosphere(subdivisions=1, radius=0.3)]
-    scene = build_solids("cpu", random_poses(rng, 10, spread=2.0), extra=meshes)
+    scene = build_solids(device, random_poses(rng, 10, spread=2.0), extra=meshes)
     camera = Table(PATTERNS[name].table, PATTERNS[name].kind, near=0.5, far=2.0)
-    views = assert_matches_reference(scene, camera, random_poses(rng, 2, spread=0.3), near_plane=near_plane)
+    poses = random_poses(rng, 2, spread=0.3)
+    if near_plane == "clip" and device != "cpu":
+        # There rays are cast one by one. Of a solid that is cut, they see the triangles where it is, packets all of it.
+        views = wv.render(scene, camera, poses, outputs=ALL, near_plane="clip")
+        twin = build_solids("cpu", random_poses(np.random.default_rng(0), 10, spread=2.0), extra=meshes)
+        expected = wv.render(twin, camera, poses, outputs=ALL, near_plane="clip", caster="rays")
+        np.testing.assert_array_equal(views.segmentation.numpy(), expected.segmentation.numpy())
+        np.testing.assert_allclose(views.depth.numpy(), expected.depth.numpy(), rtol=1e-5)
+    else:
+        views = assert_matches_reference(scene, camera, poses, near_plane=near_plane)
     assert len(np.unique(views.segmentation.numpy())) >= 4
     assert np.isneginf(views.depth.numpy()).any() == (near_plane == "occlude")
 
 
-def test_rays_on_the_borders_of_faces_are_cast_once():
+def test_rays_on_the_borders_of_faces_are_cast_once(device):
     """In a box all of them meet a wall, at a length that is known."""
     half = np.array([2.0, 1.5, 2.5])
-    scene = wv.Scene()
+    scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box(2 * half), name="box")
     for camera in PATTERNS.values():
         known = np.isfinite(camera.rays).all(axis=-1)
@@ -166,11 +181,147 @@ def test_every_ray_has_one_place(name):
         np.testing.assert_allclose(exact, direction / along[2] * focal, rtol=1e-13, atol=1e-12)
 
 
-def test_no_ray_slips_through_a_ball():
+@pytest.mark.parametrize("side", [16, 32])
+@pytest.mark.parametrize("name", PATTERNS)
+def test_every_ray_has_one_pixel_of_a_packet(name, side):
+    """On a GPU: near the pixel's centre, and exactly where the packet's image has it."""
+    rays = PATTERNS[name].rays
+    packets = prepare_all(rays, side, wp.get_device("cpu"))
+    place, scale = packets.place.numpy(), packets.scale.numpy()
+    np.testing.assert_array_equal(np.sort(place[place >= 0]), np.arange(rays.shape[0] * rays.shape[1]))
+    there = scale > 0
+    np.testing.assert_array_equal(np.sort(place[there]), np.flatnonzero(np.isfinite(rays).all(axis=-1)))
+    frame = packets.frame.numpy()
+    rows, inverse = frame[:, :9].reshape(-1, 3, 3), frame[:, 9:18].reshape(-1, 3, 3).transpose(0, 2, 1)
+    np.testing.assert_allclose(rows @ inverse, np.broadcast_to(np.eye(3), rows.shape), atol=1e-9)
+    assert (np.linalg.det(rows) > 0).all()
+    packet, _ = np.nonzero(there)
+    shown = np.einsum("nij,nj->ni", rows[packet], rays.reshape(-1, 3)[place[there]])
+    points = packets.points.numpy().astype(np.float64)
+    exact = points[there] + packets.rests.numpy()[there]
+    np.testing.assert_allclose(exact, shown[:, :2] / shown[:, 2:], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(scale[there], 1 / shown[:, 2], rtol=1e-6)
+    centers = frame[:, None, 18:20] + pixels_of(side)
+    assert (np.abs(points - centers).max(axis=(1, 2)) <= frame[:, 20]).all()
+
+
+def pixels_of(side):
+    """Where a z-buffer's pixels are: `Packet::index` of kernels/native/cuda/pixels.h, of blocks of 8 x 4."""
+    at = np.zeros((side * side, 2))
+    columns = side // 8
+    for y, x in np.ndindex(side, side):
+        block, pixel = y // 4 * columns + x // 8, y % 4 * 8 + x % 8
+        at[block * 32 + (pixel + block % columns * (32 // columns)) % 32] = x, y
+    return at
+
+
+def test_scans_are_in_rows_and_columns_though_their_beams_look_aside():
+    """Lidars' packets are squares of neighbours, near their pixels' centres."""
+    for lidar in (wv.sensors.lidars.ouster("OS1-128"), wv.sensors.lidars.vlp16()):
+        prepared = prepare_packets(lidar.rays.reshape(lidar.height, lidar.width, 3), wp.get_device("cpu"))
+        assert not prepared.is_scattered
+        assert all(packets.frame.numpy()[:, 20].max() < 0.3 for _, packets in prepared.packets)
+    assert prepare_packets(PATTERNS["no order"].rays, wp.get_device("cpu")).is_scattered
+
+
+def test_large_packets_are_of_lenses(device):
+    """Most of a lens's rays are in packets of 32x32, and the rest in smaller ones: the image is as rays see it."""
+    matrix = [[330, 0, 319.5], [0, 330, 239.5], [0, 0, 1]]
+    camera = wv.Camera.from_opencv(matrix, [-0.28, 0.06, 0, 0], 640, 480, far=50.0)
+    sides = [side for side, _ in prepare_packets(camera.rays, wp.get_device("cpu")).packets]
+    assert sides == [32, 16]
+    scene = wv.scenes.PRESETS["room"].build(device)
+    pose = wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))
+    fast, slow = (wv.render(scene, camera, pose, outputs=ALL, caster=caster) for caster in ("packets", "rays"))
+    same = fast.segmentation.numpy() == slow.segmentation.numpy()
+    assert same.mean() > 0.9999
+    np.testing.assert_allclose(fast.depth.numpy()[same], slow.depth.numpy()[same], rtol=1e-5)
+
+
+def lens_table():
+    """A lens of 70 x 50 pixels, of which neither side is tiles."""
+    K = [[60.0, 0, 34.5], [0, 60.0, 24.5], [0, 0, 1]]
+    camera = wv.Camera.from_opencv(K, [-0.28, 0.09, 0.001, -0.0005, 0.01], 70, 50)
+    return Table(camera.rays.reshape(50, 70, 3), kind="z")
+
+
+FINE = {
+    "lens": lens_table(),
+    "lens with gaps": Table(with_gaps(lens_table().table), kind="z"),
+    "lidar": Table(scan(24, 200, 0.4)),  # blocks of two rows
+    "few rows": Table(scan(4, 300, 0.3)),  # of one
+}
+
+
+@pytest.mark.parametrize("name", FINE)
+def test_fits_say_where_rays_are(name):
+    """To within what they say; and the places in rows are the rays'."""
+    camera = FINE[name]
+    struct = prepare_rays(camera.rays).struct
+    fits = struct.fit.numpy().astype(np.float64)
+    place = struct.place.numpy().reshape(len(fits), 256)
+    u, v = (getattr(struct, number).numpy().reshape(len(fits), 256) for number in "uv")
+    in_rows_u, in_rows_v = (getattr(struct, number).numpy().reshape(len(fits), 256) for number in ("row_u", "row_v"))
+    fitted = np.flatnonzero(fits[:, 9] > 0)
+    assert len(fitted) >= 0.5 * ((place >= 0).sum(axis=1) >= 128).sum()
+    packet, lane = np.divmod(np.arange(256), 16)
+    for tile in fitted:
+        (u0, v0, column_u, column_v, row_u, row_v, off_column, off_row, shift, spacing) = fits[tile]
+        there, across = place[tile] >= 0, 2 ** int(shift)
+        column, row = packet % 4 * across + lane % across, packet // 4 * (16 // across) + lane // across
+        np.testing.assert_array_equal(in_rows_u[tile][row * 4 * across + column], u[tile])
+        np.testing.assert_array_equal(in_rows_v[tile][row * 4 * across + column], v[tile])
+        assert (np.abs(column_u * (u[tile] - u0) + column_v * (v[tile] - v0) - column) <= off_column)[there].all()
+        assert (np.abs(row_u * (u[tile] - u0) + row_v * (v[tile] - v0) - row) <= off_row)[there].all()
+        assert 0 < off_column < 1 and 0 < off_row < 1
+        # A step to the next column or row is that long along u or v, and no longer.
+        steps = np.abs(np.linalg.inv([[column_u, column_v], [row_u, row_v]]))
+        np.testing.assert_allclose(steps.max(), spacing, rtol=1e-4)
+        # They are rows and columns of the table.
+        y, x = np.divmod(place[tile][there], camera.width)
+        assert len(np.unique(x - column[there])) == 1 and len(np.unique(y - row[there])) == 1
+
+
+def fine_scene():
+    """Triangles smaller than rays are apart, before and behind large ones."""
+    scene, rng = wv.Scene(), np.random.default_rng(5)
+    ball = trimesh.creation.icosphere(subdivisions=5, radius=0.8)
+    ball.vertices *= 1 + 0.1 * rng.random((len(ball.vertices), 1))
+    scene.add(ball, name="ball", pose=(0.1, 0.2, 2.0, 0, 0, 0, 1))
+    scene.add(trimesh.creation.icosphere(subdivisions=4, radius=6.0), name="sky")
+    scene.add(trimesh.creation.box((4, 0.1, 4)), name="floor", pose=(0, 1.2, 1, 0, 0, 0, 1))
+    return scene
+
+
+@pytest.mark.parametrize("name", FINE)
+def test_triangles_smaller_than_rays_are_apart_match_the_reference(name):
+    views = assert_matches_reference(fine_scene(), FINE[name], STRAIGHT[None])
+    assert len(np.unique(views.segmentation.numpy())) >= 2
+
+
+@pytest.mark.parametrize("name", FINE)
+def test_the_order_of_a_table_changes_nothing(name):
+    """Rays that are no neighbours in the table have no fits, and packets of their own."""
+    scene, camera = fine_scene(), FINE[name]
+    order = np.random.default_rng(4).permutation(camera.height * camera.width)
+    mixed = Table(camera.rays.reshape(1, -1, 3)[:, order], camera.kind)
+    assert not prepare_rays(mixed.rays).struct.fit.numpy().any()
+    outputs = ("depth", "segmentation", "normals")
+    one, other = (wv.render(scene, table, STRAIGHT, outputs=outputs) for table in (camera, mixed))
+    for field in outputs:
+        there = getattr(other, field).numpy()[0, 0]
+        here = getattr(one, field).numpy()[0].reshape(there.shape)[order]
+        if field == "depth":
+            np.testing.assert_allclose(here, there, rtol=2e-6)
+        else:
+            np.testing.assert_array_equal(here, there)
+
+
+def test_no_ray_slips_through_a_ball(device):
     """Through all corners of its triangles, and the middles of their edges."""
     ball = trimesh.creation.icosphere(subdivisions=4, radius=2.0)
     middles = ball.vertices[ball.edges_unique].mean(axis=1)
-    scene = wv.Scene()
+    scene = wv.Scene(device=device)
     scene.add(ball, name="ball")
     rays = unit(np.concatenate([ball.vertices, middles]))[None]
     for offset in ((0, 0, 0), (0.3, -0.2, 0.1)):
@@ -180,9 +331,9 @@ def test_no_ray_slips_through_a_ball():
     assert rays.shape[1] > 10000
 
 
-def test_a_floor_at_grazing_angles():
+def test_a_floor_at_grazing_angles(device):
     """Lengths are the height over the sine, though 1 / z is a small difference."""
-    scene, height = wv.Scene(), 0.7
+    scene, height = wv.Scene(device=device), 0.7
     scene.add(trimesh.creation.box((8000, 8000, 0.1)), name="floor", pose=(0, 0, -0.05, 0, 0, 0, 1))
     down = np.radians(np.geomspace(0.02, 30, 64))
     azimuth = np.linspace(-np.pi, np.pi, 80)
@@ -193,8 +344,8 @@ def test_a_floor_at_grazing_angles():
 
 
 @pytest.mark.parametrize("name", ["lidar", "no order", "planar"])
-def test_images_do_not_depend_on_threads_or_batches(name):
-    scene, camera = wv.scenes.PRESETS["room"].build(), PATTERNS[name]
+def test_images_do_not_depend_on_threads_or_batches(name, device):
+    scene, camera = wv.scenes.PRESETS["room"].build(device), PATTERNS[name]
     poses = random_poses(np.random.default_rng(3), 5, spread=0.4)
     together = wv.render(scene, camera, poses, outputs=ALL, threads=1)
     shared = wv.Renderer(scene, camera, outputs=ALL, threads=3)
@@ -211,8 +362,8 @@ def test_images_do_not_depend_on_threads_or_batches(name):
         np.testing.assert_array_equal(getattr(one, output).numpy(), getattr(together, output).numpy())
 
 
-def test_worlds_sizes_instances_and_exclude_are_as_rays_see_them():
-    scene = wv.Scene()
+def test_worlds_sizes_instances_and_exclude_are_as_rays_see_them(device):
+    scene = wv.Scene(device=device)
     scene.add(trimesh.creation.icosphere(subdivisions=2, radius=0.4), name="ball", movable=True)
     scene.add(trimesh.creation.box((0.4, 0.5, 0.6)), name="cart", movable=True)
     scene.add_instances(
@@ -237,15 +388,15 @@ def test_worlds_sizes_instances_and_exclude_are_as_rays_see_them():
         assert (np.abs(depth[hit] - expected[hit]) > 1e-5 * np.maximum(1, expected[hit])).mean() < 1e-3
 
 
-def test_a_table_without_rays_is_empty():
-    scene = wv.scenes.PRESETS["room"].build()
+def test_a_table_without_rays_is_empty(device):
+    scene = wv.scenes.PRESETS["room"].build(device)
     views = wv.render(scene, Table(np.full((3, 4, 3), np.nan)), STRAIGHT, outputs=ALL)
     assert np.isposinf(views.depth.numpy()).all() and (views.segmentation.numpy() == -1).all()
     none = wv.render(scene, PATTERNS["lidar"], np.zeros((0, 7)), outputs=ALL)
     assert none.depth.shape == (0, 20, 72)
 
 
-def test_casters_are_chosen():
-    scene = wv.scenes.PRESETS["room"].build()
+def test_casters_are_chosen(device):
+    scene = wv.scenes.PRESETS["room"].build(device)
     assert wv.Renderer(scene, PATTERNS["lidar"]).caster == "packets"
     assert wv.Renderer(scene, PATTERNS["lidar"], caster="rays").caster == "rays"

@@ -368,8 +368,7 @@ def require_camera(camera: object) -> Camera:
     if not isinstance(camera, Camera):
         if isinstance(camera, RayCamera):
             raise CameraError(
-                f"camera must be a pinhole here, a warpvis.Camera, got a {type(camera).__name__}: rendering, datasets, "
-                "points, back-projection and classification take lenses"
+                f"camera must be a pinhole here, a warpvis.Camera, got a {type(camera).__name__}: {camera.taken_by}"
             )
         raise CameraError(f"camera must be a warpvis.Camera, got {type(camera).__name__}")
     return camera

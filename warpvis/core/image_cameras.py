@@ -6,9 +6,12 @@ from __future__ import annotations
 
 from typing import TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
+
 from warpvis.core.camera import Camera, describe_pinhole, same_pinhole
 from warpvis.core.checks import shortened
-from warpvis.core.ray_camera import LensedCamera
+from warpvis.core.ray_camera import LensedCamera, RayCamera
 from warpvis.errors import CameraError
 
 ImageCamera: TypeAlias = Camera | LensedCamera
@@ -19,8 +22,15 @@ def require_image_camera(camera: object) -> ImageCamera:
     """Return `camera` itself; raise `CameraError` if it is neither a pinhole nor a camera with a lens."""
     if not isinstance(camera, Camera | LensedCamera):
         kinds = "a warpvis.Camera or a warpvis.sensors.LensCamera"
-        raise CameraError(f"camera must be {kinds}, got {type(camera).__name__}")
+        why = f": {camera.taken_by}" if isinstance(camera, RayCamera) else ""
+        raise CameraError(f"camera must be {kinds}, got {type(camera).__name__}{why}")
     return camera
+
+
+def pinhole_rays(camera: Camera) -> NDArray[np.float64]:
+    """Compute the rays of a pinhole's pixels, of z 1, shape ``(height, width, 3)``."""
+    y, x = np.mgrid[: camera.height, : camera.width] + 0.5
+    return camera.back_project(np.stack([x, y], axis=-1), np.ones_like(x))
 
 
 def same_pixels(camera: ImageCamera, other: ImageCamera) -> bool:

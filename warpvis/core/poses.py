@@ -12,7 +12,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, as_point, get_device, on_gpu
-from warpvis.core.kernel_cache import launch
+from warpvis.core.device_poses import from_foreign, parse_on_device, to_xyzw_on_device
 from warpvis.core.types import DeviceLike, PoseLike
 from warpvis.errors import PoseError
 
@@ -45,7 +45,12 @@ LENGTH_TOLERANCE = 1e-3
 
 
 def parse_poses(
-    poses: PoseLike, *, convention: Convention = "opencv", device: DeviceLike = "cpu", name: str = "camera_to_world"
+    poses: PoseLike,
+    *,
+    convention: Convention = "opencv",
+    axes: Convention = "opencv",
+    device: DeviceLike = "cpu",
+    name: str = "camera_to_world",
 ) -> wp.array:
     """Return poses as casters take them.
 
@@ -57,37 +62,50 @@ def parse_poses(
             matrices, shape ``(V, 4, 4)`` or ``(4, 4)``.
         convention: Axes of the camera frame the poses are for: ``"opencv"`` (x right, y down, z forward), ``"opengl"``
             (x right, y up, z backward), ``"ros_body"`` (x forward, y left, z up) or ``"ros_optical"`` (as OpenCV's).
+        axes: Axes of the frame whose poses are wanted, by the same names.
         device: Where the result lives.
         name: What messages call the poses.
 
     Returns:
-        Poses of the OpenCV camera frame, shape ``(V,)`` `wp.transform` on `device`.
+        Poses of the camera frame of those axes, shape ``(V,)`` `wp.transform` on `device`.
 
     Raises:
         PoseError: Shape, values or convention are wrong; the first few offending views are named.
     """
     device = get_device(device)
-    convention = check_convention(convention)
+    turn = _turn(convention, axes)
     if isinstance(poses, wp.array) and not poses.device.is_cpu:
-        return _parse_on_device(poses, convention, device, name)
+        return parse_on_device(poses, turn, device, name)
     if hasattr(poses, "__cuda_array_interface__"):
-        return _parse_on_device(_from_foreign(poses, name), convention, device, name)
-    rows = poses_to_opencv(poses.numpy() if isinstance(poses, wp.array) else poses, convention, name=name)
+        return parse_on_device(from_foreign(poses, name), turn, device, name)
+    rows = _turned(poses.numpy() if isinstance(poses, wp.array) else poses, turn, name)
     return wp.array(rows.astype(np.float32), dtype=wp.transform, device=device)
 
 
-def poses_in_axes(poses: wp.array, axes: Convention) -> wp.array:
-    """Return poses of the OpenCV camera frame, `wp.transform`, as poses of the same camera's frame of other axes."""
-    from warpvis.kernels.poses import poses_to_opencv
+def _turn(convention: Convention, axes: Convention) -> tuple[float, float, float, float] | None:
+    """Return the quaternion of the frame of `axes` in that of `convention`; None if they are the same."""
+    convention, axes = check_convention(convention), check_convention(axes)
+    if convention == axes:
+        return None
+    if axes == "opencv":
+        return _OPENCV_TO[convention]
+    *away, w = _OPENCV_TO[axes]
+    x, y, z, w = quaternion_product(np.array(_OPENCV_TO[convention]), np.array([*(-part for part in away), w])).tolist()
+    return x, y, z, w
 
-    *axis, w = _OPENCV_TO[axes]
-    out = wp.empty(poses.shape, dtype=wp.transform, device=poses.device)
-    launch(poses_to_opencv, poses.shape, [poses, wp.quat(*(-part for part in axis), w), out], poses.device)
-    return out
+
+def vectors_in_axes(vectors: NDArray[np.float64], given: Convention, axes: Convention) -> NDArray[np.float64]:
+    """Return vectors of a camera frame with some axes as vectors of the same camera's frame of others."""
+    to_given, to_axes = (poses_to_matrices([0.0, 0.0, 0.0, *_OPENCV_TO[name]])[:3, :3] for name in (given, axes))
+    return vectors @ (to_axes @ to_given.T).T
 
 
 def host_poses(
-    poses: PoseLike, *, convention: Convention = "opencv", name: str = "camera_to_world"
+    poses: PoseLike,
+    *,
+    convention: Convention = "opencv",
+    axes: Convention = "opencv",
+    name: str = "camera_to_world",
 ) -> NDArray[np.float32]:
     """Return poses for a caster on the CPU: what `parse_poses` gives, as rows ``(V, 7)``, at the least cost.
 
@@ -103,9 +121,10 @@ def host_poses(
             rows = _one_matrix(given)
         elif given.dtype == np.float32 and given.ndim == 2 and given.shape[1] == 7 and _rows_are_well(given):
             rows = given
-        if rows is not None and check_convention(convention) == "opencv":
+        if rows is not None and check_convention(convention) == axes:
             return rows
-    return parse_poses(poses, convention=convention, device="cpu", name=name).numpy().view(np.float32).reshape(-1, 7)
+    parsed = parse_poses(poses, convention=convention, axes=axes, device="cpu", name=name)
+    return parsed.numpy().view(np.float32).reshape(-1, 7)
 
 
 def _one_row(pose: NDArray) -> NDArray[np.float32] | None:
@@ -170,13 +189,22 @@ def _rows_are_well(rows: NDArray[np.float32]) -> bool:
 
 def poses_to_opencv(poses: ArrayLike, convention: Convention = "opencv", *, name: str = "poses") -> NDArray[np.float64]:
     """Turn poses of the host into checked, normalised rows of the OpenCV camera frame, shape ``(V, 7)``."""
-    convention = check_convention(convention)
+    return _turned(poses, _turn(convention, "opencv"), name)
+
+
+def turn_poses(poses: ArrayLike, convention: Convention, axes: Convention) -> NDArray[np.float64]:
+    """Turn poses of the host from one frame's axes into another's: checked, normalised rows, shape ``(V, 7)``."""
+    return _turned(poses, _turn(convention, axes), "poses")
+
+
+def _turned(poses: ArrayLike, turn: tuple[float, ...] | None, name: str) -> NDArray[np.float64]:
+    """Check and normalise poses of the host, and turn each frame by a quaternion; rows, shape ``(V, 7)``."""
     array = as_numpy(poses, name=name).astype(np.float64)
     if array.shape in ((7,), (4, 4)):
         array = array[None]
     if array.ndim == 2 and array.shape[1] == 7:
         rows = _check_rows(array, name)
-        if convention == "opencv":
+        if turn is None:
             return rows
     elif array.ndim == 3 and array.shape[1:] == (4, 4):
         rows = _rows_from_matrices(array, name)
@@ -184,7 +212,8 @@ def poses_to_opencv(poses: ArrayLike, convention: Convention = "opencv", *, name
         raise PoseError(
             f"{name} must have shape (V, 7), rows x y z qx qy qz qw, or (V, 4, 4), camera to world, got {array.shape}"
         )
-    return np.concatenate([rows[:, :3], quaternion_product(rows[:, 3:], np.array(_OPENCV_TO[convention]))], axis=1)
+    turn = _OPENCV_TO["opencv"] if turn is None else turn
+    return np.concatenate([rows[:, :3], quaternion_product(rows[:, 3:], np.array(turn))], axis=1)
 
 
 def read_pose(pose: ArrayLike, quaternion: QuaternionOrder, *, name: str = "pose") -> NDArray[np.float64]:
@@ -280,7 +309,7 @@ def to_xyzw(poses: PoseLike, quaternion: QuaternionOrder, name: str) -> PoseLike
     if poses is None:
         return None
     if on_gpu(poses):
-        return _to_xyzw_on_device(poses if isinstance(poses, wp.array) else _from_foreign(poses, name))
+        return to_xyzw_on_device(poses if isinstance(poses, wp.array) else from_foreign(poses, name))
     rows = as_numpy(poses.numpy() if isinstance(poses, wp.array) else poses, name=name)
     return rows[..., [0, 1, 2, 4, 5, 6, 3]] if rows.shape[-1:] == (7,) else rows
 
@@ -379,58 +408,3 @@ def _refuse(name: str, bad: ArrayLike, wanted: str) -> None:
         indices = np.flatnonzero(bad)
         first = ", ".join(map(str, indices[:5])) + (", ..." if len(indices) > 5 else "")
         raise PoseError(f"{name} {wanted}: wrong in {len(indices)} of {len(bad)}, at index {first}")
-
-
-def _parse_on_device(poses: wp.array, convention: str, device: wp.Device, name: str) -> wp.array:
-    from warpvis.kernels import poses as kernels
-
-    if poses.device != device:
-        raise PoseError(f"{name} must be on device {device}, got {poses.device}")
-    matrices, poses = _as_poses(poses, name)
-    if not matrices and convention == "opencv":
-        return poses
-    kernel = kernels.poses_from_matrices if matrices else kernels.poses_to_opencv
-    out = wp.empty(poses.shape, dtype=wp.transform, device=device)
-    launch(kernel, poses.shape, [poses, wp.quat(*_OPENCV_TO[convention]), out], device)
-    return out
-
-
-def _to_xyzw_on_device(poses: wp.array) -> wp.array:
-    from warpvis.kernels import poses as kernels
-
-    shape = poses.shape
-    if wp.types.types_equal(poses.dtype, wp.transform):
-        poses = poses.contiguous().view(wp.float32)
-    if poses.dtype != wp.float32 or poses.shape[-1] != 7:
-        return poses  # matrices, or what is refused where it is read
-    rows = poses.contiguous().reshape((-1, 7))
-    out = wp.empty(rows.shape, dtype=wp.float32, device=rows.device)
-    launch(kernels.quaternions_to_xyzw, rows.shape[0], [rows, out], rows.device)
-    out = out.reshape(poses.shape)
-    return out.view(wp.transform).reshape(shape) if len(shape) < len(poses.shape) else out
-
-
-def _as_poses(poses: wp.array, name: str) -> tuple[bool, wp.array]:
-    """Tell whether a device array holds matrices, and view it as `wp.mat44` or `wp.transform` elements."""
-    for dtype, shape in ((wp.transform, (7,)), (wp.mat44, (4, 4))):
-        matrices = dtype is wp.mat44
-        if poses.ndim == 1 and wp.types.types_equal(poses.dtype, dtype):
-            return matrices, poses.contiguous()  # packets take the rows one after the other
-        if poses.dtype == wp.float32 and poses.shape[-len(shape) :] == shape and poses.is_contiguous:
-            views = poses.shape[0] if poses.ndim > len(shape) else 1
-            if poses.ndim <= len(shape) + 1:
-                # The view keeps the memory alive that it looks at.
-                view = wp.array(ptr=poses.ptr, dtype=dtype, shape=(views,), device=poses.device)
-                view._ref = poses
-                return matrices, view
-    raise PoseError(
-        f"{name} on {poses.device} must be contiguous float32 of shape (V, 7) or (V, 4, 4), "
-        f"got {poses.dtype.__name__} of shape {poses.shape}"
-    )
-
-
-def _from_foreign(poses: PoseLike, name: str) -> wp.array:
-    try:
-        return wp.from_dlpack(poses)
-    except Exception as error:  # foreign libraries raise what they like
-        raise PoseError(f"{name} must be an array of numbers: {error}") from None

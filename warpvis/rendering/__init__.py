@@ -2,15 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Turn poses into images: depth, points, normals, labels and segmentation, by two casters on CPU and CUDA.
 
-`packets` is the fast caster, `rays` the reference. `render_wide` makes cylindrical and spherical images, and an
-`OrthographicCamera` images without perspective.
+`packets` is the fast caster, `rays` the reference. A `WideCamera` makes cylindrical and spherical images, and
+an `OrthographicCamera` images without perspective.
 """
 
 from __future__ import annotations
 
 from warpvis.rendering._along import render_along as render_along
+from warpvis.rendering._moving import parse_sensor as parse_sensor
 from warpvis.rendering._orthographic import AnyCamera, OrthographicCamera
-from warpvis.rendering._panorama import render_wide
+from warpvis.rendering._panorama import WideCamera, render_wide
 from warpvis.rendering._renderer import (
     Caster,
     Fill,
@@ -25,6 +26,7 @@ from warpvis.rendering._views import (
     check_outputs as check_outputs,
     views_for as views_for,
 )
+from warpvis.rendering.casters import ray_table as ray_table
 
 __all__ = [
     "OUTPUTS",
@@ -34,5 +36,6 @@ __all__ = [
     "NearPlane",
     "OrthographicCamera",
     "Output",
+    "WideCamera",
     "render_wide",
 ]

@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 
 from warpvis.core.camera import most_inv_z
-from warpvis.core.poses import Convention, check_convention, host_poses, parse_poses, poses_in_axes
+from warpvis.core.poses import Convention, host_poses
 from warpvis.core.ray_camera import RayCamera
 from warpvis.core.types import PoseLike
 from warpvis.rendering._cpu_packets import FEW_RAYS, MOST_KINDS, RayCosts, Workspace
@@ -44,14 +44,13 @@ class CpuTablePacketsCaster:
             scene, camera, cull_backfaces=cull_backfaces, clip_near=clip_near, threads=threads
         )
 
+    def __getstate__(self) -> dict[str, object]:
+        """Return what it is, without the rays as kernels take them: copies find or prepare them."""
+        return {name: value for name, value in self.__dict__.items() if name != "_rays"}
+
     def parse_poses(self, poses: PoseLike, convention: Convention) -> np.ndarray:
         """Check poses, and return them as this caster takes them."""
-        axes, convention = self._camera.axes, check_convention(convention)
-        if convention == axes:
-            return host_poses(poses)
-        if axes == "opencv":
-            return host_poses(poses, convention=convention)
-        return host_poses(poses_in_axes(parse_poses(poses, convention=convention), axes))
+        return host_poses(poses, convention=convention, axes=self._camera.axes)
 
     def cast(self, poses: np.ndarray, worlds: Worlds, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
@@ -81,7 +80,7 @@ class CpuTablePacketsCaster:
     @cached_property
     def _rays(self) -> PreparedRays:
         camera = self._camera
-        return prepare_rays(camera.rays.reshape(camera.height, camera.width, 3))
+        return camera.prepared("packets", lambda: prepare_rays(camera.rays.reshape(camera.height, camera.width, 3)))
 
     def _make_space(self, scene: BvhScene, views: int, workers: int) -> Workspace:
         from warpvis.kernels.table_packets import TableCall, cast_table_packets

@@ -6,26 +6,110 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from dataclasses import dataclass
+from typing import Literal, get_args
 
-from warpvis.core.checks import check_choice, check_flag, is_number, is_whole
-from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
-from warpvis.core.threads import check_threads, launch_images
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from warpvis.core.arrays import as_numpy
+from warpvis.core.camera import check_range, check_size
+from warpvis.core.checks import check_choice, is_number
+from warpvis.core.poses import Convention, QuaternionOrder
+from warpvis.core.ray_camera import MOST_RAYS, Kept, RayCamera
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import CameraError
-from warpvis.rendering._renderer import Output
-from warpvis.rendering._views import OUTPUTS, Views, check_outputs, views_for
-from warpvis.rendering.casters import images_struct
+from warpvis.rendering._renderer import Output, render
+from warpvis.rendering._views import Views
 from warpvis.scene import Scene, require_scene
-from warpvis.scene.worlds import parse_worlds
-
-if TYPE_CHECKING:
-    from warpvis.kernels.panorama import WideCamera
 
 Projection = Literal["cylindrical", "spherical"]
 
 # Two pi as files write it with four decimals.
 _WIDEST = 6.2832
+# A scene keeps the rays of so many images of `render_wide`, of so many rays each: 30 MB.
+_MOST_KEPT, _MOST_KEPT_RAYS = 2, 2**20
+
+
+@dataclass(frozen=True)
+class WideCamera(RayCamera):
+    """A camera that a pinhole is too narrow for: one ray through every pixel's centre, in equal steps of angle.
+
+    `Renderer` and `render` take it. With u to the right and v downwards from the image's middle, both from -1/2 to 1/2
+    from border to border:
+
+    * ``"cylindrical"``: the ray's azimuth is ``u * hfov`` to the right, its elevation ``v * hfov * height / width``
+      downwards. Columns are meridians and rows are parallels, all as far apart (equirectangular).
+    * ``"spherical"``: an equidistant fisheye. The ray is ``hfov * sqrt(u^2 + v^2)`` away from the camera's axis,
+      towards the pixel. The middles of all four borders are ``hfov / 2`` away from it, so that an image that is not
+      square is stretched; its corners are beyond.
+
+    Where a pixel is more than pi away from the axis, or more than pi / 2 above or below the horizon, the formulas hold
+    all the same: its ray goes over the pole. These are the projections of Webots' cameras (its shader
+    ``merge_spherical.frag``).
+
+    Depth is the ray's *length* from the camera to what it meets [m].
+    """
+
+    width: int
+    """Image width [px]."""
+    height: int
+    """Image height [px]."""
+    hfov: float
+    """Horizontal field of view [rad], up to 2 pi."""
+    projection: Projection = "cylindrical"
+    """``"cylindrical"`` or ``"spherical"``."""
+    near: float = 0.0
+    """Least length of a ray that is measured [m]; what is nearer reads -inf and still occludes."""
+    far: float = math.inf
+    """Greatest length of a ray that is measured [m]; what is farther reads +inf."""
+
+    kind = "range"
+    taken_by = "wv.render takes it, and what is seen has points and labels of its own"
+
+    def __post_init__(self) -> None:
+        check_choice(self.projection, "projection", get_args(Projection), CameraError)
+        for name in ("width", "height"):
+            object.__setattr__(self, name, check_size(getattr(self, name), name))
+        if self.width * self.height > MOST_RAYS:
+            raise CameraError(f"a WideCamera may have {MOST_RAYS} rays, got {self.width} x {self.height}")
+        if not is_number(self.hfov):
+            raise CameraError(f"hfov must be a number, got {self.hfov!r}")
+        if not 0 < self.hfov <= _WIDEST:
+            hint = "; fields of view are in radians" if self.hfov > _WIDEST else ""
+            raise CameraError(f"hfov must be more than 0 and at most 2 pi radians, got {self.hfov}{hint}")
+        object.__setattr__(self, "hfov", float(self.hfov))
+        check_range(self)
+
+    @property
+    def rays(self) -> NDArray[np.float64]:
+        """Unit vectors through all pixels' centres, shape ``(height, width, 3)``."""
+        return self._directions(np.arange(self.width) + 0.5, (np.arange(self.height) + 0.5)[:, None])
+
+    def rays_at(self, pixels: ArrayLike) -> NDArray[np.float64]:
+        """Return unit vectors through points of the image [px], shape ``(..., 2)``; NaN outside of it.
+
+        Raises:
+            WarpvisError: `pixels` are no numbers of this shape.
+        """
+        given = as_numpy(pixels, name="pixels").astype(np.float64)
+        if given.shape[-1:] != (2,):
+            raise CameraError(f"pixels must have shape (..., 2), got {given.shape}")
+        x, y = np.moveaxis(given, -1, 0)
+        inside = (x >= 0) & (x < self.width) & (y >= 0) & (y < self.height)
+        return self._directions(np.where(inside, x, np.nan), np.where(inside, y, np.nan))
+
+    def _directions(self, x: NDArray[np.floating], y: NDArray[np.floating]) -> NDArray[np.float64]:
+        u, v = x / self.width - 0.5, y / self.height - 0.5
+        if self.projection == "spherical":
+            away = self.hfov * np.hypot(u, v)
+            scale = self.hfov * np.sinc(away / math.pi)  # the sine over the distance from the middle
+            parts = scale * u, scale * v, np.cos(away)
+        else:
+            azimuth, down = u * self.hfov, v * (self.hfov * self.height / self.width)
+            across = np.cos(down)
+            parts = across * np.sin(azimuth), np.sin(down), across * np.cos(azimuth)
+        return np.stack(np.broadcast_arrays(*parts), axis=-1)
 
 
 def render_wide(
@@ -47,19 +131,11 @@ def render_wide(
     quaternion: QuaternionOrder = "xyzw",
     threads: int | None = None,
 ) -> Views:
-    """Render views that a pinhole is too narrow for: one ray through every pixel's centre, in equal steps of angle.
+    """Render views that a pinhole is too narrow for, as a `WideCamera` says.
 
-    With u to the right and v downwards from the image's middle, both from -1/2 to 1/2 from border to border:
-
-    * ``"cylindrical"``: the ray's azimuth is ``u * hfov`` to the right, its elevation ``v * hfov * height / width``
-      downwards. Columns are meridians and rows are parallels, all as far apart (equirectangular).
-    * ``"spherical"``: an equidistant fisheye. The ray is ``hfov * sqrt(u^2 + v^2)`` away from the camera's axis,
-      towards the pixel. The middles of all four borders are ``hfov / 2`` away from it, so that an image that is not
-      square is stretched; its corners are beyond.
-
-    Where a pixel is more than pi away from the axis, or more than pi / 2 above or below the horizon, the formulas hold
-    all the same: its ray goes over the pole. These are the projections of Webots' cameras (its shader
-    ``merge_spherical.frag``).
+    Rays are sorted for packets at the first call, on CPU cores; the scene keeps what was sorted for the images that
+    were rendered last, if they are of up to a million pixels. Larger ones are cast ray by ray: to render them again and
+    again, keep a `WideCamera` and use `render` or `Renderer`.
 
     Args:
         scene: What is seen.
@@ -86,49 +162,30 @@ def render_wide(
     Raises:
         WarpvisError: An argument is not what it has to be.
     """
-    from warpvis.kernels.panorama import cast_wide_rays
-
-    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
-    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     require_scene(scene)
-    camera = _wide_camera(width, height, hfov, projection, near, far)
-    names = check_outputs(outputs)
-    scene.require_objects()
-    poses = parse_poses(camera_to_world, convention=convention, device=scene.device)
-    worlds = parse_worlds(scene, len(poses), object_poses, world_index, exclude)
-    threads, culling = check_threads(threads), check_flag(cull_backfaces, "cull_backfaces")
-    shape = (len(poses), camera.height, camera.width)
-    views = views_for(names, shape, scene.device)
-    images = images_struct([getattr(views, name) for name in OUTPUTS])
-    triangles = scene.triangles()
-    launch_images(
-        cast_wide_rays,
-        shape,
-        lambda window: [triangles.struct, camera, poses, window, worlds, culling, images],
-        device=scene.device,
+    camera = WideCamera(width, height, hfov, projection, near, far)
+    few = camera.width * camera.height <= _MOST_KEPT_RAYS
+    if few:
+        _share(scene, camera)
+    return render(
+        scene,
+        camera,
+        camera_to_world,
+        outputs=outputs,
+        caster="auto" if few else "rays",
+        cull_backfaces=cull_backfaces,
+        object_poses=object_poses,
+        world_index=world_index,
+        exclude=exclude,
+        convention=convention,
+        quaternion=quaternion,
         threads=threads,
     )
-    return views
 
 
-def _wide_camera(width: int, height: int, hfov: float, projection: str, near: float, far: float) -> WideCamera:
-    """Make a `warpvis.kernels.panorama.WideCamera` of checked arguments."""
-    from warpvis.kernels.panorama import WideCamera
-
-    check_choice(projection, "projection", ("cylindrical", "spherical"), CameraError)
-    for name, value in (("width", width), ("height", height)):
-        if not is_whole(value) or not 1 <= value < 2**31:
-            raise CameraError(f"{name} must be a whole number of pixels from 1 up, got {value!r}")
-    for name, number in (("hfov", hfov), ("near", near), ("far", far)):
-        if not is_number(number):
-            raise CameraError(f"{name} must be a number, got {number!r}")
-    if not 0 < hfov <= _WIDEST:
-        hint = "; fields of view are in radians" if hfov > _WIDEST else ""
-        raise CameraError(f"hfov must be more than 0 and at most 2 pi radians, got {hfov}{hint}")
-    if not 0 <= near < far:
-        raise CameraError(f"the depth range needs 0 <= near < far, got near={near}, far={far}")
-    camera = WideCamera()
-    camera.width, camera.height, camera.hfov = int(width), int(height), float(hfov)
-    camera.is_spherical = projection == "spherical"
-    camera.near, camera.far = float(near), float(far)
-    return camera
+def _share(scene: Scene, camera: WideCamera) -> None:
+    """Have a camera find what was prepared for one of the same image, whatever its range."""
+    image = (camera.width, camera.height, camera.hfov, camera.projection)
+    camera.prepare_in(scene.kept_rays.setdefault(image, Kept()))
+    for old in list(scene.kept_rays)[:-_MOST_KEPT]:
+        scene.kept_rays.pop(old, None)

@@ -29,12 +29,19 @@ _MOST_GROUPS = 10
 # One pinhole is enough up to this tangent.
 _WIDEST = 1.6
 # Pixels of a bundle's image between neighbouring rays: places are known to that, and bounds to a bit more.
-_FINENESS = 8.0
+_FINENESS = 32.0
 _LEAST_FOCAL, _MOST_FOCAL = 64.0, 2.0**15
 _MARGIN = 1e-3  # of bounds [px]
 # Neighbours in the table are neighbours in the image if their packets are not this much longer than sorted ones.
 _MOST_STRETCH = 2.0
 _BLOCKS = ((4, 4), (2, 8), (1, 16))
+_ACROSS = TILE_SIDE // BLOCK_SIDE  # packets of a tile
+# Tiles of fewer rays are not fitted, nor those whose columns run along their rows, or whose rays are so many columns or
+# rows from where the fit has them.
+_LEAST_FITTED, _LEAST_TURN, _MOST_ASIDE = 16, 0.05, 0.75
+# What single precision may add to that, and what it may change of a place, as a part of it.
+_FIT_MARGIN, _ROUNDED = 1e-3, 5e-7
+_FIT_WORDS = 10  # of a ``RayFit``
 
 # Of the pinhole that looks along each axis, and the other way: what is right, down and forward there. The complement
 # of an axis is the other way.
@@ -49,7 +56,7 @@ _FACES: dict[tuple[int, bool], tuple[int, int, int]] = {
 
 
 @dataclass(frozen=True)
-class _Split:
+class SplitRays:
     """Rays of a table through pinholes along axes, each through one."""
 
     axes: list[tuple[int, int, int]]
@@ -79,9 +86,9 @@ def prepare_rays(rays: NDArray[np.float64]) -> PreparedRays:
     """Prepare rays of the camera frame, shape (H, W, 3), where depth is 1; NaN for pixels without one."""
     from warpvis.kernels.table_packets import RayBundles
 
-    split = _split(rays)
-    tiles, bundles = _sort(split)
-    layout = _Layout(tiles, bundles, split)
+    split = split_rays(rays)
+    tiles, columns, bundles = _sort(split)
+    layout = _Layout(tiles, columns, bundles, split)
     struct = RayBundles()
     struct.bundle = wp.array(np.array(layout.bundle, dtype=np.int32).reshape(-1, 9), dtype=wp.int32, device="cpu")
     for name, array in layout.arrays.items():
@@ -100,7 +107,7 @@ def prepare_rays(rays: NDArray[np.float64]) -> PreparedRays:
     return PreparedRays(struct, np.array(longest), float(length))
 
 
-def _split(rays: NDArray) -> _Split:
+def split_rays(rays: NDArray) -> SplitRays:
     """Split rays over pinholes: one along the camera's axis if that is wide enough, else along the longest axes."""
     known = np.isfinite(rays).all(axis=-1) & (rays != 0).any(axis=-1)
     size = np.where(known[..., None], np.abs(rays), 0)
@@ -124,32 +131,38 @@ def _split(rays: NDArray) -> _Split:
     spacing = math.sqrt(area / max(1, int(known.sum())))
     focal = _MOST_FOCAL if spacing == 0 else 2.0 ** round(math.log2(_FINENESS / spacing))
     focal = min(max(focal, _LEAST_FOCAL), _MOST_FOCAL)
-    return _Split(axes, face, (places * focal).reshape(-1, 2), np.abs(ahead).ravel(), focal)
+    return SplitRays(axes, face, (places * focal).reshape(-1, 2), np.abs(ahead).ravel(), focal)
 
 
 def _along(rays: NDArray, axis: int) -> NDArray:
     return -rays[..., ~axis] if axis < 0 else rays[..., axis]
 
 
-def _sort(split: _Split) -> tuple[NDArray[np.int64], list[tuple[int, int, int]]]:
-    """Make tiles, and bundles of them: a face, and its first and last tile.
+def _sort(split: SplitRays) -> tuple[NDArray[np.int64], NDArray[np.int64], list[tuple[int, int, int]]]:
+    """Make tiles, how many columns of the table a packet of each has, and bundles: a face, its first and last tile.
 
-    Tiles are sixteen packets each, of the indices of pixels, or -1 for none, shape (tiles, 16, 16).
+    Tiles are sixteen packets each, of the indices of pixels, or -1 for none, shape (tiles, 16, 16). Of those that are
+    no rows and columns of the table, the number of columns is 0.
     """
-    tiles, bundles, first = [np.zeros((0, _LANES, _LANES), dtype=np.int64)], [], 0
+    tiles, columns = [np.zeros((0, _LANES, _LANES), dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+    bundles, first = [], 0
     for number in range(len(split.axes)):
-        made = _tiles(split.face == number, split.places)
+        made, across = _tiles(split.face == number, split.places)
         middle = _middles(made.reshape(len(made), -1), split.places)
         for part in _parts(middle, np.arange(len(made)), _LANES, _MOST_GROUPS * _LANES):
             order = np.concatenate(list(_parts(middle, part, _LANES, _LANES)))
             tiles.append(made[order])
+            columns.append(np.full(len(order), across))
             bundles.append((number, first, first + len(order)))
             first += len(order)
-    return np.concatenate(tiles), bundles
+    return np.concatenate(tiles), np.concatenate(columns), bundles
 
 
-def _tiles(there: NDArray[np.bool_], places: NDArray) -> NDArray[np.int64]:
-    """Make tiles of neighbours in the table, or of rays sorted by where they are if those are no neighbours."""
+def _tiles(there: NDArray[np.bool_], places: NDArray) -> tuple[NDArray[np.int64], int]:
+    """Make tiles of neighbours in the table, or of rays sorted by where they are if those are no neighbours.
+
+    How many columns of the table their packets have is returned, too; 0 if rays are sorted.
+    """
     index = np.where(there, np.arange(there.size).reshape(there.shape), -1)
     cuts = [_cut(index, block) for block in _BLOCKS]
     lengths = [_lengths(tiles, places) for tiles in cuts]
@@ -159,17 +172,17 @@ def _tiles(there: NDArray[np.bool_], places: NDArray) -> NDArray[np.int64]:
     count = len(rays) / _LANES
     ideal = 2 * math.sqrt(float(np.ptp(places[rays], axis=0).prod()) / count) * count
     if lengths[best] <= _MOST_STRETCH * ideal:
-        return cuts[best]
+        return cuts[best], _BLOCKS[best][1]
     packets = _filled(list(_parts(places, rays, _GROUP, _LANES)))
     middles = _middles(packets, places)
     order = _filled(list(_parts(middles, np.arange(len(packets)), _LANES, _LANES)))
     tiles = np.where((order >= 0)[..., None], packets[order], -1)
-    return tiles if _lengths(tiles, places) < lengths[best] else cuts[best]
+    return (tiles, 0) if _lengths(tiles, places) < lengths[best] else (cuts[best], _BLOCKS[best][1])
 
 
 def _cut(index: NDArray, block: tuple[int, int]) -> NDArray[np.int64]:
     """Cut a table into tiles of 4 x 4 blocks of sixteen, those that have any ray."""
-    (rows, columns), across = block, TILE_SIDE // BLOCK_SIDE
+    (rows, columns), across = block, _ACROSS
     height, width = across * rows, across * columns
     padded = np.pad(index, ((0, -len(index) % height), (0, -index.shape[1] % width)), constant_values=-1)
     cut = padded.reshape(padded.shape[0] // height, across, rows, padded.shape[1] // width, across, columns)
@@ -221,15 +234,15 @@ def _parts(places: NDArray, items: NDArray, unit: int, most: int) -> Iterator[ND
 class _Layout:
     """Rows of rays, packets, tiles and groups, where those that are not full are filled up with nothing."""
 
-    def __init__(self, tiles: NDArray, bundles: list[tuple[int, int, int]], split: _Split) -> None:
+    def __init__(self, tiles: NDArray, columns: NDArray, bundles: list[tuple[int, int, int]], split: SplitRays) -> None:
         counts = [-(-(end - first) // _LANES) for _, first, end in bundles]
         starts = [0, *np.cumsum(counts).tolist()]
         self.most_groups = max(counts, default=1)
         self.place = np.full((starts[-1] * _LANES, _LANES, _LANES), -1, dtype=np.int32)
-        exact = np.zeros((2, *self.place.shape))
+        exact, across = np.zeros((2, *self.place.shape)), np.zeros(len(self.place), dtype=np.int64)
         for (_, first, end), group in zip(bundles, starts, strict=False):
             slots, here = slice(group * _LANES, group * _LANES + end - first), tiles[first:end]
-            self.place[slots] = here
+            self.place[slots], across[slots] = here, columns[first:end]
             exact[:, slots] = np.where(here >= 0, split.places.T[:, here], 0)
         rounded = exact.astype(np.float32)
         rest = (exact - rounded).astype(np.float32)
@@ -247,9 +260,11 @@ class _Layout:
             "packet_bounds": packet_rows.ravel(),
             **dict(zip(("u", "v"), rounded.reshape(2, -1), strict=True)),
             **dict(zip(("rest_u", "rest_v"), rest.reshape(2, -1), strict=True)),
+            **dict(zip(("row_u", "row_v"), _in_rows(rounded, across), strict=True)),
             "place": self.place.ravel(),
             "run": _runs(self.place.reshape(-1, _LANES)),
             "corner": _corners(self.place, split.face.shape[1]),
+            "fit": _fits(rounded, self.place >= 0, across),
         }
 
     def _packet_bounds(self, rounded: NDArray) -> tuple[NDArray, NDArray]:
@@ -294,3 +309,45 @@ def _corners(place: NDArray[np.int32], width: int) -> NDArray[np.int32]:
     expected = place[:, :1, :1] + blocks // TILE_SIDE * width + blocks % TILE_SIDE
     there = place[:, 0, 0] >= 0
     return np.where(there & (place == expected).all(axis=(1, 2)), place[:, 0, 0], -1).astype(np.int32)
+
+
+def _slots(columns: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the column and the row of each ray of a tile whose packets have so many columns."""
+    packet, lane = np.divmod(np.arange(_GROUP), _LANES)
+    return packet % _ACROSS * columns + lane % columns, packet // _ACROSS * (_LANES // columns) + lane // columns
+
+
+def _in_rows(places: NDArray[np.float32], across: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Put places, shape (2, tiles, 16, 16), in the order of rows and columns, shape (2, tiles * 256)."""
+    rows = np.zeros((2, len(across), _GROUP), dtype=np.float32)
+    for columns in np.unique(across[across > 0]):
+        column, row = _slots(columns)
+        tiles = np.flatnonzero(across == columns)
+        rows[:, tiles[:, None], row * columns * _ACROSS + column] = places[:, tiles].reshape(2, len(tiles), _GROUP)
+    return rows.reshape(2, -1)
+
+
+def _fits(places: NDArray[np.float32], there: NDArray[np.bool_], across: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Say which column and row places are in, shape (2, tiles, 16, 16): rows of a ``RayFit`` of ray_tree.h."""
+    fits = np.zeros((len(there), _FIT_WORDS), dtype=np.float32)
+    for columns in np.unique(across[across > 0]):
+        cells = np.stack([np.ones(_GROUP), *_slots(columns)], axis=-1)
+        tiles = np.flatnonzero((across == columns) & (there.sum(axis=(1, 2)) >= _LEAST_FITTED))
+        weight = there[tiles].reshape(len(tiles), _GROUP).astype(np.float64)
+        at = places[:, tiles].reshape(2, len(tiles), _GROUP).astype(np.float64)
+        # Rays in one row or one column have many solutions, of which this takes the least.
+        inverse = np.linalg.pinv(np.einsum("ts,si,sj->tij", weight, cells, cells), hermitian=True)
+        linear = np.einsum("tij,sj,ts,kts->kti", inverse, cells, weight, at).astype(np.float32)
+        off = (np.abs(np.einsum("si,kti->kts", cells, linear.astype(np.float64)) - at) * weight).max(axis=-1)
+        step = linear[..., 1:].astype(np.float64)  # (u and v, tile, along column and row)
+        size = np.abs(step).max(axis=(0, 2))
+        turn = step[0, :, 0] * step[1, :, 1] - step[0, :, 1] * step[1, :, 0]
+        fine = np.abs(turn) > _LEAST_TURN * size**2
+        tiles, linear, off, step = tiles[fine], linear[:, fine], off[:, fine], step[:, fine]
+        back = np.linalg.inv(step.transpose(1, 0, 2))  # (tile, column and row, along u and v)
+        off += _ROUNDED * np.abs(at[:, fine]).max(axis=-1)
+        aside = np.einsum("tik,kt->ti", np.abs(back), off) + _FIT_MARGIN
+        near = (aside <= _MOST_ASIDE).all(axis=1)
+        words = [*linear[..., 0], *back.reshape(-1, 4).T, *aside.T, np.full(len(tiles), np.log2(columns)), size[fine]]
+        fits[tiles[near]] = np.stack(words, axis=-1)[near]
+    return fits

@@ -4,15 +4,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 import warp as wp
 
 from warpvis.core.arrays import on_gpu
-from warpvis.core.poses import Convention, check_convention, host_poses, parse_poses, poses_in_axes
+from warpvis.core.poses import Convention, check_convention, host_poses, parse_poses
 from warpvis.core.ray_camera import RayCamera
 from warpvis.core.threads import launch_images
 from warpvis.core.types import KernelArguments, PoseLike
@@ -71,14 +71,17 @@ class RaysCaster:
 
     def parse_poses(self, poses: PoseLike, convention: Convention) -> CastPoses:
         """Check poses, and return them as this caster takes them: those of the host as rows if they go to a GPU."""
+        return self._parse_poses(poses, convention, "opencv")
+
+    def _parse_poses(self, poses: PoseLike, convention: Convention, axes: Convention) -> CastPoses:
         device = self._scene.device
         # What a loop on a GPU gives is looked at no longer than it takes.
         if type(poses) is wp.array and poses.dtype is wp.transform and poses.device is device:
-            if poses.ndim == 1 and poses.is_contiguous and check_convention(convention) == "opencv":
+            if poses.ndim == 1 and poses.is_contiguous and check_convention(convention) == axes:
                 return poses
         if device.is_cpu or on_gpu(poses):
-            return parse_poses(poses, convention=convention, device=device)
-        return host_poses(poses, convention=convention)
+            return parse_poses(poses, convention=convention, axes=axes, device=device)
+        return host_poses(poses, convention=convention, axes=axes)
 
     def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
@@ -151,19 +154,17 @@ class RayTableCaster(RaysCaster):
 
     _camera: RayCamera
 
+    def __getstate__(self) -> dict[str, object]:
+        """Return what it is, without what is on a device: copies put that there themselves."""
+        return {name: value for name, value in self.__dict__.items() if name not in ("_table", "_origins")}
+
     def parse_poses(self, poses: PoseLike, convention: Convention) -> CastPoses:
         """Check poses, and return them as poses of the frame that the rays are of."""
-        axes, convention = self._camera.axes, check_convention(convention)
-        if convention == axes:
-            return super().parse_poses(poses, "opencv")
-        if axes == "opencv":
-            return super().parse_poses(poses, convention)
-        return poses_in_axes(parse_poses(poses, convention=convention, device=self._scene.device), axes)
+        return self._parse_poses(poses, convention, self._camera.axes)
 
     def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
-        rows = [image if image is None or image.ndim == 3 else as_rows(image) for image in images]
-        self._cast(poses, worlds, self._table, self._origins, rows)
+        self._cast(poses, worlds, self._table, self._origins, as_images(images))
 
     def cast_at(self, poses: CastPoses, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
         """Cast through image points, shape ``(V, 1, N)`` vec2, as are the images'; they are unprojected on the host."""
@@ -189,22 +190,33 @@ class RayTableCaster(RaysCaster):
 
     @cached_property
     def _table(self) -> wp.array:
-        return wp.array(self._as_image(self._camera.rays)[None], dtype=wp.vec3d, device=self._scene.device)
+        table = ray_table(self._camera, self._scene.device)
+        return table.reshape((1, *table.shape))
 
     @cached_property
     def _origins(self) -> wp.array | None:
-        origins = self._camera.origins
-        if origins is None:
-            return None
-        return wp.array(self._as_image(origins), dtype=wp.vec3d, device=self._scene.device)
+        return None if self._camera.origins is None else ray_table(self._camera, self._scene.device, "origins")
 
-    def _as_image(self, vectors: np.ndarray) -> np.ndarray:
-        return vectors.reshape(self._camera.height, self._camera.width, 3)
+
+def ray_table(camera: RayCamera, device: wp.Device, name: Literal["rays", "origins"] = "rays") -> wp.array:
+    """Return the rays of a camera, or where they start, on a device: vec3d of shape ``(height, width)``, made once."""
+    rows = vectors_on_device(camera, name, lambda: getattr(camera, name), device)
+    return rows.reshape((camera.height, camera.width))
+
+
+def vectors_on_device(camera: RayCamera, name: str, read: Callable[[], np.ndarray], device: wp.Device) -> wp.array:
+    """Return what a camera has for each of its rays on a device, shape ``(rays,)`` vec3d: copied there once."""
+    return camera.prepared((name, device.alias), lambda: wp.array(read().reshape(-1, 3), dtype=wp.vec3d, device=device))
 
 
 def as_rows(array: wp.array) -> wp.array:
     """View ``(V, N)`` as ``(V, 1, N)``: an image of one row, in the same memory."""
     return array.reshape((array.shape[0], 1, array.shape[1]))
+
+
+def as_images(images: Sequence[wp.array | None]) -> list[wp.array | None]:
+    """View results of lists of rays, ``(V, N)``, as images of one row; None is not made."""
+    return [image if image is None or image.ndim == 3 else as_rows(image) for image in images]
 
 
 def images_struct(images: Sequence[wp.array | None]) -> Images:

@@ -8,13 +8,14 @@ import math
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeAlias
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.camera import Camera, check_range, check_size
 from warpvis.core.checks import as_items, check_choice, check_whole
-from warpvis.core.ray_camera import MOST_RAYS, DepthKind, LensedCamera
+from warpvis.core.ray_camera import MOST_RAYS, DepthKind, Kept, LensedCamera, RayCamera
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import CameraError, IntrinsicsWarning
 from warpvis.sensors.lenses import Lens, lens_to_ros
@@ -133,6 +134,14 @@ class LensCamera(LensedCamera):
         with np.errstate(all="ignore"):  # between pixels' centres a lens may look aside
             return directions / directions[..., 2:]
 
+    def _kept(self) -> Kept:
+        """Share it with cameras of the same image, as `dataclasses.replace` makes them, while one of them lives."""
+        if "_prepared" not in self.__dict__:
+            of_images = self.lens.__dict__.setdefault("_prepared", WeakValueDictionary())
+            shared = of_images.setdefault((self.width, self.height, self.kind), Kept())
+            return self.__dict__.setdefault("_prepared", shared)
+        return self.__dict__["_prepared"]
+
     def to_camera_info(self, *, frame_id: str, stamp: Stamp = 0.0, types: MessageTypes | None = None) -> Message:
         """Return the camera as a ``sensor_msgs/CameraInfo`` of ROS 2, of its raw image: `K`, `D` and the model.
 
@@ -173,7 +182,8 @@ def require_calibrated(camera: object) -> CalibratedCamera:
     """Return `camera` itself; raise `CameraError` if it is neither a `Camera` nor a `LensCamera`."""
     if not isinstance(camera, Camera | LensCamera):
         kinds = "a warpvis.Camera or a warpvis.sensors.LensCamera"
-        raise CameraError(f"camera must be {kinds}, got {type(camera).__name__}")
+        why = f": {camera.taken_by}" if isinstance(camera, RayCamera) else ""
+        raise CameraError(f"camera must be {kinds}, got {type(camera).__name__}{why}")
     return camera
 
 

@@ -4,72 +4,6 @@
 // From a leaf's triangles, or a solid, to the rays of a `RayTree`. What is drawn does not depend on the way there: it
 // is the same sum wherever a triangle and a ray meet, for many rays of one triangle or many triangles of one ray.
 
-// A leaf's triangles, and the rectangles they are in.
-struct RayLeaf {
-    const Triangles& triangles;
-    RayBox box;  // of all that are shown
-    float nearest;  // of them all
-    float bounds[RayTree::BOUND_ROWS][LANES];  // of each: least u and v, greatest u and v
-    unsigned inexact;  // lanes where single precision is not enough for inv_z
-    unsigned known;  // lanes whose planes are here
-    ExactPlane planes[LANES];
-
-    explicit inline RayLeaf(const Triangles& of) : triangles(of) {}
-
-    inline void set(const Image& image, const Visit& visit, unsigned rounded) {
-        const Triangles& t = triangles;
-        box = RayBox::of_pixels(image, visit.x0, visit.y0, visit.x1, visit.y1);
-        nearest = visit.nearest_inv_z;
-        Lanes::store(bounds[0], __builtin_convertvector(t.x0, Floats) - image.center_x);
-        Lanes::store(bounds[1], __builtin_convertvector(t.y0, Floats) - image.center_y);
-        Lanes::store(bounds[2], __builtin_convertvector(t.x1 + 1, Floats) - image.center_x);
-        Lanes::store(bounds[3], __builtin_convertvector(t.y1 + 1, Floats) - image.center_y);
-        inexact = rounded;
-        known = 0;
-    }
-    inline RayBox box_of(int k) const { return RayTree::box_of(bounds[0], k); }
-
-    // Triangles that may be seen in a rectangle: an edge's value is greatest at one of its corners.
-    inline unsigned touching(const RayBox& box, float min_inv_z) const {
-        const Triangles& t = triangles;
-        Ints some = t.shown & RayTree::overlap(bounds[0], box) & (t.max_inv_z >= Lanes::all(min_inv_z));
-        const Floats none = Lanes::all(0.0f);
-        for (const Linear& edge : t.edge) {
-            const Floats u = edge.u >= none ? Lanes::all(box.u1) : Lanes::all(box.u0);
-            const Floats v = edge.v >= none ? Lanes::all(box.v1) : Lanes::all(box.v0);
-            some &= edge.at(u, edge.row(v)) >= -t.doubt;
-        }
-        return Lanes::bits(some);
-    }
-
-    inline const ExactPlane& plane(const Camera& camera, int k) {
-        if (!((known >> k) & 1)) {
-            planes[k] = ExactPlane::of(camera, triangles.corners, k);
-            known |= 1u << k;
-        }
-        return planes[k];
-    }
-};
-
-// Of a tile's packets, those that a triangle touches, and those that it covers: bits.
-struct TouchedPackets {
-    unsigned touched, covered;
-
-    static inline TouchedPackets of(const Triangles& t, int k, const float* bounds) {
-        Ints touched = Lanes::all_ints(-1), covered = touched;
-        const Floats u0 = Lanes::load(bounds), v0 = Lanes::load(bounds + LANES), u1 = Lanes::load(bounds + 2 * LANES),
-                     v1 = Lanes::load(bounds + 3 * LANES);
-        const float doubt = t.doubt[k];
-        for (const Linear& of : t.edge) {
-            const Linear edge = Linear::of_lane(of, k);
-            const bool right = edge.u[0] >= 0.0f, down = edge.v[0] >= 0.0f;
-            touched &= edge.at(right ? u1 : u0, edge.row(down ? v1 : v0)) >= Lanes::all(-doubt);
-            covered &= edge.at(right ? u0 : u1, edge.row(down ? v0 : v1)) > Lanes::all(doubt);
-        }
-        return TouchedPackets{Lanes::bits(touched), Lanes::bits(covered)};
-    }
-};
-
 struct RayDrawing {
     // Rays and packets of no more than this are looked at before triangles are.
     enum { FEW_RAYS = 4, FEW_PACKETS = 3 };
@@ -86,37 +20,108 @@ struct RayDrawing {
         }
     }
 
-    // By triangles where there are fewer of them than packets.
     static inline __attribute__((always_inline)) void draw_tile(const Camera& camera, const Image& image, RayLeaf& leaf,
                                                                 int tile, Mode mode) {
+        unsigned some = Lanes::bits(leaf.triangles.shown);
+        if (leaf.least_size < RayColumns::SMALL_SIDE * image.tree->fit[tile].spacing) {
+            const RayColumns at(image, leaf, tile);
+            if (at.small) draw_small(camera, image, leaf, at, mode);
+            some = at.larger;
+        }
+        if (some) draw_some(camera, image, leaf, tile, some, mode);
+    }
+
+    // By triangles where there are fewer of them than packets.
+    static inline __attribute__((always_inline)) void draw_some(const Camera& camera, const Image& image, RayLeaf& leaf,
+                                                                int tile, unsigned some, Mode mode) {
         const RayTree& tree = *image.tree;
-        const Triangles& t = leaf.triangles;
         const unsigned packets = tree.packets_in(image, tile, leaf.box, leaf.nearest);
         const int count = __builtin_popcount(packets);
-        unsigned some = Lanes::bits(t.shown);
         if (count > FEW_PACKETS) {
             RayTree::refresh(image, tile);
             const RayBox bounds = RayTree::box_of(tree.bounds_of_tiles(tile / LANES), tile % LANES);
-            some = leaf.touching(bounds, image.tile_min[tile]);
+            some &= leaf.touching(bounds, image.tile_min[tile]);
         }
-        if (count <= FEW_PACKETS || __builtin_popcount(some) > count) {
+        if (count <= FEW_PACKETS || __builtin_popcount(some) > count)
             for (unsigned left = packets; left; left &= left - 1)
                 draw_packet(camera, image, leaf, tile * LANES + Lanes::first_lane(left), some, mode);
+        else
+            for (; some; some &= some - 1) draw_packets(camera, image, leaf, Lanes::first_lane(some), tile, mode);
+    }
+
+    // One triangle, in a tile's packets.
+    static inline __attribute__((always_inline)) void draw_packets(const Camera& camera, const Image& image,
+                                                                   RayLeaf& leaf, int k, int tile, Mode mode) {
+        const RayTree& tree = *image.tree;
+        const Triangles& t = leaf.triangles;
+        const int first = tile * LANES;
+        unsigned touched = tree.packets_in(image, tile, leaf.box_of(k), t.max_inv_z[k]);
+        if (__builtin_popcount(touched) <= FEW_PACKETS) {
+            for (; touched; touched &= touched - 1)
+                draw_rays(camera, image, leaf, k, first + Lanes::first_lane(touched), false, nullptr, mode);
             return;
         }
-        for (; some; some &= some - 1) {
-            const int k = Lanes::first_lane(some);
-            unsigned touched = tree.packets_in(image, tile, leaf.box_of(k), t.max_inv_z[k]), covered = 0;
-            if (__builtin_popcount(touched) > FEW_PACKETS) {
-                const TouchedPackets of = TouchedPackets::of(t, k, tree.bounds_of_packets(tile));
-                touched &= of.touched;
-                covered = of.covered;
-            }
+        const float* bounds = tree.bounds_of_packets(tile);
+        const TouchedPackets of = TouchedPackets::of(t, k, bounds);
+        touched &= of.touched;
+        const Floats hiding = Lanes::load(image.block_min + first);
+        if ((leaf.inexact >> k) & 1) {
+            PacketPlanes planes;
+            planes.set(camera, leaf.plane(camera, k), bounds);
+            touched &= Lanes::bits(hiding <= planes.nearest);
             for (; touched; touched &= touched - 1) {
                 const int child = Lanes::first_lane(touched);
-                draw_rays(camera, image, leaf, k, tile * LANES + child, (covered >> child) & 1, mode);
+                const PacketPlane near = planes.of(child);
+                draw_rays(camera, image, leaf, k, first + child, (of.covered >> child) & 1, &near, mode);
+            }
+            return;
+        }
+        touched &= Lanes::bits(hiding <= of.nearest);
+        for (; touched; touched &= touched - 1) {
+            const int child = Lanes::first_lane(touched);
+            draw_rays(camera, image, leaf, k, first + child, (of.covered >> child) & 1, nullptr, mode);
+        }
+    }
+
+    // Triangles of so few columns and rows that a register holds all rays that they may touch, wherever those are in
+    // the tile.
+    static inline __attribute__((always_inline)) void draw_small(const Camera& camera, const Image& image,
+                                                                 RayLeaf& leaf, const RayColumns& at, Mode mode) {
+        const RayTree& tree = *image.tree;
+        const Triangles& t = leaf.triangles;
+        const int width = at.fit.last_column() + 1;
+        int column[LANES], row[LANES];
+        RayColumns::begin(at.first_column, at.fit.last_column(), column);
+        RayColumns::begin(at.first_row, at.fit.last_row(), row);
+        for (unsigned small = at.small; small; small &= small - 1) {
+            const int k = Lanes::first_lane(small), corner = at.first_ray + row[k] * width + column[k];
+            const Floats u = RayTree::window(tree.row_u + corner, width),
+                         v = RayTree::window(tree.row_v + corner, width);
+            const Linear e0 = Linear::of_lane(t.edge[0], k), e1 = Linear::of_lane(t.edge[1], k),
+                         e2 = Linear::of_lane(t.edge[2], k), plane = Linear::of_lane(t.inv_z, k);
+            const float doubt = t.doubt[k], most = t.max_inv_z[k], least = t.min_inv_z[k];
+            const Floats inner = Lanes::min(e0.at(u, e0.row(v)), e1.at(u, e1.row(v)), e2.at(u, e2.row(v)));
+            unsigned hits = Lanes::bits(inner >= Lanes::all(-doubt));
+            if (!hits) continue;
+            const unsigned sure = Lanes::bits(inner > Lanes::all(doubt));
+            float inv_z[LANES];
+            Lanes::store(inv_z, Lanes::max(Lanes::min(plane.at(u, plane.row(v)), Lanes::all(most)), Lanes::all(least)));
+            for (; hits; hits &= hits - 1) {
+                const int lane = Lanes::first_lane(hits);
+                const int ray = at.first_ray + at.fit.slot(column[k] + (lane & (RayColumns::SMALL_SIDE - 1)),
+                                                           row[k] + lane / RayColumns::SMALL_SIDE);
+                if (most < image.inv_z[ray]) continue;
+                if (((sure >> lane) & 1) || covers(camera, image, t, k, ray))
+                    put(camera, image, leaf, k, ray, inv_z[lane], mode);
             }
         }
+    }
+    // What a triangle shows to one of its rays, given 1 / z in single precision.
+    static inline __attribute__((always_inline)) void put(const Camera& camera, const Image& image, RayLeaf& leaf,
+                                                          int k, int ray, float inv_z, Mode mode) {
+        const float value = ((leaf.inexact >> k) & 1) ? exact_inv_z(camera, image, leaf, k, ray) : inv_z;
+        if (value <= most_inv_z(*image.tree, ray))
+            Raster::put(image, ray, value, Raster::id_of(leaf.triangles, k, mode), mode);
     }
 
     // Some triangles, in one packet: ray by ray where few rays are there, or fewer than triangles.
@@ -134,7 +139,8 @@ struct RayDrawing {
             for (unsigned left = rays; left; left &= left - 1)
                 draw_ray(camera, image, leaf, packet * LANES + Lanes::first_lane(left), some, mode);
         else
-            for (; some; some &= some - 1) draw_rays(camera, image, leaf, Lanes::first_lane(some), packet, false, mode);
+            for (; some; some &= some - 1)
+                draw_rays(camera, image, leaf, Lanes::first_lane(some), packet, false, nullptr, mode);
     }
 
     // One ray, all triangles.
@@ -151,10 +157,7 @@ struct RayDrawing {
         const Floats inv_z = Lanes::max(Lanes::min(t.inv_z.at(u, t.inv_z.row(v)), t.max_inv_z), t.min_inv_z);
         for (; hits; hits &= hits - 1) {
             const int k = Lanes::first_lane(hits);
-            if (!((sure >> k) & 1) && !covers(camera, image, t, k, ray)) continue;
-            const float value = ((leaf.inexact >> k) & 1) ? exact_inv_z(camera, image, leaf, k, ray) : inv_z[k];
-            if (value > most_inv_z(tree, ray)) continue;
-            Raster::put(image, ray, value, Raster::id_of(t, k, mode), mode);
+            if (((sure >> k) & 1) || covers(camera, image, t, k, ray)) put(camera, image, leaf, k, ray, inv_z[k], mode);
         }
     }
     static inline float most_inv_z(const RayTree& tree, int ray) {
@@ -163,7 +166,8 @@ struct RayDrawing {
 
     // One triangle, all rays of a packet.
     static inline __attribute__((always_inline)) void draw_rays(const Camera& camera, const Image& image, RayLeaf& leaf,
-                                                                int k, int packet, bool covered, Mode mode) {
+                                                                int k, int packet, bool covered,
+                                                                const PacketPlane* known, Mode mode) {
         const RayTree& tree = *image.tree;
         const Triangles& t = leaf.triangles;
         const Floats u = Lanes::load(tree.u + packet * LANES), v = Lanes::load(tree.v + packet * LANES);
@@ -180,7 +184,9 @@ struct RayDrawing {
         Floats inv_z;
         if ((leaf.inexact >> k) & 1) {
             if (!Lanes::any(inside)) return;
-            inv_z = exact_inv_z(tree, leaf.plane(camera, k), packet);
+            const ExactPlane& plane = leaf.plane(camera, k);
+            const PacketPlane near = known ? *known : PacketPlane::of(camera, tree, plane, packet);
+            inv_z = near.steep ? exact_inv_z(tree, plane, packet) : near.at(u, v);
         } else {
             const Linear plane = Linear::of_lane(t.inv_z, k);
             inv_z = plane.at(u, plane.row(v));
@@ -200,15 +206,20 @@ struct RayDrawing {
         return __builtin_convertvector(Lanes::load(value + packet * LANES), Doubles) +
                __builtin_convertvector(Lanes::load(rest + packet * LANES), Doubles);
     }
-    static inline Floats exact_inv_z(const RayTree& tree, const ExactPlane& plane, int packet) {
+    static __attribute__((noinline, cold)) Floats exact_inv_z(const RayTree& tree, const ExactPlane& plane,
+                                                              int packet) {
         const Doubles at = plane.u * exact_u(tree, packet) + (plane.v * exact_v(tree, packet) + plane.one);
         return __builtin_convertvector(at, Floats);
     }
     static inline float exact_inv_z(const Camera& camera, const Image& image, RayLeaf& leaf, int k, int ray) {
         const RayTree& tree = *image.tree;
         const ExactPlane& plane = leaf.plane(camera, k);
-        const double u = (double)tree.u[ray] + tree.rest_u[ray], v = (double)tree.v[ray] + tree.rest_v[ray];
-        const float inv_z = (float)(plane.u * u + (plane.v * v + plane.one));
+        const PacketPlane near = PacketPlane::of(camera, tree, plane, ray / LANES);
+        float inv_z = near.at(tree.u[ray], tree.v[ray]);
+        if (near.steep) {
+            const double u = (double)tree.u[ray] + tree.rest_u[ray], v = (double)tree.v[ray] + tree.rest_v[ray];
+            inv_z = (float)(plane.u * u + (plane.v * v + plane.one));
+        }
         const float least = leaf.triangles.min_inv_z[k], most = leaf.triangles.max_inv_z[k];
         return inv_z < least ? least : inv_z > most ? most : inv_z;
     }

@@ -17,6 +17,28 @@ struct RayBox {
     }
 };
 
+// Which column and row of a tile a place is in, where those are the table's and nearly evenly apart: a linear function
+// of u and v, to within a known distance.
+struct RayFit {
+    float u, v;  // of column 0 and row 0
+    float column_u, column_v, row_u, row_v;  // columns and rows that u and v from there are
+    float off_column, off_row;  // rays are no farther from where that has them
+    float shift;  // a packet has 1 << shift columns; 0 where a tile is none such
+    float spacing;  // the most that a step along a column or a row is, in u or v
+
+    inline int last_column() const { return (PACKETS_ACROSS << (int)shift) - 1; }
+    inline int last_row() const { return (PACKETS_ACROSS << (LANE_SHIFT - (int)shift)) - 1; }
+    // Which of a tile's rays is in a column and a row.
+    inline int slot(int column, int row) const {
+        const int x = (int)shift, y = LANE_SHIFT - x;
+        return ((column >> x) + (row >> y) * PACKETS_ACROSS) * LANES + (column & ((1 << x) - 1)) +
+               ((row & ((1 << y) - 1)) << x);
+    }
+    enum { LANE_SHIFT = 4, PACKETS_ACROSS = 4, WORDS = 10 };
+};
+static_assert(LANES == 1 << RayFit::LANE_SHIFT && sizeof(RayFit) == RayFit::WORDS * sizeof(float),
+              "Python writes the words of one");
+
 struct RayTree {
     enum { BOUND_ROWS = 4, GROUP_PACKETS = LANES * LANES };  // of children: least u and v, greatest u and v
 
@@ -25,11 +47,24 @@ struct RayTree {
     const float* packet_bounds;  // [tile][BOUND_ROWS][packet]
     const float *u, *v;  // [packet][lane]
     const float *rest_u, *rest_v;  // what rounding took from u and v
+    const float *row_u, *row_v;  // [tile][row][column], of tiles that have a fit
     const float* scale;  // a ray's depth where z is 1; null if that is 1
     const int* place;  // of the pixel in the image; -1 for lanes without a ray
     const int* run;  // [packet]: as many lanes' pixels as this are side by side
     const int* corner;  // [tile]: first pixel where a tile is one of the image, packets being its blocks; else -1
+    const RayFit* fit;  // [tile]
     float most_inv_z;  // in terms of depth: nearer than that, nothing is there
+
+    // Four by four rays of rows so long.
+    static inline Floats window(const float* first, int width) {
+        typedef float Four __attribute__((ext_vector_type(4)));
+        typedef float Eight __attribute__((ext_vector_type(8)));
+        Four row[4];
+        for (int y = 0; y < 4; ++y) __builtin_memcpy(&row[y], first + y * width, sizeof row[y]);
+        const Eight low = __builtin_shufflevector(row[0], row[1], 0, 1, 2, 3, 4, 5, 6, 7);
+        const Eight high = __builtin_shufflevector(row[2], row[3], 0, 1, 2, 3, 4, 5, 6, 7);
+        return __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    }
 
     // Which of as many bounds overlap a rectangle; of a child that is not there, they are the wrong way round.
     static inline Ints overlap(const float* bounds, const RayBox& box) {

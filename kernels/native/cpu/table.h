@@ -62,7 +62,9 @@ struct TableJob {
         part.packet_bounds += (long long)tile * rows;
         part.u += ray, part.v += ray, part.rest_u += ray, part.rest_v += ray, part.place += ray;
         part.run += (long long)tile * LANES;
+        part.row_u += ray, part.row_v += ray;
         part.corner += tile;
+        part.fit += tile;
         if (part.scale) part.scale += ray;
         return part;
     }
@@ -106,16 +108,31 @@ struct TableWriter {
     long long first;  // pixel of the view
 
     inline void tiles(int groups) {
+        const bool depth_alone = writer.mode == MODE_DEPTH && writer.out.depth && !writer.out.points;
         for (int group = 0; group < groups; ++group) {
             const float* bounds = tree.bounds_of_tiles(group);
             for (int tile = 0; tile < LANES; ++tile) {
                 const int index = group * LANES + tile;
-                if (tree.corner[index] >= 0)
+                if (tree.corner[index] >= 0 && depth_alone)
+                    depth_blocks(index);
+                else if (tree.corner[index] >= 0)
                     blocks(index);
                 else if (bounds[tile] <= bounds[2 * LANES + tile])
                     packets(index);
             }
         }
+    }
+
+    // Which depths there are to see.
+    struct InRange {
+        Floats depth;
+        Ints seen;
+    };
+    static inline InRange in_range(Floats inv_z, Floats depth, float near, float far) {
+        const Floats infinity = Lanes::all(__builtin_inff());
+        const Ints far_enough = depth >= Lanes::all(near);
+        const Ints seen = far_enough & (depth <= Lanes::all(far)) & (inv_z > Lanes::all(0.0f));
+        return InRange{seen ? depth : (far_enough ? infinity : -infinity), seen};
     }
 
     // What rays of a packet see.
@@ -128,10 +145,9 @@ struct TableWriter {
         const Images& out = writer.out;
         const Floats inv_z = Lanes::load(writer.image.inv_z + packet * LANES), z = 1.0f / inv_z;
         const Floats depth = tree.scale ? z * Lanes::load(tree.scale + packet * LANES) : z;
-        const Floats infinity = Lanes::all(__builtin_inff());
-        const Ints far_enough = depth >= Lanes::all(table.near);
-        const Ints seen = far_enough & (depth <= Lanes::all(table.far)) & (inv_z > Lanes::all(0.0f));
-        row.depth = seen ? depth : (far_enough ? infinity : -infinity);
+        const InRange range = in_range(inv_z, depth, table.near, table.far);
+        const Ints seen = range.seen;
+        row.depth = range.depth;
         if (out.points) row.point = points(packet, seen ? z : Lanes::all(__builtin_nanf("")));
         if (writer.mode == MODE_DEPTH) return;
         const Ints id = Lanes::load(writer.image.id + packet * LANES);
@@ -154,6 +170,24 @@ struct TableWriter {
                                                        RayDrawing::exact_v(tree, packet), round);
         const Points n = writer.triangle_normals(id, Lanes::bits(seen & ~solid));
         return Points{solid ? round.x : n.x, solid ? round.y : n.y, solid ? round.z : n.z};
+    }
+
+    // A tile of the image of which depth is all that is asked for.
+    inline void depth_blocks(int tile) const {
+        float* to = writer.out.depth + (first + tree.corner[tile]);
+        const float near = table.near, far = table.far;
+        const float* from = writer.image.inv_z + tile * (LANES * LANES);
+        const float* scale = tree.scale ? tree.scale + tile * (LANES * LANES) : nullptr;
+        const int width = table.width;
+        for (int y = 0; y < BLOCKS_ACROSS; ++y) {
+            Floats inv_z[BLOCK_SIDE], factor[BLOCK_SIDE];
+            Blocks::transpose(from + y * (BLOCKS_ACROSS * LANES), inv_z);
+            if (scale) Blocks::transpose(scale + y * (BLOCKS_ACROSS * LANES), factor);
+            for (int r = 0; r < BLOCK_SIDE; ++r, to += width) {
+                const Floats z = 1.0f / inv_z[r];
+                Write::stream(to, in_range(inv_z[r], scale ? z * factor[r] : z, near, far).depth);
+            }
+        }
     }
 
     // A tile of the image, four rows of pixels at a time, whole cache lines of them past the caches.
@@ -269,7 +303,7 @@ struct TableWriter {
 struct TablePackets {
     static inline void unit(const Scene& scene, const TableJob& table, const Images& out, const TableMemory& memory,
                             int unit, Mode mode) {
-        const int index = unit / table.bundles, bundle = unit % table.bundles;
+        const int index = unit % table.views, bundle = unit / table.views;
         const Job job = table.job_of(bundle);
         const RayTree tree = table.tree_of(bundle);
         const Image image = memory.image_of(job, tree);

@@ -92,7 +92,8 @@ class BentLens(RadialLens):
         wanted = given[:, shown]
         found = self._newton(wanted, self._undistorted(wanted))
         failed = np.flatnonzero(~self._solves(found, wanted))
-        found[:, failed] = self._follow(wanted[:, failed])
+        if len(failed):
+            found[:, failed] = self._follow(wanted[:, failed])
         x, y = np.full_like(given, np.nan)
         x[shown], y[shown] = found
         radius = np.hypot(x, y)
@@ -139,6 +140,8 @@ class BentLens(RadialLens):
             at = self._newton(goal, at)
             solved = self._solves(at, goal)
             at, active = at[:, solved], active[solved]
+            if not len(active):
+                break
         found[:, active] = at
         return found
 

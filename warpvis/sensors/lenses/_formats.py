@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -142,7 +143,8 @@ def _numbers(values: Any, name: str) -> tuple[float, ...]:
         return ()
     items = np.ravel(values).tolist() if hasattr(values, "__array__") else as_items(values, name, CameraError)
     flat = [number for item in items for number in (item if isinstance(item, list | tuple) else [item])]
-    wrong = [number for number in flat if not is_number(number) or not np.isfinite(number)]
+    # Compared, since whole numbers of a file may be longer than any float.
+    wrong = [number for number in flat if not is_number(number) or not abs(number) <= sys.float_info.max]
     if wrong:
         raise CameraError(f"{name} must be finite numbers, got {shortened(repr(wrong[0]))}")
     return tuple(float(number) for number in flat)

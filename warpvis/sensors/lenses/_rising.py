@@ -76,7 +76,7 @@ class Rising:
             a, b = np.where(error <= 0, at, a), np.where(error >= 0, at, b)
             step = np.where((step >= a) & (step <= b), step, (a + b) / 2)
             place[active], low[active], high[active] = step, a, b
-            moved = np.abs(step - at) > 4e-16 * np.abs(step)
+            moved = np.abs(step - at) > 4e-15 * np.abs(step)
             active = active[moved]
             if not len(active):
                 break

@@ -6,12 +6,13 @@ from __future__ import annotations
 
 import math
 import os
+import sys
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import as_path, is_number
+from warpvis.core.checks import as_path, is_number, shortened
 from warpvis.core.yaml_files import load_yaml
 from warpvis.errors import FileFormatError
 from warpvis.sensors._rays import Rays
@@ -174,6 +175,7 @@ def _read_lasers(calibration: str | os.PathLike[str] | None, count: int) -> _Las
 def _number(row: dict[str, object], name: str, path: object) -> float:
     """Return a number of a laser; offsets are 0 where they are not said."""
     value = row.get(name, 0.0 if name in _OFFSETS else None)
-    if not is_number(value) or not math.isfinite(value):
-        raise FileFormatError(f"{path}: {name} of a laser must be a finite number, got {value!r}")
+    # Compared, since whole numbers of a file may be longer than any float.
+    if not is_number(value) or not abs(value) <= sys.float_info.max:
+        raise FileFormatError(f"{path}: {name} of a laser must be a finite number, got {shortened(repr(value))}")
     return float(value)

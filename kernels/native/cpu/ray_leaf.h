@@ -1,0 +1,171 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What is known of a leaf's triangles before they meet the rays of a tile, or of its packets.
+
+// A leaf's triangles, and the rectangles they are in.
+struct RayLeaf {
+    const Triangles& triangles;
+    RayBox box;  // of all that are shown
+    float nearest;  // of them all
+    float bounds[RayTree::BOUND_ROWS][LANES];  // of each: least u and v, greatest u and v
+    float least_size;  // of them all, the shortest that is the longer side of one's rectangle
+    unsigned inexact;  // lanes where single precision is not enough for inv_z
+    unsigned known;  // lanes whose planes are here
+    ExactPlane planes[LANES];
+
+    explicit inline RayLeaf(const Triangles& of) : triangles(of) {}
+
+    inline void set(const Image& image, const Visit& visit, unsigned rounded) {
+        const Triangles& t = triangles;
+        box = RayBox::of_pixels(image, visit.x0, visit.y0, visit.x1, visit.y1);
+        nearest = visit.nearest_inv_z;
+        Lanes::store(bounds[0], __builtin_convertvector(t.x0, Floats) - image.center_x);
+        Lanes::store(bounds[1], __builtin_convertvector(t.y0, Floats) - image.center_y);
+        Lanes::store(bounds[2], __builtin_convertvector(t.x1 + 1, Floats) - image.center_x);
+        Lanes::store(bounds[3], __builtin_convertvector(t.y1 + 1, Floats) - image.center_y);
+        const Ints size = t.shown ? (t.x1 - t.x0 > t.y1 - t.y0 ? t.x1 - t.x0 : t.y1 - t.y0) : Lanes::all_ints(1 << 24);
+        least_size = (float)(__builtin_reduce_min(size) + 1);
+        inexact = rounded;
+        known = 0;
+    }
+    inline RayBox box_of(int k) const { return RayTree::box_of(bounds[0], k); }
+
+    // Triangles that may be seen in a rectangle: an edge's value is greatest at one of its corners.
+    inline unsigned touching(const RayBox& box, float min_inv_z) const {
+        const Triangles& t = triangles;
+        Ints some = t.shown & RayTree::overlap(bounds[0], box) & (t.max_inv_z >= Lanes::all(min_inv_z));
+        const Floats none = Lanes::all(0.0f);
+        for (const Linear& edge : t.edge) {
+            const Floats u = edge.u >= none ? Lanes::all(box.u1) : Lanes::all(box.u0);
+            const Floats v = edge.v >= none ? Lanes::all(box.v1) : Lanes::all(box.v0);
+            some &= edge.at(u, edge.row(v)) >= -t.doubt;
+        }
+        return Lanes::bits(some);
+    }
+
+    inline const ExactPlane& plane(const Camera& camera, int k) {
+        if (!((known >> k) & 1)) {
+            planes[k] = ExactPlane::of(camera, triangles.corners, k);
+            known |= 1u << k;
+        }
+        return planes[k];
+    }
+};
+
+// The least part of what a plane changes across the image that inv_z may be where single precision is enough: rounding
+// of rays' places, by up to 3e-8 of the image, is then less than 1e-6 of it.
+constexpr float STEEPEST_PACKET = 0.03f;
+
+// A plane where a packet is: its double precision is in the value at the packet's middle.
+struct PacketPlane {
+    float base, u, v, middle_u, middle_v;
+    bool steep;
+
+    static inline PacketPlane of(const Camera& camera, const RayTree& tree, const ExactPlane& plane, int packet) {
+        const RayBox box = RayTree::box_of(tree.bounds_of_packets(packet / LANES), packet % LANES);
+        PacketPlane near;
+        near.u = (float)plane.u, near.v = (float)plane.v;
+        near.middle_u = 0.5f * (box.u0 + box.u1), near.middle_v = 0.5f * (box.v0 + box.v1);
+        near.base = (float)(plane.u * near.middle_u + (plane.v * near.middle_v + plane.one));
+        const float slope_u = __builtin_fabsf(near.u), slope_v = __builtin_fabsf(near.v);
+        const float reach = slope_u * (box.u1 - near.middle_u) + slope_v * (box.v1 - near.middle_v);
+        near.steep = !(near.base - reach >= STEEPEST_PACKET * camera.extent * (slope_u + slope_v));
+        return near;
+    }
+    inline Floats at(Floats at_u, Floats at_v) const { return u * (at_u - middle_u) + (v * (at_v - middle_v) + base); }
+    inline float at(float at_u, float at_v) const { return u * (at_u - middle_u) + (v * (at_v - middle_v) + base); }
+};
+
+// The same of all packets of a tile.
+struct PacketPlanes {
+    float u, v, base[LANES], middle_u[LANES], middle_v[LANES];
+    unsigned steep;
+    Floats nearest;  // no packet's ray sees it nearer
+
+    inline void set(const Camera& camera, const ExactPlane& plane, const float* bounds) {
+        const Floats u0 = Lanes::load(bounds), v0 = Lanes::load(bounds + LANES), u1 = Lanes::load(bounds + 2 * LANES),
+                     v1 = Lanes::load(bounds + 3 * LANES);
+        u = (float)plane.u, v = (float)plane.v;
+        const Floats at_u = 0.5f * (u0 + u1), at_v = 0.5f * (v0 + v1);
+        const Doubles exact = plane.u * __builtin_convertvector(at_u, Doubles) +
+                              (plane.v * __builtin_convertvector(at_v, Doubles) + plane.one);
+        const Floats at = __builtin_convertvector(exact, Floats);
+        const float slope_u = __builtin_fabsf(u), slope_v = __builtin_fabsf(v);
+        const Floats reach = slope_u * (u1 - at_u) + slope_v * (v1 - at_v);
+        steep = ~Lanes::bits(at - reach >= Lanes::all(STEEPEST_PACKET * camera.extent * (slope_u + slope_v)));
+        nearest = (at + reach) + 1e-5f * (Lanes::abs(at) + reach);
+        Lanes::store(base, at);
+        Lanes::store(middle_u, at_u);
+        Lanes::store(middle_v, at_v);
+    }
+    inline PacketPlane of(int child) const {
+        return PacketPlane{base[child], u, v, middle_u[child], middle_v[child], ((steep >> child) & 1) != 0};
+    }
+};
+
+// Of a tile's packets, those that a triangle touches, and those that it covers: bits.
+struct TouchedPackets {
+    unsigned touched, covered;
+    Floats nearest;  // no ray sees it nearer, if single precision is enough for its plane
+
+    static inline TouchedPackets of(const Triangles& t, int k, const float* bounds) {
+        Ints touched = Lanes::all_ints(-1), covered = touched;
+        const Floats u0 = Lanes::load(bounds), v0 = Lanes::load(bounds + LANES), u1 = Lanes::load(bounds + 2 * LANES),
+                     v1 = Lanes::load(bounds + 3 * LANES);
+        const float doubt = t.doubt[k];
+        for (const Linear& of : t.edge) {
+            const Linear edge = Linear::of_lane(of, k);
+            const bool right = edge.u[0] >= 0.0f, down = edge.v[0] >= 0.0f;
+            touched &= edge.at(right ? u1 : u0, edge.row(down ? v1 : v0)) >= Lanes::all(-doubt);
+            covered &= edge.at(right ? u0 : u1, edge.row(down ? v0 : v1)) > Lanes::all(doubt);
+        }
+        const Linear plane = Linear::of_lane(t.inv_z, k);
+        const Floats nearest = plane.at(plane.u[0] >= 0.0f ? u1 : u0, plane.row(plane.v[0] >= 0.0f ? v1 : v0));
+        return TouchedPackets{Lanes::bits(touched), Lanes::bits(covered), 1.00001f * nearest};
+    }
+};
+
+// Which columns and rows of a tile a leaf's triangles may touch.
+struct RayColumns {
+    // Triangles of at most this many columns and rows touch no rays but those of one window of a tile.
+    enum { SMALL_SIDE = 4 };
+
+    int first_ray;  // of the tile
+    const RayFit& fit;
+    Ints first_column, last_column, first_row, last_row;
+    unsigned small, larger;  // lanes that may touch any rays: few, and others
+
+    inline RayColumns(const Image& image, const RayLeaf& leaf, int tile)
+        : first_ray(tile * (LANES * LANES)), fit(image.tree->fit[tile]) {
+        const Floats u0 = Lanes::load(leaf.bounds[0]), v0 = Lanes::load(leaf.bounds[1]),
+                     u1 = Lanes::load(leaf.bounds[2]), v1 = Lanes::load(leaf.bounds[3]);
+        const Floats u = 0.5f * (u0 + u1) - fit.u, v = 0.5f * (v0 + v1) - fit.v;
+        const Floats half_u = 0.5f * (u1 - u0), half_v = 0.5f * (v1 - v0);
+        Ints some = leaf.triangles.shown & (leaf.triangles.max_inv_z >= Lanes::all(image.tile_min[tile]));
+        some &= range(u * fit.column_u + v * fit.column_v,
+                      half_u * __builtin_fabsf(fit.column_u) + half_v * __builtin_fabsf(fit.column_v) + fit.off_column,
+                      fit.last_column(), first_column, last_column);
+        some &= range(u * fit.row_u + v * fit.row_v,
+                      half_u * __builtin_fabsf(fit.row_u) + half_v * __builtin_fabsf(fit.row_v) + fit.off_row,
+                      fit.last_row(), first_row, last_row);
+        const Ints side = Lanes::all_ints(SMALL_SIDE);
+        const Ints few = some & (last_column - first_column < side) & (last_row - first_row < side);
+        small = Lanes::bits(few);
+        larger = Lanes::bits(some & ~few);
+    }
+    static inline Ints range(Floats middle, Floats half, int most, Ints& first, Ints& last) {
+        const Floats none = Lanes::all(0.0f), from = Lanes::max(__builtin_elementwise_ceil(middle - half), none);
+        const Floats to = Lanes::min(__builtin_elementwise_floor(middle + half), Lanes::all((float)most));
+        const Ints some = from <= to;
+        first = __builtin_convertvector(some ? from : none, Ints);
+        last = __builtin_convertvector(some ? to : none, Ints);
+        return some;
+    }
+    // Where windows begin: they end in the tile.
+    static inline void begin(Ints first, int last, int* to) {
+        const Ints most = Lanes::all_ints(last - (SMALL_SIDE - 1));
+        Lanes::store(to, first < most ? first : most);
+    }
+};
+static_assert(RayColumns::SMALL_SIDE * RayColumns::SMALL_SIDE == LANES, "a register holds a window");
