@@ -84,5 +84,6 @@ TERRAINS: tuple[ScenePreset, ...] = (
     _preset("terrain_200k", "200 k", 317),
     _preset("terrain_2m", "2 M", 1001),
     _preset("terrain_10m", "10 M", 2237),
+    _preset("terrain_50m", "50 M", 5001),
 )
-"""The same hills in ever finer steps: 3.2, 1 and 0.45 m."""
+"""The same hills in ever finer steps: 3.2, 1, 0.45 and 0.2 m."""

@@ -10,7 +10,7 @@ from pose_samples import unit
 
 import warpvis as wv
 from warpvis.core.poses import poses_to_matrices
-from warpvis.scene.worlds import parse_worlds
+from warpvis.scene.worlds import _check_device_poses, parse_worlds
 
 from compare import assert_matches_reference, wrong_depth
 
@@ -373,3 +373,13 @@ def test_an_array_without_an_axis_excludes_nothing_in_a_sentence():
     scene = build("cpu", random_poses(np.random.default_rng(0), len(MESHES)), movable=False)
     with pytest.raises(wv.WarpvisError, match="exclude must be"):
         wv.render(scene, SMALL, STILL, exclude=np.array("floor"))
+
+
+@pytest.mark.parametrize("worlds", [1, 2])
+def test_rows_of_a_device_are_of_one_world_or_of_several(worlds):
+    """Floats on a GPU are taken as rows, as those of the host are: `(M, 7)` of one world was refused there."""
+    rows = random_poses(np.random.default_rng(0), worlds, 5)
+    given = wp.array(rows if worlds > 1 else rows[0], dtype=wp.float32, device="cpu")
+    found = _check_device_poses(given, 5, wp.get_device("cpu"))
+    assert found.dtype == wp.transform
+    np.testing.assert_array_equal(found.numpy(), rows)

@@ -4,12 +4,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from threading import Lock
 from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
 
+from warpvis.core.ray_camera import Kept
 from warpvis.errors import SceneError
 from warpvis.scene._drawn import draw_plan
 from warpvis.scene._object import SceneObject
@@ -29,6 +31,8 @@ class SceneTrees:
         self._objects = ObjectList()
         self._movable: list[int] = []
         self._kept_trees: KeptTrees | None = None
+        # What was prepared for those who render it last, by what it is of.
+        self.kept_rays: dict[Hashable, Kept] = {}
         self._lock = Lock()
         self._tuple: tuple[SceneObject, ...] | None = None
         self._columns: tuple[int, ...] | None = None

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from warpvis.core.arrays import as_numpy, as_warp, on_gpu, share, surely_finite
 from warpvis.core.checks import counted
 from warpvis.core.kernel_cache import launch
+from warpvis.core.motion import Motion, instants_of, stacked
 from warpvis.core.poses import not_unit, wrong_length
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, ObjectScales, PoseLike
 from warpvis.errors import ArrayError, PoseError
@@ -86,6 +87,20 @@ def _still_world() -> Worlds:
     from warpvis.kernels.worlds import Worlds
 
     return Worlds()
+
+
+def parse_moving_poses(scene: Scene, motion: Motion) -> wp.array:
+    """Return where movable objects are at each instant of a motion, shape ``(T, W, M)`` transform.
+
+    Raises:
+        PoseError: The poses are not of the scene's movable objects.
+    """
+    parts = instants_of(motion)
+    if isinstance(parts, np.ndarray):
+        instants = len(parts)
+        poses = _parse_object_poses(scene, parts.reshape(-1, *parts.shape[-2:]))
+        return poses.reshape((instants, poses.shape[0] // instants, poses.shape[1]))
+    return stacked([_parse_object_poses(scene, part) for part in parts])
 
 
 def part_of(worlds: Worlds, views: slice) -> Worlds:
@@ -196,8 +211,9 @@ def _checked_rows(rows: np.ndarray, scene: Scene) -> NDArray[np.float32]:
 def _check_device_poses(poses: PoseLike, count: int, device: wp.Device) -> wp.array:
     if not isinstance(poses, wp.array):
         poses = wp.from_dlpack(poses)
-    if wp.types.types_equal(poses.dtype, wp.float32) and poses.ndim == 3 and poses.shape[2] == 7:
-        poses = poses.contiguous().view(wp.transform).reshape(poses.shape[:2])
+    if wp.types.types_equal(poses.dtype, wp.float32) and poses.ndim in (2, 3) and poses.shape[-1] == 7:
+        worlds = poses.shape[0] if poses.ndim == 3 else 1
+        poses = poses.contiguous().view(wp.transform).reshape((worlds, poses.shape[-2]))
     try:
         return as_warp(poses, wp.transform, ("W", count), name="object_poses", device=device)
     except ArrayError as error:
