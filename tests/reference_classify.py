@@ -1,0 +1,91 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Twins of what is made of depth images: points and labels."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from reference_voxels import shown_depth
+
+from warpvis import Camera, Label
+from warpvis.core.poses import poses_to_matrices
+from warpvis.maps import Sphere
+from warpvis.sensors import LensCamera
+
+
+def pixel_rays(camera: Camera) -> NDArray[np.float64]:
+    """Camera-frame rays of all pixels with z = 1, shape (H, W, 3); of a lens, of depth 1, or NaN."""
+    if isinstance(camera, LensCamera):
+        rays = camera.lens.unproject(np.stack(np.mgrid[: camera.height, : camera.width][::-1], axis=-1) + 0.5)
+        return rays / rays[..., 2:] if camera.kind == "z" else rays
+    y, x = np.mgrid[: camera.height, : camera.width] + 0.5
+    return np.stack([(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, np.ones_like(x)], axis=-1)
+
+
+def back_project(camera: Camera, pose: NDArray, depth: NDArray) -> NDArray[np.float64]:
+    return _points(camera, pose, shown_depth(camera, depth))
+
+
+def back_project_rays(camera: LensCamera, pose: NDArray, depth: NDArray) -> NDArray[np.float64]:
+    return back_project(camera, pose, depth)
+
+
+def _points(camera: Camera, pose: NDArray, depth: NDArray) -> NDArray[np.float64]:
+    """The same of finite depths, whatever the camera's range."""
+    matrix = poses_to_matrices(np.asarray(pose, dtype=np.float32))
+    with np.errstate(invalid="ignore"):
+        local = pixel_rays(camera) * np.asarray(depth, dtype=np.float64)[..., None]
+        points = local @ matrix[:3, :3].T + matrix[:3, 3]
+    return np.where(np.isfinite(depth)[..., None], points, np.nan)
+
+
+def fill_depth(depth: NDArray, empty: float, too_near: float) -> NDArray:
+    return np.where(np.isposinf(depth), empty, np.where(np.isneginf(depth), too_near, depth))
+
+
+def _has_depth(depth: NDArray, max_range: float, near: float = 0.0) -> NDArray[np.bool_]:
+    with np.errstate(invalid="ignore"):
+        return np.isfinite(depth) & (depth > 0) & (depth >= np.float32(near)) & (depth <= max_range)
+
+
+def classify_depth(
+    camera: Camera,
+    pose: NDArray,
+    depth: NDArray,
+    spheres: tuple[Sphere, ...] = (),
+    *,
+    sigma: float = 0.01,
+    ground_height: float = 0.0,
+    up: int = 2,
+    max_range: float | None = None,
+) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.float64]]:
+    """Labels, spheres, and how far each pixel is from changing its label [m]."""
+    valid = _has_depth(depth, camera.far if max_range is None else max_range, camera.near)
+    points = _points(camera, pose, np.where(valid, depth, np.nan))
+    height = points[..., up] - ground_height
+    margin = np.abs(height - sigma)
+    ratio = np.full((len(spheres) + 1, *depth.shape), np.inf)
+    ratio[-1] = 1.0  # the outside
+    for i, sphere in enumerate(spheres):
+        distance = np.linalg.norm(points - np.array(sphere.center), axis=-1)
+        ratio[i] = distance / (sphere.diameter / 2)
+        margin = np.minimum(margin, np.abs(distance - sphere.diameter / 2))
+    sphere = np.argmin(np.where(np.isnan(ratio), np.inf, ratio), axis=0)
+    sphere = np.where(sphere == len(spheres), -1, sphere)
+    with np.errstate(invalid="ignore"):
+        ground = height < sigma
+    sphere = np.where(valid & ~ground, sphere, -1)
+    label_of = np.array([*(item.label for item in spheres), Label.OBSTACLE])
+    labels = np.where(ground, Label.GROUND, label_of[sphere])
+    return np.where(valid, labels, Label.EMPTY).astype(np.uint8), sphere, np.where(valid, margin, np.inf)
+
+
+def classify_rays(camera: LensCamera, pose: NDArray, depth: NDArray, *spheres, **options):
+    """The same where pixels without a ray have no point."""
+    return classify_depth(camera, pose, np.where(camera.mask, np.nan, depth), *spheres, **options)
+
+
+def label_objects(object_label: NDArray, depth: NDArray, objects: NDArray, max_range: float) -> NDArray[np.uint8]:
+    known = (objects >= 0) & (objects < len(object_label)) & _has_depth(depth, max_range)
+    return np.where(known, object_label[np.where(known, objects, 0)], Label.EMPTY).astype(np.uint8)

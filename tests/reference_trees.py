@@ -1,0 +1,90 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Twins of what makes trees over triangles on the host, and refits them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def load_items(vertices: NDArray, faces: NDArray) -> NDArray[np.float64]:
+    """Boxes of the triangles: rows min x y z, max x y z."""
+    corners = np.asarray(vertices, dtype=np.float64)[faces]
+    return np.concatenate([corners.min(axis=1), corners.max(axis=1)], axis=1)
+
+
+def box_area(boxes: NDArray) -> float:
+    """Half the surface area of the box around boxes, rows as `load_items` makes them."""
+    x, y, z = boxes[:, 3:].max(axis=0) - boxes[:, :3].min(axis=0)
+    return x * y + y * z + z * x
+
+
+def split_cost(left: NDArray, right: NDArray, lanes: int) -> float:
+    """Cost of two children by the surface area heuristic, each with leaves of `lanes` boxes."""
+    return sum(box_area(boxes) * -(-len(boxes) // lanes) for boxes in (left, right))
+
+
+def split_range(boxes: NDArray, lanes: int) -> float:
+    """Least cost of any split of boxes in the order of their centres along an axis."""
+    centres = boxes[:, :3] + boxes[:, 3:]
+    orders = [np.argsort(centres[:, axis], kind="stable") for axis in range(3)]
+    return min(split_cost(boxes[o[:i]], boxes[o[i:]], lanes) for o in orders for i in range(1, len(boxes)))
+
+
+def collapse_tree(splits: dict[int, tuple], root: int, lanes: int) -> float:
+    """Least area of all nodes but the root, over all trees of nodes with at most `lanes` children.
+
+    `splits` holds the binary tree: ``(left, right, left area, right area)``, where 0 stands for a leaf.
+    """
+    memory: dict[tuple[int, int], float] = {}
+
+    def as_parts(split: int, most: int) -> float:
+        left, right, *areas = splits[split]
+        return min(subtree(left, areas[0], k) + subtree(right, areas[1], most - k) for k in range(1, most))
+
+    def subtree(split: int, area: float, most: int) -> float:
+        if split == 0:
+            return 0.0
+        if (split, most) not in memory:
+            as_node = area + as_parts(split, lanes)
+            memory[split, most] = as_node if most == 1 else min(as_node, as_parts(split, most))
+        return memory[split, most]
+
+    return as_parts(root, lanes) if root else 0.0
+
+
+def fill_leaves(vertices: NDArray, faces: NDArray, triangles: NDArray) -> NDArray[np.float32]:
+    """Rows ax ay az bx by bz cx cy cz of the leaves, shape (L, 9, lanes); `triangles` has shape (L, lanes)."""
+    used = np.where(triangles >= 0, triangles, triangles[:, :1])
+    corners = vertices[faces[used]]
+    corners[triangles < 0] = corners[triangles < 0][:, :1]
+    return corners.reshape(*triangles.shape, 9).swapaxes(1, 2)
+
+
+def fit_nodes(vertices: NDArray, faces: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What bounds must hold: the triangles' corners, shape (n, 3, 3), and unit normals, NaN where there is no area."""
+    corners = np.asarray(vertices, dtype=np.float64)[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1)
+    return corners, normals / np.where(lengths > 0, lengths, np.nan)[:, None]
+
+
+def refit_leaves(vertices: NDArray, leaf_vertices: NDArray) -> tuple[NDArray, NDArray]:
+    """Rows of the leaves, shape (L, 9, lanes), and their boxes, shape (L, 6); `leaf_vertices` is (L, 3, lanes)."""
+    corners = vertices[leaf_vertices]
+    boxes = np.concatenate([corners.min(axis=(1, 2)), corners.max(axis=(1, 2))], axis=1)
+    return corners.swapaxes(2, 3).reshape(len(leaf_vertices), 9, -1), boxes
+
+
+def refit_nodes(boxes: NDArray, children: NDArray) -> tuple[NDArray, NDArray]:
+    """Boxes of the children, shape (N, 6, lanes), and of the root, by the leaves' boxes; `children` is (N, lanes)."""
+    rows = np.empty((len(children), 6, children.shape[1]), dtype=boxes.dtype)
+    rows[:, :3], rows[:, 3:] = 3e38, -3e38
+    box = np.empty((len(children), 6), dtype=boxes.dtype)
+    for node in reversed(range(len(children))):
+        for lane in np.flatnonzero(children[node]):
+            child = children[node, lane]
+            rows[node, :, lane] = box[child] if child > 0 else boxes[~child]
+        box[node] = [*rows[node, :3].min(axis=1), *rows[node, 3:].max(axis=1)]
+    return rows, box[0]
