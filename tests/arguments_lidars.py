@@ -3,7 +3,7 @@
 """Valid arguments of what lidars need, of `sensors` and `io`, by name: ``name: (function, arguments)``."""
 
 import numpy as np
-from arguments_shared import MESSAGE, POSE, scene
+from arguments_shared import CAMERA, MESSAGE, MOVED, POSE, scene
 
 import warpvis as wv
 from warpvis.sensors import lidars
@@ -17,10 +17,48 @@ def lidar_cases(folder):
     scanned = wv.render(seen, laser, POSE, outputs=("depth", "normals", "segmentation"))
     cloud = wv.sensors.point_clouds(scanned, laser)[0]
     met = wv.sensors.measure_incidence(scanned, laser, POSE)
+    moves = wv.sensors.Motion([POSE, POSE], [0.0, 0.1])
+    shutter = wv.sensors.RollingShutter(CAMERA, 0.03)
     return {
         "Livox.frame": (
             lidars.livox("mid360", folder / "mid360.npy").frame,
             {"index": 0, "rate": 10.0, "samples": 2, "near": 0.1, "far": 9.0},
+        ),
+        "Motion": (
+            wv.sensors.Motion,
+            {"poses": [POSE, POSE], "times": [0.0, 0.1], "starts": [0.0], "quaternion": "xyzw"},
+        ),
+        "Motion.at": (moves.at, {"times": 0.05}),
+        "Motion.from_twist": (
+            wv.sensors.Motion.from_twist,
+            {"poses": POSE, "linear": (1, 0, 0), "angular": (0, 0, 1), "starts": [0.0], "quaternion": "xyzw"},
+        ),
+        "Motion.per_ray": (wv.sensors.Motion.per_ray, {"poses": [POSE], "quaternion": "xyzw"}),
+        "Motion of render": (
+            wv.render,
+            {
+                "scene": seen,
+                "camera": shutter,
+                "camera_to_world": moves,
+                "object_poses": wv.sensors.Motion([MOVED, MOVED], [0.0, 0.1]),
+                "convention": None,
+                "quaternion": "xyzw",
+                "world_index": [0],
+                "exclude": ["floor"],
+            },
+        ),
+        "RollingShutter": (
+            wv.sensors.RollingShutter,
+            {"camera": CAMERA, "readout": 0.03, "direction": "left_to_right"},
+        ),
+        "RollingShutter.rays_at": (shutter.rays_at, {"pixels": [[1.0, 1.0]]}),
+        "deskew": (
+            wv.sensors.deskew,
+            {"points": np.zeros((2, 3)), "motion": moves, "times": [0.0, 0.1], "at": 0.05},
+        ),
+        "deskew of clouds": (
+            wv.sensors.deskew,
+            {"points": [cloud], "motion": moves, "times": None, "at": 0.05},
         ),
         "bpearl": (lidars.bpearl, {"increment": 0.5, "rate": 10.0, "near": 0.1, "far": 9.0}),
         "even": (

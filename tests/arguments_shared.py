@@ -14,6 +14,7 @@ CAMERA = wv.Camera.from_fov(8, 6, hfov=1.0)
 DEPTH = np.ones((1, 6, 8), dtype=np.float32)
 WORLD = """#VRML_SIM R2023b utf8
 RangeFinder { translation -2 0 0 width 8 height 6 }
+Lidar { translation -2 0 0 numberOfLayers 1 horizontalResolution 8 }
 Robot { name "robot" children [
   Camera { name "camera" width 8 height 6 recognition Recognition { segmentation TRUE } } ] }
 Solid { name "box" recognitionColors [ 1 0 0 ] children [ Shape { geometry Box { } } ] }

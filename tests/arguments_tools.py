@@ -217,6 +217,11 @@ def tools_cases(folder):
             {"cx": 4, "cy": 3, "coefficients": (0.1,), "maps": "radius_to_angle", "most_angle": 2.0},
         ),
         "LensCamera of panoramas": (wv.sensors.lenses.Equirectangular, {"width": 8, "height": 6}),
+        "WideCamera": (
+            wv.rendering.WideCamera,
+            {"width": 8, "height": 6, "hfov": 3.0, "projection": "spherical", "near": 0.1, "far": 9.0},
+        ),
+        "WideCamera.rays_at": (wv.rendering.WideCamera(8, 6, 3.0).rays_at, {"pixels": [[1, 1]]}),
         "render_wide": (
             wv.rendering.render_wide,
             {
@@ -365,7 +370,9 @@ def tools_cases(folder):
             wv.webots.distort_pixels,
             {"width": 8, "height": 6, "center": (0.5, 0.5), "radial": (0, 0), "tangential": (0, 0)},
         ),
+        "Lidar.points": (wv.webots.find_lidar(world, "lidar").points, {"ranges": [[1.0] * 8]}),
         "find_device": (wv.webots.find_device, {"world": world, "name": "range-finder"}),
+        "find_lidar": (wv.webots.find_lidar, {"world": world, "name": "lidar"}),
         "load_webots": (
             wv.webots.load_webots,
             {
@@ -391,6 +398,17 @@ def tools_cases(folder):
             },
         ),
         "recognise": (wv.webots.recognise, {"world": world, "camera_name": "camera", "threads": 1}),
+        "render_lidar": (
+            wv.webots.render_lidar,
+            {
+                "world": world,
+                "lidar_name": "lidar",
+                "webots_version": "header",
+                "exclude_body": False,
+                "seed": 0,
+                "threads": 1,
+            },
+        ),
         "render_range": (
             wv.webots.render_range,
             {

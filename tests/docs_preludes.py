@@ -158,7 +158,10 @@ def _mujoco(folder):
 def _webots(folder):
     shutil.copy(ROOT / "scenes" / "webots" / "experiment_3_R2023b.wbt", folder / "lab.wbt")
     (folder / "webots" / "projects").mkdir(parents=True)
-    return {}
+    lidar = "Robot { children [ Lidar { numberOfLayers 2 horizontalResolution 64 maxRange 9 } ] }"
+    wall = "Solid { translation 2 0 0 children [ Shape { geometry Box { size 0.1 9 9 } } ] }"
+    (folder / "scanned.wbt").write_text(f"#VRML_SIM R2023b utf8\n{lidar} {wall}")
+    return {"scanned": wv.webots.load_webots(folder / "scanned.wbt")}
 
 
 def _ros(folder):

@@ -152,6 +152,92 @@ def cameras(root: Path) -> Iterator[Item]:
         yield "cameras, COLMAP", {path.name: path.read_bytes()}, (), _read_camera(path.name)
 
 
+_OPENCV = """%YAML:1.0
+---
+image_width: 64
+image_height: 48
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 60., 0., 31.3, 0., 58., 25.1, 0., 0., 1. ]
+distortion_coefficients: !!opencv-matrix
+   rows: 5
+   cols: 1
+   dt: d
+   data: [ -0.2, 0.05, 0.001, -0.002, 0.01 ]
+"""
+_OPENCV_XML = """<?xml version="1.0"?>
+<opencv_storage><image_width>64</image_width><image_height>48</image_height>
+<fisheye_model>1</fisheye_model>
+<camera_matrix type_id="opencv-matrix"><rows>3</rows><cols>3</cols><dt>d</dt>
+  <data>60. 0. 31.3 0. 58. 25.1 0. 0. 1.</data></camera_matrix>
+<distortion_coefficients type_id="opencv-matrix"><rows>4</rows><cols>1</cols><dt>d</dt>
+  <data>0.01 0.002 -0.003 0.0004</data></distortion_coefficients></opencv_storage>
+"""
+
+
+def lenses(root: Path) -> Iterator[Item]:
+    """Cameras with lenses: a few rays of each are cast, too."""
+    from test_camera_files import KALIBR, NERF, ROS_YAML, colmap_text
+
+    def reader(name: str) -> Callable[[Path], None]:
+        def read(folder: Path) -> None:
+            camera = load_camera(str(folder / name), distortion=True)
+            if isinstance(camera, wv.sensors.LensCamera):
+                camera.unproject([[1.0, 2.0], [31.0, 25.0]])
+
+        return read
+
+    own = {"width": 64, "height": 48, "near": 0.1, "far": 5.0}
+    lens = {"model": "KannalaBrandt", "fx": 60, "fy": 58, "cx": 31, "cy": 25, "coefficients": [0.01, 0, 0, 0]}
+    files = {"a.yaml": _OPENCV, "a.xml": _OPENCV_XML, "ros.yaml": ROS_YAML, "kalibr.yaml": KALIBR}
+    files["a.json"] = json.dumps({**own, "lens": lens})
+    for name, text in files.items():
+        yield "cameras with lenses", {name: text}, (), reader(name)
+    tum = {"calibration.txt": "60 58 31.3 25.1 -0.2 0.05 0.001 0 0", "depth.txt": "0.0 depth/0.png\n"}
+    tum["depth/0.png"] = png(64, 48, np.uint16)
+    yield "cameras with lenses", tum, ("calibration.txt",), reader("calibration.txt")
+    yield "cameras with lenses", {"transforms.json": json.dumps(NERF)}, (), reader("transforms.json")
+    path = colmap_text(root / "lens")
+    folder = path if path.is_dir() else path.parent
+    place = next(folder.glob("cameras.*"))
+    text = "1 OPENCV 64 48 60 58 31 25 -0.2 0.05 0.001 -0.002\n"
+    yield "cameras with lenses", {place.name: text}, (), reader(place.name)
+
+
+def scanners(root: Path) -> Iterator[Item]:
+    """What lidars are made of: metadata, calibrations, samples."""
+    from test_lidars import old_ouster_metadata, ouster_metadata
+
+    lidars = wv.sensors.lidars
+    for metadata in (ouster_metadata(), old_ouster_metadata()):
+        files = {"a.json": json.dumps(metadata)}
+        yield "lidars, Ouster", files, (), lambda folder: lidars.ouster(folder / "a.json")
+    for count, make in ((16, lidars.vlp16), (32, lidars.vlp32c), (64, lidars.hdl64e)):
+        rows = [
+            f"- {{laser_id: {n}, vert_correction: {0.01 * n:.3f}, rot_correction: -0.1, vert_offset_correction: 0.2}}\n"
+            for n in range(count)
+        ]
+        text = f"num_lasers: {count}\ndistance_resolution: 0.002\nlasers:\n{''.join(rows)}"
+        yield (
+            "lidars, Velodyne",
+            {"a.yaml": text},
+            (),
+            lambda folder, make=make: make(calibration=folder / "a.yaml"),
+        )
+    angles = np.random.default_rng(0).uniform(-0.5, 0.5, (40, 2))
+    lines = "".join(f"{n * 5e-6:.6f},{np.degrees(a):.4f},{90 - np.degrees(e):.4f}\n" for n, (a, e) in enumerate(angles))
+    files = {"a.csv": "Time/s,Azimuth/deg,Zenith/deg\n" + lines, "a.npy": _npy(angles.astype(np.float32))}
+    for name, data in files.items():
+        yield (
+            "lidars, Livox",
+            {name: data},
+            (),
+            lambda folder, name=name: lidars.livox("mid360", folder / name).frame(0, samples=1),
+        )
+
+
 def points(root: Path) -> Iterator[Item]:
     points = np.random.default_rng(0).normal(size=(5, 3))
     text = "# x y z\n" + "".join(" ".join(f"{value:.6g}" for value in point) + "\n" for point in points)
@@ -212,4 +298,4 @@ def _repairer(kind: str, options: dict[str, str]) -> Callable[[Path], None]:
     return read
 
 
-MAKERS = (poses, bags, cameras, points, datasets)
+MAKERS = (poses, bags, cameras, lenses, scanners, points, datasets)

@@ -46,7 +46,11 @@ def _see_file(name: str, **options: object) -> Callable[[Path], None]:
 
 def _see_world(name: str, *search_path: str) -> Callable[[Path], None]:
     def read(folder: Path) -> None:
-        see(wv.webots.load_webots(folder / name, search_path=[folder / place for place in search_path]).scene)
+        world = wv.webots.load_webots(folder / name, search_path=[folder / place for place in search_path])
+        see(world.scene)
+        for scan, lidar in world.lidars.items():
+            if lidar.layers * lidar.columns <= 10_000:
+                lidar.points(wv.webots.render_lidar(world, scan, webots_version="header"))
 
     return read
 
@@ -221,7 +225,8 @@ DEF A Solid { translation 1.5 -.25 3e-1 rotation 0 0 1 1.57 scale 1 2 1
 New { steps 3 translation 0 0 1 }
 Old { size 0.5 }
 Robot { controller "<none>" children [ Camera { width 64 height 48 fieldOfView 0.8 recognition Recognition { } }
-  RangeFinder { name "eye" width 64 height 48 minRange 0.1 maxRange 5 lens Lens { } } Lidar { } ] }
+  RangeFinder { name "eye" width 64 height 48 minRange 0.1 maxRange 5 lens Lens { } }
+  Lidar { tiltAngle 0.1 fieldOfView 2 numberOfLayers 3 type "rotating" defaultFrequency 5 } ] }
 """
 
 

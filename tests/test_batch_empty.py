@@ -151,7 +151,7 @@ def test_range_finders_that_see_nothing(workspace):
     for name, reach in (("blind", 1), ("sees", 9)):
         (workspace / f"{name}.wbt").write_text(robot % (name, reach))
     said, _ = messages(Render(file=workspace / "blind.wbt", out=workspace / "a", quiet=True).run)
-    assert said == ["1 of 1 range finder sees nothing in their range: 'blind'"]
+    assert said == ["1 of 1 device sees nothing in its range: 'blind'"]
     sees = Render(file=workspace / "sees.wbt", out=workspace / "b", quiet=True, fail_empty=True)
     assert messages(sees.run)[0] == []
     for exact in (False, True):

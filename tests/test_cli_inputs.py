@@ -219,7 +219,7 @@ NO_EFFECT = {
     ),
     "quaternion of a device": (
         ("render", "world.wbt", "--quaternion", "wxyz", "--out", "x"),
-        "range finders have their own poses: give no --quaternion",
+        "a world's devices have their own poses: give no --quaternion",
     ),
     "labels of an experiment": (
         ("info", "experiment_2", "--labels", "ball=human"),

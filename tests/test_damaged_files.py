@@ -337,6 +337,24 @@ def long_names(path):
     return path
 
 
+def lasers(number):
+    rows = [{"laser_id": n, "vert_correction": 0.1, "rot_correction": 0.1} for n in range(15)]
+    rows.append({"laser_id": number, "vert_correction": 0.1, "rot_correction": 0.1})
+    return json.dumps({"lasers": rows})
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_whole_numbers_of_calibrations_may_be_long(tmp_path):
+    entry = {"camera_model": "pinhole", "intrinsics": [9, 9, 4, 3], "resolution": [8, 6], "distortion_model": "radtan"}
+
+    def given(number):
+        return write(tmp_path / "a.yaml", json.dumps({"cam0": {**entry, "distortion_coeffs": [0, 0, 0, number]}}))
+
+    assert load_camera(given(10**20), distortion=True).lens.coefficients[3] == 1e20
+    said = refusal(lambda path: load_camera(path, distortion=True), given(10**400))
+    assert "distortion_coeffs must be finite numbers, got 1000" in said
+
+
 @pytest.mark.parametrize(
     ("name", "text", "read"),
     [
@@ -346,6 +364,8 @@ def long_names(path):
         ("images.txt", f"1 {LONG}\n", read_frames),
         ("cameras.txt", f"1 PINHOLE {LONG} 48 1 1 1 1\n", lambda path: load_camera(str(path))),
         ("a.json", json.dumps({"width": 4, "height": LONG, "hfov": 1.0}), lambda path: load_camera(str(path))),
+        ("a.yaml", lasers(LONG), lambda path: wv.sensors.lidars.vlp16(calibration=path)),
+        ("b.yaml", lasers(10**400), lambda path: wv.sensors.lidars.vlp16(calibration=path)),
     ],
 )
 def test_long_texts_are_not_repeated(tmp_path, name, text, read):

@@ -64,6 +64,8 @@ RESULTS = {
     "Coverage",
     "Device",
     "Device.at_origin_of",
+    "Lidar",
+    "Lidar.at_origin_of",
     "Experiment",
     "FloorMap",
     "FrameDataset",
@@ -190,8 +192,8 @@ NAMES = (
     "persp point_ read_frames render voxel Frame verify warmup load_ read_po read_model save_ Sphere plan_ Batch "
     "Kinematics Mujoco mujoco World camera_ geom_ scene_ Best Coverage best_ clearance coverage minimum pose_ "
     "propose standing surface along frames_ grid looks orbit random sphere view_ Depth Lens Version add_ distort "
-    "Ortho gym open_ framing depth_ from_image to_image to_point find_ quanti range_ recog segm Livox bpearl even "
-    "hdl64e laser_ livox ouster vlp gather_ measure_ reflect spread_ to_laser Rays "
+    "Ortho gym open_ framing depth_ from_image to_image to_point find_ quanti range_ recog segm Li bpearl even "
+    "hdl64e Motion Rolling deskew laser_ livox ouster vlp gather_ measure_ reflect spread_ to_laser Rays Wide "
 ).split()
 
 

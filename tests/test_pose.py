@@ -9,7 +9,7 @@ from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
 
 import warpvis as wv
-from warpvis.core.poses import _OPENCV_TO, poses_to_matrices, poses_to_opencv
+from warpvis.core.poses import _OPENCV_TO, host_poses, parse_poses, poses_to_matrices, poses_to_opencv
 
 import reference
 
@@ -101,6 +101,25 @@ def test_kernels_match_their_twins(convention, device):
     wp.launch(kernels.poses_from_matrices, dim=20, inputs=[given_matrices, wp.quat(*turn), out], device=device)
     expected = reference.poses_from_matrices(matrices, turn)
     np.testing.assert_allclose(poses_to_matrices(out.numpy()), expected, atol=2e-6)
+
+
+@pytest.mark.parametrize("axes", AXES)
+@pytest.mark.parametrize("convention", AXES)
+def test_poses_of_any_axes_of_poses_of_any(convention, axes, device):
+    """A point of the wanted frame is, turned to OpenCV's and on to the given one, where the given pose has it."""
+    poses = np.random.default_rng(2).normal(size=(4, 7))
+    poses[:, 3:] /= np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
+    given, wanted = (poses_to_matrices([0, 0, 0, *_OPENCV_TO[name]]) for name in (convention, axes))
+    expected = poses_to_matrices(poses) @ given @ np.linalg.inv(wanted)
+    arguments = {"convention": convention, "axes": axes}
+    rows = [host_poses(poses.astype(np.float32), **arguments), host_poses(poses_to_matrices(poses), **arguments)]
+    rows += [parse_poses(poses, device=device, **arguments).numpy()]
+    there = wp.array(poses.astype(np.float32), device=device)
+    rows += [parse_poses(there, device=device, **arguments).numpy()]
+    for found in rows:
+        np.testing.assert_allclose(poses_to_matrices(found), expected, atol=2e-6)
+    if convention == axes:
+        np.testing.assert_array_equal(rows[0], poses.astype(np.float32))
 
 
 @pytest.mark.parametrize("convention", AXES)

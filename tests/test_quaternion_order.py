@@ -57,6 +57,11 @@ CALLS = {
     "Renderer.render_at": lambda c, o, **q: wv.Renderer(SCENE, CAMERA).render_at(
         c, np.full((2, 3, 2), 5.5, dtype=np.float32), object_poses=o, **q
     ),
+    "Motion": lambda c, o, **q: wv.sensors.Motion([c, c], [0, 1], **q).at(0.5),
+    "Motion.from_twist": lambda c, o, **q: wv.sensors.Motion.from_twist(c, (1, 0, 0), (0, 1, 0), **q).at(0.5),
+    "Motion.per_ray": lambda c, o, **q: wv.render(
+        SCENE, CAMERA, wv.sensors.Motion.per_ray(np.tile(c[:, None, None], (1, 12, 1, 1)), **q)
+    ),
     "render_wide": lambda c, o, **q: wv.rendering.render_wide(SCENE, 16, 8, 4.0, c, object_poses=o, **q),
     "point_visibility": lambda c, o, **q: wv.point_visibility(SCENE, CAMERA, c, POINTS, object_poses=o, **q),
     "point_visibility_from_depth": lambda c, o, **q: wv.point_visibility_from_depth(DEPTH, CAMERA, c, POINTS, **q),

@@ -77,7 +77,8 @@ class ImageOptions(FrameOptions):
 class Render(ImageOptions):
     """Render depth images to look at: OUT/npz in metres, OUT/png in millimetres (16 bit, 0: none), or other formats.
 
-    Of a Webots world without --poses: the images of its range finders, OUT/NAME/depth.npz and OUT/NAME/depth.
+    Of a Webots world without --poses: the images of its range finders, OUT/NAME/depth.npz and OUT/NAME/depth, and the
+    scans of its lidars, OUT/NAME/ranges.npz and OUT/NAME/pcd.
     """
 
     file: SceneFile
@@ -89,10 +90,13 @@ class Render(ImageOptions):
     lidar: str | None = None
     """Point clouds of a lidar in place of images: vlp16, vlp32c, hdl64e, bpearl, os0-128, os1-128, os2-128, an Ouster's
     metadata file (.json), or mid360:FILE and other Livox models. Poses are of its frame: x forward, y left, z up."""
+    moving: bool = False
+    """With --lidar: it moves along the poses, by their times, while it measures. One cloud for each pose at which a
+    whole turn begins, as measured: each point in the lidar's frame at its time."""
     device: str = "cpu"
     """Where to compute: cpu, cuda:0, ..."""
     device_name: str | None = None
-    """Of a Webots world: the one range finder to render; all by default."""
+    """Of a Webots world: the one range finder or lidar to render; all by default."""
     pictures: bool = True
     """Depth in colours too: OUT/preview, of the first hundred frames, and OUT/contact_sheet.png."""
     version_exact: bool = False
@@ -104,6 +108,8 @@ class Render(ImageOptions):
 
         if self.lidar is not None:
             self._render_clouds(self.lidar)
+        elif self.moving:
+            raise PoseError("--moving is of a lidar: give --lidar")
         elif self.poses is not None or self.frame:
             refuse_options(
                 self, ("device_name", "version_exact"), "with --poses or --frame no device is rendered: give"
@@ -116,7 +122,7 @@ class Render(ImageOptions):
         else:
             scene = ("labels", "label_names", "up", "scale", "file_up", "exclude", "objects", "movable")
             other = (*_FRAMES, *_IMAGES, "format", *scene)
-            refuse_options(self, tuple(dict.fromkeys(other)), "a world's range finders have their own poses: give")
+            refuse_options(self, tuple(dict.fromkeys(other)), "a world's devices have their own poses: give")
             seen = render_world(
                 self.file,
                 self.out,
@@ -140,6 +146,7 @@ class Render(ImageOptions):
             out=self.out,
             formats=split_names(self.format) if given_options(self, ("format",)) else ["pcd"],
             exclude=split_names(self.exclude),
+            moving=self.moving,
             threads=self.threads,
             device=self.device,
             quiet=self.quiet,
