@@ -1,0 +1,37 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+
+// What formulas that are written for one pixel and for sixteen at a time are made of: here, numbers of one pixel.
+typedef float Real;
+typedef unsigned Word;
+
+struct Numbers {
+    static inline unsigned high_product(unsigned a, unsigned b) { return (unsigned)((unsigned long long)a * b >> 32); }
+    // Whole numbers below 2^31 are rounded to the nearest of single precision.
+    static inline float from_whole(unsigned a) { return (float)(int)a; }
+    static inline unsigned bits_of(float a) {
+#if defined(__CUDA_ARCH__)
+        return __float_as_uint(a);
+#else
+        unsigned bits;
+        __builtin_memcpy(&bits, &a, sizeof bits);
+        return bits;
+#endif
+    }
+    static inline float of_bits(unsigned bits) {
+#if defined(__CUDA_ARCH__)
+        return __uint_as_float(bits);
+#else
+        float a;
+        __builtin_memcpy(&a, &bits, sizeof a);
+        return a;
+#endif
+    }
+    static inline float root(float a) {
+#if defined(__CUDA_ARCH__)
+        return __fsqrt_rn(a);
+#else
+        return __builtin_sqrtf(a);
+#endif
+    }
+};

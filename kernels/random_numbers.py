@@ -1,0 +1,56 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Random numbers of pixels, by a counter: they follow from seed, stream, frame, view, y and x, and from nothing else.
+
+Philox4x32-10 makes four words of the counter (x // 4, y, view, frame), which four pixels side by side share; its key is
+(seed, stream). A stream is for one purpose, so that no two uses of a pixel have the same numbers. A module with kernels
+that use these functions has to be compiled with ``"fuse_fp": False``: then CPU and CUDA make the same bits.
+"""
+
+import warp as wp
+
+from warpvis.kernels.native_source import read_native
+from warpvis.kernels.pinhole import Window
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
+
+RANDOM_HEADERS = ("shared/scalar.h", "shared/random.h")
+
+_NATIVE = read_native(*RANDOM_HEADERS)
+
+
+@wp.func_native(
+    _NATIVE
+    + """
+Philox numbers = {{(unsigned)x >> 2, (unsigned)y, view, frame}};
+numbers.mix(seed, stream);
+return numbers.word[x & 3];
+"""
+)
+def random_word(seed: wp.uint32, stream: wp.uint32, view: wp.uint32, frame: wp.uint32, y: int, x: int) -> wp.uint32: ...
+
+
+@wp.func_native(_NATIVE + "return Random::uniform(word);")
+def to_uniform(word: wp.uint32) -> float: ...
+
+
+@wp.func_native(_NATIVE + "return Random::normal(word);")
+def to_normal(word: wp.uint32) -> float: ...
+
+
+@wp.kernel
+def draw_normals(
+    window: Window,
+    # In:
+    draws: wp.array[wp.vec2ui],
+    seed: wp.uint32,
+    stream: wp.uint32,
+    # Out:
+    normals_out: wp.array3d[float],
+):
+    """Write a standard normal number for every pixel; `draws` are each view's number and frame."""
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+    number = draws[view]
+    normals_out[view, y, x] = to_normal(random_word(seed, stream, number[0], number[1], y, x))
