@@ -38,9 +38,9 @@ def fill_depth(
     # Out:
     depth_out: wp.array3d[float],
 ):
-    """Write finite numbers where depth says that nothing is there, and that something is too near."""
+    """Write finite numbers where depth says that something is too near, and where there is none for other reasons."""
     view, y, x = wp.tid()
     view, y = view + window.first_view, y + window.first_row
     depth = depth_out[view, y, x]
-    if wp.isinf(depth):
-        depth_out[view, y, x] = wp.where(depth > 0.0, empty, too_near)
+    if not wp.isfinite(depth):
+        depth_out[view, y, x] = wp.where(depth == -wp.inf, too_near, empty)

@@ -119,6 +119,7 @@ def top_cases(folder):
                 "outputs": ("depth",),
                 "caster": "rays",
                 "fill": 0.0,
+                "seed": 1,
                 "threads": 1,
                 "device_bytes": 9,
             },

@@ -41,7 +41,7 @@ def _points(camera: Camera, pose: NDArray, depth: NDArray) -> NDArray[np.float64
 
 
 def fill_depth(depth: NDArray, empty: float, too_near: float) -> NDArray:
-    return np.where(np.isposinf(depth), empty, np.where(np.isneginf(depth), too_near, depth))
+    return np.where(np.isneginf(depth), too_near, np.where(np.isfinite(depth), depth, empty))
 
 
 def _has_depth(depth: NDArray, max_range: float, near: float = 0.0) -> NDArray[np.bool_]:

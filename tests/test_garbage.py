@@ -58,6 +58,7 @@ BAD = {
 RESULTS = {
     "BatchSummary",
     "BatchRenderer",
+    "Exposure",
     "BatchViews",
     "BestViews",
     "Candidate",
@@ -162,6 +163,8 @@ OURS = {
     "Scene.add_parts",
     "Scene.use_labels",
     "Renderer.render_parsed",
+    "DepthSensor.check",
+    "DepthSensor.measure",
     "FieldOfView.faces",
     "FrameRenderer.render",
     "Agent.face_poses",

@@ -11,6 +11,7 @@ import pytest
 from warpvis import Label, Visibility
 from warpvis.kernels import constants
 from warpvis.scene.solids import SolidKind
+from warpvis.sensors import Reason
 
 ROOT = Path(__file__).parent.parent
 HEADER = ROOT / "kernels" / "native" / "shared" / "constants.h"
@@ -51,4 +52,5 @@ def test_public_enums_are_as_in_cpp():
 
     assert {label.name: label.value for label in Label} == of("Label")
     assert {status.name: status.value for status in Visibility} == of("Visibility")
+    assert {reason.name: reason.value for reason in Reason} == of("Reason")
     assert {"NONE" if kind == 0 else kind.name: kind.value for kind in SolidKind} == of("SolidKind")

@@ -167,7 +167,7 @@ class GeomRenderer(Renderer):
         worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude)
         if object_sizes is not None:
             worlds.object_sizes = object_sizes
-        return self._render(poses, worlds, out)
+        return self._render(poses, worlds, self._number(len(poses), None, None), out)
 
     def __init__(self, scene: Scene, camera: AnyCamera, coinciding: CoincidingGeoms, **options: Any) -> None:
         """Prepare to render.

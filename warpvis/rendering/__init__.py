@@ -9,19 +9,15 @@ an `OrthographicCamera` images without perspective.
 from __future__ import annotations
 
 from warpvis.rendering._along import render_along as render_along
+from warpvis.rendering._choices import Caster, Fill, NearPlane, Output
+from warpvis.rendering._depth_sensor import DepthSensor, Exposure
 from warpvis.rendering._moving import parse_sensor as parse_sensor
 from warpvis.rendering._orthographic import AnyCamera, OrthographicCamera
 from warpvis.rendering._panorama import WideCamera, render_wide
-from warpvis.rendering._renderer import (
-    Caster,
-    Fill,
-    NearPlane,
-    Output,
-    Renderer as Renderer,
-    render as render,
-)
+from warpvis.rendering._renderer import Renderer as Renderer, render as render
 from warpvis.rendering._views import (
     OUTPUTS,
+    SENSOR_OUTPUTS,
     Views as Views,
     check_outputs as check_outputs,
     views_for as views_for,
@@ -30,8 +26,11 @@ from warpvis.rendering.casters import ray_table as ray_table
 
 __all__ = [
     "OUTPUTS",
+    "SENSOR_OUTPUTS",
     "AnyCamera",
     "Caster",
+    "DepthSensor",
+    "Exposure",
     "Fill",
     "NearPlane",
     "OrthographicCamera",

@@ -19,7 +19,8 @@ from warpvis.core.poses import Convention, QuaternionOrder
 from warpvis.core.ray_camera import MOST_RAYS, Kept, RayCamera
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import CameraError
-from warpvis.rendering._renderer import Output, render
+from warpvis.rendering._choices import Output
+from warpvis.rendering._renderer import render
 from warpvis.rendering._views import Views
 from warpvis.scene import Scene, require_scene
 

@@ -11,7 +11,7 @@ from typing import Any, Generic, TypeVar
 
 import warp as wp
 
-from warpvis.rendering._views import OUTPUTS, Views
+from warpvis.rendering._views import ALL_OUTPUTS, OUTPUTS, Views
 
 _Thing = TypeVar("_Thing")
 
@@ -94,7 +94,7 @@ class CheckedImages:
         if shape != last_shape or outputs is not last_outputs or not isinstance(out, Views):
             return None
         images: list[wp.array | None] = []
-        for name, last in zip(OUTPUTS, last_images, strict=False):
+        for name, last in zip(ALL_OUTPUTS, last_images, strict=False):
             image = None if last is None else getattr(out, name)
             if last is not None and (image is None or image is not last()):
                 return None

@@ -5,43 +5,44 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, get_args
 
 import warp as wp
 
 from warpvis.core.arrays import as_warp
 from warpvis.core.camera import require_camera
-from warpvis.core.checks import check_choice, check_flag, check_number, check_whole
+from warpvis.core.checks import check_choice, check_flag
 from warpvis.core.motion import Motion
 from warpvis.core.poses import Convention, QuaternionOrder, to_xyzw
 from warpvis.core.ray_camera import RayCamera
 from warpvis.core.threads import check_threads, launch_images
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, ObjectScales, PoseLike
 from warpvis.errors import ArrayError, CameraError
-from warpvis.rendering._cpu_packets import CpuPacketsCaster
-from warpvis.rendering._cpu_table import CpuTablePacketsCaster
-from warpvis.rendering._cuda_packets import CudaPacketsCaster
-from warpvis.rendering._cuda_table import CudaTablePacketsCaster
+from warpvis.rendering._choices import (
+    DEFAULT_OUTPUTS,
+    Caster,
+    Fill,
+    NearPlane,
+    Output,
+    caster_class,
+    check_asked,
+    check_device_bytes,
+    choose_caster,
+    fill_numbers,
+)
+from warpvis.rendering._depth_sensor import DepthSensor
 from warpvis.rendering._moving import MovingCaster, MovingPoses
 from warpvis.rendering._orthographic import OrthographicCamera, RenderCamera
 from warpvis.rendering._prepared import CheckedImages
-from warpvis.rendering._views import OUTPUTS, Views, check_outputs, views_for
-from warpvis.rendering.casters import OrthographicCaster, RaysCaster, RayTableCaster, as_rows
+from warpvis.rendering._sensing import Sensing, check_word
+from warpvis.rendering._views import ALL_OUTPUTS, OUTPUTS, Views, views_for
+from warpvis.rendering.casters import as_rows
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds, part_of
 
 if TYPE_CHECKING:
     from warpvis.kernels.worlds import Worlds
-
-Output = Literal["depth", "points", "normals", "labels", "segmentation"]
-Caster = Literal["auto", "packets", "rays"]
-Fill = Literal["inf", "far"] | float
-NearPlane = Literal["occlude", "clip"]
-
-_MOST_FLOAT = 3.4e38  # what single precision holds
-
-DEFAULT_OUTPUTS: tuple[Output, ...] = ("depth", "points", "labels", "segmentation")
 
 
 class Renderer:
@@ -63,6 +64,8 @@ class Renderer:
         cull_backfaces: bool = False,
         near_plane: NearPlane = "occlude",
         fill: Fill = "inf",
+        sensor: DepthSensor | None = None,
+        seed: int = 0,
         threads: int | None = None,
         device_bytes: int | None = None,
     ) -> None:
@@ -73,7 +76,8 @@ class Renderer:
             camera: Intrinsics, image size and depth range of all views; or a `warpvis.sensors.LensCamera` or
                 `warpvis.sensors.Rays`, which are cast by rays where these have origins of their own, or a
                 `warpvis.rendering.OrthographicCamera`, which always is.
-            outputs: The images to make, of ``"depth"``, ``"points"``, ``"normals"``, ``"labels"``, ``"segmentation"``.
+            outputs: The images to make, of ``"depth"``, ``"points"``, ``"normals"``, ``"labels"``, ``"segmentation"``;
+                with a sensor, also of ``"reasons"`` and ``"true_depth"``.
             caster: ``"packets"``, for speed; ``"rays"``, the reference; ``"auto"`` takes packets, which have been the
                 faster ones but in small images of 50 million triangles on a GPU. Both give the same images.
             cull_backfaces: See through triangles from behind (where ``(b - a) x (c - a)`` points away from the
@@ -82,7 +86,12 @@ class Renderer:
                 behind them, and depth is -inf, as of a sensor (REP 117); ``"clip"``, they are cut away, and what is
                 behind is seen, as OpenGL and MuJoCo have it.
             fill: Depth of pixels that have none: ``"inf"``, +inf where nothing is up to `far` and -inf where something
-                is too near; ``"far"``, the camera's `far` and `near`; or a number for both, such as 0.0.
+                is too near; ``"far"``, the camera's `far` and `near`; or a number for both, such as 0.0. What a sensor
+                lost for other reasons has that of nothing.
+            sensor: A model of `warpvis.sensors`: depth and points are what such a device would say, and the other
+                images stay those of the exact rays. By default they are exact, too.
+            seed: What the sensor's random numbers follow from, together with each view's number and frame; from 0 up
+                and below 2^32.
             threads: CPU threads to use; all cores of this process by default.
             device_bytes: Most bytes of images that one call of `render` holds on a GPU; half of its memory by default.
 
@@ -94,12 +103,12 @@ class Renderer:
             require_camera(camera)
         self.scene = scene
         self.camera = camera
-        self.outputs = check_outputs(outputs)
+        self.outputs = check_asked(outputs, sensor)
         self.threads = check_threads(threads)
-        self.caster = _choose_caster(caster, camera)
-        self.device_bytes = _check_device_bytes(device_bytes, scene.device)
+        self.caster = choose_caster(caster, camera)
+        self.device_bytes = check_device_bytes(device_bytes, scene.device)
         self.fill = fill
-        self._fill = _fill_numbers(fill, camera)
+        self._fill = fill_numbers(fill, camera)
         self._axes: Convention = camera.axes if isinstance(camera, RayCamera) else "opencv"
         self._shape = camera.shape if isinstance(camera, RayCamera) else (camera.height, camera.width)
         self._checked = CheckedImages()
@@ -108,9 +117,23 @@ class Renderer:
             "clip_near": check_choice(near_plane, "near_plane", get_args(NearPlane)) == "clip",
             "threads": self.threads,
         }
-        self._caster = _caster_class(self.caster, camera, scene.device)(scene, camera, **self._options)
+        self.sensor = sensor
+        self.seed = check_word(seed, "seed")
+        self.frame = 0
+        """The frame that the sensor's random numbers are of in the next call that does not say one."""
+        self._sensing = None if sensor is None else self._prepare(sensor)
+        self._caster = self._make_caster(camera if self._sensing is None else self._sensing.clean_camera)
         self._only_packets = caster == "packets"
         self._moving: MovingCaster | None = None
+
+    def _prepare(self, sensor: DepthSensor) -> Sensing:
+        clip_near, threads = self._options["clip_near"], self.threads
+        return Sensing(
+            sensor, self.scene, self.camera, self._make_caster, seed=self.seed, clip_near=clip_near, threads=threads
+        )
+
+    def _make_caster(self, camera: RenderCamera) -> Any:
+        return caster_class(self.caster, camera, self.scene.device)(self.scene, camera, **self._options)
 
     def render(
         self,
@@ -122,6 +145,8 @@ class Renderer:
         exclude: Excluded = None,
         convention: Convention | None = None,
         quaternion: QuaternionOrder = "xyzw",
+        frame: int | ArrayInput | None = None,
+        view_index: ArrayInput | None = None,
         out: Views | None = None,
     ) -> Views:
         """Render one image of each output for every pose.
@@ -149,6 +174,10 @@ class Renderer:
                 ``"ros_optical"``; by default the camera's own, OpenCV's but for `warpvis.sensors.Rays` that say others.
             quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``; a motion's has been
                 said.
+            frame: The frame that a sensor's random numbers are of, from 0 up, one or one for each view, shape ``(V,)``.
+                By default `Renderer.frame`, which is 0 to begin with and goes up by 1 with each such call.
+            view_index: The views' numbers as random numbers go by, shape ``(V,)``, by default 0 to V - 1: a view that
+                is rendered alone, or in another batch, has the same image if its number and frame are the same.
             out: Images of an earlier call to write into, of the same number of views.
 
         Returns:
@@ -158,7 +187,7 @@ class Renderer:
             PoseError: The poses are malformed; the first few offending views are named.
             ArrayError: `out`, `world_index`, `exclude` or `object_scales` does not fit.
             SceneError: The scene is empty, or has no object that `exclude` names.
-            CameraError: Something moves, and the camera's rays have no times.
+            CameraError: Something moves, and the camera's rays have no times, or there is a sensor.
         """
         if not isinstance(camera_to_world, Motion):
             camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
@@ -167,39 +196,59 @@ class Renderer:
         self.scene.require_objects()
         if isinstance(camera_to_world, Motion) or isinstance(object_poses, Motion):
             options = world_index, exclude, object_scales
-            return self._render(*self._moving_caster().parse(camera_to_world, object_poses, convention, *options), out)
+            moving = self._moving_caster().parse(camera_to_world, object_poses, convention, *options)
+            return self._render(*moving, self._number(len(moving[0]), frame, view_index), out)
         poses = self._caster.parse_poses(camera_to_world, self._axes if convention is None else convention)
         worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude, object_scales)
-        return self._render(poses, worlds, out)
+        return self._render(poses, worlds, self._number(len(poses), frame, view_index), out)
 
-    def _render(self, poses: Any, worlds: Worlds, out: Views | None) -> Views:
+    def _number(self, views: int, frame: int | ArrayInput | None, view_index: ArrayInput | None) -> wp.array | None:
+        """Return what a sensor's random numbers follow from, in each view; None without a sensor."""
+        if self._sensing is None:
+            if frame is not None or view_index is not None:
+                raise ArrayError("frame and view_index are of a sensor's random numbers: give Renderer a sensor")
+            return None
+        draws = self._sensing.number(views, self.frame if frame is None else frame, view_index)
+        if frame is None:
+            self.frame += 1
+        return draws
+
+    def _render(self, poses: Any, worlds: Worlds, draws: wp.array | None, out: Views | None) -> Views:
         """Render views whose poses are as the caster takes them."""
         shape = (len(poses), *self._shape)
         known = None if out is None else self._checked.find(out, shape, self.outputs)
         if out is not None and known is not None:
-            return self._cast_into(out, known, poses, worlds)
+            return self._cast_into(out, known, poses, worlds, draws)
         if self._on_host(shape, out):
             views = views_for(self.outputs, shape, wp.get_device("cpu"), out)
-            self._cast_in_parts(poses, worlds, self._asked_for(views))
+            self._cast_in_parts(poses, worlds, draws, self._asked_for(views))
             return views
         views = views_for(self.outputs, shape, self.scene.device, out)
         images = self._asked_for(views)
         if out is not None:
             self._checked.keep(images, shape, self.outputs)
-        return self._cast_into(views, images, poses, worlds)
+        return self._cast_into(views, images, poses, worlds, draws)
 
-    def _cast_into(self, views: Views, images: list[wp.array | None], poses: Any, worlds: Worlds) -> Views:
+    def _cast_into(
+        self, views: Views, images: list[wp.array | None], poses: Any, worlds: Worlds, draws: wp.array | None
+    ) -> Views:
         """Cast into checked images of views, which are returned."""
-        self._cast(poses, worlds, images)
+        self._cast(poses, worlds, draws, images)
         self._fill_depth(views.depth)
         return views
 
-    def _cast(self, poses: Any, worlds: Worlds, images: list[wp.array | None]) -> None:
+    def _cast(self, poses: Any, worlds: Worlds, draws: wp.array | None, images: list[wp.array | None]) -> None:
+        if self._sensing is not None:
+            assert draws is not None  # for type checkers: with a sensor there are numbers
+            self._sensing.expose(self._caster, poses, worlds, images, draws)
+            return
         caster = self._moving_caster() if isinstance(poses, MovingPoses) else self._caster
         caster.cast(poses, worlds, images)
 
     def _moving_caster(self) -> MovingCaster:
         """Return who casts where something moves, made when that first comes."""
+        if self._sensing is not None:
+            raise CameraError("a sensor's model is of poses that stay within a frame, and not yet of a Motion")
         if self._only_packets:
             raise CameraError('packets are cast from one place: what moves needs caster="rays" or "auto"')
         if self._moving is None:
@@ -237,8 +286,10 @@ class Renderer:
             The outputs, of shape ``(V, N)``, with the meaning they have in images.
 
         Raises:
-            WarpvisError: As `render`; or `pixels` is malformed.
+            WarpvisError: As `render`; or `pixels` is malformed; or there is a sensor.
         """
+        if self._sensing is not None:
+            raise CameraError("a sensor measures at pixels' centres: render_at needs a Renderer without one")
         camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
         object_poses = to_xyzw(object_poses, quaternion, "object_poses")
         self.scene.require_objects()
@@ -259,7 +310,8 @@ class Renderer:
         """
         shape = (len(poses), *self._shape)
         views = views_for(self.outputs, shape, self.scene.device, out)
-        self._caster.cast(self._caster.parse_poses(poses, "opencv"), worlds, self._asked_for(views))
+        draws = self._number(len(poses), None, None)
+        self._cast(self._caster.parse_poses(poses, "opencv"), worlds, draws, self._asked_for(views))
         self._fill_depth(views.depth)
         return views
 
@@ -289,9 +341,12 @@ class Renderer:
         return all(isinstance(image, wp.array) and image.device.is_cpu for image in images)
 
     def _bytes_per_pixel(self) -> int:
-        return sum(wp.types.type_size_in_bytes(OUTPUTS[name]) for name in self.outputs)
+        beside = 0 if self._sensing is None else self._sensing.bytes_per_pixel(self.outputs)
+        return beside + sum(wp.types.type_size_in_bytes(ALL_OUTPUTS[name]) for name in self.outputs)
 
-    def _cast_in_parts(self, poses: wp.array, worlds: Worlds, images: list[wp.array | None]) -> None:
+    def _cast_in_parts(
+        self, poses: wp.array, worlds: Worlds, draws: wp.array | None, images: list[wp.array | None]
+    ) -> None:
         """Cast as many views at a time as fit `device_bytes`, at least one, and copy them to the host's images."""
         pixels = math.prod(self._shape)
         step = min(len(poses), max(1, self.device_bytes // (pixels * self._bytes_per_pixel())))
@@ -299,7 +354,8 @@ class Renderer:
         for first in range(0, len(poses), max(1, step)):
             part = slice(first, min(first + step, len(poses)))
             sources = [None if image is None else image[: part.stop - first] for image in self._asked_for(views)]
-            self._cast(poses[part], part_of(worlds, part), sources)
+            numbers = None if draws is None else draws[part]
+            self._cast(poses[part], part_of(worlds, part), numbers, sources)
             self._fill_depth(sources[0])
             for image, source in zip(images, sources, strict=True):
                 if image is not None:
@@ -308,55 +364,8 @@ class Renderer:
 
     def _asked_for(self, views: Views) -> list[wp.array | None]:
         """List the images in the casters' order; None for those that nobody asked for, though `views` may have them."""
-        outputs = self.outputs
-        return [getattr(views, name) if name in outputs else None for name in OUTPUTS]
-
-
-def _choose_caster(caster: Caster, camera: RenderCamera) -> Literal["packets", "rays"]:
-    check_choice(caster, "caster", ("auto", "packets", "rays"))
-    apart = isinstance(camera, RayCamera) and camera.origins is not None
-    if apart or isinstance(camera, OrthographicCamera):
-        if caster == "packets":
-            name = "an OrthographicCamera" if isinstance(camera, OrthographicCamera) else f"a {type(camera).__name__}"
-            name += " whose rays have origins" if apart else ""
-            raise CameraError(f'packets are cast through a pinhole; {name} needs caster="rays" or "auto"')
-        return "rays"
-    return "packets" if caster == "auto" else caster
-
-
-def _caster_class(
-    caster: Literal["packets", "rays"], camera: RenderCamera, device: wp.Device
-) -> Callable[..., RaysCaster | CpuPacketsCaster | CpuTablePacketsCaster]:
-    if isinstance(camera, OrthographicCamera):
-        return OrthographicCaster
-    if isinstance(camera, RayCamera):
-        if caster == "rays":
-            return RayTableCaster
-        return CpuTablePacketsCaster if device.is_cpu else CudaTablePacketsCaster
-    if caster == "rays":
-        return RaysCaster
-    return CpuPacketsCaster if device.is_cpu else CudaPacketsCaster
-
-
-def _fill_numbers(fill: Fill, camera: RenderCamera) -> tuple[float, float] | None:
-    """Return the depth of empty pixels and of those that are too near; None for the infinities.
-
-    Raises:
-        ArrayError: `fill` is not what it has to be.
-    """
-    if isinstance(fill, str):
-        check_choice(fill, "fill", ("inf", "far"))
-        if fill == "far" and not math.isfinite(camera.far):
-            raise ArrayError('fill="far" needs a camera whose far is finite, got inf')
-        return None if fill == "inf" else (camera.far, camera.near)
-    number = check_number(fill, "fill", least=-_MOST_FLOAT, most=_MOST_FLOAT)
-    return number, number
-
-
-def _check_device_bytes(device_bytes: int | None, device: wp.Device) -> int:
-    if device_bytes is None:
-        return 0 if device.is_cpu else device.total_memory // 2
-    return check_whole(device_bytes, "device_bytes")
+        outputs, known = self.outputs, OUTPUTS if self._sensing is None else ALL_OUTPUTS
+        return [getattr(views, name) if name in outputs else None for name in known]
 
 
 def render(
@@ -375,6 +384,10 @@ def render(
     exclude: Excluded = None,
     convention: Convention | None = None,
     quaternion: QuaternionOrder = "xyzw",
+    sensor: DepthSensor | None = None,
+    seed: int = 0,
+    frame: int | ArrayInput | None = None,
+    view_index: ArrayInput | None = None,
     threads: int | None = None,
     device_bytes: int | None = None,
     out: Views | None = None,
@@ -388,6 +401,8 @@ def render(
         cull_backfaces=cull_backfaces,
         near_plane=near_plane,
         fill=fill,
+        sensor=sensor,
+        seed=seed,
         threads=threads,
         device_bytes=device_bytes,
     )
@@ -399,5 +414,7 @@ def render(
         exclude=exclude,
         convention=convention,
         quaternion=quaternion,
+        frame=frame,
+        view_index=view_index,
         out=out,
     )

@@ -24,19 +24,27 @@ OUTPUTS: dict[str, type] = {
 }
 """The images that can be rendered and the dtypes of their pixels."""
 
+SENSOR_OUTPUTS: dict[str, type] = {"reasons": wp.uint8, "true_depth": wp.float32}
+"""Those that a sensor's model makes, too."""
+
+ALL_OUTPUTS = OUTPUTS | SENSOR_OUTPUTS
+"""Both."""
+
 
 @dataclass
 class Views:
     """Images of V views, `wp.array`s indexed ``[view, y, x]``; those not asked for are None.
 
     Every image says the same of a pixel: where depth is not finite, point and normal are NaN, the label is
-    `Label.EMPTY` and the object is -1.
+    `Label.EMPTY` and the object is -1. Of a renderer with a sensor, `depth` and `points` are what the sensor says, and
+    the others what the exact ray meets, however near or far that is: where depth is not finite, they may be.
     """
 
     # Typed as what was asked for: who reads an image has asked for it.
     depth: wp.array = None
     """Planar depth [m], ``(V, H, W)`` float32: +inf where nothing is hit or it lies beyond the camera's `far`, -inf
-    where something is nearer than its `near` (REP 117), unless `Renderer` was told to `fill` them."""
+    where something is nearer than its `near` (REP 117), unless `Renderer` was told to `fill` them. Of a sensor, NaN
+    where it measured none for another reason."""
     points: wp.array = None
     """Seen points in the world frame [m], ``(V, H, W)`` vec3."""
     normals: wp.array = None
@@ -45,6 +53,10 @@ class Views:
     """`Label` values, ``(V, H, W)`` uint8."""
     segmentation: wp.array = None
     """Indices into the scene's objects, ``(V, H, W)`` int32."""
+    reasons: wp.array = None
+    """Of a sensor: why a pixel has no depth, `warpvis.sensors.Reason` values, ``(V, H, W)`` uint8."""
+    true_depth: wp.array = None
+    """Of a sensor: planar depth of what the exact ray meets [m], ``(V, H, W)`` float32; +inf where that is nothing."""
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the images as the host's arrays, which pickle and copy; Warp's do not."""
@@ -57,7 +69,7 @@ class Views:
     def __deepcopy__(self, memo: dict[int, Any]) -> Views:
         """Copy the images, on their device."""
         copied = {
-            name: wp.clone(value) if name in OUTPUTS and value is not None else value
+            name: wp.clone(value) if name in ALL_OUTPUTS and value is not None else value
             for name, value in vars(self).items()
         }
         return type(self)(**copied)
@@ -83,23 +95,23 @@ def views_for(outputs: Sequence[str], shape: tuple[int, ...], device: wp.Device,
         ArrayError: `out` does not fit, or memory could not be had.
     """
     if out is None:
-        return Views(**{name: empty(shape, OUTPUTS[name], name=name, device=device) for name in outputs})
+        return Views(**{name: empty(shape, ALL_OUTPUTS[name], name=name, device=device) for name in outputs})
     if not isinstance(out, Views):
         raise ArrayError(f"out must be warpvis.Views, got {type(out).__name__}")
     for name in outputs:
-        check_out(getattr(out, name), OUTPUTS[name], shape, name=f"out.{name}", device=device)
+        check_out(getattr(out, name), ALL_OUTPUTS[name], shape, name=f"out.{name}", device=device)
     return out
 
 
 def _on_host(name: str, value: Any) -> Any:
-    if name not in OUTPUTS or value is None:
+    if name not in ALL_OUTPUTS or value is None:
         return value
     return np.array(value.numpy()), str(value.device)
 
 
 def _from_host(name: str, value: Any) -> Any:
-    if name not in OUTPUTS or value is None:
+    if name not in ALL_OUTPUTS or value is None:
         return value
     array, device = value
     there = device if device == "cpu" or wp.is_cuda_available() else "cpu"
-    return wp.array(array, dtype=OUTPUTS[name], device=there)
+    return wp.array(array, dtype=ALL_OUTPUTS[name], device=there)

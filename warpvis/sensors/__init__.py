@@ -21,12 +21,14 @@ from warpvis.sensors._lens_camera import (
     require_calibrated as require_calibrated,
 )
 from warpvis.sensors._rays import Rays
+from warpvis.sensors._reasons import Reason
 from warpvis.sensors._rolling_shutter import RollingShutter
 
 __all__ = [
     "LensCamera",
     "Motion",
     "Rays",
+    "Reason",
     "Returns",
     "RollingShutter",
     "deskew",

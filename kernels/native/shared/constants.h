@@ -40,6 +40,18 @@ enum Visibility {
     POINT_UNKNOWN = 5,
 };
 
+// Why a sensor has no depth of a pixel: `warpvis.sensors.Reason`.
+enum Reason {
+    REASON_VALID = 0,
+    REASON_EMPTY = 1,
+    REASON_RANGE = 2,
+    REASON_SHADOW = 3,
+    REASON_BAND = 4,
+    REASON_EDGE = 5,
+    REASON_GRAZING = 6,
+    REASON_DROPOUT = 7,
+};
+
 // Counters that the CPU workers of a job share.
 enum JobCounter {
     COUNTER_NEXT_UNIT = 0,  // of work

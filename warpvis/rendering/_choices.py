@@ -1,0 +1,103 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a renderer may be told: outputs, casters, what becomes of near surfaces and of pixels without depth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Literal
+
+import warp as wp
+
+from warpvis.core.checks import check_choice, check_number, check_whole
+from warpvis.core.ray_camera import RayCamera
+from warpvis.errors import ArrayError, CameraError
+from warpvis.rendering._cpu_packets import CpuPacketsCaster
+from warpvis.rendering._cpu_table import CpuTablePacketsCaster
+from warpvis.rendering._cuda_packets import CudaPacketsCaster
+from warpvis.rendering._cuda_table import CudaTablePacketsCaster
+from warpvis.rendering._orthographic import OrthographicCamera, RenderCamera
+from warpvis.rendering._views import ALL_OUTPUTS, SENSOR_OUTPUTS, check_outputs
+from warpvis.rendering.casters import OrthographicCaster, RaysCaster, RayTableCaster
+
+Output = Literal["depth", "points", "normals", "labels", "segmentation", "reasons", "true_depth"]
+Caster = Literal["auto", "packets", "rays"]
+Fill = Literal["inf", "far"] | float
+NearPlane = Literal["occlude", "clip"]
+
+_MOST_FLOAT = 3.4e38  # what single precision holds
+
+
+DEFAULT_OUTPUTS: tuple[Output, ...] = ("depth", "points", "labels", "segmentation")
+
+
+def check_asked(outputs: object, sensor: object) -> tuple[str, ...]:
+    """Take names of outputs of a renderer, with a sensor or None.
+
+    Raises:
+        ArrayError: There is none, an unknown one, or one of a sensor where there is none.
+    """
+    names = check_outputs(outputs, ALL_OUTPUTS)
+    alone = [name for name in names if name in SENSOR_OUTPUTS]
+    if sensor is None and alone:
+        raise ArrayError(f"outputs must be without {' and '.join(alone)} where there is no sensor")
+    return names
+
+
+def choose_caster(caster: Caster, camera: RenderCamera) -> Literal["packets", "rays"]:
+    """Return the caster of a camera that a name stands for.
+
+    Raises:
+        CameraError: It casts no such rays.
+    """
+    check_choice(caster, "caster", ("auto", "packets", "rays"))
+    apart = isinstance(camera, RayCamera) and camera.origins is not None
+    if apart or isinstance(camera, OrthographicCamera):
+        if caster == "packets":
+            name = "an OrthographicCamera" if isinstance(camera, OrthographicCamera) else f"a {type(camera).__name__}"
+            name += " whose rays have origins" if apart else ""
+            raise CameraError(f'packets are cast through a pinhole; {name} needs caster="rays" or "auto"')
+        return "rays"
+    return "packets" if caster == "auto" else caster
+
+
+def caster_class(
+    caster: Literal["packets", "rays"], camera: RenderCamera, device: wp.Device
+) -> Callable[..., RaysCaster | CpuPacketsCaster | CpuTablePacketsCaster]:
+    """Return the class of a caster of a camera on a device."""
+    if isinstance(camera, OrthographicCamera):
+        return OrthographicCaster
+    if isinstance(camera, RayCamera):
+        if caster == "rays":
+            return RayTableCaster
+        return CpuTablePacketsCaster if device.is_cpu else CudaTablePacketsCaster
+    if caster == "rays":
+        return RaysCaster
+    return CpuPacketsCaster if device.is_cpu else CudaPacketsCaster
+
+
+def fill_numbers(fill: Fill, camera: RenderCamera) -> tuple[float, float] | None:
+    """Return the depth of empty pixels and of those that are too near; None for the infinities.
+
+    Raises:
+        ArrayError: `fill` is not what it has to be.
+    """
+    if isinstance(fill, str):
+        check_choice(fill, "fill", ("inf", "far"))
+        if fill == "far" and not math.isfinite(camera.far):
+            raise ArrayError('fill="far" needs a camera whose far is finite, got inf')
+        return None if fill == "inf" else (camera.far, camera.near)
+    number = check_number(fill, "fill", least=-_MOST_FLOAT, most=_MOST_FLOAT)
+    return number, number
+
+
+def check_device_bytes(device_bytes: int | None, device: wp.Device) -> int:
+    """Return the most bytes of images that a call holds on a GPU; half of its memory by default.
+
+    Raises:
+        ArrayError: It is no number of bytes.
+    """
+    if device_bytes is None:
+        return 0 if device.is_cpu else device.total_memory // 2
+    return check_whole(device_bytes, "device_bytes")

@@ -1,0 +1,82 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What models of depth cameras derive from: they read clean images, and write what the device would have said."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import warp as wp
+
+from warpvis.core.camera import Camera
+from warpvis.errors import CameraError
+
+if TYPE_CHECKING:
+    from warpvis.kernels.worlds import Worlds
+    from warpvis.scene import Scene
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """The views of one call (or of a part of it, on a GPU): what a model reads, and what it writes."""
+
+    scene: Scene
+    """What is seen."""
+    camera: Camera
+    """The camera, with the depth range that was asked for."""
+    poses: wp.array
+    """Camera to world, OpenCV's axes, ``(V,)`` transform."""
+    worlds: Worlds
+    """The world of each view."""
+    draws: wp.array
+    """What a view's random numbers follow from: its number and its frame, ``(V,)`` vec2ui."""
+    seed: int
+    """And the seed, below 2^32."""
+    threads: int
+    """CPU threads to use."""
+    true_depth: wp.array
+    """Planar depth of the first surface, however near or far it is, ``(V, H, W)``; +inf where there is none."""
+    normals: wp.array | None
+    """Its unit normals in the world frame, towards the camera, if the model needs them."""
+    segmentation: wp.array | None
+    """Its object, -1 where there is none, if the model needs that."""
+    depth_out: wp.array
+    """Where to write what the sensor says, ``(V, H, W)``."""
+    reasons_out: wp.array | None
+    """Where to write a `warpvis.sensors.Reason` for every pixel, ``(V, H, W)`` uint8; None if nobody asks."""
+    cast_at: Callable[[Camera, wp.array, wp.array], wp.array]
+    """Cast through image points of another camera of the same worlds: `cast_at(camera, poses, points)` returns the
+    depth, ``(V, 1, N)``, that such a camera at each of V poses sees at its N points, ``(V, 1, N)`` vec2 [px]; +inf
+    where a point is NaN or outside of the image. The array is the model's until its `measure` returns."""
+
+
+class DepthSensor(ABC):
+    """A model of a depth camera, for ``sensor=`` of `Renderer` and `render`."""
+
+    @property
+    def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:
+        """Which images of the first surface `measure` reads beside its depth."""
+        return ()
+
+    def check(self, scene: Scene, camera: object) -> Camera:
+        """Return the camera, if the model is one of it in a scene.
+
+        Raises:
+            WarpvisError: It is not.
+        """
+        if not isinstance(camera, Camera):
+            kind = type(camera).__name__
+            raise CameraError(f"a sensor's depth is of a pinhole, warpvis.Camera, and not yet of a {kind}")
+        return camera
+
+    @abstractmethod
+    def measure(self, exposure: Exposure) -> None:
+        """Write the sensor's depth and reasons, by kernels on the scene's device.
+
+        Depth is within the camera's range or, as in REP 117, +inf where nothing is or it is too far, -inf where it is
+        too near; NaN where it was lost for another reason. Random numbers are those of
+        `warpvis.kernels.random_numbers`, and nothing depends on how views are split.
+        """
