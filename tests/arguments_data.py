@@ -171,6 +171,11 @@ def data_cases(folder):
             {"data": data, "camera": "eye", "scene_option": None},
         ),
         "mujoco.Renderer.render": (rendered_once(data).render, {"out": None}),
+        "Rangefinders": (wv.mujoco.Rangefinders, {"model": MODEL, "threads": 1, "device": "cpu"}),
+        "Rangefinders.read": (
+            wv.mujoco.Rangefinders(MODEL, threads=1).read,
+            {"poses": [MODEL.qpos0], "out": None},
+        ),
         "WorldPoses.of": (wv.mujoco.WorldPoses.of, {"worlds": [data]}),
         "camera_from_mujoco": (
             wv.mujoco.camera_from_mujoco,

@@ -21,7 +21,8 @@ Solid { name "box" recognitionColors [ 1 0 0 ] children [ Shape { geometry Box {
 """
 MODEL = mujoco.MjModel.from_xml_string(
     '<mujoco><worldbody><camera name="eye" pos="0 0 3"/><geom name="floor" type="plane" size="1 1 1"/>'
-    '<body><freejoint/><geom name="ball" size="0.1"/></body></worldbody></mujoco>'
+    '<body><freejoint/><geom name="ball" size="0.1"/><site name="down" zaxis="0 0 -1"/></body></worldbody>'
+    '<sensor><rangefinder site="down"/></sensor></mujoco>'
 )
 
 

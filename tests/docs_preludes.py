@@ -27,8 +27,10 @@ _ARM = """
       <joint name="shoulder" type="hinge" axis="0 1 0"/>
       <geom name="upper" type="capsule" size=".06" fromto="0 0 0 .3 0 .2"/>
       <camera name="wrist" pos=".3 0 .3"/>
+      <site name="ahead" pos=".3 0 .2" zaxis="1 0 -.5"/>
     </body>
   </worldbody>
+  <sensor><rangefinder site="ahead"/></sensor>
 </mujoco>
 """
 

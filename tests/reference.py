@@ -74,6 +74,7 @@ from reference_points import (  # noqa: F401
 )
 from reference_poses import poses_from_matrices, poses_to_opencv, quaternions_to_xyzw  # noqa: F401
 from reference_random import draw_normals  # noqa: F401
+from reference_rangefinders import read_rangefinders  # noqa: F401
 from reference_ray_table import cast_ray_table
 from reference_silhouettes import (  # noqa: F401
     judge_silhouettes,

@@ -16,6 +16,7 @@ from warpvis.mujoco._batch_views import BatchViews
 from warpvis.mujoco._cameras import camera_from_mujoco
 from warpvis.mujoco._model_files import read_model
 from warpvis.mujoco._poses import Kinematics, WorldPoses, camera_poses, geom_poses
+from warpvis.mujoco._rangefinders import Rangefinders
 from warpvis.mujoco._renderer import Renderer
 from warpvis.mujoco._scene import MujocoScene, scene_from_mujoco
 
@@ -24,6 +25,7 @@ __all__ = [
     "BatchViews",
     "Kinematics",
     "MujocoScene",
+    "Rangefinders",
     "Renderer",
     "WorldPoses",
     "camera_from_mujoco",

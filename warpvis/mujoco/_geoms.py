@@ -185,8 +185,6 @@ def _mesh(model: mujoco.MjModel, geom: int, tolerance: float) -> Mesh | Solid | 
     if kind == _GEOM.mjGEOM_PLANE:
         far = _infinite(model)
         return tessellation.plane(a if a > 0 else far, b if b > 0 else far)
-    if kind == _GEOM.mjGEOM_HFIELD:
-        return _height_field(model, data)
     if kind == _GEOM.mjGEOM_SPHERE:
         return solids.sphere(a, tolerance=tolerance)
     if kind == _GEOM.mjGEOM_CAPSULE:
@@ -197,7 +195,14 @@ def _mesh(model: mujoco.MjModel, geom: int, tolerance: float) -> Mesh | Solid | 
         return solids.cylinder(a, b, tolerance=tolerance)
     if kind == _GEOM.mjGEOM_BOX:
         return tessellation.box((a, b, c))
-    return _compiled_mesh(model, data) if data >= 0 else None  # meshes, and signed distance fields that have one
+    return stored_mesh(model, kind, data)
+
+
+def stored_mesh(model: mujoco.MjModel, kind: int, data: int) -> Mesh | None:
+    """Make a height field, or a mesh, or that of a signed distance field, of the model's data; None for none."""
+    if kind == _GEOM.mjGEOM_HFIELD:
+        return _height_field(model, data)
+    return _compiled_mesh(model, data) if data >= 0 else None
 
 
 def _compiled_mesh(model: mujoco.MjModel, mesh: int) -> Mesh | None:

@@ -161,9 +161,7 @@ def object_transforms(
     if len(sites):
         kinds.append(("site", scene.site_count, sites))
     for kind, count, ids in kinds:
-        names = f"{kind}_xpos", f"{kind}_xmat"
-        position, rotation = (_read(source, name, count, device) for name in names)
-        _check_equal_worlds(position, rotation, *names)
+        position, rotation = read_frames(source, kind, count, device)
         worlds = all_of(position.shape[0], device) if worlds is None else worlds
         out = object_places(scene, len(worlds)) if out is None else out
         places = out[:, done:] if done else out
@@ -204,8 +202,7 @@ def camera_transforms(
     """Make what `camera_poses` gives, for some worlds or all, shape ``(cameras, W)`` `wp.transform` on `device`."""
     from warpvis.kernels import mujoco as kernels
 
-    position, rotation = (_read(source, name, model.ncam, device) for name in ("cam_xpos", "cam_xmat"))
-    _check_equal_worlds(position, rotation, "cam_xpos", "cam_xmat")
+    position, rotation = read_frames(source, "cam", model.ncam, device)
     worlds = all_of(position.shape[0], device) if worlds is None else worlds
     if not isinstance(cameras, wp.array):
         cameras = wp.array(list(cameras), dtype=wp.int32, device=device)
@@ -385,6 +382,21 @@ def viewer_transforms(
     launch(kernels.viewer_transforms, out.shape, [com, *cameras, worlds, out], device)
 
 
+def read_frames(source: PoseSource, kind: str, count: int, device: wp.Device) -> tuple[wp.array, wp.array]:
+    """Read positions and rotations of all geoms ("geom"), sites ("site") or cameras ("cam"), shape ``(W, count)``.
+
+    Raises:
+        ArrayError: The source does not have them, or not of so many.
+    """
+    names = f"{kind}_xpos", f"{kind}_xmat"
+    position, rotation = (_read(source, name, count, device) for name in names)
+    if position.shape != rotation.shape:
+        raise ArrayError(
+            f"{names[0]} and {names[1]} must be of the same worlds, got {len(position)} and {len(rotation)}"
+        )
+    return position, rotation
+
+
 def _get(source: PoseSource, name: str) -> ArrayInput:
     value = getattr(source, name, None)
     if value is None:
@@ -403,11 +415,6 @@ def _read(source: PoseSource, name: str, count: int, device: wp.Device) -> wp.ar
         if dtype is wp.mat33 and getattr(value, "ndim", 0) == 3 and value.shape[2] == 9:
             value = value.reshape((value.shape[0], value.shape[1], 3, 3))
     return as_warp(value, dtype, ("W", count), name=name, device=device)
-
-
-def _check_equal_worlds(position: wp.array, rotation: wp.array, first: str, second: str) -> None:
-    if position.shape != rotation.shape:
-        raise ArrayError(f"{first} and {second} must be of the same worlds, got {len(position)} and {len(rotation)}")
 
 
 def _check_rows(values: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray[np.float64]:

@@ -1,0 +1,382 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""MuJoCo's rangefinder sensors: what every ray of a model meets in every world, as `mj_ray` says it.
+
+Surfaces count from both sides, but for planes, which are met from above; a ray that starts within a shape meets it from
+inside. A ray is within a convex shape along one span of its length: round shapes are spans of the unit ball or the tube
+of radius 1 in their shape frame (`warpvis.kernels.solids`), and boxes are where three slabs overlap. A tree finds the
+triangle of a mesh or a height field; where it is met is computed in double precision, as all the rest is. Which geoms
+and surfaces count, and what is written of a ray, is in src/engine/engine_ray.c and engine_sensor.c of MuJoCo.
+"""
+
+import warp as wp
+
+from warpvis.kernels.pinhole import Window
+from warpvis.kernels.solids import to_shape
+from warpvis.kernels.triangle_scene import corner, plane_depth
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+# Of mujoco.mjtGeom.
+PLANE, SPHERE, CAPSULE, ELLIPSOID = wp.constant(0), wp.constant(2), wp.constant(3), wp.constant(4)
+CYLINDER, BOX = wp.constant(5), wp.constant(6)
+# Bits of a sensor's fields, by mujoco.mjtRayDataField.
+DISTANCE, DIRECTION, ORIGIN = wp.constant(1), wp.constant(2), wp.constant(4)
+POINT, NORMAL, DEPTH = wp.constant(8), wp.constant(16), wp.constant(32)
+
+FLAT = wp.constant(wp.float64(1.0e-15))
+"""Directions whose component across a surface is less are along it (`mjMINVAL`)."""
+FARTHEST = wp.constant(wp.float64(1.0e30))
+"""Farther than anything is [m]."""
+
+
+@wp.struct
+class RayGeoms:
+    """The geoms that rays meet."""
+
+    geom: wp.array[wp.int32]
+    body: wp.array[wp.int32]
+    kind: wp.array[wp.int32]  # of mujoco.mjtGeom
+    size: wp.array[wp.vec4]  # half sizes of planes and boxes [m]; of what is round, as solids have them
+    mesh: wp.array[wp.uint64]  # 0 but for meshes and height fields
+    bound: wp.array[wp.float64]  # radius of a ball about the geom that it is in [m]; 0 where there is none
+
+
+@wp.struct
+class SensorRays:
+    """The rays of a model's sensors, and what is written of each."""
+
+    site: wp.array[wp.int32]  # -1 for rays of cameras
+    camera: wp.array[wp.int32]
+    body: wp.array[wp.int32]  # whose geoms the ray passes
+    origin: wp.array[wp.vec3d]  # of the site's or the camera's frame
+    direction: wp.array[wp.vec3d]
+    fields: wp.array[wp.int32]  # bits of what is written
+    column: wp.array[wp.int32]  # of the first number that is written
+    least: wp.array[wp.float64]  # what numbers are clipped to
+    most: wp.array[wp.float64]
+
+
+@wp.struct
+class Frame:
+    """Where a geom, a site or a camera is."""
+
+    position: wp.vec3d
+    rotation: wp.mat33  # to the world
+
+
+@wp.struct
+class Ray:
+    """A ray of a frame; its direction is of length 1."""
+
+    origin: wp.vec3d
+    direction: wp.vec3d
+
+
+@wp.struct
+class Met:
+    """What a ray meets: how far along it, -1 for nothing, and the unit normal there."""
+
+    distance: wp.float64
+    normal: wp.vec3d
+
+
+@wp.struct
+class Span:
+    """Along which of its length a ray is within a convex shape, if `enter` is not more than `leave`."""
+
+    enter: wp.float64
+    leave: wp.float64
+    enter_normal: wp.vec3d
+    leave_normal: wp.vec3d
+
+
+@wp.func
+def turn(rotation: wp.mat33, v: wp.vec3d) -> wp.vec3d:
+    return wp.vec3d(
+        wp.dot(wp.vec3d(rotation[0]), v), wp.dot(wp.vec3d(rotation[1]), v), wp.dot(wp.vec3d(rotation[2]), v)
+    )
+
+
+@wp.func
+def turn_back(rotation: wp.mat33, v: wp.vec3d) -> wp.vec3d:
+    return wp.vec3d(rotation[0]) * v[0] + wp.vec3d(rotation[1]) * v[1] + wp.vec3d(rotation[2]) * v[2]
+
+
+@wp.func
+def no_span() -> Span:
+    span = Span()
+    span.enter = FARTHEST
+    span.leave = -FARTHEST
+    return span
+
+
+@wp.func
+def whole_span() -> Span:
+    span = Span()
+    span.enter = -FARTHEST
+    span.leave = FARTHEST
+    return span
+
+
+@wp.func
+def span_of_square(a: wp.float64, b: wp.float64, c: wp.float64) -> Span:
+    """Where a t^2 + 2 b t + c is not more than 0."""
+    square = b * b - a * c
+    if square < wp.float64(0.0) or a < FLAT:
+        return no_span()
+    span = Span()
+    span.enter = (-b - wp.sqrt(square)) / a
+    span.leave = (-b + wp.sqrt(square)) / a
+    return span
+
+
+@wp.func
+def span_of_ball(o: wp.vec3d, d: wp.vec3d) -> Span:
+    """Within the unit ball."""
+    span = span_of_square(wp.dot(d, d), wp.dot(o, d), wp.dot(o, o) - wp.float64(1.0))
+    span.enter_normal = o + span.enter * d
+    span.leave_normal = o + span.leave * d
+    return span
+
+
+@wp.func
+def span_of_tube(o: wp.vec3d, d: wp.vec3d) -> Span:
+    """Within the endless tube of radius 1 about z."""
+    across, along = wp.vec3d(o[0], o[1], wp.float64(0.0)), wp.vec3d(d[0], d[1], wp.float64(0.0))
+    a, c = wp.dot(along, along), wp.dot(across, across) - wp.float64(1.0)
+    if a < FLAT and c <= wp.float64(0.0):
+        return whole_span()
+    span = span_of_square(a, wp.dot(across, along), c)
+    span.enter_normal = across + span.enter * along
+    span.leave_normal = across + span.leave * along
+    return span
+
+
+@wp.func
+def span_of_slab(o: wp.vec3d, d: wp.vec3d, axis: int, half: wp.float64) -> Span:
+    """Within a slab: as far on both sides of the origin along an axis."""
+    if wp.abs(d[axis]) <= FLAT:
+        if wp.abs(o[axis]) <= half:
+            return whole_span()
+        return no_span()
+    side = wp.sign(d[axis])
+    span = Span()
+    span.enter = (-side * half - o[axis]) / d[axis]
+    span.leave = (side * half - o[axis]) / d[axis]
+    outward = wp.vec3d()
+    outward[axis] = side
+    span.enter_normal = -outward
+    span.leave_normal = outward
+    return span
+
+
+@wp.func
+def overlap(a: Span, b: Span) -> Span:
+    """Within both of two shapes."""
+    span = a
+    if b.enter > a.enter:
+        span.enter = b.enter
+        span.enter_normal = b.enter_normal
+    if b.leave < a.leave:
+        span.leave = b.leave
+        span.leave_normal = b.leave_normal
+    return span
+
+
+@wp.func
+def united(a: Span, b: Span) -> Span:
+    """Within one of two shapes that are one convex shape together."""
+    if a.enter > a.leave:
+        return b
+    span = a
+    if b.enter <= b.leave and b.enter < a.enter:
+        span.enter = b.enter
+        span.enter_normal = b.enter_normal
+    if b.enter <= b.leave and b.leave > a.leave:
+        span.leave = b.leave
+        span.leave_normal = b.leave_normal
+    return span
+
+
+@wp.func
+def span_of_box(o: wp.vec3d, d: wp.vec3d, size: wp.vec3d) -> Span:
+    span = overlap(span_of_slab(o, d, 0, size[0]), span_of_slab(o, d, 1, size[1]))
+    return overlap(span, span_of_slab(o, d, 2, size[2]))
+
+
+@wp.func
+def span_of_round(kind: int, o: wp.vec3d, d: wp.vec3d, half: wp.float64) -> Span:
+    """Within a round shape of the shape frame."""
+    if kind != CYLINDER and kind != CAPSULE:
+        return span_of_ball(o, d)
+    span = overlap(span_of_tube(o, d), span_of_slab(o, d, 2, half))
+    if kind == CAPSULE:
+        end = wp.vec3d(wp.float64(0.0), wp.float64(0.0), half)
+        span = united(span, united(span_of_ball(o - end, d), span_of_ball(o + end, d)))
+    return span
+
+
+@wp.func
+def nothing_met() -> Met:
+    met = Met()
+    met.distance = wp.float64(-1.0)
+    return met
+
+
+@wp.func
+def surface_of(span: Span) -> Met:
+    """The first surface that is ahead."""
+    met = nothing_met()
+    if span.enter <= span.leave and span.leave >= wp.float64(0.0):
+        met.distance = span.leave
+        met.normal = span.leave_normal
+        if span.enter >= wp.float64(0.0):
+            met.distance = span.enter
+            met.normal = span.enter_normal
+    return met
+
+
+@wp.func
+def meet_plane(o: wp.vec3d, d: wp.vec3d, size: wp.vec3d) -> Met:
+    """A rectangle seen from above, endless where a half size is 0."""
+    met = nothing_met()
+    if d[2] > -FLAT or o[2] < wp.float64(0.0):
+        return met
+    at = o - o[2] / d[2] * d
+    if size[0] > wp.float64(0.0) and wp.abs(at[0]) > size[0]:
+        return met
+    if size[1] > wp.float64(0.0) and wp.abs(at[1]) > size[1]:
+        return met
+    met.distance = -o[2] / d[2]
+    met.normal = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
+    return met
+
+
+@wp.func
+def meet_mesh(mesh: wp.uint64, o: wp.vec3d, d: wp.vec3d, farthest: wp.float64) -> Met:
+    met = nothing_met()
+    hit = wp.mesh_query_ray(mesh, wp.vec3(o), wp.vec3(d), float(farthest))
+    if hit.result:
+        a, b, c = corner(mesh, hit.face, 0) - o, corner(mesh, hit.face, 1) - o, corner(mesh, hit.face, 2) - o
+        met.distance = wp.max(plane_depth(a, b, c, d, d), wp.float64(0.0))
+        met.normal = wp.normalize(wp.cross(b - a, c - a))
+    return met
+
+
+@wp.func
+def meet_geom(kind: int, size: wp.vec4, mesh: wp.uint64, ray: Ray, farthest: wp.float64) -> Met:
+    """What a ray of a geom's frame meets of it; of a mesh, what is not beyond the farthest that counts."""
+    half = wp.vec3d(wp.float64(size[0]), wp.float64(size[1]), wp.float64(size[2]))
+    if mesh != wp.uint64(0):
+        return meet_mesh(mesh, ray.origin, ray.direction, farthest)
+    if kind == PLANE:
+        return meet_plane(ray.origin, ray.direction, half)
+    if kind == BOX:
+        return surface_of(span_of_box(ray.origin, ray.direction, half))
+    o, d = to_shape(ray.origin, size), to_shape(ray.direction, size)
+    met = surface_of(span_of_round(kind, o, d, wp.float64(size[3])))
+    met.normal = wp.normalize(to_shape(met.normal, size))
+    return met
+
+
+@wp.func
+def may_meet(bound: wp.float64, toward: wp.vec3d, direction: wp.vec3d, nearest: wp.float64) -> bool:
+    """Whether a ray comes into a ball, `toward` from its origin, before it meets what is nearest so far."""
+    if bound == wp.float64(0.0):
+        return True
+    along = wp.dot(toward, direction)
+    if along + bound < wp.float64(0.0) or along - bound > nearest:
+        return False
+    return wp.dot(toward, toward) - along * along <= bound * bound
+
+
+@wp.func
+def nearest_geom(
+    geoms: RayGeoms, geom_xpos: wp.array2d[wp.vec3], geom_xmat: wp.array2d[wp.mat33], world: int, body: int, ray: Ray
+) -> Met:
+    """What a ray of the world meets first that is not of a body."""
+    nearest = Met()
+    nearest.distance = FARTHEST
+    for index in range(geoms.geom.shape[0]):
+        if geoms.body[index] != body:
+            geom = geoms.geom[index]
+            toward = wp.vec3d(geom_xpos[world, geom]) - ray.origin
+            if may_meet(geoms.bound[index], toward, ray.direction, nearest.distance):
+                rotation = geom_xmat[world, geom]
+                there = Ray()
+                there.origin = turn_back(rotation, -toward)
+                there.direction = turn_back(rotation, ray.direction)
+                met = meet_geom(geoms.kind[index], geoms.size[index], geoms.mesh[index], there, nearest.distance)
+                if met.distance >= wp.float64(0.0) and met.distance < nearest.distance:
+                    nearest.distance = met.distance
+                    nearest.normal = turn(rotation, met.normal)
+    if nearest.distance == FARTHEST:
+        return nothing_met()
+    return nearest
+
+
+@wp.func
+def depth_of(frame: Frame, ray: Ray, distance: wp.float64) -> wp.float64:
+    """How far what is met lies ahead of a camera, along -z."""
+    if distance < wp.float64(0.0):
+        return wp.float64(-1.0)
+    return -turn_back(frame.rotation, ray.origin + distance * ray.direction - frame.position)[2]
+
+
+@wp.kernel
+def read_rangefinders(
+    # Scene:
+    geoms: RayGeoms,
+    geom_xpos: wp.array2d[wp.vec3],
+    geom_xmat: wp.array2d[wp.mat33],
+    # Cameras:
+    rays: SensorRays,
+    site_xpos: wp.array2d[wp.vec3],
+    site_xmat: wp.array2d[wp.mat33],
+    cam_xpos: wp.array2d[wp.vec3],
+    cam_xmat: wp.array2d[wp.mat33],
+    window: Window,
+    # Out:
+    readings_out: wp.array2d[wp.float32],
+):
+    """Write the fields of every ray in every world. Distance and depth are -1 where nothing is met, the rest 0."""
+    world, _row, index = wp.tid()
+    world += window.first_view
+
+    frame = Frame()
+    site, camera = rays.site[index], rays.camera[index]
+    if site >= 0:
+        frame.position = wp.vec3d(site_xpos[world, site])
+        frame.rotation = site_xmat[world, site]
+    else:
+        frame.position = wp.vec3d(cam_xpos[world, camera])
+        frame.rotation = cam_xmat[world, camera]
+    ray = Ray()
+    ray.origin = frame.position + turn(frame.rotation, rays.origin[index])
+    ray.direction = turn(frame.rotation, rays.direction[index])
+    met = nearest_geom(geoms, geom_xpos, geom_xmat, world, rays.body[index], ray)
+
+    is_met = wp.where(met.distance >= wp.float64(0.0), wp.float64(1.0), wp.float64(0.0))
+    fields, column = rays.fields[index], int(rays.column[index])
+    least, most = rays.least[index], rays.most[index]
+    if fields & DISTANCE:
+        readings_out[world, column] = float(wp.clamp(met.distance, least, most))
+        column += 1
+    for field in range(1, 5):
+        if fields & (1 << field):
+            value = met.normal
+            if (1 << field) == DIRECTION:
+                value = ray.direction * is_met
+            elif (1 << field) == ORIGIN:
+                value = ray.origin
+            elif (1 << field) == POINT:
+                value = (ray.origin + met.distance * ray.direction) * is_met
+            for axis in range(3):
+                readings_out[world, column + axis] = float(wp.clamp(value[axis], least, most))
+            column += 3
+    if fields & DEPTH:
+        depth = met.distance
+        if site < 0:
+            depth = depth_of(frame, ray, met.distance)
+        readings_out[world, column] = float(wp.clamp(depth, least, most))

@@ -1,0 +1,189 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Rangefinder sensors, against what MuJoCo writes into `sensordata`, and against the float64 twin."""
+
+import copy
+import pickle
+
+import mujoco
+import numpy as np
+import pytest
+import warp as wp
+from mujoco_models import SHAPES
+
+import warpvis as wv
+from warpvis.mujoco import Kinematics, Rangefinders, WorldPoses
+
+import reference
+
+# Single precision of poses, seen from some metres [m].
+TOLERANCE = 1e-5
+FIELDS = ("dist", "dist dir", "origin point normal depth", "dist dir origin point normal depth", "normal", "depth")
+WITHOUT_FIELD = SHAPES.replace('type="sdf" mesh="wedge"', 'type="mesh" mesh="wedge"')
+
+
+def probed(sensors, *, seed=0, count=48):
+    """All types of geoms, a mocap body of sites among them, and sensors, in which {0}, {1}, ... are the sites."""
+    rng, sites = np.random.default_rng(seed), []
+    for index in range(count):
+        numbers = [*rng.uniform((-1, -1, -0.05), (1, 1, 0.8)), *rng.normal(size=3)]
+        sites.append('<site name="s{}" pos="{} {} {}" zaxis="{} {} {}"/>'.format(index, *numbers))
+    probe = f'<body name="probe" mocap="true">{"".join(sites)}<geom type="sphere" size=".3"/></body>'
+    text = WITHOUT_FIELD.replace('resolution="200 120"', 'resolution="40 24"')
+    text = text.replace('<camera name="flat"', '<camera name="flat" resolution="9 7"')
+    text = text.replace('<camera name="side"', '<camera name="side" resolution="16 12"')
+    text = text.replace("</worldbody>", f"{probe}</worldbody><sensor>{sensors}</sensor>")
+    model = mujoco.MjModel.from_xml_string(text)
+    model.hfield_data[:] = rng.random(len(model.hfield_data))
+    return model
+
+
+def moved(model, count, seed=1):
+    """Data of some worlds in which all is elsewhere."""
+    rng, worlds = np.random.default_rng(seed), []
+    for _ in range(count):
+        data = mujoco.MjData(model)
+        data.qpos[:] = model.qpos0 + rng.normal(scale=0.1, size=model.nq)
+        data.mocap_pos[-1], quaternion = rng.uniform(-0.3, 0.3, 3), rng.normal(size=4)
+        data.mocap_quat[-1] = quaternion / np.linalg.norm(quaternion)
+        mujoco.mj_forward(model, data)
+        worlds.append(data)
+    return worlds
+
+
+def assert_equal(found, worlds, sensors):
+    expected = np.stack([data.sensordata[sensors.addresses] for data in worlds])
+    assert found.shape == expected.shape
+    assert (np.abs(found - expected) <= TOLERANCE * np.maximum(1, np.abs(expected))).all()
+    return expected
+
+
+def test_sites_read_what_mujoco_writes(device):
+    """All fields, types of geoms and cutoffs, from within shapes and outside."""
+    options = ['cutoff=".7"', "", "", ""]
+    sensors = "".join(
+        f'<rangefinder site="s{index}" data="{FIELDS[index % 6]}" {options[index % 4]}/>' for index in range(48)
+    )
+    model = probed(sensors)
+    worlds = moved(model, 40)
+    finders = Rangefinders(model, device=device)
+    expected = assert_equal(finders.read(worlds).numpy(), worlds, finders)
+    distances = expected[:, np.isin(finders.sensors, np.arange(0, 48, 6))]
+    assert (distances == -1).any() and (distances == 0.7).any() and (distances > 1).any() and (distances < 0.05).any()
+
+
+def test_normals_and_distances_are_the_twins(device):
+    model = probed("".join(f'<rangefinder site="s{index}" data="dist normal"/>' for index in range(48)))
+    (data,) = moved(model, 1)
+    found = Rangefinders(model, device=device).read(data).numpy().reshape(48, 4)
+    axes = data.site_xmat.reshape(-1, 3, 3)[:, :, 2]
+    for site in range(48):
+        body = int(model.site_bodyid[site])
+        distance, normal = reference.read_rangefinders(model, data, data.site_xpos[site], axes[site], body)
+        assert np.abs(found[site] - [distance, *normal]).max() < TOLERANCE * max(1, distance)
+
+
+@pytest.mark.parametrize(("camera", "fields"), [("lens", "dist normal depth"), ("flat", FIELDS[3])])
+def test_cameras_read_what_mujoco_writes(camera, fields, device):
+    model = probed(f'<rangefinder camera="{camera}" data="{fields}"/>')
+    worlds = moved(model, 4)
+    finders = Rangefinders(model, device=device)
+    assert set(finders.sensors.tolist()) == {0}
+    assert_equal(finders.read(worlds).numpy(), worlds, finders)
+
+
+def test_cameras_with_a_field_of_view_read_what_rays_meet(device):
+    """`mj_multiRay` passes some geoms that `mj_ray` meets; those are read."""
+    model = probed('<rangefinder camera="side"/>')
+    (data,) = moved(model, 1)
+    found = Rangefinders(model, device=device).read(data).numpy()
+    camera = model.camera("side").id
+    height = np.tan(np.radians(model.cam_fovy[camera]) / 2)
+    x, y = np.meshgrid((np.arange(16) - 7.5) / 6 * height, (5.5 - np.arange(12)) / 6 * height)
+    rays = np.stack([x, y, -np.ones_like(x)], axis=-1).reshape(-1, 3)
+    rays = rays / np.linalg.norm(rays, axis=1, keepdims=True) @ data.cam_xmat[camera].reshape(3, 3).T
+    for distance, ray in zip(found, rays, strict=True):
+        expected = mujoco.mj_ray(model, data, data.cam_xpos[camera], ray, None, 1, 0, None)
+        assert abs(distance - expected) <= TOLERANCE * max(1, expected)
+    written = data.sensordata != -1
+    assert np.abs(found - data.sensordata)[written].max() < TOLERANCE * 3 and written.sum() > 10
+
+
+def test_every_source_of_poses_gives_the_same(device):
+    model = probed("".join(f'<rangefinder site="s{index}"/>' for index in range(48)))
+    worlds = [mujoco.MjData(model) for _ in range(5)]
+    for index, data in enumerate(worlds):
+        data.qpos[2] += 0.05 * index
+        mujoco.mj_forward(model, data)
+    qpos = np.stack([data.qpos for data in worlds])
+    finders = Rangefinders(model, device=device, threads=2)
+    expected = finders.read(worlds).numpy()
+    assert expected.shape == (5, 48) and expected.dtype == np.float32
+    poses = WorldPoses.of(worlds)
+    out = wp.empty((5, 48), dtype=wp.float32, device=device)
+    assert finders.read(poses, out=out) is out
+    assert finders.read(worlds[2]).shape == finders.read(qpos[2]).shape == (48,)
+    for found in (out, finders.read(qpos), finders.read(Kinematics(model).from_qpos(qpos))):
+        assert np.array_equal(found.numpy(), expected)
+    assert np.array_equal(finders.read(worlds[2]).numpy(), expected[2])
+    assert np.array_equal(finders.read(qpos[2]).numpy(), expected[2])
+    for again in (pickle.loads(pickle.dumps(finders)), copy.deepcopy(finders)):
+        assert np.array_equal(again.read(worlds).numpy(), expected)
+
+
+def test_a_body_does_not_hide_what_is_ahead_of_its_own_sensors(device):
+    """Only the sensor's own body is passed: not those welded to it, and what is invisible as rays have it."""
+    text = """<mujoco><asset><material name="none" rgba="1 1 1 0"/></asset><worldbody>
+      <body name="own"><site name="eye"/><geom type="sphere" size=".1"/>
+        <body pos="0 0 1"><geom type="box" size=".1 .1 .1" {}/></body></body>
+      <geom type="plane" size="0 0 1" pos="0 0 2" quat="0 1 0 0" group="5"/>
+      <geom type="box" size="1 1 .1" pos="0 0 5"/>
+    </worldbody><sensor><rangefinder site="eye"/></sensor></mujoco>"""
+    found = []
+    for look in ("", 'rgba="1 1 1 0"', 'material="none"', 'material="none" rgba="1 0 0 1"', 'group="4"'):
+        model = mujoco.MjModel.from_xml_string(text.format(look))
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        found.append(Rangefinders(model, device=device).read(data).numpy())
+        assert found[-1] == pytest.approx(data.sensordata, abs=1e-6)
+    assert np.ravel(found) == pytest.approx([0.9, 2, 2, 2, 0.9])
+
+
+def test_meshes_and_hills_are_met_from_within(device):
+    text = """<mujoco><asset><hfield name="hills" nrow="3" ncol="3" size="2 2 1 .5"/>
+      <mesh name="block" vertex="-1 -1 -1 1 -1 -1 1 1 -1 -1 1 -1 -1 -1 1 1 -1 1 1 1 1 -1 1 1"/></asset><worldbody>
+      <geom type="hfield" hfield="hills"/><geom type="mesh" mesh="block" pos="9 0 0"/>
+      <body>{}</body></worldbody><sensor>{}</sensor></mujoco>"""
+    rays = {
+        ".3 .2 .1": (".1 .2 -1", ".1 .2 1", "1 .2 .01", "-1 .3 -.05"),
+        ".3 .2 -.1": (".1 .2 1", "1 .2 .01"),
+        "9 .1 .2": ("1 .2 .3",),
+    }
+    places = [(place, axis) for place, axes in rays.items() for axis in axes]
+    sites = [f'<site name="{i}" pos="{place}" zaxis="{axis}"/>' for i, (place, axis) in enumerate(places)]
+    sensors = [f'<rangefinder site="{index}" data="dist normal"/>' for index in range(len(sites))]
+    model = mujoco.MjModel.from_xml_string(text.format("".join(sites), "".join(sensors)))
+    model.hfield_data[:] = 0.6
+    model.hfield_data[4] = 1
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    found = Rangefinders(model, device=device).read(data).numpy()
+    assert found == pytest.approx(data.sensordata, abs=1e-5)
+    assert found[::4].min() > 0.05
+
+
+def test_what_cannot_be_read_is_said():
+    with pytest.raises(wv.WarpvisError, match=r"model must be a mujoco.MjModel, got str"):
+        Rangefinders("robot.xml")
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    with pytest.raises(wv.WarpvisError, match="must have rangefinder sensors, and none of its 0 sensors is one"):
+        Rangefinders(model)
+    text = SHAPES.replace("</mujoco>", '<sensor><rangefinder camera="wrist"/></sensor></mujoco>')
+    text = text.replace('<camera name="wrist"', '<camera name="wrist" resolution="4 4"')
+    with pytest.raises(wv.WarpvisError, match="geom 'field' is a signed distance field, through which MuJoCo marches"):
+        Rangefinders(mujoco.MjModel.from_xml_string(text))
+    finders = Rangefinders(probed('<rangefinder site="s0"/>'))
+    with pytest.raises(wv.WarpvisError, match=r"qpos must have shape \(W, 30\)"):
+        finders.read(np.zeros((2, 3)))
+    with pytest.raises(wv.WarpvisError, match=r"what else has site_xpos"):
+        finders.read(WorldPoses(np.zeros((1, finders.model.ngeom, 3)), np.zeros((1, finders.model.ngeom, 9))))

@@ -1,0 +1,269 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""A model's rangefinder sensors, read in one world or in many."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, cast
+
+import mujoco  # noqa: TID253 - the whole package is about it
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.arrays import as_numpy, check_out, empty, get_device
+from warpvis.core.threads import check_threads, launch_images
+from warpvis.core.types import ArrayInput, DeviceLike
+from warpvis.errors import ArrayError, SceneError
+from warpvis.mujoco._geoms import stored_mesh
+from warpvis.mujoco._poses import Kinematics, PoseSource, WorldPoses, read_frames
+from warpvis.scene.geometry import make_mesh
+
+_GEOM = mujoco.mjtGeom
+_ROUND = (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_CAPSULE, _GEOM.mjGEOM_ELLIPSOID, _GEOM.mjGEOM_CYLINDER)
+_MESHES = (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_HFIELD)
+_RANGEFINDER = int(mujoco.mjtSensor.mjSENS_RANGEFINDER)
+_OF_SITE = int(mujoco.mjtObj.mjOBJ_SITE)
+_REAL, _POSITIVE = (int(getattr(mujoco.mjtDataType, f"mjDATATYPE_{name}")) for name in ("REAL", "POSITIVE"))
+
+# Numbers of the fields that a sensor may write, by mujoco.mjtRayDataField.
+_FIELD_SIZES = (1, 3, 3, 3, 3, 1)
+# Corners of two triangles that face up.
+_SQUARE = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float64)
+# A ball about a geom that it is in is so much larger than MuJoCo's, whose own rounding does not matter then.
+_SLACK = 1.001
+
+
+class Rangefinders:
+    """A model's rangefinder sensors: distances along rays of sites and cameras, for one world or thousands at once.
+
+    Readings are what `mj_sensorPos` writes into `mjData.sensordata`, to single precision: `mj_ray` along z of a site,
+    or through every pixel of a camera, past the geoms of the sensor's own body and those without opacity, and then
+    the sensor's cutoff. Delays and intervals of sensors are not looked at: readings are of the poses that are given.
+    Through a perspective camera MuJoCo passes some geoms that `mj_ray` meets (`mj_multiRay`); those are met here.
+    """
+
+    def __init__(self, model: mujoco.MjModel, *, threads: int | None = None, device: DeviceLike = "cpu") -> None:
+        """Read sensors and shapes from the model, once: make another one after changing them.
+
+        Args:
+            model: A `mujoco.MjModel` with rangefinder sensors.
+            threads: CPU threads to use; all cores of this process by default.
+            device: Where rays are cast.
+
+        Raises:
+            SceneError: It has none, or a signed distance field that a ray may meet: MuJoCo marches through those.
+        """
+        if not isinstance(model, mujoco.MjModel):
+            raise SceneError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
+        found = np.flatnonzero(model.sensor_type == _RANGEFINDER)
+        if not len(found):
+            raise SceneError(f"model must have rangefinder sensors, and none of its {model.nsensor} sensors is one")
+        self.model = model
+        self.sensors: NDArray[np.int32] = np.repeat(found, model.sensor_dim[found]).astype(np.int32)
+        """Which sensor every number of a reading is of, shape ``(N,)``."""
+        numbers = [np.arange(model.sensor_dim[sensor]) + model.sensor_adr[sensor] for sensor in found]
+        self.addresses: NDArray[np.int32] = np.concatenate(numbers).astype(np.int32)
+        """Where MuJoCo writes the numbers: a reading is ``data.sensordata[addresses]``, shape ``(N,)``."""
+        self.device = get_device(device)
+        self._threads = check_threads(threads)
+        self._kinematics = Kinematics(model, threads=threads)
+        self._rays = _sensor_rays(model, found)
+        _refuse_distance_fields(model, self._rays["body"])
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """Copy rays and shapes to the device."""
+        from warpvis.kernels.rangefinders import SensorRays
+
+        self._structs = SensorRays(), *_ray_geoms(self.model, self.device)
+        for name, values in self._rays.items():
+            dtype = {"i": wp.int32, "f": wp.vec3d if values.ndim == 2 else wp.float64}[values.dtype.kind]
+            setattr(self._structs[0], name, wp.array(values, dtype=dtype, device=self.device))
+
+    def read(
+        self, poses: PoseSource | Sequence[mujoco.MjData] | ArrayInput, *, out: wp.array | None = None
+    ) -> wp.array:
+        """Read all sensors.
+
+        Args:
+            poses: A `mujoco.MjData` after `mj_forward` or `mj_kinematics`; several; arrays of W worlds as for
+                `geom_poses`, with `site_xpos` and `site_xmat` (of cameras, `cam_xpos` and `cam_xmat`); or joint
+                positions, shape ``(nq,)`` or ``(W, nq)``, which MuJoCo makes poses of on the CPU.
+            out: An array to write into, of the same shape.
+
+        Returns:
+            What `mj_sensorPos` writes, float32 on the device: distances [m], -1 where a ray meets nothing, and whatever
+            else a sensor's `data` asks for. Shape ``(N,)`` for one `mujoco.MjData` or one row of joint positions, else
+            ``(W, N)``; one number a sensor, unless `sensors` says otherwise.
+
+        Raises:
+            ArrayError: The poses are not of the model, or `out` does not fit.
+        """
+        from warpvis.kernels.rangefinders import read_rangefinders
+
+        source, single = self._read_poses(poses)
+        model, device = self.model, self.device
+        rays, geoms, _meshes = self._structs
+        places = read_frames(source, "geom", model.ngeom, device)
+        worlds, frames = len(places[0]), list[wp.array | None]()
+        for kind, count, ids in (("site", model.nsite, self._rays["site"]), ("cam", model.ncam, self._rays["camera"])):
+            part = read_frames(source, kind, count, device) if (ids >= 0).any() else None
+            if part is not None and len(part[0]) != worlds:
+                raise ArrayError(f"{kind}_xpos must be of as many worlds as geom_xpos, {worlds}, got {len(part[0])}")
+            frames += (None, None) if part is None else part
+        shape = (worlds, len(self.addresses))
+        wanted = shape[1:] if single else shape
+        out = empty(wanted, wp.float32, name="readings", device=device) if out is None else out
+        check_out(out, wp.float32, wanted, name="out", device=device)
+        rows = out.reshape(shape)
+        launch_images(
+            read_rangefinders,
+            (worlds, 1, len(self._rays["body"])),
+            lambda window: [geoms, *places, rays, *frames, window, rows],
+            device=device,
+            threads=self._threads,
+        )
+        return out
+
+    def _read_poses(self, poses: PoseSource | Sequence[mujoco.MjData] | ArrayInput) -> tuple[PoseSource, bool]:
+        """Return a source of poses, and whether they are of one world that has no axis."""
+        if isinstance(poses, list | tuple) and len(poses) and all(isinstance(data, mujoco.MjData) for data in poses):
+            return WorldPoses.of(poses), False
+        if hasattr(poses, "geom_xpos"):
+            return cast("PoseSource", poses), isinstance(poses, mujoco.MjData)
+        joints = as_numpy(cast("ArrayInput", poses), name="poses")
+        return self._kinematics.from_qpos(joints), joints.ndim == 1
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process makes the same of."""
+        return self.__dict__ | {"_structs": None, "device": str(self.device)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Copy rays and shapes to the device again."""
+        self.__dict__ |= state | {"device": get_device(state["device"])}
+        self._prepare()
+
+
+def _sensor_rays(model: mujoco.MjModel, sensors: NDArray[np.integer]) -> dict[str, NDArray]:
+    """List the rays of some sensors, as `warpvis.kernels.rangefinders.SensorRays` has them."""
+    parts, column = [], 0
+    for sensor in sensors.tolist():
+        frame, fields = int(model.sensor_objid[sensor]), int(model.sensor_intprm[sensor][0])
+        of_site = int(model.sensor_objtype[sensor]) == _OF_SITE
+        origin, direction = (np.zeros((1, 3)), np.eye(3)[2:]) if of_site else _pixel_rays(model, frame)
+        size = sum(numbers for field, numbers in enumerate(_FIELD_SIZES) if fields >> field & 1)
+        count, cutoff = len(direction), float(model.sensor_cutoff[sensor])
+        clips = int(model.sensor_datatype[sensor]) if cutoff > 0 else None
+        whole = {
+            "site": frame if of_site else -1,
+            "camera": -1 if of_site else frame,
+            "body": (model.site_bodyid if of_site else model.cam_bodyid)[frame],
+            "fields": fields,
+            "column": column + size * np.arange(count),
+        }
+        limits = {
+            "least": -cutoff if clips == _REAL else -np.inf,
+            "most": cutoff if clips in (_REAL, _POSITIVE) else np.inf,
+        }
+        part = {name: np.full(count, value, dtype=np.int32) for name, value in whole.items()}
+        part |= {name: np.full(count, value, dtype=np.float64) for name, value in limits.items()}
+        parts.append(part | {"origin": origin, "direction": direction})
+        column += size * count
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _pixel_rays(model: mujoco.MjModel, camera: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return where rays through a camera's pixels begin in its frame, row by row from the top, and unit directions.
+
+    `mju_camIntrinsics` in src/engine/engine_support.c and `mju_camPixelRay` in engine_util_misc.c.
+    """
+    width, height = model.cam_resolution[camera].tolist()
+    fovy, sensor = float(model.cam_fovy[camera]), model.cam_sensorsize[camera].astype(np.float64)
+    right, up = np.meshgrid(np.arange(width) + 0.5, height - 0.5 - np.arange(height))
+    zero, size = np.zeros(width * height), np.array([width, height], dtype=np.float64)
+    # Metres of an orthographic image; of others, pixels of focal length.
+    if int(model.cam_projection[camera]) == int(mujoco.mjtProjection.mjPROJ_ORTHOGRAPHIC):
+        # Both half sides are fovy / 2, whatever the image's aspect.
+        places = np.stack([right.ravel() / width - 0.5, up.ravel() / height - 0.5, zero], axis=-1) * [fovy, fovy, 1]
+        return places, np.tile([0.0, 0.0, -1.0], (len(zero), 1))
+    focal, centre = np.full(2, 0.5 / np.tan(np.radians(fovy) / 2) * height), size / 2
+    if sensor.all():
+        focal, centre = model.cam_intrinsic[camera].reshape(2, 2).astype(np.float64) / sensor * size
+        centre[1] = height - centre[1]
+    x, y = (right.ravel() - centre[0]) / focal[0], (up.ravel() - centre[1]) / focal[1]
+    rays = np.stack([x, y, zero - 1], axis=-1)
+    return np.zeros_like(rays), rays / np.linalg.norm(rays, axis=1, keepdims=True)
+
+
+def _is_met(model: mujoco.MjModel, geom: int) -> bool:
+    """Tell whether rays meet a geom: its material's opacity counts, or without one its own (`ray_eliminate`)."""
+    material = int(model.geom_matid[geom])
+    rgba = model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]
+    return bool(rgba[3] != 0)
+
+
+def _refuse_distance_fields(model: mujoco.MjModel, bodies: NDArray[np.int32]) -> None:
+    for geom in np.flatnonzero(model.geom_type == int(_GEOM.mjGEOM_SDF)).tolist():
+        if _is_met(model, geom) and (bodies != model.geom_bodyid[geom]).any():
+            raise SceneError(
+                f"geom {model.geom(geom).name or geom!r} is a signed distance field, through which MuJoCo marches in "
+                "steps; rangefinders are read of models whose geoms are of other types"
+            )
+
+
+def _ray_geoms(model: mujoco.MjModel, device: wp.Device) -> tuple[Any, list[wp.Mesh]]:
+    """Return the geoms that rays meet as `warpvis.kernels.rangefinders.RayGeoms`, and the meshes that it names."""
+    from warpvis.kernels.rangefinders import RayGeoms
+
+    chosen, sizes, trees = list[int](), list[list[float]](), list[int]()
+    meshes: dict[tuple[int, int], wp.Mesh | None] = {}
+    # Trees last: rays go no farther in them than to what they have met.
+    for geom in sorted(range(model.ngeom), key=lambda geom: int(model.geom_type[geom]) in _MESHES):
+        kind, data = int(model.geom_type[geom]), int(model.geom_dataid[geom])
+        if not _is_met(model, geom) or kind == _GEOM.mjGEOM_SDF:
+            continue
+        tree = 0
+        if kind in _MESHES:
+            if (kind, data) not in meshes:
+                meshes[kind, data] = _make_mesh(model, kind, data, device)
+            mesh = meshes[kind, data]
+            if mesh is None:
+                continue
+            tree = int(mesh.id)
+        chosen.append(geom)
+        sizes.append(_size_of(kind, *model.geom_size[geom].tolist()))
+        trees.append(tree)
+    arrays = {
+        "geom": (chosen, wp.int32),
+        "body": (model.geom_bodyid[chosen], wp.int32),
+        "kind": (model.geom_type[chosen], wp.int32),
+        "size": (np.reshape(sizes, (-1, 4)), wp.vec4),
+        "mesh": (np.array(trees, dtype=np.uint64), wp.uint64),
+        "bound": (model.geom_rbound[chosen] * _SLACK, wp.float64),
+    }
+    geoms = RayGeoms()
+    for name, (values, dtype) in arrays.items():
+        setattr(geoms, name, wp.array(values, dtype=dtype, device=device))
+    return geoms, [mesh for mesh in meshes.values() if mesh is not None]
+
+
+def _size_of(kind: int, a: float, b: float, c: float) -> list[float]:
+    """Return a geom's size as the kernel has it: of round shapes, radii and a half length in radii."""
+    if kind in _ROUND:
+        radii = [a, b, c] if kind == _GEOM.mjGEOM_ELLIPSOID else [a, a, a]
+        return [*radii, b / a if kind in (_GEOM.mjGEOM_CAPSULE, _GEOM.mjGEOM_CYLINDER) else 0.0]
+    return [a, b, c, 0.0]
+
+
+def _make_mesh(model: mujoco.MjModel, kind: int, data: int, device: wp.Device) -> wp.Mesh | None:
+    """Build the tree of a mesh or a height field, each triangle with corners of its own; None where it has none."""
+    shape = stored_mesh(model, kind, data)
+    if shape is None:
+        return None
+    corners = shape[0][shape[1]].reshape(-1, 3)
+    if kind == _GEOM.mjGEOM_HFIELD:
+        # Its base is a box: from within the hills above it, a ray meets the top of that.
+        corners = np.concatenate([corners, _SQUARE * np.r_[model.hfield_size[data][:2], 0.0]])
+    return make_mesh(corners.astype(np.float32), np.arange(len(corners), dtype=np.int32), device)
