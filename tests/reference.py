@@ -76,6 +76,7 @@ from reference_poses import poses_from_matrices, poses_to_opencv, quaternions_to
 from reference_random import draw_normals  # noqa: F401
 from reference_rangefinders import read_rangefinders  # noqa: F401
 from reference_ray_table import cast_ray_table
+from reference_second_eye import judge_hidden, shift_places  # noqa: F401
 from reference_silhouettes import (  # noqa: F401
     judge_silhouettes,
     measure_silhouettes,
@@ -150,6 +151,7 @@ def cast_rays_at(
 
 # What an image shows does not depend on how it is cast.
 cast_packets = cast_packets_cuda = cast_rays
+cast_remapped_packets = cast_rays_at
 cast_table_packets = cast_ray_packets_cuda = cast_ray_table
 
 

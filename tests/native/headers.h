@@ -67,6 +67,9 @@ namespace casting_tables {
 #include "cpu/movables.h"
 #include "cpu/packets.h"
 #include "cpu/table.h"
+#include "cpu/remap_map.h"
+#include "cpu/remap_tree.h"
+#include "cpu/remap.h"
 }  // namespace casting_tables
 
 namespace building_16 {

@@ -83,6 +83,17 @@ def as_warp(value: ArrayInput | None, dtype: type, shape: Shape, *, name: str, d
     return wp.array(host, dtype=dtype, device=device, copy=not device.is_cpu)
 
 
+def count_axes(value: ArrayInput, dtype: type) -> int:
+    """Count the axes of an array's elements; -1 if it is none. Components of a vector are an axis of no other array."""
+    if isinstance(value, wp.array) and value.dtype is dtype:
+        return value.ndim
+    try:
+        axes = value.ndim if hasattr(value, "ndim") else np.ndim(value)
+    except ValueError:
+        return -1
+    return axes - len(getattr(dtype, "_shape_", ()))
+
+
 def as_points(points: ArrayInput, name: str, count: str, device: wp.Device) -> wp.array:
     """Return points as vec3 on a device, and check that those of the host are finite.
 

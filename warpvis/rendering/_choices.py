@@ -13,7 +13,7 @@ import warp as wp
 from warpvis.core.checks import check_choice, check_number, check_whole
 from warpvis.core.ray_camera import RayCamera
 from warpvis.errors import ArrayError, CameraError
-from warpvis.rendering._cpu_packets import CpuPacketsCaster
+from warpvis.rendering._cpu_remap import CpuRemapCaster
 from warpvis.rendering._cpu_table import CpuTablePacketsCaster
 from warpvis.rendering._cuda_packets import CudaPacketsCaster
 from warpvis.rendering._cuda_table import CudaTablePacketsCaster
@@ -64,7 +64,7 @@ def choose_caster(caster: Caster, camera: RenderCamera) -> Literal["packets", "r
 
 def caster_class(
     caster: Literal["packets", "rays"], camera: RenderCamera, device: wp.Device
-) -> Callable[..., RaysCaster | CpuPacketsCaster | CpuTablePacketsCaster]:
+) -> Callable[..., RaysCaster | CpuRemapCaster | CpuTablePacketsCaster]:
     """Return the class of a caster of a camera on a device."""
     if isinstance(camera, OrthographicCamera):
         return OrthographicCaster
@@ -74,7 +74,7 @@ def caster_class(
         return CpuTablePacketsCaster if device.is_cpu else CudaTablePacketsCaster
     if caster == "rays":
         return RaysCaster
-    return CpuPacketsCaster if device.is_cpu else CudaPacketsCaster
+    return CpuRemapCaster if device.is_cpu else CudaPacketsCaster
 
 
 def fill_numbers(fill: Fill, camera: RenderCamera) -> tuple[float, float] | None:

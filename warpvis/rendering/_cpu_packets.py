@@ -24,6 +24,7 @@ from warpvis.scene import Scene
 
 if TYPE_CHECKING:
     from warpvis.kernels.packets import BvhScene, PacketJob
+    from warpvis.kernels.remap_packets import RemapJob
     from warpvis.kernels.table_packets import TableJob
     from warpvis.kernels.worlds import Worlds
 
@@ -53,7 +54,12 @@ class Workspace:
     """
 
     def __init__(
-        self, scene: BvhScene, kernel: wp.Kernel, call: tuple[Any, Any], job: PacketJob | TableJob, workers: int
+        self,
+        scene: BvhScene,
+        kernel: wp.Kernel,
+        call: tuple[Any, Any],
+        job: PacketJob | TableJob | RemapJob,
+        workers: int,
     ) -> None:
         """Prepare for calls like a job on so many threads; `call` is the kernel's struct of a call, and its type."""
         from warpvis.kernels.images import Images
@@ -158,9 +164,14 @@ class CpuPacketsCaster:
         self._run(poses, worlds, None, images)
 
     def cast_at(self, poses: np.ndarray, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
-        """Cast through image points, shape ``(V, 1, N)`` vec2, as are the images'."""
-        if pixels.size:
-            self._run(poses, worlds, pixels, images)
+        """Cast through image points, shape ``(V, Y, X)`` vec2, as are the images'."""
+        views, height, width = pixels.shape
+        if not pixels.size:
+            return
+        if height > 1:
+            rows = (views, 1, height * width)
+            pixels, images = pixels.reshape(rows), [image and image.reshape(rows) for image in images]
+        self._run(poses, worlds, pixels, images)
 
     def _run(self, poses: np.ndarray, worlds: Worlds, pixels: wp.array | None, images: list[wp.array | None]) -> None:
         views = len(poses)

@@ -1,0 +1,107 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Images of the places of maps, in units of trees: each is drawn as a bundle of a table's rays is (table.h).
+
+// A worker's memory.
+struct RemapMemory {
+    TableMemory table;
+    RemapTree tree;
+
+    static inline RemapMemory carve(Arena& arena, const RemapJob& job, int movables, int levels) {
+        TableJob table = TableJob();
+        table.most_groups = job.across() * job.down();
+        RemapMemory memory;
+        memory.table = TableMemory::carve(arena, table, movables, levels);
+        memory.tree = RemapTree::carve(arena, table.most_groups);
+        return memory;
+    }
+};
+
+struct RemapPackets {
+    // A rectangle of places as an image through a pinhole.
+    static inline Job job_of(const RemapJob& remap, const RayBox& box) {
+        const int x0 = (int)__builtin_floorf(box.u0) - 1, y0 = (int)__builtin_floorf(box.v0) - 1;
+        Job job = Job();
+        job.views = remap.views;
+        job.width = (int)__builtin_ceilf(box.u1) + 1 - x0;
+        job.height = (int)__builtin_ceilf(box.v1) + 1 - y0;
+        job.focal[0] = job.focal[1] = remap.tree_focal;
+        job.center[0] = -x0;
+        job.center[1] = -y0;
+        job.near = remap.near;
+        job.far = remap.far;
+        job.most_inv_z = remap.most_inv_z;
+        job.clip_reach = remap.clip_reach;
+        job.cull_back_faces = remap.cull_back_faces;
+        return job;
+    }
+    // What is needed of a table to write images.
+    static inline TableJob table_of(const RemapJob& remap) {
+        TableJob table = TableJob();
+        table.views = remap.views;
+        table.height = remap.rows;
+        table.width = remap.columns;
+        table.near = remap.near;
+        table.far = remap.far;
+        return table;
+    }
+
+    static inline void unit(const Scene& scene, const RemapJob& remap, const Images& out, const RemapMemory& memory,
+                            int unit, Mode mode) {
+        const int index = unit / remap.trees();
+        const RemapPart part = RemapPart::of(remap, unit % remap.trees());
+        const RayBox box = memory.tree.set(remap, part, index, memory.table.image);
+        const bool some = box.u0 <= box.u1;
+        const Job job = job_of(remap, some ? box : RayBox{0.0f, 0.0f, 0.0f, 0.0f});
+        const RayTree tree = memory.tree.as_ray_tree(remap.most_inv_z);
+        const Image image = memory.table.image_of(job, tree);
+        const Pose pose = Pose::from(remap.poses + (long long)index * POSE_WORDS);
+        const View view = View::of(scene, job, scene.movables.of_view(index), pose);
+        if (some && view.world.exists) Packets::draw(view, image, memory.table.traversal, mode);
+        const bool moving = scene.movables.count > 0 && mode == MODE_TRIANGLES;
+        const Lookup lookup = Lookup::of(scene, memory.table.traversal.frames, view.pose.position, moving);
+        const Writer writer = {lookup, view.camera, Rays::of(view.camera), image, job, out, index, mode};
+        const TableJob table = table_of(remap);
+        write(TableWriter{writer, table, tree, (long long)index * remap.rows * remap.columns}, remap, part,
+              memory.tree);
+    }
+
+    static inline void write(TableWriter writer, const RemapJob& remap, const RemapPart& part, const RemapTree& tree) {
+        const Images& out = writer.writer.out;
+        const bool depth_alone = writer.writer.mode == MODE_DEPTH && out.depth && !out.points;
+        for (int index = 0; index < remap.across() * remap.down() * LANES; ++index) {
+            const MapTile tile = MapTile::of(remap, part, writer.writer.view, index);
+            if (!tile.there) continue;
+            if (!remap.at) {
+                RemapTree::write_hidden(remap, writer.writer.image, tile);
+                continue;
+            }
+            tree.show_outside(writer.writer.image, index);
+            if (!tile.whole)
+                writer.packets(index);
+            else if (depth_alone)
+                writer.depth_blocks(index);
+            else
+                writer.blocks(index);
+        }
+    }
+
+    static inline void work(const Scene& scene, const RemapJob& remap, const Images& out, const RemapMemory& memory,
+                            int* counter, Mode mode) {
+        const int units = remap.views * remap.trees();
+        for (int next; (next = Workers::take(counter)) < units;) unit(scene, remap, out, memory, next, mode);
+    }
+
+    // Take units of work, parts of views, until none are left, as `Packets::run` does.
+    static inline void run(const Scene& scene, const RemapJob& remap, const Images& out, const RemapMemory& memory,
+                           int* counter) {
+        if (out.normals)
+            work(scene, remap, out, memory, counter, MODE_TRIANGLES);
+        else if (out.segmentation || out.labels)
+            work(scene, remap, out, memory, counter, MODE_OBJECTS);
+        else
+            work(scene, remap, out, memory, counter, MODE_DEPTH);
+        Workers::finish(counter);
+    }
+};

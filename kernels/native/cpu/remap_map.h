@@ -1,0 +1,138 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Maps, and what is asked of them.
+
+// A camera beside another one, as the two of a stereo pair. What a pixel of the other one shows is, in its own image,
+// shift / depth to the left of that pixel's centre.
+struct SecondEye {
+    const float* depth;  // [view][row][column], of the other camera
+    float shift;  // [px m]
+    float slack;  // what is nearer than a point by no more than this part of its depth does not hide it
+    unsigned char* hidden;  // [view][row][column]: whether anything is in the way of the point
+};
+
+// Images of other places than the pixels' centres: for each of their pixels, a map says which place of the camera's
+// image it shows.
+struct RemapJob {
+    int views, rows, columns;  // of the map
+    int width, height;  // of the camera's image, outside of which nothing is seen
+    double focal[2], center[2];
+    double tree_focal;  // of both axes, in places of trees, which are finer than pixels
+    float near, far, most_inv_z, clip_reach;
+    bool cull_back_faces;
+    const float* poses;  // [view]: x y z qx qy qz qw
+    const float* at;  // [view][row][column]: x and y [px]; null where a second eye looks
+    SecondEye eye;
+
+    // A group's side, and the groups of a tree, in which rays stay in a core's cache.
+    enum { GROUP_SIDE = BLOCKS_ACROSS * TILE_SIDE, MOST_GROUPS = 10 };
+
+    static inline int parts(int count, int size) { return (count + size - 1) / size; }
+    inline int groups_across() const { return parts(columns, GROUP_SIDE); }
+    inline int groups_down() const { return parts(rows, GROUP_SIDE); }
+    // Of a tree: as many as there are side by side, and rows of them.
+    inline int across() const { return groups_across() < MOST_GROUPS ? groups_across() : (int)MOST_GROUPS; }
+    inline int down() const {
+        const int most = MOST_GROUPS / across();
+        return groups_down() < most ? groups_down() : most;
+    }
+    inline int trees_across() const { return parts(groups_across(), across()); }
+    inline int trees() const { return trees_across() * parts(groups_down(), down()); }
+};
+
+// The part of a map that a tree is over, in pixels of it.
+struct RemapPart {
+    int first_column, first_row;
+
+    static inline RemapPart of(const RemapJob& job, int tree) {
+        return RemapPart{tree % job.trees_across() * job.across() * RemapJob::GROUP_SIDE,
+                         tree / job.trees_across() * job.down() * RemapJob::GROUP_SIDE};
+    }
+};
+
+// A tile of it.
+struct MapTile {
+    long long view;
+    int index;  // in the tree
+    int column, row;  // of its first pixel
+    bool there, whole;  // whether any of it is in the map, and all
+
+    static inline MapTile of(const RemapJob& job, const RemapPart& part, long long view, int index) {
+        const int group = index / LANES, tile = index % LANES;
+        const int column =
+            part.first_column + group % job.across() * RemapJob::GROUP_SIDE + tile % BLOCKS_ACROSS * TILE_SIDE;
+        const int row = part.first_row + group / job.across() * RemapJob::GROUP_SIDE + tile / BLOCKS_ACROSS * TILE_SIDE;
+        return MapTile{view,
+                       index,
+                       column,
+                       row,
+                       column < job.columns && row < job.rows,
+                       column + TILE_SIDE <= job.columns && row + TILE_SIDE <= job.rows};
+    }
+    // Where its blocks begin.
+    inline int block_column(int block) const { return column + block % BLOCKS_ACROSS * BLOCK_SIDE; }
+    inline int block_row(int block) const { return row + block / BLOCKS_ACROSS * BLOCK_SIDE; }
+};
+
+// Sixteen pixels of a map.
+struct MapBlock {
+    Floats x, y;
+    Floats start;  // surfaces of no more than this 1 / z are not looked for
+
+    // Of a tile. Of one that is not whole, `place` is where to write which pixels they are, -1 beyond the map's end.
+    static inline MapBlock of(const RemapJob& job, const MapTile& tile, int block, int* place) {
+        const int column = tile.block_column(block), row = tile.block_row(block);
+        const long long first = (tile.view * job.rows + row) * job.columns + column;
+        if (tile.whole) place = nullptr;
+        if (place) {
+            for (int k = 0; k < LANES; ++k) {
+                const int x = column + k % BLOCK_SIDE, y = row + k / BLOCK_SIDE;
+                place[k] = x < job.columns && y < job.rows ? y * job.columns + x : -1;
+            }
+        }
+        if (!job.at) return shifted(job, column, row, depths(job, first, place));
+        const float* from = job.at + first * 2;
+        if (!place) return rows(from, job.columns * 2LL);
+        float pairs[2 * LANES];
+        for (int k = 0; k < LANES; ++k)
+            for (int c = 0; c < 2; ++c)
+                pairs[2 * k + c] = place[k] < 0 ? __builtin_nanf("") : from[offset(job, k) * 2 + c];
+        return rows(pairs, 2 * BLOCK_SIDE);
+    }
+    // Of a block's pixel from its first.
+    static inline long long offset(const RemapJob& job, int k) {
+        return (long long)(k / BLOCK_SIDE) * job.columns + k % BLOCK_SIDE;
+    }
+    static inline Floats depths(const RemapJob& job, long long first, const int* place) {
+        const float* from = job.eye.depth + first;
+        if (!place) return RayTree::window(from, job.columns);
+        float z[LANES];
+        for (int k = 0; k < LANES; ++k) z[k] = place[k] < 0 ? __builtin_nanf("") : from[offset(job, k)];
+        return Lanes::load(z);
+    }
+    // Where nothing is seen is no place.
+    static inline MapBlock shifted(const RemapJob& job, int column, int row, Floats z) {
+        const Floats inv_z = 1.0f / z;
+        const Floats x = (Grid::column_floats() + ((float)column + 0.5f)) - job.eye.shift * inv_z;
+        const Floats y = Grid::row_floats() + ((float)row + 0.5f);
+        const Ints seen = (z > Lanes::all(0.0f)) & (z < Lanes::all(NOWHERE));
+        return MapBlock{seen ? x : Lanes::all(__builtin_nanf("")), y, inv_z + job.eye.slack * inv_z};
+    }
+    // Of rows of x y x y ..., so many numbers apart.
+    static inline MapBlock rows(const float* from, long long apart) {
+        typedef float Eight __attribute__((ext_vector_type(8)));
+        Eight r[BLOCK_SIDE];
+        for (int k = 0; k < BLOCK_SIDE; ++k) __builtin_memcpy(&r[k], from + k * apart, sizeof r[k]);
+        const Floats a = __builtin_shufflevector(r[0], r[1], 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+        const Floats b = __builtin_shufflevector(r[2], r[3], 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+        return MapBlock{__builtin_shufflevector(a, b, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30),
+                        __builtin_shufflevector(a, b, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31),
+                        Lanes::all(0.0f)};
+    }
+    // Which of them are places of the image; what is no number is none.
+    inline Ints inside(const RemapJob& job) const {
+        const Floats none = Lanes::all(0.0f);
+        return (x >= none) & (x < Lanes::all((float)job.width)) & (y >= none) & (y < Lanes::all((float)job.height));
+    }
+};

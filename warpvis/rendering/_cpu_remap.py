@@ -1,0 +1,125 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Packets on CPU cores through the places of maps: images whose pixels show any points of the camera's image."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import TYPE_CHECKING
+
+import numpy as np
+import warp as wp
+
+from warpvis.core.camera import Camera
+from warpvis.kernels.constants import BLOCK_SIDE, TILE_SIDE
+from warpvis.rendering._cpu_packets import MOST_KINDS, CpuPacketsCaster, RayCosts, Workspace
+from warpvis.rendering._prepared import Idle
+from warpvis.rendering._views import OUTPUTS
+from warpvis.scene import Scene
+
+if TYPE_CHECKING:
+    from warpvis.kernels.packets import BvhScene
+    from warpvis.kernels.worlds import Worlds
+
+# Pixels of trees' images are so much finer than the camera's: their bounds are to a pixel.
+_FINENESS, _MOST_FOCAL = 32.0, 2.0**15
+# Neighbours of a map are taken as such if blocks of 4 x 4 are no larger than this on average [px], width and height
+# together; so many blocks are looked at.
+_MOST_APART, _LOOKED_AT = 24.0, 64
+
+
+class CpuRemapCaster(CpuPacketsCaster):
+    """The same, where neighbours of a map walk a BVH together: a tree over them is made anew for each view."""
+
+    def __init__(self, scene: Scene, camera: Camera, *, cull_backfaces: bool, clip_near: bool, threads: int) -> None:
+        """Prepare to cast."""
+        super().__init__(scene, camera, cull_backfaces=cull_backfaces, clip_near=clip_near, threads=threads)
+        self._map_costs = RayCosts(threads)
+        self._idle_maps = Idle[Workspace](MOST_KINDS)
+
+    def cast_at(self, poses: np.ndarray, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
+        """Cast through image points, shape ``(V, Y, X)`` vec2, as are the images'; lists of them have one row."""
+        if pixels.shape[1] > 1 and are_neighbours(pixels):
+            self._run_map(poses, worlds, pixels.shape, {"at": pixels}, images)
+        else:
+            super().cast_at(poses, worlds, pixels, images)
+
+    def find_hidden(
+        self, poses: np.ndarray, worlds: Worlds, depth: wp.array, shift: float, slack: float, hidden: wp.array
+    ) -> None:
+        """Write whether anything hides the points of a depth image from a second eye.
+
+        Args:
+            poses: Of the second eye, whose camera is that of the first.
+            worlds: Of its views.
+            depth: Depth in the first eye's pixels, and in the second's, ``(V, H, W)`` float32; not finite for no point.
+            shift: Focal length times how far the second eye is to the right [px m].
+            slack: What is nearer by no more than this part of a point's depth does not hide it.
+            hidden: Where to write 1 for points that are hidden, and 0 for others, ``(V, H, W)`` uint8.
+        """
+        if depth.size:
+            eye = {"depth": depth, "hidden": hidden, "shift": shift, "slack": slack}
+            self._run_map(poses, worlds, depth.shape, eye, [None] * len(OUTPUTS))
+
+    def _run_map(
+        self,
+        poses: np.ndarray,
+        worlds: Worlds,
+        shape: tuple[int, int, int],
+        given: dict[str, wp.array | float],
+        images: list[wp.array | None],
+    ) -> None:
+        """Fill in the fields of a job that are given, and do it."""
+        views, rows, columns = shape
+        rays = views * rows * columns
+        scene = self._scene.bvh().struct
+        workers = min(self._map_costs.threads_for(rays), views * -(-rows // TILE_SIDE))
+        kind = (scene.levels, scene.drawn_count, shape, workers)
+        space = self._idle_maps.take(kind) or self._make_map_space(scene, shape, workers)
+        space.fill(scene, poses, worlds, images)
+        for name, value in given.items():
+            setattr(space.job, name, as_numbers(value) if isinstance(value, wp.array) else value)
+        start = time.perf_counter_ns()
+        space.run()
+        self._map_costs.note(rays, workers, time.perf_counter_ns() - start)
+        for name, value in given.items():
+            if isinstance(value, wp.array):
+                setattr(space.job, name, None)
+        self._idle_maps.give_back(kind, space)
+
+    def _make_map_space(self, scene: BvhScene, shape: tuple[int, int, int], workers: int) -> Workspace:
+        from warpvis.kernels.remap_packets import RemapCall, RemapJob, cast_remapped_packets
+
+        job = RemapJob()
+        job.views, job.rows, job.columns = shape
+        job.camera = self._camera.device_struct(clip_near=self._clip_near)
+        # A power of two times finer: then places are found without double precision.
+        finer = min(_FINENESS, max(1.0, _MOST_FOCAL / self._camera.fx))
+        job.tree_focal = self._camera.fx * 2.0 ** math.floor(math.log2(finer))
+        job.cull_backfaces = int(self._cull_backfaces)
+        job.scratch_bytes = wp.zeros(1, dtype=wp.int64, device="cpu")
+        return Workspace(scene, cast_remapped_packets, (RemapCall(), RemapCall), job, workers)
+
+
+def as_numbers(array: wp.array) -> wp.array:
+    """View an array, of vectors too, as a row of numbers."""
+    row = array.flatten()
+    return row.view(wp.float32).flatten() if row.dtype is wp.vec2 else row
+
+
+def are_neighbours(pixels: wp.array) -> bool:
+    """Tell whether neighbours of a map, shape ``(V, Y, X)`` vec2, lie close together in the image, by some blocks."""
+    views, rows, columns = pixels.shape
+    across, down = columns // BLOCK_SIDE, rows // BLOCK_SIDE
+    blocks = views * across * down
+    if blocks == 0:
+        return False
+    view, block = np.divmod(np.linspace(0, blocks - 1, min(blocks, _LOOKED_AT)).astype(np.int64), across * down)
+    row, column = (first[:, None] * BLOCK_SIDE + np.arange(BLOCK_SIDE) for first in np.divmod(block, across))
+    places = pixels.numpy()[view[:, None, None], row[:, :, None], column[:, None, :]].reshape(len(view), -1, 2)
+    fine = np.isfinite(places)
+    most = np.where(fine, places, -np.inf).max(axis=1)
+    apart = most - np.where(fine, places, np.inf).min(axis=1)
+    some = np.isfinite(most).all(axis=-1)
+    return not some.any() or float(apart[some].sum(axis=-1).mean()) <= _MOST_APART
