@@ -133,6 +133,8 @@ def lidar_cases(folder):
         ),
         "spread_beams": (wv.sensors.spread_beams, {"rays": laser, "divergence": 0.01, "count": 3}),
         "to_pointcloud2 of a cloud": (wv.io.to_pointcloud2, {"points": cloud, "layout": None, **MESSAGE}),
+        "to_livox_msg": (wv.io.to_livox_msg, {"cloud": cloud, "lidar_id": 1, **MESSAGE}),
+        "register_livox_types": (wv.io.register_livox_types, {"types": MESSAGE["types"]}),
         "to_laserscan": (
             wv.io.to_laserscan,
             {"ranges": np.ones(9), "rays": laser, "scan_time": 0.1, "intensities": np.ones(9), **MESSAGE},

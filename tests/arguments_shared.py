@@ -48,7 +48,9 @@ def agents():
     return [wv.Agent("robot", CAMERA, POSE), wv.Agent("human", wv.FieldOfView(1.5, 0.5, 0.5, resolution=10), POSE)]
 
 
-MESSAGE = {"frame_id": "camera", "stamp": 1.5, "types": get_typestore(Stores.ROS2_JAZZY)}
+STORE = get_typestore(Stores.ROS2_JAZZY)
+wv.io.register_livox_types(STORE)
+MESSAGE = {"frame_id": "camera", "stamp": 1.5, "types": STORE}
 MOVED = [[2, 0.5, 0, 0, 0, 0, 1]]
 SEEN = wv.perspective(scene(), agents())
 SPACE = {"bounds": [[0, -1, -1], [2, 1, 1]], "up": "z", "threads": 1}

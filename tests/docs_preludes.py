@@ -173,6 +173,8 @@ def _ros(folder):
     frame = {"frame_id": "camera_depth_optical_frame", "types": STORE}
     scene, pose = _room(), _poses(1)
     depth = wv.render(scene, camera, pose).depth
+    samples = np.linspace((0, -180, 50), (0.1, 180, 97), 20_000)
+    np.savetxt(folder / "mid360.csv", samples, "%.5f", ",", header="Time/s,Azimuth/deg,Zenith/deg", comments="")
     return {
         "info_msg": camera.to_camera_info(**frame),
         "image_msg": wv.io.to_image_msg(depth, **frame),

@@ -16,7 +16,10 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 
+from warpvis.io import register_livox_types
+
 STORE = get_typestore(Stores.ROS2_JAZZY)
+register_livox_types(STORE)
 ROS1 = get_typestore(Stores.ROS1_NOETIC)
 
 KINDS = [
@@ -33,6 +36,8 @@ KINDS = [
     "geometry_msgs/msg/Quaternion",
     "geometry_msgs/msg/Transform",
     "geometry_msgs/msg/TransformStamped",
+    "livox_ros_driver2/msg/CustomPoint",
+    "livox_ros_driver2/msg/CustomMsg",
 ]
 
 _CODES = {"uint8": "B", "float32": "f", "float64": "d"}

@@ -200,8 +200,8 @@ TYPES = {"types": type("Types", (), {"types": {}})()}
             'the layout "velodyne" needs the field ring, which the cloud has not',
         ),
         (
-            lambda p: wv.io.to_pointcloud2(named(**XYZ), frame_id="a", layout="livox", **TYPES),
-            'layout must be "velodyne" or "ouster", got .livox.',
+            lambda p: wv.io.to_pointcloud2(named(**XYZ), frame_id="a", layout="hesai", **TYPES),
+            'layout must be "velodyne", "ouster" or "livox", got .hesai.',
         ),
         (
             lambda p: wv.io.to_pointcloud2(np.zeros((3, 3)), frame_id="a", layout="ouster", **TYPES),

@@ -197,6 +197,7 @@ NAMES = (
     "propose standing surface along frames_ grid looks orbit random sphere view_ Depth Lens Version add_ distort "
     "Ortho gym open_ framing depth_ from_image to_image to_point find_ quanti range_ recog segm Li bpearl even "
     "hdl64e Motion Rolling deskew laser_ livox ouster vlp gather_ measure_ reflect spread_ to_laser Rays Wide Rangef "
+    "register_ to_livox "
 ).split()
 
 

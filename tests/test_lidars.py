@@ -227,6 +227,9 @@ def test_frames_of_a_livox_go_on_where_the_last_one_ended(tmp_path, file):
     seen = np.concatenate([frame.directions.reshape(-1, 3) for frame in frames])
     np.testing.assert_allclose(seen, np.tile(wanted, (4, 1))[:18], atol=1e-9)
     np.testing.assert_allclose(np.ravel(frames[0].times), [0, 1 / 30, 2 / 30], atol=1e-15)
+    # Lasers fire in turn, sample by sample of the pattern: four of a Mid-360, one of a Mid-40.
+    assert np.concatenate([frame.rings for frame in frames]).tolist() == [0, 1, 2, 3, 0] * 3 + [0, 1, 2]
+    assert pattern.lines == 4 and lidars.livox("mid40", file(tmp_path)).frame(0, samples=5).rings.tolist() == [0] * 5
     # Livox' own words: Rz(azimuth) Ry(zenith - 90 degrees) x.
     turn = wanted[1]
     c, s = math.cos(-elevation[1]), math.sin(-elevation[1])
@@ -244,6 +247,19 @@ def test_a_livox_is_that_of_an_installed_mujoco_lidar():
     np.testing.assert_allclose(np.radians(elevation.ravel()), phi, atol=1e-7)
     np.testing.assert_allclose(np.cos(np.radians(azimuth.ravel()) - theta), 1, atol=1e-12)
     assert lidars.livox("mid360").frame().directions.shape[:-1] == (20_000,)
+
+
+@pytest.mark.parametrize(("model", "lines"), [("mid360", 4), ("avia", 6), ("horizon", 6), ("tele", 6), ("HAP", 6)])
+def test_samples_of_one_line_of_a_livox_lie_close_to_each_other(model, lines):
+    pytest.importorskip("mujoco_lidar")
+    pattern = lidars.livox(model)
+    assert pattern.lines == lines
+
+    def step(apart):
+        turn = np.angle(np.exp(1j * (pattern.azimuth[apart:] - pattern.azimuth[:-apart])))
+        return np.median(np.hypot(turn, pattern.elevation[apart:] - pattern.elevation[:-apart]))
+
+    assert step(lines) < 0.7 * min(step(apart) for apart in range(1, lines))
 
 
 def test_an_even_lidar_is_isaac_labs():

@@ -17,6 +17,7 @@ from warpvis.io._depth import (
     save_depth_png,
 )
 from warpvis.io._files import read_archive as read_archive
+from warpvis.io._livox_messages import register_livox_types, to_livox_msg
 from warpvis.io._mcap import check_mcap as check_mcap
 from warpvis.io._messages import from_image_msg, to_image_msg, to_pointcloud2
 from warpvis.io._points import read_points
@@ -30,10 +31,12 @@ __all__ = [
     "load_camera",
     "read_points",
     "read_poses",
+    "register_livox_types",
     "save_cloud",
     "save_clouds",
     "save_depth_png",
     "to_image_msg",
     "to_laserscan",
+    "to_livox_msg",
     "to_pointcloud2",
 ]

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import check_choice, check_number
-from warpvis.core.messages import Message, MessageMaker, MessageTypes, Stamp
+from warpvis.core.messages import Message, MessageMaker, MessageTypes, Stamp, stamp_nanoseconds
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, MessageError
 from warpvis.sensors import Rays
 
-CloudLayout = Literal["velodyne", "ouster"]
+CloudLayout = Literal["velodyne", "ouster", "livox"]
 """Whose driver's fields a PointCloud2 has."""
 
 # sensor_msgs/PointField
@@ -28,8 +28,14 @@ _VELODYNE = (("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("r
 _OUSTER = (
     *_VELODYNE[:4], ("t", "<u4"), ("reflectivity", "<u2"), ("ring", "<u2"), ("ambient", "<u2"), ("range", "<u4"),
 )  # fmt: skip
+_LIVOX = (*_VELODYNE[:4], ("tag", "u1"), ("line", "u1"), ("timestamp", "<f8"))
 # Units a field's number is of, in one of ours, and the most that it holds: nanoseconds, millimetres, 1 / 255.
 _SCALES = {"t": (1e9, 2**32 - 1), "range": (1e3, 2**32 - 1), "reflectivity": (255.0, 2**16 - 1)}
+
+# Of a point in Livox's own message, CustomPoint.
+_LIVOX_POINT = (
+    ("offset_time", "<u4"), *_VELODYNE[:3], ("reflectivity", "u1"), ("tag", "u1"), ("line", "u1"),
+)  # fmt: skip
 
 _STRAIGHT = 1e-6  # rad
 
@@ -51,8 +57,8 @@ def check_cloud(cloud: object) -> NDArray[np.void]:
     return cloud
 
 
-def as_layout(cloud: NDArray[np.void], layout: CloudLayout | None) -> NDArray[np.void]:
-    """Return a cloud, packed, with the fields that a driver gives.
+def as_layout(cloud: NDArray[np.void], layout: CloudLayout | None, stamp: Stamp = 0.0) -> NDArray[np.void]:
+    """Return a cloud, packed, with the fields that a driver gives; `stamp` is what its times are counted from.
 
     Raises:
         ArrayError: The cloud has not what the driver's fields are made of.
@@ -61,7 +67,9 @@ def as_layout(cloud: NDArray[np.void], layout: CloudLayout | None) -> NDArray[np
     if layout is None:
         wanted = [(name, cloud.dtype[name].newbyteorder("<").str) for name in cloud.dtype.names or ()]
     else:
-        check_choice(layout, "layout", ("velodyne", "ouster"), MessageError)
+        check_choice(layout, "layout", ("velodyne", "ouster", "livox"), MessageError)
+        if layout == "livox":
+            return _as_livox_cloud(cloud, stamp)
         wanted = list(_VELODYNE if layout == "velodyne" else _OUSTER)
     packed = np.zeros(cloud.shape, dtype=wanted)
     for name, _ in wanted:
@@ -85,14 +93,53 @@ def _field(cloud: NDArray[np.void], name: str, layout: CloudLayout | None) -> An
     return values
 
 
+def as_livox_points(cloud: NDArray[np.void]) -> NDArray[np.void]:
+    """Return the points of a cloud as Livox's driver gives them, in the order of their times; 0 for what is not known.
+
+    Raises:
+        ArrayError: The cloud has no times, or a field of Livox's does not hold its numbers.
+    """
+    names = cloud.dtype.names or ()
+    if "time" not in names:
+        raise ArrayError('the layout "livox" needs the field time, which the cloud has not')
+    flat = cloud.reshape(-1)
+    flat = flat[np.isfinite(flat["x"]) & np.isfinite(flat["y"]) & np.isfinite(flat["z"])]
+    flat = flat[np.argsort(flat["time"], kind="stable")]
+    points = np.zeros(len(flat), dtype=list(_LIVOX_POINT))
+    for axis in "xyz":
+        points[axis] = flat[axis]
+    sources = {"offset_time": ("time", 1e9), "reflectivity": ("intensity", 255.0), "tag": ("tag", 1.0)}
+    for name, (source, scale) in (sources | {"line": ("ring", 1.0)}).items():
+        if source in names:
+            points[name] = _whole(flat[source], scale, np.iinfo(points.dtype[name]).max, name, source)
+    return points
+
+
+def _as_livox_cloud(cloud: NDArray[np.void], stamp: Stamp) -> NDArray[np.void]:
+    """Return a cloud with the fields of a PointCloud2 of Livox's driver, whose times are nanoseconds of the clock."""
+    points = as_livox_points(cloud)
+    packed = np.zeros(len(points), dtype=list(_LIVOX))
+    for name in ("x", "y", "z", "tag", "line"):
+        packed[name] = points[name]
+    packed["intensity"] = points["reflectivity"]
+    # As the driver does: a double holds today's nanoseconds to 256.
+    packed["timestamp"] = (stamp_nanoseconds(stamp) + points["offset_time"].astype(np.int64)).astype(np.float64)
+    return packed
+
+
 def _scaled(values: NDArray[Any], name: str, source: str) -> NDArray[np.float64]:
-    """Return whole numbers of the unit of a field of Ouster's; 0 where nothing was measured.
+    """Return whole numbers of the unit of a field of Ouster's; 0 where nothing was measured."""
+    scale, most = _SCALES[name]
+    return _whole(np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0), scale, most, name, source)
+
+
+def _whole(values: NDArray[Any], scale: float, most: int, name: str, source: str) -> NDArray[np.float64]:
+    """Return whole numbers of a field's unit.
 
     Raises:
         ArrayError: The field does not hold them.
     """
-    scale, most = _SCALES[name]
-    scaled = np.nan_to_num(np.rint(values.astype(np.float64) * scale), nan=0.0, posinf=0.0, neginf=0.0)
+    scaled = np.rint(values.astype(np.float64) * scale)
     if scaled.size and not 0 <= scaled.min() <= scaled.max() <= most:
         raise ArrayError(
             f"{source} must be from 0 to {most / scale:g} for the field {name}, got {scaled.min() / scale:g} to "

@@ -139,9 +139,11 @@ def to_pointcloud2(
         frame_id: The frame of the points; of a depth image, the camera's optical frame.
         stamp: When the image was taken [s], or a Time message.
         layout: Whose driver's fields a lidar's cloud gets: ``"velodyne"``, x y z intensity float32, ring uint16, time
-            float32 [s]; or ``"ouster"``, x y z intensity float32, t uint32 [ns], reflectivity ring ambient uint16,
-            range uint32 [mm]. Odometry packages look for these. Intensity is 0 if the cloud has none, reflectivity
-            255 for an intensity of 1, and ambient light, which is not simulated, 0. By default the cloud's own fields.
+            float32 [s]; ``"ouster"``, x y z intensity float32, t uint32 [ns], reflectivity ring ambient uint16,
+            range uint32 [mm]; or ``"livox"``, x y z intensity float32, tag line uint8, timestamp float64 [ns], of the
+            clock and not from `stamp`, in the order of times and without NaN. Odometry packages look for these.
+            Intensity is 0 if the cloud has none, reflectivity and Livox's intensity 255 for an intensity of 1, and
+            ambient light, which is not simulated, 0. By default the cloud's own fields.
         types: A type store of rosbags; by default ROS's own classes, which must be there then.
 
     Raises:
@@ -149,7 +151,7 @@ def to_pointcloud2(
     """
     maker = MessageMaker(types)
     if camera is None and isinstance(points, np.ndarray) and points.dtype.names is not None:
-        return _cloud_message(as_layout(check_cloud(points), layout), maker, maker.header(frame_id, stamp))
+        return _cloud_message(as_layout(check_cloud(points), layout, stamp), maker, maker.header(frame_id, stamp))
     if layout is not None:
         raise MessageError(f"layout is for a lidar's cloud, an array with named fields, got {layout!r}")
     cloud = _read_points(points) if camera is None else _back_project(_read_image(points), require_image_camera(camera))

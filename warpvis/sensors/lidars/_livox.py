@@ -18,15 +18,17 @@ from warpvis.errors import CameraError, FileFormatError
 from warpvis.sensors._rays import Rays
 from warpvis.sensors.lidars._angles import directions_at
 
-# Samples in a second: HAP's by its user manual, table 1.2.1; the others' are not checked against theirs.
-_SAMPLES = {
-    "mid360": 200_000,
-    "avia": 240_000,
-    "horizon": 240_000,
-    "tele": 240_000,
-    "mid40": 100_000,
-    "mid70": 100_000,
-    "HAP": 452_000,
+# Samples in a second, and lasers that fire in turn. HAP's samples are by its user manual, table 1.2.1; the lines of HAP
+# and Mid-360 by livox_ros_driver2 (src/comm/comm.h), the rest by livox_ros_driver (lds.h); Mid-360's samples are not
+# checked against Livox's words. The patterns agree: samples of one line lie close to each other.
+_MODELS = {
+    "mid360": (200_000, 4),
+    "avia": (240_000, 6),
+    "horizon": (240_000, 6),
+    "tele": (240_000, 6),
+    "mid40": (100_000, 1),
+    "mid70": (100_000, 1),
+    "HAP": (452_000, 6),
 }
 _HEADER = "Time/s,Azimuth/deg,Zenith/deg"
 
@@ -34,14 +36,22 @@ _HEADER = "Time/s,Azimuth/deg,Zenith/deg"
 class Livox:
     """Where a Livox lidar looks, sample by sample; `frame` makes the rays of a frame of it."""
 
-    def __init__(self, azimuth: NDArray[np.float64], elevation: NDArray[np.float64], samples_per_second: int) -> None:
-        """Keep angles [rad] of samples, in their order, and how many there are in a second."""
+    def __init__(
+        self,
+        azimuth: NDArray[np.float64],
+        elevation: NDArray[np.float64],
+        samples_per_second: int,
+        lines: int = 1,
+    ) -> None:
+        """Keep angles [rad] of samples, in their order, how many there are in a second, and of how many lasers."""
         self.azimuth = azimuth
         """Angles from x towards y, so to the left, of all samples [rad]."""
         self.elevation = elevation
         """Angles above the horizontal plane of all samples [rad]."""
         self.samples_per_second = samples_per_second
         """How many samples the sensor takes in a second."""
+        self.lines = lines
+        """How many lasers take them in turn."""
 
     def frame(
         self,
@@ -62,8 +72,8 @@ class Livox:
             far: Greatest [m].
 
         Returns:
-            Rays of shape ``(samples,)``, x forward, y left, z up, with times from 0 up, evenly spread over the frame,
-            and without rings.
+            Rays of shape ``(samples,)``, x forward, y left, z up, with times from 0 up, evenly spread over the frame;
+            their rings are the numbers of the lasers, Livox's ``line``.
 
         Raises:
             CameraError: A number is not what it has to be.
@@ -80,7 +90,7 @@ class Livox:
         place = (index * samples % len(self.azimuth) + np.arange(samples)) % len(self.azimuth)
         directions = directions_at(self.azimuth[place], self.elevation[place])
         times = np.arange(samples) / (samples * rate)
-        return Rays(directions, times=times, near=near, far=far, axes="ros_body")
+        return Rays(directions, times=times, rings=place % self.lines, near=near, far=far, axes="ros_body")
 
 
 def livox(model: str, file: str | os.PathLike[str] | None = None) -> Livox:
@@ -99,14 +109,14 @@ def livox(model: str, file: str | os.PathLike[str] | None = None) -> Livox:
         CameraError: There is no such model, or no file and no wheel.
         FileFormatError: The file is not what it has to be.
     """
-    known = {name.lower(): name for name in _SAMPLES}
+    known = {name.lower(): name for name in _MODELS}
     plain = model.lower().replace("-", "").replace("_", "") if isinstance(model, str) else ""
     if plain not in known:
-        raise CameraError(f"model must be one of {', '.join(_SAMPLES)}, got {model!r}")
+        raise CameraError(f"model must be one of {', '.join(_MODELS)}, got {model!r}")
     model = known[plain]
     path = _from_wheel(model) if file is None else as_path(file, "file")
     azimuth, elevation = _read_npy(path) if path.suffix.lower() == ".npy" else _read_csv(path)
-    return Livox(azimuth, elevation, _SAMPLES[model])
+    return Livox(azimuth, elevation, *_MODELS[model])
 
 
 def _from_wheel(model: str) -> Path:
