@@ -40,6 +40,10 @@ REASON_EDGE = 5
 REASON_GRAZING = 6
 REASON_DROPOUT = 7
 
+# What random numbers are for: each purpose has a stream of its own.
+STREAM_DISPARITY = 1
+STREAM_DROPOUT = 2
+
 # Counters that the CPU workers of a job share.
 COUNTER_NEXT_UNIT = 0  # of work
 COUNTER_ENTERED = 1  # workers

@@ -12,6 +12,7 @@ import pytest
 import trimesh
 import warp as wp
 from arguments_data import data_cases
+from arguments_depth import depth_sensor_cases
 from arguments_lidars import lidar_cases
 from arguments_shared import CAMERA, POSE, WORLD, scene
 from arguments_tools import tools_cases
@@ -104,7 +105,8 @@ FEW = ("None", "a word", "NaN", "minus one", "an object", "an array")
 
 def cases(folder):
     """Valid arguments of all that is public and can be called."""
-    return {**top_cases(folder), **data_cases(folder), **tools_cases(folder), **lidar_cases(folder)}
+    tables = [make(folder) for make in (top_cases, data_cases, tools_cases, lidar_cases)]
+    return {name: case for table in [*tables, depth_sensor_cases()] for name, case in table.items()}
 
 
 def files_for_cases(folder):
@@ -165,6 +167,8 @@ OURS = {
     "Renderer.render_parsed",
     "DepthSensor.check",
     "DepthSensor.measure",
+    "StereoDepth.check",
+    "StereoDepth.measure",
     "FieldOfView.faces",
     "FrameRenderer.render",
     "Agent.face_poses",
@@ -197,7 +201,7 @@ NAMES = (
     "propose standing surface along frames_ grid looks orbit random sphere view_ Depth Lens Version add_ distort "
     "Ortho gym open_ framing depth_ from_image to_image to_point find_ quanti range_ recog segm Li bpearl even "
     "hdl64e Motion Rolling deskew laser_ livox ouster vlp gather_ measure_ reflect spread_ to_laser Rays Wide Rangef "
-    "register_ to_livox "
+    "register_ to_livox Stereo realsense_ oak_ kinect_ structure "
 ).split()
 
 

@@ -27,6 +27,8 @@ class Exposure:
     """What is seen."""
     camera: Camera
     """The camera, with the depth range that was asked for."""
+    clip_near: float
+    """What is nearer is not there [m]: the camera's near with ``near_plane="clip"``, else 0."""
     poses: wp.array
     """Camera to world, OpenCV's axes, ``(V,)`` transform."""
     worlds: Worlds
@@ -47,6 +49,8 @@ class Exposure:
     """Where to write what the sensor says, ``(V, H, W)``."""
     reasons_out: wp.array | None
     """Where to write a `warpvis.sensors.Reason` for every pixel, ``(V, H, W)`` uint8; None if nobody asks."""
+    room: Callable[[str, tuple[int, ...], type], wp.array]
+    """Memory to work in: `room(name, shape, dtype)` returns an array, the same one in the next call of the kind."""
     cast_at: Callable[[Camera, wp.array, wp.array], wp.array]
     """Cast through image points of another camera of the same worlds: `cast_at(camera, poses, points)` returns the
     depth, ``(V, 1, N)``, that such a camera at each of V poses sees at its N points, ``(V, 1, N)`` vec2 [px]; +inf
@@ -60,6 +64,11 @@ class DepthSensor(ABC):
     def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:
         """Which images of the first surface `measure` reads beside its depth."""
         return ()
+
+    @property
+    def bytes_per_pixel(self) -> int:
+        """How much room `measure` takes for a pixel, beside the images that it reads and writes."""
+        return 0
 
     def check(self, scene: Scene, camera: object) -> Camera:
         """Return the camera, if the model is one of it in a scene.

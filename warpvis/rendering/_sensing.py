@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_numpy, empty
 from warpvis.core.camera import Camera
-from warpvis.core.checks import check_whole
+from warpvis.core.checks import check_whole, is_number
 from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
@@ -73,7 +73,8 @@ class Sensing:
     def bytes_per_pixel(self, outputs: tuple[str, ...]) -> int:
         """Count what a pixel takes beside the outputs."""
         lacking = [name for name in self._needed if name not in outputs]
-        return sum(wp.types.type_size_in_bytes(ALL_OUTPUTS[name]) for name in lacking)
+        images = sum(wp.types.type_size_in_bytes(ALL_OUTPUTS[name]) for name in lacking)
+        return images + self.sensor.bytes_per_pixel
 
     def number(self, views: int, frame: int | ArrayInput, view_index: ArrayInput | None) -> wp.array:
         """Return what random numbers of views follow from, their numbers and frames, ``(V,)`` vec2ui.
@@ -83,7 +84,7 @@ class Sensing:
         """
         numbers = np.empty((views, 2), dtype=np.uint32)
         numbers[:, 0] = np.arange(views) if view_index is None else _check_words(view_index, "view_index", views)
-        numbers[:, 1] = _check_words(frame, "frame", views) if np.ndim(frame) else check_word(frame, "frame")
+        numbers[:, 1] = check_word(frame, "frame") if is_number(frame) else _check_words(frame, "frame", views)
         return wp.array(numbers, dtype=wp.vec2ui, device=self._scene.device)
 
     def expose(self, caster: Any, poses: Any, worlds: Worlds, images: list[wp.array | None], draws: wp.array) -> None:
@@ -101,6 +102,7 @@ class Sensing:
         exposure = Exposure(
             scene=self._scene,
             camera=self.camera,
+            clip_near=self.clean_camera.near,
             poses=places,
             worlds=worlds,
             draws=draws,
@@ -111,6 +113,7 @@ class Sensing:
             segmentation=made["segmentation"] if "segmentation" in needs else None,
             depth_out=depth,
             reasons_out=made["reasons"],
+            room=partial(self._room, room),
             cast_at=partial(self._cast_at, worlds, room),
         )
         self.sensor.measure(exposure)
@@ -125,10 +128,14 @@ class Sensing:
         """Return the images and, of those that a model needs and nobody asked for, memory."""
         shape = (views, self.camera.height, self.camera.width)
         lacking = [name for name in self._needed if images[name] is None]
-        for name in lacking:
-            if name not in room:
-                room[name] = empty(shape, ALL_OUTPUTS[name], name=name, device=self._scene.device)
-        return images | {name: room[name] for name in lacking}
+        return images | {name: self._room(room, name, shape, ALL_OUTPUTS[name]) for name in lacking}
+
+    def _room(self, room: dict[str, wp.array], name: str, shape: tuple[int, ...], dtype: type) -> wp.array:
+        """Return memory of an earlier call of the kind, or new."""
+        known = room.get(name)
+        if known is None or known.shape != shape:
+            known = room[name] = empty(shape, dtype, name=name, device=self._scene.device)
+        return known
 
     def _cast_at(
         self, worlds: Worlds, room: dict[str, wp.array], camera: Camera, poses: wp.array, points: wp.array
@@ -136,9 +143,7 @@ class Sensing:
         """Do what `Exposure.cast_at` says."""
         if camera not in self._casters:
             self._casters[camera] = self._make_caster(camera)
-        caster, seen = self._casters[camera], room.get("seen")
-        if seen is None or seen.shape != points.shape:
-            seen = room["seen"] = empty(points.shape, wp.float32, name="depth", device=self._scene.device)
+        caster, seen = self._casters[camera], self._room(room, "seen", points.shape, wp.float32)
         caster.cast_at(caster.parse_poses(poses, "opencv"), worlds, points, [seen, None, None, None, None])
         return seen
 

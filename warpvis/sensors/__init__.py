@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What devices make of a scene: lenses, ray patterns, lidars and what comes back of their beams."""
+"""What devices make of a scene: depth cameras, lenses, ray patterns, lidars and what comes back of their beams."""
 
 from __future__ import annotations
 
@@ -21,8 +21,17 @@ from warpvis.sensors._lens_camera import (
     require_calibrated as require_calibrated,
 )
 from warpvis.sensors._rays import Rays
-from warpvis.sensors._reasons import Reason
 from warpvis.sensors._rolling_shutter import RollingShutter
+from warpvis.sensors.depth import (
+    Reason,
+    StereoDepth,
+    kinect_v1,
+    oak_d,
+    realsense_d415,
+    realsense_d435,
+    realsense_d455,
+    structure,
+)
 
 __all__ = [
     "LensCamera",
@@ -31,12 +40,19 @@ __all__ = [
     "Reason",
     "Returns",
     "RollingShutter",
+    "StereoDepth",
     "deskew",
     "gather_returns",
+    "kinect_v1",
     "lenses",
     "lidars",
     "measure_incidence",
+    "oak_d",
     "point_clouds",
+    "realsense_d415",
+    "realsense_d435",
+    "realsense_d455",
     "reflect",
     "spread_beams",
+    "structure",
 ]

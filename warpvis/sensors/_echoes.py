@@ -183,7 +183,7 @@ def reflect(
     depth, segmentation = _image(views, "depth"), _image(views, "segmentation")
     device = depth.device
     check_out(incidence, wp.float32, depth.shape, name="incidence", device=device)
-    shares = wp.array(_reflectivities(scene, reflectivity), dtype=wp.float32, device=device)
+    shares = wp.array(reflectivities(scene, reflectivity), dtype=wp.float32, device=device)
     falls_off = check_flag(falls_off, "falls_off")
     out = _output(out, depth.shape, "out", device)
     shape = _as_image(depth.shape[1:], depth.shape[0])
@@ -299,7 +299,7 @@ def _output(out: wp.array | None, shape: tuple[int, ...], name: str, device: wp.
     return check_out(out, wp.float32, shape, name=name, device=device)
 
 
-def _reflectivities(scene: Scene, reflectivity: Reflectivity) -> NDArray[np.float32]:
+def reflectivities(scene: Scene, reflectivity: Reflectivity) -> NDArray[np.float32]:
     """Return the reflectivity of every object of a scene, shape ``(objects,)``."""
     count = len(scene.objects)
     if is_number(reflectivity):

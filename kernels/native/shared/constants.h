@@ -52,6 +52,12 @@ enum Reason {
     REASON_DROPOUT = 7,
 };
 
+// What random numbers are for: each purpose has a stream of its own.
+enum RandomStream {
+    STREAM_DISPARITY = 1,
+    STREAM_DROPOUT = 2,
+};
+
 // Counters that the CPU workers of a job share.
 enum JobCounter {
     COUNTER_NEXT_UNIT = 0,  // of work

@@ -3,9 +3,13 @@
 
 // What formulas that are written for one pixel and for sixteen at a time are made of: here, numbers of one pixel.
 typedef float Real;
+typedef int Whole;
 typedef unsigned Word;
 
 struct Numbers {
+    // The same number for all pixels.
+    static inline float real(float a) { return a; }
+    static inline int whole(int a) { return a; }
     static inline unsigned high_product(unsigned a, unsigned b) { return (unsigned)((unsigned long long)a * b >> 32); }
     // Whole numbers below 2^31 are rounded to the nearest of single precision.
     static inline float from_whole(unsigned a) { return (float)(int)a; }
@@ -25,6 +29,13 @@ struct Numbers {
         float a;
         __builtin_memcpy(&a, &bits, sizeof a);
         return a;
+#endif
+    }
+    static inline float floor(float a) {
+#if defined(__CUDA_ARCH__)
+        return floorf(a);
+#else
+        return __builtin_floorf(a);
 #endif
     }
     static inline float root(float a) {

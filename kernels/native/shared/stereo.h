@@ -1,0 +1,89 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a sensor that measures by triangulation says of a pixel: `warpvis.sensors.StereoDepth`.
+
+constexpr unsigned ENDLESS = 0x7f800000u, NO_NUMBER = 0x7fc00000u;  // the bits of +inf and of NaN
+
+// What is known of a pixel.
+struct StereoPixel {
+    Real depth;  // of the first surface [m], +inf where there is none
+    Real far_depth;  // the same along the other eye's axis [m]
+    Real other_depth;  // what the other eye sees there [m]
+    Real column;  // of the pixel's centre [px]
+    Real support;  // how much about it is of the same surface, from 0 to 1
+    Real cosine;  // of the angle of incidence
+    Real reflectivity;
+    Real noise;  // standard normal
+    Real chance;  // uniform in (0, 1)
+};
+
+struct Stereo {
+    float disparity_scale;  // focal length times baseline [px m]: disparity is this divided by depth
+    float shift_scale;  // the same of the image, positive where the other eye is on the right
+    float first_column, last_column;  // of the other eye's image [px]
+    float near, far;  // [m]
+    float most_disparity;  // [px]
+    float shadow_tolerance;  // [px]
+    float least_support;
+    float least_signal, signal_slope;  // where a pixel begins to be found, and how fast that becomes sure
+    float kept;  // of pixels whose signal suffices, the share that is found
+    float sigma, locking;  // [px]
+    float levels;  // of a pixel of disparity; 0 where it is not rounded
+
+    // sin(2 pi a) by a minimax polynomial that is 0 where the sine is, wrong by less than 4e-7 of it.
+    static inline Real wave(Real a) {
+        const Real t = a - Numbers::floor(a + 0.5f), square = t * t;
+        Real sum = square * 3.0019321f - 9.507514f;
+        sum = sum * square + 16.758163f;
+        sum = sum * square - 16.208584f;
+        sum = sum * square + 6.283183f;
+        return sum * (t * (1.0f - 4.0f * square));
+    }
+    inline Real measured(Real disparity, Real noise) const {
+        const Real found = disparity + locking * wave(disparity) + sigma * noise;
+        return levels > 0.0f ? Numbers::floor(found * levels + 0.5f) / levels : found;
+    }
+    // Where the disparity is as it was, so is the depth, to the last bit.
+    inline Real depth_of(Real found, Real depth, Real disparity) const {
+        return levels > 0.0f ? disparity_scale / found : depth * (disparity / found);
+    }
+    // Something is before the surface as the other eye sees it: its disparity is greater by more than the tolerance.
+    inline Whole hidden(const StereoPixel& pixel) const {
+        const float scale = shift_scale < 0.0f ? -shift_scale : shift_scale;
+        return scale * (pixel.far_depth - pixel.other_depth) > shadow_tolerance * pixel.far_depth * pixel.other_depth;
+    }
+    inline Whole beside(const StereoPixel& pixel) const {
+        const Real column = pixel.column - shift_scale / pixel.depth;
+        return (column < first_column) | (column > last_column);
+    }
+    // The share of pixels of a signal that are found.
+    inline Real found_share(Real signal) const {
+        const Real share = (signal - least_signal) * signal_slope;
+        return share < 1.0f ? share : Numbers::real(1.0f);
+    }
+
+    inline void measure(const StereoPixel& pixel, Real& depth, Whole& reason) const {
+        const Real disparity = disparity_scale / pixel.depth, found = measured(disparity, pixel.noise);
+        const Real said = depth_of(found, pixel.depth, disparity);
+        const Real endless = Numbers::real(Numbers::of_bits(ENDLESS)),
+                   none = Numbers::real(Numbers::of_bits(NO_NUMBER));
+        const Whole too_far = (said > far) | (found <= 0.0f), in_range = (said >= near) & (said <= far);
+        const Whole lost = pixel.chance >= found_share(pixel.reflectivity * pixel.cosine) * kept;
+        const Whole grazing = pixel.chance >= found_share(pixel.cosine);
+        const Whole too_much = disparity > most_disparity, empty = !(pixel.depth < endless);
+
+        reason = in_range ? Numbers::whole(REASON_VALID) : Numbers::whole(REASON_RANGE);
+        reason = lost ? (grazing ? Numbers::whole(REASON_GRAZING) : Numbers::whole(REASON_DROPOUT)) : reason;
+        reason = pixel.support < least_support ? Numbers::whole(REASON_EDGE) : reason;
+        reason = hidden(pixel) ? Numbers::whole(REASON_SHADOW) : reason;
+        reason = beside(pixel) ? Numbers::whole(REASON_BAND) : reason;
+        reason = too_much ? Numbers::whole(REASON_RANGE) : reason;
+        reason = empty ? Numbers::whole(REASON_EMPTY) : reason;
+
+        depth = in_range ? said : (too_far ? endless : -endless);
+        depth = too_much ? -endless : depth;
+        depth = reason > REASON_RANGE ? none : depth;
+        depth = empty ? endless : depth;
+    }
+};

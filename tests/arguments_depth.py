@@ -1,0 +1,61 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Valid arguments of models of depth cameras, by name: ``name: (function, arguments)``."""
+
+from arguments_shared import CAMERA, POSE, scene
+
+import warpvis as wv
+
+_PROFILES = ("realsense_d415", "realsense_d435", "realsense_d455", "oak_d", "kinect_v1", "structure")
+
+
+def depth_sensor_cases():
+    """Make them."""
+    sensor = wv.sensors.StereoDepth(0.05, sigma=0.1, native_camera=CAMERA)
+    seen = scene()
+    cases = {name: (getattr(wv.sensors, name), {"width": 8, "height": 6}) for name in _PROFILES}
+    return cases | {
+        "StereoDepth": (
+            wv.sensors.StereoDepth,
+            {
+                "baseline": 0.05,
+                "other_eye": "left",
+                "focal_length": 9.0,
+                "max_disparity": 9.0,
+                "sigma": 0.1,
+                "noise_spacing": 2,
+                "subpixel": 8,
+                "locking": 0.1,
+                "shadow": True,
+                "band": True,
+                "edge_window": 3,
+                "edge_step": 0.5,
+                "least_support": 0.5,
+                "least_signal": 0.1,
+                "full_signal": 0.2,
+                "reflectivity": {"box": 0.5},
+                "dropout": 0.1,
+                "native_camera": CAMERA,
+            },
+        ),
+        "Renderer, sensor": (
+            wv.Renderer,
+            {"scene": seen, "camera": CAMERA, "sensor": sensor, "seed": 1, "outputs": ("depth", "reasons")},
+        ),
+        "Renderer.render, sensor": (
+            wv.Renderer(seen, CAMERA, sensor=sensor).render,
+            {"camera_to_world": POSE, "frame": 1, "view_index": [3]},
+        ),
+        "render, sensor": (
+            wv.render,
+            {
+                "scene": seen,
+                "camera": CAMERA,
+                "camera_to_world": POSE,
+                "sensor": sensor,
+                "seed": 1,
+                "frame": [1],
+                "view_index": [3],
+            },
+        ),
+    }

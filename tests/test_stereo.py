@@ -1,0 +1,312 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Depth by triangulation, held to its twin in double precision, and to what plates and walls have to look like."""
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+import reference_stereo
+import trimesh
+import warp as wp
+from reference_stereo import StereoSight
+
+import warpvis as wv
+from warpvis.kernels import stereo
+from warpvis.sensors import Reason, StereoDepth
+
+CAMERA = wv.Camera.from_fov(160, 120, hfov=1.2, near=0.4, far=4.0)
+OUTPUTS = ("depth", "reasons", "true_depth", "normals", "segmentation")
+FULL = StereoDepth(
+    0.06,
+    max_disparity=20.0,
+    sigma=0.1,
+    noise_spacing=3,
+    subpixel=8,
+    locking=0.05,
+    edge_window=5,
+    edge_step=0.5,
+    least_support=0.7,
+    least_signal=0.05,
+    full_signal=0.3,
+    reflectivity={"ball": 0.15, "box": 0.5},
+    dropout=0.02,
+)
+
+
+def box(scene, name, size, place):
+    scene.add(trimesh.creation.box(size), name=name, pose=(*place, 0, 0, 0, 1))
+
+
+def make_scene(device="cpu", up_to=7.0):
+    """A floor, a wall, a box and a ball before it; a post so near that it is out of range; and sky."""
+    scene = wv.Scene(device=device)
+    box(scene, "floor", (8, 8, 0.1), (0, 2, -0.05))
+    box(scene, "wall", (3.0, 0.1, 1.2), (-0.5, 3.5, 0.6))
+    box(scene, "box", (0.5, 0.5, 0.5), (0.3, 1.6, 0.25))
+    scene.add(trimesh.creation.icosphere(3, radius=0.3), name="ball", pose=(-0.5, 2.0, 0.3, 0, 0, 0, 1))
+    box(scene, "post", (0.02, 0.02, 2.0), (0.15, 0.35, 0.0))
+    return scene
+
+
+POSES = np.stack([wv.look_at((x, 0, 0.7), (0.3 * x, 2, 0.5)) for x in (-0.4, 0.0, 0.3)])
+
+
+def wall_scene(*depths_and_sizes, device="cpu"):
+    """Upright plates in front of a camera that looks along y: distance and half width, from the middle to the right."""
+    scene = wv.Scene(device=device)
+    for number, (distance, left, right) in enumerate(depths_and_sizes):
+        width = right - left
+        box(scene, f"plate {number}", (width, 0.02, 8.0), ((left + right) / 2, distance + 0.01, 0))
+    return scene
+
+
+AHEAD = wv.look_at((0, 0, 0), (0, 1, 0))
+
+
+def images(views, names=OUTPUTS):
+    return {name: getattr(views, name).numpy() for name in names}
+
+
+def look(scene, sensor, camera, poses, clean):
+    """What the other eye sees where points are in its image, by the twin's places and single rays."""
+    side = sensor.baseline if sensor.other_eye == "right" else -sensor.baseline
+    others, place, axes = reference_stereo.place_other_eyes(poses, side)
+    other = dataclasses.replace(camera, near=0.0, far=np.inf)
+    if not sensor.band:
+        other = dataclasses.replace(other, width=3 * camera.width, cx=camera.cx + camera.width)
+    least = camera.fx * sensor.baseline / sensor.max_disparity
+    points = reference_stereo.place_in_other_eyes(camera, other, place, clean, least)
+    renderer = wv.Renderer(scene, other, outputs=("depth",), caster="rays")
+    seen = renderer.render_at(others, points.reshape(len(poses), -1, 2).astype(np.float32)).depth.numpy()
+    return seen.reshape(clean.shape), axes
+
+
+def twin(scene, sensor, camera, poses, seen, draws, seed):
+    """What the twin says of clean images."""
+    other_depth, axes = look(scene, sensor, camera, poses, seen["true_depth"])
+    cosine = reference_stereo.measure_cosine(camera, axes, seen["normals"]) if sensor.full_signal else 1.0
+    shares = np.ones(len(scene.objects) + 1)  # of the sky, too
+    if isinstance(sensor.reflectivity, dict):
+        for place, part in enumerate(scene.objects):
+            shares[place] = sensor.reflectivity.get(part.name, 1.0)
+    sight = StereoSight(seen["true_depth"], other_depth, cosine, shares[seen["segmentation"]])
+    return reference_stereo.measure_stereo(sensor, camera, sight, draws, seed)
+
+
+@pytest.mark.parametrize(
+    "sensor",
+    [
+        FULL,
+        dataclasses.replace(FULL, other_eye="left", noise_spacing=1, subpixel=0, locking=-0.1),
+        dataclasses.replace(FULL, band=False, edge_window=1, least_support=0.0, reflectivity=1.0),
+        dataclasses.replace(FULL, focal_length=200.0, full_signal=0.0, least_signal=0.0, max_disparity=np.inf),
+    ],
+    ids=["full", "left", "no band", "focal length"],
+)
+@pytest.mark.parametrize("caster", ["packets", "rays"])
+def test_the_twin_agrees(device, sensor, caster):
+    """Reasons are equal but for decisions within rounding, and depth is, to rounding, where there is one."""
+    scene = make_scene(device)
+    frames, numbers = [3, 4, 0], [0, 7, 2]
+    views = wv.render(
+        scene, CAMERA, POSES, outputs=OUTPUTS, sensor=sensor, seed=11, frame=frames, view_index=numbers, caster=caster
+    )
+    seen = images(views)
+    draws = np.stack([numbers, frames], axis=-1)
+    depth, reasons, margin = twin(scene, sensor, CAMERA, POSES, seen, draws, 11)
+    sure = margin > 1e-3
+    assert sure.mean() > 0.9
+    np.testing.assert_array_equal(seen["reasons"][sure], reasons[sure])
+    assert (seen["reasons"] != reasons).mean() < 1e-3
+    same = sure & np.isfinite(depth)
+    # Normals are within 4e-5 of theirs, and below 5: 2e-5 px of disparities of 2 px and more.
+    np.testing.assert_allclose(seen["depth"][same], depth[same], rtol=1e-5)
+    np.testing.assert_array_equal(np.isnan(seen["depth"]), seen["reasons"] > Reason.RANGE)
+    lost = sure & ~np.isfinite(depth)
+    np.testing.assert_array_equal(seen["depth"][lost], depth[lost])
+    if sensor is FULL:
+        assert set(np.unique(seen["reasons"])) == {int(reason) for reason in Reason}
+
+
+def test_other_eyes_stand_where_the_twin_has_them(device):
+    """Also 10 km from the origin, where poses are rounded to a millimetre: what that moves an eye by is known."""
+    rng = np.random.default_rng(0)
+    poses = np.concatenate([rng.normal(size=(20, 3)) * [[1e4]], rng.normal(size=(20, 4))], axis=1)
+    poses[:, 3:] /= np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
+    poses = poses.astype(np.float32)
+    made = wp.empty(20, dtype=wp.transform, device=device), wp.empty(20, dtype=stereo.OtherEye, device=device)
+    given = [wp.array(poses, dtype=wp.transform, device=device), wp.float64(-0.07), *made]
+    wp.launch(stereo.place_other_eyes, dim=20, inputs=given, device=device)
+    others, place, axes = reference_stereo.place_other_eyes(poses, -0.07)
+    np.testing.assert_array_equal(made[0].numpy(), others)
+    eyes = made[1].numpy()
+    np.testing.assert_allclose(eyes["place"], place, atol=1e-11)
+    np.testing.assert_allclose(eyes["axes"], axes, atol=1e-6)
+    assert np.abs(place - [-0.07, 0, 0]).max() > 1e-4
+
+
+def test_shadows_far_from_the_origin(device):
+    """At 5 km poses are rounded to half a millimetre, as much as a twentieth of the baseline's disparities: no surface
+    is before itself."""
+    poses = np.stack([wv.look_at((5000.3 + x, -4000.1, 0), (5000.3 + 2 * x, -3999.1, 0.3)) for x in (0.0, 0.11, 0.37)])
+    scene = wv.Scene(device=device)
+    box(scene, "wall", (30, 0.5, 30), (5000, -3997, 0))
+    seen = images(wv.render(scene, CAMERA, poses, outputs=OUTPUTS, sensor=StereoDepth(0.01)))
+    assert (seen["reasons"] != Reason.SHADOW).all()
+    assert (seen["reasons"] == Reason.VALID).mean() > 0.9
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+@pytest.mark.parametrize(("near_depth", "far_depth", "baseline"), [(1.0, 2.0, 0.05), (0.6, 3.0, 0.05), (1.5, 3.5, 0.2)])
+def test_widths_of_shadow_and_band(device, side, near_depth, far_depth, baseline):
+    """f b (1 / z1 - 1 / z2) and f b / z pixels, to one pixel, on the side that is away from the other eye."""
+    scene = wall_scene((near_depth, -0.2, 0.2), (far_depth, -10, 10), device=device)
+    sensor = StereoDepth(baseline, other_eye=side)
+    camera = wv.Camera.from_fov(320, 24, hfov=1.2)
+    reasons = wv.render(scene, camera, AHEAD, outputs=("reasons",), sensor=sensor).reasons.numpy()[0]
+    reasons = reasons if side == "right" else reasons[:, ::-1]
+    plate = camera.fx * 0.2 / near_depth  # from the middle to its edge
+    for row in reasons:
+        band, shadow = (np.flatnonzero(row == reason) for reason in (Reason.BAND, Reason.SHADOW))
+        assert abs(len(band) - camera.fx * baseline / far_depth) <= 1
+        np.testing.assert_array_equal(band, np.arange(len(band)))
+        assert abs(len(shadow) - camera.fx * baseline * (1 / near_depth - 1 / far_depth)) <= 1
+        assert abs(shadow[-1] + 1 - (camera.cx - plate)) <= 1
+        np.testing.assert_array_equal(shadow, shadow[0] + np.arange(len(shadow)))
+        assert set(np.unique(row)) == {Reason.VALID, Reason.BAND, Reason.SHADOW}
+
+
+def test_eyes_that_are_one_have_neither(device):
+    scene = make_scene(device)
+    reasons = wv.render(scene, CAMERA, POSES, outputs=("reasons",), sensor=StereoDepth(1e-6)).reasons.numpy()
+    assert set(np.unique(reasons)) == {Reason.VALID, Reason.EMPTY, Reason.RANGE}
+
+
+def test_a_projector_larger_than_the_image_has_no_band(device):
+    scene = wall_scene((2.0, -10, 10), (1.0, -2.0, -0.6), device=device)
+    with_band, without = (
+        wv.render(scene, CAMERA, AHEAD, outputs=("reasons",), sensor=StereoDepth(0.1, band=band)).reasons.numpy()
+        for band in (True, False)
+    )
+    assert (with_band == Reason.BAND).any()
+    assert not (without == Reason.BAND).any()
+    beside = with_band == Reason.BAND
+    np.testing.assert_array_equal(without[~beside], with_band[~beside])
+    # The near plate's shadow falls on what is beside the image.
+    wide = wv.Camera(480, CAMERA.height, CAMERA.fx, CAMERA.fy, 240, CAMERA.cy, CAMERA.near, CAMERA.far)
+    whole = wv.render(scene, wide, AHEAD, outputs=("reasons",), sensor=StereoDepth(0.1)).reasons.numpy()
+    np.testing.assert_array_equal(without, whole[:, :, 160:320])
+
+
+@pytest.mark.parametrize("caster", ["packets", "rays"])
+def test_without_noise_the_image_is_clean(device, caster):
+    """Bit for bit where both eyes see, as the casters make it, with the camera's range."""
+    scene = make_scene(device)
+    views = wv.render(scene, CAMERA, POSES, outputs=("depth", "reasons"), sensor=StereoDepth(0.06), caster=caster)
+    clean = wv.render(scene, CAMERA, POSES, outputs=("depth",), caster=caster).depth.numpy()
+    seen = np.isin(views.reasons.numpy(), (Reason.VALID, Reason.EMPTY, Reason.RANGE))
+    assert 0.8 < seen.mean() < 1.0
+    np.testing.assert_array_equal(views.depth.numpy()[seen], clean[seen])
+    plain = StereoDepth(0.06, shadow=False, band=False)
+    all_of_it = wv.render(scene, CAMERA, POSES, outputs=("depth",), sensor=plain, caster=caster)
+    np.testing.assert_array_equal(all_of_it.depth.numpy(), clean)
+
+
+def test_splits_threads_and_order(device):
+    scene = make_scene(device)
+    options = {"outputs": OUTPUTS, "sensor": FULL, "seed": 4}
+    whole = images(wv.render(scene, CAMERA, POSES, threads=1, **options))
+    for threads in (2, 5):
+        again = images(wv.render(scene, CAMERA, POSES, threads=threads, **options))
+        for name in OUTPUTS:
+            np.testing.assert_array_equal(again[name], whole[name])
+    renderer = wv.Renderer(scene, CAMERA, **options)
+    for view in (2, 0, 1):
+        alone = images(renderer.render(POSES[view], frame=0, view_index=[view]))
+        for name in OUTPUTS:
+            np.testing.assert_array_equal(alone[name][0], whole[name][view], err_msg=name)
+
+
+def test_shadows_of_what_moves(device):
+    """The other eye sees each world as it is, without what is excluded."""
+    scene = wall_scene((3.0, -10, 10), device=device)
+    scene.add(trimesh.creation.box((0.4, 0.02, 8.0)), name="plate", pose=(0, 1.01, 0, 0, 0, 0, 1), movable=True)
+    worlds = {"object_poses": [[[x, 1.01, 0, 0, 0, 0, 1]] for x in (-0.3, 0.3)]}
+    sensor = StereoDepth(0.05)
+    poses = np.stack([AHEAD, AHEAD])
+    reasons = wv.render(scene, CAMERA, poses, outputs=("reasons",), sensor=sensor, **worlds).reasons.numpy()
+    places = [np.flatnonzero(image[60] == Reason.SHADOW).mean() for image in reasons]
+    assert abs(places[1] - places[0] - 0.6 * CAMERA.fx) < 1
+    hidden = wv.render(scene, CAMERA, poses, outputs=("reasons",), sensor=sensor, exclude=["plate"], **worlds)
+    assert not (hidden.reasons.numpy() == Reason.SHADOW).any()
+
+
+def test_near_surfaces_that_are_cut_away_throw_no_shadow(device):
+    scene = wall_scene((0.3, -0.05, 0.05), (2.0, -10, 10), device=device)
+    sensor = StereoDepth(0.05)
+    clipped = wv.render(scene, CAMERA, AHEAD, outputs=("reasons",), sensor=sensor, near_plane="clip").reasons.numpy()
+    assert set(np.unique(clipped)) == {Reason.VALID, Reason.BAND}
+    kept = wv.render(scene, CAMERA, AHEAD, outputs=("reasons",), sensor=sensor).reasons.numpy()
+    assert set(np.unique(kept)) == {Reason.VALID, Reason.BAND, Reason.SHADOW, Reason.RANGE}
+
+
+def test_camera_of_a_device():
+    with pytest.raises(wv.errors.CameraError, match="no camera of its own"):
+        StereoDepth(0.1).camera()
+    assert dataclasses.replace(FULL, native_camera=CAMERA).camera() is CAMERA
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"baseline": 0.0}, "baseline must be above 0 m"),
+        ({"baseline": np.nan}, "baseline must be a finite number"),
+        ({"other_eye": "up"}, 'other_eye must be "right" or "left"'),
+        ({"focal_length": 0.0}, "focal_length must be above 0 px"),
+        ({"max_disparity": 0.0}, "max_disparity must be a number of pixels above 0"),
+        ({"max_disparity": np.nan}, "max_disparity must be a number of pixels above 0"),
+        ({"sigma": -0.1}, "sigma must be a finite number from 0 up"),
+        ({"locking": np.inf}, "locking must be a finite number"),
+        ({"noise_spacing": 0}, "noise_spacing must be a whole number from 1 up"),
+        ({"noise_spacing": 65}, "noise_spacing must be at most 64 px"),
+        ({"subpixel": 0.5}, "subpixel must be a whole number from 0 up"),
+        ({"shadow": "yes"}, "shadow must be True or False"),
+        ({"band": None}, "band must be True or False"),
+        ({"edge_window": 4}, "edge_window must be odd, got 4"),
+        ({"edge_window": 65}, "edge_window must be at most 63 px"),
+        ({"edge_step": -1.0}, "edge_step must be a finite number from 0 up"),
+        ({"least_support": 1.5}, "least_support must be a number from 0 to 1"),
+        ({"least_signal": 0.2, "full_signal": 0.1}, "full_signal must be above least_signal, got 0.1 and 0.2"),
+        ({"least_signal": 0.2}, "full_signal must be above least_signal"),
+        ({"dropout": 2.0}, "dropout must be a number from 0 to 1"),
+        ({"native_camera": "kinect"}, "native_camera must be a warpvis.Camera"),
+    ],
+)
+def test_what_is_refused(arguments, message):
+    with pytest.raises(wv.errors.WarpvisError, match=message):
+        StereoDepth(**{"baseline": 0.1, **arguments})
+
+
+def test_what_a_camera_or_a_scene_refuses():
+    scene, endless = make_scene(), wv.Camera.from_fov(160, 120, hfov=1.2)
+    with pytest.raises(wv.errors.CameraError, match="band=False needs a camera whose near, or max_disparity"):
+        wv.Renderer(scene, endless, sensor=StereoDepth(0.1, band=False))
+    with pytest.raises(wv.errors.SceneError, match="no object 'cup', for which there is a reflectivity"):
+        wv.Renderer(scene, CAMERA, sensor=dataclasses.replace(FULL, reflectivity={"cup": 0.1}))
+    with pytest.raises(wv.errors.ArrayError, match="reflectivity must be 5 numbers"):
+        wv.Renderer(scene, CAMERA, sensor=dataclasses.replace(FULL, reflectivity=[0.1, 0.2]))
+
+
+def test_nothing_is_fused_for_a_gpu(tmp_path):
+    """What NVRTC makes of it: no instruction that multiplies and adds in one, none that is approximate."""
+    try:
+        wp.compile_aot_module(stereo, device=None, arch=90, module_dir=tmp_path, use_ptx=True, strip_hash=True)
+    except Exception as error:
+        pytest.skip(f"NVRTC is not there: {error}")
+    (ptx,) = tmp_path.glob("*.ptx")
+    text = ptx.read_text(encoding="utf-8")
+    body = text[text.index("measure_stereo") :]
+    assert len(re.findall(r"\bmul\.(?:rn\.)?f32", body)) > 10
+    assert not re.findall(r"\.approx\.|\.ftz\.", body)

@@ -1,0 +1,16 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Models of depth cameras, which make what such a device would have said of exact images."""
+
+from __future__ import annotations
+
+from warpvis.sensors.depth._profiles import (
+    kinect_v1 as kinect_v1,
+    oak_d as oak_d,
+    realsense_d415 as realsense_d415,
+    realsense_d435 as realsense_d435,
+    realsense_d455 as realsense_d455,
+    structure as structure,
+)
+from warpvis.sensors.depth._reasons import Reason as Reason
+from warpvis.sensors.depth._stereo import StereoDepth as StereoDepth

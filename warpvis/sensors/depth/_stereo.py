@@ -1,0 +1,269 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Depth cameras that triangulate: passive and active stereo, and structured light."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import warp as wp
+
+from warpvis.core.camera import Camera
+from warpvis.core.checks import check_choice, check_flag, check_number, check_whole, is_number
+from warpvis.core.kernel_cache import launch
+from warpvis.core.threads import launch_images
+from warpvis.errors import ArrayError, CameraError
+from warpvis.rendering import DepthSensor, Exposure
+from warpvis.scene import Scene
+from warpvis.sensors._echoes import Reflectivity, reflectivities
+
+if TYPE_CHECKING:
+    from warpvis.kernels.stereo import StereoModel, StereoViews
+
+Side = Literal["right", "left"]
+
+_SHADOW_TOLERANCE = 2.0**-6
+"""A surface hides another from the other eye where its disparity is greater by more than this [px].
+
+Where a point is in that eye's image is rounded to 2^-14 px in images of 512 to 1024 pixels, and depth to 6e-8 of
+itself: the tolerance is more than either makes of surfaces whose disparity there changes by up to 100 px from one pixel
+to the next. A shadow is as wide as disparities differ, so that none is missed that has a tenth of a pixel's width.
+"""
+_MOST_SPACING, _MOST_WINDOW, _MOST_BESIDE = 64, 63, 8192
+
+
+@dataclass(frozen=True)
+class StereoDepth(DepthSensor):
+    """A depth camera that measures disparities between its imager and another eye: an imager or a projector.
+
+    The other eye is the camera moved along its x axis. A pixel of depth z has the disparity d = f b / z [px]; what is
+    measured of it is d + `locking` sin(2 pi d) + `sigma` n, with n a standard normal number, rounded to whole parts of
+    a pixel if there is a `subpixel`; depth is f b divided by that. A pixel has no depth, for the first `Reason` of
+    these that holds: nothing is there (EMPTY); its disparity is above `max_disparity` (RANGE); its point is beside the
+    other eye's image (BAND), or hidden from that eye (SHADOW, by a ray to the point itself); its surroundings are of
+    another depth (EDGE); too little comes back, because of the angle (GRAZING), or because the surface is dark, or by
+    chance (DROPOUT); what was measured is outside of the camera's `near` and `far` (RANGE).
+
+    By default a sensor has no noise, and sees all that both of its eyes see.
+    """
+
+    baseline: float
+    """Distance between the two eyes [m]."""
+    other_eye: Side = "right"
+    """Where the other eye is, as the camera looks: the invalid band is then on the left, and so are shadows."""
+    focal_length: float | None = None
+    """Focal length of disparities [px]; the camera's `fx` by default."""
+    max_disparity: float = math.inf
+    """Greatest disparity that is searched [px], which makes a least depth."""
+    sigma: float = 0.0
+    """Standard deviation of the random part of disparities [px]."""
+    noise_spacing: int = 1
+    """Distance of nodes between which that part is interpolated, with the same deviation everywhere [px]: matching
+    windows make it smooth over several pixels. 1 is white noise."""
+    subpixel: int = 0
+    """Into how many parts of a pixel disparities are rounded, such as 8 or 32; 0 for none."""
+    locking: float = 0.0
+    """Amplitude of the systematic error that draws disparities to whole pixels, or away from them if negative [px]."""
+    shadow: bool = True
+    """Whether points that the other eye does not see have no depth."""
+    band: bool = True
+    """Whether points beside the other eye's image have none; a projector's is often larger than the imager's."""
+    edge_window: int = 1
+    """Side of the window about a pixel that is looked at for edges, odd [px]; 1 is none."""
+    edge_step: float = 1.0
+    """Disparities that differ by this or more are of different surfaces [px]."""
+    least_support: float = 0.0
+    """How much of that window has to be of the pixel's surface: the share of its row times the share of its column."""
+    least_signal: float = 0.0
+    """Reflectivity times the cosine of incidence up to which no pixel is found,"""
+    full_signal: float = 0.0
+    """and from which on every one is; between them probability rises in proportion. 0 is for sensors without."""
+    reflectivity: Reflectivity = 1.0
+    """Of all objects; by their names, 1 for others; or of each, in the scene's order: from 0 (black) to 1."""
+    dropout: float = 0.0
+    """Share of pixels that are lost by chance, from 0 to 1."""
+    native_camera: Camera | None = None
+    """The camera that the device has: what `camera` returns."""
+
+    def __post_init__(self) -> None:
+        if check_number(self.baseline, "baseline", least=0.0) == 0.0:
+            raise ArrayError("baseline must be above 0 m, the distance between a sensor's two eyes")
+        check_choice(self.other_eye, "other_eye", ("right", "left"))
+        if self.focal_length is not None and check_number(self.focal_length, "focal_length", least=0.0) == 0.0:
+            raise ArrayError("focal_length must be above 0 px")
+        if not is_number(self.max_disparity) or not self.max_disparity > 0:
+            raise ArrayError(f"max_disparity must be a number of pixels above 0, got {self.max_disparity!r}")
+        check_number(self.sigma, "sigma", least=0.0)
+        check_number(self.locking, "locking")
+        _check_at_most(check_whole(self.noise_spacing, "noise_spacing"), "noise_spacing", _MOST_SPACING)
+        check_whole(self.subpixel, "subpixel", least=0)
+        check_flag(self.shadow, "shadow")
+        check_flag(self.band, "band")
+        if check_whole(self.edge_window, "edge_window") % 2 == 0:
+            raise ArrayError(f"edge_window must be odd, got {self.edge_window}")
+        _check_at_most(self.edge_window, "edge_window", _MOST_WINDOW)
+        check_number(self.edge_step, "edge_step", least=0.0)
+        check_number(self.least_support, "least_support", least=0.0, most=1.0)
+        least = check_number(self.least_signal, "least_signal", least=0.0)
+        full = check_number(self.full_signal, "full_signal", least=0.0)
+        if full <= least and full + least > 0:
+            raise ArrayError(f"full_signal must be above least_signal, got {full:g} and {least:g}")
+        check_number(self.dropout, "dropout", least=0.0, most=1.0)
+        if self.native_camera is not None and not isinstance(self.native_camera, Camera):
+            raise CameraError(f"native_camera must be a warpvis.Camera, got {self.native_camera!r}")
+
+    def camera(self) -> Camera:
+        """Return the camera of the device: its image size, focal length and range.
+
+        Raises:
+            CameraError: The sensor was made without one.
+        """
+        if self.native_camera is None:
+            raise CameraError("this sensor has no camera of its own: give native_camera, or take a profile of a device")
+        return self.native_camera
+
+    @property
+    def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:
+        """Which images of the first surface are read."""
+        if self.full_signal == 0.0:
+            return ()
+        plain = is_number(self.reflectivity) and self.reflectivity == 1.0
+        return ("normals",) if plain else ("normals", "segmentation")
+
+    @property
+    def bytes_per_pixel(self) -> int:
+        """How much room a pixel takes."""
+        return (12 if self.shadow else 0) + (4 if self._smooth else 0)
+
+    @property
+    def _smooth(self) -> bool:
+        return self.sigma > 0 and self.noise_spacing > 1
+
+    def check(self, scene: Scene, camera: object) -> Camera:
+        """Return the camera, if the model is one of it in a scene.
+
+        Raises:
+            WarpvisError: It is not.
+        """
+        pinhole = super().check(scene, camera)
+        reflectivities(scene, self.reflectivity)
+        if self.shadow:
+            self._other_camera(pinhole, 0.0)
+        return pinhole
+
+    def _scale(self, camera: Camera) -> float:
+        """Return focal length times baseline [px m]."""
+        return (camera.fx if self.focal_length is None else self.focal_length) * self.baseline
+
+    def _other_camera(self, camera: Camera, clip_near: float) -> Camera:
+        """Return the other eye: the camera, or one whose image has room beside it for all disparities."""
+        other = dataclasses.replace(camera, near=clip_near, far=math.inf)
+        if self.band:
+            return other
+        least = max(camera.near, self._scale(camera) / self.max_disparity)
+        beside = camera.fx * self.baseline / least if least > 0 else math.inf
+        if beside > _MOST_BESIDE:
+            raise CameraError(
+                f"band=False needs a camera whose near, or max_disparity, keeps disparities below {_MOST_BESIDE} px"
+            )
+        room = math.ceil(beside) + 1
+        return dataclasses.replace(other, width=camera.width + 2 * room, cx=camera.cx + room)
+
+    def measure(self, exposure: Exposure) -> None:
+        """Write the sensor's depth and reasons."""
+        from warpvis.kernels.stereo import OtherEye, measure_stereo, place_other_eyes
+
+        poses, device = exposure.poses, exposure.scene.device
+        other_poses = exposure.room("other poses", poses.shape, wp.transform)
+        eyes = wp.empty(len(poses), dtype=OtherEye, device=device)
+        side = self.baseline if self.other_eye == "right" else -self.baseline
+        launch(place_other_eyes, len(poses), [poses, wp.float64(side), other_poses, eyes], device)
+        model, given = self._model(exposure), self._views(exposure)
+        if self.shadow:
+            given.other_depth = self._look(exposure, eyes, other_poses)
+        lens, written = exposure.camera.device_struct(), [exposure.depth_out, exposure.reasons_out]
+        launch_images(
+            measure_stereo,
+            exposure.depth_out.shape,
+            lambda window: [lens, eyes, window, model, given, *written],
+            device=device,
+            threads=exposure.threads,
+        )
+
+    def _look(self, exposure: Exposure, eyes: wp.array, poses: wp.array) -> wp.array:
+        """Return the depth that the other eye sees where each pixel's point is in its image."""
+        from warpvis.kernels.stereo import place_in_other_eyes
+
+        shape = exposure.true_depth.shape
+        other = self._other_camera(exposure.camera, exposure.clip_near)
+        points = exposure.room("points", (shape[0], 1, shape[1] * shape[2]), wp.vec2)
+        lens, other_lens = exposure.camera.device_struct(), other.device_struct()
+        least = self._scale(exposure.camera) / self.max_disparity
+        launch_images(
+            place_in_other_eyes,
+            shape,
+            lambda window: [lens, other_lens, eyes, window, exposure.true_depth, least, points],
+            device=exposure.scene.device,
+            threads=exposure.threads,
+        )
+        return exposure.cast_at(other, poses, points).reshape(shape)
+
+    def _model(self, exposure: Exposure) -> StereoModel:
+        """Return the numbers as kernels take them."""
+        from warpvis.kernels.stereo import StereoModel
+
+        camera, model = exposure.camera, StereoModel()
+        model.disparity_scale = self._scale(camera)
+        model.shift_scale = camera.fx * self.baseline * (1.0 if self.other_eye == "right" else -1.0)
+        model.first_column, model.last_column = (0.0, camera.width) if self.band else (-math.inf, math.inf)
+        model.near, model.far, model.most_disparity = camera.near, camera.far, self.max_disparity
+        model.shadow_tolerance = _SHADOW_TOLERANCE
+        model.least_support, model.window, model.edge_step = self.least_support, self.edge_window // 2, self.edge_step
+        # Without a signal that counts, a cosine of 1 is enough.
+        counts = self.full_signal > 0.0
+        model.least_signal = self.least_signal if counts else 0.0
+        model.signal_slope = 1.0 / (self.full_signal - self.least_signal) if counts else 1.0
+        model.kept = 1.0 - self.dropout
+        model.sigma, model.locking, model.levels = self.sigma, self.locking, self.subpixel
+        model.seed, model.spacing = exposure.seed, self.noise_spacing
+        return model
+
+    def _views(self, exposure: Exposure) -> StereoViews:
+        """Return what is read of every view, but for what the other eye sees."""
+        from warpvis.kernels.stereo import StereoViews
+
+        given = StereoViews()
+        given.true_depth, given.draws = exposure.true_depth, exposure.draws
+        if exposure.normals is not None:
+            given.normals = exposure.normals
+        if exposure.segmentation is not None:
+            given.segmentation = exposure.segmentation
+            shares = reflectivities(exposure.scene, self.reflectivity)
+            given.reflectivity = wp.array(shares, dtype=wp.float32, device=exposure.scene.device)
+        if self._smooth:
+            given.nodes, given.weights = self._draw_nodes(exposure)
+        return given
+
+    def _draw_nodes(self, exposure: Exposure) -> tuple[wp.array, wp.array]:
+        """Draw noise at nodes of every view, and say how much of two nodes a pixel between them takes."""
+        from warpvis.kernels.constants import STREAM_DISPARITY
+        from warpvis.kernels.random_numbers import draw_normals
+
+        views, height, width = exposure.true_depth.shape
+        device, spacing = exposure.scene.device, self.noise_spacing
+        shape = (views, (height - 1) // spacing + 2, (width - 1) // spacing + 2)
+        nodes = exposure.room("nodes", shape, wp.float32)
+        drawn: list[Any] = [exposure.draws, wp.uint32(exposure.seed), wp.uint32(STREAM_DISPARITY), nodes]
+        launch_images(draw_normals, shape, lambda window: [window, *drawn], device=device, threads=exposure.threads)
+        angles = np.arange(spacing) / spacing * (math.pi / 2)
+        weights = np.stack([np.cos(angles), np.sin(angles)], axis=-1).astype(np.float32)
+        return nodes, wp.array(weights, dtype=wp.vec2, device=device)
+
+
+def _check_at_most(value: int, name: str, most: int) -> None:
+    if value > most:
+        raise ArrayError(f"{name} must be at most {most} px, got {value}")
