@@ -54,6 +54,9 @@ class Renderer:
         >>> views = renderer.render(other_poses, out=views)  # into the same memory
     """
 
+    frame: int = 0
+    """The frame that a sensor's random numbers are of in the next call that does not say one."""
+
     def __init__(
         self,
         scene: Scene,
@@ -119,8 +122,6 @@ class Renderer:
         }
         self.sensor = sensor
         self.seed = check_word(seed, "seed")
-        self.frame = 0
-        """The frame that the sensor's random numbers are of in the next call that does not say one."""
         self._sensing = None if sensor is None else self._prepare(sensor)
         self._caster = self._make_caster(camera if self._sensing is None else self._sensing.clean_camera)
         self._only_packets = caster == "packets"
