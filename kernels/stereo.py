@@ -117,7 +117,7 @@ def place_in_other_eyes(
         row = wp.clamp(row, wp.float64(0.0), wp.float64(other.height * 0.99999994))
         if column >= wp.float64(0.0) and column < wp.float64(other.width):
             at = wp.vec2(wp.min(float(column), other.width * 0.99999994), float(row))
-    points_out[view, 0, y * true_depth.shape[2] + x] = at
+    points_out[view, y, x] = at
 
 
 @wp.func

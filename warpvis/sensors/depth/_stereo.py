@@ -200,7 +200,7 @@ class StereoDepth(DepthSensor):
 
         shape = exposure.true_depth.shape
         other = self._other_camera(exposure.camera, exposure.clip_near)
-        points = exposure.room("points", (shape[0], 1, shape[1] * shape[2]), wp.vec2)
+        points = exposure.room("points", shape, wp.vec2)
         lens, other_lens = exposure.camera.device_struct(), other.device_struct()
         least = self._scale(exposure.camera) / self.max_disparity
         launch_images(
@@ -210,7 +210,7 @@ class StereoDepth(DepthSensor):
             device=exposure.scene.device,
             threads=exposure.threads,
         )
-        return exposure.cast_at(other, poses, points).reshape(shape)
+        return exposure.cast_at(other, poses, points)
 
     def _model(self, exposure: Exposure) -> StereoModel:
         """Return the numbers as kernels take them."""
