@@ -7,14 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from warpvis.webots import load_webots, recognise
+from warpvis.webots import load_webots, recognise, segmentation_image
 
 SLOPE = math.tan(0.5)  # half of the field of view
 
 
-def world_of(folder, text, fields="", robot="", version="R2023b"):
+def world_of(folder, text, fields="", robot="", version="R2023b", camera="width 80 height 60 fieldOfView 1"):
     """Make a world with a camera at the origin that looks along x."""
-    camera = f'Camera {{ name "eye" width 80 height 60 fieldOfView 1 recognition Recognition {{ {fields} }} }}'
+    camera = f'Camera {{ name "eye" {camera} recognition Recognition {{ {fields} }} }}'
     path = folder / "world.wbt"
     path.write_text(
         f'#VRML_SIM {version} utf8\nRobot {{ name "car" children [ {camera} {robot} ] '
@@ -191,3 +191,83 @@ def test_the_robots_own_solids_are_not_listed(tmp_path):
     inner = target((1, 0, 0), "Sphere { radius 0.1 }", name="inner")
     arm = target((3, 0.5, 0), "Sphere { radius 0.1 }", name="arm", more=inner)
     assert names(tmp_path, "", "occlusion 0", robot=arm) == ["inner"]
+
+
+# ------------------------------------------------------------------------------------------------------- wide images
+
+SPHERICAL = 'width 256 height 256 fieldOfView 6.28 projection "spherical"'
+CYLINDRICAL = 'width 256 height 256 fieldOfView 3 projection "cylindrical"'
+LONG_BOX, POST = "Box { size 0.1 0.9 0.1 }", "Capsule { radius 0.05 height 1 }"
+
+
+def test_wide_images_are_as_webots_own_test_has_them(tmp_path):
+    """Two Solids where tests/api/controllers/camera_recognition of Webots has them, and what it expects, to 1 px."""
+    text = target((-0.55, 0, 0.429), LONG_BOX, LONG_BOX, "box") + target((0.369, 1.65, 0.899), POST, POST, "post")
+    known = {item.name: item for item in found(tmp_path, text, "maxRange 5", camera=SPHERICAL)}
+    np.testing.assert_allclose(known["box"].position, [0, -0.429, -0.55], atol=1e-9)
+    np.testing.assert_allclose(known["box"].size, [0.9, 0.1, 0.1], atol=1e-9)
+    np.testing.assert_allclose(known["post"].size, [0.1, 1.1, 0.1], atol=1e-9)
+    for name, place, size in (("box", (128, 47), (146, 42)), ("post", (79, 102), (14, 28))):
+        np.testing.assert_allclose(known[name].image_position, place, atol=1)
+        np.testing.assert_allclose(known[name].image_size, size, atol=1)
+    (post,) = found(tmp_path, text, "maxRange 5", camera=CYLINDRICAL)  # the box is behind
+    assert post.name == "post"
+    np.testing.assert_allclose(post.image_position, (12, 88), atol=1)
+    np.testing.assert_allclose(post.image_size, (6, 45), atol=1)
+
+
+@pytest.mark.parametrize("projection", ["spherical", "cylindrical"])
+def test_pixels_of_wide_images_lie_where_the_boxes_are(tmp_path, projection):
+    """Balls around the camera, also somewhat behind it, and higher and lower."""
+    angles = [(azimuth, (azimuth % 3 - 1) * 0.3) for azimuth in np.arange(-1.8, 1.9, 0.6)]
+    balls = [
+        target(3 * np.array([np.cos(a) * np.cos(e), np.sin(a) * np.cos(e), np.sin(e)]), name=f"ball{index}")
+        for index, (a, e) in enumerate(angles)
+    ]
+    camera = f'width 300 height 150 fieldOfView 4.4 projection "{projection}"'
+    world = world_of(tmp_path, "".join(balls), camera=camera)
+    items, image = recognise(world, "eye"), segmentation_image(world, "eye")
+    assert {item.name for item in items} == {f"ball{index}" for index in range(len(angles))}
+    for item in items:
+        rows, columns = np.nonzero(image == world.scene.index(item.objects[0]))
+        assert item.visible_pixels == len(rows) > 20
+        left, top, width, height = item.box
+        assert (left, left + width) == (columns.min(), columns.max() + 1)
+        assert (top, top + height) == (rows.min(), rows.max() + 1)
+        # A box about a ball, or the ends of its axes, on the image that bends.
+        np.testing.assert_allclose(item.image_position, (left + width / 2, top + height / 2), atol=3)
+        np.testing.assert_allclose(item.image_size, (width, height), atol=6)
+
+
+def test_what_is_behind_is_seen_as_far_as_the_field_of_view_reaches(tmp_path):
+    """Round ones are cut by nothing, and a box is not seen where all of its corners are outside."""
+    wide = 'width 200 height 100 projection "cylindrical" fieldOfView '
+
+    def seen(azimuth, fov, shape="Sphere { radius 0.3 }"):
+        place = (3 * math.cos(azimuth), 3 * math.sin(azimuth), 0)
+        return names(tmp_path, target(place, shape, shape), camera=wide + str(fov)) == ["it"]
+
+    box = "Box { size 0.2 0.2 0.2 }"
+    for shape in ("Sphere { radius 0.1 }", box):
+        assert seen(1.9, 4.4, shape) and seen(-1.9, 4.4, shape)
+        assert not seen(2.6, 4.4, shape) and not seen(-2.6, 4.4, shape) and not seen(math.pi, 4.4, shape)
+        assert seen(1.2, 2.9, shape) and not seen(1.7, 2.9, shape)
+
+
+def test_narrow_wide_images_are_stretched(tmp_path):
+    """Below 90 degrees Webots' places have steps of azimuth as of 90 degrees."""
+    for projection in ("cylindrical", "spherical"):
+        camera = f'width 101 height 101 fieldOfView 1 projection "{projection}"'
+        (item,) = found(tmp_path, target((4, 0.4, 0), "Sphere { radius 0.05 }"), camera=camera)
+        middle = 50 - 100 * math.atan(0.1) * math.pi / 2
+        assert item.image_position[0] == pytest.approx(middle, abs=1)
+        (item,) = found(tmp_path, target((4, 0, 0.4), "Sphere { radius 0.05 }"), camera=camera)
+        assert item.image_position[1] == pytest.approx(50 - 100 * math.atan(0.1), abs=1)
+
+
+def test_old_worlds_say_that_a_camera_is_spherical(tmp_path):
+    """Which is cylindrical, and looks along -z."""
+    camera = "width 200 height 100 fieldOfView 3 spherical TRUE"
+    (item,) = found(tmp_path, target((4, 0, -2)), camera=camera, version="R2021b")
+    assert item.image_position[0] == pytest.approx(199 * (0.5 + math.atan(2) / 3), abs=2)
+    np.testing.assert_allclose(item.position, [4, 0, 2], atol=1e-9)

@@ -7,17 +7,22 @@ Vectors here are in the camera's own frame: x forward, y to the left, z up.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.camera import Camera
+from warpvis.webots._devices import Device
 from warpvis.webots._extents import Bound, Extent, bound_of
 from warpvis.webots.shapes._geometry import Resolve
 
 _RIGHT, _BOTTOM, _LEFT, _TOP = range(4)
+
+# Up to this vertical field of view [rad] Webots draws a wide image by cameras side by side, which it makes so much
+# higher than the image (`WbWrenCamera::setupSphericalSubCameras`).
+_ONE_CAMERA_HIGH, _HIGHER = 1.230959417, 1.27
 
 
 class Box(NamedTuple):
@@ -39,21 +44,26 @@ class Box(NamedTuple):
 
 @dataclass(frozen=True)
 class Frustum:
-    """The four sides of what a planar camera shows, through its origin."""
+    """The four sides of what a camera shows, through its origin."""
 
-    camera: Camera
-    slopes: NDArray[np.float64]
-    """Tangents of half the fields of view, horizontal and vertical."""
+    device: Device
     inwards: NDArray[np.float64]
-    """Normals of length 1 that point inwards, right, bottom, left and top, shape ``(4, 3)``."""
+    """Normals of length 1, right, bottom, left and top, shape ``(4, 3)``: inwards, but of a camera that sees more than
+    half of all directions, outwards."""
 
     @classmethod
-    def of(cls, camera: Camera) -> Frustum:
+    def of(cls, device: Device) -> Frustum:
         """Compute the sides."""
-        slopes = np.array([camera.width / 2 / camera.fx, camera.height / 2 / camera.fy])
-        y, z = slopes
-        inwards = np.array([(y, 1, 0), (z, 0, 1), (y, -1, 0), (z, 0, -1)], dtype=np.float64)
-        return cls(camera, slopes, inwards / np.linalg.norm(inwards, axis=1, keepdims=True))
+        x, y, z = _corner(device)
+        right, left = np.array([(x, -y, z), (x, -y, -z)]), np.array([(x, y, z), (x, y, -z)])
+        sides = ((right[0], right[1]), (right[1], left[1]), (left[1], left[0]), (left[0], right[0]))
+        inwards = np.array([np.cross(one, other) for one, other in sides])
+        return cls(device, inwards / np.linalg.norm(inwards, axis=1, keepdims=True))
+
+    @property
+    def sees_around(self) -> bool:
+        """Whether the camera sees more than half of all directions."""
+        return self.device.fov > math.pi
 
     def box(self, extent: Extent, eye: NDArray[np.float64], axes: NDArray[np.float64], resolve: Resolve) -> Box | None:
         """Compute the box of what of a Solid is within; None if nothing is.
@@ -80,6 +90,8 @@ class Frustum:
 
     def _of_points(self, points: NDArray[np.float64]) -> Box | None:
         """Move what is outside to the sides, one after the other; what is behind the camera stays where it is."""
+        if self.sees_around:
+            return self._of_points_around(points)
         ahead, behind = points[points[:, 0] > 0], points[points[:, 0] <= 0]
         if not len(ahead):
             return None
@@ -99,6 +111,18 @@ class Frustum:
         low, high = every.min(axis=0), every.max(axis=0)
         return Box((low + high) / 2, high - low, False)
 
+    def _of_points_around(self, points: NDArray[np.float64]) -> Box | None:
+        """Move what is behind the camera and outside of all four sides to the one that it is farthest from."""
+        distances = points @ self.inwards.T
+        outside = (points[:, 0] <= 0) & (distances >= 0).all(axis=1)
+        if outside.all():
+            return None
+        side = distances.argmin(axis=1)
+        off = distances[np.arange(len(points)), side][:, None] * self.inwards[side]
+        every = np.where(outside[:, None], points - off, points)
+        low, high = every.min(axis=0), every.max(axis=0)
+        return Box((low + high) / 2, high - low, False)
+
     def _of_round(self, middle: NDArray[np.float64], bound: Bound, axes: NDArray[np.float64]) -> Box | None:
         """Cut off what is outside of each side, by the distance of the middle from it."""
         size = np.full(3, 2 * bound.radius)
@@ -107,27 +131,75 @@ class Frustum:
             size = along * bound.height + 2 * bound.radius * np.sqrt(np.maximum(0.0, 1 - along**2))
         half = size[[1, 2, 1, 2]] / 2
         distances = self.inwards @ middle
+        if self.sees_around:
+            seen = middle[0] >= 0 or (distances < -half).any()
+            return Box(middle, size, bound.axis is None) if seen else None
         if (distances < -half).any():
             return None
         cut = np.where(distances < half, half - distances, 0.0)
-        if self.slopes[0] <= 1:  # a field of view of 90 degrees
+        if self.device.fov <= math.pi / 2:
             size = size - (0, cut[_RIGHT] + cut[_LEFT], cut[_BOTTOM] + cut[_TOP])
             middle = middle + 0.5 * np.array([0, cut[_RIGHT] - cut[_LEFT], cut[_BOTTOM] - cut[_TOP]])
         return Box(middle, size, bound.axis is None)
 
     def on_image(self, box: Box) -> tuple[tuple[int, int], tuple[int, int]]:
         """Compute the middle and the size of a box on the image [px], without the lens."""
-        x, y, z = (box.middle + box.corners()).T
-        ahead = np.where(np.abs(x) > 0, np.abs(x), 1e-300)
-        sideways = np.stack([-y, -z], axis=1)
-        place = np.where(
-            x[:, None] < 0, np.where(sideways < 0, -0.5, 0.5), 0.5 * sideways / ahead[:, None] / self.slopes
-        )
-        limits = np.array([self.camera.width - 1, self.camera.height - 1])
+        points = box.middle + box.corners()
+        if self.device.projection == "planar":
+            place = self._planar(points)
+        else:
+            place = self._wide(np.concatenate([points, box.middle[None]]))
+        limits = np.array([self.device.width - 1, self.device.height - 1])
         pixels = (limits * np.clip(0.5 + place, 0.0, 1.0)).astype(np.int64)
         low, high = pixels.min(axis=0), pixels.max(axis=0)
         middle = np.floor((low + high) / 2 + 0.5).astype(np.int64)
         return (int(middle[0]), int(middle[1])), (int(high[0] - low[0]), int(high[1] - low[1]))
+
+    def _planar(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Compute places in the image, from -1/2 to 1/2 to the right and downwards, shape ``(n, 2)``."""
+        ahead = np.where(np.abs(points[:, :1]) > 0, np.abs(points[:, :1]), 1e-300)
+        sideways, slopes = -points[:, 1:], _slopes(self.device)
+        return np.where(points[:, :1] < 0, np.where(sideways < 0, -0.5, 0.5), 0.5 * sideways / ahead / slopes)
+
+    def _wide(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Compute the same of an image in steps of angle.
+
+        Exactly ahead and behind Webots divides 0 by 0; here it is as close by.
+        """
+        device, (x, y, z) = self.device, points.T
+        if device.projection == "spherical":
+            aside = np.hypot(y, z)
+            away = np.arctan2(aside, x) / np.where(aside > 0, aside, 1.0)
+            place = -away[:, None] * points[:, 1:] / device.fov
+        else:
+            down = -np.arctan2(z, np.hypot(x, y)) * device.width / device.height
+            place = np.stack([-np.arctan2(y, x), down], axis=1) / device.fov
+        if device.fov < math.pi / 2:
+            place[:, 0] *= math.pi / 2 / device.fov
+        return place
+
+
+def _slopes(device: Device) -> NDArray[np.float64]:
+    """Compute tangents of half the fields of view of square pixels, horizontal and vertical."""
+    return math.tan(device.fov / 2) * np.array([1.0, device.height / device.width])
+
+
+def _corner(device: Device) -> tuple[float, float, float]:
+    """Compute where the upper left corner of what a camera shows is, as Webots has it.
+
+    Of wide images these are corners by planar formulas of a field of view that is no planar image's.
+    """
+    half = device.fov / 2
+    if device.projection == "planar":
+        return (1.0, *_slopes(device).tolist())
+    if device.fov > math.pi:
+        upright = math.atan(_slopes(device)[1])
+        across = math.cos(upright + math.pi / 2) if abs(upright) > math.pi / 4 else math.cos(upright)
+        return math.cos(upright) * math.cos(half), across * math.sin(half), math.sin(upright)
+    upright = device.fov * device.height / device.width
+    if upright <= _ONE_CAMERA_HIGH:
+        upright *= _HIGHER
+    return 1.0, math.tan(half), math.tan(upright / 2)
 
 
 def _merge(one: Box, other: Box) -> Box:

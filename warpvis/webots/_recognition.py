@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from warpvis.core.camera import Camera
 from warpvis.core.poses import look_at, poses_to_matrices
 from warpvis.errors import SceneError
-from warpvis.rendering import render
+from warpvis.rendering import Renderer, WideCamera, render
 from warpvis.scene import Scene
 from warpvis.visibility import object_visibility
 from warpvis.webots._detection import Box, Frustum, is_hidden
@@ -70,13 +70,17 @@ def recognise(world: WebotsWorld, camera_name: str, *, threads: int | None = Non
     camera's own robot hides nothing, nor does what has no bounding object: see `visible_pixels`. Of what passes, the
     `maxObjects` with the largest sizes in the image are listed.
 
+    Of cylindrical and spherical images the sides are planes by planar formulas, and places in the image those of the
+    projection, as in Webots since R2023a. A camera that sees more than half of all directions recognises what is
+    ahead, or behind it beyond one of the four planes; of round bounds nothing is cut off then.
+
     Args:
         world: The world, from `load_webots`.
         camera_name: The camera.
         threads: CPU threads to use; all cores of this process by default.
 
     Raises:
-        SceneError: There is no such camera, it has no Recognition node, or it is not planar.
+        SceneError: There is no such camera, or it has no Recognition node.
         FileFormatError: A field of the Recognition node is not of its type.
     """
     device, node = _recognising(world, camera_name)
@@ -84,7 +88,7 @@ def recognise(world: WebotsWorld, camera_name: str, *, threads: int | None = Non
     groups = {name: names for name, (_, names) in world.recognisable.items() if names}
     if not groups:
         return []
-    frustum, matrix = Frustum.of(device.camera), poses_to_matrices(device.pose)
+    frustum, matrix = Frustum.of(device), poses_to_matrices(device.pose)
     eye, axes = matrix[:3, 3], matrix[:3, :3].T
     axes = np.stack([axes[2], -axes[0], -axes[1]])  # forward, left, up
     boxes, counts = _seen(world, device, groups, threads)
@@ -130,13 +134,33 @@ def _seen(
     world: WebotsWorld, device: Device, groups: Mapping[str, tuple[str, ...]], threads: int | None
 ) -> tuple[dict[str, list[int]], NDArray[np.int64]]:
     """Compute the boxes of silhouettes by object, and the number of pixels that show each object of the scene."""
-    scene, camera = world.scene, _unlimited(device)
+    scene, camera = world.scene, _camera(device, 0.0, math.inf)
     chosen = list(dict.fromkeys(name for names in groups.values() for name in names))
-    silhouettes = object_visibility(
-        scene, camera, device.pose, objects=chosen, canvas=(0, 0, 0, 0), caster="rays", threads=threads
-    )
-    boxes = dict(zip(chosen, silhouettes.silhouette_box.numpy()[0].tolist(), strict=True))
+    if isinstance(camera, Camera):
+        silhouettes = object_visibility(
+            scene, camera, device.pose, objects=chosen, canvas=(0, 0, 0, 0), caster="rays", threads=threads
+        )
+        boxes = dict(zip(chosen, silhouettes.silhouette_box.numpy()[0].tolist(), strict=True))
+    else:
+        boxes = _boxes_alone(scene, camera, device, chosen, threads)
     return boxes, np.bincount(_object_image(world, device, threads).ravel() + 1, minlength=len(scene) + 1)[1:]
+
+
+def _boxes_alone(
+    scene: Scene, camera: WideCamera, device: Device, chosen: Sequence[str], threads: int | None
+) -> dict[str, list[int]]:
+    """Compute the boxes of silhouettes in a wide image, of which each object is rendered alone."""
+    renderer = Renderer(scene, camera, outputs=("segmentation",), threads=threads)
+    boxes = {}
+    for name in chosen:
+        others = np.ones((1, len(scene)), dtype=np.uint8)
+        others[0, scene.index(name)] = 0
+        rows, columns = np.nonzero(renderer.render(device.pose, exclude=others).segmentation.numpy()[0] >= 0)
+        boxes[name] = [0, 0, 0, 0]
+        if len(rows):
+            x, y = int(columns.min()), int(rows.min())
+            boxes[name] = [x, y, int(columns.max()) + 1 - x, int(rows.max()) + 1 - y]
+    return boxes
 
 
 def _obstacles(bounds: Bounds) -> tuple[Scene, dict[Extent, str]]:
@@ -164,7 +188,7 @@ def segmentation_image(world: WebotsWorld, camera_name: str, *, threads: int | N
         Indices into the scene's objects, -1 for none, shape ``(H, W)`` int32.
 
     Raises:
-        SceneError: There is no such camera, it has no Recognition node, or it is not planar.
+        SceneError: There is no such camera, or it has no Recognition node.
     """
     device, _ = _recognising(world, camera_name)
     image = _object_image(world, device, threads)
@@ -199,14 +223,16 @@ def _limits(node: Node) -> tuple[float, int, int]:
     return reach if reach > 0 else 100.0, max(most, -1) or -1, occlusion if occlusion in (0, 1, 2) else 1
 
 
-def _unlimited(device: Device) -> Camera:
-    return dataclasses.replace(device.camera, near=0.0, far=math.inf)
+def _camera(device: Device, near: float, far: float) -> Camera | WideCamera:
+    """Make the camera that a device is, of any projection, with another depth range [m]."""
+    if device.projection == "planar":
+        return dataclasses.replace(device.camera, near=near, far=far)
+    return WideCamera(device.width, device.height, device.fov, device.projection, near, far)
 
 
 def _object_image(world: WebotsWorld, device: Device, threads: int | None) -> NDArray[np.int32]:
-    views = render(
-        world.scene, device.camera, device.pose, outputs=("segmentation",), cull_backfaces=True, threads=threads
-    )
+    camera = _camera(device, device.min_range, device.max_range)
+    views = render(world.scene, camera, device.pose, outputs=("segmentation",), cull_backfaces=True, threads=threads)
     return views.segmentation.numpy()[0]
 
 
