@@ -53,8 +53,9 @@ class Exposure:
     """Memory to work in: `room(name, shape, dtype)` returns an array, the same one in the next call of the kind."""
     cast_at: Callable[[Camera, wp.array, wp.array], wp.array]
     """Cast through image points of another camera of the same worlds: `cast_at(camera, poses, points)` returns the
-    depth, ``(V, Y, X)``, that such a camera at each of V poses sees at its points, ``(V, Y, X)`` vec2 [px]; +inf where
-    a point is NaN or outside of the image. Where neighbours lie close together that is fast. The array is the model's until its `measure` returns."""
+    depth, ``(V, Y, X)``, that such a camera at each of V poses sees at its points, ``(V, Y, X)`` vec2 [px], of which
+    neighbours are best close together; +inf where a point is NaN or outside of the image. The array is the model's
+    until its `measure` returns."""
 
 
 class DepthSensor(ABC):

@@ -1,0 +1,79 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Depth cameras' models beside the exact images that they are made of.
+
+``python bench/bench_depth_sensors.py`` lets them take turns on the CPU and says how many times as long as exact depth
+they take: with the whole model, without what the other eye sees, without edges, and without anything.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import warpvis as wv
+
+VIEWS = 64
+SCENES = ("room", "blobs_77k")
+SENSOR = wv.sensors.realsense_d435(320, 240)
+CAMERA = dataclasses.replace(SENSOR.camera(), near=0.1, far=10.0)
+PARTS = {
+    "all": SENSOR,
+    "without the other eye": dataclasses.replace(SENSOR, shadow=False),
+    "without edges": dataclasses.replace(SENSOR, shadow=False, edge_window=1, least_support=0.0),
+    "noise alone": wv.sensors.StereoDepth(0.05, shadow=False, sigma=0.08, noise_spacing=4),
+    "nothing": wv.sensors.StereoDepth(0.05, shadow=False),
+    "shadows alone": wv.sensors.StereoDepth(0.05, max_disparity=126.0),
+}
+
+
+@cache
+def build(name: str) -> wv.Scene:
+    """A preset's scene."""
+    return wv.scenes.PRESETS[name].build()
+
+
+def calls(name: str, **options: Any) -> dict[str, Callable[[], Any]]:
+    """What is measured: each was made once."""
+    scene, poses = build(name), np.asarray(wv.scenes.PRESETS[name].poses(VIEWS), dtype=np.float32)
+    endless = dataclasses.replace(CAMERA, near=0.0, far=math.inf)
+    renderers = {"exact": wv.Renderer(scene, endless, outputs="depth", **options)}
+    renderers["exact, with normals"] = wv.Renderer(scene, endless, outputs=("depth", "normals"), **options)
+    for part, sensor in PARTS.items():
+        renderers[part] = wv.Renderer(scene, CAMERA, outputs="depth", sensor=sensor, **options)
+    made = {part: renderer.render(poses) for part, renderer in renderers.items()}
+    return {part: lambda part=part: renderers[part].render(poses, out=made[part]) for part in renderers}
+
+
+@pytest.mark.benchmark(group="depth sensors")
+@pytest.mark.parametrize("part", PARTS)
+def test_stereo(benchmark, part, threads):
+    benchmark.pedantic(calls("room", threads=threads)[part], rounds=7, iterations=1, warmup_rounds=1)
+    benchmark.extra_info["views"] = VIEWS
+
+
+def main() -> None:
+    """Print times and ratios."""
+    from timing import take_turns
+
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rounds", type=int, default=9)
+    parser.add_argument("--scenes", nargs="+", default=SCENES, choices=SCENES)
+    arguments = parser.parse_args()
+    for name in arguments.scenes:
+        measured = calls(name)
+        times = [float(np.median(column)) / VIEWS for column in take_turns(list(measured.values()), arguments.rounds)]
+        print(f"{name}: {CAMERA.width}x{CAMERA.height} pixels, exact depth {1e6 * times[0]:.0f} us a view; as long:")
+        for part, time in zip(measured, times, strict=True):
+            print(f"  {part}: {time / times[0]:.2f} times, {1e6 * time:.0f} us")
+
+
+if __name__ == "__main__":
+    main()

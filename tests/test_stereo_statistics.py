@@ -1,0 +1,219 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What sensors that triangulate say of walls, held to the formulas: of disparities, as that is where noise is drawn."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import trimesh
+from reference_stereo import noise_correlation
+from scipy import stats
+
+import warpvis as wv
+from warpvis.sensors import Reason, StereoDepth
+
+CAMERA = wv.Camera.from_fov(320, 240, hfov=1.0, near=0.05, far=100.0)
+BASELINE = 0.06
+SCALE = CAMERA.fx * BASELINE
+PROFILES = [
+    getattr(wv.sensors, name)
+    for name in ("realsense_d415", "realsense_d435", "realsense_d455", "oak_d", "kinect_v1", "structure")
+]
+AHEAD = wv.look_at((0, 0, 0), (0, 1, 0))
+
+
+def wall(distance, angle=0.0):
+    """A wall before a camera that looks along y, turned about the vertical by an angle [deg]."""
+    turned = trimesh.creation.box((60, 0.02, 60))
+    turned.apply_translation((0, 0.01, 0))
+    turned.apply_transform(trimesh.transformations.rotation_matrix(np.radians(angle), (0, 0, 1)))
+    scene = wv.Scene()
+    scene.add(turned, name="wall", pose=(0, distance, 0, 0, 0, 0, 1))
+    return scene
+
+
+def measured(scene, sensor, camera=CAMERA, frames=1, seed=0):
+    """Disparities that are measured and true, where there are any, (frames, H, W) with NaN; and reasons."""
+    poses = np.tile(AHEAD, (frames, 1))
+    views = wv.render(
+        scene,
+        camera,
+        poses,
+        outputs=("depth", "true_depth", "reasons"),
+        sensor=sensor,
+        seed=seed,
+        view_index=[0] * frames,
+        frame=np.arange(frames),
+    )
+    scale = (sensor.focal_length or camera.fx) * sensor.baseline
+    depth, true, reasons = (image.numpy() for image in (views.depth, views.true_depth, views.reasons))
+    valid = reasons == Reason.VALID
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found, exact = (np.where(valid, scale / image.astype(np.float64), np.nan) for image in (depth, true))
+    return found, exact, reasons
+
+
+def only(values):
+    return values[np.isfinite(values)]
+
+
+@pytest.mark.parametrize("angle", [0, 40, 80])
+@pytest.mark.parametrize("distance", [0.5, 1.0, 2.0, 5.0])
+def test_noise_of_walls(distance, angle):
+    """Mean, deviation and distribution of disparities; at every angle, since noise is not of the surface."""
+    sensor = StereoDepth(BASELINE, sigma=0.08, shadow=False, band=False)
+    found, exact, _ = measured(wall(distance, angle), sensor, seed=7)
+    errors = only(found - exact)
+    count = errors.size
+    assert count > 30_000
+    assert abs(errors.mean()) < 4 * 0.08 / np.sqrt(count)
+    assert abs(errors.std() - 0.08) < 4 * 0.08 / np.sqrt(2 * count)
+    # Depth in single precision has 1e-7 of itself, much less than noise.
+    assert stats.kstest(errors / 0.08, "norm").pvalue > 1e-4
+
+
+def test_depth_is_skewed_and_grows_with_its_square():
+    """z = f b / (d + n): deviation z^2 sigma / (f b), and the mean is farther by z^3 sigma^2 / (f b)^2."""
+    for distance in (1.0, 2.0, 4.0):
+        sensor = StereoDepth(BASELINE, sigma=0.1, shadow=False, band=False)
+        found, _, _ = measured(wall(distance), sensor, frames=10)
+        depth = SCALE / only(found)
+        deviation = distance**2 * 0.1 / SCALE
+        assert abs(depth.std() / deviation - 1) < 0.01 + (distance * 0.1 / SCALE) ** 2 * 10
+        farther = distance**3 * 0.01 / SCALE**2
+        assert abs(depth.mean() - distance - farther) < 4 * deviation / np.sqrt(depth.size) + 0.1 * farther
+
+
+@pytest.mark.parametrize("subpixel", [1, 8, 32])
+def test_disparities_are_in_steps(subpixel):
+    """Whole parts of a pixel, every one between the ends, and none else; a level is one depth, to the last bit."""
+    sensor = StereoDepth(BASELINE, subpixel=subpixel, shadow=False, band=False)
+    found, exact, _ = measured(wall(1.5, 60), sensor)
+    assert np.abs(only(found - exact)).max() <= 0.5 / subpixel + 1e-4
+    found, _, _ = measured(wall(1.5, 60), dataclasses.replace(sensor, sigma=0.5 / subpixel))
+    levels = only(found) * subpixel
+    assert np.abs(levels - np.rint(levels)).max() < 1e-3
+    taken = np.unique(np.rint(levels))
+    np.testing.assert_array_equal(taken, np.arange(taken[0], taken[-1] + 1))
+    assert len(taken) > 5
+    assert len(np.unique(only(found))) == len(taken)
+
+
+def test_pixel_locking_has_a_period_of_one_pixel():
+    sensor = StereoDepth(BASELINE, locking=0.07, shadow=False, band=False)
+    found, exact, _ = measured(wall(1.5, 60), sensor)
+    errors, true = only(found - exact), only(exact)
+    np.testing.assert_allclose(errors, 0.07 * np.sin(2 * np.pi * true), atol=2e-5)
+
+
+@pytest.mark.parametrize("spacing", [1, 2, 3, 8])
+def test_noise_is_as_smooth_as_it_says(spacing):
+    """Of the same deviation at every pixel, correlated by the closed form along x and y, and not between frames."""
+    sensor = StereoDepth(BASELINE, sigma=0.08, noise_spacing=spacing, shadow=False, band=False)
+    found, exact, _ = measured(wall(1.0), sensor, frames=60)
+    noise = (found - exact) / 0.08
+    frames, height, width = noise.shape
+    apart = frames * height * width / spacing**2  # as many numbers were drawn
+    assert abs(noise.mean()) < 4 / np.sqrt(apart)
+    assert abs(noise.var() - 1) < 4 * np.sqrt(2 / apart)
+    of_places = (noise**2).mean(axis=0)
+    for place in range(spacing):
+        there = of_places[place::spacing, place::spacing].mean()
+        assert abs(there - 1) < 5 * np.sqrt(2 / apart)
+    for lag in range(1, 2 * spacing + 2):
+        expected = noise_correlation(spacing, lag)
+        across = (noise[:, :, lag:] * noise[:, :, :-lag]).mean()
+        down = (noise[:, lag:] * noise[:, :-lag]).mean()
+        assert abs(across - expected) < 5 / np.sqrt(apart)
+        assert abs(down - expected) < 5 / np.sqrt(apart)
+        assert lag < 2 * spacing or expected == 0
+    between = (noise[1:] * noise[:-1]).mean()
+    assert abs(between) < 4 / np.sqrt(apart)
+
+
+@pytest.mark.parametrize("angle", [0, 60, 70, 80])
+def test_pixels_are_lost_by_angle_and_reflectivity(angle):
+    """Their share is as the signal says, and the rest is kept; by the wall, the reason is the angle or the darkness."""
+    options = {"least_signal": 0.1, "full_signal": 0.6, "shadow": False, "band": False}
+    camera = wv.Camera.from_fov(320, 240, hfov=0.02)  # rays are parallel, nearly
+    for reflectivity in (1.0, 0.4):
+        sensor = StereoDepth(BASELINE, reflectivity={"wall": reflectivity}, dropout=0.1, **options)
+        _, _, reasons = measured(wall(2.0, angle), sensor, camera, frames=5)
+        cosine = np.cos(np.radians(angle))
+        plain, dark = (np.clip((signal - 0.1) / 0.5, 0, 1) for signal in (cosine, cosine * reflectivity))
+        expected = {Reason.VALID: 0.9 * dark, Reason.GRAZING: 1 - plain, Reason.DROPOUT: plain - 0.9 * dark}
+        for reason, share in expected.items():
+            # The field of view's rays differ in cosine by up to 0.01.
+            slack = 4 * np.sqrt(share * (1 - share) / reasons.size) + 0.002
+            assert abs((reasons == reason).mean() - share) < slack, reason
+
+
+@pytest.mark.parametrize("profile", PROFILES, ids=lambda profile: profile.__name__)
+def test_profiles_at_a_wall(profile):
+    """Intel's metrics on the middle 80 %: Z accuracy, subpixel RMS of the plane, and fill rate."""
+    sensor = profile()
+    camera = sensor.camera()
+    distance = max(1.0, 1.5 * camera.near)
+    found, exact, reasons = measured(wall(distance), sensor, camera, frames=2)
+    middle = (
+        slice(None),
+        slice(camera.height // 10, -camera.height // 10),
+        slice(camera.width // 10, -camera.width // 10),
+    )
+    errors = (found - exact)[middle]
+    assert (reasons[middle] == Reason.VALID).mean() > 0.95  # of a wall that is met at up to 36 degrees
+    errors = only(errors)
+    scale = camera.fx * sensor.baseline
+    step = 1 / sensor.subpixel
+    # What rounding adds is that of a level of the whole wall, up to half a step, and the random part.
+    offset = (scale / distance * sensor.subpixel + 0.5) % 1 - 0.5
+    assert abs(errors.mean()) < step / 2 + 0.01
+    expected = expected_rms(offset, sensor.sigma, step)
+    assert abs(np.sqrt((errors**2).mean()) / expected - 1) < 0.05
+    if sensor.band:
+        width = scale / distance
+        beside = (reasons[0, camera.height // 2] == Reason.BAND).sum()
+        assert abs(beside - width) <= 1
+    else:
+        assert not (reasons == Reason.BAND).any()
+
+
+def expected_rms(offset, sigma, step):
+    """Of disparities that are normal about `offset` steps from a level, rounded to levels."""
+    levels = np.arange(-60, 61)
+    edges = (np.append(levels - 0.5, levels[-1] + 0.5) - offset) * step / sigma
+    share = np.diff(stats.norm.cdf(edges))
+    return np.sqrt((share * ((levels - offset) * step) ** 2).sum())
+
+
+@pytest.mark.parametrize("profile", PROFILES, ids=lambda profile: profile.__name__)
+def test_profiles_have_their_least_depth_and_their_range(profile):
+    sensor = profile()
+    camera = sensor.camera()
+    assert sensor.max_disparity == np.inf or camera.near == pytest.approx(
+        camera.fx * sensor.baseline / sensor.max_disparity
+    )
+    for distance, sign in ((0.9 * camera.near, -1), (1.2 * camera.far, 1)):
+        plain = dataclasses.replace(sensor, shadow=False, band=False, full_signal=0.0, least_signal=0.0)
+        views = wv.render(wall(distance), camera, AHEAD, outputs=("depth", "reasons"), sensor=plain)
+        assert (views.reasons.numpy() == Reason.RANGE).mean() > 0.99
+        assert (views.depth.numpy() == sign * np.inf).mean() > 0.99
+    smaller = profile(width=320, height=240).camera()
+    assert (smaller.width, smaller.height) == (320, 240)
+    assert smaller.fx == pytest.approx(camera.fx * 320 / camera.width)
+
+
+def test_a_kinect_is_as_published():
+    """Khoshelham and Elberink 2012: 1.425e-3 z^2 m, with steps of 2.85e-3 z^2 m; over walls of many distances."""
+    sensor = wv.sensors.kinect_v1(320, 240)
+    whole = dataclasses.replace(sensor, focal_length=580.0)
+    for distance in (1.0, 2.0, 3.0, 4.0):
+        errors = []
+        for share in np.linspace(-0.5, 0.5, 8, endpoint=False):
+            disparity = 580 * 0.075 / distance + share / 8
+            found, exact, _ = measured(wall(580 * 0.075 / disparity), whole, sensor.camera())
+            errors.append(only(43.5 / found - 43.5 / exact))
+        rms = np.sqrt(np.mean([np.mean(part**2) for part in errors]))
+        assert rms == pytest.approx(1.425e-3 * distance**2, rel=0.1)
+        assert 43.5 / (43.5 / distance) ** 2 / 8 == pytest.approx(2.85e-3 * distance**2, rel=0.01)
