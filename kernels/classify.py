@@ -51,6 +51,36 @@ def has_depth(depth: float, near: float, max_range: float) -> bool:
     return wp.isfinite(depth) and depth > 0.0 and depth >= near and depth <= max_range
 
 
+@wp.struct
+class Case:
+    """What a point is: its label, and the sphere that holds it, -1 if none does."""
+
+    label: wp.uint8
+    sphere: int
+
+
+@wp.func
+def no_point() -> Case:
+    case = Case()
+    case.label = EMPTY
+    case.sphere = -1
+    return case
+
+
+@wp.func
+def case_of(point: wp.vec3, ground: Ground, spheres: Spheres) -> Case:
+    """Which of the paper's cases a point is: ground, part of an object; an obstacle if it is neither."""
+    case = no_point()
+    if point[ground.up] - ground.height < ground.sigma:
+        case.label = GROUND
+        return case
+    case.label = OBSTACLE
+    case.sphere = nearest_sphere(spheres, point)
+    if case.sphere >= 0:
+        case.label = spheres.label[case.sphere]
+    return case
+
+
 @wp.kernel
 def back_project(
     # Cameras:
@@ -91,21 +121,13 @@ def classify_depth(
     y += window.first_row
 
     depth = depth_in[view, y, x]
-    label = EMPTY
-    sphere = int(-1)
+    case = no_point()
     if has_depth(depth, camera.near, max_range):
-        point = back_project_pixel(camera, camera_to_world[view], y, x, depth)
-        if point[ground.up] - ground.height < ground.sigma:
-            label = GROUND
-        else:
-            label = OBSTACLE
-            sphere = nearest_sphere(spheres, point)
-            if sphere >= 0:
-                label = spheres.label[sphere]
+        case = case_of(back_project_pixel(camera, camera_to_world[view], y, x, depth), ground, spheres)
 
-    labels_out[view, y, x] = label
+    labels_out[view, y, x] = case.label
     if spheres_out:
-        spheres_out[view, y, x] = sphere
+        spheres_out[view, y, x] = case.sphere
 
 
 @wp.kernel

@@ -4,29 +4,22 @@
 
 import warp as wp
 
-from warpvis.kernels.constants import MASK_HIDDEN, MASK_VISIBLE, VISIBLE_PIXELS
-from warpvis.kernels.pinhole import Window, forward_axis
+from warpvis.kernels.constants import VISIBLE_PIXELS
+from warpvis.kernels.pinhole import Window
 from warpvis.kernels.silhouettes import (
     Canvas,
     Chosen,
     Comparison,
     Found,
+    Target,
     add_found,
-    grown,
+    count_pixel,
+    count_silhouette,
     is_beside,
     is_met_from_outside,
+    meet_alone,
 )
-from warpvis.kernels.triangle_scene import (
-    CameraFrame,
-    TriangleScene,
-    camera_frame,
-    corner,
-    first_hit,
-    plane_depth,
-    seen_from,
-    shows_solid,
-    solid_hit,
-)
+from warpvis.kernels.triangle_scene import TriangleScene, camera_frame, seen_from, shows_solid
 from warpvis.kernels.worlds import Worlds, is_excluded, world_of
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
@@ -57,35 +50,6 @@ def may_meet(origin: wp.vec3d, direction: wp.vec3d, low: wp.vec3, high: wp.vec3)
         return True
     along = wp.dot(direction, sight)
     return along > none and along * along >= beyond * wp.dot(direction, direction)
-
-
-@wp.func
-def depth_alone(
-    scene: TriangleScene,
-    worlds: Worlds,
-    view: int,
-    index: int,
-    frame: CameraFrame,
-    is_round: bool,
-    ray: wp.vec3d,
-    is_planar: bool,
-) -> float:
-    """Depth at which a ray meets an object, whatever else there is; +inf if it does not."""
-    if is_round:
-        met = solid_hit(scene.movable_solid[index], scene.movable_size[index], frame, ray)
-        if met.w > wp.float64(0.0):
-            return float(wp.float64(1.0) / met.w)
-        return wp.inf
-    direction = wp.quat_rotate(frame.rotation, ray)
-    hit = first_hit(scene, worlds, view, index, wp.vec3(frame.origin), wp.vec3(direction), 0.0, 3.0e38, False)
-    if not hit.result:
-        return wp.inf
-    mesh = scene.movable_mesh[index]
-    a = corner(mesh, hit.face, 0) - frame.origin
-    b = corner(mesh, hit.face, 1) - frame.origin
-    c = corner(mesh, hit.face, 2) - frame.origin
-    forward = wp.where(is_planar, forward_axis(frame.rotation), direction)
-    return float(plane_depth(a, b, c, direction, forward))
 
 
 @wp.kernel
@@ -122,6 +86,12 @@ def measure_silhouettes_rays(
     is_round = shows_solid(scene.movable_solid[index], scene.movable_size[index], frame.origin)
     low, high = chosen.boxes[index, 0], chosen.boxes[index, 1]
     beside = is_beside(frame.origin, low, high)
+    target = Target()
+    target.view = view
+    target.place = place
+    target.index = index
+    target.near = camera.near
+    target.far = camera.far
     found = Found()
     width = canvas.x1 - canvas.x0
     for pixel in range(first, width * (canvas.y1 - canvas.y0), threads):
@@ -136,36 +106,13 @@ def measure_silhouettes_rays(
             continue
         if beside and not is_in_image:
             if is_met_from_outside(scene, index, frame, is_round, ray):
-                found.silhouette += 1
-                found.silhouette_box = grown(found.silhouette_box, x, y)
+                found = count_silhouette(found, x, y)
             continue
-        depth = depth_alone(scene, worlds, view, index, frame, is_round, ray, camera.is_planar)
+        depth = meet_alone(scene, worlds, view, index, frame, is_round, ray, camera.is_planar)
         if not wp.isfinite(depth):
             continue
-        found.silhouette += 1
-        found.silhouette_box = grown(found.silhouette_box, x, y)
-        if not is_in_image:
-            continue
-        found.image += 1
-        shown = seen.segmentation[view, y, x]
-        is_visible = shown == index
-        if not is_visible and seen.depth:
-            behind = (depth - seen.depth[view, y, x]) * float(wp.length(ray))
-            is_visible = behind <= seen.delta
-        if depth < camera.near:
-            found.too_near += 1
-            is_visible = False
-        elif depth > camera.far:
-            found.too_far += 1
-            is_visible = False
-        elif is_visible:
-            found.visible += 1
-            found.visible_box = grown(found.visible_box, x, y)
-        elif shown >= 0:
-            wp.atomic_add(hidden_by_out, view, place, shown, 1)
-        if masks_out:
-            mask = wp.uint8(MASK_HIDDEN)
-            if is_visible:
-                mask = wp.uint8(MASK_VISIBLE)
-            masks_out[view, place, y, x] = mask
+        found = count_silhouette(found, x, y)
+        if is_in_image:
+            length = float(wp.length(ray))
+            found = count_pixel(found, target, seen, y, x, depth, length, hidden_by_out, masks_out)
     add_found(counts_out, view, place, found)

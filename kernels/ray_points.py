@@ -4,7 +4,7 @@
 
 import warp as wp
 
-from warpvis.kernels.classify import EMPTY, GROUND, OBSTACLE, Ground, Spheres, has_depth, nearest_sphere
+from warpvis.kernels.classify import Ground, Spheres, case_of, has_depth, no_point
 from warpvis.kernels.pinhole import Window, pose_origin, pose_rotation
 from warpvis.kernels.rays import RayRange
 
@@ -63,18 +63,10 @@ def classify_rays(
 
     depth = depth_in[view, y, x]
     ray = rays_in[y, x]
-    label = EMPTY
-    sphere = int(-1)
+    case = no_point()
     if has_depth(depth, camera.near, max_range) and ray[2] == ray[2]:
-        point = point_along(camera_to_world[view], ray, depth)
-        if point[ground.up] - ground.height < ground.sigma:
-            label = GROUND
-        else:
-            label = OBSTACLE
-            sphere = nearest_sphere(spheres, point)
-            if sphere >= 0:
-                label = spheres.label[sphere]
+        case = case_of(point_along(camera_to_world[view], ray, depth), ground, spheres)
 
-    labels_out[view, y, x] = label
+    labels_out[view, y, x] = case.label
     if spheres_out:
-        spheres_out[view, y, x] = sphere
+        spheres_out[view, y, x] = case.sphere

@@ -93,9 +93,19 @@ def spread_poses(
 
 @wp.func
 def meet_alone(
-    scene: TriangleScene, worlds: Worlds, view: int, index: int, frame: CameraFrame, is_round: bool, ray: wp.vec3d
+    scene: TriangleScene,
+    worlds: Worlds,
+    view: int,
+    index: int,
+    frame: CameraFrame,
+    is_round: bool,
+    ray: wp.vec3d,
+    is_planar: bool,
 ) -> float:
-    """Depth at which a ray meets an object, whatever else there is; +inf if it does not."""
+    """Depth at which a ray meets an object, whatever else there is; +inf if it does not.
+
+    Depth is along the camera's axis if it `is_planar`, otherwise along the ray.
+    """
     if is_round:
         met = solid_hit(scene.movable_solid[index], scene.movable_size[index], frame, ray)
         if met.w > wp.float64(0.0):
@@ -109,7 +119,8 @@ def meet_alone(
     a = corner(mesh, hit.face, 0) - frame.origin
     b = corner(mesh, hit.face, 1) - frame.origin
     c = corner(mesh, hit.face, 2) - frame.origin
-    return float(plane_depth(a, b, c, direction, forward_axis(frame.rotation)))
+    forward = wp.where(is_planar, forward_axis(frame.rotation), direction)
+    return float(plane_depth(a, b, c, direction, forward))
 
 
 @wp.func
@@ -194,6 +205,70 @@ def grown(box: wp.vec4i, x: int, y: int) -> wp.vec4i:
 
 
 @wp.func
+def count_silhouette(found: Found, x: int, y: int) -> Found:
+    """Count a pixel of an object's silhouette, in the image or beyond."""
+    more = found
+    more.silhouette += 1
+    more.silhouette_box = grown(found.silhouette_box, x, y)
+    return more
+
+
+@wp.struct
+class Target:
+    """An object that is looked for in a view, and the range in which it counts as seen [m]."""
+
+    view: int
+    place: int
+    """Which of the chosen objects it is."""
+    index: int
+    """Which of the scene's."""
+    near: float
+    far: float
+
+
+@wp.func
+def count_pixel(
+    found: Found,
+    target: Target,
+    seen: Comparison,
+    y: int,
+    x: int,
+    depth: float,
+    length: float,
+    hidden_by: wp.array3d[wp.int32],
+    masks: wp.array4d[wp.uint8],
+) -> Found:
+    """Count a pixel of an object's silhouette that is in the image: as visible, out of range, or hidden by another.
+
+    `depth` is the object's there [m], and `length` that of the pixel's ray of depth 1.
+    """
+    more = found
+    more.image += 1
+    shown = seen.segmentation[target.view, y, x]
+    is_visible = shown == target.index
+    if not is_visible and seen.depth:
+        behind = (depth - seen.depth[target.view, y, x]) * length
+        is_visible = behind <= seen.delta
+    if depth < target.near:
+        more.too_near += 1
+        is_visible = False
+    elif depth > target.far:
+        more.too_far += 1
+        is_visible = False
+    elif is_visible:
+        more.visible += 1
+        more.visible_box = grown(found.visible_box, x, y)
+    elif shown >= 0:
+        wp.atomic_add(hidden_by, target.view, target.place, shown, 1)
+    if masks:
+        mask = wp.uint8(MASK_HIDDEN)
+        if is_visible:
+            mask = wp.uint8(MASK_VISIBLE)
+        masks[target.view, target.place, y, x] = mask
+    return more
+
+
+@wp.func
 def add_box(counts: wp.array3d[wp.int32], view: int, place: int, first: int, box: wp.vec4i):
     for k in range(4):
         if box[k] > counts[first + k, view, place]:
@@ -256,6 +331,12 @@ def measure_silhouettes(
     part = touched(camera, frame, canvas, low, high)
     beside = is_beside(frame.origin, low, high)
     width = part.x1 - part.x0
+    target = Target()
+    target.view = view
+    target.place = place
+    target.index = index
+    target.near = camera.near
+    target.far = camera.far
     found = Found()
     for pixel in range(first, width * (part.y1 - part.y0), threads):
         x, y = part.x0 + pixel % width, part.y0 + pixel // width
@@ -265,38 +346,15 @@ def measure_silhouettes(
             continue
         if beside and not is_in_image:
             if is_met_from_outside(scene, index, frame, is_round, ray):
-                found.silhouette += 1
-                found.silhouette_box = grown(found.silhouette_box, x, y)
+                found = count_silhouette(found, x, y)
             continue
-        z = meet_alone(scene, worlds, view, index, frame, is_round, ray)
+        z = meet_alone(scene, worlds, view, index, frame, is_round, ray, True)
         if not wp.isfinite(z):
             continue
-        found.silhouette += 1
-        found.silhouette_box = grown(found.silhouette_box, x, y)
-        if not is_in_image:
-            continue
-        found.image += 1
-        shown = seen.segmentation[view, y, x]
-        is_visible = shown == index
-        if not is_visible and seen.depth:
-            behind = (z - seen.depth[view, y, x]) * float(wp.length(ray))
-            is_visible = behind <= seen.delta
-        if z < camera.near:
-            found.too_near += 1
-            is_visible = False
-        elif z > camera.far:
-            found.too_far += 1
-            is_visible = False
-        elif is_visible:
-            found.visible += 1
-            found.visible_box = grown(found.visible_box, x, y)
-        elif shown >= 0:
-            wp.atomic_add(hidden_by_out, view, place, shown, 1)
-        if masks_out:
-            mask = wp.uint8(MASK_HIDDEN)
-            if is_visible:
-                mask = wp.uint8(MASK_VISIBLE)
-            masks_out[view, place, y, x] = mask
+        found = count_silhouette(found, x, y)
+        if is_in_image:
+            length = float(wp.length(ray))
+            found = count_pixel(found, target, seen, y, x, z, length, hidden_by_out, masks_out)
     add_found(counts_out, view, place, found)
 
 
