@@ -8,15 +8,11 @@ to single precision as all poses are; what that moves it by is taken into accoun
 
 import warp as wp
 
-from warpvis.kernels.constants import STREAM_DISPARITY, STREAM_DROPOUT
 from warpvis.kernels.native_source import read_native
 from warpvis.kernels.pinhole import PinholeCamera, Window, pixel_ray, pose_origin, pose_rotation
-from warpvis.kernels.random_numbers import random_word, to_normal, to_uniform
+from warpvis.kernels.random_numbers import RANDOM_HEADERS
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
-
-NOISE_STREAM = wp.constant(wp.uint32(STREAM_DISPARITY))
-CHANCE_STREAM = wp.constant(wp.uint32(STREAM_DROPOUT))
 
 
 @wp.struct
@@ -55,6 +51,8 @@ class StereoViews:
     reflectivity: wp.array[float]  # of objects
     nodes: wp.array3d[float]  # None if every pixel is one
     weights: wp.array[wp.vec2]  # of the two nodes beside a pixel, by its place between them
+    column_slopes: wp.array[float]  # of rays: x of the camera frame where z is 1, of each column
+    row_slopes: wp.array[float]  # and y, of each row
     draws: wp.array[wp.vec2ui]
 
 
@@ -120,76 +118,32 @@ def place_in_other_eyes(
     points_out[view, y, x] = at
 
 
-@wp.func
-def same_surface(model: StereoModel, depth: float, other: float) -> bool:
-    """Whether two depths are of disparities that differ by less than `edge_step`."""
-    return model.disparity_scale * wp.abs(depth - other) < model.edge_step * depth * other
-
-
-@wp.func
-def measure_support(model: StereoModel, true_depth: wp.array3d[float], view: int, y: int, x: int) -> float:
-    """The share of a pixel's row of the window that is of its surface, times that of its column; of the image only."""
-    if model.window == 0:
-        return 1.0
-    depth = true_depth[view, y, x]
-    in_row, of_row, in_column, of_column = float(0.0), float(0.0), float(0.0), float(0.0)
-    for i in range(wp.max(x - model.window, 0), wp.min(x + model.window + 1, true_depth.shape[2])):
-        of_row += 1.0
-        if same_surface(model, depth, true_depth[view, y, i]):
-            in_row += 1.0
-    for i in range(wp.max(y - model.window, 0), wp.min(y + model.window + 1, true_depth.shape[1])):
-        of_column += 1.0
-        if same_surface(model, depth, true_depth[view, i, x]):
-            in_column += 1.0
-    return (in_row / of_row) * (in_column / of_column)
-
-
-@wp.func
-def draw_noise(model: StereoModel, given: StereoViews, view: int, y: int, x: int) -> float:
-    """A standard normal number, interpolated between nodes by weights whose squares add up to one."""
-    if model.spacing == 1:
-        number = given.draws[view]
-        return to_normal(random_word(model.seed, NOISE_STREAM, number[0], number[1], y, x))
-    column, row = x / model.spacing, y / model.spacing
-    across, down = given.weights[x - column * model.spacing], given.weights[y - row * model.spacing]
-    above = across[0] * given.nodes[view, row, column] + across[1] * given.nodes[view, row, column + 1]
-    below = across[0] * given.nodes[view, row + 1, column] + across[1] * given.nodes[view, row + 1, column + 1]
-    return down[0] * above + down[1] * below
-
-
-@wp.func
-def measure_cosine(camera: PinholeCamera, axes: wp.mat33, normal: wp.vec3, y: int, x: int) -> float:
-    """The cosine between a pixel's ray and the normal of what it meets."""
-    ray = wp.vec3(pixel_ray(camera, y, x))
-    return wp.abs(wp.dot(normal, axes * ray)) / wp.sqrt(wp.dot(ray, ray))
-
-
-@wp.func_native(
-    read_native("shared/constants.h", "shared/scalar.h", "shared/stereo.h")
-    + """
+MEASURE = """
 const Stereo stereo = {model.disparity_scale, model.shift_scale, model.first_column, model.last_column, model.near,
                        model.far, model.most_disparity, model.shadow_tolerance, model.least_support,
-                       model.least_signal, model.signal_slope, model.kept, model.sigma, model.locking, model.levels};
-const StereoPixel pixel = {depth, far_depth, other_depth, column, support, cosine, reflectivity, noise, chance};
-Real said;
-Whole reason;
-stereo.measure(pixel, said, reason);
-depth_out.data[place] = said;
-if (reasons_out.data) reasons_out.data[place] = (unsigned char)reason;
+                       model.least_signal, model.signal_slope, model.kept, model.sigma, model.locking, model.levels,
+                       model.spacing, model.window, model.edge_step};
+const StereoImages images = {depth_out.shape[1], depth_out.shape[2], given.true_depth.data, given.other_depth.data,
+                             (const float*)given.normals.data, given.segmentation.data, given.reflectivity.data,
+                             given.nodes.data, given.nodes.shape[1], given.nodes.shape[2],
+                             (const float*)given.weights.data, given.column_slopes.data, given.row_slopes.data,
+                             depth_out.data, reasons_out.data};
+StereoView seen = {view, {model.seed, draw[0], draw[1]}, {}, (float)eye.place[2]};
+for (int k = 0; k < 9; ++k) seen.axes[k] = eye.axes.data[k / 3][k % 3];
+StereoRows::measure(stereo, images, seen, y, x);
 """
-)
+STEREO_HEADERS = "shared/stereo.h", "shared/stereo_rows.h"
+
+
+@wp.func_native(read_native("shared/constants.h", *RANDOM_HEADERS, "shared/random_pixel.h", *STEREO_HEADERS) + MEASURE)
 def measure_pixel(
     model: StereoModel,
-    depth: float,
-    far_depth: float,
-    other_depth: float,
-    column: float,
-    support: float,
-    cosine: float,
-    reflectivity: float,
-    noise: float,
-    chance: float,
-    place: wp.int64,
+    given: StereoViews,
+    eye: OtherEye,
+    draw: wp.vec2ui,
+    view: int,
+    y: int,
+    x: int,
     depth_out: wp.array3d[float],
     reasons_out: wp.array3d[wp.uint8],
 ): ...
@@ -198,7 +152,6 @@ def measure_pixel(
 @wp.kernel
 def measure_stereo(
     # Cameras:
-    camera: PinholeCamera,
     eyes: wp.array[OtherEye],
     window: Window,
     # In:
@@ -212,42 +165,4 @@ def measure_stereo(
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
-
-    eye = eyes[view]
-    depth = given.true_depth[view, y, x]
-    other_depth = float(wp.inf)
-    if given.other_depth:
-        other_depth = given.other_depth[view, y, x]
-    cosine, reflectivity = float(1.0), float(1.0)
-    if given.normals:
-        cosine = measure_cosine(camera, eye.axes, given.normals[view, y, x], y, x)
-    if given.segmentation:
-        hit = given.segmentation[view, y, x]
-        if hit >= 0:
-            reflectivity = given.reflectivity[hit]
-    number = given.draws[view]
-    noise, chance = float(0.0), float(0.0)
-    if model.sigma > 0.0:
-        noise = draw_noise(model, given, view, y, x)
-    if given.normals or model.kept < 1.0:
-        chance = to_uniform(random_word(model.seed, CHANCE_STREAM, number[0], number[1], y, x))
-    support = measure_support(model, given.true_depth, view, y, x)
-    height, width = given.true_depth.shape[1], given.true_depth.shape[2]
-    place = (wp.int64(view) * wp.int64(height) + wp.int64(y)) * wp.int64(width) + wp.int64(x)
-    far_depth = float(wp.float64(depth) - eye.place[2])
-    column = float(x) + 0.5
-    measure_pixel(
-        model,
-        depth,
-        far_depth,
-        other_depth,
-        column,
-        support,
-        cosine,
-        reflectivity,
-        noise,
-        chance,
-        place,
-        depth_out,
-        reasons_out,
-    )
+    measure_pixel(model, given, eyes[view], given.draws[view], view, y, x, depth_out, reasons_out)

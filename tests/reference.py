@@ -84,7 +84,7 @@ from reference_silhouettes import (  # noqa: F401
     measure_silhouettes_rays,
     spread_poses,
 )
-from reference_stereo import measure_stereo, place_in_other_eyes, place_other_eyes  # noqa: F401
+from reference_stereo import measure_stereo, measure_stereo_rows, place_in_other_eyes, place_other_eyes  # noqa: F401
 from reference_trees import (  # noqa: F401
     box_area,
     collapse_tree,

@@ -163,6 +163,9 @@ def measure_stereo(
     return _as_said(sensor, camera, said, found, reason, disparity), reason, margin
 
 
+measure_stereo_rows = measure_stereo
+
+
 def _found_share(sensor: StereoDepth, signal: NDArray) -> NDArray[np.float64]:
     if sensor.full_signal == 0:
         return np.ones(signal.shape)

@@ -7,6 +7,8 @@ typedef int Whole;
 typedef unsigned Word;
 
 struct Numbers {
+    enum { PIXELS = 1 };
+
     // The same number for all pixels.
     static inline float real(float a) { return a; }
     static inline int whole(int a) { return a; }
@@ -45,4 +47,15 @@ struct Numbers {
         return __builtin_sqrtf(a);
 #endif
     }
+    static inline float abs(float a) { return of_bits(bits_of(a) & 0x7fffffffu); }
+
+    static inline float endless() { return of_bits(0x7f800000u); }
+    static inline float no_number() { return of_bits(0x7fc00000u); }
+
+    // The numbers of pixels from a place on, of which `count` are in the row.
+    static inline float load(const float* from, int) { return *from; }
+    static inline float load(const float* from, int, int) { return *from; }
+    static inline void store(float* to, float value, int) { *to = value; }
+    static inline void store(unsigned char* to, int value, int) { *to = (unsigned char)value; }
+    static inline float columns(int first) { return (float)first; }
 };

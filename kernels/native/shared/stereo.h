@@ -3,8 +3,6 @@
 //
 // What a sensor that measures by triangulation says of a pixel: `warpvis.sensors.StereoDepth`.
 
-constexpr unsigned ENDLESS = 0x7f800000u, NO_NUMBER = 0x7fc00000u;  // the bits of +inf and of NaN
-
 // What is known of a pixel.
 struct StereoPixel {
     Real depth;  // of the first surface [m], +inf where there is none
@@ -30,6 +28,9 @@ struct Stereo {
     float kept;  // of pixels whose signal suffices, the share that is found
     float sigma, locking;  // [px]
     float levels;  // of a pixel of disparity; 0 where it is not rounded
+    int spacing;  // of the nodes between which noise is interpolated [px]
+    int window;  // how far the window of a pixel reaches [px]
+    float edge_step;  // disparities that differ by so much are of different surfaces [px]
 
     // sin(2 pi a) by a minimax polynomial that is 0 where the sine is, wrong by less than 4e-7 of it.
     static inline Real wave(Real a) {
@@ -66,8 +67,7 @@ struct Stereo {
     inline void measure(const StereoPixel& pixel, Real& depth, Whole& reason) const {
         const Real disparity = disparity_scale / pixel.depth, found = measured(disparity, pixel.noise);
         const Real said = depth_of(found, pixel.depth, disparity);
-        const Real endless = Numbers::real(Numbers::of_bits(ENDLESS)),
-                   none = Numbers::real(Numbers::of_bits(NO_NUMBER));
+        const Real endless = Numbers::real(Numbers::endless()), none = Numbers::real(Numbers::no_number());
         const Whole too_far = (said > far) | (found <= 0.0f), in_range = (said >= near) & (said <= far);
         const Whole lost = pixel.chance >= found_share(pixel.reflectivity * pixel.cosine) * kept;
         const Whole grazing = pixel.chance >= found_share(pixel.cosine);
@@ -83,7 +83,7 @@ struct Stereo {
 
         depth = in_range ? said : (too_far ? endless : -endless);
         depth = too_much ? -endless : depth;
-        depth = reason > REASON_RANGE ? none : depth;
+        depth = reason > (int)REASON_RANGE ? none : depth;
         depth = empty ? endless : depth;
     }
 };

@@ -175,7 +175,7 @@ class StereoDepth(DepthSensor):
 
     def measure(self, exposure: Exposure) -> None:
         """Write the sensor's depth and reasons."""
-        from warpvis.kernels.stereo import OtherEye, measure_stereo, place_other_eyes
+        from warpvis.kernels.stereo import OtherEye, place_other_eyes
 
         poses, device = exposure.poses, exposure.scene.device
         other_poses = exposure.room("other poses", poses.shape, wp.transform)
@@ -185,13 +185,15 @@ class StereoDepth(DepthSensor):
         model, given = self._model(exposure), self._views(exposure)
         if self.shadow:
             given.other_depth = self._look(exposure, eyes, other_poses)
-        lens, written = exposure.camera.device_struct(), [exposure.depth_out, exposure.reasons_out]
+        kernel, span = _kernel(device)
+        written = [exposure.depth_out, exposure.reasons_out]
         launch_images(
-            measure_stereo,
+            kernel,
             exposure.depth_out.shape,
-            lambda window: [lens, eyes, window, model, given, *written],
+            lambda window: [eyes, window, model, given, *written],
             device=device,
             threads=exposure.threads,
+            span=span,
         )
 
     def _look(self, exposure: Exposure, eyes: wp.array, poses: wp.array) -> wp.array:
@@ -240,6 +242,7 @@ class StereoDepth(DepthSensor):
         given.true_depth, given.draws = exposure.true_depth, exposure.draws
         if exposure.normals is not None:
             given.normals = exposure.normals
+            given.column_slopes, given.row_slopes = _slopes(exposure.camera, exposure.scene.device)
         if exposure.segmentation is not None:
             given.segmentation = exposure.segmentation
             shares = reflectivities(exposure.scene, self.reflectivity)
@@ -262,6 +265,24 @@ class StereoDepth(DepthSensor):
         angles = np.arange(spacing) / spacing * (math.pi / 2)
         weights = np.stack([np.cos(angles), np.sin(angles)], axis=-1).astype(np.float32)
         return nodes, wp.array(weights, dtype=wp.vec2, device=device)
+
+
+def _kernel(device: wp.Device) -> tuple[wp.Kernel, int]:
+    """Return the kernel of the model on a device, and how many pixels one of its threads takes."""
+    if device.is_cpu:
+        from warpvis.kernels.stereo_rows import PIXELS_AT_ONCE, measure_stereo_rows
+
+        return measure_stereo_rows, PIXELS_AT_ONCE
+    from warpvis.kernels.stereo import measure_stereo
+
+    return measure_stereo, 1
+
+
+def _slopes(camera: Camera, device: wp.Device) -> tuple[wp.array, wp.array]:
+    """Return x of the rays of columns and y of the rays of rows, where z is 1."""
+    across = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
+    down = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
+    return tuple(wp.array(slopes.astype(np.float32), dtype=wp.float32, device=device) for slopes in (across, down))
 
 
 def _check_at_most(value: int, name: str, most: int) -> None:

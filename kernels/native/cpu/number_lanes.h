@@ -1,0 +1,50 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+
+// What formulas for one pixel and for sixteen at a time are made of, as in shared/scalar.h: here, of sixteen.
+typedef Floats Real;
+typedef Ints Whole;
+typedef unsigned Word __attribute__((ext_vector_type(LANES)));
+
+struct Numbers {
+    enum { PIXELS = LANES };
+
+    static inline Floats real(float a) { return Lanes::all(a); }
+    static inline Ints whole(int a) { return Lanes::all_ints(a); }
+    static inline Word high_product(Word a, unsigned b) {
+        typedef unsigned long long Longs __attribute__((ext_vector_type(LANES)));
+        return __builtin_convertvector((__builtin_convertvector(a, Longs) * (unsigned long long)b) >> 32, Word);
+    }
+    // Whole numbers below 2^31 are rounded to the nearest of single precision.
+    static inline Floats from_whole(Word a) { return __builtin_convertvector((Ints)a, Floats); }
+    static inline Word bits_of(Floats a) { return (Word)a; }
+    static inline Floats of_bits(Word bits) { return (Floats)bits; }
+    static inline Floats floor(Floats a) { return __builtin_elementwise_floor(a); }
+    static inline Floats root(Floats a) { return __builtin_elementwise_sqrt(a); }
+    static inline Floats abs(Floats a) { return Lanes::abs(a); }
+
+    static inline float endless() { return __builtin_inff(); }
+    static inline float no_number() { return __builtin_nanf(""); }
+
+    // The numbers of pixels from a place on, of which `count` are in the row.
+    static inline Floats load(const float* from, int count) {
+        if (count >= LANES) return Lanes::load(from);
+        Floats value = Lanes::all(0.0f);
+        __builtin_memcpy(&value, from, count * sizeof(float));
+        return value;
+    }
+    static inline Floats load(const float* from, int stride, int count) {
+        float value[LANES] = {};
+        for (int k = 0; k < LANES && k < count; ++k) value[k] = from[k * stride];
+        return Lanes::load(value);
+    }
+    static inline void store(float* to, Floats value, int count) {
+        __builtin_memcpy(to, &value, (count < LANES ? count : LANES) * sizeof(float));
+    }
+    static inline void store(unsigned char* to, Ints value, int count) {
+        typedef unsigned char Bytes __attribute__((ext_vector_type(LANES)));
+        const Bytes bytes = __builtin_convertvector(value, Bytes);
+        __builtin_memcpy(to, &bytes, count < LANES ? count : LANES);
+    }
+    static inline Floats columns(int first) { return Lanes::index_floats() + (float)first; }
+};

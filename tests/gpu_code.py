@@ -1,0 +1,37 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What NVRTC makes of a module's kernels, on machines without a GPU too."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+_COMPILE = """
+import sys, importlib, warp as wp
+for name, folder in zip(sys.argv[1::2], sys.argv[2::2]):
+    module = importlib.import_module(name)
+    wp.compile_aot_module(module, device=None, arch=90, module_dir=folder, use_ptx=True, strip_hash=True)
+    print("compiled", name)
+"""
+_SIMPLE = "warpvis.kernels.images"
+
+
+def gpu_code(module: str, folder: Path) -> str:
+    """The PTX of a module, compiled by another process: what is compiled so would be another module in this one.
+
+    Where NVRTC compiles no simple module either, the test is skipped.
+    """
+    places = {_SIMPLE: folder / "simple", module: folder / "module"}
+    for place in places.values():
+        place.mkdir()
+    words = [word for name, place in places.items() for word in (name, str(place))]
+    done = subprocess.run([sys.executable, "-c", _COMPILE, *words], capture_output=True, text=True)
+    if f"compiled {_SIMPLE}" not in done.stdout:
+        pytest.skip("NVRTC is not there")
+    assert done.returncode == 0, done.stderr[-2000:]
+    (ptx,) = places[module].glob("*.ptx")
+    return ptx.read_text(encoding="utf-8")
