@@ -131,6 +131,21 @@ def test_every_source_of_poses_gives_the_same(device):
         assert np.array_equal(again.read(worlds).numpy(), expected)
 
 
+def test_data_of_mujoco_warp_is_read_as_it_is(device):
+    mujoco_warp = pytest.importorskip("mujoco_warp")
+    text = """<mujoco><worldbody><geom type="plane" size="5 5 1"/><body pos="0 0 1"><freejoint/>
+      <geom type="capsule" size=".1 .2"/><site name="down" zaxis=".2 .1 -1"/><site name="up"/></body></worldbody>
+      <sensor><rangefinder site="down"/><rangefinder site="up"/></sensor></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    with wp.ScopedDevice(device):
+        many = mujoco_warp.put_data(model, data, nworld=3)
+    found = Rangefinders(model, device=device).read(many).numpy()
+    assert found.shape == (3, 2) and found[0, 1] == -1
+    np.testing.assert_allclose(found, np.tile(data.sensordata, (3, 1)), atol=1e-6)
+
+
 def test_a_body_does_not_hide_what_is_ahead_of_its_own_sensors(device):
     """Only the sensor's own body is passed: not those welded to it, and what is invisible as rays have it."""
     text = """<mujoco><asset><material name="none" rgba="1 1 1 0"/></asset><worldbody>
