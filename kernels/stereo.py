@@ -9,7 +9,7 @@ to single precision as all poses are; what that moves it by is taken into accoun
 import warp as wp
 
 from warpvis.kernels.native_source import read_native
-from warpvis.kernels.pinhole import PinholeCamera, Window, pixel_ray, pose_origin, pose_rotation
+from warpvis.kernels.pinhole import PinholeCamera, Window, pose_origin, pose_rotation
 from warpvis.kernels.random_numbers import RANDOM_HEADERS
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
@@ -51,6 +51,9 @@ class StereoViews:
     reflectivity: wp.array[float]  # of objects
     nodes: wp.array3d[float]  # None if every pixel is one
     weights: wp.array[wp.vec2]  # of the two nodes beside a pixel, by its place between them
+    column_nodes: wp.array[wp.int32]  # the node on the left of a column, and the weights of both
+    left_weights: wp.array[float]
+    right_weights: wp.array[float]
     column_slopes: wp.array[float]  # of rays: x of the camera frame where z is 1, of each column
     row_slopes: wp.array[float]  # and y, of each row
     draws: wp.array[wp.vec2ui]
@@ -87,55 +90,40 @@ def place_other_eyes(
     eye_out[view] = eye
 
 
-@wp.kernel
-def place_in_other_eyes(
-    # Cameras:
-    camera: PinholeCamera,
-    other: PinholeCamera,
-    eyes: wp.array[OtherEye],
-    window: Window,
-    # In:
-    true_depth: wp.array3d[float],
-    least_depth: float,
-    # Out:
-    points_out: wp.array3d[wp.vec2],
-):
-    """Write where every pixel's point is in the other eye's image [px]; NaN where there is none or it is nearer than
-    `least_depth`, or if it is not in that image.
-    """
-    view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
-    depth = true_depth[view, y, x]
-    at = wp.vec2(wp.nan, wp.nan)
-    if depth < wp.inf and depth >= least_depth:
-        p = wp.float64(depth) * pixel_ray(camera, y, x) - eyes[view].place
-        column, row = other.fx * p[0] / p[2] + other.cx, other.fy * p[1] / p[2] + other.cy
-        # What rounding puts beyond the upper or lower edge is in the image: rows of both eyes are the same.
-        row = wp.clamp(row, wp.float64(0.0), wp.float64(other.height * 0.99999994))
-        if column >= wp.float64(0.0) and column < wp.float64(other.width):
-            at = wp.vec2(wp.min(float(column), other.width * 0.99999994), float(row))
-    points_out[view, y, x] = at
-
-
-MEASURE = """
+IMAGES = """
+const StereoImages images = {given.true_depth.shape[1], given.true_depth.shape[2], given.true_depth.data,
+                             given.other_depth.data, (const float*)given.normals.data, given.segmentation.data,
+                             given.reflectivity.data, given.nodes.data, given.nodes.shape[1], given.nodes.shape[2],
+                             (const float*)given.weights.data, given.column_nodes.data, given.left_weights.data,
+                             given.right_weights.data, given.column_slopes.data, given.row_slopes.data,
+                             DEPTH_OUT, REASONS_OUT};
+"""
+PLACE = (
+    IMAGES.replace("DEPTH_OUT", "nullptr").replace("REASONS_OUT", "nullptr")
+    + """
+const OtherImage image = {{(float)eye.place[0], (float)eye.place[1], (float)eye.place[2]},
+                          {(float)camera.fx, (float)camera.fy}, added_columns, camera.width, camera.height,
+                          least_depth};
+image.show(images, view, y, x, (float*)points_out.data);
+"""
+)
+MEASURE = (
+    IMAGES.replace("DEPTH_OUT", "depth_out.data").replace("REASONS_OUT", "reasons_out.data")
+    + """
 const Stereo stereo = {model.disparity_scale, model.shift_scale, model.first_column, model.last_column, model.near,
                        model.far, model.most_disparity, model.shadow_tolerance, model.least_support,
                        model.least_signal, model.signal_slope, model.kept, model.sigma, model.locking, model.levels,
                        model.spacing, model.window, model.edge_step};
-const StereoImages images = {depth_out.shape[1], depth_out.shape[2], given.true_depth.data, given.other_depth.data,
-                             (const float*)given.normals.data, given.segmentation.data, given.reflectivity.data,
-                             given.nodes.data, given.nodes.shape[1], given.nodes.shape[2],
-                             (const float*)given.weights.data, given.column_slopes.data, given.row_slopes.data,
-                             depth_out.data, reasons_out.data};
 StereoView seen = {view, {model.seed, draw[0], draw[1]}, {}, (float)eye.place[2]};
 for (int k = 0; k < 9; ++k) seen.axes[k] = eye.axes.data[k / 3][k % 3];
 StereoRows::measure(stereo, images, seen, y, x);
 """
+)
 STEREO_HEADERS = "shared/stereo.h", "shared/stereo_rows.h"
+_HEADERS = ("shared/constants.h", *RANDOM_HEADERS, "shared/random_pixel.h", *STEREO_HEADERS)
 
 
-@wp.func_native(read_native("shared/constants.h", *RANDOM_HEADERS, "shared/random_pixel.h", *STEREO_HEADERS) + MEASURE)
+@wp.func_native(read_native(*_HEADERS) + MEASURE)
 def measure_pixel(
     model: StereoModel,
     given: StereoViews,
@@ -166,3 +154,40 @@ def measure_stereo(
     view += window.first_view
     y += window.first_row
     measure_pixel(model, given, eyes[view], given.draws[view], view, y, x, depth_out, reasons_out)
+
+
+@wp.func_native(read_native(*_HEADERS) + PLACE)
+def place_pixel(
+    camera: PinholeCamera,
+    given: StereoViews,
+    eye: OtherEye,
+    added_columns: float,
+    least_depth: float,
+    view: int,
+    y: int,
+    x: int,
+    points_out: wp.array3d[wp.vec2],
+): ...
+
+
+@wp.kernel
+def place_in_other_eyes(
+    # Cameras:
+    other: PinholeCamera,
+    eyes: wp.array[OtherEye],
+    window: Window,
+    # In:
+    given: StereoViews,
+    added_columns: float,
+    least_depth: float,
+    # Out:
+    points_out: wp.array3d[wp.vec2],
+):
+    """Write where every pixel's point is in the other eye's image [px], which begins `added_columns` further left.
+
+    NaN where there is no point, where it is nearer than `least_depth`, or not in that image.
+    """
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+    place_pixel(other, given, eyes[view], added_columns, least_depth, view, y, x, points_out)

@@ -4,25 +4,15 @@
 
 import warp as wp
 
-from warpvis.kernels.constants import CPU_LANES
 from warpvis.kernels.native_source import read_native
-from warpvis.kernels.pinhole import Window
-from warpvis.kernels.stereo import MEASURE, STEREO_HEADERS, OtherEye, StereoModel, StereoViews
+from warpvis.kernels.pinhole import PinholeCamera, Window
+from warpvis.kernels.random_rows import LANE_HEADERS, PIXELS_AT_ONCE
+from warpvis.kernels.stereo import MEASURE, PLACE, STEREO_HEADERS, OtherEye, StereoModel, StereoViews
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
 
-_HEADERS = (
-    "shared/constants.h",
-    "cpu/lanes.h",
-    "cpu/number_lanes.h",
-    "shared/random.h",
-    "cpu/random_lanes.h",
-)
-PIXELS_AT_ONCE = 4 * CPU_LANES
-"""Four words of random numbers, for each lane."""
 
-
-@wp.func_native(read_native(*_HEADERS, *STEREO_HEADERS) + MEASURE)
+@wp.func_native(read_native(*LANE_HEADERS, *STEREO_HEADERS) + MEASURE)
 def measure_pixels(
     model: StereoModel,
     given: StereoViews,
@@ -53,3 +43,37 @@ def measure_stereo_rows(
     view += window.first_view
     y += window.first_row
     measure_pixels(model, given, eyes[view], given.draws[view], view, y, x * PIXELS_AT_ONCE, depth_out, reasons_out)
+
+
+@wp.func_native(read_native(*LANE_HEADERS, *STEREO_HEADERS) + PLACE)
+def place_pixels(
+    camera: PinholeCamera,
+    given: StereoViews,
+    eye: OtherEye,
+    added_columns: float,
+    least_depth: float,
+    view: int,
+    y: int,
+    x: int,
+    points_out: wp.array3d[wp.vec2],
+): ...
+
+
+@wp.kernel
+def place_rows_in_other_eyes(
+    # Cameras:
+    other: PinholeCamera,
+    eyes: wp.array[OtherEye],
+    window: Window,
+    # In:
+    given: StereoViews,
+    added_columns: float,
+    least_depth: float,
+    # Out:
+    points_out: wp.array3d[wp.vec2],
+):
+    """Write what `place_in_other_eyes` does, `PIXELS_AT_ONCE` pixels of a row a thread of the kernel."""
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+    place_pixels(other, given, eyes[view], added_columns, least_depth, view, y, x * PIXELS_AT_ONCE, points_out)

@@ -73,7 +73,7 @@ from reference_points import (  # noqa: F401
     project_points,
 )
 from reference_poses import poses_from_matrices, poses_to_opencv, quaternions_to_xyzw  # noqa: F401
-from reference_random import draw_normals  # noqa: F401
+from reference_random import draw_normal_rows, draw_normals  # noqa: F401
 from reference_rangefinders import read_rangefinders  # noqa: F401
 from reference_ray_table import cast_ray_table
 from reference_second_eye import judge_hidden, shift_places  # noqa: F401
@@ -84,7 +84,13 @@ from reference_silhouettes import (  # noqa: F401
     measure_silhouettes_rays,
     spread_poses,
 )
-from reference_stereo import measure_stereo, measure_stereo_rows, place_in_other_eyes, place_other_eyes  # noqa: F401
+from reference_stereo import (  # noqa: F401
+    measure_stereo,
+    measure_stereo_rows,
+    place_in_other_eyes,
+    place_other_eyes,
+    place_rows_in_other_eyes,
+)
 from reference_trees import (  # noqa: F401
     box_area,
     collapse_tree,

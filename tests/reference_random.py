@@ -50,3 +50,6 @@ def draw_normals(
 ) -> NDArray[np.float64]:
     """Standard normal numbers of all pixels, shape (V, H, W)."""
     return to_normal(random_words(views, frames, shape, seed, stream))
+
+
+draw_normal_rows = draw_normals

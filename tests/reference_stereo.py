@@ -163,7 +163,7 @@ def measure_stereo(
     return _as_said(sensor, camera, said, found, reason, disparity), reason, margin
 
 
-measure_stereo_rows = measure_stereo
+measure_stereo_rows, place_rows_in_other_eyes = measure_stereo, place_in_other_eyes
 
 
 def _found_share(sensor: StereoDepth, signal: NDArray) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ from gpu_code import gpu_code
 from scipy import stats
 
 from warpvis.core.threads import launch_images
-from warpvis.kernels import native_source, random_numbers
+from warpvis.kernels import native_source, random_numbers, random_rows
 from warpvis.kernels.pinhole import Window
 
 ROOT = Path(__file__).parent.parent
@@ -125,6 +125,12 @@ def test_the_kernel_draws_the_same_normals(device):
         random_numbers.draw_normals, normals.shape, lambda window: [window, *given], device=wp.get_device(device)
     )
     np.testing.assert_array_equal(normals.numpy(), draw(pairs, SHAPE[1:], device)[2])
+    if device == "cpu":
+        rows, span = wp.zeros_like(normals), random_rows.PIXELS_AT_ONCE
+        given[-1] = rows
+        cpu = wp.get_device("cpu")
+        launch_images(random_rows.draw_normal_rows, rows.shape, lambda w: [w, *given], device=cpu, span=span)
+        np.testing.assert_array_equal(rows.numpy(), normals.numpy())
     expected = reference_random.draw_normals([3, 5], [4, 6], SHAPE[1:], SEED, STREAM)
     np.testing.assert_allclose(normals.numpy(), expected, rtol=4e-5)
 

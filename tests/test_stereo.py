@@ -238,7 +238,10 @@ def test_lanes_and_single_pixels_say_the_same(monkeypatch, width):
     for sensor in (FULL, dataclasses.replace(FULL, noise_spacing=1, other_eye="left", edge_window=9, subpixel=0)):
         rows = images(wv.render(make_scene(), camera, POSES, sensor=sensor, **options))
         with monkeypatch.context() as patch:
-            patch.setattr("warpvis.sensors.depth._stereo._kernel", lambda device: (stereo.measure_stereo, 1))
+            patch.setattr(
+                "warpvis.sensors.depth._stereo._kernels",
+                lambda device: (stereo.place_in_other_eyes, stereo.measure_stereo, 1),
+            )
             single = images(wv.render(make_scene(), camera, POSES, sensor=sensor, **options))
         for name in OUTPUTS:
             np.testing.assert_array_equal(rows[name], single[name], err_msg=name)

@@ -46,5 +46,13 @@ struct Numbers {
         const Bytes bytes = __builtin_convertvector(value, Bytes);
         __builtin_memcpy(to, &bytes, count < LANES ? count : LANES);
     }
+    static inline void store_pairs(float* to, Floats first, Floats second, int count) {
+        const Floats low =
+            __builtin_shufflevector(first, second, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
+        const Floats high =
+            __builtin_shufflevector(first, second, 8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31);
+        store(to, low, 2 * count);
+        if (count > LANES / 2) store(to + LANES, high, 2 * count - LANES);
+    }
     static inline Floats columns(int first) { return Lanes::index_floats() + (float)first; }
 };

@@ -57,5 +57,9 @@ struct Numbers {
     static inline float load(const float* from, int, int) { return *from; }
     static inline void store(float* to, float value, int) { *to = value; }
     static inline void store(unsigned char* to, int value, int) { *to = (unsigned char)value; }
+    static inline void store_pairs(float* to, float first, float second, int) {
+        to[0] = first;
+        to[1] = second;
+    }
     static inline float columns(int first) { return (float)first; }
 };

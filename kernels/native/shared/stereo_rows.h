@@ -14,6 +14,9 @@ struct StereoImages {
     const float* nodes;  // of noise, [view][node_rows][node_columns]
     int node_rows, node_columns;
     const float* weights;  // of the two nodes beside a pixel, by its place between them
+    const int* column_nodes;  // the node on the left of a column, and the weights of both
+    const float* left_weights;
+    const float* right_weights;
     const float* column_slopes;  // of rays, (x - cx) / fz
     const float* row_slopes;
     float* depth_out;
@@ -93,25 +96,26 @@ struct StereoRows {
         }
         return Numbers::load(found, Numbers::PIXELS);
     }
-    // Noise between nodes, by weights whose squares add up to one.
+    // Noise between nodes, by weights whose squares add up to one. Pixels of a register are between a few of these.
     static inline Real smooth_noise(const StereoImages& images, const StereoView& view, int spacing, int y, int x) {
-        const int row = y / spacing;
-        const float* above = images.nodes + (view.index * images.node_rows + row) * images.node_columns;
+        const int row = y / spacing, column = images.column_nodes[x], count = images.node_columns - column;
+        const float* above = images.nodes + (view.index * images.node_rows + row) * images.node_columns + column;
         const float* below = above + images.node_columns;
         const float* down = images.weights + (y - row * spacing) * 2;
-        float found[Numbers::PIXELS] = {};
-        int column = x / spacing, between = x - column * spacing;
-        for (int k = 0; k < Numbers::PIXELS && x + k < images.width; ++k) {
-            const float* across = images.weights + between * 2;
-            const float left = down[0] * above[column] + down[1] * below[column];
-            const float right = down[0] * above[column + 1] + down[1] * below[column + 1];
-            found[k] = across[0] * left + across[1] * right;
-            if (++between == spacing) {
-                between = 0;
-                ++column;
-            }
+        float nodes[2][Numbers::PIXELS], beside[2][Numbers::PIXELS] = {};
+        for (int side = 0; side < 2; ++side) {
+            const Real upper = Numbers::load(above + side, count - side);
+            const Real lower = Numbers::load(below + side, count - side);
+            Numbers::store(nodes[side], upper * down[0] + lower * down[1], Numbers::PIXELS);
         }
-        return Numbers::load(found, Numbers::PIXELS);
+        for (int k = 0; k < Numbers::PIXELS && x + k < images.width; ++k) {
+            const int node = images.column_nodes[x + k] - column;
+            beside[0][k] = nodes[0][node];
+            beside[1][k] = nodes[1][node];
+        }
+        const Real left = Numbers::load(images.left_weights + x, images.width - x);
+        const Real right = Numbers::load(images.right_weights + x, images.width - x);
+        return left * Numbers::load(beside[0], Numbers::PIXELS) + right * Numbers::load(beside[1], Numbers::PIXELS);
     }
 
     // Pixels of a row from x on.
@@ -153,5 +157,39 @@ struct StereoRows {
         stereo.measure(pixel, depth, reason);
         Numbers::store(images.depth_out + place, depth, count);
         if (images.reasons_out) Numbers::store(images.reasons_out + place, reason, count);
+    }
+};
+
+// The other eye of a view: where it is in the first one's frame [m], and its image.
+struct OtherImage {
+    float place[3];
+    float focal[2];
+    float added_columns;  // of its image, on the left of the first one's
+    float width, height;
+    float least_depth;  // nearer points are not looked for
+
+    // Where the points of pixels from x on are in its image, x y x y ... [px]; NaN where they are not in it.
+    inline void show(const StereoImages& images, long long index, int y, int x, float* points) const {
+        for (int k = 0; k < PixelWords::PIXELS && x < images.width; k += Numbers::PIXELS, x += Numbers::PIXELS)
+            show_some(images, index, y, x, points);
+    }
+    inline void show_some(const StereoImages& images, long long index, int y, int x, float* points) const {
+        const int count = images.width - x;
+        const long long at = (index * images.height + y) * images.width + x;
+        const Real depth = Numbers::load(images.depth + at, count);
+        const Real across = Numbers::load(images.column_slopes + x, count);
+        const Real nearness = 1.0f / (depth - place[2]);
+        const Real shift = (across * place[2] - place[0]) * focal[0] * nearness;
+        const Real column = Numbers::columns(x) + (added_columns + 0.5f) + shift;
+        const Real row = (images.row_slopes[y] * place[2] - place[1]) * focal[1] * nearness + ((float)y + 0.5f);
+        const Whole there = (depth >= least_depth) & (depth < Numbers::endless()) & (column >= 0.0f) & (column < width);
+        const Real none = Numbers::real(Numbers::no_number());
+        Numbers::store_pairs(points + at * 2, there ? column : none, there ? inside(row) : none, count);
+    }
+    // What rounding puts beyond the upper or the lower edge: rows of both eyes are the same.
+    inline Real inside(Real row) const {
+        const Real least = Numbers::real(0.0f), most = Numbers::real(height * 0.99999994f);
+        const Real low = row > least ? row : least;
+        return low < most ? low : most;
     }
 };

@@ -17,6 +17,7 @@ from warpvis.core.checks import check_choice, check_flag, check_number, check_wh
 from warpvis.core.kernel_cache import launch
 from warpvis.core.threads import launch_images
 from warpvis.errors import ArrayError, CameraError
+from warpvis.kernels.constants import STREAM_DISPARITY
 from warpvis.rendering import DepthSensor, Exposure
 from warpvis.scene import Scene
 from warpvis.sensors._echoes import Reflectivity, reflectivities
@@ -184,8 +185,8 @@ class StereoDepth(DepthSensor):
         launch(place_other_eyes, len(poses), [poses, wp.float64(side), other_poses, eyes], device)
         model, given = self._model(exposure), self._views(exposure)
         if self.shadow:
-            given.other_depth = self._look(exposure, eyes, other_poses)
-        kernel, span = _kernel(device)
+            given.other_depth = self._look(exposure, given, eyes, other_poses)
+        _, kernel, span = _kernels(device)
         written = [exposure.depth_out, exposure.reasons_out]
         launch_images(
             kernel,
@@ -196,21 +197,21 @@ class StereoDepth(DepthSensor):
             span=span,
         )
 
-    def _look(self, exposure: Exposure, eyes: wp.array, poses: wp.array) -> wp.array:
+    def _look(self, exposure: Exposure, given: StereoViews, eyes: wp.array, poses: wp.array) -> wp.array:
         """Return the depth that the other eye sees where each pixel's point is in its image."""
-        from warpvis.kernels.stereo import place_in_other_eyes
-
-        shape = exposure.true_depth.shape
+        shape, device = exposure.true_depth.shape, exposure.scene.device
         other = self._other_camera(exposure.camera, exposure.clip_near)
         points = exposure.room("points", shape, wp.vec2)
-        lens, other_lens = exposure.camera.device_struct(), other.device_struct()
+        kernel, _, span = _kernels(device)
+        lens, added = other.device_struct(), other.cx - exposure.camera.cx
         least = self._scale(exposure.camera) / self.max_disparity
         launch_images(
-            place_in_other_eyes,
+            kernel,
             shape,
-            lambda window: [lens, other_lens, eyes, window, exposure.true_depth, least, points],
-            device=exposure.scene.device,
+            lambda window: [lens, eyes, window, given, added, least, points],
+            device=device,
             threads=exposure.threads,
+            span=span,
         )
         return exposure.cast_at(other, poses, points)
 
@@ -240,42 +241,59 @@ class StereoDepth(DepthSensor):
 
         given = StereoViews()
         given.true_depth, given.draws = exposure.true_depth, exposure.draws
+        given.column_slopes, given.row_slopes = _slopes(exposure.camera, exposure.scene.device)
         if exposure.normals is not None:
             given.normals = exposure.normals
-            given.column_slopes, given.row_slopes = _slopes(exposure.camera, exposure.scene.device)
         if exposure.segmentation is not None:
             given.segmentation = exposure.segmentation
             shares = reflectivities(exposure.scene, self.reflectivity)
             given.reflectivity = wp.array(shares, dtype=wp.float32, device=exposure.scene.device)
         if self._smooth:
-            given.nodes, given.weights = self._draw_nodes(exposure)
+            self._draw_nodes(exposure, given)
         return given
 
-    def _draw_nodes(self, exposure: Exposure) -> tuple[wp.array, wp.array]:
+    def _draw_nodes(self, exposure: Exposure, given: StereoViews) -> None:
         """Draw noise at nodes of every view, and say how much of two nodes a pixel between them takes."""
-        from warpvis.kernels.constants import STREAM_DISPARITY
-        from warpvis.kernels.random_numbers import draw_normals
-
         views, height, width = exposure.true_depth.shape
         device, spacing = exposure.scene.device, self.noise_spacing
         shape = (views, (height - 1) // spacing + 2, (width - 1) // spacing + 2)
-        nodes = exposure.room("nodes", shape, wp.float32)
+        given.nodes = nodes = exposure.room("nodes", shape, wp.float32)
+        kernel, span = _drawing_kernel(device)
         drawn: list[Any] = [exposure.draws, wp.uint32(exposure.seed), wp.uint32(STREAM_DISPARITY), nodes]
-        launch_images(draw_normals, shape, lambda window: [window, *drawn], device=device, threads=exposure.threads)
+        launch_images(
+            kernel, shape, lambda window: [window, *drawn], device=device, threads=exposure.threads, span=span
+        )
         angles = np.arange(spacing) / spacing * (math.pi / 2)
         weights = np.stack([np.cos(angles), np.sin(angles)], axis=-1).astype(np.float32)
-        return nodes, wp.array(weights, dtype=wp.vec2, device=device)
+        of_columns = weights[np.arange(width) % spacing].T.copy()
+        columns = np.arange(width, dtype=np.int32) // spacing
+        given.weights = wp.array(weights, dtype=wp.vec2, device=device)
+        given.column_nodes = wp.array(columns, dtype=wp.int32, device=device)
+        given.left_weights, given.right_weights = (
+            wp.array(side, dtype=wp.float32, device=device) for side in of_columns
+        )
 
 
-def _kernel(device: wp.Device) -> tuple[wp.Kernel, int]:
-    """Return the kernel of the model on a device, and how many pixels one of its threads takes."""
+def _drawing_kernel(device: wp.Device) -> tuple[wp.Kernel, int]:
+    """Return what draws nodes on a device, and how many a thread takes."""
     if device.is_cpu:
-        from warpvis.kernels.stereo_rows import PIXELS_AT_ONCE, measure_stereo_rows
+        from warpvis.kernels.random_rows import PIXELS_AT_ONCE, draw_normal_rows
 
-        return measure_stereo_rows, PIXELS_AT_ONCE
-    from warpvis.kernels.stereo import measure_stereo
+        return draw_normal_rows, PIXELS_AT_ONCE
+    from warpvis.kernels.random_numbers import draw_normals
 
-    return measure_stereo, 1
+    return draw_normals, 1
+
+
+def _kernels(device: wp.Device) -> tuple[wp.Kernel, wp.Kernel, int]:
+    """Return what finds points in the other eye, and the model, on a device; and how many pixels a thread takes."""
+    if device.is_cpu:
+        from warpvis.kernels.stereo_rows import PIXELS_AT_ONCE, measure_stereo_rows, place_rows_in_other_eyes
+
+        return place_rows_in_other_eyes, measure_stereo_rows, PIXELS_AT_ONCE
+    from warpvis.kernels.stereo import measure_stereo, place_in_other_eyes
+
+    return place_in_other_eyes, measure_stereo, 1
 
 
 def _slopes(camera: Camera, device: wp.Device) -> tuple[wp.array, wp.array]:
