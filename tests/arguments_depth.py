@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Valid arguments of models of depth cameras, by name: ``name: (function, arguments)``."""
 
+import numpy as np
+import trimesh
 from arguments_shared import CAMERA, POSE, scene
 
 import warpvis as wv
@@ -9,12 +11,38 @@ import warpvis as wv
 _PROFILES = ("realsense_d415", "realsense_d435", "realsense_d455", "oak_d", "kinect_v1", "structure")
 
 
-def depth_sensor_cases():
-    """Make them."""
+def _picture(path):
+    wv.io.save_depth_png(np.ones((4, 5)), path / "depth_read.png")
+    return path / "depth_read.png"
+
+
+def depth_sensor_cases(path):
+    """Make them; files are in a folder."""
     sensor = wv.sensors.StereoDepth(0.05, sigma=0.1, native_camera=CAMERA)
     seen = scene()
     cases = {name: (getattr(wv.sensors, name), {"width": 8, "height": 6}) for name in _PROFILES}
+    wall = wv.sensors.StereoDepth(0.05, sigma=0.1, subpixel=8)
+    far = wv.Scene()
+    far.add(trimesh.creation.box((40, 0.1, 40)), pose=(0, 2.0, 0, 0, 0, 0.1, 0.995))
+    wide = wv.Camera.from_fov(64, 48, hfov=1.2)
+    pictures = wv.render(far, wide, wv.look_at((0, 0, 0), (0, 1, 0)), sensor=wall, outputs="depth").depth.numpy()
     return cases | {
+        "fit": (
+            wv.sensors.fit,
+            {
+                "depth_images": pictures,
+                "camera": wide,
+                "baseline": 0.05,
+                "subpixel": 8,
+                "resolution": 0.0,
+                "region": 0.9,
+            },
+        ),
+        "save_sensor_fit": (
+            wv.viz.save_sensor_fit,
+            {"fit": wv.sensors.fit(pictures, wide, baseline=0.05), "path": path / "fit.png"},
+        ),
+        "read_depth": (wv.io.read_depth, {"path": _picture(path), "unit": 0.001}),
         "StereoDepth": (
             wv.sensors.StereoDepth,
             {

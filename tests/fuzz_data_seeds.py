@@ -18,7 +18,7 @@ import warpvis as wv
 from warpvis.batch import render_batch, verify
 from warpvis.batch.formats._base import FORMATS
 from warpvis.errors import WarpvisError
-from warpvis.io import load_camera, read_archive, read_points
+from warpvis.io import load_camera, read_archive, read_depth, read_points, save_depth_png
 
 CAMERA = wv.Camera.from_fov(12, 9, hfov=1.0, near=0.3, far=4.5)
 _FRAMES = 4
@@ -249,6 +249,15 @@ def points(root: Path) -> Iterator[Item]:
         yield "points", {name: data}, (), lambda folder, name=name: read_points(folder / name)
 
 
+def depth_images(root: Path) -> Iterator[Item]:
+    depth = np.random.default_rng(0).uniform(0.5, 4, (6, 8))
+    save_depth_png(depth, root / "depth.png")
+    files = {"a.png": (root / "depth.png").read_bytes(), "a.npy": _npy(depth.astype(np.float32))}
+    files["b.npy"] = _npy((depth * 1000).astype(np.uint16))
+    for name, data in files.items():
+        yield "depth images", {name: data}, (), lambda folder, name=name: read_depth(folder / name)
+
+
 def datasets(root: Path) -> Iterator[Item]:
     """Datasets of every format that has what it needs installed: looked through, and gone on with."""
     kinds = [(kind, {}) for kind in FORMATS] + [("zarr", {"compression": "zstd"})]
@@ -298,4 +307,4 @@ def _repairer(kind: str, options: dict[str, str]) -> Callable[[Path], None]:
     return read
 
 
-MAKERS = (poses, bags, cameras, lenses, scanners, points, datasets)
+MAKERS = (poses, bags, cameras, lenses, scanners, points, depth_images, datasets)

@@ -105,8 +105,8 @@ FEW = ("None", "a word", "NaN", "minus one", "an object", "an array")
 
 def cases(folder):
     """Valid arguments of all that is public and can be called."""
-    tables = [make(folder) for make in (top_cases, data_cases, tools_cases, lidar_cases)]
-    return {name: case for table in [*tables, depth_sensor_cases()] for name, case in table.items()}
+    tables = [make(folder) for make in (top_cases, data_cases, tools_cases, lidar_cases, depth_sensor_cases)]
+    return {name: case for table in tables for name, case in table.items()}
 
 
 def files_for_cases(folder):
@@ -201,7 +201,7 @@ NAMES = (
     "propose standing surface along frames_ grid looks orbit random sphere view_ Depth Lens Version add_ distort "
     "Ortho gym open_ framing depth_ from_image to_image to_point find_ quanti range_ recog segm Li bpearl even "
     "hdl64e Motion Rolling deskew laser_ livox ouster vlp gather_ measure_ reflect spread_ to_laser Rays Wide Rangef "
-    "register_ to_livox Stereo realsense_ oak_ kinect_ structure "
+    "register_ to_livox Stereo realsense_ oak_ kinect_ structure fit read_depth "
 ).split()
 
 

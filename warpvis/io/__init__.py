@@ -16,6 +16,7 @@ from warpvis.io._depth import (
     encode_pngs as encode_pngs,
     save_depth_png,
 )
+from warpvis.io._depth_reading import find_depth_images as find_depth_images, read_depth
 from warpvis.io._files import read_archive as read_archive
 from warpvis.io._livox_messages import register_livox_types, to_livox_msg
 from warpvis.io._mcap import check_mcap as check_mcap
@@ -29,6 +30,7 @@ from warpvis.io.poses._tum import read_poses
 __all__ = [
     "from_image_msg",
     "load_camera",
+    "read_depth",
     "read_points",
     "read_poses",
     "register_livox_types",

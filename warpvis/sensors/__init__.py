@@ -25,6 +25,9 @@ from warpvis.sensors._rolling_shutter import RollingShutter
 from warpvis.sensors.depth import (
     Reason,
     StereoDepth,
+    StereoFit as StereoFit,
+    WallReport as WallReport,
+    fit,
     kinect_v1,
     oak_d,
     realsense_d415,
@@ -42,6 +45,7 @@ __all__ = [
     "RollingShutter",
     "StereoDepth",
     "deskew",
+    "fit",
     "gather_returns",
     "kinect_v1",
     "lenses",

@@ -11,4 +11,5 @@ from ._previews import (
     save_contact_sheet as save_contact_sheet,
     save_preview as save_preview,
 )
+from ._sensor_fits import save_sensor_fit as save_sensor_fit
 from ._sightings import save_point_sightings as save_point_sightings, save_sightings as save_sightings

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from warpvis.sensors.depth._fit import StereoFit as StereoFit, WallReport as WallReport, fit as fit
 from warpvis.sensors.depth._profiles import (
     kinect_v1 as kinect_v1,
     oak_d as oak_d,

@@ -1,0 +1,231 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The numbers of a depth camera by its pictures of walls: those that the pictures were made with come back."""
+
+import json
+import math
+import sys
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+import warpvis as wv
+from warpvis.cli import main
+from warpvis.errors import ArrayError, FileFormatError
+from warpvis.sensors import StereoDepth, fit
+from warpvis.sensors.depth._noise_spacing import expected_correlation, find_spacing
+
+CAMERA = wv.Camera.from_fov(320, 200, hfov=1.4, near=0.1, far=20.0)
+BASELINE = 0.05
+WALLS = ((0.6, 0), (1.0, 10), (1.5, 20), (2.0, 0), (3.0, 15), (4.0, 25))  # metres, degrees
+
+
+def wall(distance, angle):
+    """A wall that is so far away on the camera's axis, the y axis, and turned."""
+    scene, half = wv.Scene(), math.radians(angle) / 2
+    turned = (0.0, distance + 0.01, 0.0, 0.0, 0.0, math.sin(half), math.cos(half))
+    scene.add(trimesh.creation.box((60, 0.02 * math.cos(2 * half), 60)), name="wall", pose=turned)
+    return scene
+
+
+def pictures(sensor, walls=WALLS, seed=3, camera=CAMERA):
+    pose = wv.look_at((0, 0, 0), (0, 1, 0))
+    views = [
+        wv.render(wall(*place), camera, pose, sensor=sensor, seed=seed, frame=number, outputs="depth")
+        for number, place in enumerate(walls)
+    ]
+    return np.concatenate([view.depth.numpy() for view in views])
+
+
+def millimetres(depth):
+    return np.rint(np.where(np.isfinite(depth), depth, 0) * 1000) / 1000
+
+
+@pytest.mark.parametrize(
+    "given", [{"baseline": BASELINE}, {"subpixel": "own"}, {}], ids=["baseline", "subpixel", "band"]
+)
+@pytest.mark.parametrize("rounded", [False, True], ids=["metres", "millimetres"])
+@pytest.mark.parametrize(
+    "numbers",
+    [
+        {"sigma": 0.08, "subpixel": 32, "dropout": 0.02},
+        {"sigma": 0.05, "subpixel": 32, "noise_spacing": 4, "dropout": 0.05},
+        {"sigma": 0.2, "subpixel": 16, "noise_spacing": 2, "dropout": 0.01},
+        {"sigma": 0.1, "noise_spacing": 6, "dropout": 0.1},
+    ],
+    ids=["white", "smooth", "coarse", "without steps"],
+)
+def test_what_pictures_were_made_with_is_found(numbers, rounded, given):
+    sensor = StereoDepth(BASELINE, **numbers)
+    if given.get("subpixel"):
+        if not sensor.subpixel:
+            pytest.skip("no steps to tell f b by")
+        given = {"subpixel": sensor.subpixel}
+    images = pictures(sensor)
+    found = fit(millimetres(images) if rounded else images, CAMERA, resolution=0.001 if rounded else 0.0, **given)
+    assert found.focal_baseline == pytest.approx(CAMERA.fx * BASELINE, rel=0.02)
+    assert found.sigma == pytest.approx(sensor.sigma, rel=0.05)
+    assert found.noise_spacing == sensor.noise_spacing
+    assert found.dropout == pytest.approx(sensor.dropout, abs=0.003)
+    if sensor.subpixel:
+        assert found.step == pytest.approx(1 / sensor.subpixel, rel=0.02)
+    else:
+        assert found.step == 0
+    again = found.sensor()
+    assert (again.subpixel, again.noise_spacing) == (sensor.subpixel, sensor.noise_spacing)
+    assert again.baseline == pytest.approx(BASELINE, rel=0.02) and again.camera() == CAMERA
+    for report, (distance, angle) in zip(found.walls, WALLS, strict=True):
+        assert report.distance == pytest.approx(distance, rel=0.01)
+        assert math.degrees(report.angle) == pytest.approx(angle, abs=1.0)
+        assert report.fill_rate == pytest.approx(1 - sensor.dropout, abs=0.01)
+        total = math.hypot(sensor.sigma, 1 / sensor.subpixel / 12**0.5 if sensor.subpixel else 0)
+        assert report.subpixel_rms == pytest.approx(total, rel=0.1)
+
+
+def test_noise_below_a_step_is_found_too():
+    """A sixth of one: the mean square is that of rounding."""
+    images = pictures(StereoDepth(BASELINE, sigma=0.02, subpixel=8))
+    found = fit(images, CAMERA, baseline=BASELINE)
+    assert found.step == pytest.approx(0.125, rel=1e-3)
+    assert found.sigma == pytest.approx(0.02, rel=0.05)
+
+
+def test_a_clean_wall_has_no_noise():
+    found = fit(pictures(StereoDepth(BASELINE)), CAMERA, baseline=BASELINE)
+    assert found.sigma < 1e-4 and found.step == 0 and found.dropout == 0
+
+
+def test_the_other_eye_on_the_left_and_things_before_the_wall():
+    sensor = StereoDepth(BASELINE, other_eye="left", sigma=0.05, subpixel=32)
+    images = pictures(sensor)
+    images[:, 80:130, 140:180] *= 0.7  # somebody stands there
+    found = fit(images, CAMERA)
+    assert found.found_by == "band" and found.focal_baseline == pytest.approx(CAMERA.fx * BASELINE, rel=0.02)
+    assert found.sigma == pytest.approx(0.05, rel=0.05)
+    assert np.isnan(found.errors[0]).mean() > 0.03
+
+
+def test_correlations_are_those_of_the_model():
+    for spacing in (1, 2, 5, 9):
+        expected = expected_correlation(spacing, 30)
+        assert expected[0] == pytest.approx(1) and (expected[2 * spacing :] == 0).all()
+        assert find_spacing(expected) == spacing
+    sensor = StereoDepth(BASELINE, sigma=0.1, noise_spacing=5, band=False, shadow=False)
+    measured = fit(pictures(sensor, WALLS[:3], camera=CAMERA), CAMERA, baseline=BASELINE).correlation
+    np.testing.assert_allclose(measured[:12], expected_correlation(5, 12), atol=0.06)
+
+
+def test_report_and_picture(tmp_path):
+    found = fit(pictures(StereoDepth(BASELINE, sigma=0.08, subpixel=32)), CAMERA, subpixel=32)
+    lines = found.report().splitlines()
+    assert lines[0].startswith("6 walls; f b ") and lines[0].endswith("by the subpixel")
+    assert "step of disparity   0.03125 px (1/32)" in lines
+    assert len(lines) == 7 + 6
+    wv.viz.save_sensor_fit(found, tmp_path / "fit.png")
+    with Image.open(tmp_path / "fit.png") as picture:
+        assert np.asarray(picture.convert("L")).std() > 20
+
+
+@pytest.mark.parametrize("kind", ["png", "npy", "npy of millimetres"])
+def test_the_command_line_fits(tmp_path, monkeypatch, capsys, kind):
+    images = pictures(StereoDepth(BASELINE, sigma=0.08, subpixel=32))
+    folder = tmp_path / "walls"
+    folder.mkdir()
+    for number, image in enumerate(images):
+        if kind == "png":
+            wv.io.save_depth_png(image, folder / f"{number}.png")
+        else:
+            units = np.where(np.isfinite(image), image * 1000, 0)
+            np.save(folder / f"{number}.npy", image if kind == "npy" else np.rint(units).astype(np.uint16))
+    (folder / "notes.txt").write_text("walls of the corridor")
+    fields = {"width": CAMERA.width, "height": CAMERA.height, "hfov": 1.4, "near": 0.1, "far": 20.0}
+    (tmp_path / "camera.json").write_text(json.dumps(fields))
+    monkeypatch.chdir(tmp_path)
+    words = ["warpvis", "sensor-fit", "walls", "--camera", "camera.json", "--baseline", "0.05", "--out", "fit.png"]
+    monkeypatch.setattr(sys, "argv", words)
+    main()
+    said = capsys.readouterr().out
+    assert "6 walls; f b 9.498 px m, by the baseline" in said and "fit.png: errors" in said
+    sigma = float(next(line for line in said.splitlines() if line.startswith("sigma")).split()[3])
+    assert sigma == pytest.approx(0.08, rel=0.05)
+    assert (tmp_path / "fit.png").is_file()
+
+
+# ------------------------------------------------------------------------------------------------------------ wrong
+
+
+NOISY = np.full((200, 320), 2.0, dtype=np.float32)
+
+
+@pytest.mark.parametrize(
+    ("images", "options", "message"),
+    [
+        ([], {}, r"depth_images must hold a picture of a wall, got none"),
+        ([np.ones((3, 4))], {}, r"depth_images\[0\] must have shape \(200, 320\) as the camera has, got \(3, 4\)"),
+        (
+            [NOISY.astype(np.uint16)],
+            {},
+            r"depth_images\[0\] must be in metres, got uint16: divide by its units a metre",
+        ),
+        ([np.full((200, 320), np.nan)], {}, r"depth_images\[0\] has depth at 0 pixels, too few for a wall"),
+        ([NOISY], {}, "nothing tells f b: no picture has an invalid band at a side; give baseline or subpixel"),
+        ([NOISY], {"subpixel": 8}, "no steps of disparity were found"),
+        ([NOISY], {"baseline": 0}, "baseline must be above 0 m"),
+        ([NOISY], {"baseline": -1}, "baseline must be"),
+        ([NOISY], {"subpixel": 0}, "subpixel must be"),
+        ([NOISY], {"region": 2.0}, "region must be"),
+        ([NOISY], {"resolution": -1.0}, "resolution must be"),
+        (
+            [np.random.default_rng(0).uniform(0.5, 5, (200, 320))],
+            {"baseline": 0.05},
+            r"depth_images\[0\] shows no flat wall",
+        ),
+    ],
+)
+def test_bad_input(images, options, message):
+    with pytest.raises(ArrayError, match=message):
+        fit(images, CAMERA, **options)
+
+
+def test_a_step_that_is_no_whole_part():
+    found = fit(pictures(StereoDepth(BASELINE, sigma=0.08, subpixel=32)), CAMERA, baseline=BASELINE * 20)
+    with pytest.raises(ArrayError, match="which is no whole part of one: give the right baseline or subpixel"):
+        found.sensor()
+
+
+def test_files_that_are_no_depth_images(tmp_path):
+    for name, message in (("none.png", "no such file"), ("none.npy", "no such file")):
+        with pytest.raises(FileFormatError, match=message):
+            wv.io.read_depth(tmp_path / name)
+    (tmp_path / "bad.png").write_bytes(b"PNG")
+    (tmp_path / "bad.npy").write_bytes(b"NUMPY")
+    Image.fromarray(np.zeros((4, 5, 3), dtype=np.uint8)).save(tmp_path / "colour.png")
+    np.save(tmp_path / "cube.npy", np.zeros((2, 3, 4)))
+    expected = {
+        "bad.png": "not a PNG image",
+        "bad.npy": "not an array of NumPy's",
+        "colour.png": "expected a grey PNG of 16 bits, as depth cameras' programs write, got mode RGB",
+        "cube.npy": r"expected a depth image of shape \(H, W\), got float64 of \(2, 3, 4\)",
+    }
+    for name, message in expected.items():
+        with pytest.raises(FileFormatError, match=message):
+            wv.io.read_depth(tmp_path / name)
+    with pytest.raises(ArrayError, match="unit must be above 0 m"):
+        wv.io.read_depth(tmp_path / "cube.npy", unit=0)
+    with pytest.raises(FileFormatError, match="no such folder"):
+        wv.io.find_depth_images(tmp_path / "nowhere")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(FileFormatError, match="has no depth images"):
+        wv.io.find_depth_images(tmp_path / "empty")
+
+
+def test_files_are_read_as_they_were_written(tmp_path):
+    depth = np.array([[1.234, 0.0, 60.0], [0.001, np.inf, 2.5]])
+    wv.io.save_depth_png(depth, tmp_path / "a.png")
+    expected = np.array([[1.234, np.nan, 60.0], [0.001, np.nan, 2.5]], dtype=np.float32)
+    np.testing.assert_allclose(wv.io.read_depth(tmp_path / "a.png"), expected, rtol=1e-6)
+    np.testing.assert_allclose(wv.io.read_depth(tmp_path / "a.png", unit=0.0002), expected / 5, rtol=1e-6)
+    np.save(tmp_path / "b.npy", depth.astype(np.float32))
+    np.testing.assert_allclose(wv.io.read_depth(tmp_path / "b.npy")[0], expected[0], rtol=1e-6)

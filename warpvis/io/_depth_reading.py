@@ -1,0 +1,78 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Read single depth images that other programs wrote: 16-bit PNG and NumPy's files."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.checks import as_path, check_number, said_by
+from warpvis.errors import ArrayError, FileFormatError
+
+DEPTH_SUFFIXES = (".png", ".npy")
+"""What `read_depth` reads."""
+
+
+def read_depth(path: str | os.PathLike[str], *, unit: float = 0.001) -> NDArray[np.float32]:
+    """Read one depth image.
+
+    Args:
+        path: A grey PNG of 16 bits, or an array of NumPy's, shape ``(H, W)``: whole numbers are units, others metres.
+        unit: What one unit is [m].
+
+    Returns:
+        Depth [m], ``(H, W)`` float32; NaN where the file says 0.
+
+    Raises:
+        ArrayError: `unit` is no length.
+        FileFormatError: The file is missing, or no such image.
+    """
+    path = as_path(path)
+    if check_number(unit, "unit", least=0.0) == 0.0:
+        raise ArrayError("unit must be above 0 m")
+    image = _read(path)
+    if image.ndim != 2 or image.dtype.kind not in "fiu":
+        raise FileFormatError(f"{path}: expected a depth image of shape (H, W), got {image.dtype} of {image.shape}")
+    depth = image.astype(np.float32) if image.dtype.kind == "f" else (image * float(unit)).astype(np.float32)
+    return np.where(depth == 0, np.float32(np.nan), depth)
+
+
+def _read(path: Path) -> NDArray:
+    if not path.is_file():
+        raise FileFormatError(f"{path}: no such file")
+    if path.suffix.lower() == ".npy":
+        try:
+            return np.load(path, allow_pickle=False)
+        except Exception as error:  # NumPy has many
+            raise FileFormatError(f"{path}: not an array of NumPy's: {said_by(error)}") from None
+    from PIL import Image
+
+    try:
+        with Image.open(path, formats=("PNG",)) as picture:
+            mode, image = picture.mode, np.asarray(picture)
+    except Exception as error:  # each kind of damage has its own
+        raise FileFormatError(f"{path}: not a PNG image: {said_by(error)}") from None
+    if mode not in ("I;16", "I;16B", "I"):
+        raise FileFormatError(
+            f"{path}: expected a grey PNG of 16 bits, as depth cameras' programs write, got mode {mode}"
+        )
+    return image
+
+
+def find_depth_images(folder: str | os.PathLike[str]) -> list[Path]:
+    """List the depth images of a folder by name.
+
+    Raises:
+        FileFormatError: There is no such folder, or none in it.
+    """
+    folder = as_path(folder)
+    if not folder.is_dir():
+        raise FileFormatError(f"{folder}: no such folder")
+    found = sorted(path for path in folder.iterdir() if path.suffix.lower() in DEPTH_SUFFIXES)
+    if not found:
+        raise FileFormatError(f"{folder}: has no depth images, {' or '.join(DEPTH_SUFFIXES)}")
+    return found
