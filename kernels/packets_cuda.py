@@ -97,7 +97,7 @@ const Scene all = {
 """
 """The struct ``Scene`` of a view, of a kernel's scene, worlds and found objects."""
 
-_VIEW = """
+VIEW = """
 const View shape = {view, (int)camera.width, (int)camera.height, {camera.fx, camera.fy}, {camera.cx, camera.cy},
                     camera.near, camera.far, camera.most_inv_z, camera.clip_reach,
                     (const float*)(poses.data + view), cull_backfaces};
@@ -109,27 +109,42 @@ CAST = f"""
 __shared__ WarpMemory memory;
 view = Warp::uniform(view);
 {WORLD}
-{_VIEW}
+{VIEW}
 Packets::cast(all, shape, out, packet_x, packet_y, memory);
 """
 
 FIND_OBJECT = f"""
 const bool cull_backfaces = false;
 {WORLD}
-{_VIEW}
+{VIEW}
 if (!object_poses) return;
 const bool there = object < scene.drawn_count;
 ObjectPass::find(Packets::camera_of(shape), all.movables, all.found, there ? object : scene.drawn_count - 1, there);
 """
 
 
-def headers(side: int, with_id: bool, movable: bool, clip: bool, resized: bool, *, ray_table: bool = False) -> str:
-    """Return the C++ of packets, as `make_packet_function` describes them; or of those whose rays are of a table."""
+def headers(
+    side: int, with_id: bool, movable: bool, clip: bool, resized: bool, *, ray_table: bool = False, points: int = 0
+) -> str:
+    """Return the C++ of packets, as `make_packet_function` describes them.
+
+    Or of those whose rays are of a table, or of packets of so many points of the image.
+    """
     head = f"enum {{ PACKET_WIDTH = {packet_width(side)}, PACKET_HEIGHT = {side}, LEVELS = {LEVELS} }};\n"
-    head += f"enum {{ MOVABLE = {int(movable)}, RESIZED = {int(resized)}, RAY_TABLE = {int(ray_table)} }};\n"
+    head += (
+        f"enum {{ MOVABLE = {int(movable)}, RESIZED = {int(resized)}, RAY_TABLE = {int(ray_table or points > 0)} }};\n"
+    )
+    head += f"enum {{ POINT_BLOCKS = {points // CUDA_LANES} }};\n"
     head += f"enum {{ TILE_BITS = {TILE_BITS}, MOST_TILES = {MOST_TILES}, CACHED_NUMBERS = {CACHED_NUMBERS} }};\n"
     kinds = ("cuda/depth_id.h" if with_id else "cuda/depth.h", "cuda/near_clips.h" if clip else "cuda/near_occludes.h")
-    setup = ("cuda/bvh.h", "cuda/scene.h", "cuda/setup.h", f"cuda/{'table' if ray_table else 'grid'}_places.h")
+    places = "point" if points else "table" if ray_table else "grid"
+    setup = (
+        f"cuda/{'point' if points else 'no'}_cells.h",
+        "cuda/bvh.h",
+        "cuda/scene.h",
+        "cuda/setup.h",
+        f"cuda/{places}_places.h",
+    )
     return head + read_native(*_SHARED_HEADERS, "cuda/lanes.h", *kinds, *setup, *_HEADERS)
 
 

@@ -21,8 +21,9 @@ import warp as wp
 
 from warpvis import Camera, Scene
 from warpvis.core.ray_camera import RayCamera
-from warpvis.kernels import native_source, packets_cuda, ray_packets_cuda
+from warpvis.kernels import native_source, packets_cuda, point_packets_cuda, ray_packets_cuda
 from warpvis.rendering import Renderer
+from warpvis.rendering._cuda_points import list_points, packet_count
 from warpvis.rendering._found_objects import nothing_found
 from warpvis.rendering._ray_packets import prepare_all
 from warpvis.rendering.casters import RaysCaster, RayTableCaster, as_images, images_struct
@@ -55,12 +56,14 @@ class Variant:
     """Whether trees count as larger than a GPU's cache."""
     ray_table: bool = False
     """Whether rays are of a table."""
+    points: int = 0
+    """Of a packet, where rays are of points of the image."""
     arch: int = 900
 
     @property
     def name(self) -> str:
         kind = (self.with_id, self.movable, self.clip, self.resized, self.found, self.large, self.ray_table)
-        flags = "_".join(str(int(flag)) for flag in kind)
+        flags = "_".join(str(int(flag)) for flag in (*kind, self.points))
         return f"packet_{self.side}_{flags}_{self.arch}"
 
 
@@ -193,6 +196,30 @@ class EmulatedTableCaster(RayTableCaster):
         self._emulator.launch(self._variant, (len(poses), packets.frame.shape[0], 1), arguments | {"packets": packets})
 
 
+class EmulatedPointCaster(RaysCaster):
+    """The same for points of the image."""
+
+    def __init__(self, emulator: Emulator, variant: Variant, scene: Scene, camera: Camera, cull: bool) -> None:
+        super().__init__(scene, camera, cull_backfaces=cull, clip_near=variant.clip, threads=1)
+        self._emulator = emulator
+        self._variant = variant
+
+    def cast_at(self, poses: wp.array, worlds: Any, pixels: wp.array, images: list[wp.array | None]) -> None:
+        lists = list_points(pixels, self._camera)
+        arguments = {
+            "scene": build_scene_bvh(self._scene.objects, self._scene.device, lanes=32).struct,
+            "camera": self._camera.device_struct(clip_near=self._clip_near),
+            "poses": poses,
+            "worlds": worlds,
+            "found": nothing_found(),
+            "points": lists,
+            "cull_backfaces": self._cull_backfaces,
+            "images": images_struct(images),
+        }
+        size = (len(poses), packet_count(lists, self._variant.points), 1)
+        self._emulator.launch(self._variant, size, arguments)
+
+
 # What `find_objects` of warpvis.rendering does: all lanes find, then one sorts.
 _FIND_AND_SORT = """
 if (packet_y == 0 && packet_x == 0) {
@@ -225,6 +252,7 @@ def emulated_renderer(emulator: Emulator, variant: Variant, scene: Scene, camera
     renderer = Renderer(scene, camera, **options)
     cull = options.get("cull_backfaces", False)
     kind: Any = EmulatedTableCaster if variant.ray_table else EmulatedCaster
+    kind = EmulatedPointCaster if variant.points else kind
     renderer._caster = kind(emulator, variant, scene, camera, cull)
     return renderer
 
@@ -243,8 +271,12 @@ def _native_function(variant: Variant) -> Any:
     def read_marked(*names: str) -> str:
         return "\n".join(f'#line 1 "{HEADERS / name}"\n{plain(name)}' for name in names)
 
-    packets_cuda.read_native = ray_packets_cuda.read_native = read_marked
+    packets_cuda.read_native = ray_packets_cuda.read_native = point_packets_cuda.read_native = read_marked
     try:
+        if variant.points:
+            return point_packets_cuda.make_point_packet_function(
+                variant.points, variant.with_id, variant.movable, variant.clip, variant.resized
+            )
         if variant.ray_table:
             return ray_packets_cuda.make_ray_packet_function(
                 variant.side, variant.with_id, variant.movable, variant.resized
@@ -257,7 +289,7 @@ def _native_function(variant: Variant) -> Any:
         return packets_cuda.make_packet_function(*kind)
     finally:
         packets_cuda.read_native, packets_cuda.CAST, packets_cuda.CACHED_NUMBERS = plain, cast, cached
-        ray_packets_cuda.read_native = plain
+        ray_packets_cuda.read_native = point_packets_cuda.read_native = plain
 
 
 def _is_array(kind: Any) -> bool:

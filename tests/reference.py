@@ -65,6 +65,7 @@ from reference_mujoco import (  # noqa: F401
     viewer_transforms,
 )
 from reference_orthographic import cast_parallel_rays, show_later_from_plane  # noqa: F401
+from reference_point_order import count_points, measure_blocks, sort_points  # noqa: F401
 from reference_points import (  # noqa: F401
     camera_frames,
     judge_points,
@@ -159,6 +160,7 @@ def cast_rays_at(
 # What an image shows does not depend on how it is cast.
 cast_packets = cast_packets_cuda = cast_rays
 cast_remapped_packets = cast_rays_at
+cast_point_packets_cuda = cast_rays_at
 cast_table_packets = cast_ray_packets_cuda = cast_ray_table
 
 

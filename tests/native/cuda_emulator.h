@@ -88,6 +88,12 @@ static inline int atomicAdd(int* at, int value) {
     *at = before + value;
     return before;
 }
+static inline int atomicExch(int* at, int value) {
+    emulator::interrupt();
+    const int before = *at;
+    *at = value;
+    return before;
+}
 static inline unsigned atomicAnd(unsigned* at, unsigned value) {
     emulator::interrupt();
     const unsigned before = *at;

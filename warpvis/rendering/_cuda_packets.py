@@ -13,6 +13,7 @@ import warp as wp
 from warpvis.core.camera import Camera
 from warpvis.core.kernel_cache import launch
 from warpvis.kernels.constants import CUDA_LANES
+from warpvis.rendering._cuda_points import cast_point_packets, takes_packets
 from warpvis.rendering._found_objects import MANY_OBJECTS, find_objects, nothing_found
 from warpvis.rendering._prepared import Idle, ImageSlots, memory_of
 from warpvis.rendering.casters import CastPoses, RaysCaster
@@ -83,7 +84,7 @@ class _Assigned:
 
 
 class CudaPacketsCaster(RaysCaster):
-    """A warp a packet; points of the image are cast as rays."""
+    """A warp a packet of pixels, or of points of the image; few points are cast as rays."""
 
     _camera: Camera
 
@@ -111,6 +112,17 @@ class CudaPacketsCaster(RaysCaster):
         self._draw(packed, clusters.struct, places, worlds, images)
         self._give_back(staging)
         self._idle.give_back(kind, packed)
+
+    def cast_at(self, poses: CastPoses, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
+        """Cast through image points, shape ``(V, Y, X)`` vec2, as are the images'; lists of them have one row."""
+        if not takes_packets(self._scene, pixels.shape[0], pixels.shape[1] * pixels.shape[2]):
+            super().cast_at(poses, worlds, pixels, images)
+            return
+        places, staging = self._place(poses)
+        options = self._cull_backfaces, self._clip_near
+        scene, points = self._scene.bvh().struct, pixels.contiguous()
+        cast_point_packets(scene, self._camera, options, places, worlds, points, images)
+        self._give_back(staging)
 
     def _draw(
         self, packed: _PackedLaunch, scene: BvhScene, poses: wp.array, worlds: Worlds, images: list[wp.array | None]

@@ -24,8 +24,13 @@ enum {
     BLOCK_ROWS = PACKET_HEIGHT / BLOCK_HEIGHT,
     BLOCKS = BLOCK_COLUMNS * BLOCK_ROWS,
     PIXELS = BLOCKS * LANES,
+    // What a z-buffer holds: pixels, or points of an image in blocks of their own (points.h).
+    POINTS = POINT_BLOCKS > 0,
+    SLOT_BLOCKS = POINTS ? (int)POINT_BLOCKS : (int)BLOCKS,
+    SLOTS = SLOT_BLOCKS * LANES,
 };
 static_assert((int)BLOCK_WIDTH * BLOCK_HEIGHT <= (int)LANES, "a lane draws a pixel of a block");
+static_assert(!POINTS || RAY_TABLE, "points pass aside of the middles of pixels");
 static_assert((int)BLOCKS <= (int)LANES, "lane b keeps what is known of block b");
 static_assert(PACKET_WIDTH % BLOCK_WIDTH == 0 && PACKET_HEIGHT % BLOCK_HEIGHT == 0, "a packet is of whole blocks");
 
@@ -133,16 +138,17 @@ struct Camera {
     // Rows of to_camera, divided by the exact rays; of a table, in double precision.
     double rows[RAY_TABLE ? 9 : 3];
     float first_u, first_v;  // u and v of the view's first pixel
-    float last_x, last_y;  // the view's last column and row
+    float last_x, last_y;  // the view's last column and row; of points, how far its sides are from the principal point
     float far;
     float blur;  // how far rounding may move a corner, in pixels
     float extent,
         per_extent;  // pixels to the image's farthest side, or the focal length if that is more; and 1 by that
     float focal;  // the greater one
     float slope_error;  // of what slopes are made of, by the product of the lengths of two sides of a triangle
-    float spread;  // of a table: how far from a pixel's centre its ray may pass, along each axis
+    float spread;  // of a table or points: how far from a pixel's centre its ray may pass, along each axis
     bool skip_back_faces;  // of objects that are closed, since the camera is outside them all
     bool cull_back_faces;  // of all objects
+    CellGrid cells;  // of points
     NearPlane near;
     Vec3d exact_origin;
     Vec3d exact_rays[3];  // a ray is u times the first, plus v times the second, plus the third

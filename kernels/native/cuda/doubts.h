@@ -81,12 +81,12 @@ struct Exactly {
     static inline unsigned draw_triangle(const Bvh& bvh, const Camera& camera, const Packet& packet, unsigned slot) {
         const Triangle t = Setup::triangle(bvh, camera, packet.first_x, packet.first_y, slot);
         unsigned touched = 0;
-        for (int block = 0; block < BLOCKS; ++block) {
+        for (int block = 0; block < SLOT_BLOCKS; ++block) {
             const int x = Packet::block_x(block) + Packet::pixel_x(Warp::lane()),
                       y = Packet::block_y(block) + Packet::pixel_y(Warp::lane());
             const ImagePoint p = packet.point(camera, x, y, Packet::index(block, Warp::lane()));
-            if (x >= t.x0 && x <= t.x1 && y >= t.y0 && y <= t.y1 && fabsf(t.within(p.u, p.v)) <= t.doubt)
-                touched |= draw_pixel(bvh, camera, packet, slot, x, y);
+            const bool inside = POINTS ? t.x0 <= t.x1 : x >= t.x0 && x <= t.x1 && y >= t.y0 && y <= t.y1;
+            if (inside && fabsf(t.within(p.u, p.v)) <= t.doubt) touched |= draw_pixel(bvh, camera, packet, slot, x, y);
         }
         return touched;
     }

@@ -3,7 +3,7 @@
 //
 // Where the rays of a packet's pixels pass: through their centres. See table_places.h for the other kind.
 
-struct Places {
+struct Places : NoPoints {
     // Of a pixel, by where it is in the view, and in the packet.
     static inline ImagePoint point(const Camera& camera, int x, int y, int) {
         return ImagePoint{SmallInt::to_float(x) + camera.first_u, SmallInt::to_float(y) + camera.first_v};

@@ -4,7 +4,7 @@
 // A packet's pixels, in shared memory.
 
 struct PixelMemory : Places {
-    Key z_buffer[PIXELS];  // [block][pixel]
+    Key z_buffer[SLOTS];  // [block][pixel]
 };
 
 struct Packet {
@@ -26,6 +26,12 @@ struct Packet {
     static inline int index_at(unsigned x, unsigned y) {
         return index(block_of(x, y), x >> BLOCK_WIDTH_BITS,
                      (y & (BLOCK_HEIGHT - 1)) * BLOCK_WIDTH + (x & (BLOCK_WIDTH - 1)));
+    }
+    // The place of a slot.
+    static inline int x_of(unsigned index) { return block_x(index / LANES) + pixel_x(pixel_of(index)); }
+    static inline int y_of(unsigned index) { return block_y(index / LANES) + pixel_y(pixel_of(index)); }
+    static inline unsigned pixel_of(unsigned index) {
+        return (index - index / LANES % BLOCK_COLUMNS * (LANES / BLOCK_COLUMNS)) & (LANES - 1);
     }
     static inline int block_x(unsigned block) { return block % BLOCK_COLUMNS * BLOCK_WIDTH; }
     static inline int block_y(unsigned block) { return block / BLOCK_COLUMNS * BLOCK_HEIGHT; }

@@ -19,7 +19,10 @@ struct Raster {
         if (small_lanes) {
             const int steps = Warp::reduce_max(small ? area : 0);
             if (steps <= STEPS_PER_LANE * __popc(small_lanes)) {
-                draw_small(bvh, camera, packet, t, small ? area : 0, steps, doubts);
+                if (POINTS)
+                    draw_near(bvh, camera, packet, t, small, doubts);
+                else
+                    draw_small(bvh, camera, packet, t, small ? area : 0, steps, doubts);
                 larger &= ~small_lanes;
             }
         }
@@ -40,22 +43,7 @@ struct Raster {
         int x = t.x0, y = t.y0;
         for (int step = 0; step < steps; ++step) {
             if (step < area) {
-                const int index = Packet::index_at(x, y);
-                const ImagePoint p = packet.point(camera, x, y, index);
-                const float within = t.within(p.u, p.v);
-                if (within >= -t.doubt) {
-                    Key* at = packet.at(index);
-                    const float inv_z = t.exact ? t.clamp(ExactPlane::of(camera, bvh.corners(t.slot))
-                                                              .at(packet.exact_point(camera, x, y, index)))
-                                                : t.inv_z_at(p.u, p.v);
-                    const Key key = DepthKey::of(inv_z, t.slot + bvh.first_id);
-                    if (within <= t.doubt) {
-                        if (t.may_show(*at)) doubts.add(t.slot, x, y);
-                    } else if (camera.near.shows(inv_z, cut) && key > *at) {
-                        atomicMax(at, key);
-                        touched |= 1u << Packet::block_of(x, y);
-                    }
-                }
+                draw_spot(bvh, camera, packet, t, cut, Spot{x, y, Packet::index_at(x, y)}, doubts, touched);
                 ++x;
                 if (x > t.x1) x = t.x0, ++y;
             }
@@ -64,17 +52,74 @@ struct Raster {
         Warp::sync();
     }
 
+    // Each lane goes through the points in the cells of its own triangle.
+    static inline void draw_near(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t, bool mine,
+                                 Doubts& doubts) {
+        unsigned touched = 0;
+        const bool cut = camera.near.cuts(t.max_inv_z);
+        int x = t.x0, y = t.y0, slot = mine ? packet.memory->first_in(x, y) : -1;
+        while (Warp::any(mine)) {
+            if (!mine) continue;
+            if (slot >= 0) {
+                draw_spot(bvh, camera, packet, t, cut, Spot{0, 0, slot}, doubts, touched);
+                slot = packet.memory->after(slot);
+            }
+            if (slot >= 0) continue;
+            ++x;
+            if (x > t.x1) x = t.x0, ++y;
+            mine = y <= t.y1;
+            if (mine) slot = packet.memory->first_in(x, y);
+        }
+        packet.stale_blocks |= Warp::reduce_or(touched);
+        Warp::sync();
+    }
+
+    // A pixel, or a point, which is nowhere but in its slot.
+    struct Spot {
+        int x, y, index;
+    };
+    // Draw it if a lane's triangle covers it, and note its block.
+    static inline void draw_spot(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t, bool cut,
+                                 Spot spot, Doubts& doubts, unsigned& touched) {
+        const int x = spot.x, y = spot.y, index = spot.index;
+        const ImagePoint p = packet.point(camera, x, y, index);
+        const float within = t.within(p.u, p.v);
+        if (within >= -t.doubt) {
+            Key* at = packet.at(index);
+            const float inv_z =
+                t.exact
+                    ? t.clamp(ExactPlane::of(camera, bvh.corners(t.slot)).at(packet.exact_point(camera, x, y, index)))
+                    : t.inv_z_at(p.u, p.v);
+            const Key key = DepthKey::of(inv_z, t.slot + bvh.first_id);
+            if (within <= t.doubt) {
+                if (t.may_show(*at))
+                    doubts.add(t.slot, POINTS ? Packet::x_of(index) : x, POINTS ? Packet::y_of(index) : y);
+            } else if (camera.near.shows(inv_z, cut) && key > *at) {
+                atomicMax(at, key);
+                touched |= 1u << (POINTS ? index / LANES : Packet::block_of(x, y));
+            }
+        }
+    }
+
     // All lanes on one triangle: first each on a block, to see which are touched, then each on a pixel of those.
     static inline void draw_large(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle t,
                                   Doubts& doubts) {
         const int lane = Warp::lane();
         const int block_x = Packet::block_x(lane), block_y = Packet::block_y(lane);
-        const float u0 = camera.before(SmallInt::to_float(packet.first_x + block_x) + camera.first_u),
-                    u1 = camera.wider(SmallInt::to_float(packet.first_x + block_x + BLOCK_WIDTH - 1) + camera.first_u);
-        const float v0 = camera.before(SmallInt::to_float(packet.first_y + block_y) + camera.first_v),
-                    v1 = camera.wider(SmallInt::to_float(packet.first_y + block_y + BLOCK_HEIGHT - 1) + camera.first_v);
+        float u0 = camera.before(SmallInt::to_float(packet.first_x + block_x) + camera.first_u),
+              u1 = camera.wider(SmallInt::to_float(packet.first_x + block_x + BLOCK_WIDTH - 1) + camera.first_u);
+        float v0 = camera.before(SmallInt::to_float(packet.first_y + block_y) + camera.first_v),
+              v1 = camera.wider(SmallInt::to_float(packet.first_y + block_y + BLOCK_HEIGHT - 1) + camera.first_v);
         bool touched = lane < BLOCKS && block_x + BLOCK_WIDTH - 1 >= t.x0 && block_x <= t.x1 &&
                        block_y + BLOCK_HEIGHT - 1 >= t.y0 && block_y <= t.y1;
+        if (POINTS) {
+            ImageBox box = {u0, u1, v0, v1};
+            packet.memory->bounds_of(lane, box);
+            const Cells cells = packet.memory->cells_of(lane);
+            u0 = box.left, u1 = box.right, v0 = box.top, v1 = box.bottom;
+            touched =
+                lane < SLOT_BLOCKS && cells.x1 >= t.x0 && cells.x0 <= t.x1 && cells.y1 >= t.y0 && cells.y0 <= t.y1;
+        }
         bool covered = true;
         for (int e = 0; e < 3; ++e) {
             // An edge's value is greatest, and least, at corners of a block. Rounding keeps the order, so that the test

@@ -24,7 +24,7 @@ struct alignas(16) Triangle {
     float slope_u, slope_v;  // of 1 / z
     float u, v, inv_z;  // where it is known: at a corner
     float min_inv_z, max_inv_z;  // at the corners: no point of a triangle is nearer or farther
-    int x0, x1, y0, y1;  // pixels of the packet whose centres may be inside
+    int x0, x1, y0, y1;  // pixels of the packet whose centres may be inside, or cells whose points may
     bool exact;  // single precision is not enough for 1 / z
     unsigned slot;  // in the leaves
 
@@ -58,6 +58,11 @@ struct ImageBox {
 
     inline bool holds(ImagePoint p, float slack) const {
         return p.u >= left - slack && p.u <= right + slack && p.v >= top - slack && p.v <= bottom + slack;
+    }
+    // Where points may be that it holds.
+    inline Cells cells(const Camera& camera, float slack) const {
+        return Cells::between(camera.cells, left - camera.first_u - slack, top - camera.first_v - slack,
+                              right - camera.first_u + slack, bottom - camera.first_v + slack);
     }
 };
 
@@ -134,15 +139,35 @@ struct Setup {
         }
     };
 
+    // Of points, the cells where those may be that are inside of a triangle.
+    static inline void cut_cells(const Camera& camera, const ProjectedTriangle& p, bool has_area, Triangle& t) {
+        const ImageBox box = {p.u0, p.u1, p.v0, p.v1};
+        const Cells cells = p.crossing ? Cells::all() : box.cells(camera, rounding_of(camera));
+        const bool some = has_area && cells.some();
+        t.x0 = some ? cells.x0 : 0, t.x1 = some ? cells.x1 : -1;
+        t.y0 = some ? cells.y0 : 0, t.y1 = some ? cells.y1 : -1;
+    }
+
+    // How far from a place points may be that are between two others and not beyond the image's sides. Nothing is
+    // rounded to pixels, which are of another size in every packet.
+    static inline float farthest(float least, float most, float from, bool crossing, float side) {
+        const float first = crossing ? -side : fmaxf(least, -side), last = crossing ? side : fminf(most, side);
+        return fmaxf(fabsf(first - from), fabsf(last - from));
+    }
+
     // Whether 1 / z may be wrong by more than a little: by rounding of its terms, by that of where the corner is, and
     // by that of the slopes, which is great where the triangle is a sliver or seen at a grazing angle. Judged by the
     // whole view, so that a pixel's 1 / z is the same in every packet.
     static inline bool loses_digits(const Camera& camera, const ProjectedTriangle& p, const Bounds& b,
                                     const Triangle& t, Vec3 ab, Vec3 ac, float scale) {
-        const float du =
-            camera.wider(fmaxf(fabsf(b.left + camera.first_u - t.u), fabsf(b.right + camera.first_u - t.u)));
-        const float dv =
-            camera.wider(fmaxf(fabsf(b.top + camera.first_v - t.v), fabsf(b.bottom + camera.first_v - t.v)));
+        float du, dv;
+        if (POINTS) {
+            du = farthest(p.u0, p.u1, t.u, p.crossing, camera.last_x);
+            dv = farthest(p.v0, p.v1, t.v, p.crossing, camera.last_y);
+        } else {
+            du = camera.wider(fmaxf(fabsf(b.left + camera.first_u - t.u), fabsf(b.right + camera.first_u - t.u)));
+            dv = camera.wider(fmaxf(fabsf(b.top + camera.first_v - t.v), fabsf(b.bottom + camera.first_v - t.v)));
+        }
         const float change = __fmaf_rn(fabsf(t.slope_u), du, __fmul_rn(fabsf(t.slope_v), dv));
         const float sides = __fmul_rn(camera.slope_error, __fmul_rn(camera.length(ab), camera.length(ac)));
         const float slopes = __fmul_rn(sides, __fmul_rn(du + dv, fabsf(scale)));
@@ -310,7 +335,11 @@ struct Setup {
         const float sign = c.volume < 0.0f ? -1.0f : 1.0f, scale = 1.0f / c.volume;
         Triangle t;
         t.slot = slot;
-        bounds.cut(first_x, first_y, fabsf(c.volume) <= NOWHERE && (edge_on || c.volume != 0.0f), t);
+        const bool has_area = fabsf(c.volume) <= NOWHERE && (edge_on || c.volume != 0.0f);
+        if (POINTS)
+            cut_cells(camera, p, has_area, t);
+        else
+            bounds.cut(first_x, first_y, has_area, t);
         t.edge[0] = edge(c.b, c.c, sign);
         t.edge[1] = edge(c.c, c.a, sign);
         t.edge[2] = edge(c.a, c.b, sign);

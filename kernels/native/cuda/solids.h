@@ -84,9 +84,15 @@ struct alignas(16) Solid {
     int kind;
     int first_id;
 
-    // The pixel where an object's middle is seen, or the nearest to it. It depends on the view and the object only.
+    // The pixel where an object's middle is seen, or the nearest to it; of points, that place, from the principal
+    // point. It depends on the view and the object only.
     inline void find_anchor(const Camera& camera, Vec3 middle) {
         const float depth = Vec3::dot(camera.to_camera[2], middle), inv_z = depth > 0.0f ? __frcp_rn(depth) : 0.0f;
+        if (POINTS) {  // whose pixels are of another size in every packet
+            x = fmaxf(fminf(__fmul_rn(Vec3::dot(camera.to_camera[0], middle), inv_z), camera.last_x), -camera.last_x);
+            y = fmaxf(fminf(__fmul_rn(Vec3::dot(camera.to_camera[1], middle), inv_z), camera.last_y), -camera.last_y);
+            return;
+        }
         // Pixels' middles are at halves in many a view, and so is what is in its middle: not where rounding would turn.
         const float turn = 0.8125f;
         x = floorf(__fmaf_rn(Vec3::dot(camera.to_camera[0], middle), inv_z, turn - camera.first_u));
@@ -112,7 +118,7 @@ struct alignas(16) Solid {
         const Vec3d right = UnitSolid::inside(axis, camera.exact_rays[0]),
                     down = UnitSolid::inside(axis, camera.exact_rays[1]);
         const Vec3d forward = UnitSolid::inside(axis, camera.exact_rays[2]);
-        const double u = (double)x + camera.first_u, v = (double)y + camera.first_v;
+        const double u = (double)x + (POINTS ? 0.0f : camera.first_u), v = (double)y + (POINTS ? 0.0f : camera.first_v);
         const Vec3d here = {__fma_rn(u, right.x, __fma_rn(v, down.x, forward.x)),
                             __fma_rn(u, right.y, __fma_rn(v, down.y, forward.y)),
                             __fma_rn(u, right.z, __fma_rn(v, down.z, forward.z))};
@@ -241,6 +247,7 @@ struct alignas(16) Solid {
         const int lane = Warp::lane();
         if (RAY_TABLE) {
             const ImagePoint p = packet.point(camera, 0, 0, Packet::index(block, lane));
+            if (POINTS) return ImagePoint{p.u - x, p.v - y};
             return ImagePoint{p.u - (x + camera.first_u), p.v - (y + camera.first_v)};
         }
         const float u0 = SmallInt::to_float(packet.first_x + Packet::pixel_x(lane)) - x,

@@ -4,7 +4,7 @@
 // Where the rays of a packet's pixels pass: near their centres, as a table has it (warpvis/rendering/_ray_packets.py).
 // See grid_places.h for the other kind.
 
-struct Places {
+struct Places : NoPoints {
     const ImagePoint* points;  // in the order of the z-buffer; of pixels without a ray, their centres
     const ImagePoint* rests;  // what rounding took from them
 

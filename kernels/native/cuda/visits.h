@@ -31,6 +31,11 @@ struct Visit {
         // Without a branch: every step of a walk asks this.
         return (bx >= column(visit, X0)) & (bx <= column(visit, X1)) & (by >= row(visit, Y0)) & (by <= row(visit, Y1));
     }
+    // The same of blocks that are anywhere, each as a word of the pixels where its points are.
+    static inline bool meets(unsigned visit, unsigned other) {
+        return (column(visit, X0) <= column(other, X1)) & (column(other, X0) <= column(visit, X1)) &
+               (row(visit, Y0) <= row(other, Y1)) & (row(other, Y0) <= row(visit, Y1));
+    }
     static inline unsigned nearest_inv_z(unsigned visit) { return visit & ~BLOCK_MASK; }
 };
 
@@ -55,7 +60,10 @@ struct PixelRect {
         return columns(rect) <= SMALL_COLUMNS && rows(rect) <= SMALL_ROWS && !(rect & ANYWHERE);
     }
     // Whether there are no more of them than one lane looks at: four in a row, or 2x2.
-    static inline bool few(unsigned rect) { return columns(rect) <= (rows(rect) == 1 ? 4 : 2) && rows(rect) <= 2; }
+    // Of points, nobody knows which are there.
+    static inline bool few(unsigned rect) {
+        return !POINTS && columns(rect) <= (rows(rect) == 1 ? 4 : 2) && rows(rect) <= 2;
+    }
 };
 static_assert(PACKET_WIDTH <= 1 << PixelRect::BITS && PACKET_HEIGHT <= 1 << PixelRect::BITS, "a word holds a packet");
 

@@ -8,6 +8,8 @@
 constexpr float WIDER = 1.0001f;
 
 struct Walk {
+    enum { FEW_CELLS = 4 };  // of points, that a lane looks at
+
     // Where a walk goes on when a node's child is done: what is left of the nodes above. Which children those are is
     // read again.
     struct Level {
@@ -177,10 +179,13 @@ struct Walk {
                                     (float)PACKET_WIDTH + 2.0f * camera.wider(0.0f),
                                     (float)PACKET_HEIGHT + 2.0f * camera.wider(0.0f), low, high);
         if (!shown) return Child{0, 0};
+        const ImageBox box = {p.left, p.right, p.top, p.bottom};
+        if (POINTS && !p.crossing && !shows_points(camera, packet, box, slack, __float_as_uint(p.nearest_inv_z())))
+            return Child{0, 0};
         Child child = child_of(p.nearest_inv_z(), (int)in.left, (int)in.top, (int)in.right, (int)in.bottom);
         if (p.crossing) child.pixels |= PixelRect::ANYWHERE;
         if (RAY_TABLE && !p.crossing && PixelRect::few(child.pixels) &&
-            !meets_few(camera, packet, child.pixels, ImageBox{p.left, p.right, p.top, p.bottom}, slack))
+            !meets_few(camera, packet, child.pixels, box, slack))
             return Child{0, 0};
         return child;
     }
@@ -190,7 +195,9 @@ struct Walk {
 
     // Blocks that the child may cover and that have not been drawn nearer.
     static inline bool open_block(const Packet& packet, unsigned visit) {
-        return Visit::touches(visit, Warp::lane()) && packet.block_min_inv_z <= Visit::nearest_inv_z(visit);
+        const bool met =
+            POINTS ? Visit::meets(visit, packet.memory->pixels_of(Warp::lane())) : Visit::touches(visit, Warp::lane());
+        return met && packet.block_min_inv_z <= Visit::nearest_inv_z(visit);
     }
     static inline unsigned open_blocks(const Packet& packet, unsigned visit) {
         return Warp::ballot(open_block(packet, visit));
@@ -215,6 +222,20 @@ struct Walk {
         return some;
     }
 
+    // Whether a box of few cells has points in it that are not drawn nearer than 1 / z of some bits; of more, it may.
+    static inline bool shows_points(const Camera& camera, const Packet& packet, const ImageBox& box, float rounding,
+                                    unsigned nearest_inv_z) {
+        const Cells cells = box.cells(camera, rounding);
+        if (!cells.some() || cells.count() > FEW_CELLS) return cells.some();
+        for (int y = cells.y0; y <= cells.y1; ++y)
+            for (int x = cells.x0; x <= cells.x1; ++x)
+                for (int slot = packet.memory->first_in(x, y); slot >= 0; slot = packet.memory->after(slot))
+                    if (DepthKey::inv_z_bits(*packet.at(slot)) <= nearest_inv_z &&
+                        box.holds(packet.point(camera, 0, 0, slot), rounding))
+                        return true;
+        return false;
+    }
+
     // Queue triangles of leaves, until there are enough. The next leaf is read while the lanes look at one.
     static inline void look_at_leaves(const Bvh& bvh, const Camera& camera, const Packet& packet, int child,
                                       unsigned& lanes, TriangleQueue& queue) {
@@ -231,7 +252,10 @@ struct Walk {
             }
             ImageBox box;
             bool wanted = Setup::may_cover(bvh, camera, bounds, here, at, box);
-            if (RAY_TABLE && wanted) wanted = meets_rays(camera, packet, box);
+            if (POINTS && wanted)
+                wanted = shows_points(camera, packet, box, Setup::rounding_of(camera), ~0u);
+            else if (RAY_TABLE && wanted)
+                wanted = meets_rays(camera, packet, box);
             queue.add(wanted, at);
             if (!lanes || queue.count >= LANES) return;
         }

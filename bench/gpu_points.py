@@ -1,0 +1,146 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Points of the image on a GPU: `render_at` in packets beside single rays, and beside the image itself.
+
+Of 320x240 pixels: their centres, where another eye sees them (a stereo camera, whose points are nearly in the image's
+order), as many points in no order, and world points by `point_visibility`. All take turns, and what they see is
+compared first.
+
+  python bench/gpu_points.py                          a table in Markdown
+  python bench/gpu_points.py --device cpu --views 2   whether all see the same, without a GPU
+  python bench/gpu_points.py --packets 64 256 1024    by how many points packets have
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+
+import numpy as np
+import warp as wp
+from gpu_timing import HostTimer, WarpTimer, enough_calls
+
+import warpvis as wv
+from warpvis.rendering import _cuda_points
+
+SCENES = ("room", "blobs_77k", "blobs_1m")
+_BASELINE = 0.075  # of a stereo camera [m]
+_TOLERANCE = 1e-3
+
+Make = Callable[[wv.Camera, np.ndarray, np.random.Generator], np.ndarray]
+
+
+def _centers(camera: wv.Camera, depth: np.ndarray, _: np.random.Generator) -> np.ndarray:
+    y, x = np.mgrid[: camera.height, : camera.width] + 0.5
+    return np.broadcast_to(np.stack([x, y], axis=-1).reshape(1, -1, 2), (len(depth), camera.height * camera.width, 2))
+
+
+def _other_eye(camera: wv.Camera, depth: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    at = _centers(camera, depth, rng).copy()
+    near = np.where(np.isfinite(depth), depth, np.inf).reshape(len(depth), -1)
+    at[..., 0] -= camera.fx * _BASELINE / np.maximum(near, camera.near)
+    return at
+
+
+def _in_no_order(count: int) -> Make:
+    return lambda camera, depth, rng: rng.uniform(0, (camera.width, camera.height), (len(depth), count, 2))
+
+
+# name: views, their points
+CASES: dict[str, tuple[int, Make]] = {
+    "pixels' centres": (512, _centers),
+    "the other eye": (512, _other_eye),
+    "76,800 in no order": (64, _in_no_order(76_800)),
+    "10,000 in no order": (64, _in_no_order(10_000)),
+    "1 M in no order": (4, _in_no_order(1_000_000)),
+    "1,000 in no order": (4, _in_no_order(1000)),
+}
+WORLD_POINTS = (1000, 10_000, 100_000, 1_000_000)
+
+
+def _compare(runs: dict[str, Callable[[], object]], device: wp.Device) -> dict[str, float]:
+    """Time what is compared [s], in turns."""
+    timer = HostTimer() if device.is_cpu else WarpTimer(device)
+    calls = {name: enough_calls(timer.device_seconds(run, 2)) for name, run in runs.items()}
+    rounds = [{name: timer.device_seconds(run, calls[name]) for name, run in runs.items()} for _ in range(5)]
+    return {name: float(np.median([row[name] for row in rounds])) for name in runs}
+
+
+def _same(one: wp.array, other: wp.array) -> float:
+    a, b = one.numpy().ravel(), other.numpy().ravel()
+    with np.errstate(invalid="ignore"):
+        return float(np.mean((np.abs(a - b) <= _TOLERANCE * np.maximum(1, b)) | (a == b)))
+
+
+def measure(scene_name: str, case: str, device: wp.Device, views: int | None) -> str:
+    """Time one case of a scene: a row of the table."""
+    preset, camera = wv.scenes.PRESETS[scene_name], wv.Camera.from_fov(320, 240, hfov=0.994837, near=0.05, far=100.0)
+    scene, (count, make) = preset.build(device), CASES[case]
+    count = views or count
+    poses = wp.array(preset.pose_rows(count).astype(np.float32), dtype=wp.transform, device=device)
+    image = wv.Renderer(scene, camera, outputs=("depth",))
+    whole = image.render(poses)
+    at = make(camera, whole.depth.numpy(), np.random.default_rng(0)).astype(np.float32)
+    pixels = wp.array(at, dtype=wp.vec2, device=device)
+    runs: dict[str, Callable[[], object]] = {"image": lambda: image.render(poses, out=whole)}
+    seen = {}
+    for kind in ("packets", "rays"):
+        renderer = wv.Renderer(scene, camera, outputs=("depth",), caster=kind)
+        seen[kind] = renderer.render_at(poses, pixels)
+        runs[kind] = lambda r=renderer, o=seen[kind]: r.render_at(poses, pixels, out=o)
+    same, best = _same(seen["packets"].depth, seen["rays"].depth), _compare(runs, device)
+    points, pixel = (best[name] / size for name, size in (("packets", at.size / 2), ("image", whole.depth.size)))
+    return (
+        f"| {scene_name}, {case} | {count / best['packets']:,.0f} | {1e-9 / points:.2f} "
+        f"| {best['rays'] / best['packets']:.2f} | {points / pixel:.2f} | {same:.3%} |"
+    )
+
+
+def measure_world_points(scene_name: str, count: int, device: wp.Device) -> str:
+    """Time `point_visibility` of so many points from four views."""
+    preset, camera = wv.scenes.PRESETS[scene_name], wv.Camera.from_fov(320, 240, hfov=0.994837, near=0.05, far=100.0)
+    scene = preset.build(device)
+    poses = wp.array(preset.pose_rows(4).astype(np.float32), dtype=wp.transform, device=device)
+    vertices = np.concatenate([item.vertices for item in scene])
+    at = np.random.default_rng(0).uniform(vertices.min(axis=0), vertices.max(axis=0), (count, 3)).astype(np.float32)
+    points = wp.array(at, dtype=wp.vec3, device=device)
+    runs = {
+        kind: lambda k=kind: wv.point_visibility(scene, camera, poses, points, caster=k) for kind in ("packets", "rays")
+    }
+    status = [runs[kind]().numpy() for kind in runs]
+    best = _compare(runs, device)
+    return (
+        f"| {scene_name}, point_visibility of {count:,} | {1e3 * best['packets']:.3f} ms | "
+        f"{4e-9 * count / best['packets']:.2f} | {best['rays'] / best['packets']:.2f} | "
+        f"| {np.mean(status[0] == status[1]):.3%} |"
+    )
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--device", default="cuda:0")
+    parser.add_argument("--views", type=int, help="of all cases, instead of their own")
+    parser.add_argument("--cases", nargs="*", choices=CASES, default=list(CASES))
+    parser.add_argument("--scenes", nargs="+", choices=wv.scenes.PRESETS, default=SCENES)
+    parser.add_argument("--world-points", type=int, nargs="*", default=WORLD_POINTS)
+    parser.add_argument("--packets", type=int, nargs="+", choices=(64, 256, 1024), help="points of a packet")
+    arguments = parser.parse_args()
+    device = wp.get_device(arguments.device)
+    with wp.ScopedDevice(device):
+        for size in arguments.packets or [0]:
+            if size:
+                _cuda_points._PACKETS, _cuda_points._FEWEST_POINTS = ((size, 0),), 0
+                _cuda_points._FEWEST_A_VIEW = _cuda_points._FEWEST_IN_FINE_TREES = 0
+                print(f"\nPackets of {size} points, however few there are\n")
+            print("| | views a second | Gpoints/s | x `rays` | time by the image's, a point | same as `rays` |")
+            print("|---|---:|---:|---:|---:|---:|")
+            for scene in arguments.scenes:
+                for case in arguments.cases:
+                    print(measure(scene, case, device, arguments.views), flush=True)
+                for count in arguments.world_points:
+                    print(measure_world_points(scene, count, device), flush=True)
+
+
+if __name__ == "__main__":
+    main()

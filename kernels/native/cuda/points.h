@@ -1,0 +1,232 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Packets of points of the image, wherever they are. A packet's points have a rectangle, which is cut into the packet's
+// pixels: by these, nodes and triangles are sorted out, as in other packets. But a slot of the z-buffer is a point, and
+// a block is 32 points that follow each other, of which the bounds are known. A triangle is drawn by all lanes: each
+// looks whether it may cover points of a block, and then draws a point of those that it may.
+//
+// The packet's pixels are so large that the rectangle has 32 of them at most: 2^n to one of the camera's. All numbers
+// are those of the camera, 2^n times as large, which rounds nothing: what is seen of a point does not depend on what
+// else is in its packet.
+
+// The points of a view, in the order in which packets take them.
+struct PointList {
+    const ImagePoint* at;  // [px], from the image's corner
+    int count;
+    const int* order;  // of those that are sorted by where they are; null where they are in rows
+    int columns;  // of each row, of which packets take squares
+
+    enum {
+        COLUMNS = SLOTS >= 1024 ? 32
+        : SLOTS >= 256          ? 16
+                                : 8,
+        ROWS = SLOTS / COLUMNS,
+        ACROSS = COLUMNS / BLOCK_WIDTH
+    };
+
+    // This lane's point of a block; -1 if there is none.
+    inline int index(int packet, int block) const {
+        const int lane = Warp::lane();
+        if (order) {
+            const int i = packet * SLOTS + block * LANES + lane;
+            return i < count ? order[i] : -1;
+        }
+        const int across = (columns + COLUMNS - 1) / COLUMNS;
+        const int x = packet % across * COLUMNS + block % ACROSS * BLOCK_WIDTH + Packet::pixel_x(lane);
+        const int y = packet / across * ROWS + block / ACROSS * BLOCK_HEIGHT + Packet::pixel_y(lane);
+        const long long i = (long long)y * columns + x;
+        return x < columns && i < count ? (int)i : -1;
+    }
+};
+
+// Bounds of some points of an image, of which no coordinate is negative.
+struct PointBounds {
+    unsigned left, right, top, bottom;  // bits of floats, which are in the floats' order
+
+    static inline PointBounds none() { return PointBounds{~0u, 0, ~0u, 0}; }
+    static inline PointBounds of(bool there, ImagePoint at) {
+        if (!there) return none();
+        // -0 is 0.
+        const unsigned u = __float_as_uint(at.u + 0.0f), v = __float_as_uint(at.v + 0.0f);
+        return PointBounds{u, u, v, v};
+    }
+    // Of all lanes' points.
+    inline PointBounds of_all() const {
+        return PointBounds{Warp::reduce_min(left), Warp::reduce_max(right), Warp::reduce_min(top),
+                           Warp::reduce_max(bottom)};
+    }
+    inline bool some() const { return left <= right; }
+    inline float u0() const { return __uint_as_float(left); }
+    inline float u1() const { return __uint_as_float(right); }
+    inline float v0() const { return __uint_as_float(top); }
+    inline float v1() const { return __uint_as_float(bottom); }
+};
+
+struct PointPacket {
+    // How many pixels a point may be from the middle of its own, and a little for rounding; how many of the packet's
+    // pixels a rectangle has at most; how many of these one of the camera's has at most, and all of them.
+    static inline float spread() { return 0.501f; }
+    static inline float most_across() { return min((int)PACKET_WIDTH, (int)PACKET_HEIGHT) - 0.52f; }
+    static inline float most_scale(float side) { return fminf(16.0f, (float)(1 << 21) / side); }
+
+    // Cells to a pixel of so many, with no point beyond the last one.
+    static inline float per_side(float pixels) { return (CellGrid::SIDE - 0.01f) / fmaxf(pixels, 0.01f); }
+
+    static inline bool inside(const View& view, ImagePoint at) {
+        return at.u >= 0.0f && at.u < (float)view.width && at.v >= 0.0f && at.v < (float)view.height;
+    }
+
+    // Have the points' places in the list in shared memory, and this lane's block's bounds. Returns those of all.
+    static inline PointBounds find(const View& view, const PointList& list, int number, Places& places,
+                                   PointBounds& of_block) {
+        of_block = PointBounds::none();
+        for (int block = 0; block < SLOT_BLOCKS; ++block) {
+            const int i = list.index(number, block);
+            const ImagePoint at = list.at[max(i, 0)];
+            const bool there = i >= 0 && inside(view, at);
+            places.place[Packet::index(block, Warp::lane())] = there ? i : i >= 0 ? ~i : (int)Places::NO_POINT;
+            const PointBounds bounds = PointBounds::of(there, at).of_all();
+            if (Warp::lane() == block) of_block = bounds;
+        }
+        return of_block.of_all();
+    }
+
+    // The camera, with pixels of which a rectangle has no more than a packet: 2^n to one of its own.
+    static inline Camera camera_of(const View& view, const PointBounds& all, float& scale) {
+        View middle = view;
+        middle.center[0] = middle.center[1] = 0.5;  // where u and v are 0, nothing is rounded
+        Camera camera = Packets::camera_of(middle);
+        const float right = (float)fmax(view.center[0], view.width - view.center[0]);
+        const float below = (float)fmax(view.center[1], view.height - view.center[1]);
+        const float across = fmaxf(fmaxf(all.u1() - all.u0(), all.v1() - all.v0()), 1e-3f);
+        const float most = fminf(most_across() / across, most_scale(fmaxf(right, below)));
+        scale = __uint_as_float(__float_as_uint(most) & Write::INFINITY_BITS);  // no more than a power of two
+        const float per_scale = 1.0f / scale;
+        camera.extent = Three::max(camera.extent, right, below) * scale;
+        camera.per_extent = 1.0f / camera.extent;
+        camera.last_x = right * scale, camera.last_y = below * scale;
+        camera.focal *= scale, camera.blur *= scale, camera.slope_error *= per_scale;
+        camera.spread = spread();
+        for (int i = 0; i < 2; ++i) {
+            camera.exact_rays[i] = Vec3d::times(camera.exact_rays[i], per_scale);
+            camera.to_camera[i] =
+                Vec3{camera.to_camera[i].x * scale, camera.to_camera[i].y * scale, camera.to_camera[i].z * scale};
+        }
+        return camera;
+    }
+
+    // Rows of the camera in double precision, for objects with frames of their own.
+    static inline void set_rows(const View& view, double scale, Camera& camera) {
+        for (int i = 0; i < 3; ++i) {
+            const double f = i < 2 ? view.focal[i] * scale : 1.0;
+            const Vec3d row = Vec3d::times(camera.exact_rays[i], f * f);
+            camera.rows[3 * i] = row.x, camera.rows[3 * i + 1] = row.y, camera.rows[3 * i + 2] = row.z;
+        }
+    }
+
+    // Have the camera and the places in shared memory.
+    static inline void set(const View& view, const PointBounds& all, const PointBounds& of_block, Camera& camera,
+                           Places& places) {
+        const int lane = Warp::lane();
+        float scale;
+        Camera here = camera_of(view, all, scale);
+        if (lane == 0) places.scale = scale, places.center[0] = view.center[0], places.center[1] = view.center[1];
+        Warp::sync();
+        here.first_u = u_of(places, all.u0(), 0);
+        here.first_v = u_of(places, all.v0(), 1);
+        here.cells.per_u = per_side(u_of(places, all.u1(), 0) - here.first_u);
+        here.cells.per_v = per_side(u_of(places, all.v1(), 1) - here.first_v);
+        if (MOVABLE) set_rows(view, scale, here);
+        if (lane == 0) camera = here;
+        if (lane >= SLOT_BLOCKS) return;
+        ImageBox box = {NOWHERE, -NOWHERE, NOWHERE, -NOWHERE};
+        Cells cells = {1, 1, 0, 0};
+        unsigned pixels = Visit::of(0.0f, PACKET_WIDTH - 1, PACKET_HEIGHT - 1, 0, 0);  // none: it ends before it begins
+        if (of_block.some()) {
+            box = ImageBox{u_of(places, of_block.u0(), 0), u_of(places, of_block.u1(), 0),
+                           u_of(places, of_block.v0(), 1), u_of(places, of_block.v1(), 1)};
+            pixels = Visit::of(0.0f, pixel(box.left - here.first_u), pixel(box.top - here.first_v),
+                               pixel(box.right - here.first_u), pixel(box.bottom - here.first_v));
+            cells = box.cells(here, 0.0f);
+        }
+        places.bounds[lane] = box;
+        places.pixels[lane] = pixels;
+        places.cells[lane] = cells;
+    }
+    static inline float u_of(const Places& places, float at, int axis) {
+        return (float)(((double)at - places.center[axis]) * places.scale);
+    }
+    static inline int pixel(float from_first) {
+        return max(min(__float2int_rd(from_first + 0.5f), PACKET_WIDTH - 1), 0);
+    }
+
+    // Nothing seen yet. A slot without a point counts as very near, so that it hides and never shows.
+    static inline void begin(const Camera& camera, Packet& packet) {
+        Places& places = *packet.memory;
+        const ImagePoint nowhere = {camera.first_u, camera.first_v};
+        unsigned some = 0;
+        for (int cell = Warp::lane(); cell < CellGrid::COUNT; cell += LANES) places.first[cell] = -1;
+        Warp::sync();
+        for (int block = 0; block < SLOT_BLOCKS; ++block) {
+            const int index = Packet::index(block, Warp::lane()), i = places.place[index];
+            const ExactImagePoint p = places.exact(places.list[max(i, 0)]);
+            places.points[index] = i >= 0 ? ImagePoint{(float)p.u, (float)p.v} : nowhere;
+            *packet.at(index) = DepthKey::of(i >= 0 ? 0.0f : NOWHERE, Packet::NO_TRIANGLE);
+            if (i >= 0) add(camera, places, index);
+            if (Warp::any(i >= 0)) some |= 1u << block;
+        }
+        packet.block_min_inv_z = __float_as_uint(some >> Warp::lane() & 1 ? 0.0f : NOWHERE);
+        packet.stale_blocks = 0;
+        Warp::sync();
+    }
+
+    // Have a point found by its cell.
+    static inline void add(const Camera& camera, Places& places, int index) {
+        const ImagePoint p = places.points[index];
+        const Cells at = ImageBox{p.u, p.u, p.v, p.v}.cells(camera, 0.0f);
+        places.next[index] = (short)atomicExch(places.first + at.y0 * CellGrid::SIDE + at.x0, index);
+    }
+
+    static inline void write(const Scene& scene, const View& view, const Camera& camera, const Packet& packet,
+                             int count, const Images& out) {
+        const long long first = (long long)view.index * count;
+        const bool more = Write::more_than_depth(out);
+        const Write::Frame frame = Write::Frame::of(camera);
+        for (int index = Warp::lane(); index < (int)SLOTS; index += LANES) {
+            const int i = packet.memory->place[index];
+            if (i == Places::NO_POINT) continue;
+            const Key key = *packet.at(index);
+            const float inv_z = i >= 0 ? Write::inv_z_of(key) : 0.0f, z = Reciprocal::of(inv_z);
+            const bool shown = Write::seen(view, inv_z, z);
+            const Write::Found found = {key, z, shown ? z : Write::nothing(view, inv_z, z), shown};
+            const long long at = first + (i >= 0 ? i : ~i);
+            if (more)
+                Write::pixel(scene, frame, camera, packet, out, Write::Spot{at, 0, 0, index}, found);
+            else if (out.depth)
+                out.depth[at] = found.depth;
+        }
+    }
+
+    // Drawn and written, of a view. Where the view's world does not exist, nothing is seen.
+    static inline void cast(const Scene& scene, const View& view, const PointList& list, int number, const Images& out,
+                            WarpMemory& memory) {
+        Camera& camera = memory.cameras[WarpMemory::WORLD];
+        PointBounds of_block;
+        const PointBounds all = find(view, list, number, memory.pixels, of_block);
+        if (Warp::lane() == 0) memory.pixels.list = list.at;
+        // Where no point is in the image, those of its corner are as good as any.
+        set(view, all.some() ? all : PointBounds{0, 0, 0, 0}, of_block, camera, memory.pixels);
+        Warp::sync();
+        Packets::set_sides(scene, view, camera);
+        Packet packet;
+        packet.memory = &memory.pixels;
+        packet.first_x = packet.first_y = 0;
+        begin(camera, packet);
+        if (all.some()) Packets::draw(scene, view, packet, memory);
+        write(scene, view, camera, packet, list.count, out);
+    }
+};
+static_assert(!POINTS || (BLOCK_PIXELS == (int)LANES && PACKET_WIDTH == PACKET_HEIGHT),
+              "a block has a slot for each lane");
+static_assert(!POINTS || (SLOTS <= 1024 && PointList::COLUMNS % BLOCK_WIDTH == 0), "packets are squares of blocks");

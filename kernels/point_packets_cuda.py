@@ -1,0 +1,91 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What `kernels.rays.cast_rays_at` casts ray by ray, by packets on CUDA: ``native/cuda/points.h``."""
+
+import warp as wp
+
+from warpvis.kernels.images import NATIVE_IMAGES, Images
+from warpvis.kernels.native_source import read_native
+from warpvis.kernels.packets import BvhScene
+from warpvis.kernels.packets_cuda import CHECKS, VIEW, WORLD, FoundObjects, headers
+from warpvis.kernels.pinhole import PinholeCamera
+from warpvis.kernels.point_order import PointLists
+from warpvis.kernels.worlds import Worlds
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+_CAST = f"""
+{NATIVE_IMAGES}
+{CHECKS}
+static_assert(sizeof(*points.at.data) == sizeof(ImagePoint), "points are read as two numbers");
+__shared__ WarpMemory memory;
+view = Warp::uniform(view);
+packet = Warp::uniform(packet);
+{WORLD}
+{VIEW}
+const int count = points.at.shape[1];
+const bool sorted = points.apart.data[view] > 0;
+const int first = sorted && view > 0 ? points.ends.data[(long long)view * points.cells - 1] : 0;
+const PointList list = {{(const ImagePoint*)points.at.data + (long long)view * count, count,
+                         sorted ? points.order.data + first : nullptr, points.columns}};
+PointPacket::cast(all, shape, list, packet, out, memory);
+"""
+
+
+def make_point_packet_function(
+    points: int, with_id: bool, movable: bool, clip: bool, resized: bool = False
+) -> wp.Function:
+    """Make the native function of a kernel, as `kernels.packets_cuda.make_packet_function` does.
+
+    Args:
+        points: Of a packet: 64, 256 or 1024.
+        with_id: Whether normals, labels or objects may be asked for.
+        movable: Whether the scene may have movable objects.
+        clip: Whether what is nearer than the camera's `near` is not there.
+        resized: Whether movable objects are of the sizes that `Worlds.object_sizes` has; it must have some then.
+    """
+    text = headers(32, with_id, movable, clip, resized, points=points) + read_native("cuda/points.h")
+
+    @wp.func_native(text + _CAST)
+    def cast_point_packet(
+        scene: BvhScene,
+        camera: PinholeCamera,
+        poses: wp.array[wp.transform],
+        worlds: Worlds,
+        found: FoundObjects,
+        points: PointLists,
+        view: int,
+        packet: int,
+        cull_backfaces: bool,
+        images: Images,
+    ): ...
+
+    return cast_point_packet
+
+
+def make_point_packet_kernel(points: int, with_id: bool, movable: bool, clip: bool, resized: bool = False) -> wp.Kernel:
+    """Make a kernel for packets of points of the image; see `make_point_packet_function`."""
+    cast_point_packet = make_point_packet_function(points, with_id, movable, clip, resized)
+
+    @wp.kernel(module="unique", enable_backward=False, grid_stride=False, cuda_max_registers=96 if movable else 80)
+    def cast_point_packets_cuda(
+        # Scene:
+        scene: BvhScene,
+        # Cameras:
+        camera: PinholeCamera,
+        camera_to_world: wp.array[wp.transform],
+        # In:
+        worlds: Worlds,
+        found: FoundObjects,
+        points: PointLists,
+        cull_backfaces: bool,
+        # Out:
+        images_out: Images,
+    ):
+        """Write the asked-for images (one that is None is skipped); 32 threads a packet of a view."""
+        packet, view, _ = wp.tid()
+        cast_point_packet(
+            scene, camera, camera_to_world, worlds, found, points, view, packet, cull_backfaces, images_out
+        )
+
+    return cast_point_packets_cuda

@@ -1,0 +1,331 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Points of the image in packets on CUDA: what an emulated warp sees of them, and how they are sorted before."""
+
+import numpy as np
+import pytest
+import test_instances
+import test_near_plane
+import test_sizes
+import test_solids
+import warp as wp
+from cuda_emulator import Emulator, Variant, emulated_renderer
+from native_build import find_compiler
+from reference_point_order import cells_of, count_points, hilbert_curve, measure_blocks, sort_points
+from test_worlds import ALL, assert_bits_equal, build, eyes, random_poses, view_of
+
+import warpvis as wv
+from warpvis.rendering import _cuda_points
+from warpvis.rendering._cuda_points import guess_columns, list_points, packet_count, points_of_packet, takes_packets
+
+import reference
+from compare import wrong_depth
+
+CAMERA = wv.Camera.from_fov(45, 37, hfov=0.994837, near=0.05, far=100.0)
+SIZE = (CAMERA.width, CAMERA.height)
+PLAIN, MOVES = Variant(32, True, False, points=256), Variant(32, True, True, points=256)
+SMALL, DEPTH = Variant(32, True, False, points=64), Variant(32, False, False, points=1024)
+CLIPS = Variant(32, True, True, clip=True, points=64)
+RESIZED = Variant(32, True, True, clip=True, resized=True, points=256)
+VARIANTS = (PLAIN, MOVES, SMALL, DEPTH, CLIPS, RESIZED)
+
+
+@pytest.fixture(scope="module")
+def emulator(tmp_path_factory):
+    """All variants, compiled with sanitizers, and counting which lines run."""
+    return Emulator(tmp_path_factory.mktemp("point_emulator"), VARIANTS, find_compiler())
+
+
+def renderer_of(emulator, scene, *, variant=None, camera=CAMERA, outputs=ALL, **options):
+    variant = variant or (MOVES if scene.bvh().struct.drawn_count else PLAIN)
+    return emulated_renderer(emulator, variant, scene, camera, outputs=outputs, **options)
+
+
+def centers(camera=CAMERA):
+    y, x = np.mgrid[: camera.height, : camera.width] + 0.5
+    return np.stack([x, y], axis=-1).reshape(1, -1, 2).astype(np.float32)
+
+
+def scattered(count, views=1, seed=0, beyond=3):
+    low, high = (-beyond, -beyond), np.array(SIZE) + beyond
+    return np.random.default_rng(seed).uniform(low, high, (views, count, 2)).astype(np.float32)
+
+
+def assert_points_match(views, scene, camera, poses, pixels, **options):
+    """By the float64 reference, in every output."""
+    for view, pose in enumerate(poses):
+        expected = reference.cast_rays_at(scene, camera, pose, pixels[view], **options)
+        wrong = wrong_depth(views.depth.numpy()[view], expected.depth)
+        assert wrong.sum() <= max(1, 3e-4 * wrong.size)
+        same = ~wrong & (expected.gap > 1e-5)
+        np.testing.assert_array_equal(views.segmentation.numpy()[view][same], expected.objects[same])
+        np.testing.assert_array_equal(views.labels.numpy()[view][same], expected.labels[same])
+        np.testing.assert_allclose(views.points.numpy()[view][same], expected.points[same], atol=1e-4)
+        apart = np.abs(views.normals.numpy()[view][same] - expected.normals[same]).max(axis=-1) > 2e-4
+        assert apart.mean() < 1e-2 if apart.size else True
+
+
+@pytest.mark.cxx
+@pytest.mark.parametrize("cull_backfaces", [False, True])
+def test_points_anywhere(emulator, cull_backfaces):
+    """In no order, many at one place, outside of the image, and not numbers; of both sizes of packets."""
+    scene = build("cpu", random_poses(np.random.default_rng(1), 5), movable=False)
+    inside = wv.look_at((0.2, 0.1, 0.5), (1, 0.3, 0.6))[None]
+    poses = np.concatenate([eyes(1), inside]).astype(np.float32)
+    pixels = scattered(1500, views=2)
+    pixels[:, 0], pixels[0, 1:3], pixels[1, 5:300] = np.nan, (np.inf, -np.inf), pixels[1, 300:301]
+    pixels[0, 3:5] = [(-0.0, 0.0), (45.0, 36.9999)]
+    views = renderer_of(emulator, scene, cull_backfaces=cull_backfaces).render_at(poses, pixels)
+    assert_points_match(views, scene, CAMERA, poses, pixels, cull_backfaces=cull_backfaces)
+    small = renderer_of(emulator, scene, variant=SMALL, cull_backfaces=cull_backfaces).render_at(poses, pixels)
+    assert_bits_equal(small, views)
+    depth = renderer_of(emulator, scene, variant=DEPTH, cull_backfaces=cull_backfaces, outputs=("depth",))
+    assert depth.render_at(poses, pixels).depth.numpy().tobytes() == views.depth.numpy().tobytes()
+
+
+@pytest.mark.cxx
+def test_what_a_point_sees_does_not_depend_on_others(emulator):
+    """Whether they are in rows or not, in which order, and how many."""
+    scene, pixels = build("cpu", random_poses(np.random.default_rng(4), 5), movable=True), centers()
+    pixels += np.random.default_rng(5).uniform(-0.4, 0.4, pixels.shape).astype(np.float32)
+    lists = list_points(wp.array(pixels[:, None], dtype=wp.vec2), CAMERA)
+    assert lists.apart.numpy() <= 0
+    renderer = renderer_of(emulator, scene)
+    whole = renderer.render_at(eyes(1), pixels)
+    for order in (np.random.default_rng(2).permutation(pixels.shape[1]), np.arange(700, 731), np.array([1400])):
+        some = renderer.render_at(eyes(1), pixels[:, order])
+        for name in ALL:
+            expected = getattr(whole, name).numpy()[:, order]
+            assert getattr(some, name).numpy().tobytes() == expected.tobytes(), name
+
+
+@pytest.mark.cxx
+@pytest.mark.parametrize("count", [1, 31, 33, 257])
+def test_packets_that_are_not_full(emulator, count):
+    scene = build("cpu", random_poses(np.random.default_rng(1), 5), movable=False)
+    pixels = scattered(count, views=2, seed=count, beyond=0)
+    views = renderer_of(emulator, scene).render_at(eyes(2), pixels)
+    assert_points_match(views, scene, CAMERA, eyes(2), pixels)
+
+
+@pytest.mark.cxx
+def test_the_other_eye_of_a_stereo_camera(emulator):
+    """Points in the image's order, that depth moves aside: of one view as they come, of the other in no order."""
+    preset = wv.scenes.PRESETS["room"]
+    scene, camera = preset.build("cpu"), wv.Camera.from_fov(64, 48, hfov=1.0, near=0.3, far=20.0)
+    poses = preset.poses(2)
+    depth = wv.render(scene, camera, poses, outputs=("depth",)).depth.numpy().reshape(2, -1)
+    pixels = np.tile(centers(camera), (2, 1, 1))
+    pixels[..., 0] -= np.where(np.isfinite(depth), camera.fx * 0.1 / depth, 0)
+    pixels[1] = pixels[1, np.random.default_rng(0).permutation(pixels.shape[1])]
+    apart = list_points(wp.array(pixels[:, None], dtype=wp.vec2), camera).apart.numpy()
+    assert apart[0] < 0 < apart[1]
+    views = renderer_of(emulator, scene, camera=camera).render_at(poses, pixels)
+    assert_points_match(views, scene, camera, poses, pixels)
+    assert np.isfinite(views.depth.numpy()).mean() > 0.5
+
+
+@pytest.mark.cxx
+def test_maps(emulator):
+    """Rows of any length, whose points are nearly neighbours, or are not."""
+    scene = build("cpu", random_poses(np.random.default_rng(4), 5), movable=False)
+    y, x = np.mgrid[:19, :50]
+    pixels = np.stack([0.6 * x + 0.2 * y + 5, 1.5 * y - 0.1 * x + 6], axis=-1)[None].repeat(2, 0).astype(np.float32)
+    pixels[1] = np.random.default_rng(0).permutation(pixels[1].reshape(-1, 2)).reshape(19, 50, 2)
+    lists = list_points(wp.array(pixels, dtype=wp.vec2), CAMERA)
+    assert lists.columns == 50 and lists.apart.numpy()[0] <= 0
+    views = renderer_of(emulator, scene).render_at(eyes(2), pixels)
+    assert views.depth.shape == (2, 19, 50)
+    expected = renderer_of(emulator, scene).render_at(eyes(2), pixels.reshape(2, -1, 2))
+    assert_bits_equal(views, expected)
+    assert_points_match(expected, scene, CAMERA, eyes(2), pixels.reshape(2, -1, 2))
+
+
+@pytest.mark.cxx
+def test_small_triangles(emulator):
+    """Most of them without a point."""
+    preset = wv.scenes.PRESETS["blobs_77k"]
+    scene, poses = preset.build("cpu"), preset.poses(1)
+    pixels = scattered(400, seed=3, beyond=0)
+    views = renderer_of(emulator, scene).render_at(poses, pixels)
+    assert_points_match(views, scene, CAMERA, poses, pixels)
+
+
+@pytest.mark.cxx
+def test_worlds_and_exclusion(emulator):
+    rows = random_poses(np.random.default_rng(11), 2, 5)
+    scene = build("cpu", rows[0], movable=True)
+    pixels, flags = scattered(400, views=3, seed=2), np.zeros((3, len(scene)), dtype=bool)
+    flags[0, [1, 3]], flags[1, 0] = True, True
+    given = {"object_poses": rows, "world_index": [1, 0, 1], "exclude": flags}
+    views = renderer_of(emulator, scene).render_at(eyes(3), pixels, **given)
+    expected = wv.Renderer(scene, CAMERA, outputs=ALL, caster="rays").render_at(eyes(3), pixels, **given)
+    assert len(np.unique(views.segmentation.numpy())) > 3
+    test_instances.assert_alike(views, expected)
+
+
+@pytest.mark.cxx
+def test_true_surfaces(emulator):
+    """From outside and inside."""
+    scene = test_solids.build("cpu", random_poses(np.random.default_rng(5), len(test_solids.SHAPES)))
+    pixels = scattered(1200, views=2, seed=1)
+    views = renderer_of(emulator, scene).render_at(eyes(2), pixels)
+    assert_points_match(views, scene, CAMERA, eyes(2), pixels)
+
+
+@pytest.mark.cxx
+def test_objects_of_other_sizes(emulator):
+    rng = np.random.default_rng(3)
+    rows = random_poses(rng, 2, len(test_sizes.SHAPES))
+    scales = test_sizes.random_scales(rng, 2, len(test_sizes.SHAPES))
+    pixels = scattered(400, views=2)
+    scene = test_sizes.build("cpu", rows[0])
+    views = renderer_of(emulator, scene, variant=RESIZED, near_plane="clip").render_at(
+        eyes(2), pixels, object_poses=rows, object_scales=scales
+    )
+    for view in range(2):
+        twin, one = test_sizes.build("cpu", rows[view], scales[view]), slice(view, view + 1)
+        assert_points_match(view_of(views, view), twin, CAMERA, eyes(2)[one], pixels[one])
+
+
+@pytest.mark.cxx
+def test_a_near_plane_that_cuts(emulator):
+    scene, poses, camera = test_near_plane.scene("cpu"), test_near_plane.poses(), test_near_plane.CAMERA
+    pixels = np.tile(centers(camera), (len(poses), 1, 1))
+    options = {"near_plane": "clip", "outputs": ("depth",)}
+    depth = renderer_of(emulator, scene, variant=CLIPS, camera=camera, **options).render_at(poses, pixels).depth.numpy()
+    image = wv.Renderer(scene, camera, **options).render(poses).depth.numpy().astype(np.float64)
+    assert wrong_depth(depth, image.reshape(depth.shape)).mean() < 1e-3
+
+
+@pytest.mark.cxx
+def test_principal_points_outside_of_the_image_and_wide_images(emulator):
+    scene = build("cpu", random_poses(np.random.default_rng(1), 5), movable=False)
+    for camera in (
+        wv.Camera(45, 37, 60.0, 20.0, -30.25, 60.1, near=0.05, far=100.0),
+        wv.Camera(20_000, 10, 9000.0, 40.0, 9000.0, 5.0, near=0.05, far=100.0),
+    ):
+        pixels = np.random.default_rng(6).uniform(0, (camera.width, camera.height), (1, 500, 2)).astype(np.float32)
+        views = renderer_of(emulator, scene, camera=camera).render_at(eyes(1), pixels)
+        assert_points_match(views, scene, camera, eyes(1), pixels)
+
+
+@pytest.mark.cxx
+def test_every_line_of_points_runs(emulator, request):
+    chosen = {item.function for item in request.session.items if item.path == request.path}
+    if not all(value in chosen for name, value in globals().items() if name.startswith("test_") and callable(value)):
+        pytest.skip("only some of this file's tests ran")
+    ran = {key: once for key, once in emulator.lines_that_ran().items() if key[0].startswith("point")}
+    assert len(ran) > 60
+    assert [f"{name}:{number}: {text}" for (name, number, text), once in ran.items() if not once] == []
+
+
+def test_a_curve_goes_through_all_cells_from_one_to_the_next():
+    for bits in range(5):
+        curve = hilbert_curve(bits)
+        assert len(np.unique(curve, axis=0)) == 4**bits
+        assert (np.abs(np.diff(curve, axis=0)).sum(axis=1) == 1).all()
+
+
+def test_points_are_sorted_by_their_cells(device):
+    """By twins; points outside come last."""
+    pixels = np.concatenate([scattered(1665, seed=1), centers()]).astype(np.float32)
+    pixels[0, 7] = np.nan
+    lists = list_points(wp.array(pixels[:, None], dtype=wp.vec2, device=device), CAMERA)
+    assert lists.columns == 45
+    bits = (lists.cells - 1).bit_length() // 2
+    assert 4**bits + 1 == lists.cells
+    spacing = np.sqrt(np.prod(SIZE) / 1665)
+    most = _cuda_points._MOST_STRETCH * 12 * spacing
+    apart = measure_blocks(pixels, 45, SIZE, _cuda_points._MEASURED_STEP, most)
+    np.testing.assert_allclose(lists.apart.numpy(), 8 * apart, atol=20)
+    assert apart[1] < 0 < apart[0]
+    ends = lists.ends.numpy().reshape(2, -1)
+    np.testing.assert_array_equal(ends[0], count_points(pixels[:1], SIZE, bits)[0].cumsum())
+    assert (ends[1] == ends[0, -1]).all() and (lists.counts.numpy() == 0).all()
+    order, cells = lists.order.numpy()[: ends[1, -1]], cells_of(pixels, SIZE, bits)[0]
+    assert len(order) == 1665 and len(np.unique(order)) == 1665
+    np.testing.assert_array_equal(cells[order], cells[sort_points(pixels, SIZE, bits)[0]])
+
+
+def test_which_points_may_be_in_rows():
+    kinect = wv.Camera.kinect()
+    assert [guess_columns(count, kinect) for count in (76_800, 4_800, 19_200, 10_000, 1)] == [320, 80, 160, 0, 1]
+    for count in (76_800, 10_000, 33):
+        lists = list_points(wp.zeros((1, 1, count), dtype=wp.vec2, device="cpu"), kinect)
+        assert packet_count(lists, 256) >= count / 256
+
+
+def test_how_many_points_a_packet_has():
+    assert [points_of_packet(views * 76_800, 132) for views in (1, 10, 11, 512)] == [64, 64, 256, 256]
+    room = wv.scenes.PRESETS["room"].build("cpu")
+    assert not takes_packets(room, 3, 1000) and takes_packets(room, 1, 1 << 14) and takes_packets(room, 4, 1 << 12)
+    assert not takes_packets(room, 1, 1 << 27) and not takes_packets(room, 1000, 100)
+
+
+def test_points_are_launched_in_parts_that_memory_holds(monkeypatch):
+    """Views, their worlds and what they write go together."""
+    scene, launched = build("cpu", random_poses(np.random.default_rng(1), 5), movable=True), []
+    scene.bvh()
+    monkeypatch.setattr(_cuda_points, "_MOST_POINTS", 5000)
+    monkeypatch.setattr(_cuda_points, "_cast", lambda *given: launched.append(given[3:]))
+    pixels, depth = wp.zeros((5, 1, 2000), dtype=wp.vec2), wp.zeros((5, 1, 2000), dtype=float)
+    worlds = wv.scene.worlds.parse_worlds(scene, 5, None, np.zeros(5, dtype=np.int32), None)
+    poses = wp.zeros(5, dtype=wp.transform)
+    images = [depth, None, None, None, None]
+    _cuda_points.cast_point_packets(scene.bvh().struct, CAMERA, (False, False), poses, worlds, pixels, images)
+    assert [(len(at), some.world.size, points.shape, rows[0].shape) for at, some, points, rows in launched] == [
+        (count, count, (count, 1, 2000), (count, 1, 2000)) for count in (2, 2, 1)
+    ]
+
+
+CUDA_CASES = [("room", False), ("blobs_77k", False), ("room", True)]
+
+
+@pytest.mark.parametrize(("name", "in_rows"), CUDA_CASES)
+def test_points_on_a_gpu(name, in_rows, cuda):
+    """As single rays see them; not a bit depends on their order, or on how many a packet has."""
+    preset = wv.scenes.PRESETS[name]
+    scene, poses = preset.build(cuda), preset.poses(3)
+    camera = wv.Camera.from_fov(160, 120, hfov=0.994837, near=0.05, far=100.0)
+    pixels = np.tile(centers(camera), (3, 1, 1))
+    if not in_rows:
+        pixels = np.random.default_rng(0).uniform(-3, (163, 123), pixels.shape).astype(np.float32)
+        pixels[:, :3] = np.nan
+    packets = wv.Renderer(scene, camera, outputs=ALL)
+    assert takes_packets(scene, *pixels.shape[:2])
+    views = packets.render_at(poses, pixels)
+    test_instances.assert_alike(views, wv.Renderer(scene, camera, outputs=ALL, caster="rays").render_at(poses, pixels))
+    order = np.random.default_rng(1).permutation(pixels.shape[1])
+    again = packets.render_at(poses, pixels[:, order])
+    for output in ALL:
+        assert getattr(again, output).numpy().tobytes() == getattr(views, output).numpy()[:, order].tobytes()
+
+
+def test_a_gpu_gives_the_same_whatever_the_packets(cuda, monkeypatch):
+    preset = wv.scenes.PRESETS["room"]
+    camera = wv.Camera.from_fov(160, 120, hfov=0.994837, near=0.05, far=100.0)
+    renderer, images = wv.Renderer(preset.build(cuda), camera, outputs=ALL), []
+    for size in (64, 256, 1024):
+        monkeypatch.setattr(_cuda_points, "_PACKETS", ((size, 0),))
+        images.append(renderer.render_at(preset.poses(2), np.tile(centers(camera), (2, 1, 1))))
+    assert_bits_equal(images[1], images[0])
+    assert_bits_equal(images[2], images[0])
+
+
+def test_points_go_into_a_graph(cuda):
+    """Sorted anew in each launch, by the points that are there then."""
+    preset = wv.scenes.PRESETS["room"]
+    camera = wv.Camera.from_fov(160, 120, hfov=0.994837, near=0.05, far=100.0)
+    renderer = wv.Renderer(preset.build(cuda), camera, outputs=("depth",))
+    some = np.random.default_rng(0).uniform(0, (160, 120), (2, 1, 20_000, 2)).astype(np.float32)
+    expected = [renderer.render_at(preset.poses(1), pixels).depth.numpy() for pixels in some]
+    poses = wp.array(preset.poses(1), dtype=wp.transform, device=cuda)
+    pixels = wp.array(some[0], dtype=wp.vec2, device=cuda)
+    out = renderer.render_at(poses, pixels)
+    with wp.ScopedCapture(cuda) as capture:
+        renderer.render_at(poses, pixels, out=out)
+    for given, depth in zip(some, expected, strict=True):
+        pixels.assign(given)
+        wp.capture_launch(capture.graph)
+        np.testing.assert_array_equal(out.depth.numpy(), depth)

@@ -1,0 +1,193 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The ``packets`` caster on CUDA for points of the image: which packets there are, and what is in them."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import TYPE_CHECKING
+
+import warp as wp
+
+from warpvis.core.camera import Camera
+from warpvis.core.kernel_cache import launch
+from warpvis.kernels.constants import CUDA_LANES
+from warpvis.rendering._found_objects import nothing_found
+from warpvis.rendering.casters import images_struct
+from warpvis.scene import Scene
+from warpvis.scene.worlds import part_of
+
+if TYPE_CHECKING:
+    from warpvis.kernels.packets import BvhScene
+    from warpvis.kernels.point_order import PointLists
+    from warpvis.kernels.worlds import Worlds
+
+# Of fewer, single rays take less time than the launches that packets need.
+_FEWEST_POINTS = 1 << 14
+# Of fewer a view, packets that are in no order see much that their points do not; the more so in trees of many small
+# triangles. By counts of what an emulated warp does, not yet by time.
+_FEWEST_A_VIEW, _FEWEST_IN_FINE_TREES = 1 << 12, 1 << 15
+_FINE_TREE = 1 << 23  # numbers
+# Points of a packet, from how many of these on a multiprocessor on.
+_PACKETS = ((256, 24), (64, 0))
+# So many points are sorted at a time: 4 bytes each, and as much again for cells.
+_MOST_POINTS = 1 << 26
+# Blocks of points in rows may be so many times as long as those of pixels would be.
+_MOST_STRETCH = 2.5
+# Of blocks of points in rows, one of so many is measured.
+_MEASURED_STEP = 4
+# Points of a cell, at most, if they are everywhere alike.
+_POINTS_PER_CELL = 8
+_MOST_BITS = 12  # of columns of cells
+
+
+def takes_packets(scene: Scene, views: int, count: int) -> bool:
+    """Tell whether so many points of so many views are cast in packets."""
+    if views * count < _FEWEST_POINTS or not _FEWEST_A_VIEW <= count <= _MOST_POINTS:
+        return False  # and no tree is built
+    return count >= _FEWEST_IN_FINE_TREES or scene.bvh().struct.leaves.shape[0] <= _FINE_TREE
+
+
+def cast_point_packets(
+    scene: BvhScene,
+    camera: Camera,
+    options: tuple[bool, bool],
+    poses: wp.array,
+    worlds: Worlds,
+    pixels: wp.array,
+    images: list[wp.array | None],
+) -> None:
+    """Cast through points of the image in packets.
+
+    Args:
+        scene: The trees.
+        camera: Of all views.
+        options: Whether back faces are left out, and whether what is nearer than the camera's `near` is not there.
+        poses: Camera to world, shape ``(V,)``, transforms on the device.
+        worlds: Where objects are, and how large.
+        pixels: Points [px], shape ``(V, Y, X)`` vec2, contiguous, on the device; of lists, Y is 1.
+        images: Depth, points, normals, labels and segmentation of this shape; None is not made.
+    """
+    views = len(pixels)
+    step = max(1, _MOST_POINTS // (pixels.shape[1] * pixels.shape[2]))
+    for first in range(0, views, step):
+        part = slice(first, min(first + step, views))
+        some = worlds if step >= views else part_of(worlds, part)
+        rows = [None if image is None else image[part] for image in images]
+        _cast(scene, camera, options, poses[part], some, pixels[part], rows)
+
+
+def _cast(
+    scene: BvhScene,
+    camera: Camera,
+    options: tuple[bool, bool],
+    poses: wp.array,
+    worlds: Worlds,
+    pixels: wp.array,
+    images: list[wp.array | None],
+) -> None:
+    cull, clip = options
+    _, _, normals, labels, segmentation = images
+    with_id = not (normals is None and labels is None and segmentation is None)
+    moving = scene.drawn_count > 0
+    lists = list_points(pixels, camera)
+    size = points_of_packet(pixels.size, pixels.device.sm_count)
+    launch(
+        _kernel(size, with_id, moving, clip, moving and worlds.object_sizes is not None),
+        (packet_count(lists, size), len(poses), CUDA_LANES),
+        [
+            scene,
+            camera.device_struct(clip_near=clip),
+            poses,
+            worlds,
+            nothing_found(),
+            lists,
+            cull,
+            images_struct(images),
+        ],
+        pixels.device,
+        block_dim=CUDA_LANES,
+    )
+
+
+def points_of_packet(points: int, processors: int) -> int:
+    """Choose how many points a packet has: as many as leaves enough packets for all multiprocessors."""
+    return next(size for size, fewest in _PACKETS if points >= size * fewest * processors)
+
+
+def packet_count(lists: PointLists, size: int) -> int:
+    """Return how many packets of so many points each view has, whether its points are sorted or not."""
+    count = lists.at.shape[1]
+    side = math.isqrt(size)
+    rows = count // max(1, lists.columns)
+    squares = -(-lists.columns // side) * -(-rows // side)
+    return max(squares, -(-count // size))
+
+
+def list_points(pixels: wp.array, camera: Camera) -> PointLists:
+    """Find out of each view whether its points are in rows, as an image's pixels are, and sort them if they are not.
+
+    Args:
+        pixels: Points [px], shape ``(V, Y, X)`` vec2, contiguous. Lists, whose Y is 1, may be rows too.
+        camera: Of all views.
+
+    Returns:
+        What packets read, on the same device.
+    """
+    from warpvis.kernels.point_order import PointLists, count_points, sort_points
+
+    (views, rows, columns), device = pixels.shape, pixels.device
+    count = rows * columns
+    lists, bits = PointLists(), _cell_bits(views, count)
+    lists.at, lists.cells = pixels.reshape((views, count)), (1 << 2 * bits) + 1
+    lists.columns = columns if rows > 1 else guess_columns(count, camera)
+    lists.apart = _measure(lists.at, lists.columns, camera)
+    lists.counts = wp.zeros(views * lists.cells, dtype=wp.int32, device=device)
+    lists.ends = wp.empty(views * lists.cells, dtype=wp.int32, device=device)
+    lists.order = wp.empty(views * count, dtype=wp.int32, device=device)
+    inputs = [float(camera.width), float(camera.height), bits, lists]
+    launch(count_points, _threads(views, count), inputs, device)
+    wp.utils.array_scan(lists.counts, lists.ends, inclusive=True)
+    launch(sort_points, _threads(views, count), inputs, device)
+    return lists
+
+
+def guess_columns(count: int, camera: Camera) -> int:
+    """Return how many points would be in a row if they were spaced alike in columns and rows; 0 if that cannot be."""
+    columns = round(math.sqrt(count * camera.width / camera.height))
+    return columns if columns > 0 and count % columns == 0 else 0
+
+
+def _cell_bits(views: int, count: int) -> int:
+    cells = min(count // _POINTS_PER_CELL, _MOST_POINTS // views)
+    return min(_MOST_BITS, max(0, cells.bit_length() // 2))
+
+
+def _threads(views: int, count: int) -> tuple[int, int]:
+    from warpvis.kernels.point_order import POINTS_PER_THREAD
+
+    return views, -(-count // POINTS_PER_THREAD)
+
+
+def _measure(pixels: wp.array, columns: int, camera: Camera) -> wp.array:
+    """Add up by how much points in rows are farther apart than they may be, shape ``(V,)``: 1 if they are in none."""
+    from warpvis.kernels.point_order import BLOCK_COLUMNS, BLOCK_ROWS, measure_blocks
+
+    (views, count), device = pixels.shape, pixels.device
+    if not columns:
+        return wp.ones(views, dtype=wp.int32, device=device)
+    apart = wp.zeros(views, dtype=wp.int32, device=device)
+    spacing = math.sqrt(camera.width * camera.height / count)
+    most = _MOST_STRETCH * (BLOCK_COLUMNS + BLOCK_ROWS) * spacing
+    across = -(-columns // (BLOCK_COLUMNS * _MEASURED_STEP))
+    inputs = [pixels, columns, float(camera.width), float(camera.height), _MEASURED_STEP, most, apart]
+    launch(measure_blocks, (views, -(-(count // columns) // BLOCK_ROWS), across), inputs, device)
+    return apart
+
+
+@cache
+def _kernel(points: int, with_id: bool, movable: bool, clip: bool, resized: bool) -> wp.Kernel:
+    from warpvis.kernels.point_packets_cuda import make_point_packet_kernel
+
+    return make_point_packet_kernel(points, with_id, movable, clip, resized)
