@@ -33,10 +33,20 @@ struct Numbers {
         __builtin_memcpy(&value, from, count * sizeof(float));
         return value;
     }
-    static inline Floats load(const float* from, int stride, int count) {
-        float value[LANES] = {};
-        for (int k = 0; k < LANES && k < count; ++k) value[k] = from[k * stride];
-        return Lanes::load(value);
+    // Of x y z x y z ..., each of the three.
+    static inline void load_triples(const float* from, Floats* triple, int count) {
+        float some[3 * LANES] = {};
+        if (count < LANES) {
+            __builtin_memcpy(some, from, 3 * count * sizeof(float));
+            from = some;
+        }
+        const Floats a = Lanes::load(from), b = Lanes::load(from + LANES), c = Lanes::load(from + 2 * LANES);
+        const Floats x = __builtin_shufflevector(a, b, 0, 3, 6, 9, 12, 15, 18, 21, 24, 27, 30, 0, 0, 0, 0, 0);
+        const Floats y = __builtin_shufflevector(a, b, 1, 4, 7, 10, 13, 16, 19, 22, 25, 28, 31, 0, 0, 0, 0, 0);
+        const Floats z = __builtin_shufflevector(a, b, 2, 5, 8, 11, 14, 17, 20, 23, 26, 29, 0, 0, 0, 0, 0, 0);
+        triple[0] = __builtin_shufflevector(x, c, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 17, 20, 23, 26, 29);
+        triple[1] = __builtin_shufflevector(y, c, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 18, 21, 24, 27, 30);
+        triple[2] = __builtin_shufflevector(z, c, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 16, 19, 22, 25, 28, 31);
     }
     static inline void store(float* to, Floats value, int count) {
         __builtin_memcpy(to, &value, (count < LANES ? count : LANES) * sizeof(float));

@@ -16,12 +16,25 @@ struct PixelWords {
         const Word counters = (Word)Lanes::index() + ((unsigned)x >> 2);
         Philox numbers = {{counters, all((unsigned)y), all(key.view), all(key.frame)}};
         numbers.mix(key.seed, stream);
-        unsigned in_order[PIXELS];
-        for (int k = 0; k < LANES; ++k)
-            for (int word = 0; word < WORDS; ++word) in_order[k * WORDS + word] = numbers.word[word][k];
-        PixelWords words;
-        __builtin_memcpy(words.block, in_order, sizeof in_order);
-        return words;
+        const Word* word = numbers.word;
+        const Word low[2] = {lower(word[0], word[1]), lower(word[2], word[3])};
+        const Word high[2] = {upper(word[0], word[1]), upper(word[2], word[3])};
+        return PixelWords{{pairs_of_lower(low[0], low[1]), pairs_of_upper(low[0], low[1]),
+                           pairs_of_lower(high[0], high[1]), pairs_of_upper(high[0], high[1])}};
+    }
+    // One of a, one of b, and so on: of their first halves, and of their second ones.
+    static inline Word lower(Word a, Word b) {
+        return __builtin_shufflevector(a, b, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
+    }
+    static inline Word upper(Word a, Word b) {
+        return __builtin_shufflevector(a, b, 8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31);
+    }
+    // Two of a, two of b.
+    static inline Word pairs_of_lower(Word a, Word b) {
+        return __builtin_shufflevector(a, b, 0, 1, 16, 17, 2, 3, 18, 19, 4, 5, 20, 21, 6, 7, 22, 23);
+    }
+    static inline Word pairs_of_upper(Word a, Word b) {
+        return __builtin_shufflevector(a, b, 8, 9, 24, 25, 10, 11, 26, 27, 12, 13, 28, 29, 14, 15, 30, 31);
     }
     static inline Word all(unsigned value) { return (Word)(value); }
 };

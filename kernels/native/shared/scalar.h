@@ -54,7 +54,10 @@ struct Numbers {
 
     // The numbers of pixels from a place on, of which `count` are in the row.
     static inline float load(const float* from, int) { return *from; }
-    static inline float load(const float* from, int, int) { return *from; }
+    // Of x y z x y z ..., each of the three.
+    static inline void load_triples(const float* from, float* triple, int) {
+        for (int k = 0; k < 3; ++k) triple[k] = from[k];
+    }
     static inline void store(float* to, float value, int) { *to = value; }
     static inline void store(unsigned char* to, int value, int) { *to = (unsigned char)value; }
     static inline void store_pairs(float* to, float first, float second, int) {

@@ -54,8 +54,8 @@ struct Stereo {
         const float scale = shift_scale < 0.0f ? -shift_scale : shift_scale;
         return scale * (pixel.far_depth - pixel.other_depth) > shadow_tolerance * pixel.far_depth * pixel.other_depth;
     }
-    inline Whole beside(const StereoPixel& pixel) const {
-        const Real column = pixel.column - shift_scale / pixel.depth;
+    inline Whole beside(const StereoPixel& pixel, Real nearness) const {
+        const Real column = pixel.column - shift_scale * nearness;
         return (column < first_column) | (column > last_column);
     }
     // The share of pixels of a signal that are found.
@@ -65,7 +65,8 @@ struct Stereo {
     }
 
     inline void measure(const StereoPixel& pixel, Real& depth, Whole& reason) const {
-        const Real disparity = disparity_scale / pixel.depth, found = measured(disparity, pixel.noise);
+        const Real nearness = 1.0f / pixel.depth, disparity = disparity_scale * nearness;
+        const Real found = measured(disparity, pixel.noise);
         const Real said = depth_of(found, pixel.depth, disparity);
         const Real endless = Numbers::real(Numbers::endless()), none = Numbers::real(Numbers::no_number());
         const Whole too_far = (said > far) | (found <= 0.0f), in_range = (said >= near) & (said <= far);
@@ -77,7 +78,7 @@ struct Stereo {
         reason = lost ? (grazing ? Numbers::whole(REASON_GRAZING) : Numbers::whole(REASON_DROPOUT)) : reason;
         reason = pixel.support < least_support ? Numbers::whole(REASON_EDGE) : reason;
         reason = hidden(pixel) ? Numbers::whole(REASON_SHADOW) : reason;
-        reason = beside(pixel) ? Numbers::whole(REASON_BAND) : reason;
+        reason = beside(pixel, nearness) ? Numbers::whole(REASON_BAND) : reason;
         reason = too_much ? Numbers::whole(REASON_RANGE) : reason;
         reason = empty ? Numbers::whole(REASON_EMPTY) : reason;
 

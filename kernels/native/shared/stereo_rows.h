@@ -80,11 +80,12 @@ struct StereoRows {
         const int count = images.width - x;
         const Real across = Numbers::load(images.column_slopes + x, count);
         const float down = images.row_slopes[y];
-        const float* normal = images.normals + place * 3;
+        Real normal[3];
+        Numbers::load_triples(images.normals + place * 3, normal, count);
         Real along = Numbers::real(0.0f);
         for (int k = 0; k < 3; ++k) {
             const Real ray = across * view.axes[k * 3] + (down * view.axes[k * 3 + 1] + view.axes[k * 3 + 2]);
-            along = along + ray * Numbers::load(normal + k, 3, count);
+            along = along + ray * normal[k];
         }
         return Numbers::abs(along) / Numbers::root(across * across + (down * down + 1.0f));
     }
