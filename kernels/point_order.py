@@ -17,6 +17,9 @@ POINTS_PER_THREAD = 8
 BLOCK_COLUMNS, BLOCK_ROWS = 8, 4
 """Of points in rows that lanes draw together."""
 
+OUTSIDE_CELLS = wp.constant(1024)
+"""For points that are not in the image, in turns: threads that count in one and the same would wait for each other."""
+
 APART_UNIT = wp.constant(8.0)
 """Of `PointLists.apart` to a pixel."""
 
@@ -35,7 +38,7 @@ class PointLists:
     apart: wp.array[wp.int32]
     """(view): by how much farther apart points of a block are than they may be; above 0, they are sorted."""
     cells: int
-    """Of the grid, and one more for points that are not in the image."""
+    """Of the grid, and `OUTSIDE_CELLS`."""
     counts: wp.array[wp.int32]
     """(view, cell) in a row: how many points are in it and not yet in `order`."""
     ends: wp.array[wp.int32]
@@ -69,9 +72,9 @@ def along_hilbert(x: int, y: int, bits: int) -> int:
 
 
 @wp.func
-def cell_of(at: wp.vec2, width: float, height: float, bits: int) -> int:
-    """The cell of a point; the last one where it is not in the image."""
-    cell = 1 << (2 * bits)
+def cell_of(at: wp.vec2, point: int, width: float, height: float, bits: int) -> int:
+    """The cell of a point; one of the last where it is not in the image."""
+    cell = (1 << (2 * bits)) + point % OUTSIDE_CELLS
     if is_inside(at, width, height):
         last = (1 << bits) - 1
         side = float(1 << bits)
@@ -127,7 +130,7 @@ def count_points(
     for k in range(POINTS_PER_THREAD):
         point = k * step + i
         if point < points_out.at.shape[1]:
-            cell = cell_of(points_out.at[view, point], width, height, bits)
+            cell = cell_of(points_out.at[view, point], point, width, height, bits)
             wp.atomic_add(points_out.counts, view * points_out.cells + cell, 1)
 
 
@@ -148,5 +151,5 @@ def sort_points(
     for k in range(POINTS_PER_THREAD):
         point = k * step + i
         if point < points_out.at.shape[1]:
-            cell = view * points_out.cells + cell_of(points_out.at[view, point], width, height, bits)
+            cell = view * points_out.cells + cell_of(points_out.at[view, point], point, width, height, bits)
             points_out.order[points_out.ends[cell] - wp.atomic_sub(points_out.counts, cell, 1)] = point

@@ -7,6 +7,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+OUTSIDE_CELLS = 1024
+
 
 def hilbert_curve(bits: int) -> NDArray[np.int64]:
     """Cells ``(x, y)`` in the order of the curve, which is made of four smaller ones."""
@@ -31,13 +33,13 @@ def cells_of(at: NDArray, size: tuple[int, int], bits: int) -> NDArray[np.int64]
     inside = _inside(at, size)
     cell = np.where(inside[..., None], at, 0).astype(np.float32) / np.float32(size) * np.float32(side)
     cell = np.minimum(cell.astype(np.int64), side - 1)
-    return np.where(inside, number[cell[..., 0], cell[..., 1]], side * side)
+    return np.where(inside, number[cell[..., 0], cell[..., 1]], side * side + np.arange(at.shape[-2]) % OUTSIDE_CELLS)
 
 
 def count_points(at: NDArray, size: tuple[int, int], bits: int) -> NDArray[np.int64]:
     """Points in each cell of each view, shape (views, cells)."""
     cells = cells_of(at, size, bits)
-    return np.stack([np.bincount(row, minlength=(1 << 2 * bits) + 1) for row in cells])
+    return np.stack([np.bincount(row, minlength=(1 << 2 * bits) + OUTSIDE_CELLS) for row in cells])
 
 
 def sort_points(at: NDArray, size: tuple[int, int], bits: int) -> NDArray[np.int64]:

@@ -31,7 +31,7 @@ _FEWEST_A_VIEW, _FEWEST_IN_FINE_TREES = 1 << 12, 1 << 15
 _FINE_TREE = 1 << 23  # numbers
 # Points of a packet, from how many of these on a multiprocessor on.
 _PACKETS = ((256, 24), (64, 0))
-# So many points are sorted at a time: 4 bytes each, and as much again for cells.
+# So many points are sorted at a time: 4 bytes each, and half as much or less for cells.
 _MOST_POINTS = 1 << 26
 # Blocks of points in rows may be so many times as long as those of pixels would be.
 _MOST_STRETCH = 2.5
@@ -135,12 +135,12 @@ def list_points(pixels: wp.array, camera: Camera) -> PointLists:
     Returns:
         What packets read, on the same device.
     """
-    from warpvis.kernels.point_order import PointLists, count_points, sort_points
+    from warpvis.kernels.point_order import OUTSIDE_CELLS, PointLists, count_points, sort_points
 
     (views, rows, columns), device = pixels.shape, pixels.device
     count = rows * columns
-    lists, bits = PointLists(), _cell_bits(views, count)
-    lists.at, lists.cells = pixels.reshape((views, count)), (1 << 2 * bits) + 1
+    lists, bits = PointLists(), _cell_bits(count)
+    lists.at, lists.cells = pixels.reshape((views, count)), (1 << 2 * bits) + int(OUTSIDE_CELLS)
     lists.columns = columns if rows > 1 else guess_columns(count, camera)
     lists.apart = _measure(lists.at, lists.columns, camera)
     lists.counts = wp.zeros(views * lists.cells, dtype=wp.int32, device=device)
@@ -159,9 +159,8 @@ def guess_columns(count: int, camera: Camera) -> int:
     return columns if columns > 0 and count % columns == 0 else 0
 
 
-def _cell_bits(views: int, count: int) -> int:
-    cells = min(count // _POINTS_PER_CELL, _MOST_POINTS // views)
-    return min(_MOST_BITS, max(0, cells.bit_length() // 2))
+def _cell_bits(count: int) -> int:
+    return min(_MOST_BITS, (1 + (count // _POINTS_PER_CELL).bit_length()) // 2)
 
 
 def _threads(views: int, count: int) -> tuple[int, int]:

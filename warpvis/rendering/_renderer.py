@@ -276,7 +276,8 @@ class Renderer:
             pixels: Coordinates ``(x, y)`` [px] from the image's top left corner, N for every view, shape ``(V, N, 2)``;
                 a pixel's centre is its index + 0.5. Outside the image, and where a coordinate is NaN, nothing is seen.
                 Or maps as OpenCV's ``remap`` takes them, shape ``(V, Y, X, 2)``: where neighbours lie close together,
-                they are cast together on CPU cores, several times as fast.
+                they are cast together, on CPU cores several times as fast. On a GPU lists are cast together, too,
+                where there are many points (docs/rendering.md).
             object_poses: As for `render`.
             object_scales: As for `render`.
             world_index: As for `render`.
