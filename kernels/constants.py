@@ -39,10 +39,12 @@ REASON_BAND = 4
 REASON_EDGE = 5
 REASON_GRAZING = 6
 REASON_DROPOUT = 7
+REASON_SATURATED = 8
 
 # What random numbers are for: each purpose has a stream of its own.
 STREAM_DISPARITY = 1
 STREAM_DROPOUT = 2
+STREAM_RANGE = 3
 
 # Counters that the CPU workers of a job share.
 COUNTER_NEXT_UNIT = 0  # of work

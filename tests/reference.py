@@ -92,6 +92,12 @@ from reference_stereo import (  # noqa: F401
     place_other_eyes,
     place_rows_in_other_eyes,
 )
+from reference_time_of_flight import (  # noqa: F401
+    find_edges,
+    measure_time_of_flight,
+    mix_sub_rays,
+    place_sub_rays,
+)
 from reference_trees import (  # noqa: F401
     box_area,
     collapse_tree,

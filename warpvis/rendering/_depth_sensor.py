@@ -56,6 +56,8 @@ class Exposure:
     depth, ``(V, Y, X)``, that such a camera at each of V poses sees at its points, ``(V, Y, X)`` vec2 [px], of which
     neighbours are best close together; +inf where a point is NaN or outside of the image. The array is the model's
     until its `measure` returns."""
+    cast_images_at: Callable[[Camera, wp.array, wp.array, tuple[str, ...]], dict[str, wp.array]]
+    """The same of several images, by their names: of ``"depth"``, ``"normals"`` and ``"segmentation"``."""
 
 
 class DepthSensor(ABC):

@@ -115,6 +115,7 @@ class Sensing:
             reasons_out=made["reasons"],
             room=partial(self._room, room),
             cast_at=partial(self._cast_at, worlds, room),
+            cast_images_at=partial(self._cast_images_at, worlds, room),
         )
         self.sensor.measure(exposure)
         if made["points"] is not None:
@@ -141,10 +142,23 @@ class Sensing:
         self, worlds: Worlds, room: dict[str, wp.array], camera: Camera, poses: wp.array, points: wp.array
     ) -> wp.array:
         """Do what `Exposure.cast_at` says."""
+        return self._cast_images_at(worlds, room, camera, poses, points, ("depth",))["depth"]
+
+    def _cast_images_at(
+        self,
+        worlds: Worlds,
+        room: dict[str, wp.array],
+        camera: Camera,
+        poses: wp.array,
+        points: wp.array,
+        names: tuple[str, ...],
+    ) -> dict[str, wp.array]:
+        """Do what `Exposure.cast_images_at` says."""
         if camera not in self._casters:
             self._casters[camera] = self._make_caster(camera)
-        caster, seen = self._casters[camera], self._room(room, "seen", points.shape, wp.float32)
-        caster.cast_at(caster.parse_poses(poses, "opencv"), worlds, points, [seen, None, None, None, None])
+        caster = self._casters[camera]
+        seen = {name: self._room(room, f"seen {name}", points.shape, ALL_OUTPUTS[name]) for name in names}
+        caster.cast_at(caster.parse_poses(poses, "opencv"), worlds, points, [seen.get(name) for name in OUTPUTS])
         return seen
 
     def _back_project(self, poses: wp.array, depth: wp.array, points: wp.array) -> None:

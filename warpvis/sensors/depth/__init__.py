@@ -15,3 +15,9 @@ from warpvis.sensors.depth._profiles import (
 )
 from warpvis.sensors.depth._reasons import Reason as Reason
 from warpvis.sensors.depth._stereo import StereoDepth as StereoDepth
+from warpvis.sensors.depth._time_of_flight import TimeOfFlight as TimeOfFlight
+from warpvis.sensors.depth._time_of_flight_profiles import (
+    azure_kinect as azure_kinect,
+    kinect_v2 as kinect_v2,
+    pmd_flexx2 as pmd_flexx2,
+)

@@ -28,3 +28,5 @@ class Reason(enum.IntEnum):
     """The surface is seen along itself, and too little comes back."""
     DROPOUT = constants.REASON_DROPOUT
     """It was lost by chance, or because the surface is dark."""
+    SATURATED = constants.REASON_SATURATED
+    """More light comes back than it can count."""

@@ -1,0 +1,107 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Pixels that see more than one surface, and places within them through which more rays are cast."""
+
+import warp as wp
+
+from warpvis.kernels.constants import BLOCK_SIDE
+from warpvis.kernels.pinhole import PinholeCamera, Window, pixel_ray, pose_rotation
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
+
+SIDE = wp.constant(BLOCK_SIDE)  # of the square of a pixel's sub-rays, which are a packet of their own
+SUB_RAYS = wp.constant(BLOCK_SIDE * BLOCK_SIDE)
+TILE_PIXELS = wp.constant(16)  # of the tiles that a map is made of, one beside the other
+
+
+@wp.func
+def is_edge(
+    camera: PinholeCamera,
+    true_depth: wp.array3d[float],
+    ray: wp.vec3,
+    normal: wp.vec3,  # in the camera's frame
+    edge_step: float,
+    view: int,
+    y: int,
+    x: int,
+) -> bool:
+    """Whether one of eight neighbours is not where the pixel's plane is, by `edge_step` in depth or more."""
+    depth = true_depth[view, y, x]
+    there = depth < wp.inf
+    plane = depth * wp.dot(normal, ray)
+    across, down = normal[0] / float(camera.fx), normal[1] / float(camera.fy)
+    for k in range(9):
+        i, j = x + k % 3 - 1, y + k / 3 - 1
+        if k != 4 and i >= 0 and j >= 0 and i < true_depth.shape[2] and j < true_depth.shape[1]:
+            other = true_depth[view, j, i]
+            if (other < wp.inf) != there:
+                return True
+            slope = wp.dot(normal, ray) + float(i - x) * across + float(j - y) * down
+            if there and (slope * plane <= 0.0 or wp.abs(other * slope - plane) >= edge_step * wp.abs(slope)):
+                return True
+    return False
+
+
+@wp.kernel
+def find_edges(
+    # Cameras:
+    camera: PinholeCamera,
+    camera_to_world: wp.array[wp.transform],
+    window: Window,
+    # In:
+    true_depth: wp.array3d[float],
+    normals: wp.array3d[wp.vec3],
+    edge_step: float,
+    # Out:
+    edges_out: wp.array3d[wp.int32],
+):
+    """Write for pixels beside which is another surface their place in the image, row by row, and -1 for others."""
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+    ray = wp.vec3(pixel_ray(camera, y, x))
+    normal = wp.vec3(wp.quat_rotate_inv(pose_rotation(camera_to_world[view]), wp.vec3d(normals[view, y, x])))
+    place = int(-1)
+    if is_edge(camera, true_depth, ray, normal, edge_step, view, y, x):
+        place = y * true_depth.shape[2] + x
+    edges_out[view, y, x] = place
+
+
+@wp.func
+def sub_ray_place(i: int, j: int) -> wp.vec2:
+    """Where in a pixel a sub-ray is: one in each of 16 equal squares, and in each of 16 rows and of 16 columns."""
+    side = float(SIDE)
+    return wp.vec2((float(i) + (float(j) + 0.5) / side) / side, (float(j) + (float(i) + 0.5) / side) / side)
+
+
+@wp.func
+def sub_ray_corner(tile: int, index: int) -> wp.vec2i:
+    """Where in a map the first sub-ray of a tile's pixel is: column and row."""
+    return wp.vec2i(tile * TILE_PIXELS + index % SIDE * SIDE, index / SIDE * SIDE)
+
+
+@wp.kernel
+def place_sub_rays(
+    window: Window,
+    # In:
+    pixels: wp.array2d[wp.int32],
+    first: int,
+    width: int,
+    # Out:
+    points_out: wp.array3d[wp.vec2],
+):
+    """Write places of the image [px] of so many pixels from `first` on, 4 x 4 of each; NaN of a pixel -1.
+
+    A thread is for one of 16 pixels of a tile of 16 x 16 places.
+    """
+    view, tile, index = wp.tid()
+    view += window.first_view
+    tile += window.first_row
+    pixel = pixels[view, first + tile * TILE_PIXELS + index]
+    corner = sub_ray_corner(tile, index)
+    for k in range(SUB_RAYS):
+        i, j = k % SIDE, k / SIDE
+        place = wp.vec2(wp.nan, wp.nan)
+        if pixel >= 0:
+            place = wp.vec2(float(pixel % width), float(pixel / width)) + sub_ray_place(i, j)
+        points_out[view, corner[1] + j, corner[0] + i] = place

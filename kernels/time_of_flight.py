@@ -1,0 +1,286 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Depth by the phase of modulated light: what comes back of a pixel, and what a sensor makes of its phase.
+
+Phases are in turns, and are computed in double precision by polynomials, so that devices agree.
+"""
+
+import warp as wp
+
+from warpvis.kernels.constants import (
+    REASON_DROPOUT,
+    REASON_EDGE,
+    REASON_EMPTY,
+    REASON_GRAZING,
+    REASON_RANGE,
+    REASON_SATURATED,
+    REASON_VALID,
+    STREAM_RANGE,
+)
+from warpvis.kernels.pinhole import PinholeCamera, Window, image_ray, pixel_ray, pose_rotation
+from warpvis.kernels.random_numbers import random_word, to_normal
+from warpvis.kernels.sub_rays import SIDE, SUB_RAYS, TILE_PIXELS, sub_ray_corner
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
+
+NOISE_STREAM = wp.constant(wp.uint32(STREAM_RANGE))
+WIGGLES = wp.constant(wp.float64(4.0))  # of a turn of the phase: as many as there are samples of it
+
+
+@wp.struct
+class FlightModel:
+    """A sensor's numbers. Light is counted in what a white surface at 1 m returns that is seen straight."""
+
+    frequencies: int  # how many there are
+    turns: wp.vec3d  # of their phases in a metre, most first; 0 for those that there are not
+    unambiguous: wp.float64  # range at which all phases are as they were at 0 [m]
+    laps: int  # turns of the first in that
+    noise_scale: float  # deviation of the range where all that comes back is a light of 1 [m]
+    background: float
+    least_signal: float
+    most_signal: float
+    least_coherence: float
+    offset: wp.float64  # [m]
+    wiggle: wp.float64  # [m]
+    wiggle_turns: wp.float64  # where in its period it begins
+    near: float
+    far: float
+    seed: wp.uint32
+
+
+@wp.struct
+class FlightViews:
+    """What is read of every view; None where the model does not need it."""
+
+    true_depth: wp.array3d[float]
+    normals: wp.array3d[wp.vec3]
+    segmentation: wp.array3d[wp.int32]
+    reflectivity: wp.array[float]  # of objects
+    draws: wp.array[wp.vec2ui]
+    slots: wp.array3d[wp.int32]  # of pixels that sub-rays were cast for, -1 of others; None without
+    mixes: wp.array2d[wp.vec4]  # what `mix_sub_rays` wrote
+
+
+@wp.func
+def sine(turns: wp.float64) -> wp.float64:
+    """sin(2 pi turns), by a polynomial that is wrong by less than 1e-13."""
+    half = wp.float64(0.5)
+    t = turns - wp.floor(turns + half)
+    if t > wp.float64(0.25):
+        t = half - t
+    elif t < wp.float64(-0.25):
+        t = -half - t
+    s = t * t
+    total = s * wp.float64(3.66586854013351) - wp.float64(15.081485384046008)
+    total = total * s + wp.float64(42.058134991709764)
+    total = total * s - wp.float64(76.7058475461348)
+    total = total * s + wp.float64(81.6052491490158)
+    total = total * s - wp.float64(41.34170223990335)
+    total = total * s + wp.float64(6.283185307179269)
+    return total * t
+
+
+@wp.func
+def cosine(turns: wp.float64) -> wp.float64:
+    return sine(turns + wp.float64(0.25))
+
+
+@wp.func
+def angle(x: wp.float64, y: wp.float64) -> wp.float64:
+    """The angle of a phasor from 0 to below 1 [turns], by a polynomial that is wrong by less than 2e-12."""
+    zero = wp.float64(0.0)
+    least, most = wp.min(wp.abs(x), wp.abs(y)), wp.max(wp.abs(x), wp.abs(y))
+    if most == zero:
+        return zero
+    t = least / most
+    s = t * t
+    total = s * wp.float64(6.846281285625003e-05) - wp.float64(0.0005190813772065897)
+    total = total * s + wp.float64(0.0018465664310945834)
+    total = total * s - wp.float64(0.004181249885153829)
+    total = total * s + wp.float64(0.006987357495699451)
+    total = total * s - wp.float64(0.009610647637873044)
+    total = total * s + wp.float64(0.011940171744691598)
+    total = total * s - wp.float64(0.014405332246503474)
+    total = total * s + wp.float64(0.017675200770167324)
+    total = total * s - wp.float64(0.022735701388264275)
+    total = total * s + wp.float64(0.031830957350162684)
+    total = total * s - wp.float64(0.05305164715890183)
+    total = total * s + wp.float64(0.1591549430903502)
+    turns = total * t
+    if wp.abs(y) > wp.abs(x):
+        turns = wp.float64(0.25) - turns
+    if x < zero:
+        turns = wp.float64(0.5) - turns
+    if y < zero:
+        turns = wp.float64(1.0) - turns
+    return wp.where(turns < wp.float64(1.0), turns, zero)
+
+
+@wp.func
+def light_of(
+    ray: wp.vec3d, rotation: wp.quatd, depth: float, normal: wp.vec3, segmentation: int, shares: wp.array[float]
+) -> wp.vec3d:
+    """What comes back along a ray: its range [m], the light, and what that would be if it met the surface straight."""
+    length = wp.sqrt(wp.dot(ray, ray))
+    far = wp.float64(depth) * length
+    share = wp.float64(1.0)
+    if shares and segmentation >= 0:
+        share = wp.float64(shares[segmentation])
+    straight = share / (far * far)
+    incidence = wp.abs(wp.dot(wp.vec3d(normal), wp.quat_rotate(rotation, ray))) / length
+    return wp.vec3d(far, straight * incidence, straight)
+
+
+@wp.func
+def unwrap(model: FlightModel, phases: wp.vec3d) -> wp.float64:
+    """The range whose phases are nearest to those of all frequencies, exactly of the first one's."""
+    best, least = wp.float64(0.0), wp.float64(wp.inf)
+    for lap in range(model.laps):
+        found = (phases[0] + wp.float64(lap)) / model.turns[0]
+        rest = wp.float64(0.0)
+        for k in range(1, model.frequencies):
+            apart = phases[k] - model.turns[k] * found
+            apart = apart - wp.floor(apart + wp.float64(0.5))
+            rest += apart * apart
+        if rest < least:
+            best, least = found, rest
+    return best
+
+
+@wp.kernel
+def mix_sub_rays(
+    # Cameras:
+    camera: PinholeCamera,
+    camera_to_world: wp.array[wp.transform],
+    window: Window,
+    # In:
+    model: FlightModel,
+    points: wp.array3d[wp.vec2],
+    depth: wp.array3d[float],
+    normals: wp.array3d[wp.vec3],
+    segmentation: wp.array3d[wp.int32],
+    reflectivity: wp.array[float],
+    first: int,
+    # Out:
+    mixes_out: wp.array2d[wp.vec4],
+):
+    """Write what the sums of pixels' phasors say: range [m], amplitude, all light, amplitude if seen straight.
+
+    The range is +inf where nothing comes back, and NaN where too much of the light is of other ranges.
+    """
+    view, tile, index = wp.tid()
+    view += window.first_view
+    tile += window.first_row
+    rotation = pose_rotation(camera_to_world[view])
+    corner = sub_ray_corner(tile, index)
+    all_light, all_straight = wp.float64(0.0), wp.float64(0.0)
+    real, imaginary = wp.vec3d(), wp.vec3d()
+    for k in range(SUB_RAYS):
+        i, j = corner[0] + k % SIDE, corner[1] + k / SIDE
+        if depth[view, j, i] < wp.inf:
+            hit = int(-1)
+            if segmentation:
+                hit = segmentation[view, j, i]
+            ray = image_ray(camera, points[view, j, i])
+            light = light_of(ray, rotation, depth[view, j, i], normals[view, j, i], hit, reflectivity)
+            turns = light[0] * model.turns
+            real += light[1] * wp.vec3d(cosine(turns[0]), cosine(turns[1]), cosine(turns[2]))
+            imaginary += light[1] * wp.vec3d(sine(turns[0]), sine(turns[1]), sine(turns[2]))
+            all_light += light[1]
+            all_straight += light[2]
+    mix = wp.vec4(wp.inf, 0.0, 0.0, 0.0)
+    if all_light > wp.float64(0.0):
+        phases = wp.vec3d()
+        least = wp.float64(1.0)
+        for k in range(model.frequencies):
+            phases[k] = angle(real[k], imaginary[k])
+            least = wp.min(least, wp.sqrt(real[k] * real[k] + imaginary[k] * imaginary[k]) / all_light)
+        coherence = wp.sqrt(real[0] * real[0] + imaginary[0] * imaginary[0]) / all_light
+        found = float(unwrap(model, phases))
+        if least < wp.float64(model.least_coherence):
+            found = wp.nan
+        part = wp.float64(1.0 / float(SUB_RAYS))
+        mix = wp.vec4(
+            found, float(part * coherence * all_light), float(part * all_light), float(part * coherence * all_straight)
+        )
+    mixes_out[view, first + tile * TILE_PIXELS + index] = mix
+
+
+@wp.func
+def judge_light(model: FlightModel, found: wp.vec4) -> int:
+    """Why no range follows from what comes back."""
+    if found[0] == wp.inf:
+        return REASON_EMPTY
+    if wp.isnan(found[0]):
+        return REASON_EDGE
+    if found[2] > model.most_signal:
+        return REASON_SATURATED
+    if not (found[1] > 0.0 and found[1] >= model.least_signal):
+        return wp.where(found[3] > 0.0 and found[3] >= model.least_signal, REASON_GRAZING, REASON_DROPOUT)
+    return REASON_VALID
+
+
+@wp.func
+def measured_error(model: FlightModel, found: wp.vec4, far: wp.float64, noise: float) -> wp.float64:
+    """What is added to a range [m]: offset, wiggling, noise, and then whole unambiguous ranges."""
+    error = model.offset + model.wiggle * sine(WIGGLES * (far * model.turns[0]) + model.wiggle_turns)
+    if model.noise_scale > 0.0:
+        deviation = model.noise_scale * wp.sqrt(found[2] + model.background) / found[1]
+        error += wp.float64(deviation * noise)
+    return error - wp.floor((far + error) / model.unambiguous) * model.unambiguous
+
+
+@wp.kernel
+def measure_time_of_flight(
+    # Cameras:
+    camera: PinholeCamera,
+    camera_to_world: wp.array[wp.transform],
+    window: Window,
+    # In:
+    model: FlightModel,
+    given: FlightViews,
+    # Out:
+    depth_out: wp.array3d[float],
+    reasons_out: wp.array3d[wp.uint8],
+):
+    """Write what the sensor says of every pixel, and why it says nothing; reasons may be None."""
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+
+    ray = pixel_ray(camera, y, x)
+    length = wp.sqrt(wp.dot(ray, ray))
+    depth, slot = wp.float64(given.true_depth[view, y, x]), int(-1)
+    if given.slots:
+        slot = given.slots[view, y, x]
+    found = wp.vec4(wp.inf, 0.0, 0.0, 0.0)
+    if slot >= 0:
+        found = given.mixes[view, slot]
+        depth = wp.float64(found[0]) / length
+    elif given.true_depth[view, y, x] < wp.inf:
+        hit = int(-1)
+        if given.segmentation:
+            hit = given.segmentation[view, y, x]
+        rotation = pose_rotation(camera_to_world[view])
+        light = light_of(
+            ray, rotation, given.true_depth[view, y, x], given.normals[view, y, x], hit, given.reflectivity
+        )
+        found = wp.vec4(float(light[0]), float(light[1]), float(light[1]), float(light[2]))
+
+    reason = judge_light(model, found)
+    said = float(wp.nan)
+    if reason == REASON_EMPTY:
+        said = wp.inf
+    elif reason == REASON_VALID:
+        noise = float(0.0)
+        if model.noise_scale > 0.0:
+            number = given.draws[view]
+            noise = to_normal(random_word(model.seed, NOISE_STREAM, number[0], number[1], y, x))
+        said = float(depth + measured_error(model, found, depth * length, noise) / length)
+        if said < model.near:
+            said, reason = -wp.inf, REASON_RANGE
+        elif said > model.far:
+            said, reason = wp.inf, REASON_RANGE
+    depth_out[view, y, x] = said
+    if reasons_out:
+        reasons_out[view, y, x] = wp.uint8(reason)

@@ -1,0 +1,280 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Depth cameras that measure the phase of modulated light: time of flight of continuous waves."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import reduce
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import warp as wp
+
+from warpvis.core.arrays import empty
+from warpvis.core.camera import Camera
+from warpvis.core.checks import check_flag, check_number, is_number
+from warpvis.core.threads import launch_images
+from warpvis.errors import ArrayError, CameraError
+from warpvis.rendering import DepthSensor, Exposure
+from warpvis.scene import Scene
+from warpvis.sensors._echoes import Reflectivity, reflectivities
+
+if TYPE_CHECKING:
+    from warpvis.kernels.time_of_flight import FlightModel, FlightViews
+
+SPEED_OF_LIGHT = 299792458.0
+"""In a vacuum [m/s]."""
+
+_MOST_FREQUENCIES, _MOST_LAPS = 3, 1000
+# So many pixels' sub-rays have memory at once, in each view: images with more are made in parts. Trees over maps on CPU
+# cores are of 640 pixels, and parts are whole ones, so that results are those of any batch.
+_TREE_PIXELS, _TILE_PIXELS, _SIDE = 640, 16, 4
+_PART_BYTES = 2**28
+
+
+@dataclass(frozen=True)
+class TimeOfFlight(DepthSensor):
+    """A depth camera that lights the scene with waves, and measures the phase in which they come back.
+
+    What comes back of a surface is A = `signal` rho cos(theta) / r^2 electrons, with r its range [m], theta the angle
+    of incidence, and rho its `reflectivity`. Of a frequency f the phase is 2 pi 2 f r / c, and the standard deviation
+    of the range that follows is, with B the `background` and c_d the `contrast` (Lange, "3D Time-of-flight distance
+    measurement with custom solid-state image sensors in CMOS/CCD-technology", 2000)::
+
+        c / (4 sqrt(2) pi f) sqrt(A + B) / (c_d A)
+
+    for the highest of `frequencies`. What is measured of r, along the ray, is r + `offset` + `wiggle` sin(4 phase +
+    `wiggle_phase`) + noise, less as many times the `unambiguous_range` as it holds; depth is that along the axis.
+
+    With `mixing`, 4 x 4 rays are cast through each pixel beside which is another surface, in the scene, and their
+    phasors A exp(i phase) are summed for each frequency: between the depths of two surfaces are flying pixels. A pixel
+    has no depth, for the first `Reason` of these that holds: nothing is there (EMPTY); of some frequency the sum is
+    less than `least_coherence` of all that it is the sum of (EDGE); more comes back than `most_signal` (SATURATED);
+    less than `least_signal`, because of the angle (GRAZING), or because the surface is dark or far (DROPOUT); what was
+    measured is outside of the camera's `near` and `far` (RANGE).
+
+    By default a sensor has no noise, and no depth is wrong but those of flying pixels. Light that comes by a second
+    surface (multipath), and scatters in the lens, is not modelled.
+    """
+
+    frequencies: float | Sequence[float]
+    """Of modulation: one or up to three [Hz], whole numbers. Depth wraps where all phases are what they were at 0."""
+    signal: float = math.inf
+    """Electrons that come back of a white surface at 1 m that is seen straight; endless without noise."""
+    background: float = 0.0
+    """Electrons of other light: the sun's, and of the dark current."""
+    contrast: float = 1.0
+    """How much of the light is told apart by its phase, above 0 and up to 1."""
+    reflectivity: Reflectivity = 1.0
+    """Of all objects; by their names, 1 for others; or of each, in the scene's order: from 0 (black) to 1."""
+    offset: float = 0.0
+    """What is added to all ranges [m]."""
+    wiggle: float = 0.0
+    """Amplitude of the systematic error with four periods in one of the first frequency's phase [m]: waves are not
+    quite sines."""
+    wiggle_phase: float = 0.0
+    """Where in its period that error is at range 0 [rad]."""
+    mixing: bool = True
+    """Whether pixels at edges are the sums of what they see."""
+    edge_step: float = 0.01
+    """Pixels are looked at more closely where one of eight neighbours is so far from the pixel's plane [m]."""
+    least_coherence: float = 0.0
+    """How much of the light has to be of one phase, from 0 to 1; pixels of less have no depth."""
+    least_signal: float = 0.0
+    """Least signal that is measured, of that of a white surface at 1 m that is seen straight."""
+    most_signal: float = math.inf
+    """Greatest signal, of the same, above which a pixel is full."""
+    native_camera: Camera | None = None
+    """The camera that the device has: what `camera` returns."""
+
+    def __post_init__(self) -> None:
+        if is_number(self.frequencies):
+            given: tuple[Any, ...] = (self.frequencies,)
+        elif isinstance(self.frequencies, Sequence | np.ndarray) and not isinstance(self.frequencies, str | bytes):
+            given = tuple(self.frequencies)
+        else:
+            given = ()
+        if not 1 <= len(given) <= _MOST_FREQUENCIES or not all(_is_frequency(number) for number in given):
+            raise ArrayError(f"frequencies must be 1 to 3 whole numbers of Hz from 1 to 1e12, got {self.frequencies!r}")
+        whole = tuple(sorted({int(number) for number in given}, reverse=True))
+        object.__setattr__(self, "frequencies", tuple(float(number) for number in whole))
+        if whole[0] // reduce(math.gcd, whole) > _MOST_LAPS:
+            raise ArrayError(
+                f"frequencies must have a common part of at least 1/{_MOST_LAPS} of the highest, got {self.frequencies}"
+            )
+        _check_or_endless(self.signal, "signal")
+        check_number(self.background, "background", least=0.0)
+        if check_number(self.contrast, "contrast", least=0.0, most=1.0) == 0.0:
+            raise ArrayError("contrast must be above 0")
+        for name in ("offset", "wiggle", "wiggle_phase"):
+            check_number(getattr(self, name), name)
+        check_flag(self.mixing, "mixing")
+        if check_number(self.edge_step, "edge_step", least=0.0) == 0.0:
+            raise ArrayError("edge_step must be above 0 m")
+        check_number(self.least_coherence, "least_coherence", least=0.0, most=1.0)
+        least = check_number(self.least_signal, "least_signal", least=0.0)
+        _check_or_endless(self.most_signal, "most_signal")
+        if least >= self.most_signal:
+            raise ArrayError(f"most_signal must be above least_signal, got {self.most_signal:g} and {least:g}")
+        if self.native_camera is not None and not isinstance(self.native_camera, Camera):
+            raise CameraError(f"native_camera must be a warpvis.Camera, got {self.native_camera!r}")
+
+    def camera(self) -> Camera:
+        """Return the camera of the device: its image size, focal length and range.
+
+        Raises:
+            CameraError: The sensor was made without one.
+        """
+        if self.native_camera is None:
+            raise CameraError("this sensor has no camera of its own: give native_camera, or take a profile of a device")
+        return self.native_camera
+
+    @property
+    def unambiguous_range(self) -> float:
+        """The range at which depth begins again at 0 [m]: c / 2 f, with f what all frequencies are multiples of."""
+        return SPEED_OF_LIGHT / (2 * reduce(math.gcd, self._whole))
+
+    @property
+    def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:
+        """Which images of the first surface are read."""
+        plain = is_number(self.reflectivity) and self.reflectivity == 1.0
+        return ("normals",) if plain else ("normals", "segmentation")
+
+    @property
+    def bytes_per_pixel(self) -> int:
+        """How much room a pixel takes, beside what is bounded."""
+        return 20 if self.mixing else 0
+
+    @property
+    def _whole(self) -> tuple[int, ...]:
+        return tuple(int(number) for number in self.frequencies)  # type: ignore[union-attr]
+
+    def check(self, scene: Scene, camera: object) -> Camera:
+        """Return the camera, if the model is one of it in a scene.
+
+        Raises:
+            WarpvisError: It is not.
+        """
+        reflectivities(scene, self.reflectivity)
+        return super().check(scene, camera)
+
+    def measure(self, exposure: Exposure) -> None:
+        """Write the sensor's depth and reasons."""
+        from warpvis.kernels.time_of_flight import measure_time_of_flight
+
+        model, given = self._model(exposure), self._views(exposure)
+        if self.mixing:
+            given.slots, given.mixes = self._mix(exposure, model, given)
+        cameras = [exposure.camera.device_struct(), exposure.poses]
+        written = [exposure.depth_out, exposure.reasons_out]
+        _launch(exposure, measure_time_of_flight, exposure.depth_out.shape, cameras, [model, given, *written])
+
+    def _model(self, exposure: Exposure) -> FlightModel:
+        """Return the numbers as kernels take them."""
+        from warpvis.kernels.time_of_flight import FlightModel
+
+        camera, model, whole = exposure.camera, FlightModel(), self._whole
+        model.frequencies = len(whole)
+        turns = [2 * frequency / SPEED_OF_LIGHT for frequency in whole]
+        model.turns = wp.vec3d(*turns, *[0.0] * (_MOST_FREQUENCIES - len(turns)))
+        model.unambiguous, model.laps = self.unambiguous_range, whole[0] // reduce(math.gcd, whole)
+        one = SPEED_OF_LIGHT / (4 * math.sqrt(2) * math.pi * whole[0])
+        model.noise_scale = one / (self.contrast * math.sqrt(self.signal))
+        model.background = self.background / self.signal
+        model.least_signal, model.most_signal = self.least_signal, self.most_signal
+        model.least_coherence = self.least_coherence
+        model.offset, model.wiggle, model.wiggle_turns = self.offset, self.wiggle, self.wiggle_phase / (2 * math.pi)
+        model.near, model.far, model.seed = camera.near, camera.far, exposure.seed
+        return model
+
+    def _views(self, exposure: Exposure) -> FlightViews:
+        """Return what is read of every view, but for what sub-rays see."""
+        from warpvis.kernels.time_of_flight import FlightViews
+
+        given = FlightViews()
+        given.true_depth, given.normals, given.draws = exposure.true_depth, exposure.normals, exposure.draws
+        if exposure.segmentation is not None:
+            given.segmentation = exposure.segmentation
+            shares = reflectivities(exposure.scene, self.reflectivity)
+            given.reflectivity = wp.array(shares, dtype=wp.float32, device=exposure.scene.device)
+        return given
+
+    def _mix(self, exposure: Exposure, model: FlightModel, given: FlightViews) -> tuple[wp.array, wp.array]:
+        """Return which pixels are at edges, by numbers, and what their sub-rays make together."""
+        from warpvis.kernels.sub_rays import place_sub_rays
+        from warpvis.kernels.time_of_flight import mix_sub_rays
+
+        views, _, width = exposure.true_depth.shape
+        slots = self._find_edges(exposure)
+        pixels, part = _pixels_in_parts(slots)
+        mixes = empty(pixels.shape, wp.vec4, name="mixes", device=exposure.scene.device)
+        lens = exposure.camera.device_struct()
+        ideal = dataclasses.replace(exposure.camera, near=exposure.clip_near, far=math.inf)
+        points = exposure.room("sub-rays", (views, _TILE_PIXELS, part), wp.vec2)
+        tiles = (views, part // _TILE_PIXELS, _TILE_PIXELS)
+        for first in range(0, pixels.shape[1], part):
+            _launch(exposure, place_sub_rays, tiles, [], [pixels, first, width, points])
+            seen = exposure.cast_images_at(ideal, exposure.poses, points, ("depth", *self.needs))
+            images = [seen["depth"], seen["normals"], seen.get("segmentation"), given.reflectivity]
+            cameras = [lens, exposure.poses]
+            _launch(exposure, mix_sub_rays, tiles, cameras, [model, points, *images, first, mixes])
+        return slots, mixes
+
+    def _find_edges(self, exposure: Exposure) -> wp.array:
+        """Return places of pixels at edges, and -1 for others."""
+        from warpvis.kernels.sub_rays import find_edges
+
+        slots = exposure.room("edges", exposure.true_depth.shape, wp.int32)
+        cameras = [exposure.camera.device_struct(), exposure.poses]
+        images = [exposure.true_depth, exposure.normals]
+        _launch(exposure, find_edges, slots.shape, cameras, [*images, self.edge_step, slots])
+        return slots
+
+
+def _launch(
+    exposure: Exposure, kernel: wp.Kernel, shape: tuple[int, int, int], cameras: list[Any], others: list[Any]
+) -> None:
+    """Launch a kernel that takes its window behind the cameras."""
+    launch_images(
+        kernel,
+        shape,
+        lambda window: [*cameras, window, *others],
+        device=exposure.scene.device,
+        threads=exposure.threads,
+    )
+
+
+def _pixels_in_parts(slots: wp.array) -> tuple[wp.array, int]:
+    """Give pixels at edges numbers, in each view; return which pixel has each, and how many to look at at a time.
+
+    On a GPU, where nothing is waited for, all pixels have their numbers, and those that are at no edge see nothing.
+    """
+    views, height, width = slots.shape
+    edges = slots.numpy().reshape(views, -1) if slots.device.is_cpu else None
+    count = height * width if edges is None else int((edges >= 0).sum(axis=1).max(initial=0))
+    most = _PART_BYTES // (28 * _SIDE * _SIDE * max(views, 1)) // _TREE_PIXELS * _TREE_PIXELS
+    part = min(max(-(-count // _TILE_PIXELS), 1) * _TILE_PIXELS, max(most, _TREE_PIXELS))
+    padded = -(-count // part) * part
+    if edges is None:
+        pixels = wp.full((views, padded), -1, dtype=wp.int32, device=slots.device)
+        wp.copy(pixels[:, :count], slots.reshape((views, count)))
+        return pixels, part
+    numbers = np.full((views, padded), -1, dtype=np.int32)
+    for view, places in enumerate(edges):
+        found = np.flatnonzero(places >= 0)
+        numbers[view, : len(found)] = found
+        places[found] = np.arange(len(found))
+    return wp.array(numbers, dtype=wp.int32, device=slots.device), part
+
+
+def _is_frequency(value: object) -> bool:
+    return is_number(value) and 1 <= value <= 1e12 and value == int(value)
+
+
+def _check_or_endless(value: object, name: str) -> None:
+    if not is_number(value) or not value > 0:
+        raise ArrayError(f"{name} must be a number above 0, got {value!r}")
