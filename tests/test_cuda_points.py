@@ -9,6 +9,7 @@ import test_near_plane
 import test_sizes
 import test_solids
 import warp as wp
+from corner_walls import wall
 from cuda_emulator import Emulator, Variant, emulated_renderer
 from native_build import find_compiler
 from reference_point_order import OUTSIDE_CELLS, cells_of, count_points, hilbert_curve, measure_blocks, sort_points
@@ -196,6 +197,18 @@ def test_a_near_plane_that_cuts(emulator):
     depth = renderer_of(emulator, scene, variant=CLIPS, camera=camera, **options).render_at(poses, pixels).depth.numpy()
     image = wv.Renderer(scene, camera, **options).render(poses).depth.numpy().astype(np.float64)
     assert wrong_depth(depth, image.reshape(depth.shape)).mean() < 1e-3
+
+
+@pytest.mark.cxx
+@pytest.mark.parametrize(("movable", "seed"), [(False, 0), (True, 1)])
+def test_no_ray_slips_through_a_corner(emulator, movable, seed):
+    """Walls of which every pixel's centre is at a corner, as nearly as numbers can say; in rows and in no order."""
+    camera, pose, vertices, faces = wall(seed)
+    scene, pixels = wv.Scene(), centers(camera)
+    scene.add((vertices, faces), movable=movable)
+    renderer = renderer_of(emulator, scene, camera=camera, outputs=("depth",))
+    for order in (np.arange(pixels.shape[1]), np.random.default_rng(0).permutation(pixels.shape[1])[:700]):
+        assert np.isfinite(renderer.render_at(pose[None], pixels[:, order]).depth.numpy()).all()
 
 
 @pytest.mark.cxx
