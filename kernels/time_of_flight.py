@@ -277,7 +277,9 @@ def measure_time_of_flight(
             number = given.draws[view]
             noise = to_normal(random_word(model.seed, NOISE_STREAM, number[0], number[1], y, x))
         said = float(depth + measured_error(model, found, depth * length, noise) / length)
-        if said < model.near:
+        if wp.isnan(said):  # noise beyond all numbers
+            reason = REASON_DROPOUT
+        elif said < model.near:
             said, reason = -wp.inf, REASON_RANGE
         elif said > model.far:
             said, reason = wp.inf, REASON_RANGE

@@ -3,11 +3,13 @@
 """Depth by phase, held to its twin in double precision, to Lange's formula, and to closed forms of mixed pixels."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
 import reference_time_of_flight as twin
 import trimesh
+from gpu_code import gpu_code
 from scipy import stats
 
 import warpvis as wv
@@ -220,6 +222,28 @@ def test_sub_rays_in_parts_are_the_same(device, monkeypatch):
         np.testing.assert_array_equal(parts[name], whole[name])
 
 
+def test_sub_rays_of_all_pixels_are_the_same(device, monkeypatch):
+    """As on a GPU, where pixels at edges are not counted: those of others see nothing."""
+    from warpvis.sensors.depth import _time_of_flight
+
+    scene, in_parts = make_scene(device), _time_of_flight._pixels_in_parts
+    options = {"outputs": OUTPUTS, "sensor": FULL, "seed": 4, "caster": "rays"}
+    whole = images(wv.render(scene, CAMERA, POSES, **options))
+    monkeypatch.setattr(_time_of_flight, "_pixels_in_parts", lambda slots, counted: in_parts(slots, False))
+    for size in (2**28, 1):
+        monkeypatch.setattr(_time_of_flight, "_PART_BYTES", size)
+        again = images(wv.render(scene, CAMERA, POSES, **options))
+        for name in OUTPUTS:
+            np.testing.assert_array_equal(again[name], whole[name])
+
+
+def test_noise_beyond_all_numbers_leaves_nothing(device):
+    sensor = TimeOfFlight(50e6, signal=1e-300)
+    seen = images(wv.render(make_scene(device), CAMERA, POSES, outputs=OUTPUTS, sensor=sensor))
+    assert set(np.unique(seen["reasons"])) == {Reason.EMPTY, Reason.DROPOUT}
+    np.testing.assert_array_equal(np.isnan(seen["depth"]), seen["reasons"] == Reason.DROPOUT)
+
+
 @pytest.mark.parametrize("part", range(1, 16))
 def test_flying_pixels_of_a_step(device, part):
     """A column of which so many sixteenths see the plate in front: the angle of the sum of two phasors."""
@@ -425,3 +449,12 @@ def test_what_a_scene_and_a_mode_refuse():
         wv.Renderer(make_scene(), CAMERA, sensor=dataclasses.replace(FULL, reflectivity={"cup": 0.1}))
     with pytest.raises(wv.errors.ArrayError, match='mode must be "nfov", "nfov_binned", "wfov" or "wfov_binned"'):
         wv.sensors.azure_kinect("wide")
+
+
+@pytest.mark.parametrize("module", ["sub_rays", "time_of_flight"])
+def test_nothing_is_fused_for_a_gpu(module, tmp_path):
+    """What NVRTC makes of it: no instruction that multiplies and adds in one, none that is approximate."""
+    text = gpu_code(f"warpvis.kernels.{module}", tmp_path)
+    body = text[text.index(".entry") :]
+    assert re.search(r"\bmul\.(?:rn\.)?f64", body)
+    assert not re.findall(r"\.approx\.f32|\.ftz\.", body)

@@ -33,6 +33,8 @@ _MOST_FREQUENCIES, _MOST_LAPS = 3, 1000
 # So many pixels' sub-rays have memory at once, in each view: images with more are made in parts. Trees over maps on CPU
 # cores are of 640 pixels, and parts are whole ones, so that results are those of any batch.
 _TREE_PIXELS, _TILE_PIXELS, _SIDE = 640, 16, 4
+# On a GPU at least so many, whose sub-rays are then cast in packets whatever the batch.
+_GPU_PIXELS = 4 * _TREE_PIXELS
 _PART_BYTES = 2**28
 
 
@@ -210,7 +212,7 @@ class TimeOfFlight(DepthSensor):
 
         views, _, width = exposure.true_depth.shape
         slots = self._find_edges(exposure)
-        pixels, part = _pixels_in_parts(slots)
+        pixels, part = _pixels_in_parts(slots, exposure.scene.device.is_cpu)
         mixes = empty(pixels.shape, wp.vec4, name="mixes", device=exposure.scene.device)
         lens = exposure.camera.device_struct()
         ideal = dataclasses.replace(exposure.camera, near=exposure.clip_near, far=math.inf)
@@ -248,16 +250,18 @@ def _launch(
     )
 
 
-def _pixels_in_parts(slots: wp.array) -> tuple[wp.array, int]:
+def _pixels_in_parts(slots: wp.array, counted: bool) -> tuple[wp.array, int]:
     """Give pixels at edges numbers, in each view; return which pixel has each, and how many to look at at a time.
 
-    On a GPU, where nothing is waited for, all pixels have their numbers, and those that are at no edge see nothing.
+    If they are not to be counted, as on a GPU, which nothing waits for, all pixels have their places as numbers, and
+    those that are at no edge see nothing.
     """
     views, height, width = slots.shape
-    edges = slots.numpy().reshape(views, -1) if slots.device.is_cpu else None
+    edges = slots.numpy().reshape(views, -1) if counted else None
     count = height * width if edges is None else int((edges >= 0).sum(axis=1).max(initial=0))
+    least = _TREE_PIXELS if counted else _GPU_PIXELS
     most = _PART_BYTES // (28 * _SIDE * _SIDE * max(views, 1)) // _TREE_PIXELS * _TREE_PIXELS
-    part = min(max(-(-count // _TILE_PIXELS), 1) * _TILE_PIXELS, max(most, _TREE_PIXELS))
+    part = min(max(-(-count // _TILE_PIXELS), 1) * _TILE_PIXELS, max(most, least))
     padded = -(-count // part) * part
     if edges is None:
         pixels = wp.full((views, padded), -1, dtype=wp.int32, device=slots.device)
