@@ -14,6 +14,18 @@ SUB_RAYS = wp.constant(BLOCK_SIDE * BLOCK_SIDE)
 TILE_PIXELS = wp.constant(16)  # of the tiles that a map is made of, one beside the other
 
 
+@wp.kernel
+def find_axes(
+    # Cameras:
+    camera_to_world: wp.array[wp.transform],
+    # Out:
+    axes_out: wp.array[wp.mat33],
+):
+    """Write each camera's axes in the world, as columns."""
+    view = wp.tid()
+    axes_out[view] = wp.mat33(wp.quat_to_matrix(pose_rotation(camera_to_world[view])))
+
+
 @wp.func
 def is_edge(
     camera: PinholeCamera,
@@ -46,7 +58,7 @@ def is_edge(
 def find_edges(
     # Cameras:
     camera: PinholeCamera,
-    camera_to_world: wp.array[wp.transform],
+    axes: wp.array[wp.mat33],
     window: Window,
     # In:
     true_depth: wp.array3d[float],
@@ -60,7 +72,7 @@ def find_edges(
     view += window.first_view
     y += window.first_row
     ray = wp.vec3(pixel_ray(camera, y, x))
-    normal = wp.vec3(wp.quat_rotate_inv(pose_rotation(camera_to_world[view]), wp.vec3d(normals[view, y, x])))
+    normal = normals[view, y, x] * axes[view]
     place = int(-1)
     if is_edge(camera, true_depth, ray, normal, edge_step, view, y, x):
         place = y * true_depth.shape[2] + x

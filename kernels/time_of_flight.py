@@ -17,7 +17,7 @@ from warpvis.kernels.constants import (
     REASON_VALID,
     STREAM_RANGE,
 )
-from warpvis.kernels.pinhole import PinholeCamera, Window, image_ray, pixel_ray, pose_rotation
+from warpvis.kernels.pinhole import PinholeCamera, Window, image_ray, pixel_ray
 from warpvis.kernels.random_numbers import random_word, to_normal
 from warpvis.kernels.sub_rays import SIDE, SUB_RAYS, TILE_PIXELS, sub_ray_corner
 
@@ -118,7 +118,7 @@ def angle(x: wp.float64, y: wp.float64) -> wp.float64:
 
 @wp.func
 def light_of(
-    ray: wp.vec3d, rotation: wp.quatd, depth: float, normal: wp.vec3, segmentation: int, shares: wp.array[float]
+    ray: wp.vec3d, axes: wp.mat33, depth: float, normal: wp.vec3, segmentation: int, shares: wp.array[float]
 ) -> wp.vec3d:
     """What comes back along a ray: its range [m], the light, and what that would be if it met the surface straight."""
     length = wp.sqrt(wp.dot(ray, ray))
@@ -127,7 +127,7 @@ def light_of(
     if shares and segmentation >= 0:
         share = wp.float64(shares[segmentation])
     straight = share / (far * far)
-    incidence = wp.abs(wp.dot(wp.vec3d(normal), wp.quat_rotate(rotation, ray))) / length
+    incidence = wp.float64(wp.abs(wp.dot(normal, axes * wp.vec3(ray)))) / length
     return wp.vec3d(far, straight * incidence, straight)
 
 
@@ -151,7 +151,7 @@ def unwrap(model: FlightModel, phases: wp.vec3d) -> wp.float64:
 def mix_sub_rays(
     # Cameras:
     camera: PinholeCamera,
-    camera_to_world: wp.array[wp.transform],
+    axes: wp.array[wp.mat33],
     window: Window,
     # In:
     model: FlightModel,
@@ -171,7 +171,6 @@ def mix_sub_rays(
     view, tile, index = wp.tid()
     view += window.first_view
     tile += window.first_row
-    rotation = pose_rotation(camera_to_world[view])
     corner = sub_ray_corner(tile, index)
     all_light, all_straight = wp.float64(0.0), wp.float64(0.0)
     real, imaginary = wp.vec3d(), wp.vec3d()
@@ -182,7 +181,7 @@ def mix_sub_rays(
             if segmentation:
                 hit = segmentation[view, j, i]
             ray = image_ray(camera, points[view, j, i])
-            light = light_of(ray, rotation, depth[view, j, i], normals[view, j, i], hit, reflectivity)
+            light = light_of(ray, axes[view], depth[view, j, i], normals[view, j, i], hit, reflectivity)
             turns = light[0] * model.turns
             real += light[1] * wp.vec3d(cosine(turns[0]), cosine(turns[1]), cosine(turns[2]))
             imaginary += light[1] * wp.vec3d(sine(turns[0]), sine(turns[1]), sine(turns[2]))
@@ -234,7 +233,7 @@ def measured_error(model: FlightModel, found: wp.vec4, far: wp.float64, noise: f
 def measure_time_of_flight(
     # Cameras:
     camera: PinholeCamera,
-    camera_to_world: wp.array[wp.transform],
+    axes: wp.array[wp.mat33],
     window: Window,
     # In:
     model: FlightModel,
@@ -261,9 +260,8 @@ def measure_time_of_flight(
         hit = int(-1)
         if given.segmentation:
             hit = given.segmentation[view, y, x]
-        rotation = pose_rotation(camera_to_world[view])
         light = light_of(
-            ray, rotation, given.true_depth[view, y, x], given.normals[view, y, x], hit, given.reflectivity
+            ray, axes[view], given.true_depth[view, y, x], given.normals[view, y, x], hit, given.reflectivity
         )
         found = wp.vec4(float(light[0]), float(light[1]), float(light[1]), float(light[2]))
 

@@ -93,6 +93,7 @@ from reference_stereo import (  # noqa: F401
     place_rows_in_other_eyes,
 )
 from reference_time_of_flight import (  # noqa: F401
+    find_axes,
     find_edges,
     measure_time_of_flight,
     mix_sub_rays,

@@ -31,10 +31,14 @@ def pixel_rays(camera: Camera) -> NDArray[np.float64]:
     return rays_at(camera, np.stack([x, y], axis=-1))
 
 
+def find_axes(poses: NDArray) -> NDArray[np.float64]:
+    """Cameras' axes in the world as columns, (V, 3, 3)."""
+    return poses_to_matrices(poses)[:, :3, :3]
+
+
 def in_camera(poses: NDArray, normals: NDArray) -> NDArray[np.float64]:
     """Turn normals (V, ..., 3) of the world into cameras' frames."""
-    axes = poses_to_matrices(poses)[:, :3, :3]
-    return np.einsum("vij,v...i->v...j", axes, normals.astype(np.float64))
+    return np.einsum("vij,v...i->v...j", find_axes(poses), normals.astype(np.float64))
 
 
 @np.errstate(invalid="ignore", divide="ignore", over="ignore")

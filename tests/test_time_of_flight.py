@@ -457,4 +457,4 @@ def test_nothing_is_fused_for_a_gpu(module, tmp_path):
     text = gpu_code(f"warpvis.kernels.{module}", tmp_path)
     body = text[text.index(".entry") :]
     assert re.search(r"\bmul\.(?:rn\.)?f64", body)
-    assert not re.findall(r"\.approx\.f32|\.ftz\.", body)
+    assert not re.findall(r"\bfma\.|\.approx\.|\.ftz\.", body)

@@ -17,6 +17,7 @@ import warp as wp
 from warpvis.core.arrays import empty
 from warpvis.core.camera import Camera
 from warpvis.core.checks import check_flag, check_number, is_number
+from warpvis.core.kernel_cache import launch
 from warpvis.core.threads import launch_images
 from warpvis.errors import ArrayError, CameraError
 from warpvis.rendering import DepthSensor, Exposure
@@ -166,12 +167,15 @@ class TimeOfFlight(DepthSensor):
 
     def measure(self, exposure: Exposure) -> None:
         """Write the sensor's depth and reasons."""
+        from warpvis.kernels.sub_rays import find_axes
         from warpvis.kernels.time_of_flight import measure_time_of_flight
 
         model, given = self._model(exposure), self._views(exposure)
+        axes = exposure.room("axes", exposure.poses.shape, wp.mat33)
+        launch(find_axes, len(exposure.poses), [exposure.poses, axes], exposure.scene.device)
+        cameras = [exposure.camera.device_struct(), axes]
         if self.mixing:
-            given.slots, given.mixes = self._mix(exposure, model, given)
-        cameras = [exposure.camera.device_struct(), exposure.poses]
+            given.slots, given.mixes = self._mix(exposure, cameras, model, given)
         written = [exposure.depth_out, exposure.reasons_out]
         _launch(exposure, measure_time_of_flight, exposure.depth_out.shape, cameras, [model, given, *written])
 
@@ -205,16 +209,17 @@ class TimeOfFlight(DepthSensor):
             given.reflectivity = wp.array(shares, dtype=wp.float32, device=exposure.scene.device)
         return given
 
-    def _mix(self, exposure: Exposure, model: FlightModel, given: FlightViews) -> tuple[wp.array, wp.array]:
+    def _mix(
+        self, exposure: Exposure, cameras: list[Any], model: FlightModel, given: FlightViews
+    ) -> tuple[wp.array, wp.array]:
         """Return which pixels are at edges, by numbers, and what their sub-rays make together."""
         from warpvis.kernels.sub_rays import place_sub_rays
         from warpvis.kernels.time_of_flight import mix_sub_rays
 
         views, _, width = exposure.true_depth.shape
-        slots = self._find_edges(exposure)
+        slots = self._find_edges(exposure, cameras)
         pixels, part = _pixels_in_parts(slots, exposure.scene.device.is_cpu)
         mixes = empty(pixels.shape, wp.vec4, name="mixes", device=exposure.scene.device)
-        lens = exposure.camera.device_struct()
         ideal = dataclasses.replace(exposure.camera, near=exposure.clip_near, far=math.inf)
         points = exposure.room("sub-rays", (views, _TILE_PIXELS, part), wp.vec2)
         tiles = (views, part // _TILE_PIXELS, _TILE_PIXELS)
@@ -222,16 +227,14 @@ class TimeOfFlight(DepthSensor):
             _launch(exposure, place_sub_rays, tiles, [], [pixels, first, width, points])
             seen = exposure.cast_images_at(ideal, exposure.poses, points, ("depth", *self.needs))
             images = [seen["depth"], seen["normals"], seen.get("segmentation"), given.reflectivity]
-            cameras = [lens, exposure.poses]
             _launch(exposure, mix_sub_rays, tiles, cameras, [model, points, *images, first, mixes])
         return slots, mixes
 
-    def _find_edges(self, exposure: Exposure) -> wp.array:
+    def _find_edges(self, exposure: Exposure, cameras: list[Any]) -> wp.array:
         """Return places of pixels at edges, and -1 for others."""
         from warpvis.kernels.sub_rays import find_edges
 
         slots = exposure.room("edges", exposure.true_depth.shape, wp.int32)
-        cameras = [exposure.camera.device_struct(), exposure.poses]
         images = [exposure.true_depth, exposure.normals]
         _launch(exposure, find_edges, slots.shape, cameras, [*images, self.edge_step, slots])
         return slots
