@@ -45,6 +45,13 @@ REASON_SATURATED = 8
 STREAM_DISPARITY = 1
 STREAM_DROPOUT = 2
 STREAM_RANGE = 3
+STREAM_ACROSS = 10  # which column's surface a pixel shows
+STREAM_DOWN = 11  # and which row's
+STREAM_DEPTH = 12
+STREAM_RECTANGLES = 13
+STREAM_ADDED = 14
+STREAM_MULTIPLIED = 15
+STREAM_LOST = 16
 
 # Counters that the CPU workers of a job share.
 COUNTER_NEXT_UNIT = 0  # of work

@@ -88,6 +88,31 @@ def depth_sensor_cases(path):
                 "native_camera": CAMERA,
             },
         ),
+        "NguyenNoise": (
+            wv.sensors.NguyenNoise,
+            {
+                "least_axial": 0.001,
+                "axial_growth": 0.002,
+                "best_depth": 0.4,
+                "grazing_axial": 0.0001,
+                "grazing_angle": 1.0,
+                "lateral": 0.8,
+                "lateral_growth": 0.04,
+                "most_angle": 1.4,
+            },
+        ),
+        "KhoshelhamNoise": (wv.sensors.KhoshelhamNoise, {"step": 3e-3, "sigma": 0.4, "rounds": True}),
+        "Corruptions": (
+            wv.sensors.Corruptions,
+            {
+                "added": 0.01,
+                "multiplied": 0.01,
+                "dropout": 0.1,
+                "rectangles": (0, 2),
+                "sides": (1, 3),
+                "of": sensor,
+            },
+        ),
         "Renderer, sensor": (
             wv.Renderer,
             {"scene": seen, "camera": CAMERA, "sensor": sensor, "seed": 1, "outputs": ("depth", "reasons")},

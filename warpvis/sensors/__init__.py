@@ -23,6 +23,9 @@ from warpvis.sensors._lens_camera import (
 from warpvis.sensors._rays import Rays
 from warpvis.sensors._rolling_shutter import RollingShutter
 from warpvis.sensors.depth import (
+    Corruptions,
+    KhoshelhamNoise,
+    NguyenNoise,
     Reason,
     StereoDepth,
     StereoFit as StereoFit,
@@ -41,8 +44,11 @@ from warpvis.sensors.depth import (
 )
 
 __all__ = [
+    "Corruptions",
+    "KhoshelhamNoise",
     "LensCamera",
     "Motion",
+    "NguyenNoise",
     "Rays",
     "Reason",
     "Returns",

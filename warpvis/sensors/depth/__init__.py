@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+from warpvis.sensors.depth._corruptions import Corruptions as Corruptions
 from warpvis.sensors.depth._fit import StereoFit as StereoFit, WallReport as WallReport, fit as fit
+from warpvis.sensors.depth._kinect_noise import KhoshelhamNoise as KhoshelhamNoise, NguyenNoise as NguyenNoise
 from warpvis.sensors.depth._profiles import (
     kinect_v1 as kinect_v1,
     oak_d as oak_d,

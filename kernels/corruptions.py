@@ -1,0 +1,112 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Plain corruptions of depth for learning: noise that is added and multiplied, lost pixels, lost rectangles."""
+
+import warp as wp
+
+from warpvis.kernels.constants import (
+    REASON_DROPOUT,
+    STREAM_ADDED,
+    STREAM_LOST,
+    STREAM_MULTIPLIED,
+    STREAM_RECTANGLES,
+)
+from warpvis.kernels.noise import clean_reason, draw_normal, draw_uniform, range_reason, said_depth
+from warpvis.kernels.pinhole import PinholeCamera, Window
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
+
+
+@wp.struct
+class CorruptionModel:
+    """The numbers of `warpvis.sensors.Corruptions`."""
+
+    added: float
+    multiplied: float
+    dropout: float
+    least_count: int  # of rectangles in a view
+    most_count: int
+    least_side: int  # of a rectangle [px]
+    most_side: int
+    seed: wp.uint32
+
+
+@wp.func
+def draw_whole(least: int, most: int, uniform: float) -> int:
+    """A whole number from `least` to `most`."""
+    return least + wp.min(int(wp.floor(uniform * float(most - least + 1))), most - least)
+
+
+@wp.kernel
+def place_rectangles(
+    # Cameras:
+    camera: PinholeCamera,
+    # In:
+    model: CorruptionModel,
+    draws: wp.array[wp.vec2ui],
+    # Out:
+    rectangles_out: wp.array2d[wp.vec4i],
+):
+    """Write left, top, right and bottom of every view's rectangles, without the last column and row; 0 for none."""
+    view, number = wp.tid()
+    draw = draws[view]
+    count = draw_whole(model.least_count, model.most_count, draw_uniform(model.seed, STREAM_RECTANGLES, draw, 0, 0))
+    rectangle = wp.vec4i()
+    if number < count:
+        # One row of numbers each, after that of their count.
+        row = number + 1
+        width = draw_whole(model.least_side, model.most_side, draw_uniform(model.seed, STREAM_RECTANGLES, draw, row, 0))
+        height = draw_whole(
+            model.least_side, model.most_side, draw_uniform(model.seed, STREAM_RECTANGLES, draw, row, 1)
+        )
+        across = draw_uniform(model.seed, STREAM_RECTANGLES, draw, row, 2)
+        down = draw_uniform(model.seed, STREAM_RECTANGLES, draw, row, 3)
+        left = draw_whole(0, int(camera.width) - 1, across) - width // 2
+        top = draw_whole(0, int(camera.height) - 1, down) - height // 2
+        rectangle = wp.vec4i(left, top, left + width, top + height)
+    rectangles_out[view, number] = rectangle
+
+
+@wp.kernel
+def corrupt_depth(
+    # Cameras:
+    camera: PinholeCamera,
+    window: Window,
+    # In:
+    model: CorruptionModel,
+    true_depth: wp.array3d[float],
+    rectangles: wp.array2d[wp.vec4i],
+    draws: wp.array[wp.vec2ui],
+    # Out:
+    depth_out: wp.array3d[float],
+    reasons_out: wp.array3d[wp.uint8],
+):
+    """Write exact depth, or what is in `depth_out` if `true_depth` is None, with what corrupts it; reasons may be None.
+
+    What has no depth stays as it is.
+    """
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+    draw = draws[view]
+    depth = float(depth_out[view, y, x])
+    if true_depth:
+        clean = float(true_depth[view, y, x])
+        depth = said_depth(camera.near, camera.far, clean)
+        if reasons_out:
+            reasons_out[view, y, x] = wp.uint8(clean_reason(clean, depth))
+    if wp.isfinite(depth):
+        lost = draw_uniform(model.seed, STREAM_LOST, draw, y, x) < model.dropout
+        for number in range(model.most_count):
+            box = rectangles[view, number]
+            lost = lost or (x >= box[0] and y >= box[1] and x < box[2] and y < box[3])
+        factor = 1.0 + model.multiplied * draw_normal(model.seed, STREAM_MULTIPLIED, draw, y, x)
+        added = model.added * draw_normal(model.seed, STREAM_ADDED, draw, y, x)
+        depth = said_depth(camera.near, camera.far, depth * factor + added)
+        reason = range_reason(depth)
+        if lost:
+            depth = wp.nan
+            reason = REASON_DROPOUT
+        if reasons_out:
+            reasons_out[view, y, x] = wp.uint8(reason)
+    depth_out[view, y, x] = depth

@@ -1,0 +1,59 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What models of noisy depth share: numbers of a pixel, angles, and depth as a sensor of a range says it."""
+
+import warp as wp
+
+from warpvis.kernels.constants import REASON_EMPTY, REASON_RANGE, REASON_VALID
+from warpvis.kernels.random_numbers import random_word, to_normal, to_uniform
+
+
+@wp.func
+def draw_uniform(seed: wp.uint32, stream: int, draw: wp.vec2ui, y: int, x: int) -> float:
+    """A uniform number of a pixel, in (0, 1)."""
+    return to_uniform(random_word(seed, wp.uint32(stream), draw[0], draw[1], y, x))
+
+
+@wp.func
+def draw_normal(seed: wp.uint32, stream: int, draw: wp.vec2ui, y: int, x: int) -> float:
+    """A standard normal number of a pixel."""
+    return to_normal(random_word(seed, wp.uint32(stream), draw[0], draw[1], y, x))
+
+
+@wp.func
+def angle_of(cosine: float) -> float:
+    """The angle of a cosine from 0 to 1, to 2e-8 before rounding, the same on every device: Abramowitz and Stegun,
+    "Handbook of Mathematical Functions", 4.4.46.
+    """
+    x = wp.clamp(cosine, 0.0, 1.0)
+    total = float(-0.0012624911)
+    total = total * x + 0.0066700901
+    total = total * x - 0.0170881256
+    total = total * x + 0.0308918810
+    total = total * x - 0.0501743046
+    total = total * x + 0.0889789874
+    total = total * x - 0.2145988016
+    total = total * x + 1.5707963050
+    return wp.sqrt(1.0 - x) * total
+
+
+@wp.func
+def said_depth(near: float, far: float, depth: float) -> float:
+    """What was measured, as REP 117 has it: -inf nearer than near, also where noise made it 0; +inf beyond far."""
+    if depth > far:
+        return wp.inf
+    if depth < near or not depth > 0.0:
+        return -wp.inf
+    return depth
+
+
+@wp.func
+def range_reason(said: float) -> int:
+    """Whether that is a depth."""
+    return wp.where(wp.isfinite(said), REASON_VALID, REASON_RANGE)
+
+
+@wp.func
+def clean_reason(true_depth: float, said: float) -> int:
+    """The same of what has no noise."""
+    return wp.where(wp.isfinite(true_depth), range_reason(said), REASON_EMPTY)
