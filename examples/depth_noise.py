@@ -22,7 +22,7 @@ kinect = wv.sensors.NguyenNoise()
 models = [
     kinect,
     wv.sensors.KhoshelhamNoise(),
-    wv.sensors.Corruptions(multiplied=0.003, dropout=0.03, rectangles=(4, 8), sides=(10, 50), of=kinect),
+    wv.sensors.Corruptions(multiplied=0.003, dropout=0.03, rectangles=(4, 8), sides=(6, 30), of=kinect),
 ]
 errors = {}
 for model in models:
@@ -35,12 +35,12 @@ for model in models:
     print(f"{name:16} {middle:.1f} mm of error in the middle, {lost:.1%} lost")
 
 if len(sys.argv) > 1:
-    figure, axes = plt.subplots(1, 1 + len(errors), figsize=(2.6 * (1 + len(errors)), 2.15), layout="constrained")
+    figure, axes = plt.subplots(1, 1 + len(errors), figsize=(2.6 * (1 + len(errors)), 2.3), layout="constrained")
     axes[0].imshow(exact, cmap="viridis_r")
     axes[0].set_title("exact depth", fontsize=9)
     for place, (name, error) in zip(axes[1:], errors.items(), strict=True):
         place.set_facecolor("black")
-        place.imshow(error, cmap="RdBu_r", vmin=-30, vmax=30, interpolation="nearest")
+        place.imshow(error, cmap=plt.get_cmap("RdBu_r", 13), vmin=-30, vmax=30, interpolation="nearest")
         place.set_title(name, fontsize=9)
     for place in axes:
         place.set(xticks=[], yticks=[])

@@ -4,11 +4,13 @@
 
 import dataclasses
 import math
+import re
 
 import numpy as np
 import pytest
 import reference_kinect_noise as twins
 import trimesh
+from gpu_code import gpu_code
 from scipy import stats
 
 import warpvis as wv
@@ -208,3 +210,11 @@ def test_khoshelham_without_steps(device):
 def test_what_is_refused(model, arguments, message):
     with pytest.raises(wv.errors.ArrayError, match=message):
         dataclasses.replace(model(), **arguments)
+
+
+@pytest.mark.parametrize("name", ["kinect_noise", "corruptions"])
+def test_nothing_is_fused_for_a_gpu(tmp_path, name):
+    """What NVRTC makes of it: no instruction that multiplies and adds single precision in one, none approximate."""
+    body = gpu_code(f"warpvis.kernels.{name}", tmp_path)
+    assert len(re.findall(r"\bmul\.(?:rn\.)?f32", body)) > 10
+    assert not re.findall(r"\bfma\.\w+\.f32|\.approx\.|\.ftz\.", body)
