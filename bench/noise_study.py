@@ -95,7 +95,8 @@ def ask(scene: wv.Scene, rows: NDArray[np.float32], level: float | None, floor: 
     for first, part in _chunks(rows):
         count = len(part)
         numbers = np.arange(first, first + count)
-        views = renderer.render(poses[:count], object_poses=part, frame=0, view_index=numbers)
+        drawn = {} if level is None else {"frame": 0, "view_index": numbers}
+        views = renderer.render(poses[:count], object_poses=part, **drawn)
         alone = wv.object_visibility(scene, camera, poses[:count], object_poses=part, objects=("ball",))
         fraction.append(alone.fraction.numpy()[:, 0])
         distance.append(np.linalg.norm(part[:, 0, :3] - pose[0, :3], axis=-1))

@@ -2,9 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The paper's four experiments show what they have to show."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import trimesh
+import warp as wp
 
 import warpvis as wv
 from warpvis import scenes
@@ -37,6 +40,27 @@ def test_the_table(result):
     for sighting in result.sightings:
         assert (sighting.visible, sighting.visible_on_plan) == TABLE[sighting.experiment][sighting.object]
         assert (sighting.pixels_by_sphere > 0) == sighting.visible
+
+
+@pytest.mark.parametrize("level", [1.0, 4.0])
+def test_a_kinect_with_noise_gives_the_same_answers(result, level):
+    """By the depth image alone: pixels within the spheres that are not ground."""
+    kinect = wv.sensors.kinect_v1(320, 240)
+    sensor = dataclasses.replace(kinect, focal_length=580.0, sigma=level * kinect.sigma, subpixel=round(8 / level))
+    experiment, poses = result.experiment, result.experiment.poses()
+    outputs = ("depth", "true_depth", "reasons")
+    renderer = wv.Renderer(result.scene, experiment.camera, sensor=sensor, outputs=outputs)
+    for frame in range(5):
+        views = renderer.render(poses, frame=frame)
+        sphere = wp.empty(views.depth.shape, dtype=wp.int32, device="cpu")
+        wv.classify(views.depth, experiment.camera, poses, spheres=experiment.spheres, spheres_out=sphere)
+        found = np.unique(sphere.numpy())
+        labels = {experiment.spheres[index].label for index in found if index >= 0}
+        assert (wv.Label.OBJECT in labels, wv.Label.HUMAN in labels) == experiment.visible
+        depth, true_depth = views.depth.numpy(), views.true_depth.numpy()
+        seen = np.isfinite(depth)
+        assert np.std(depth[seen] - true_depth[seen]) > 2e-3 * level
+        assert (views.reasons.numpy() == wv.sensors.Reason.SHADOW).sum() > 100
 
 
 def test_the_presets_state_the_table():
