@@ -39,7 +39,7 @@ def sensor_of(level: float | None) -> wv.sensors.StereoDepth | None:
     """Return a Kinect whose noise and steps are so many times as large; without noise it still loses pixels."""
     if level is None:
         return None
-    kinect = dataclasses.replace(wv.sensors.kinect_v1(320, 240), focal_length=580.0)
+    kinect = wv.sensors.kinect_v1(320, 240)
     steps = 8 / level if level else 0
     return dataclasses.replace(kinect, sigma=kinect.sigma * level, subpixel=max(1, round(steps)) if level else 0)
 

@@ -46,7 +46,7 @@ def test_the_table(result):
 def test_a_kinect_with_noise_gives_the_same_answers(result, level):
     """By the depth image alone: pixels within the spheres that are not ground."""
     kinect = wv.sensors.kinect_v1(320, 240)
-    sensor = dataclasses.replace(kinect, focal_length=580.0, sigma=level * kinect.sigma, subpixel=round(8 / level))
+    sensor = dataclasses.replace(kinect, sigma=level * kinect.sigma, subpixel=round(8 / level))
     experiment, poses = result.experiment, result.experiment.poses()
     outputs = ("depth", "true_depth", "reasons")
     renderer = wv.Renderer(result.scene, experiment.camera, sensor=sensor, outputs=outputs)

@@ -322,3 +322,10 @@ def test_nothing_is_fused_for_a_gpu(tmp_path):
     text = gpu_code("warpvis.kernels.stereo", tmp_path)
     assert len(re.findall(r"\bmul\.(?:rn\.)?f32", text)) > 10
     assert not re.findall(r"\bfma\.\w+\.f32|\.approx\.|\.ftz\.", text)
+
+
+def test_a_baseline_in_millimetres_is_said():
+    with pytest.warns(
+        UserWarning, match=r"a baseline of 55 m is that of no depth camera: is it in millimetres, 0.055 m"
+    ):
+        StereoDepth(55)

@@ -92,13 +92,15 @@ def kinect_v1(width: int = 640, height: int = 480) -> StereoDepth:
     Disparities are rounded to 1/8 px, of which half a step is the whole of the noise, as Khoshelham and Elberink
     ("Accuracy and Resolution of Kinect Depth Data", Sensors 12(2), 2012) found: 0.05 px of it are random. What is at
     edges is lost by the windows of 9 pixels that Handa's simulation ("A Benchmark for RGB-D Visual Odometry", ICRA
-    2014) looks at. The projector lights more than the image, so that there is no band.
+    2014) looks at. The projector lights more than the image, so that there is no band. The device measures at 640x480,
+    and images of other sizes are taken to be that one's with fewer pixels: windows shrink with them, disparities do
+    not.
 
     Args:
         width: Image width [px].
         height: Image height [px].
     """
-    return _structured_light(_camera(width, height, _scaled(580.0, 640, width), 0.5, 5.0), 0.075)
+    return _structured_light(_camera(width, height, _scaled(580.0, 640, width), 0.5, 5.0), 0.075, 580.0)
 
 
 def structure(width: int = 640, height: int = 480) -> StereoDepth:
@@ -111,7 +113,7 @@ def structure(width: int = 640, height: int = 480) -> StereoDepth:
         width: Image width [px].
         height: Image height [px].
     """
-    return _structured_light(_camera(width, height, _focal(width, 58.0), 0.4, 3.5), 0.065)
+    return _structured_light(_camera(width, height, _focal(width, 58.0), 0.4, 3.5), 0.065, _focal(640, 58.0))
 
 
 def _realsense(width: int, height: int, *, hfov: float, baseline: float) -> StereoDepth:
@@ -130,14 +132,17 @@ def _realsense(width: int, height: int, *, hfov: float, baseline: float) -> Ster
     )
 
 
-def _structured_light(camera: Camera, baseline: float) -> StereoDepth:
+def _structured_light(camera: Camera, baseline: float, focal_length: float) -> StereoDepth:
+    """Make a device that measures at 640x480; images of other sizes are that one's with fewer or more pixels."""
+    share = camera.width / 640
     return StereoDepth(
         baseline,
+        focal_length=focal_length,
         sigma=0.05,
-        noise_spacing=3,
+        noise_spacing=max(1, round(3 * share)),
         subpixel=8,
         band=False,
-        edge_window=9,
+        edge_window=2 * round(4 * share) + 1,
         least_support=1 / 1.2,
         least_signal=_LEAST_SIGNAL,
         full_signal=_FULL_SIGNAL,

@@ -16,6 +16,7 @@ from warpvis.core.camera import Camera
 from warpvis.core.checks import check_choice, check_flag, check_number, check_whole, is_number
 from warpvis.core.kernel_cache import launch
 from warpvis.core.threads import launch_images
+from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError, CameraError
 from warpvis.kernels.constants import STREAM_DISPARITY
 from warpvis.rendering import DepthSensor, Exposure
@@ -34,6 +35,8 @@ Where a point is in that eye's image is rounded to 2^-14 px in images of 512 to 
 itself: the tolerance is more than either makes of surfaces whose disparity there changes by up to 100 px from one pixel
 to the next. A shadow is as wide as disparities differ, so that none is missed that has a tenth of a pixel's width.
 """
+# Longer than any device's [m], and shorter than one's in millimetres.
+_LONG_BASELINE = 5.0
 _MOST_SPACING, _MOST_WINDOW, _MOST_BESIDE = 64, 63, 8192
 
 
@@ -93,6 +96,12 @@ class StereoDepth(DepthSensor):
     def __post_init__(self) -> None:
         if check_number(self.baseline, "baseline", least=0.0) == 0.0:
             raise ArrayError("baseline must be above 0 m, the distance between a sensor's two eyes")
+        if self.baseline >= _LONG_BASELINE:
+            warn_user(
+                f"a baseline of {self.baseline:g} m is that of no depth camera: is it in millimetres, "
+                f"{self.baseline / 1000:g} m?",
+                UserWarning,
+            )
         check_choice(self.other_eye, "other_eye", ("right", "left"))
         if self.focal_length is not None and check_number(self.focal_length, "focal_length", least=0.0) == 0.0:
             raise ArrayError("focal_length must be above 0 px")
