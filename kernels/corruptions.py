@@ -96,13 +96,18 @@ def corrupt_depth(
         if reasons_out:
             reasons_out[view, y, x] = wp.uint8(clean_reason(clean, depth))
     if wp.isfinite(depth):
-        lost = draw_uniform(model.seed, STREAM_LOST, draw, y, x) < model.dropout
+        # A number that would change nothing is not drawn: most of the work is to draw them.
+        lost = bool(False)
+        if model.dropout > 0.0:
+            lost = draw_uniform(model.seed, STREAM_LOST, draw, y, x) < model.dropout
         for number in range(model.most_count):
             box = rectangles[view, number]
             lost = lost or (x >= box[0] and y >= box[1] and x < box[2] and y < box[3])
-        factor = 1.0 + model.multiplied * draw_normal(model.seed, STREAM_MULTIPLIED, draw, y, x)
-        added = model.added * draw_normal(model.seed, STREAM_ADDED, draw, y, x)
-        depth = said_depth(camera.near, camera.far, depth * factor + added)
+        if model.multiplied > 0.0:
+            depth *= 1.0 + model.multiplied * draw_normal(model.seed, STREAM_MULTIPLIED, draw, y, x)
+        if model.added > 0.0:
+            depth += model.added * draw_normal(model.seed, STREAM_ADDED, draw, y, x)
+        depth = said_depth(camera.near, camera.far, depth)
         reason = range_reason(depth)
         if lost:
             depth = wp.nan
