@@ -7,6 +7,8 @@ import warp as wp
 from warpvis.kernels.constants import REASON_EMPTY, REASON_RANGE, REASON_VALID
 from warpvis.kernels.random_numbers import random_word, to_normal, to_uniform
 
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
+
 
 @wp.func
 def draw_uniform(seed: wp.uint32, stream: int, draw: wp.vec2ui, y: int, x: int) -> float:

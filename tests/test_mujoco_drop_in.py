@@ -208,12 +208,27 @@ def geoms_of(scene):
     return ours.geom_poses(data, scene)
 
 
+RANGED = """
+<mujoco>
+  <worldbody>
+    <geom type="plane" size="2 2 .1"/>
+    <body pos="0 0 1"><joint type="slide" axis="0 0 1"/><geom size=".1"/><site name="down" zaxis="0 .2 -1"/></body>
+  </worldbody>
+  <sensor><rangefinder site="down"/></sensor>
+</mujoco>
+"""
+
+
 # An object of every public class, and what it does, as arrays that a copy has to give as well.
 OBJECTS = {
     "BatchRenderer": (BATCH, lambda batch: batch.render(QPOS).depth.numpy()),
     "BatchViews": (VIEWS, lambda views: views.by_world().points.numpy()),
     "Kinematics": (BATCH.kinematics, lambda kinematics: kinematics.from_qpos(QPOS).geom_xpos),
     "MujocoScene": (ours.scene_from_mujoco(task()[0]), geoms_of),
+    "Rangefinders": (
+        ours.Rangefinders(mujoco.MjModel.from_xml_string(RANGED)),
+        lambda sensors: sensors.read(np.array([[0.0], [0.5]])).numpy(),
+    ),
     "Renderer": (used_renderer(), lambda renderer: renderer.render()),
     "WorldPoses": (BATCH.kinematics.from_qpos(QPOS), lambda poses: BATCH.render(poses).depth.numpy()),
 }
