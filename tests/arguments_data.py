@@ -120,6 +120,8 @@ def data_cases(folder):
                 "cull_backfaces": True,
                 "near_plane": "clip",
                 "fill": "far",
+                "sensor": wv.sensors.StereoDepth(0.05, sigma=0.1),
+                "seed": 1,
                 "threads": 1,
                 **model,
             },
@@ -127,6 +129,10 @@ def data_cases(folder):
         "BatchRenderer.render": (
             wv.mujoco.BatchRenderer(MODEL, 1, height=6, width=8).render,
             {"poses": data, "cameras": ["eye"], "worlds": None, "model": {"cam_fovy": [[50]]}, "out": None},
+        ),
+        "BatchRenderer.render, sensor": (
+            wv.mujoco.BatchRenderer(MODEL, 1, height=6, width=8, sensor=wv.sensors.StereoDepth(0.05, sigma=0.1)).render,
+            {"poses": data, "cameras": ["eye"], "frame": 2},
         ),
         "BatchRenderer.body_ids": (
             wv.mujoco.BatchRenderer(MODEL, 1, height=6, width=8, outputs=["segmentation"]).body_ids,

@@ -50,7 +50,7 @@ from warpvis.mujoco._resizable import Resizable, ResizableGeoms, resizable_geoms
 from warpvis.mujoco._scene import Movable, class_of_geoms, make_scene, select_geoms, warn_of_soft
 from warpvis.mujoco._shapes import shape_bodies
 from warpvis.mujoco._world_models import WorldModels
-from warpvis.rendering import AnyCamera, Fill, NearPlane, Output, Views, check_outputs, views_for
+from warpvis.rendering import AnyCamera, DepthSensor, Fill, NearPlane, Output, Views, check_asked, views_for
 from warpvis.scene import Scene
 
 # Cameras, worlds, how many objects move, and the stream that work is queued on.
@@ -110,6 +110,8 @@ class BatchRenderer:
         cull_backfaces: bool = True,
         near_plane: NearPlane = "clip",
         fill: Fill = "inf",
+        sensor: DepthSensor | None = None,
+        seed: int = 0,
         device: DeviceLike = "cpu",
         threads: int | None = None,
     ) -> None:
@@ -137,6 +139,9 @@ class BatchRenderer:
             cull_backfaces: See through surfaces from behind, as MuJoCo does.
             near_plane: As for `warpvis.Renderer`; MuJoCo clips.
             fill: Depth of empty pixels, as for `warpvis.Renderer`.
+            sensor: A model of a depth camera, as for `warpvis.Renderer`, through which all cameras look. Their near
+                planes are the model's, `vis.map.znear`, and not the device's least depth.
+            seed: What its random numbers follow from, together with world, camera and frame.
             device: Where to render; poses that are on a GPU must be on this one.
             threads: CPU threads to use; all cores of this process by default.
 
@@ -162,8 +167,11 @@ class BatchRenderer:
             raise SceneError(f"the model has no geoms to render in groups {groups}; see geom_groups=")
         self.nworld, self.height, self.width = nworld, height, width
         self.kinematics = Kinematics(model, threads=threads)
-        self._outputs = check_outputs(outputs)
+        self._outputs, self._sensor = check_asked(outputs, sensor), sensor
+        self.frame = 0
+        """The frame that a sensor's random numbers are of in the next call of `render` that says none."""
         self._render_options: dict[str, Any] = {"outputs": self._outputs, "cull_backfaces": cull_backfaces}
+        self._render_options |= {"sensor": sensor, "seed": seed}
         check_choice(near_plane, "near_plane", get_args(NearPlane))
         self._render_options |= {"near_plane": near_plane, "fill": fill, "threads": threads}
         self._fixed = [FixedGeoms(model, self.mujoco_scene, sites=sites) for sites in (False, True)]
@@ -185,6 +193,7 @@ class BatchRenderer:
         cameras: CameraChoice | Sequence[CameraChoice] | None = None,
         worlds: ArrayLike | None = None,
         model: object | None = None,
+        frame: int | None = None,
         out: Views | None = None,
     ) -> BatchViews:
         """Render some cameras in some worlds.
@@ -212,6 +221,9 @@ class BatchRenderer:
                 joint positions are given; other poses have them in. `geom_size` is that of geoms that are `resizable`:
                 of the host's arrays it is checked that the others have the model's. Meshes and height fields cannot
                 differ.
+            frame: The frame that a sensor's random numbers are of, from 0 up. By default `BatchRenderer.frame`, which
+                is 0 to begin with and goes up by 1 with each such call. What a camera sees in a world does not depend
+                on which other worlds are rendered.
             out: Images of an earlier call to write into, of the same number of views.
 
         Returns:
@@ -235,10 +247,23 @@ class BatchRenderer:
         groups = views_by_intrinsics(self.model, chosen, fovy, rows)
         shape = (len(chosen) * count, self.height, self.width)
         views = batch_views(views_for(self._outputs, shape, device, out), len(chosen), count)
+        drawn = self._number(rows, len(chosen), frame)
         for camera, members in groups.items():
-            self._cast(camera, place, members, views)
+            self._cast(camera, place, members, drawn, views)
         self._give_back(key, place)
         return views
+
+    def _number(
+        self, worlds: NDArray[np.int32], cameras: int, frame: int | None
+    ) -> tuple[int, NDArray[np.int64]] | None:
+        """Return what a sensor's random numbers follow from, the frame and every view's number; None without one."""
+        if self._sensor is None:
+            if frame is not None:
+                raise ArrayError("frame is of a sensor's random numbers: give BatchRenderer a sensor")
+            return None
+        if frame is None:
+            frame, self.frame = self.frame, self.frame + 1
+        return frame, (worlds.astype(np.int64) * cameras + np.arange(cameras)[:, None]).ravel()
 
     def _place(
         self,
@@ -336,7 +361,14 @@ class BatchRenderer:
         """Return intrinsics of a camera in this renderer's image size."""
         return camera_from_mujoco(self.model, camera, self.width, self.height)
 
-    def _cast(self, camera: AnyCamera, place: _Workplace, views: NDArray[np.int64], out: Views) -> None:
+    def _cast(
+        self,
+        camera: AnyCamera,
+        place: _Workplace,
+        views: NDArray[np.int64],
+        drawn: tuple[int, NDArray[np.int64]] | None,
+        out: Views,
+    ) -> None:
         """Render views through cameras of the same intrinsics."""
         if camera not in self._renderers:
             while len(self._renderers) >= _MOST_RENDERERS:
@@ -351,9 +383,9 @@ class BatchRenderer:
         def some(array: wp.array) -> wp.array:
             return array[rows].contiguous() if scattered else array[rows]
 
-        options: dict[str, Any] = {}
+        options: dict[str, Any] = {} if drawn is None else {"frame": drawn[0], "view_index": drawn[1][views]}
         if place.objects.size:
-            options = {"object_poses": place.objects, "world_index": some(place.world_of_view)}
+            options |= {"object_poses": place.objects, "world_index": some(place.world_of_view)}
             options["object_sizes"] = place.sizes
         if place.hidden is not None:
             options["exclude"] = some(place.hidden)

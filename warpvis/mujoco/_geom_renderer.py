@@ -160,6 +160,8 @@ class GeomRenderer(Renderer):
         object_sizes: wp.array | None = None,
         world_index: wp.array | None = None,
         exclude: wp.array | None = None,
+        frame: int | None = None,
+        view_index: np.ndarray | None = None,
         out: Views | None = None,
     ) -> Views:
         """Do as `render`, with sizes as `warpvis.kernels.worlds.Worlds` has them."""
@@ -167,7 +169,7 @@ class GeomRenderer(Renderer):
         worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude)
         if object_sizes is not None:
             worlds.object_sizes = object_sizes
-        return self._render(poses, worlds, self._number(len(poses), None, None), out)
+        return self._render(poses, worlds, self._number(len(poses), frame, view_index), out)
 
     def __init__(self, scene: Scene, camera: AnyCamera, coinciding: CoincidingGeoms, **options: Any) -> None:
         """Prepare to render.
@@ -180,7 +182,8 @@ class GeomRenderer(Renderer):
         """
         super().__init__(scene, camera, **options)
         cull_backfaces = bool(options.get("cull_backfaces", False))
-        self._caster = _LaterWins(self._caster, scene, camera, coinciding, cull_backfaces, self.threads)
+        cast = camera if self._sensing is None else self._sensing.clean_camera
+        self._caster = _LaterWins(self._caster, scene, cast, coinciding, cull_backfaces, self.threads)
 
 
 class _LaterWins:

@@ -9,7 +9,7 @@ an `OrthographicCamera` images without perspective.
 from __future__ import annotations
 
 from warpvis.rendering._along import render_along as render_along
-from warpvis.rendering._choices import Caster, Fill, NearPlane, Output
+from warpvis.rendering._choices import Caster, Fill, NearPlane, Output, check_asked as check_asked
 from warpvis.rendering._depth_sensor import DepthSensor, Exposure
 from warpvis.rendering._moving import parse_sensor as parse_sensor
 from warpvis.rendering._orthographic import AnyCamera, OrthographicCamera
