@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Images by maps of places, beside lists of the same places and the pixels themselves; and what a second eye sees.
+"""Images by maps of places, beside lists of the same places and the pixels themselves.
 
 ``python bench/bench_remap.py`` lets them take turns on the CPU and says how many times as long as an image they take.
 The map is of what a second eye, 75 mm to the right, has at the pixels of the first.
@@ -19,8 +19,6 @@ import warp as wp
 
 import warpvis as wv
 from warpvis.core.poses import poses_to_matrices
-from warpvis.rendering._second_eye import find_hidden
-from warpvis.scene.worlds import parse_worlds
 
 VIEWS = 64
 BASELINE = 0.075
@@ -48,21 +46,16 @@ def calls(name: str, **options: Any) -> dict[str, Callable[[], Any]]:
     shapes = {"map": places.shape[:3], "list": (VIEWS, depth[0].size)}
     given = {way: wp.array(places.reshape(*shape, 2), dtype=wp.vec2, device="cpu") for way, shape in shapes.items()}
     out = {way: renderer.render_at(aside, pixels) for way, pixels in given.items()}
-    hidden = wp.empty(depth.shape, dtype=wp.uint8, device="cpu")
-    there, worlds = renderer._caster.parse_poses(aside, "opencv"), parse_worlds(scene, VIEWS, None, None, None, None)
-    second = (renderer._caster, there, worlds, image.depth, CAMERA.fx * BASELINE, hidden)
     return {
         "image": lambda: renderer.render(poses, out=image),
         "map": lambda: renderer.render_at(aside, given["map"], out=out["map"]),
         "list": lambda: renderer.render_at(aside, given["list"], out=out["list"]),
-        "second eye": lambda: find_hidden(*second, threads=renderer.threads),
     }
 
 
 @pytest.mark.benchmark(group="remap")
-@pytest.mark.parametrize("way", ["map", "second eye"])
-def test_remap(benchmark, way, threads):
-    benchmark.pedantic(calls("blobs_77k", threads=threads)[way], rounds=7, iterations=3, warmup_rounds=1)
+def test_remap(benchmark, threads):
+    benchmark.pedantic(calls("blobs_77k", threads=threads)["map"], rounds=7, iterations=3, warmup_rounds=1)
     benchmark.extra_info["views"] = VIEWS
 
 

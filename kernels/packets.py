@@ -135,13 +135,14 @@ const Scene drawn = {
 """
 """The structs of ``kernels/native/cpu`` of a `BvhScene` named ``scene`` and `Worlds` named ``worlds``."""
 
-_CALL = """
+CALL = """
 const auto& scene = calls.data->scene;
 const auto& job = calls.data->job;
 const auto& poses = calls.data->poses;
 const auto& worlds = calls.data->worlds;
 const auto& images = images_out.data[0];
 """
+"""What a call's struct, the first of ``calls``, and its images are called."""
 
 _CAST = """
 const Job shape = {job.views, job.height, job.width, job.strips, job.strip_rows.data, job.most_rows,
@@ -161,7 +162,7 @@ Packets::run(drawn, shape, out, memory, job.counter.data);
 """
 
 
-@wp.func_native(read_native(*HEADERS) + _CALL + SCENE + NATIVE_IMAGES + _CAST)
+@wp.func_native(read_native(*HEADERS) + CALL + SCENE + NATIVE_IMAGES + _CAST)
 def cast_units(
     calls: wp.array[PacketCall],
     images_out: wp.array[Images],

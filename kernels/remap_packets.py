@@ -6,7 +6,7 @@ import warp as wp
 
 from warpvis.kernels.images import NATIVE_IMAGES, Images
 from warpvis.kernels.native_source import read_native
-from warpvis.kernels.packets import SCENE, BvhScene
+from warpvis.kernels.packets import CALL, SCENE, BvhScene
 from warpvis.kernels.pinhole import PinholeCamera
 from warpvis.kernels.table_packets import TABLE_HEADERS
 from warpvis.kernels.worlds import Worlds
@@ -19,7 +19,6 @@ class RemapJob:
     """Images to make, in units of trees over parts of maps. Counters, from 0, are a `JobCounter` of ``native/shared``.
 
     A map says for each pixel of images, (rows, columns), which place of the camera's image it shows, x y x y ... [px].
-    Without one, ``SecondEye`` of ``remap_tree.h`` looks at the points of a depth image, and images are not written.
     """
 
     views: int
@@ -29,10 +28,6 @@ class RemapJob:
     tree_focal: wp.float64
     cull_backfaces: int
     at: wp.array[float]
-    depth: wp.array[float]
-    shift: float  # [px m]
-    slack: float
-    hidden: wp.array[wp.uint8]
     counter: wp.array[wp.int32]
     scratch: wp.array2d[wp.uint8]  # of each worker; None to measure how many bytes each needs
     scratch_bytes: wp.array[wp.int64]
@@ -48,20 +43,12 @@ class RemapCall:
     worlds: Worlds
 
 
-_CALL = """
-const auto& scene = calls.data->scene;
-const auto& job = calls.data->job;
-const auto& poses = calls.data->poses;
-const auto& worlds = calls.data->worlds;
-const auto& images = images_out.data[0];
-"""
-
 _CAST = """
 const auto& camera = job.camera;
 const RemapJob shape = {job.views, job.rows, job.columns, (int)camera.width, (int)camera.height,
                         {camera.fx, camera.fy}, {camera.cx, camera.cy}, job.tree_focal, camera.near, camera.far,
                         camera.most_inv_z, camera.clip_reach, job.cull_backfaces != 0, (const float*)poses.data,
-                        job.at.data, {job.depth.data, job.shift, job.slack, job.hidden.data}};
+                        job.at.data};
 if (!job.scratch.data) {
     Arena measured = Arena::at(nullptr);
     RemapMemory::carve(measured, shape, scene.drawn_count, scene.levels);
@@ -77,7 +64,7 @@ RemapPackets::run(drawn, shape, out, memory, job.counter.data);
 REMAP_HEADERS = (*TABLE_HEADERS, "cpu/table.h", "cpu/remap_map.h", "cpu/remap_tree.h", "cpu/remap.h")
 
 
-@wp.func_native(read_native(*REMAP_HEADERS) + _CALL + SCENE + NATIVE_IMAGES + _CAST)
+@wp.func_native(read_native(*REMAP_HEADERS) + CALL + SCENE + NATIVE_IMAGES + _CAST)
 def cast_trees(
     calls: wp.array[RemapCall],
     images_out: wp.array[Images],

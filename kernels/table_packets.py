@@ -6,7 +6,7 @@ import warp as wp
 
 from warpvis.kernels.images import NATIVE_IMAGES, Images
 from warpvis.kernels.native_source import read_native
-from warpvis.kernels.packets import HEADERS, SCENE, BvhScene
+from warpvis.kernels.packets import CALL, HEADERS, SCENE, BvhScene
 from warpvis.kernels.worlds import Worlds
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
@@ -68,16 +68,8 @@ class TableCall:
     worlds: Worlds
 
 
-_CALL = """
-const auto& scene = calls.data->scene;
-const auto& job = calls.data->job;
-const auto& rays = calls.data->rays;
-const auto& poses = calls.data->poses;
-const auto& worlds = calls.data->worlds;
-const auto& images = images_out.data[0];
-"""
-
 _CAST = """
+const auto& rays = calls.data->rays;
 const RayTree tree = {rays.group_bounds.data, rays.tile_bounds.data, rays.packet_bounds.data, rays.u.data, rays.v.data,
                       rays.rest_u.data, rays.rest_v.data, rays.row_u.data, rays.row_v.data, rays.scale.data,
                       rays.place.data, rays.run.data, rays.corner.data, (const RayFit*)rays.fit.data, job.most_inv_z};
@@ -100,7 +92,7 @@ TablePackets::run(drawn, shape, out, memory, job.counter.data);
 TABLE_HEADERS = tuple("cpu/table_rays.h" if name == "cpu/plain_rays.h" else name for name in HEADERS)
 
 
-@wp.func_native(read_native(*TABLE_HEADERS, "cpu/table.h") + _CALL + SCENE + NATIVE_IMAGES + _CAST)
+@wp.func_native(read_native(*TABLE_HEADERS, "cpu/table.h") + CALL + SCENE + NATIVE_IMAGES + _CAST)
 def cast_bundles(
     calls: wp.array[TableCall],
     images_out: wp.array[Images],

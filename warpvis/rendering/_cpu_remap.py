@@ -15,7 +15,6 @@ from warpvis.core.camera import Camera
 from warpvis.kernels.constants import BLOCK_SIDE, TILE_SIDE
 from warpvis.rendering._cpu_packets import MOST_KINDS, CpuPacketsCaster, RayCosts, Workspace
 from warpvis.rendering._prepared import Idle
-from warpvis.rendering._views import OUTPUTS
 from warpvis.scene import Scene
 
 if TYPE_CHECKING:
@@ -41,51 +40,23 @@ class CpuRemapCaster(CpuPacketsCaster):
     def cast_at(self, poses: np.ndarray, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
         """Cast through image points, shape ``(V, Y, X)`` vec2, as are the images'; lists of them have one row."""
         if pixels.shape[1] > 1 and are_neighbours(pixels):
-            self._run_map(poses, worlds, pixels.shape, {"at": pixels}, images)
+            self._cast_map(poses, worlds, pixels, images)
         else:
             super().cast_at(poses, worlds, pixels, images)
 
-    def find_hidden(
-        self, poses: np.ndarray, worlds: Worlds, depth: wp.array, shift: float, slack: float, hidden: wp.array
-    ) -> None:
-        """Write whether anything hides the points of a depth image from a second eye.
-
-        Args:
-            poses: Of the second eye, whose camera is that of the first.
-            worlds: Of its views.
-            depth: Depth in the first eye's pixels, and in the second's, ``(V, H, W)`` float32; not finite for no point.
-            shift: Focal length times how far the second eye is to the right [px m].
-            slack: What is nearer by no more than this part of a point's depth does not hide it.
-            hidden: Where to write 1 for points that are hidden, and 0 for others, ``(V, H, W)`` uint8.
-        """
-        if depth.size:
-            eye = {"depth": depth, "hidden": hidden, "shift": shift, "slack": slack}
-            self._run_map(poses, worlds, depth.shape, eye, [None] * len(OUTPUTS))
-
-    def _run_map(
-        self,
-        poses: np.ndarray,
-        worlds: Worlds,
-        shape: tuple[int, int, int],
-        given: dict[str, wp.array | float],
-        images: list[wp.array | None],
-    ) -> None:
-        """Fill in the fields of a job that are given, and do it."""
-        views, rows, columns = shape
+    def _cast_map(self, poses: np.ndarray, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
+        views, rows, columns = pixels.shape
         rays = views * rows * columns
         scene = self._scene.bvh().struct
         workers = min(self._map_costs.threads_for(rays), views * -(-rows // TILE_SIDE))
-        kind = (scene.levels, scene.drawn_count, shape, workers)
-        space = self._idle_maps.take(kind) or self._make_map_space(scene, shape, workers)
+        kind = (scene.levels, scene.drawn_count, pixels.shape, workers)
+        space = self._idle_maps.take(kind) or self._make_map_space(scene, pixels.shape, workers)
         space.fill(scene, poses, worlds, images)
-        for name, value in given.items():
-            setattr(space.job, name, as_numbers(value) if isinstance(value, wp.array) else value)
+        space.job.at = pixels.flatten().view(wp.float32).flatten()
         start = time.perf_counter_ns()
         space.run()
         self._map_costs.note(rays, workers, time.perf_counter_ns() - start)
-        for name, value in given.items():
-            if isinstance(value, wp.array):
-                setattr(space.job, name, None)
+        space.job.at = None
         self._idle_maps.give_back(kind, space)
 
     def _make_map_space(self, scene: BvhScene, shape: tuple[int, int, int], workers: int) -> Workspace:
@@ -100,12 +71,6 @@ class CpuRemapCaster(CpuPacketsCaster):
         job.cull_backfaces = int(self._cull_backfaces)
         job.scratch_bytes = wp.zeros(1, dtype=wp.int64, device="cpu")
         return Workspace(scene, cast_remapped_packets, (RemapCall(), RemapCall), job, workers)
-
-
-def as_numbers(array: wp.array) -> wp.array:
-    """View an array, of vectors too, as a row of numbers."""
-    row = array.flatten()
-    return row.view(wp.float32).flatten() if row.dtype is wp.vec2 else row
 
 
 def are_neighbours(pixels: wp.array) -> bool:

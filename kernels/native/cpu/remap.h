@@ -73,10 +73,6 @@ struct RemapPackets {
         for (int index = 0; index < remap.across() * remap.down() * LANES; ++index) {
             const MapTile tile = MapTile::of(remap, part, writer.writer.view, index);
             if (!tile.there) continue;
-            if (!remap.at) {
-                RemapTree::write_hidden(remap, writer.writer.image, tile);
-                continue;
-            }
             tree.show_outside(writer.writer.image, index);
             if (!tile.whole)
                 writer.packets(index);

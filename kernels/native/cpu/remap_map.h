@@ -3,15 +3,6 @@
 //
 // Maps, and what is asked of them.
 
-// A camera beside another one, as the two of a stereo pair. What a pixel of the other one shows is, in its own image,
-// shift / depth to the left of that pixel's centre.
-struct SecondEye {
-    const float* depth;  // [view][row][column], of the other camera
-    float shift;  // [px m]
-    float slack;  // what is nearer than a point by no more than this part of its depth does not hide it
-    unsigned char* hidden;  // [view][row][column]: whether anything is in the way of the point
-};
-
 // Images of other places than the pixels' centres: for each of their pixels, a map says which place of the camera's
 // image it shows.
 struct RemapJob {
@@ -22,8 +13,7 @@ struct RemapJob {
     float near, far, most_inv_z, clip_reach;
     bool cull_back_faces;
     const float* poses;  // [view]: x y z qx qy qz qw
-    const float* at;  // [view][row][column]: x and y [px]; null where a second eye looks
-    SecondEye eye;
+    const float* at;  // [view][row][column]: x and y [px]
 
     // A group's side, and the groups of a tree, in which rays stay in a core's cache.
     enum { GROUP_SIDE = BLOCKS_ACROSS * TILE_SIDE, MOST_GROUPS = 10 };
@@ -78,7 +68,6 @@ struct MapTile {
 // Sixteen pixels of a map.
 struct MapBlock {
     Floats x, y;
-    Floats start;  // surfaces of no more than this 1 / z are not looked for
 
     // Of a tile. Of one that is not whole, `place` is where to write which pixels they are, -1 beyond the map's end.
     static inline MapBlock of(const RemapJob& job, const MapTile& tile, int block, int* place) {
@@ -91,7 +80,6 @@ struct MapBlock {
                 place[k] = x < job.columns && y < job.rows ? y * job.columns + x : -1;
             }
         }
-        if (!job.at) return shifted(job, column, row, depths(job, first, place));
         const float* from = job.at + first * 2;
         if (!place) return rows(from, job.columns * 2LL);
         float pairs[2 * LANES];
@@ -104,21 +92,6 @@ struct MapBlock {
     static inline long long offset(const RemapJob& job, int k) {
         return (long long)(k / BLOCK_SIDE) * job.columns + k % BLOCK_SIDE;
     }
-    static inline Floats depths(const RemapJob& job, long long first, const int* place) {
-        const float* from = job.eye.depth + first;
-        if (!place) return RayTree::window(from, job.columns);
-        float z[LANES];
-        for (int k = 0; k < LANES; ++k) z[k] = place[k] < 0 ? __builtin_nanf("") : from[offset(job, k)];
-        return Lanes::load(z);
-    }
-    // Where nothing is seen is no place.
-    static inline MapBlock shifted(const RemapJob& job, int column, int row, Floats z) {
-        const Floats inv_z = 1.0f / z;
-        const Floats x = (Grid::column_floats() + ((float)column + 0.5f)) - job.eye.shift * inv_z;
-        const Floats y = Grid::row_floats() + ((float)row + 0.5f);
-        const Ints seen = (z > Lanes::all(0.0f)) & (z < Lanes::all(NOWHERE));
-        return MapBlock{seen ? x : Lanes::all(__builtin_nanf("")), y, inv_z + job.eye.slack * inv_z};
-    }
     // Of rows of x y x y ..., so many numbers apart.
     static inline MapBlock rows(const float* from, long long apart) {
         typedef float Eight __attribute__((ext_vector_type(8)));
@@ -127,8 +100,7 @@ struct MapBlock {
         const Floats a = __builtin_shufflevector(r[0], r[1], 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
         const Floats b = __builtin_shufflevector(r[2], r[3], 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
         return MapBlock{__builtin_shufflevector(a, b, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30),
-                        __builtin_shufflevector(a, b, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31),
-                        Lanes::all(0.0f)};
+                        __builtin_shufflevector(a, b, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31)};
     }
     // Which of them are places of the image; what is no number is none.
     inline Ints inside(const RemapJob& job) const {

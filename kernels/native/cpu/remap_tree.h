@@ -138,7 +138,7 @@ struct RemapTree {
             Lanes::store(rest_u + packet * LANES, at_u.rest);
             Lanes::store(rest_v + packet * LANES, at_v.rest);
             // What sees nothing hides, and never shows.
-            start[block] = inside ? from.start : Lanes::all(NOWHERE);
+            start[block] = inside ? none : Lanes::all(NOWHERE);
             Lanes::store(image.inv_z + packet * LANES, start[block]);
             low_u[block] = inside ? at_u.rounded : Lanes::all(NOWHERE);
             low_v[block] = inside ? at_v.rounded : Lanes::all(NOWHERE);
@@ -163,32 +163,5 @@ struct RemapTree {
                 image.inv_z[packet * LANES + Lanes::first_lane(left)] = 0.0f;
             if (bounds[child] > bounds[2 * LANES + child]) bounds[child] = bounds[2 * LANES + child] = 0.0f;
         }
-    }
-
-    // Whether anything has been drawn before the points of a tile.
-    static inline void write_hidden(const RemapJob& job, const Image& image, const MapTile& tile) {
-        unsigned char* to = job.eye.hidden + tile.view * job.rows * job.columns;
-        for (int block = 0; block < LANES; ++block) {
-            const int column = tile.block_column(block), row = tile.block_row(block);
-            int ignored[LANES];
-            const MapBlock from = MapBlock::of(job, tile, block, ignored);
-            const Floats inv_z = Lanes::load(image.inv_z + (tile.index * LANES + block) * LANES);
-            const Ints hidden = (inv_z > from.start) & from.inside(job) & 1;
-            put_bytes(to + (long long)row * job.columns + column, hidden, job.columns, job.columns - column,
-                      job.rows - row);
-        }
-    }
-    // A block's values to rows so long, as many columns and rows of it as are left.
-    static inline void put_bytes(unsigned char* to, Ints value, long long length, int columns, int rows) {
-        typedef unsigned char Bytes __attribute__((ext_vector_type(LANES)));
-        const Bytes narrow = __builtin_convertvector(value, Bytes);
-        unsigned char bytes[LANES];
-        __builtin_memcpy(bytes, &narrow, sizeof bytes);
-        if (columns >= BLOCK_SIDE && rows >= BLOCK_SIDE) {
-            for (int r = 0; r < BLOCK_SIDE; ++r) __builtin_memcpy(to + r * length, bytes + r * BLOCK_SIDE, BLOCK_SIDE);
-            return;
-        }
-        for (int r = 0; r < BLOCK_SIDE && r < rows; ++r)
-            for (int c = 0; c < BLOCK_SIDE && c < columns; ++c) to[r * length + c] = bytes[r * BLOCK_SIDE + c];
     }
 };
