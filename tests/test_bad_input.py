@@ -6,13 +6,12 @@ import json
 import math
 import os
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 import trimesh
 import warp as wp
+from command_line import run_apart, run_inside
 
 import warpvis as wv
 from warpvis import Camera, Label, Scene
@@ -421,11 +420,6 @@ def test_nothing_is_clamped_into_millimetres():
     assert depth_to_units(depth, 1000).tolist() == [0, 1, 65535, 0, 0, 0, 0, 0]
 
 
-def run_cli(*arguments, cwd):
-    command = [sys.executable, "-m", "warpvis", *map(str, arguments)]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True)
-
-
 @pytest.fixture
 def workspace(tmp_path):
     BOX.export(tmp_path / "box.stl")
@@ -472,7 +466,8 @@ COMMANDS = {
 @pytest.mark.parametrize("case", COMMANDS)
 def test_the_cli_prints_the_sentence_and_exits_2(workspace, case):
     arguments, message = COMMANDS[case]
-    result = run_cli(*arguments.split(), cwd=workspace)
+    run = run_apart if case == "no mesh" else run_inside
+    result = run(*arguments.split(), cwd=workspace)
     assert result.returncode == 2
     assert "Traceback" not in result.stderr
     lines = [line for line in result.stderr.splitlines() if line.startswith("warpvis: ")]
@@ -482,7 +477,7 @@ def test_the_cli_prints_the_sentence_and_exits_2(workspace, case):
 
 @pytest.mark.parametrize("arguments", ["", "paint", "render", "render box.stl --poses poses.txt", "demo --color red"])
 def test_unknown_arguments_exit_2(workspace, arguments):
-    result = run_cli(*arguments.split(), cwd=workspace)
+    result = run_inside(*arguments.split(), cwd=workspace)
     assert result.returncode == 2
     assert "Traceback" not in result.stderr
 

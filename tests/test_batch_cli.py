@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from batch_jobs import CAMERA, make_poses, make_scene, tree
+from command_line import run_apart, run_inside
 
 import warpvis as wv
 from warpvis.cli._datasets import Batch, Verify
@@ -39,8 +40,7 @@ def workspace(tmp_path, monkeypatch):
 
 
 def cli(*arguments):
-    command = [sys.executable, "-m", "warpvis", *arguments]
-    return subprocess.run(command, capture_output=True, text=True)
+    return run_inside(*arguments, cwd=".")
 
 
 def test_one_is_no_plural_and_a_file_is_no_folder(workspace):
@@ -66,7 +66,7 @@ def test_one_is_no_plural_and_a_file_is_no_folder(workspace):
 
 def test_a_job_from_the_command_line(workspace):
     job = ("batch", "scene.glb", "--poses", ORBIT, "--camera", "camera.json", "--out", "out", "--shard-frames", "4")
-    first = cli(*job)
+    first = run_apart(*job, cwd=workspace)
     assert first.returncode == 0, first.stderr
     assert first.stdout.startswith("frames: 9, shards: 3, ")
     assert "9 of them rendered in" in first.stdout and "frames/s" in first.stdout

@@ -9,6 +9,7 @@ import sys
 import numpy as np
 import pytest
 import trimesh
+from command_line import run_inside
 from PIL import Image
 
 import warpvis as wv
@@ -18,8 +19,7 @@ from warpvis.scenes import EXPERIMENTS
 
 
 def run_cli(*arguments, cwd):
-    command = [sys.executable, "-m", "warpvis", *map(str, arguments)]
-    result = subprocess.run(command, cwd=cwd, capture_output=True, text=True)
+    result = run_inside(*arguments, cwd=cwd)
     assert result.returncode == 0, result.stderr
     return result
 

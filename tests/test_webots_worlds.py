@@ -3,14 +3,13 @@
 """Webots worlds as scenes: geometry, places, names, labels, robots, and what cannot be read."""
 
 import json
-import subprocess
-import sys
 import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from command_line import run_inside
 
 import warpvis as wv
 from warpvis import Label, Scene
@@ -388,8 +387,7 @@ def test_scene_load_opens_worlds(device):
 
 
 def run_cli(*arguments, cwd, code=0):
-    command = [sys.executable, "-m", "warpvis", *map(str, arguments)]
-    result = subprocess.run(command, cwd=cwd, capture_output=True, text=True)
+    result = run_inside(*arguments, cwd=cwd)
     assert result.returncode == code, result.stderr
     return result
 
