@@ -80,7 +80,7 @@ def test_square_pixels_and_a_room(cull_backfaces, device, caster):
     preset = scenes.PRESETS["room"]
     scene, cameras = preset.build(device), preset.poses(2)
     camera = wv.Camera.from_fov(160, 120, hfov=0.994837, near=0.3, far=4.5)
-    places = warped(120, 160, 2, camera=camera)
+    places = warped(60, 80, 2, camera=camera)  # brute force in double precision takes its time in the room
     renderer = wv.Renderer(scene, camera, outputs=ALL, caster=caster, cull_backfaces=cull_backfaces)
     views = renderer.render_at(cameras, places)
     assert_map_matches(views, scene, camera, cameras, places, cull_backfaces=cull_backfaces)
