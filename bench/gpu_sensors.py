@@ -1,0 +1,80 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Models of depth cameras on a GPU beside the clean depth that they are made of: frames a second, and memory.
+
+``python bench/gpu_sensors.py`` prints a table in Markdown; ``--device cpu --views 4`` shows without a GPU that all
+runs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from functools import partial
+
+import numpy as np
+import warp as wp
+from gpu_timing import HostTimer, WarpTimer, enough_calls
+
+import warpvis as wv
+from warpvis.rendering import DepthSensor
+
+SCENES = ("room", "blobs_77k", "blobs_1m")
+CAMERA = wv.Camera.from_fov(320, 240, hfov=math.radians(69.0), near=0.1, far=10.0)
+MODELS: dict[str, DepthSensor] = {
+    "RealSense D435": wv.sensors.realsense_d435(320, 240),
+    "Kinect v1": wv.sensors.kinect_v1(320, 240),
+    "Azure Kinect": wv.sensors.azure_kinect(),
+    "Nguyen's noise": wv.sensors.NguyenNoise(),
+    "Khoshelham's noise": wv.sensors.KhoshelhamNoise(),
+    "corruptions": wv.sensors.Corruptions(0.01, 0.01, dropout=0.02, rectangles=(0, 4)),
+}
+_ROUNDS = 5
+
+
+def measure(scene_name: str, views: int, device: wp.Device) -> None:
+    """Print a scene's rows."""
+    preset = wv.scenes.PRESETS[scene_name]
+    scene = preset.build(device)
+    poses = wp.array(preset.pose_rows(views).astype(np.float32), dtype=wp.transform, device=device)
+    timer = HostTimer() if device.is_cpu else WarpTimer(device)
+    clean = wv.Renderer(scene, CAMERA, outputs="depth")
+    renderers = {"clean": clean} | {
+        name: wv.Renderer(scene, CAMERA, outputs="depth", sensor=model) for name, model in MODELS.items()
+    }
+    times, peak = {}, {}
+    for name, renderer in renderers.items():
+        made = renderer.render(poses)
+        run = partial(renderer.render, poses, out=made)
+        calls = enough_calls(timer.device_seconds(run, 1))
+        rounds = []
+        for _ in range(_ROUNDS):
+            rounds.append(timer.device_seconds(run, calls))
+            peak.setdefault(name, []).append(0 if device.is_cpu else wp.get_mempool_used_mem_high(device))
+        times[name] = float(np.median(rounds))
+    for name, seconds in times.items():
+        grown = peak[name][-1] - peak[name][0]
+        print(
+            f"| {scene_name}, {name} | {views / seconds:,.0f} | {seconds / times['clean']:.2f} | {grown / 2**20:.0f} |",
+            flush=True,
+        )
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--device", default="cuda:0")
+    parser.add_argument("--views", type=int, default=1024)
+    parser.add_argument("--scenes", nargs="+", choices=wv.scenes.PRESETS, default=SCENES)
+    arguments = parser.parse_args()
+    device = wp.get_device(arguments.device)
+    print(f"{CAMERA.width}x{CAMERA.height} pixels, {arguments.views} views a call\n")
+    print("| | frames a second | x clean depth's time | memory that repeating took, MiB |")
+    print("|---|---:|---:|---:|")
+    with wp.ScopedDevice(device):
+        for scene in arguments.scenes:
+            measure(scene, arguments.views, device)
+
+
+if __name__ == "__main__":
+    main()
