@@ -41,6 +41,7 @@ def data_cases(folder):
         "exclude": ("floor",),
         "device": "cpu",
     }
+    sensor = wv.sensors.StereoDepth(0.05, sigma=0.1)
     return {
         # warpvis.batch
         "FrameRenderer": (
@@ -56,6 +57,14 @@ def data_cases(folder):
                 "threads": 1,
                 "caster": "auto",
             },
+        ),
+        "FrameRenderer, sensor": (
+            wv.batch.FrameRenderer,
+            {"scene": seen, "camera": CAMERA, "outputs": ["reasons"], "sensor": sensor, "seed": 1},
+        ),
+        "FrameRenderer of frames": (
+            lambda **batch: wv.batch.FrameRenderer(seen, CAMERA, sensor=sensor)(batch),
+            {"camera_to_world": [POSE], "frame": [3]},
         ),
         "FrameRenderer.__call__": (wv.batch.FrameRenderer(seen, CAMERA), {"batch": {"camera_to_world": [POSE]}}),
         "FrameRenderer of poses": (

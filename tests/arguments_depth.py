@@ -66,6 +66,7 @@ def depth_sensor_cases(path):
                 "native_camera": CAMERA,
             },
         ),
+        "sensor_by_name": (wv.sensors.sensor_by_name, {"text": "d435@8x6"}),
         "azure_kinect": (wv.sensors.azure_kinect, {"mode": "nfov_binned"}),
         "kinect_v2": (wv.sensors.kinect_v2, {}),
         "pmd_flexx2": (wv.sensors.pmd_flexx2, {}),

@@ -285,6 +285,8 @@ def top_cases(folder):
                 "exclude": None,
                 "shard_frames": 1,
                 "options": {},
+                "sensor": wv.sensors.StereoDepth(0.05, sigma=0.1),
+                "seed": 1,
                 "device": "cpu",
                 "threads": 1,
                 "caster": "auto",

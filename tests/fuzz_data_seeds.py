@@ -260,18 +260,20 @@ def depth_images(root: Path) -> Iterator[Item]:
 
 def datasets(root: Path) -> Iterator[Item]:
     """Datasets of every format that has what it needs installed: looked through, and gone on with."""
-    kinds = [(kind, {}) for kind in FORMATS] + [("zarr", {"compression": "zstd"})]
-    for number, (kind, options) in enumerate(kinds):
+    kinds = [(kind, {}, {}) for kind in FORMATS] + [("zarr", {"compression": "zstd"}, {})]
+    sensed = {"sensor": wv.sensors.StereoDepth(0.05, sigma=0.1), "outputs": ("depth", "reasons", "true_depth")}
+    kinds += [(kind, {}, sensed) for kind in ("npz", "zarr", "png")]
+    for number, (kind, options, more) in enumerate(kinds):
         folder = root / f"dataset_{number}"
         try:
-            _run(folder, kind, options)
+            _run(folder, kind, options, **more)
         except WarpvisError as error:
             print(f"left out: {kind}: {error}")
             continue
         files = {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
         inside = {f"set/{name}": data for name, data in files.items()}
         yield f"dataset, {kind}", inside, (), _read_dataset
-        yield f"dataset, {kind}", inside, (), _repairer(kind, options)
+        yield f"dataset, {kind}", inside, (), _repairer(kind, options, more)
 
 
 _SCENES: dict[str, wv.Scene] = {}
@@ -293,12 +295,17 @@ def _read_dataset(folder: Path) -> None:
         for index in range(min(len(dataset), _MOST_FRAMES)):
             dataset[index]
 
-    all_of(lambda: verify(folder), read, *(lambda path=path: wv.read_frames(path) for path in poses))
+    all_of(
+        lambda: verify(folder),
+        read,
+        lambda: wv.open_dataset(folder).sensor,
+        *(lambda path=path: wv.read_frames(path) for path in poses),
+    )
 
 
-def _repairer(kind: str, options: dict[str, str]) -> Callable[[Path], None]:
+def _repairer(kind: str, options: dict[str, str], more: dict[str, object]) -> Callable[[Path], None]:
     def read(folder: Path) -> None:
-        _run(folder / "set", kind, options, resume=True, repair=True)
+        _run(folder / "set", kind, options, resume=True, repair=True, **more)
         # A record from which a name is lost says nothing of its file.
         problems = [problem for problem in verify(folder / "set").problems if not problem.endswith("is in no record")]
         if problems:

@@ -19,7 +19,7 @@ keep the folder, and `reading` reads it back. `_manifest` and `_identity` tell w
 
 from __future__ import annotations
 
-from warpvis.batch._frame_renderer import BATCH_OUTPUTS as BATCH_OUTPUTS, FrameRenderer
+from warpvis.batch._frame_renderer import FrameRenderer, check_batch_outputs as check_batch_outputs
 from warpvis.batch._render_batch import BatchSummary, make_plan as make_plan, render_batch as render_batch
 from warpvis.batch._verify import verify
 from warpvis.batch._warmup import warmup

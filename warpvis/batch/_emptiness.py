@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from warpvis.core.checks import counted
 from warpvis.core.labels import Label
 from warpvis.scene import fits_millimetres
+from warpvis.sensors import Reason
 
 if TYPE_CHECKING:
     from warpvis.batch._job import Plan
@@ -28,10 +29,12 @@ _STEP = 32
 
 _SHOWS: dict[str, Callable[[np.ndarray], NDArray[np.bool_]]] = {
     "depth": np.isfinite,
+    "reasons": lambda reasons: reasons == Reason.VALID,
     "segmentation": lambda objects: objects >= 0,
     "labels": lambda labels: labels != 0,
     "points": lambda points: np.isfinite(points[..., 0]),
     "normals": lambda normals: np.isfinite(normals).all(axis=-1) & normals.any(axis=-1),
+    "true_depth": np.isfinite,
 }
 """Which pixels of an image show something; the first image that there is tells."""
 

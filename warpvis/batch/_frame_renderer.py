@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, TypeAlias, TypeGuard
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
 
 import numpy as np
 import warp as wp
@@ -20,7 +20,17 @@ from warpvis.core.arrays import as_numpy, check_metres, get_device
 from warpvis.core.checks import as_items, check_flag, check_mapping
 from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, SceneError
-from warpvis.rendering import OUTPUTS, Caster, Output, Renderer, Views, check_outputs
+from warpvis.rendering import (
+    OUTPUTS,
+    SENSOR_OUTPUTS,
+    Caster,
+    DepthSensor,
+    Output,
+    Renderer,
+    Views,
+    check_asked,
+    check_outputs,
+)
 from warpvis.scene import Scene, require_scene
 from warpvis.sensors import CalibratedCamera, require_calibrated
 from warpvis.visibility import choose_objects, object_visibility
@@ -31,8 +41,11 @@ if TYPE_CHECKING:
 VISIBILITY = "visibility"
 """The output that is no image: what `warpvis.object_visibility` says."""
 
-BATCH_OUTPUTS = (*OUTPUTS, VISIBILITY)
-"""All outputs of a batch."""
+IMAGES = OUTPUTS | SENSOR_OUTPUTS
+"""The outputs that are images, and the dtypes of their pixels."""
+
+BATCH_OUTPUTS = (*IMAGES, VISIBILITY)
+"""All outputs of a batch; those of `SENSOR_OUTPUTS` with a sensor."""
 
 SceneSource: TypeAlias = Scene | str | os.PathLike[str] | Callable[[], Scene]
 """A scene, a file for `Scene.load`, or a function that makes a scene."""
@@ -64,6 +77,8 @@ class FrameRenderer:
         delta: float = 0.0,
         masks: bool = False,
         any_depth: bool = False,
+        sensor: DepthSensor | None = None,
+        seed: int = 0,
         device: DeviceLike = None,
         threads: int | None = None,
         caster: Caster = "auto",
@@ -73,12 +88,15 @@ class FrameRenderer:
         Args:
             scene: What is seen: a scene, a file for `Scene.load`, or a function that makes one.
             camera: The camera of all frames.
-            outputs: Images of `Renderer`, and ``"visibility"`` for what `object_visibility` says.
+            outputs: Images of `Renderer`, and ``"visibility"`` for what `object_visibility` says, of the exact scene
+                with a sensor, too.
             objects: Names or indices of the objects that visibility is of; all by default.
             exclude: Names or indices of objects that no frame shows.
             delta: As for `object_visibility` [m].
             masks: Whether visibility comes with masks.
             any_depth: Whether visibility is of what lies at any depth, whatever the camera's range is.
+            sensor: A model of a depth camera, as for `Renderer`; batches say each frame's number then.
+            seed: What its random numbers follow from, as for `Renderer`.
             device: Where to render; where the scene is by default.
             threads: CPU threads to use; all cores of this process by default.
             caster: As for `Renderer`.
@@ -86,7 +104,7 @@ class FrameRenderer:
         Raises:
             WarpvisError: An argument is not what it has to be.
         """
-        self.outputs = check_outputs(outputs, BATCH_OUTPUTS)
+        self.outputs = check_batch_outputs(outputs, sensor)
         self.scene = make_scene(scene, device)
         self.camera = require_calibrated(camera)
         self.images = tuple(name for name in self.outputs if _is_image(name))
@@ -107,7 +125,8 @@ class FrameRenderer:
         )
         self._renderer = None
         if self.images:
-            self._renderer = Renderer(self.scene, self.camera, outputs=self.images, caster=caster, threads=threads)
+            options: dict[str, Any] = {"caster": caster, "threads": threads, "sensor": sensor, "seed": seed}
+            self._renderer = Renderer(self.scene, self.camera, outputs=self.images, **options)
 
     def __call__(self, batch: Batch) -> dict[str, np.ndarray]:
         """Render a batch of n frames.
@@ -115,7 +134,9 @@ class FrameRenderer:
         Args:
             batch: ``camera_to_world``, rows ``x y z qx qy qz qw`` of OpenCV cameras, shape ``(n, 7)``; optionally
                 ``object_poses``, of every frame's own world ``(n, M, 7)``, of one world ``(1, M, 7)``, or of W worlds
-                with every frame's ``world_index``, shape ``(n,)``. What else it holds is handed on.
+                with every frame's ``world_index``, shape ``(n,)``; with a sensor ``frame``, the frames' numbers, from
+                which its random numbers follow whatever batch a frame is in, shape ``(n,)``. What else it holds is
+                handed on.
 
         Returns:
             The batch's own arrays; one of every image, ``(n, H, W)`` or ``(n, H, W, 3)``; for visibility
@@ -139,7 +160,12 @@ class FrameRenderer:
             single = poses.astype(np.float32) if poses.dtype == np.float64 and poses.ndim == 2 else poses
             out = out or ImageBuffers(self.images, self.camera, len(poses))
             views, found = out.first(len(poses))
-            self._renderer.render(single, object_poses=objects, world_index=worlds, exclude=self._exclude, out=views)
+            options: dict[str, Any] = {"object_poses": objects, "world_index": worlds, "exclude": self._exclude}
+            if self._renderer.sensor is not None:
+                if "frame" not in batch:
+                    raise ArrayError("a batch must hold frame, the frames' numbers, for a sensor's random numbers")
+                options |= {"frame": batch["frame"], "view_index": np.zeros(len(poses), dtype=np.int64)}
+            self._renderer.render(single, **options, out=views)
         if VISIBILITY in self.outputs:
             found |= self._see(poses, objects, worlds)
         return found
@@ -164,7 +190,7 @@ class ImageBuffers:
     def __init__(self, images: Sequence[str], camera: CalibratedCamera, frames: int, *, pinned: bool = False) -> None:
         """Allocate room for images of so many frames."""
         shape = (frames, camera.height, camera.width)
-        self._arrays = {name: _page_aligned(shape, OUTPUTS[name], pinned) for name in images}
+        self._arrays = {name: _page_aligned(shape, IMAGES[name], pinned) for name in images}
 
     def first(self, frames: int) -> tuple[Views, dict[str, np.ndarray]]:
         """Return the first images twice: as the renderer writes them, and as formats read them."""
@@ -176,6 +202,7 @@ def frames_batch(frames: Frames, part: slice) -> Batch:
     """Cut out some frames as a batch for `FrameRenderer`, with only the worlds that they are in."""
     some = frames[part]
     batch: dict[str, np.ndarray] = {"camera_to_world": some.camera_to_world}
+    batch["frame"] = np.arange(len(frames))[part]
     if some.object_poses is not None:
         batch["object_poses"] = some.object_poses
         if some.world_index is not None:
@@ -183,6 +210,19 @@ def frames_batch(frames: Frames, part: slice) -> Batch:
             batch["object_poses"] = some.object_poses[worlds]
             batch["world_index"] = batch["world_index"].astype(np.int32)
     return batch
+
+
+def check_batch_outputs(outputs: object, sensor: object) -> tuple[str, ...]:
+    """Take names of outputs of a batch, with a sensor or None.
+
+    Raises:
+        ArrayError: There is none, an unknown one, or one of a sensor where there is none.
+    """
+    names = check_outputs(outputs, BATCH_OUTPUTS)
+    images = [name for name in names if _is_image(name)]
+    if images:
+        check_asked(images, sensor)
+    return names
 
 
 def choose_excluded(scene: Scene, exclude: Sequence[str | int] | None) -> list[int]:
@@ -211,7 +251,7 @@ def make_scene(scene: SceneSource, device: DeviceLike) -> Scene:
 
 def _is_image(output: str) -> TypeGuard[Output]:
     """Tell whether an output is one of the renderer's images."""
-    return output in OUTPUTS
+    return output in IMAGES
 
 
 def _page_aligned(shape: tuple[int, ...], dtype: type, pinned: bool) -> wp.array:

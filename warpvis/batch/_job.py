@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from warpvis.core.frames import Frames
+    from warpvis.rendering import DepthSensor
     from warpvis.sensors import CalibratedCamera
 
 Options = Mapping[str, str | float]
@@ -60,6 +61,10 @@ class Plan:
     """The world's vertical axis."""
     options: Options = field(default_factory=dict)
     """The format's options, as the user gave them."""
+    sensor: DepthSensor | None = None
+    """The model of a depth camera that makes depth; None for exact depth."""
+    sensor_seed: int = 0
+    """What its random numbers follow from, beside each frame's number."""
 
     @property
     def shard_count(self) -> int:

@@ -13,6 +13,7 @@ from warpvis.core.checks import shortened
 from warpvis.core.labels import LabelNames
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError, SceneError
+from warpvis.sensors import sensor_to_fields
 
 if TYPE_CHECKING:
     from warpvis.batch._job import Options, Plan
@@ -62,6 +63,10 @@ class Manifest(TypedDict):
     exclude: list[str]
     poses: ManifestPoses
     seed: Json
+    """That of the poses."""
+    sensor: dict[str, Json] | None
+    """The model of a depth camera; None for exact depth."""
+    sensor_seed: int | None
     device: str
     caster: str
     versions: dict[str, str]
@@ -108,6 +113,8 @@ def make_manifest(
         "exclude": [plan.object_names[index] for index in plan.exclude],
         "poses": {"source": dict(frames.source), "sha256": frames_hash(frames)},
         "seed": frames.source.get("seed"),
+        "sensor": None if plan.sensor is None else sensor_to_fields(plan.sensor),
+        "sensor_seed": None if plan.sensor is None else plan.sensor_seed,
         "device": device,
         "caster": caster,
         "versions": versions(*packages),

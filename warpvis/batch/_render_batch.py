@@ -18,7 +18,14 @@ import numpy as np
 
 from warpvis.batch._dataset import Dataset
 from warpvis.batch._emptiness import describe_empty
-from warpvis.batch._frame_renderer import BATCH_OUTPUTS, VISIBILITY, SceneSource, choose_excluded, make_scene
+from warpvis.batch._frame_renderer import (
+    IMAGES,
+    VISIBILITY,
+    SceneSource,
+    check_batch_outputs,
+    choose_excluded,
+    make_scene,
+)
 from warpvis.batch._identity import same_meshes
 from warpvis.batch._job import Options, Plan
 from warpvis.batch._manifest import make_manifest
@@ -33,7 +40,7 @@ from warpvis.core.labels import LabelNames
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike, PoseLike
 from warpvis.errors import ArrayError, FileFormatError, PoseError
-from warpvis.rendering import OUTPUTS, Caster, check_outputs
+from warpvis.rendering import Caster, DepthSensor, check_word, require_sensor
 from warpvis.scene.worlds import pose_columns
 from warpvis.sensors import CalibratedCamera, require_calibrated
 from warpvis.visibility import choose_objects
@@ -90,6 +97,8 @@ def render_batch(
     exclude: Sequence[str | int] | None = None,
     shard_frames: int | None = None,
     options: Options | None = None,
+    sensor: DepthSensor | None = None,
+    seed: int = 0,
     device: DeviceLike = None,
     threads: int | None = None,
     caster: Caster = "auto",
@@ -110,17 +119,22 @@ def render_batch(
     Args:
         scene: A scene, a file for `Scene.load`, or a function that makes a scene.
         camera: The camera of all frames, which may have a lens; None for that which belongs to the poses,
-            `Frames.camera`, which must be the same, but for its range, if both are given.
+            `Frames.camera`, which must be the same, but for its range, if both are given; with a sensor, that of the
+            device, where the poses have none.
         frames: Poses, and where the objects are; see `warpvis.read_frames` and
             `warpvis.pose_generators`. Or poses alone, as for `Renderer.render`.
         out: Folder, new or empty, or an fsspec URL.
         format: ``"npz"``, ``"zarr"``, ``"png"``, ``"tum"``, ``"bop"``, ``"nerfstudio"``, ``"colmap"``, ``"ply"`` or
             ``"ros2"``.
-        outputs: Images of `Renderer`, and ``"visibility"``; the format's usual ones by default.
+        outputs: Images of `Renderer`, and ``"visibility"``; the format's usual ones by default. With a sensor, also
+            ``"reasons"`` and ``"true_depth"``, where the format holds them.
         objects: Names or indices of the objects that visibility is of; all that are not excluded by default.
         exclude: Names or indices of objects that no frame shows.
         shard_frames: Frames of a shard; by default as many as make 64 MiB of images, at most 1000.
         options: The format's own options.
+        sensor: A model of a depth camera, as for `Renderer`: depth and points are what it says, the rest is exact.
+        seed: What its random numbers follow from, together with each frame's number and the pixel, and with nothing
+            else: not with shards, workers, or what was resumed.
         device: ``"cpu"``, ``"cuda:0"``, several with commas, or ``"cuda:all"``; the scene's by default. Of the engine
             ``"ray"`` ``"cpu"``, or ``"cuda"`` for a GPU each.
         threads: CPU threads that render, and as many that encode, of the engine ``"local"``; all cores of this process
@@ -162,6 +176,8 @@ def render_batch(
         exclude=exclude,
         shard_frames=shard_frames,
         options=options,
+        sensor=sensor,
+        seed=seed,
     )
     layout = kind(plan)
     where = "cpu" if devices[0] == "cpu" else "cuda"
@@ -220,6 +236,8 @@ def make_plan(
     exclude: Sequence[str | int] | None = None,
     shard_frames: int | None = None,
     options: Options | None = None,
+    sensor: DepthSensor | None = None,
+    seed: int = 0,
 ) -> Plan:
     """Make the plan of a job; see `render_batch` for the arguments.
 
@@ -231,8 +249,12 @@ def make_plan(
         frames = Frames.from_poses(frames)
     if not len(frames):
         raise PoseError("there must be at least one frame to render, got none")
+    if sensor is not None and camera is None and frames.camera is None:
+        camera = require_sensor(sensor).camera()
     eye = require_calibrated(frames.choose_camera(camera))
-    names = check_outputs(kind.default_outputs if outputs is None else outputs, BATCH_OUTPUTS)
+    if sensor is not None:
+        require_sensor(sensor).check(scene, eye)
+    names = check_batch_outputs(kind.default_outputs if outputs is None else outputs, sensor)
     unfit = [name for name in names if name not in kind.outputs]
     if unfit:
         raise ArrayError(f"format {kind.name!r} holds {', '.join(sorted(kind.outputs))}; it cannot hold {unfit[0]!r}")
@@ -253,6 +275,8 @@ def make_plan(
         exclude=tuple(excluded),
         up=scene.up,
         options={} if options is None else dict(check_mapping(options, "options", FileFormatError)),
+        sensor=sensor,
+        sensor_seed=check_word(seed, "seed"),
     )
 
 
@@ -296,7 +320,7 @@ def _shard_frames(shard_frames: int | None, outputs: Sequence[str], camera: Cali
     if shard_frames is None:
         import warp as wp
 
-        pixel = masks + sum(wp.types.type_size_in_bytes(OUTPUTS[name]) for name in outputs if name in OUTPUTS)
+        pixel = masks + sum(wp.types.type_size_in_bytes(IMAGES[name]) for name in outputs if name in IMAGES)
         return max(1, min(_MOST_SHARD_FRAMES, _SHARD_BYTES // max(1, pixel * camera.width * camera.height)))
     whole = isinstance(shard_frames, int | np.integer) and not isinstance(shard_frames, bool)
     if not whole or shard_frames < 1:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import warp as wp
 
-from warpvis.batch._frame_renderer import BATCH_OUTPUTS, VISIBILITY, FrameRenderer
+from warpvis.batch._frame_renderer import VISIBILITY, FrameRenderer
 from warpvis.core.arrays import get_device
 from warpvis.core.camera import Camera
 from warpvis.core.checks import as_items
@@ -47,7 +47,7 @@ def warmup(
     """
     start = time.perf_counter()
     device = get_device(device)
-    names = check_outputs(outputs, BATCH_OUTPUTS)
+    names = check_outputs(outputs, ALL_OUTPUTS)
     images = [name for name in names if name != VISIBILITY]
     wanted = as_items(casters, "casters")
     for scene in _scenes(device):

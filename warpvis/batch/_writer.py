@@ -87,6 +87,8 @@ class ShardWriter:
             delta=layout.delta,
             masks=layout.masks,
             any_depth=layout.any_depth,
+            sensor=plan.sensor,
+            seed=plan.sensor_seed,
             device=device,
             threads=threads,
             caster=job.caster,

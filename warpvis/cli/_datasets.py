@@ -18,7 +18,9 @@ from warpvis.errors import FileFormatError, PoseError
 
 if TYPE_CHECKING:
     from warpvis.batch import BatchSummary, Format
+    from warpvis.core.camera import Camera
     from warpvis.core.frames import Frames
+    from warpvis.rendering import DepthSensor
     from warpvis.scene import Scene
     from warpvis.sensors import CalibratedCamera
 
@@ -32,6 +34,8 @@ class _Chosen(TypedDict):
 
     outputs: Sequence[str] | None
     options: dict[str, str]
+    sensor: DepthSensor | None
+    seed: int
     objects: list[str] | None
     exclude: list[str] | None
 
@@ -41,11 +45,18 @@ class ImageOptions(FrameOptions):
     """Which images are made, and where."""
 
     outputs: Names = ()
-    """What to make: depth, points, normals, labels, segmentation, visibility; the format's usual ones by default."""
+    """What to make: depth, points, normals, labels, segmentation, visibility, with --sensor reasons and true_depth; the
+    format's usual ones by default."""
     objects: Names = ()
     """Objects that visibility is of; all by default."""
     exclude: Names = ()
     """Objects that the camera does not see, such as the robot that carries it."""
+    sensor: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
+    """Depth as a device says it: d415, d435, d455, oak-d, kinect-v1, structure, of any size (d435@424x240);
+    azure-kinect, azure-kinect-binned, azure-kinect-wide, azure-kinect-wide-binned, kinect-v2, flexx2. Seen through the
+    device's camera, where neither --camera nor the pose file says one."""
+    sensor_seed: int = 0
+    """What the sensor's random numbers follow from, with each frame's number."""
     option: Annotated[tuple[str, ...], tyro.conf.arg(metavar="KEY=VALUE ...")] = ()
     """The format's own options."""
     threads: int | None = None
@@ -60,13 +71,33 @@ class ImageOptions(FrameOptions):
         if empty and self.fail_empty:
             sys.exit(_NOTHING_SEEN)
 
+    def make_sensor(self) -> DepthSensor | None:
+        """Make the sensor that is asked for.
+
+        Raises:
+            WarpvisError: There is none of that name, or a seed is given for none.
+        """
+        if self.sensor is None:
+            refuse_options(self, ("sensor_seed",), "without --sensor there is")
+            return None
+        from warpvis.sensors import sensor_by_name
+
+        return sensor_by_name(self.sensor)
+
+    def device_camera(self) -> Camera | None:
+        """Return the sensor's own camera."""
+        sensor = self.make_sensor()
+        return None if sensor is None else sensor.camera()
+
     def chosen(self) -> _Chosen:
         """Name the arguments of `render_batch` that these options are."""
-        from warpvis.batch import BATCH_OUTPUTS
-        from warpvis.rendering import check_outputs
+        from warpvis.batch import check_batch_outputs
 
+        sensor = self.make_sensor()
         return {
-            "outputs": check_outputs(split_names(self.outputs), BATCH_OUTPUTS) if self.outputs else None,
+            "outputs": check_batch_outputs(split_names(self.outputs), sensor) if self.outputs else None,
+            "sensor": sensor,
+            "seed": self.sensor_seed,
             "options": _parse_options(self.option),
             "objects": split_names(self.objects) or None,
             "exclude": split_names(self.exclude) or None,
@@ -216,7 +247,7 @@ _FRAMES = (
     "movable",
     "worlds",
 )
-_IMAGES = ("outputs", "option")
+_IMAGES = ("outputs", "option", "sensor", "sensor_seed")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from warpvis.core.camera import Camera
     from warpvis.core.frames import Frames
     from warpvis.core.label_rules import LabelRules
     from warpvis.core.poses import QuaternionOrder
@@ -148,6 +149,10 @@ class ViewpointOptions(SceneOptions):
             distortion=self.distortion,
         )
 
+    def device_camera(self) -> Camera | None:
+        """Return the camera to see through where neither an option nor a pose file says one; None for the Kinect."""
+        return None
+
     def choose_camera(self, frames: Frames | None = None) -> CalibratedCamera:
         """Load the camera that is asked for: the one given, that of a pose file, or the Kinect.
 
@@ -162,7 +167,7 @@ class ViewpointOptions(SceneOptions):
         if self.replace_camera and (given is None or own is None):
             raise CameraError("--replace-camera is for a pose file that says its camera, and another one as --camera")
         if frames is None or own is None or self.replace_camera:
-            return load_camera("kinect") if given is None else given
+            return (self.device_camera() or load_camera("kinect")) if given is None else given
         return require_calibrated(frames.choose_camera(given))
 
     def orders(self, path: str) -> bool:
@@ -270,7 +275,7 @@ class FrameOptions(ViewpointOptions):
         if poses is not None:
             return frames_from_spec(poses, scene, up=scene.up)
         camera = self.choose_camera()
-        if self.camera is None:
+        if self.camera is None and self.device_camera() is None:
             camera = replace(camera, near=0.0, far=math.inf)
         own = camera if self.camera is None else None
         return Frames.from_poses(framing(scene, camera), camera=own, source={"made": "framing"})

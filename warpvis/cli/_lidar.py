@@ -29,7 +29,18 @@ FORMATS = ("bin", "pcd", "las", "npy")
 
 _OUTPUTS: tuple[Output, ...] = ("depth", "labels", "segmentation")
 _RAYS_AT_ONCE = 2**22
-_CAMERAS = ("camera", "replace_camera", "convention", "outputs", "objects", "option", "device_name", "version_exact")
+_CAMERAS = (
+    "camera",
+    "replace_camera",
+    "convention",
+    "outputs",
+    "objects",
+    "option",
+    "sensor",
+    "sensor_seed",
+    "device_name",
+    "version_exact",
+)
 
 
 def find_lidar(name: str) -> Rays | Livox:

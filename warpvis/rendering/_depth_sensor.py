@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 import warp as wp
 
 from warpvis.core.camera import Camera
-from warpvis.errors import CameraError
+from warpvis.errors import ArrayError, CameraError
 
 if TYPE_CHECKING:
     from warpvis.kernels.worlds import Worlds
@@ -61,7 +61,25 @@ class Exposure:
 
 
 class DepthSensor(ABC):
-    """A model of a depth camera, for ``sensor=`` of `Renderer` and `render`."""
+    """A model of a depth camera: what ``sensor=`` takes, of `Renderer` and wherever else depth is rendered.
+
+    A model of one's own is a frozen dataclass of numbers, whose `measure` launches kernels. Nothing else is asked of
+    it: `needs` and `bytes_per_pixel` say what it reads and how much room it takes, and `check` refuses cameras and
+    scenes that it is no model of.
+    """
+
+    native_camera: Camera | None = None
+    """The camera that the device has: what `camera` returns."""
+
+    def camera(self) -> Camera:
+        """Return the camera of the device: its image size, focal length and range.
+
+        Raises:
+            CameraError: The sensor was made without one.
+        """
+        if self.native_camera is None:
+            raise CameraError("this sensor has no camera of its own: give native_camera, or take a profile of a device")
+        return self.native_camera
 
     @property
     def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:
@@ -92,3 +110,14 @@ class DepthSensor(ABC):
         too near; NaN where it was lost for another reason. Random numbers are those of
         `warpvis.kernels.random_numbers`, and nothing depends on how views are split.
         """
+
+
+def require_sensor(sensor: object) -> DepthSensor:
+    """Return `sensor` if it is a model of a depth camera.
+
+    Raises:
+        ArrayError: It is none.
+    """
+    if not isinstance(sensor, DepthSensor):
+        raise ArrayError(f"sensor must be a model of warpvis.sensors, such as StereoDepth, got {sensor!r}")
+    return sensor

@@ -20,7 +20,7 @@ from warpvis.core.checks import check_whole, is_number
 from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
-from warpvis.rendering._depth_sensor import DepthSensor, Exposure
+from warpvis.rendering._depth_sensor import DepthSensor, Exposure, require_sensor
 from warpvis.rendering._prepared import Idle
 from warpvis.rendering._views import ALL_OUTPUTS, OUTPUTS
 
@@ -52,9 +52,7 @@ class Sensing:
         Raises:
             WarpvisError: It is no model, or one of another camera.
         """
-        if not isinstance(sensor, DepthSensor):
-            raise ArrayError(f"sensor must be a model of warpvis.sensors, such as StereoDepth, got {sensor!r}")
-        self.sensor = sensor
+        self.sensor = require_sensor(sensor)
         self.camera = sensor.check(scene, camera)
         # The range is judged by what is measured, and a surface counts that is nearer or farther.
         near = self.camera.near if clip_near else 0.0

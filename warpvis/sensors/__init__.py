@@ -40,6 +40,9 @@ from warpvis.sensors.depth import (
     realsense_d415,
     realsense_d435,
     realsense_d455,
+    sensor_by_name,
+    sensor_from_fields as sensor_from_fields,
+    sensor_to_fields as sensor_to_fields,
     structure,
 )
 
@@ -71,6 +74,7 @@ __all__ = [
     "realsense_d435",
     "realsense_d455",
     "reflect",
+    "sensor_by_name",
     "spread_beams",
     "structure",
 ]

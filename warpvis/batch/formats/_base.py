@@ -46,6 +46,8 @@ IMAGE_DTYPES = {
     "normals": "float32",
     "labels": "uint8",
     "segmentation": "int32",
+    "reasons": "uint8",
+    "true_depth": "float32",
 }
 """Dtypes of the images' numbers in a shard."""
 

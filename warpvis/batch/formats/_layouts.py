@@ -102,13 +102,13 @@ class Layout(Format):
         )
         return unit
 
-    def write_label_pngs(self, shard: int, labels: NDArray[np.uint8], files: ShardFiles) -> str:
-        """Write labels as 8-bit PNG, and return their folder."""
+    def write_byte_pngs(self, shard: int, folder: str, images: NDArray[np.uint8], files: ShardFiles) -> str:
+        """Write labels, or other numbers of 8 bits, as PNG, and return their folder."""
 
         def make(frames: range) -> Iterable[Parts]:
-            return zip(encode_pngs(labels[frames.start : frames.stop]))
+            return zip(encode_pngs(images[frames.start : frames.stop]))
 
-        return self.write_frames(shard, "labels", ".png", len(labels), make, files)
+        return self.write_frames(shard, folder, ".png", len(images), make, files)
 
     def frame_names(self, suffix: str) -> Iterator[str]:
         """Go through the names of all frames' files, without the folder in front of the shard's."""

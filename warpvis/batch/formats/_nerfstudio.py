@@ -69,7 +69,7 @@ class Nerfstudio(Layout):
         if "depth" in self.plan.outputs:
             units.append(self.write_depth_pngs(shard, "depth", images["depth"], 1000.0, files))
         if "labels" in self.plan.outputs:
-            units.append(self.write_label_pngs(shard, images["labels"], files))
+            units.append(self.write_byte_pngs(shard, "labels", images["labels"], files))
         return units
 
     def index(self, files: ShardFiles) -> list[str]:

@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from warpvis.batch._job import Plan, shard_name
-from warpvis.batch.formats._base import Format, Images, check_options
+from warpvis.batch.formats._base import IMAGE_DTYPES, Format, Images, check_options
 from warpvis.batch.storage._direct_io import ALIGNMENT, LEAST_DIRECT
 from warpvis.core.camera import Camera
-from warpvis.rendering import OUTPUTS
-from warpvis.sensors import CalibratedCamera, lens_camera_to_fields, opencv_intrinsics
+from warpvis.sensors import CalibratedCamera, lens_camera_to_fields, opencv_intrinsics, sensor_to_fields
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
@@ -33,11 +32,12 @@ _PADDING_ID = 0xD935
 class Npz(Format):
     """Arrays by their names, with ``K``, ``camera_to_world``, ``timestamps`` and ``frame`` beside them.
 
-    Of a lens there is ``camera``, JSON text, and only of OpenCV's pinhole ``K``, with its ``distortion``.
+    Of a lens there is ``camera``, JSON text, and only of OpenCV's pinhole ``K``, with its ``distortion``. What a sensor
+    lost is NaN, and ``sensor`` is its model, JSON text.
     """
 
     name: ClassVar[str] = "npz"
-    outputs: ClassVar[frozenset[str]] = frozenset([*OUTPUTS, "visibility"])
+    outputs: ClassVar[frozenset[str]] = frozenset([*IMAGE_DTYPES, "visibility"])
     default_outputs: ClassVar[tuple[str, ...]] = ("depth",)
 
     def __init__(self, plan: Plan) -> None:
@@ -54,6 +54,8 @@ class Npz(Format):
             "timestamps": plan.frames.timestamps[part],
             "frame": np.arange(part.start, part.stop),
         }
+        if plan.sensor is not None:
+            beside["sensor"] = np.array(json.dumps(sensor_to_fields(plan.sensor)))
         name = f"shard-{shard_name(shard)}.npz"
         files.write(name, *npz_parts({**images, **beside}))
         return [name]

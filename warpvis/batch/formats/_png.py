@@ -16,7 +16,7 @@ from warpvis.batch.formats._layouts import Layout, Parts
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.io import encode_pngs
-from warpvis.sensors import LensCamera, lens_camera_to_fields
+from warpvis.sensors import LensCamera, Reason, lens_camera_to_fields
 
 if TYPE_CHECKING:
     from warpvis.batch._job import Plan
@@ -30,6 +30,7 @@ class Png(Layout):
 
     - Depth: 16 bits, in units of 1 / `scale` m, rounded; 0 where there is none, and where it does not fit. It is
       planar, but along the ray where a camera's lens has ``kind="range"``.
+    - With a sensor, ``true_depth`` in the same units, and ``reasons`` in 8 bits; ``images.json`` names the values.
     - Labels: 8 bits; ``images.json`` names the values.
     - Objects: 16 bits, 0 for none, else the object's index in the scene + 1.
 
@@ -42,7 +43,7 @@ class Png(Layout):
 
     name: ClassVar[str] = "png"
     library: ClassVar[str | None] = "zlib"
-    outputs: ClassVar[frozenset[str]] = frozenset({"depth", "labels", "segmentation"})
+    outputs: ClassVar[frozenset[str]] = frozenset({"depth", "labels", "segmentation", "reasons", "true_depth"})
     default_outputs: ClassVar[tuple[str, ...]] = ("depth",)
     options: ClassVar[Mapping[str, str]] = {"scale": "units of a metre, 1000"}
 
@@ -61,10 +62,12 @@ class Png(Layout):
     def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
         """Write one shard; see `warpvis.batch.formats._base.Format`."""
         units = []
-        if "depth" in self.plan.outputs:
-            units.append(self.write_depth_pngs(shard, "depth", images["depth"], self._scale, files))
-        if "labels" in self.plan.outputs:
-            units.append(self.write_label_pngs(shard, images["labels"], files))
+        for name in ("depth", "true_depth"):
+            if name in self.plan.outputs:
+                units.append(self.write_depth_pngs(shard, name, images[name], self._scale, files))
+        for name in ("labels", "reasons"):
+            if name in self.plan.outputs:
+                units.append(self.write_byte_pngs(shard, name, images[name], files))
         if "segmentation" in self.plan.outputs:
             objects = images["segmentation"]
 
@@ -89,12 +92,15 @@ class Png(Layout):
         return ["camera.json", "images.json"]
 
     def _meaning(self) -> dict[str, Json]:
+        depth: dict[str, Json] = {
+            "kind": "planar" if self.plan.camera.kind == "z" else "range",
+            "units_per_metre": self._scale,
+            "no_depth": 0,
+        }
         meaning: dict[str, Json] = {
-            "depth": {
-                "kind": "planar" if self.plan.camera.kind == "z" else "range",
-                "units_per_metre": self._scale,
-                "no_depth": 0,
-            },
+            "depth": depth,
+            "true_depth": depth,
+            "reasons": {"values": {str(reason.value): reason.name for reason in Reason}},
             "labels": {"values": self.label_entries()},
             "segmentation": {"none": 0, "first": 1, "objects": self.object_entries()},
         }

@@ -22,8 +22,14 @@ from warpvis.batch.storage._direct_io import FilePart
 from warpvis.batch.storage._output import files_below
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
-from warpvis.rendering import OUTPUTS
-from warpvis.sensors import CalibratedCamera, LensCamera, lens_camera_to_fields, opencv_intrinsics
+from warpvis.sensors import (
+    CalibratedCamera,
+    LensCamera,
+    Reason,
+    lens_camera_to_fields,
+    opencv_intrinsics,
+    sensor_to_fields,
+)
 
 if TYPE_CHECKING:
     import zarr
@@ -32,7 +38,15 @@ if TYPE_CHECKING:
     from warpvis.batch.storage._output import ShardFiles
 
 # What is read of frames that were never written.
-_FILL = {"depth": np.inf, "points": np.nan, "normals": np.nan, "labels": 0, "segmentation": -1}
+_FILL = {
+    "depth": np.inf,
+    "points": np.nan,
+    "normals": np.nan,
+    "labels": 0,
+    "segmentation": -1,
+    "reasons": int(Reason.EMPTY),
+    "true_depth": np.inf,
+}
 _GROUP = "data.zarr"
 # "depth/c.12.0.0": a folder for every shard would take time to make.
 _KEYS: ChunkKeyEncodingParams = {"name": "default", "separator": "."}
@@ -45,7 +59,7 @@ class Zarr(Format):
     """Arrays indexed ``[view, y, x]`` and ``[view, object]``, with poses and times beside them."""
 
     name: ClassVar[str] = "zarr"
-    outputs: ClassVar[frozenset[str]] = frozenset([*OUTPUTS, "visibility"])
+    outputs: ClassVar[frozenset[str]] = frozenset([*IMAGE_DTYPES, "visibility"])
     default_outputs: ClassVar[tuple[str, ...]] = ("depth",)
     library: ClassVar[str | None] = "zarr numcodecs"
 
@@ -72,7 +86,7 @@ class Zarr(Format):
         units = []
         for name, array in images.items():
             unit = f"{_GROUP}/{name}/c.{shard}" + ".0" * (array.ndim - 1)
-            if name in OUTPUTS:
+            if name in IMAGE_DTYPES:
                 files.write(unit, *self._sharded(array))
             else:
                 files.write(unit, _padded(array, self._plan.shard_frames))
@@ -112,7 +126,7 @@ class Zarr(Format):
         plan = self._plan
         group = zarr.create_group(files.folder / _GROUP, attributes=self._attributes(), overwrite=False)
         for name in plan.outputs:
-            if name in OUTPUTS:
+            if name in IMAGE_DTYPES:
                 self._create_image(group, name)
         if "visibility" in plan.outputs:
             self._create_visibility(group)
@@ -170,6 +184,11 @@ class Zarr(Format):
             "object_names": list(plan.object_names),
             "object_labels": list(plan.object_labels),
         }
+        if plan.sensor is not None:
+            attributes["depth"] = f"{attributes['depth']}; nan: lost by the sensor"
+            attributes["sensor"], attributes["sensor_seed"] = sensor_to_fields(plan.sensor), plan.sensor_seed
+        if "reasons" in plan.outputs:
+            attributes["reasons"] = {reason.name: reason.value for reason in Reason}
         if "visibility" in plan.outputs:
             attributes["visibility_objects"] = [plan.object_names[index] for index in plan.chosen]
         return attributes

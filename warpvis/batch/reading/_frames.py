@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.batch._dataset import POSES
 from warpvis.batch._job import FRAME_ARRAYS, shard_name
+from warpvis.batch._manifest import MANIFEST
 from warpvis.batch._records import INDEX_RECORD, RECORDS_FOLDER
 from warpvis.batch.reading._bags import BagReader
 from warpvis.batch.reading._files import Files
@@ -21,12 +22,13 @@ from warpvis.batch.reading._job import FrameSpec, Job, read_job
 from warpvis.batch.reading._pictures import BopReader, ColmapReader, PngReader, TumReader
 from warpvis.batch.reading._shards import NpzReader, ShardReader, ZarrReader
 from warpvis.batch.storage._stores import Store, open_store
-from warpvis.core.checks import as_items, counted, is_whole, said_by
+from warpvis.core.checks import as_items, check_mapping, counted, is_whole, said_by
 from warpvis.core.frames import Frames
 from warpvis.core.labels import LabelNames
 from warpvis.core.poses import poses_to_matrices
-from warpvis.errors import ArrayError, FileFormatError
-from warpvis.sensors import CalibratedCamera, opencv_intrinsics
+from warpvis.errors import ArrayError, FileFormatError, WarpvisError
+from warpvis.rendering import DepthSensor
+from warpvis.sensors import CalibratedCamera, opencv_intrinsics, sensor_from_fields
 
 _READERS: Mapping[str, type[ShardReader]] = {
     "npz": NpzReader,
@@ -148,6 +150,20 @@ class FrameDataset:
     def label_names(self) -> LabelNames:
         """Names of the classes, by number; ``label_names.number("road")`` is the value of its pixels in ``labels``."""
         return self._job.label_names
+
+    @property
+    def sensor(self) -> DepthSensor | None:
+        """The model of a depth camera that made `depth`; None for exact depth, or of a model that is not of warpvis.
+
+        Raises:
+            FileFormatError: The manifest says none.
+        """
+        if self._job.sensor is None:
+            return None
+        try:
+            return sensor_from_fields(check_mapping(self._job.sensor, "sensor"))
+        except WarpvisError as error:
+            raise FileFormatError(f"{self._job.name}: {MANIFEST} has no sensor: {said_by(error)}") from None
 
     @property
     def visibility_objects(self) -> tuple[str, ...]:

@@ -18,7 +18,6 @@ from warpvis.core.checks import said_by, shortened
 from warpvis.core.labels import Label, LabelNames
 from warpvis.core.types import Json
 from warpvis.errors import CameraError, FileFormatError, SceneError
-from warpvis.rendering import OUTPUTS
 from warpvis.sensors import CalibratedCamera, lens_camera_from_fields
 
 
@@ -46,6 +45,8 @@ class Job:
     label_names: LabelNames
     visibility_objects: tuple[str, ...]
     """Names of the objects that visibility is of."""
+    sensor: Json = None
+    """What the manifest says of the model of a depth camera; None for exact depth."""
 
     @property
     def shard_count(self) -> int:
@@ -61,7 +62,7 @@ class Job:
         size = (self.camera.height, self.camera.width)
         specs = {}
         for name in self.outputs:
-            if name in OUTPUTS:
+            if name in IMAGE_DTYPES:
                 scalar = np.dtype(IMAGE_DTYPES[name])
                 specs[name] = FrameSpec(scalar, (*size, 3) if name in ("points", "normals") else size)
         if "visibility" in self.outputs:
@@ -111,6 +112,7 @@ def read_job(store: Store) -> Job:
                     object_labels=_read_labels(store.name, objects),
                     label_names=read_label_names(store.name, manifest),
                     visibility_objects=tuple(chosen),
+                    sensor=manifest.get("sensor"),
                 )
     raise FileFormatError(f"{store.name}: is no dataset: its {MANIFEST} does not say what it holds")
 

@@ -52,7 +52,7 @@ class PngReader:
     def read_into(self, name: str, shard: int, row: int, out: NDArray) -> None:
         """Decode a frame's file."""
         image = self._decode(f"{self._folder(name, shard)}/{row:06d}.png")
-        if name == "depth":
+        if name in ("depth", "true_depth"):
             _to_metres(image, self._scale, out)
         elif name == "segmentation":
             out[...] = image

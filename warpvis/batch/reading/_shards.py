@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.batch._job import shard_name
+from warpvis.batch.formats._base import IMAGE_DTYPES
 from warpvis.batch.reading._files import Files, Recent
 from warpvis.batch.reading._job import FrameSpec, Job
 from warpvis.core.checks import said_by
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
-from warpvis.rendering import OUTPUTS
 
 _LOCAL_HEADER = 30  # of a ZIP entry, before its name and its extra field
 _MOST_HEADER = 4096
@@ -137,7 +137,7 @@ class ZarrReader:
         spec = self._specs[name]
         file = f"data.zarr/{name}/c.{shard}" + ".0" * len(spec.shape)
         data = self._files.bytes_of(file)
-        if name not in OUTPUTS:  # one chunk of all frames of the shard
+        if name not in IMAGE_DTYPES:  # one chunk of all frames of the shard
             size = spec.dtype.itemsize * int(np.prod(spec.shape))
             chunk = data[row * size : (row + 1) * size]
         else:

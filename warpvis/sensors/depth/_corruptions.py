@@ -54,6 +54,14 @@ class Corruptions(DepthSensor):
         if isinstance(self.of, Corruptions):
             raise ArrayError("of must be a device's model, and no Corruptions: both would have the same random numbers")
 
+    def camera(self) -> Camera:
+        """Return the camera of the sensor whose depth is corrupted.
+
+        Raises:
+            CameraError: There is none, or it was made without one.
+        """
+        return super().camera() if self.of is None else self.of.camera()
+
     @property
     def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:
         """Which images of the first surface are read."""

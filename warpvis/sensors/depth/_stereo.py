@@ -126,16 +126,6 @@ class StereoDepth(DepthSensor):
         if self.native_camera is not None and not isinstance(self.native_camera, Camera):
             raise CameraError(f"native_camera must be a warpvis.Camera, got {self.native_camera!r}")
 
-    def camera(self) -> Camera:
-        """Return the camera of the device: its image size, focal length and range.
-
-        Raises:
-            CameraError: The sensor was made without one.
-        """
-        if self.native_camera is None:
-            raise CameraError("this sensor has no camera of its own: give native_camera, or take a profile of a device")
-        return self.native_camera
-
     @property
     def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:
         """Which images of the first surface are read."""

@@ -1,0 +1,95 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Models of depth cameras as JSON, for manifests of datasets."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from warpvis.core.camera import Camera
+from warpvis.core.checks import is_number, is_whole, said_by, shortened
+from warpvis.core.types import Json
+from warpvis.errors import ArrayError, CameraError
+from warpvis.rendering import DepthSensor
+
+_INFINITE = "inf"
+"""What JSON has in place of infinity, which is no number of its."""
+
+
+def sensor_to_fields(sensor: DepthSensor) -> dict[str, Json]:
+    """List what a sensor is, as JSON holds it: its model, the name of its class, and that class's fields.
+
+    Raises:
+        ArrayError: A field is no number, text, camera, sensor, nor a list or mapping of these.
+    """
+    kind = type(sensor)
+    name = kind.__name__ if _find_model(kind.__name__) is kind else f"{kind.__module__}.{kind.__qualname__}"
+    kept = (
+        {field.name: getattr(sensor, field.name) for field in fields(sensor)} if is_dataclass(sensor) else vars(sensor)
+    )
+    return {"model": name, **{key: _to_json(value, f"{kind.__name__}.{key}") for key, value in kept.items()}}
+
+
+def sensor_from_fields(values: Mapping[str, Json]) -> DepthSensor | None:
+    """Make the sensor that `sensor_to_fields` listed; None of a model that is not of warpvis.
+
+    Raises:
+        CameraError: They are no sensor's.
+    """
+    model = values.get("model")
+    if not isinstance(model, str):
+        raise CameraError(f"a sensor's fields must say its model, got {shortened(repr(model))}")
+    kind = _find_model(model)
+    if kind is None:
+        return None
+    try:
+        return kind(**{key: _from_json(value) for key, value in values.items() if key != "model"})
+    except (TypeError, ValueError, ArithmeticError, RecursionError) as error:
+        raise CameraError(f"these are no fields of a {model}: {said_by(error)}") from None
+
+
+def _find_model(name: str) -> Any:
+    from warpvis.sensors import depth
+
+    kind = getattr(depth, name, None)
+    return kind if isinstance(kind, type) and issubclass(kind, DepthSensor) else None
+
+
+def _to_json(value: object, name: str) -> Json:
+    if value is None or isinstance(value, bool | str):
+        return value
+    if is_whole(value):
+        return int(value)
+    if is_number(value):
+        if math.isnan(value):
+            raise ArrayError(f"{name} must be a number, got NaN")
+        return float(value) if math.isfinite(value) else _INFINITE if value > 0 else f"-{_INFINITE}"
+    if isinstance(value, DepthSensor):
+        return sensor_to_fields(value)
+    if isinstance(value, Camera):
+        return {key: _to_json(part, name) for key, part in asdict(value).items()}
+    if isinstance(value, Mapping):
+        return {str(key): _to_json(part, name) for key, part in value.items()}
+    if isinstance(value, np.ndarray):
+        return _to_json(value.tolist(), name)
+    if isinstance(value, Sequence) and not isinstance(value, bytes):
+        return [_to_json(part, name) for part in value]
+    raise ArrayError(f"{name} cannot be written into a dataset's manifest, which has numbers and text, got {value!r}")
+
+
+def _from_json(value: Json) -> Any:
+    if value in (_INFINITE, f"-{_INFINITE}"):
+        return float(str(value))
+    if isinstance(value, list):
+        return tuple(_from_json(part) for part in value)
+    if isinstance(value, dict):
+        if "model" in value:
+            return sensor_from_fields(value)
+        parts = {key: _from_json(part) for key, part in value.items()}
+        return Camera(**parts) if {"width", "fx"} <= parts.keys() else parts
+    return value
