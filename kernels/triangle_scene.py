@@ -18,6 +18,12 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 CLOSE = wp.constant(1.0e-3)
 """Hits nearer than this may be of a triangle in whose plane the camera is [m]."""
 
+PASSING = wp.constant(1.0e-6)
+"""How far behind what a ray passes it goes on: of its depth, or of 1 m."""
+
+FLOAT_STEPS = wp.constant(2.4e-7)
+"""How much four roundings to single precision may change of a number."""
+
 
 @wp.struct
 class TriangleScene:
@@ -34,6 +40,15 @@ class TriangleScene:
     object_label: wp.array[wp.uint8]
     instance_count: int  # of steps through what stays and shares a mesh: those come behind the movable
     instances: wp.uint64  # address of the first `InstanceStep`: an array would be copied for each ray
+
+
+@wp.struct
+class Hit:
+    """Where a ray meets a mesh."""
+
+    result: bool
+    t: float  # along the ray, in lengths of its direction
+    face: int
 
 
 @wp.func
@@ -181,6 +196,53 @@ def passes(
 
 
 @wp.func
+def meets(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, direction: wp.vec3d) -> bool:
+    """Whether a ray from the origin meets a triangle, on its edges too, by either side.
+
+    Of an edge that two triangles share, both have the same number but for its sign: no ray passes between them.
+    """
+    zero = wp.float64(0.0)
+    u, v, w = wp.dot(direction, wp.cross(b, c)), wp.dot(direction, wp.cross(c, a)), wp.dot(direction, wp.cross(a, b))
+    within = (u >= zero and v >= zero and w >= zero) or (u <= zero and v <= zero and w <= zero)
+    return within and u + v + w != zero
+
+
+@wp.func
+def beside_passed(
+    scene: TriangleScene,
+    worlds: Worlds,
+    view: int,
+    movable: int,
+    origin: wp.vec3,
+    direction: wp.vec3,
+    least_t: float,
+    most_t: float,
+    cull: bool,
+) -> Hit:
+    """The first hit that counts in a range that is next to nothing: among what coincides with what a ray passes."""
+    mesh = mesh_of(scene, movable)
+    found = Hit()
+    found.t = most_t
+    here = origin + 0.5 * (least_t + most_t) * direction
+    reach = 0.5 * (most_t - least_t) * wp.length(direction) + FLOAT_STEPS * (wp.length(origin) + wp.length(here))
+    side = wp.vec3(reach, reach, reach)
+    query = wp.mesh_query_aabb(mesh, here - side, here + side)
+    eye, ray = wp.vec3d(origin), wp.vec3d(direction)
+    face = int(0)
+    while wp.mesh_query_aabb_next(query, face):
+        a, b, c = corner(mesh, face, 0) - eye, corner(mesh, face, 1) - eye, corner(mesh, face, 2) - eye
+        if meets(a, b, c, ray):
+            normal = wp.cross(b - a, c - a)
+            t = float(wp.dot(normal, a) / wp.dot(normal, ray))
+            if t >= least_t and t <= found.t:
+                if not passes(scene, worlds, view, movable, origin, t, face, direction, cull):
+                    found.result = True
+                    found.t = t
+                    found.face = face
+    return found
+
+
+@wp.func
 def first_hit(
     scene: TriangleScene,
     worlds: Worlds,
@@ -191,17 +253,38 @@ def first_hit(
     least_t: float,
     most_t: float,
     cull: bool,
-) -> wp.MeshQueryRay:
-    """The first hit that counts: past every other the ray goes on from just behind it. Its t is the depth."""
+) -> Hit:
+    """The first hit that counts: past every other the ray goes on from just behind it. Its t is the depth.
+
+    What coincides with what is passed would be skipped by that, so that it is looked for first.
+    """
     mesh = mesh_of(scene, movable)
     passed = float(least_t)
     hit = wp.mesh_query_ray(mesh, origin + passed * direction, direction, most_t - passed)
     if cull or worlds.excluded or hit.t < CLOSE:
         while hit.result and passes(scene, worlds, view, movable, origin, hit.t + passed, hit.face, direction, cull):
-            passed += wp.max(hit.t, 0.0) + 1.0e-6 * wp.max(1.0, passed)
+            at = passed + wp.max(hit.t, 0.0)
+            step = PASSING * wp.max(1.0, at)
+            beside = beside_passed(
+                scene,
+                worlds,
+                view,
+                movable,
+                origin,
+                direction,
+                wp.max(at - step, least_t),
+                wp.min(at + step, most_t),
+                cull,
+            )
+            if beside.result:
+                return beside
+            passed = at + step
             hit = wp.mesh_query_ray(mesh, origin + passed * direction, direction, most_t - passed)
-    hit.t += passed
-    return hit
+    found = Hit()
+    found.result = hit.result
+    found.t = hit.t + passed
+    found.face = hit.face
+    return found
 
 
 @wp.func

@@ -218,6 +218,42 @@ def test_excluding_in_a_scene_where_nothing_moves(device, caster):
     )
 
 
+def boxes_on_a_floor(device, places):
+    """Boxes whose lower sides are in the floor's upper one."""
+    scene = wv.Scene(device=device)
+    scene.add(trimesh.creation.box((6, 6, 0.1)), name="floor", label="ground", pose=(0, 0, -0.05, 0, 0, 0, 1))
+    for i, (x, y) in enumerate(places):
+        scene.add(trimesh.creation.box((0.5, 0.5, 0.5)), name=f"box_{i}", pose=(x, y, 0.25, 0, 0, 0, 1))
+    return scene
+
+
+def test_what_an_excluded_object_stands_on_is_seen(device, caster):
+    """The surface that coincides with one that is passed, by images and by points of them."""
+    eight = np.concatenate([eyes(4), eyes(4, radius=1.3, height=2.0)])
+    scene = boxes_on_a_floor(device, [(0, 0), (0.9, 0.1), (-0.4, 0.8)])
+    renderer = wv.Renderer(scene, SMALL, outputs=("depth", "segmentation"), caster=caster)
+    expected = wv.render(boxes_on_a_floor("cpu", [(0.9, 0.1)]), SMALL, eight, outputs=("depth",), caster="packets")
+    y, x = np.mgrid[: SMALL.height, : SMALL.width] + 0.5
+    centers = np.tile(np.stack([x, y], axis=-1).reshape(1, -1, 2), (8, 1, 1)).astype(np.float32)
+    for views in (
+        renderer.render(eight, exclude=["box_0", "box_2"]),
+        renderer.render_at(eight, centers, exclude=["box_0", "box_2"]),
+    ):
+        depth = views.depth.numpy().reshape(expected.depth.shape)
+        np.testing.assert_allclose(depth, expected.depth.numpy(), rtol=2e-6)
+        assert set(np.unique(views.segmentation.numpy())) == {-1, 0, 2}
+
+
+def test_what_a_culled_back_face_lies_on_is_seen(device, caster):
+    """From inside of a box, through its back faces."""
+    pose = np.array([wv.look_at((0.1, 0.05, 0.3), (0.3, 0, -0.3))], dtype=np.float32)
+    options = {"outputs": ("depth", "segmentation"), "caster": caster, "cull_backfaces": True}
+    views = wv.render(boxes_on_a_floor(device, [(0, 0)]), SMALL, pose, **options)
+    expected = wv.render(boxes_on_a_floor("cpu", []), SMALL, pose, outputs=("depth",), caster="packets")
+    np.testing.assert_allclose(views.depth.numpy(), expected.depth.numpy(), rtol=2e-6)
+    assert (views.segmentation.numpy() <= 0).all()
+
+
 @pytest.mark.parametrize("movable", [False, True])
 def test_a_camera_inside_an_excluded_body(movable, device, caster):
     """It sees through the closed body around it, and the other objects as from outside."""
