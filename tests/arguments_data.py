@@ -31,6 +31,7 @@ def data_cases(folder):
         "objects": ["cup"],
         "segmentation": "body",
         "fill": "far",
+        "sensor": wv.sensors.StereoDepth(0.05, sigma=0.1),
         "scene_option": mujoco.MjvOption(),
         "device": "cpu",
     }
@@ -141,7 +142,7 @@ def data_cases(folder):
         ),
         "BatchRenderer.render, sensor": (
             wv.mujoco.BatchRenderer(MODEL, 1, height=6, width=8, sensor=wv.sensors.StereoDepth(0.05, sigma=0.1)).render,
-            {"poses": data, "cameras": ["eye"], "frame": 2},
+            {"poses": data, "cameras": ["eye"], "frame": [2], "view_index": [7]},
         ),
         "BatchRenderer.body_ids": (
             wv.mujoco.BatchRenderer(MODEL, 1, height=6, width=8, outputs=["segmentation"]).body_ids,
@@ -176,6 +177,9 @@ def data_cases(folder):
                 "font_scale": None,
                 "cull_backfaces": True,
                 "near_plane": "clip",
+                "fill": "far",
+                "sensor": sensor,
+                "seed": 1,
                 "fallback": False,
                 "threads": 1,
                 **model,

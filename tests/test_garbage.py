@@ -171,8 +171,6 @@ OURS = {
     "Corruptions.measure",
     "KhoshelhamNoise.measure",
     "NguyenNoise.measure",
-    "RedwoodNoise.measure",
-    "SimKinect.measure",
     "StereoDepth.check",
     "StereoDepth.measure",
     "TimeOfFlight.check",
@@ -182,6 +180,7 @@ OURS = {
     "Agent.face_poses",
     "Agent.angles_to",
     # Gymnasium's own arguments.
+    "DepthObservation.reset",
     "VectorDepthObservation.reset",
     "VectorDepthObservation.step",
 }
@@ -210,7 +209,7 @@ NAMES = (
     "Ortho gym open_ framing depth_ from_image to_image to_point find_ quanti range_ recog segm Li bpearl even "
     "hdl64e Motion Rolling deskew laser_ livox ouster vlp gather_ measure_ reflect spread_ to_laser Rays Wide Rangef "
     "register_ to_livox Stereo realsense_ oak_ kinect_ structure fit read_depth "
-    "TimeOf azure_ pmd_ Nguyen Khoshelham Corruptions SimKinect Redwood sensor_ "
+    "TimeOf azure_ pmd_ Nguyen Khoshelham Corruptions sensor_ "
 ).split()
 
 

@@ -1,13 +1,15 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth cameras' models in batches of MuJoCo's worlds."""
+"""Depth cameras' models in MuJoCo's worlds: in one, and in batches."""
+
+import pickle
 
 import mujoco
 import numpy as np
 import pytest
 
 import warpvis as wv
-from warpvis.mujoco import BatchRenderer
+from warpvis.mujoco import BatchRenderer, Renderer
 from warpvis.sensors import Reason, StereoDepth
 
 XML = """
@@ -85,7 +87,7 @@ def test_the_noise_is_that_of_the_model(device):
 def test_what_is_refused():
     with pytest.raises(wv.WarpvisError, match="outputs must be without reasons where there is no sensor"):
         BatchRenderer(MODEL, **SIZE, outputs=("depth", "reasons"))
-    with pytest.raises(wv.WarpvisError, match="frame is of a sensor's random numbers: give BatchRenderer a sensor"):
+    with pytest.raises(wv.WarpvisError, match="frame and view_index are of a sensor's random numbers: give Batch"):
         BatchRenderer(MODEL, **SIZE).render(QPOS, frame=1)
     with pytest.raises(wv.WarpvisError, match="sensor must be a model of"):
         BatchRenderer(MODEL, **SIZE, sensor="d435").render(QPOS)
@@ -93,3 +95,111 @@ def test_what_is_refused():
         BatchRenderer(MODEL, **SIZE, sensor=NOISY, seed=-1).render(QPOS)
     with pytest.raises(wv.WarpvisError, match="frame must be"):
         BatchRenderer(MODEL, **SIZE, sensor=NOISY).render(QPOS, frame=-1)
+    with pytest.raises(wv.WarpvisError, match="view_index must be whole numbers, one for each of 10 views"):
+        BatchRenderer(MODEL, **SIZE, sensor=NOISY).render(QPOS, view_index=np.arange(5))
+
+
+def test_views_have_numbers_and_frames_of_their_own(device):
+    """In the order of the images, through cameras of several fields of view."""
+    batch = BatchRenderer(MODEL, **SIZE, sensor=NOISY, seed=3, device=device)
+    frames = [batch.render(QPOS, frame=frame).depth.numpy() for frame in (4, 5)]
+    mixed = batch.render(QPOS, frame=[4, 5] * 5).depth.numpy()
+    np.testing.assert_array_equal(mixed[::2], frames[0][::2])
+    np.testing.assert_array_equal(mixed[1::2], frames[1][1::2])
+    numbers = (2 * np.arange(5) + np.arange(2)[:, None]).ravel()  # world by world, two cameras each
+    np.testing.assert_array_equal(batch.render(QPOS, frame=4, view_index=numbers).depth.numpy(), frames[0])
+    apart = batch.render(QPOS[[0, 0]], frame=4, view_index=[0, 7, 1, 9]).depth.numpy()
+    np.testing.assert_array_equal(apart[[0, 2]], frames[0][[0, 5]])
+    assert (apart[0] != apart[1]).mean() > 0.5
+    assert batch.frame == 0
+
+
+OPEN = mujoco.MjModel.from_xml_string(XML.replace('size=".05 2 1"', 'size=".05 2 .2"'))  # with sky above the wall
+
+
+def depth_renderer(**options):
+    data = mujoco.MjData(OPEN)
+    data.qpos[0] = 0.1
+    mujoco.mj_forward(OPEN, data)
+    renderer = Renderer(OPEN, **SIZE, **options)
+    renderer.enable_depth_rendering()
+    renderer.update_scene(data, "left")
+    return renderer
+
+
+def test_a_renderer_says_what_a_batch_of_one_world_does(device):
+    batch = BatchRenderer(OPEN, **SIZE, outputs=OUTPUTS, sensor=NOISY, seed=3, device=device)
+    with depth_renderer(sensor=NOISY, seed=3, fill="inf", device=device) as renderer:
+        for frame in range(2):
+            depth, views = renderer.render(), batch.render([0.1], cameras="left")
+            assert renderer.frame == frame + 1
+            for found, name in ((depth, "depth"), (renderer.reasons, "reasons"), (renderer.true_depth, "true_depth")):
+                wanted = getattr(views, name).numpy()[0]
+                # Where the ball is comes to both by ways of their own, to the last digit but one.
+                assert found.dtype == wanted.dtype
+                assert np.isclose(found, wanted, rtol=1e-5, equal_nan=True).mean() > 0.999, name
+        assert np.isnan(depth).any() and (depth == np.inf).any() and set(np.unique(renderer.reasons)) == {0, 1, 3, 7}
+
+
+def test_a_renderers_lost_pixels_are_filled():
+    near = StereoDepth(0.06, max_disparity=1.5, dropout=0.1)  # nearer than some 1.8 m is too near
+    infinite, far, zero = (depth_renderer(sensor=near, fill=fill) for fill in ("inf", "far", 0.0))
+    said = infinite.render()
+    too_near, none = said == -np.inf, ~np.isfinite(said)
+    assert too_near.any() and np.isnan(said).any() and (said == np.inf).any() and not none.all()
+    clean = depth_renderer().render()
+    shown = far.render()
+    np.testing.assert_array_equal(shown[~none], said[~none])
+    np.testing.assert_allclose(shown[too_near], 0.01 * OPEN.stat.extent, rtol=1e-6)
+    empty = infinite.reasons == Reason.EMPTY
+    assert (shown[none & ~too_near] == clean[empty][0]).all() and clean[empty].min() == clean.max()
+    assert (zero.render(out=np.ones((48, 64)))[none] == 0).all()
+
+
+def test_a_renderers_segmentation_stays_exact():
+    sensed, clean = depth_renderer(sensor=NOISY), depth_renderer()
+    for renderer in (sensed, clean):
+        renderer.enable_segmentation_rendering()
+    np.testing.assert_array_equal(sensed.render(), clean.render())
+    assert sensed.frame == 0  # which counts images of depth
+    with pytest.raises(wv.WarpvisError, match="reasons is of a sensor's depth: render depth first"):
+        sensed.reasons  # noqa: B018
+    with pytest.raises(wv.WarpvisError, match="true_depth is of a sensor's depth: give Renderer a sensor"):
+        clean.true_depth  # noqa: B018
+
+
+def test_a_copied_renderer_goes_on_with_its_frames():
+    renderer = depth_renderer(sensor=NOISY, seed=2)
+    first = renderer.render()
+    copied = pickle.loads(pickle.dumps(renderer))
+    second = copied.render()
+    np.testing.assert_array_equal(second, renderer.render())
+    renderer.frame = 0
+    np.testing.assert_array_equal(renderer.render(), first)
+    assert (first != second).mean() > 0.5
+
+
+def test_a_renderer_of_nothing():
+    renderer = depth_renderer(sensor=NOISY, exclude=["*"])
+    depth = renderer.render()
+    assert (depth == depth[0, 0]).all() and depth[0, 0] > 10
+    assert (renderer.reasons == Reason.EMPTY).all() and (renderer.true_depth == np.inf).all() and renderer.frame == 1
+
+
+def test_what_a_renderer_refuses():
+    flat = XML.replace('fovy="60"', 'fovy="2" projection="orthographic"')
+    model = mujoco.MjModel.from_xml_string(flat)
+    renderer = Renderer(model, **SIZE, sensor=NOISY)
+    renderer.enable_depth_rendering()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    renderer.update_scene(data, "right")
+    with pytest.raises(wv.errors.CameraError, match=r"pinhole, warpvis\.Camera, and not yet of a OrthographicCamera"):
+        renderer.render()
+    for wrong, said in (
+        ({"sensor": "d435"}, "sensor must be a model of"),
+        ({"seed": -1}, "seed must be"),
+        ({"fill": "near"}, "fill must be"),
+    ):
+        with pytest.raises(wv.WarpvisError, match=said):
+            Renderer(MODEL, **({"sensor": NOISY} | wrong))

@@ -50,7 +50,17 @@ from warpvis.mujoco._resizable import Resizable, ResizableGeoms, resizable_geoms
 from warpvis.mujoco._scene import Movable, class_of_geoms, make_scene, select_geoms, warn_of_soft
 from warpvis.mujoco._shapes import shape_bodies
 from warpvis.mujoco._world_models import WorldModels
-from warpvis.rendering import AnyCamera, DepthSensor, Fill, NearPlane, Output, Views, check_asked, views_for
+from warpvis.rendering import (
+    AnyCamera,
+    DepthSensor,
+    Fill,
+    NearPlane,
+    Output,
+    Views,
+    check_asked,
+    view_numbers,
+    views_for,
+)
 from warpvis.scene import Scene
 
 # Cameras, worlds, how many objects move, and the stream that work is queued on.
@@ -193,7 +203,8 @@ class BatchRenderer:
         cameras: CameraChoice | Sequence[CameraChoice] | None = None,
         worlds: ArrayLike | None = None,
         model: object | None = None,
-        frame: int | None = None,
+        frame: int | ArrayInput | None = None,
+        view_index: ArrayInput | None = None,
         out: Views | None = None,
     ) -> BatchViews:
         """Render some cameras in some worlds.
@@ -221,9 +232,11 @@ class BatchRenderer:
                 joint positions are given; other poses have them in. `geom_size` is that of geoms that are `resizable`:
                 of the host's arrays it is checked that the others have the model's. Meshes and height fields cannot
                 differ.
-            frame: The frame that a sensor's random numbers are of, from 0 up. By default `BatchRenderer.frame`, which
-                is 0 to begin with and goes up by 1 with each such call. What a camera sees in a world does not depend
-                on which other worlds are rendered.
+            frame: The frame that a sensor's random numbers are of, from 0 up, one or one for each view, in the order of
+                the images. By default `BatchRenderer.frame`, which is 0 to begin with and goes up by 1 with each such
+                call. What a camera sees in a world does not depend on which other worlds are rendered.
+            view_index: The views' numbers as random numbers go by, in the order of the images; by default the world's
+                index times C plus the camera's.
             out: Images of an earlier call to write into, of the same number of views.
 
         Returns:
@@ -247,23 +260,30 @@ class BatchRenderer:
         groups = views_by_intrinsics(self.model, chosen, fovy, rows)
         shape = (len(chosen) * count, self.height, self.width)
         views = batch_views(views_for(self._outputs, shape, device, out), len(chosen), count)
-        drawn = self._number(rows, len(chosen), frame)
+        drawn = self._number(rows, len(chosen), frame, view_index)
         for camera, members in groups.items():
             self._cast(camera, place, members, drawn, views)
         self._give_back(key, place)
         return views
 
     def _number(
-        self, worlds: NDArray[np.int32], cameras: int, frame: int | None
-    ) -> tuple[int, NDArray[np.int64]] | None:
-        """Return what a sensor's random numbers follow from, the frame and every view's number; None without one."""
+        self,
+        worlds: NDArray[np.int32],
+        cameras: int,
+        frame: int | ArrayInput | None,
+        view_index: ArrayInput | None,
+    ) -> NDArray[np.int64] | None:
+        """Return what a sensor's random numbers follow from, the number and frame of every view; None without one."""
         if self._sensor is None:
-            if frame is not None:
-                raise ArrayError("frame is of a sensor's random numbers: give BatchRenderer a sensor")
+            if frame is not None or view_index is not None:
+                raise ArrayError("frame and view_index are of a sensor's random numbers: give BatchRenderer a sensor")
             return None
+        if view_index is None:
+            view_index = (worlds.astype(np.int64) * cameras + np.arange(cameras)[:, None]).ravel()
+        numbers = view_numbers(len(worlds) * cameras, self.frame if frame is None else frame, view_index)
         if frame is None:
-            frame, self.frame = self.frame, self.frame + 1
-        return frame, (worlds.astype(np.int64) * cameras + np.arange(cameras)[:, None]).ravel()
+            self.frame += 1
+        return numbers
 
     def _place(
         self,
@@ -366,7 +386,7 @@ class BatchRenderer:
         camera: AnyCamera,
         place: _Workplace,
         views: NDArray[np.int64],
-        drawn: tuple[int, NDArray[np.int64]] | None,
+        drawn: NDArray[np.int64] | None,
         out: Views,
     ) -> None:
         """Render views through cameras of the same intrinsics."""
@@ -383,7 +403,9 @@ class BatchRenderer:
         def some(array: wp.array) -> wp.array:
             return array[rows].contiguous() if scattered else array[rows]
 
-        options: dict[str, Any] = {} if drawn is None else {"frame": drawn[0], "view_index": drawn[1][views]}
+        options: dict[str, Any] = {}
+        if drawn is not None:
+            options["view_index"], options["frame"] = drawn[views].T
         if place.objects.size:
             options |= {"object_poses": place.objects, "world_index": some(place.world_of_view)}
             options["object_sizes"] = place.sizes

@@ -160,7 +160,7 @@ class GeomRenderer(Renderer):
         object_sizes: wp.array | None = None,
         world_index: wp.array | None = None,
         exclude: wp.array | None = None,
-        frame: int | None = None,
+        frame: np.ndarray | None = None,
         view_index: np.ndarray | None = None,
         out: Views | None = None,
     ) -> Views:

@@ -19,6 +19,7 @@ from warpvis.core.label_rules import LabelInput, LabelRules
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, SceneError, WarpvisError
+from warpvis.mujoco._background import filled_depth
 from warpvis.mujoco._cameras import camera_of_frustum, viewer_camera, viewer_frustum, viewer_pose
 from warpvis.mujoco._geom_renderer import GeomRenderer
 from warpvis.mujoco._geoms import DEFAULT_GROUPS, DEFAULT_TOLERANCE, check_groups
@@ -28,9 +29,20 @@ from warpvis.mujoco._scene import check_patterns, select_geoms
 from warpvis.mujoco._stage import Stage
 from warpvis.mujoco._viewer_scene import RendererScene, ViewerScene
 from warpvis.mujoco._visuals import Visuals
-from warpvis.rendering import AnyCamera, NearPlane, OrthographicCamera, Output
+from warpvis.rendering import (
+    AnyCamera,
+    DepthSensor,
+    Fill,
+    NearPlane,
+    Output,
+    check_fill,
+    check_word,
+    require_sensor,
+)
+from warpvis.sensors import Reason
 
 _MADE_ANEW = ("_stages", "_stage", "_viewer", "_fallback", "_visuals")
+_OF_SENSOR: tuple[Output, ...] = ("reasons", "true_depth")
 _MOST_RENDERERS = 64  # a camera whose field of view changes all the time must not fill the memory
 
 
@@ -60,6 +72,9 @@ class Renderer:
         exclude: Iterable[str] = (),
         cull_backfaces: bool = True,
         near_plane: NearPlane = "clip",
+        fill: Fill = "far",
+        sensor: DepthSensor | None = None,
+        seed: int = 0,
         fallback: bool = False,
         device: DeviceLike = "cpu",
         threads: int | None = None,
@@ -79,6 +94,12 @@ class Renderer:
             cull_backfaces: See through surfaces from behind, as in MuJoCo: out of a head that a camera is in.
             near_plane: ``"clip"``: what is nearer than MuJoCo's near plane is cut away, and what is behind is seen, as
                 in MuJoCo; ``"occlude"``: it is seen where it is.
+            fill: Depth of pixels without: ``"far"``, MuJoCo's far value, and the near plane's of what is too near to a
+                sensor; ``"inf"``, +inf, -inf, and NaN of what a sensor lost; or a number [m].
+            sensor: A model of a depth camera, as for `warpvis.Renderer`: depth is what such a device would say through
+                MuJoCo's cameras, whose near plane is the model's; `reasons` says why a pixel has none, and `true_depth`
+                what is there. Segmentation stays exact.
+            seed: What its random numbers follow from, together with `frame`, which counts images of depth.
             fallback: Have colours made by a `mujoco.Renderer`, which needs OpenGL.
             device: Where to render: ``"cpu"``, ``"cuda:0"``, ...
             threads: CPU threads to use; all cores of this process by default.
@@ -95,6 +116,12 @@ class Renderer:
         self._device = device
         self._cull_backfaces = check_flag(cull_backfaces, "cull_backfaces")
         self._near_plane = check_choice(near_plane, "near_plane", get_args(NearPlane))
+        self._fill = check_fill(fill)
+        self._sensor = None if sensor is None else require_sensor(sensor)
+        self._seed = check_word(seed, "seed")
+        self.frame = 0
+        """The frame that a sensor's random numbers are of in the next image of depth; each one adds 1."""
+        self._sensed: dict[str, np.ndarray] = {}
         self._threads = check_threads(threads)
         self._viewer = ViewerScene(model)
         self._visuals = Visuals(model, tolerance=tolerance)
@@ -130,6 +157,30 @@ class Renderer:
         groups of geoms and sites. Movable ones stay where they were added.
         """
         return self._stage.scene
+
+    @property
+    def reasons(self) -> NDArray[np.uint8]:
+        """Why pixels of the last image of depth have none, `warpvis.sensors.Reason`, shape ``(height, width)`` uint8.
+
+        Raises:
+            WarpvisError: There is no sensor, or no depth was rendered.
+        """
+        return self._of_sensor("reasons")
+
+    @property
+    def true_depth(self) -> NDArray[np.float32]:
+        """What the exact rays of the last image of depth met [m], shape ``(height, width)`` float32; +inf of nothing.
+
+        Raises:
+            WarpvisError: There is no sensor, or no depth was rendered.
+        """
+        return self._of_sensor("true_depth")
+
+    def _of_sensor(self, name: str) -> np.ndarray:
+        if not self._sensed:
+            why = "give Renderer a sensor" if self._sensor is None else "render depth first"
+            raise WarpvisError(f"{name} is of a sensor's depth: {why}")
+        return self._sensed[name]
 
     @property
     def height(self) -> int:
@@ -196,7 +247,8 @@ class Renderer:
             out: An array to write into, cast to its dtype.
 
         Returns:
-            Depth: planar, in metres, shape ``(height, width)`` float32, with MuJoCo's far value where nothing is.
+            Depth: planar, in metres, shape ``(height, width)`` float32, with MuJoCo's far value where nothing is, or
+                what `fill` says; of `sensor`, what that says.
             Colours, of `fallback` only: shape ``(height, width, 3)`` uint8.
             Segmentation: pairs of an id and its `mujoco.mjtObj` (mjOBJ_GEOM, mjOBJ_SITE, mjOBJ_SKIN, ...), as
             `mujoco.Renderer` has them; -1 and mjOBJ_UNKNOWN for objects that were added to `scene`, -1 and -1 for
@@ -292,27 +344,34 @@ class Renderer:
 
     def _depth(self) -> NDArray[np.float32]:
         assert self._camera is not None
-        background = _background(self._camera)
-        image = self._cast("depth")
-        return np.full(self._size, background) if image is None else np.minimum(image, background)
+        images = self._cast("depth", *(() if self._sensor is None else _OF_SENSOR))
+        if self._sensor is not None:
+            self._sensed = self._nothing_sensed() if images is None else {name: images[name] for name in _OF_SENSOR}
+            self.frame += 1
+        return filled_depth(None if images is None else images["depth"], self._camera, self._fill)
+
+    def _nothing_sensed(self) -> dict[str, np.ndarray]:
+        reasons = np.full(self._size, Reason.EMPTY, dtype=np.uint8)
+        return {"reasons": reasons, "true_depth": np.full(self._size, np.inf, dtype=np.float32)}
 
     def _segmentation(self) -> NDArray[np.int32]:
-        image = self._cast("segmentation")
-        if image is None:
+        images = self._cast("segmentation")
+        if images is None:
             return np.full((*self._size, 2), -1, dtype=np.int32)
         # A pair as one number: to gather pairs takes longer than to render a small image.
         pairs = self._stage.meanings().view(np.int64)[:, 0]
-        return pairs[image].view(np.int32).reshape(*image.shape, 2)
+        return pairs[images["segmentation"]].view(np.int32).reshape(*self._size, 2)
 
-    def _cast(self, output: Output) -> np.ndarray | None:
-        """Cast one image of one view; None if there are no geoms."""
+    def _cast(self, *outputs: Output) -> dict[str, np.ndarray] | None:
+        """Cast images of one view, by the sensor if reasons are one of them; None if there are no geoms."""
         stage = self._stage
         assert self._camera is not None
         camera, pose = self._viewer.seen(self._camera, self._pose)
         culls = self._viewer.culls() and self._cull_backfaces
         if not len(stage.scene):
             return None
-        key = (output, camera, culls)
+        key = (outputs, camera, culls)
+        sensor = self._sensor if "reasons" in outputs else None
         if key not in stage.renderers:
             # What is not cut away is seen where it is: depth is always a number.
             seen = camera if self._near_plane == "clip" else replace(camera, near=0.0)
@@ -320,16 +379,21 @@ class Renderer:
                 stage.scene,
                 seen,
                 stage.coinciding,
-                outputs=(output,),
+                outputs=outputs,
                 near_plane="clip",
                 cull_backfaces=culls,
+                sensor=sensor,
+                seed=self._seed,
                 threads=self._threads,
             )
             if len(stage.renderers) >= _MOST_RENDERERS:
                 stage.renderers.clear()
             stage.renderers[key] = renderer
-        views = stage.renderers[key].render(pose[None], object_poses=stage.object_poses(), exclude=stage.hidden)
-        return cast("np.ndarray", getattr(views, output).numpy()[0])
+        options: dict[str, Any] = {"object_poses": stage.object_poses(), "exclude": stage.hidden}
+        if sensor is not None:
+            options["frame"] = self.frame
+        views = stage.renderers[key].render(pose[None], **options)
+        return {output: getattr(views, output).numpy()[0] for output in outputs}
 
     def _chosen_stage(self, option: mujoco.MjvOption | None) -> Stage:
         groups, static, sites = shown_by(option)
@@ -346,16 +410,3 @@ class Renderer:
             scene.use_labels(selection.rules)
             self._stages[key] = Stage(self._model, selection, scene)
         return self._stages[key]
-
-
-def _background(camera: AnyCamera) -> np.float32:
-    """Compute the depth that `mujoco.Renderer` has where nothing is: its far plane, by its own rounding.
-
-    As `render` in mujoco/rendering/classic/renderer.py computes it from a depth buffer of 0.
-    """
-    z_near, z_far = np.float32(camera.near), np.float32(camera.far)
-    if isinstance(camera, OrthographicCamera):
-        return z_far
-    c = np.float32(-0.5) * (-(z_far + z_near) / (z_far - z_near)) - np.float32(0.5)
-    d = np.float32(-0.5) * (-(np.float32(2) * z_far * z_near) / (z_far - z_near))
-    return np.float32(np.float64(d) / np.float64(c))

@@ -69,7 +69,7 @@ class Stage:
             scene: An empty scene.
         """
         self.scene = scene
-        self.renderers: dict[tuple[Output, AnyCamera, bool], GeomRenderer] = {}
+        self.renderers: dict[tuple[tuple[Output, ...], AnyCamera, bool], GeomRenderer] = {}
         self.coinciding = CoincidingGeoms(model, scene)
         self.visuals = VisualObjects(model, selection, scene)
         self._hidden: list[int] = []

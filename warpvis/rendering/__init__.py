@@ -9,13 +9,20 @@ an `OrthographicCamera` images without perspective.
 from __future__ import annotations
 
 from warpvis.rendering._along import render_along as render_along
-from warpvis.rendering._choices import Caster, Fill, NearPlane, Output, check_asked as check_asked
+from warpvis.rendering._choices import (
+    Caster,
+    Fill,
+    NearPlane,
+    Output,
+    check_asked as check_asked,
+    check_fill as check_fill,
+)
 from warpvis.rendering._depth_sensor import DepthSensor, Exposure, require_sensor as require_sensor
 from warpvis.rendering._moving import parse_sensor as parse_sensor
 from warpvis.rendering._orthographic import AnyCamera, OrthographicCamera
 from warpvis.rendering._panorama import WideCamera, render_wide
 from warpvis.rendering._renderer import Renderer as Renderer, render as render
-from warpvis.rendering._sensing import check_word as check_word
+from warpvis.rendering._sensing import check_word as check_word, view_numbers as view_numbers
 from warpvis.rendering._views import (
     OUTPUTS,
     SENSOR_OUTPUTS,

@@ -83,13 +83,24 @@ def fill_numbers(fill: Fill, camera: RenderCamera) -> tuple[float, float] | None
     Raises:
         ArrayError: `fill` is not what it has to be.
     """
+    fill = check_fill(fill)
     if isinstance(fill, str):
-        check_choice(fill, "fill", ("inf", "far"))
         if fill == "far" and not math.isfinite(camera.far):
             raise ArrayError('fill="far" needs a camera whose far is finite, got inf')
         return None if fill == "inf" else (camera.far, camera.near)
-    number = check_number(fill, "fill", least=-_MOST_FLOAT, most=_MOST_FLOAT)
-    return number, number
+    return fill, fill
+
+
+def check_fill(fill: Fill) -> Fill:
+    """Return `fill` if it is ``"inf"``, ``"far"`` or a number.
+
+    Raises:
+        ArrayError: It is neither.
+    """
+    if isinstance(fill, str):
+        check_choice(fill, "fill", ("inf", "far"))
+        return fill
+    return check_number(fill, "fill", least=-_MOST_FLOAT, most=_MOST_FLOAT)
 
 
 def check_device_bytes(device_bytes: int | None, device: wp.Device) -> int:

@@ -80,9 +80,7 @@ class Sensing:
         Raises:
             ArrayError: They are none.
         """
-        numbers = np.empty((views, 2), dtype=np.uint32)
-        numbers[:, 0] = np.arange(views) if view_index is None else _check_words(view_index, "view_index", views)
-        numbers[:, 1] = check_word(frame, "frame") if is_number(frame) else _check_words(frame, "frame", views)
+        numbers = view_numbers(views, frame, view_index).astype(np.uint32)
         return wp.array(numbers, dtype=wp.vec2ui, device=self._scene.device)
 
     def expose(self, caster: Any, poses: Any, worlds: Worlds, images: list[wp.array | None], draws: wp.array) -> None:
@@ -170,6 +168,18 @@ class Sensing:
             device=device,
             threads=self._threads,
         )
+
+
+def view_numbers(views: int, frame: int | ArrayInput, view_index: ArrayInput | None) -> NDArray[np.int64]:
+    """Return the number and the frame of every view, as `Renderer.render` takes them, shape ``(V, 2)``.
+
+    Raises:
+        ArrayError: They are none.
+    """
+    numbers = np.empty((views, 2), dtype=np.int64)
+    numbers[:, 0] = np.arange(views) if view_index is None else _check_words(view_index, "view_index", views)
+    numbers[:, 1] = check_word(frame, "frame") if is_number(frame) else _check_words(frame, "frame", views)
+    return numbers
 
 
 def check_word(value: object, name: str) -> int:

@@ -1,0 +1,42 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Depth of pixels that have none, as `mujoco.Renderer` has it, or as `fill` says."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.rendering import AnyCamera, Fill, OrthographicCamera
+
+
+def filled_depth(image: NDArray[np.float32] | None, camera: AnyCamera, fill: Fill) -> NDArray[np.float32]:
+    """Return a depth image whose empty pixels are filled.
+
+    Args:
+        image: Depth [m], shape ``(H, W)``: +inf where nothing is, -inf where it is too near, NaN where a sensor lost
+            it. None is nothing everywhere.
+        camera: The camera.
+        fill: As for `warpvis.mujoco.Renderer`.
+    """
+    if image is None:
+        image = np.full((camera.height, camera.width), np.inf, dtype=np.float32)
+    if fill == "inf":
+        return image
+    if not isinstance(fill, str):
+        return np.where(np.isfinite(image), image, np.float32(fill))
+    image = np.fmin(image, _background(camera))  # which NaN becomes, too
+    return np.fmax(image, np.float32(camera.near), out=image, where=image == -np.inf)
+
+
+def _background(camera: AnyCamera) -> np.float32:
+    """Compute the depth that `mujoco.Renderer` has where nothing is: its far plane, by its own rounding.
+
+    As `render` in mujoco/rendering/classic/renderer.py computes it from a depth buffer of 0.
+    """
+    z_near, z_far = np.float32(camera.near), np.float32(camera.far)
+    if isinstance(camera, OrthographicCamera):
+        return z_far
+    c = np.float32(-0.5) * (-(z_far + z_near) / (z_far - z_near)) - np.float32(0.5)
+    d = np.float32(-0.5) * (-(np.float32(2) * z_far * z_near) / (z_far - z_near))
+    return np.float32(np.float64(d) / np.float64(c))
