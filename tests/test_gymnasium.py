@@ -293,7 +293,7 @@ def test_what_is_no_environment_is_said():
             wrapper(NoModel())
         with pytest.raises(wv.errors.SceneError, match=r"observations have '(depth|poses)' already"):
             wrapper(wrapper(Cup()))
-    with pytest.raises(wv.errors.ArrayError, match="outputs must be one or both of depth and segmentation"):
+    with pytest.raises(wv.errors.ArrayError, match="outputs must be one or more of depth, segmentation, each once"):
         DepthObservation(Cup(), outputs=())
     with pytest.raises(wv.errors.SceneError, match="'fork' in objects fits no geom"):
         DepthObservation(Cup(), objects=["fork"])

@@ -15,8 +15,9 @@ from warpvis.mujoco._renderer import Renderer
 from warpvis.mujoco._shapes import GEOM, SITE
 from warpvis.mujoco._stage import Stage
 from warpvis.mujoco.gymnasium._fractions import VisibleFractions
-from warpvis.mujoco.gymnasium._outputs import Outputs
+from warpvis.mujoco.gymnasium._outputs import DEPTH, FRACTION, REASONS, SEGMENTATION, TRUE_DEPTH, Outputs
 from warpvis.rendering import AnyCamera
+from warpvis.sensors import Reason
 
 _MOST_CAMERAS = 16
 
@@ -32,36 +33,48 @@ class ImageRenderer(Renderer):
 
     _casters: dict[AnyCamera, _Casters]
 
-    def images(self, outputs: Outputs) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.float32]]:
+    def images(self, outputs: Outputs, draws: NDArray[np.int64]) -> dict[str, np.ndarray]:
         """Render what `update_scene` took over.
 
+        Args:
+            outputs: What is wanted.
+            draws: The number and the frame of the view, as a sensor's random numbers go by.
+
         Returns:
-            Depth ``(H, W)``, the geom or site of every pixel or -1 ``(H, W)``, and visible fractions ``(objects,)``.
+            Images ``(H, W)`` by their names, of segmentation the geom or site of every pixel, or -1; and
+            visible fractions ``(objects,)``.
         """
         stage, camera = self._stage, self._camera
         assert camera is not None
-        empty = np.float32(camera.far if np.isnan(outputs.fill) else outputs.fill)
-        depth, shapes = np.full(self._size, empty), np.full(self._size, -1, dtype=np.int32)
-        fractions = np.zeros(len(outputs.members), dtype=np.float32)
         if not len(stage.scene):
-            return depth, shapes, fractions
+            return self._nothing(outputs, camera)
         casters = self._casters_of(camera, outputs)
         places = stage.object_poses()
-        views = casters.images.render(self._pose[None], object_poses=places, exclude=stage.hidden)
-        if views.depth is not None:
-            seen = views.depth.numpy()[0]
-            np.copyto(depth, seen, where=seen < np.float32(np.inf))
-        if views.segmentation is None:
-            return depth, shapes, fractions
-        of_object = self._shapes_of_objects()
-        segmentation = views.segmentation.numpy()
-        shapes[:] = of_object[segmentation[0]]
+        view_index, frame = (None, None) if outputs.sensor is None else (draws[:1], draws[1:])
+        options: dict[str, Any] = {"object_poses": places, "exclude": stage.hidden}
+        views = casters.images.render(self._pose[None], view_index=view_index, frame=frame, **options)
+        made: dict[str, np.ndarray] = {name: getattr(views, name).numpy()[0] for name in outputs.images}
+        if SEGMENTATION in made:
+            segmentation, of_object = made[SEGMENTATION], self._shapes_of_objects()
+            made[SEGMENTATION] = of_object[segmentation]
         if len(outputs.members):
             hidden = np.zeros((1, len(stage.scene)), dtype=bool)
             hidden[:, stage.hidden] = True
             members, eye = outputs.members_of(of_object[:-1]), self._pose[None]
-            fractions = casters.fractions.count(segmentation, members, eye, places, hidden)[0]
-        return depth, shapes, fractions
+            made[FRACTION] = casters.fractions.count(segmentation[None], members, eye, places, hidden)[0]
+        return made
+
+    def _nothing(self, outputs: Outputs, camera: AnyCamera) -> dict[str, np.ndarray]:
+        """Make images of a scene without geoms."""
+        far = {"far": camera.far, "inf": np.inf}
+        fill = far[outputs.fill] if isinstance(outputs.fill, str) else outputs.fill
+        return {
+            DEPTH: np.full(self._size, fill, dtype=np.float32),
+            SEGMENTATION: np.full(self._size, -1, dtype=np.int32),
+            REASONS: np.full(self._size, Reason.EMPTY, dtype=np.uint8),
+            TRUE_DEPTH: np.full(self._size, np.inf, dtype=np.float32),
+            FRACTION: np.zeros(len(outputs.members), dtype=np.float32),
+        }
 
     def _shapes_of_objects(self) -> NDArray[np.int32]:
         """List the geom or site of every object, -1 of those that are none, and of none at last."""
@@ -77,6 +90,7 @@ class ImageRenderer(Renderer):
             options: dict[str, Any] = {"near_plane": "clip", "cull_backfaces": True, "threads": self._threads}
             seen = camera if self._near_plane == "clip" else replace(camera, near=0.0)
             stage = self._stage
-            images = GeomRenderer(stage.scene, seen, stage.coinciding, outputs=outputs.images, **options)
+            sensing = {"outputs": outputs.images, "fill": outputs.fill, "sensor": outputs.sensor}
+            images = GeomRenderer(stage.scene, seen, stage.coinciding, **sensing, **options)
             kept[camera] = _Casters(stage, images, VisibleFractions(stage.scene, seen, **options))
         return cast(_Casters, kept[camera])

@@ -16,10 +16,11 @@ from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike
 from warpvis.mujoco._batch_cameras import CameraChoice
 from warpvis.mujoco._options import shown_by
+from warpvis.mujoco.gymnasium._draws import Draws
 from warpvis.mujoco.gymnasium._environments import add_entries, find_simulation, with_entries
 from warpvis.mujoco.gymnasium._image_renderer import ImageRenderer
 from warpvis.mujoco.gymnasium._outputs import Outputs, Segmentation
-from warpvis.rendering import Fill
+from warpvis.rendering import DepthSensor, Fill
 
 
 class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
@@ -53,6 +54,7 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
         objects: Sequence[str] = (),
         segmentation: Segmentation = "geom",
         fill: Fill = "far",
+        sensor: DepthSensor | None = None,
         scene_option: mujoco.MjvOption | None = None,
         device: DeviceLike = "cpu",
         threads: int | None = 1,
@@ -65,11 +67,15 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
             camera: A camera's name or id, -1 for the default free camera, a `mujoco.MjvCamera`; or several.
             width: Image width [px].
             height: Image height [px].
-            outputs: ``"depth"``, ``"segmentation"``, or both.
+            outputs: ``"depth"``, ``"segmentation"``, or both; with a sensor, also ``"reasons"``
+                (`warpvis.sensors.Reason`) and ``"true_depth"``, +inf where nothing is.
             objects: Names or patterns of geoms or bodies to give visible fractions of.
             segmentation: ``"geom"`` or ``"body"`` for their ids; or numbers by name or pattern of geoms or bodies,
                 ``{"object*": 1}``, of which the last that fits counts.
             fill: Depth of empty pixels: ``"far"`` for the camera's far plane, a number [m], or ``"inf"``.
+            sensor: A model of a depth camera, such as `warpvis.sensors.realsense_d435()`: depth is what it would say.
+                Noise follows from the seed of `reset` and the number of observations since, or without a seed from
+                chance. Pixels that were lost are filled as empty ones are, for which `fill` must not be ``"inf"``.
             scene_option: A `mujoco.MjvOption`: what shows, as for `warpvis.mujoco.Renderer`. Without it no sites do:
                 they are marks, which no sensor sees. It cannot be pickled, so workers make their own.
             device: Where to render. A worker that was forked cannot use a GPU that its parent has used: spawn workers,
@@ -90,6 +96,7 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
             objects=objects,
             segmentation=segmentation,
             fill=fill,
+            sensor=sensor,
         )
         shown_by(scene_option)
         threads = check_threads(threads)
@@ -104,6 +111,7 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
             objects=objects,
             segmentation=segmentation,
             fill=fill,
+            sensor=sensor,
             scene_option=scene_option,
             device=device,
             threads=threads,
@@ -111,7 +119,14 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
         super().__init__(env)
         self._option, self._device, self._threads = scene_option, device, threads
         self._renderer: ImageRenderer | None = None
+        self._draws = Draws(1, len(self._outputs.cameras))
         self.observation_space = with_entries(env.observation_space, self._outputs.spaces())
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict[str, Any], Any]:
+        """Reset the environment, and render it."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        self._draws.reset([seed])
+        return self.observation(observation), info
 
     def observation(self, observation: Any) -> dict[str, Any]:
         """Add the images of how everything is now."""
@@ -120,12 +135,13 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
             # Made when first needed: a vector environment makes one of its environments for its spaces alone.
             height, width = self._outputs.shape
             self._renderer = ImageRenderer(model, height, width, device=self._device, threads=self._threads)
+        self._draws.advance()
         made, option = [], self._option or _without_sites()
-        for camera in self._outputs.cameras:
+        for camera, draws in zip(self._outputs.cameras, self._draws.now()[:, 0], strict=True):
             self._renderer.update_scene(data, camera, option)
-            made.append(self._renderer.images(self._outputs))
-        depth, shapes, fractions = (np.stack(parts) for parts in zip(*made, strict=True))
-        return add_entries(observation, self._outputs.entries(depth, shapes, fractions))
+            made.append(self._renderer.images(self._outputs, draws))
+        images = {name: np.stack([part[name] for part in made]) for name in made[0]}
+        return add_entries(observation, self._outputs.entries(images))
 
     def close(self) -> None:
         """Close the environment, and let go of the memory."""

@@ -21,13 +21,14 @@ from warpvis.mujoco._batch_cameras import NOBODY, BatchCamera, CameraChoice, cho
 from warpvis.mujoco._geoms import shown_geoms
 from warpvis.mujoco._poses import WorldPoses, camera_poses, geom_poses
 from warpvis.mujoco._scene import Movable
+from warpvis.mujoco.gymnasium._draws import Draws, seeds_of_reset
 from warpvis.mujoco.gymnasium._environments import with_entries
 from warpvis.mujoco.gymnasium._fractions import VisibleFractions
-from warpvis.mujoco.gymnasium._outputs import Outputs, Segmentation
+from warpvis.mujoco.gymnasium._outputs import FRACTION, SEGMENTATION, Outputs, Segmentation
 from warpvis.mujoco.gymnasium._poses import POSES, PoseLayout
-from warpvis.rendering import AnyCamera, Fill
+from warpvis.rendering import AnyCamera, DepthSensor, Fill
 
-_FINAL = "final_obs"
+_FINAL, _CHOSEN = "final_obs", "reset_mask"
 _MOST_CAMERAS = 64
 
 
@@ -57,6 +58,7 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         objects: Sequence[str] = (),
         segmentation: Segmentation = "geom",
         fill: Fill = "far",
+        sensor: DepthSensor | None = None,
         scene_option: mujoco.MjvOption | None = None,
         movable: Movable = "bodies",
         device: DeviceLike = "cpu",
@@ -73,6 +75,7 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
             objects: As for `DepthObservation`.
             segmentation: As for `DepthObservation`.
             fill: As for `DepthObservation`.
+            sensor: As for `DepthObservation`: an environment has the noise that it would have in one.
             scene_option: As for `BatchRenderer`, which draws geoms and sites.
             movable: Fixed bodies and geoms that environments move in their models, by name or pattern, or ``"all"``; as
                 for `BatchRenderer`.
@@ -102,6 +105,7 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
             objects=objects,
             segmentation=segmentation,
             fill=fill,
+            sensor=sensor,
         )
         self._batch = BatchRenderer(
             model,
@@ -111,9 +115,11 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
             scene_option=scene_option,
             movable=movable,
             fill=fill,
+            sensor=sensor,
             device=device,
             threads=threads,
         )
+        self._draws = Draws(env.num_envs, len(self._outputs.cameras))
         self._chosen = choose_cameras(model, self._outputs.cameras, width, height)
         self._threads = threads
         self._fractions: dict[AnyCamera, VisibleFractions] = {}
@@ -127,12 +133,16 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         self, *, seed: Any = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Reset the environments, and render them."""
+        chosen = None if options is None else options.get(_CHOSEN)  # which is taken out by who obeys it
         observations, infos = self.env.reset(seed=seed, options=options)
+        self._draws.reset(seeds_of_reset(seed, self.num_envs, chosen))
+        self._draws.advance(slice(None) if chosen is None else chosen)
         return self._with_images(observations, infos)
 
     def step(self, actions: Any) -> tuple[dict[str, Any], Any, Any, Any, dict[str, Any]]:
         """Step the environments, and render them."""
         observations, rewards, terminations, truncations, infos = self.env.step(actions)
+        self._draws.advance()
         observations, infos = self._with_images(observations, infos)
         return observations, rewards, terminations, truncations, infos
 
@@ -140,7 +150,10 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         """Replace the poses of observations, and of those before a reset, by images of all of them."""
         final: Sequence[Any] = infos.get(_FINAL, ())
         ended = [index for index, one in enumerate(final) if one is not None]
-        entries = self._render(np.concatenate([observations[POSES], *(final[index][POSES][None] for index in ended)]))
+        rows = np.concatenate([observations[POSES], *(final[index][POSES][None] for index in ended)])
+        before = self._draws.now()[:, ended]  # what an episode ends with is observed before what the next begins with
+        self._draws.advance(ended)
+        entries = self._render(rows, np.concatenate([self._draws.now(), before], axis=1))
         images = {name: part[: self.num_envs] for name, part in entries.items()}
         if not ended:
             return _replace_poses(observations, images), infos
@@ -149,25 +162,26 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
             last[index] = _replace_poses(final[index], {name: part[place].copy() for name, part in entries.items()})
         return _replace_poses(observations, images), infos | {_FINAL: last}
 
-    def _render(self, rows: NDArray[np.float32]) -> dict[str, np.ndarray]:
-        """Make the entries of W rows of poses, each with a leading axis for them."""
+    def _render(self, rows: NDArray[np.float32], draws: NDArray[np.int64]) -> dict[str, np.ndarray]:
+        """Make the entries of W rows of poses, each with a leading axis for them; `draws` are ``(C, W, 2)``."""
         outputs, count = self._outputs, len(rows)
         poses, changes = self._layout.read(rows), self._changes(rows)
-        views = self._batch.render(poses, cameras=outputs.cameras, model=changes or None)
+        view_index, frame = (None, None) if outputs.sensor is None else draws.reshape(-1, 2).T
+        options: dict[str, Any] = {"cameras": outputs.cameras, "model": changes or None}
+        views = self._batch.render(poses, view_index=view_index, frame=frame, **options)
         shape = (len(self._chosen), count, *outputs.shape)
-        depth = None if views.depth is None else views.depth.numpy().reshape(shape)
-        shapes = fractions = None
-        if views.segmentation is not None:
-            segmentation = views.segmentation.numpy()
-            shown = self._batch.mujoco_scene.shapes()
+        images: dict[str, np.ndarray] = {name: getattr(views, name).numpy() for name in outputs.images}
+        if SEGMENTATION in images:
+            segmentation, shown = images[SEGMENTATION], self._batch.mujoco_scene.shapes()
             of_object = np.full(len(self._batch.scene) + 1, -1, dtype=np.int32)
             of_object[: len(shown)] = shown
-            shapes = of_object[segmentation].reshape(shape)
-            if len(outputs.members):
-                members = outputs.members_of(of_object[:-1])
-                fractions = self._count(poses, segmentation, members, of_object[:-1], changes)
-                fractions = fractions.reshape(*shape[:2], -1)
-        return outputs.entries(depth, shapes, fractions, axis=1)
+            images[SEGMENTATION] = of_object[segmentation]
+        made: dict[str, np.ndarray] = {name: image.reshape(shape) for name, image in images.items()}
+        if len(outputs.members):
+            members = outputs.members_of(of_object[:-1])
+            fractions = self._count(poses, segmentation, members, of_object[:-1], changes)
+            made[FRACTION] = fractions.reshape(*shape[:2], -1)
+        return outputs.entries(made, axis=1)
 
     def _changes(self, rows: NDArray[np.float32]) -> dict[str, np.ndarray]:
         """Say what differs from the model, as `BatchRenderer.render` takes it."""
