@@ -27,6 +27,8 @@ MODELS: dict[str, DepthSensor] = {
     "Azure Kinect": wv.sensors.azure_kinect(),
     "Nguyen's noise": wv.sensors.NguyenNoise(),
     "Khoshelham's noise": wv.sensors.KhoshelhamNoise(),
+    "simkinect": wv.sensors.SimKinect(),
+    "Redwood's noise": wv.sensors.RedwoodNoise(np.ones((80, 80, 5))),
     "corruptions": wv.sensors.Corruptions(0.01, 0.01, dropout=0.02, rectangles=(0, 4)),
 }
 _ROUNDS = 5

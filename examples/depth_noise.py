@@ -22,6 +22,8 @@ kinect = wv.sensors.NguyenNoise()
 models = [
     kinect,
     wv.sensors.KhoshelhamNoise(),
+    wv.sensors.SimKinect(focal_length=480.0),
+    wv.sensors.RedwoodNoise(np.ones((80, 80, 5))),  # a table without distortion
     wv.sensors.Corruptions(multiplied=0.003, dropout=0.03, rectangles=(4, 8), sides=(6, 30), of=kinect),
 ]
 errors = {}
@@ -35,7 +37,7 @@ for model in models:
     print(f"{name:16} {middle:.1f} mm of error in the middle, {lost:.1%} lost")
 
 if len(sys.argv) > 1:
-    figure, axes = plt.subplots(1, 1 + len(errors), figsize=(2.6 * (1 + len(errors)), 2.3), layout="constrained")
+    figure, axes = plt.subplots(1, 1 + len(errors), figsize=(2.1 * (1 + len(errors)), 1.9), layout="constrained")
     axes[0].imshow(exact, cmap="viridis_r")
     axes[0].set_title("exact depth", fontsize=9)
     for place, (name, error) in zip(axes[1:], errors.items(), strict=True):

@@ -5,6 +5,7 @@
 import numpy as np
 import trimesh
 from arguments_shared import CAMERA, POSE, scene
+from reference_redwood import make_table, write_table
 
 import warpvis as wv
 
@@ -103,6 +104,21 @@ def depth_sensor_cases(path):
             },
         ),
         "KhoshelhamNoise": (wv.sensors.KhoshelhamNoise, {"step": 3e-3, "sigma": 0.4, "rounds": True}),
+        "SimKinect": (
+            wv.sensors.SimKinect,
+            {
+                "shift": 0.5,
+                "baseline": 0.075,
+                "focal_length": 480.0,
+                "units": 100.0,
+                "sigma": 0.2,
+                "pattern": np.full((12, 12), 255, dtype=np.uint8),
+            },
+        ),
+        "RedwoodNoise": (
+            wv.sensors.RedwoodNoise,
+            {"distortion": write_table(path / "dist-model.txt", make_table()), "multiplier": 1.0},
+        ),
         "Corruptions": (
             wv.sensors.Corruptions,
             {

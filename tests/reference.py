@@ -79,6 +79,7 @@ from reference_poses import poses_from_matrices, poses_to_opencv, quaternions_to
 from reference_random import draw_normal_rows, draw_normals  # noqa: F401
 from reference_rangefinders import read_rangefinders  # noqa: F401
 from reference_ray_table import cast_ray_table
+from reference_redwood import measure_redwood  # noqa: F401
 from reference_silhouettes import (  # noqa: F401
     judge_silhouettes,
     measure_silhouettes,
@@ -86,6 +87,7 @@ from reference_silhouettes import (  # noqa: F401
     measure_silhouettes_rays,
     spread_poses,
 )
+from reference_simkinect import fill_from_dots, keep_dots, shift_to_levels  # noqa: F401
 from reference_stereo import (  # noqa: F401
     measure_stereo,
     measure_stereo_rows,

@@ -18,6 +18,8 @@ from warpvis.sensors.depth._profiles import (
     structure as structure,
 )
 from warpvis.sensors.depth._reasons import Reason as Reason
+from warpvis.sensors.depth._redwood import RedwoodNoise as RedwoodNoise
+from warpvis.sensors.depth._simkinect import SimKinect as SimKinect
 from warpvis.sensors.depth._stereo import StereoDepth as StereoDepth
 from warpvis.sensors.depth._time_of_flight import TimeOfFlight as TimeOfFlight
 from warpvis.sensors.depth._time_of_flight_profiles import (

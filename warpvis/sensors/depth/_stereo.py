@@ -22,6 +22,7 @@ from warpvis.kernels.constants import STREAM_DISPARITY
 from warpvis.rendering import DepthSensor, Exposure
 from warpvis.scene import Scene
 from warpvis.sensors._echoes import Reflectivity, reflectivities
+from warpvis.sensors.depth._normal_images import drawing_kernel
 
 if TYPE_CHECKING:
     from warpvis.kernels.stereo import StereoModel, StereoViews
@@ -257,7 +258,7 @@ class StereoDepth(DepthSensor):
         device, spacing = exposure.scene.device, self.noise_spacing
         shape = (views, (height - 1) // spacing + 2, (width - 1) // spacing + 2)
         given.nodes = nodes = exposure.room("nodes", shape, wp.float32)
-        kernel, span = _drawing_kernel(device)
+        kernel, span = drawing_kernel(device)
         drawn: list[Any] = [exposure.draws, wp.uint32(exposure.seed), wp.uint32(STREAM_DISPARITY), nodes]
         launch_images(
             kernel, shape, lambda window: [window, *drawn], device=device, threads=exposure.threads, span=span
@@ -271,17 +272,6 @@ class StereoDepth(DepthSensor):
         given.left_weights, given.right_weights = (
             wp.array(side, dtype=wp.float32, device=device) for side in of_columns
         )
-
-
-def _drawing_kernel(device: wp.Device) -> tuple[wp.Kernel, int]:
-    """Return what draws nodes on a device, and how many a thread takes."""
-    if device.is_cpu:
-        from warpvis.kernels.random_rows import PIXELS_AT_ONCE, draw_normal_rows
-
-        return draw_normal_rows, PIXELS_AT_ONCE
-    from warpvis.kernels.random_numbers import draw_normals
-
-    return draw_normals, 1
 
 
 def _kernels(device: wp.Device) -> tuple[wp.Kernel, wp.Kernel, int]:

@@ -1,0 +1,162 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Noise of a Kinect as Handa's simkinect makes it: jitter, dots that are found by their windows, steps of disparity.
+
+Disparities are whole numbers of eighths of a pixel throughout, so that sums over windows are exact in any order.
+"""
+
+import warp as wp
+
+from warpvis.kernels.constants import REASON_EDGE, REASON_EMPTY
+from warpvis.kernels.noise import range_reason, said_depth
+from warpvis.kernels.pinhole import PinholeCamera, Window
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
+
+LEVELS = wp.constant(8.0)
+"""Parts of a pixel to which disparities are rounded."""
+MOST_LEVEL = wp.constant(8388608.0)
+"""From so many on a surface is no surface, before sums over a window overflow: 3.4e-5 m by default."""
+REACH = wp.constant(4)
+"""Of a dot's window to all sides [px]."""
+NEAR_MEAN = wp.constant(0.8)
+"""A disparity is near its window's mean where it differs by less, in eighths, at the window's middle,"""
+NEAR_MEAN_APART = wp.constant(1.152)
+"""and by less than this times the squared distance from it elsewhere: 0.1 px by weights of 1 / (1.2^2 r^2)."""
+STEPS_AT_ONE = wp.constant(35130.0)
+"""Steps of disparity of what is one unit away."""
+
+
+@wp.struct
+class SimKinectModel:
+    """The numbers of `warpvis.sensors.SimKinect`."""
+
+    disparity_scale: float  # f b [px m]
+    shift: float
+    units: float  # in a metre
+    sigma: float
+
+
+@wp.func
+def depth_or_none(true_depth: wp.array3d[float], view: int, y: int, x: int) -> float:
+    """Depth of a pixel; 0 where there is none, and outside of the image."""
+    if y >= true_depth.shape[1] or x >= true_depth.shape[2]:
+        return 0.0
+    depth = true_depth[view, y, x]
+    return wp.where(wp.isfinite(depth), depth, 0.0)
+
+
+@wp.kernel
+def shift_to_levels(
+    window: Window,
+    # In:
+    model: SimKinectModel,
+    true_depth: wp.array3d[float],
+    normals_across: wp.array3d[float],
+    normals_down: wp.array3d[float],
+    # Out:
+    levels_out: wp.array3d[int],
+):
+    """Write eighths of disparities of depth that is interpolated beside each pixel; 0 where there is none."""
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+    width, height = true_depth.shape[2], true_depth.shape[1]
+    across = wp.clamp(float(x) + model.shift * normals_across[view, y, x], 0.0, float(width))
+    down = wp.clamp(float(y) + model.shift * normals_down[view, y, x], 0.0, float(height))
+    column, row = int(across), int(down)
+    right, below = across - float(column), down - float(row)
+    upper = (1.0 - right) * depth_or_none(true_depth, view, row, column)
+    upper += right * depth_or_none(true_depth, view, row, column + 1)
+    lower = (1.0 - right) * depth_or_none(true_depth, view, row + 1, column)
+    lower += right * depth_or_none(true_depth, view, row + 1, column + 1)
+    depth = (1.0 - below) * upper + below * lower
+    level = wp.rint(LEVELS * (model.disparity_scale / (depth + 1.0e-10)))
+    levels_out[view, y, x] = wp.where(level < MOST_LEVEL, int(level), 0)
+
+
+@wp.kernel
+def keep_dots(
+    window: Window,
+    # In:
+    dots: wp.array2d[wp.uint8],
+    levels: wp.array3d[int],
+    # Out:
+    kept_out: wp.array3d[int],
+):
+    """Write the eighths of dots that are found: enough light of their window is of dots near its mean; 0 elsewhere.
+
+    Windows leave the image's last row and column out, as simkinect's do.
+    """
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+    rows, columns = wp.min(levels.shape[1], dots.shape[0]), wp.min(levels.shape[2], dots.shape[1])
+    kept = int(0)
+    if y >= REACH and x >= REACH and y < rows - REACH - 1 and x < columns - REACH - 1 and dots[y, x] != wp.uint8(0):
+        count, total, light = int(0), int(0), int(0)
+        for row in range(y - REACH, y + REACH + 1):
+            for column in range(x - REACH, x + REACH + 1):
+                level = levels[view, row, column]
+                total += level
+                count += wp.where(level > 0, 1, 0)
+                light += int(dots[row, column])
+        found = int(0)
+        for row in range(y - REACH, y + REACH + 1):
+            for column in range(x - REACH, x + REACH + 1):
+                dot = int(dots[row, column])
+                level = levels[view, row, column]
+                if dot > 0 and level > 0:
+                    squared = (row - y) * (row - y) + (column - x) * (column - x)
+                    share = wp.where(squared > 0, NEAR_MEAN_APART * float(squared), NEAR_MEAN)
+                    if float(wp.abs(level * count - total)) < share * float(count):
+                        found += dot
+        # More than 1 / 1.2 of the window's light.
+        if 6 * found > 5 * light:
+            kept = levels[view, y, x]
+    kept_out[view, y, x] = kept
+
+
+@wp.kernel
+def fill_from_dots(
+    # Cameras:
+    camera: PinholeCamera,
+    window: Window,
+    # In:
+    model: SimKinectModel,
+    true_depth: wp.array3d[float],
+    kept: wp.array3d[int],
+    nearest: wp.array[wp.vec2i],
+    normals: wp.array3d[float],
+    # Out:
+    depth_out: wp.array3d[float],
+    reasons_out: wp.array3d[wp.uint8],
+):
+    """Write depth of the nearest dot that was found, in steps of disparity, with noise; reasons may be None.
+
+    `nearest` are columns and rows away, the nearest first, and of equally near ones the first in the image.
+    """
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+    level = int(0)
+    for number in range(nearest.shape[0]):
+        column, row = x + nearest[number][0], y + nearest[number][1]
+        if row >= 0 and column >= 0 and row < kept.shape[1] and column < kept.shape[2]:
+            level = kept[view, row, column]
+            if level > 0:
+                break
+    depth = float(wp.inf)
+    reason = int(REASON_EMPTY)
+    if level > 0:
+        units = wp.rint(model.disparity_scale / (float(level) / LEVELS) * model.units)
+        steps = wp.rint(STEPS_AT_ONE / units + model.sigma * normals[view, y, x] + 0.5)
+        # Beyond the last step is endless depth.
+        depth = said_depth(camera.near, camera.far, wp.where(steps > 0.0, STEPS_AT_ONE / steps / model.units, wp.inf))
+        reason = range_reason(depth)
+    elif wp.isfinite(true_depth[view, y, x]):
+        depth = wp.nan
+        reason = REASON_EDGE
+    depth_out[view, y, x] = depth
+    if reasons_out:
+        reasons_out[view, y, x] = wp.uint8(reason)

@@ -1,0 +1,126 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Noise of a Kinect as the Redwood data set's simulator, and Habitat after it, make it, with a user's table."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.arrays import as_numpy
+from warpvis.core.checks import as_path, check_number, said_by
+from warpvis.core.threads import launch_images
+from warpvis.core.types import ArrayInput
+from warpvis.errors import ArrayError, FileFormatError
+from warpvis.kernels.constants import STREAM_ACROSS, STREAM_DISPARITY, STREAM_DOWN
+from warpvis.rendering import DepthSensor, Exposure
+from warpvis.sensors.depth._by_value import ByValue
+from warpvis.sensors.depth._normal_images import draw_normal_image
+
+_TABLE = (80, 80, 5)
+# The distortion file: lines before the numbers, numbers before the first cell and of each, where of a cell five factors
+# are, and the count of samples below which all five of them are taken for none.
+_HEADER_LINES, _BEFORE, _OF_CELL, _FACTORS, _ENOUGH = 5, 3, 23, 15, 8000
+_MOST_BYTES = 2**28
+
+
+@dataclass(frozen=True, eq=False)
+class RedwoodNoise(ByValue, DepthSensor):
+    """A Kinect as the simulator of the Redwood data set has it, and Habitat's ``RedwoodDepthNoiseModel`` on a CPU.
+
+    S. Choi, Q.-Y. Zhou and V. Koltun, "Robust Reconstruction of Indoor Scenes", CVPR 2015, and its ``simdepth.py``,
+    after A. Teichman, S. Miller and S. Thrun, "Unsupervised Intrinsic Calibration of Depth Sensors via SLAM", RSS
+    2013. Each pixel's place is moved by a normal shift of 0.25 px, rounded, and is then that of a pixel of even row and
+    column: of four pixels one is seen. From 10 m on nothing is (RANGE). Depth is divided by a factor of the table,
+    of one of 80x80 cells of the image, interpolated between 1, 3, 5, 7 and 9 m, and is lost where that is 0
+    (DROPOUT); then 35.13 / depth gets a normal error of 1/36 px, and is rounded to 1/8 px. Images of other sizes than
+    640x480 have the table spread over them.
+
+    Habitat's own code for GPUs differs: it rounds disparities to whole pixels, and moves what is beyond 5 m to 5 m.
+    """
+
+    distortion: str | os.PathLike[str] | ArrayInput = field(repr=False)
+    """The table: ``dist-model.txt`` of the Redwood data set, an ``.npy`` as Habitat has it, or an array (80, 80, 5)
+    of factors by row, column and depth, 0 where there are none."""
+    multiplier: float = 1.0
+    """Of the deviations of both errors, Habitat's ``noise_multiplier``."""
+
+    def __post_init__(self) -> None:
+        check_number(self.multiplier, "multiplier", least=0.0)
+        object.__setattr__(self, "distortion", _read_table(self.distortion))
+
+    @property
+    def bytes_per_pixel(self) -> int:
+        """How much room a pixel takes."""
+        return 12
+
+    def measure(self, exposure: Exposure) -> None:
+        """Write the sensor's depth and reasons."""
+        from warpvis.kernels.redwood import RedwoodModel, measure_redwood
+
+        model, camera, device = RedwoodModel(), exposure.camera.device_struct(), exposure.scene.device
+        model.multiplier = self.multiplier
+        table = wp.array(self.distortion, dtype=wp.float32, device=device)
+        streams = {"across": STREAM_ACROSS, "down": STREAM_DOWN, "disparity": STREAM_DISPARITY}
+        normals = [draw_normal_image(exposure, stream, name) for name, stream in streams.items()]
+        given = [model, table, exposure.true_depth, *normals, exposure.depth_out, exposure.reasons_out]
+        launch_images(
+            measure_redwood,
+            exposure.depth_out.shape,
+            lambda window: [camera, window, *given],
+            device=device,
+            threads=exposure.threads,
+        )
+
+
+def _read_table(value: object) -> NDArray[np.float32]:
+    """Return a table of an array or a file.
+
+    Raises:
+        WarpvisError: It is none.
+    """
+    if not isinstance(value, str | os.PathLike):
+        return _check_table(as_numpy(value, name="distortion"), ArrayError, "distortion")
+    path = as_path(value, "distortion")
+    try:
+        if path.stat().st_size > _MOST_BYTES:
+            raise FileFormatError(f"{path}: is no table of distortions, which has 32,000 factors")
+        table = np.load(path, allow_pickle=False) if path.suffix.lower() == ".npy" else _read_text(path)
+    except FileFormatError:
+        raise
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror or 'it is no NPY'}") from None
+    except Exception as error:  # NumPy has many
+        raise FileFormatError(f"{path}: is no table of distortions: {said_by(error)}") from None
+    return _check_table(table, FileFormatError, f"{path}: the table")
+
+
+def _read_text(path: Path) -> NDArray[np.float64]:
+    """Read what ``simdepth.py`` reads: lines of one number, after five others; from a % on a line says nothing."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of no lines: how many there are is asked below
+        numbers = np.loadtxt(path, comments="%", skiprows=_HEADER_LINES, ndmin=1)
+    cells = _TABLE[0] * _TABLE[1]
+    if numbers.ndim != 1 or len(numbers) < _BEFORE + _OF_CELL * (cells - 1) + _FACTORS + _TABLE[2]:
+        raise FileFormatError(
+            f"{path}: must hold {_BEFORE + _OF_CELL * cells} numbers, one a line, got {numbers.shape}"
+        )
+    padded = np.zeros(_BEFORE + _OF_CELL * cells)
+    padded[: min(len(padded), len(numbers))] = numbers[: len(padded)]
+    rows = padded[_BEFORE:].reshape(*_TABLE[:2], _OF_CELL)
+    few = np.all(rows[..., : _TABLE[2]] < _ENOUGH, axis=-1, keepdims=True)
+    return np.where(few, 0.0, rows[..., _FACTORS : _FACTORS + _TABLE[2]])
+
+
+def _check_table(table: np.ndarray, error: type[ArrayError | FileFormatError], name: str) -> NDArray[np.float32]:
+    if table.dtype.kind not in "fiu" or table.size != np.prod(_TABLE) or table.shape[:1] != _TABLE[:1]:
+        raise error(f"{name} must have shape {_TABLE}, got {table.dtype} of shape {table.shape}")
+    if not np.isfinite(table).all() or (np.abs(table) > 1e6).any():
+        raise error(f"{name} must hold finite factors, below 1e6")
+    return np.ascontiguousarray(table.reshape(_TABLE), dtype=np.float32)
