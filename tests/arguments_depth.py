@@ -21,6 +21,8 @@ def depth_sensor_cases(path):
     """Make them; files are in a folder."""
     sensor = wv.sensors.StereoDepth(0.05, sigma=0.1, native_camera=CAMERA)
     seen = scene()
+    used = wv.sensors.Latency(2)
+    used(wv.render(seen, CAMERA, POSE, outputs="depth"))
     cases = {name: (getattr(wv.sensors, name), {"width": 8, "height": 6}) for name in _PROFILES}
     wall = wv.sensors.StereoDepth(0.05, sigma=0.1, subpixel=8)
     far = wv.Scene()
@@ -130,6 +132,12 @@ def depth_sensor_cases(path):
                 "of": sensor,
             },
         ),
+        "Latency": (wv.sensors.Latency, {"frames": 2}),
+        "Latency.__call__": (
+            wv.sensors.Latency(2).__call__,
+            {"views": wv.render(seen, CAMERA, POSE, outputs="depth"), "frame": 1},
+        ),
+        "Latency.reset": (used.reset, {"views": [0]}),
         "Renderer, sensor": (
             wv.Renderer,
             {"scene": seen, "camera": CAMERA, "sensor": sensor, "seed": 1, "outputs": ("depth", "reasons")},

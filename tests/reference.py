@@ -56,6 +56,7 @@ from reference_found import find_objects_cuda, sort_into_tiles  # noqa: F401
 from reference_heights import climb  # noqa: F401
 from reference_inside import find_inside  # noqa: F401
 from reference_kinect_noise import measure_khoshelham, measure_nguyen  # noqa: F401
+from reference_latency import delay_images  # noqa: F401
 from reference_motion import begin_legs, cast_at_moving_objects, cast_moving_rays, measure_moving_incidence  # noqa: F401
 from reference_mujoco import (  # noqa: F401
     camera_transforms,

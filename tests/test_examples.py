@@ -23,7 +23,8 @@ SAYS = {
     "webots/controllers/visibility/visibility.py": r"experiment_3.wbt: depth image: the ball; the robot sees the ball; "
     r"both see the low obstacle; both see the high obstacle\nexperiment_4.wbt: depth image: the person; nobody sees",
     "depth_sensors.py": r"realsense_d415: VALID \d+\.\d%, .*, SHADOW .*, BAND (.|\n)*structure: .*RANGE .*median",
-    "depth_noise.py": r"NguyenNoise +\d\.\d mm.*\nKhoshelhamNoise +\d\.\d mm(.|\n)*SimKinect +\d(.|\n)*Corruptions.*lost",
+    "depth_noise.py": r"NguyenNoise +\d\.\d mm.*\nKhoshelhamNoise +\d\.\d mm(.|\n)*"
+    r"SimKinect +\d(.|\n)*Corruptions.*lost",
     "mujoco_depth.py": r"the bob shows on \d+ pixels, 2\.\d+ m away.*\nof 512 views the bob shows in 512",
     "mujoco_rollout.py": r"160 depth images of 8 rollouts\nwhere the bob is in the first rollout, in columns: \[\d+, ",
     "mujoco_warp_depth.py": r"the ball is seen in 64 of 64 worlds\nits top is in row 35 of the first, 0 of the last",

@@ -25,6 +25,7 @@ from warpvis.sensors._rolling_shutter import RollingShutter
 from warpvis.sensors.depth import (
     Corruptions,
     KhoshelhamNoise,
+    Latency,
     NguyenNoise,
     Reason,
     RedwoodNoise,
@@ -51,6 +52,7 @@ from warpvis.sensors.depth import (
 __all__ = [
     "Corruptions",
     "KhoshelhamNoise",
+    "Latency",
     "LensCamera",
     "Motion",
     "NguyenNoise",

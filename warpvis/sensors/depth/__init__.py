@@ -8,6 +8,7 @@ from warpvis.sensors.depth._corruptions import Corruptions as Corruptions
 from warpvis.sensors.depth._fields import sensor_from_fields as sensor_from_fields, sensor_to_fields as sensor_to_fields
 from warpvis.sensors.depth._fit import StereoFit as StereoFit, WallReport as WallReport, fit as fit
 from warpvis.sensors.depth._kinect_noise import KhoshelhamNoise as KhoshelhamNoise, NguyenNoise as NguyenNoise
+from warpvis.sensors.depth._latency import Latency as Latency
 from warpvis.sensors.depth._names import SENSOR_NAMES as SENSOR_NAMES, sensor_by_name as sensor_by_name
 from warpvis.sensors.depth._profiles import (
     kinect_v1 as kinect_v1,

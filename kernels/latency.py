@@ -1,0 +1,50 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Images that are kept for some frames."""
+
+import warp as wp
+
+from warpvis.kernels.pinhole import Window
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+
+@wp.struct
+class SensorImages:
+    """What a depth sensor says of views; what is not asked for is empty."""
+
+    depth: wp.array3d[float]
+    points: wp.array3d[wp.vec3]
+    reasons: wp.array3d[wp.uint8]
+
+
+@wp.kernel
+def delay_images(
+    window: Window,
+    # In:
+    now: SensorImages,
+    slots: wp.array[wp.vec2i],
+    # Out:
+    kept_depth_out: wp.array4d[float],
+    kept_points_out: wp.array4d[wp.vec3],
+    kept_reasons_out: wp.array4d[wp.uint8],
+    depth_out: wp.array3d[float],
+    points_out: wp.array3d[wp.vec3],
+    reasons_out: wp.array3d[wp.uint8],
+):
+    """Keep images in the first of a view's two slots, and write those that are in the second, which may be the same.
+
+    Points and reasons may be None.
+    """
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+    first, second = slots[view][0], slots[view][1]
+    kept_depth_out[first, view, y, x] = now.depth[view, y, x]
+    depth_out[view, y, x] = kept_depth_out[second, view, y, x]
+    if points_out:
+        kept_points_out[first, view, y, x] = now.points[view, y, x]
+        points_out[view, y, x] = kept_points_out[second, view, y, x]
+    if reasons_out:
+        kept_reasons_out[first, view, y, x] = now.reasons[view, y, x]
+        reasons_out[view, y, x] = kept_reasons_out[second, view, y, x]

@@ -1,0 +1,20 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Twin of the kernel of `warpvis.kernels.latency`: images of all frames are kept, and none is moved."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def delay_images(images: NDArray, frames: NDArray, delays: NDArray) -> NDArray:
+    """Images (calls, V, ...) as they come out of as many calls with frames (calls, V), of delays (V,)."""
+    delayed = np.empty_like(images)
+    for view, delay in enumerate(delays):
+        begun = 0
+        for call in range(len(images)):
+            if call > 0 and frames[call, view] != frames[call - 1, view] + 1:
+                begun = call
+            delayed[call, view] = images[max(call - delay, begun), view]
+    return delayed

@@ -1,0 +1,152 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Depth of some frames ago: which frame it is of, for every view, and that nothing else is moved."""
+
+import numpy as np
+import pytest
+import reference_latency
+import warp as wp
+from test_kinect_noise import CAMERA, POSES, make_scene
+
+import warpvis as wv
+from warpvis.sensors import Corruptions, Latency
+
+DELAYED = ("depth", "points", "reasons")
+OUTPUTS = (*DELAYED, "true_depth", "labels")
+MODEL = Corruptions(multiplied=0.01, dropout=0.1)
+
+
+def moved(frame):
+    """Poses of a frame: cameras that go up."""
+    return POSES + np.array([0, 0, 0.05 * frame, 0, 0, 0, 0], dtype=np.float32)
+
+
+def images(views, names=OUTPUTS):
+    return {name: getattr(views, name).numpy().copy() for name in names}
+
+
+def play(device, frames, latency, numbers=None, outputs=OUTPUTS):
+    """What is rendered, and what comes out, of calls with frames (calls, V)."""
+    renderer = wv.Renderer(make_scene(device), CAMERA, outputs=outputs, sensor=MODEL, seed=5)
+    exact, old = [], []
+    for call, row in enumerate(frames):
+        views = renderer.render(moved(call), frame=row)
+        exact.append(images(views, outputs))
+        old.append(images(latency(views, frame=None if numbers is None else numbers[call]), outputs))
+    return [{name: np.stack([one[name] for one in many]) for name in outputs} for many in (exact, old)]
+
+
+def test_depth_is_that_of_so_many_frames_ago(device):
+    """With the noise that it had then: it is what the renderer said. What is exact is of now."""
+    frames = np.arange(6)[:, None].repeat(3, axis=1)
+    exact, old = play(device, frames, Latency(2))
+    for name in DELAYED:
+        np.testing.assert_array_equal(old[name][2:], exact[name][:-2])
+        np.testing.assert_array_equal(old[name][:2], exact[name][[0, 0]])
+        assert (old[name] != exact[name])[2:].any()
+    for name in ("true_depth", "labels"):
+        np.testing.assert_array_equal(old[name], exact[name])
+
+
+@pytest.mark.parametrize("delays", [0, 1, 3, (0, 2, 5)], ids=str)
+def test_the_twin_agrees(device, delays):
+    """Views whose frames begin anew, or leave some out, at different calls."""
+    frames = np.array([[0, 7, 5], [1, 8, 6], [2, 0, 7], [3, 1, 9], [4, 2, 10], [0, 3, 11], [1, 3, 12], [2, 4, 13]])
+    exact, old = play(device, frames, Latency(delays), frames)
+    for name in DELAYED:
+        expected = reference_latency.delay_images(exact[name], frames, np.broadcast_to(delays, 3))
+        np.testing.assert_array_equal(old[name], expected)
+
+
+def test_frames_may_be_one_number_or_a_count(device):
+    frames = np.array([4, 5, 6, 0, 1])[:, None].repeat(3, axis=1)
+    counted = play(device, frames[:3], Latency(2))[1]
+    said = play(device, frames, Latency(2), [4, 5, 6, 0, 1])
+    np.testing.assert_array_equal(said[1]["depth"][:3], counted["depth"])
+    np.testing.assert_array_equal(said[1]["depth"][3:], said[0]["depth"][[3, 3]])
+
+
+def test_views_that_are_reset_begin_anew(device):
+    renderer = wv.Renderer(make_scene(device), CAMERA, outputs="depth", sensor=MODEL)
+    latency = Latency(3)
+    said = []
+    for call in range(7):
+        if call == 3:
+            latency.reset([1])
+        if call == 5:
+            latency.reset(np.array([True, False, False]))
+        views = renderer.render(moved(call))
+        said.append((views.depth.numpy().copy(), latency(views).depth.numpy().copy()))
+    exact, old = (np.stack(many) for many in zip(*said, strict=True))
+    for view, ages in enumerate([(0, 0, 0, 0, 1, 5, 5), (0, 0, 0, 3, 3, 3, 3), (0, 0, 0, 0, 1, 2, 3)]):
+        for call, age in enumerate(ages):
+            np.testing.assert_array_equal(old[call, view], exact[age, view])
+    latency.reset()
+    views = renderer.render(moved(9))
+    np.testing.assert_array_equal(latency(views).depth.numpy(), views.depth.numpy())
+
+
+def test_images_are_ones_own_or_those_given(device):
+    renderer = wv.Renderer(make_scene(device), CAMERA, outputs=("depth", "reasons"), sensor=MODEL)
+    latency = Latency(1)
+    first = latency(renderer.render(moved(0)))
+    kept = first.depth.numpy().copy()
+    second = latency(renderer.render(moved(1)))
+    np.testing.assert_array_equal(first.depth.numpy(), kept)
+    np.testing.assert_array_equal(second.depth.numpy(), kept)
+    now = renderer.render(moved(2))
+    shown = now.depth.numpy().copy()
+    third = latency(now, out=first)
+    assert third.depth is first.depth and third.reasons is first.reasons
+    assert (first.depth.numpy() != kept).any()
+    # In place, too.
+    views = renderer.render(moved(3))
+    assert latency(views, out=views).depth is views.depth
+    np.testing.assert_array_equal(views.depth.numpy(), shown)
+
+
+def test_other_images(device):
+    """Scans of rays, no view at all, and frames of a device's array."""
+    pattern = wv.sensors.Rays(np.eye(3), near=0.0, far=100.0)
+    renderer = wv.Renderer(make_scene(device), pattern, outputs="depth")
+    latency = Latency(1)
+    scans = [renderer.render(moved(k)).depth.numpy() for k in range(3)]
+    old = [latency(renderer.render(moved(k)), frame=wp.array([k] * 3, dtype=wp.int32, device=device)) for k in range(3)]
+    np.testing.assert_array_equal([views.depth.numpy() for views in old], [scans[0], scans[0], scans[1]])
+    none = wv.render(make_scene(device), CAMERA, np.zeros((0, 7), dtype=np.float32), outputs="depth")
+    assert Latency(2)(none).depth.shape == (0, 72, 96)
+    assert Latency(2).frames == 2 and Latency(np.array([1, 2])).frames.tolist() == [1, 2]
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda views: Latency(-1), "frames must be a whole number from 0 up"),
+        (lambda views: Latency(1.5), "frames must be a whole number from 0 up"),
+        (lambda views: Latency([1, -1]), "frames must be whole numbers from 0 up"),
+        (lambda views: Latency([1.0]), "frames must be whole numbers from 0 up"),
+        (lambda views: Latency("two"), "frames must be an array of numbers"),
+        (lambda views: Latency(1025), "frames must be at most 1024, got 1025"),
+        (lambda views: Latency([1, 2])(views, frame=0), "there are 3 views, and frames of 2"),
+        (lambda views: Latency(1)(views.depth), "views must be warpvis.Views, got array"),
+        (lambda views: Latency(1)(wv.Views(labels=views.labels)), "views must have depth"),
+        (lambda views: Latency(1)(views, frame=-1), "frame must be a whole number from 0 up"),
+        (lambda views: Latency(1)(views, frame=[1, 2]), "frame must be whole numbers, one for each of 3 views"),
+        (lambda views: Latency(1)(views, out=wv.Views()), "out.depth"),
+        (lambda views: Latency(1).reset([0]), "views must be numbers of 0 views"),
+    ],
+)
+def test_what_is_refused(call, message):
+    views = wv.render(make_scene(), CAMERA, POSES, outputs=("depth", "labels"))
+    with pytest.raises(wv.errors.ArrayError, match=message):
+        call(views)
+
+
+def test_other_views_than_before_are_refused():
+    latency, scene = Latency(1), make_scene()
+    latency(wv.render(scene, CAMERA, POSES, outputs="depth"))
+    for poses, outputs in ((POSES[:2], ("depth",)), (POSES, ("depth", "points"))):
+        with pytest.raises(wv.errors.ArrayError, match="views must be as those before, depth of shape"):
+            latency(wv.render(scene, CAMERA, poses, outputs=outputs))
+    with pytest.raises(wv.errors.ArrayError, match="views must be numbers of 3 views"):
+        latency.reset([3])
