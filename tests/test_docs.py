@@ -22,6 +22,8 @@ ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 CHANGES = ROOT / "CHANGELOG.md"
+TUTORIALS = ROOT / "docs" / "tutorials"  # tests/test_docs_tutorials.py runs these, and compares what they print
+SNIPPETS = [page for page in PAGES[1:] if page.parent != TUTORIALS]
 
 _EXPLAINED_FROM = 45  # the column of the map at which explanations begin
 
@@ -72,7 +74,7 @@ def test_the_quickstart_runs_as_written(tmp_path):
     assert (tmp_path / "map.png").is_file()
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES[1:] if fences(page, "python")], ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [page for page in SNIPPETS if fences(page, "python")], ids=lambda page: page.stem)
 def test_code_runs(page, tmp_path, monkeypatch):
     """All Python of a page, one fence after the other, after what the page takes for granted."""
     monkeypatch.chdir(tmp_path)
@@ -82,7 +84,9 @@ def test_code_runs(page, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "page", [page for page in PAGES if "warpvis " in "".join(fences(page, "bash"))], ids=lambda page: page.stem
+    "page",
+    [page for page in [*PAGES[:1], *SNIPPETS] if "warpvis " in "".join(fences(page, "bash"))],
+    ids=lambda page: page.stem,
 )
 def test_commands_run(page, tmp_path, monkeypatch, capsys):
     """All calls of ``warpvis`` in a page's shell fences."""
