@@ -3,8 +3,8 @@
 """Points of the image on a GPU: `render_at` in packets beside single rays, and beside the image itself.
 
 Of 320x240 pixels: their centres, where another eye sees them (a stereo camera, whose points are nearly in the image's
-order), as many points in no order, and world points by `point_visibility`. All take turns, and what they see is
-compared first.
+order), as many points in no order, and world points by `point_visibility`. Packets are switched on here;
+docs/internals/gpu.md says why they are off elsewhere. All take turns, and what they see is compared first.
 
   python bench/gpu_points.py                          a table in Markdown
   python bench/gpu_points.py --device cpu --views 2   whether all see the same, without a GPU
@@ -127,6 +127,7 @@ def main() -> None:
     parser.add_argument("--packets", type=int, nargs="+", choices=(64, 256, 1024), help="points of a packet")
     arguments = parser.parse_args()
     device = wp.get_device(arguments.device)
+    _cuda_points._IN_PACKETS = True
     with wp.ScopedDevice(device):
         for size in arguments.packets or [0]:
             if size:

@@ -7,7 +7,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import pytest
@@ -102,21 +102,29 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 
 @pytest.fixture
-def cuda():
+def cuda() -> Iterator[str]:
     """A GPU's name."""
-    import warp as wp
-
-    if not wp.is_cuda_available():
-        pytest.skip("no CUDA device")
-    return "cuda:0"
+    yield from _device("cuda:0")
 
 
 @pytest.fixture(params=["cpu", "cuda:0"])
-def device(request: pytest.FixtureRequest) -> str:
+def device(request: pytest.FixtureRequest) -> Iterator[str]:
     """Every device of this machine that is tested."""
-    if request.param != "cpu" and not wp.is_cuda_available():
+    yield from _device(request.param)
+
+
+def _device(name: str) -> Iterator[str]:
+    """A device's name. Its stream is the same afterwards: `wp.array.numpy` sets another for a while, and where several
+    threads do so at a time, that one may stay, into which no graph can be captured.
+    """
+    if name == "cpu":
+        yield name
+        return
+    if not wp.is_cuda_available():
         pytest.skip("no CUDA device")
-    return request.param
+    stream = wp.get_stream(name)
+    yield name
+    wp.set_stream(stream, name)
 
 
 @pytest.fixture(params=["rays", "packets"])

@@ -37,6 +37,12 @@ def emulator(tmp_path_factory):
     return Emulator(tmp_path_factory.mktemp("point_emulator"), VARIANTS, find_compiler())
 
 
+@pytest.fixture
+def in_packets(monkeypatch):
+    """Points are cast in packets, though that is off."""
+    monkeypatch.setattr(_cuda_points, "_IN_PACKETS", True)
+
+
 def renderer_of(emulator, scene, *, variant=None, camera=CAMERA, outputs=ALL, **options):
     variant = variant or (MOVES if scene.bvh().struct.drawn_count else PLAIN)
     return emulated_renderer(emulator, variant, scene, camera, outputs=outputs, **options)
@@ -269,7 +275,7 @@ def test_which_points_may_be_in_rows():
         assert packet_count(lists, 256) >= count / 256
 
 
-def test_how_many_points_a_packet_has():
+def test_how_many_points_a_packet_has(in_packets):
     assert [points_of_packet(views * 76_800, 132) for views in (1, 10, 11, 512)] == [64, 64, 256, 256]
     room = wv.scenes.PRESETS["room"].build("cpu")
     assert not takes_packets(room, 3, 1000) and takes_packets(room, 1, 1 << 14) and takes_packets(room, 4, 1 << 12)
@@ -296,7 +302,7 @@ CUDA_CASES = [("room", False), ("blobs_77k", False), ("room", True)]
 
 
 @pytest.mark.parametrize(("name", "in_rows"), CUDA_CASES)
-def test_points_on_a_gpu(name, in_rows, cuda):
+def test_points_on_a_gpu(name, in_rows, cuda, in_packets):
     """As single rays see them; not a bit depends on their order, or on how many a packet has."""
     preset = wv.scenes.PRESETS[name]
     scene, poses = preset.build(cuda), preset.poses(3)
@@ -315,7 +321,7 @@ def test_points_on_a_gpu(name, in_rows, cuda):
         assert getattr(again, output).numpy().tobytes() == getattr(views, output).numpy()[:, order].tobytes()
 
 
-def test_a_gpu_gives_the_same_whatever_the_packets(cuda, monkeypatch):
+def test_a_gpu_gives_the_same_whatever_the_packets(cuda, in_packets, monkeypatch):
     preset = wv.scenes.PRESETS["room"]
     camera = wv.Camera.from_fov(160, 120, hfov=0.994837, near=0.05, far=100.0)
     renderer, images = wv.Renderer(preset.build(cuda), camera, outputs=ALL), []
@@ -326,7 +332,7 @@ def test_a_gpu_gives_the_same_whatever_the_packets(cuda, monkeypatch):
     assert_bits_equal(images[2], images[0])
 
 
-def test_points_go_into_a_graph(cuda):
+def test_points_go_into_a_graph(cuda, in_packets):
     """Sorted anew in each launch, by the points that are there then."""
     preset = wv.scenes.PRESETS["room"]
     camera = wv.Camera.from_fov(160, 120, hfov=0.994837, near=0.05, far=100.0)

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from warpvis.kernels.point_order import PointLists
     from warpvis.kernels.worlds import Worlds
 
+# Whether points are cast in packets at all. On an H200, lanes of one packet of 150,000 went apart, and read outside of
+# their memory (docs/internals/gpu.md): until that is mended, single rays are cast.
+_IN_PACKETS = False
 # Of fewer, single rays take less time than the launches that packets need.
 _FEWEST_POINTS = 1 << 14
 # Of fewer a view, packets that are in no order see much that their points do not; the more so in trees of many small
@@ -44,7 +47,7 @@ _MOST_BITS = 12  # of columns of cells
 
 def takes_packets(scene: Scene, views: int, count: int) -> bool:
     """Tell whether so many points of so many views are cast in packets."""
-    if views * count < _FEWEST_POINTS or not _FEWEST_A_VIEW <= count <= _MOST_POINTS:
+    if not _IN_PACKETS or views * count < _FEWEST_POINTS or not _FEWEST_A_VIEW <= count <= _MOST_POINTS:
         return False  # and no tree is built
     return count >= _FEWEST_IN_FINE_TREES or scene.bvh().struct.leaves.shape[0] <= _FINE_TREE
 
