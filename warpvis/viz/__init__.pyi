@@ -13,3 +13,4 @@ from ._previews import (
 )
 from ._sensor_fits import save_sensor_fit as save_sensor_fit
 from ._sightings import save_point_sightings as save_point_sightings, save_sightings as save_sightings
+from ._states import STATE_COLORS as STATE_COLORS

@@ -1,0 +1,6 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+# The public names of warpvis.viewer and where each lives; `lazy_loader` reads this table.
+
+from ._state import Look as Look, ViewerState as ViewerState
+from ._view import Viewer as Viewer, view as view

@@ -1,0 +1,95 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Points of all surfaces, which say who sees them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.labels import Visibility
+from warpvis.core.poses import poses_to_matrices
+from warpvis.planning import surface_samples
+from warpvis.viewer._stage import Stage
+from warpvis.visibility import Agent, point_visibility
+
+_POINTS = 20_000
+"""About how many points there are."""
+_LEAST_SPACING = 0.005
+
+
+class SurfaceCloud:
+    """Points spread evenly over a stage's surfaces, which move with their objects."""
+
+    def __init__(self, stage: Stage, points: int = _POINTS) -> None:
+        """Spread them."""
+        self.stage = stage
+        self.spacing = max(_LEAST_SPACING, math.sqrt(_area(stage) / points))
+        samples = surface_samples(stage.scene, spacing=self.spacing)
+        self.objects: NDArray[np.int32] = np.asarray(samples.objects)
+        self._columns = stage.columns[self.objects]
+        self._moving = self._columns >= 0
+        self.points = np.asarray(samples.points, dtype=np.float64)
+        self.normals = np.nan_to_num(np.asarray(samples.normals, dtype=np.float64))
+        self._own_frames(stage.object_poses)
+
+    def _own_frames(self, object_poses: NDArray[np.float64]) -> None:
+        """Bring the points of what moves into the frames of their meshes."""
+        if not self._moving.any():
+            return
+        frames = poses_to_matrices(object_poses)[self._columns[self._moving]]
+        offsets = self.points[self._moving] - frames[:, :3, 3]
+        self.points[self._moving] = np.einsum("nji,nj->ni", frames[:, :3, :3], offsets)
+        self.normals[self._moving] = np.einsum("nji,nj->ni", frames[:, :3, :3], self.normals[self._moving])
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def at(self, object_poses: NDArray[np.float64], lift: float = 0.0) -> NDArray[np.float32]:
+        """Return where the points are in the world [m], ``(N, 3)``, `lift` above their surfaces [m]."""
+        lifted = self.points + lift * self.normals
+        points = lifted.astype(np.float32)
+        if self._moving.any():
+            frames = poses_to_matrices(object_poses)[self._columns[self._moving]]
+            inside = lifted[self._moving]
+            points[self._moving] = np.einsum("nij,nj->ni", frames[:, :3, :3], inside) + frames[:, :3, 3]
+        return points
+
+    def seen_by(
+        self, agent: Agent, object_poses: NDArray[np.float64], points: NDArray[np.float32]
+    ) -> NDArray[np.bool_]:
+        """Tell which points an agent sees, ``(N,)``; none of its own body."""
+        seen = np.zeros(len(points), dtype=bool)
+        for face in agent.faces:
+            found = point_visibility(
+                self.stage.scene,
+                face.camera,
+                agent.face_poses(face),
+                points,
+                object_poses=object_poses if len(object_poses) else None,
+                exclude=agent.body or None,
+            )
+            seen |= found.numpy()[0] == Visibility.VISIBLE  # type: ignore[union-attr]  # occluders were not asked for
+        return seen & ~np.isin(self.objects, [self.stage.scene.index(name) for name in agent.body])
+
+    def states(
+        self, agents: Sequence[Agent], object_poses: NDArray[np.float64], points: NDArray[np.float32]
+    ) -> NDArray[np.uint8]:
+        """Return a `State` for every point, ``(N,)``: which of the first two agents see it."""
+        states = np.zeros(len(points), dtype=np.uint8)
+        for number, agent in enumerate(agents[:2]):
+            states += np.uint8(1 + number) * self.seen_by(agent, object_poses, points)
+        return states
+
+
+def _area(stage: Stage) -> float:
+    """Add up the areas of all surfaces [m^2]."""
+    total = 0.0
+    for item in stage.scene.objects:
+        vertices, faces = item.vertices.astype(np.float64), item.faces
+        a, b, c = (vertices[faces[:, k]] for k in range(3))
+        total += float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2
+    return total

@@ -1,0 +1,103 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Handles that a user drags: at the agents' eyes, level with the ground, and on the objects that may be moved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.poses import check_up, poses_to_matrices, poses_to_opencv
+from warpvis.viewer._nodes import place
+
+if TYPE_CHECKING:
+    from viser import SceneApi
+
+    from warpvis.viewer._state import ViewerState
+
+_AGENT_SIZE, _LEAST_SIZE, _MOST_SIZE = 0.35, 0.12, 0.5
+
+
+class Gizmos:
+    """All handles of a page. `dragged` is called after the state was told where something is."""
+
+    def __init__(self, scene: SceneApi, state: ViewerState, dragged: Callable[[], None]) -> None:
+        """Add them to the page."""
+        self._state, self._dragged = state, dragged
+        self.agents = {name: self._add_agent(scene, name) for name in state.agents}
+        self.objects = {name: self._add_object(scene, name) for name in state.stage.handles}
+        self._mounts: dict[str, NDArray[np.float64]] = {}
+        self.follow()
+
+    @property
+    def visible(self) -> bool:
+        """Whether they are shown."""
+        return all(gizmo.visible for gizmo in (*self.agents.values(), *self.objects.values()))
+
+    @visible.setter
+    def visible(self, visible: bool) -> None:
+        for gizmo in (*self.agents.values(), *self.objects.values()):
+            gizmo.visible = visible
+
+    def follow(self) -> None:
+        """Go where agents and objects are, after they were moved in another way."""
+        for name, gizmo in self.agents.items():
+            eyes = poses_to_matrices(self._state.agents[name].poses)[0]
+            handle = level_frame(eyes, check_up(self._state.scene.up))
+            self._mounts[name] = np.linalg.inv(handle) @ eyes
+            place(gizmo, poses_to_opencv(handle[None])[0])
+        for name, gizmo in self.objects.items():
+            place(gizmo, self._state.object_pose(name))
+
+    def _add_agent(self, scene: SceneApi, name: str) -> Any:
+        gizmo = scene.add_transform_controls(f"/handles/agents/{name}", scale=_AGENT_SIZE, depth_test=False)
+
+        @gizmo.on_update
+        def _(_: object) -> None:
+            handle = poses_to_matrices(_pose(gizmo)[None])[0]
+            self._state.move_agent(name, poses_to_opencv((handle @ self._mounts[name])[None])[0])
+            self._dragged()
+
+        return gizmo
+
+    def _add_object(self, scene: SceneApi, name: str) -> Any:
+        vertices, _ = self._state.stage.mesh(name)
+        reach = 0.75 * float((vertices.max(axis=0) - vertices.min(axis=0)).max())
+        size = min(max(reach, _LEAST_SIZE), _MOST_SIZE)
+        number = self._state.scene.index(name)
+        gizmo = scene.add_transform_controls(f"/handles/objects/{number}", scale=size, depth_test=False)
+
+        @gizmo.on_update
+        def _(_: object) -> None:
+            self._state.move_object(name, _pose(gizmo))
+            self._dragged()
+
+        return gizmo
+
+
+def level_frame(eyes: NDArray[np.float64], vertical: int) -> NDArray[np.float64]:
+    """Return the frame at a camera whose axes are ahead along the ground, to the left and up.
+
+    Args:
+        eyes: Camera to world, OpenCV's axes, ``(4, 4)``.
+        vertical: Index of the world's vertical axis.
+    """
+    up = np.eye(3)[vertical]
+    ahead = eyes[:3, 2] - up * eyes[vertical, 2]
+    if np.linalg.norm(ahead) < 1e-6:  # it looks straight down or up: its image's top is ahead, or behind
+        ahead = -eyes[:3, 1] * np.sign(-eyes[vertical, 2])
+        ahead = ahead - up * ahead[vertical]
+    ahead = ahead / np.linalg.norm(ahead)
+    frame = np.eye(4)
+    frame[:3, :3] = np.stack([ahead, np.cross(up, ahead), up], axis=1)
+    frame[:3, 3] = eyes[:3, 3]
+    return frame
+
+
+def _pose(gizmo: Any) -> NDArray[np.float64]:
+    """Return where a handle is, row ``x y z qx qy qz qw`` with a quaternion of unit length."""
+    w, x, y, z = np.asarray(gizmo.wxyz, dtype=np.float64) / np.linalg.norm(gizmo.wxyz)
+    return np.array([*gizmo.position, x, y, z, w], dtype=np.float64)

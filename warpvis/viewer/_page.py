@@ -1,0 +1,131 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The page: a viser server that shows a state, and computes it again whenever something is moved."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warpvis.core.poses import check_up
+from warpvis.viewer._gizmos import Gizmos
+from warpvis.viewer._nodes import AGENT_COLORS, AgentMark, CloudNode, Meshes
+from warpvis.viewer._panel import Panel
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+    from warpvis.viewer._state import Look, ViewerState
+
+_RATE_OVER = 20
+_BRAND = (0, 114, 178)
+
+
+class Page:
+    """Everything that a browser is shown of one state."""
+
+    def __init__(self, server: ViserServer, state: ViewerState, *, dark: bool = False) -> None:
+        """Fill the page, and begin to follow the state."""
+        self.server, self.state, self.dark = server, state, dark
+        self.look: Look | None = None
+        """What is shown now."""
+        self.updates = 0
+        """How many times it was computed."""
+        self._times: deque[float] = deque(maxlen=_RATE_OVER)
+        self._wanted, self._shown = threading.Event(), threading.Condition()
+        self._asked, self._done, self._closed = 0, 0, False
+        server.gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False, brand_color=_BRAND)
+        server.gui.set_panel_label("warpvis")
+        self._set_view()
+        self.meshes = Meshes(server.scene, state)
+        self.marks = {
+            agent.name: AgentMark(server.scene, agent, color)
+            for agent, color in zip(state.agents.values(), AGENT_COLORS, strict=False)
+        }
+        self.cloud = CloudNode(server.scene, state)
+        self.gizmos = Gizmos(server.scene, state, self.update)
+        self.panel = Panel(self)
+        self._worker = threading.Thread(target=self._work, name="warpvis viewer", daemon=True)
+        self._worker.start()
+        self.update(wait=True)
+
+    def update(self, *, wait: bool = False) -> None:
+        """Have everything computed again; moves that come meanwhile are taken together."""
+        with self._shown:
+            self._asked += 1
+            asked = self._asked
+        self._wanted.set()
+        if wait:
+            with self._shown:
+                self._shown.wait_for(lambda: self._done >= asked or self._closed)
+
+    def act(self, change: Callable[[], None]) -> None:
+        """Change the state, put the handles where things are then, and show it."""
+        change()
+        self.gizmos.follow()
+        self.update()
+
+    def close(self) -> None:
+        """Stop following the state."""
+        self._closed = True
+        self._wanted.set()
+        self._worker.join()
+        with self._shown:
+            self._shown.notify_all()
+
+    def _work(self) -> None:
+        while True:
+            self._wanted.wait()
+            self._wanted.clear()
+            if self._closed:
+                return
+            with self._shown:
+                asked = self._asked
+            try:
+                self._show(self.state.look())
+            except Exception as error:
+                self.panel.say(f"{type(error).__name__}: {error}")
+            with self._shown:
+                self._done = asked
+                self._shown.notify_all()
+
+    def _show(self, look: Look) -> None:
+        self._times.append(time.perf_counter())
+        with self.server.atomic():
+            self.meshes.show(look)
+            for agent, picture in zip(look.agents, look.pictures, strict=True):
+                self.marks[agent.name].show(agent, picture)
+            self.cloud.show(look)
+            self.panel.show(look, self._rate())
+        self.look = look
+        self.updates += 1
+
+    def _rate(self) -> float:
+        """Return how many updates a second there are while something moves; 0 if that is not known."""
+        recent = [later - earlier for earlier, later in zip(self._times, list(self._times)[1:], strict=False)]
+        recent = [step for step in recent if step < 1]
+        return len(recent) / sum(recent) if recent else 0.0
+
+    def _set_view(self) -> None:
+        """Look at the scene from above and behind the first agent."""
+        scene = self.server.scene
+        vertical = check_up(self.state.scene.up)
+        scene.set_up_direction(f"+{self.state.scene.up}")
+        low, high = self.state.scene.bounds.astype(np.float64)
+        eyes = [agent.poses[0, :3] for agent in self.state.agents.values()]
+        middle = np.mean([(low + high) / 2, *eyes], axis=0)
+        middle[vertical] = low[vertical] + 0.2 * (high - low)[vertical]
+        reach = max(float(np.linalg.norm(high - low)), 0.1)
+        behind = eyes[0] - middle
+        behind[vertical] = 0
+        behind = behind / np.linalg.norm(behind) if np.linalg.norm(behind) > 1e-6 else np.eye(3)[(vertical + 1) % 3]
+        aside = np.cross(np.eye(3)[vertical], behind)
+        direction = 0.5 * behind + 0.5 * aside + 0.65 * np.eye(3)[vertical]
+        self.server.initial_camera.position = middle + 0.95 * reach * direction / np.linalg.norm(direction)
+        self.server.initial_camera.look_at = middle
+        self.server.initial_camera.fov = np.radians(50)

@@ -1,0 +1,176 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The page's panel: the table, what each agent sees, sliders and buttons."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from warpvis.core.camera import Camera
+from warpvis.errors import WarpvisError
+from warpvis.viewer._pictures import with_view
+from warpvis.viewer._tables import legend_html, status_html, table_html
+from warpvis.visibility import Agent
+
+if TYPE_CHECKING:
+    from warpvis.viewer._page import Page
+    from warpvis.viewer._state import Look
+
+_PICTURES = {"depth": "depth", "who sees it": "objects"}
+_CLOUDS = {"who sees it": "who", "labels of the depth image": "labels", "no points": "none"}
+_MOST_HEIGHT, _LEAST_FAR, _MOST_FAR = 3.0, 0.5, 20.0
+_JPEG = 85
+
+
+class Panel:
+    """The elements beside the 3D picture, in the order in which they stand there."""
+
+    def __init__(self, page: Page) -> None:
+        """Add them to the page."""
+        self.page = page
+        gui, names = page.server.gui, list(page.state.agents)
+        self.message = gui.add_markdown("", visible=False)
+        self.table = gui.add_html("")
+        self.legend = gui.add_html(legend_html(names))
+        self.images: dict[str, Any] = {}
+        self.sliders: dict[str, Any] = {}
+        self._add_buttons()
+        self._empty = True
+        self._add_choices()
+        for name in names:
+            self._add_agent(page.state.agents[name])
+        self.status = gui.add_html("")
+
+    def show(self, look: Look, rate: float) -> None:
+        """Show a look."""
+        self.table.content = table_html(look)
+        self.status.content = status_html(look, rate)
+        if self._empty:
+            gui = self.page.server.gui
+            for place, (agent, picture) in enumerate(zip(look.agents, look.pictures, strict=True)):
+                image = gui.add_image(picture, label=f"{agent.name} sees", jpeg_quality=_JPEG, order=2.5 + 0.1 * place)
+                self.images[agent.name] = image
+            self._empty = False
+            return
+        for agent, picture in zip(look.agents, look.pictures, strict=True):
+            self.images[agent.name].image = picture
+
+    def say(self, text: str) -> None:
+        """Show a sentence at the top; none for an empty one."""
+        self.message.content, self.message.visible = text, bool(text)
+
+    def _add_buttons(self) -> None:
+        gui = self.page.server.gui
+        reset = gui.add_button("Put everything back")
+
+        @reset.on_click
+        def _(_: object) -> None:
+            self._try(self.page.state.reset)
+            for name in self.page.state.agents:
+                self._follow(name)
+
+    def _add_choices(self) -> None:
+        gui, state = self.page.server.gui, self.page.state
+        with gui.add_folder("Show", expand_by_default=False):
+            cloud = gui.add_dropdown("points", list(_CLOUDS), initial_value=next(iter(_CLOUDS)))
+            picture = gui.add_dropdown("images", list(_PICTURES), initial_value=next(iter(_PICTURES)))
+            handles = gui.add_checkbox("handles", True)
+            meshes = gui.add_checkbox("meshes", True)
+
+        @cloud.on_update
+        def _(_: object) -> None:
+            state.cloud_kind = _CLOUDS[cloud.value]  # type: ignore[assignment]  # one of its words
+            self.page.update()
+
+        @picture.on_update
+        def _(_: object) -> None:
+            state.picture_kind = _PICTURES[picture.value]  # type: ignore[assignment]  # likewise
+            self.page.update()
+
+        @handles.on_update
+        def _(_: object) -> None:
+            self.page.gizmos.visible = handles.value
+
+        @meshes.on_update
+        def _(_: object) -> None:
+            self.page.meshes.visible = meshes.value
+
+    def _add_agent(self, agent: Agent) -> None:
+        """Add an agent's sliders."""
+        name, state, gui = agent.name, self.page.state, self.page.server.gui
+        with gui.add_folder(f"{name}'s eyes", expand_by_default=len(self.sliders) == 0):
+            height = state.height(name)
+            most = max(_MOST_HEIGHT, 2 * height)
+            least = min(0.0, height)
+            self._slider(
+                f"{name} height", "height [m]", (least, most, 0.01), height, lambda v: state.raise_agent(name, v)
+            )
+            camera = agent.camera
+            if isinstance(camera, Camera):
+                wide = math.degrees(camera.hfov)
+                far = camera.far if math.isfinite(camera.far) else _MOST_FAR
+                self._slider(
+                    f"{name} hfov", "width [deg]", (min(20.0, wide), max(120.0, wide), 1.0), wide, self._widen(name)
+                )
+                self._slider(
+                    f"{name} far",
+                    "range [m]",
+                    (max(_LEAST_FAR, camera.near + 0.1), max(_MOST_FAR, far), 0.1),
+                    far,
+                    self._reach(name),
+                )
+
+    def _widen(self, name: str) -> Callable[[float], None]:
+        def change(degrees: float) -> None:
+            camera = self.page.state.agents[name].camera
+            assert isinstance(camera, Camera)  # the slider is there for these
+            self.page.state.set_camera(name, with_view(camera, hfov=math.radians(degrees)))
+
+        return change
+
+    def _reach(self, name: str) -> Callable[[float], None]:
+        def change(metres: float) -> None:
+            camera = self.page.state.agents[name].camera
+            assert isinstance(camera, Camera)  # likewise
+            self.page.state.set_camera(name, with_view(camera, far=metres))
+
+        return change
+
+    def _slider(
+        self,
+        key: str,
+        label: str,
+        limits: tuple[float, float, float],
+        value: float,
+        change: Callable[[float], None],
+    ) -> None:
+        low, high, step = limits
+        slider = self.page.server.gui.add_slider(label, min=low, max=high, step=step, initial_value=value)
+        self.sliders[key] = slider
+
+        @slider.on_update
+        def _(event: Any) -> None:
+            if event.client_id is not None:  # else the program moved it, after what it shows
+                self._try(lambda: change(float(slider.value)))
+
+    def _try(self, change: Callable[[], None]) -> None:
+        """Change the state; say so if it is refused."""
+        try:
+            self.page.act(change)
+            self.say("")
+        except WarpvisError as error:
+            self.say(str(error))
+
+    def _follow(self, name: str) -> None:
+        """Put an agent's sliders to where it is."""
+        agent = self.page.state.agents[name]
+        values = {"height": self.page.state.height(name)}
+        if isinstance(agent.camera, Camera):
+            values |= {"hfov": math.degrees(agent.camera.hfov)}
+            values |= {"far": agent.camera.far if math.isfinite(agent.camera.far) else _MOST_FAR}
+        for key, value in values.items():
+            slider = self.sliders.get(f"{name} {key}")
+            if slider is not None:
+                slider.value = min(max(value, slider.min), slider.max)

@@ -1,0 +1,163 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What an agent sees now, as a small picture: its depth image, or what its pixels show."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.camera import Camera
+from warpvis.core.image_cameras import ImageCamera
+from warpvis.rendering import DepthSensor, Output, Renderer
+from warpvis.scene import Scene
+from warpvis.visibility import Agent, FieldOfView
+from warpvis.viz import depth_colors
+
+PictureKind = Literal["depth", "objects"]
+
+_OUTPUTS: tuple[Output, ...] = ("depth", "points", "labels", "segmentation")
+_WIDTH = 320
+"""Most columns of a picture."""
+_PIXELS_PER_DEGREE = 1.6
+_FINEST_RANGE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What an agent's pixels show, indexed ``[y, x]``."""
+
+    depth: NDArray[np.float32]
+    """Depth along the axis of the pixel's image [m], not finite where there is none."""
+    points: NDArray[np.float32]
+    """Seen points in the world [m], ``(h, w, 3)``."""
+    labels: NDArray[np.uint8]
+    """Their labels."""
+    objects: NDArray[np.int32]
+    """Their objects, -1 where there is none."""
+
+    def cloud(self) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+        """Return the points that were measured, ``(N, 3)``, and their labels, ``(N,)``."""
+        measured = np.isfinite(self.depth)
+        return self.points[measured], self.labels[measured]
+
+
+class AgentPicture:
+    """Pictures of what one agent sees; a `FieldOfView` is shown by its angles, as on a globe."""
+
+    def __init__(
+        self, scene: Scene, camera: ImageCamera | FieldOfView, reach: float, sensor: DepthSensor | None = None
+    ) -> None:
+        """Prepare renderers.
+
+        Args:
+            scene: What is seen.
+            camera: How the agent sees.
+            reach: Depth of the last colour where the camera measures any depth [m].
+            sensor: A model of a depth camera, which a `FieldOfView` has none of; None for exact depth.
+        """
+        self.scene, self.camera, self.reach = scene, camera, reach
+        self._faces: list[tuple[Renderer, NDArray[np.float32], NDArray[np.bool_]]] = []
+        self._renderer: Renderer | None = None
+        if isinstance(camera, FieldOfView):
+            self._prepare_faces(camera)
+        else:
+            self._renderer = Renderer(scene, camera, outputs=_OUTPUTS, sensor=sensor)
+
+    @property
+    def depth_range(self) -> tuple[float, float]:
+        """Depths of the first and the last colour [m]."""
+        near, far = self.camera.near, self.camera.far
+        far = far if math.isfinite(far) else max(self.reach, near + _FINEST_RANGE)
+        return near, far
+
+    def look(self, agent: Agent, object_poses: NDArray[np.float64]) -> Seen:
+        """Render what an agent sees where it is now; of large images every second pixel, or fewer."""
+        poses = object_poses if len(object_poses) else None
+        exclude = agent.body or None
+        if self._renderer is not None:
+            views = self._renderer.render(agent.poses, object_poses=poses, exclude=exclude)
+            step = math.ceil(views.depth.shape[2] / _WIDTH)
+            return Seen(*(getattr(views, name).numpy()[0, ::step, ::step] for name in _OUTPUTS))
+        height, width = self._faces[0][1].shape[0], len(self._faces[0][2])
+        seen = Seen(
+            np.empty((height, width), dtype=np.float32),
+            np.empty((height, width, 3), dtype=np.float32),
+            np.empty((height, width), dtype=np.uint8),
+            np.empty((height, width), dtype=np.int32),
+        )
+        for face, (renderer, pixels, columns) in zip(agent.faces, self._faces, strict=True):
+            place = agent.face_poses(face)
+            views = renderer.render_at(place, pixels[None], object_poses=poses, exclude=exclude)
+            for name in _OUTPUTS:
+                getattr(seen, name if name != "segmentation" else "objects")[:, columns] = getattr(views, name).numpy()[
+                    0
+                ]
+        return seen
+
+    def draw(self, seen: Seen, kind: PictureKind, colors: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Draw what was seen.
+
+        Args:
+            seen: What `look` returned.
+            kind: ``"depth"``, or ``"objects"``, each in its colour.
+            colors: Red, green and blue of every object and, last, of nothing, ``(objects + 1, 3)``.
+
+        Returns:
+            Red, green and blue, ``(h, w, 3)`` uint8.
+        """
+        return _depth_picture(seen.depth, self.depth_range) if kind == "depth" else colors[seen.objects]
+
+    def _prepare_faces(self, field: FieldOfView) -> None:
+        """Compute once which pixel of which face each pixel of the picture shows."""
+        sides, up, down = (math.degrees(angle) for angle in (field.hfov / 2, field.up, field.down))
+        scale = min(_PIXELS_PER_DEGREE, _WIDTH / (2 * sides))
+        width, height = math.ceil(2 * sides * scale), math.ceil((up + down) * scale)
+        azimuths = np.radians((np.arange(width) + 0.5) / width * 2 * sides - sides)
+        elevations = np.radians(up - (np.arange(height) + 0.5) / height * (up + down))[:, None]
+        faces = field.faces()
+        face_of = np.minimum((azimuths + field.hfov / 2) * len(faces) // field.hfov, len(faces) - 1).astype(int)
+        for k, face in enumerate(faces):
+            columns = face_of == k
+            aside = azimuths[columns] - ((k + 0.5) * field.hfov / len(faces) - field.hfov / 2)
+            rays = np.stack(np.broadcast_arrays(np.tan(aside), -np.tan(elevations) / np.cos(aside), 1.0), axis=-1)
+            pixels = face.camera.project(rays).astype(np.float32)
+            renderer = Renderer(self.scene, face.camera, outputs=_OUTPUTS)
+            self._faces.append((renderer, pixels, columns))
+
+
+def with_view(
+    camera: Camera, *, hfov: float | None = None, near: float | None = None, far: float | None = None
+) -> Camera:
+    """Return a camera of another angle or range; its image keeps its size, its middle and its pixels' shape.
+
+    Raises:
+        CameraError: There is no such camera.
+    """
+    fields = {name: value for name, value in (("near", near), ("far", far)) if value is not None}
+    if hfov is not None:
+        factor = math.tan(camera.hfov / 2) / math.tan(hfov / 2)
+        fields |= {"fx": camera.fx * factor, "fy": camera.fy * factor}
+    return replace(camera, **fields)
+
+
+def _depth_picture(depth: NDArray[np.float32], limits: tuple[float, float]) -> NDArray[np.uint8]:
+    """Colour depth as `depth_colors` does, by a table."""
+    near, far = limits
+    table = _color_table()
+    with np.errstate(invalid="ignore"):
+        index = np.clip((depth - near) * (255 / max(far - near, _FINEST_RANGE)), 0, 255)
+    index = np.where(np.isfinite(depth), index, np.where(depth == -np.inf, 257, 256)).astype(np.int64)
+    return table[index]
+
+
+@lru_cache(maxsize=1)
+def _color_table() -> NDArray[np.uint8]:
+    """Return the colours of 256 depths, of nothing, and of what is too near, ``(258, 3)``."""
+    ramp = np.concatenate([np.linspace(0, 1, 256), [np.inf, -np.inf]])
+    return depth_colors(ramp[None], (0.0, 1.0))[0]

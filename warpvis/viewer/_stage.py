@@ -1,0 +1,96 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The viewer's own copy of a scene, in which what a user may drag is movable."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.checks import as_items
+from warpvis.core.labels import Label
+from warpvis.errors import SceneError
+from warpvis.scene import Scene, SceneObject, require_scene
+
+_DRAGGED = (Label.OBJECT, Label.HUMAN, Label.ROBOT)
+_MOST_DRAGGED = 40
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """A scene whose agents' bodies and things can be moved without building trees again."""
+
+    scene: Scene
+    """The objects under their own names and indices."""
+    handles: tuple[str, ...]
+    """Names of the objects that a user may drag."""
+    object_poses: NDArray[np.float64] = field(repr=False)
+    """Where the movable objects are at the beginning, rows ``x y z qx qy qz qw``, ``(M, 7)``."""
+
+    @classmethod
+    def of(cls, scene: Scene, bodies: Iterable[str] = (), movable: Sequence[str] | None = None) -> Stage:
+        """Copy a scene. What stays in it may be dragged in the copy, about the middle of its box.
+
+        Args:
+            scene: The scene; it is not changed.
+            bodies: Names of the objects that are agents: they move with them, and are not dragged by themselves.
+            movable: Names or patterns of the objects that may be dragged; by default those labelled as an object, a
+                person or a robot, and what is movable already.
+
+        Raises:
+            SceneError: The scene is empty, or a name or pattern fits no object.
+        """
+        items = list(require_scene(scene).require_objects())
+        own = {scene.objects[scene.index(name)].name for name in bodies}
+        dragged = _dragged(items, own, movable)
+        moving = own | set(dragged)
+        objects = [_movable(item) if item.name in moving and not item.movable else item for item in items]
+        copy = Scene(device=scene.device, up=scene.up, label_names=scene.label_names, ground_labels=scene.ground_labels)
+        copy.replace_objects(objects)
+        poses = [objects[index].pose for index in copy.movable]
+        rows = np.array(poses, dtype=np.float64).reshape(-1, 7)
+        return cls(copy, tuple(dragged), rows)
+
+    @cached_property
+    def columns(self) -> NDArray[np.int64]:
+        """The row of `object_poses` that each object moves by, ``(objects,)``; -1 of what stays."""
+        rows = {index: row for row, index in enumerate(self.scene.movable)}
+        roots = [index if item.carrier is None else item.carrier for index, item in enumerate(self.scene.objects)]
+        return np.array([rows.get(root, -1) for root in roots], dtype=np.int64)
+
+    def column(self, name: str) -> int:
+        """Return the row of `object_poses` that an object moves by; -1 if it stays."""
+        return int(self.columns[self.scene.index(name)])
+
+    def mesh(self, name: str) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+        """Return the vertices of an object in its mesh frame [m], ``(n, 3)``, and its triangles, ``(m, 3)``."""
+        item = self.scene[name]
+        return (item.vertices if item.mesh_vertices is None else item.mesh_vertices), item.faces
+
+
+def _dragged(items: Sequence[SceneObject], bodies: set[str], movable: Sequence[str] | None) -> list[str]:
+    """Choose the objects that may be dragged."""
+    if movable is None:
+        chosen = [item.name for item in items if item.label in _DRAGGED or item.pose is not None]
+        chosen = [name for name in chosen if name not in bodies]
+        return chosen if len(chosen) <= _MOST_DRAGGED else []
+    patterns = as_items(movable, "movable", SceneError)
+    for pattern in patterns:
+        if not isinstance(pattern, str) or not any(fnmatch.fnmatchcase(item.name, pattern) for item in items):
+            raise SceneError(f"{pattern!r} in movable fits no object of the scene")
+    free = [item for item in items if item.carrier is None and item.name not in bodies]
+    return [item.name for item in free if any(fnmatch.fnmatchcase(item.name, pattern) for pattern in patterns)]
+
+
+def _movable(item: SceneObject) -> SceneObject:
+    """Return an object that stays as one that moves, with the middle of its box for an origin."""
+    low, high = item.bounds.astype(np.float64)
+    middle = (low + high) / 2
+    pose = np.array([*middle, 0, 0, 0, 1], dtype=np.float32)
+    inside = (item.vertices - pose[:3]).astype(np.float32)
+    return SceneObject.placed(item.name, item.label, (inside, item.faces), pose)

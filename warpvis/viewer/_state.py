@@ -1,0 +1,352 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What is seen now: agents and objects that can be moved, and all that the page shows of them. No browser needed."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from warpvis.core.camera import Camera
+from warpvis.core.checks import as_items
+from warpvis.core.labels import Label, Visibility
+from warpvis.core.poses import check_up, poses_to_matrices, quaternion_product, read_pose
+from warpvis.errors import CameraError, SceneError
+from warpvis.maps import label_colors
+from warpvis.rendering import DepthSensor
+from warpvis.scene import Scene
+from warpvis.viewer._cloud import SurfaceCloud
+from warpvis.viewer._pictures import AgentPicture, PictureKind
+from warpvis.viewer._stage import Stage
+from warpvis.visibility import Agent, Perspective, State, perspective
+from warpvis.viz import STATE_COLORS
+
+CloudKind = Literal["who", "labels", "none"]
+
+_MOST_WATCHED = 24
+_LIFT = 0.15
+"""How far above its surface a point is shown, in spacings of the points."""
+_GREY = {Label.GROUND: (222, 222, 222), Label.OBSTACLE: (165, 165, 165), Label.HUMAN: (105, 105, 105)}
+_NOTHING = (70, 70, 70)
+_NO_POINTS = np.zeros((0, 3), dtype=np.float32)
+_NO_STATES = np.zeros(0, dtype=np.uint8)
+_STATE_TABLE = np.array([STATE_COLORS[state] for state in State], dtype=np.uint8)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of the table: an object, and what each agent sees of it."""
+
+    name: str
+    label: str
+    """What its label is called."""
+    cells: tuple[str, ...]
+    """For each agent the visible share in percent, or why it does not see the object."""
+    fractions: tuple[float, ...]
+    """For each agent the visible share of the silhouette, 0 to 1."""
+    state: State
+    """Which of the agents see it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """All that is seen in one situation."""
+
+    agents: tuple[Agent, ...]
+    """The agents where they are."""
+    object_poses: NDArray[np.float64] = field(repr=False)
+    """Where the movable objects are, rows ``x y z qx qy qz qw``, ``(M, 7)``."""
+    seen: Perspective = field(repr=False)
+    """What the agents see of the objects in the table."""
+    rows: tuple[Row, ...] = field(repr=False)
+    """The table."""
+    pictures: tuple[NDArray[np.uint8], ...] = field(repr=False)
+    """What each agent sees, ``(h, w, 3)``."""
+    points: NDArray[np.float32] = field(repr=False)
+    """The cloud [m], ``(N, 3)``: points of all surfaces, or those of the first agent's depth image."""
+    point_colors: NDArray[np.uint8] = field(repr=False)
+    """Its colours, red, green and blue, ``(N, 3)``."""
+    states: NDArray[np.uint8] = field(repr=False)
+    """A `State` for each point of a surface, ``(N,)``; none of a depth image's."""
+    seconds: float
+    """How long it took to compute."""
+
+    @property
+    def object_states(self) -> dict[str, State]:
+        """Which of the agents see each object of the table, by name."""
+        return {row.name: row.state for row in self.rows}
+
+
+class ViewerState:
+    """A scene with one or two agents, in which everything may move; `look` says what is seen.
+
+    Its methods may be called from any thread.
+
+    Example:
+        >>> state = ViewerState(scene, [robot, human])
+        >>> state.move_object("ball", (1, 0, 0.1, 0, 0, 0, 1))
+        >>> state.look().rows
+    """
+
+    def __init__(
+        self,
+        scene: Scene | Stage,
+        agents: Sequence[Agent],
+        *,
+        movable: Sequence[str] | None = None,
+        objects: Sequence[str] | None = None,
+        points: int = 20_000,
+    ) -> None:
+        """Prepare to look.
+
+        Args:
+            scene: The world; it is copied.
+            agents: One or two, each with one pose.
+            movable: Names or patterns of the objects that may be moved; by default those labelled as an object, a
+                person or a robot, and what is movable already.
+            objects: Names of the objects in the table; by default all but the ground, or if they are many those
+                labelled as an object, a person or a robot.
+            points: About how many points of surfaces tell who sees them.
+
+        Raises:
+            SceneError: There are no agents or too many, or an object is not in the scene.
+        """
+        given = as_items(agents, "agents", SceneError)
+        if not 1 <= len(given) <= 2 or not all(isinstance(agent, Agent) for agent in given):
+            raise SceneError(f"agents must be one or two of warpvis.Agent, got {len(given)}")
+        for agent in given:
+            if len(agent.poses) != 1:
+                raise SceneError(f"{agent.name!r} must have one pose to begin with, got {len(agent.poses)}")
+        bodies = [name for agent in given for name in agent.body]
+        self.stage = scene if isinstance(scene, Stage) else Stage.of(scene, bodies, movable)
+        self.scene = self.stage.scene
+        self.agents: dict[str, Agent] = {agent.name: _plain(agent) for agent in given}
+        if len(self.agents) < len(given):
+            raise SceneError(f"agents must have different names, got {given[0].name!r} twice")
+        self.start = dict(self.agents)
+        """The agents where they began."""
+        self.object_poses = self.stage.object_poses.copy()
+        self.watched = self._watched(objects, bodies)
+        self.cloud = SurfaceCloud(self.stage, points)
+        self.picture_kind: PictureKind = "depth"
+        self.cloud_kind: CloudKind = "who"
+        self._vertical = check_up(self.scene.up)
+        self._lock = threading.RLock()
+        self._pictures: dict[str, AgentPicture] = {}
+        self._sensor: DepthSensor | None = None
+
+    # What moves.
+
+    def move_agent(self, name: str, pose: ArrayLike) -> None:
+        """Put an agent's eyes elsewhere; its body follows on the ground and turns with its gaze.
+
+        Args:
+            name: The agent's name.
+            pose: Camera to world, ``x y z qx qy qz qw`` of the OpenCV frame, or a 4x4 matrix.
+
+        Raises:
+            WarpvisError: There is no such agent, or the pose is none.
+        """
+        row = read_pose(pose, "xyzw", name=f"pose of {name!r}")
+        with self._lock:
+            agent = self._agent(name)
+            before = agent.poses[0]
+            self.agents[name] = replace(agent, pose=row)
+            for column in {self.stage.column(body) for body in agent.body}:
+                self.object_poses[column] = self._carried(self.object_poses[column], before, row)
+
+    def raise_agent(self, name: str, height: float) -> None:
+        """Put an agent's eyes at another height [m] and leave its body where it is."""
+        with self._lock:
+            row = self._agent(name).poses[0].copy()
+            row[self._vertical] = height
+            self.agents[name] = replace(self._agent(name), pose=row)
+
+    def height(self, name: str) -> float:
+        """Return the height of an agent's eyes [m]."""
+        return float(self._agent(name).poses[0, self._vertical])
+
+    def set_camera(self, name: str, camera: Camera) -> None:
+        """Give an agent another camera.
+
+        Raises:
+            CameraError: It is none.
+        """
+        if not isinstance(camera, Camera):
+            raise CameraError(f"camera of {name!r} must be a warpvis.Camera, got {type(camera).__name__}")
+        with self._lock:
+            self.agents[name] = replace(self._agent(name), camera=camera)
+            self._pictures.pop(name, None)
+
+    def set_sensor(self, sensor: DepthSensor | None) -> None:
+        """Show the depth images of cameras as a model of a device would say them; None for exact depth."""
+        with self._lock:
+            self._sensor = sensor
+            self._pictures.clear()
+
+    def move_object(self, name: str, pose: ArrayLike) -> None:
+        """Put a movable object elsewhere.
+
+        Args:
+            name: The object's name.
+            pose: Object to world, ``x y z qx qy qz qw`` or a 4x4 matrix; where it begins is `object_pose`.
+
+        Raises:
+            WarpvisError: It does not move, or the pose is none.
+        """
+        row = read_pose(pose, "xyzw", name=f"pose of {name!r}")
+        with self._lock:
+            self.object_poses[self._column(name)] = row
+
+    def object_pose(self, name: str) -> NDArray[np.float64]:
+        """Return where a movable object is, row ``x y z qx qy qz qw``."""
+        with self._lock:
+            return self.object_poses[self._column(name)].copy()
+
+    def reset(self) -> None:
+        """Put all agents and objects back to where they began."""
+        with self._lock:
+            self.agents = dict(self.start)
+            self.object_poses = self.stage.object_poses.copy()
+            self._pictures.clear()
+
+    # What is seen.
+
+    def look(self) -> Look:
+        """Compute what is seen now."""
+        begin = time.perf_counter()
+        with self._lock:
+            agents = tuple(self.agents.values())
+            object_poses = self.object_poses.copy()
+            pictures = [self._picture(agent) for agent in agents]
+            kind, cloud_kind = self.picture_kind, self.cloud_kind
+        placed = object_poses if len(object_poses) else None
+        seen = perspective(self.scene, agents, objects=self.watched, object_poses=placed)
+        rows = _rows(seen)
+        colors = self.colors({row.name: row.state for row in rows})
+        views = [picture.look(agent, object_poses) for picture, agent in zip(pictures, agents, strict=True)]
+        if cloud_kind == "labels":
+            points, labels = views[0].cloud()
+            point_colors, states = label_colors()[labels], _NO_STATES
+        else:
+            points, point_colors, states = self._surface_cloud(agents, object_poses, cloud_kind)
+        return Look(
+            agents=agents,
+            object_poses=object_poses,
+            seen=seen,
+            rows=rows,
+            pictures=tuple(picture.draw(view, kind, colors) for picture, view in zip(pictures, views, strict=True)),
+            points=points,
+            point_colors=point_colors,
+            states=states,
+            seconds=time.perf_counter() - begin,
+        )
+
+    def _surface_cloud(
+        self, agents: Sequence[Agent], object_poses: NDArray[np.float64], kind: CloudKind
+    ) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint8]]:
+        """Return points a little above all surfaces, and who sees them."""
+        if kind == "none":
+            return _NO_POINTS, _NO_POINTS.astype(np.uint8), _NO_STATES
+        states = self.cloud.states(agents, object_poses, self.cloud.at(object_poses))
+        lifted = self.cloud.at(object_poses, _LIFT * self.cloud.spacing)
+        return lifted, _STATE_TABLE[states], states
+
+    def colors(self, states: dict[str, State]) -> NDArray[np.uint8]:
+        """Return red, green and blue of every object and, last, of nothing, ``(objects + 1, 3)``."""
+        from warpvis.viz import STATE_COLORS
+
+        bodies = {body for agent in self.agents.values() for body in agent.body}
+        found = []
+        for item in self.scene.objects:
+            ground = item.label in self.scene.ground_labels
+            grey = _GREY[Label.GROUND if ground else Label.HUMAN if item.name in bodies else Label.OBSTACLE]
+            state = None if item.name in bodies else states.get(item.name)
+            found.append(grey if state is None else STATE_COLORS[state])
+        return np.array([*found, _NOTHING], dtype=np.uint8)
+
+    def _picture(self, agent: Agent) -> AgentPicture:
+        if agent.name not in self._pictures:
+            low, high = self.scene.bounds.astype(np.float64)
+            sensor = self._sensor if isinstance(agent.camera, Camera) else None
+            reach = float(np.linalg.norm(high - low)) / 2
+            self._pictures[agent.name] = AgentPicture(self.scene, agent.camera, reach, sensor)
+        return self._pictures[agent.name]
+
+    def _watched(self, objects: Sequence[str] | None, bodies: Iterable[str]) -> list[str]:
+        """Choose the objects in the table."""
+        if objects is not None:
+            names = as_items(objects, "objects", SceneError)
+            return [self.scene.objects[self.scene.index(name)].name for name in names]
+        items = [item for item in self.scene.objects if item.label not in self.scene.ground_labels]
+        if len(items) > _MOST_WATCHED:
+            items = [item for item in items if item.label != Label.OBSTACLE] or items
+        items = items or list(self.scene.objects)
+        return [item.name for item in items[:_MOST_WATCHED]]
+
+    def _agent(self, name: str) -> Agent:
+        if name not in self.agents:
+            raise SceneError(f"there is no agent {name!r}; there are {', '.join(map(repr, self.agents))}")
+        return self.agents[name]
+
+    def _column(self, name: str) -> int:
+        column = self.stage.column(name)
+        if column < 0:
+            raise SceneError(f"object {name!r} stays where it is; name it in movable")
+        return column
+
+    def _carried(
+        self, body: NDArray[np.float64], before: NDArray[np.float64], after: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Move a body as the eyes went, but along the ground and about the vertical axis only."""
+        turn = self._heading(after) - self._heading(before)
+        axis = np.zeros(4)
+        axis[self._vertical], axis[3] = math.sin(turn / 2), math.cos(turn / 2)
+        spin = np.concatenate([np.zeros(3), axis])
+        rotation = poses_to_matrices(spin[None])[0, :3, :3]
+        place = rotation @ (body[:3] - before[:3]) + after[:3]
+        place[self._vertical] = body[self._vertical]
+        return np.concatenate([place, quaternion_product(axis, body[3:])])
+
+    def _heading(self, pose: NDArray[np.float64]) -> float:
+        """Return the angle about the vertical axis that a camera looks to [rad]."""
+        forward = poses_to_matrices(pose[None])[0, :3, 2]
+        return math.atan2(forward[1], forward[0]) if self._vertical == 2 else math.atan2(forward[0], forward[2])
+
+
+def _plain(agent: Agent) -> Agent:
+    """Return an agent with its pose as a row of the OpenCV frame."""
+    return replace(agent, pose=agent.poses[0].copy(), convention="opencv", quaternion="xyzw")
+
+
+def _rows(seen: Perspective) -> tuple[Row, ...]:
+    """Make the table of one situation."""
+    flags = seen.visible[:, 0]
+    states = sum(State(1 + number) * flags[number] for number in range(len(flags)))
+    rows = []
+    for k, name in enumerate(seen.objects):
+        cells = tuple(_cell(seen, agent, k) for agent in range(len(seen.agents)))
+        fractions = tuple(float(value) for value in seen.fraction[:, 0, k])
+        label = seen.label_names.name(seen.labels[k])
+        rows.append(Row(name, label, cells, fractions, State(int(states[k]))))
+    return tuple(rows)
+
+
+def _cell(seen: Perspective, agent: int, k: int) -> str:
+    """Say what an agent sees of an object, or why it does not."""
+    at = (agent, 0, k)
+    if seen.body[agent, k]:
+        return "own body"
+    status = Visibility(seen.status[at])
+    if status == Visibility.VISIBLE:
+        return f"{100 * seen.fraction[at]:.0f} %"
+    if status == Visibility.OCCLUDED and seen.occluder[at] >= 0:
+        return f"hidden by {seen.scene_objects[seen.occluder[at]]}"
+    return status.name.lower().replace("_", " ")

@@ -1,0 +1,67 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The page's table and legend, as HTML that fits a light page and a dark one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+from warpvis.viewer._state import Look, Row
+from warpvis.visibility import State
+from warpvis.viz import STATE_COLORS
+
+_STYLE = "font-size:0.8em;line-height:1.35;padding:0 0.6em"
+_CELL = "padding:0.15em 0.5em 0.15em 0;vertical-align:top;border-top:1px solid rgba(128,128,128,0.3)"
+
+
+def table_html(look: Look) -> str:
+    """Write the table: a row for every object, a column for every agent; a dot says who sees it."""
+    agents = [agent.name for agent in look.agents]
+    head = "".join(
+        f'<th style="text-align:left;padding-right:0.5em">{escape(word)}</th>' for word in ["object", *agents]
+    )
+    body = "".join(_row(row, agents) for row in look.rows)
+    return (
+        f'<div style="{_STYLE}"><table class="warpvis-table" style="border-collapse:collapse;width:100%">'
+        f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
+    )
+
+
+def legend_html(agents: Sequence[str]) -> str:
+    """Write what the colours mean."""
+    states = (State.BOTH, State.FIRST, State.SECOND, State.NEITHER) if len(agents) > 1 else (State.FIRST, State.NEITHER)
+    entries = "".join(
+        f'<span style="white-space:nowrap;margin-right:0.9em">{_dot(state)}{escape(state_word(state, agents))}</span>'
+        for state in states
+    )
+    return f'<div style="{_STYLE}">{entries}</div>'
+
+
+def state_word(state: State, agents: Sequence[str]) -> str:
+    """Say who sees something."""
+    if len(agents) < 2:
+        return f"{agents[0]} sees it" if state == State.FIRST else "not seen"
+    words = {State.BOTH: "both see it", State.NEITHER: "neither"}
+    return words.get(state) or f"{agents[0] if state == State.FIRST else agents[1]} only"
+
+
+def status_html(look: Look, updates: float) -> str:
+    """Write how long the last update took."""
+    rate = f", {updates:.0f} updates/s" if updates else ""
+    return f'<div style="{_STYLE};opacity:0.7" class="warpvis-status">{1e3 * look.seconds:.0f} ms{rate}</div>'
+
+
+def _row(row: Row, agents: Sequence[str]) -> str:
+    title = escape(f"{row.label}; {state_word(row.state, agents)}")
+    cells = "".join(f'<td style="{_CELL}">{escape(cell)}</td>' for cell in row.cells)
+    name = f'<td style="{_CELL};white-space:nowrap" title="{title}">{_dot(row.state)}{escape(row.name)}</td>'
+    return f"<tr>{name}{cells}</tr>"
+
+
+def _dot(state: State) -> str:
+    red, green, blue = STATE_COLORS[state]
+    return (
+        f'<span style="display:inline-block;width:0.75em;height:0.75em;border-radius:50%;margin-right:0.4em;'
+        f'background:rgb({red},{green},{blue})"></span>'
+    )

@@ -1,0 +1,151 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Open the live page of a scene."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Sequence
+from dataclasses import replace
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+from warpvis.core.camera import Camera
+from warpvis.core.checks import is_whole
+from warpvis.errors import WarpvisError
+from warpvis.scene import Scene, require_scene
+from warpvis.viewer._state import ViewerState
+from warpvis.visibility import Agent
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+_PORT = 8080
+
+
+class Viewer:
+    """A live page. It is there until `close`; `wait` keeps a program running for it.
+
+    Example:
+        >>> viewer = wv.view(scene, agents=[robot, human])
+        >>> print(viewer.url)
+        >>> viewer.wait()
+    """
+
+    def __init__(self, state: ViewerState, *, host: str = "localhost", port: int = _PORT, dark: bool = False) -> None:
+        """Serve the page of a state.
+
+        Args:
+            state: What is shown.
+            host: Address to listen on. By default only this machine can open the page; ``"0.0.0.0"`` lets all that can
+                reach it.
+            port: Port to listen on, or the next one that is free.
+            dark: Whether the page is dark.
+
+        Raises:
+            WarpvisError: viser is missing, or the address is none.
+        """
+        from warpvis.viewer._page import Page
+
+        if not is_whole(port) or not 0 < port < 1 << 16:
+            raise WarpvisError(f"port must be a whole number from 1 to 65535, got {port!r}")
+        self.state = state
+        self.server = _serve(host, int(port))
+        self.page = Page(self.server, state, dark=bool(dark))
+        self._closed = threading.Event()
+
+    @property
+    def url(self) -> str:
+        """Where a browser finds the page."""
+        return f"http://{self.server.get_host()}:{self.server.get_port()}"
+
+    def update(self) -> None:
+        """Show the state as it is now, after it was changed by a program, and wait until it is shown."""
+        self.page.gizmos.follow()
+        self.page.update(wait=True)
+
+    def wait(self) -> None:
+        """Wait until the page is closed, or Ctrl-C is pressed."""
+        while not self._closed.wait(1.0):
+            pass
+
+    def close(self) -> None:
+        """Take the page down."""
+        if not self._closed.is_set():
+            self._closed.set()
+            self.page.close()
+            self.server.stop()
+
+    def __enter__(self) -> Viewer:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def view(
+    scene: Scene,
+    agents: Sequence[Agent] | None = None,
+    camera: Camera | None = None,
+    *,
+    movable: Sequence[str] | None = None,
+    objects: Sequence[str] | None = None,
+    host: str = "localhost",
+    port: int = _PORT,
+    dark: bool = False,
+) -> Viewer:
+    """Open a live page of a scene in the browser, in which agents and objects are moved and what is seen changes.
+
+    Args:
+        scene: The world; the viewer moves things in a copy.
+        agents: One or two: a robot and a person. By default a robot with `camera` from where all of the scene is seen.
+        camera: The camera of a robot that was not given; `Camera.kinect` of any range by default.
+        movable: Names or patterns of the objects that may be dragged; by default those labelled as an object, a person
+            or a robot, and what is movable already.
+        objects: Names of the objects in the table; by default all but the ground, or if they are many those labelled
+            as an object, a person or a robot.
+        host: Address to listen on. By default only this machine can open the page.
+        port: Port to listen on, or the next one that is free.
+        dark: Whether the page is dark.
+
+    Returns:
+        The page, which stays until its `Viewer.close`, or until the program ends.
+
+    Raises:
+        WarpvisError: viser is missing, or an argument is not what it has to be.
+    """
+    given = [first_agent(scene, camera)] if agents is None else agents
+    if agents is not None and camera is not None:
+        raise WarpvisError("camera is that of a robot that is not given; agents have cameras of their own")
+    state = ViewerState(scene, given, movable=movable, objects=objects)
+    return Viewer(state, host=host, port=port, dark=dark)
+
+
+def first_agent(scene: Scene, camera: Camera | None = None) -> Agent:
+    """Make a robot from whose eyes all of a scene is seen."""
+    from warpvis.pose_generators import framing
+
+    require_scene(scene).require_objects()
+    if camera is None:
+        camera = replace(Camera.kinect(), near=0.0, far=math.inf)
+    return Agent("robot", camera, framing(scene, camera))
+
+
+def _serve(host: str, port: int) -> ViserServer:
+    """Start the server.
+
+    Raises:
+        WarpvisError: viser is missing, or the address is none.
+    """
+    try:
+        import viser
+    except ImportError:
+        raise WarpvisError("the viewer needs viser, which is missing: pip install 'warpvis[view]'") from None
+    options: dict[str, Any] = {"host": host, "port": port, "verbose": False}
+    try:
+        return viser.ViserServer(**options)
+    except OSError as error:
+        raise WarpvisError(f"the viewer cannot listen on {host}:{port}: {error.strerror or error}") from None
