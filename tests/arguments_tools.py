@@ -36,7 +36,27 @@ def tools_cases(folder):
     best = planned.best_views(seen, CAMERA, POSE, objects=["box"])
     covered = planned.coverage(seen, CAMERA, POSE)
     eye = wv.webots.DepthEye(RangeFinder())
+    state = wv.viewer.ViewerState(seen, agents(), points=100)
+    page = {"port": 8471, "dark": False}
     return {
+        # warpvis.viewer
+        "view": (
+            lambda **given: wv.view(**given).close(),
+            {"scene": seen, "agents": agents(), "camera": None, "movable": ["box"], "objects": ["box"], **page},
+        ),
+        "Viewer": (lambda **given: wv.viewer.Viewer(**given).close(), {"state": state, **page}),
+        "framing_agent": (wv.viewer.framing_agent, {"scene": seen, "camera": CAMERA}),
+        "ViewerState": (
+            wv.viewer.ViewerState,
+            {"scene": seen, "agents": agents(), "movable": ["box"], "objects": ["box"], "points": 100},
+        ),
+        "ViewerState.move_agent": (state.move_agent, {"name": "robot", "pose": POSE, "quaternion": "xyzw"}),
+        "ViewerState.raise_agent": (state.raise_agent, {"name": "robot", "height": 0.5}),
+        "ViewerState.height": (state.height, {"name": "robot"}),
+        "ViewerState.set_camera": (state.set_camera, {"name": "robot", "camera": CAMERA}),
+        "ViewerState.set_sensor": (state.set_sensor, {"sensor": None}),
+        "ViewerState.move_object": (state.move_object, {"name": "cart", "pose": MOVED[0], "quaternion": "xyzw"}),
+        "ViewerState.object_pose": (state.object_pose, {"name": "cart"}),
         # warpvis.planning
         "BestViews.pose": (best.pose, {"rank": 0}),
         "Coverage.best": (covered.best, {"k": 1}),

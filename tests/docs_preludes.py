@@ -11,6 +11,7 @@ import numpy as np
 import trimesh
 
 import warpvis as wv
+from warpvis.scenes import EXPERIMENTS
 
 ROOT = Path(__file__).parent.parent
 
@@ -161,6 +162,12 @@ def _mujoco(folder):
         "camera": wv.Camera.kinect(),
         "camera_to_world": _poses(1),
     }
+
+
+def _viewer(folder):
+    experiment = EXPERIMENTS[0]
+    robot, human = experiment.agents()
+    return {"scene": experiment.build(), "robot": robot, "human": human}
 
 
 def _webots(folder):

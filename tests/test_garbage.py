@@ -57,6 +57,7 @@ BAD = {
 
 # What calls give back, made by hand for its own sake: nobody's input; and lists of constants.
 RESULTS = {
+    "Look",
     "BatchSummary",
     "BatchRenderer",
     "Exposure",
@@ -92,6 +93,8 @@ RESULTS = {
 
 # Drawing takes its time: some of the bad values will do.
 DRAWN = {
+    "view",
+    "Viewer",
     "save_depth",
     "save_map",
     "save_overview",
@@ -157,6 +160,7 @@ def public_callables():
 
 # Our own modules' ways in, of what was checked before.
 OURS = {
+    "ViewerState.colors",
     "Camera.device_struct",
     "OrthographicCamera.device_struct",
     "Scene.replace_objects",
@@ -211,7 +215,7 @@ NAMES = (
     "Ortho gym open_ framing depth_ from_image to_image to_point find_ quanti range_ recog segm Li bpearl even "
     "hdl64e Motion Rolling deskew laser_ livox ouster vlp gather_ measure_ reflect spread_ to_laser Rays Wide Rangef "
     "register_ to_livox Stereo realsense_ oak_ kinect_ structure fit read_depth "
-    "TimeOf azure_ pmd_ Nguyen Khoshelham Corruptions SimKinect Redwood Latency sensor_ "
+    "TimeOf azure_ pmd_ Nguyen Khoshelham Corruptions SimKinect Redwood Latency sensor_ Viewer view "
 ).split()
 
 

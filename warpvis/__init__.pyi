@@ -15,6 +15,7 @@ from . import (
     scene as scene,
     scenes as scenes,
     sensors as sensors,
+    viewer as viewer,
     visibility as visibility,
     viz as viz,
     webots as webots,
@@ -37,6 +38,7 @@ from .maps import (
 )
 from .rendering import Renderer as Renderer, Views as Views, render as render
 from .scene import Scene as Scene, SceneObject as SceneObject
+from .viewer._view import view as view
 from .visibility import (
     Agent as Agent,
     FieldOfView as FieldOfView,

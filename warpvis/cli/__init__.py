@@ -21,6 +21,7 @@ from warpvis.cli._datasets import Batch, Render, Verify, Warmup
 from warpvis.cli._info import Info
 from warpvis.cli._perspective import Perspective
 from warpvis.cli._sensor_fit import SensorFit
+from warpvis.cli._view import View
 from warpvis.errors import WarpvisError
 
 
@@ -43,7 +44,7 @@ class Demo:
 def main() -> None:
     """Run the command of the command line: bad input ends with one sentence and exit code 2, Ctrl-C with 130."""
     with _interrupts.ending_the_process():
-        commands = Demo | Render | Batch | Verify | Warmup | Check | Perspective | Info | SensorFit
+        commands = Demo | Render | Batch | Verify | Warmup | Check | Perspective | View | Info | SensorFit
         run_command(tyro.cli(commands, prog="warpvis", description=_DESCRIPTION).run)
 
 

@@ -3,4 +3,4 @@
 # The public names of warpvis.viewer and where each lives; `lazy_loader` reads this table.
 
 from ._state import Look as Look, ViewerState as ViewerState
-from ._view import Viewer as Viewer, view as view
+from ._view import Viewer as Viewer, framing_agent as framing_agent

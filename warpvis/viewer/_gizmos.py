@@ -56,7 +56,7 @@ class Gizmos:
         gizmo = scene.add_transform_controls(f"/handles/agents/{name}", scale=_AGENT_SIZE, depth_test=False)
 
         @gizmo.on_update
-        def _(_: object) -> None:
+        def moved(_: object) -> None:
             handle = poses_to_matrices(_pose(gizmo)[None])[0]
             self._state.move_agent(name, poses_to_opencv((handle @ self._mounts[name])[None])[0])
             self._dragged()
@@ -71,7 +71,7 @@ class Gizmos:
         gizmo = scene.add_transform_controls(f"/handles/objects/{number}", scale=size, depth_test=False)
 
         @gizmo.on_update
-        def _(_: object) -> None:
+        def moved(_: object) -> None:
             self._state.move_object(name, _pose(gizmo))
             self._dragged()
 

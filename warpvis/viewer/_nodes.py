@@ -25,7 +25,7 @@ AGENT_COLORS = (STATE_COLORS[State.FIRST], STATE_COLORS[State.SECOND])
 
 _FRUSTUM_SIZE, _FIELD_SIZE = 0.35, 0.45
 _ARC = 24
-_POINT_SIZE = 0.55
+_POINT_SIZE = 0.32
 """Of a point, in spacings."""
 
 

@@ -49,7 +49,8 @@ class Page:
         }
         self.cloud = CloudNode(server.scene, state)
         self.gizmos = Gizmos(server.scene, state, self.update)
-        self.panel = Panel(self)
+        shown = {"handles": self.gizmos, "meshes": self.meshes}
+        self.panel = Panel(server.gui, state, self.update, self.act, shown)
         self._worker = threading.Thread(target=self._work, name="warpvis viewer", daemon=True)
         self._worker.start()
         self.update(wait=True)
@@ -115,7 +116,7 @@ class Page:
         """Look at the scene from above and behind the first agent."""
         scene = self.server.scene
         vertical = check_up(self.state.scene.up)
-        scene.set_up_direction(f"+{self.state.scene.up}")
+        scene.set_up_direction("+z" if vertical == 2 else "+y")
         low, high = self.state.scene.bounds.astype(np.float64)
         eyes = [agent.poses[0, :3] for agent in self.state.agents.values()]
         middle = np.mean([(low + high) / 2, *eyes], axis=0)
@@ -126,6 +127,6 @@ class Page:
         behind = behind / np.linalg.norm(behind) if np.linalg.norm(behind) > 1e-6 else np.eye(3)[(vertical + 1) % 3]
         aside = np.cross(np.eye(3)[vertical], behind)
         direction = 0.5 * behind + 0.5 * aside + 0.65 * np.eye(3)[vertical]
-        self.server.initial_camera.position = middle + 0.95 * reach * direction / np.linalg.norm(direction)
-        self.server.initial_camera.look_at = middle
+        self.server.initial_camera.position = middle + 1.2 * reach * direction / np.linalg.norm(direction)
+        self.server.initial_camera.look_at = middle + 0.08 * reach * (aside - behind)  # the panel is on the right
         self.server.initial_camera.fov = np.radians(50)

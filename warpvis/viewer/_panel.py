@@ -5,8 +5,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from warpvis.core.camera import Camera
 from warpvis.errors import WarpvisError
@@ -15,8 +17,12 @@ from warpvis.viewer._tables import legend_html, status_html, table_html
 from warpvis.visibility import Agent
 
 if TYPE_CHECKING:
-    from warpvis.viewer._page import Page
-    from warpvis.viewer._state import Look
+    from viser import GuiApi
+
+    from warpvis.viewer._state import Look, ViewerState
+
+Act = Callable[[Callable[[], None]], None]
+"""Calls what changes the state, and has it shown."""
 
 _PICTURES = {"depth": "depth", "who sees it": "objects"}
 _CLOUDS = {"who sees it": "who", "labels of the depth image": "labels", "no points": "none"}
@@ -27,33 +33,36 @@ _JPEG = 85
 class Panel:
     """The elements beside the 3D picture, in the order in which they stand there."""
 
-    def __init__(self, page: Page) -> None:
-        """Add them to the page."""
-        self.page = page
-        gui, names = page.server.gui, list(page.state.agents)
+    def __init__(
+        self, gui: GuiApi, state: ViewerState, update: Callable[[], None], act: Act, shown: Mapping[str, Any]
+    ) -> None:
+        """Add them to the page.
+
+        Args:
+            gui: The page's panel.
+            state: What is shown.
+            update: Has it computed and shown again.
+            act: Calls what changes it, and has it shown.
+            shown: What may be hidden, by name: `visible` of each says whether it is.
+        """
+        self._gui, self._state, self._update, self._act = gui, state, update, act
+        names = list(state.agents)
         self.message = gui.add_markdown("", visible=False)
         self.table = gui.add_html("")
         self.legend = gui.add_html(legend_html(names))
-        self.images: dict[str, Any] = {}
+        blank = np.full((3, 4, 3), 128, dtype=np.uint8)
+        self.images = {name: gui.add_image(blank, label=f"{name} sees", jpeg_quality=_JPEG) for name in names}
         self.sliders: dict[str, Any] = {}
         self._add_buttons()
-        self._empty = True
-        self._add_choices()
+        self._add_choices(shown)
         for name in names:
-            self._add_agent(page.state.agents[name])
+            self._add_agent(state.agents[name])
         self.status = gui.add_html("")
 
     def show(self, look: Look, rate: float) -> None:
         """Show a look."""
         self.table.content = table_html(look)
         self.status.content = status_html(look, rate)
-        if self._empty:
-            gui = self.page.server.gui
-            for place, (agent, picture) in enumerate(zip(look.agents, look.pictures, strict=True)):
-                image = gui.add_image(picture, label=f"{agent.name} sees", jpeg_quality=_JPEG, order=2.5 + 0.1 * place)
-                self.images[agent.name] = image
-            self._empty = False
-            return
         for agent, picture in zip(look.agents, look.pictures, strict=True):
             self.images[agent.name].image = picture
 
@@ -62,44 +71,44 @@ class Panel:
         self.message.content, self.message.visible = text, bool(text)
 
     def _add_buttons(self) -> None:
-        gui = self.page.server.gui
+        gui = self._gui
         reset = gui.add_button("Put everything back")
 
         @reset.on_click
         def _(_: object) -> None:
-            self._try(self.page.state.reset)
-            for name in self.page.state.agents:
+            self._try(self._state.reset)
+            for name in self._state.agents:
                 self._follow(name)
 
-    def _add_choices(self) -> None:
-        gui, state = self.page.server.gui, self.page.state
+    def _add_choices(self, shown: Mapping[str, Any]) -> None:
+        gui, state = self._gui, self._state
         with gui.add_folder("Show", expand_by_default=False):
             cloud = gui.add_dropdown("points", list(_CLOUDS), initial_value=next(iter(_CLOUDS)))
             picture = gui.add_dropdown("images", list(_PICTURES), initial_value=next(iter(_PICTURES)))
-            handles = gui.add_checkbox("handles", True)
-            meshes = gui.add_checkbox("meshes", True)
+            for name, nodes in shown.items():
+                self._add_switch(name, nodes)
 
         @cloud.on_update
         def _(_: object) -> None:
             state.cloud_kind = _CLOUDS[cloud.value]  # type: ignore[assignment]  # one of its words
-            self.page.update()
+            self._update()
 
         @picture.on_update
         def _(_: object) -> None:
             state.picture_kind = _PICTURES[picture.value]  # type: ignore[assignment]  # likewise
-            self.page.update()
+            self._update()
 
-        @handles.on_update
-        def _(_: object) -> None:
-            self.page.gizmos.visible = handles.value
+    def _add_switch(self, name: str, nodes: Any) -> None:
+        """Add a box that hides some of the 3D picture."""
+        box = self._gui.add_checkbox(name, True)
 
-        @meshes.on_update
+        @box.on_update
         def _(_: object) -> None:
-            self.page.meshes.visible = meshes.value
+            nodes.visible = box.value
 
     def _add_agent(self, agent: Agent) -> None:
         """Add an agent's sliders."""
-        name, state, gui = agent.name, self.page.state, self.page.server.gui
+        name, state, gui = agent.name, self._state, self._gui
         with gui.add_folder(f"{name}'s eyes", expand_by_default=len(self.sliders) == 0):
             height = state.height(name)
             most = max(_MOST_HEIGHT, 2 * height)
@@ -124,17 +133,17 @@ class Panel:
 
     def _widen(self, name: str) -> Callable[[float], None]:
         def change(degrees: float) -> None:
-            camera = self.page.state.agents[name].camera
+            camera = self._state.agents[name].camera
             assert isinstance(camera, Camera)  # the slider is there for these
-            self.page.state.set_camera(name, with_view(camera, hfov=math.radians(degrees)))
+            self._state.set_camera(name, with_view(camera, hfov=math.radians(degrees)))
 
         return change
 
     def _reach(self, name: str) -> Callable[[float], None]:
         def change(metres: float) -> None:
-            camera = self.page.state.agents[name].camera
+            camera = self._state.agents[name].camera
             assert isinstance(camera, Camera)  # likewise
-            self.page.state.set_camera(name, with_view(camera, far=metres))
+            self._state.set_camera(name, with_view(camera, far=metres))
 
         return change
 
@@ -147,7 +156,7 @@ class Panel:
         change: Callable[[float], None],
     ) -> None:
         low, high, step = limits
-        slider = self.page.server.gui.add_slider(label, min=low, max=high, step=step, initial_value=value)
+        slider = self._gui.add_slider(label, min=low, max=high, step=step, initial_value=value)
         self.sliders[key] = slider
 
         @slider.on_update
@@ -158,15 +167,15 @@ class Panel:
     def _try(self, change: Callable[[], None]) -> None:
         """Change the state; say so if it is refused."""
         try:
-            self.page.act(change)
+            self._act(change)
             self.say("")
         except WarpvisError as error:
             self.say(str(error))
 
     def _follow(self, name: str) -> None:
         """Put an agent's sliders to where it is."""
-        agent = self.page.state.agents[name]
-        values = {"height": self.page.state.height(name)}
+        agent = self._state.agents[name]
+        values = {"height": self._state.height(name)}
         if isinstance(agent.camera, Camera):
             values |= {"hfov": math.degrees(agent.camera.hfov)}
             values |= {"far": agent.camera.far if math.isfinite(agent.camera.far) else _MOST_FAR}

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,7 +139,7 @@ def with_view(
     Raises:
         CameraError: There is no such camera.
     """
-    fields = {name: value for name, value in (("near", near), ("far", far)) if value is not None}
+    fields: dict[str, Any] = {name: value for name, value in (("near", near), ("far", far)) if value is not None}
     if hfov is not None:
         factor = math.tan(camera.hfov / 2) / math.tan(hfov / 2)
         fields |= {"fx": camera.fx * factor, "fy": camera.fy * factor}

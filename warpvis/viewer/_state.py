@@ -15,12 +15,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.camera import Camera
-from warpvis.core.checks import as_items
+from warpvis.core.checks import as_items, is_number, is_whole
 from warpvis.core.labels import Label, Visibility
-from warpvis.core.poses import check_up, poses_to_matrices, quaternion_product, read_pose
-from warpvis.errors import CameraError, SceneError
+from warpvis.core.poses import (
+    QuaternionOrder,
+    check_quaternion,
+    check_up,
+    poses_to_matrices,
+    quaternion_product,
+    read_pose,
+)
+from warpvis.errors import ArrayError, CameraError, PoseError, SceneError
 from warpvis.maps import label_colors
-from warpvis.rendering import DepthSensor
+from warpvis.rendering import DepthSensor, require_sensor
 from warpvis.scene import Scene
 from warpvis.viewer._cloud import SurfaceCloud
 from warpvis.viewer._pictures import AgentPicture, PictureKind
@@ -31,7 +38,8 @@ from warpvis.viz import STATE_COLORS
 CloudKind = Literal["who", "labels", "none"]
 
 _MOST_WATCHED = 24
-_LIFT = 0.15
+_MOST_POINTS = 1_000_000
+_LIFT = 0.35
 """How far above its surface a point is shown, in spacings of the points."""
 _GREY = {Label.GROUND: (222, 222, 222), Label.OBSTACLE: (165, 165, 165), Label.HUMAN: (105, 105, 105)}
 _NOTHING = (70, 70, 70)
@@ -134,7 +142,9 @@ class ViewerState:
         """The agents where they began."""
         self.object_poses = self.stage.object_poses.copy()
         self.watched = self._watched(objects, bodies)
-        self.cloud = SurfaceCloud(self.stage, points)
+        if not is_whole(points) or not 0 < points <= _MOST_POINTS:
+            raise ArrayError(f"points must be a whole number from 1 to {_MOST_POINTS}, got {points!r}")
+        self.cloud = SurfaceCloud(self.stage, int(points))
         self.picture_kind: PictureKind = "depth"
         self.cloud_kind: CloudKind = "who"
         self._vertical = check_up(self.scene.up)
@@ -144,17 +154,19 @@ class ViewerState:
 
     # What moves.
 
-    def move_agent(self, name: str, pose: ArrayLike) -> None:
+    def move_agent(self, name: str, pose: ArrayLike, *, quaternion: QuaternionOrder = "xyzw") -> None:
         """Put an agent's eyes elsewhere; its body follows on the ground and turns with its gaze.
 
         Args:
             name: The agent's name.
             pose: Camera to world, ``x y z qx qy qz qw`` of the OpenCV frame, or a 4x4 matrix.
+            quaternion: Order of the quaternion in a pose of 7 numbers, ``"xyzw"`` or ``"wxyz"``.
 
         Raises:
             WarpvisError: There is no such agent, or the pose is none.
         """
-        row = read_pose(pose, "xyzw", name=f"pose of {name!r}")
+        check_quaternion(quaternion)
+        row = read_pose(pose, quaternion, name=f"pose of {name!r}")
         with self._lock:
             agent = self._agent(name)
             before = agent.poses[0]
@@ -163,7 +175,13 @@ class ViewerState:
                 self.object_poses[column] = self._carried(self.object_poses[column], before, row)
 
     def raise_agent(self, name: str, height: float) -> None:
-        """Put an agent's eyes at another height [m] and leave its body where it is."""
+        """Put an agent's eyes at another height [m] and leave its body where it is.
+
+        Raises:
+            WarpvisError: There is no such agent, or the height is none.
+        """
+        if not is_number(height) or not math.isfinite(height):
+            raise PoseError(f"height of {name!r} must be a number of metres, got {height!r}")
         with self._lock:
             row = self._agent(name).poses[0].copy()
             row[self._vertical] = height
@@ -186,22 +204,33 @@ class ViewerState:
             self._pictures.pop(name, None)
 
     def set_sensor(self, sensor: DepthSensor | None) -> None:
-        """Show the depth images of cameras as a model of a device would say them; None for exact depth."""
+        """Show the depth images of cameras as a model of a device would say them; None for exact depth.
+
+        Raises:
+            WarpvisError: It is no model, or none of these cameras.
+        """
+        if sensor is not None:
+            require_sensor(sensor)
+            for agent in self.agents.values():
+                if isinstance(agent.camera, Camera):
+                    sensor.check(self.scene, agent.camera)
         with self._lock:
             self._sensor = sensor
             self._pictures.clear()
 
-    def move_object(self, name: str, pose: ArrayLike) -> None:
+    def move_object(self, name: str, pose: ArrayLike, *, quaternion: QuaternionOrder = "xyzw") -> None:
         """Put a movable object elsewhere.
 
         Args:
             name: The object's name.
-            pose: Object to world, ``x y z qx qy qz qw`` or a 4x4 matrix; where it begins is `object_pose`.
+            pose: Object to world, ``x y z qx qy qz qw`` or a 4x4 matrix; `object_pose` says where it is.
+            quaternion: Order of the quaternion in a pose of 7 numbers, ``"xyzw"`` or ``"wxyz"``.
 
         Raises:
             WarpvisError: It does not move, or the pose is none.
         """
-        row = read_pose(pose, "xyzw", name=f"pose of {name!r}")
+        check_quaternion(quaternion)
+        row = read_pose(pose, quaternion, name=f"pose of {name!r}")
         with self._lock:
             self.object_poses[self._column(name)] = row
 
@@ -292,7 +321,7 @@ class ViewerState:
         return [item.name for item in items[:_MOST_WATCHED]]
 
     def _agent(self, name: str) -> Agent:
-        if name not in self.agents:
+        if not isinstance(name, str) or name not in self.agents:
             raise SceneError(f"there is no agent {name!r}; there are {', '.join(map(repr, self.agents))}")
         return self.agents[name]
 

@@ -4,7 +4,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import math
+import socket
 import threading
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,7 +15,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from warpvis.core.camera import Camera
-from warpvis.core.checks import is_whole
+from warpvis.core.checks import check_flag, is_whole
 from warpvis.errors import WarpvisError
 from warpvis.scene import Scene, require_scene
 from warpvis.viewer._state import ViewerState
@@ -48,11 +51,14 @@ class Viewer:
         """
         from warpvis.viewer._page import Page
 
+        if not isinstance(state, ViewerState):
+            raise WarpvisError(f"state must be a warpvis.viewer.ViewerState, got {type(state).__name__}")
+        dark = check_flag(dark, "dark")
         if not is_whole(port) or not 0 < port < 1 << 16:
             raise WarpvisError(f"port must be a whole number from 1 to 65535, got {port!r}")
         self.state = state
         self.server = _serve(host, int(port))
-        self.page = Page(self.server, state, dark=bool(dark))
+        self.page = Page(self.server, state, dark=dark)
         self._closed = threading.Event()
 
     @property
@@ -75,7 +81,8 @@ class Viewer:
         if not self._closed.is_set():
             self._closed.set()
             self.page.close()
-            self.server.stop()
+            with contextlib.redirect_stdout(io.StringIO()):
+                self.server.stop()
 
     def __enter__(self) -> Viewer:
         return self
@@ -117,15 +124,23 @@ def view(
     Raises:
         WarpvisError: viser is missing, or an argument is not what it has to be.
     """
-    given = [first_agent(scene, camera)] if agents is None else agents
+    given = [framing_agent(scene, camera)] if agents is None else agents
     if agents is not None and camera is not None:
         raise WarpvisError("camera is that of a robot that is not given; agents have cameras of their own")
     state = ViewerState(scene, given, movable=movable, objects=objects)
     return Viewer(state, host=host, port=port, dark=dark)
 
 
-def first_agent(scene: Scene, camera: Camera | None = None) -> Agent:
-    """Make a robot from whose eyes all of a scene is seen."""
+def framing_agent(scene: Scene, camera: Camera | None = None) -> Agent:
+    """Make a robot from whose eyes all of a scene is seen.
+
+    Args:
+        scene: The scene.
+        camera: Its camera; `Camera.kinect` of any range by default.
+
+    Raises:
+        WarpvisError: The scene is empty, or the camera is none.
+    """
     from warpvis.pose_generators import framing
 
     require_scene(scene).require_objects()
@@ -144,8 +159,24 @@ def _serve(host: str, port: int) -> ViserServer:
         import viser
     except ImportError:
         raise WarpvisError("the viewer needs viser, which is missing: pip install 'warpvis[view]'") from None
+    _check_address(host)
     options: dict[str, Any] = {"host": host, "port": port, "verbose": False}
     try:
-        return viser.ViserServer(**options)
+        with contextlib.redirect_stdout(io.StringIO()):  # it draws a box; who calls says where the page is
+            return viser.ViserServer(**options)
     except OSError as error:
         raise WarpvisError(f"the viewer cannot listen on {host}:{port}: {error.strerror or error}") from None
+
+
+def _check_address(host: str) -> None:
+    """Check that this machine can listen on an address.
+
+    Raises:
+        WarpvisError: It cannot.
+    """
+    try:
+        family, kind, _, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind) as probe:
+            probe.bind(address)
+    except (OSError, TypeError, ValueError) as error:
+        raise WarpvisError(f"the viewer cannot listen on host {host!r}: {error}") from None

@@ -1,0 +1,193 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The live page's server, without a browser: handles that are dragged, sliders, and the command."""
+
+import socket
+import sys
+import threading
+from unittest import mock
+
+import numpy as np
+import pytest
+from command_line import run_inside
+
+import warpvis as wv
+from warpvis.cli import View
+from warpvis.scenes import EXPERIMENTS
+from warpvis.viewer import Viewer, ViewerState
+from warpvis.visibility import State
+from warpvis.viz import STATE_COLORS
+
+PORT = 8391
+
+
+@pytest.fixture(scope="module")
+def viewer():
+    experiment = EXPERIMENTS[0]
+    state = ViewerState(experiment.build(), experiment.agents(), points=4000)
+    with Viewer(state, port=PORT) as found:
+        yield found
+
+
+@pytest.fixture
+def page(viewer):
+    yield viewer.page
+    viewer.state.reset()
+    viewer.update()
+
+
+def drag(page, gizmo, position):
+    """What viser does when a user drags a handle."""
+    gizmo.position = position
+    for callback in gizmo._impl_aux.update_cb:
+        callback(mock.Mock(target=gizmo, client_id=1))
+    page.update(wait=True)
+
+
+def test_it_listens_on_this_machine_only(viewer):
+    assert viewer.url == f"http://localhost:{viewer.server.get_port()}"
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.connect(("192.0.2.1", 9))  # sends nothing: it says which of this machine's addresses leads out
+        here = probe.getsockname()[0]
+    with pytest.raises(OSError), socket.create_connection((here, viewer.server.get_port()), timeout=2):
+        pass
+
+
+def test_a_dragged_ball_changes_the_table_and_the_cloud(page):
+    assert "hidden by" not in page.panel.table.content
+    ball = page.state.cloud.objects == page.state.scene.index("ball")
+    before = page.cloud.node.colors[ball].copy()
+    assert (before == STATE_COLORS[State.BOTH]).all(axis=1).any()
+    drag(page, page.gizmos.objects["ball"], (0.55, 1.0, 0.1))
+    assert "hidden by high obstacle" in page.panel.table.content
+    after = page.cloud.node.colors[ball]
+    assert not (after == STATE_COLORS[State.BOTH]).all(axis=1).any()
+    row = page.state.stage.column("ball")
+    np.testing.assert_allclose(page.server.scene.get_handle_by_name(f"/moving/{row}").position, (0.55, 1.0, 0.1))
+
+
+def test_a_dragged_robot_takes_its_body_and_its_frustum_along(page):
+    robot = page.gizmos.agents["robot"]
+    body = page.state.object_pose("robot")
+    before = page.marks["robot"].frame.wxyz.copy()
+    place = np.array(robot.position)
+    drag(page, robot, place + (0.1, 0.2, 0))
+    np.testing.assert_allclose(page.marks["robot"].frame.position, place + (0.1, 0.2, 0), atol=1e-6)
+    np.testing.assert_allclose(page.marks["robot"].frame.wxyz, before, atol=1e-6)
+    np.testing.assert_allclose(page.state.object_pose("robot")[:3], body[:3] + (0.1, 0.2, 0), atol=1e-6)
+
+
+def test_putting_everything_back_moves_the_handles(page):
+    ball = page.gizmos.objects["ball"]
+    place = np.array(ball.position)
+    drag(page, ball, (1, 1, 1))
+    page.act(page.state.reset)
+    np.testing.assert_allclose(ball.position, place, atol=1e-6)
+
+
+def test_images_and_meshes_follow(page):
+    assert page.panel.images["robot"].image.shape == (240, 320, 3)
+    index = page.state.scene.index("ball")
+    assert tuple(page.meshes._meshes[index].color) == STATE_COLORS[State.BOTH]
+    drag(page, page.gizmos.objects["ball"], (0.55, 1.0, 0.1))
+    assert tuple(page.meshes._meshes[index].color) != STATE_COLORS[State.BOTH]
+
+
+def test_what_the_program_moves_is_shown(viewer):
+    viewer.state.move_object("ball", (0.55, 1.0, 0.1, 0, 0, 0, 1))
+    viewer.update()
+    assert "hidden by high obstacle" in viewer.page.panel.table.content
+    np.testing.assert_allclose(viewer.page.gizmos.objects["ball"].position, (0.55, 1.0, 0.1))
+    viewer.state.reset()
+    viewer.update()
+
+
+def test_moves_that_come_together_are_shown_together(page):
+    shown = page.updates
+    gate = threading.Event()
+    look = page.state.look
+
+    def slow():
+        gate.wait(5)
+        return look()
+
+    with mock.patch.object(page.state, "look", slow):
+        page.update()
+        while page._wanted.is_set():  # the worker has taken the first one
+            pass
+        for _ in range(50):
+            page.update()
+        gate.set()
+        page.update(wait=True)
+    assert page.updates - shown <= 3
+
+
+def test_what_goes_wrong_is_said_on_the_page(page):
+    with mock.patch.object(page.state, "look", side_effect=wv.WarpvisError("no such thing")):
+        page.update(wait=True)
+    assert "no such thing" in page.panel.message.content and page.panel.message.visible
+
+
+def test_the_command_reads_what_it_is_told(tmp_path):
+    scene = EXPERIMENTS[0].build()
+    scene.export(tmp_path / "room.glb")
+    command = View(
+        file=tmp_path / "room.glb",
+        robot="-1.77 0 0.7 0 0 0.4",
+        human="1.3 0.35 1.6 0.3 0.1 0.1",
+        robot_body=("robot",),
+        human_body=("person",),
+        movable=("ball,low*",),
+    )
+    state = command.load()
+    assert list(state.agents) == ["robot", "human"] and state.stage.handles == ("low obstacle", "ball")
+    assert state.agents["human"].body == ("person",)
+    alone = View(file=tmp_path / "room.glb").load()
+    assert list(alone.agents) == ["robot"]
+    assert all(row.fractions[0] > 0 for row in alone.look().rows)
+
+
+def test_the_command_serves_the_page(tmp_path):
+    def stop(viewer):
+        assert viewer.page.look is not None
+        assert viewer.state.stage.handles == ("ball",)
+
+    with mock.patch.object(Viewer, "wait", stop):
+        result = run_inside("view", "experiment_3", "--port", PORT + 10, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.startswith("http://localhost:")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["experiment_3", "--robot", "0 0 1 1 0 1"], "it takes no --robot"),
+        (["experiment_3", "--port", "0"], "port must be"),
+        (["experiment_3", "--movable", "cup"], "'cup' in movable fits no object"),
+        (["experiment_3", "--host", "300.0.0.1"], "cannot listen on host '300.0.0.1'"),
+        (["room.glb", "--robot-body", "robot"], "--robot-body has no effect without --robot"),
+        (["room.glb", "--human-body", "robot"], "--human-body has no effect without --human"),
+        (["nothing.glb"], "nothing.glb"),
+    ],
+)
+def test_the_command_refuses(options, words, tmp_path):
+    EXPERIMENTS[0].build().export(tmp_path / "room.glb")
+    with mock.patch.object(Viewer, "wait", lambda viewer: None):
+        result = run_inside("view", *options, cwd=tmp_path)
+    assert result.returncode == 2 and words in result.stderr, result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+def test_without_viser_a_sentence_says_what_is_missing():
+    experiment = EXPERIMENTS[0]
+    with (
+        mock.patch.dict(sys.modules, {"viser": None}),
+        pytest.raises(wv.WarpvisError, match=r"pip install 'warpvis\[view\]'"),
+    ):
+        wv.view(experiment.build(), experiment.agents())
+
+
+def test_a_camera_of_an_agent_that_was_given_is_refused():
+    experiment = EXPERIMENTS[0]
+    with pytest.raises(wv.WarpvisError, match="agents have cameras of their own"):
+        wv.view(experiment.build(), experiment.agents(), wv.Camera.kinect())

@@ -1,0 +1,221 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the live page shows, computed without a page: tables, clouds, pictures, and what moves with what."""
+
+import math
+
+import numpy as np
+import pytest
+import trimesh
+
+import warpvis as wv
+from warpvis.core.poses import poses_to_matrices
+from warpvis.maps import label_colors
+from warpvis.scenes import EXPERIMENTS
+from warpvis.viewer import ViewerState
+from warpvis.viewer._gizmos import level_frame
+from warpvis.viewer._pictures import with_view
+from warpvis.visibility import State
+from warpvis.viz import STATE_COLORS, depth_colors
+
+
+def state_of(number, **options):
+    experiment = EXPERIMENTS[number - 1]
+    return ViewerState(experiment.build(), experiment.agents(), points=4000, **options)
+
+
+def row_of(look, name):
+    return next(row for row in look.rows if row.name == name)
+
+
+def points_of(state, look, name):
+    return state.cloud.objects == state.scene.index(name)
+
+
+@pytest.mark.parametrize("number", [1, 2, 3, 4])
+def test_the_table_says_what_the_experiments_show(number):
+    experiment, look = EXPERIMENTS[number - 1], state_of(number).look()
+    for name, expected in experiment.states.items():
+        assert row_of(look, name).state == expected
+
+
+def test_the_copy_sees_what_the_scene_itself_shows():
+    experiment = EXPERIMENTS[2]
+    look = state_of(3).look()
+    expected = wv.perspective(experiment.build(), experiment.agents(), objects=list(look.seen.objects))
+    # The ball's and the bodies' vertices are rounded in frames of their own.
+    np.testing.assert_allclose(look.seen.fraction, expected.fraction, atol=0.01)
+    np.testing.assert_array_equal(look.seen.status, expected.status)
+
+
+def test_a_moved_ball_is_hidden_and_the_table_says_by_what():
+    state = state_of(1)
+    assert row_of(state.look(), "ball").state == State.BOTH
+    pose = state.object_pose("ball")
+    pose[:2] = 0.55, 1.0  # behind the high obstacle
+    state.move_object("ball", pose)
+    row = row_of(state.look(), "ball")
+    assert row.cells[0] == "hidden by high obstacle" and row.fractions[0] == 0
+    state.reset()
+    assert row_of(state.look(), "ball").state == State.BOTH
+
+
+def test_points_move_with_their_object_and_have_the_colour_of_who_sees_them():
+    state = state_of(3)
+    before = state.look()
+    ball = points_of(state, before, "ball")
+    assert ball.sum() > 5 and set(before.states[ball]) <= {State.NEITHER, State.FIRST}
+    assert (before.states[ball] == State.FIRST).any()
+    pose = state.object_pose("ball")
+    pose[:3] += 0.5, 0.25, 0.125
+    state.move_object("ball", pose)
+    after = state.look()
+    np.testing.assert_allclose(
+        (after.points - before.points)[ball], np.tile((0.5, 0.25, 0.125), (ball.sum(), 1)), atol=1e-5
+    )
+    np.testing.assert_array_equal(after.points[~ball], before.points[~ball])
+    colors = np.array([STATE_COLORS[State(s)] for s in after.states])
+    np.testing.assert_array_equal(after.point_colors, colors)
+
+
+def test_points_agree_with_point_visibility():
+    state = state_of(2)
+    look, experiment = state.look(), EXPERIMENTS[1]
+    robot, _ = experiment.agents()
+    points = state.cloud.at(look.object_poses)
+    seen = wv.point_visibility(experiment.build(), robot.camera, robot.pose, points, exclude=robot.body).numpy()[0]
+    expected = (seen == wv.Visibility.VISIBLE) & ~points_of(state, look, "robot")
+    differ = expected != (look.states & State.FIRST).astype(bool)
+    assert differ.mean() < 1e-3  # points on edges, as vertices of what moves are rounded elsewhere
+
+
+def test_no_agent_sees_its_own_body():
+    state = state_of(1)
+    look = state.look()
+    assert not (look.states[points_of(state, look, "robot")] & State.FIRST).any()
+    assert not (look.states[points_of(state, look, "person")] & State.SECOND).any()
+    assert row_of(look, "robot").cells[0] == "own body" and row_of(look, "person").cells[1] == "own body"
+
+
+def test_a_body_goes_along_the_ground_and_turns_with_the_gaze():
+    state = state_of(1)
+    body = state.object_pose("robot")
+    # To the side, a quarter to the left, and 0.4 m higher: the body stays on the ground.
+    state.move_agent("robot", wv.look_at((-1.0, 0.5, 1.1), (-1.0, 3.0, 0.2)))
+    moved = state.object_pose("robot")
+    eyes = EXPERIMENTS[0].agents()[0].poses[0]
+    offset = body[:2] - eyes[:2]
+    np.testing.assert_allclose(moved[:2], np.array([-1.0, 0.5]) + (-offset[1], offset[0]), atol=1e-6)
+    assert moved[2] == body[2]
+    np.testing.assert_allclose(moved[3:], [0, 0, math.sqrt(0.5), math.sqrt(0.5)], atol=1e-6)
+    state.raise_agent("robot", 0.9)
+    assert state.height("robot") == pytest.approx(0.9) and state.object_pose("robot")[2] == body[2]
+
+
+def test_a_narrower_view_leaves_things_out():
+    state = state_of(3)
+    assert row_of(state.look(), "ball").fractions[0] > 0.9
+    camera = state.agents["robot"].camera
+    narrow = with_view(camera, hfov=math.radians(10), far=9.0)
+    assert narrow.hfov == pytest.approx(math.radians(10)) and narrow.far == 9.0
+    assert narrow.fy / narrow.fx == pytest.approx(camera.fy / camera.fx)
+    state.set_camera("robot", narrow)
+    assert row_of(state.look(), "ball").cells[0] == "out of view"
+    state.reset()
+    assert row_of(state.look(), "ball").fractions[0] > 0.9
+
+
+def test_pictures_are_those_of_the_renderer():
+    state, experiment = state_of(3), EXPERIMENTS[2]
+    robot, _ = experiment.agents()
+    pictures = state.look().pictures
+    depth = wv.render(experiment.build(), robot.camera, robot.pose, exclude=robot.body).depth.numpy()[0]
+    expected = depth_colors(depth, (robot.camera.near, robot.camera.far)).astype(int)
+    assert (np.abs(pictures[0].astype(int) - expected).max(axis=-1) > 12).mean() < 2e-3
+    assert pictures[1].shape[1] == 320 and pictures[1].std() > 10  # 200 degrees wide
+    state.picture_kind = "objects"
+    by_object = state.look().pictures[0]
+    assert {tuple(color) for color in by_object.reshape(-1, 3)} >= {STATE_COLORS[State.FIRST], STATE_COLORS[State.BOTH]}
+
+
+def test_the_cloud_of_the_depth_image_has_the_colours_of_labels():
+    state = state_of(3)
+    state.cloud_kind = "labels"
+    look = state.look()
+    robot, _ = EXPERIMENTS[2].agents()
+    views = wv.render(EXPERIMENTS[2].build(), robot.camera, robot.pose, exclude=robot.body)
+    measured = np.isfinite(views.depth.numpy()[0])
+    assert abs(len(look.points) - measured.sum()) < 20 and not len(look.states)
+    found = {tuple(color) for color in np.unique(look.point_colors, axis=0)}
+    assert found == {tuple(label_colors()[label]) for label in np.unique(views.labels.numpy()[0][measured])}
+    state.cloud_kind = "none"
+    assert len(state.look().points) == 0
+
+
+def test_the_scene_that_was_given_stays_as_it_is():
+    experiment = EXPERIMENTS[0]
+    scene = experiment.build()
+    before = scene["ball"].vertices.copy()
+    state = ViewerState(scene, experiment.agents(), points=1000)
+    state.move_object("ball", (1, 1, 1, 0, 0, 0, 1))
+    state.look()
+    np.testing.assert_array_equal(scene["ball"].vertices, before)
+    assert scene.movable == ()
+
+
+def test_one_agent_and_no_body():
+    scene = wv.Scene(up="y")
+    scene.add(trimesh.creation.box((4, 0.02, 4)), name="floor", label="ground")
+    scene.add(trimesh.creation.box((0.3, 0.3, 0.3)), name="box", label="object", pose=(0, 0.15, 0, 0, 0, 0, 1))
+    robot = wv.Agent.kinect("robot", wv.look_at((0, 1, 2), (0, 0.1, 0), up="y"))
+    state = ViewerState(scene, [robot], points=1000)
+    look = state.look()
+    assert [row.name for row in look.rows] == ["box"] and look.rows[0].state == State.FIRST
+    assert set(look.states) == {State.NEITHER, State.FIRST}
+    assert state.stage.handles == ("box",)
+
+
+def test_instances_keep_sharing_their_mesh():
+    scene = wv.Scene()
+    poses = [(x, 0, 0, 0, 0, 0, 1) for x in range(60)]
+    scene.add_instances(trimesh.creation.box((0.3, 0.3, 0.3)), poses, names="box", movable=False)
+    scene.add(trimesh.creation.icosphere(radius=0.1), name="ball", label="object", pose=(2, 1, 0, 0, 0, 0, 1))
+    state = ViewerState(scene, [wv.Agent.kinect("robot", wv.look_at((2, 3, 1), (2, 0, 0)))], points=1000)
+    assert len({id(state.scene.objects[k].shared_mesh) for k in range(60)}) == 1
+    assert state.watched == ["ball"]  # 61 are too many for a table
+    assert state.look().rows[0].state == State.FIRST
+
+
+@pytest.mark.parametrize("vertical", [1, 2])
+def test_handles_are_level(vertical):
+    up = np.eye(3)[vertical]
+    for ahead in ([1.0, 0, 0], [0.3, 0.5, -0.7], -2 * up, up):
+        pose = wv.look_at((1, 2, 3), np.array([1, 2, 3]) + ahead, up=np.array([1.0, 0.1, 0.2]))
+        frame = level_frame(poses_to_matrices(pose[None])[0], vertical)
+        np.testing.assert_allclose(frame[:3, :3].T @ frame[:3, :3], np.eye(3), atol=1e-9)
+        assert np.linalg.det(frame[:3, :3]) == pytest.approx(1)
+        np.testing.assert_allclose(frame[:3, 2], up, atol=1e-9)
+        assert frame[:3, 0] @ np.asarray(ahead) >= -1e-9
+
+
+def test_what_is_refused():
+    experiment = EXPERIMENTS[0]
+    scene, (robot, human) = experiment.build(), experiment.agents()
+    third = wv.Agent.kinect("third", robot.pose)
+    many = wv.Agent.kinect("robot", np.tile(robot.pose, (2, 1)))
+    cases = [
+        (lambda: ViewerState(scene, []), "agents must be one or two"),
+        (lambda: ViewerState(scene, [robot, human, third]), "agents must be one or two of warpvis.Agent, got 3"),
+        (lambda: ViewerState(scene, [many]), "'robot' must have one pose to begin with, got 2"),
+        (lambda: ViewerState(scene, [robot, robot]), "agents must have different names"),
+        (lambda: ViewerState(scene, [robot], movable=["cup*"]), "'cup\\*' in movable fits no object"),
+        (lambda: ViewerState(scene, [robot], objects=["cup"]), "no object 'cup'"),
+        (lambda: ViewerState(scene, [robot]).move_object("low obstacle", (0,) * 6 + (1,)), "stays where it is"),
+        (lambda: ViewerState(scene, [robot]).move_agent("cat", robot.pose), "there is no agent 'cat'"),
+        (lambda: ViewerState(scene, [robot]).move_agent("robot", (0, 0, 0)), "pose of 'robot'"),
+        (lambda: ViewerState(scene, [human]).set_camera("human", None), "camera of 'human' must be"),
+        (lambda: ViewerState(wv.Scene(), [robot]), "objects"),
+    ]
+    for call, words in cases:
+        with pytest.raises(wv.WarpvisError, match=words):
+            call()

@@ -1,0 +1,116 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The command ``warpvis view``: a live page of a scene in the browser."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from warpvis.cli._inputs import (
+    Names,
+    SceneFile,
+    ViewpointOptions,
+    check_viewpoints,
+    find_experiment,
+    refuse_options,
+    split_names,
+    viewpoint_options,
+)
+from warpvis.errors import WarpvisError
+
+if TYPE_CHECKING:
+    from warpvis.core.camera import Camera
+    from warpvis.viewer import ViewerState
+    from warpvis.visibility import Agent
+
+
+@dataclass(frozen=True, kw_only=True)
+class View(ViewpointOptions):
+    """Open a live page of a scene: move the robot, the person and things, and watch what each sees.
+
+    The experiments come with their robot and their person. Needs pip install 'warpvis[view]'.
+    """
+
+    file: SceneFile
+    robot: Annotated[str | None, tyro.conf.arg(metavar="POSE")] = None
+    """The robot's camera: where it is and what it looks at, "x y z tx ty tz" (metres), or "x y z qx qy qz qw"; or a
+    file of one pose. By default from where all of the scene is seen."""
+    human: Annotated[str | None, tyro.conf.arg(metavar="POSE")] = None
+    """A person's eyes, likewise; nobody by default."""
+    robot_body: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")] = ()
+    """Names of the objects that are the robot itself: they move with it, and it does not see them."""
+    human_body: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")] = ()
+    """Names of the objects that are the person, likewise."""
+    movable: Names = ()
+    """Names or patterns of the objects that may be dragged; by default those labelled as an object, a person or a
+    robot."""
+    objects: Names = ()
+    """Names of the objects in the table; by default all but the ground, or if they are many those so labelled."""
+    host: str = "localhost"
+    """Address to listen on: by default only this machine can open the page, through ssh -L 8080:localhost:8080 also
+    another; 0.0.0.0 lets all that reach this machine."""
+    port: int = 8080
+    """Port to listen on, or the next one that is free."""
+    dark: bool = False
+    """A dark page."""
+
+    def run(self) -> None:
+        """Run the command."""
+        from warpvis.viewer import Viewer
+
+        state = self.load()
+        with Viewer(state, host=self.host, port=self.port, dark=self.dark) as viewer:
+            print(f"{viewer.url}  (Ctrl-C ends it)", flush=True)
+            viewer.wait()
+
+    def load(self) -> ViewerState:
+        """Read the scene and the agents.
+
+        Raises:
+            WarpvisError: One does not load, or an option has no effect.
+        """
+        from warpvis.viewer import ViewerState
+
+        names: dict[str, Any] = {
+            "movable": split_names(self.movable) or None,
+            "objects": split_names(self.objects) or None,
+        }
+        experiment = find_experiment(self.file)
+        if experiment is not None:
+            own = ("robot", "human", "robot_body", "human_body", *viewpoint_options)
+            refuse_options(self, own, f"{experiment.name} comes with its robot and its person, so it takes")
+            return ViewerState(experiment.build(), experiment.agents(), **names)
+        check_viewpoints(self, [text for text in (self.robot, self.human) if text is not None])
+        scene = self.load_scene(self.file)
+        return ViewerState(scene, self._agents(scene), **names)
+
+    def _agents(self, scene: object) -> list[Agent]:
+        """Make the agents."""
+        from warpvis.scene import require_scene
+        from warpvis.viewer import framing_agent
+        from warpvis.visibility import Agent
+
+        up = require_scene(scene).up
+        camera = None if self.camera is None else self._pinhole()
+        body = tuple(split_names(self.robot_body))
+        if self.robot is None:
+            if body:
+                raise WarpvisError("--robot-body has no effect without --robot")
+            robot = framing_agent(require_scene(scene), camera)
+        else:
+            robot = Agent("robot", self.choose_camera(), self.load_pose(self.robot, "--robot", up), body=body)
+        if self.human is None:
+            if self.human_body:
+                raise WarpvisError("--human-body has no effect without --human")
+            return [robot]
+        eyes = self.load_pose(self.human, "--human", up)
+        return [robot, Agent.human("human", eyes, body=tuple(split_names(self.human_body)))]
+
+    def _pinhole(self) -> Camera:
+        """Return --camera, which has to be a pinhole where a pose is made for it."""
+        from warpvis.core.camera import require_camera
+
+        return require_camera(self.choose_camera())
