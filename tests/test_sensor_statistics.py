@@ -1,0 +1,235 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Every model and profile of a depth camera, held to its own formulas at walls: one table, all of them alike."""
+
+import dataclasses
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+import trimesh
+from reference_stereo import noise_correlation
+from scipy import ndimage, stats
+from sensor_laws import scores, see_dots, spacing_of, steps_of
+from test_kinect_noise import AHEAD, POSES, make_scene, wall
+
+import warpvis as wv
+from warpvis.sensors import (
+    Corruptions,
+    KhoshelhamNoise,
+    NguyenNoise,
+    Reason,
+    RedwoodNoise,
+    SimKinect,
+    StereoDepth,
+    TimeOfFlight,
+)
+
+CAMERA = wv.Camera(64, 48, 300.0, 300.0, 32.0, 24.0, near=0.05, far=100.0)
+OUTPUTS = ("depth", "reasons", "true_depth")
+# Dots so far apart that each is alone in its window.
+DOTS = np.zeros((48, 64), dtype=np.uint8)
+DOTS[5:43:10, 5:59:10] = 255  # without the edges, where none is found
+PROFILES = ("realsense_d415", "realsense_d435", "realsense_d455", "oak_d", "kinect_v1", "structure")
+STEREO = {name: getattr(wv.sensors, name)() for name in PROFILES}
+MODELS = {
+    "stereo": StereoDepth(0.06, sigma=0.08, noise_spacing=3, locking=0.05, shadow=False, band=False),
+    **STEREO,
+    "time of flight": TimeOfFlight(10e6, signal=1e6, background=5e3, contrast=0.5),
+    "azure_kinect": wv.sensors.azure_kinect(),
+    "azure_kinect, wide": wv.sensors.azure_kinect("wfov_binned"),
+    "kinect_v2": wv.sensors.kinect_v2(),
+    "pmd_flexx2": wv.sensors.pmd_flexx2(),
+    "nguyen": NguyenNoise(),
+    "khoshelham": KhoshelhamNoise(),
+    "simkinect": SimKinect(focal_length=480.0, pattern=DOTS),
+    "simkinect, louder": SimKinect(shift=0.25, focal_length=480.0, sigma=0.6, pattern=DOTS),
+    "redwood": RedwoodNoise(np.ones((80, 80, 5))),
+    "corruptions": Corruptions(added=0.01, multiplied=0.02),
+}
+
+
+@cache
+def tilted(distance, angle, device):
+    return wall(distance, angle, device)
+
+
+def look(model, distance, angle, device, frames=8, camera=CAMERA, threads=None):
+    views = wv.render(
+        tilted(distance, angle, device),
+        camera,
+        np.tile(AHEAD, (frames, 1)),
+        outputs=OUTPUTS,
+        sensor=model,
+        seed=3,
+        view_index=[0] * frames,
+        frame=np.arange(frames),
+        threads=threads,
+    )
+    return {name: getattr(views, name).numpy() for name in OUTPUTS}
+
+
+def assert_normal(found):
+    """Mean, deviation and distribution of independent numbers."""
+    assert abs(found.mean()) < 4 / math.sqrt(found.size)
+    assert abs(found.std() - 1) < 4 / math.sqrt(2 * found.size)
+    assert stats.kstest(found, "norm").pvalue > 1e-4
+
+
+def independent(model, found):
+    """Those of pixels whose noise has nothing in common."""
+    apart = spacing_of(model)
+    found = found[:, ::apart, ::apart]
+    return found[np.isfinite(found)]
+
+
+def frames_for(model):
+    if isinstance(model, SimKinect):
+        return 60  # of which a few pixels count
+    return 60 if spacing_of(model) > 1 else 10
+
+
+WALLS = [(distance, angle) for distance in (0.5, 1.0, 2.0, 3.5, 5.0) for angle in (0, 20, 40, 61, 80)]
+QUICK = {(0.5, 0), (2.0, 40), (3.5, 80)}
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize(
+    "walls",
+    [sorted(QUICK), pytest.param([one for one in WALLS if one not in QUICK], marks=pytest.mark.slow)],
+    ids=["some", "all others"],
+)
+def test_noise_at_walls(device, name, walls):
+    """The number that a pixel says has the distribution of the model's formula, at its own distance and angle."""
+    model, judged = MODELS[name], 0
+    for distance, angle in walls:
+        seen = look(model, distance, angle, device, frames_for(model))
+        found = independent(model, scores(model, CAMERA, math.radians(angle), seen))
+        if found.size > 200:
+            assert_normal(found)
+            judged += 1
+    # Devices lose walls that are too near, or seen too much from the side.
+    assert judged >= 0.6 * len(walls)
+
+
+@pytest.mark.parametrize("name", [name for name, model in MODELS.items() if steps_of(model, CAMERA)])
+def test_levels_at_a_wall(device, name):
+    """Disparities are whole, to a thousandth of a step, and every level between the ends is there."""
+    model = MODELS[name]
+    if isinstance(model, SimKinect):  # whose 1/8 px are coarser than its steps below 44 px m, and fill gaps with noise
+        model = dataclasses.replace(model, focal_length=640.0, sigma=0.5)
+    seen = look(model, 3.5, 40, device, 40)
+    levels = steps_of(model, CAMERA) / seen["depth"][seen["reasons"] == Reason.VALID].astype(np.float64)
+    assert np.abs(levels - np.rint(levels)).max() < 1e-3
+    taken, counts = np.unique(np.rint(levels), return_counts=True)
+    common = taken[counts > 5]
+    np.testing.assert_array_equal(common, np.arange(common[0], common[-1] + 1))
+    assert len(common) > 8
+    assert len(np.unique(levels)) == len(taken)  # a level is one depth, to the last bit
+
+
+@pytest.mark.parametrize("name", STEREO)
+def test_shadows_and_bands_of_profiles(device, name):
+    """f b (1 / z1 - 1 / z2) and f b / z px, to one, both on the left; a projector's image has no band."""
+    sensor = getattr(wv.sensors, name)(320, 240)
+    camera = dataclasses.replace(sensor.camera(), height=16, cy=8.0)
+    near, far = 0.9, 2.8
+    scene = wall(far, 0.0, device)
+    scene.add(trimesh.creation.box((0.3, 0.02, 8.0)), name="plate", pose=(0, near + 0.01, 0, 0, 0, 0, 1))
+    rows = wv.render(scene, camera, AHEAD, outputs=("reasons",), sensor=sensor).reasons.numpy()[0]
+    for row in rows:
+        band, shadow = (np.flatnonzero(row == reason) for reason in (Reason.BAND, Reason.SHADOW))
+        assert abs(len(band) - sensor.band * camera.fx * sensor.baseline / far) <= 1
+        np.testing.assert_array_equal(band, np.arange(len(band)))
+        assert abs(len(shadow) - camera.fx * sensor.baseline * (1 / near - 1 / far)) <= 1
+        assert abs(shadow[-1] + 1 - (camera.cx - camera.fx * 0.15 / near)) <= 1
+        np.testing.assert_array_equal(shadow, shadow[0] + np.arange(len(shadow)))
+
+
+@pytest.mark.parametrize("multiplier", [1.0, 2.5])
+def test_redwood_at_an_edge(device, multiplier):
+    """Over 2,000 draws a column shows the nearer side as often as a normal shift of 0.25 px puts it there."""
+    scene = wall(4.0, 0.0, device)
+    scene.add(trimesh.creation.box((18, 1e-4, 18)), name="plate", pose=(-9, 2.0, 0, 0, 0, 0, 1))
+    camera = wv.Camera.from_fov(24, 20, hfov=0.05)
+    model = RedwoodNoise(np.ones((80, 80, 5)), multiplier)
+    depth = wv.render(scene, camera, np.tile(AHEAD, (100, 1)), outputs=("depth",), sensor=model, seed=5).depth.numpy()
+    share = (depth < 3.0).mean(axis=(0, 1))
+    expected = stats.norm.cdf((11.5 - np.arange(24)) / (0.25 * multiplier))
+    deviation = np.sqrt(expected * (1 - expected) / (depth.size / 24))
+    assert (np.abs(share - expected) <= 4.5 * deviation + 1e-4).all()
+
+
+@pytest.mark.parametrize("shift", [0.25, 0.5])
+def test_simkinects_lateral_deviation(device, shift):
+    """On a slope dots are found as often as normal shifts leave them within 0.1 px of their windows' means."""
+    model = SimKinect(shift, focal_length=480.0, sigma=0.0, pattern=DOTS)
+    rows, columns = np.nonzero(DOTS)
+    for distance, angle in ((1.0, 61), (2.0, 75)):
+        seen = look(model, distance, angle, device, 100)
+        _, _, kept = see_dots(model, CAMERA, seen["true_depth"].astype(np.float64))
+        expected = kept.mean()
+        found = (seen["reasons"][:, rows, columns] == Reason.VALID).mean()
+        assert abs(found - expected) < 4 * math.sqrt(expected * (1 - expected) / (100 * len(rows)))
+        assert 0.1 < expected < 0.98
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_noise_of_neighbours_and_frames(device, name):
+    """White noise is of no neighbour, smooth noise correlated as its closed form has it; none is of another frame."""
+    model, frames = MODELS[name], 24
+    if isinstance(model, StereoDepth):
+        model = dataclasses.replace(model, subpixel=0)  # whose part of the error is white
+    if isinstance(model, SimKinect):
+        model = SimKinect(focal_length=480.0, sigma=1.0)  # so much that rounding leaves some
+    depth = look(model, 2.0, 0, device, frames)["depth"][:, 8:-8, 16:-8].astype(np.float64)
+    assert np.isfinite(depth).all()  # beside the band, and what simkinect leaves out
+    # Of a wall that is met straight, where range and angle differ little; white in 1 / z, or nearly.
+    noise = 1 / depth - (1 / depth).mean(axis=0)
+    noise /= noise.std(axis=0)
+    spacing = getattr(model, "noise_spacing", 1)
+    apart = noise.size * (1 - 1 / frames) / spacing**2
+    for lag in (1, 2, 3, 5, 8):
+        expected = noise_correlation(spacing, lag)
+        assert abs((noise[:, :, lag:] * noise[:, :, :-lag]).mean() - expected) < 5 / math.sqrt(apart)
+        assert abs((noise[:, lag:] * noise[:, :-lag]).mean() - expected) < 5 / math.sqrt(apart)
+    # The mean of all frames is taken off each.
+    assert abs((noise[1:] * noise[:-1]).mean() + 1 / (frames - 1)) < 5 / math.sqrt(apart)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_batches_threads_and_order_change_no_bit(device, name):
+    options = {"outputs": OUTPUTS, "sensor": MODELS[name], "seed": 9}
+    scene, camera = make_scene(device), dataclasses.replace(CAMERA, fx=60.0, fy=60.0, near=0.5, far=3.0)
+    whole = wv.render(scene, camera, POSES, threads=1, frame=[4, 0, 2], **options)
+    again = wv.render(scene, camera, POSES, threads=3, frame=[4, 0, 2], **options)
+    back = wv.render(scene, camera, POSES[::-1], frame=[2, 0, 4], view_index=[2, 1, 0], **options)
+    alone = wv.render(scene, camera, POSES[1], frame=0, view_index=[1], **options)
+    for output in OUTPUTS:
+        first, second, third, one = (getattr(views, output).numpy() for views in (whole, again, back, alone))
+        np.testing.assert_array_equal(second, first)
+        np.testing.assert_array_equal(third[::-1], first)
+        np.testing.assert_array_equal(one[0], first[1])
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_gpu_says_the_same_bits(cuda, name):
+    """Of the same exact image: where that is the same about a pixel, as far as windows reach."""
+    on_cpu, on_gpu = (look(MODELS[name], 2.0, 20, device, 2) for device in ("cpu", cuda))
+    same = ndimage.minimum_filter(on_cpu["true_depth"] == on_gpu["true_depth"], size=(1, 15, 15))
+    assert same.mean() > 0.1
+    for output in OUTPUTS:
+        np.testing.assert_array_equal(on_gpu[output][same], on_cpu[output][same])
+
+
+@pytest.mark.parametrize(("name", "bias"), [("khoshelham", 0.0), ("redwood", 0.0), ("simkinect", 0.5)])
+def test_disparities_are_right_in_the_mean(device, name, bias):
+    """Over walls within a step of each other; simkinect's are half a step too great, as its program's."""
+    model, errors = MODELS[name], []
+    for distance in np.linspace(2.0, 2.02, 8):
+        seen = look(model, float(distance), 0, device, 4)
+        there = np.isfinite(seen["depth"])
+        steps = steps_of(model, CAMERA)
+        errors.append((steps / seen["depth"].astype(np.float64) - steps / seen["true_depth"])[there].mean())
+    assert np.mean(errors) == pytest.approx(bias, abs=0.2)
