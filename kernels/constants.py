@@ -52,6 +52,7 @@ STREAM_RECTANGLES = 13
 STREAM_ADDED = 14
 STREAM_MULTIPLIED = 15
 STREAM_LOST = 16
+STREAM_PARAMETERS = 17  # of a view's own sensor
 
 # Counters that the CPU workers of a job share.
 COUNTER_NEXT_UNIT = 0  # of work

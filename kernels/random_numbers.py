@@ -39,6 +39,23 @@ def to_normal(word: wp.uint32) -> float: ...
 
 
 @wp.kernel
+def draw_uniforms(
+    # In:
+    draws: wp.array[wp.vec2ui],
+    places: wp.array[wp.vec2i],
+    seed: wp.uint32,
+    stream: wp.uint32,
+    # Out:
+    uniforms_out: wp.array2d[float],
+):
+    """Write a number between 0 and 1 for every view and place (y, x); `draws` are each view's number and frame."""
+    view, k = wp.tid()
+    number, place = draws[view], places[k]
+    word = random_word(seed, stream, number[0], number[1], place[0], place[1])
+    uniforms_out[view, k] = to_uniform(word)
+
+
+@wp.kernel
 def draw_normals(
     window: Window,
     # In:

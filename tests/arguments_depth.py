@@ -69,6 +69,15 @@ def depth_sensor_cases(path):
                 "native_camera": CAMERA,
             },
         ),
+        "Randomized": (
+            wv.sensors.Randomized,
+            {"of": sensor, "ranges": {"sigma": (0.1, 0.2)}, "per": "image", "kinds": 2},
+        ),
+        "Randomized.drawn": (
+            wv.sensors.randomized(sensor, sigma=(0.1, 0.2)).drawn,
+            {"seed": 1, "view_index": 2, "frame": 3},
+        ),
+        "randomized": (wv.sensors.randomized, {"sensor": sensor, "per": "view", "kinds": None, "sigma": (0.1, 0.2)}),
         "sensor_by_name": (wv.sensors.sensor_by_name, {"text": "d435@8x6"}),
         "azure_kinect": (wv.sensors.azure_kinect, {"mode": "nfov_binned"}),
         "kinect_v2": (wv.sensors.kinect_v2, {}),

@@ -52,4 +52,15 @@ def draw_normals(
     return to_normal(random_words(views, frames, shape, seed, stream))
 
 
+def draw_uniforms(
+    views: ArrayLike, frames: ArrayLike, places: ArrayLike, seed: int, stream: int
+) -> NDArray[np.float64]:
+    """Numbers between 0 and 1 of views at places (y, x), shape (V, K)."""
+    y, x = np.asarray(places, dtype=np.int64).T
+    view, frame = (np.broadcast_to(np.asarray(given)[:, None], (len(views), len(x))) for given in (views, frames))
+    counters = np.stack([np.broadcast_to(x >> 2, view.shape), np.broadcast_to(y, view.shape), view, frame], axis=-1)
+    words = philox(counters, (seed, stream))
+    return to_uniform(np.take_along_axis(words, np.broadcast_to(x & 3, view.shape)[..., None], axis=-1)[..., 0])
+
+
 draw_normal_rows = draw_normals

@@ -117,6 +117,19 @@ def test_words_and_numbers_are_those_of_the_twin(device):
     np.testing.assert_allclose(normals, reference_random.to_normal(words), rtol=4e-5)
 
 
+def test_numbers_at_places_are_those_of_pixels(device):
+    """Of any places: those that an image has there, and beyond."""
+    views, frames, places = [0, 5, 0xFFFFFFFF], [2, 0xFFFFFFFF, 0], [(0, 0), (36, 53), (7, 2), (2**31 - 1, 2**31 - 2)]
+    draws = wp.array(np.array([views, frames], np.uint32).T.copy(), dtype=wp.vec2ui, device=device)
+    found = wp.empty((3, 4), dtype=float, device=device)
+    given = [draws, wp.array(places, dtype=wp.vec2i, device=device), wp.uint32(SEED), wp.uint32(STREAM), found]
+    wp.launch(random_numbers.draw_uniforms, dim=found.shape, inputs=given, device=device)
+    wanted = reference_random.draw_uniforms(views, frames, places, SEED, STREAM)
+    np.testing.assert_array_equal(found.numpy(), wanted)
+    _, uniforms, _ = draw(list(zip(views, frames, strict=True)), SHAPE[1:], device)
+    np.testing.assert_array_equal(uniforms[:, [0, 36, 7], [0, 53, 2]], wanted[:, :3])
+
+
 def test_the_kernel_draws_the_same_normals(device):
     pairs = [(3, 4), (5, 6)]
     normals = wp.empty((2, *SHAPE[1:]), dtype=float, device=device)

@@ -203,6 +203,23 @@ def aligned_zeros(shape: tuple[int, ...], dtype: type) -> wp.array:
     return aligned_empty(shape, dtype, allocate=np.zeros)
 
 
+def take_rows(array: wp.array, rows: slice | NDArray[np.integer]) -> wp.array:
+    """Return some rows of an array: of a slice, the same memory; of those at some places, a copy."""
+    if isinstance(rows, slice):
+        return array[rows]
+    if array.device.is_cpu:  # row by row, where Warp copies number by number
+        return wp.array(array.numpy()[rows], dtype=array.dtype, device=array.device)
+    return array[wp.array(rows, dtype=wp.int32, device=array.device)].contiguous()
+
+
+def put_rows(array: wp.array, rows: NDArray[np.integer], made: wp.array) -> None:
+    """Write rows into an array, at some places."""
+    if array.device.is_cpu:
+        array.numpy()[rows] = made.numpy()
+    else:
+        wp.copy(array[wp.array(rows, dtype=wp.int32, device=array.device)], made)
+
+
 def check_out(out: wp.array, dtype: type, shape: tuple[int, ...], *, name: str, device: wp.Device) -> wp.array:
     """Return `out` itself if kernels can write to it.
 

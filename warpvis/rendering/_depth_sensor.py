@@ -5,14 +5,18 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
+from warpvis.core.arrays import put_rows, take_rows
 from warpvis.core.camera import Camera
 from warpvis.errors import ArrayError, CameraError
+from warpvis.scene.worlds import part_of
 
 if TYPE_CHECKING:
     from warpvis.kernels.worlds import Worlds
@@ -35,6 +39,8 @@ class Exposure:
     """The world of each view."""
     draws: wp.array
     """What a view's random numbers follow from: its number and its frame, ``(V,)`` vec2ui."""
+    numbers: NDArray[np.uint32]
+    """The same in the host's memory, ``(V, 2)``."""
     seed: int
     """And the seed, below 2^32."""
     threads: int
@@ -51,13 +57,59 @@ class Exposure:
     """Where to write a `warpvis.sensors.Reason` for every pixel, ``(V, H, W)`` uint8; None if nobody asks."""
     room: Callable[[str, tuple[int, ...], type], wp.array]
     """Memory to work in: `room(name, shape, dtype)` returns an array, the same one in the next call of the kind."""
-    cast_at: Callable[[Camera, wp.array, wp.array], wp.array]
-    """Cast through image points of another camera of the same worlds: `cast_at(camera, poses, points)` returns the
-    depth, ``(V, Y, X)``, that such a camera at each of V poses sees at its points, ``(V, Y, X)`` vec2 [px], of which
-    neighbours are best close together; +inf where a point is NaN or outside of the image. The array is the model's
-    until its `measure` returns."""
-    cast_images_at: Callable[[Camera, wp.array, wp.array, tuple[str, ...]], dict[str, wp.array]]
-    """The same of several images, by their names: of ``"depth"``, ``"normals"`` and ``"segmentation"``."""
+    cast: Callable[[Worlds, Camera, wp.array, wp.array, tuple[str, ...]], dict[str, wp.array]]
+    """What `cast_images_at` calls, of any worlds."""
+
+    def cast_at(self, camera: Camera, poses: wp.array, points: wp.array) -> wp.array:
+        """Cast through image points of another camera of the same worlds.
+
+        Args:
+            camera: The camera.
+            poses: Where it is in each of V views, as `poses`.
+            points: Its image points, ``(V, Y, X)`` vec2 [px], of which neighbours are best close together.
+
+        Returns:
+            The depth that is seen there, ``(V, Y, X)``; +inf where a point is NaN or outside of the image. The array is
+            the model's until its `measure` returns, or casts again.
+        """
+        return self.cast_images_at(camera, poses, points, ("depth",))["depth"]
+
+    def cast_images_at(
+        self, camera: Camera, poses: wp.array, points: wp.array, names: tuple[str, ...]
+    ) -> dict[str, wp.array]:
+        """Do the same of several images, by their names: of ``"depth"``, ``"normals"`` and ``"segmentation"``."""
+        return self.cast(self.worlds, camera, poses, points, names)
+
+    def measure_some(self, views: NDArray[np.integer], sensor: DepthSensor) -> None:
+        """Have a sensor measure some of the views, by their places among these, in ascending order."""
+        first, last = int(views[0]), int(views[-1])
+        if last - first == len(views) - 1:
+            sensor.measure(self._part(slice(first, last + 1), sensor.needs))
+            return
+        part = self._part(views, sensor.needs)
+        sensor.measure(part)
+        for image, made in ((self.depth_out, part.depth_out), (self.reasons_out, part.reasons_out)):
+            if image is not None:
+                put_rows(image, views, made)
+
+    def _part(self, views: slice | NDArray[np.integer], needs: Collection[str]) -> Exposure:
+        """Return some of the views, of consecutive ones the same memory, and of images those that are needed."""
+
+        def some(array: wp.array | None) -> wp.array | None:
+            return None if array is None else take_rows(array, views)
+
+        return replace(
+            self,
+            poses=some(self.poses),
+            worlds=part_of(self.worlds, views),
+            draws=some(self.draws),
+            numbers=self.numbers[views],
+            true_depth=some(self.true_depth),
+            normals=some(self.normals) if "normals" in needs else None,
+            segmentation=some(self.segmentation) if "segmentation" in needs else None,
+            depth_out=some(self.depth_out),
+            reasons_out=some(self.reasons_out),
+        )
 
 
 class DepthSensor(ABC):

@@ -8,7 +8,9 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, get_args
 
+import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_warp, count_axes
 from warpvis.core.camera import require_camera
@@ -35,7 +37,7 @@ from warpvis.rendering._depth_sensor import DepthSensor
 from warpvis.rendering._moving import MovingCaster, MovingPoses
 from warpvis.rendering._orthographic import OrthographicCamera, RenderCamera
 from warpvis.rendering._prepared import CheckedImages
-from warpvis.rendering._sensing import Sensing, check_word
+from warpvis.rendering._sensing import Sensing, check_word, view_numbers
 from warpvis.rendering._views import ALL_OUTPUTS, OUTPUTS, Views, views_for
 from warpvis.rendering.casters import as_images, as_rows
 from warpvis.scene import Scene, require_scene
@@ -43,6 +45,8 @@ from warpvis.scene.worlds import parse_worlds, part_of
 
 if TYPE_CHECKING:
     from warpvis.kernels.worlds import Worlds
+
+_Numbers = NDArray[np.int64] | None
 
 
 class Renderer:
@@ -203,45 +207,45 @@ class Renderer:
         worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude, object_scales)
         return self._render(poses, worlds, self._number(len(poses), frame, view_index), out)
 
-    def _number(self, views: int, frame: int | ArrayInput | None, view_index: ArrayInput | None) -> wp.array | None:
-        """Return what a sensor's random numbers follow from, in each view; None without a sensor."""
+    def _number(self, views: int, frame: int | ArrayInput | None, view_index: ArrayInput | None) -> _Numbers:
+        """Return what a sensor's random numbers follow from, the number and frame of each view; None without one."""
         if self._sensing is None:
             if frame is not None or view_index is not None:
                 raise ArrayError("frame and view_index are of a sensor's random numbers: give Renderer a sensor")
             return None
-        draws = self._sensing.number(views, self.frame if frame is None else frame, view_index)
+        numbers = view_numbers(views, self.frame if frame is None else frame, view_index)
         if frame is None:
             self.frame += 1
-        return draws
+        return numbers
 
-    def _render(self, poses: Any, worlds: Worlds, draws: wp.array | None, out: Views | None) -> Views:
+    def _render(self, poses: Any, worlds: Worlds, numbers: _Numbers, out: Views | None) -> Views:
         """Render views whose poses are as the caster takes them."""
         shape = (len(poses), *self._shape)
         known = None if out is None else self._checked.find(out, shape, self.outputs)
         if out is not None and known is not None:
-            return self._cast_into(out, known, poses, worlds, draws)
+            return self._cast_into(out, known, poses, worlds, numbers)
         if self._on_host(shape, out):
             views = views_for(self.outputs, shape, wp.get_device("cpu"), out)
-            self._cast_in_parts(poses, worlds, draws, self._asked_for(views))
+            self._cast_in_parts(poses, worlds, numbers, self._asked_for(views))
             return views
         views = views_for(self.outputs, shape, self.scene.device, out)
         images = self._asked_for(views)
         if out is not None:
             self._checked.keep(images, shape, self.outputs)
-        return self._cast_into(views, images, poses, worlds, draws)
+        return self._cast_into(views, images, poses, worlds, numbers)
 
     def _cast_into(
-        self, views: Views, images: list[wp.array | None], poses: Any, worlds: Worlds, draws: wp.array | None
+        self, views: Views, images: list[wp.array | None], poses: Any, worlds: Worlds, numbers: _Numbers
     ) -> Views:
         """Cast into checked images of views, which are returned."""
-        self._cast(poses, worlds, draws, images)
+        self._cast(poses, worlds, numbers, images)
         self._fill_depth(views.depth)
         return views
 
-    def _cast(self, poses: Any, worlds: Worlds, draws: wp.array | None, images: list[wp.array | None]) -> None:
+    def _cast(self, poses: Any, worlds: Worlds, numbers: _Numbers, images: list[wp.array | None]) -> None:
         if self._sensing is not None:
-            assert draws is not None  # for type checkers: with a sensor there are numbers
-            self._sensing.expose(self._caster, poses, worlds, images, draws)
+            assert numbers is not None  # for type checkers: with a sensor there are numbers
+            self._sensing.expose(self._caster, poses, worlds, images, numbers)
             return
         caster = self._moving_caster() if isinstance(poses, MovingPoses) else self._caster
         caster.cast(poses, worlds, images)
@@ -315,8 +319,8 @@ class Renderer:
         """
         shape = (len(poses), *self._shape)
         views = views_for(self.outputs, shape, self.scene.device, out)
-        draws = self._number(len(poses), None, None)
-        self._cast(self._caster.parse_poses(poses, "opencv"), worlds, draws, self._asked_for(views))
+        numbers = self._number(len(poses), None, None)
+        self._cast(self._caster.parse_poses(poses, "opencv"), worlds, numbers, self._asked_for(views))
         self._fill_depth(views.depth)
         return views
 
@@ -349,9 +353,7 @@ class Renderer:
         beside = 0 if self._sensing is None else self._sensing.bytes_per_pixel(self.outputs)
         return beside + sum(wp.types.type_size_in_bytes(ALL_OUTPUTS[name]) for name in self.outputs)
 
-    def _cast_in_parts(
-        self, poses: wp.array, worlds: Worlds, draws: wp.array | None, images: list[wp.array | None]
-    ) -> None:
+    def _cast_in_parts(self, poses: wp.array, worlds: Worlds, numbers: _Numbers, images: list[wp.array | None]) -> None:
         """Cast as many views at a time as fit `device_bytes`, at least one, and copy them to the host's images."""
         pixels = math.prod(self._shape)
         step = min(len(poses), max(1, self.device_bytes // (pixels * self._bytes_per_pixel())))
@@ -359,8 +361,8 @@ class Renderer:
         for first in range(0, len(poses), max(1, step)):
             part = slice(first, min(first + step, len(poses)))
             sources = [None if image is None else image[: part.stop - first] for image in self._asked_for(views)]
-            numbers = None if draws is None else draws[part]
-            self._cast(poses[part], part_of(worlds, part), numbers, sources)
+            some = None if numbers is None else numbers[part]
+            self._cast(poses[part], part_of(worlds, part), some, sources)
             self._fill_depth(sources[0])
             for image, source in zip(images, sources, strict=True):
                 if image is not None:

@@ -74,17 +74,13 @@ class Sensing:
         images = sum(wp.types.type_size_in_bytes(ALL_OUTPUTS[name]) for name in lacking)
         return images + self.sensor.bytes_per_pixel
 
-    def number(self, views: int, frame: int | ArrayInput, view_index: ArrayInput | None) -> wp.array:
-        """Return what random numbers of views follow from, their numbers and frames, ``(V,)`` vec2ui.
+    def expose(
+        self, caster: Any, poses: Any, worlds: Worlds, images: list[wp.array | None], numbers: NDArray[np.int64]
+    ) -> None:
+        """Write images of poses, in the order of `ALL_OUTPUTS`; None is not made.
 
-        Raises:
-            ArrayError: They are none.
+        `caster` is of `clean_camera`, and `numbers` are what `view_numbers` returned.
         """
-        numbers = view_numbers(views, frame, view_index).astype(np.uint32)
-        return wp.array(numbers, dtype=wp.vec2ui, device=self._scene.device)
-
-    def expose(self, caster: Any, poses: Any, worlds: Worlds, images: list[wp.array | None], draws: wp.array) -> None:
-        """Write images of poses, in the order of `ALL_OUTPUTS`; None is not made. `caster` is of `clean_camera`."""
         device = self._scene.device
         keeps = device.is_cpu or not device.is_capturing  # a graph has to have memory of its own
         kind = (len(poses), device.is_cuda and device.stream)
@@ -93,7 +89,7 @@ class Sensing:
         clean = made | {"depth": made["true_depth"], "points": None}
         caster.cast(poses, worlds, [clean[name] for name in OUTPUTS])
         places = poses if isinstance(poses, wp.array) else wp.array(poses, dtype=wp.transform, device=device)
-        needs, depth = self.sensor.needs, made["depth"]
+        needs, depth, words = self.sensor.needs, made["depth"], numbers.astype(np.uint32)
         assert depth is not None  # for type checkers: there is room for it
         exposure = Exposure(
             scene=self._scene,
@@ -101,7 +97,8 @@ class Sensing:
             clip_near=self.clean_camera.near,
             poses=places,
             worlds=worlds,
-            draws=draws,
+            draws=wp.array(words, dtype=wp.vec2ui, device=device),
+            numbers=words,
             seed=self._seed,
             threads=self._threads,
             true_depth=made["true_depth"],
@@ -110,8 +107,7 @@ class Sensing:
             depth_out=depth,
             reasons_out=made["reasons"],
             room=partial(self._room, room),
-            cast_at=partial(self._cast_at, worlds, room),
-            cast_images_at=partial(self._cast_images_at, worlds, room),
+            cast=partial(self._cast_at, room),
         )
         self.sensor.measure(exposure)
         if made["points"] is not None:
@@ -135,21 +131,15 @@ class Sensing:
         return known
 
     def _cast_at(
-        self, worlds: Worlds, room: dict[str, wp.array], camera: Camera, poses: wp.array, points: wp.array
-    ) -> wp.array:
-        """Do what `Exposure.cast_at` says."""
-        return self._cast_images_at(worlds, room, camera, poses, points, ("depth",))["depth"]
-
-    def _cast_images_at(
         self,
-        worlds: Worlds,
         room: dict[str, wp.array],
+        worlds: Worlds,
         camera: Camera,
         poses: wp.array,
         points: wp.array,
         names: tuple[str, ...],
     ) -> dict[str, wp.array]:
-        """Do what `Exposure.cast_images_at` says."""
+        """Do what `Exposure.cast` says."""
         if camera not in self._casters:
             self._casters[camera] = self._make_caster(camera)
         caster = self._casters[camera]

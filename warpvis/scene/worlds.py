@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.core.arrays import as_numpy, as_warp, on_gpu, share, surely_finite
+from warpvis.core.arrays import as_numpy, as_warp, on_gpu, share, surely_finite, take_rows
 from warpvis.core.checks import counted
 from warpvis.core.kernel_cache import launch
 from warpvis.core.motion import Motion, instants_of, stacked
@@ -103,7 +103,7 @@ def parse_moving_poses(scene: Scene, motion: Motion) -> wp.array:
     return stacked([_parse_object_poses(scene, part) for part in parts])
 
 
-def part_of(worlds: Worlds, views: slice) -> Worlds:
+def part_of(worlds: Worlds, views: slice | NDArray[np.integer]) -> Worlds:
     """Return the worlds of some of the views."""
     from warpvis.kernels.worlds import Worlds
 
@@ -111,13 +111,13 @@ def part_of(worlds: Worlds, views: slice) -> Worlds:
     part.object_poses, part.world, part.excluded = worlds.object_poses, worlds.world, worlds.excluded
     part.object_sizes = worlds.object_sizes
     if worlds.world is not None and worlds.world.size:
-        part.world = worlds.world[views]
+        part.world = take_rows(worlds.world, views)
     elif worlds.object_poses is not None and worlds.object_poses.shape[0] > 1:
-        part.object_poses = worlds.object_poses[views]
+        part.object_poses = take_rows(worlds.object_poses, views)
         if worlds.object_sizes is not None:
-            part.object_sizes = worlds.object_sizes[views]
+            part.object_sizes = take_rows(worlds.object_sizes, views)
     if worlds.excluded is not None and worlds.excluded.shape[0] > 1:
-        part.excluded = worlds.excluded[views]
+        part.excluded = take_rows(worlds.excluded, views)
     return part
 
 

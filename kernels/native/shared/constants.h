@@ -65,6 +65,7 @@ enum RandomStream {
     STREAM_ADDED = 14,
     STREAM_MULTIPLIED = 15,
     STREAM_LOST = 16,
+    STREAM_PARAMETERS = 17,  // of a view's own sensor
 };
 
 // Counters that the CPU workers of a job share.

@@ -18,6 +18,7 @@ from warpvis.sensors.depth._profiles import (
     realsense_d455 as realsense_d455,
     structure as structure,
 )
+from warpvis.sensors.depth._randomized import Randomized as Randomized, randomized as randomized
 from warpvis.sensors.depth._reasons import Reason as Reason
 from warpvis.sensors.depth._redwood import RedwoodNoise as RedwoodNoise
 from warpvis.sensors.depth._simkinect import SimKinect as SimKinect

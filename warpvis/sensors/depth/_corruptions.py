@@ -51,8 +51,13 @@ class Corruptions(DepthSensor):
         object.__setattr__(self, "sides", _check_limits(self.sides, "sides", 1, _MOST_SIDE))
         if self.of is not None and not isinstance(self.of, DepthSensor):
             raise ArrayError(f"of must be a model of warpvis.sensors, such as StereoDepth, got {self.of!r}")
-        if isinstance(self.of, Corruptions):
-            raise ArrayError("of must be a device's model, and no Corruptions: both would have the same random numbers")
+        inner: object = self.of
+        while inner is not None:
+            if isinstance(inner, Corruptions):
+                raise ArrayError(
+                    "of must be a device's model, and no Corruptions: both would have the same random numbers"
+                )
+            inner = getattr(inner, "of", None)
 
     def camera(self) -> Camera:
         """Return the camera of the sensor whose depth is corrupted.
