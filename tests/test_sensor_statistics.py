@@ -4,7 +4,10 @@
 
 import dataclasses
 import math
+import sys
 from functools import cache
+from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,6 +28,8 @@ from warpvis.sensors import (
     StereoDepth,
     TimeOfFlight,
 )
+
+sys.path.append(str(Path(__file__).resolve().parent.parent / "bench"))
 
 CAMERA = wv.Camera(64, 48, 300.0, 300.0, 32.0, 24.0, near=0.05, far=100.0)
 OUTPUTS = ("depth", "reasons", "true_depth")
@@ -233,3 +238,22 @@ def test_disparities_are_right_in_the_mean(device, name, bias):
         steps = steps_of(model, CAMERA)
         errors.append((steps / seen["depth"].astype(np.float64) - steps / seen["true_depth"])[there].mean())
     assert np.mean(errors) == pytest.approx(bias, abs=0.2)
+
+
+@pytest.mark.slow  # whole images of a room
+def test_errors_by_depth_beside_icl_nuims_formula():
+    """A Kinect's models err by as much at every depth; simkinect's program half a step of disparity too near."""
+    import depth_errors
+
+    exact, errors = depth_errors.measure(16)
+    for low, high in pairwise(depth_errors.BANDS):
+        there = (exact >= low) & (exact < high)
+        found = {name: depth_errors.middle_of(all_of[there & np.isfinite(all_of)]) for name, all_of in errors.items()}
+        formula = found[depth_errors.FORMULA]
+        half_step = (2.85e-3 / 2 * exact[there].astype(np.float64) ** 2).mean()
+        assert abs(formula.mean()) < 0.05 * half_step
+        for name in ("KhoshelhamNoise", "kinect_v1"):
+            assert found[name].std() == pytest.approx(formula.std(), rel=0.15)
+            assert abs(found[name].mean()) < 0.1 * half_step
+        assert found["SimKinect"].mean() == pytest.approx(-half_step, rel=0.3)
+        assert 1.5 < found["SimKinect"].std() / formula.std() < 2.5
