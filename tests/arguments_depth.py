@@ -59,6 +59,7 @@ def depth_sensor_cases(path):
                 "locking": 0.1,
                 "shadow": True,
                 "band": True,
+                "fattening": 2,
                 "edge_window": 3,
                 "edge_step": 0.5,
                 "least_support": 0.5,

@@ -18,6 +18,7 @@ from warpvis.errors import ArrayError
 from warpvis.kernels.constants import STREAM_ACROSS, STREAM_DISPARITY, STREAM_DOWN
 from warpvis.rendering import DepthSensor, Exposure
 from warpvis.sensors.depth._by_value import ByValue
+from warpvis.sensors.depth._closest import closest_first
 from warpvis.sensors.depth._normal_images import draw_normal_image
 
 # A dot in each cell of so many pixels, as in the pattern that comes with simkinect; after so many cells it repeats.
@@ -88,7 +89,7 @@ class SimKinect(ByValue, DepthSensor):
         model.shift, model.units, model.sigma = self.shift, self.units, self.sigma
         pattern = make_pattern(lens.height, lens.width) if self.pattern is None else self.pattern
         dots = wp.array(pattern, dtype=wp.uint8, device=device)
-        nearest = wp.array(_nearest_first(), dtype=wp.vec2i, device=device)
+        nearest = wp.array(closest_first(_FILL_REACH, _FILL_REACH**2), dtype=wp.vec2i, device=device)
         levels, kept = (exposure.room(name, shape, wp.int32) for name in ("levels", "kept"))
 
         def launch(kernel: wp.Kernel, *given: object, cameras: tuple[object, ...] = ()) -> None:
@@ -114,13 +115,6 @@ def make_pattern(height: int, width: int) -> NDArray[np.uint8]:
     side = _CELLS * _CELL
     copies = -(-height // side), -(-width // side)
     return np.ascontiguousarray(np.tile(block.reshape(side, side), copies)[:height, :width])
-
-
-def _nearest_first() -> NDArray[np.int32]:
-    """Return columns and rows to the pixels up to 3 px away, the nearest first, of equally near ones by rows."""
-    reach = range(-_FILL_REACH, _FILL_REACH + 1)
-    places = [(x * x + y * y, y, x) for y in reach for x in reach if x * x + y * y <= _FILL_REACH**2]
-    return np.array([(x, y) for _, y, x in sorted(places)], dtype=np.int32)
 
 
 def _check_pattern(value: object) -> NDArray[np.uint8]:

@@ -22,6 +22,7 @@ from warpvis.kernels.constants import STREAM_DISPARITY
 from warpvis.rendering import DepthSensor, Exposure
 from warpvis.scene import Scene
 from warpvis.sensors._echoes import Reflectivity, reflectivities
+from warpvis.sensors.depth._fattening import fatten
 from warpvis.sensors.depth._normal_images import drawing_kernel
 
 if TYPE_CHECKING:
@@ -77,6 +78,9 @@ class StereoDepth(DepthSensor):
     """Whether points that the other eye does not see have no depth."""
     band: bool = True
     """Whether points beside the other eye's image have none; a projector's is often larger than the imager's."""
+    fattening: int = 0
+    """How far a nearer surface spreads over what is behind it [px]: half the side of a matching window. Each pixel
+    within has the depth of the closest pixel whose disparity is greater by `edge_step` or more."""
     edge_window: int = 1
     """Side of the window about a pixel that is looked at for edges, odd [px]; 1 is none."""
     edge_step: float = 1.0
@@ -114,6 +118,7 @@ class StereoDepth(DepthSensor):
         check_whole(self.subpixel, "subpixel", least=0)
         check_flag(self.shadow, "shadow")
         check_flag(self.band, "band")
+        _check_at_most(check_whole(self.fattening, "fattening", least=0), "fattening", _MOST_WINDOW // 2)
         if check_whole(self.edge_window, "edge_window") % 2 == 0:
             raise ArrayError(f"edge_window must be odd, got {self.edge_window}")
         _check_at_most(self.edge_window, "edge_window", _MOST_WINDOW)
@@ -138,7 +143,8 @@ class StereoDepth(DepthSensor):
     @property
     def bytes_per_pixel(self) -> int:
         """How much room a pixel takes."""
-        return (12 if self.shadow else 0) + (4 if self._smooth else 0)
+        fattened = 8 + (12 if "normals" in self.needs else 0) + (4 if "segmentation" in self.needs else 0)
+        return (12 if self.shadow else 0) + (4 if self._smooth else 0) + (fattened if self.fattening else 0)
 
     @property
     def _smooth(self) -> bool:
@@ -178,6 +184,9 @@ class StereoDepth(DepthSensor):
         """Write the sensor's depth and reasons."""
         from warpvis.kernels.stereo import OtherEye, place_other_eyes
 
+        if self.fattening:
+            scale = self._scale(exposure.camera)
+            exposure = fatten(exposure, reach=self.fattening, scale=scale, step=self.edge_step)
         poses, device = exposure.poses, exposure.scene.device
         other_poses = exposure.room("other poses", poses.shape, wp.transform)
         eyes = wp.empty(len(poses), dtype=OtherEye, device=device)

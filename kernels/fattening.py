@@ -1,0 +1,94 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Surfaces that spread over what is behind them, as matching windows see them."""
+
+import warp as wp
+
+from warpvis.kernels.pinhole import Window
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
+
+
+@wp.struct
+class FatteningModel:
+    """The numbers of `warpvis.sensors.StereoDepth` that count here."""
+
+    disparity_scale: float  # f b [px m]
+    step: float  # from which disparities are of different surfaces [px]
+    reach: int  # [px]
+
+
+@wp.struct
+class SeenSurfaces:
+    """What is seen at each pixel; normals and segmentation may be empty."""
+
+    depth: wp.array3d[float]
+    normals: wp.array3d[wp.vec3]
+    segmentation: wp.array3d[wp.int32]
+
+
+@wp.func
+def is_before(model: FatteningModel, nearer: float, depth: float) -> bool:
+    """Whether a depth is of a surface before that of another."""
+    return model.disparity_scale / nearer - model.disparity_scale / depth >= model.step
+
+
+@wp.kernel
+def find_nearest_in_rows(
+    window: Window,
+    # In:
+    model: FatteningModel,
+    true_depth: wp.array3d[float],
+    # Out:
+    nearest_out: wp.array3d[float],
+):
+    """Write the least depth of the pixels beside each in its row, and its own."""
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+    nearest = float(wp.inf)
+    for column in range(wp.max(x - model.reach, 0), wp.min(x + model.reach + 1, true_depth.shape[2])):
+        nearest = wp.min(nearest, true_depth[view, y, column])
+    nearest_out[view, y, x] = nearest
+
+
+@wp.kernel
+def fatten_surfaces(
+    window: Window,
+    # In:
+    model: FatteningModel,
+    seen: SeenSurfaces,
+    nearest: wp.array3d[float],
+    places: wp.array[wp.vec2i],
+    # Out:
+    depth_out: wp.array3d[float],
+    normals_out: wp.array3d[wp.vec3],
+    segmentation_out: wp.array3d[wp.int32],
+):
+    """Write what is seen at the closest pixel that shows a surface before a pixel's own, or at the pixel itself.
+
+    `nearest` are the least depths of rows, and `places` columns and rows away, the closest first. Normals and
+    segmentation may be None.
+    """
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+    height, width = seen.depth.shape[1], seen.depth.shape[2]
+    depth = seen.depth[view, y, x]
+    least = float(wp.inf)
+    for row in range(wp.max(y - model.reach, 0), wp.min(y + model.reach + 1, height)):
+        least = wp.min(least, nearest[view, row, x])
+    from_row, from_column = int(y), int(x)
+    if is_before(model, least, depth):
+        for number in range(places.shape[0]):
+            column, row = x + places[number][0], y + places[number][1]
+            if row >= 0 and column >= 0 and row < height and column < width:
+                if is_before(model, seen.depth[view, row, column], depth):
+                    from_row = row
+                    from_column = column
+                    break
+    depth_out[view, y, x] = seen.depth[view, from_row, from_column]
+    if normals_out:
+        normals_out[view, y, x] = seen.normals[view, from_row, from_column]
+    if segmentation_out:
+        segmentation_out[view, y, x] = seen.segmentation[view, from_row, from_column]

@@ -1,0 +1,37 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Twins of the kernels of `warpvis.kernels.fattening`, in double precision: every pixel looks at its whole window."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+
+def find_nearest_in_rows(true_depth: NDArray, reach: int) -> NDArray[np.float64]:
+    """The least depth of each pixel and those beside it, (V, H, W)."""
+    beside = np.pad(true_depth.astype(np.float64), ((0, 0), (0, 0), (reach, reach)), constant_values=np.inf)
+    return sliding_window_view(beside, 2 * reach + 1, axis=2).min(axis=-1)
+
+
+def fatten_surfaces(
+    true_depth: NDArray, scale: float, step: float, reach: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Which pixel each shows, by its place in the image (V, H, W), and how far [px] disparities are from the step."""
+    height, width = true_depth.shape[1:]
+    disparity = scale / true_depth.astype(np.float64)
+    y, x = np.mgrid[:height, :width]
+    shown = np.broadcast_to(y * width + x, true_depth.shape).copy()
+    closest, margin = np.full(true_depth.shape, np.inf), np.full(true_depth.shape, np.inf)
+    for down in range(-reach, reach + 1):
+        for across in range(-reach, reach + 1):
+            row, column = y + down, x + across
+            inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+            row, column = np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)
+            apart = np.where(inside, disparity[:, row, column] - disparity, -np.inf)
+            margin = np.minimum(margin, np.abs(apart - step))
+            taken = (apart >= step) & (down**2 + across**2 < closest)
+            shown = np.where(taken, row * width + column, shown)
+            closest = np.where(taken, down**2 + across**2, closest)
+    return shown, margin

@@ -1,0 +1,115 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Nearer surfaces that spread over what is behind them, held to a twin in double precision and to closed forms."""
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+import reference_fattening
+from gpu_code import gpu_code
+from scipy import ndimage
+from test_stereo import AHEAD, CAMERA, FULL, OUTPUTS, POSES, images, make_scene, wall_scene
+
+import warpvis as wv
+from warpvis.sensors import Reason, StereoDepth
+
+PLAIN = StereoDepth(0.06, shadow=False, band=False)
+SCALE = CAMERA.fx * 0.06
+ENDLESS = dataclasses.replace(CAMERA, near=0.0, far=np.inf)
+
+
+@pytest.mark.parametrize(("reach", "step"), [(1, 1.0), (4, 0.5), (9, 2.0), (3, 0.0)])
+def test_the_twin_agrees(device, reach, step):
+    """Without noise depth is the exact one of the pixel that the twin names, bit for bit."""
+    model = dataclasses.replace(PLAIN, fattening=reach, edge_step=step)
+    views = wv.render(make_scene(device), ENDLESS, POSES, outputs=("depth", "true_depth"), sensor=model)
+    exact = views.true_depth.numpy()
+    shown, margin = reference_fattening.fatten_surfaces(exact, SCALE, step, reach)
+    expected = np.take_along_axis(exact.reshape(3, -1), shown.reshape(3, -1), axis=1).reshape(exact.shape)
+    sure = margin > 1e-5
+    if step == 0.0:  # each pixel is itself before all others
+        sure, expected = np.ones_like(sure), exact
+    assert sure.mean() > 0.99
+    assert ((expected != exact).mean() > 0.01) == (step > 0)
+    np.testing.assert_array_equal(views.depth.numpy()[sure], expected[sure])
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+@pytest.mark.parametrize("reach", [2, 5])
+def test_a_plate_is_wider_and_its_shadow_narrower(device, side, reach):
+    """By as many pixels at each edge, and at its shadow's."""
+    near, far, baseline = 1.0, 2.5, 0.08
+    scene = wall_scene((near, -0.2, 0.2), (far, -10, 10), device=device)
+    camera = wv.Camera.from_fov(320, 24, hfov=1.2)
+    sensor = StereoDepth(baseline, other_eye=side)
+    plain, fat = (
+        images(wv.render(scene, camera, AHEAD, outputs=("depth", "reasons"), sensor=model), ("depth", "reasons"))
+        for model in (sensor, dataclasses.replace(sensor, fattening=reach))
+    )
+    plate, wider = (seen["depth"][0] == np.float32(near) for seen in (plain, fat))
+    assert plate.any()
+    np.testing.assert_array_equal(wider, ndimage.binary_dilation(plate, np.ones((1, 2 * reach + 1))))
+    shadow, narrower = (seen["reasons"][0] == Reason.SHADOW for seen in (plain, fat))
+    np.testing.assert_array_equal(narrower, shadow & ~wider)
+    width = camera.fx * baseline * (1 / near - 1 / far) - reach
+    assert (np.abs(narrower.sum(axis=1) - width) <= 1).all()
+    band = fat["reasons"][0] == Reason.BAND
+    np.testing.assert_array_equal(band, plain["reasons"][0] == Reason.BAND)
+
+
+def test_the_sky_is_behind_all(device):
+    scene = wall_scene((1.0, -0.2, 0.2), device=device)
+    model = dataclasses.replace(PLAIN, fattening=3)
+    seen = images(wv.render(scene, CAMERA, AHEAD, outputs=OUTPUTS, sensor=model))
+    exact = np.isfinite(seen["true_depth"][0])
+    np.testing.assert_array_equal(seen["reasons"][0] == Reason.VALID, ndimage.binary_dilation(exact, np.ones((7, 7))))
+    assert set(np.unique(seen["reasons"])) == {Reason.VALID, Reason.EMPTY}
+    # What is exact is not moved.
+    np.testing.assert_array_equal(seen["segmentation"][0] >= 0, exact)
+
+
+def test_a_surface_that_spreads_has_its_own_light(device):
+    """Its normals and its reflectivity: a white plate's edge is seen over a black wall, and not the other way about."""
+    scene = wall_scene((1.0, -0.2, 0.2), (2.5, -10, 10), device=device)
+    for dark, lost in (("plate 1", False), ("plate 0", True)):
+        model = StereoDepth(
+            0.06,
+            shadow=False,
+            band=False,
+            fattening=4,
+            least_signal=0.1,
+            full_signal=0.2,
+            reflectivity={dark: 0.0},
+        )
+        seen = images(wv.render(scene, CAMERA, AHEAD, outputs=("depth", "reasons", "true_depth"), sensor=model),
+                      ("depth", "reasons", "true_depth"))  # fmt: skip
+        plate = ndimage.binary_dilation(seen["true_depth"][0] < 2.0, np.ones((9, 9)))
+        np.testing.assert_array_equal(seen["reasons"][0] == Reason.DROPOUT, plate == lost)
+
+
+def test_splits_threads_and_order(device):
+    model = dataclasses.replace(FULL, fattening=3)
+    scene, options = make_scene(device), {"outputs": OUTPUTS, "sensor": model, "seed": 4}
+    whole = images(wv.render(scene, CAMERA, POSES, threads=1, **options))
+    again = images(wv.render(scene, CAMERA, POSES, threads=5, **options))
+    alone = images(wv.render(scene, CAMERA, POSES[1], view_index=[1], **options))
+    without = images(wv.render(scene, CAMERA, POSES, **(options | {"sensor": FULL})))
+    for name in OUTPUTS:
+        np.testing.assert_array_equal(again[name], whole[name])
+        np.testing.assert_array_equal(alone[name][0], whole[name][1])
+        assert (name in ("depth", "reasons")) == (without[name].tobytes() != whole[name].tobytes())
+    assert model.bytes_per_pixel == FULL.bytes_per_pixel + 24
+
+
+def test_what_is_refused():
+    for value, message in ((-1, "fattening must be a whole number from 0 up"), (32, "fattening must be at most 31 px")):
+        with pytest.raises(wv.errors.ArrayError, match=message):
+            dataclasses.replace(PLAIN, fattening=value)
+
+
+def test_nothing_is_fused_for_a_gpu(tmp_path):
+    body = gpu_code("warpvis.kernels.fattening", tmp_path)
+    assert re.search(r"\bdiv\.rn\.f32", body)
+    assert not re.findall(r"\bfma\.\w+\.f32|\.approx\.|\.ftz\.", body)
