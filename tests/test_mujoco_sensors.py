@@ -194,7 +194,7 @@ def test_what_a_renderer_refuses():
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     renderer.update_scene(data, "right")
-    with pytest.raises(wv.errors.CameraError, match=r"pinhole, warpvis\.Camera, and not yet of a OrthographicCamera"):
+    with pytest.raises(wv.errors.CameraError, match=r"pinhole, warpvis\.Camera, and not of a OrthographicCamera"):
         renderer.render()
     for wrong, said in (
         ({"sensor": "d435"}, "sensor must be a model of"),

@@ -17,7 +17,12 @@ from warpvis.rendering._choices import (
     check_asked as check_asked,
     check_fill as check_fill,
 )
-from warpvis.rendering._depth_sensor import DepthSensor, Exposure, require_sensor as require_sensor
+from warpvis.rendering._depth_sensor import (
+    DepthSensor,
+    Exposure,
+    TakesLens as TakesLens,
+    require_sensor as require_sensor,
+)
 from warpvis.rendering._moving import parse_sensor as parse_sensor
 from warpvis.rendering._orthographic import AnyCamera, OrthographicCamera
 from warpvis.rendering._panorama import WideCamera, render_wide

@@ -7,7 +7,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal, TypeAlias, cast
 
 import numpy as np
 import warp as wp
@@ -15,12 +15,16 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import put_rows, take_rows
 from warpvis.core.camera import Camera
+from warpvis.core.ray_camera import LensedCamera
 from warpvis.errors import ArrayError, CameraError
 from warpvis.scene.worlds import part_of
 
 if TYPE_CHECKING:
+    from warpvis.kernels.pinhole import PinholeCamera
     from warpvis.kernels.worlds import Worlds
     from warpvis.scene import Scene
+
+TakesLens: TypeAlias = Literal["no", "z", "any"]
 
 
 @dataclass(frozen=True)
@@ -30,7 +34,8 @@ class Exposure:
     scene: Scene
     """What is seen."""
     camera: Camera
-    """The camera, with the depth range that was asked for."""
+    """The camera, with the depth range that was asked for. Of models with `takes_lens` it may be a `LensCamera`, of
+    which only `image_range` is to be asked for."""
     clip_near: float
     """What is nearer is not there [m]: the camera's near with ``near_plane="clip"``, else 0."""
     poses: wp.array
@@ -59,6 +64,13 @@ class Exposure:
     """Memory to work in: `room(name, shape, dtype)` returns an array, the same one in the next call of the kind."""
     cast: Callable[[Worlds, Camera, wp.array, wp.array, tuple[str, ...]], dict[str, wp.array]]
     """What `cast_images_at` calls, of any worlds."""
+
+    @property
+    def image_range(self) -> PinholeCamera:
+        """The image's size and the range of depth as kernels take them, of a pinhole or a lens."""
+        width, height = self.camera.width, self.camera.height
+        range_ = {"near": self.camera.near, "far": self.camera.far}
+        return Camera(width, height, 1.0, 1.0, width / 2, height / 2, **range_).device_struct()
 
     def cast_at(self, camera: Camera, poses: wp.array, points: wp.array) -> wp.array:
         """Cast through image points of another camera of the same worlds.
@@ -133,6 +145,10 @@ class DepthSensor(ABC):
             raise CameraError("this sensor has no camera of its own: give native_camera, or take a profile of a device")
         return self.native_camera
 
+    takes_lens: ClassVar[TakesLens] = "no"
+    """Whether the model is one of cameras with lenses, too: where depth is along the axis, or of any. It must then look
+    at depth alone, pixel by pixel, and at nothing of the camera but `Exposure.image_range`."""
+
     @property
     def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:
         """Which images of the first surface `measure` reads beside its depth."""
@@ -149,10 +165,13 @@ class DepthSensor(ABC):
         Raises:
             WarpvisError: It is not.
         """
-        if not isinstance(camera, Camera):
-            kind = type(camera).__name__
-            raise CameraError(f"a sensor's depth is of a pinhole, warpvis.Camera, and not yet of a {kind}")
-        return camera
+        if isinstance(camera, Camera):
+            return camera
+        if isinstance(camera, LensedCamera) and self.takes_lens in ("any", camera.kind):
+            return cast(Camera, camera)
+        lens = {"no": "", "z": " or a lens's depth along the axis", "any": " or a lens"}[self.takes_lens]
+        given = type(camera).__name__ + (f' of kind "{camera.kind}"' if isinstance(camera, LensedCamera) else "")
+        raise CameraError(f"{type(self).__name__} is a model of a pinhole, warpvis.Camera,{lens} and not of a {given}")
 
     @abstractmethod
     def measure(self, exposure: Exposure) -> None:

@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 from warpvis.core.arrays import as_numpy, empty
 from warpvis.core.camera import Camera
 from warpvis.core.checks import check_whole, is_number
+from warpvis.core.ray_camera import RayCamera
 from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
 from warpvis.rendering._depth_sensor import DepthSensor, Exposure, require_sensor
 from warpvis.rendering._prepared import Idle
 from warpvis.rendering._views import ALL_OUTPUTS, OUTPUTS
+from warpvis.rendering.casters import ray_table
 
 if TYPE_CHECKING:
     from warpvis.kernels.worlds import Worlds
@@ -148,13 +150,15 @@ class Sensing:
         return seen
 
     def _back_project(self, poses: wp.array, depth: wp.array, points: wp.array) -> None:
-        from warpvis.kernels.classify import back_project
+        from warpvis.kernels import classify, ray_points
 
         camera, device = self.camera.device_struct(), self._scene.device
+        rays: list[wp.array] = [ray_table(self.camera, device)] if isinstance(self.camera, RayCamera) else []
+        kernel = ray_points.back_project_rays if rays else classify.back_project
         launch_images(
-            back_project,
+            kernel,
             depth.shape,
-            lambda window: [camera, poses, window, depth, points],
+            lambda window: [camera, poses, window, *rays, depth, points],
             device=device,
             threads=self._threads,
         )

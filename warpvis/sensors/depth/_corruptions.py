@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import warp as wp
 
@@ -14,7 +14,7 @@ from warpvis.core.checks import as_items, check_number, check_whole
 from warpvis.core.kernel_cache import launch
 from warpvis.core.threads import launch_images
 from warpvis.errors import ArrayError
-from warpvis.rendering import DepthSensor, Exposure
+from warpvis.rendering import DepthSensor, Exposure, TakesLens
 from warpvis.scene import Scene
 
 _MOST_RECTANGLES, _MOST_SIDE = 256, 2**20
@@ -42,6 +42,8 @@ class Corruptions(DepthSensor):
     """Least and greatest width and height of one [px]."""
     of: DepthSensor | None = None
     """The sensor whose depth is corrupted; the exact depth by default."""
+
+    takes_lens: ClassVar[TakesLens] = "any"
 
     def __post_init__(self) -> None:
         check_number(self.added, "added", least=0.0)
@@ -96,7 +98,7 @@ class Corruptions(DepthSensor):
         model.least_count, model.most_count = self.rectangles
         model.least_side, model.most_side = self.sides
         model.seed = exposure.seed
-        camera, views = exposure.camera.device_struct(), len(exposure.poses)
+        camera, views = exposure.image_range, len(exposure.poses)
         rectangles = None
         if model.most_count:
             rectangles = exposure.room("rectangles", (views, model.most_count), wp.vec4i)

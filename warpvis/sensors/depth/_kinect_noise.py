@@ -6,12 +6,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 from warpvis.core.checks import check_flag, check_number
 from warpvis.core.threads import launch_images
 from warpvis.errors import ArrayError
-from warpvis.rendering import DepthSensor, Exposure
+from warpvis.rendering import DepthSensor, Exposure, TakesLens
 
 _STEEPEST = math.radians(89.9)
 
@@ -96,6 +96,8 @@ class KhoshelhamNoise(DepthSensor):
     rounds: bool = True
     """Whether disparities are whole numbers."""
 
+    takes_lens: ClassVar[TakesLens] = "z"
+
     def __post_init__(self) -> None:
         if check_number(self.step, "step", least=0.0) == 0.0:
             raise ArrayError("step must be above 0 per metre")
@@ -108,7 +110,7 @@ class KhoshelhamNoise(DepthSensor):
 
         model = KhoshelhamModel()
         model.step, model.sigma, model.rounds, model.seed = self.step, self.sigma, int(self.rounds), exposure.seed
-        camera = exposure.camera.device_struct()
+        camera = exposure.image_range
         given = [model, exposure.true_depth, exposure.draws, exposure.depth_out, exposure.reasons_out]
         launch_images(
             measure_khoshelham,
