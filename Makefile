@@ -11,7 +11,7 @@ CORE := $(VENV)/core
 STAMP := $(VENV)/installed
 
 .DELETE_ON_ERROR:
-.PHONY: demo test test-slow test-lanes test-lowest mutate fuzz fuzz-files lint bench format clean
+.PHONY: demo test test-slow test-browser test-lanes test-lowest mutate fuzz fuzz-files lint bench format clean
 
 demo: $(CORE)
 	$(BIN)/warpvis demo --out demo
@@ -25,6 +25,11 @@ test: $(STAMP)
 test-slow: $(STAMP)
 	-@./scripts/ensure_clang.sh $(BIN)/python
 	$(BIN)/python -m pytest -m slow
+
+# The live viewer in a real browser. Screenshots are in .pytest_cache/screenshots, or where WARPVIS_SCREENSHOTS says.
+test-browser: $(STAMP)
+	-@./scripts/ensure_chromium.sh
+	$(BIN)/python -m pytest -m browser tests/test_viewer_browser.py
 
 # The casters' tests again, compiled for AVX2 alone and for Warp's generic x86-64, which has AVX.
 LANE_TESTS := $(addprefix tests/test_,$(addsuffix .py,casters packets worlds points point_packets table_packets object_visibility))

@@ -45,6 +45,10 @@ def tools_cases(folder):
             {"scene": seen, "agents": agents(), "camera": None, "movable": ["box"], "objects": ["box"], **page},
         ),
         "Viewer": (lambda **given: wv.viewer.Viewer(**given).close(), {"state": state, **page}),
+        "Viewer.save_html": (
+            lambda **given: _with_page(state, lambda page: page.save_html(**given)),
+            {"path": path.with_suffix(".html"), "title": "a scene"},
+        ),
         "framing_agent": (wv.viewer.framing_agent, {"scene": seen, "camera": CAMERA}),
         "ViewerState": (
             wv.viewer.ViewerState,
@@ -445,3 +449,9 @@ def tools_cases(folder):
             {"world": world, "camera_name": "camera", "threads": 1},
         ),
     }
+
+
+def _with_page(state, use):
+    """Call what needs a page."""
+    with wv.viewer.Viewer(state, port=8471) as page:
+        use(page)

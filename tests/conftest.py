@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import pytest
 import warp as wp
+from browser_pages import why_no_chromium
 from native_build import find_clang, find_compiler
 
 wp.config.log_level = wp.LOG_WARNING
@@ -74,6 +75,13 @@ NEEDS = {
         "NO C++ COMPILER",
         "of the C++ in kernels/native/cuda, by an emulated warp,",
         "g++",
+    ),
+    "browser": Need(
+        "WARPVIS_REQUIRE_CHROMIUM",
+        why_no_chromium,
+        "NO CHROMIUM",
+        "of the live viewer",
+        "chromium",
     ),
 }
 

@@ -95,6 +95,7 @@ RESULTS = {
 DRAWN = {
     "view",
     "Viewer",
+    "Viewer.save_html",
     "save_depth",
     "save_map",
     "save_overview",

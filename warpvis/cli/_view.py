@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
@@ -56,6 +57,8 @@ class View(ViewpointOptions):
     """Port to listen on, or the next one that is free."""
     dark: bool = False
     """A dark page."""
+    html: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """Write one file that a browser opens without a server, and end."""
 
     def run(self) -> None:
         """Run the command."""
@@ -63,6 +66,10 @@ class View(ViewpointOptions):
 
         state = self.load()
         with Viewer(state, host=self.host, port=self.port, dark=self.dark) as viewer:
+            if self.html is not None:
+                viewer.save_html(self.html, title=self.file.stem)
+                print(self.html)
+                return
             print(f"{viewer.url}  (Ctrl-C ends it)", flush=True)
             viewer.wait()
 

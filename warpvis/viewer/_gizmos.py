@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from warpvis.viewer._state import ViewerState
 
-_AGENT_SIZE, _LEAST_SIZE, _MOST_SIZE = 0.35, 0.12, 0.5
+_AGENT_SIZE, _LEAST_SIZE, _MOST_SIZE = 0.4, 0.3, 0.6
 
 
 class Gizmos:

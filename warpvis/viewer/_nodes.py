@@ -25,6 +25,7 @@ AGENT_COLORS = (STATE_COLORS[State.FIRST], STATE_COLORS[State.SECOND])
 
 _FRUSTUM_SIZE, _FIELD_SIZE = 0.35, 0.45
 _ARC = 24
+_DARK_GROUND = (52, 52, 56)
 _POINT_SIZE = 0.32
 """Of a point, in spacings."""
 
@@ -32,10 +33,10 @@ _POINT_SIZE = 0.32
 class Meshes:
     """The scene's objects. Those that share a mesh are sent once; what moves hangs on a frame of its own."""
 
-    def __init__(self, scene: SceneApi, state: ViewerState) -> None:
+    def __init__(self, scene: SceneApi, state: ViewerState, *, dark: bool = False) -> None:
         """Add them to the page."""
-        self._state = state
-        self._colors = state.colors({})
+        self._state, self._dark = state, dark
+        self._colors = self._all_colors({})
         self._frames = [
             scene.add_frame(f"/moving/{row}", show_axes=False) for row in range(len(state.stage.object_poses))
         ]
@@ -50,6 +51,15 @@ class Meshes:
                 self._add_batch(scene, np.array(indices))
             else:
                 self._add_mesh(scene, indices[0])
+
+    def _all_colors(self, states: dict[str, State]) -> NDArray[np.uint8]:
+        """Return the colour of every object; on a dark page the ground is dark."""
+        colors = self._state.colors(states)
+        if self._dark:
+            ground = self._state.scene.ground_labels
+            dark = [item.label in ground and item.name not in states for item in self._state.scene.objects]
+            colors[np.flatnonzero(dark)] = _DARK_GROUND
+        return colors
 
     def _add_mesh(self, scene: SceneApi, index: int) -> None:
         item = self._state.scene.objects[index]
@@ -104,7 +114,7 @@ class Meshes:
         """Put them where they are, in the colours of who sees them."""
         for frame, pose in zip(self._frames, look.object_poses, strict=True):
             place(frame, pose)
-        colors = self._state.colors(look.object_states)
+        colors = self._all_colors(look.object_states)
         for index in np.flatnonzero((colors[:-1] != self._colors[:-1]).any(axis=1)).tolist():
             if index in self._meshes:
                 self._meshes[index].color = tuple(colors[index].tolist())

@@ -42,7 +42,7 @@ class Page:
         server.gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False, brand_color=_BRAND)
         server.gui.set_panel_label("warpvis")
         self._set_view()
-        self.meshes = Meshes(server.scene, state)
+        self.meshes = Meshes(server.scene, state, dark=dark)
         self.marks = {
             agent.name: AgentMark(server.scene, agent, color)
             for agent, color in zip(state.agents.values(), AGENT_COLORS, strict=False)

@@ -7,6 +7,7 @@ from __future__ import annotations
 import contextlib
 import io
 import math
+import os
 import socket
 import threading
 from collections.abc import Sequence
@@ -70,6 +71,20 @@ class Viewer:
         """Show the state as it is now, after it was changed by a program, and wait until it is shown."""
         self.page.gizmos.follow()
         self.page.update(wait=True)
+
+    def save_html(self, path: str | os.PathLike[str], *, title: str = "warpvis") -> None:
+        """Write what the page shows now as one file that a browser opens without a server or a network.
+
+        Args:
+            path: File to write, ``.html``.
+            title: What stands above the table.
+
+        Raises:
+            WarpvisError: The file cannot be written.
+        """
+        from warpvis.viewer._html import write_page
+
+        write_page(self.page, path, title)
 
     def wait(self) -> None:
         """Wait until the page is closed, or Ctrl-C is pressed."""

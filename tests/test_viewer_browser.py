@@ -1,0 +1,130 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The live page and its export in a real browser."""
+
+import numpy as np
+import pytest
+import viser.transforms
+from browser_pages import DESKTOP, PHONE, chromium, context_version, drawn_points, opened, screenshot, wait_for_points
+
+from warpvis.scenes import EXPERIMENTS
+from warpvis.viewer import Viewer, ViewerState
+from warpvis.visibility import State
+from warpvis.viz import STATE_COLORS
+
+pytestmark = pytest.mark.browser
+
+PORT = 8431
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as found:
+        yield found
+
+
+def serve(**options):
+    experiment = EXPERIMENTS[2]
+    return Viewer(ViewerState(experiment.build(), experiment.agents(), points=8000), port=PORT, **options)
+
+
+@pytest.fixture
+def viewer():
+    with serve() as found:
+        yield found
+
+
+def table_of(page):
+    """The table as lists of words, without the dots."""
+    rows = page.locator("table.warpvis-table tbody tr")
+    return [row.locator("td").all_inner_texts() for row in rows.all()]
+
+
+def wait_for_table(page, text):
+    page.locator("table.warpvis-table", has_text=text).wait_for(timeout=20_000)
+
+
+def count_of(picture, color):
+    return int((np.abs(picture.astype(int) - color).max(axis=-1) < 12).sum())
+
+
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+def test_the_page_shows_experiment_3(browser, viewer, size):
+    with opened(browser, viewer.url, size) as page:
+        wait_for_points(page, len(viewer.page.look.points))
+        assert "WebGL 2" in context_version(page)
+        assert [row[0] for row in table_of(page)] == [row.name for row in viewer.page.look.rows]
+        assert table_of(page)[2][1:] == ["100 %", "out of view"]
+        name = "desktop" if size == DESKTOP else "phone"
+        picture = screenshot(page, f"viewer_experiment_3_{name}")
+        assert picture.std() > 20
+        for state in (State.FIRST, State.SECOND, State.NEITHER):  # more than the legend's dots
+            assert count_of(picture, STATE_COLORS[state]) > 1500
+        assert page.problems == []
+
+
+def test_a_slider_changes_the_table(browser, viewer):
+    with opened(browser, viewer.url) as page:
+        wait_for_table(page, "out of view")
+        before = table_of(page)[2][1]
+        slider = page.get_by_role("slider").first  # how high the robot's eyes are
+        slider.focus()
+        for _ in range(60):
+            slider.press("ArrowLeft")
+        page.wait_for_function(
+            "was => document.querySelectorAll('table.warpvis-table tbody tr')[2].children[1].innerText !== was",
+            arg=before,
+            timeout=20_000,
+        )
+        assert viewer.state.height("robot") < 0.6
+        page.get_by_role("button", name="Put everything back").click()
+        wait_for_table(page, before)
+
+
+def test_a_dragged_handle_changes_the_table(browser, viewer):
+    with opened(browser, viewer.url) as page:
+        wait_for_table(page, "100 %")
+        gizmo = viewer.page.gizmos.objects["ball"]
+        ball = np.array(gizmo.position)
+        (client,) = viewer.server.get_clients().values()
+        # The green arrow, which leads the ball behind the high obstacle.
+        start, end = (project(client.camera, ball + (0, way, 0), DESKTOP) for way in (0.9 * gizmo.scale, 1.5))
+        page.mouse.move(*start)
+        page.wait_for_timeout(1500)  # software WebGL takes its time to see what the mouse is over
+        page.mouse.down()
+        page.wait_for_timeout(500)
+        for share in np.linspace(0.1, 1, 6):
+            page.mouse.move(*(start + share * (end - start)))
+            page.wait_for_timeout(150)
+        page.mouse.up()
+        page.wait_for_timeout(1500)
+        assert viewer.state.object_pose("ball")[1] > ball[1] + 0.3
+        row = next(row for row in viewer.page.look.rows if row.name == "ball")
+        wait_for_table(page, row.cells[0])
+        assert row.fractions[0] < 0.9
+
+
+def project(camera, point, size):
+    """Where the page shows a point of the world [px]."""
+    width, height = size
+    inside = viser.transforms.SO3(np.asarray(camera.wxyz)).inverse() @ (np.asarray(point) - camera.position)
+    focal = height / 2 / np.tan(camera.fov / 2)
+    return np.array([width / 2, height / 2]) + focal * inside[:2] / inside[2]
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_the_exported_file_opens_from_disk(browser, tmp_path, dark):
+    path = tmp_path / "three.html"
+    with serve(dark=dark) as viewer:
+        viewer.save_html(path, title="Experiment 3")
+        points, rows = len(viewer.page.look.points), viewer.page.look.rows
+    for size, name in ((DESKTOP, "desktop"), (PHONE, "phone")):
+        with opened(browser, path.as_uri(), size) as page:
+            wait_for_points(page, points)
+            assert drawn_points(page) == points
+            assert [row[1:] for row in table_of(page)] == [list(row.cells) for row in rows] or name == "phone"
+            assert page.title() == "Experiment 3"
+            assert [url for url in page.requests if not url.startswith(("file:", "data:", "blob:"))] == []
+            picture = screenshot(page, f"viewer_export_{'dark_' if dark else ''}{name}")
+            assert (picture.mean() < 128) == dark and picture.std() > 20
+            assert page.problems == []
