@@ -19,9 +19,9 @@ from warpvis.core.threads import launch_images
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError, CameraError
 from warpvis.kernels.constants import STREAM_DISPARITY
-from warpvis.rendering import DepthSensor, Exposure
+from warpvis.rendering import Exposure
 from warpvis.scene import Scene
-from warpvis.sensors._echoes import Reflectivity, reflectivities
+from warpvis.sensors.depth._device import Device
 from warpvis.sensors.depth._fattening import fatten
 from warpvis.sensors.depth._normal_images import drawing_kernel
 
@@ -43,7 +43,7 @@ _MOST_SPACING, _MOST_WINDOW, _MOST_BESIDE = 64, 63, 8192
 
 
 @dataclass(frozen=True)
-class StereoDepth(DepthSensor):
+class StereoDepth(Device):
     """A depth camera that measures disparities between its imager and another eye: an imager or a projector.
 
     The other eye is the camera moved along its x axis. A pixel of depth z has the disparity d = f b / z [px]; what is
@@ -91,14 +91,11 @@ class StereoDepth(DepthSensor):
     """Reflectivity times the cosine of incidence up to which no pixel is found,"""
     full_signal: float = 0.0
     """and from which on every one is; between them probability rises in proportion. 0 is for sensors without."""
-    reflectivity: Reflectivity = 1.0
-    """Of all objects; by their names, 1 for others; or of each, in the scene's order: from 0 (black) to 1."""
     dropout: float = 0.0
     """Share of pixels that are lost by chance, from 0 to 1."""
-    native_camera: Camera | None = None
-    """The camera that the device has: what `camera` returns."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if check_number(self.baseline, "baseline", least=0.0) == 0.0:
             raise ArrayError("baseline must be above 0 m, the distance between a sensor's two eyes")
         if self.baseline >= _LONG_BASELINE:
@@ -129,16 +126,11 @@ class StereoDepth(DepthSensor):
         if full <= least and full + least > 0:
             raise ArrayError(f"full_signal must be above least_signal, got {full:g} and {least:g}")
         check_number(self.dropout, "dropout", least=0.0, most=1.0)
-        if self.native_camera is not None and not isinstance(self.native_camera, Camera):
-            raise CameraError(f"native_camera must be a warpvis.Camera, got {self.native_camera!r}")
 
     @property
     def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:
         """Which images of the first surface are read."""
-        if self.full_signal == 0.0:
-            return ()
-        plain = is_number(self.reflectivity) and self.reflectivity == 1.0
-        return ("normals",) if plain else ("normals", "segmentation")
+        return super().needs if self.full_signal > 0.0 else ()
 
     @property
     def bytes_per_pixel(self) -> int:
@@ -157,7 +149,6 @@ class StereoDepth(DepthSensor):
             WarpvisError: It is not.
         """
         pinhole = super().check(scene, camera)
-        reflectivities(scene, self.reflectivity)
         if self.shadow:
             self._other_camera(pinhole, 0.0)
         return pinhole
@@ -255,8 +246,7 @@ class StereoDepth(DepthSensor):
             given.normals = exposure.normals
         if exposure.segmentation is not None:
             given.segmentation = exposure.segmentation
-            shares = reflectivities(exposure.scene, self.reflectivity)
-            given.reflectivity = wp.array(shares, dtype=wp.float32, device=exposure.scene.device)
+            given.reflectivity = self.reflectivity_of_objects(exposure)
         if self._smooth:
             self._draw_nodes(exposure, given)
         return given

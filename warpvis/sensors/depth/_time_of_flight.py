@@ -9,20 +9,18 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
 
 from warpvis.core.arrays import empty
-from warpvis.core.camera import Camera
 from warpvis.core.checks import check_flag, check_number, is_number
 from warpvis.core.kernel_cache import launch
 from warpvis.core.threads import launch_images
-from warpvis.errors import ArrayError, CameraError
-from warpvis.rendering import DepthSensor, Exposure
-from warpvis.scene import Scene
-from warpvis.sensors._echoes import Reflectivity, reflectivities
+from warpvis.errors import ArrayError
+from warpvis.rendering import Exposure
+from warpvis.sensors.depth._device import Device
 
 if TYPE_CHECKING:
     from warpvis.kernels.time_of_flight import FlightModel, FlightViews
@@ -40,7 +38,7 @@ _PART_BYTES = 2**28
 
 
 @dataclass(frozen=True)
-class TimeOfFlight(DepthSensor):
+class TimeOfFlight(Device):
     """A depth camera that lights the scene with waves, and measures the phase in which they come back.
 
     What comes back of a surface is A = `signal` rho cos(theta) / r^2 electrons, with r its range [m], theta the angle
@@ -72,8 +70,6 @@ class TimeOfFlight(DepthSensor):
     """Electrons of other light: the sun's, and of the dark current."""
     contrast: float = 1.0
     """How much of the light is told apart by its phase, above 0 and up to 1."""
-    reflectivity: Reflectivity = 1.0
-    """Of all objects; by their names, 1 for others; or of each, in the scene's order: from 0 (black) to 1."""
     offset: float = 0.0
     """What is added to all ranges [m]."""
     wiggle: float = 0.0
@@ -91,10 +87,9 @@ class TimeOfFlight(DepthSensor):
     """Least signal that is measured, of that of a white surface at 1 m that is seen straight."""
     most_signal: float = math.inf
     """Greatest signal, of the same, above which a pixel is full."""
-    native_camera: Camera | None = None
-    """The camera that the device has: what `camera` returns."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if is_number(self.frequencies):
             given: tuple[Any, ...] = (self.frequencies,)
         elif isinstance(self.frequencies, Sequence | np.ndarray) and not isinstance(self.frequencies, str | bytes):
@@ -123,19 +118,11 @@ class TimeOfFlight(DepthSensor):
         _check_or_endless(self.most_signal, "most_signal")
         if least >= self.most_signal:
             raise ArrayError(f"most_signal must be above least_signal, got {self.most_signal:g} and {least:g}")
-        if self.native_camera is not None and not isinstance(self.native_camera, Camera):
-            raise CameraError(f"native_camera must be a warpvis.Camera, got {self.native_camera!r}")
 
     @property
     def unambiguous_range(self) -> float:
         """The range at which depth begins again at 0 [m]: c / 2 f, with f what all frequencies are multiples of."""
         return SPEED_OF_LIGHT / (2 * reduce(math.gcd, self._whole))
-
-    @property
-    def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:
-        """Which images of the first surface are read."""
-        plain = is_number(self.reflectivity) and self.reflectivity == 1.0
-        return ("normals",) if plain else ("normals", "segmentation")
 
     @property
     def bytes_per_pixel(self) -> int:
@@ -145,15 +132,6 @@ class TimeOfFlight(DepthSensor):
     @property
     def _whole(self) -> tuple[int, ...]:
         return tuple(int(number) for number in self.frequencies)  # type: ignore[union-attr]
-
-    def check(self, scene: Scene, camera: object) -> Camera:
-        """Return the camera, if the model is one of it in a scene.
-
-        Raises:
-            WarpvisError: It is not.
-        """
-        reflectivities(scene, self.reflectivity)
-        return super().check(scene, camera)
 
     def measure(self, exposure: Exposure) -> None:
         """Write the sensor's depth and reasons."""
@@ -195,8 +173,7 @@ class TimeOfFlight(DepthSensor):
         given.true_depth, given.normals, given.draws = exposure.true_depth, exposure.normals, exposure.draws
         if exposure.segmentation is not None:
             given.segmentation = exposure.segmentation
-            shares = reflectivities(exposure.scene, self.reflectivity)
-            given.reflectivity = wp.array(shares, dtype=wp.float32, device=exposure.scene.device)
+            given.reflectivity = self.reflectivity_of_objects(exposure)
         return given
 
     def _mix(
