@@ -177,6 +177,31 @@ def test_they_survive_as_fields_and_copies(model):
     assert wv.sensors.Corruptions(of=model) == wv.sensors.Corruptions(of=dataclasses.replace(model))
 
 
+def test_tables_take_little_room_in_datasets():
+    """A shard of a dataset has them, as its manifest has; and a damaged one is a sentence."""
+    fields = sensor_to_fields(RedwoodNoise(TABLE))
+    assert len(json.dumps(fields)) < 200_000
+    assert sensor_from_fields(fields).distortion.dtype == np.float32
+    packed = fields["distortion"]
+    for key, wrong in (
+        ("base64", packed["base64"][:1000]),
+        ("base64", "?" + packed["base64"]),
+        ("base64", "AAAA" + packed["base64"]),
+        ("base64", 3),
+        ("shape", [80, 80, 4]),
+        ("shape", [80, 80, 6]),
+        ("shape", [2**20, 2**20]),
+        ("shape", [-80, -80, 5]),
+        ("shape", "wide"),
+        ("dtype", "object"),
+        ("dtype", "<f9"),
+        ("dtype", 7),
+        ("dtype", "<i4"),
+    ):
+        with pytest.raises(wv.errors.CameraError, match="these are no fields of a RedwoodNoise"):
+            sensor_from_fields(fields | {"distortion": packed | {key: wrong}})
+
+
 def test_damaged_tables_are_a_sentence(tmp_path):
     whole = reference_redwood.write_table(tmp_path / "whole.txt", TABLE).read_text()
     np.save(tmp_path / "small.npy", TABLE[:40])

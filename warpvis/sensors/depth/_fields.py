@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import base64
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, is_dataclass
@@ -19,6 +20,9 @@ from warpvis.rendering import DepthSensor
 
 _INFINITE = "inf"
 """What JSON has in place of infinity, which is no number of its."""
+
+_PACKED = {"dtype", "shape", "base64"}
+"""Keys of tables and images, which would be millions of letters as lists."""
 
 
 def sensor_to_fields(sensor: DepthSensor) -> dict[str, Json]:
@@ -76,10 +80,36 @@ def _to_json(value: object, name: str) -> Json:
     if isinstance(value, Mapping):
         return {str(key): _to_json(part, name) for key, part in value.items()}
     if isinstance(value, np.ndarray):
-        return _to_json(value.tolist(), name)
+        return _pack(value) if value.ndim > 1 else _to_json(value.tolist(), name)
     if isinstance(value, Sequence) and not isinstance(value, bytes):
         return [_to_json(part, name) for part in value]
     raise ArrayError(f"{name} cannot be written into a dataset's manifest, which has numbers and text, got {value!r}")
+
+
+def _pack(image: np.ndarray) -> Json:
+    """Return a table or an image as its bytes, little-endian: compressed ones would be of a library's version."""
+    plain = np.ascontiguousarray(image, dtype=image.dtype.newbyteorder("<"))
+    packed = base64.b64encode(plain.tobytes()).decode("ascii")
+    return {"dtype": plain.dtype.str, "shape": [*image.shape], "base64": packed}
+
+
+def _unpack(values: Mapping[str, Json]) -> np.ndarray:
+    """Return it.
+
+    Raises:
+        ValueError: It is none.
+    """
+    dtype, shape = np.dtype(values["dtype"]), values["shape"]  # type: ignore[arg-type]
+    if (
+        dtype.kind not in "iuf"
+        or not isinstance(shape, list)
+        or not all(is_whole(side) and side >= 0 for side in shape)
+    ):
+        raise ValueError("a table is of numbers, and of whole numbers of rows and columns")
+    found = base64.b64decode(str(values["base64"]), validate=True)
+    if len(found) != math.prod(shape) * dtype.itemsize:
+        raise ValueError(f"a table of {dtype} and of shape {tuple(shape)} cannot be of {len(found)} bytes")
+    return np.frombuffer(found, dtype=dtype).reshape(shape)
 
 
 def _from_json(value: Json) -> Any:
@@ -90,6 +120,8 @@ def _from_json(value: Json) -> Any:
     if isinstance(value, dict):
         if "model" in value:
             return sensor_from_fields(value)
+        if value.keys() == _PACKED:
+            return _unpack(value)
         parts = {key: _from_json(part) for key, part in value.items()}
         return Camera(**parts) if {"width", "fx"} <= parts.keys() else parts
     return value
