@@ -22,9 +22,13 @@ from warpvis.rendering._views import ALL_OUTPUTS, SENSOR_OUTPUTS, check_outputs
 from warpvis.rendering.casters import OrthographicCaster, RaysCaster, RayTableCaster
 
 Output = Literal["depth", "points", "normals", "labels", "segmentation", "reasons", "true_depth"]
+"""Names of images that a renderer makes; `OUTPUTS` says what they hold."""
 Caster = Literal["auto", "packets", "rays"]
+"""How rays are cast: in packets, one by one, or by whichever of the two is faster."""
 Fill = Literal["inf", "far"] | float
+"""What depth is where nothing is seen: infinite, the camera's `far`, or a number."""
 NearPlane = Literal["occlude", "clip"]
+"""Whether what is nearer than `near` hides what is behind it, as in a real sensor, or is cut away."""
 
 _MOST_FLOAT = 3.4e38  # what single precision holds
 

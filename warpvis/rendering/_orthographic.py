@@ -99,5 +99,6 @@ class OrthographicCamera:
 
 
 AnyCamera: TypeAlias = Camera | OrthographicCamera
+"""A camera whose pixels are on a plane."""
 RenderCamera: TypeAlias = AnyCamera | RayCamera
 """What `Renderer` takes."""
