@@ -6,12 +6,13 @@ BIN := $(VENV)/bin
 # Python writes the bytecode of what it imports; pip would of everything.
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
 
-# Stamps: what the package itself needs is there; so is what the tests and the linters need.
+# Stamps: what the package itself needs is there; so is what the tests and the linters need, and the documentation.
 CORE := $(VENV)/core
 STAMP := $(VENV)/installed
+DOCS := $(VENV)/docs
 
 .DELETE_ON_ERROR:
-.PHONY: demo test test-slow test-browser test-lanes test-lowest mutate fuzz fuzz-files lint bench format clean
+.PHONY: demo docs test test-slow test-browser test-lanes test-lowest mutate fuzz fuzz-files lint bench format clean
 
 demo: $(CORE)
 	$(BIN)/warpvis demo --out demo
@@ -20,6 +21,10 @@ test: $(STAMP)
 	-@./scripts/ensure_egl.sh
 	-@./scripts/ensure_clang.sh $(BIN)/python
 	$(BIN)/python -m pytest
+
+# The documentation's site, in docs/_build/html: every warning is an error. Notebooks run, and nothing is read from a network.
+docs: $(DOCS)
+	$(BIN)/python -m sphinx -W --keep-going -q docs docs/_build/html
 
 # What takes long: the native code under sanitizers over random scenes, packets of more sizes on the emulated warp, Ray.
 test-slow: $(STAMP)
@@ -96,5 +101,9 @@ $(STAMP): $(CORE)
 	$(INSTALL) -e '.[test,lint]'
 	touch $@
 
+$(DOCS): $(STAMP)
+	$(INSTALL) -e '.[docs]'
+	touch $@
+
 clean:
-	rm -rf $(VENV) build dist demo *.egg-info
+	rm -rf $(VENV) build dist demo docs/_build docs/api *.egg-info

@@ -16,7 +16,7 @@ author = "The warpvis authors"
 project_copyright = "2026, The warpvis authors"
 release = warpvis.__version__
 
-# `reference`, `gallery` and `images` stand in `_site`, beside the style sheet.
+# `reference` stands in `_site`, beside the style sheet.
 extensions = [
     "myst_nb",
     "sphinx.ext.autodoc",
@@ -52,6 +52,7 @@ myst_links_external_new_tab = False
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300
+nb_execution_in_temp = True  # what they write does not come to lie beside them
 nb_ipywidgets_js = {}  # they would be loaded from elsewhere
 nb_merge_streams = True
 

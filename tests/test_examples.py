@@ -25,6 +25,11 @@ SAYS = {
     "depth_sensors.py": r"realsense_d415: VALID \d+\.\d%, .*, SHADOW .*, BAND (.|\n)*structure: .*RANGE .*median",
     "depth_noise.py": r"NguyenNoise +\d\.\d mm.*\nKhoshelhamNoise +\d\.\d mm(.|\n)*"
     r"SimKinect +\d(.|\n)*Corruptions.*lost",
+    "lens.py": r"pinhole: 51\.9% of the image shows the room(.|\n)*lens: 43\.2% of",
+    "lidar.py": r"131072 points, 425\d\d of beams between",
+    "motion.py": r"de-skewing 65536 points moves them by up to 2\.7\d m",
+    "sensor_fit.py": r"6 walls; f b (.|\n)*sigma of disparity +0\.0(79|80)\d* px\nstep of disparity +0\.031",
+    "time_of_flight.py": r"least coherence 0\.9: 4\.3% of the pixels say nothing(.|\n)*least coherence 0\.0: 4\.0%",
     "mujoco_depth.py": r"the bob shows on \d+ pixels, 2\.\d+ m away.*\nof 512 views the bob shows in 512",
     "mujoco_rollout.py": r"160 depth images of 8 rollouts\nwhere the bob is in the first rollout, in columns: \[\d+, ",
     "mujoco_warp_depth.py": r"the ball is seen in 64 of 64 worlds\nits top is in row 35 of the first, 0 of the last",

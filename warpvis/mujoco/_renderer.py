@@ -248,7 +248,7 @@ class Renderer:
 
         Returns:
             Depth: planar, in metres, shape ``(height, width)`` float32, with MuJoCo's far value where nothing is, or
-                what `fill` says; of `sensor`, what that says.
+            what `fill` says; of `sensor`, what that says.
             Colours, of `fallback` only: shape ``(height, width, 3)`` uint8.
             Segmentation: pairs of an id and its `mujoco.mjtObj` (mjOBJ_GEOM, mjOBJ_SITE, mjOBJ_SKIN, ...), as
             `mujoco.Renderer` has them; -1 and mjOBJ_UNKNOWN for objects that were added to `scene`, -1 and -1 for
