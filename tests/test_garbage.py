@@ -193,6 +193,7 @@ OURS = {
     "Agent.angles_to",
     # Gymnasium's own arguments.
     "DepthObservation.reset",
+    "PoseObservation.reset",
     "VectorDepthObservation.reset",
     "VectorDepthObservation.step",
 }

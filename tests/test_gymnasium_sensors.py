@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 import warpvis as wv
-from warpvis.sensors import Reason, StereoDepth
+from warpvis.sensors import Reason, StereoDepth, TimeOfFlight, randomized
 
 gym = pytest.importorskip("gymnasium")
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium_environments import Cup, make_cup  # noqa: E402
 
 from warpvis.mujoco.gymnasium import DepthObservation, VectorDepthObservation  # noqa: E402
+from warpvis.mujoco.gymnasium._draws import as_halves, from_halves  # noqa: E402
 
 NOISY = StereoDepth(0.06, sigma=0.1, dropout=0.05, shadow=False)
 LOOK = {"camera": "front", "width": 40, "height": 32, "sensor": NOISY}
@@ -64,8 +65,8 @@ def test_noise_follows_from_the_seed_and_the_step():
         for before in images[:index]:
             assert (image[WALL] != before[WALL]).mean() > 0.5
     with np.errstate(divide="ignore"):
-        errors = [1 / image[WALL].ravel() for image in images]
-    alike = np.corrcoef(errors) - np.eye(len(images))
+        errors = [1 / image[WALL].ravel() for image in images[:-1]]  # which are the same in each run
+    alike = np.corrcoef(errors) - np.eye(len(errors))
     assert np.abs(alike).max() < 0.5
 
 
@@ -102,6 +103,35 @@ def test_seeds_of_a_vector_follow_each_other():
     np.testing.assert_array_equal(envs.reset(seed=[7, 8, 9])[0]["depth"], first)
     shifted = envs.reset(seed=8)[0]["depth"]
     np.testing.assert_array_equal(shifted[:2], first[1:])
+
+
+def test_episodes_have_sensors_of_their_own():
+    """Whose offset is a part of what they are: the same in all steps of an episode, and in the same one of a seed."""
+    sensor = randomized(TimeOfFlight(1e7, mixing=False), offset=(-0.05, 0.05))
+    env = DepthObservation(Cup(), **(LOOK | {"sensor": sensor, "outputs": ("depth", "true_depth")}))
+
+    def offset(observation):
+        seen = observation["depth"] < 4.0
+        return np.median((observation["depth"] - observation["true_depth"])[seen])
+
+    runs = []
+    for seed in (3, 3, 4):
+        runs.append([])
+        for reset in ({"seed": seed}, {}, {}):
+            first, second = offset(env.reset(**reset)[0]), offset(env.step(STILL)[0])
+            assert abs(first) < 0.06 and abs(first - second) < 1e-3
+            runs[-1].append(first)
+    np.testing.assert_allclose(runs[0], runs[1], atol=1e-3)
+    differences = np.abs(np.subtract.outer([*runs[0], *runs[2]], [*runs[0], *runs[2]]))
+    assert (differences[~np.eye(6, dtype=bool)] > 1e-4).all()
+
+
+def test_words_pass_through_single_precision():
+    words = np.random.default_rng(0).integers(0, 2**32, (500, 3), dtype=np.uint32)
+    words[:2] = [0, 1, 2**32 - 1], [2**16, 2**16 - 1, 2**31]
+    rows = np.array([as_halves(row) for row in words])
+    assert rows.dtype == np.float32
+    np.testing.assert_array_equal(from_halves(rows), words)
 
 
 def test_environments_that_are_not_reset_go_on():

@@ -1,60 +1,70 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a sensor's random numbers follow from in observations: the seed of the last reset, and observations since."""
+"""What a sensor's random numbers follow from in an environment: seed, episode, and observations since its beginning."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+WORDS = 3
+"""How many words of 32 bits tell them: two of the episode, and the frame."""
+
+_LOW = 2**16
+
 
 class Draws:
-    """Numbers of views and frames of environments: an environment has the same ones alone and among others.
+    """The numbers of one environment: it has the same ones alone and among others.
 
-    Without a seed they are others every time, as those of Gymnasium's environments are.
+    An episode has those of the last seed and of how many resets there were since, so that each has noise and, of a
+    sensor with parameters of its own, a sensor of its own. Without a seed they are others every time, as those of
+    Gymnasium's environments are.
     """
 
-    def __init__(self, environments: int, cameras: int) -> None:
+    def __init__(self) -> None:
         """Begin without a seed."""
-        self._views = np.array([_words(None, cameras) for _ in range(environments)])
-        self._frames = np.full(environments, -1, dtype=np.int64)  # of the last observation
+        self._entropy = np.random.SeedSequence().entropy
+        self._episode, self._frame = 0, -1
+        self._words = self._draw()
 
-    def reset(self, seeds: Sequence[int | None]) -> None:
-        """Begin anew in each environment that has a seed; the others go on."""
-        for environment, seed in enumerate(seeds):
-            if seed is not None:
-                self._views[environment] = _words(seed, self._views.shape[1])
-                self._frames[environment] = -1
+    def reset(self, seed: int | None) -> None:
+        """Begin the next episode, or the first one of a seed."""
+        self._episode += 1
+        if seed is not None:
+            self._entropy, self._episode = seed, 0
+        self._frame = -1
+        self._words = self._draw()
 
-    def advance(self, environments: Sequence[int] | NDArray[np.bool_] | slice = slice(None)) -> None:
-        """Go on to the next observation, in some environments or all."""
-        self._frames[environments] += 1
+    def _draw(self) -> list[int]:
+        sequence = np.random.SeedSequence(self._entropy, spawn_key=(self._episode,))
+        return [int(word) for word in sequence.generate_state(WORDS - 1)]
 
-    def now(self) -> NDArray[np.int64]:
-        """Return the numbers of the last observation, of each camera in each environment, ``(C, E, 2)``."""
-        frames = np.broadcast_to(self._frames, self._views.T.shape)
-        return np.stack([self._views.T, frames], axis=-1)
-
-
-def _words(seed: int | None, cameras: int) -> NDArray[np.int64]:
-    """Draw a word of 32 bits for each camera."""
-    return np.random.SeedSequence(seed).generate_state(cameras).astype(np.int64)
+    def next(self) -> NDArray[np.uint32]:
+        """Go on to the next observation, and return its words, ``(3,)``."""
+        self._frame = (self._frame + 1) % 2**32
+        return np.array([*self._words, self._frame], dtype=np.uint32)
 
 
-def seeds_of_reset(
-    seed: int | Sequence[int | None] | None, environments: int, chosen: NDArray[np.bool_] | None
-) -> list[int | None]:
-    """List the seed that each environment of a vector is reset with: of one seed, this and those that follow it.
+def as_halves(words: NDArray[np.uint32]) -> NDArray[np.float32]:
+    """Return words as numbers that single precision holds, twice as many."""
+    return np.concatenate(np.divmod(words, _LOW)).astype(np.float32)
 
-    Args:
-        seed: What `gymnasium.vector.VectorEnv.reset` was given.
-        environments: How many there are.
-        chosen: Which of them are reset; all if it is None.
-    """
-    if seed is None or isinstance(seed, int):
-        seeds = [None if seed is None else seed + environment for environment in range(environments)]
-    else:
-        seeds = list(seed)
-    return seeds if chosen is None else [word if mine else None for word, mine in zip(seeds, chosen, strict=True)]
+
+def from_halves(halves: NDArray[np.float32]) -> NDArray[np.uint32]:
+    """Return the words of rows that `as_halves` made, ``(W, 3)``."""
+    high, low = np.split(halves.astype(np.uint32), 2, axis=1)
+    return high * np.uint32(_LOW) + low
+
+
+def view_draws(words: NDArray[np.uint32], cameras: int) -> NDArray[np.uint32]:
+    """Return the number and frame of every camera in W environments, of their words ``(W, 3)``, as ``(C, W, 2)``."""
+    numbers = np.array([_numbers(first, second, cameras) for first, second, _ in words.tolist()], dtype=np.uint32)
+    return np.stack([numbers.T, np.broadcast_to(words[:, 2], numbers.T.shape)], axis=-1)
+
+
+@lru_cache(maxsize=2**16)
+def _numbers(first: int, second: int, cameras: int) -> tuple[int, ...]:
+    """Draw a number for each camera of an episode."""
+    return tuple(int(word) for word in np.random.SeedSequence([first, second]).generate_state(cameras))

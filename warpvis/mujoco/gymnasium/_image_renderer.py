@@ -33,7 +33,7 @@ class ImageRenderer(Renderer):
 
     _casters: dict[AnyCamera, _Casters]
 
-    def images(self, outputs: Outputs, draws: NDArray[np.int64]) -> dict[str, np.ndarray]:
+    def images(self, outputs: Outputs, draws: NDArray[np.uint32]) -> dict[str, np.ndarray]:
         """Render what `update_scene` took over.
 
         Args:

@@ -16,7 +16,7 @@ from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike
 from warpvis.mujoco._batch_cameras import CameraChoice
 from warpvis.mujoco._options import shown_by
-from warpvis.mujoco.gymnasium._draws import Draws
+from warpvis.mujoco.gymnasium._draws import Draws, view_draws
 from warpvis.mujoco.gymnasium._environments import add_entries, find_simulation, with_entries
 from warpvis.mujoco.gymnasium._image_renderer import ImageRenderer
 from warpvis.mujoco.gymnasium._outputs import Outputs, Segmentation
@@ -74,8 +74,9 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
                 ``{"object*": 1}``, of which the last that fits counts.
             fill: Depth of empty pixels: ``"far"`` for the camera's far plane, a number [m], or ``"inf"``.
             sensor: A model of a depth camera, such as `warpvis.sensors.realsense_d435()`: depth is what it would say.
-                Noise follows from the seed of `reset` and the number of observations since, or without a seed from
-                chance. Pixels that were lost are filled as empty ones are, for which `fill` must not be ``"inf"``.
+                Noise follows from the last seed that `reset` was given, or without one from chance, and from the number
+                of resets since and of observations since the last. Pixels that were lost are filled as empty ones are,
+                for which `fill` must not be ``"inf"``.
             scene_option: A `mujoco.MjvOption`: what shows, as for `warpvis.mujoco.Renderer`. Without it no sites do:
                 they are marks, which no sensor sees. It cannot be pickled, so workers make their own.
             device: Where to render. A worker that was forked cannot use a GPU that its parent has used: spawn workers,
@@ -119,13 +120,13 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
         super().__init__(env)
         self._option, self._device, self._threads = scene_option, device, threads
         self._renderer: ImageRenderer | None = None
-        self._draws = Draws(1, len(self._outputs.cameras))
+        self._draws = Draws()
         self.observation_space = with_entries(env.observation_space, self._outputs.spaces())
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict[str, Any], Any]:
         """Reset the environment, and render it."""
         observation, info = self.env.reset(seed=seed, options=options)
-        self._draws.reset([seed])
+        self._draws.reset(seed)
         return self.observation(observation), info
 
     def observation(self, observation: Any) -> dict[str, Any]:
@@ -135,9 +136,9 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
             # Made when first needed: a vector environment makes one of its environments for its spaces alone.
             height, width = self._outputs.shape
             self._renderer = ImageRenderer(model, height, width, device=self._device, threads=self._threads)
-        self._draws.advance()
+        numbers = view_draws(self._draws.next()[None], len(self._outputs.cameras))
         made, option = [], self._option or _without_sites()
-        for camera, draws in zip(self._outputs.cameras, self._draws.now()[:, 0], strict=True):
+        for camera, draws in zip(self._outputs.cameras, numbers[:, 0], strict=True):
             self._renderer.update_scene(data, camera, option)
             made.append(self._renderer.images(self._outputs, draws))
         images = {name: np.stack([part[name] for part in made]) for name in made[0]}

@@ -17,6 +17,7 @@ from warpvis.errors import SceneError
 from warpvis.mujoco._geoms import shown_geoms
 from warpvis.mujoco._poses import WorldPoses
 from warpvis.mujoco._watch import Watched
+from warpvis.mujoco.gymnasium._draws import WORDS, Draws, as_halves
 from warpvis.mujoco.gymnasium._environments import add_entries, find_simulation, with_entries
 
 POSES = "poses"
@@ -49,6 +50,7 @@ class PoseLayout:
         for name, shape in shapes.items():
             self.of_data[name] = self._take(shape[0] * shape[1]), shape
         self.shown, self.fovy = self._take(model.ngeom), self._take(model.ncam)
+        self.draws = self._take(2 * WORDS)
 
     def _take(self, count: int) -> slice:
         self.size += count
@@ -62,7 +64,7 @@ class PoseLayout:
 
 
 class PoseObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
-    """Adds what `VectorDepthObservation` renders: where everything is, what shows, and fields of view.
+    """Adds what `VectorDepthObservation` renders: where everything is, what shows, fields of view, and random numbers.
 
     An entry ``"poses"`` of the observation, a few kilobytes: it comes with every observation, those before a reset and
     after, by whichever way the vector environment has for them, which no second call to the workers would be for.
@@ -80,6 +82,7 @@ class PoseObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
         self.pose_index = -1
         self._layout = PoseLayout(model)
         self._seen: _Seen | None = None
+        self._draws = Draws()
         box = spaces.Box(-np.inf, np.inf, (self._layout.size,), np.float32)
         self.observation_space = with_entries(env.observation_space, {POSES: box})
 
@@ -87,6 +90,12 @@ class PoseObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
         """Return a digest of the model's shapes, and of the first environment the model."""
         model, _ = find_simulation(self.env)
         return shape_digest(model), model if self.pose_index == 0 else None
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict[str, Any], Any]:
+        """Reset the environment, and begin an episode of random numbers."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        self._draws.reset(seed)
+        return self.observation(observation), info
 
     def observation(self, observation: Any) -> dict[str, Any]:
         """Add the poses as they are now."""
@@ -98,6 +107,7 @@ class PoseObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
             row[part] = getattr(data, name).reshape(-1)
         row[self._layout.shown] = self._seen.shown()
         row[self._layout.fovy] = model.cam_fovy
+        row[self._layout.draws] = as_halves(self._draws.next())
         return add_entries(observation, {POSES: row})
 
     def __getstate__(self) -> dict[str, Any]:

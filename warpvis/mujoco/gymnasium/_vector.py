@@ -21,14 +21,14 @@ from warpvis.mujoco._batch_cameras import NOBODY, BatchCamera, CameraChoice, cho
 from warpvis.mujoco._geoms import shown_geoms
 from warpvis.mujoco._poses import WorldPoses, camera_poses, geom_poses
 from warpvis.mujoco._scene import Movable
-from warpvis.mujoco.gymnasium._draws import Draws, seeds_of_reset
+from warpvis.mujoco.gymnasium._draws import from_halves, view_draws
 from warpvis.mujoco.gymnasium._environments import with_entries
 from warpvis.mujoco.gymnasium._fractions import VisibleFractions
 from warpvis.mujoco.gymnasium._outputs import FRACTION, SEGMENTATION, Outputs, Segmentation
 from warpvis.mujoco.gymnasium._poses import POSES, PoseLayout
 from warpvis.rendering import AnyCamera, DepthSensor, Fill
 
-_FINAL, _CHOSEN = "final_obs", "reset_mask"
+_FINAL = "final_obs"
 _MOST_CAMERAS = 64
 
 
@@ -119,7 +119,6 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
             device=device,
             threads=threads,
         )
-        self._draws = Draws(env.num_envs, len(self._outputs.cameras))
         self._chosen = choose_cameras(model, self._outputs.cameras, width, height)
         self._threads = threads
         self._fractions: dict[AnyCamera, VisibleFractions] = {}
@@ -133,16 +132,12 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         self, *, seed: Any = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Reset the environments, and render them."""
-        chosen = None if options is None else options.get(_CHOSEN)  # which is taken out by who obeys it
         observations, infos = self.env.reset(seed=seed, options=options)
-        self._draws.reset(seeds_of_reset(seed, self.num_envs, chosen))
-        self._draws.advance(slice(None) if chosen is None else chosen)
         return self._with_images(observations, infos)
 
     def step(self, actions: Any) -> tuple[dict[str, Any], Any, Any, Any, dict[str, Any]]:
         """Step the environments, and render them."""
         observations, rewards, terminations, truncations, infos = self.env.step(actions)
-        self._draws.advance()
         observations, infos = self._with_images(observations, infos)
         return observations, rewards, terminations, truncations, infos
 
@@ -150,10 +145,7 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         """Replace the poses of observations, and of those before a reset, by images of all of them."""
         final: Sequence[Any] = infos.get(_FINAL, ())
         ended = [index for index, one in enumerate(final) if one is not None]
-        rows = np.concatenate([observations[POSES], *(final[index][POSES][None] for index in ended)])
-        before = self._draws.now()[:, ended]  # what an episode ends with is observed before what the next begins with
-        self._draws.advance(ended)
-        entries = self._render(rows, np.concatenate([self._draws.now(), before], axis=1))
+        entries = self._render(np.concatenate([observations[POSES], *(final[index][POSES][None] for index in ended)]))
         images = {name: part[: self.num_envs] for name, part in entries.items()}
         if not ended:
             return _replace_poses(observations, images), infos
@@ -162,13 +154,15 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
             last[index] = _replace_poses(final[index], {name: part[place].copy() for name, part in entries.items()})
         return _replace_poses(observations, images), infos | {_FINAL: last}
 
-    def _render(self, rows: NDArray[np.float32], draws: NDArray[np.int64]) -> dict[str, np.ndarray]:
-        """Make the entries of W rows of poses, each with a leading axis for them; `draws` are ``(C, W, 2)``."""
+    def _render(self, rows: NDArray[np.float32]) -> dict[str, np.ndarray]:
+        """Make the entries of W rows of poses, each with a leading axis for them."""
         outputs, count = self._outputs, len(rows)
         poses, changes = self._layout.read(rows), self._changes(rows)
-        view_index, frame = (None, None) if outputs.sensor is None else draws.reshape(-1, 2).T
         options: dict[str, Any] = {"cameras": outputs.cameras, "model": changes or None}
-        views = self._batch.render(poses, view_index=view_index, frame=frame, **options)
+        if outputs.sensor is not None:
+            draws = view_draws(from_halves(rows[:, self._layout.draws]), len(self._chosen))
+            options["view_index"], options["frame"] = draws.reshape(-1, 2).T
+        views = self._batch.render(poses, **options)
         shape = (len(self._chosen), count, *outputs.shape)
         images: dict[str, np.ndarray] = {name: getattr(views, name).numpy() for name in outputs.images}
         if SEGMENTATION in images:
