@@ -206,6 +206,27 @@ def lenses(root: Path) -> Iterator[Item]:
     yield "cameras with lenses", {place.name: text}, (), reader(place.name)
 
 
+def sensors(root: Path) -> Iterator[Item]:
+    """What models of depth cameras are made of: tables of distortion, and the fields of a manifest."""
+    from reference_redwood import make_table, write_table
+
+    def read_fields(folder: Path) -> None:
+        try:
+            fields = json.loads((folder / "a.json").read_bytes())
+        except (ValueError, RecursionError):
+            return  # whoever reads the manifest says so
+        if isinstance(fields, dict):
+            wv.sensors.sensor_from_fields(fields)
+
+    table = make_table()
+    text = write_table(root / "dist-model.txt", table).read_text()
+    for name, data in (("a.txt", text), ("a.npy", _npy(table)), ("a.npy", _npy(table.astype(np.float64)))):
+        yield "sensors, Redwood", {name: data}, (), lambda folder, name=name: wv.sensors.RedwoodNoise(folder / name)
+    dots = np.eye(12, dtype=np.uint8)
+    for sensor in (wv.sensors.SimKinect(pattern=dots), wv.sensors.Corruptions(of=wv.sensors.realsense_d435())):
+        yield "sensors, JSON", {"a.json": json.dumps(wv.sensors.sensor_to_fields(sensor))}, (), read_fields
+
+
 def scanners(root: Path) -> Iterator[Item]:
     """What lidars are made of: metadata, calibrations, samples."""
     from test_lidars import old_ouster_metadata, ouster_metadata
@@ -314,4 +335,4 @@ def _repairer(kind: str, options: dict[str, str], more: dict[str, object]) -> Ca
     return read
 
 
-MAKERS = (poses, bags, cameras, lenses, scanners, points, depth_images, datasets)
+MAKERS = (poses, bags, cameras, lenses, scanners, sensors, points, depth_images, datasets)
