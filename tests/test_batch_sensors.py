@@ -239,9 +239,20 @@ def test_the_command_line(tmp_path):
     direct = wv.Scene.load(tmp_path / "box.stl")
     views = wv.render(direct, batched.camera, make_poses(4)[2], sensor=batched.sensor, seed=7, frame=2)
     np.testing.assert_array_equal(batched["depth"][2], views.depth.numpy()[0])
+    varied = ["--sensor-vary", "sigma=0.05:0.2", "noise_spacing=1:4"]
+    done = run_inside("batch", *words, *seen, "--out", "varied", *varied, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    varied = wv.open_dataset(tmp_path / "varied")
+    own = varied.sensor.drawn(seed=7, frame=2)
+    assert varied.sensor.ranges == {"sigma": (0.05, 0.2), "noise_spacing": (1, 4)} and own != batched.sensor
+    views = wv.render(direct, varied.camera, make_poses(4)[2], sensor=own, seed=7, frame=2)
+    np.testing.assert_array_equal(varied["depth"][2], views.depth.numpy()[0])
     for wrong, said in (
         (["--sensor", "d345"], "there is no sensor 'd345'; did you mean d4"),
         (["--sensor-seed", "3"], "without --sensor there is no --sensor-seed"),
+        (["--sensor-vary", "sigma=0:1"], "without --sensor there is no --sensor-vary"),
+        (["--sensor", "d435", "--sensor-vary", "sigma=0.1"], "NAME=LEAST:GREATEST once, as in sigma=0.05:0.15, got"),
+        (["--sensor", "d435", "--sensor-vary", "colour=0:1"], "StereoDepth has no parameter 'colour'"),
         (["--sensor", "d435", "--lidar", "vlp16"], "with --lidar no camera is rendered: give no --sensor"),
     ):
         done = run_inside("render", "box.stl", "--poses", "poses.npy", *wrong, "--out", "no", cwd=tmp_path)

@@ -238,7 +238,9 @@ def written_signature(
     if parameters and parameters[0].name == "self":
         parameters = parameters[1:]
     result = signature.return_annotation if what != "class" else inspect.Signature.empty
-    text = stringify_signature(signature.replace(parameters=parameters, return_annotation=result), unqualified_typehints=True)
+    text = stringify_signature(
+        signature.replace(parameters=parameters, return_annotation=result), unqualified_typehints=True
+    )
     args, _, result = text.rpartition(" -> ") if " -> " in text else (text, "", "")
     return args, result
 

@@ -14,7 +14,7 @@ import tyro
 
 from warpvis.cli._inputs import FrameOptions, MaybePoses, Names, SceneFile, given_options, refuse_options, split_names
 from warpvis.core.checks import counted
-from warpvis.errors import FileFormatError, PoseError
+from warpvis.errors import ArrayError, FileFormatError, PoseError
 
 if TYPE_CHECKING:
     from warpvis.batch import BatchSummary, Format
@@ -57,6 +57,8 @@ class ImageOptions(FrameOptions):
     device's camera, where neither --camera nor the pose file says one."""
     sensor_seed: int = 0
     """What the sensor's random numbers follow from, with each frame's number."""
+    sensor_vary: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=LEAST:GREATEST ...")] = ()
+    """Parameters of which each frame's sensor has others, between limits: sigma=0.05:0.15 dropout=0:0.05."""
     option: Annotated[tuple[str, ...], tyro.conf.arg(metavar="KEY=VALUE ...")] = ()
     """The format's own options."""
     threads: int | None = None
@@ -75,14 +77,15 @@ class ImageOptions(FrameOptions):
         """Make the sensor that is asked for.
 
         Raises:
-            WarpvisError: There is none of that name, or a seed is given for none.
+            WarpvisError: There is none of that name or with such parameters, or options are given for none.
         """
         if self.sensor is None:
-            refuse_options(self, ("sensor_seed",), "without --sensor there is")
+            refuse_options(self, ("sensor_seed", "sensor_vary"), "without --sensor there is")
             return None
-        from warpvis.sensors import sensor_by_name
+        from warpvis.sensors import Randomized, sensor_by_name
 
-        return sensor_by_name(self.sensor)
+        sensor = sensor_by_name(self.sensor)
+        return Randomized(sensor, _parse_ranges(self.sensor_vary), per="image") if self.sensor_vary else sensor
 
     def device_camera(self) -> Camera | None:
         """Return the sensor's own camera."""
@@ -247,7 +250,7 @@ _FRAMES = (
     "movable",
     "worlds",
 )
-_IMAGES = ("outputs", "option", "sensor", "sensor_seed")
+_IMAGES = ("outputs", "option", "sensor", "sensor_seed", "sensor_vary")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -370,6 +373,21 @@ class Warmup:
         for device in parse_devices(self.device):
             print(f"{device}: {warmup(device):.1f} s", flush=True)
         print(f"cache: {wp.config.kernel_cache_dir}")
+
+
+def _parse_ranges(words: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Read limits of a sensor's parameters; whole numbers stay whole."""
+    ranges: dict[str, tuple[float, float]] = {}
+    for word in words:
+        name, _, limits = word.partition("=")
+        try:
+            numbers = [int(part) if part.strip("+-").isdecimal() else float(part) for part in limits.split(":")]
+        except ValueError:
+            numbers = []
+        if not name or len(numbers) != 2 or name in ranges:
+            raise ArrayError(f"--sensor-vary takes each NAME=LEAST:GREATEST once, as in sigma=0.05:0.15, got {word!r}")
+        ranges[name] = numbers[0], numbers[1]
+    return ranges
 
 
 def _parse_options(words: Sequence[str]) -> dict[str, str]:

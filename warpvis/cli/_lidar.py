@@ -38,6 +38,7 @@ _CAMERAS = (
     "option",
     "sensor",
     "sensor_seed",
+    "sensor_vary",
     "device_name",
     "version_exact",
 )
