@@ -86,7 +86,9 @@ def test_what_is_wrong_is_found_and_named(tmp_path):
 def test_changed_files_are_read_or_refused():
     said, status = run("--count", "430")
     assert status == 0, said
-    assert re.search(r"^430 files of (4[1-9]|50) formats: \d\d+ read, \d\d+ refused, 0 wrong;", said, re.MULTILINE), said
+    assert re.search(r"^430 files of (4[1-9]|50) formats: \d\d+ read, \d\d+ refused, 0 wrong;", said, re.MULTILINE), (
+        said
+    )
 
 
 @pytest.mark.parametrize("name", ["a.txt", "a.json", "a.stl"])

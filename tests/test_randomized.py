@@ -112,18 +112,18 @@ def np_crc(name):
 
 def test_parameters_are_spread_evenly():
     sensor = randomized(STEREO, sigma=(0.1, 0.3), noise_spacing=(2, 5), dropout=(0.0, 1.0))
-    drawn = [sensor.drawn(view_index=view) for view in range(2000)]
+    drawn = [sensor.drawn(view_index=view) for view in range(800)]
     sigma, spacing, dropout = (np.array([getattr(one, name) for one in drawn]) for name in sensor.ranges)
     assert stats.kstest((sigma - 0.1) / 0.2, "uniform").pvalue > 1e-3
     counts = np.bincount(spacing)
     assert counts[:2].sum() == 0 and len(counts) == 6 and stats.chisquare(counts[2:]).pvalue > 1e-3
-    assert abs(np.corrcoef(sigma, dropout)[0, 1]) < 0.08
+    assert abs(np.corrcoef(sigma, dropout)[0, 1]) < 0.12
 
 
 def test_kinds_are_the_first_sensors():
     each, three = (randomized(STEREO, sigma=(0.1, 0.3), kinds=kinds) for kinds in (None, 3))
     known = [each.drawn(view_index=view).sigma for view in range(3)]
-    found = [three.drawn(view_index=view).sigma for view in range(300)]
+    found = [three.drawn(view_index=view).sigma for view in range(150)]
     assert {*found} == {*known}
     assert stats.chisquare([found.count(sigma) for sigma in known]).pvalue > 1e-3
 

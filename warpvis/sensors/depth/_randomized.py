@@ -26,6 +26,7 @@ from warpvis.scene import Scene
 Per = Literal["view", "image"]
 
 _MOST_RANGES = 8  # of which all corners are tried
+_SAID = 9  # bytes of a pixel's true depth, depth and reason
 
 
 @dataclass(frozen=True)
@@ -116,8 +117,10 @@ class Randomized(DepthSensor):
 
     @property
     def bytes_per_pixel(self) -> int:
-        """How much room a pixel takes, at most."""
-        return max(corner.bytes_per_pixel for corner in self._corners)
+        """How much room a pixel takes, at most: views of one sensor that are apart are copied, and what it says."""
+        read = {"normals": 12, "segmentation": 4}
+        copied = _SAID + sum(read[name] for name in self.needs)
+        return copied + max(corner.bytes_per_pixel for corner in self._corners)
 
     def check(self, scene: Scene, camera: object) -> Camera:
         """Return the camera, if all sensors are models of it in a scene.
