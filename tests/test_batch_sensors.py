@@ -128,7 +128,9 @@ def test_sensors_survive_as_fields(name):
     sensor = sensor_by_name(name)
     for model in (sensor, wv.sensors.Corruptions(dropout=0.1, rectangles=(1, 2), of=sensor)):
         assert sensor_from_fields(json.loads(json.dumps(sensor_to_fields(model), allow_nan=False))) == model
-    assert sensor_from_fields({"model": "theirs.Sensor", "sigma": 1.0}) is None
+    theirs = {"model": "theirs.Sensor", "sigma": 1.0}
+    assert sensor_from_fields(theirs) is None
+    assert sensor_from_fields({"model": "Corruptions", "dropout": 0.1, "of": theirs}) is None  # and no exact depth
 
 
 def test_zarr_and_png_hold_reasons(tmp_path, whole):

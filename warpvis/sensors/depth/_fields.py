@@ -40,7 +40,7 @@ def sensor_to_fields(sensor: DepthSensor) -> dict[str, Json]:
 
 
 def sensor_from_fields(values: Mapping[str, Json]) -> DepthSensor | None:
-    """Make the sensor that `sensor_to_fields` listed; None of a model that is not of warpvis.
+    """Make the sensor that `sensor_to_fields` listed; None of a model that is not of warpvis, or has such a one in it.
 
     Raises:
         CameraError: They are no sensor's.
@@ -52,7 +52,9 @@ def sensor_from_fields(values: Mapping[str, Json]) -> DepthSensor | None:
     if kind is None:
         return None
     try:
-        return kind(**{key: _from_json(value) for key, value in values.items() if key != "model"})
+        given = {key: _from_json(value) for key, value in values.items() if key != "model"}
+        inner = [key for key, value in values.items() if isinstance(value, Mapping) and "model" in value]
+        return None if any(given[key] is None for key in inner) else kind(**given)
     except (TypeError, ValueError, ArithmeticError, RecursionError) as error:
         raise CameraError(f"these are no fields of a {model}: {said_by(error)}") from None
 
