@@ -23,6 +23,8 @@ struct Numbers {
     static inline Floats root(Floats a) { return __builtin_elementwise_sqrt(a); }
     static inline Floats abs(Floats a) { return Lanes::abs(a); }
 
+    static inline bool all(Ints which) { return Lanes::bits(which) == (1u << LANES) - 1u; }
+
     static inline float endless() { return __builtin_inff(); }
     static inline float no_number() { return __builtin_nanf(""); }
 
@@ -32,6 +34,13 @@ struct Numbers {
         Floats value = Lanes::all(0.0f);
         __builtin_memcpy(&value, from, count * sizeof(float));
         return value;
+    }
+    // The first number for so many pixels, then the second, and so on.
+    static inline bool repeats(int times) { return times == 2 || times == 4 || times == 8; }
+    static inline Floats repeated(Floats a, int times) {
+        if (times == 2) return __builtin_shufflevector(a, a, 0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5, 6, 6, 7, 7);
+        if (times == 4) return __builtin_shufflevector(a, a, 0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
+        return __builtin_shufflevector(a, a, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1);
     }
     // Of x y z x y z ..., each of the three.
     static inline void load_triples(const float* from, Floats* triple, int count) {

@@ -49,11 +49,16 @@ struct Numbers {
     }
     static inline float abs(float a) { return of_bits(bits_of(a) & 0x7fffffffu); }
 
+    static inline bool all(int which) { return which != 0; }
+
     static inline float endless() { return of_bits(0x7f800000u); }
     static inline float no_number() { return of_bits(0x7fc00000u); }
 
     // The numbers of pixels from a place on, of which `count` are in the row.
     static inline float load(const float* from, int) { return *from; }
+    // The first number for so many pixels, then the second, and so on: of one pixel there is but one.
+    static inline bool repeats(int) { return false; }
+    static inline float repeated(float a, int) { return a; }
     // Of x y z x y z ..., each of the three.
     static inline void load_triples(const float* from, float* triple, int) {
         for (int k = 0; k < 3; ++k) triple[k] = from[k];

@@ -42,7 +42,8 @@ struct Stereo {
         return sum * (t * (1.0f - 4.0f * square));
     }
     inline Real measured(Real disparity, Real noise) const {
-        const Real found = disparity + locking * wave(disparity) + sigma * noise;
+        const Real locked = locking == 0.0f ? disparity : disparity + locking * wave(disparity);
+        const Real found = locked + sigma * noise;
         return levels > 0.0f ? Numbers::floor(found * levels + 0.5f) / levels : found;
     }
     // Where the disparity is as it was, so is the depth, to the last bit.

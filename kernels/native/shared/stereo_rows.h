@@ -63,8 +63,27 @@ struct StereoWindow {
     }
     static inline Real select(Whole which) { return which ? Numbers::real(1.0f) : Numbers::real(0.0f); }
 
+    // Whether all that these windows hold is of one surface, by the least and the greatest depth: that is most of an
+    // image, and sooner known than counted. What rounding leaves in doubt is counted.
+    static inline bool even(const Stereo& stereo, const StereoImages& images, const float* row, int y, int x) {
+        const int reach = stereo.window, end = x + Numbers::PIXELS;
+        if (Numbers::PIXELS == 1 || x < reach || end + reach > images.width) return false;
+        const int up = y < reach ? y : reach, down = images.height - 1 - y < reach ? images.height - 1 - y : reach;
+        Real least = Numbers::load(row + x, Numbers::PIXELS), most = least;
+        for (int lag = -reach; lag <= reach; ++lag) widen(row + x + lag, least, most);
+        for (int lag = -up; lag <= down; ++lag) widen(row + x + (long long)lag * images.width, least, most);
+        const float margin = 0.99999f;
+        return Numbers::all(stereo.disparity_scale * (most - least) < margin * stereo.edge_step * (least * most));
+    }
+    static inline void widen(const float* from, Real& least, Real& most) {
+        const Real depth = Numbers::load(from, Numbers::PIXELS);
+        least = depth < least ? depth : least;
+        most = depth > most ? depth : most;
+    }
+
     static inline Real support(const Stereo& stereo, const StereoImages& images, const float* row, int y, int x) {
         const Real none = Numbers::real(0.0f);
+        if (even(stereo, images, row, y, x)) return Numbers::real(1.0f);
         StereoWindow window = {stereo, images, Numbers::load(row + x, images.width - x), none, none, none, none};
         for (int lag = -stereo.window; lag <= stereo.window; ++lag) {
             window.look_across(row, x, lag);
@@ -75,20 +94,34 @@ struct StereoWindow {
 };
 
 struct StereoRows {
-    // The cosine between the rays of pixels and the normals of what they meet.
-    static inline Real cosine(const StereoImages& images, const StereoView& view, long long place, int y, int x) {
-        const int count = images.width - x;
-        const Real across = Numbers::load(images.column_slopes + x, count);
-        const float down = images.row_slopes[y];
-        Real normal[3];
-        Numbers::load_triples(images.normals + place * 3, normal, count);
-        Real along = Numbers::real(0.0f);
-        for (int k = 0; k < 3; ++k) {
-            const Real ray = across * view.axes[k * 3] + (down * view.axes[k * 3 + 1] + view.axes[k * 3 + 2]);
-            along = along + ray * normal[k];
+    // Between the rays of pixels and the normals of what they meet: the cosine is `along` divided by the root of
+    // `square`.
+    struct Incidence {
+        Real along, square;
+
+        static inline Incidence of(const StereoImages& images, const StereoView& view, long long place, int y, int x) {
+            const int count = images.width - x;
+            const Real across = Numbers::load(images.column_slopes + x, count);
+            const float down = images.row_slopes[y];
+            Real normal[3];
+            Numbers::load_triples(images.normals + place * 3, normal, count);
+            Real along = Numbers::real(0.0f);
+            for (int k = 0; k < 3; ++k) {
+                const Real ray = across * view.axes[k * 3] + (down * view.axes[k * 3 + 1] + view.axes[k * 3 + 2]);
+                along = along + ray * normal[k];
+            }
+            return Incidence{Numbers::abs(along), across * across + (down * down + 1.0f)};
         }
-        return Numbers::abs(along) / Numbers::root(across * across + (down * down + 1.0f));
-    }
+        inline Real cosine() const { return along / Numbers::root(square); }
+        // Whether the signal of every pixel that has one is beyond that from which on all are found, by more than
+        // rounding: then there is no need of the cosine, nor of chance.
+        inline bool suffices(const Stereo& stereo, Real depth, Real reflectivity) const {
+            if (Numbers::PIXELS == 1 || stereo.kept < 1.0f) return false;
+            const float full = (stereo.least_signal + 1.0f / stereo.signal_slope) * 1.0001f;
+            const Real signal = reflectivity * along;
+            return Numbers::all((signal * signal >= (full * full) * square) | (depth == Numbers::endless()));
+        }
+    };
     static inline Real reflectivity(const StereoImages& images, long long place, int x) {
         float found[Numbers::PIXELS];
         for (int k = 0; k < Numbers::PIXELS; ++k) {
@@ -103,35 +136,59 @@ struct StereoRows {
         const float* above = images.nodes + (view.index * images.node_rows + row) * images.node_columns + column;
         const float* below = above + images.node_columns;
         const float* down = images.weights + (y - row * spacing) * 2;
-        float nodes[2][Numbers::PIXELS], beside[2][Numbers::PIXELS] = {};
+        Real between[2];
         for (int side = 0; side < 2; ++side) {
             const Real upper = Numbers::load(above + side, count - side);
             const Real lower = Numbers::load(below + side, count - side);
-            Numbers::store(nodes[side], upper * down[0] + lower * down[1], Numbers::PIXELS);
+            between[side] = upper * down[0] + lower * down[1];
         }
+        const Real left = Numbers::load(images.left_weights + x, images.width - x);
+        const Real right = Numbers::load(images.right_weights + x, images.width - x);
+        if (Numbers::repeats(spacing))
+            return left * Numbers::repeated(between[0], spacing) + right * Numbers::repeated(between[1], spacing);
+        float nodes[2][Numbers::PIXELS], beside[2][Numbers::PIXELS] = {};
+        for (int side = 0; side < 2; ++side) Numbers::store(nodes[side], between[side], Numbers::PIXELS);
         for (int k = 0; k < Numbers::PIXELS && x + k < images.width; ++k) {
             const int node = images.column_nodes[x + k] - column;
             beside[0][k] = nodes[0][node];
             beside[1][k] = nodes[1][node];
         }
-        const Real left = Numbers::load(images.left_weights + x, images.width - x);
-        const Real right = Numbers::load(images.right_weights + x, images.width - x);
         return left * Numbers::load(beside[0], Numbers::PIXELS) + right * Numbers::load(beside[1], Numbers::PIXELS);
     }
 
-    // Pixels of a row from x on.
+    // All pixels of a row.
+    static inline void measure_row(const Stereo& stereo, const StereoImages& images, const StereoView& view, int y) {
+        for (int x = 0; x < images.width; x += PixelWords::PIXELS) measure(stereo, images, view, y, x);
+    }
+    // As many pixels from x on as share random words.
     static inline void measure(const Stereo& stereo, const StereoImages& images, const StereoView& view, int y, int x) {
         PixelWords noise, chance;
-        const bool white = stereo.sigma > 0.0f && !images.nodes, by_chance = images.normals || stereo.kept < 1.0f;
+        const bool white = stereo.sigma > 0.0f && !images.nodes;
+        bool has_chance = false;
         if (white) noise = PixelWords::draw(view.key, STREAM_DISPARITY, y, x);
-        if (by_chance) chance = PixelWords::draw(view.key, STREAM_DROPOUT, y, x);
+        const int first = x;
         for (int k = 0; k < PixelWords::PIXELS / Numbers::PIXELS; ++k, x += Numbers::PIXELS) {
             if (x >= images.width) return;
             StereoPixel pixel = look(stereo, images, view, y, x);
             if (white) pixel.noise = Random::normal(noise.block[k]);
-            if (by_chance) pixel.chance = Random::uniform(chance.block[k]);
-            say(stereo, images, pixel, (view.index * images.height + y) * images.width + x, images.width - x);
+            const long long place = (view.index * images.height + y) * images.width + x;
+            if (by_chance(stereo, images, view, place, y, x, pixel)) {
+                if (!has_chance) chance = PixelWords::draw(view.key, STREAM_DROPOUT, y, first);
+                has_chance = true;
+                pixel.chance = Random::uniform(chance.block[k]);
+            }
+            say(stereo, images, pixel, place, images.width - x);
         }
+    }
+    // Find how much light comes back; whether it is by chance that pixels are found.
+    static inline bool by_chance(const Stereo& stereo, const StereoImages& images, const StereoView& view,
+                                 long long place, int y, int x, StereoPixel& pixel) {
+        if (images.segmentation) pixel.reflectivity = reflectivity(images, place, x);
+        if (!images.normals) return stereo.kept < 1.0f;
+        const Incidence light = Incidence::of(images, view, place, y, x);
+        if (light.suffices(stereo, pixel.depth, pixel.reflectivity)) return false;
+        pixel.cosine = light.cosine();
+        return true;
     }
     static inline StereoPixel look(const Stereo& stereo, const StereoImages& images, const StereoView& view, int y,
                                    int x) {
@@ -145,8 +202,8 @@ struct StereoRows {
             images.other_depth ? Numbers::load(images.other_depth + place, count) : Numbers::real(Numbers::endless());
         pixel.column = Numbers::columns(x) + 0.5f;
         pixel.support = stereo.window ? StereoWindow::support(stereo, images, images.depth + first, y, x) : one;
-        pixel.cosine = images.normals ? cosine(images, view, place, y, x) : one;
-        pixel.reflectivity = images.segmentation ? reflectivity(images, place, x) : one;
+        pixel.cosine = one;
+        pixel.reflectivity = one;
         pixel.noise = images.nodes ? smooth_noise(images, view, stereo.spacing, y, x) : none;
         pixel.chance = none;
         return pixel;
@@ -169,6 +226,9 @@ struct OtherImage {
     float width, height;
     float least_depth;  // nearer points are not looked for
 
+    inline void show_row(const StereoImages& images, long long index, int y, float* points) const {
+        for (int x = 0; x < images.width; x += PixelWords::PIXELS) show(images, index, y, x, points);
+    }
     // Where the points of pixels from x on are in its image, x y x y ... [px]; NaN where they are not in it.
     inline void show(const StereoImages& images, long long index, int y, int x, float* points) const {
         for (int k = 0; k < PixelWords::PIXELS && x < images.width; k += Numbers::PIXELS, x += Numbers::PIXELS)

@@ -39,6 +39,8 @@ to the next. A shadow is as wide as disparities differ, so that none is missed t
 """
 # Longer than any device's [m], and shorter than one's in millimetres.
 _LONG_BASELINE = 5.0
+# More pixels than a row has: then a thread of a kernel takes all of one.
+_WHOLE_ROW = 2**30
 _MOST_SPACING, _MOST_WINDOW, _MOST_BESIDE = 64, 63, 8192
 
 
@@ -276,9 +278,9 @@ class StereoDepth(Device):
 def _kernels(device: wp.Device) -> tuple[wp.Kernel, wp.Kernel, int]:
     """Return what finds points in the other eye, and the model, on a device; and how many pixels a thread takes."""
     if device.is_cpu:
-        from warpvis.kernels.stereo_rows import PIXELS_AT_ONCE, measure_stereo_rows, place_rows_in_other_eyes
+        from warpvis.kernels.stereo_rows import measure_stereo_rows, place_rows_in_other_eyes
 
-        return place_rows_in_other_eyes, measure_stereo_rows, PIXELS_AT_ONCE
+        return place_rows_in_other_eyes, measure_stereo_rows, _WHOLE_ROW
     from warpvis.kernels.stereo import measure_stereo, place_in_other_eyes
 
     return place_in_other_eyes, measure_stereo, 1
