@@ -6,15 +6,17 @@ BIN := $(VENV)/bin
 # Python writes the bytecode of what it imports; pip would of everything.
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
 
-# Stamps: what the package itself needs is there; so is what the tests and the linters need, and the documentation.
+# Stamps: what the package itself needs is there; so is the viewer; so is what the tests and the linters need, and the
+# documentation.
 CORE := $(VENV)/core
+VIEW := $(VENV)/viewer
 STAMP := $(VENV)/installed
 DOCS := $(VENV)/docs
 
 .DELETE_ON_ERROR:
 .PHONY: demo docs test test-slow test-browser test-lanes test-lowest mutate fuzz fuzz-files lint bench format clean
 
-demo: $(CORE)
+demo: $(VIEW)
 	$(BIN)/warpvis demo --out demo
 
 test: $(STAMP)
@@ -95,6 +97,10 @@ $(VENV)/pyvenv.cfg: scripts/make_venv.sh
 
 $(CORE): $(VENV)/pyvenv.cfg pyproject.toml constraints.txt
 	$(INSTALL) -e .
+	touch $@
+
+$(VIEW): $(CORE)
+	$(INSTALL) -e '.[view]'
 	touch $@
 
 $(STAMP): $(CORE)

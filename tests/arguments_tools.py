@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Valid arguments of what the packages from `planning` to `webots` show: ``name: (function, arguments)``."""
 
+import mujoco
 from arguments_shared import (
     CAMERA,
     DEPTH,
     MESSAGE,
+    MODEL,
     MOVED,
     POSE,
     RENDERED,
@@ -19,6 +21,9 @@ from arguments_shared import (
 
 import warpvis as wv
 
+_ARM = mujoco.MjModel.from_xml_string(
+    '<mujoco><worldbody><body><joint name="turn" axis="0 0 1"/><geom size="0.1"/></body></worldbody></mujoco>'
+)
 LENS = wv.sensors.LensCamera(wv.sensors.lenses.OpenCVPinhole(9, 9, 4, 3, (0.01, 0, 0, 0)), 8, 6)
 
 
@@ -37,6 +42,7 @@ def tools_cases(folder):
     covered = planned.coverage(seen, CAMERA, POSE)
     eye = wv.webots.DepthEye(RangeFinder())
     state = wv.viewer.ViewerState(seen, agents(), points=100)
+    arm = wv.viewer.ViewerState(wv.viewer.MujocoStage(_ARM), agents(), points=100)
     page = {"port": 8471, "dark": False}
     return {
         # warpvis.viewer
@@ -49,6 +55,9 @@ def tools_cases(folder):
             lambda **given: _with_page(state, lambda page: page.save_html(**given)),
             {"path": path.with_suffix(".html"), "title": "a scene"},
         ),
+        "ViewerState.set_joint": (arm.set_joint, {"name": "turn", "value": 0.5}),
+        "MujocoStage": (wv.viewer.MujocoStage, {"model": MODEL, "data": None, "labels": {"ball": "object"}}),
+        "MujocoStage.agent": (wv.viewer.MujocoStage(MODEL).agent, {"name": "robot", "camera": "eye"}),
         "framing_agent": (wv.viewer.framing_agent, {"scene": seen, "camera": CAMERA}),
         "ViewerState": (
             wv.viewer.ViewerState,

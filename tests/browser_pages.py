@@ -57,8 +57,6 @@ def opened(browser, url, size=DESKTOP):
     page.add_init_script(_COUNT_DRAWS)
     page.goto(url)
     page.wait_for_function("window.drawn.some(d => d[0] === 4 && d[1] > 300)", timeout=_READY_MS)
-    with contextlib.suppress(Exception):  # that WebGL is software is no news here
-        page.locator(".mantine-Notification-closeButton").first.click(timeout=2000)
     yield page
     page.close()
 
@@ -88,6 +86,9 @@ def screenshot(page, name):
     folder = Path(os.environ.get("WARPVIS_SCREENSHOTS", ".pytest_cache/screenshots"))
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.png"
-    page.wait_for_timeout(1500)  # what slides out of the way does so
+    notice = page.locator(".mantine-Notification-closeButton").first  # that WebGL is software is no news here
+    with contextlib.suppress(Exception):
+        notice.click(timeout=8000)
+    page.wait_for_timeout(3000)  # what fades in or out has done so
     page.screenshot(path=path)
     return np.asarray(Image.open(path).convert("RGB"))

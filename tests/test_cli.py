@@ -39,7 +39,8 @@ def test_the_demo_writes_its_pictures(demo):
     folder = demo[0] / "new" / "demo"
     names = sorted(path.name for path in folder.iterdir())
     pictures = [f"experiment_{i}{kind}.png" for i in (1, 2, 3, 4) for kind in ("", "_perspective")]
-    assert names == [*pictures, "summary.json"]
+    pages = [f"experiment_{i}.html" for i in (1, 2, 3, 4)]
+    assert names == sorted([*pictures, *pages, "summary.json"])
     for path in folder.glob("*.png"):
         width, height = Image.open(path).size
         assert height > 400 and width > 1200

@@ -162,6 +162,11 @@ def public_callables():
 # Our own modules' ways in, of what was checked before.
 OURS = {
     "ViewerState.colors",
+    "MujocoStage.set_joint",
+    "MujocoStage.value",
+    "MujocoStage.can_place",
+    "MujocoStage.place",
+    "MujocoStage.eyes",
     "Camera.device_struct",
     "OrthographicCamera.device_struct",
     "Scene.replace_objects",
@@ -223,7 +228,7 @@ NAMES = (
     "Ortho gym open_ framing depth_ from_image to_image to_point find_ quanti range_ recog segm Li bpearl even "
     "hdl64e Motion Rolling deskew laser_ livox ouster vlp gather_ measure_ reflect spread_ to_laser Rays Wide Rangef "
     "register_ to_livox Stereo realsense_ oak_ kinect_ structure fit read_depth "
-    "TimeOf azure_ pmd_ Nguyen Khoshelham Corruptions SimKinect Redwood Latency sensor_ Viewer view "
+    "TimeOf azure_ pmd_ Nguyen Khoshelham Corruptions SimKinect Redwood Latency sensor_ Viewer view MujocoStage "
 ).split()
 
 

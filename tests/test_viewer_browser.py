@@ -2,11 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The live page and its export in a real browser."""
 
+import importlib.resources
+from pathlib import Path
+
 import numpy as np
 import pytest
 import viser.transforms
 from browser_pages import DESKTOP, PHONE, chromium, context_version, drawn_points, opened, screenshot, wait_for_points
 
+from warpvis.cli import View
 from warpvis.scenes import EXPERIMENTS
 from warpvis.viewer import Viewer, ViewerState
 from warpvis.visibility import State
@@ -60,6 +64,17 @@ def test_the_page_shows_experiment_3(browser, viewer, size):
         assert picture.std() > 20
         for state in (State.FIRST, State.SECOND, State.NEITHER):  # more than the legend's dots
             assert count_of(picture, STATE_COLORS[state]) > 1500
+        assert page.problems == []
+
+
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+def test_the_page_shows_two_people_at_alohas_table(browser, size):
+    file = importlib.resources.files("mujoco_warp") / "test_data" / "aloha_pot" / "scene.xml"
+    state = View(file=Path(str(file)), robot="teleoperator_pov", human="collaborator_pov").load()
+    with Viewer(state, port=PORT) as viewer, opened(browser, viewer.url, size) as page:
+        wait_for_points(page, len(viewer.page.look.points))
+        assert table_of(page)[0][0] == "partnet_100015"
+        assert screenshot(page, f"viewer_aloha_{'desktop' if size == DESKTOP else 'phone'}").std() > 20
         assert page.problems == []
 
 

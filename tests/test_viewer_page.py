@@ -191,3 +191,64 @@ def test_a_camera_of_an_agent_that_was_given_is_refused():
     experiment = EXPERIMENTS[0]
     with pytest.raises(wv.WarpvisError, match="agents have cameras of their own"):
         wv.view(experiment.build(), experiment.agents(), wv.Camera.kinect())
+
+
+def test_buttons_propose_a_place_and_go_there():
+    experiment = EXPERIMENTS[1]
+    with Viewer(ViewerState(experiment.build(), experiment.agents(), points=1000), port=PORT) as viewer:
+        page = viewer.page
+        text, found = page.propose()
+        assert found and "it would see: ball" in text
+        proposed = page.proposal.node.position.copy()
+        page.go_there()
+        page.update(wait=True)
+        assert page.proposal.node is None
+        np.testing.assert_allclose(page.gizmos.agents["robot"].position, proposed, atol=1e-6)
+        assert next(row for row in page.look.rows if row.name == "ball").state == State.BOTH
+        assert page.propose() == ("robot sees all that human sees.", False)
+
+
+def test_lines_of_sight_come_and_go(page):
+    assert page.server.scene.get_handle_by_name("/sight") is None
+    drag(page, page.gizmos.objects["ball"], (0.55, 1.0, 0.1))
+    assert page.server.scene.get_handle_by_name("/sight") is not None
+    page.sight.visible = False
+    page.update(wait=True)
+    assert page.server.scene.get_handle_by_name("/sight") is None
+    page.sight.visible = True
+
+
+MODEL = """<mujoco><worldbody><geom name="floor" type="plane" size="2 2 .1"/>
+<body name="arm" pos="0 0 .4"><joint name="turn" axis="0 0 1"/><geom type="box" size=".15 .02 .02" pos=".15 0 .1"/>
+</body>
+<camera name="head" pos="-2 0 1" xyaxes="0 -1 0 .3 0 1"/><camera name="side" pos="0 -2 1" xyaxes="1 0 0 0 .3 1"/>
+</worldbody></mujoco>"""
+
+
+def test_a_model_comes_with_its_cameras_and_joints(tmp_path):
+    (tmp_path / "arm.xml").write_text(MODEL)
+    state = View(file=tmp_path / "arm.xml", robot="head", human="side").load()
+    assert [tuple(agent.poses[0, :3]) for agent in state.agents.values()] == [(-2, 0, 1), (0, -2, 1)]
+    with Viewer(state, port=PORT) as viewer:
+        before = viewer.page.look.object_poses[0].copy()
+        viewer.page.act(lambda: state.set_joint("turn", 0.5))
+        viewer.update()
+        assert not np.allclose(viewer.page.look.object_poses[0], before)
+        assert "joint turn" in viewer.page.panel.sliders
+    human = View(file=tmp_path / "arm.xml", robot="head", human="0 -2 1 0 0 0.4").load().agents["human"]
+    assert human.camera == wv.Agent.human("human", human.pose).camera and tuple(human.poses[0, :3]) == (0, -2, 1)
+    labelled = View(file=tmp_path / "arm.xml", labels=("arm=object",)).load()
+    assert labelled.scene["arm"].label == wv.Label.OBJECT and list(labelled.agents) == ["robot"]
+    (tmp_path / "bad.xml").write_text("<mujoco><worldbody><geom/></worldbody></mujoco>")
+    with pytest.raises(wv.WarpvisError, match=r"bad\.xml"):
+        View(file=tmp_path / "bad.xml").load()
+
+
+def test_the_command_writes_one_file(tmp_path):
+    result = run_inside("view", "experiment_3", "--html", "three.html", "--port", PORT + 20, cwd=tmp_path)
+    assert result.returncode == 0 and result.stdout == "three.html\n"
+    text = (tmp_path / "three.html").read_text()
+    assert "<title>experiment_3</title>" in text and "hidden by high obstacle" in text
+    assert "http-equiv" not in text and 300_000 < len(text) < 3_000_000
+    result = run_inside("view", "experiment_3", "--html", "no/three.html", cwd=tmp_path)
+    assert result.returncode == 2 and "cannot be written" in result.stderr

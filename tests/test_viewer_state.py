@@ -4,6 +4,7 @@
 
 import math
 
+import mujoco
 import numpy as np
 import pytest
 import trimesh
@@ -12,9 +13,10 @@ import warpvis as wv
 from warpvis.core.poses import poses_to_matrices
 from warpvis.maps import label_colors
 from warpvis.scenes import EXPERIMENTS
-from warpvis.viewer import ViewerState
+from warpvis.viewer import MujocoStage, ViewerState
+from warpvis.viewer._answers import in_words, map_picture, propose
 from warpvis.viewer._gizmos import level_frame
-from warpvis.viewer._pictures import with_view
+from warpvis.viewer._pictures import kinect_noise, with_view
 from warpvis.visibility import State
 from warpvis.viz import STATE_COLORS, depth_colors
 
@@ -215,6 +217,137 @@ def test_what_is_refused():
         (lambda: ViewerState(scene, [robot]).move_agent("robot", (0, 0, 0)), "pose of 'robot'"),
         (lambda: ViewerState(scene, [human]).set_camera("human", None), "camera of 'human' must be"),
         (lambda: ViewerState(wv.Scene(), [robot]), "objects"),
+    ]
+    for call, words in cases:
+        with pytest.raises(wv.WarpvisError, match=words):
+            call()
+
+
+def test_a_line_of_sight_stops_at_what_hides_the_object():
+    look = state_of(3).look()
+    line = next(line for line in look.lines if line.object == "person")
+    assert (line.agent, line.occluder) == ("robot", "high obstacle")
+    # The near face of the high obstacle, which is 0.2 m thick around x = -0.1.
+    assert line.stop[0] == pytest.approx(-0.2, abs=1e-4)
+    np.testing.assert_allclose(np.cross(line.stop - line.eye, line.target - line.eye), 0, atol=1e-5)
+    box = EXPERIMENTS[2].build()["person"].bounds
+    np.testing.assert_allclose(line.target, box.mean(axis=0), atol=1e-5)
+    assert not [line for line in look.lines if line.object == "ball"]  # it is seen, or out of view
+
+
+def test_the_page_proposes_where_to_go():
+    state = state_of(2)
+    look = state.look()
+    found = propose(state, look, max_distance=2.0, radius=0.2)
+    assert found.fractions["ball"] > 0.5 and "ball" in in_words(found)
+    state.move_agent("robot", found.pose)
+    after = state.look()
+    assert row_of(after, "ball").fractions[0] == pytest.approx(found.fractions["ball"], abs=0.02)
+    assert propose(state, after, max_distance=2.0, radius=0.2) == "robot sees all that human sees."
+    nowhere = propose(state_of(2), look, max_distance=0.05, radius=0.2)
+    assert nowhere == "No place within 0.05 m that has room for robot shows it any of that."
+    assert propose(state_of(4), state_of(4).look(), max_distance=2.0, radius=0.2) == "human sees no object."
+
+
+def test_the_map_is_that_of_the_robots_image():
+    state = state_of(1)
+    picture = map_picture(state, state.look().views[0])
+    assert picture.shape == (160, 160, 3)
+    colors = {tuple(color) for color in np.unique(picture.reshape(-1, 3), axis=0)}
+    assert {tuple(label_colors()[label]) for label in (wv.Label.GROUND, wv.Label.OBJECT)} <= colors
+
+
+def test_noise_is_in_the_depth_image():
+    state = state_of(3)
+    exact = state.look().views[0].depth
+    state.set_sensor(kinect_noise(1.0))
+    noisy = state.look().views[0].depth
+    both = np.isfinite(exact) & np.isfinite(noisy)
+    assert np.isfinite(exact).sum() > both.sum() > 0.5 * exact.size * 0.5
+    assert 0.0005 < np.abs(exact[both] - noisy[both]).mean() < 0.05
+    assert kinect_noise(0) is None
+    state.set_sensor(None)
+    np.testing.assert_array_equal(state.look().views[0].depth, exact)
+
+
+ARM = """<mujoco><worldbody>
+<geom name="floor" type="plane" size="2 2 .1"/>
+<body name="table" pos="0 0 .2"><geom type="box" size=".5 .5 .2"/></body>
+<body name="arm" pos="-.4 0 .4"><joint name="turn" type="hinge" axis="0 0 1" range="-90 90" limited="true"/>
+  <geom type="box" size=".15 .02 .02" pos=".15 0 .1"/><geom type="box" size=".02 .02 .05" pos="0 0 .05"/></body>
+<body name="pot" pos=".2 0 .5"><freejoint/><geom type="box" size=".1 .1 .1"/>
+  <body name="lid" pos="0 0 .12"><joint name="lift" type="slide" axis="0 0 1"/>
+    <geom type="box" size=".1 .1 .01"/></body></body>
+<camera name="head" pos="-2 0 1" xyaxes="0 -1 0 .3 0 1"/>
+</worldbody></mujoco>"""
+
+
+def arm():
+    stage = MujocoStage(mujoco.MjModel.from_xml_string(ARM))
+    return stage, ViewerState(stage, [stage.agent("robot", "head")], points=2000)
+
+
+def test_a_models_bodies_are_objects_with_labels():
+    stage, state = arm()
+    found = {item.name: wv.Label(item.label) for item in state.scene.objects}
+    label = wv.Label
+    assert found == {
+        "floor": label.GROUND,
+        "table": label.OBSTACLE,
+        "arm": label.ROBOT,
+        "pot": label.OBJECT,
+        "lid": label.OBJECT,
+    }
+    assert state.stage.handles == ("pot",) and [joint.name for joint in stage.joints] == ["turn", "lift"]
+    assert (stage.joints[0].low, stage.joints[0].high) == pytest.approx((-math.pi / 2, math.pi / 2))
+    assert state.scene["arm"].triangle_count == 24  # both boxes
+    said = MujocoStage(stage.model, labels={"arm": "obstacle"})
+    assert said.stage.scene["arm"].label == label.OBSTACLE
+
+
+def test_joints_move_what_hangs_on_them():
+    stage, state = arm()
+    data = mujoco.MjData(stage.model)
+    state.set_joint("turn", 0.7)
+    state.set_joint("lift", 0.2)
+    # A free object takes along what hangs on it.
+    pot = state.object_pose("pot")
+    pot[:3] += 0.1, 0.2, 0
+    state.move_object("pot", pot)
+    data.qpos[:] = stage.data.qpos
+    np.testing.assert_allclose(data.qpos[[0, 1, 2, 3, 8]], [0.7, 0.3, 0.2, 0.5, 0.2], atol=1e-6)
+    mujoco.mj_forward(stage.model, data)
+    look = state.look()
+    for body in ("arm", "pot", "lid"):
+        vertices, _ = state.stage.mesh(body)
+        frame = poses_to_matrices(look.object_poses[state.stage.column(body)][None])[0]
+        moved = vertices @ frame[:3, :3].T + frame[:3, 3]
+        expected = _corners(stage.model, data, body)
+        np.testing.assert_allclose((moved.min(axis=0), moved.max(axis=0)), expected, atol=1e-5)
+    state.reset()
+    assert stage.value("turn") == 0 and stage.value("lift") == 0
+
+
+def _corners(model, data, body):
+    """The box around a body's boxes, where MuJoCo has them."""
+    found = []
+    for geom in np.flatnonzero(model.geom_bodyid == model.body(body).id):
+        signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+        found.append(data.geom_xpos[geom] + (signs * model.geom_size[geom]) @ data.geom_xmat[geom].reshape(3, 3).T)
+    corners = np.concatenate(found)
+    return corners.min(axis=0), corners.max(axis=0)
+
+
+def test_what_is_refused_of_a_model():
+    stage, state = arm()
+    plain = state_of(1)
+    cases = [
+        (lambda: state.set_joint("knee", 0.0), "no hinge or slide joint 'knee'"),
+        (lambda: state.set_joint("turn", math.nan), "value of 'turn' must be a number"),
+        (lambda: plain.set_joint("turn", 0.0), "of no MuJoCo model"),
+        (lambda: state.move_object("arm", (0,) * 6 + (1,)), "'arm' has no free joint"),
+        (lambda: stage.agent("robot", "tail"), "no camera 'tail'; it has head"),
+        (lambda: ViewerState(stage, [stage.agent("robot", "head")], movable=["arm"]), "takes no movable"),
     ]
     for call, words in cases:
         with pytest.raises(wv.WarpvisError, match=words):

@@ -27,7 +27,7 @@ from warpvis.errors import WarpvisError
 
 @dataclass(frozen=True)
 class Demo:
-    """Run the paper's four experiments: two pictures each, two tables, and summary.json."""
+    """Run the paper's four experiments: two pictures each, with viser a page each, two tables, and summary.json."""
 
     out: Path = Path("demo")
     """Folder for the pictures and summary.json."""

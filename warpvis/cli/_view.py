@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,16 +17,20 @@ from warpvis.cli._inputs import (
     ViewpointOptions,
     check_viewpoints,
     find_experiment,
+    given_options,
     refuse_options,
     split_names,
     viewpoint_options,
 )
-from warpvis.errors import WarpvisError
+from warpvis.errors import FileFormatError, WarpvisError
 
 if TYPE_CHECKING:
     from warpvis.core.camera import Camera
     from warpvis.viewer import ViewerState
     from warpvis.visibility import Agent
+
+_NOT_OF_MODELS = ("up", "file_up", "scale", "search_path", "strict", "label_names")
+"""Options by which a MuJoCo model is read as a scene without joints."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +43,7 @@ class View(ViewpointOptions):
     file: SceneFile
     robot: Annotated[str | None, tyro.conf.arg(metavar="POSE")] = None
     """The robot's camera: where it is and what it looks at, "x y z tx ty tz" (metres), or "x y z qx qy qz qw"; or a
-    file of one pose. By default from where all of the scene is seen."""
+    file of one pose; or the name of a camera of a MuJoCo model. By default from where all of the scene is seen."""
     human: Annotated[str | None, tyro.conf.arg(metavar="POSE")] = None
     """A person's eyes, likewise; nobody by default."""
     robot_body: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")] = ()
@@ -90,12 +95,36 @@ class View(ViewpointOptions):
             own = ("robot", "human", "robot_body", "human_body", *viewpoint_options)
             refuse_options(self, own, f"{experiment.name} comes with its robot and its person, so it takes")
             return ViewerState(experiment.build(), experiment.agents(), **names)
+        if self.file.suffix.lower() == ".xml" and not given_options(self, _NOT_OF_MODELS):
+            return self._load_model(names)
         check_viewpoints(self, [text for text in (self.robot, self.human) if text is not None])
         scene = self.load_scene(self.file)
         return ViewerState(scene, self._agents(scene), **names)
 
-    def _agents(self, scene: object) -> list[Agent]:
-        """Make the agents."""
+    def _load_model(self, names: dict[str, Any]) -> ViewerState:
+        """Read a MuJoCo model, with its joints and cameras."""
+        import mujoco
+
+        from warpvis.viewer import MujocoStage, ViewerState
+
+        try:
+            model = mujoco.MjModel.from_xml_path(str(self.file))
+        except ValueError as error:
+            raise FileFormatError(f"{self.file}: {str(error).splitlines()[0]}") from None
+        stage = MujocoStage(model, labels=self.label_rules())
+        agents = []
+        for name, text in (("robot", self.robot), ("human", self.human)):
+            if text in stage.cameras():
+                agents.append(stage.agent(name, text))
+        if len(agents) < sum(text is not None for text in (self.robot, self.human)) or not agents:
+            given = [text for text in (self.robot, self.human) if text is not None]
+            check_viewpoints(self, [text for text in given if text not in stage.cameras()])
+            known = {agent.name: agent for agent in agents}
+            agents = [known.get(agent.name, agent) for agent in self._agents(stage.stage.scene, set(known))]
+        return ViewerState(stage, agents, **names)
+
+    def _agents(self, scene: object, known: Collection[str] = ()) -> list[Agent]:
+        """Make the agents; those that are known already have any pose."""
         from warpvis.scene import require_scene
         from warpvis.viewer import framing_agent
         from warpvis.visibility import Agent
@@ -103,7 +132,7 @@ class View(ViewpointOptions):
         up = require_scene(scene).up
         camera = None if self.camera is None else self._pinhole()
         body = tuple(split_names(self.robot_body))
-        if self.robot is None:
+        if self.robot is None or "robot" in known:
             if body:
                 raise WarpvisError("--robot-body has no effect without --robot")
             robot = framing_agent(require_scene(scene), camera)
@@ -113,6 +142,8 @@ class View(ViewpointOptions):
             if self.human_body:
                 raise WarpvisError("--human-body has no effect without --human")
             return [robot]
+        if "human" in known:
+            return [robot, Agent.human("human", robot.pose)]
         eyes = self.load_pose(self.human, "--human", up)
         return [robot, Agent.human("human", eyes, body=tuple(split_names(self.human_body)))]
 

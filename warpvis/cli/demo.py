@@ -4,8 +4,10 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import time
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -130,6 +132,8 @@ def _shared_sighting(number: int, seen: Perspective) -> SharedSighting:
 def run_demo(out: Path, *, device: DeviceLike = "cpu") -> dict[str, object]:
     """Run the four experiments, write two pictures of each and ``summary.json``, and print two tables.
 
+    Where viser is installed, a page of each is written, too, which a browser opens from disk.
+
     Args:
         out: Folder to write to, made if it is not there.
         device: Where to compute.
@@ -156,6 +160,7 @@ def run_demo(out: Path, *, device: DeviceLike = "cpu") -> dict[str, object]:
             target=_TARGET,
         )
         _save_perspective(result, out)
+    pages = _save_pages(results, out)
     sightings = [sighting for result in results for sighting in result.sightings]
     shared = [result.shared for result in results]
     device, speed = results[0].scene.device, measure_fps(results[0])
@@ -171,7 +176,7 @@ def run_demo(out: Path, *, device: DeviceLike = "cpu") -> dict[str, object]:
         raise FileFormatError(f"{out / 'summary.json'}: cannot be written: {error.strerror}") from None
     print(f"{format_table(sightings)}\n\n{format_states(shared)}")
     print(f"\n{speed:.0f} frames per second (320x240, depth, points, labels, segmentation) on {device}")
-    print(f"pictures and summary.json: {out}")
+    print(f"pictures{' with pages' if pages else ''} and summary.json: {out}")
     return summary
 
 
@@ -205,6 +210,21 @@ def _save_perspective(result: ExperimentResult, out: Path) -> None:
         title=f"Experiment {experiment.name[-1]}. The person looks {experiment.gaze}",
         proposed=None if proposal is None else proposal.pose,
     )
+
+
+def _save_pages(results: Sequence[ExperimentResult], out: Path) -> bool:
+    """Write a page of each experiment that opens from disk, if viser is there."""
+    if importlib.util.find_spec("viser") is None:
+        return False
+    from warpvis.viewer import Viewer, ViewerState
+
+    for result in results:
+        experiment = result.experiment
+        with Viewer(ViewerState(result.scene, experiment.agents())) as viewer:
+            viewer.save_html(
+                out / f"{experiment.name}.html", title=f"Experiment {experiment.name[-1]}: {experiment.title}"
+            )
+    return True
 
 
 def measure_fps(result: ExperimentResult) -> float:

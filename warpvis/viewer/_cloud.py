@@ -19,6 +19,8 @@ from warpvis.visibility import Agent, point_visibility
 _POINTS = 20_000
 """About how many points there are."""
 _LEAST_SPACING = 0.005
+_SPARSER = 1.4
+"""How many times as far apart they are on the ground."""
 
 
 class SurfaceCloud:
@@ -27,13 +29,21 @@ class SurfaceCloud:
     def __init__(self, stage: Stage, points: int = _POINTS) -> None:
         """Spread them."""
         self.stage = stage
-        self.spacing = max(_LEAST_SPACING, math.sqrt(_area(stage) / points))
-        samples = surface_samples(stage.scene, spacing=self.spacing)
-        self.objects: NDArray[np.int32] = np.asarray(samples.objects)
+        objects = stage.scene.objects
+        ground = [index for index, item in enumerate(objects) if item.label in stage.scene.ground_labels]
+        rest = [index for index in range(len(objects)) if index not in set(ground)]
+        area = _area(stage, rest) + _area(stage, ground) / _SPARSER**2
+        self.spacing = max(_LEAST_SPACING, math.sqrt(area / points))
+        samples = [
+            surface_samples(stage.scene, spacing=spacing, objects=chosen)
+            for spacing, chosen in ((self.spacing, rest), (_SPARSER * self.spacing, ground))
+            if chosen
+        ]
+        self.objects: NDArray[np.int32] = np.concatenate([some.objects for some in samples])
         self._columns = stage.columns[self.objects]
         self._moving = self._columns >= 0
-        self.points = np.asarray(samples.points, dtype=np.float64)
-        self.normals = np.nan_to_num(np.asarray(samples.normals, dtype=np.float64))
+        self.points = np.concatenate([some.points for some in samples]).astype(np.float64)
+        self.normals = np.nan_to_num(np.concatenate([some.normals for some in samples]).astype(np.float64))
         self._own_frames(stage.object_poses)
 
     def _own_frames(self, object_poses: NDArray[np.float64]) -> None:
@@ -85,10 +95,10 @@ class SurfaceCloud:
         return states
 
 
-def _area(stage: Stage) -> float:
-    """Add up the areas of all surfaces [m^2]."""
+def _area(stage: Stage, indices: Sequence[int]) -> float:
+    """Add up the areas of objects' surfaces [m^2]."""
     total = 0.0
-    for item in stage.scene.objects:
+    for item in (stage.scene.objects[index] for index in indices):
         vertices, faces = item.vertices.astype(np.float64), item.faces
         a, b, c = (vertices[faces[:, k]] for k in range(3))
         total += float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2

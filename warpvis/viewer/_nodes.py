@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,8 +24,9 @@ if TYPE_CHECKING:
 AGENT_COLORS = (STATE_COLORS[State.FIRST], STATE_COLORS[State.SECOND])
 """Colours of the first agent and of the second, which those of "this one only" are, too."""
 
-_FRUSTUM_SIZE, _FIELD_SIZE = 0.35, 0.45
+_FRUSTUM_SIZE, _FIELD_SIZE = 0.28, 0.45
 _ARC = 24
+_HIDDEN = (150, 150, 150)
 _DARK_GROUND = (52, 52, 56)
 _POINT_SIZE = 0.32
 """Of a point, in spacings."""
@@ -191,6 +193,62 @@ class CloudNode:
         if not np.array_equal(look.points, self._points):
             self.node.points = self._points = look.points
         self.node.colors = look.point_colors
+
+
+class SightNode:
+    """Lines from eyes to what is hidden: as far as they see in the agent's colour, and on in grey."""
+
+    def __init__(self, scene: SceneApi, names: Sequence[str]) -> None:
+        """Add it to the page, empty."""
+        self._scene, self._colors = scene, dict(zip(names, AGENT_COLORS, strict=False))
+        self._node: Any = None
+        self._segments = np.zeros((0, 2, 3))
+        self.visible = True
+
+    def show(self, look: Look) -> None:
+        """Show the lines."""
+        lines = look.lines if self.visible else ()
+        segments = np.array([part for line in lines for part in ((line.eye, line.stop), (line.stop, line.target))])
+        if np.array_equal(segments, self._segments):
+            return
+        self._segments = segments
+        if self._node is not None:
+            self._node.remove()
+            self._node = None
+        if len(segments):
+            colors = np.array([[color] * 2 for line in lines for color in (self._colors[line.agent], _HIDDEN)])
+            self._node = self._scene.add_line_segments(
+                "/sight", segments.astype(np.float32), colors.astype(np.uint8), thickness=0.012
+            )
+
+
+class ProposalMark:
+    """The frustum of a camera at a pose that was proposed."""
+
+    def __init__(self, scene: SceneApi) -> None:
+        """Show nothing yet."""
+        self._scene = scene
+        self.node: Any = None
+
+    def show(self, camera: Camera, pose: NDArray[np.float64]) -> None:
+        """Show it at a pose, row ``x y z qx qy qz qw``."""
+        self.clear()
+        aspect = (camera.width / camera.fx) / (camera.height / camera.fy)
+        self.node = self._scene.add_camera_frustum(
+            "/proposal",
+            fov=camera.vfov,
+            aspect=aspect,
+            scale=_FRUSTUM_SIZE,
+            color=STATE_COLORS[State.BOTH],
+            thickness=0.012,
+        )
+        place(self.node, pose)
+
+    def clear(self) -> None:
+        """Show nothing."""
+        if self.node is not None:
+            self.node.remove()
+            self.node = None
 
 
 def place(node: Any, pose: NDArray[np.floating]) -> None:

@@ -12,17 +12,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warpvis.core.camera import Camera
 from warpvis.core.poses import check_up
+from warpvis.viewer._answers import in_words, propose
 from warpvis.viewer._gizmos import Gizmos
-from warpvis.viewer._nodes import AGENT_COLORS, AgentMark, CloudNode, Meshes
+from warpvis.viewer._nodes import AGENT_COLORS, AgentMark, CloudNode, Meshes, ProposalMark, SightNode
 from warpvis.viewer._panel import Panel
 
 if TYPE_CHECKING:
     from viser import ViserServer
 
+    from warpvis.planning import Proposal
     from warpvis.viewer._state import Look, ViewerState
 
 _RATE_OVER = 20
+_MOST_WAY, _RADIUS = 2.0, 0.2
 _BRAND = (0, 114, 178)
 
 
@@ -36,6 +40,8 @@ class Page:
         """What is shown now."""
         self.updates = 0
         """How many times it was computed."""
+        self.proposed: Proposal | None = None
+        """Where the first agent should go."""
         self._times: deque[float] = deque(maxlen=_RATE_OVER)
         self._wanted, self._shown = threading.Event(), threading.Condition()
         self._asked, self._done, self._closed = 0, 0, False
@@ -48,9 +54,11 @@ class Page:
             for agent, color in zip(state.agents.values(), AGENT_COLORS, strict=False)
         }
         self.cloud = CloudNode(server.scene, state)
+        self.sight = SightNode(server.scene, list(state.agents))
+        self.proposal = ProposalMark(server.scene)
         self.gizmos = Gizmos(server.scene, state, self.update)
-        shown = {"handles": self.gizmos, "meshes": self.meshes}
-        self.panel = Panel(server.gui, state, self.update, self.act, shown)
+        shown = {"handles": self.gizmos, "meshes": self.meshes, "lines of sight": self.sight}
+        self.panel = Panel(server.gui, state, self.update, self.act, shown, self)
         self._worker = threading.Thread(target=self._work, name="warpvis viewer", daemon=True)
         self._worker.start()
         self.update(wait=True)
@@ -70,6 +78,27 @@ class Page:
         change()
         self.gizmos.follow()
         self.update()
+
+    def propose(self) -> tuple[str, bool]:
+        """Show where the first agent should go; say it, and whether there is such a place."""
+        assert self.look is not None  # a page shows one from the beginning
+        found = propose(self.state, self.look, max_distance=_MOST_WAY, radius=_RADIUS)
+        self.proposed = None if isinstance(found, str) else found
+        if isinstance(found, str):
+            self.proposal.clear()
+            return found, False
+        camera = self.look.agents[0].camera
+        assert isinstance(camera, Camera)  # else nothing is proposed
+        self.proposal.show(camera, found.pose)
+        return in_words(found), True
+
+    def go_there(self) -> None:
+        """Put the first agent where it should go."""
+        if self.proposed is not None:
+            name, pose = next(iter(self.state.agents)), self.proposed.pose
+            self.act(lambda: self.state.move_agent(name, pose))
+            self.proposal.clear()
+            self.proposed = None
 
     def close(self) -> None:
         """Stop following the state."""
@@ -102,6 +131,7 @@ class Page:
             for agent, picture in zip(look.agents, look.pictures, strict=True):
                 self.marks[agent.name].show(agent, picture)
             self.cloud.show(look)
+            self.sight.show(look)
             self.panel.show(look, self._rate())
         self.look = look
         self.updates += 1
@@ -117,9 +147,13 @@ class Page:
         scene = self.server.scene
         vertical = check_up(self.state.scene.up)
         scene.set_up_direction("+z" if vertical == 2 else "+y")
-        low, high = self.state.scene.bounds.astype(np.float64)
+        ground = self.state.scene.ground_labels
+        boxes = [item.bounds for item in self.state.scene.objects if item.label not in ground]
+        corners = np.concatenate(boxes or [self.state.scene.bounds]).astype(np.float64)
         eyes = [agent.poses[0, :3] for agent in self.state.agents.values()]
-        middle = np.mean([(low + high) / 2, *eyes], axis=0)
+        corners = np.concatenate([corners, np.array(eyes)])
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        middle = (low + high) / 2
         middle[vertical] = low[vertical] + 0.2 * (high - low)[vertical]
         reach = max(float(np.linalg.norm(high - low)), 0.1)
         behind = eyes[0] - middle

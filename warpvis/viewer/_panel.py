@@ -6,13 +6,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from warpvis.core.camera import Camera
 from warpvis.errors import WarpvisError
-from warpvis.viewer._pictures import with_view
+from warpvis.viewer._answers import map_picture
+from warpvis.viewer._pictures import kinect_noise, with_view
 from warpvis.viewer._tables import legend_html, status_html, table_html
 from warpvis.visibility import Agent
 
@@ -24,6 +25,17 @@ if TYPE_CHECKING:
 Act = Callable[[Callable[[], None]], None]
 """Calls what changes the state, and has it shown."""
 
+
+class Asked(Protocol):
+    """What answers the page's buttons."""
+
+    def propose(self) -> tuple[str, bool]:
+        """Show where the first agent should go; say it, and whether there is such a place."""
+
+    def go_there(self) -> None:
+        """Put it there."""
+
+
 _PICTURES = {"depth": "depth", "who sees it": "objects"}
 _CLOUDS = {"who sees it": "who", "labels of the depth image": "labels", "no points": "none"}
 _MOST_HEIGHT, _LEAST_FAR, _MOST_FAR = 3.0, 0.5, 20.0
@@ -34,7 +46,13 @@ class Panel:
     """The elements beside the 3D picture, in the order in which they stand there."""
 
     def __init__(
-        self, gui: GuiApi, state: ViewerState, update: Callable[[], None], act: Act, shown: Mapping[str, Any]
+        self,
+        gui: GuiApi,
+        state: ViewerState,
+        update: Callable[[], None],
+        act: Act,
+        shown: Mapping[str, Any],
+        asked: Asked,
     ) -> None:
         """Add them to the page.
 
@@ -44,19 +62,23 @@ class Panel:
             update: Has it computed and shown again.
             act: Calls what changes it, and has it shown.
             shown: What may be hidden, by name: `visible` of each says whether it is.
+            asked: Answers what buttons ask.
         """
         self._gui, self._state, self._update, self._act = gui, state, update, act
+        self._asked = asked
         names = list(state.agents)
         self.message = gui.add_markdown("", visible=False)
         self.table = gui.add_html("")
         self.legend = gui.add_html(legend_html(names))
         blank = np.full((3, 4, 3), 128, dtype=np.uint8)
         self.images = {name: gui.add_image(blank, label=f"{name} sees", jpeg_quality=_JPEG) for name in names}
+        self.map = gui.add_image(blank, label="the floor, as its image shows it", visible=False)
         self.sliders: dict[str, Any] = {}
         self._add_buttons()
         self._add_choices(shown)
         for name in names:
             self._add_agent(state.agents[name])
+        self._add_joints()
         self.status = gui.add_html("")
 
     def show(self, look: Look, rate: float) -> None:
@@ -65,6 +87,8 @@ class Panel:
         self.status.content = status_html(look, rate)
         for agent, picture in zip(look.agents, look.pictures, strict=True):
             self.images[agent.name].image = picture
+        if self._with_map.value:
+            self.map.image = map_picture(self._state, look.views[0])
 
     def say(self, text: str) -> None:
         """Show a sentence at the top; none for an empty one."""
@@ -72,6 +96,22 @@ class Panel:
 
     def _add_buttons(self) -> None:
         gui = self._gui
+        if len(self._state.agents) > 1:
+            robot = next(iter(self._state.agents))
+            ask = gui.add_button(f"Where should {robot} go?")
+            self.answer = gui.add_markdown("", visible=False)
+            go = gui.add_button("Go there", visible=False)
+
+            @ask.on_click
+            def asked(_: object) -> None:
+                self.answer.content, go.visible = self._asked.propose()
+                self.answer.visible = True
+
+            @go.on_click
+            def gone(_: object) -> None:
+                self._asked.go_there()
+                self.answer.visible = go.visible = False
+
         reset = gui.add_button("Put everything back")
 
         @reset.on_click
@@ -79,6 +119,10 @@ class Panel:
             self._try(self._state.reset)
             for name in self._state.agents:
                 self._follow(name)
+            model = self._state.model
+            for joint in [] if model is None else model.joints:
+                assert model is not None  # it has joints
+                self.sliders[f"joint {joint.name}"].value = model.value(joint.name)
 
     def _add_choices(self, shown: Mapping[str, Any]) -> None:
         gui, state = self._gui, self._state
@@ -87,6 +131,17 @@ class Panel:
             picture = gui.add_dropdown("images", list(_PICTURES), initial_value=next(iter(_PICTURES)))
             for name, nodes in shown.items():
                 self._add_switch(name, nodes)
+            self._with_map = gui.add_checkbox("map of the floor", False)
+            noise = gui.add_slider("noise of a Kinect, times", min=0, max=4, step=0.5, initial_value=0)
+
+        @noise.on_update
+        def _(_: object) -> None:
+            self._try(lambda: state.set_sensor(kinect_noise(float(noise.value))))
+
+        @self._with_map.on_update
+        def _(_: object) -> None:
+            self.map.visible = self._with_map.value
+            self._update()
 
         @cloud.on_update
         def _(_: object) -> None:
@@ -105,6 +160,7 @@ class Panel:
         @box.on_update
         def _(_: object) -> None:
             nodes.visible = box.value
+            self._update()
 
     def _add_agent(self, agent: Agent) -> None:
         """Add an agent's sliders."""
@@ -130,6 +186,21 @@ class Panel:
                     far,
                     self._reach(name),
                 )
+
+    def _add_joints(self) -> None:
+        """Add a slider for each joint of a MuJoCo model."""
+        model = self._state.model
+        if model is None or not model.joints:
+            return
+        with self._gui.add_folder("joints", expand_by_default=False):
+            for joint in model.joints:
+                value = model.value(joint.name)
+                low, high = min(joint.low, value), max(joint.high, value)
+                key = f"joint {joint.name}"
+                self._slider(key, joint.name, (low, high, (high - low) / 200), value, self._bend(joint.name))
+
+    def _bend(self, name: str) -> Callable[[float], None]:
+        return lambda value: self._state.set_joint(name, value)
 
     def _widen(self, name: str) -> Callable[[float], None]:
         def change(degrees: float) -> None:

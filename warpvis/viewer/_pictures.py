@@ -16,6 +16,7 @@ from warpvis.core.camera import Camera
 from warpvis.core.image_cameras import ImageCamera
 from warpvis.rendering import DepthSensor, Output, Renderer
 from warpvis.scene import Scene
+from warpvis.sensors import kinect_v1
 from warpvis.visibility import Agent, FieldOfView
 from warpvis.viz import depth_colors
 
@@ -58,7 +59,8 @@ class AgentPicture:
         Args:
             scene: What is seen.
             camera: How the agent sees.
-            reach: Depth of the last colour where the camera measures any depth [m].
+            reach: Half of the scene's diagonal [m]: depth of the last colour where the camera measures farther than
+                all of the scene.
             sensor: A model of a depth camera, which a `FieldOfView` has none of; None for exact depth.
         """
         self.scene, self.camera, self.reach = scene, camera, reach
@@ -73,7 +75,7 @@ class AgentPicture:
     def depth_range(self) -> tuple[float, float]:
         """Depths of the first and the last colour [m]."""
         near, far = self.camera.near, self.camera.far
-        far = far if math.isfinite(far) else max(self.reach, near + _FINEST_RANGE)
+        far = far if far <= 2 * self.reach else max(self.reach, near + _FINEST_RANGE)
         return near, far
 
     def look(self, agent: Agent, object_poses: NDArray[np.float64]) -> Seen:
@@ -144,6 +146,14 @@ def with_view(
         factor = math.tan(camera.hfov / 2) / math.tan(hfov / 2)
         fields |= {"fx": camera.fx * factor, "fy": camera.fy * factor}
     return replace(camera, **fields)
+
+
+def kinect_noise(level: float) -> DepthSensor | None:
+    """Return a Kinect with so many times its noise on disparities; None, which is exact depth, for 0 times."""
+    if level <= 0:
+        return None
+    kinect = kinect_v1(_WIDTH, 240)
+    return replace(kinect, sigma=kinect.sigma * level, subpixel=max(1, round(kinect.subpixel / level)))
 
 
 def _depth_picture(depth: NDArray[np.float32], limits: tuple[float, float]) -> NDArray[np.uint8]:

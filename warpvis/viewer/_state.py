@@ -9,14 +9,14 @@ import threading
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.camera import Camera
 from warpvis.core.checks import as_items, is_number, is_whole
-from warpvis.core.labels import Label, Visibility
+from warpvis.core.labels import Label
 from warpvis.core.poses import (
     QuaternionOrder,
     check_quaternion,
@@ -30,14 +30,20 @@ from warpvis.maps import label_colors
 from warpvis.rendering import DepthSensor, require_sensor
 from warpvis.scene import Scene
 from warpvis.viewer._cloud import SurfaceCloud
-from warpvis.viewer._pictures import AgentPicture, PictureKind
+from warpvis.viewer._mujoco import MujocoStage, as_mujoco_stage
+from warpvis.viewer._pictures import AgentPicture, PictureKind, Seen
+from warpvis.viewer._rows import Row, rows_of
+from warpvis.viewer._sight import SightLine, SightLines
 from warpvis.viewer._stage import Stage
 from warpvis.visibility import Agent, Perspective, State, perspective
 from warpvis.viz import STATE_COLORS
 
+if TYPE_CHECKING:
+    import mujoco
+
 CloudKind = Literal["who", "labels", "none"]
 
-_MOST_WATCHED = 24
+_MOST_WATCHED = 16
 _MOST_POINTS = 1_000_000
 _LIFT = 0.35
 """How far above its surface a point is shown, in spacings of the points."""
@@ -46,21 +52,6 @@ _NOTHING = (70, 70, 70)
 _NO_POINTS = np.zeros((0, 3), dtype=np.float32)
 _NO_STATES = np.zeros(0, dtype=np.uint8)
 _STATE_TABLE = np.array([STATE_COLORS[state] for state in State], dtype=np.uint8)
-
-
-@dataclass(frozen=True)
-class Row:
-    """A row of the table: an object, and what each agent sees of it."""
-
-    name: str
-    label: str
-    """What its label is called."""
-    cells: tuple[str, ...]
-    """For each agent the visible share in percent, or why it does not see the object."""
-    fractions: tuple[float, ...]
-    """For each agent the visible share of the silhouette, 0 to 1."""
-    state: State
-    """Which of the agents see it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +68,10 @@ class Look:
     """The table."""
     pictures: tuple[NDArray[np.uint8], ...] = field(repr=False)
     """What each agent sees, ``(h, w, 3)``."""
+    views: tuple[Seen, ...] = field(repr=False)
+    """What the pixels of the pictures show."""
+    lines: tuple[SightLine, ...] = field(repr=False)
+    """Lines of sight from agents to what is hidden from them."""
     points: NDArray[np.float32] = field(repr=False)
     """The cloud [m], ``(N, 3)``: points of all surfaces, or those of the first agent's depth image."""
     point_colors: NDArray[np.uint8] = field(repr=False)
@@ -105,7 +100,7 @@ class ViewerState:
 
     def __init__(
         self,
-        scene: Scene | Stage,
+        scene: Scene | mujoco.MjModel | MujocoStage,
         agents: Sequence[Agent],
         *,
         movable: Sequence[str] | None = None,
@@ -115,7 +110,7 @@ class ViewerState:
         """Prepare to look.
 
         Args:
-            scene: The world; it is copied.
+            scene: The world; it is copied. Of a MuJoCo model, the geoms of each body are one object, and joints move.
             agents: One or two, each with one pose.
             movable: Names or patterns of the objects that may be moved; by default those labelled as an object, a
                 person or a robot, and what is movable already.
@@ -133,7 +128,11 @@ class ViewerState:
             if len(agent.poses) != 1:
                 raise SceneError(f"{agent.name!r} must have one pose to begin with, got {len(agent.poses)}")
         bodies = [name for agent in given for name in agent.body]
-        self.stage = scene if isinstance(scene, Stage) else Stage.of(scene, bodies, movable)
+        self.model = scene if isinstance(scene, MujocoStage) else as_mujoco_stage(scene)
+        """The MuJoCo model whose joints move the objects; None of other scenes."""
+        self.stage = Stage.of(scene, bodies, movable) if self.model is None else self.model.stage  # type: ignore[arg-type]  # else it refuses
+        if self.model is not None and movable is not None:
+            raise SceneError("of a MuJoCo model, what has a free joint may be dragged, so it takes no movable")
         self.scene = self.stage.scene
         self.agents: dict[str, Agent] = {agent.name: _plain(agent) for agent in given}
         if len(self.agents) < len(given):
@@ -147,6 +146,7 @@ class ViewerState:
         self.cloud = SurfaceCloud(self.stage, int(points))
         self.picture_kind: PictureKind = "depth"
         self.cloud_kind: CloudKind = "who"
+        self._sight = SightLines(self.stage)
         self._vertical = check_up(self.scene.up)
         self._lock = threading.RLock()
         self._pictures: dict[str, AgentPicture] = {}
@@ -232,7 +232,28 @@ class ViewerState:
         check_quaternion(quaternion)
         row = read_pose(pose, quaternion, name=f"pose of {name!r}")
         with self._lock:
-            self.object_poses[self._column(name)] = row
+            column = self._column(name)
+            if self.model is None:
+                self.object_poses[column] = row
+            elif self.model.can_place(name):
+                self.model.place(name, row)
+                self.object_poses = self.model.object_poses()
+            else:
+                raise SceneError(f"object {name!r} has no free joint: move its joints")
+
+    def set_joint(self, name: str, value: float) -> None:
+        """Put a joint of a MuJoCo model at a value [rad] or [m].
+
+        Raises:
+            WarpvisError: The scene is no MuJoCo model, or has no such joint, or the value is none.
+        """
+        if self.model is None:
+            raise SceneError("the scene is of no MuJoCo model, so it has no joints")
+        if not is_number(value) or not math.isfinite(value):
+            raise ArrayError(f"value of {name!r} must be a number, got {value!r}")
+        with self._lock:
+            self.model.set_joint(name, float(value))
+            self.object_poses = self.model.object_poses()
 
     def object_pose(self, name: str) -> NDArray[np.float64]:
         """Return where a movable object is, row ``x y z qx qy qz qw``."""
@@ -243,6 +264,8 @@ class ViewerState:
         """Put all agents and objects back to where they began."""
         with self._lock:
             self.agents = dict(self.start)
+            if self.model is not None:
+                self.model.reset()
             self.object_poses = self.stage.object_poses.copy()
             self._pictures.clear()
 
@@ -258,7 +281,7 @@ class ViewerState:
             kind, cloud_kind = self.picture_kind, self.cloud_kind
         placed = object_poses if len(object_poses) else None
         seen = perspective(self.scene, agents, objects=self.watched, object_poses=placed)
-        rows = _rows(seen)
+        rows = rows_of(seen)
         colors = self.colors({row.name: row.state for row in rows})
         views = [picture.look(agent, object_poses) for picture, agent in zip(pictures, agents, strict=True)]
         if cloud_kind == "labels":
@@ -272,6 +295,8 @@ class ViewerState:
             seen=seen,
             rows=rows,
             pictures=tuple(picture.draw(view, kind, colors) for picture, view in zip(pictures, views, strict=True)),
+            views=tuple(views),
+            lines=self._sight.of(agents, seen, object_poses),
             points=points,
             point_colors=point_colors,
             states=states,
@@ -317,6 +342,7 @@ class ViewerState:
         items = [item for item in self.scene.objects if item.label not in self.scene.ground_labels]
         if len(items) > _MOST_WATCHED:
             items = [item for item in items if item.label != Label.OBSTACLE] or items
+            items.sort(key=lambda item: item.label == Label.ROBOT)  # of a robot's many links, those come last
         items = items or list(self.scene.objects)
         return [item.name for item in items[:_MOST_WATCHED]]
 
@@ -353,29 +379,3 @@ class ViewerState:
 def _plain(agent: Agent) -> Agent:
     """Return an agent with its pose as a row of the OpenCV frame."""
     return replace(agent, pose=agent.poses[0].copy(), convention="opencv", quaternion="xyzw")
-
-
-def _rows(seen: Perspective) -> tuple[Row, ...]:
-    """Make the table of one situation."""
-    flags = seen.visible[:, 0]
-    states = sum(State(1 + number) * flags[number] for number in range(len(flags)))
-    rows = []
-    for k, name in enumerate(seen.objects):
-        cells = tuple(_cell(seen, agent, k) for agent in range(len(seen.agents)))
-        fractions = tuple(float(value) for value in seen.fraction[:, 0, k])
-        label = seen.label_names.name(seen.labels[k])
-        rows.append(Row(name, label, cells, fractions, State(int(states[k]))))
-    return tuple(rows)
-
-
-def _cell(seen: Perspective, agent: int, k: int) -> str:
-    """Say what an agent sees of an object, or why it does not."""
-    at = (agent, 0, k)
-    if seen.body[agent, k]:
-        return "own body"
-    status = Visibility(seen.status[at])
-    if status == Visibility.VISIBLE:
-        return f"{100 * seen.fraction[at]:.0f} %"
-    if status == Visibility.OCCLUDED and seen.occluder[at] >= 0:
-        return f"hidden by {seen.scene_objects[seen.occluder[at]]}"
-    return status.name.lower().replace("_", " ")

@@ -7,11 +7,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 
-from warpvis.viewer._state import Look, Row
+from warpvis.viewer._rows import Row
+from warpvis.viewer._state import Look
 from warpvis.visibility import State
 from warpvis.viz import STATE_COLORS
 
 _STYLE = "font-size:0.8em;line-height:1.35;padding:0 0.6em"
+_MOST_HEIGHT = "17em"
 _CELL = "padding:0.15em 0.5em 0.15em 0;vertical-align:top;border-top:1px solid rgba(128,128,128,0.3)"
 
 
@@ -23,7 +25,8 @@ def table_html(look: Look) -> str:
     )
     body = "".join(_row(row, agents) for row in look.rows)
     return (
-        f'<div style="{_STYLE}"><table class="warpvis-table" style="border-collapse:collapse;width:100%">'
+        f'<div style="{_STYLE};max-height:{_MOST_HEIGHT};overflow:auto">'
+        f'<table class="warpvis-table" style="border-collapse:collapse;width:100%">'
         f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
     )
 

@@ -19,10 +19,12 @@ from warpvis.core.camera import Camera
 from warpvis.core.checks import check_flag, is_whole
 from warpvis.errors import WarpvisError
 from warpvis.scene import Scene, require_scene
+from warpvis.viewer._mujoco import as_mujoco_stage
 from warpvis.viewer._state import ViewerState
 from warpvis.visibility import Agent
 
 if TYPE_CHECKING:
+    import mujoco
     from viser import ViserServer
 
 _PORT = 8080
@@ -109,7 +111,7 @@ class Viewer:
 
 
 def view(
-    scene: Scene,
+    scene: Scene | mujoco.MjModel,
     agents: Sequence[Agent] | None = None,
     camera: Camera | None = None,
     *,
@@ -122,7 +124,8 @@ def view(
     """Open a live page of a scene in the browser, in which agents and objects are moved and what is seen changes.
 
     Args:
-        scene: The world; the viewer moves things in a copy.
+        scene: The world; the viewer moves things in a copy. Of a MuJoCo model, which begins at its first keyframe, the
+            geoms of each body are one object, and joints have sliders.
         agents: One or two: a robot and a person. By default a robot with `camera` from where all of the scene is seen.
         camera: The camera of a robot that was not given; `Camera.kinect` of any range by default.
         movable: Names or patterns of the objects that may be dragged; by default those labelled as an object, a person
@@ -139,10 +142,12 @@ def view(
     Raises:
         WarpvisError: viser is missing, or an argument is not what it has to be.
     """
-    given = [framing_agent(scene, camera)] if agents is None else agents
     if agents is not None and camera is not None:
         raise WarpvisError("camera is that of a robot that is not given; agents have cameras of their own")
-    state = ViewerState(scene, given, movable=movable, objects=objects)
+    model = as_mujoco_stage(scene)
+    if agents is None:
+        agents = [framing_agent(scene if model is None else model.stage.scene, camera)]
+    state = ViewerState(scene if model is None else model, agents, movable=movable, objects=objects)
     return Viewer(state, host=host, port=port, dark=dark)
 
 

@@ -1,0 +1,276 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""A MuJoCo model as a stage: an object for each body, moved by joints."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.camera import Camera
+from warpvis.core.label_rules import LabelInput, LabelRules
+from warpvis.core.labels import Label
+from warpvis.core.poses import poses_to_matrices, poses_to_opencv
+from warpvis.errors import SceneError
+from warpvis.scene import Scene, SceneObject
+from warpvis.viewer._stage import Stage
+from warpvis.visibility import Agent
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from warpvis.mujoco import MujocoScene
+
+_UNNAMED = "*unnamed*"
+_UNLIMITED = {"hinge": np.pi, "slide": 1.0}
+_PICTURE = (320, 240)
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint with one number."""
+
+    name: str
+    low: float
+    """Its least value [rad] or [m]."""
+    high: float
+    """Its greatest one."""
+    address: int
+    """Where its value is in qpos."""
+
+
+class MujocoStage:
+    """A model's geoms, of which those of one body are one object, and where its joints put them.
+
+    What hangs on a body that moves freely is an object, what else has joints is a robot, unless labels say otherwise.
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, data: mujoco.MjData | None = None, *, labels: LabelInput | None = None
+    ) -> None:
+        """Make a stage of a model.
+
+        Args:
+            model: The model.
+            data: Where its joints are at the beginning; by default at its first keyframe, if it has one.
+            labels: Labels by name or pattern of geoms or bodies, as for `warpvis.mujoco.scene_from_mujoco`.
+
+        Raises:
+            SceneError: An argument is not what it has to be.
+        """
+        import mujoco
+
+        from warpvis.mujoco import scene_from_mujoco
+
+        if not isinstance(model, mujoco.MjModel):
+            raise SceneError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
+        if data is not None and (not isinstance(data, mujoco.MjData) or len(data.qpos) != model.nq):
+            raise SceneError(f"data must be a mujoco.MjData of the model, got {type(data).__name__}")
+        self.model, self.data = model, mujoco.MjData(model)
+        if data is not None:
+            self.data.qpos[:], self.data.mocap_pos[:], self.data.mocap_quat[:] = (
+                data.qpos,
+                data.mocap_pos,
+                data.mocap_quat,
+            )
+        elif model.nkey:
+            mujoco.mj_resetDataKeyframe(model, self.data, 0)
+        mujoco.mj_kinematics(model, self.data)
+        mujoco.mj_comPos(model, self.data)
+        mujoco.mj_camlight(model, self.data)
+        self._start = self.data.qpos.copy()
+        self._found: MujocoScene = scene_from_mujoco(model, labels=labels)
+        self._patterns = list(LabelRules.of(labels).labels)
+        self.joints = self._one_number_joints()
+        self._free: dict[str, tuple[int, NDArray[np.float64]]] = {}
+        """Of each object that moves freely, where its qpos begins, and body to object, ``(4, 4)``."""
+        self.stage = self._build()
+
+    def set_joint(self, name: str, value: float) -> None:
+        """Put a joint at a value [rad] or [m]."""
+        self.data.qpos[self._joint(name).address] = value
+        self._move()
+
+    def value(self, name: str) -> float:
+        """Return a joint's value [rad] or [m]."""
+        return float(self.data.qpos[self._joint(name).address])
+
+    def can_place(self, name: str) -> bool:
+        """Whether an object moves freely."""
+        return name in self._free
+
+    def place(self, name: str, row: NDArray[np.float64]) -> None:
+        """Put an object that moves freely at a row ``x y z qx qy qz qw``, with all that hangs on it."""
+        address, inside = self._free[name]
+        body = poses_to_opencv((poses_to_matrices(row[None])[0] @ np.linalg.inv(inside))[None])[0]
+        self.data.qpos[address : address + 7] = body[[0, 1, 2, 6, 3, 4, 5]]
+        self._move()
+
+    def reset(self) -> None:
+        """Put all joints where they began."""
+        self.data.qpos[:] = self._start
+        self._move()
+
+    def object_poses(self) -> NDArray[np.float64]:
+        """Return where the movable objects are, rows ``x y z qx qy qz qw``, ``(M, 7)``."""
+        from warpvis.mujoco import geom_poses
+
+        return geom_poses(self.data, self._found).astype(np.float64).reshape(-1, 7)
+
+    def cameras(self) -> list[str]:
+        """List the names of the model's cameras."""
+        return [self.model.camera(index).name for index in range(self.model.ncam)]
+
+    def agent(self, name: str, camera: str) -> Agent:
+        """Make an agent of one of the model's cameras.
+
+        Raises:
+            SceneError: The model has no such camera.
+        """
+        if not isinstance(camera, str) or camera not in self.cameras():
+            raise SceneError(f"the model has no camera {camera!r}; it has {', '.join(self.cameras()) or 'none'}")
+        lens, pose = self.eyes(camera)
+        return Agent(name, lens, pose)
+
+    def eyes(self, name: str) -> tuple[Camera, NDArray[np.float64]]:
+        """Return one of the model's cameras, 320 x 240 pixels, and where it is now, ``(7,)``."""
+        from warpvis.mujoco import camera_poses
+
+        index = self.model.camera(name).id
+        pose = camera_poses(self.data, self.model, [index])[0]
+        return Camera.from_mujoco(self.model, index, *_PICTURE), pose.astype(np.float64)
+
+    def _move(self) -> None:
+        import mujoco
+
+        mujoco.mj_kinematics(self.model, self.data)
+
+    def _joint(self, name: str) -> Joint:
+        for joint in self.joints:
+            if isinstance(name, str) and joint.name == name:
+                return joint
+        raise SceneError(f"the model has no hinge or slide joint {name!r}")
+
+    def _one_number_joints(self) -> list[Joint]:
+        import mujoco
+
+        kinds = {int(mujoco.mjtJoint.mjJNT_HINGE): "hinge", int(mujoco.mjtJoint.mjJNT_SLIDE): "slide"}
+        found = []
+        for index in range(self.model.njnt):
+            kind = kinds.get(int(self.model.jnt_type[index]))
+            if kind is None:
+                continue
+            low, high = self.model.jnt_range[index]
+            if not self.model.jnt_limited[index]:
+                low, high = -_UNLIMITED[kind], _UNLIMITED[kind]
+            name = self.model.joint(index).name or f"joint {index}"
+            found.append(Joint(name, float(low), float(high), int(self.model.jnt_qposadr[index])))
+        return found
+
+    def _build(self) -> Stage:
+        """Join the geoms of each body."""
+        items = list(self._found.scene.objects)
+        moving, staying = defaultdict(list), defaultdict(list)
+        for index, item in enumerate(items):
+            if item.movable:
+                moving[index if item.carrier is None else item.carrier].append(item)
+            else:
+                staying[self._group(index, item)].append(item)
+        names: set[str] = set()
+        objects = []
+        for (name, label), parts in staying.items():
+            vertices, faces = _joined([(part.vertices, part.faces) for part in parts])
+            objects.append(SceneObject(_free_name(name, names), label, vertices, faces))
+        for root in self._found.scene.movable:
+            objects.append(self._joined_body(root, moving[root], names))
+        scene = Scene(label_names=self._found.scene.label_names, ground_labels=self._found.scene.ground_labels)
+        scene.replace_objects(objects)
+        return Stage(scene, tuple(self._free), self.object_poses())
+
+    def _joined_body(self, root: int, parts: Sequence[SceneObject], names: set[str]) -> SceneObject:
+        item = self._found.scene.objects[root]
+        body = self._body(root)
+        label = item.label
+        if label == Label.OBSTACLE and not self._is_said(root):
+            label = Label.OBJECT if self._root_is_free(body) else Label.ROBOT
+        name = _free_name(self.model.body(body).name.rstrip("/") or item.name, names)
+        self._note_free(name, body, root)
+        if len(parts) == 1:
+            return SceneObject.placed(name, label, (item.mesh_vertices, item.faces), item.pose, item.solid)  # type: ignore[arg-type]  # it is movable
+        meshes = [(part.mesh_vertices, part.faces) for part in parts]
+        return SceneObject.placed(name, label, _joined(meshes), item.pose)  # type: ignore[arg-type]  # likewise
+
+    def _note_free(self, name: str, body: int, root: int) -> None:
+        """Remember an object whose own body moves freely."""
+        import mujoco
+
+        joint = int(self.model.body_jntadr[body])
+        if joint < 0 or self.model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE:
+            return
+        frame = np.eye(4)
+        frame[:3, :3], frame[:3, 3] = self.data.xmat[body].reshape(3, 3), self.data.xpos[body]
+        column = self._found.scene.movable.index(root)
+        placed = poses_to_matrices(self.object_poses()[column][None])[0]
+        self._free[name] = (int(self.model.jnt_qposadr[joint]), np.linalg.inv(frame) @ placed)
+
+    def _group(self, index: int, item: SceneObject) -> tuple[str, int]:
+        """Choose what a geom that stays is joined with: the geoms of its body, where it has no name of its own."""
+        body = self._body(index)
+        if body == 0 and not fnmatch.fnmatchcase(item.name, _UNNAMED):
+            return item.name, item.label
+        return self.model.body(body).name.rstrip("/") or item.name, item.label
+
+    def _body(self, index: int) -> int:
+        """Return the body that a geom moves with."""
+        body = int(self.model.geom_bodyid[self._found.geom_ids[index]])
+        return int(self.model.body_weldid[body]) or body
+
+    def _root_is_free(self, body: int) -> bool:
+        import mujoco
+
+        root = int(self.model.body_rootid[body])
+        joint = int(self.model.body_jntadr[root])
+        return joint >= 0 and self.model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE
+
+    def _is_said(self, index: int) -> bool:
+        """Whether the labels that were given name an object or its body."""
+        body = self.model.geom_bodyid[self._found.geom_ids[index]]
+        words = (self._found.scene.objects[index].name, self.model.body(body).name)
+        return any(fnmatch.fnmatchcase(word, pattern) for word in words for pattern in self._patterns)
+
+
+def as_mujoco_stage(scene: object) -> MujocoStage | None:
+    """Make a stage of a MuJoCo model; None of anything else. MuJoCo is imported only if it is one."""
+    if type(scene).__module__.partition(".")[0] != "mujoco":
+        return None
+    import mujoco
+
+    return MujocoStage(scene) if isinstance(scene, mujoco.MjModel) else None
+
+
+def _joined(
+    meshes: Iterable[tuple[NDArray[np.float32] | None, NDArray[np.int32]]],
+) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    """Make one mesh of several in one frame."""
+    vertices, faces, count = [], [], 0
+    for corners, triangles in meshes:
+        assert corners is not None  # all of them move, or none
+        vertices.append(corners)
+        faces.append(triangles + count)
+        count += len(corners)
+    return np.concatenate(vertices).astype(np.float32), np.concatenate(faces).astype(np.int32)
+
+
+def _free_name(name: str, taken: set[str]) -> str:
+    """Return a name that no other object has, and take it."""
+    free, number = name, 1
+    while free in taken:
+        free, number = f"{name}_{number}", number + 1
+    taken.add(free)
+    return free

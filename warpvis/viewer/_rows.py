@@ -1,0 +1,51 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The rows of the page's table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from warpvis.core.labels import Visibility
+from warpvis.visibility import Perspective, State
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of the table: an object, and what each agent sees of it."""
+
+    name: str
+    label: str
+    """What its label is called."""
+    cells: tuple[str, ...]
+    """For each agent the visible share in percent, or why it does not see the object."""
+    fractions: tuple[float, ...]
+    """For each agent the visible share of the silhouette, 0 to 1."""
+    state: State
+    """Which of the agents see it."""
+
+
+def rows_of(seen: Perspective) -> tuple[Row, ...]:
+    """Make the table of one situation."""
+    flags = seen.visible[:, 0]
+    states = sum(State(1 + number) * flags[number] for number in range(len(flags)))
+    rows = []
+    for k, name in enumerate(seen.objects):
+        cells = tuple(_cell(seen, agent, k) for agent in range(len(seen.agents)))
+        fractions = tuple(float(value) for value in seen.fraction[:, 0, k])
+        label = seen.label_names.name(seen.labels[k])
+        rows.append(Row(name, label, cells, fractions, State(int(states[k]))))
+    return tuple(rows)
+
+
+def _cell(seen: Perspective, agent: int, k: int) -> str:
+    """Say what an agent sees of an object, or why it does not."""
+    at = (agent, 0, k)
+    if seen.body[agent, k]:
+        return "own body"
+    status = Visibility(seen.status[at])
+    if status == Visibility.VISIBLE:
+        return f"{100 * seen.fraction[at]:.0f} %"
+    if status == Visibility.OCCLUDED and seen.occluder[at] >= 0:
+        return f"hidden by {seen.scene_objects[seen.occluder[at]]}"
+    return status.name.lower().replace("_", " ")

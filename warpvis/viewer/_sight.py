@@ -1,0 +1,92 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Lines from an agent's eyes to objects that are hidden from it, which stop at what hides them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.camera import Camera
+from warpvis.core.labels import Visibility
+from warpvis.core.poses import look_at, poses_to_matrices
+from warpvis.rendering import Renderer
+from warpvis.viewer._stage import Stage
+from warpvis.visibility import Agent, Perspective
+
+_PIXEL = Camera(1, 1, 1000.0, 1000.0, 0.5, 0.5)
+"""One pixel, whose ray is the camera's axis."""
+
+
+@dataclass(frozen=True, eq=False)
+class SightLine:
+    """A line of sight to the middle of a hidden object."""
+
+    agent: str
+    object: str
+    occluder: str
+    """What hides it."""
+    eye: NDArray[np.float64]
+    stop: NDArray[np.float64]
+    """Where the line meets what is in the way [m]."""
+    target: NDArray[np.float64]
+    """The middle of the object's box [m]."""
+
+
+class SightLines:
+    """Finds lines of sight, by one ray each."""
+
+    def __init__(self, stage: Stage) -> None:
+        """Prepare to cast."""
+        self._stage = stage
+        self._renderer = Renderer(stage.scene, _PIXEL, outputs=("depth", "segmentation"))
+
+    def of(
+        self, agents: Sequence[Agent], seen: Perspective, object_poses: NDArray[np.float64]
+    ) -> tuple[SightLine, ...]:
+        """Find the lines from each agent to what is hidden from it altogether.
+
+        A ray to the middle of an object that meets the object itself, since something hides it in another way, has no
+        line.
+        """
+        found = []
+        for number, agent in enumerate(agents):
+            hidden = np.flatnonzero((seen.status[number, 0] == Visibility.OCCLUDED) & ~seen.body[number])
+            if len(hidden):
+                found += self._from(agent, [seen.objects[k] for k in hidden], object_poses)
+        return tuple(found)
+
+    def _from(self, agent: Agent, names: Sequence[str], object_poses: NDArray[np.float64]) -> list[SightLine]:
+        eye = agent.poses[0, :3]
+        targets = [self._middle(name, object_poses) for name in names]
+        poses = np.array([_aimed(eye, target) for target in targets])
+        views = self._renderer.render(
+            poses, object_poses=object_poses if len(object_poses) else None, exclude=agent.body or None
+        )
+        depths, objects = views.depth.numpy()[:, 0, 0], views.segmentation.numpy()[:, 0, 0]
+        lines = []
+        for name, target, depth, index in zip(names, targets, depths, objects, strict=True):
+            way = target - eye
+            length = float(np.linalg.norm(way))
+            occluder = self._stage.scene.objects[index].name if index >= 0 else name
+            if occluder != name and depth < length:
+                lines.append(SightLine(agent.name, name, occluder, eye, eye + way * (float(depth) / length), target))
+        return lines
+
+    def _middle(self, name: str, object_poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        vertices, _ = self._stage.mesh(name)
+        middle = (vertices.min(axis=0).astype(np.float64) + vertices.max(axis=0)) / 2
+        column = self._stage.column(name)
+        if column < 0:
+            return middle
+        frame = poses_to_matrices(object_poses[column][None])[0]
+        return frame[:3, :3] @ middle + frame[:3, 3]
+
+
+def _aimed(eye: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a camera's pose that looks at a target, whichever way is up."""
+    way = target - eye
+    return look_at(eye, target, up=np.eye(3)[np.abs(way).argmin()])
