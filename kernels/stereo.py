@@ -104,7 +104,6 @@ PLACE = (
 const OtherImage image = {{(float)eye.place[0], (float)eye.place[1], (float)eye.place[2]},
                           {(float)camera.fx, (float)camera.fy}, added_columns, camera.width, camera.height,
                           least_depth};
-image.show(images, view, y, x, (float*)points_out.data);
 """
 )
 MEASURE = (
@@ -116,14 +115,13 @@ const Stereo stereo = {model.disparity_scale, model.shift_scale, model.first_col
                        model.spacing, model.window, model.edge_step};
 StereoView seen = {view, {model.seed, draw[0], draw[1]}, {}, (float)eye.place[2]};
 for (int k = 0; k < 9; ++k) seen.axes[k] = eye.axes.data[k / 3][k % 3];
-StereoRows::measure(stereo, images, seen, y, x);
 """
 )
 STEREO_HEADERS = "shared/stereo.h", "shared/stereo_rows.h"
 _HEADERS = ("shared/constants.h", *RANDOM_HEADERS, "shared/random_pixel.h", *STEREO_HEADERS)
 
 
-@wp.func_native(read_native(*_HEADERS) + MEASURE)
+@wp.func_native(read_native(*_HEADERS) + MEASURE + "StereoRows::measure(stereo, images, seen, y, x);")
 def measure_pixel(
     model: StereoModel,
     given: StereoViews,
@@ -156,7 +154,7 @@ def measure_stereo(
     measure_pixel(model, given, eyes[view], given.draws[view], view, y, x, depth_out, reasons_out)
 
 
-@wp.func_native(read_native(*_HEADERS) + PLACE)
+@wp.func_native(read_native(*_HEADERS) + PLACE + "image.show(images, view, y, x, (float*)points_out.data);")
 def place_pixel(
     camera: PinholeCamera,
     given: StereoViews,

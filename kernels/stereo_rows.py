@@ -11,8 +11,10 @@ from warpvis.kernels.stereo import MEASURE, PLACE, STEREO_HEADERS, OtherEye, Ste
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
 
+_HEADERS = read_native(*LANE_HEADERS, *STEREO_HEADERS)
 
-@wp.func_native(read_native(*LANE_HEADERS, *STEREO_HEADERS) + MEASURE.replace("measure(stereo, images, seen, y, x)", "measure_row(stereo, images, seen, y)"))
+
+@wp.func_native(_HEADERS + MEASURE + "StereoRows::measure_row(stereo, images, seen, y);")
 def measure_row(
     model: StereoModel,
     given: StereoViews,
@@ -44,7 +46,7 @@ def measure_stereo_rows(
     measure_row(model, given, eyes[view], given.draws[view], view, y, depth_out, reasons_out)
 
 
-@wp.func_native(read_native(*LANE_HEADERS, *STEREO_HEADERS) + PLACE.replace("show(images, view, y, x,", "show_row(images, view, y,"))
+@wp.func_native(_HEADERS + PLACE + "image.show_row(images, view, y, (float*)points_out.data);")
 def place_row(
     camera: PinholeCamera,
     given: StereoViews,

@@ -49,14 +49,19 @@ from reference_classify import (  # noqa: F401
 )
 from reference_clearance import find_room, nearest_surface  # noqa: F401
 from reference_coinciding import show_later  # noqa: F401
-from reference_corruptions import corrupt_depth, place_rectangles  # noqa: F401
+from reference_corruptions import corrupt_depth, corrupt_depth_rows, place_rectangles  # noqa: F401
 from reference_echoes import gather_returns, measure_incidence, reflect_rays  # noqa: F401
 from reference_fattening import fatten_surfaces, find_nearest_in_rows  # noqa: F401
 from reference_floor_map import finish_map, mark_cells  # noqa: F401
 from reference_found import find_objects_cuda, sort_into_tiles  # noqa: F401
 from reference_heights import climb  # noqa: F401
 from reference_inside import find_inside  # noqa: F401
-from reference_kinect_noise import measure_khoshelham, measure_nguyen  # noqa: F401
+from reference_kinect_noise import (  # noqa: F401
+    measure_khoshelham,
+    measure_khoshelham_rows,
+    measure_nguyen,
+    measure_nguyen_rows,
+)
 from reference_latency import delay_images  # noqa: F401
 from reference_motion import begin_legs, cast_at_moving_objects, cast_moving_rays, measure_moving_incidence  # noqa: F401
 from reference_mujoco import (  # noqa: F401

@@ -28,6 +28,9 @@ _LEAST_PIXELS = 4096
 # 256 (H200, three scenes).
 _CUDA_BLOCK = 64
 
+WHOLE_ROW = 2**30
+"""A span of more pixels than a row has: then a thread of a kernel takes all of one."""
+
 MOST_THREADS = 4096
 """More CPU threads than this are a mistake: each has memory of its own."""
 

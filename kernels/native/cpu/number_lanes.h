@@ -42,6 +42,12 @@ struct Numbers {
         if (times == 4) return __builtin_shufflevector(a, a, 0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
         return __builtin_shufflevector(a, a, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1);
     }
+    static inline Ints load(const unsigned char* from, int count) {
+        typedef unsigned char Bytes __attribute__((ext_vector_type(LANES)));
+        Bytes bytes = (Bytes)(0);
+        __builtin_memcpy(&bytes, from, count < LANES ? count : LANES);
+        return __builtin_convertvector(bytes, Ints);
+    }
     // Of x y z x y z ..., each of the three.
     static inline void load_triples(const float* from, Floats* triple, int count) {
         float some[3 * LANES] = {};

@@ -12,7 +12,7 @@ import warp as wp
 from warpvis.core.camera import Camera
 from warpvis.core.checks import as_items, check_number, check_whole
 from warpvis.core.kernel_cache import launch
-from warpvis.core.threads import launch_images
+from warpvis.core.threads import WHOLE_ROW, launch_images
 from warpvis.errors import ArrayError
 from warpvis.rendering import DepthSensor, Exposure, TakesLens
 from warpvis.scene import Scene
@@ -89,7 +89,7 @@ class Corruptions(DepthSensor):
 
     def measure(self, exposure: Exposure) -> None:
         """Write the sensor's depth and reasons."""
-        from warpvis.kernels.corruptions import CorruptionModel, corrupt_depth, place_rectangles
+        from warpvis.kernels.corruptions import CorruptionModel, place_rectangles
 
         if self.of is not None:
             self.of.measure(exposure)
@@ -105,13 +105,26 @@ class Corruptions(DepthSensor):
             placed = [camera, model, exposure.draws, rectangles]
             launch(place_rectangles, rectangles.shape, placed, exposure.scene.device)
         given = [model, exposure.true_depth if self.of is None else None, rectangles, exposure.draws]
+        kernel, span = _kernel(exposure.scene.device)
         launch_images(
-            corrupt_depth,
+            kernel,
             exposure.depth_out.shape,
             lambda window: [camera, window, *given, exposure.depth_out, exposure.reasons_out],
             device=exposure.scene.device,
             threads=exposure.threads,
+            span=span,
         )
+
+
+def _kernel(device: wp.Device) -> tuple[wp.Kernel, int]:
+    """Return what corrupts on a device, and how many pixels a thread takes."""
+    if device.is_cpu:
+        from warpvis.kernels.noise_rows import corrupt_depth_rows
+
+        return corrupt_depth_rows, WHOLE_ROW
+    from warpvis.kernels.corruptions import corrupt_depth
+
+    return corrupt_depth, 1
 
 
 def _check_limits(value: object, name: str, least: int, most: int) -> tuple[int, int]:

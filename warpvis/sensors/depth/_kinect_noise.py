@@ -8,8 +8,10 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+import warp as wp
+
 from warpvis.core.checks import check_flag, check_number
-from warpvis.core.threads import launch_images
+from warpvis.core.threads import WHOLE_ROW, launch_images
 from warpvis.errors import ArrayError
 from warpvis.rendering import DepthSensor, Exposure, TakesLens
 
@@ -61,7 +63,7 @@ class NguyenNoise(DepthSensor):
 
     def measure(self, exposure: Exposure) -> None:
         """Write the sensor's depth and reasons."""
-        from warpvis.kernels.kinect_noise import NguyenModel, measure_nguyen
+        from warpvis.kernels.kinect_noise import NguyenModel
 
         model = NguyenModel()
         for name in self.__dataclass_fields__:
@@ -69,12 +71,14 @@ class NguyenNoise(DepthSensor):
         model.seed = exposure.seed
         camera = exposure.camera.device_struct()
         given = [model, exposure.true_depth, exposure.normals, exposure.draws]
+        kernel, span = _nguyen_kernel(exposure.scene.device)
         launch_images(
-            measure_nguyen,
+            kernel,
             exposure.depth_out.shape,
             lambda window: [camera, exposure.poses, window, *given, exposure.depth_out, exposure.reasons_out],
             device=exposure.scene.device,
             threads=exposure.threads,
+            span=span,
         )
 
 
@@ -106,16 +110,40 @@ class KhoshelhamNoise(DepthSensor):
 
     def measure(self, exposure: Exposure) -> None:
         """Write the sensor's depth and reasons."""
-        from warpvis.kernels.kinect_noise import KhoshelhamModel, measure_khoshelham
+        from warpvis.kernels.kinect_noise import KhoshelhamModel
 
         model = KhoshelhamModel()
         model.step, model.sigma, model.rounds, model.seed = self.step, self.sigma, int(self.rounds), exposure.seed
         camera = exposure.image_range
         given = [model, exposure.true_depth, exposure.draws, exposure.depth_out, exposure.reasons_out]
+        kernel, span = _khoshelham_kernel(exposure.scene.device)
         launch_images(
-            measure_khoshelham,
+            kernel,
             exposure.depth_out.shape,
             lambda window: [camera, window, *given],
             device=exposure.scene.device,
             threads=exposure.threads,
+            span=span,
         )
+
+
+def _nguyen_kernel(device: wp.Device) -> tuple[wp.Kernel, int]:
+    """Return the model's kernel on a device, and how many pixels a thread takes."""
+    if device.is_cpu:
+        from warpvis.kernels.noise_rows import measure_nguyen_rows
+
+        return measure_nguyen_rows, WHOLE_ROW
+    from warpvis.kernels.kinect_noise import measure_nguyen
+
+    return measure_nguyen, 1
+
+
+def _khoshelham_kernel(device: wp.Device) -> tuple[wp.Kernel, int]:
+    """Return the model's kernel on a device, and how many pixels a thread takes."""
+    if device.is_cpu:
+        from warpvis.kernels.noise_rows import measure_khoshelham_rows
+
+        return measure_khoshelham_rows, WHOLE_ROW
+    from warpvis.kernels.kinect_noise import measure_khoshelham
+
+    return measure_khoshelham, 1

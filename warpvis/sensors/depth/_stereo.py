@@ -15,7 +15,7 @@ import warp as wp
 from warpvis.core.camera import Camera
 from warpvis.core.checks import check_choice, check_flag, check_number, check_whole, is_number
 from warpvis.core.kernel_cache import launch
-from warpvis.core.threads import launch_images
+from warpvis.core.threads import WHOLE_ROW, launch_images
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError, CameraError
 from warpvis.kernels.constants import STREAM_DISPARITY
@@ -39,8 +39,6 @@ to the next. A shadow is as wide as disparities differ, so that none is missed t
 """
 # Longer than any device's [m], and shorter than one's in millimetres.
 _LONG_BASELINE = 5.0
-# More pixels than a row has: then a thread of a kernel takes all of one.
-_WHOLE_ROW = 2**30
 _MOST_SPACING, _MOST_WINDOW, _MOST_BESIDE = 64, 63, 8192
 
 
@@ -280,7 +278,7 @@ def _kernels(device: wp.Device) -> tuple[wp.Kernel, wp.Kernel, int]:
     if device.is_cpu:
         from warpvis.kernels.stereo_rows import measure_stereo_rows, place_rows_in_other_eyes
 
-        return place_rows_in_other_eyes, measure_stereo_rows, _WHOLE_ROW
+        return place_rows_in_other_eyes, measure_stereo_rows, WHOLE_ROW
     from warpvis.kernels.stereo import measure_stereo, place_in_other_eyes
 
     return place_in_other_eyes, measure_stereo, 1

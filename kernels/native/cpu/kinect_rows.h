@@ -1,0 +1,152 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Rows of pixels through the models of kernels/kinect_noise.py.
+
+struct Khoshelham {
+    float step, sigma;
+    bool rounds;
+    SensorRange range;
+
+    inline void measure(const NoiseRow& row) const {
+        for (int x = 0; x < row.width; x += PixelWords::PIXELS) {
+            const PixelWords words = PixelWords::draw(row.key, STREAM_DISPARITY, row.y, x);
+            for (int k = 0; k < PixelWords::WORDS && x + k * LANES < row.width; ++k)
+                some(row, x + k * LANES, sigma * Random::normal(words.block[k]));
+        }
+    }
+    inline void some(const NoiseRow& row, int x, Floats noise) const {
+        const Floats depth = row.exact(x), scaled = step * depth;
+        const Floats found = rounds ? Numbers::floor(1.0f / scaled + noise + 0.5f) : 1.0f + scaled * noise;
+        const Floats unit = rounds ? Lanes::all(1.0f / step) : depth;
+        // Beyond the last step is endless depth.
+        const Floats said = range.said(found > 0.0f ? unit / found : Lanes::all(Numbers::endless()));
+        const Ints there = SensorRange::finite(depth);
+        row.say(x, there ? said : depth, there ? SensorRange::reason(said) : Lanes::all_ints(REASON_EMPTY));
+    }
+};
+
+typedef double Doubles __attribute__((ext_vector_type(LANES)));
+
+// The camera of a view, and what it sees.
+struct NguyenView {
+    double focal[2], center[2];
+    double rotation[4];  // x y z w
+    double forward[3];  // in the world
+    int height, width;
+    const float* depth;
+    const float* normals;  // xyz in the world
+
+    static inline Doubles wide(Floats a) { return __builtin_convertvector(a, Doubles); }
+    static inline Floats narrow(Doubles a) { return __builtin_convertvector(a, Floats); }
+
+    // Angles between normals and the axis; as `angle_of` of kernels/noise.py.
+    inline Floats angle(const Floats* normal) const {
+        const Doubles along =
+            wide(normal[0]) * forward[0] + wide(normal[1]) * forward[1] + wide(normal[2]) * forward[2];
+        const Floats x = Lanes::min(Lanes::max(Lanes::abs(narrow(along)), Lanes::all(0.0f)), Lanes::all(1.0f));
+        Floats total = x * -0.0012624911f + 0.0066700901f;
+        total = total * x - 0.0170881256f;
+        total = total * x + 0.0308918810f;
+        total = total * x - 0.0501743046f;
+        total = total * x + 0.0889789874f;
+        total = total * x - 0.2145988016f;
+        total = total * x + 1.5707963050f;
+        return Numbers::root(1.0f - x) * total;
+    }
+    inline Doubles across(Ints column) const {
+        return (__builtin_convertvector(column, Doubles) + 0.5 - center[0]) / focal[0];
+    }
+    inline Doubles down(Ints row) const { return (__builtin_convertvector(row, Doubles) + 0.5 - center[1]) / focal[1]; }
+    // Normals in the camera's frame, as Warp's quat_rotate_inv rounds them.
+    inline void turn(const Floats* normal, Doubles* turned) const {
+        const double *q = rotation, w = rotation[3], c = 2.0 * w * w - 1.0;
+        const Doubles n[3] = {wide(normal[0]), wide(normal[1]), wide(normal[2])};
+        const Doubles d = 2.0 * (q[0] * n[0] + q[1] * n[1] + q[2] * n[2]);
+        turned[0] = n[0] * c + q[0] * d - (q[1] * n[2] - q[2] * n[1]) * w * 2.0;
+        turned[1] = n[1] * c + q[1] * d - (q[2] * n[0] - q[0] * n[2]) * w * 2.0;
+        turned[2] = n[2] * c + q[2] * d - (q[0] * n[1] - q[1] * n[0]) * w * 2.0;
+    }
+};
+
+// Pixels whose surfaces others show.
+struct Shown {
+    Ints row, column;
+    Floats depth;
+    Floats normal[3];
+
+    inline void look(const NguyenView& view) {
+        int place[LANES];
+        float seen[LANES], normals[3][LANES];
+        Lanes::store(place, row * view.width + column);
+        for (int k = 0; k < LANES; ++k) {
+            seen[k] = view.depth[place[k]];
+            for (int c = 0; c < 3; ++c) normals[c][k] = view.normals[3LL * place[k] + c];
+        }
+        depth = Lanes::load(seen);
+        for (int c = 0; c < 3; ++c) normal[c] = Lanes::load(normals[c]);
+    }
+    // Depth where rays of a row's pixels meet the planes of these; their depth if they do not, or show themselves.
+    inline Floats met(const NguyenView& view, Ints column_of_ray, int y) const {
+        Doubles n[3];
+        view.turn(normal, n);
+        const Doubles there = n[0] * view.across(column) + n[1] * view.down(row) + n[2];
+        const Doubles here = n[0] * view.across(column_of_ray) + n[1] * view.down(Lanes::all_ints(y)) + n[2];
+        const Doubles ahead = there / here, found = NguyenView::wide(depth) * ahead;
+        const Floats carried = NguyenView::narrow(ahead > 0.0 ? found : NguyenView::wide(depth));
+        const Ints elsewhere = (row != y) | (column != column_of_ray);
+        return elsewhere ? carried : depth;
+    }
+};
+
+struct Nguyen {
+    float least_axial, axial_growth, best_depth, grazing_axial, grazing_angle, lateral, lateral_growth, most_angle;
+    SensorRange range;
+
+    static inline Floats steepness(Floats angle) {
+        constexpr float RIGHT_ANGLE = 1.5707964f;
+        return angle / (RIGHT_ANGLE - angle);
+    }
+    // Standard deviation of depth [m]: equations (3) and (4).
+    inline Floats axial(Floats depth, Floats angle) const {
+        const Floats away = depth - best_depth, steep = steepness(angle);
+        const Floats sigma = least_axial + axial_growth * away * away;
+        const Floats more = sigma + grazing_axial / Numbers::root(depth) * (steep * steep);
+        return angle >= grazing_angle ? more : sigma;
+    }
+    // Where pixels' centres are moved to along one axis.
+    static inline Ints jittered(Floats at, Floats moved, int size) {
+        const Floats place = Numbers::floor(at + 0.5f + moved);
+        const Floats last = Lanes::all((float)(size - 1));
+        return __builtin_convertvector(Lanes::min(Lanes::max(place, Lanes::all(0.0f)), last), Ints);
+    }
+
+    inline void measure(const NoiseRow& row, const NguyenView& view) const {
+        for (int x = 0; x < row.width; x += PixelWords::PIXELS) {
+            const PixelWords across = PixelWords::draw(row.key, STREAM_ACROSS, row.y, x);
+            const PixelWords down = PixelWords::draw(row.key, STREAM_DOWN, row.y, x);
+            const PixelWords ahead = PixelWords::draw(row.key, STREAM_DEPTH, row.y, x);
+            for (int k = 0; k < PixelWords::WORDS && x + k * LANES < row.width; ++k) {
+                const Floats normals[3] = {Random::normal(across.block[k]), Random::normal(down.block[k]),
+                                           Random::normal(ahead.block[k])};
+                some(row, view, x + k * LANES, normals);
+            }
+        }
+    }
+    inline void some(const NoiseRow& row, const NguyenView& view, int x, const Floats* noise) const {
+        Floats normal[3];
+        Numbers::load_triples(view.normals + 3LL * ((long long)row.y * row.width + x), normal, row.width - x);
+        const Floats own = SensorRange::finite(row.exact(x)) ? view.angle(normal) : Lanes::all(0.0f);
+        const Floats sigma = lateral + lateral_growth * steepness(Lanes::min(own, Lanes::all(most_angle)));
+        Shown shown;
+        shown.column = jittered(Numbers::columns(x), sigma * noise[0], view.width);
+        shown.row = jittered(Lanes::all((float)row.y), sigma * noise[1], view.height);
+        shown.look(view);
+        const Floats angle = view.angle(shown.normal), depth = shown.met(view, Lanes::index() + x, row.y);
+        const Floats said = range.said(depth + axial(depth, angle) * noise[2]);
+        const Ints there = SensorRange::finite(shown.depth), grazing = angle > most_angle;
+        const Floats measured = grazing ? Lanes::all(Numbers::no_number()) : said;
+        const Ints reason = grazing ? Lanes::all_ints(REASON_GRAZING) : SensorRange::reason(said);
+        row.say(x, there ? measured : shown.depth, there ? reason : Lanes::all_ints(REASON_EMPTY));
+    }
+};
