@@ -26,7 +26,9 @@ test: $(STAMP)
 
 # The documentation's site, in docs/_build/html: every warning is an error. Notebooks run, and nothing is read from a network.
 docs: $(DOCS)
+	-@./scripts/ensure_chromium.sh
 	$(BIN)/python -m sphinx -W --keep-going -q docs docs/_build/html
+	$(BIN)/python -m pytest -q -m site tests/test_site.py
 
 # What takes long: the native code under sanitizers over random scenes, packets of more sizes on the emulated warp, Ray.
 test-slow: $(STAMP)
@@ -112,4 +114,4 @@ $(DOCS): $(STAMP)
 	touch $@
 
 clean:
-	rm -rf $(VENV) build dist demo docs/_build docs/api *.egg-info
+	rm -rf $(VENV) build dist demo docs/_build docs/api docs/_site/static/live *.egg-info

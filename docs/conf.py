@@ -7,16 +7,16 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent / "_site"))
 
-from reference import WORDS
-
 import warpvis
+
+from reference import WORDS
 
 project = "warpvis"
 author = "The warpvis authors"
 project_copyright = "2026, The warpvis authors"
 release = warpvis.__version__
 
-# `reference` stands in `_site`, beside the style sheet.
+# `reference` and `live` stand in `_site`, beside the style sheet.
 extensions = [
     "myst_nb",
     "sphinx.ext.autodoc",
@@ -24,6 +24,7 @@ extensions = [
     "sphinx_copybutton",
     "sphinx_design",
     "reference",
+    "live",
 ]
 exclude_patterns = ["_site", "_build", "internals/README.md"]
 suppress_warnings = [

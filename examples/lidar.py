@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""One turn of an Ouster OS1-128 in a room: its range image, and from above the points of the beams that are nearly level.
+"""One turn of an Ouster OS1-128 in a room: its range image, and from above the points of beams that are nearly level.
 
 Prints how many points there are; draws lidar.png.
 """

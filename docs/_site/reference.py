@@ -171,7 +171,7 @@ def data_of(dotted: str, thing: Any) -> list[str]:
     home = next(module for module in sorted(sys.modules) if name in assignments(module))
     value, explained = assignment(name, home)
     short = isinstance(thing, (int, float)) or not hasattr(thing, "__len__")
-    return [f".. py:data:: {dotted}", *([f"   :value: {value}"] * short), "", *(f"   {line}" for line in explained), ""]
+    return [f".. py:data:: {name}", *([f"   :value: {value}"] * short), "", *(f"   {line}" for line in explained), ""]
 
 
 def assignment(name: str, module: str) -> tuple[str, list[str]]:
@@ -214,7 +214,7 @@ def public_name(target: str, public: dict[str, Any]) -> str | None:
 
 
 def keep_attribute(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
-    """Hide an attribute's words from Napoleon, which would read "Its eyes: ..." as a type; `show_attribute` is after it."""
+    """Hide an attribute's words from Napoleon, which would read "Its eyes: ..." as a type, until it is done."""
     if what in ("attribute", "data", "property") and not any(re.match(r"\w+:$", line) for line in lines):
         app.env.temp_data["warpvis_attribute"] = lines[:]
         lines[:] = [""]

@@ -62,9 +62,9 @@ def surface_samples(
 ) -> Samples:
     """Spread points evenly over the surfaces of objects, the same ones every time.
 
-    An object gets its area divided by the square of `spacing` of them, at least one, each of which stands for an equal share of its area.
-    Triangles get theirs by systematic sampling in proportion to their areas; within triangles they follow the sequence
-    R2 (Roberts 2018), which leaves smaller gaps than random points.
+    An object gets its area divided by the square of `spacing` of them, at least one, each of which stands for an equal
+    share of its area. Triangles get theirs by systematic sampling in proportion to their areas; within triangles they
+    follow the sequence R2 (Roberts 2018), which leaves smaller gaps than random points.
 
     Args:
         scene: The surfaces: triangles, also of movable `warpvis.scene.solids.Solid` objects.
