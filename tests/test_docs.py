@@ -23,7 +23,8 @@ README = (ROOT / "README.md").read_text()
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 CHANGES = ROOT / "CHANGELOG.md"
 TUTORIALS = ROOT / "docs" / "tutorials"  # tests/test_docs_tutorials.py runs these, and compares what they print
-SNIPPETS = [page for page in PAGES[1:] if page.parent != TUTORIALS]
+GALLERY = ROOT / "docs" / "gallery.md"  # tests/test_site.py looks at it
+SNIPPETS = [page for page in PAGES[1:] if page.parent != TUTORIALS and page != GALLERY]
 
 _EXPLAINED_FROM = 45  # the column of the map at which explanations begin
 
