@@ -43,6 +43,7 @@ def tools_cases(folder):
     eye = wv.webots.DepthEye(RangeFinder())
     state = wv.viewer.ViewerState(seen, agents(), points=100)
     arm = wv.viewer.ViewerState(wv.viewer.MujocoStage(_ARM), agents(), points=100)
+    played = wv.viewer.ViewerState(seen, agents(), frames=wv.Frames.from_poses([POSE]), points=100)
     page = {"port": 8471, "dark": False}
     return {
         # warpvis.viewer
@@ -58,6 +59,8 @@ def tools_cases(folder):
         "ViewerState.set_joint": (arm.set_joint, {"name": "turn", "value": 0.5}),
         "MujocoStage": (wv.viewer.MujocoStage, {"model": MODEL, "data": None, "labels": {"ball": "object"}}),
         "MujocoStage.agent": (wv.viewer.MujocoStage(MODEL).agent, {"name": "robot", "camera": "eye"}),
+        "ViewerState.show_frame": (played.show_frame, {"number": 0}),
+        "save_rerun": (wv.viewer.save_rerun, {"state": state, "path": path.with_suffix(".rrd")}),
         "framing_agent": (wv.viewer.framing_agent, {"scene": seen, "camera": CAMERA}),
         "ViewerState": (
             wv.viewer.ViewerState,

@@ -96,6 +96,7 @@ DRAWN = {
     "view",
     "Viewer",
     "Viewer.save_html",
+    "save_rerun",
     "save_depth",
     "save_map",
     "save_overview",

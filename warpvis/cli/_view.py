@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from warpvis.cli._inputs import (
+    MaybePoses,
     Names,
     SceneFile,
     ViewpointOptions,
@@ -26,6 +27,8 @@ from warpvis.errors import FileFormatError, WarpvisError
 
 if TYPE_CHECKING:
     from warpvis.core.camera import Camera
+    from warpvis.core.frames import Frames
+    from warpvis.scene import Scene
     from warpvis.viewer import ViewerState
     from warpvis.visibility import Agent
 
@@ -62,6 +65,12 @@ class View(ViewpointOptions):
     """Port to listen on, or the next one that is free."""
     dark: bool = False
     """A dark page."""
+    poses: MaybePoses = None
+    """What to play, on a slider: where the robot is in each frame; a file of poses or what makes them, or the folder of
+    a dataset that warpvis batch wrote of this scene, in which objects may move, too."""
+    rerun: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """Write a recording (.rrd) for Rerun of what is to be played, or of how it is now, and end. Needs
+    pip install 'warpvis[rerun]'."""
     html: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """Write one file that a browser opens without a server, and end."""
 
@@ -70,6 +79,12 @@ class View(ViewpointOptions):
         from warpvis.viewer import Viewer
 
         state = self.load()
+        if self.rerun is not None:
+            from warpvis.viewer import save_rerun
+
+            save_rerun(state, self.rerun)
+            print(self.rerun)
+            return
         with Viewer(state, host=self.host, port=self.port, dark=self.dark) as viewer:
             if self.html is not None:
                 viewer.save_html(self.html, title=self.file.stem)
@@ -94,12 +109,24 @@ class View(ViewpointOptions):
         if experiment is not None:
             own = ("robot", "human", "robot_body", "human_body", *viewpoint_options)
             refuse_options(self, own, f"{experiment.name} comes with its robot and its person, so it takes")
-            return ViewerState(experiment.build(), experiment.agents(), **names)
+            scene = experiment.build()
+            return ViewerState(scene, experiment.agents(), frames=self._frames(scene), **names)
         if self.file.suffix.lower() == ".xml" and not given_options(self, _NOT_OF_MODELS):
             return self._load_model(names)
         check_viewpoints(self, [text for text in (self.robot, self.human) if text is not None])
         scene = self.load_scene(self.file)
-        return ViewerState(scene, self._agents(scene), **names)
+        return ViewerState(scene, self._agents(scene), frames=self._frames(scene), **names)
+
+    def _frames(self, scene: Scene) -> Frames | None:
+        """Read or make the frames to play."""
+        from warpvis.batch import open_dataset
+        from warpvis.pose_generators import frames_from_spec, looks_like_spec
+
+        if self.poses is None:
+            return None
+        if looks_like_spec(self.poses):
+            return frames_from_spec(self.poses, scene, up=scene.up)
+        return open_dataset(self.poses).frames if Path(self.poses).is_dir() else self.read_poses(self.poses)
 
     def _load_model(self, names: dict[str, Any]) -> ViewerState:
         """Read a MuJoCo model, with its joints and cameras."""
@@ -121,7 +148,7 @@ class View(ViewpointOptions):
             check_viewpoints(self, [text for text in given if text not in stage.cameras()])
             known = {agent.name: agent for agent in agents}
             agents = [known.get(agent.name, agent) for agent in self._agents(stage.stage.scene, set(known))]
-        return ViewerState(stage, agents, **names)
+        return ViewerState(stage, agents, frames=self._frames(stage.stage.scene), **names)
 
     def _agents(self, scene: object, known: Collection[str] = ()) -> list[Agent]:
         """Make the agents; those that are known already have any pose."""

@@ -3,5 +3,6 @@
 # The public names of warpvis.viewer and where each lives; `lazy_loader` reads this table.
 
 from ._mujoco import MujocoStage as MujocoStage
+from ._rerun import save_rerun as save_rerun
 from ._state import Look as Look, ViewerState as ViewerState
 from ._view import Viewer as Viewer, framing_agent as framing_agent

@@ -161,6 +161,6 @@ class Page:
         behind = behind / np.linalg.norm(behind) if np.linalg.norm(behind) > 1e-6 else np.eye(3)[(vertical + 1) % 3]
         aside = np.cross(np.eye(3)[vertical], behind)
         direction = 0.5 * behind + 0.5 * aside + 0.65 * np.eye(3)[vertical]
-        self.server.initial_camera.position = middle + 1.2 * reach * direction / np.linalg.norm(direction)
+        self.server.initial_camera.position = middle + 1.35 * reach * direction / np.linalg.norm(direction)
         self.server.initial_camera.look_at = middle + 0.08 * reach * (aside - behind)  # the panel is on the right
         self.server.initial_camera.fov = np.radians(50)

@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 import math
+import threading
+import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -40,6 +42,8 @@ _PICTURES = {"depth": "depth", "who sees it": "objects"}
 _CLOUDS = {"who sees it": "who", "labels of the depth image": "labels", "no points": "none"}
 _MOST_HEIGHT, _LEAST_FAR, _MOST_FAR = 3.0, 0.5, 20.0
 _JPEG = 85
+_STEP = (0.05, 1.0)
+"""Least and most time between two frames that are played [s]."""
 
 
 class Panel:
@@ -78,6 +82,7 @@ class Panel:
         self._add_choices(shown)
         for name in names:
             self._add_agent(state.agents[name])
+        self._add_frames()
         self._add_joints()
         self.status = gui.add_html("")
 
@@ -186,6 +191,29 @@ class Panel:
                     far,
                     self._reach(name),
                 )
+
+    def _add_frames(self) -> None:
+        """Add what plays frames."""
+        frames = self._state.frames
+        if frames is None or len(frames) < 2:
+            return
+        last = len(frames) - 1
+        with self._gui.add_folder("frames"):
+            self._slider("frame", "frame", (0, last, 1), 0, lambda value: self._state.show_frame(round(value)))
+            play = self._gui.add_checkbox("play", False)
+
+        @play.on_update
+        def _(_: object) -> None:
+            if play.value:
+                threading.Thread(target=run, name="warpvis player", daemon=True).start()
+
+        def run() -> None:
+            steps = np.clip(np.diff(frames.timestamps), *_STEP)
+            while play.value:
+                number = self._state.frame + 1 if self._state.frame < last else 0
+                self._try(lambda number=number: self._state.show_frame(number))  # type: ignore[misc]
+                self.sliders["frame"].value = number
+                time.sleep(float(steps[number - 1]))
 
     def _add_joints(self) -> None:
         """Add a slider for each joint of a MuJoCo model."""

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.camera import Camera
 from warpvis.core.checks import as_items, is_number, is_whole
+from warpvis.core.frames import Frames
 from warpvis.core.labels import Label
 from warpvis.core.poses import (
     QuaternionOrder,
@@ -30,6 +31,7 @@ from warpvis.maps import label_colors
 from warpvis.rendering import DepthSensor, require_sensor
 from warpvis.scene import Scene
 from warpvis.viewer._cloud import SurfaceCloud
+from warpvis.viewer._frames import check_frames, objects_in_frame
 from warpvis.viewer._mujoco import MujocoStage, as_mujoco_stage
 from warpvis.viewer._pictures import AgentPicture, PictureKind, Seen
 from warpvis.viewer._rows import Row, rows_of
@@ -105,6 +107,7 @@ class ViewerState:
         *,
         movable: Sequence[str] | None = None,
         objects: Sequence[str] | None = None,
+        frames: Frames | None = None,
         points: int = 20_000,
     ) -> None:
         """Prepare to look.
@@ -116,6 +119,8 @@ class ViewerState:
                 person or a robot, and what is movable already.
             objects: Names of the objects in the table; by default all but the ground, or if they are many those
                 labelled as an object, a person or a robot.
+            frames: Frames to play: where the first agent is in each, and the scene's movable objects. Those of a
+                dataset are its `frames`, see `warpvis.open_dataset`.
             points: About how many points of surfaces tell who sees them.
 
         Raises:
@@ -140,6 +145,11 @@ class ViewerState:
         self.start = dict(self.agents)
         """The agents where they began."""
         self.object_poses = self.stage.object_poses.copy()
+        self._moved = [scene.objects[index].name for index in scene.movable] if isinstance(scene, Scene) else []
+        self.frames = check_frames(frames, self._moved)
+        """What can be played, if anything."""
+        self.frame = 0
+        """The frame that was shown last."""
         self.watched = self._watched(objects, bodies)
         if not is_whole(points) or not 0 < points <= _MOST_POINTS:
             raise ArrayError(f"points must be a whole number from 1 to {_MOST_POINTS}, got {points!r}")
@@ -259,6 +269,21 @@ class ViewerState:
         """Return where a movable object is, row ``x y z qx qy qz qw``."""
         with self._lock:
             return self.object_poses[self._column(name)].copy()
+
+    def show_frame(self, number: int) -> None:
+        """Put the first agent and the movable objects where they are in a frame of those to play.
+
+        Raises:
+            WarpvisError: There is no such frame.
+        """
+        count = 0 if self.frames is None else len(self.frames)
+        if self.frames is None or not is_whole(number) or not 0 <= number < count:
+            raise ArrayError(f"frame must be one of {count}, counted from 0, got {number!r}")
+        frames, self.frame = self.frames, int(number)
+        with self._lock:
+            self.move_agent(next(iter(self.agents)), frames.camera_to_world[self.frame])
+            for name, row in zip(self._moved, objects_in_frame(frames, self.frame), strict=False):
+                self.object_poses[self._column(name)] = row
 
     def reset(self) -> None:
         """Put all agents and objects back to where they began."""

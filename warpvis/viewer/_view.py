@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from warpvis.core.camera import Camera
 from warpvis.core.checks import check_flag, is_whole
+from warpvis.core.frames import Frames
 from warpvis.errors import WarpvisError
 from warpvis.scene import Scene, require_scene
 from warpvis.viewer._mujoco import as_mujoco_stage
@@ -117,6 +118,7 @@ def view(
     *,
     movable: Sequence[str] | None = None,
     objects: Sequence[str] | None = None,
+    frames: Frames | None = None,
     host: str = "localhost",
     port: int = _PORT,
     dark: bool = False,
@@ -132,6 +134,7 @@ def view(
             or a robot, and what is movable already.
         objects: Names of the objects in the table; by default all but the ground, or if they are many those labelled
             as an object, a person or a robot.
+        frames: Frames to play: where the first agent is in each, and the scene's movable objects; a slider shows them.
         host: Address to listen on. By default only this machine can open the page.
         port: Port to listen on, or the next one that is free.
         dark: Whether the page is dark.
@@ -147,7 +150,7 @@ def view(
     model = as_mujoco_stage(scene)
     if agents is None:
         agents = [framing_agent(scene if model is None else model.stage.scene, camera)]
-    state = ViewerState(scene if model is None else model, agents, movable=movable, objects=objects)
+    state = ViewerState(scene if model is None else model, agents, movable=movable, objects=objects, frames=frames)
     return Viewer(state, host=host, port=port, dark=dark)
 
 

@@ -1,0 +1,38 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Frames to play: checked against the scene that they are of, and one of them at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.frames import Frames
+from warpvis.errors import ArrayError
+
+
+def check_frames(frames: Frames | None, moved: Sequence[str]) -> Frames | None:
+    """Return frames, if they are of a scene with these movable objects.
+
+    Raises:
+        ArrayError: They are none, or of another number of objects.
+    """
+    if frames is None:
+        return None
+    if not isinstance(frames, Frames) or not len(frames):
+        raise ArrayError(f"frames must be one or more as wv.Frames, got {type(frames).__name__}")
+    placed = 0 if frames.object_poses is None else frames.object_poses.shape[1]
+    if placed and placed != len(moved):
+        raise ArrayError(f"frames have poses of {placed} objects, and the scene has {len(moved)} movable ones")
+    return frames
+
+
+def objects_in_frame(frames: Frames, number: int) -> NDArray[np.float32]:
+    """Return where the movable objects are in a frame, ``(M, 7)``; none where they stay where they were added."""
+    if frames.object_poses is None:
+        return np.zeros((0, 7), dtype=np.float32)
+    world = number if len(frames.object_poses) > 1 else 0
+    world = world if frames.world_index is None else int(frames.world_index[number])
+    return frames.object_poses[world]

@@ -1,0 +1,107 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""A recording for the Rerun viewer: a situation, or all frames that a state plays."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from warpvis.core.camera import Camera
+from warpvis.core.checks import as_path
+from warpvis.errors import FileFormatError, WarpvisError
+from warpvis.viewer._state import Look, ViewerState
+
+if TYPE_CHECKING:
+    from rerun import RecordingStream
+
+_FRUSTUM_SIZE = 0.28
+_RADIUS = 0.16
+"""Of a point, in spacings."""
+
+
+def save_rerun(state: ViewerState, path: str | os.PathLike[str]) -> None:
+    """Write what a state shows as a recording for Rerun (``.rrd``): its frames if it plays some, else how it is now.
+
+    Meshes, the cloud, agents with their images and the table are in it. The state is afterwards as it was.
+
+    Args:
+        state: What is shown.
+        path: File to write.
+
+    Raises:
+        WarpvisError: rerun-sdk is missing, `state` is none, or the file cannot be written.
+    """
+    try:
+        import rerun
+    except ImportError:
+        raise WarpvisError("recordings need rerun-sdk, which is missing: pip install 'warpvis[rerun]'") from None
+    if not isinstance(state, ViewerState):
+        raise WarpvisError(f"state must be a warpvis.viewer.ViewerState, got {type(state).__name__}")
+    file = as_path(path)
+    try:
+        with open(file, "wb"):
+            pass
+    except OSError as error:
+        raise FileFormatError(f"{file}: cannot be written: {error.strerror}") from None
+    recording = rerun.RecordingStream("warpvis")
+    recording.save(file)
+    up = rerun.ViewCoordinates.RIGHT_HAND_Z_UP if state.scene.up == "z" else rerun.ViewCoordinates.RIGHT_HAND_Y_UP
+    recording.log("world", up, static=True)
+    _log_meshes(recording, state)
+    before = state.frame
+    if state.frames is None:
+        _log_look(recording, state, state.look())
+    else:
+        for number, seconds in enumerate(state.frames.timestamps.tolist()):
+            recording.set_time("frame", sequence=number)
+            recording.set_time("time", duration=seconds)
+            state.show_frame(number)
+            _log_look(recording, state, state.look())
+        state.show_frame(before)
+    recording.flush()
+    recording.disconnect()
+
+
+def _log_meshes(recording: RecordingStream, state: ViewerState) -> None:
+    import rerun
+
+    colors = state.colors({})
+    for index, item in enumerate(state.scene.objects):
+        vertices, faces = state.stage.mesh(item.name)
+        mesh = rerun.Mesh3D(vertex_positions=vertices, triangle_indices=faces, albedo_factor=colors[index])
+        recording.log(_entity(index), mesh, static=True)
+
+
+def _log_look(recording: RecordingStream, state: ViewerState, look: Look) -> None:
+    import rerun
+
+    for index in np.flatnonzero(state.stage.columns >= 0).tolist():
+        recording.log(_entity(index), _transform(look.object_poses[state.stage.columns[index]]))
+    size = _RADIUS * state.cloud.spacing
+    recording.log("world/cloud", rerun.Points3D(look.points, colors=look.point_colors, radii=size))
+    for number, (agent, picture) in enumerate(zip(look.agents, look.pictures, strict=True)):
+        entity = f"world/agents/{number}"
+        recording.log(entity, _transform(agent.poses[0]))
+        recording.log(f"images/{agent.name}", rerun.Image(picture))
+        if isinstance(agent.camera, Camera):
+            camera = agent.camera
+            pinhole = rerun.Pinhole(
+                image_from_camera=camera.to_K(),
+                resolution=[camera.width, camera.height],
+                image_plane_distance=_FRUSTUM_SIZE,
+            )
+            recording.log(f"{entity}/view", pinhole)
+    recording.log("table", rerun.TextDocument(look.seen.table()))
+
+
+def _transform(pose: Any) -> Any:
+    import rerun
+
+    return rerun.Transform3D(translation=pose[:3], quaternion=rerun.Quaternion(xyzw=pose[3:]))
+
+
+def _entity(index: int) -> str:
+    return f"world/objects/{index}"
