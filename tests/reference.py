@@ -105,7 +105,9 @@ from reference_stereo import (  # noqa: F401
 from reference_time_of_flight import (  # noqa: F401
     find_axes,
     find_edges,
+    find_edges_rows,
     measure_time_of_flight,
+    measure_time_of_flight_rows,
     mix_sub_rays,
     place_sub_rays,
 )

@@ -17,7 +17,7 @@ import warp as wp
 from warpvis.core.arrays import empty
 from warpvis.core.checks import check_flag, check_number, is_number
 from warpvis.core.kernel_cache import launch
-from warpvis.core.threads import launch_images
+from warpvis.core.threads import WHOLE_ROW, launch_images
 from warpvis.errors import ArrayError
 from warpvis.rendering import Exposure
 from warpvis.sensors.depth._device import Device
@@ -136,7 +136,6 @@ class TimeOfFlight(Device):
     def measure(self, exposure: Exposure) -> None:
         """Write the sensor's depth and reasons."""
         from warpvis.kernels.sub_rays import find_axes
-        from warpvis.kernels.time_of_flight import measure_time_of_flight
 
         model, given = self._model(exposure), self._views(exposure)
         axes = exposure.room("axes", exposure.poses.shape, wp.mat33)
@@ -145,7 +144,8 @@ class TimeOfFlight(Device):
         if self.mixing:
             given.slots, given.mixes = self._mix(exposure, cameras, model, given)
         written = [exposure.depth_out, exposure.reasons_out]
-        _launch(exposure, measure_time_of_flight, exposure.depth_out.shape, cameras, [model, given, *written])
+        _, kernel, span = _kernels(exposure.scene.device)
+        _launch(exposure, kernel, exposure.depth_out.shape, cameras, [model, given, *written], span)
 
     def _model(self, exposure: Exposure) -> FlightModel:
         """Return the numbers as kernels take them."""
@@ -199,24 +199,41 @@ class TimeOfFlight(Device):
 
     def _find_edges(self, exposure: Exposure, cameras: list[Any]) -> wp.array:
         """Return places of pixels at edges, and -1 for others."""
-        from warpvis.kernels.sub_rays import find_edges
-
         slots = exposure.room("edges", exposure.true_depth.shape, wp.int32)
         images = [exposure.true_depth, exposure.normals]
-        _launch(exposure, find_edges, slots.shape, cameras, [*images, self.edge_step, slots])
+        kernel, _, span = _kernels(exposure.scene.device)
+        _launch(exposure, kernel, slots.shape, cameras, [*images, self.edge_step, slots], span)
         return slots
 
 
+def _kernels(device: wp.Device) -> tuple[wp.Kernel, wp.Kernel, int]:
+    """Return what finds edges, and the model, on a device; and how many pixels a thread takes."""
+    if device.is_cpu:
+        from warpvis.kernels.time_of_flight_rows import find_edges_rows, measure_time_of_flight_rows
+
+        return find_edges_rows, measure_time_of_flight_rows, WHOLE_ROW
+    from warpvis.kernels.sub_rays import find_edges
+    from warpvis.kernels.time_of_flight import measure_time_of_flight
+
+    return find_edges, measure_time_of_flight, 1
+
+
 def _launch(
-    exposure: Exposure, kernel: wp.Kernel, shape: tuple[int, int, int], cameras: list[Any], others: list[Any]
+    exposure: Exposure,
+    kernel: wp.Kernel,
+    shape: tuple[int, int, int],
+    cameras: list[Any],
+    others: list[Any],
+    span: int = 1,
 ) -> None:
-    """Launch a kernel that takes its window behind the cameras."""
+    """Launch a kernel that takes its window behind the cameras, and `span` pixels a thread."""
     launch_images(
         kernel,
         shape,
         lambda window: [*cameras, window, *others],
         device=exposure.scene.device,
         threads=exposure.threads,
+        span=span,
     )
 
 
