@@ -1,0 +1,99 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What is uploaded: the source distribution, the wheel that is made of it, and an environment where it is installed."""
+
+import re
+import subprocess
+import sys
+import sysconfig
+import tarfile
+import tomllib
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+from ruamel.yaml import YAML
+
+ROOT = Path(__file__).parent.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+SOURCES = ("warpvis", "kernels", "scenes", "pyproject.toml", "README.md", "LICENSE")
+
+
+def run(*command, **options):
+    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, **options)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def build(kind, source, out):
+    """A distribution by this environment's setuptools: nothing is loaded from elsewhere."""
+    run(sys.executable, "-m", "build", f"--{kind}", "--no-isolation", "--outdir", out, source)
+    (made,) = out.iterdir()
+    return made
+
+
+@pytest.fixture(scope="module")
+def sdist(tmp_path_factory):
+    copy = tmp_path_factory.mktemp("checkout")
+    run("cp", "-r", *(ROOT / name for name in SOURCES), copy)
+    return build("sdist", copy, tmp_path_factory.mktemp("sdist"))
+
+
+@pytest.fixture(scope="module")
+def wheel(sdist, tmp_path_factory):
+    """Made of the source distribution, as an installer does where there is no wheel."""
+    unpacked = tmp_path_factory.mktemp("unpacked")
+    with tarfile.open(sdist) as archive:
+        archive.extractall(unpacked, filter="data")
+    return build("wheel", next(unpacked.iterdir()), tmp_path_factory.mktemp("wheel"))
+
+
+def test_indexes_take_them(sdist, wheel):
+    assert run(sys.executable, "-m", "twine", "check", "--strict", sdist, wheel).count("PASSED") == 2
+    run(sys.executable, "-m", "check_wheel_contents", wheel)
+
+
+def test_all_files_of_the_package_are_in_the_wheel(wheel):
+    """By way of the source distribution, too: modules, headers, worlds."""
+    inside = set(zipfile.ZipFile(wheel).namelist())
+    places = {"warpvis": "warpvis", "kernels": "warpvis/kernels", "scenes": "warpvis/scenes"}
+    for folder, place in places.items():
+        kept = run("git", "ls-files", folder, cwd=ROOT).split() if (ROOT / ".git").exists() else []
+        for name in kept:
+            assert f"{place}/{name.removeprefix(folder + '/')}" in inside
+
+
+def test_a_fresh_environment_runs_it(wheel, tmp_path):
+    """What the package needs is this environment's; the package itself is the wheel's."""
+    fresh = tmp_path / "fresh"
+    venv.create(fresh, with_pip=False)
+    python, bin_folder = fresh / "bin" / "python", fresh / "bin"
+    there = Path(run(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))").strip())
+    (there / "needs.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    run(sys.executable, "-m", "pip", "--python", python, "install", "--no-deps", "--no-index", wheel)
+    where = run(python, "-c", "import warpvis; print(warpvis.__file__)", cwd=tmp_path)
+    assert Path(where.strip().splitlines()[-1]).is_relative_to(fresh)
+    assert re.search(r"ball +object", run(bin_folder / "warpvis", "info", "experiment_3", cwd=tmp_path))
+
+
+def test_every_place_says_the_same():
+    """Version, licence and what is needed: the project's, the citation's and the conda recipe's."""
+    yaml = YAML(typ="safe")
+    citation, recipe = yaml.load(ROOT / "CITATION.cff"), yaml.load(ROOT / "conda" / "recipe.yaml")
+    assert citation["version"] == recipe["context"]["version"] == PROJECT["version"]
+    assert citation["license"] == recipe["about"]["license"] == PROJECT["license"]
+    names = {"mujoco-python": "mujoco", "matplotlib-base": "matplotlib"}  # of conda-forge
+    needs = {names.get(need.split()[0], need.split()[0]) + need.split()[1] for need in recipe["requirements"]["run"]}
+    assert needs == {*PROJECT["dependencies"], f"python{PROJECT['requires-python']}"}
+
+
+def test_workflows_call_what_is_there():
+    yaml, makefile = YAML(typ="safe"), (ROOT / "Makefile").read_text()
+    jobs = yaml.load(ROOT / ".github" / "workflows" / "tests.yml")["jobs"]
+    commands = [step["run"] for job in jobs.values() for step in job["steps"] if "run" in step]
+    targets = [command.split()[1] for command in commands if command.startswith("make ")]
+    assert {"lint", "test", "test-slow", "docs", "test-browser", "test-lowest"} == set(targets)
+    assert all(re.search(rf"^{target}:", makefile, re.MULTILINE) for target in targets)
+    versions = {"3.11", *jobs["versions"]["strategy"]["matrix"]["python"]}
+    assert versions == {line.split()[-1] for line in PROJECT["classifiers"] if re.search(r":: 3\.\d+$", line)}
