@@ -4,11 +4,9 @@
 // Rows of pixels through the model of kernels/time_of_flight.py, and the edges of kernels/sub_rays.py.
 
 typedef double Doubles __attribute__((ext_vector_type(LANES)));
-typedef long long Longs __attribute__((ext_vector_type(LANES)));
 
 struct Wide {
     static inline Doubles of(Floats a) { return __builtin_convertvector(a, Doubles); }
-    static inline Doubles of(float a) { return (Doubles)((double)a); }
     static inline Doubles all(double a) { return (Doubles)(a); }
     static inline Floats narrow(Doubles a) { return __builtin_convertvector(a, Floats); }
     static inline Doubles root(Doubles a) { return __builtin_elementwise_sqrt(a); }

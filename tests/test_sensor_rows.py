@@ -1,0 +1,59 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Depth cameras' models on CPU cores take sixteen pixels at a time: every bit is what kernels of one pixel write."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import warpvis as wv
+from warpvis.kernels import corruptions, kinect_noise, sub_rays, time_of_flight
+from warpvis.sensors import Corruptions, KhoshelhamNoise, NguyenNoise, Reason, TimeOfFlight
+from warpvis.sensors.depth import _corruptions, _kinect_noise, _time_of_flight
+
+# As wide as neither registers nor the pixels that share random words, and with every kind of row's end.
+CAMERA = wv.Camera.from_fov(149, 37, hfov=1.2, near=0.9, far=2.5)
+FLIGHT = TimeOfFlight((80e6, 60e6), signal=4000.0, background=20.0, offset=0.01, wiggle=0.02, least_signal=0.05)
+MODELS = {
+    "nguyen": NguyenNoise(lateral=3.0, most_angle=1.3),
+    "khoshelham": KhoshelhamNoise(),
+    "khoshelham, beyond the last step": KhoshelhamNoise(step=0.3, sigma=3.0),
+    "khoshelham, smooth": KhoshelhamNoise(rounds=False),
+    "corruptions": Corruptions(added=0.05, multiplied=0.02, dropout=0.1, rectangles=(2, 5)),
+    "corruptions of a sensor": Corruptions(added=0.05, dropout=0.1, of=KhoshelhamNoise()),
+    "flight": FLIGHT,
+    "flight, of dark things": dataclasses.replace(FLIGHT, reflectivity=0.4, mixing=False, most_signal=0.15),
+}
+
+
+def one_pixel_a_thread(monkeypatch):
+    """Have kernels that a GPU has model images on the CPU."""
+    monkeypatch.setattr(_kinect_noise, "_nguyen_kernel", lambda device: (kinect_noise.measure_nguyen, 1))
+    monkeypatch.setattr(_kinect_noise, "_khoshelham_kernel", lambda device: (kinect_noise.measure_khoshelham, 1))
+    monkeypatch.setattr(_corruptions, "_kernel", lambda device: (corruptions.corrupt_depth, 1))
+    flight = sub_rays.find_edges, time_of_flight.measure_time_of_flight, 1
+    monkeypatch.setattr(_time_of_flight, "_kernels", lambda device: flight)
+
+
+@pytest.fixture(scope="module")
+def room():
+    preset = wv.scenes.PRESETS["room"]
+    return preset.build(), np.asarray(preset.poses(3), dtype=np.float32)
+
+
+@pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
+def test_rows_write_the_bits_of_pixels(room, model, monkeypatch):
+    scene, poses = room
+
+    def render(threads):
+        options = {"outputs": ("depth", "reasons"), "sensor": model, "seed": 5, "frame": 2, "threads": threads}
+        views = wv.render(scene, CAMERA, poses, **options)
+        return views.depth.numpy().view(np.uint32), views.reasons.numpy()
+
+    rows = render(2)
+    one_pixel_a_thread(monkeypatch)
+    pixels = render(1)
+    for mine, theirs in zip(rows, pixels, strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+    assert {Reason.VALID, Reason.RANGE} <= set(np.unique(pixels[1]))
