@@ -86,9 +86,8 @@ def screenshot(page, name):
     folder = Path(os.environ.get("WARPVIS_SCREENSHOTS", ".pytest_cache/screenshots"))
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.png"
-    notice = page.locator(".mantine-Notification-closeButton").first  # that WebGL is software is no news here
-    with contextlib.suppress(Exception):
-        notice.click(timeout=8000)
+    # That WebGL is software is no news here.
+    page.evaluate("document.querySelectorAll('.mantine-Notification-root').forEach(notice => notice.remove())")
     page.wait_for_timeout(3000)  # what fades in or out has done so
     page.screenshot(path=path)
     return np.asarray(Image.open(path).convert("RGB"))

@@ -252,7 +252,7 @@ def test_the_page_proposes_where_to_go():
 def test_the_map_is_that_of_the_robots_image():
     state = state_of(1)
     picture = map_picture(state, state.look().views[0])
-    assert picture.shape == (160, 160, 3)
+    assert picture.shape == (320, 320, 3)
     colors = {tuple(color) for color in np.unique(picture.reshape(-1, 3), axis=0)}
     assert {tuple(label_colors()[label]) for label in (wv.Label.GROUND, wv.Label.OBJECT)} <= colors
 

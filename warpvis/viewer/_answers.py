@@ -63,7 +63,7 @@ def in_words(proposal: Proposal) -> str:
 
 
 def map_picture(state: ViewerState, seen: Seen) -> NDArray[np.uint8]:
-    """Draw the floor as an agent's image shows it from above, ``(rows, columns, 3)``, the second axis upwards."""
+    """Draw the floor as an agent's image shows it, from above, the second axis upwards, ``(h, w, 3)``: 2 x 2 a cell."""
     bounds = state.scene.bounds.astype(np.float64)
     sides = np.delete(bounds[1] - bounds[0], check_up(state.scene.up))
     found = floor_map(
@@ -75,7 +75,7 @@ def map_picture(state: ViewerState, seen: Seen) -> NDArray[np.uint8]:
         label_names=state.scene.label_names,
         ground_labels=state.scene.ground_labels,
     )
-    return np.ascontiguousarray(found.rgb()[0, ::-1])
+    return found.rgb()[0, ::-1].repeat(2, axis=0).repeat(2, axis=1)
 
 
 def _floor(state: ViewerState) -> float:

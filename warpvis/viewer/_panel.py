@@ -76,7 +76,7 @@ class Panel:
         self.legend = gui.add_html(legend_html(names))
         blank = np.full((3, 4, 3), 128, dtype=np.uint8)
         self.images = {name: gui.add_image(blank, label=f"{name} sees", jpeg_quality=_JPEG) for name in names}
-        self.map = gui.add_image(blank, label="the floor, as its image shows it", visible=False)
+        self.map = gui.add_image(blank, label=f"the floor, as {names[0]}'s image shows it", visible=False)
         self.sliders: dict[str, Any] = {}
         self._add_buttons()
         self._add_choices(shown)
