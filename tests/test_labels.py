@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import trimesh
 import warp as wp
+from color_blindness import nearest_pair
 from test_cli import run_here
 
 import warpvis as wv
@@ -576,3 +577,11 @@ def test_bad_words_of_commands_are_refused(words, said, street_file, tmp_path, m
     code, _, printed = run_here(monkeypatch, capsys, tmp_path, "info", street_file, *words)
     assert code == 2
     assert printed.startswith(f"warpvis: {said}")
+
+
+def test_colors_are_told_apart_whatever_cones_are_missing():
+    """Of labels and of who sees what; the first labels' red and brown were one colour to those who see no red."""
+    assert nearest_pair({"red": (229, 57, 53), "brown": (141, 95, 55)}) < (1.0,)
+    labels = {label.name: color for label, (_, color) in wv.maps.MAP_LEGEND.items()}
+    assert nearest_pair(labels) > (30.0,)
+    assert nearest_pair({state.name: tuple(color) for state, color in wv.viz.STATE_COLORS.items()}) > (30.0,)

@@ -16,13 +16,17 @@ Color = tuple[int, int, int]
 
 MAP_LEGEND: dict[Label, tuple[str, Color]] = {
     Label.EMPTY: ("not seen", (0, 0, 0)),
-    Label.GROUND: ("visible ground", (76, 175, 80)),
-    Label.OBSTACLE: ("visible part of an obstacle", (141, 95, 55)),
-    Label.OBJECT: ("visible object", (229, 57, 53)),
-    Label.HUMAN: ("visible human", (41, 98, 255)),
-    Label.ROBOT: ("robot", (158, 158, 158)),
+    Label.GROUND: ("visible ground", (127, 237, 140)),
+    Label.OBSTACLE: ("visible part of an obstacle", (99, 74, 42)),
+    Label.OBJECT: ("visible object", (239, 87, 0)),
+    Label.HUMAN: ("visible human", (11, 96, 205)),
+    Label.ROBOT: ("robot", (181, 181, 181)),
 }
-"""What each `Label` of a map means, and the colour (red, green, blue; 0 to 255) it is shown in."""
+"""What each `Label` of a map means, and the colour (red, green, blue; 0 to 255) it is shown in.
+
+With red, green or blue cones missing, too, no two of them are nearer than 30 in CIELAB, by the simulation of Machado,
+Oliveira and Fernandes (2009).
+"""
 
 # Steps of red, green and blue between colours to choose from, and the lightness (L* of CIELAB) that these have.
 _STEP, _DARKEST, _BRIGHTEST = 17, 25, 92
