@@ -121,7 +121,10 @@ def test_files_are_there(page):
     """Paths from the repository's root, and headers by their bare names."""
     for word in code_words(page):
         path = word.strip("(),;:").split("::")[0]
-        if re.fullmatch(r"(warpvis|kernels|tests|bench|docs|scripts|examples|scenes|\.ci)/[\w./*{},-]+", path):
+        if (
+            re.fullmatch(r"(warpvis|kernels|tests|bench|docs|scripts|examples|scenes|\.ci)/[\w./*{},-]+", path)
+            and "/_build/" not in path
+        ):
             patterns = [path.replace("{cpu,cuda,shared}", kind) for kind in ("cpu", "cuda", "shared")]
             assert all(list(ROOT.glob(pattern)) for pattern in patterns), path
         if re.fullmatch(r"\w+\.h", path):
