@@ -22,9 +22,10 @@ ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 CHANGES = ROOT / "CHANGELOG.md"
-TUTORIALS = ROOT / "docs" / "tutorials"  # tests/test_docs_tutorials.py runs these, and compares what they print
+# tests/test_docs_tutorials.py and test_docs_coming_from.py run these, and compare what they print.
+RUN_ELSEWHERE = (ROOT / "docs" / "tutorials", ROOT / "docs" / "coming_from")
 GALLERY = ROOT / "docs" / "gallery.md"  # tests/test_site.py looks at it
-SNIPPETS = [page for page in PAGES[1:] if page.parent != TUTORIALS and page != GALLERY]
+SNIPPETS = [page for page in PAGES[1:] if page.parent not in RUN_ELSEWHERE and page != GALLERY]
 
 _EXPLAINED_FROM = 45  # the column of the map at which explanations begin
 
