@@ -13,6 +13,7 @@ import warp as wp
 from warpvis.core.checks import check_choice, check_number, check_whole
 from warpvis.core.ray_camera import RayCamera
 from warpvis.errors import ArrayError, CameraError
+from warpvis.rendering._cpu_apart import CpuApartPacketsCaster
 from warpvis.rendering._cpu_remap import CpuRemapCaster
 from warpvis.rendering._cpu_table import CpuTablePacketsCaster
 from warpvis.rendering._cuda_packets import CudaPacketsCaster
@@ -49,8 +50,8 @@ def check_asked(outputs: object, sensor: object) -> tuple[str, ...]:
     return names
 
 
-def choose_caster(caster: Caster, camera: RenderCamera) -> Literal["packets", "rays"]:
-    """Return the caster of a camera that a name stands for.
+def choose_caster(caster: Caster, camera: RenderCamera, device: wp.Device) -> Literal["packets", "rays"]:
+    """Return the caster of a camera on a device that a name stands for.
 
     Raises:
         CameraError: It casts no such rays.
@@ -62,7 +63,7 @@ def choose_caster(caster: Caster, camera: RenderCamera) -> Literal["packets", "r
             name = "an OrthographicCamera" if isinstance(camera, OrthographicCamera) else f"a {type(camera).__name__}"
             name += " whose rays have origins" if apart else ""
             raise CameraError(f'packets are cast through a pinhole; {name} needs caster="rays" or "auto"')
-        return "rays"
+        return "packets" if apart and caster == "auto" and device.is_cpu else "rays"
     return "packets" if caster == "auto" else caster
 
 
@@ -75,6 +76,8 @@ def caster_class(
     if isinstance(camera, RayCamera):
         if caster == "rays":
             return RayTableCaster
+        if camera.origins is not None:
+            return CpuApartPacketsCaster
         return CpuTablePacketsCaster if device.is_cpu else CudaTablePacketsCaster
     if caster == "rays":
         return RaysCaster

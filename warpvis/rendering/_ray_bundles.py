@@ -125,7 +125,7 @@ def split_rays(rays: NDArray) -> SplitRays:
             face[here] = len(axes)
             axes.append(directions)
             shown = rays[here]
-            at = np.stack([_along(shown, towards) for towards in directions[:2]], axis=-1)
+            at = np.stack([towards(shown, direction) for direction in directions[:2]], axis=-1)
             places[here] = at / np.abs(ahead[here])[:, None]
             area += float(np.ptp(places[here], axis=0).prod())
     spacing = math.sqrt(area / max(1, int(known.sum())))
@@ -134,7 +134,8 @@ def split_rays(rays: NDArray) -> SplitRays:
     return SplitRays(axes, face, (places * focal).reshape(-1, 2), np.abs(ahead).ravel(), focal)
 
 
-def _along(rays: NDArray, axis: int) -> NDArray:
+def towards(rays: NDArray, axis: int) -> NDArray:
+    """Return how far vectors reach along an axis of a pinhole: an index, or its complement for the other way."""
     return -rays[..., ~axis] if axis < 0 else rays[..., axis]
 
 
@@ -260,7 +261,7 @@ class _Layout:
             "packet_bounds": packet_rows.ravel(),
             **dict(zip(("u", "v"), rounded.reshape(2, -1), strict=True)),
             **dict(zip(("rest_u", "rest_v"), rest.reshape(2, -1), strict=True)),
-            **dict(zip(("row_u", "row_v"), _in_rows(rounded, across), strict=True)),
+            **dict(zip(("row_u", "row_v"), in_rows(rounded, across), strict=True)),
             "place": self.place.ravel(),
             "run": _runs(self.place.reshape(-1, _LANES)),
             "corner": _corners(self.place, split.face.shape[1]),
@@ -317,7 +318,7 @@ def _slots(columns: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return packet % _ACROSS * columns + lane % columns, packet // _ACROSS * (_LANES // columns) + lane // columns
 
 
-def _in_rows(places: NDArray[np.float32], across: NDArray[np.int64]) -> NDArray[np.float32]:
+def in_rows(places: NDArray[np.float32], across: NDArray[np.int64]) -> NDArray[np.float32]:
     """Put places, shape (2, tiles, 16, 16), in the order of rows and columns, shape (2, tiles * 256)."""
     rows = np.zeros((2, len(across), _GROUP), dtype=np.float32)
     for columns in np.unique(across[across > 0]):

@@ -154,6 +154,10 @@ struct Frustum {
         frustum.least[2] = (image.width - center_x) * rest[2] - rest[0];
         frustum.least[3] = rest[1] + center_y * rest[2];
         frustum.least[4] = (image.height - center_y) * rest[2] - rest[1];
+        if (RAY_ORIGINS) {
+            frustum.least[1] -= image.tree->apart.most_p, frustum.least[2] -= image.tree->apart.most_p;
+            frustum.least[3] -= image.tree->apart.most_q, frustum.least[4] -= image.tree->apart.most_q;
+        }
         return frustum;
     }
 };

@@ -71,17 +71,19 @@ struct OrientedBoxes {
     }
 
     // Whether the boxes reach to the inner side of a plane through the camera.
-    inline Ints reach(float x, float y, float z) const {
+    inline Ints reach(float x, float y, float z, float aside = 0.0f) const {
         Floats farthest = x * center.x + (y * center.y + z * center.z);
         for (int i = 0; i < 3; ++i) farthest += Lanes::abs(x * half[i].x + (y * half[i].y + z * half[i].z));
-        return farthest >= Lanes::all(0.0f);
+        return farthest >= Lanes::all(-aside);
     }
 
     // Where they are in the image.
     inline ScreenBounds bounds(float far, float blur, const Image& image, Ints shown) const {
         const float center_x = image.center_x, center_y = image.center_y;
-        shown &= reach(0.0f, 0.0f, 1.0f) & reach(1.0f, 0.0f, center_x) & reach(-1.0f, 0.0f, image.width - center_x) &
-                 reach(0.0f, 1.0f, center_y) & reach(0.0f, -1.0f, image.height - center_y);
+        const float p = RAY_ORIGINS ? image.tree->apart.most_p : 0.0f, q = RAY_ORIGINS ? image.tree->apart.most_q : 0.0f;
+        shown &= reach(0.0f, 0.0f, 1.0f) & reach(1.0f, 0.0f, center_x, p) &
+                 reach(-1.0f, 0.0f, image.width - center_x, p) & reach(0.0f, 1.0f, center_y, q) &
+                 reach(0.0f, -1.0f, image.height - center_y, q);
         const Points zero = {Lanes::all(0.0f), Lanes::all(0.0f), Lanes::all(0.0f)};
         Points term[3][2];
         for (int i = 0; i < 3; ++i) {

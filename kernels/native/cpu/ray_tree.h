@@ -36,6 +36,19 @@ struct RayFit {
     }
     enum { LANE_SHIFT = 4, PACKETS_ACROSS = 4, WORDS = 10 };
 };
+// Where rays pass the plane of the eye, z = 0, if that is not the eye itself: a ray is (p, q, 0) + z (u, v, 1), with p
+// and q as x and y are scaled, and begins at a z of its own, from 0 up.
+struct ApartRays {
+    const float *p, *q;  // [packet][lane]
+    const float* begin;  // the same: z where a ray begins
+    const float* most_inv_z;  // and 1 / that
+    const float *row_p, *row_q;  // [tile][row][column], of tiles that have a fit
+    const float* range;  // [tile][RANGE_WORDS]: the middles of p, q and u q - v p, then how far they are from there
+    float most_p, most_q;  // of a bundle, either way
+    float reach;  // no ray begins farther from the eye [m]
+    enum { RANGE_WORDS = 6 };
+};
+
 static_assert(LANES == 1 << RayFit::LANE_SHIFT && sizeof(RayFit) == RayFit::WORDS * sizeof(float),
               "Python writes the words of one");
 
@@ -54,6 +67,7 @@ struct RayTree {
     const int* corner;  // [tile]: first pixel where a tile is one of the image, packets being its blocks; else -1
     const RayFit* fit;  // [tile]
     float most_inv_z;  // in terms of depth: nearer than that, nothing is there
+    ApartRays apart;  // where RAY_ORIGINS
 
     // Four by four rays of rows so long.
     static inline Floats window(const float* first, int width) {

@@ -28,6 +28,10 @@ struct Triangles {
     Ints shown;  // lanes that may cover a pixel
     Ints x0, x1, y0, y1;  // pixels of the strip whose centres may be inside
     Ints view_y0, view_y1;  // the same rows in the whole view, counted from the view's first
+    // Where RAY_ORIGINS:
+    Points side[3];  // twice the edges, signed as they are
+    Ints beside;  // lanes that rays may see from another side than the eye does, or only just
+    Floats place[4];  // least u and v, greatest u and v that rays from the eye see
 };
 
 // What is decided in double precision, of one triangle of a leaf.
@@ -110,6 +114,12 @@ struct Setup {
             shown &= volume < Lanes::all(0.0f);
         else if (camera.skip_back_faces)
             shown &= (volume < Lanes::all(0.0f)) | (Lanes::load(out.owners) >= Lanes::all_ints(0));
+        if (RAY_ORIGINS) {
+            const ApartRays& apart = image.tree->apart;
+            const Floats aside = Lanes::abs(normal.x) * apart.most_p + Lanes::abs(normal.y) * apart.most_q;
+            out.beside = 2.0f * aside + least_volume >= Lanes::abs(volume);
+            shown |= out.beside;
+        }
         if (camera.excluded) shown &= ~excluded_lanes(camera.excluded, out.owners);
         if (!Lanes::any(shown)) return false;
 
@@ -120,12 +130,23 @@ struct Setup {
         out.shown = shown & (zmax > none);
         Box box;
         if (!bound(image, c, inverse, crossing, out, box)) return false;
+        if (RAY_ORIGINS) {
+            const Floats signs = volume < none ? -one : one;
+            set_side(c[1], c[2], signs, out.side[0]);
+            set_side(c[2], c[0], signs, out.side[1]);
+            set_side(c[0], c[1], signs, out.side[2]);
+        }
 
         const Floats sign = volume < none ? -one : one;
         out.edge[0] = edge(c[1], c[2], sign);
         out.edge[1] = edge(c[2], c[0], sign);
         out.edge[2] = edge(c[0], c[1], sign);
         out.doubt = rounded * (apart + (EDGE_DOUBT_LEAST * camera.per_extent) * away);
+        if (RAY_ORIGINS) {
+            // What rounding changes of side times a ray's moment about the eye, which is less than this.
+            const float moment = 4.0f * (image.tree->apart.most_p + image.tree->apart.most_q);
+            out.doubt += (camera.edge_doubt * moment) * (away + apart);
+        }
         const Floats scale = one / volume;
         out.inv_z = Linear{normal.x * scale, normal.y * scale, normal.z * scale};
         out.min_inv_z = crossing ? one / zmax : Lanes::min(inverse[0], inverse[1], inverse[2]);
@@ -138,6 +159,12 @@ struct Setup {
         out.inexact =
             (terms > MOST_TERMS * out.min_inv_z) | (turn > MOST_TURN * out.min_inv_z * out.area) | edge_on | crossing;
         return true;
+    }
+
+    static inline void set_side(Points a, Points b, Floats sign, Points& out) {
+        const Points side = Points::minus(a, b);
+        const Floats twice = sign + sign;
+        out = Points{side.x * twice, side.y * twice, side.z * twice};
     }
 
     // Bounds in pixels, a little wider than rounding can be wrong; false if no lane that may be shown has any.
@@ -157,6 +184,13 @@ struct Setup {
         Floats right = u1 + (image.center_x - 0.5f + slack);
         Floats top = v0 + (image.center_y - 0.5f - slack);
         Floats bottom = v1 + (image.center_y - 0.5f + slack);
+        if (RAY_ORIGINS) {
+            const Floats nearest = Lanes::max(inverse[0], inverse[1], inverse[2]), all = Lanes::all(1e30f);
+            const Floats aside = image.tree->apart.most_p * nearest, along = image.tree->apart.most_q * nearest;
+            left -= aside, right += aside, top -= along, bottom += along;
+            out.place[0] = crossing ? -all : u0 - slack, out.place[2] = crossing ? all : u1 + slack;
+            out.place[1] = crossing ? -all : v0 - slack, out.place[3] = crossing ? all : v1 + slack;
+        }
         left = Lanes::max(crossing ? none : image.first_pixel(left), none);
         const float first = (float)image.first_row, last = (float)(image.view_height - 1);
         const Floats view_top = Lanes::max(crossing ? none : image.first_pixel(top) + first, none);

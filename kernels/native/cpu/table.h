@@ -35,6 +35,8 @@ struct TableJob {
     const int* without_ray;  // pixels
     int without_rays;
     int most_groups;  // of a bundle
+    const double* eye;  // [bundle]: where it is in the face, and null where that is the camera
+    const float* apart;  // [bundle]: most_p, most_q and reach of an `ApartRays`
 
     // The bundle as a view of a pinhole.
     inline Job job_of(int index) const {
@@ -51,6 +53,8 @@ struct TableJob {
         job.most_inv_z = most_inv_z;
         job.clip_reach = clip_reach;
         job.cull_back_faces = cull_back_faces;
+        // Rays begin as far from the eye as that: boxes that they may begin in are no others'.
+        if (RAY_ORIGINS) job.clip_reach += apart[3 * index + 2];
         return job;
     }
     inline RayTree tree_of(int index) const {
@@ -66,7 +70,21 @@ struct TableJob {
         part.corner += tile;
         part.fit += tile;
         if (part.scale) part.scale += ray;
+        if (RAY_ORIGINS) {
+            ApartRays& own = part.apart;
+            own.p += ray, own.q += ray, own.begin += ray, own.most_inv_z += ray;
+            own.row_p += ray, own.row_q += ray;
+            own.range += tile * ApartRays::RANGE_WORDS;
+            own.most_p = apart[3 * index], own.most_q = apart[3 * index + 1], own.reach = apart[3 * index + 2];
+        }
         return part;
+    }
+    // The bundle's face, from its eye.
+    inline Pose face_of(int index, const Pose& camera) const {
+        Pose pose = bundle[index].face(camera);
+        for (int i = 0; RAY_ORIGINS && i < 3; ++i)
+            for (int k = 0; k < 3; ++k) pose.position[k] += eye[3 * index + i] * pose.axis[i][k];
+        return pose;
     }
 };
 
@@ -144,7 +162,8 @@ struct TableWriter {
     inline void look(int packet, Row& row) {
         const Images& out = writer.out;
         const Floats inv_z = Lanes::load(writer.image.inv_z + packet * LANES), z = 1.0f / inv_z;
-        const Floats depth = tree.scale ? z * Lanes::load(tree.scale + packet * LANES) : z;
+        const Floats along = RAY_ORIGINS ? z - Lanes::load(tree.apart.begin + packet * LANES) : z;
+        const Floats depth = tree.scale ? along * Lanes::load(tree.scale + packet * LANES) : along;
         const InRange range = in_range(inv_z, depth, table.near, table.far);
         const Ints seen = range.seen;
         row.depth = range.depth;
@@ -161,9 +180,14 @@ struct TableWriter {
         Floats at[3];
         for (int k = 0; k < 3; ++k)
             at[k] = reach * (u * rays.right[k] + (v * rays.down[k] + rays.forward[k])) + origin[k];
+        if (RAY_ORIGINS) {
+            const Floats p = Lanes::load(tree.apart.p + packet * LANES), q = Lanes::load(tree.apart.q + packet * LANES);
+            for (int k = 0; k < 3; ++k) at[k] += p * rays.right[k] + q * rays.down[k];
+        }
         return Points{at[0], at[1], at[2]};
     }
     inline Points normals(int packet, Ints id, Ints seen) {
+        if (RAY_ORIGINS) return towards(packet, writer.triangle_normals(id, Lanes::bits(seen)));
         if (!writer.lookup.moving) return writer.triangle_normals(id, Lanes::bits(seen));
         Points round = {Lanes::all(0.0f), Lanes::all(0.0f), Lanes::all(0.0f)};
         const Ints solid = writer.lookup.solid_normals(id, seen, RayDrawing::exact_u(tree, packet),
@@ -172,19 +196,31 @@ struct TableWriter {
         return Points{solid ? round.x : n.x, solid ? round.y : n.y, solid ? round.z : n.z};
     }
 
+    // Normals towards where rays come from, which may be another side than the eye's.
+    inline Points towards(int packet, Points n) const {
+        const Rays& rays = writer.rays;
+        const Floats u = Lanes::load(tree.u + packet * LANES), v = Lanes::load(tree.v + packet * LANES);
+        Floats ray[3];
+        for (int k = 0; k < 3; ++k) ray[k] = u * rays.right[k] + (v * rays.down[k] + rays.forward[k]);
+        const Ints away = Points::dot(n, Points{ray[0], ray[1], ray[2]}) > Lanes::all(0.0f);
+        return Points{away ? -n.x : n.x, away ? -n.y : n.y, away ? -n.z : n.z};
+    }
+
     // A tile of the image of which depth is all that is asked for.
     inline void depth_blocks(int tile) const {
         float* to = writer.out.depth + (first + tree.corner[tile]);
         const float near = table.near, far = table.far;
         const float* from = writer.image.inv_z + tile * (LANES * LANES);
         const float* scale = tree.scale ? tree.scale + tile * (LANES * LANES) : nullptr;
+        const float* begin = RAY_ORIGINS ? tree.apart.begin + tile * (LANES * LANES) : nullptr;
         const int width = table.width;
         for (int y = 0; y < BLOCKS_ACROSS; ++y) {
-            Floats inv_z[BLOCK_SIDE], factor[BLOCK_SIDE];
+            Floats inv_z[BLOCK_SIDE], factor[BLOCK_SIDE], first[BLOCK_SIDE];
             Blocks::transpose(from + y * (BLOCKS_ACROSS * LANES), inv_z);
             if (scale) Blocks::transpose(scale + y * (BLOCKS_ACROSS * LANES), factor);
+            if (RAY_ORIGINS) Blocks::transpose(begin + y * (BLOCKS_ACROSS * LANES), first);
             for (int r = 0; r < BLOCK_SIDE; ++r, to += width) {
-                const Floats z = 1.0f / inv_z[r];
+                const Floats z = RAY_ORIGINS ? 1.0f / inv_z[r] - first[r] : 1.0f / inv_z[r];
                 Write::stream(to, in_range(inv_z[r], scale ? z * factor[r] : z, near, far).depth);
             }
         }
@@ -310,7 +346,7 @@ struct TablePackets {
         const int groups = table.bundle[bundle].groups;
         tree.begin(image, groups);
         const Pose pose = Pose::from(table.poses + (long long)index * POSE_WORDS);
-        const View view = View::of(scene, job, scene.movables.of_view(index), table.bundle[bundle].face(pose));
+        const View view = View::of(scene, job, scene.movables.of_view(index), table.face_of(bundle, pose));
         if (view.world.exists) Packets::draw(view, image, memory.traversal, mode);
         const double* viewpoint = view.pose.position;
         const Frame* frames = memory.traversal.frames;

@@ -30,6 +30,11 @@ struct ScreenBounds {
             slack = BOX_SLACK + BOX_SLACK_BLURS * blur;
         }
         Floats left = bounds.left, right = bounds.right, top = bounds.top, bottom = bounds.bottom;
+        if (RAY_ORIGINS) {
+            const Floats nearest = 1.0f / (crossing ? Lanes::all(1.0f) : zmin);
+            const Floats aside = image.tree->apart.most_p * nearest, along = image.tree->apart.most_q * nearest;
+            left -= aside, right += aside, top -= along, bottom += along;
+        }
         const float to_x = image.center_x - 0.5f, to_y = image.center_y - 0.5f;
         const Floats none = Lanes::all(0.0f), wide = Lanes::all((float)(image.width - 1)),
                      tall = Lanes::all((float)(image.height - 1));
@@ -104,15 +109,16 @@ struct Walk {
 
     static inline Floats row(const float* node, int index) { return Lanes::load(node + index * LANES); }
 
-    // All triangles of the child face away: the directions from the camera to anywhere in its box make less than a
-    // right angle with every normal in the cone.
-    static inline Ints faces_away(const float* node, Points low, Points high) {
+    // All triangles of the child face away: the directions from the camera, or as far beside it as rays begin, to
+    // anywhere in its box make less than a right angle with every normal in the cone.
+    static inline Ints faces_away(const float* node, Points low, Points high, float aside) {
         const Points to_center = Points{0.5f * (low.x + high.x), 0.5f * (low.y + high.y), 0.5f * (low.z + high.z)};
         const Points half = Points{0.5f * (high.x - low.x), 0.5f * (high.y - low.y), 0.5f * (high.z - low.z)};
         const Points axis =
             Points{row(node, CONE_AXIS_ROW), row(node, CONE_AXIS_ROW + 1), row(node, CONE_AXIS_ROW + 2)};
         const Floats distance = __builtin_elementwise_sqrt(Points::dot(to_center, to_center));
-        const Floats radius = __builtin_elementwise_sqrt(Points::dot(half, half));
+        Floats radius = __builtin_elementwise_sqrt(Points::dot(half, half));
+        if (RAY_ORIGINS) radius += 2.0f * aside;
         return Points::dot(to_center, axis) >= row(node, CONE_CUTOFF_ROW) * distance + 1.0001f * radius;
     }
 
@@ -126,7 +132,7 @@ struct Walk {
         Ints shown = low_x <= high_x;
         for (int p = 0; p < Frustum::PLANES; ++p)
             shown &= farthest_along(frustum.plane[p], low, high) >= Lanes::all(frustum.least[p]);
-        if (camera.skip_back_faces) shown &= ~faces_away(node, low, high);
+        if (camera.skip_back_faces) shown &= ~faces_away(node, low, high, RAY_ORIGINS ? image.tree->apart.reach : 0.0f);
         if (!Lanes::any(shown)) return 0;
 
         // The eight corners in camera space, as sums of one term an axis.

@@ -1,0 +1,91 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The same as `kernels.table_packets` of rays that begin beside each other, in ``native/cpu/apart_drawing.h``."""
+
+import warp as wp
+
+from warpvis.kernels.images import NATIVE_IMAGES, Images
+from warpvis.kernels.native_source import read_native
+from warpvis.kernels.packets import CALL, SCENE, BvhScene
+from warpvis.kernels.table_packets import TABLE_HEADERS, RayBundles, TableJob
+from warpvis.kernels.worlds import Worlds
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+
+@wp.struct
+class ApartRays:
+    """Where rays of `RayBundles` pass the plane of their bundle's eye, and begin: an ``ApartRays`` of ``ray_tree.h``."""
+
+    p: wp.array[float]
+    q: wp.array[float]
+    begin: wp.array[float]
+    most_inv_z: wp.array[float]
+    row_p: wp.array[float]
+    row_q: wp.array[float]
+    range: wp.array2d[float]  # (tiles, words)
+    eye: wp.array2d[wp.float64]  # (bundles, 3), in the bundle's face
+    most: wp.array2d[float]  # (bundles, 3): most p, q, and distance from the eye to where a ray begins
+
+
+@wp.struct
+class ApartCall:
+    """What a launch is given, as `kernels.packets.PacketCall`."""
+
+    scene: BvhScene
+    job: TableJob
+    rays: RayBundles
+    apart: ApartRays
+    poses: wp.array[wp.transform]
+    worlds: Worlds
+
+
+_CAST = """
+const auto& rays = calls.data->rays;
+const auto& apart = calls.data->apart;
+const RayTree tree = {rays.group_bounds.data, rays.tile_bounds.data, rays.packet_bounds.data, rays.u.data, rays.v.data,
+                      rays.rest_u.data, rays.rest_v.data, rays.row_u.data, rays.row_v.data, rays.scale.data,
+                      rays.place.data, rays.run.data, rays.corner.data, (const RayFit*)rays.fit.data, job.most_inv_z,
+                      {apart.p.data, apart.q.data, apart.begin.data, apart.most_inv_z.data, apart.row_p.data,
+                       apart.row_q.data, apart.range.data, 0.0f, 0.0f, 0.0f}};
+const TableJob shape = {job.views, job.height, job.width, rays.bundle.shape[0], (const Bundle*)rays.bundle.data,
+                        job.bundle_far.data, rays.focal, job.near, job.far, job.most_inv_z, job.clip_reach,
+                        job.cull_backfaces != 0, (const float*)poses.data, tree, rays.without_ray.data,
+                        rays.without_ray.shape[0], rays.most_groups, apart.eye.data, apart.most.data};
+if (!job.scratch.data) {
+    Arena measured = Arena::at(nullptr);
+    TableMemory::carve(measured, shape, scene.drawn_count, scene.levels);
+    job.scratch_bytes.data[0] = measured.used;
+    return;
+}
+const int worker = Workers::enter(job.counter.data);
+Arena arena = Arena::at((char*)job.scratch.data + (long long)worker * job.scratch.strides[0]);
+const TableMemory memory = TableMemory::carve(arena, shape, scene.drawn_count, scene.levels);
+TablePackets::run(drawn, shape, out, memory, job.counter.data);
+"""
+
+_OTHERS = {"cpu/table_rays.h": "cpu/apart_rays.h", "cpu/ray_drawing.h": "cpu/apart_drawing.h"}
+APART_HEADERS = tuple(_OTHERS.get(name, name) for name in TABLE_HEADERS)
+
+
+@wp.func_native(read_native(*APART_HEADERS, "cpu/table.h") + CALL + SCENE + NATIVE_IMAGES + _CAST)
+def cast_apart_bundles(
+    calls: wp.array[ApartCall],
+    images_out: wp.array[Images],
+): ...
+
+
+@wp.kernel
+def cast_apart_packets(
+    # In:
+    calls: wp.array[ApartCall],
+    # Out:
+    images_out: wp.array[Images],
+):
+    """Write the asked-for images (one that is None is skipped) of one call: each array holds one.
+
+    Every worker launches this with the same arguments. The job's counters tell it which one it is, and the next unit
+    of work, until none is left.
+    """
+    _ = wp.tid()
+    cast_apart_bundles(calls, images_out)

@@ -1,0 +1,356 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What ray_drawing.h does, for rays that pass beside the eye (`ApartRays`).
+//
+// A ray (p, q, 0) + z (u, v, 1) has the moment m = (-q, p, u q - v p) about the eye, and passes an edge from a to b on
+// the side that the sign of (a x b) . (u, v, 1) + (a - b) . m says: two terms, of which the first is that of a ray from
+// the eye. Of a plane whose 1 / z is N . (u, v, 1) there, it is that divided by 1 - N . (p, q, 0) here. Where this is
+// not well above 0 all over a bundle, a ray may see the plane from another side than the eye does: double precision
+// then says all of it, triangle by triangle and ray by ray.
+
+// Some rays: of a packet, one in all lanes, or a window of a tile.
+struct ApartLanes {
+    Floats u, v, p, q, w;
+
+    static inline ApartLanes of(Floats u, Floats v, Floats p, Floats q) {
+        return ApartLanes{u, v, p, q, u * q - v * p};
+    }
+    static inline ApartLanes packet(const RayTree& tree, int packet) {
+        const int first = packet * LANES;
+        return of(Lanes::load(tree.u + first), Lanes::load(tree.v + first), Lanes::load(tree.apart.p + first),
+                  Lanes::load(tree.apart.q + first));
+    }
+    static inline ApartLanes ray(const RayTree& tree, int ray) {
+        return of(Lanes::all(tree.u[ray]), Lanes::all(tree.v[ray]), Lanes::all(tree.apart.p[ray]),
+                  Lanes::all(tree.apart.q[ray]));
+    }
+    static inline ApartLanes window(const RayTree& tree, int corner, int width) {
+        return of(RayTree::window(tree.row_u + corner, width), RayTree::window(tree.row_v + corner, width),
+                  RayTree::window(tree.apart.row_p + corner, width), RayTree::window(tree.apart.row_q + corner, width));
+    }
+
+    inline Floats edge(const Linear& e, const Points& side) const {
+        return e.at(u, e.row(v)) + (side.y * p + (side.z * w - side.x * q));
+    }
+    // The least of a triangle's edges, of one triangle for all rays, or of each lane's.
+    inline Floats inner(const Triangles& t, int k) const {
+        Floats least = edge(Linear::of_lane(t.edge[0], k), lane_of(t.side[0], k));
+        for (int e = 1; e < 3; ++e) least = Lanes::min(least, edge(Linear::of_lane(t.edge[e], k), lane_of(t.side[e], k)));
+        return least;
+    }
+    inline Floats inner(const Triangles& t) const {
+        return Lanes::min(edge(t.edge[0], t.side[0]), edge(t.edge[1], t.side[1]), edge(t.edge[2], t.side[2]));
+    }
+    static inline Points lane_of(const Points& all, int k) {
+        return Points{Lanes::all(all.x[k]), Lanes::all(all.y[k]), Lanes::all(all.z[k])};
+    }
+    inline Floats inv_z(const Linear& plane) const {
+        return plane.at(u, plane.row(v)) / (1.0f - (plane.u * p + plane.v * q));
+    }
+};
+
+// A leaf's triangles as the rays of a tile see them.
+struct ApartLeaf : RayLeaf {
+    Floats one[3], slack[3];  // edges, moved by the middle of moments, and how much those differ from it
+    unsigned beside;
+
+    explicit inline ApartLeaf(const Triangles& of) : RayLeaf(of) {}
+
+    inline void begin(const Camera& camera, const Image& image, const Visit& visit) {
+        const Triangles& t = triangles;
+        set(image, visit, 0);
+        // Where the rounding of corners turns the plane of a sliver, single precision is not enough, either.
+        const Floats width = t.place[2] - t.place[0], height = t.place[3] - t.place[1];
+        const Floats change = Lanes::abs(t.inv_z.u) * width + Lanes::abs(t.inv_z.v) * height;
+        inexact = Lanes::bits(t.inexact | (camera.blur * (width + height) * change > 6e-6f * t.min_inv_z * t.area));
+        beside = Lanes::bits(t.beside);
+    }
+    inline void set_tile(const ApartRays& apart, int tile) {
+        const Triangles& t = triangles;
+        const float* range = apart.range + tile * ApartRays::RANGE_WORDS;
+        const Ints endless = t.place[0] <= Lanes::all(-1e30f);
+        const Floats most = endless ? Lanes::all(0.0f) : t.max_inv_z, least = endless ? Lanes::all(0.0f) : t.min_inv_z;
+        const Floats middle = 0.5f * (most + least), half = 0.50001f * (most - least);
+        for (int k = 0; k < 2; ++k) {
+            const Floats off = range[k] * middle;
+            const Floats more = __builtin_fabsf(range[k]) * half + range[k + 3] * most + 1e-5f * Lanes::abs(off);
+            Lanes::store(bounds[k], t.place[k] - (off + more));
+            Lanes::store(bounds[k + 2], t.place[k + 2] - (off - more));
+        }
+        for (int e = 0; e < 3; ++e) {
+            const Points& s = t.side[e];
+            one[e] = t.edge[e].one + (s.y * range[0] + (s.z * range[2] - s.x * range[1]));
+            slack[e] = t.doubt + 1.0001f * (Lanes::abs(s.y) * range[3] +
+                                           (Lanes::abs(s.z) * range[5] + Lanes::abs(s.x) * range[4]));
+        }
+    }
+
+    // Triangles that may be seen in a rectangle of the tile.
+    inline unsigned touching(const RayBox& box, float min_inv_z) const {
+        const Triangles& t = triangles;
+        Ints some = t.shown & RayTree::overlap(bounds[0], box) & (t.max_inv_z >= Lanes::all(min_inv_z));
+        const Floats none = Lanes::all(0.0f);
+        Ints inside = Lanes::all_ints(-1);
+        for (int e = 0; e < 3; ++e) {
+            const Linear edge = {t.edge[e].u, t.edge[e].v, one[e]};
+            const Floats u = edge.u >= none ? Lanes::all(box.u1) : Lanes::all(box.u0);
+            const Floats v = edge.v >= none ? Lanes::all(box.v1) : Lanes::all(box.v0);
+            inside &= edge.at(u, edge.row(v)) >= -slack[e];
+        }
+        return Lanes::bits(some & (inside | t.beside));
+    }
+    // Packets of the tile that a triangle may touch.
+    inline unsigned touched(int k, const float* bounds) const {
+        const Triangles& t = triangles;
+        if ((beside >> k) & 1) return (1u << LANES) - 1;
+        Ints touched = Lanes::all_ints(-1);
+        for (int e = 0; e < 3; ++e) {
+            const float u = t.edge[e].u[k], v = t.edge[e].v[k];
+            const Floats at_u = Lanes::load(bounds + (u >= 0.0f ? 2 : 0) * LANES);
+            const Floats at_v = Lanes::load(bounds + (v >= 0.0f ? 3 : 1) * LANES);
+            touched &= u * at_u + (v * at_v + one[e][k]) >= Lanes::all(-slack[e][k]);
+        }
+        return Lanes::bits(touched);
+    }
+};
+
+// One ray and one triangle, in double precision.
+struct ApartExactly {
+    const Camera& camera;
+    const RayTree& tree;
+    const Triangles& t;
+
+    inline double u(int ray) const { return (double)tree.u[ray] + tree.rest_u[ray]; }
+    inline double v(int ray) const { return (double)tree.v[ray] + tree.rest_v[ray]; }
+    inline ExactCorners corners(int k, int ray) const {
+        ExactCorners seen = Exactly::corners(camera, t.corners, k);
+        const ExactRow* m = camera.exact_to_camera;
+        for (int i = 0; i < 3; ++i) {
+            const double from = tree.apart.p[ray] * m[0][i] + tree.apart.q[ray] * m[1][i];
+            for (int c = 0; c < 3; ++c) seen.corner[c][i] -= from;
+        }
+        return seen;
+    }
+    __attribute__((noinline, cold)) bool covers(int k, int ray) const {
+        double along[3];
+        camera.ray_at(u(ray), v(ray), along);
+        const ExactCorners seen = corners(k, ray);
+        const double volume = seen.volume();
+        return !(camera.cull_back_faces && volume > 0.0) && seen.meet(along, volume);
+    }
+    __attribute__((noinline, cold)) Ints covered(int k, int packet, unsigned unsure) const {
+        Ints inside = Lanes::all_ints(0);
+        for (; unsure; unsure &= unsure - 1) {
+            const int lane = Lanes::first_lane(unsure);
+            if (covers(k, packet * LANES + lane)) inside[lane] = -1;
+        }
+        return inside;
+    }
+    __attribute__((noinline, cold)) float inv_z(int k, int ray) const {
+        double along[3], normal[3];
+        camera.ray_at(u(ray), v(ray), along);
+        const ExactCorners seen = corners(k, ray);
+        seen.normal(normal);
+        const float inv_z = (float)(ExactCorners::dot(normal, along) / ExactCorners::dot(normal, seen.corner[0]));
+        return inv_z < t.min_inv_z[k] ? t.min_inv_z[k] : inv_z > t.max_inv_z[k] ? t.max_inv_z[k] : inv_z;
+    }
+};
+
+struct RayDrawing {
+    // Rays and packets of no more than this are looked at before triangles are.
+    enum { FEW_RAYS = 4, FEW_PACKETS = 3 };
+
+    static inline __attribute__((always_inline)) void draw(const Camera& camera, const Image& image,
+                                                           const Triangles& triangles, const Visit& visit, Mode mode) {
+        ApartLeaf leaf(triangles);
+        leaf.begin(camera, image, visit);
+        const RayTree& tree = *image.tree;
+        for (unsigned groups = tree.groups_in(leaf.box); groups; groups &= groups - 1) {
+            const int group = Lanes::first_lane(groups);
+            for (unsigned tiles = tree.tiles_in(image, group, leaf.box, leaf.nearest); tiles; tiles &= tiles - 1)
+                draw_tile(camera, image, leaf, group * LANES + Lanes::first_lane(tiles), mode);
+        }
+    }
+
+    static inline __attribute__((always_inline)) void draw_tile(const Camera& camera, const Image& image,
+                                                                ApartLeaf& leaf, int tile, Mode mode) {
+        leaf.set_tile(image.tree->apart, tile);
+        unsigned some = Lanes::bits(leaf.triangles.shown);
+        if (leaf.least_size < RayColumns::SMALL_SIDE * image.tree->fit[tile].spacing) {
+            const RayColumns at(image, leaf, tile);
+            const unsigned small = at.small & ~leaf.beside;
+            if (small) draw_small(camera, image, leaf, at, small, mode);
+            some = at.larger | (at.small & leaf.beside);
+        }
+        if (some) draw_some(camera, image, leaf, tile, some, mode);
+    }
+
+    // By triangles where there are fewer of them than packets.
+    static inline __attribute__((always_inline)) void draw_some(const Camera& camera, const Image& image,
+                                                                ApartLeaf& leaf, int tile, unsigned some, Mode mode) {
+        const RayTree& tree = *image.tree;
+        const unsigned packets = tree.packets_in(image, tile, leaf.box, leaf.nearest);
+        const int count = __builtin_popcount(packets);
+        if (count > FEW_PACKETS) {
+            RayTree::refresh(image, tile);
+            const RayBox bounds = RayTree::box_of(tree.bounds_of_tiles(tile / LANES), tile % LANES);
+            some &= leaf.touching(bounds, image.tile_min[tile]);
+        }
+        if (count <= FEW_PACKETS || __builtin_popcount(some) > count)
+            for (unsigned left = packets; left; left &= left - 1)
+                draw_packet(camera, image, leaf, tile * LANES + Lanes::first_lane(left), some, mode);
+        else
+            for (; some; some &= some - 1) draw_packets(camera, image, leaf, Lanes::first_lane(some), tile, mode);
+    }
+
+    // One triangle, in a tile's packets.
+    static inline __attribute__((always_inline)) void draw_packets(const Camera& camera, const Image& image,
+                                                                   ApartLeaf& leaf, int k, int tile, Mode mode) {
+        const RayTree& tree = *image.tree;
+        const Triangles& t = leaf.triangles;
+        const int first = tile * LANES;
+        unsigned touched = tree.packets_in(image, tile, leaf.box_of(k), t.max_inv_z[k]);
+        const float* bounds = tree.bounds_of_packets(tile);
+        if (__builtin_popcount(touched) > FEW_PACKETS) {
+            touched &= leaf.touched(k, bounds);
+            if (!((leaf.beside >> k) & 1)) touched &= Lanes::bits(not_hidden(camera, image, leaf, k, first, bounds));
+        }
+        for (; touched; touched &= touched - 1)
+            draw_rays(camera, image, leaf, k, first + Lanes::first_lane(touched), mode);
+    }
+    // Packets in which no plane's point is behind all that was drawn.
+    static inline Ints not_hidden(const Camera& camera, const Image& image, ApartLeaf& leaf, int k, int first,
+                                  const float* bounds) {
+        const ApartRays& apart = image.tree->apart;
+        PacketPlanes planes;
+        planes.set(camera, leaf.plane(camera, k), bounds);
+        const float aside = __builtin_fabsf(planes.u) * apart.most_p + __builtin_fabsf(planes.v) * apart.most_q;
+        // Of no plane that is not beside rays it is more than a half.
+        const float nearer = 1.0001f / (1.0f - (aside < 0.5f ? aside : 0.5f));
+        return Lanes::load(image.block_min + first) <= Lanes::max(planes.nearest, Lanes::all(0.0f)) * nearer;
+    }
+
+    // Triangles of so few columns and rows that a register holds all rays that they may touch, wherever those are in
+    // the tile.
+    static inline __attribute__((always_inline)) void draw_small(const Camera& camera, const Image& image,
+                                                                 ApartLeaf& leaf, const RayColumns& at, unsigned small,
+                                                                 Mode mode) {
+        const RayTree& tree = *image.tree;
+        const Triangles& t = leaf.triangles;
+        const int width = at.fit.last_column() + 1;
+        int column[LANES], row[LANES];
+        RayColumns::begin(at.first_column, at.fit.last_column(), column);
+        RayColumns::begin(at.first_row, at.fit.last_row(), row);
+        for (; small; small &= small - 1) {
+            const int k = Lanes::first_lane(small);
+            const ApartLanes rays = ApartLanes::window(tree, at.first_ray + row[k] * width + column[k], width);
+            const Floats inner = rays.inner(t, k);
+            unsigned hits = Lanes::bits(inner >= Lanes::all(-t.doubt[k]));
+            if (!hits) continue;
+            const unsigned sure = Lanes::bits(inner > Lanes::all(t.doubt[k]));
+            float inv_z[LANES];
+            Lanes::store(inv_z, within(t, k, rays.inv_z(Linear::of_lane(t.inv_z, k))));
+            for (; hits; hits &= hits - 1) {
+                const int lane = Lanes::first_lane(hits);
+                const int ray = at.first_ray + at.fit.slot(column[k] + (lane & (RayColumns::SMALL_SIDE - 1)),
+                                                           row[k] + lane / RayColumns::SMALL_SIDE);
+                if (t.max_inv_z[k] < image.inv_z[ray]) continue;
+                put(camera, image, leaf, k, ray, (sure >> lane) & 1, inv_z[lane], mode);
+            }
+        }
+    }
+    static inline Floats within(const Triangles& t, int k, Floats inv_z) {
+        return Lanes::max(Lanes::min(inv_z, Lanes::all(t.max_inv_z[k])), Lanes::all(t.min_inv_z[k]));
+    }
+
+    // What a triangle shows to one of its rays, given 1 / z in single precision.
+    static inline __attribute__((always_inline)) void put(const Camera& camera, const Image& image,
+                                                          const ApartLeaf& leaf, int k, int ray, bool sure, float inv_z,
+                                                          Mode mode) {
+        const Triangles& t = leaf.triangles;
+        const ApartExactly exactly = {camera, *image.tree, t};
+        if (!sure && !exactly.covers(k, ray)) return;
+        const float value = (((leaf.inexact | leaf.beside) >> k) & 1) ? exactly.inv_z(k, ray) : inv_z;
+        if (value <= image.tree->apart.most_inv_z[ray]) Raster::put(image, ray, value, Raster::id_of(t, k, mode), mode);
+    }
+
+    // Some triangles, in one packet: ray by ray where few rays are there, or fewer than triangles.
+    static inline __attribute__((always_inline)) void draw_packet(const Camera& camera, const Image& image,
+                                                                  ApartLeaf& leaf, int packet, unsigned some,
+                                                                  Mode mode) {
+        const RayTree& tree = *image.tree;
+        const unsigned rays = tree.rays_in(image, packet, leaf.box, leaf.nearest);
+        if (!rays) return;
+        const int count = __builtin_popcount(rays);
+        if (count > FEW_RAYS) {
+            const RayBox bounds = RayTree::box_of(tree.bounds_of_packets(packet / LANES), packet % LANES);
+            some &= leaf.touching(bounds, image.block_min[packet]);
+        }
+        if (count <= FEW_RAYS || count < __builtin_popcount(some))
+            for (unsigned left = rays; left; left &= left - 1)
+                draw_ray(camera, image, leaf, packet * LANES + Lanes::first_lane(left), some, mode);
+        else
+            for (; some; some &= some - 1) draw_rays(camera, image, leaf, Lanes::first_lane(some), packet, mode);
+    }
+
+    // One ray, all triangles.
+    static inline __attribute__((always_inline)) void draw_ray(const Camera& camera, const Image& image,
+                                                               const ApartLeaf& leaf, int ray, unsigned some,
+                                                               Mode mode) {
+        const Triangles& t = leaf.triangles;
+        const ApartLanes rays = ApartLanes::ray(*image.tree, ray);
+        const Floats inner = rays.inner(t);
+        unsigned hits = Lanes::bits((inner >= -t.doubt) | t.beside) & some;
+        if (!hits) return;
+        const unsigned sure = Lanes::bits(inner > t.doubt) & ~leaf.beside;
+        const Floats inv_z = Lanes::max(Lanes::min(rays.inv_z(t.inv_z), t.max_inv_z), t.min_inv_z);
+        for (; hits; hits &= hits - 1) {
+            const int k = Lanes::first_lane(hits);
+            put(camera, image, leaf, k, ray, (sure >> k) & 1, inv_z[k], mode);
+        }
+    }
+
+    // One triangle, all rays of a packet.
+    static inline __attribute__((always_inline)) void draw_rays(const Camera& camera, const Image& image,
+                                                                ApartLeaf& leaf, int k, int packet, Mode mode) {
+        const RayTree& tree = *image.tree;
+        const Triangles& t = leaf.triangles;
+        Ints inside = Lanes::load(image.inv_z + packet * LANES) <= Lanes::all(t.max_inv_z[k]);
+        if (__builtin_expect((leaf.beside >> k) & 1, 0)) {
+            const ApartExactly exactly = {camera, tree, t};
+            for (unsigned left = Lanes::bits(inside); left; left &= left - 1)
+                put(camera, image, leaf, k, packet * LANES + Lanes::first_lane(left), false, 0.0f, mode);
+            return;
+        }
+        const ApartLanes rays = ApartLanes::packet(tree, packet);
+        const Floats inner = rays.inner(t, k);
+        const Ints unsure = inside & Raster::in_doubt(inner, t.doubt[k]);
+        inside &= inner > Lanes::all(t.doubt[k]);
+        if (__builtin_expect(Lanes::any(unsure), 0))
+            inside |= ApartExactly{camera, tree, t}.covered(k, packet, Lanes::bits(unsure));
+        if (!Lanes::any(inside)) return;
+        const Floats inv_z = ((leaf.inexact >> k) & 1) ? exact_inv_z(tree, leaf.plane(camera, k), packet)
+                                                       : rays.inv_z(Linear::of_lane(t.inv_z, k));
+        const Floats value = within(t, k, inv_z);
+        inside &= value <= Lanes::load(tree.apart.most_inv_z + packet * LANES);
+        Raster::blend(image, packet, packet, inside, value, Raster::id_of(t, k, mode), mode);
+    }
+    static inline Floats exact_inv_z(const RayTree& tree, const ExactPlane& plane, int packet) {
+        const Doubles p = wide(tree.apart.p, packet), q = wide(tree.apart.q, packet);
+        const Doubles at = plane.u * exact_u(tree, packet) + (plane.v * exact_v(tree, packet) + plane.one);
+        return __builtin_convertvector(at / (1.0 - (plane.u * p + plane.v * q)), Floats);
+    }
+    static inline Doubles wide(const float* from, int packet) {
+        return __builtin_convertvector(Lanes::load(from + packet * LANES), Doubles);
+    }
+    static inline Doubles exact_u(const RayTree& tree, int packet) {
+        return wide(tree.u, packet) + wide(tree.rest_u, packet);
+    }
+    static inline Doubles exact_v(const RayTree& tree, int packet) {
+        return wide(tree.v, packet) + wide(tree.rest_v, packet);
+    }
+
+    // Scenes with solids are not drawn so.
+    static inline void draw_solid(const Solid&, const View&, const Camera&, const Image&, const Visit&, int, Mode) {}
+};

@@ -1,0 +1,74 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The ``packets`` caster on CPU cores for rays that begin close beside each other: lidars whose beams leave apart."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import warp as wp
+
+from warpvis.kernels.constants import SOLID_NONE
+from warpvis.rendering._apart_rays import PreparedApartRays, are_close, prepare_apart
+from warpvis.rendering._cpu_packets import Workspace
+from warpvis.rendering._cpu_table import CpuTablePacketsCaster
+from warpvis.rendering._ray_bundles import PreparedRays
+
+if TYPE_CHECKING:
+    from warpvis.kernels.packets import BvhScene
+    from warpvis.kernels.table_packets import TableJob
+    from warpvis.kernels.worlds import Worlds
+
+
+class CpuApartPacketsCaster(CpuTablePacketsCaster):
+    """Neighbouring rays walk a BVH together where they begin close to each other; others go one by one.
+
+    So do all where solids have a surface of their own, worlds have sizes, or what is near is cut away.
+    """
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return what it is, without the rays as kernels take them: copies find or prepare them."""
+        return {name: value for name, value in super().__getstate__().items() if name not in ("_apart", "_are_close")}
+
+    def cast(self, poses: np.ndarray, worlds: Worlds, images: list[wp.array | None]) -> None:
+        """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
+        plain = not (self._clip_near or worlds.object_sizes) and self._are_close and not self._has_solids()
+        (super() if plain else self._single_rays).cast(poses, worlds, images)
+
+    def _has_solids(self) -> bool:
+        solids = self._scene.bvh().struct.movable_solid
+        return solids is not None and bool((solids.numpy() != SOLID_NONE).any())
+
+    @cached_property
+    def _are_close(self) -> bool:
+        camera = self._camera
+        return camera.prepared("close origins", lambda: are_close(camera.rays, camera.origins))
+
+    @cached_property
+    def _apart(self) -> PreparedApartRays:
+        camera = self._camera
+        shape = (camera.height, camera.width, 3)
+
+        def make() -> PreparedApartRays:
+            return prepare_apart(camera.rays.reshape(shape), camera.origins.reshape(shape))
+
+        return camera.prepared("apart packets", make)
+
+    @property
+    def _rays(self) -> PreparedRays:  # type: ignore[override]
+        return self._apart.rays
+
+    def _make_space(self, scene: BvhScene, views: int, workers: int) -> Workspace:
+        from warpvis.kernels.apart_packets import ApartCall, cast_apart_packets
+
+        call = ApartCall()
+        call.rays, call.apart = self._rays.struct, self._apart.struct
+        return Workspace(scene, cast_apart_packets, (call, ApartCall), self._make_job(views), workers)
+
+    def _make_job(self, views: int) -> TableJob:
+        job = super()._make_job(views)
+        far = np.minimum(job.bundle_far.numpy() + self._apart.begin, np.finfo(np.float32).max)
+        job.bundle_far = wp.array(far, dtype=wp.float32, device="cpu")
+        return job
