@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Images whose rays are a table: a scan of 1024 x 128 rays beside Open3D, and a lens beside a pinhole.
+"""Images whose rays are a table: a scan of 1024 x 128 rays beside Open3D, a lens beside a pinhole, and
+an Ouster's turn beside one whose rays all begin at one place.
 
 ``python bench/bench_ray_tables.py`` lets all take turns on the CPU, with the same rays, and says the median times of a
 view and their ratios. Open3D's rays are made before, in the world; what is seen is compared first.
@@ -25,6 +26,8 @@ from warpvis.core.threads import core_count
 VIEWS = 8
 LEAST_TIMES = {"room": 12.0, "blobs_77k": 8.0, "blobs_1m": 4.0}
 """A scan is at least so many times as fast as Open3D's."""
+MOST_OF_ONE_ORIGIN = 2.0
+"""An Ouster's turn, of origins beside each other, takes at most so many times as long as one from one place."""
 MOST_OF_PINHOLE = 1.3
 """A lens takes at most so many times as long as a pinhole of its size."""
 TOLERANCE = 1e-3
@@ -35,8 +38,11 @@ _COEFFICIENTS = [-0.28, 0.09, 0.001, -0.0005, 0.01, 0.02, 0.003, 0.001]
 
 @cache
 def cameras() -> dict[str, Any]:
-    """A scan all around, of 45 degrees; a lens of eight coefficients, and the same without."""
+    """A scan all around; a lens of eight coefficients, and none; an Ouster's turn, and the same from one place."""
+    ouster = wv.sensors.lidars.ouster("OS1-128", near=0.3)
     return {
+        "ouster": ouster,
+        "one place": wv.sensors.Rays(ouster.directions, near=0.3, far=ouster.far),
         "scan": wv.rendering.WideCamera(1024, 128, 2 * math.pi),
         "lens": wv.Camera.from_opencv(_K, _COEFFICIENTS, 640, 480),
         "pinhole": wv.Camera.from_opencv(_K, None, 640, 480),
@@ -88,14 +94,15 @@ def compare(name: str, rounds: int) -> None:
     """Print how long a view takes, and how many times as long others take."""
     from timing import take_turns
 
-    calls = [*(render(name, camera) for camera in ("scan", "lens", "pinhole")), render_once(name)]
+    names = ("scan", "lens", "pinhole", "ouster", "one place")
+    calls = [*(render(name, camera) for camera in names), render(name, "ouster", caster="rays"), render_once(name)]
     calls[-1]()
     peer, images = open3d(name)
     own, other = calls[0]().depth.numpy(), images(peer())
     with np.errstate(invalid="ignore"):
         same = (own == other) | (np.abs(own - other) <= TOLERANCE * np.maximum(1, other))
     times = [1e3 / VIEWS * float(np.median(column)) for column in take_turns([*calls, peer], rounds)]
-    scan, lens, pinhole, once, theirs = times
+    scan, lens, pinhole, ouster, one_place, alone, once, theirs = times
     print(
         f"{name}: scan {scan:.3f} ms, Open3D {theirs:.3f} ms ({same.mean():.4%} of rays alike): {theirs / scan:.1f} "
         f"times as fast, {_reached(theirs / scan >= LEAST_TIMES[name])} ({LEAST_TIMES[name]:g})"
@@ -104,6 +111,11 @@ def compare(name: str, rounds: int) -> None:
     print(
         f"{name}: lens {lens:.3f} ms, pinhole {pinhole:.3f} ms: {lens / pinhole:.2f} of its time, "
         f"{_reached(lens / pinhole <= MOST_OF_PINHOLE)} ({MOST_OF_PINHOLE:g})"
+    )
+    print(
+        f"{name}: Ouster {ouster:.3f} ms, from one place {one_place:.3f} ms: {ouster / one_place:.2f} of its time, "
+        f"{_reached(ouster / one_place <= MOST_OF_ONE_ORIGIN)} ({MOST_OF_ONE_ORIGIN:g}); {alone / ouster:.1f} times as "
+        "fast as ray by ray"
     )
 
 

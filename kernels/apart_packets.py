@@ -15,7 +15,7 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 @wp.struct
 class ApartRays:
-    """Where rays of `RayBundles` pass the plane of their bundle's eye, and begin: an ``ApartRays`` of ``ray_tree.h``."""
+    """Where rays of `RayBundles` pass the plane of their bundle's eye, and begin; ``ApartRays`` of ``ray_tree.h``."""
 
     p: wp.array[float]
     q: wp.array[float]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rays that begin close beside each other, by packets on CPU cores: in closed form, by the float64 reference, by rays."""
+"""Rays that begin close beside each other, in packets: in closed form, by the float64 reference, by single rays."""
 
 import pickle
 
@@ -124,9 +124,7 @@ def test_the_room_matches_the_reference(packets_only):
     scene = wv.scenes.PRESETS["room"].build("cpu")
     poses = np.array([wv.look_at(eye, (0.5, 0.4, 0.3)) for eye in ((0.1, 0.2, 0.9), (-0.8, 1.2, 1.5))])
     for shape in ((1500,), (30, 50)):
-        pattern = Rays(
-            sphere_of_rays(1500).reshape(*shape, 3), few_origins(1500).reshape(*shape, 3), near=0.4, far=2.0
-        )
+        pattern = Rays(sphere_of_rays(1500).reshape(*shape, 3), few_origins(1500).reshape(*shape, 3), near=0.4, far=2.0)
         views = wv.render(scene, pattern, poses, outputs=ALL)
         if len(shape) == 2:
             assert_matches_reference(views, scene, poses, pattern)
@@ -135,7 +133,10 @@ def test_the_room_matches_the_reference(packets_only):
 
 @pytest.mark.parametrize("name", ["room", "blobs_77k"])
 def test_a_turn_of_an_ouster_is_that_of_single_rays(name):
-    scene, poses = wv.scenes.PRESETS[name].build("cpu"), np.array([[0.4, 0.3, 0.8, 0, 0, 0, 1], [-1, 1, 0.4, 0, 0, 1, 0]])
+    scene, poses = (
+        wv.scenes.PRESETS[name].build("cpu"),
+        np.array([[0.4, 0.3, 0.8, 0, 0, 0, 1], [-1, 1, 0.4, 0, 0, 1, 0]]),
+    )
     for kind in ("OS0-128", "OS1-64"):
         lidar = wv.sensors.lidars.ouster(kind, near=0.5, far=6.0)
         one, other = (wv.render(scene, lidar, poses, outputs=ALL, caster=caster) for caster in ("auto", "rays"))

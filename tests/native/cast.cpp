@@ -22,7 +22,7 @@ unsigned turned_away(const BuiltTree& tree, int node, const float* camera) {
     for (int k = 0; k < 2; ++k)
         box[k] = {Lanes::load(rows + 48 * k) - camera[0], Lanes::load(rows + 48 * k + 16) - camera[1],
                   Lanes::load(rows + 48 * k + 32) - camera[2]};
-    return Lanes::bits(casting::Walk::faces_away(rows, box[0], box[1]));
+    return Lanes::bits(casting::Walk::faces_away(rows, box[0], box[1], 0.0f));
 }
 
 static casting::Linear edge_of(const float* edge) {

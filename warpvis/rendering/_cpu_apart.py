@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from warpvis.kernels.constants import SOLID_NONE
 from warpvis.rendering._apart_rays import PreparedApartRays, are_close, prepare_apart
@@ -35,7 +36,10 @@ class CpuApartPacketsCaster(CpuTablePacketsCaster):
     def cast(self, poses: np.ndarray, worlds: Worlds, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
         plain = not (self._clip_near or worlds.object_sizes) and self._are_close and not self._has_solids()
-        (super() if plain else self._single_rays).cast(poses, worlds, images)
+        if plain:
+            super().cast(poses, worlds, images)
+        else:
+            self._single_rays.cast(poses, worlds, images)
 
     def _has_solids(self) -> bool:
         solids = self._scene.bvh().struct.movable_solid
@@ -43,21 +47,26 @@ class CpuApartPacketsCaster(CpuTablePacketsCaster):
 
     @cached_property
     def _are_close(self) -> bool:
-        camera = self._camera
-        return camera.prepared("close origins", lambda: are_close(camera.rays, camera.origins))
+        camera, origins = self._camera, self._origins
+        return camera.prepared("close origins", lambda: are_close(camera.rays, origins))
+
+    @property
+    def _origins(self) -> NDArray[np.float64]:
+        assert self._camera.origins is not None  # or it would be another caster's
+        return self._camera.origins
 
     @cached_property
     def _apart(self) -> PreparedApartRays:
-        camera = self._camera
+        camera, origins = self._camera, self._origins
         shape = (camera.height, camera.width, 3)
 
         def make() -> PreparedApartRays:
-            return prepare_apart(camera.rays.reshape(shape), camera.origins.reshape(shape))
+            return prepare_apart(camera.rays.reshape(shape), origins.reshape(shape))
 
         return camera.prepared("apart packets", make)
 
     @property
-    def _rays(self) -> PreparedRays:  # type: ignore[override]
+    def _rays(self) -> PreparedRays:
         return self._apart.rays
 
     def _make_space(self, scene: BvhScene, views: int, workers: int) -> Workspace:

@@ -36,7 +36,8 @@ struct ApartLanes {
     // The least of a triangle's edges, of one triangle for all rays, or of each lane's.
     inline Floats inner(const Triangles& t, int k) const {
         Floats least = edge(Linear::of_lane(t.edge[0], k), lane_of(t.side[0], k));
-        for (int e = 1; e < 3; ++e) least = Lanes::min(least, edge(Linear::of_lane(t.edge[e], k), lane_of(t.side[e], k)));
+        for (int e = 1; e < 3; ++e)
+            least = Lanes::min(least, edge(Linear::of_lane(t.edge[e], k), lane_of(t.side[e], k)));
         return least;
     }
     inline Floats inner(const Triangles& t) const {
@@ -82,7 +83,7 @@ struct ApartLeaf : RayLeaf {
             const Points& s = t.side[e];
             one[e] = t.edge[e].one + (s.y * range[0] + (s.z * range[2] - s.x * range[1]));
             slack[e] = t.doubt + 1.0001f * (Lanes::abs(s.y) * range[3] +
-                                           (Lanes::abs(s.z) * range[5] + Lanes::abs(s.x) * range[4]));
+                                            (Lanes::abs(s.z) * range[5] + Lanes::abs(s.x) * range[4]));
         }
     }
 

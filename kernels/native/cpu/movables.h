@@ -80,7 +80,8 @@ struct OrientedBoxes {
     // Where they are in the image.
     inline ScreenBounds bounds(float far, float blur, const Image& image, Ints shown) const {
         const float center_x = image.center_x, center_y = image.center_y;
-        const float p = RAY_ORIGINS ? image.tree->apart.most_p : 0.0f, q = RAY_ORIGINS ? image.tree->apart.most_q : 0.0f;
+        const float p = RAY_ORIGINS ? image.tree->apart.most_p : 0.0f,
+                    q = RAY_ORIGINS ? image.tree->apart.most_q : 0.0f;
         shown &= reach(0.0f, 0.0f, 1.0f) & reach(1.0f, 0.0f, center_x, p) &
                  reach(-1.0f, 0.0f, image.width - center_x, p) & reach(0.0f, 1.0f, center_y, q) &
                  reach(0.0f, -1.0f, image.height - center_y, q);

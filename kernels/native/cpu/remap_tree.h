@@ -86,8 +86,8 @@ struct RemapTree {
         return tree;
     }
     inline RayTree as_ray_tree(float most_inv_z) const {
-        return RayTree{group_bounds, tile_bounds, packet_bounds, u,      v,   rest_u,    rest_v, u, v,
-                       nullptr,      place,       run,           corner, fit, most_inv_z};
+        return RayTree{group_bounds, tile_bounds, packet_bounds, u,      v,   rest_u,     rest_v, u, v,
+                       nullptr,      place,       run,           corner, fit, most_inv_z, {}};
     }
 
     // The places of a part of a map; the rectangle that they are in, the wrong way round if there are none.

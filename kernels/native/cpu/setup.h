@@ -114,12 +114,7 @@ struct Setup {
             shown &= volume < Lanes::all(0.0f);
         else if (camera.skip_back_faces)
             shown &= (volume < Lanes::all(0.0f)) | (Lanes::load(out.owners) >= Lanes::all_ints(0));
-        if (RAY_ORIGINS) {
-            const ApartRays& apart = image.tree->apart;
-            const Floats aside = Lanes::abs(normal.x) * apart.most_p + Lanes::abs(normal.y) * apart.most_q;
-            out.beside = 2.0f * aside + least_volume >= Lanes::abs(volume);
-            shown |= out.beside;
-        }
+        if (RAY_ORIGINS) shown |= set_beside(image.tree->apart, normal, volume, least_volume, out);
         if (camera.excluded) shown &= ~excluded_lanes(camera.excluded, out.owners);
         if (!Lanes::any(shown)) return false;
 
@@ -130,23 +125,14 @@ struct Setup {
         out.shown = shown & (zmax > none);
         Box box;
         if (!bound(image, c, inverse, crossing, out, box)) return false;
-        if (RAY_ORIGINS) {
-            const Floats signs = volume < none ? -one : one;
-            set_side(c[1], c[2], signs, out.side[0]);
-            set_side(c[2], c[0], signs, out.side[1]);
-            set_side(c[0], c[1], signs, out.side[2]);
-        }
+        if (RAY_ORIGINS) set_sides(c, volume, out);
 
         const Floats sign = volume < none ? -one : one;
         out.edge[0] = edge(c[1], c[2], sign);
         out.edge[1] = edge(c[2], c[0], sign);
         out.edge[2] = edge(c[0], c[1], sign);
         out.doubt = rounded * (apart + (EDGE_DOUBT_LEAST * camera.per_extent) * away);
-        if (RAY_ORIGINS) {
-            // What rounding changes of side times a ray's moment about the eye, which is less than this.
-            const float moment = 4.0f * (image.tree->apart.most_p + image.tree->apart.most_q);
-            out.doubt += (camera.edge_doubt * moment) * (away + apart);
-        }
+        if (RAY_ORIGINS) out.doubt += moment_doubt(camera, image.tree->apart) * (away + apart);
         const Floats scale = one / volume;
         out.inv_z = Linear{normal.x * scale, normal.y * scale, normal.z * scale};
         out.min_inv_z = crossing ? one / zmax : Lanes::min(inverse[0], inverse[1], inverse[2]);
@@ -161,10 +147,22 @@ struct Setup {
         return true;
     }
 
-    static inline void set_side(Points a, Points b, Floats sign, Points& out) {
-        const Points side = Points::minus(a, b);
-        const Floats twice = sign + sign;
-        out = Points{side.x * twice, side.y * twice, side.z * twice};
+    // Triangles that rays may see from another side than the eye does, or only just.
+    static inline Ints set_beside(const ApartRays& apart, const Points& normal, Floats volume, Floats least,
+                                  Triangles& out) {
+        const Floats aside = Lanes::abs(normal.x) * apart.most_p + Lanes::abs(normal.y) * apart.most_q;
+        return out.beside = 2.0f * aside + least >= Lanes::abs(volume);
+    }
+    static inline void set_sides(const Points* c, Floats volume, Triangles& out) {
+        const Floats twice = volume < Lanes::all(0.0f) ? Lanes::all(-2.0f) : Lanes::all(2.0f);
+        for (int e = 0; e < 3; ++e) {
+            const Points side = Points::minus(c[(e + 1) % 3], c[(e + 2) % 3]);
+            out.side[e] = Points{side.x * twice, side.y * twice, side.z * twice};
+        }
+    }
+    // What rounding changes of a side times a ray's moment about the eye, which is less than this.
+    static inline float moment_doubt(const Camera& camera, const ApartRays& apart) {
+        return camera.edge_doubt * (4.0f * (apart.most_p + apart.most_q));
     }
 
     // Bounds in pixels, a little wider than rounding can be wrong; false if no lane that may be shown has any.
