@@ -13,7 +13,9 @@ from PIL import Image
 DESKTOP, PHONE = (1400, 900), (390, 844)
 
 _OPTIONS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-_READY_MS = 60_000
+_READY_MS = 120_000
+_BETWEEN_PICTURES_MS, _MOST_PICTURES = 1500, 20
+_CHANGING = 1e-3  # of the pixels: what counts frames may go on
 _POINTS = 0  # WebGL's POINTS
 
 # Count what every frame draws, by the kind of primitive.
@@ -55,10 +57,14 @@ def opened(browser, url, size=DESKTOP):
     page.on("pageerror", lambda error: page.problems.append(str(error)))
     page.on("request", lambda request: page.requests.append(request.url))
     page.add_init_script(_COUNT_DRAWS)
-    page.goto(url)
-    page.wait_for_function("window.drawn.some(d => d[0] === 4 && d[1] > 300)", timeout=_READY_MS)
-    yield page
-    page.close()
+    try:
+        page.goto(url)
+        page.wait_for_function("window.drawn.some(d => d[0] === 4 && d[1] > 300)", timeout=_READY_MS)
+        with contextlib.suppress(Exception):  # that WebGL is software is no news here
+            page.locator(".mantine-Notification-closeButton").first.click(timeout=2000)
+        yield page
+    finally:
+        page.close()  # or it would go on drawing, beside the next one
 
 
 def drawn_points(page):
@@ -82,12 +88,19 @@ def context_version(page):
 
 
 def screenshot(page, name):
-    """Write a picture of the page where `WARPVIS_SCREENSHOTS` says, and return its pixels."""
+    """Write a picture of the page where `WARPVIS_SCREENSHOTS` says, and return its pixels.
+
+    Things fade in and slide away, for as long as a slow machine needs: it is taken when nothing changes any more.
+    """
     folder = Path(os.environ.get("WARPVIS_SCREENSHOTS", ".pytest_cache/screenshots"))
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.png"
-    # That WebGL is software is no news here.
-    page.evaluate("document.querySelectorAll('.mantine-Notification-root').forEach(notice => notice.remove())")
-    page.wait_for_timeout(3000)  # what fades in or out has done so
-    page.screenshot(path=path)
-    return np.asarray(Image.open(path).convert("RGB"))
+    before = None
+    for _ in range(_MOST_PICTURES):
+        page.wait_for_timeout(_BETWEEN_PICTURES_MS)
+        page.screenshot(path=path)
+        picture = np.asarray(Image.open(path).convert("RGB"))
+        if before is not None and (picture != before).any(axis=-1).mean() < _CHANGING:
+            break
+        before = picture
+    return picture
