@@ -49,11 +49,13 @@ def wheel(sdist, tmp_path_factory):
     return build("wheel", next(unpacked.iterdir()), tmp_path_factory.mktemp("wheel"))
 
 
+@pytest.mark.slow
 def test_indexes_take_them(sdist, wheel):
     assert run(sys.executable, "-m", "twine", "check", "--strict", sdist, wheel).count("PASSED") == 2
     run(sys.executable, "-m", "check_wheel_contents", wheel)
 
 
+@pytest.mark.slow
 def test_all_files_of_the_package_are_in_the_wheel(wheel):
     """By way of the source distribution, too: modules, headers, worlds."""
     inside = set(zipfile.ZipFile(wheel).namelist())
@@ -64,6 +66,7 @@ def test_all_files_of_the_package_are_in_the_wheel(wheel):
             assert f"{place}/{name.removeprefix(folder + '/')}" in inside
 
 
+@pytest.mark.slow
 def test_a_fresh_environment_runs_it(wheel, tmp_path):
     """What the package needs is this environment's; the package itself is the wheel's."""
     fresh = tmp_path / "fresh"

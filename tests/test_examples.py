@@ -40,7 +40,8 @@ def test_there_are_no_others():
     assert {path.relative_to(EXAMPLES).as_posix() for path in EXAMPLES.rglob("*.py")} == set(SAYS)
 
 
-_SLOW = {"aloha_perspective.py", "gymnasium_depth.py", "mujoco_warp_depth.py"}
+_SLOW = {"aloha_perspective.py", "gymnasium_depth.py", "mujoco_warp_depth.py", "depth_noise.py", "lens.py", "lidar.py"}
+_SLOW |= {"motion.py", "sensor_fit.py", "time_of_flight.py"}
 
 
 @pytest.mark.parametrize(

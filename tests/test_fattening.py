@@ -109,6 +109,7 @@ def test_what_is_refused():
             dataclasses.replace(PLAIN, fattening=value)
 
 
+@pytest.mark.slow
 def test_nothing_is_fused_for_a_gpu(tmp_path):
     body = gpu_code("warpvis.kernels.fattening", tmp_path)
     assert re.search(r"\bdiv\.rn\.f32", body)

@@ -212,6 +212,7 @@ def test_what_is_refused(model, arguments, message):
         dataclasses.replace(model(), **arguments)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["kinect_noise", "corruptions", "simkinect", "redwood"])
 def test_nothing_is_fused_for_a_gpu(tmp_path, name):
     """What NVRTC makes of it: no instruction that multiplies and adds single precision in one, none approximate."""

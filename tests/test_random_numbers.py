@@ -243,6 +243,7 @@ def test_modules_that_use_random_numbers_round_each_step():
     assert users
 
 
+@pytest.mark.slow
 def test_nothing_is_fused_for_a_gpu(tmp_path):
     """What NVRTC makes of it: no instruction that multiplies and adds in one."""
     text = gpu_code("warpvis.kernels.random_numbers", tmp_path)

@@ -317,6 +317,7 @@ def test_what_a_camera_or_a_scene_refuses():
         wv.Renderer(scene, CAMERA, sensor=dataclasses.replace(FULL, reflectivity=[0.1, 0.2]))
 
 
+@pytest.mark.slow
 def test_nothing_is_fused_for_a_gpu(tmp_path):
     """What NVRTC makes of it: no instruction that multiplies and adds in one, none that is approximate."""
     text = gpu_code("warpvis.kernels.stereo", tmp_path)

@@ -451,6 +451,7 @@ def test_what_a_scene_and_a_mode_refuse():
         wv.sensors.azure_kinect("wide")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", ["sub_rays", "time_of_flight"])
 def test_nothing_is_fused_for_a_gpu(module, tmp_path):
     """What NVRTC makes of it: no instruction that multiplies and adds in one, none that is approximate."""
