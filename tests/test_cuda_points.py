@@ -37,12 +37,6 @@ def emulator(tmp_path_factory):
     return Emulator(tmp_path_factory.mktemp("point_emulator"), VARIANTS, find_compiler())
 
 
-@pytest.fixture
-def in_packets(monkeypatch):
-    """Points are cast in packets, though that is off."""
-    monkeypatch.setattr(_cuda_points, "_IN_PACKETS", True)
-
-
 def renderer_of(emulator, scene, *, variant=None, camera=CAMERA, outputs=ALL, **options):
     variant = variant or (MOVES if scene.bvh().struct.drawn_count else PLAIN)
     return emulated_renderer(emulator, variant, scene, camera, outputs=outputs, **options)
@@ -275,11 +269,12 @@ def test_which_points_may_be_in_rows():
         assert packet_count(lists, 256) >= count / 256
 
 
-def test_how_many_points_a_packet_has(in_packets):
+def test_how_many_points_a_packet_has():
     assert [points_of_packet(views * 76_800, 132) for views in (1, 10, 11, 512)] == [64, 64, 256, 256]
-    room = wv.scenes.PRESETS["room"].build("cpu")
-    assert not takes_packets(room, 3, 1000) and takes_packets(room, 1, 1 << 14) and takes_packets(room, 4, 1 << 12)
-    assert not takes_packets(room, 1, 1 << 27) and not takes_packets(room, 1000, 100)
+
+
+def test_which_points_go_in_packets():
+    assert [takes_packets(count) for count in (1000, 1 << 14, 1 << 15, 1 << 26, 1 << 27)] == [0, 0, 1, 1, 0]
 
 
 def test_points_are_launched_in_parts_that_memory_holds(monkeypatch):
@@ -299,20 +294,33 @@ def test_points_are_launched_in_parts_that_memory_holds(monkeypatch):
 
 
 CUDA_CASES = [("room", False), ("blobs_77k", False), ("room", True)]
+LARGE = wv.Camera.from_fov(240, 180, hfov=0.994837, near=0.05, far=100.0)
+"""Of so many pixels that they go in packets."""
+
+
+def test_lanes_that_find_points_do_not_go_apart(cuda):
+    """Another eye's points of one view of many triangles, which once read outside of a packet's memory on an H200."""
+    preset, camera = wv.scenes.PRESETS["blobs_1m"], wv.Camera.from_fov(320, 240, hfov=0.994837, near=0.05, far=100.0)
+    scene, pose = preset.build(cuda), preset.poses(512)[19:20]
+    depth = wv.render(scene, camera, pose).depth.numpy().reshape(1, -1)
+    pixels = centers(camera)
+    pixels[..., 0] -= camera.fx * 0.075 / np.maximum(np.where(np.isfinite(depth), depth, np.inf), camera.near)
+    packets, rays = (wv.Renderer(scene, camera, outputs=ALL, caster=caster) for caster in ("packets", "rays"))
+    test_instances.assert_alike(packets.render_at(pose, pixels), rays.render_at(pose, pixels))
 
 
 @pytest.mark.parametrize(("name", "in_rows"), CUDA_CASES)
-def test_points_on_a_gpu(name, in_rows, cuda, in_packets):
+def test_points_on_a_gpu(name, in_rows, cuda):
     """As single rays see them; not a bit depends on their order, or on how many a packet has."""
     preset = wv.scenes.PRESETS[name]
     scene, poses = preset.build(cuda), preset.poses(3)
-    camera = wv.Camera.from_fov(160, 120, hfov=0.994837, near=0.05, far=100.0)
+    camera = LARGE
     pixels = np.tile(centers(camera), (3, 1, 1))
     if not in_rows:
-        pixels = np.random.default_rng(0).uniform(-3, (163, 123), pixels.shape).astype(np.float32)
+        pixels = np.random.default_rng(0).uniform(-3, (243, 183), pixels.shape).astype(np.float32)
         pixels[:, :3] = np.nan
     packets = wv.Renderer(scene, camera, outputs=ALL)
-    assert takes_packets(scene, *pixels.shape[:2])
+    assert takes_packets(pixels.shape[1])
     views = packets.render_at(poses, pixels)
     test_instances.assert_alike(views, wv.Renderer(scene, camera, outputs=ALL, caster="rays").render_at(poses, pixels))
     order = np.random.default_rng(1).permutation(pixels.shape[1])
@@ -321,9 +329,9 @@ def test_points_on_a_gpu(name, in_rows, cuda, in_packets):
         assert getattr(again, output).numpy().tobytes() == getattr(views, output).numpy()[:, order].tobytes()
 
 
-def test_a_gpu_gives_the_same_whatever_the_packets(cuda, in_packets, monkeypatch):
+def test_a_gpu_gives_the_same_whatever_the_packets(cuda, monkeypatch):
     preset = wv.scenes.PRESETS["room"]
-    camera = wv.Camera.from_fov(160, 120, hfov=0.994837, near=0.05, far=100.0)
+    camera = LARGE
     renderer, images = wv.Renderer(preset.build(cuda), camera, outputs=ALL), []
     for size in (64, 256, 1024):
         monkeypatch.setattr(_cuda_points, "_PACKETS", ((size, 0),))
@@ -332,12 +340,12 @@ def test_a_gpu_gives_the_same_whatever_the_packets(cuda, in_packets, monkeypatch
     assert_bits_equal(images[2], images[0])
 
 
-def test_points_go_into_a_graph(cuda, in_packets):
+def test_points_go_into_a_graph(cuda):
     """Sorted anew in each launch, by the points that are there then."""
     preset = wv.scenes.PRESETS["room"]
-    camera = wv.Camera.from_fov(160, 120, hfov=0.994837, near=0.05, far=100.0)
+    camera = LARGE
     renderer = wv.Renderer(preset.build(cuda), camera, outputs=("depth",))
-    some = np.random.default_rng(0).uniform(0, (160, 120), (2, 1, 20_000, 2)).astype(np.float32)
+    some = np.random.default_rng(0).uniform(0, (240, 180), (2, 1, 40_000, 2)).astype(np.float32)
     expected = [renderer.render_at(preset.poses(1), pixels).depth.numpy() for pixels in some]
     poses = wp.array(preset.poses(1), dtype=wp.transform, device=cuda)
     pixels = wp.array(some[0], dtype=wp.vec2, device=cuda)

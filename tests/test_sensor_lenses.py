@@ -49,7 +49,7 @@ def test_depth_through_a_lens_is_corrupted_as_any(device, camera, near_plane):
     """Exact depth is what the lens sees, and errors are those of the pixel's numbers, whichever ray it has."""
     found = render(camera, CORRUPTED, device, near_plane=near_plane)
     endless = LensCamera(camera.lens, 64, 48, kind=camera.kind)
-    exact = wv.render(make_scene(device), endless, POSES)
+    exact = wv.render(make_scene(device), endless, POSES, near_plane=near_plane)
     np.testing.assert_array_equal(found["true_depth"], exact.depth.numpy())
     np.testing.assert_array_equal(found["segmentation"], exact.segmentation.numpy())
     pinhole = render(PINHOLE, CORRUPTED, device)

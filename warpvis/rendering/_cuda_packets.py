@@ -115,7 +115,7 @@ class CudaPacketsCaster(RaysCaster):
 
     def cast_at(self, poses: CastPoses, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
         """Cast through image points, shape ``(V, Y, X)`` vec2, as are the images'; lists of them have one row."""
-        if not takes_packets(self._scene, pixels.shape[0], pixels.shape[1] * pixels.shape[2]):
+        if not takes_packets(pixels.shape[1] * pixels.shape[2]):
             super().cast_at(poses, worlds, pixels, images)
             return
         places, staging = self._place(poses)

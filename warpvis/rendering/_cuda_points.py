@@ -15,7 +15,6 @@ from warpvis.core.kernel_cache import launch
 from warpvis.kernels.constants import CUDA_LANES
 from warpvis.rendering._found_objects import nothing_found
 from warpvis.rendering.casters import images_struct
-from warpvis.scene import Scene
 from warpvis.scene.worlds import part_of
 
 if TYPE_CHECKING:
@@ -23,15 +22,9 @@ if TYPE_CHECKING:
     from warpvis.kernels.point_order import PointLists
     from warpvis.kernels.worlds import Worlds
 
-# Whether points are cast in packets at all. On an H200, lanes of one packet of 150,000 went apart, and read outside of
-# their memory (docs/internals/gpu.md): until that is mended, single rays are cast.
-_IN_PACKETS = False
-# Of fewer, single rays take less time than the launches that packets need.
-_FEWEST_POINTS = 1 << 14
-# Of fewer a view, packets that are in no order see much that their points do not; the more so in trees of many small
-# triangles. By counts of what an emulated warp does, not yet by time.
-_FEWEST_A_VIEW, _FEWEST_IN_FINE_TREES = 1 << 12, 1 << 15
-_FINE_TREE = 1 << 23  # numbers
+# Of fewer points a view, single rays take less time. It does not depend on the number of views, and so neither do the
+# last digits of a view.
+_FEWEST_POINTS = 1 << 15
 # Points of a packet, from how many of these on a multiprocessor on.
 _PACKETS = ((256, 24), (64, 0))
 # So many points are sorted at a time: 4 bytes each, and half as much or less for cells.
@@ -45,11 +38,9 @@ _POINTS_PER_CELL = 8
 _MOST_BITS = 12  # of columns of cells
 
 
-def takes_packets(scene: Scene, views: int, count: int) -> bool:
-    """Tell whether so many points of so many views are cast in packets."""
-    if not _IN_PACKETS or views * count < _FEWEST_POINTS or not _FEWEST_A_VIEW <= count <= _MOST_POINTS:
-        return False  # and no tree is built
-    return count >= _FEWEST_IN_FINE_TREES or scene.bvh().struct.leaves.shape[0] <= _FINE_TREE
+def takes_packets(count: int) -> bool:
+    """Tell whether so many points of a view are cast in packets."""
+    return _FEWEST_POINTS <= count <= _MOST_POINTS
 
 
 def cast_point_packets(

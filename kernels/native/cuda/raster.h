@@ -59,16 +59,16 @@ struct Raster {
         const bool cut = camera.near.cuts(t.max_inv_z);
         int x = t.x0, y = t.y0, slot = mine ? packet.memory->first_in(x, y) : -1;
         while (Warp::any(mine)) {
-            if (!mine) continue;
             if (slot >= 0) {
                 draw_spot(bvh, camera, packet, t, cut, Spot{0, 0, slot}, doubts, touched);
                 slot = packet.memory->after(slot);
             }
-            if (slot >= 0) continue;
-            ++x;
-            if (x > t.x1) x = t.x0, ++y;
-            mine = y <= t.y1;
-            if (mine) slot = packet.memory->first_in(x, y);
+            if (mine && slot < 0) {
+                ++x;
+                if (x > t.x1) x = t.x0, ++y;
+                mine = y <= t.y1;
+                if (mine) slot = packet.memory->first_in(x, y);
+            }
         }
         packet.stale_blocks |= Warp::reduce_or(touched);
         Warp::sync();

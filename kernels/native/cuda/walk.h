@@ -226,14 +226,15 @@ struct Walk {
     static inline bool shows_points(const Camera& camera, const Packet& packet, const ImageBox& box, float rounding,
                                     unsigned nearest_inv_z) {
         const Cells cells = box.cells(camera, rounding);
-        if (!cells.some() || cells.count() > FEW_CELLS) return cells.some();
-        for (int y = cells.y0; y <= cells.y1; ++y)
+        const bool few = cells.some() && cells.count() <= FEW_CELLS;
+        const int last_y = few ? cells.y1 : cells.y0 - 1;
+        bool shown = cells.some() && !few;
+        for (int y = cells.y0; y <= last_y; ++y)
             for (int x = cells.x0; x <= cells.x1; ++x)
                 for (int slot = packet.memory->first_in(x, y); slot >= 0; slot = packet.memory->after(slot))
-                    if (DepthKey::inv_z_bits(*packet.at(slot)) <= nearest_inv_z &&
-                        box.holds(packet.point(camera, 0, 0, slot), rounding))
-                        return true;
-        return false;
+                    shown |= DepthKey::inv_z_bits(*packet.at(slot)) <= nearest_inv_z &&
+                             box.holds(packet.point(camera, 0, 0, slot), rounding);
+        return shown;
     }
 
     // Queue triangles of leaves, until there are enough. The next leaf is read while the lanes look at one.
