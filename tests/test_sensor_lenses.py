@@ -48,7 +48,8 @@ def test_a_lens_that_bends_nothing_is_a_pinhole(device, sensor):
 def test_depth_through_a_lens_is_corrupted_as_any(device, camera, near_plane):
     """Exact depth is what the lens sees, and errors are those of the pixel's numbers, whichever ray it has."""
     found = render(camera, CORRUPTED, device, near_plane=near_plane)
-    endless = LensCamera(camera.lens, 64, 48, kind=camera.kind)
+    near = {"near": camera.near} if near_plane == "clip" else {}
+    endless = LensCamera(camera.lens, 64, 48, kind=camera.kind, **near)
     exact = wv.render(make_scene(device), endless, POSES, near_plane=near_plane)
     np.testing.assert_array_equal(found["true_depth"], exact.depth.numpy())
     np.testing.assert_array_equal(found["segmentation"], exact.segmentation.numpy())
