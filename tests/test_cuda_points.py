@@ -175,6 +175,17 @@ def test_true_surfaces(emulator):
 
 
 @pytest.mark.cxx
+def test_solids_beside_the_camera(emulator):
+    """They may be anywhere in its image, and in any block, but not in one that a packet does not have."""
+    rng, shapes = np.random.default_rng(0), [test_sizes.SHAPES[kind] for kind in (0, 1, 3, 4)]
+    rows, scales = random_poses(rng, 4, spread=2.0), test_sizes.random_scales(rng, 1, 4)[0]
+    scene, poses = test_sizes.build("cpu", rows, scales, shapes=shapes), random_poses(rng, 6, spread=0.3)
+    pixels = scattered(600, views=6)
+    views = renderer_of(emulator, scene, camera=CAMERA).render_at(poses, pixels)
+    assert_points_match(views, scene, CAMERA, poses, pixels)
+
+
+@pytest.mark.cxx
 def test_objects_of_other_sizes(emulator):
     rng = np.random.default_rng(3)
     rows = random_poses(rng, 2, len(test_sizes.SHAPES))

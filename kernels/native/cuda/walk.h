@@ -195,8 +195,10 @@ struct Walk {
 
     // Blocks that the child may cover and that have not been drawn nearer.
     static inline bool open_block(const Packet& packet, unsigned visit) {
-        const bool met =
-            POINTS ? Visit::meets(visit, packet.memory->pixels_of(Warp::lane())) : Visit::touches(visit, Warp::lane());
+        const int lane = Warp::lane();
+        // What may be anywhere counts as so near as what there is no block for.
+        const bool met = POINTS ? (lane < SLOT_BLOCKS) & Visit::meets(visit, packet.memory->pixels_of(lane))
+                                : Visit::touches(visit, lane);
         return met && packet.block_min_inv_z <= Visit::nearest_inv_z(visit);
     }
     static inline unsigned open_blocks(const Packet& packet, unsigned visit) {
