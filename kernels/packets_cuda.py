@@ -128,7 +128,7 @@ def headers(
 ) -> str:
     """Return the C++ of packets, as `make_packet_function` describes them.
 
-    Or of those whose rays are of a table, or of packets of so many points of the image.
+    Or of those whose rays are of a table, or of packets of so many points, of the image or of a table.
     """
     head = f"enum {{ PACKET_WIDTH = {packet_width(side)}, PACKET_HEIGHT = {side}, LEVELS = {LEVELS} }};\n"
     head += (
@@ -137,13 +137,16 @@ def headers(
     head += f"enum {{ POINT_BLOCKS = {points // CUDA_LANES} }};\n"
     head += f"enum {{ TILE_BITS = {TILE_BITS}, MOST_TILES = {MOST_TILES}, CACHED_NUMBERS = {CACHED_NUMBERS} }};\n"
     kinds = ("cuda/depth_id.h" if with_id else "cuda/depth.h", "cuda/near_clips.h" if clip else "cuda/near_occludes.h")
-    places = "point" if points else "table" if ray_table else "grid"
+    kind = ("table" if ray_table else "grid", "table_point" if ray_table else "point")
+    places = (f"cuda/{kind[points > 0]}_places.h",)
+    if points:
+        places = ("cuda/point_index.h", *places)
     setup = (
         f"cuda/{'point' if points else 'no'}_cells.h",
         "cuda/bvh.h",
         "cuda/scene.h",
         "cuda/setup.h",
-        f"cuda/{places}_places.h",
+        *places,
     )
     return head + read_native(*_SHARED_HEADERS, "cuda/lanes.h", *kinds, *setup, *_HEADERS)
 

@@ -44,7 +44,9 @@ def make_point_packet_function(
         clip: Whether what is nearer than the camera's `near` is not there.
         resized: Whether movable objects are of the sizes that `Worlds.object_sizes` has; it must have some then.
     """
-    text = headers(32, with_id, movable, clip, resized, points=points) + read_native("cuda/points.h")
+    text = headers(32, with_id, movable, clip, resized, points=points) + read_native(
+        "cuda/point_blocks.h", "cuda/points.h"
+    )
 
     @wp.func_native(text + _CAST)
     def cast_point_packet(

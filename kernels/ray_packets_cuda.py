@@ -28,6 +28,8 @@ class RayPackets:
     rests: wp.array2d[wp.vec2]
     scale: wp.array2d[float]
     place: wp.array2d[wp.int32]
+    bounds: wp.array2d[wp.vec4]
+    """(packet, block): of points, where rays pass; None of pixels."""
     pixels: int
     """Of a view's image."""
 
@@ -41,19 +43,27 @@ packet = Warp::uniform(packet);
 {WORLD}
 const View shape = {{view, PACKET_WIDTH, PACKET_HEIGHT, {{1.0, 1.0}}, {{0.0, 0.0}}, range.near, range.far, NOWHERE,
                      0.0f, (const float*)(poses.data + view), cull_backfaces}};
-const long long first = (long long)packet * PIXELS;
+const long long first = (long long)packet * SLOTS;
 const TablePacket rays = {{(const TableFrame*)(packets.frame.data + (long long)packet * TABLE_FRAME_WORDS),
                            (const ImagePoint*)packets.points.data + first,
                            (const ImagePoint*)packets.rests.data + first,
-                           packets.scale.data + first, packets.place.data + first, packets.pixels}};
+                           packets.scale.data + first, packets.place.data + first,
+                           (const ImageBox*)packets.bounds.data + (long long)packet * SLOT_BLOCKS, packets.pixels}};
 rays.cast(all, shape, out, memory);
 """
 
 
-def make_ray_packet_function(side: int, with_id: bool, movable: bool, resized: bool = False) -> wp.Function:
-    """Make the native function of a kernel, as `kernels.packets_cuda.make_packet_function` does."""
+def make_ray_packet_function(
+    side: int, with_id: bool, movable: bool, resized: bool = False, points: int = 0
+) -> wp.Function:
+    """Make the native function of a kernel, as `kernels.packets_cuda.make_packet_function` does.
+
+    Packets are images of a side, of which each pixel has a ray, or so many rays that pass anywhere in such an image.
+    """
     text = f"enum {{ TABLE_FRAME_WORDS = {FRAME_WORDS} }};\n"
-    text += headers(side, with_id, movable, False, resized, ray_table=True) + read_native("cuda/table.h")
+    text += headers(side, with_id, movable, False, resized, ray_table=True, points=points)
+    slots = ("cuda/point_blocks.h", "cuda/table_points.h") if points else ("cuda/table_pixels.h",)
+    text += read_native(*slots, "cuda/table.h")
 
     @wp.func_native(text + _CAST)
     def cast_ray_packet(
@@ -72,9 +82,11 @@ def make_ray_packet_function(side: int, with_id: bool, movable: bool, resized: b
     return cast_ray_packet
 
 
-def make_ray_packet_kernel(side: int, with_id: bool, movable: bool, resized: bool = False) -> wp.Kernel:
-    """Make a kernel for packets of a table's rays; see `kernels.packets_cuda.make_packet_function`."""
-    cast_ray_packet = make_ray_packet_function(side, with_id, movable, resized)
+def make_ray_packet_kernel(
+    side: int, with_id: bool, movable: bool, resized: bool = False, points: int = 0
+) -> wp.Kernel:
+    """Make a kernel for packets of a table's rays; see `make_ray_packet_function`."""
+    cast_ray_packet = make_ray_packet_function(side, with_id, movable, resized, points)
 
     @wp.kernel(module="unique", enable_backward=False, grid_stride=False, cuda_max_registers=96 if movable else 80)
     def cast_ray_packets_cuda(

@@ -57,7 +57,7 @@ class Variant:
     ray_table: bool = False
     """Whether rays are of a table."""
     points: int = 0
-    """Of a packet, where rays are of points of the image."""
+    """Of a packet, where rays are of points of the image, or are in no order."""
     arch: int = 900
 
     @property
@@ -187,10 +187,10 @@ class EmulatedTableCaster(RayTableCaster):
             "cull_backfaces": self._cull_backfaces,
             "images": images_struct(as_images(images)),
         }
-        # A launch writes all of an image: packets are all of one size.
+        # A launch writes all of an image: packets are all of one kind.
         packets = prepare_all(
             self._camera.rays.reshape(self._camera.height, self._camera.width, 3),
-            self._variant.side,
+            0 if self._variant.points else self._variant.side,
             self._scene.device,
         )
         self._emulator.launch(self._variant, (len(poses), packets.frame.shape[0], 1), arguments | {"packets": packets})
@@ -251,8 +251,8 @@ def emulated_renderer(emulator: Emulator, variant: Variant, scene: Scene, camera
     """A `Renderer` whose images the emulator makes."""
     renderer = Renderer(scene, camera, **options)
     cull = options.get("cull_backfaces", False)
-    kind: Any = EmulatedTableCaster if variant.ray_table else EmulatedCaster
-    kind = EmulatedPointCaster if variant.points else kind
+    kind: Any = EmulatedPointCaster if variant.points else EmulatedCaster
+    kind = EmulatedTableCaster if variant.ray_table else kind
     renderer._caster = kind(emulator, variant, scene, camera, cull)
     return renderer
 
@@ -273,13 +273,13 @@ def _native_function(variant: Variant) -> Any:
 
     packets_cuda.read_native = ray_packets_cuda.read_native = point_packets_cuda.read_native = read_marked
     try:
+        if variant.ray_table:
+            return ray_packets_cuda.make_ray_packet_function(
+                variant.side, variant.with_id, variant.movable, variant.resized, variant.points
+            )
         if variant.points:
             return point_packets_cuda.make_point_packet_function(
                 variant.points, variant.with_id, variant.movable, variant.clip, variant.resized
-            )
-        if variant.ray_table:
-            return ray_packets_cuda.make_ray_packet_function(
-                variant.side, variant.with_id, variant.movable, variant.resized
             )
         kind = variant.side, variant.with_id, variant.movable, variant.clip, variant.resized
         packets_cuda.CACHED_NUMBERS = 0 if variant.large else cached

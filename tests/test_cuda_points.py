@@ -8,6 +8,7 @@ import test_instances
 import test_near_plane
 import test_sizes
 import test_solids
+import test_table_packets
 import warp as wp
 from corner_walls import wall
 from cuda_emulator import Emulator, Variant, emulated_renderer
@@ -28,13 +29,22 @@ PLAIN, MOVES = Variant(32, True, False, points=256), Variant(32, True, True, poi
 SMALL, DEPTH = Variant(32, True, False, points=64), Variant(32, False, False, points=1024)
 CLIPS = Variant(32, True, True, clip=True, points=64)
 RESIZED = Variant(32, True, True, clip=True, resized=True, points=256)
-VARIANTS = (PLAIN, MOVES, SMALL, DEPTH, CLIPS, RESIZED)
+RAYS = Variant(32, True, False, ray_table=True, points=256)
+RAYS_MOVE = Variant(32, True, True, resized=True, ray_table=True, points=256)
+RAYS_DEPTH = Variant(32, False, False, ray_table=True, points=256)
+VARIANTS, TABLES = (PLAIN, MOVES, SMALL, DEPTH, CLIPS, RESIZED), (RAYS, RAYS_MOVE, RAYS_DEPTH)
 
 
 @pytest.fixture(scope="module")
 def emulator(tmp_path_factory):
     """All variants, compiled with sanitizers, and counting which lines run."""
     return Emulator(tmp_path_factory.mktemp("point_emulator"), VARIANTS, find_compiler())
+
+
+@pytest.fixture(scope="module")
+def table_emulator(tmp_path_factory):
+    """The same of those whose rays are of a table."""
+    return Emulator(tmp_path_factory.mktemp("table_point_emulator"), TABLES, find_compiler())
 
 
 def renderer_of(emulator, scene, *, variant=None, camera=CAMERA, outputs=ALL, **options):
@@ -235,11 +245,50 @@ def test_principal_points_outside_of_the_image_and_wide_images(emulator):
 
 
 @pytest.mark.cxx
-def test_every_line_of_points_runs(emulator, request):
+@pytest.mark.parametrize("name", ["no order", "lidar", "gaps"])
+def test_rays_of_a_table_as_points(table_emulator, name):
+    """In no order, or in rows that are taken as if they were in none."""
+    scene, pose = wv.scenes.PRESETS["room"].build(), wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))
+    camera = test_table_packets.PATTERNS[name]
+    views = emulated_renderer(table_emulator, RAYS, scene, camera, outputs=ALL).render(pose)
+    test_table_packets.assert_views_match(views, scene, camera, [pose])
+    depth = emulated_renderer(table_emulator, RAYS_DEPTH, scene, camera, outputs=("depth",)).render(pose).depth.numpy()
+    shown = np.isfinite(views.depth.numpy())
+    np.testing.assert_allclose(depth[shown], views.depth.numpy()[shown], rtol=2e-6)
+
+
+@pytest.mark.cxx
+def test_rays_in_no_order_and_small_triangles(table_emulator):
+    preset = wv.scenes.PRESETS["blobs_77k"]
+    scene, camera = preset.build("cpu"), test_table_packets.PATTERNS["no order"]
+    views = emulated_renderer(table_emulator, RAYS, scene, camera, outputs=ALL).render(preset.poses(1))
+    test_table_packets.assert_views_match(views, scene, camera, preset.poses(1))
+
+
+@pytest.mark.cxx
+def test_rays_in_no_order_and_what_moves(table_emulator):
+    """Meshes and solids, of other sizes than they were built."""
+    rng = np.random.default_rng(0)
+    shapes = [test_sizes.SHAPES[kind] for kind in (0, 1, 3, 4)]
+    rows, scales = random_poses(rng, 4, spread=2.0), test_sizes.random_scales(rng, 1, 4)[0]
+    scene, twin = (test_sizes.build("cpu", rows, some, shapes=shapes) for some in (None, scales))
+    camera = test_table_packets.Table(test_table_packets.PATTERNS["no order"].table, near=0.5, far=4.0)
+    poses = random_poses(rng, 2, spread=0.3)
+    views = emulated_renderer(table_emulator, RAYS_MOVE, scene, camera, outputs=ALL).render(poses, object_scales=scales)
+    test_table_packets.assert_views_match(views, twin, camera, poses)
+    assert len(np.unique(views.segmentation.numpy())) >= 4
+
+
+@pytest.mark.cxx
+def test_every_line_of_points_runs(emulator, table_emulator, request):
     chosen = {item.function for item in request.session.items if item.path == request.path}
     if not all(value in chosen for name, value in globals().items() if name.startswith("test_") and callable(value)):
         pytest.skip("only some of this file's tests ran")
-    ran = {key: once for key, once in emulator.lines_that_ran().items() if key[0].startswith("point")}
+    ran: dict[tuple[str, int, str], bool] = {}
+    for lines in (emulator.lines_that_ran(), table_emulator.lines_that_ran()):
+        for line, once in lines.items():
+            if "point" in line[0]:
+                ran[line] = ran.get(line, False) or once
     assert len(ran) > 60
     assert [f"{name}:{number}: {text}" for (name, number, text), once in ran.items() if not once] == []
 

@@ -15,7 +15,7 @@ from test_worlds import ALL, random_poses
 import warpvis as wv
 from warpvis.core.ray_camera import RayCamera
 from warpvis.rendering._ray_bundles import prepare_rays
-from warpvis.rendering._ray_packets import prepare_all, prepare_packets
+from warpvis.rendering._ray_packets import POINTS, prepare_all, prepare_packets
 
 import reference
 from compare import assert_view_matches, hair
@@ -181,7 +181,7 @@ def test_every_ray_has_one_place(name):
         np.testing.assert_allclose(exact, direction / along[2] * focal, rtol=1e-13, atol=1e-12)
 
 
-@pytest.mark.parametrize("side", [16, 32])
+@pytest.mark.parametrize("side", [0, 16, 32])
 @pytest.mark.parametrize("name", PATTERNS)
 def test_every_ray_has_one_pixel_of_a_packet(name, side):
     """On a GPU: near the pixel's centre, and exactly where the packet's image has it."""
@@ -201,8 +201,26 @@ def test_every_ray_has_one_pixel_of_a_packet(name, side):
     exact = points[there] + packets.rests.numpy()[there]
     np.testing.assert_allclose(exact, shown[:, :2] / shown[:, 2:], rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(scale[there], 1 / shown[:, 2], rtol=1e-6)
-    centers = frame[:, None, 18:20] + pixels_of(side)
-    assert (np.abs(points - centers).max(axis=(1, 2)) <= frame[:, 20]).all()
+    if side:
+        centers = frame[:, None, 18:20] + pixels_of(side)
+        assert (np.abs(points - centers).max(axis=(1, 2)) <= frame[:, 20]).all()
+    else:
+        assert_anywhere_in_images(packets, there, points - frame[:, None, 18:20])
+
+
+def assert_anywhere_in_images(packets, there, places):
+    """In 32x32 pixels, which they fill along one axis at least, and in the bounds that are known of each block."""
+    assert ((places >= 0) & (places < 31)).all()
+    many = there.sum(axis=1) > 2
+    size = np.where(there[..., None], places, -1).max(axis=1) - np.where(there[..., None], places, 99).min(axis=1)
+    np.testing.assert_allclose(size.max(axis=1)[many], 31, atol=0.01)
+    bounds, points = packets.bounds.numpy(), packets.points.numpy().reshape(-1, 8, 32, 2)
+    for block, rays, some in zip(bounds.reshape(-1, 4), points.reshape(-1, 32, 2), there.reshape(-1, 32), strict=True):
+        if some.any():
+            least, most = rays[some].min(axis=0), rays[some].max(axis=0)
+            np.testing.assert_array_equal(block, [least[0], most[0], least[1], most[1]])
+        else:
+            assert block[0] > block[1]
 
 
 def pixels_of(side):
@@ -219,9 +237,10 @@ def test_scans_are_in_rows_and_columns_though_their_beams_look_aside():
     """Lidars' packets are squares of neighbours, near their pixels' centres."""
     for lidar in (wv.sensors.lidars.ouster("OS1-128"), wv.sensors.lidars.vlp16()):
         prepared = prepare_packets(lidar.rays.reshape(lidar.height, lidar.width, 3), wp.get_device("cpu"))
-        assert not prepared.is_scattered
+        assert prepared.points is None
         assert all(packets.frame.numpy()[:, 20].max() < 0.3 for _, packets in prepared.packets)
-    assert prepare_packets(PATTERNS["no order"].rays, wp.get_device("cpu")).is_scattered
+    scattered = prepare_packets(PATTERNS["no order"].rays, wp.get_device("cpu"))
+    assert not scattered.packets and scattered.points.frame.shape[0] < 1.3 * 1500 / POINTS
 
 
 def test_large_packets_are_of_lenses(device):

@@ -12,15 +12,12 @@ import warp as wp
 from warpvis.core.kernel_cache import launch
 from warpvis.kernels.constants import CUDA_LANES
 from warpvis.rendering._found_objects import nothing_found
-from warpvis.rendering._ray_packets import PreparedPackets, prepare_packets
+from warpvis.rendering._ray_images import POINTS_SIDE
+from warpvis.rendering._ray_packets import POINTS, PreparedPackets, prepare_packets
 from warpvis.rendering.casters import CastPoses, RayTableCaster, as_images, images_struct
 
 if TYPE_CHECKING:
     from warpvis.kernels.worlds import Worlds
-
-
-# Numbers of a tree of many small triangles, of which rays that are far apart share little: they are cast one by one.
-_FINE_TREE = 1 << 23
 
 
 class CudaTablePacketsCaster(RayTableCaster):
@@ -31,8 +28,7 @@ class CudaTablePacketsCaster(RayTableCaster):
         if len(poses) == 0:
             return
         scene, prepared = self._scene.bvh().struct, self._prepared
-        cuts = self._clip_near and self._camera.near > 0
-        if cuts or (prepared.is_scattered and scene.leaves.shape[0] > _FINE_TREE):
+        if self._clip_near and self._camera.near > 0:
             super().cast(poses, worlds, images)
             return
         _, _, normals, labels, segmentation = images
@@ -40,9 +36,13 @@ class CudaTablePacketsCaster(RayTableCaster):
         moving = scene.drawn_count > 0
         places, staging = self._place(poses)
         outputs, lens = images_struct(as_images(images)), self._camera.device_struct()
-        for side, packets in prepared.packets:
+        resized = moving and worlds.object_sizes is not None
+        kinds = [(side, 0, packets) for side, packets in prepared.packets]
+        if prepared.points is not None:
+            kinds.append((POINTS_SIDE, POINTS, prepared.points))
+        for side, points, packets in kinds:
             launch(
-                _kernel(side, with_id, moving, moving and worlds.object_sizes is not None),
+                _kernel(side, with_id, moving, resized, points),
                 (packets.frame.shape[0], len(poses), CUDA_LANES),
                 [scene, lens, places, worlds, nothing_found(), packets, self._cull_backfaces, outputs],
                 self._scene.device,
@@ -60,7 +60,7 @@ class CudaTablePacketsCaster(RayTableCaster):
 
 
 @cache
-def _kernel(side: int, with_id: bool, movable: bool, resized: bool) -> wp.Kernel:
+def _kernel(side: int, with_id: bool, movable: bool, resized: bool, points: int) -> wp.Kernel:
     from warpvis.kernels.ray_packets_cuda import make_ray_packet_kernel
 
-    return make_ray_packet_kernel(side, with_id, movable, resized)
+    return make_ray_packet_kernel(side, with_id, movable, resized, points)

@@ -70,9 +70,6 @@ struct PointPacket {
     static inline float most_across() { return min((int)PACKET_WIDTH, (int)PACKET_HEIGHT) - 0.52f; }
     static inline float most_scale(float side) { return fminf(16.0f, (float)(1 << 21) / side); }
 
-    // Cells to a pixel of so many, with no point beyond the last one.
-    static inline float per_side(float pixels) { return (CellGrid::SIDE - 0.01f) / fmaxf(pixels, 0.01f); }
-
     static inline bool inside(const View& view, ImagePoint at) {
         return at.u >= 0.0f && at.u < (float)view.width && at.v >= 0.0f && at.v < (float)view.height;
     }
@@ -135,57 +132,35 @@ struct PointPacket {
         Warp::sync();
         here.first_u = u_of(places, all.u0(), 0);
         here.first_v = u_of(places, all.v0(), 1);
-        here.cells.per_u = per_side(u_of(places, all.u1(), 0) - here.first_u);
-        here.cells.per_v = per_side(u_of(places, all.v1(), 1) - here.first_v);
+        here.cells.per_u = PointBlocks::per_side(u_of(places, all.u1(), 0) - here.first_u);
+        here.cells.per_v = PointBlocks::per_side(u_of(places, all.v1(), 1) - here.first_v);
         if (MOVABLE) set_rows(view, scale, here);
         if (lane == 0) camera = here;
         if (lane >= SLOT_BLOCKS) return;
-        ImageBox box = {NOWHERE, -NOWHERE, NOWHERE, -NOWHERE};
-        Cells cells = {1, 1, 0, 0};
-        unsigned pixels = Visit::of(0.0f, PACKET_WIDTH - 1, PACKET_HEIGHT - 1, 0, 0);  // none: it ends before it begins
-        if (of_block.some()) {
-            box = ImageBox{u_of(places, of_block.u0(), 0), u_of(places, of_block.u1(), 0),
-                           u_of(places, of_block.v0(), 1), u_of(places, of_block.v1(), 1)};
-            pixels = Visit::of(0.0f, pixel(box.left - here.first_u), pixel(box.top - here.first_v),
-                               pixel(box.right - here.first_u), pixel(box.bottom - here.first_v));
-            cells = box.cells(here, 0.0f);
-        }
-        places.bounds[lane] = box;
-        places.pixels[lane] = pixels;
-        places.cells[lane] = cells;
+        const ImageBox box = {u_of(places, of_block.u0(), 0), u_of(places, of_block.u1(), 0),
+                              u_of(places, of_block.v0(), 1), u_of(places, of_block.v1(), 1)};
+        PointBlocks::set(here, places, lane, box, of_block.some());
     }
     static inline float u_of(const Places& places, float at, int axis) {
         return (float)(((double)at - places.center[axis]) * places.scale);
     }
-    static inline int pixel(float from_first) {
-        return max(min(__float2int_rd(from_first + 0.5f), PACKET_WIDTH - 1), 0);
-    }
-
     // Nothing seen yet. A slot without a point counts as very near, so that it hides and never shows.
     static inline void begin(const Camera& camera, Packet& packet) {
         Places& places = *packet.memory;
         const ImagePoint nowhere = {camera.first_u, camera.first_v};
         unsigned some = 0;
-        for (int cell = Warp::lane(); cell < CellGrid::COUNT; cell += LANES) places.first[cell] = -1;
-        Warp::sync();
+        places.clear();
         for (int block = 0; block < SLOT_BLOCKS; ++block) {
             const int index = Packet::index(block, Warp::lane()), i = places.place[index];
             const ExactImagePoint p = places.exact(places.list[max(i, 0)]);
             places.points[index] = i >= 0 ? ImagePoint{(float)p.u, (float)p.v} : nowhere;
             *packet.at(index) = DepthKey::of(i >= 0 ? 0.0f : NOWHERE, Packet::NO_TRIANGLE);
-            if (i >= 0) add(camera, places, index);
+            if (i >= 0) places.add(camera, places.points[index], index);
             if (Warp::any(i >= 0)) some |= 1u << block;
         }
         packet.block_min_inv_z = __float_as_uint(some >> Warp::lane() & 1 ? 0.0f : NOWHERE);
         packet.stale_blocks = 0;
         Warp::sync();
-    }
-
-    // Have a point found by its cell.
-    static inline void add(const Camera& camera, Places& places, int index) {
-        const ImagePoint p = places.points[index];
-        const Cells at = ImageBox{p.u, p.u, p.v, p.v}.cells(camera, 0.0f);
-        places.next[index] = (short)atomicExch(places.first + at.y0 * CellGrid::SIDE + at.x0, index);
     }
 
     static inline void write(const Scene& scene, const View& view, const Camera& camera, const Packet& packet,

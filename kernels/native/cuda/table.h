@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Packets of a table's rays, each an image of its own: turned, scaled and sheared so that neighbouring rays pass near
-// the centres of neighbouring pixels, one each (warpvis/rendering/_ray_packets.py). All else is as in other packets.
+// the centres of neighbouring pixels, one each, or turned and scaled so that rays in no order fill it
+// (warpvis/rendering/_ray_packets.py). All else is as in other packets.
 
 // What turns the space of the table's camera into that of a packet.
 struct TableFrame {
@@ -22,6 +23,7 @@ struct TablePacket {
     const ImagePoint *points, *rests;  // see `Places`
     const float* scale;  // depth where z is 1; 0 where there is no ray
     const int* place;  // of the pixel in the table's image; -1 where there is none
+    const ImageBox* bounds;  // of blocks of rays that are anywhere in the image
     int pixels;  // of that image
 
     // Have the camera in shared memory. A lane takes a coordinate of a ray, or of a row.
@@ -49,14 +51,13 @@ struct TablePacket {
         camera.rest = Vec3{0.0f, 0.0f, 0.0f};
         camera.first_u = (float)frame->first_u;
         camera.first_v = (float)frame->first_v;
-        camera.last_x = PACKET_WIDTH - 1.0f;
-        camera.last_y = PACKET_HEIGHT - 1.0f;
+        TableSlots::set_sides(camera);
         camera.spread = (float)frame->spread;
         camera.far = fminf(view.far * (float)frame->longest * FARTHER, NOWHERE);
         camera.near = NearPlane::of(view.most_inv_z, view.clip_reach);
         const float width = (float)frame->focal[0], height = (float)frame->focal[1];
         camera.focal = fmaxf(width, height);
-        const float first = fmaxf(fabsf(camera.first_u), fabsf(camera.first_v));
+        const float first = TableSlots::farthest(camera);
         camera.extent = fmaxf(0.5f * (width + height + camera.last_x + camera.last_y), first) + camera.spread;
         camera.per_extent = 1.0f / camera.extent;
         // Pixels need not be squares here: lengths in pixels are the least exact where they are the shortest.
@@ -66,14 +67,17 @@ struct TablePacket {
     }
 
     // Nothing seen yet. A pixel without a ray counts as very near, so that it hides and never shows.
-    inline void begin(Packet& packet) const {
+    inline void begin(const Camera& camera, Packet& packet) const {
         const int lane = Warp::lane();
         if (lane == 0) packet.memory->points = points, packet.memory->rests = rests;
+        Warp::sync();
+        TableSlots::index(camera, *packet.memory, bounds);
         unsigned some = 0;
-        for (int block = 0; block < BLOCKS; ++block) {
+        for (int block = 0; block < SLOT_BLOCKS; ++block) {
             const int index = block * LANES + lane;
             const bool there = __ldg(scale + index) > 0.0f;
             *packet.at(index) = DepthKey::of(there ? 0.0f : NOWHERE, Packet::NO_TRIANGLE);
+            if (there) TableSlots::add(camera, *packet.memory, index);
             if (Warp::any(there)) some |= 1u << block;
         }
         packet.block_min_inv_z = __float_as_uint(some >> lane & 1 ? 0.0f : NOWHERE);
@@ -86,7 +90,7 @@ struct TablePacket {
         const long long first = (long long)view.index * pixels;
         const bool more = Write::more_than_depth(out);
         const Write::Frame frame = Write::Frame::of(camera);
-        for (int index = Warp::lane(); index < (int)PIXELS; index += LANES) {
+        for (int index = Warp::lane(); index < (int)SLOTS; index += LANES) {
             const int at = __ldg(place + index);
             const float to_depth = __ldg(scale + index);
             if (at < 0) continue;
@@ -108,7 +112,7 @@ struct TablePacket {
         Packet packet;
         packet.memory = &memory.pixels;
         packet.first_x = packet.first_y = 0;
-        begin(packet);
+        begin(memory.cameras[WarpMemory::WORLD], packet);
         Packets::draw(scene, view, packet, memory);
         write(scene, view, memory.cameras[WarpMemory::WORLD], packet, out);
     }

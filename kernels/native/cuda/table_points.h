@@ -1,0 +1,30 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Of a table's packets (table.h), those whose rays pass anywhere in their image, which they fill (points.h has such
+// packets of points of a view). See table_pixels.h for others.
+
+struct TableSlots {
+    // Where the image's sides are, from the principal point, and how cells divide it.
+    static inline void set_sides(Camera& camera) {
+        const float across = PACKET_WIDTH - 1.0f, along = PACKET_HEIGHT - 1.0f;
+        camera.last_x = fmaxf(fabsf(camera.first_u), fabsf(camera.first_u + across)) + 1.0f;
+        camera.last_y = fmaxf(fabsf(camera.first_v), fabsf(camera.first_v + along)) + 1.0f;
+        camera.cells.per_u = PointBlocks::per_side(across);
+        camera.cells.per_v = PointBlocks::per_side(along);
+    }
+    static inline float farthest(const Camera& camera) { return fmaxf(camera.last_x, camera.last_y); }
+    // Before rays are added: a lane sets what is known of a block. Of one without rays, left is beyond right.
+    static inline void index(const Camera& camera, Places& places, const ImageBox* bounds) {
+        const int block = Warp::lane();
+        if (block < SLOT_BLOCKS) {
+            const ImageBox box = bounds[block];
+            PointBlocks::set(camera, places, block, box, box.left <= box.right);
+        }
+        places.clear();
+    }
+    static inline void add(const Camera& camera, Places& places, int slot) {
+        places.add(camera, places.points[slot], slot);
+    }
+};
+static_assert(sizeof(ImageBox) == 4 * sizeof(float), "Python makes rows of left, right, top and bottom");

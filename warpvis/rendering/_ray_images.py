@@ -1,0 +1,233 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Images of packets of rays on a GPU: each turned to its rays, and scaled as they are apart.
+
+All in double precision, once for a table. Of rays that are neighbours in rows and columns, each passes near the centre
+of a pixel of its own (`fit_grid`); of others, they are anywhere in the image (`fit_points`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.kernels.constants import CUDA_LANES
+from warpvis.kernels.ray_packets_cuda import FRAME_WORDS
+
+POINTS_SIDE = 32
+"""Pixels of an image of points, along each axis."""
+
+# Rays are no farther than this from where their image looks: the cosine.
+_LEAST_AHEAD = 0.3
+_MARGIN = 1e-3  # of bounds [px]
+# Where pixels would be more than so many times as high as wide, rays are all in a line, and pixels are squares. Of one
+# ray, there are so many of them a radian.
+_NARROWEST = 1e5
+_PLAIN_FOCAL = 256.0
+# Of points, they are never narrower: slopes in the image lose digits where it is stretched.
+_NARROWEST_OF_POINTS = 16.0
+# Ways to turn an image of points, of which the one is taken that is full.
+_TURNS = 8
+# How far a point may be from the middle of its pixel, and a little for rounding [px].
+_POINT_SPREAD = 0.501
+
+
+@dataclass(frozen=True)
+class PacketImages:
+    """Packets' images: arrays of a row each."""
+
+    place: NDArray[np.int64]
+    """The index of each slot's ray, -1 for none, shape (packets, slots), as of all that is said of slots."""
+    there: NDArray[np.bool_]
+    """Which slots have rays; the others' places are in a table that has no ray there, or -1."""
+    ahead: NDArray[np.float64]
+    """How far ahead rays of depth 1 reach; 1 where there is none."""
+    exact: NDArray[np.float64]
+    """Where rays pass, from the principal point [px], shape (packets, slots, 2)."""
+    first: NDArray[np.float64]
+    """Where the centre of each image's first pixel is [px], shape (packets, 2)."""
+    spread: NDArray[np.float64]
+    """How far rays pass from pixels' centres, at most [px], shape (packets); endless where some look aside."""
+    matrix: NDArray[np.float64]
+    """What turns the table's camera into the images', shape (packets, 3, 3)."""
+
+    @property
+    def rounded(self) -> NDArray[np.float32]:
+        """Where rays pass, in single precision."""
+        return self.exact.astype(np.float32)
+
+    def frames(self) -> NDArray[np.float64]:
+        """Make rows of a ``TableFrame`` each (``native/cuda/table.h``)."""
+        rows = [
+            self.matrix.reshape(-1, 9),
+            np.linalg.inv(self.matrix).transpose(0, 2, 1).reshape(-1, 9),
+            self.first,
+            self.spread[:, None],
+            np.linalg.norm(self.matrix[:, :2], axis=-1),
+            np.linalg.svd(self.matrix[:, :2], compute_uv=False)[:, 1:],
+            np.where(self.there, self.ahead, 0.0).max(axis=1)[:, None],
+        ]
+        table = np.concatenate(rows, axis=1)
+        assert table.shape[1] == FRAME_WORDS
+        return table
+
+    def block_bounds(self) -> NDArray[np.float32]:
+        """Where rays of blocks pass: rows of left, right, top and bottom [px], and left is beyond right of none."""
+        rounded, there = self.rounded.reshape(len(self.place), -1, CUDA_LANES, 2), self.there[..., None]
+        there = there.reshape(*rounded.shape[:3], 1)
+        least = np.where(there, rounded, np.float32(np.inf)).min(axis=2)
+        most = np.where(there, rounded, np.float32(-np.inf)).max(axis=2)
+        return np.stack([least[..., 0], most[..., 0], least[..., 1], most[..., 1]], axis=-1)
+
+
+def fit_grid(place: NDArray[np.int64], rays: NDArray[np.float64], side: int) -> PacketImages:
+    """Turn, scale and shear images so that rays, zeros for none, pass near the centres of the pixels of their slots.
+
+    Args:
+        place: The index of each pixel's ray, row by row, -1 for none, shape (packets, side * side).
+        rays: Rays of the camera frame where depth is 1, shape (N, 3).
+        side: Pixels of an image along each axis.
+    """
+    given, pixels = _rays_of(place, rays), _grid(side)
+    middles = _middles(given)
+    # Facing their rays, most images are the straightest; what is sorted by its places in a face is so there.
+    bases = np.stack([_basis(middles), _basis(_nearest_axes(middles))])
+    fits = [_fit(given, basis, pixels) for basis in bases]
+    best = np.argmin([fit.spread for fit in fits], axis=0)
+    index = np.arange(len(place))
+    basis, mirrored = bases[best, index], np.array([np.linalg.det(fit.linear) < 0 for fit in fits])[best, index]
+    # In a mirrored image, triangles would turn their backs.
+    place = np.where(mirrored[:, None], place.reshape(-1, side, side)[..., ::-1].reshape(place.shape), place)
+    fit = _fit(_rays_of(place, rays), basis, pixels)
+    exact = np.where(fit.there[..., None], fit.places @ fit.linear.transpose(0, 2, 1), fit.centers)
+    matrix = basis.copy()
+    matrix[:, :2] = fit.linear @ basis[:, :2]
+    return PacketImages(place, fit.there, fit.ahead, exact, fit.first, fit.spread + _MARGIN, matrix)
+
+
+def fit_points(place: NDArray[np.int64], rays: NDArray[np.float64]) -> PacketImages:
+    """Turn and scale images so that rays, zeros for none, just fill them; arguments are as of `fit_grid`."""
+    given = _rays_of(place, rays)
+    there, basis = (given != 0).any(axis=-1), _basis(_middles(given))
+    flat = np.einsum("prk,pik->pir", basis, given)
+    ahead = np.where(there, flat[..., 2], 1.0)
+    places = flat[..., :2] / ahead[..., None]
+    turn, least, size = _fullest_turn(places, there)
+    size = np.maximum(size, size.max(axis=1, keepdims=True) / _NARROWEST_OF_POINTS)
+    across = POINTS_SIDE - 1 - 2 * _MARGIN
+    with np.errstate(divide="ignore"):
+        scale = np.where(size > across / _PLAIN_FOCAL / _NARROWEST, across / size, _PLAIN_FOCAL)
+    linear = scale[..., None] * turn
+    matrix = basis.copy()
+    matrix[:, :2] = linear @ basis[:, :2]
+    first = least * scale - _MARGIN
+    exact = np.where(there[..., None], places @ linear.transpose(0, 2, 1), first[:, None] + _MARGIN)
+    return PacketImages(place, there, ahead, exact, first, np.full(len(place), _POINT_SPREAD), matrix)
+
+
+def _fullest_turn(places: NDArray, there: NDArray[np.bool_]) -> tuple[NDArray, NDArray, NDArray]:
+    """Find how to turn images to be full; return turns, shape (packets, 2, 2), and where they begin and how large."""
+    count = len(places)
+    turns, least, size = np.tile(np.eye(2), (count, 1, 1)), np.zeros((count, 2)), np.full((count, 2), np.inf)
+    for angle in np.arange(_TURNS) * (np.pi / 2 / _TURNS):
+        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        turned = places @ turn.T
+        low = np.where(there[..., None], turned, np.inf).min(axis=1)
+        high = np.where(there[..., None], turned, -np.inf).max(axis=1)
+        better = (high - low).prod(axis=1) < size.prod(axis=1)
+        turns[better], least[better], size[better] = turn, low[better], (high - low)[better]
+    none = ~there.any(axis=1)
+    least[none], size[none] = 0.0, 0.0
+    return turns, least, size
+
+
+def middle_cosines(images: PacketImages, rays: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how far rays are from where their image looks, at most: the cosine, shape (packets)."""
+    length = np.linalg.norm(_rays_of(images.place, rays), axis=-1)
+    return np.where(images.there, images.ahead / np.where(images.there, length, 1.0), 1.0).min(axis=1)
+
+
+def _grid(side: int) -> NDArray[np.float64]:
+    """Columns and rows of a packet's pixels, row by row."""
+    y, x = np.divmod(np.arange(side * side), side)
+    return np.stack([x, y], axis=-1).astype(np.float64)
+
+
+def _middles(rays: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean directions of packets, unit vectors; zeros are no rays."""
+    length = np.linalg.norm(rays, axis=-1, keepdims=True)
+    total = (rays / np.where(length > 0, length, 1)).sum(axis=1)
+    size = np.linalg.norm(total, axis=-1, keepdims=True)
+    return np.where(size > 0, total / np.where(size > 0, size, 1), [0.0, 0.0, 1.0])
+
+
+def _basis(middles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rows right, down and forward of cameras that look along directions, shape (packets, 3, 3)."""
+    right = np.cross(middles, np.where(np.abs(middles[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]]))
+    right /= np.linalg.norm(right, axis=-1, keepdims=True)
+    return np.stack([right, np.cross(middles, right), middles], axis=1)
+
+
+def _rays_of(place: NDArray[np.int64], rays: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rays of packets' pixels, shape (packets, pixels, 3); zeros where there is none."""
+    return np.where((place >= 0)[..., None], rays[place], 0.0)
+
+
+def _nearest_axes(directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of the axes of the camera, and the other ways, those that are the nearest to directions."""
+    axis = np.abs(directions).argmax(axis=-1)[:, None]
+    ahead = np.sign(np.take_along_axis(directions, axis, axis=-1))
+    nearest = np.zeros_like(directions)
+    np.put_along_axis(nearest, axis, ahead, axis=-1)
+    return nearest
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """Images in which rays pass near the centres of pixels."""
+
+    there: NDArray[np.bool_]
+    """Which pixels have rays, shape (packets, pixels), as of what follows."""
+    ahead: NDArray[np.float64]
+    """How far ahead rays of depth 1 reach; 1 where there is none."""
+    places: NDArray[np.float64]
+    """Where rays pass 1 ahead."""
+    linear: NDArray[np.float64]
+    """What makes places in the packets' images of these, shape (packets, 2, 2)."""
+    first: NDArray[np.float64]
+    """Place of the centre of each packet's first pixel, shape (packets, 2)."""
+    centers: NDArray[np.float64]
+    """Of all pixels."""
+    spread: NDArray[np.float64]
+    """How far rays pass from these, at most, shape (packets); endless where some look aside."""
+
+
+def _fit(rays: NDArray, basis: NDArray, pixels: NDArray) -> _Fit:
+    """Fit images to rays: columns and rows are linear in the places of rays, by least squares."""
+    there = (rays != 0).any(axis=-1)
+    flat = np.einsum("prk,pik->pir", basis, rays)
+    aside = (there & (flat[..., 2] < _LEAST_AHEAD * np.linalg.norm(rays, axis=-1))).any(axis=1)
+    ahead = np.where(there & ~aside[:, None], flat[..., 2], 1.0)
+    places = flat[..., :2] / ahead[..., None]
+    count = np.maximum(there.sum(axis=1), 1)[:, None]
+    mean = (places * there[..., None]).sum(axis=1) / count
+    grid = pixels * there[..., None]
+    grid_mean = grid.sum(axis=1) / count
+    apart = (places - mean[:, None]) * there[..., None]
+    normal = np.einsum("pia,pib->pab", apart, apart)
+    wanted = np.einsum("pia,pib->pab", apart, grid - grid_mean[:, None])
+    linear = np.linalg.pinv(normal, rcond=1e-12, hermitian=True) @ wanted
+    # Rays that are too few, or all in a line, leave some of it open.
+    left, size, right = np.linalg.svd(linear.transpose(0, 2, 1))
+    size[size[:, 0] < 1e-6] = _PLAIN_FOCAL
+    narrow = size[:, 1] < size[:, 0] / _NARROWEST
+    size[narrow, 1] = size[narrow, 0]
+    left[narrow, :, 1] *= np.sign(np.linalg.det(left @ right))[narrow, None]
+    linear = (left * size[:, None]) @ right
+    first = np.einsum("pab,pb->pa", linear, mean) - grid_mean
+    centers = first[:, None] + pixels
+    off = np.abs(places @ linear.transpose(0, 2, 1) - centers) * there[..., None]
+    spread = np.where(aside, np.inf, off.max(axis=(1, 2), initial=0))
+    return _Fit(there, ahead, places, linear, first, centers, spread)
