@@ -79,6 +79,41 @@ def find_edges(
     edges_out[view, y, x] = place
 
 
+@wp.kernel
+def flag_edges(
+    # In:
+    edges: wp.array[wp.int32],
+    # Out:
+    flags_out: wp.array[wp.int32],
+):
+    """Write 1 for pixels beside which is another surface, as `find_edges` found them, and 0 for others."""
+    pixel = wp.tid()
+    flags_out[pixel] = wp.where(edges[pixel] >= 0, 1, 0)
+
+
+@wp.kernel
+def number_edges(
+    # In:
+    sums: wp.array2d[wp.int32],
+    # Out:
+    edges_out: wp.array2d[wp.int32],
+    pixels_out: wp.array2d[wp.int32],
+):
+    """Give pixels at edges numbers in each view, in their order, by the sums of flags up to each of all views' pixels.
+
+    `edges_out` has their places before, and their numbers then; `pixels_out` is the other way round.
+    """
+    view, pixel = wp.tid()
+    place = edges_out[view, pixel]
+    if place < 0:
+        return
+    number = sums[view, pixel] - 1
+    if view > 0:
+        number -= sums[view - 1, sums.shape[1] - 1]
+    edges_out[view, pixel] = number
+    pixels_out[view, number] = place
+
+
 @wp.func
 def sub_ray_place(i: int, j: int) -> wp.vec2:
     """Where in a pixel a sub-ray is: one in each of 16 equal squares, and in each of 16 rows and of 16 columns."""
@@ -90,6 +125,12 @@ def sub_ray_place(i: int, j: int) -> wp.vec2:
 def sub_ray_corner(tile: int, index: int) -> wp.vec2i:
     """Where in a map the first sub-ray of a tile's pixel is: column and row."""
     return wp.vec2i(tile * TILE_PIXELS + index % SIDE * SIDE, index / SIDE * SIDE)
+
+
+@wp.func
+def pixel_of_sub_ray(y: int, x: int) -> int:
+    """Which of the pixels a place of a map is of: the other way round."""
+    return x / TILE_PIXELS * TILE_PIXELS + y / SIDE * SIDE + x % TILE_PIXELS / SIDE
 
 
 @wp.kernel
@@ -104,16 +145,13 @@ def place_sub_rays(
 ):
     """Write places of the image [px] of so many pixels from `first` on, 4 x 4 of each; NaN of a pixel -1.
 
-    A thread is for one of 16 pixels of a tile of 16 x 16 places.
+    A thread is for one place: neighbours write beside each other.
     """
-    view, tile, index = wp.tid()
+    view, y, x = wp.tid()
     view += window.first_view
-    tile += window.first_row
-    pixel = pixels[view, first + tile * TILE_PIXELS + index]
-    corner = sub_ray_corner(tile, index)
-    for k in range(SUB_RAYS):
-        i, j = k % SIDE, k / SIDE
-        place = wp.vec2(wp.nan, wp.nan)
-        if pixel >= 0:
-            place = wp.vec2(float(pixel % width), float(pixel / width)) + sub_ray_place(i, j)
-        points_out[view, corner[1] + j, corner[0] + i] = place
+    y += window.first_row
+    place = wp.vec2(wp.nan, wp.nan)
+    pixel = pixels[view, first + pixel_of_sub_ray(y, x)]
+    if pixel >= 0:
+        place = wp.vec2(float(pixel % width), float(pixel / width)) + sub_ray_place(x % SIDE, y % SIDE)
+    points_out[view, y, x] = place

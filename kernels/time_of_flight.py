@@ -155,6 +155,7 @@ def mix_sub_rays(
     window: Window,
     # In:
     model: FlightModel,
+    pixels: wp.array2d[wp.int32],
     points: wp.array3d[wp.vec2],
     depth: wp.array3d[float],
     normals: wp.array3d[wp.vec3],
@@ -166,11 +167,15 @@ def mix_sub_rays(
 ):
     """Write what the sums of pixels' phasors say: range [m], amplitude, all light, amplitude if seen straight.
 
-    The range is +inf where nothing comes back, and NaN where too much of the light is of other ranges.
+    The range is +inf where nothing comes back, and NaN where too much of the light is of other ranges. Nothing is
+    written where there is no pixel.
     """
     view, tile, index = wp.tid()
     view += window.first_view
     tile += window.first_row
+    number = first + tile * TILE_PIXELS + index
+    if pixels[view, number] < 0:
+        return
     corner = sub_ray_corner(tile, index)
     all_light, all_straight = wp.float64(0.0), wp.float64(0.0)
     real, imaginary = wp.vec3d(), wp.vec3d()
@@ -202,7 +207,7 @@ def mix_sub_rays(
         mix = wp.vec4(
             found, float(part * coherence * all_light), float(part * all_light), float(part * coherence * all_straight)
         )
-    mixes_out[view, first + tile * TILE_PIXELS + index] = mix
+    mixes_out[view, number] = mix
 
 
 @wp.func

@@ -106,9 +106,11 @@ from reference_time_of_flight import (  # noqa: F401
     find_axes,
     find_edges,
     find_edges_rows,
+    flag_edges,
     measure_time_of_flight,
     measure_time_of_flight_rows,
     mix_sub_rays,
+    number_edges,
     place_sub_rays,
 )
 from reference_trees import (  # noqa: F401

@@ -66,6 +66,21 @@ def find_edges(
     return edges, margin
 
 
+def flag_edges(edges: NDArray) -> NDArray[np.int32]:
+    """1 for pixels at edges, which have a place, and 0 for others."""
+    return (edges >= 0).astype(np.int32)
+
+
+def number_edges(edges: NDArray, count: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Numbers of pixels at edges, in their order, -1 of others, and which pixels have those, of each view."""
+    flags = flag_edges(edges)
+    numbers = np.where(flags, flags.cumsum(axis=1) - 1, -1).astype(np.int32)
+    pixels = np.full((len(edges), count), -1, dtype=np.int32)
+    for view, places in enumerate(edges):
+        pixels[view, : flags[view].sum()] = places[places >= 0]
+    return numbers, pixels
+
+
 def place_sub_rays(pixels: NDArray, width: int) -> NDArray[np.float64]:
     """Sixteen places [px] in each of pixels by their numbers, (..., 16, 2): squares of 4 x 4, and 16 x 16 within."""
     place = np.arange(16)

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 import reference_time_of_flight as twin
 import trimesh
+import warp as wp
 from gpu_code import gpu_code
 from scipy import stats
 
 import warpvis as wv
 from warpvis.sensors import Reason, TimeOfFlight
+from warpvis.sensors.depth._time_of_flight import _number_edges
 
 CAMERA = wv.Camera.from_fov(160, 120, hfov=1.2, near=0.4, far=4.0)
 OUTPUTS = ("depth", "reasons", "true_depth", "normals", "segmentation")
@@ -242,6 +244,17 @@ def test_noise_beyond_all_numbers_leaves_nothing(device):
     seen = images(wv.render(make_scene(device), CAMERA, POSES, outputs=OUTPUTS, sensor=sensor))
     assert set(np.unique(seen["reasons"])) == {Reason.EMPTY, Reason.DROPOUT}
     np.testing.assert_array_equal(np.isnan(seen["depth"]), seen["reasons"] == Reason.DROPOUT)
+
+
+def test_pixels_at_edges_get_numbers_in_their_order(device):
+    """Of views with none, some and all of them."""
+    places = np.arange(300)
+    some = np.where(np.random.default_rng(0).random(300) < 0.1, places, -1)
+    edges = np.stack([some, np.full(300, -1), places, some[::-1].copy()]).astype(np.int32)
+    numbers, pixels = twin.number_edges(edges, 320)
+    slots = wp.array(edges, dtype=wp.int32, device=device)
+    np.testing.assert_array_equal(_number_edges(slots, 320).numpy(), pixels)
+    np.testing.assert_array_equal(slots.numpy(), numbers)
 
 
 @pytest.mark.parametrize("part", range(1, 16))

@@ -127,7 +127,7 @@ class TimeOfFlight(Device):
     @property
     def bytes_per_pixel(self) -> int:
         """How much room a pixel takes, beside what is bounded."""
-        return 20 if self.mixing else 0
+        return 28 if self.mixing else 0
 
     @property
     def _whole(self) -> tuple[int, ...]:
@@ -191,10 +191,10 @@ class TimeOfFlight(Device):
         points = exposure.room("sub-rays", (views, _TILE_PIXELS, part), wp.vec2)
         tiles = (views, part // _TILE_PIXELS, _TILE_PIXELS)
         for first in range(0, pixels.shape[1], part):
-            _launch(exposure, place_sub_rays, tiles, [], [pixels, first, width, points])
+            _launch(exposure, place_sub_rays, points.shape, [], [pixels, first, width, points])
             seen = exposure.cast_images_at(ideal, exposure.poses, points, ("depth", *self.needs))
             images = [seen["depth"], seen["normals"], seen.get("segmentation"), given.reflectivity]
-            _launch(exposure, mix_sub_rays, tiles, cameras, [model, points, *images, first, mixes])
+            _launch(exposure, mix_sub_rays, tiles, cameras, [model, pixels, points, *images, first, mixes])
         return slots, mixes
 
     def _find_edges(self, exposure: Exposure, cameras: list[Any]) -> wp.array:
@@ -240,8 +240,7 @@ def _launch(
 def _pixels_in_parts(slots: wp.array, counted: bool) -> tuple[wp.array, int]:
     """Give pixels at edges numbers, in each view; return which pixel has each, and how many to look at at a time.
 
-    If they are not to be counted, as on a GPU, which nothing waits for, all pixels have their places as numbers, and
-    those that are at no edge see nothing.
+    If the host is not to know how many there are, as on a GPU, which nothing waits for, there may be as many as pixels.
     """
     views, height, width = slots.shape
     edges = slots.numpy().reshape(views, -1) if counted else None
@@ -251,15 +250,26 @@ def _pixels_in_parts(slots: wp.array, counted: bool) -> tuple[wp.array, int]:
     part = min(max(-(-count // _TILE_PIXELS), 1) * _TILE_PIXELS, max(most, least))
     padded = -(-count // part) * part
     if edges is None:
-        pixels = wp.full((views, padded), -1, dtype=wp.int32, device=slots.device)
-        wp.copy(pixels[:, :count], slots.reshape((views, count)))
-        return pixels, part
+        return _number_edges(slots.reshape((views, count)), padded), part
     numbers = np.full((views, padded), -1, dtype=np.int32)
     for view, places in enumerate(edges):
         found = np.flatnonzero(places >= 0)
         numbers[view, : len(found)] = found
         places[found] = np.arange(len(found))
     return wp.array(numbers, dtype=wp.int32, device=slots.device), part
+
+
+def _number_edges(slots: wp.array, most: int) -> wp.array:
+    """Put numbers in place of places, in each view; return which pixel has each of so many, -1 for none."""
+    from warpvis.kernels.sub_rays import flag_edges, number_edges
+
+    device = slots.device
+    pixels = wp.full((len(slots), most), -1, dtype=wp.int32, device=device)
+    flags, sums = (wp.empty(slots.shape, dtype=wp.int32, device=device) for _ in range(2))
+    launch(flag_edges, slots.size, [slots.flatten(), flags.flatten()], device)
+    wp.utils.array_scan(flags.flatten(), sums.flatten(), inclusive=True)
+    launch(number_edges, slots.shape, [sums, slots, pixels], device)
+    return pixels
 
 
 def _is_frequency(value: object) -> bool:
