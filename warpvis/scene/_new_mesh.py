@@ -30,6 +30,7 @@ class MeshOnDevice(SceneObject):
         for name in ("name", "label", "pose"):
             object.__setattr__(self, name, getattr(item, name))
         object.__setattr__(self, "mesh", mesh)
+        object.__setattr__(self, "look", None if item.look is None else item.look.of_another_mesh())
 
     def __getattr__(self, name: str) -> NDArray[np.float32]:
         """Copy what is asked for to the host, and keep it."""
@@ -47,7 +48,14 @@ class MeshOnDevice(SceneObject):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Be an object of the host in another process."""
-        return SceneObject.placed, (self.name, self.label, (self.mesh_vertices, self.faces), self.pose)
+        return SceneObject.placed, (
+            self.name,
+            self.label,
+            (self.mesh_vertices, self.faces),
+            self.pose,
+            None,
+            self.look,
+        )
 
     @property
     def triangle_count(self) -> int:
@@ -80,9 +88,12 @@ def with_mesh(item: SceneObject, vertices: ArrayInput, faces: ArrayInput | None,
     if np.abs(corners).max() > FARTHEST:
         raise SceneError(_too_far(item))
     rounded = np.ascontiguousarray(corners, dtype=np.float32)
+    look = item.look
+    if look is not None and (len(rounded) != len(item.vertices) or not np.array_equal(triangles, item.faces)):
+        look = look.of_another_mesh()
     if item.pose is None:
-        return SceneObject(name, item.label, rounded, triangles)
-    return SceneObject.placed(name, item.label, (rounded, triangles), item.pose)
+        return SceneObject(name, item.label, rounded, triangles, look=look)
+    return SceneObject.placed(name, item.label, (rounded, triangles), item.pose, look=look)
 
 
 def build_mesh_tree(item: SceneObject, closed: bool, device: wp.Device) -> Bvh:

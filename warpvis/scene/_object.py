@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.core.types import MeshLike
 from warpvis.errors import SceneError
 from warpvis.scene._shared_mesh import SharedMesh, placed_at
+from warpvis.scene.looks import Look
+from warpvis.scene.materials import Appearance
 from warpvis.scene.solids import Solid
 
 _ONE = np.array(1.0)
@@ -40,6 +42,8 @@ class SceneObject:
     """Index of the movable object that it was attached to; None for most."""
     solid: Solid | None = None
     """What rays meet of a movable object in place of its triangles, if it was added as a `solids.Solid`."""
+    look: Look | None = field(default=None, repr=False, compare=False)
+    """What makes its `appearance`."""
 
     @classmethod
     def placed(
@@ -49,17 +53,26 @@ class SceneObject:
         mesh: tuple[NDArray[np.float32], NDArray[np.int32]],
         place: NDArray[np.float32],
         solid: Solid | None = None,
+        look: Look | None = None,
     ) -> SceneObject:
         """Make a movable object of vertices and faces in its frame. `vertices` are computed when asked for."""
         item = object.__new__(cls)
         item.__dict__.update(name=name, label=label, faces=mesh[1], mesh_vertices=mesh[0], pose=place, solid=solid)
+        item.__dict__.update(look=look)
         return item
 
     @classmethod
-    def staying(cls, name: str, label: int, shared: SharedMesh, row: NDArray[np.float64] | None) -> SceneObject:
+    def staying(
+        cls,
+        name: str,
+        label: int,
+        shared: SharedMesh,
+        row: NDArray[np.float64] | None,
+        look: Look | None = None,
+    ) -> SceneObject:
         """Make an object that stays, at a pose, of a mesh that others have. `vertices` are computed when asked for."""
         item = object.__new__(cls)
-        item.__dict__.update(name=name, label=label, faces=shared.faces, shared=shared, row=row)
+        item.__dict__.update(name=name, label=label, faces=shared.faces, shared=shared, row=row, look=look)
         return item
 
     def __getattr__(self, name: str) -> NDArray[np.float32]:
@@ -79,6 +92,14 @@ class SceneObject:
     def shared_mesh(self) -> SharedMesh | None:
         """The mesh in a frame of its own that an object that stays shares with others; None for most."""
         return self.__dict__.get("shared")
+
+    @property
+    def appearance(self) -> Appearance | None:
+        """What it looks like: as it was added, or as its file or trimesh's `visual` says; None if nothing says it.
+
+        Textures decode when they are first asked for. Nothing draws it yet.
+        """
+        return None if self.look is None else self.look.get()
 
     @property
     def place(self) -> NDArray[np.floating]:
@@ -111,7 +132,7 @@ def as_it_is(item: SceneObject) -> SceneObject:
     """Return the object with the vertices it has now, whatever becomes of them."""
     if item.points is None:
         return item
-    return SceneObject(item.name, item.label, item.vertices, item.faces, item.mesh_vertices, item.pose)
+    return SceneObject(item.name, item.label, item.vertices, item.faces, item.mesh_vertices, item.pose, look=item.look)
 
 
 def by_itself(item: SceneObject, objects: Sequence[SceneObject], *, is_instance: bool = False) -> SceneObject:
@@ -123,7 +144,8 @@ def by_itself(item: SceneObject, objects: Sequence[SceneObject], *, is_instance:
         return replace(item, pose=objects[item.carrier].pose, carrier=None)
     shared = item.shared_mesh
     if is_instance and shared is not None:
-        return SceneObject.placed(item.name, item.label, (shared.rounded, shared.faces), item.place.astype(np.float32))
+        place = item.place.astype(np.float32)
+        return SceneObject.placed(item.name, item.label, (shared.rounded, shared.faces), place, look=item.look)
     if item.pose is None:
         return replace(item, mesh_vertices=item.vertices, pose=_IDENTITY)
     return item

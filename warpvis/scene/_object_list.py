@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from warpvis.scene._object import SceneObject
 from warpvis.scene._shared_mesh import SharedMesh
+from warpvis.scene.looks import Look
 from warpvis.scene.solids import Solid
 
 
@@ -31,6 +32,8 @@ class Instances:
     movable: bool
     solid: Solid | None = None
     """What rays meet of them, if they are movable."""
+    look: Look | None = field(default=None, repr=False)
+    """What all of them look like."""
 
     @property
     def triangle_count(self) -> int:
@@ -42,9 +45,9 @@ class Instances:
         place = index - self.first
         name, row = self.names[place], self.rows[place]
         if not self.movable:
-            return SceneObject.staying(name, self.label, self.mesh, row)
+            return SceneObject.staying(name, self.label, self.mesh, row, self.look)
         arrays = self.mesh.rounded, self.mesh.faces
-        return SceneObject.placed(name, self.label, arrays, row.astype(np.float32), self.solid)
+        return SceneObject.placed(name, self.label, arrays, row.astype(np.float32), self.solid, self.look)
 
     def poses(self, first: int, count: int) -> NDArray[np.float32]:
         """Return the poses of those from an index in the scene on, in single precision."""

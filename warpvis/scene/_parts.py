@@ -22,6 +22,8 @@ from warpvis.core.types import MeshLike, PoseLike
 from warpvis.errors import SceneError
 from warpvis.scene._object import check_scale
 from warpvis.scene._shared_mesh import placed_at
+from warpvis.scene.looks import Look
+from warpvis.scene.materials import Appearance
 from warpvis.scene.solids import Solid
 
 _LONGEST_LIST = 500
@@ -55,10 +57,13 @@ class Part:
     what is movable has its vertices where the file has them, and no pose."""
     aliases: tuple[str, ...] = ()
     """Other names that patterns may mean it by: its body's."""
+    appearance: Appearance | Look | None = None
+    """What it looks like, if the file says it."""
 
     def arguments(self) -> dict[str, Any]:
         """Name the arguments of `Scene.add` that add it."""
-        return {name: getattr(self, name) for name in ("mesh", "name", "label", "pose", "movable", "attach_to")}
+        names = ("mesh", "name", "label", "pose", "movable", "attach_to", "appearance")
+        return {name: getattr(self, name) for name in names}
 
     def fits(self, pattern: str) -> bool:
         """Tell whether a pattern (``"wall_*"``) means this part."""
@@ -193,7 +198,7 @@ def joined(objects: Iterable[dict[str, Any]]) -> Iterator[dict[str, Any]]:
         first, *others = run
         if others:
             names, poses = ([item[key] for item in (first, *others)] for key in ("name", "pose"))
-            same = {name: first[name] for name in ("mesh", "label", "scale", "movable")}
+            same = {name: first[name] for name in ("mesh", "label", "scale", "movable", "appearance")}
             yield {**same, "names": names, "poses": np.stack(poses)}
         else:
             yield first
@@ -204,4 +209,4 @@ def _what_instances_share(item: dict[str, Any]) -> object:
     mesh = item["mesh"]
     if isinstance(mesh, Solid) or item["pose"] is None or item["attach_to"] is not None:
         return id(item)
-    return id(mesh[0]), id(mesh[1]), np.shape(item["pose"]), item["label"], item["movable"]
+    return id(mesh[0]), id(mesh[1]), np.shape(item["pose"]), item["label"], item["movable"], id(item["appearance"])

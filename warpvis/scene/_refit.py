@@ -36,7 +36,7 @@ class DeformingObject(SceneObject):
 
     def __init__(self, item: SceneObject, device: wp.Device) -> None:
         """Make the same object, with room for its vertices."""
-        for name in ("name", "label", "faces", "pose"):
+        for name in ("name", "label", "faces", "pose", "look"):
             object.__setattr__(self, name, getattr(item, name))
         object.__setattr__(self, "_points", wp.empty(len(item.vertices), dtype=wp.vec3, device=device))
 

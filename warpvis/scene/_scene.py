@@ -36,6 +36,8 @@ from warpvis.scene._meshes import SharedMeshes, instance_names
 from warpvis.scene._object import SceneObject, as_it_is, by_itself, check_scale
 from warpvis.scene._object_list import Instances, ObjectList
 from warpvis.scene._parts import joined
+from warpvis.scene.looks import Look, look_of
+from warpvis.scene.materials import AppearanceLike
 from warpvis.scene.solids import Solid
 
 _IDENTITY = np.array([0.0, 0, 0, 0, 0, 0, 1])
@@ -151,6 +153,7 @@ class Scene(SceneClasses, SceneChanges):
         scale: float | ArrayLike = 1.0,
         movable: bool = False,
         attach_to: str | None = None,
+        appearance: AppearanceLike | Look | None = None,
     ) -> int:
         """Add an object.
 
@@ -170,12 +173,16 @@ class Scene(SceneClasses, SceneChanges):
                 all; where very many of one mesh stay, they share it, too.
             attach_to: Name of a movable object that this one moves with, as if both were of one piece from here on. It
                 has no pose of its own in a world, and both render faster than if it had. Meshes only, not solids.
+            appearance: What it looks like: a `scene.materials.Appearance`, a `Material`, or a colour (red, green, blue,
+                and opacity if you like, from 0 to 1, sRGB). By default what trimesh's `visual` says, which is read when
+                `SceneObject.appearance` is first asked for. Nothing draws it yet.
 
         Returns:
             The object's index, the value of its pixels in the object image.
 
         Raises:
-            SceneError: The mesh is empty or malformed, the name is taken, or the object cannot be attached to that.
+            SceneError: The mesh is empty or malformed, the name is taken, the object cannot be attached to that, or the
+                appearance is not of such a mesh.
             PoseError: The pose is not a pose.
         """
         index = len(self._objects)
@@ -188,19 +195,20 @@ class Scene(SceneClasses, SceneChanges):
         check_quaternion(quaternion)
         row = None if pose is None else read_pose(pose, quaternion, name=f"pose of {name!r}")
         number = self._label_names.number(label)
+        look = look_of(appearance, mesh, name, (len(shared.vertices), len(shared.faces)))
         stays = attach_to is None and not movable
         if stays and shared.uses:
             shared.check_reach((_IDENTITY if row is None else row)[None], name)
-            item = SceneObject.staying(name, number, shared, row)
+            item = SceneObject.staying(name, number, shared, row, look)
         elif attach_to is not None or not movable:
             placed = shared.placed(row, name)
             frame = {} if attach_to is None else self._attach(attach_to, mesh, name, placed)
-            item = SceneObject(name, number, placed.astype(np.float32), shared.faces, **frame)
+            item = SceneObject(name, number, placed.astype(np.float32), shared.faces, look=look, **frame)
         else:
             pose = (_IDENTITY if row is None else row).astype(np.float32)
             shared.check_reach(pose[None], name)
             solid = mesh.scaled(factors) if isinstance(mesh, Solid) else None
-            item = SceneObject.placed(name, number, (shared.rounded, shared.faces), pose, solid)
+            item = SceneObject.placed(name, number, (shared.rounded, shared.faces), pose, solid, look)
         shared.uses += stays
         self._objects.append(item)
         self._index[name] = index
@@ -218,6 +226,7 @@ class Scene(SceneClasses, SceneChanges):
         quaternion: QuaternionOrder = "xyzw",
         scale: float | ArrayLike = 1.0,
         movable: bool = True,
+        appearance: AppearanceLike | Look | None = None,
     ) -> range:
         """Add many objects of one mesh, which share its memory and its tree.
 
@@ -232,12 +241,13 @@ class Scene(SceneClasses, SceneChanges):
             quaternion: Order of the quaternions in rows of 7 numbers, ``"xyzw"`` or ``"wxyz"``.
             scale: As for `add`, of all.
             movable: As for `add`, of all.
+            appearance: As for `add`, of all.
 
         Returns:
             Their indices, in the order of the poses.
 
         Raises:
-            SceneError: The mesh is empty or malformed, or a name is taken.
+            SceneError: The mesh is empty or malformed, a name is taken, or the appearance is not of such a mesh.
             PoseError: The poses are not poses.
         """
         movable = check_flag(movable, "movable", SceneError)
@@ -249,9 +259,10 @@ class Scene(SceneClasses, SceneChanges):
         shared = self._meshes.get(mesh, factors, what)
         shared.check_reach(rows, what)
         number = self._label_names.number(label)
+        look = look_of(appearance, mesh, what, (len(shared.vertices), len(shared.faces)))
         solid = mesh.scaled(factors) if isinstance(mesh, Solid) and movable else None
         shared.uses += 0 if movable else len(rows)
-        self._objects.add_instances(Instances(indices.start, chosen, number, shared, rows, movable, solid))
+        self._objects.add_instances(Instances(indices.start, chosen, number, shared, rows, movable, solid, look))
         self._index.update(zip(chosen, indices, strict=True))
         self._movable += indices if movable else []
         self._forget()
@@ -339,7 +350,10 @@ class Scene(SceneClasses, SceneChanges):
         self._index = {item.name: index for index, item in enumerate(self._objects)}
 
     def to_trimesh(self) -> trimesh.Scene:
-        """Make a `trimesh.Scene` of the objects in the same frame, with names, and labels in the meshes' metadata."""
+        """Make a `trimesh.Scene` of the objects in the same frame, with names, and labels in the meshes' metadata.
+
+        Appearances are left out.
+        """
         import trimesh
 
         scene = trimesh.Scene()
@@ -352,7 +366,7 @@ class Scene(SceneClasses, SceneChanges):
         """Write the scene as glTF (``.glb``), y up as its specification says; `load` reads it back with its labels.
 
         Every object is a node. Objects that share a mesh share it in the file, and their nodes say where they are, as
-        do those of movable objects; of others, the vertices do.
+        do those of movable objects; of others, the vertices do. Appearances are left out.
 
         Raises:
             FileFormatError: The path does not end in ``.glb``, or cannot be written; or vertices that are on a GPU are

@@ -1,0 +1,255 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What objects look like, as data: what is given, and what trimesh's visuals say, through all that scenes do."""
+
+import pickle
+import warnings
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+import warpvis as wv
+from warpvis.errors import SceneError
+from warpvis.scene.materials import Appearance, Material, Texture
+
+IMAGE = np.arange(24, dtype=np.uint8).reshape(2, 4, 3)
+COLORS = np.arange(48, dtype=np.uint8).reshape(12, 4)
+
+
+def box():
+    return trimesh.creation.box()
+
+
+def painted():
+    mesh = box()
+    mesh.visual.face_colors = COLORS
+    return mesh
+
+
+def added(mesh, **options):
+    scene = wv.Scene()
+    scene.add(mesh, name="box", **options)
+    return scene
+
+
+def test_who_says_nothing_has_no_appearance():
+    assert added(box())["box"].appearance is None
+    assert added((np.eye(3), np.array([[0, 1, 2]])))["box"].appearance is None
+
+
+def test_a_colour_and_a_material_and_an_appearance():
+    for given, alpha, mode in (((1, 0.5, 0), 1.0, "opaque"), ([1.0, 0.5, 0.0, 0.25], 0.25, "blend")):
+        (material,) = added(painted(), appearance=given)["box"].appearance.materials
+        assert material.base_color == (1.0, 0.5, 0.0, alpha)
+        assert (material.color_space, material.alpha_mode) == ("srgb", mode)
+    steel = Material("steel", (0.5, 0.5, 0.5), metallic=1)
+    assert added(box(), appearance=steel)["box"].appearance.materials == (steel,)
+    whole = Appearance((steel, Material()), face_materials=[0] * 6 + [1] * 6, uv=np.full((12, 3, 2), -7.5))
+    assert added(box(), appearance=whole)["box"].appearance is whole
+    assert whole.face_materials.dtype == np.int32
+    assert whole.uv.dtype == np.float32
+
+
+def test_texture_coordinates_of_vertices_become_those_of_corners():
+    uv = np.random.default_rng(0).uniform(-3, 3, (8, 2)).astype(np.float32)
+    faces = np.asarray(box().faces)
+    np.testing.assert_array_equal(Appearance(uv=uv).corner_uv(faces), uv[faces])
+    np.testing.assert_array_equal(Appearance(uv=uv[faces]).corner_uv(faces), uv[faces])
+
+
+@pytest.mark.parametrize("movable", [False, True])
+def test_faces_of_trimesh_keep_their_colours(movable):
+    scene = added(painted(), movable=movable)
+    scene.add_instances(painted(), np.tile([0.0, 0, 0, 0, 0, 0, 1], (3, 1)), names="copy", movable=movable)
+    for same in (scene, pickle.loads(pickle.dumps(scene)), scene.to("cpu"), scene.apart()):
+        assert len(same) == 4
+        for item in same:
+            np.testing.assert_array_equal(item.appearance.face_colors, COLORS)
+
+
+def test_vertices_of_trimesh_keep_their_colours():
+    mesh = box()
+    mesh.visual.vertex_colors = COLORS[:8]
+    np.testing.assert_array_equal(added(mesh)["box"].appearance.vertex_colors, COLORS[:8])
+
+
+def test_a_visual_is_read_when_it_is_asked_for(monkeypatch):
+    from warpvis.scene import looks
+
+    read = []
+    monkeypatch.setattr(looks, "_from_visual", lambda *arguments: read.append(arguments))
+    scene = added(painted())
+    wv.render(scene, wv.Camera.from_fov(8, 6, hfov=1.0), np.array([0.0, 0, 3, 1, 0, 0, 0]))
+    assert not read
+    assert scene["box"].appearance is None
+    assert scene["box"].appearance is None
+    assert len(read) == 1
+
+
+def test_a_pbr_material_of_trimesh_is_linear():
+    mesh = box()
+    material = trimesh.visual.material.PBRMaterial(
+        "tin", baseColorFactor=[255, 51, 0, 102], alphaMode="MASK", alphaCutoff=0.25, roughnessFactor=0.5
+    )
+    material.baseColorTexture = Image.fromarray(IMAGE)
+    uv = np.linspace(-1, 2, 16).reshape(8, 2)
+    mesh.visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
+    found = added(mesh)["box"].appearance
+    (made,) = found.materials
+    assert made.base_color == pytest.approx((1, 0.2, 0, 0.4))
+    assert (made.name, made.color_space, made.alpha_mode, made.alpha_cutoff) == ("tin", "linear", "mask", 0.25)
+    assert (made.metallic, made.roughness) == (1.0, 0.5)
+    np.testing.assert_array_equal(made.texture.image, IMAGE)
+    np.testing.assert_allclose(found.uv, uv, rtol=1e-6)
+
+
+def test_a_simple_material_of_trimesh_is_srgb():
+    mesh = box()
+    material = trimesh.visual.material.SimpleMaterial(diffuse=[255, 51, 0, 255], specular=[51, 0, 0], glossiness=20)
+    mesh.visual = trimesh.visual.TextureVisuals(material=material)
+    (made,) = added(mesh)["box"].appearance.materials
+    assert made.base_color == pytest.approx((1, 0.2, 0, 1))
+    assert made.specular == pytest.approx((0.2, 0, 0))
+    assert (made.color_space, made.shininess) == ("srgb", 20)
+
+
+def test_several_materials_of_trimesh():
+    mesh = box()
+    two = [trimesh.visual.material.SimpleMaterial(diffuse=color) for color in ([255, 0, 0], [0, 0, 255])]
+    rows = np.arange(12) % 2
+    mesh.visual = trimesh.visual.TextureVisuals(
+        material=trimesh.visual.material.MultiMaterial(two), face_materials=rows
+    )
+    found = added(mesh)["box"].appearance
+    assert [material.base_color[:3] for material in found.materials] == [(1, 0, 0), (0, 0, 1)]
+    np.testing.assert_array_equal(found.face_materials, rows)
+
+
+def test_a_visual_that_does_not_fit_is_left_out_with_a_warning():
+    mesh = box()
+    mesh.visual = trimesh.visual.TextureVisuals(uv=np.zeros((5, 2)))
+    scene = added(mesh)
+    with pytest.warns(
+        UserWarning, match=r"the colours of 'box' are left out: uv of 'box' must be one for each of its 8"
+    ):
+        assert scene["box"].appearance is None
+
+
+def test_a_deformed_mesh_keeps_it_and_another_one_keeps_its_first_material():
+    red = Material(base_color=(1, 0, 0))
+    look = Appearance((red, Material()), face_materials=np.arange(12) % 2)
+    scene = added(box(), appearance=look, movable=True)
+    scene.update_mesh("box", 2 * box().vertices)
+    assert scene["box"].appearance is look
+    scene.update_vertices("box", np.asarray(box().vertices))
+    assert scene["box"].appearance is look
+    scene = added(box(), appearance=look)
+    scene.update_mesh("box", np.eye(3), np.array([[0, 1, 2]]))
+    assert scene["box"].appearance.materials == (red,)
+    assert scene["box"].appearance.face_materials is None
+
+
+def test_a_file_is_decoded_when_its_image_is_asked_for(tmp_path):
+    path = tmp_path / "a.png"
+    texture = Texture(path)
+    Image.fromarray(IMAGE).save(path)
+    np.testing.assert_array_equal(texture.image, IMAGE)
+    assert texture.image is texture.image
+    again = pickle.loads(pickle.dumps(texture))
+    assert "_decoded" not in again.__dict__
+    np.testing.assert_array_equal(again.image, IMAGE)
+    np.testing.assert_array_equal(Texture(path.read_bytes()).image, IMAGE)
+
+
+@pytest.mark.parametrize(
+    ("mode", "shape"), [("L", (2, 4, 3)), ("LA", (2, 4, 4)), ("P", (2, 4, 3)), ("RGBA", (2, 4, 4)), ("I;16", (2, 4, 3))]
+)
+def test_images_of_other_kinds_become_colours(tmp_path, mode, shape):
+    source = Image.fromarray(np.full((2, 4), 0x8012, np.uint16)) if mode == "I;16" else Image.new(mode, (4, 2))
+    source.save(tmp_path / "a.png")
+    found = Texture(tmp_path / "a.png").image
+    assert (found.shape, found.dtype) == (shape, np.uint8)
+    assert mode != "I;16" or (found == 0x80).all()
+
+
+def test_an_unreadable_image_is_white_with_a_warning_that_names_it(tmp_path):
+    (tmp_path / "torn.png").write_bytes(b"\x89PNG\r\n\x1a\n torn")
+    for texture, said in (
+        (Texture(tmp_path / "torn.png"), r"torn\.png: cannot be read as an image"),
+        (Texture(tmp_path / "none.png"), r"none\.png: cannot be read as an image \(no such file\): white stands in"),
+        (Texture(b"", "wood"), r"wood: cannot be read as an image \(no such file\)"),
+        (Texture(b"\0" * 99, "wood"), r"wood: cannot be read as an image \(no known format\)"),
+        (Texture(tmp_path), "cannot be read as an image"),
+    ):
+        with pytest.warns(UserWarning, match=said):
+            assert (texture.image == [[[255, 255, 255]]]).all()
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            assert texture.image.shape == (1, 1, 3)
+
+
+BAD = {
+    "appearance of 'box' must be an Appearance, a Material or three or four numbers": [
+        "red",
+        (1, 0),
+        (2, 0, 0),
+        (np.nan, 0, 0),
+        (-1, 0, 0),
+        [[1, 0, 0]],
+        (True, False, True),
+        object(),
+        {},
+    ],
+    "face_materials of 'box' must be one for each of its 12 faces, got 3": [Appearance(face_materials=[0, 0, 0])],
+    "uv of 'box' must be one for each of its 8 vertices, got 12": [Appearance(uv=np.zeros((12, 2)))],
+    "uv of 'box' must be one for each of its 12 faces, got 8": [Appearance(uv=np.zeros((8, 3, 2)))],
+    "vertex_colors of 'box' must be one for each of its 8 vertices, got 12": [Appearance(vertex_colors=COLORS)],
+    "face_colors of 'box' must be one for each of its 12 faces, got 8": [Appearance(face_colors=COLORS[:8])],
+}
+
+
+@pytest.mark.parametrize(("said", "given"), [(said, given) for said, many in BAD.items() for given in many])
+def test_what_does_not_fit_is_refused_and_nothing_is_added(said, given):
+    scene = wv.Scene()
+    with pytest.raises(SceneError, match=said):
+        scene.add(box(), name="box", appearance=given)
+    with pytest.raises(SceneError, match=said):
+        scene.add_instances(box(), [[0.0, 0, 0, 0, 0, 0, 1]], names=["box"], appearance=given)
+    assert len(scene) == 0
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: Texture(np.zeros((2, 2))), "must be uint8 of shape"),
+        (lambda: Texture(np.zeros((0, 2, 3), np.uint8)), "must be uint8 of shape"),
+        (lambda: Texture(None), "must be an array of numbers"),
+        (lambda: Texture(IMAGE, wrap_u="mirrored"), "wrap_u must be"),
+        (lambda: Texture(IMAGE, filter="cubic"), "filter must be"),
+        (lambda: Texture(IMAGE, color_space="hsv"), "color_space must be"),
+        (lambda: Material("tin", base_color=(1, 1)), "base_color of material 'tin' must be three or four numbers"),
+        (lambda: Material(base_color=1.0), "base_color of a material must be three or four numbers"),
+        (lambda: Material(roughness=1.5), "roughness of a material must be from 0 to 1, got 1.5"),
+        (lambda: Material(shininess=-1), "shininess of a material must be at least 0, got -1"),
+        (lambda: Material(metallic="no"), "metallic of a material must be a finite number"),
+        (lambda: Material(emission=(np.inf, 0, 0)), "emission of a material must be three numbers of at least 0"),
+        (lambda: Material(alpha_mode="glass"), "alpha_mode must be"),
+        (lambda: Material(double_sided="maybe"), "double_sided must be"),
+        (lambda: Material(texture=IMAGE), "texture of a material must be a Texture, got ndarray"),
+        (lambda: Material(texture_repeat=(1,)), "texture_repeat of a material must be two numbers"),
+        (lambda: Appearance(()), "materials must be at least one Material"),
+        (lambda: Appearance(7), "materials must be at least one Material"),
+        (lambda: Appearance(face_materials=[0, 1]), "face_materials must index the materials, which are 1"),
+        (lambda: Appearance(face_materials=[0.5]), "face_materials must be whole numbers"),
+        (lambda: Appearance(uv=np.zeros((3, 3))), "uv must have shape"),
+        (lambda: Appearance(uv=[[np.nan, 0]]), "uv must be finite: 1 are not, the first at 0"),
+        (lambda: Appearance(uv="seam"), "uv must be an array of numbers"),
+        (lambda: Appearance(vertex_colors=[[255, 0, 0]]), "vertex_colors must be uint8 or floats"),
+        (lambda: Appearance(face_colors=[[255.0, 0, 0]]), "face_colors of floats must be from 0 to 1"),
+    ],
+)
+def test_malformed_looks_get_one_sentence(make, said):
+    with pytest.raises(SceneError, match=said):
+        make()

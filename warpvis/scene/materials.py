@@ -1,0 +1,294 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What objects look like, as data: textures, materials, and which material and colour each face has.
+
+Nothing is shaded yet. `Scene.add` takes an `Appearance`, a `Material` or a colour, and readers of files fill it in.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from warpvis.core.checks import check_choice, check_flag, check_number
+from warpvis.errors import SceneError
+from warpvis.scene._images import decoded_or_white
+
+Wrap = Literal["repeat", "mirror", "clamp"]
+"""What a texture shows outside of 0 to 1: itself again, itself mirrored every other time, or its edge."""
+
+Filter = Literal["nearest", "linear"]
+"""Whether the colour between texels is that of the nearest one, or mixed of the four around."""
+
+AlphaMode = Literal["opaque", "mask", "blend"]
+"""Whether opacity counts for nothing, cuts out what is below a bound, or mixes with what is behind."""
+
+Projection = Literal["uv", "plane", "cube"]
+"""Where a texture's coordinates come from: those of the faces; x and y of the object's frame, as MuJoCo lays a 2D
+texture on what has none; or the direction from its origin, in six images of a cube, one below the other: right, left,
+up, down, front, back."""
+
+ColorSpace = Literal["srgb", "linear"]
+"""Whether colours are as screens and image files have them, or proportional to light."""
+
+
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """An image on a surface.
+
+    Coordinates ``(u, v)`` go from the image's lower left corner, ``(0, 0)``, to its upper right one, ``(1, 1)``, as in
+    OBJ, COLLADA and trimesh. glTF and MuJoCo count v downwards, and their readers turn it.
+    """
+
+    source: NDArray[np.uint8] | Path | bytes = field(repr=False)
+    """The image, the upper row first, shape ``(H, W, 3)`` or ``(H, W, 4)``; or a file of it, or a file's bytes, which
+    is decoded when `image` is first asked for."""
+    name: str = ""
+    """What warnings call it; a file's path by default."""
+    wrap_u: Wrap = "repeat"
+    wrap_v: Wrap = "repeat"
+    filter: Filter = "linear"
+    color_space: ColorSpace = "srgb"
+    """Of what it stores. Opacity is linear in either."""
+
+    def __post_init__(self) -> None:
+        source = self.source
+        if isinstance(source, str | os.PathLike):
+            source = Path(source)
+        if isinstance(source, bytearray | memoryview):
+            source = bytes(source)
+        if not isinstance(source, Path | bytes):
+            source = _image(source, self.name)
+        object.__setattr__(self, "source", source)
+        object.__setattr__(self, "name", str(self.name) or (str(source) if isinstance(source, Path) else "texture"))
+        check_choice(self.wrap_u, "wrap_u", get_args(Wrap), SceneError)
+        check_choice(self.wrap_v, "wrap_v", get_args(Wrap), SceneError)
+        check_choice(self.filter, "filter", get_args(Filter), SceneError)
+        check_choice(self.color_space, "color_space", get_args(ColorSpace), SceneError)
+
+    @property
+    def image(self) -> NDArray[np.uint8]:
+        """The image, the upper row first, shape ``(H, W, 3)`` or ``(H, W, 4)``.
+
+        A file that is missing or does not decode gives one white pixel, so that the material's own colour shows, and a
+        warning that names it.
+        """
+        if isinstance(self.source, np.ndarray):
+            return self.source
+        if "_decoded" not in self.__dict__:
+            object.__setattr__(self, "_decoded", decoded_or_white(self.source, self.name))
+        return self.__dict__["_decoded"]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what makes it again elsewhere: not what was decoded."""
+        return {name: value for name, value in self.__dict__.items() if name != "_decoded"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """What a surface is made of."""
+
+    name: str = ""
+    base_color: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    """Red, green, blue and opacity from 0 to 1, in `color_space`; three numbers are opaque. It is multiplied with the
+    texture, and with colours of vertices and faces."""
+    color_space: ColorSpace = "srgb"
+    """Of `base_color`, `specular` and `emission`, of colours of vertices and faces, and where they are multiplied:
+    linear in glTF, and sRGB where formats take numbers for what the screen shows (MTL, PLY, MuJoCo)."""
+    texture: Texture | None = None
+    alpha_mode: AlphaMode = "opaque"
+    alpha_cutoff: float = 0.5
+    """Least opacity that is seen, in the mode ``"mask"``."""
+    metallic: float = 0.0
+    roughness: float = 1.0
+    """Both from 0 to 1, as in glTF."""
+    specular: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Colour of the highlight of Blinn and Phong."""
+    shininess: float = 0.0
+    """Its exponent."""
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Colour of the light that it gives off; above 1 it may be."""
+    double_sided: bool = True
+    """Whether both sides of a face are drawn. It changes nothing of depth."""
+    projection: Projection = "uv"
+    """Where the texture's coordinates come from."""
+    texture_repeat: tuple[float, float] = (1.0, 1.0)
+    """How often the texture is repeated in u and v, on the object or, if uniform, on a metre."""
+    texture_uniform: bool = False
+    """Whether projected textures are repeated by the metre."""
+
+    def __post_init__(self) -> None:
+        what = f"material {self.name!r}" if self.name else "a material"
+        put = partial(object.__setattr__, self)
+        put("name", str(self.name))
+        put("base_color", _color(self.base_color, f"base_color of {what}", (3, 4)))
+        put("specular", _color(self.specular, f"specular of {what}", (3,)))
+        put("emission", _color(self.emission, f"emission of {what}", (3,), most=np.inf))
+        check_choice(self.color_space, "color_space", get_args(ColorSpace), SceneError)
+        check_choice(self.alpha_mode, "alpha_mode", get_args(AlphaMode), SceneError)
+        check_choice(self.projection, "projection", get_args(Projection), SceneError)
+        put("texture_repeat", _color(self.texture_repeat, f"texture_repeat of {what}", (2,), most=np.inf))
+        put("texture_uniform", check_flag(self.texture_uniform, "texture_uniform", SceneError))
+        for name, most in (("metallic", 1.0), ("roughness", 1.0), ("shininess", np.inf), ("alpha_cutoff", np.inf)):
+            value = check_number(getattr(self, name), f"{name} of {what}", error=SceneError)
+            if not 0 <= value <= most:
+                wanted = "at least 0" if most == np.inf else "from 0 to 1"
+                raise SceneError(f"{name} of {what} must be {wanted}, got {value:g}")
+            put(name, float(value))
+        put("double_sided", check_flag(self.double_sided, "double_sided", SceneError))
+        if self.texture is not None and not isinstance(self.texture, Texture):
+            raise SceneError(f"texture of {what} must be a Texture, got {type(self.texture).__name__}")
+
+
+@dataclass(frozen=True, eq=False)
+class Appearance:
+    """What an object looks like: materials, and which material, colour and texture coordinates each face has."""
+
+    materials: tuple[Material, ...] = field(default_factory=lambda: (Material(),))
+    face_materials: NDArray[np.int32] | None = field(default=None, repr=False)
+    """Index of each face's material, shape ``(m,)``; None if all have the first."""
+    uv: NDArray[np.float32] | None = field(default=None, repr=False)
+    """Texture coordinates of each corner of each face, shape ``(m, 3, 2)``, or of each vertex, ``(n, 2)``. Outside of 0
+    to 1 the texture's wrap modes count."""
+    vertex_colors: NDArray[np.uint8 | np.float32] | None = field(default=None, repr=False)
+    """Shape ``(n, 4)``; uint8, or float32 where 1 is the most; in the colour space of the face's material."""
+    face_colors: NDArray[np.uint8 | np.float32] | None = field(default=None, repr=False)
+    """The same of each face, shape ``(m, 4)``."""
+
+    def __post_init__(self) -> None:
+        given = (self.materials,) if isinstance(self.materials, Material) else self.materials
+        if not isinstance(given, tuple | list) or not given or not all(isinstance(item, Material) for item in given):
+            raise SceneError(f"materials must be at least one Material, got {_said(given)}")
+        object.__setattr__(self, "materials", tuple(given))
+        for name, check in (
+            ("face_materials", self._check_face_materials),
+            ("uv", _check_uv),
+            ("vertex_colors", _check_colors),
+            ("face_colors", _check_colors),
+        ):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, check(_array(value, name), name))
+
+    def _check_face_materials(self, rows: np.ndarray, name: str) -> NDArray[np.int32]:
+        if rows.ndim != 1 or rows.dtype.kind not in "iu":
+            raise SceneError(f"{name} must be whole numbers of shape (m,), got {rows.dtype} {rows.shape}")
+        if len(rows) and not (rows.min() >= 0 and rows.max() < len(self.materials)):
+            raise SceneError(
+                f"{name} must index the materials, which are {len(self.materials)}, got {rows.min()} to {rows.max()}"
+            )
+        return rows.astype(np.int32)
+
+    def check_fits(self, vertices: int, faces: int, name: str) -> None:
+        """Raise a `SceneError` unless it is of a mesh of so many vertices and faces."""
+        wanted = {"face_materials": faces, "vertex_colors": vertices, "face_colors": faces}
+        if self.uv is not None:
+            wanted["uv"] = vertices if self.uv.ndim == 2 else faces
+        for key, count in wanted.items():
+            rows = getattr(self, key)
+            if rows is not None and len(rows) != count:
+                what = "vertices" if count == vertices and (key == "vertex_colors" or rows.ndim == 2) else "faces"
+                what = {"face_materials": "faces", "face_colors": "faces", "vertex_colors": "vertices"}.get(key, what)
+                raise SceneError(f"{key} of {name!r} must be one for each of its {count} {what}, got {len(rows)}")
+
+    def corner_uv(self, faces: NDArray[np.integer]) -> NDArray[np.float32] | None:
+        """Return texture coordinates of each corner of the mesh's faces, shape ``(m, 3, 2)``; None if it has none."""
+        return self.uv if self.uv is None or self.uv.ndim == 3 else self.uv[faces]
+
+    def of_another_mesh(self) -> Appearance:
+        """Return what of it counts for any mesh: its first material."""
+        return Appearance((self.materials[0],))
+
+
+AppearanceLike = Appearance | Material | ArrayLike
+"""An appearance, a material, or a colour in sRGB: three or four numbers from 0 to 1."""
+
+
+def as_appearance(given: AppearanceLike, name: str) -> Appearance:
+    """Return what `Scene.add` was given as an appearance.
+
+    Raises:
+        SceneError: It is none, no material and no colour.
+    """
+    if isinstance(given, Appearance):
+        return given
+    if isinstance(given, Material):
+        return Appearance((given,))
+    if isinstance(given, Texture):
+        return Appearance((Material(texture=given),))
+    color = _color(given, f"appearance of {name!r}", (3, 4), or_what="an Appearance, a Material or ")
+    return Appearance((Material(base_color=color, alpha_mode="blend" if color[3] < 1 else "opaque"),))
+
+
+def _color(
+    given: ArrayLike, what: str, lengths: tuple[int, ...], *, most: float = 1.0, or_what: str = ""
+) -> tuple[Any, ...]:
+    """Return a colour as numbers, of which the fourth is 1 where three are given and four could be."""
+    count = " or ".join({2: "two", 3: "three", 4: "four"}[length] for length in lengths)
+    limit = "from 0 to 1" if most == 1 else "of at least 0"
+    message = f"{what} must be {or_what}{count} numbers {limit}, got {_said(given)}"
+    try:
+        numbers = np.asarray(given)
+        if numbers.dtype.kind not in "iuf" or numbers.ndim != 1 or len(numbers) not in lengths:
+            raise SceneError(message)
+    except (TypeError, ValueError, RuntimeError):  # arrays of other libraries raise what they like
+        raise SceneError(message) from None
+    numbers = numbers.astype(np.float64)
+    if not (np.isfinite(numbers).all() and (numbers >= 0).all() and (numbers <= most).all()):
+        raise SceneError(message)
+    return (*numbers.tolist(), *([1.0] if len(numbers) < lengths[-1] else []))
+
+
+def _array(given: ArrayLike, name: str) -> np.ndarray:
+    try:
+        rows = np.asarray(given)
+    except (TypeError, ValueError, RuntimeError):
+        raise SceneError(f"{name} must be an array of numbers, got {_said(given)}") from None
+    if rows.dtype.kind not in "iuf":
+        raise SceneError(f"{name} must be an array of numbers, got {_said(given)}")
+    return rows
+
+
+def _check_uv(rows: np.ndarray, name: str) -> NDArray[np.float32]:
+    if rows.ndim not in (2, 3) or rows.shape[-1] != 2 or (rows.ndim == 3 and rows.shape[1] != 3):
+        raise SceneError(f"{name} must have shape (m, 3, 2) or (n, 2), got {rows.shape}")
+    with np.errstate(over="ignore"):
+        rows = rows.astype(np.float32)
+    bad = np.flatnonzero(~np.isfinite(rows).reshape(len(rows), -1).all(axis=1))
+    if len(bad):
+        raise SceneError(f"{name} must be finite: {len(bad)} are not, the first at {bad[0]}")
+    return rows
+
+
+def _check_colors(rows: np.ndarray, name: str) -> NDArray[np.uint8 | np.float32]:
+    if rows.ndim != 2 or rows.shape[1] not in (3, 4) or (rows.dtype != np.uint8 and rows.dtype.kind != "f"):
+        raise SceneError(f"{name} must be uint8 or floats of shape (n, 3) or (n, 4), got {rows.dtype} {rows.shape}")
+    if rows.dtype == np.uint8:
+        opaque = np.full((len(rows), 1), 255, dtype=np.uint8)
+    else:
+        if not ((rows >= 0) & (rows <= 1)).all():
+            raise SceneError(f"{name} of floats must be from 0 to 1; of 0 to 255, give uint8")
+        rows, opaque = rows.astype(np.float32), np.ones((len(rows), 1), dtype=np.float32)
+    return rows.copy() if rows.shape[1] == 4 else np.concatenate([rows, opaque], axis=1)
+
+
+def _image(given: ArrayLike, name: str) -> NDArray[np.uint8]:
+    what = f"image of texture {name!r}" if name else "image of a texture"
+    rows = _array(given, what)
+    if rows.dtype != np.uint8 or rows.ndim != 3 or rows.shape[2] not in (3, 4) or not rows.size:
+        raise SceneError(f"{what} must be uint8 of shape (H, W, 3) or (H, W, 4), got {rows.dtype} {rows.shape}")
+    return rows.copy()
+
+
+def _said(given: object) -> str:
+    text = repr(given)
+    return text if len(text) <= 80 else type(given).__name__
