@@ -18,6 +18,7 @@ from warpvis.core.checks import as_items, is_whole
 from warpvis.core.labels import Label
 from warpvis.errors import SceneError
 from warpvis.mujoco import _tessellation as tessellation
+from warpvis.mujoco._appearances import GeomLooks
 from warpvis.mujoco._shapes import shape_bodies, shape_count, shape_data, shape_places, shape_value
 from warpvis.mujoco._tessellation import Mesh
 from warpvis.scene import Part, solids
@@ -65,6 +66,7 @@ def geom_parts(
     poses = initial_poses(model) if poses is None else poses
     bodies = shape_bodies(model)
     first_of: dict[int, str] = {}  # the part of a piece that has the pose
+    looks = GeomLooks(model)
     parts = []
     for geom, shape in _meshes(model, geoms, tolerance):
         name, by_itself, piece = names[geom], isinstance(shape, Solid), int(pieces[geom])
@@ -77,6 +79,7 @@ def geom_parts(
             movable=piece != FIXED or by_itself,
             attach_to=None if first == name else first,
             aliases=(model.body(bodies[geom]).name,),
+            appearance=looks.of(geom),
         )
         parts.append((geom, part))
     return parts
