@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 from warpvis.core.checks import shortened as shortened_text
 from warpvis.core.labels import Label
 from warpvis.scene import Part
+from warpvis.scene.materials import Material
 from warpvis.webots._extents import Extent
 from warpvis.webots._grammar import World
+from warpvis.webots._materials import joined_appearance
 from warpvis.webots._nodes import Node, Version
 from warpvis.webots._transforms import Transform
 from warpvis.webots.shapes._polygons import Triangles, join
@@ -56,6 +58,7 @@ class Solid:
     recognised: bool = False
     arena: bool = False
     parts: list[Triangles] = field(default_factory=list)
+    materials: list[Material | None] = field(default_factory=list)  # of each part
     level: list[bool] = field(default_factory=list)  # of each part, whether it is a level surface near the ground
 
     def label(self) -> Label:
@@ -163,19 +166,23 @@ def make_parts(solids: Iterable[Solid]) -> tuple[list[Part], dict[Solid, list[st
     for solid in solids:
         if not solid.parts:
             continue
-        for wanted, label, parts in _objects_of(solid):
-            made.append(Part(taken.take(wanted), join(parts), label))
+        for wanted, label, numbers in _objects_of(solid):
+            parts = [solid.parts[number] for number in numbers]
+            look = joined_appearance(
+                [solid.materials[number] for number in numbers], [len(faces) for _, faces in parts]
+            )
+            made.append(Part(taken.take(wanted), join(parts), label, appearance=look))
             names.setdefault(solid, []).append(made[-1].name)
     return made, names
 
 
-def _objects_of(solid: Solid) -> list[tuple[str, Label, list[Triangles]]]:
-    """Name and label the objects that a Solid becomes: an arena's floor is one, its walls are another."""
+def _objects_of(solid: Solid) -> list[tuple[str, Label, list[int]]]:
+    """Name and label the objects that a Solid becomes, and list their parts: an arena has a floor and walls."""
     if solid.arena and any(solid.level) and not all(solid.level):
-        floor = [part for part, level in zip(solid.parts, solid.level, strict=True) if level]
-        walls = [part for part, level in zip(solid.parts, solid.level, strict=True) if not level]
+        floor = [number for number, level in enumerate(solid.level) if level]
+        walls = [number for number, level in enumerate(solid.level) if not level]
         return [(f"{solid.wanted} floor", Label.GROUND, floor), (solid.wanted, Label.OBSTACLE, walls)]
-    return [(solid.wanted, solid.label(), solid.parts)]
+    return [(solid.wanted, solid.label(), list(range(len(solid.parts))))]
 
 
 def skipped_message(

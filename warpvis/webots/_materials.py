@@ -1,0 +1,82 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The base colour of Webots' Shapes: what their Appearance or PBRAppearance says."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.errors import WarpvisError
+from warpvis.scene.materials import Appearance, Material
+from warpvis.webots._nodes import Node
+
+# What Webots takes where a field is left out (docs/reference of Webots: material.md and pbrappearance.md).
+_DIFFUSE = (0.8, 0.8, 0.8)
+_SHININESS = 0.2
+_EXPONENT = 128.0
+"""Of a highlight whose shininess is 1, as in OpenGL."""
+
+
+def shape_material(shape: Node) -> Material | None:
+    """Read the colours of a Shape; None where it says none, or what is no colour."""
+    try:
+        look = shape.node("appearance")
+        if look is None:
+            return None
+        if look.type == "PBRAppearance":
+            return _pbr(look)
+        said = look.node("material") if look.type == "Appearance" else None
+        return None if said is None else _classic(said)
+    except WarpvisError:  # what is no colour changes no depth
+        return None
+
+
+def _pbr(look: Node) -> Material:
+    strength = max(0.0, look.number("emissiveIntensity", 1.0))
+    alpha = 1 - _unit(look.number("transparency", 0.0))
+    return Material(
+        look.text("name", "") or look.name or "",
+        (*_color(look, "baseColor", (1.0, 1.0, 1.0)), alpha),
+        alpha_mode="blend" if alpha < 1 else "opaque",
+        metallic=_unit(look.number("metalness", 1.0)),
+        roughness=_unit(look.number("roughness", 0.0)),
+        emission=tuple(strength * part for part in _color(look, "emissiveColor", (0.0, 0.0, 0.0))),  # type: ignore[arg-type]
+    )
+
+
+def _classic(said: Node) -> Material:
+    alpha = 1 - _unit(said.number("transparency", 0.0))
+    return Material(
+        said.name or "",
+        (*_color(said, "diffuseColor", _DIFFUSE), alpha),
+        alpha_mode="blend" if alpha < 1 else "opaque",
+        specular=_color(said, "specularColor", (0.0, 0.0, 0.0)),
+        shininess=_EXPONENT * _unit(said.number("shininess", _SHININESS)),
+        emission=_color(said, "emissiveColor", (0.0, 0.0, 0.0)),
+    )
+
+
+def joined_appearance(materials: Sequence[Material | None], counts: Sequence[int]) -> Appearance | None:
+    """Make the appearance of shapes that became one object, of so many faces each; None if none says anything."""
+    if not any(materials):
+        return None
+    numbers: dict[int, int] = {}
+    kept: list[Material] = []
+    rows: list[NDArray[np.int32]] = []
+    for material, count in zip(materials, counts, strict=True):
+        if id(material) not in numbers:
+            numbers[id(material)] = len(kept)
+            kept.append(material or Material())
+        rows.append(np.full(count, numbers[id(material)], dtype=np.int32))
+    return Appearance(tuple(kept), np.concatenate(rows) if len(kept) > 1 else None)
+
+
+def _color(node: Node, field: str, default: tuple[float, float, float]) -> tuple[float, float, float]:
+    return tuple(np.clip(node.vector(field, default), 0.0, 1.0).tolist())
+
+
+def _unit(value: float) -> float:
+    return float(np.clip(value, 0.0, 1.0))
