@@ -11,6 +11,7 @@ import io
 import json
 import lzma
 import tarfile
+import warnings
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from importlib.util import find_spec
@@ -35,9 +36,21 @@ def see(scene: wv.Scene) -> None:
     from warpvis.pose_generators import framing
 
     describe(scene)
+    _ask_for_colours(scene)
     if len(scene):
         whole = wv.Camera.from_fov(12, 9, hfov=1.0)
         wv.render(scene, whole, framing(scene, whole))
+
+
+def _ask_for_colours(scene: wv.Scene) -> None:
+    """Read what objects look like: files that are damaged warn."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for item in scene:
+            found = item.appearance
+            for material in () if found is None else found.materials:
+                assert material.texture is None or material.texture.image.shape[2] in (3, 4)
+            assert found is None or found.uv is None or found.corner_uv(item.faces).shape == (*item.faces.shape, 2)
 
 
 def _see_file(name: str, **options: object) -> Callable[[Path], None]:
@@ -56,6 +69,7 @@ def _see_world(name: str, *search_path: str) -> Callable[[Path], None]:
 
 
 def meshes(root: Path) -> Iterator[Item]:
+    from test_appearance_files import MTL, OBJ as COLOURED, png as picture
     from test_damaged_files import ply
     from test_mesh_files import OBJ, SOLIDS, dae, threemf
 
@@ -64,6 +78,8 @@ def meshes(root: Path) -> Iterator[Item]:
     relative = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nvt 0 0\nf -3/1/1 -2//1 -1 \\\n 1\n"
     for text in (f"mtllib a.mtl\n{OBJ}", box, relative):
         yield "OBJ and MTL", {"a.obj": text, "a.mtl": mtl}, (), _see_file("a.obj")
+    seen = {"a.obj": COLOURED, "m.mtl": MTL, "my tex.png": picture()}
+    yield "OBJ and MTL", seen, (), _see_file("a.obj")
     yield "STL", {"a.stl": _BOX.export(file_type="stl")}, (), _see_file("a.stl")
     for text in (SOLIDS, _BOX.export(file_type="stl_ascii")):
         yield "STL", {"a.stl": text}, (), _see_file("a.stl")
@@ -88,6 +104,7 @@ def meshes(root: Path) -> Iterator[Item]:
 
 
 def gltf(root: Path) -> Iterator[Item]:
+    from test_appearance_files import triangle
     from test_gltf_rest import FIRST, WHOLE, skinned
     from test_mesh_files import car, draco_file, meshopt_file
 
@@ -100,7 +117,14 @@ def gltf(root: Path) -> Iterator[Item]:
         (_see_file("model.gltf")),
     )
     yield "glTF", {"a.gltf": _embedded(plain)}, (), _see_file("a.gltf")
-    for data in (car(), scene.export(file_type="glb"), _varied().bytes(), skinned(FIRST, WHOLE).bytes(roots=[0, 2])):
+    coloured = triangle({"index": 0, "extensions": {"KHR_texture_transform": {"rotation": 1, "scale": [2, 1]}}}).bytes()
+    for data in (
+        coloured,
+        car(),
+        scene.export(file_type="glb"),
+        _varied().bytes(),
+        skinned(FIRST, WHOLE).bytes(roots=[0, 2]),
+    ):
         yield "GLB", {"a.glb": data}, (), _see_file("a.glb")
     yield "GLB, Draco", {"a.glb": draco_file(_BALL)}, (), _see_file("a.glb")
     # It is built from source on many machines, and so none that tests need.

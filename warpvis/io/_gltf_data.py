@@ -255,10 +255,18 @@ def _chunks(file: bytes) -> tuple[bytes, bytes | None]:
 
 
 def _resource(uri: str, find: Find) -> bytes:
-    if uri.startswith("data:"):
-        kind, _, text = uri.partition(",")
-        return base64.b64decode(text) if kind.endswith(";base64") else urllib.parse.unquote_to_bytes(text)
-    return find(urllib.parse.unquote(uri))
+    return uri_bytes(uri) if uri.startswith("data:") else find(uri_name(uri))
+
+
+def uri_bytes(uri: str) -> bytes:
+    """Return the bytes that a ``data:`` URI holds."""
+    kind, _, text = uri.partition(",")
+    return base64.b64decode(text) if kind.endswith(";base64") else urllib.parse.unquote_to_bytes(text)
+
+
+def uri_name(uri: str) -> str:
+    """Return the name of the file that a URI names."""
+    return urllib.parse.unquote(uri)
 
 
 def _layout(item: dict[str, Any]) -> tuple[int, np.dtype, int]:

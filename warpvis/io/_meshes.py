@@ -22,11 +22,14 @@ from warpvis.io._archives import is_archive, unpack
 from warpvis.io._file_meshes import FileMesh, FileMeshes
 from warpvis.io._gltf import read_gltf
 from warpvis.io._gltf_data import Find
+from warpvis.io._gltf_materials import Locate
 from warpvis.io._obj import obj_order, obj_splits, straighten_obj
+from warpvis.io._obj_materials import ObjMaterials
 from warpvis.io._ply import straighten_ply
 from warpvis.io._threemf import unit_and_names
 from warpvis.scene import Axis, FileParts, Part, keep_winding
 from warpvis.scene.collada import unit_and_axis, without_skins
+from warpvis.scene.looks import look_of
 
 _GLTF = ("glb", "gltf")
 _NAMELESS = ("geometry_0", "geometry")
@@ -50,7 +53,7 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
         loaded = _load_archive(path)
     else:
         _require_reader(str(path), path.suffix, kind)
-        loaded = _load(str(path), kind, path.read_bytes(), _finder(path, search_path))
+        loaded = _load(str(path), kind, path.read_bytes(), _finder(path, search_path), _locator(path, search_path))
     alone = len(loaded.meshes) == 1
     names = _unique(
         [mesh.name or (path.stem if alone else f"mesh_{number}") for number, mesh in enumerate(loaded.meshes)]
@@ -62,6 +65,7 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
             mesh.extras.get("label", Label.OBSTACLE),
             mesh.row,
             has_frame=mesh.shares_movable,
+            appearance=mesh.appearance,
         )
         for name, mesh in zip(names, loaded.meshes, strict=True)
     ]
@@ -72,6 +76,11 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
         messages.insert(0, f"{path}: left out {some}, which hold lines or points and no triangles")
     if strict and messages:
         raise FileFormatError(messages[0])
+    if loaded.colorless:
+        some = ", ".join(dict.fromkeys(loaded.colorless[:_MOST_NAMED])) + (
+            ", ..." if len(loaded.colorless) > _MOST_NAMED else ""
+        )
+        messages.append(f"{path}: left out the colours of {some}")
     up: Axis | None = "y" if loaded.up == "y" else "z" if loaded.up else None
     return FileParts(path, parts, up=up, warnings=tuple(messages), classes=_classes(path, loaded.meshes))
 
@@ -142,11 +151,18 @@ def _load_archive(path: Path) -> FileMeshes:
         raise FileFormatError(f"{path}: holds no mesh file; those are {known}")
     whole, axes = FileMeshes(), {}
     for member in members:
-        loaded = _load(f"{path}/{member}", _kind(member), files[member], partial(_find_member, files, member))
+        loaded = _load(
+            f"{path}/{member}",
+            _kind(member),
+            files[member],
+            partial(_find_member, files, member),
+            partial(_locate_member, files, member),
+        )
         stem = posixpath.splitext(posixpath.basename(member))[0]
         whole.meshes += [mesh._replace(name=mesh.name or stem) for mesh in loaded.meshes]
         whole.empty += loaded.empty
         whole.notes += loaded.notes
+        whole.colorless += loaded.colorless
         axes[loaded.up] = member
     if len(axes) > 1:
         some = " and ".join(map(repr, list(axes.values())[:2]))
@@ -185,7 +201,27 @@ def _finder(path: Path, search_path: Sequence[Path]) -> Find:
     return find
 
 
-def _load(name: str, kind: str, file: bytes, find: Find) -> FileMeshes:
+def _locator(path: Path, search_path: Sequence[Path]) -> Locate:
+    """Make what says where images are that a file names, beside it or below it, or in the folders."""
+
+    def locate(name: str) -> Path | None:
+        for folder in (path.parent, *search_path):
+            place = folder / name.replace("\\", "/")
+            try:
+                if place.is_file() and place.resolve().is_relative_to(folder.resolve()):
+                    return place
+            except (OSError, ValueError):  # no name of a file
+                continue
+        return None
+
+    return locate
+
+
+def _locate_member(files: dict[str, bytes], member: str, name: str) -> bytes | None:
+    return files.get(posixpath.normpath(posixpath.join(posixpath.dirname(member), name.replace("\\", "/"))))
+
+
+def _load(name: str, kind: str, file: bytes, find: Find, locate: Locate) -> FileMeshes:
     """Read one file.
 
     Raises:
@@ -193,14 +229,14 @@ def _load(name: str, kind: str, file: bytes, find: Find) -> FileMeshes:
     """
     try:
         if kind in _GLTF:
-            return read_gltf(file, find)
+            return read_gltf(file, find, locate)
         if kind == "dae":
             return _load_collada(file)
         if kind == "3mf":
             return _load_3mf(Path(name), file)
         if kind == "ply":
             file = straighten_ply(file)
-        return _load_obj(file) if kind == "obj" else _load_by_trimesh(file, kind)
+        return _load_obj(name, file, locate) if kind == "obj" else _load_by_trimesh(file, kind)
     except FileFormatError:
         raise
     except Exception as error:  # readers raise what they like
@@ -228,9 +264,14 @@ def _load_3mf(path: Path, file: bytes) -> FileMeshes:
     return found
 
 
-def _load_obj(file: bytes) -> FileMeshes:
+def _load_obj(name: str, file: bytes, locate: Locate) -> FileMeshes:
     text = straighten_obj(file)
+    materials = ObjMaterials(name, text, locate)
     found = _load_by_trimesh(text, "obj", group_material=False, skip_materials=True, **obj_splits(text))
+    found.meshes = [
+        mesh._replace(appearance=materials.look(mesh.name, mesh.appearance, (len(mesh.vertices), len(mesh.faces))))
+        for mesh in found.meshes
+    ]
     order = obj_order(text)
     found.meshes.sort(key=lambda mesh: order.get(mesh.name, -1))
     return found
@@ -255,7 +296,8 @@ def _load_by_trimesh(file: bytes, kind: str, **options: bool) -> FileMeshes:
         vertices = np.asarray(mesh.vertices, dtype=np.float64)
         with np.errstate(invalid="ignore", over="ignore"):  # the scene says what is not finite
             corners = vertices @ placement[:3, :3].T + placement[:3, 3]
-        found.meshes.append(FileMesh(name, corners, keep_winding(mesh.faces, placement[:3, :3]), {}))
+        look = look_of(None, mesh, name or kind.upper(), (len(vertices), len(mesh.faces)), color_space="srgb")
+        found.meshes.append(FileMesh(name, corners, keep_winding(mesh.faces, placement[:3, :3]), {}, appearance=look))
     return found
 
 

@@ -1,0 +1,325 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What files say of colour: glTF, OBJ with MTL, PLY, COLLADA and MuJoCo's models."""
+
+import io
+import warnings
+import zipfile
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+from gltf_files import GltfWriter
+from PIL import Image
+
+import warpvis as wv
+from warpvis.io._obj_materials import read_mtl
+
+IMAGE = np.arange(12, dtype=np.uint8).reshape(2, 2, 3)
+ROWS, FACES = [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]
+UV = np.float32([[0, 0], [1, 0.25], [0, 2]])
+
+
+def png():
+    file = io.BytesIO()
+    Image.fromarray(IMAGE).save(file, "PNG")
+    return file.getvalue()
+
+
+def load(path, **options):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return wv.Scene.load(path, **options)
+
+
+def triangle(info=None, **material):
+    """A triangle with a texture; its index and what else its place says are `info`."""
+    writer = GltfWriter()
+    made = writer.primitive(ROWS, FACES, material=0)
+    made["attributes"]["TEXCOORD_0"] = writer.accessor(UV)
+    made["attributes"]["TEXCOORD_1"] = writer.accessor(np.uint8([[0, 0], [255, 51], [0, 255]]), normalized=True)
+    writer.node(made, name="t")
+    rough = {"baseColorFactor": [1, 0.5, 0.25, 0.5]} | ({"baseColorTexture": info} if info else {})
+    writer.content["images"] = [{"bufferView": writer.view(png()), "mimeType": "image/png"}, {"uri": "my%20tex.png"}]
+    writer.content["samplers"] = [{"wrapS": 33071, "wrapT": 33648, "magFilter": 9728}, {}]
+    writer.content["textures"] = [{"source": 0, "sampler": 0}, {"source": 1, "sampler": 1}]
+    writer.content["materials"] = [{"name": "m", "pbrMetallicRoughness": rough, **material}]
+    return writer
+
+
+def appearance(tmp_path, writer):
+    (tmp_path / "a.glb").write_bytes(writer.bytes())
+    return next(iter(load(tmp_path / "a.glb"))).appearance
+
+
+def test_gltf_factors_and_texture(tmp_path):
+    said = {"alphaMode": "MASK", "alphaCutoff": 0.75, "doubleSided": True, "emissiveFactor": [0, 0, 1]}
+    more = {"extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 3}}}
+    found = appearance(tmp_path, triangle({"index": 0}, **said, **more))
+    (made,) = found.materials
+    assert (made.name, made.base_color, made.color_space) == ("m", (1, 0.5, 0.25, 0.5), "linear")
+    assert (made.alpha_mode, made.alpha_cutoff, made.double_sided) == ("mask", 0.75, True)
+    assert (made.metallic, made.roughness, made.emission) == (1.0, 1.0, (0, 0, 3))
+    assert (made.texture.wrap_u, made.texture.wrap_v, made.texture.filter) == ("clamp", "mirror", "nearest")
+    np.testing.assert_array_equal(made.texture.image, IMAGE)
+    np.testing.assert_array_equal(found.uv, np.stack([UV[:, 0], 1 - UV[:, 1]], axis=1))  # v counts upwards
+
+
+def test_gltf_second_coordinates_and_their_transform(tmp_path):
+    second = np.array([[0, 0], [1, 0.2], [0, 1]])
+    found = appearance(tmp_path, triangle({"index": 0, "texCoord": 1}))
+    np.testing.assert_allclose(found.uv, second * [1, -1] + [0, 1], atol=1e-6)
+    transform = {"offset": [0.5, 0.25], "rotation": np.pi / 2, "scale": [2, 4], "texCoord": 1}
+    found = appearance(tmp_path, triangle({"index": 0, "extensions": {"KHR_texture_transform": transform}}))
+    u, v = (second * [2, 4]).T
+    np.testing.assert_allclose(found.uv, np.stack([v + 0.5, 1 - (-u + 0.25)], axis=1), atol=1e-6)
+
+
+def test_gltf_image_of_a_file_of_its_own(tmp_path):
+    Image.fromarray(IMAGE).save(tmp_path / "my tex.png")
+    texture = appearance(tmp_path, triangle({"index": 1})).materials[0].texture
+    assert (texture.wrap_u, texture.filter) == ("repeat", "linear")
+    np.testing.assert_array_equal(texture.image, IMAGE)
+
+
+def test_gltf_image_of_an_archive(tmp_path):
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.writestr("in/a.glb", triangle({"index": 1}).bytes())
+        archive.writestr("in/my tex.png", png())
+    (item,) = load(tmp_path / "a.zip")
+    np.testing.assert_array_equal(item.appearance.materials[0].texture.image, IMAGE)
+
+
+@pytest.mark.parametrize("place", ["my tex.png", "../my tex.png"])
+def test_gltf_without_its_image_shows_the_materials_colour(tmp_path, place):
+    (tmp_path / "in").mkdir()
+    Image.fromarray(IMAGE).save(tmp_path / "my tex.png")  # outside of the file's folder, where nothing is read
+    writer = triangle({"index": 1})
+    writer.content["images"][1]["uri"] = place
+    texture = appearance(tmp_path / "in", writer).materials[0].texture
+    with pytest.warns(UserWarning, match=r"my tex\.png: cannot be read as an image \(no such file\): white stands in"):
+        assert (texture.image == 255).all()
+
+
+def test_gltf_colours_of_vertices(tmp_path):
+    for rows, more in ((np.uint8([[255, 0, 51]] * 3), {"normalized": True}), (np.float32([[1, 0, 0.2]] * 3), {})):
+        writer = GltfWriter()
+        made = writer.primitive(ROWS, FACES)
+        made["attributes"]["COLOR_0"] = writer.accessor(rows, **more)
+        writer.node(made)
+        found = appearance(tmp_path, writer)
+        np.testing.assert_allclose(found.vertex_colors, [[1, 0, 0.2, 1]] * 3, atol=1e-7)
+        assert found.materials[0].color_space == "linear"
+
+
+def test_gltf_nodes_of_one_mesh_share_what_they_look_like(tmp_path):
+    writer = triangle({"index": 0})
+    writer.node(mesh=None)
+    writer.content["nodes"][-1] = {"mesh": 0, "name": "mirrored", "scale": [-1, 1, 1]}
+    (tmp_path / "a.glb").write_bytes(writer.bytes())
+    one, other = load(tmp_path / "a.glb")
+    assert one.appearance is other.appearance
+    # Turned round, a face's corners have the coordinates that its vertices have.
+    np.testing.assert_array_equal(
+        other.appearance.corner_uv(other.faces)[0, ::-1], one.appearance.corner_uv(one.faces)[0]
+    )
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda content: content["materials"][0].update(alphaMode="GLASS"),
+        lambda content: content["materials"][0].update(emissiveFactor="blue"),
+        lambda content: content["materials"][0]["pbrMetallicRoughness"].update(baseColorFactor=[1, 2]),
+        lambda content: content["materials"][0]["pbrMetallicRoughness"].update(roughnessFactor=None),
+        lambda content: content["materials"][0]["pbrMetallicRoughness"].update(baseColorTexture={"index": 9}),
+        lambda content: content["materials"][0]["pbrMetallicRoughness"].update(baseColorTexture=[]),
+        lambda content: content["meshes"][0]["primitives"][0].update(material=7),
+        lambda content: content["meshes"][0]["primitives"][0]["attributes"].update(TEXCOORD_0=99),
+        lambda content: content["images"].clear(),
+        lambda content: content["images"][0].update(bufferView=99),
+        lambda content: content["accessors"][2].update(count=2),
+    ],
+)
+def test_gltf_with_damaged_colours_keeps_its_triangles(tmp_path, spoil):
+    writer = triangle({"index": 0})
+    spoil(writer.content)
+    (tmp_path / "a.glb").write_bytes(writer.bytes())
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        (item,) = wv.Scene.load(tmp_path / "a.glb", strict=True)
+        assert len(item.faces) == 1
+    found = item.appearance
+    assert found is not None or ["left out the colours of mesh 0" in str(one.message) for one in said] == [True]
+
+
+OBJ = "\n".join(
+    ["mtllib m.mtl"]
+    + [f"v {number} {number * number % 7} 0" for number in range(1, 13)]
+    + ["vt 0 0\nvt 1 0\nvt 0 3"]
+    + ["o triangles\nusemtl red\nf 1/1 2/2 3/3\nf 2/1 3/2 4/3\nusemtl blue\nf 3/1 4/1 5/2"]
+    + ["o quads\nf 1 2 3 4\nusemtl red\nf 5 6 7 8"]
+    + ["o mixed\nf 1 2 3 4 5\nusemtl green\nf 5 6 7"]
+    + ["o polygons\nusemtl red\nf 1 2 3 4 5\nusemtl blue\nf 5 6 7 8 9\n"]
+)
+MTL = """
+newmtl red
+Kd 1 0 0
+d 0.5
+Ns 10
+Ks .1 .2 .3
+newmtl blue
+Kd 0 0 1
+map_Kd -clamp on -s 2 2 1 my tex.png
+newmtl green
+Kd 0 1
+Tr 0.25
+Ns many
+"""
+
+
+def test_obj_faces_have_the_materials_of_their_lines(tmp_path):
+    (tmp_path / "a.obj").write_text(OBJ)
+    (tmp_path / "m.mtl").write_text(MTL)
+    Image.fromarray(IMAGE).save(tmp_path / "my tex.png")
+    scene = load(tmp_path / "a.obj")
+    for item, bound, low, high in zip(scene, (3, 5, 5, 5), "rbrr", "brgb", strict=True):
+        found = item.appearance
+        names = [found.materials[number].name[0] for number in found.face_materials]
+        first = item.vertices[item.faces].min(axis=1)[:, 0] < bound
+        if item.name != "mixed":  # its triangle is of vertex 5, as the polygon's last is not
+            assert names == [low if early else high for early in first], item.name
+    assert [scene["mixed"].appearance.materials[n].name for n in scene["mixed"].appearance.face_materials] == [
+        "red",
+        "red",
+        "red",
+        "green",
+    ]
+    found = scene["triangles"].appearance
+    corners = found.corner_uv(scene["triangles"].faces)
+    places = scene["triangles"].vertices[scene["triangles"].faces][:, :, 0]
+    # The same vertex has other coordinates in the next face.
+    by_face = {
+        1: {1: (0, 0), 2: (1, 0), 3: (0, 3)},
+        2: {2: (0, 0), 3: (1, 0), 4: (0, 3)},
+        3: {3: (0, 0), 4: (0, 0), 5: (1, 0)},
+    }
+    for row, uv in zip(places, corners, strict=True):
+        wanted = by_face[int(row.min())]
+        assert [tuple(pair) for pair in uv.tolist()] == [wanted[int(place)] for place in row]
+    red, blue = found.materials
+    assert (red.base_color, red.alpha_mode, red.shininess, red.specular) == (
+        (1, 0, 0, 0.5),
+        "blend",
+        10,
+        (0.1, 0.2, 0.3),
+    )
+    assert (blue.texture.wrap_u, blue.color_space) == ("clamp", "srgb")
+    np.testing.assert_array_equal(blue.texture.image, IMAGE)
+
+
+def test_mtl_that_says_no_numbers_has_what_is_there_by_default():
+    green = read_mtl(MTL.encode(), lambda name: None)[2]
+    assert (green.base_color, green.shininess) == ((1, 1, 1, 0.75), 0)
+    assert read_mtl(b"\xff\0 Kd\nKd 1 1 1\nnewmtl\nKd 9 nan -3\nd inf\nmap_Kd -s 1", lambda name: None)[0].name == ""
+
+
+def test_obj_without_its_mtl_warns_when_colours_are_asked_for(tmp_path):
+    (tmp_path / "a.obj").write_text(OBJ)
+    scene = load(tmp_path / "a.obj")
+    with pytest.warns(
+        UserWarning, match=r"a\.obj: no MTL file has the material 'red', 'blue' \(m\.mtl: no such file\)"
+    ):
+        found = scene["triangles"].appearance
+    assert [material.base_color for material in found.materials] == [(1, 1, 1, 1)] * 2
+
+
+def test_ply_colours_of_vertices_and_of_faces(tmp_path):
+    for kind, count in (("vertex", 8), ("face", 12)):
+        mesh = trimesh.creation.box()
+        colors = np.arange(4 * count, dtype=np.uint8).reshape(count, 4)
+        setattr(mesh.visual, f"{kind}_colors", colors)
+        mesh.export(tmp_path / "a.ply")
+        (item,) = load(tmp_path / "a.ply")
+        np.testing.assert_array_equal(getattr(item.appearance, f"{kind}_colors"), colors)
+
+
+def test_collada_base_colour(tmp_path):
+    pytest.importorskip("collada")
+    mesh = trimesh.creation.box()
+    mesh.visual = trimesh.visual.TextureVisuals(
+        uv=np.zeros((8, 2)), material=trimesh.visual.material.PBRMaterial(baseColorFactor=[255, 51, 0, 255])
+    )
+    (tmp_path / "a.dae").write_bytes(trimesh.exchange.dae.export_collada(mesh))
+    (item,) = load(tmp_path / "a.dae")
+    (made,) = item.appearance.materials
+    assert made.color_space == "srgb"
+    assert made.base_color == pytest.approx((1, 0.2, 0, 1), abs=1 / 255)
+
+
+MODEL = """<mujoco><asset>
+<texture name="t" type="2d" builtin="checker" rgb1="1 0 0" rgb2="0 1 0" width="8" height="4"/>
+<texture name="c" type="cube" builtin="flat" rgb1="1 0 0" rgb2="0 1 0" width="8" height="8"/>
+<material name="m" texture="t" texrepeat="3 2" texuniform="true" rgba=".25 .5 .75 1" specular=".25" shininess=".5"/>
+<material name="k" texture="c"/>
+<mesh name="q" vertex="0 0 0 1 0 0 0 1 0 0 0 1" face="0 2 1 0 1 3 0 3 2 1 2 3" texcoord="0 0 1 0 0 .25 1 1"/></asset>
+<worldbody><geom name="p" type="plane" size="1 1 1" material="m"/>
+<geom name="b" type="box" size="1 1 1" material="k" rgba="1 0 0 .5"/><geom name="s" size=".1" rgba="0 0 1 1"/>
+<geom name="q" type="mesh" mesh="q" material="m"/></worldbody></mujoco>"""
+
+
+def test_mujoco_colours_materials_and_textures(tmp_path):
+    (tmp_path / "a.xml").write_text(MODEL)
+    model = mujoco.MjModel.from_xml_string(MODEL)
+    for scene in (load(tmp_path / "a.xml"), wv.mujoco.scene_from_mujoco(model).scene):
+        made = {item.name: item.appearance.materials[0] for item in scene}
+        assert made["p"].base_color == (0.25, 0.5, 0.75, 1)  # the material's, for the geom has none
+        assert (made["p"].projection, made["p"].texture_repeat, made["p"].texture_uniform) == ("plane", (3, 2), True)
+        assert (made["p"].specular, made["p"].shininess) == ((0.25,) * 3, 64)
+        assert made["p"].texture.image.shape == (4, 8, 3)
+        assert made["p"].texture is made["q"].texture
+        assert (made["b"].base_color, made["b"].alpha_mode, made["b"].projection) == ((1, 0, 0, 0.5), "blend", "cube")
+        assert made["b"].texture.image.shape == (48, 8, 3)
+        assert (made["s"].base_color, made["s"].texture) == ((0, 0, 1, 1), None)
+        assert made["q"].projection == "uv"
+        found = scene["q"].appearance.corner_uv(scene["q"].faces)
+        coordinates = {(0, 0, 0): (0, 1), (1, 0, 0): (1, 1), (0, 1, 0): (0, 0.75), (0, 0, 1): (1, 0)}
+        corners = np.rint(scene["q"].vertices[scene["q"].faces]).astype(int).tolist()
+        assert found.tolist() == [[list(coordinates[tuple(place)]) for place in face] for face in corners]
+
+
+def test_exported_scenes_have_no_colours(tmp_path):
+    scene = wv.Scene()
+    scene.add(trimesh.creation.box(), appearance=(1, 0, 0))
+    scene.export(tmp_path / "a.glb")
+    (item,) = load(tmp_path / "a.glb")
+    assert item.appearance is None
+
+
+WORLD = """#VRML_SIM R2023b utf8
+WorldInfo {}
+Solid { name "two" children [
+  Shape { appearance PBRAppearance { baseColor 1 0.5 0 transparency 0.25 metalness 0 roughness 0.5 }
+          geometry Box { size 1 1 1 } }
+  Shape { appearance DEF A Appearance { material Material { diffuseColor 0 0 1 specularColor 1 0 0 } }
+          geometry Plane {} }
+  Shape { geometry Plane {} } ] }
+Solid { name "none" children [ Shape { appearance Parquetry {} geometry Plane {} } ] }
+Solid { name "bad" children [ Shape { appearance PBRAppearance { baseColor "red" } geometry Plane {} } ] }
+"""
+
+
+def test_webots_base_colours(tmp_path):
+    (tmp_path / "a.wbt").write_text(WORLD)
+    scene = wv.Scene.load(tmp_path / "a.wbt")
+    found = scene["two"].appearance
+    orange, blue, white = found.materials
+    assert (orange.base_color, orange.alpha_mode) == ((1, 0.5, 0, 0.75), "blend")
+    assert (orange.metallic, orange.roughness) == (0, 0.5)
+    assert (blue.base_color, blue.specular, blue.shininess) == ((0, 0, 1, 1), (1, 0, 0), pytest.approx(25.6))
+    assert white.base_color == (1, 1, 1, 1)
+    planes = (len(found.face_materials) - 12) // 2
+    assert found.face_materials.tolist() == [0] * 12 + [1] * planes + [2] * planes
+    assert scene["none"].appearance is None
+    assert scene["bad"].appearance is None

@@ -1,0 +1,140 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a glTF file says of colour: materials, base colour textures, and colours of vertices.
+
+trimesh's reader keeps neither wrap modes and filters nor transforms of textures, nor second texture coordinates.
+Sections are those of the glTF 2.0 specification.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.io._gltf_data import GltfData, uri_bytes, uri_name
+from warpvis.scene.materials import Appearance, Filter, Material, Texture, Wrap
+
+Locate = Callable[[str], Path | bytes | None]
+"""Finds an image that a file names, without reading it; its bytes where it is in an archive; None if it is nowhere."""
+
+TRANSFORM = "KHR_texture_transform"
+_OLD = "KHR_materials_pbrSpecularGlossiness"
+_WRAPS: dict[Any, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
+_FILTERS: dict[Any, Filter] = {9728: "nearest", 9729: "linear"}
+_SOURCES = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu", "MSFT_texture_dds")
+
+Attribute = Callable[[str], NDArray[np.generic]]
+"""Reads an attribute of a primitive's vertices."""
+
+
+def nowhere(_: str) -> None:
+    """Find no image."""
+
+
+class GltfMaterials:
+    """The materials of a file, of which each is read once."""
+
+    def __init__(self, data: GltfData, locate: Locate) -> None:
+        self._data, self._locate = data, locate
+        self._known: dict[int, Material] = {}
+
+    def appearance(self, primitive: dict[str, Any], attribute: Attribute) -> Appearance | None:
+        """Read what a primitive looks like; None if it says nothing.
+
+        Raises:
+            ValueError: It is malformed; any other exception that what is no glTF leads to.
+        """
+        attributes, index = primitive.get("attributes", {}), primitive.get("material")
+        colors = _vertex_colors(attribute("COLOR_0")) if "COLOR_0" in attributes else None
+        if index is None:
+            return None if colors is None else Appearance((Material(color_space="linear"),), vertex_colors=colors)
+        said = self._data.one("materials", index)
+        if index not in self._known:
+            self._known[index] = self._material(said)
+        uv, info = None, _base(said)[1]
+        if info is not None:
+            transform = (info.get("extensions") or {}).get(TRANSFORM) or {}
+            name = f"TEXCOORD_{transform.get('texCoord', info.get('texCoord', 0))}"
+            uv = _coordinates(attribute(name), transform) if name in attributes else None
+        return Appearance((self._known[index],), uv=uv, vertex_colors=colors)
+
+    def _material(self, said: dict[str, Any]) -> Material:
+        """Read a material (3.9); its factors are linear."""
+        color, info = _base(said)
+        rough = said.get("pbrMetallicRoughness") or {}
+        extensions = said.get("extensions") or {}
+        strength = float((extensions.get("KHR_materials_emissive_strength") or {}).get("emissiveStrength", 1.0))
+        return Material(
+            name=str(said.get("name") or ""),
+            base_color=tuple(color),
+            color_space="linear",
+            texture=None if info is None else self._texture(info["index"]),
+            alpha_mode=str(said.get("alphaMode", "OPAQUE")).lower(),  # type: ignore[arg-type]  # it checks it
+            alpha_cutoff=said.get("alphaCutoff", 0.5),
+            metallic=rough.get("metallicFactor", 0.0 if _OLD in extensions else 1.0),
+            roughness=rough.get("roughnessFactor", 1.0),
+            emission=tuple(np.multiply(strength, said.get("emissiveFactor", (0, 0, 0))).tolist()),
+            double_sided=said.get("doubleSided", False),
+        )
+
+    def _texture(self, index: Any) -> Texture:
+        """Read a texture (3.8), whose image is decoded when it is asked for."""
+        said = self._data.one("textures", index)
+        sampler = self._data.one("samplers", said["sampler"]) if said.get("sampler") is not None else {}
+        extensions = said.get("extensions") or {}
+        others = [extensions[name]["source"] for name in _SOURCES if name in extensions]
+        number = said.get("source", *others[:1]) if others else said.get("source")
+        source, name = self._image(number)
+        return Texture(
+            source,
+            name,
+            wrap_u=_WRAPS.get(sampler.get("wrapS"), "repeat"),
+            wrap_v=_WRAPS.get(sampler.get("wrapT"), "repeat"),
+            filter=_FILTERS.get(sampler.get("magFilter"), "linear"),
+        )
+
+    def _image(self, number: Any) -> tuple[Path | bytes, str]:
+        if number is None:
+            return b"", "a texture without an image"
+        said = self._data.one("images", number)
+        name = str(said.get("name") or f"image {number}")
+        if "bufferView" in said:
+            return self._data.view(said["bufferView"]).tobytes(), name
+        uri = str(said.get("uri", ""))
+        if uri.startswith("data:"):
+            return uri_bytes(uri), name
+        found = self._locate(uri_name(uri))
+        return (b"" if found is None else found), uri_name(uri) if not isinstance(found, Path) else str(found)
+
+
+def _base(said: dict[str, Any]) -> tuple[Any, dict[str, Any] | None]:
+    """Return a material's base colour, and where its texture is."""
+    old = (said.get("extensions") or {}).get(_OLD)
+    if old is not None and "pbrMetallicRoughness" not in said:
+        return old.get("diffuseFactor", (1, 1, 1, 1)), old.get("diffuseTexture")
+    rough = said.get("pbrMetallicRoughness") or {}
+    return rough.get("baseColorFactor", (1, 1, 1, 1)), rough.get("baseColorTexture")
+
+
+def _vertex_colors(rows: NDArray[np.generic]) -> NDArray[np.float32]:
+    """Read colours of vertices, which the specification has from 0 to 1 (3.7.2.1)."""
+    return np.clip(rows.astype(np.float32), 0.0, 1.0)
+
+
+def _coordinates(rows: NDArray[np.generic], transform: dict[str, Any]) -> NDArray[np.float32]:
+    """Transform texture coordinates (KHR_texture_transform: scaled, turned, moved), and count v upwards."""
+    uv = rows.astype(np.float64)
+    if uv.ndim != 2 or uv.shape[1] != 2:
+        raise ValueError("texture coordinates must be of two numbers each")
+    if transform:
+        # The extension's sentence says that coordinates turn counterclockwise as seen, and so do Khronos's sample
+        # viewer and three.js; its lines of GLSL turn them the other way.
+        angle = float(transform.get("rotation", 0.0))
+        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        scale = np.array(transform.get("scale", (1, 1)), dtype=np.float64).reshape(2)
+        uv = (uv * scale) @ turn.T + np.array(transform.get("offset", (0, 0)), dtype=np.float64).reshape(2)
+    return np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1).astype(np.float32)

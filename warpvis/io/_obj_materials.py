@@ -1,0 +1,211 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What an OBJ file and its MTL files say of colour: which material each face has.
+
+trimesh's reader gives an object one material, or makes an object of each; texture coordinates are those that it reads.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.checks import shortened
+from warpvis.core.user_warnings import warn_user
+from warpvis.io._gltf_materials import Locate
+from warpvis.io._obj import obj_splits
+from warpvis.scene.looks import Look
+from warpvis.scene.materials import Appearance, Material, Texture
+
+_DIRECTIVE = {
+    "object": re.compile(rb"\n(usemtl|o) ++([^\n]*)"),
+    "group": re.compile(rb"\n(usemtl|g) ++([^\n]*)"),
+}
+_LIBRARY = re.compile(rb"\nmtllib ++([^\n]*)")
+_FACE = re.compile(rb"\nf ([^\n]*)")
+
+# Options of maps, and how many words follow each at most; numbers that follow are fewer where the name comes.
+_OPTIONS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
+_WORD = ("-clamp", "-blendu", "-blendv", "-cc", "-bm", "-boost", "-texres", "-imfchan", "-type")
+_WHITE = np.array([1.0, 1.0, 1.0])
+
+
+class ObjMaterials:
+    """The materials of an OBJ file, and which of them its faces have."""
+
+    def __init__(self, name: str, text: bytes, locate: Locate) -> None:
+        """Read the file's MTL files, and how many faces of each object have which material.
+
+        Args:
+            name: The file's, for messages.
+            text: What `straighten_obj` returns.
+            locate: Finds MTL files and images.
+        """
+        self._name = name
+        self._known: dict[str, Material] = {}
+        self._missing: list[str] = []
+        self._runs: dict[str, list[tuple[str, int, bytes]]] = {}
+        if b"\nusemtl " not in text:
+            return
+        for match in _LIBRARY.finditer(text):
+            self._read_library(_decoded(match[1]), locate)
+        self._collect_runs(text)
+
+    def look(self, mesh: str, given: Appearance | Look | None, counts: tuple[int, int]) -> Appearance | Look | None:
+        """Return what an object looks like.
+
+        Args:
+            mesh: Its name, as in the file; empty for that of faces before any name.
+            given: Texture coordinates and colours of vertices, as trimesh reads them.
+            counts: Vertices and faces.
+        """
+        runs = self._runs.get(mesh)
+        if not runs:
+            return given
+        names = list(dict.fromkeys(run[0] for run in runs))
+        materials = tuple(self._known.get(name, Material(name)) for name in names)
+        rows = self._rows(runs, names, counts[1]) if len(names) > 1 else None
+        unknown = [name for name in names if name and name not in self._known]
+        missed = f" ({', '.join(self._missing)}: no such file)" if self._missing else ""
+        where = self._name
+
+        def make() -> Appearance:
+            base = given.get() if isinstance(given, Look) else given
+            if unknown:
+                some = ", ".join(map(repr, map(shortened, unknown[:5])))
+                warn_user(f"{where}: no MTL file has the material {some}{missed}: white stands in", UserWarning)
+            if len(names) > 1 and rows is None:
+                warn_user(f"{where}: {mesh!r} has one material, for its faces are not those of the file", UserWarning)
+            uv, colors = (None, None) if base is None else (base.uv, base.vertex_colors)
+            return Appearance(materials, rows, uv, colors)
+
+        return Look(make)
+
+    def _read_library(self, words: str, locate: Locate) -> None:
+        """Read the MTL files of a line: one whose name may have spaces, or else several."""
+        found = locate(words)
+        names = [words] if found is not None else words.split()
+        for name in names:
+            found = locate(name)
+            try:
+                file = found.read_bytes() if isinstance(found, Path) else found
+            except OSError:
+                file = None
+            if file is None:
+                self._missing.append(name)
+                continue
+            for material in read_mtl(file, locate):
+                self._known.setdefault(material.name, material)
+
+    def _collect_runs(self, text: bytes) -> None:
+        """Split the text where the object or the material changes."""
+        kind = "object" if obj_splits(text)["split_objects"] else "group"
+        mesh, material, start = "", "", 0
+        places = [
+            (match.start(), match[1], _decoded(match[2]), match.end()) for match in _DIRECTIVE[kind].finditer(text)
+        ]
+        for place, keyword, value, end in [*places, (len(text), b"", "", len(text))]:
+            count = text.count(b"\nf ", start, place)
+            if count:
+                # The text of triangles is not needed again, and which these are is found out later.
+                self._runs.setdefault(mesh, []).append((material, count, text[start:place]))
+            start = end
+            if keyword == b"usemtl":
+                material = value
+            elif keyword:
+                mesh = value
+
+    def _rows(self, runs: list[tuple[str, int, bytes]], names: list[str], faces: int) -> NDArray[np.int32] | None:
+        """Give each triangle its material's index; None where they are not as many as trimesh made."""
+        numbers = np.array([names.index(run[0]) for run in runs], dtype=np.int32)
+        counts = np.array([run[1] for run in runs])
+        if counts.sum() == faces:
+            return np.repeat(numbers, counts)
+        corners = [len(match[1].split()) for run in runs for match in _FACE.finditer(run[2])]
+        polygons = np.repeat(numbers, counts)
+        if len(corners) != len(polygons):
+            return None
+        if set(corners) == {4}:  # trimesh puts the second halves of quads behind all first ones
+            rows = np.concatenate([polygons, polygons])
+        else:
+            rows = np.repeat(polygons, np.array(corners) - 2)
+        return rows if len(rows) == faces else None
+
+
+def read_mtl(file: bytes, locate: Locate) -> list[Material]:
+    """Read the materials of an MTL file; what is no number there is left as it is by default."""
+    found: list[dict[str, Any]] = []
+    for line in file.replace(b"\r", b"\n").replace(b"\\\n", b" ").split(b"\n"):
+        words = _decoded(line.partition(b"#")[0]).split(None, 1)
+        if not words:
+            continue
+        keyword, rest = words[0].lower(), words[1] if len(words) > 1 else ""
+        if keyword == "newmtl":
+            found.append({"name": rest.strip()})
+        elif found:
+            found[-1].setdefault(keyword, rest.strip())
+    return [_material(said, locate) for said in found]
+
+
+def _material(said: dict[str, str], locate: Locate) -> Material:
+    texture = _texture(said["map_kd"], locate) if said.get("map_kd") else None
+    color = _numbers(said.get("kd", ""), 3)
+    opacity = _numbers(said.get("d", "").replace("-halo", ""), 1)
+    if opacity is None and "tr" in said:
+        through = _numbers(said["tr"], 1)
+        opacity = None if through is None else 1 - through
+    alpha = 1.0 if opacity is None else float(opacity[0])
+    specular, emission = _numbers(said.get("ks", ""), 3), _numbers(said.get("ke", ""), 3)
+    shininess = _numbers(said.get("ns", ""), 1)
+    metallic, roughness = _numbers(said.get("pm", ""), 1), _numbers(said.get("pr", ""), 1)
+    blends = alpha < 1 or "map_d" in said
+    return Material(
+        said["name"],
+        (*np.clip(_WHITE if color is None else color, 0, 1).tolist(), min(max(alpha, 0.0), 1.0)),
+        texture=texture,
+        alpha_mode="blend" if blends else "opaque",
+        metallic=0.0 if metallic is None else float(np.clip(metallic[0], 0, 1)),
+        roughness=1.0 if roughness is None else float(np.clip(roughness[0], 0, 1)),
+        specular=(0.0, 0.0, 0.0) if specular is None else tuple(np.clip(specular, 0, 1).tolist()),
+        shininess=0.0 if shininess is None else max(0.0, float(shininess[0])),
+        emission=(0.0, 0.0, 0.0) if emission is None else tuple(np.maximum(emission, 0).tolist()),
+    )
+
+
+def _texture(words: str, locate: Locate) -> Texture:
+    """Read a map: options, and a file's name, which may have spaces."""
+    rest, clamp = words.split(), False
+    while len(rest) > 1 and rest[0].startswith("-"):
+        option = rest.pop(0).lower()
+        if option in _OPTIONS:
+            for _ in range(_OPTIONS[option]):
+                if len(rest) > 1 and _numbers(rest[0], 1) is not None:
+                    rest.pop(0)
+        elif option in _WORD and len(rest) > 1:
+            clamp |= option == "-clamp" and rest[0].lower() == "on"
+            rest.pop(0)
+    name = " ".join(rest)
+    found = locate(name)
+    wrap = "clamp" if clamp else "repeat"
+    return Texture(b"" if found is None else found, str(found) if isinstance(found, Path) else name, wrap, wrap)  # type: ignore[arg-type]
+
+
+def _numbers(text: str, count: int) -> NDArray[np.float64] | None:
+    """Return finite numbers that a text begins with; None if they are fewer. One of three stands for all."""
+    words: Sequence[str] = text.split()[:count]
+    try:
+        numbers = np.array([float(word) for word in words])
+    except ValueError:
+        return None
+    if count == 3 and len(numbers) == 1:
+        numbers = np.repeat(numbers, 3)
+    return numbers if len(numbers) == count and np.isfinite(numbers).all() else None
+
+
+def _decoded(text: bytes) -> str:
+    return text.strip().decode("utf-8", errors="replace")
