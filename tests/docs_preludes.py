@@ -62,6 +62,11 @@ def prepare(page, folder):
     return names
 
 
+def _appearance(folder):
+    box = trimesh.creation.box()
+    return {"mesh": box, "cup": box, "table": box, "crate": box, "rows": [0] * 12, "uv": np.zeros((12, 3, 2))}
+
+
 def _room():
     """A floor, a table with a cup and a ball behind a wall, a robot and a person."""
     scene = wv.Scene()
