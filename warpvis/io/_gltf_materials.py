@@ -127,7 +127,7 @@ def _vertex_colors(rows: NDArray[np.generic]) -> NDArray[np.float32]:
 
 def _coordinates(rows: NDArray[np.generic], transform: dict[str, Any]) -> NDArray[np.float32]:
     """Transform texture coordinates (KHR_texture_transform: scaled, turned, moved), and count v upwards."""
-    uv = rows.astype(np.float64)
+    uv: NDArray[Any] = rows.astype(np.float64) if transform else rows
     if uv.ndim != 2 or uv.shape[1] != 2:
         raise ValueError("texture coordinates must be of two numbers each")
     if transform:
@@ -137,4 +137,6 @@ def _coordinates(rows: NDArray[np.generic], transform: dict[str, Any]) -> NDArra
         turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
         scale = np.array(transform.get("scale", (1, 1)), dtype=np.float64).reshape(2)
         uv = (uv * scale) @ turn.T + np.array(transform.get("offset", (0, 0)), dtype=np.float64).reshape(2)
-    return np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1).astype(np.float32)
+    upwards: NDArray[np.float32] = uv.astype(np.float32)
+    upwards[:, 1] = 1 - upwards[:, 1]
+    return upwards

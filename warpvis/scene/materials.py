@@ -263,10 +263,10 @@ def _check_uv(rows: np.ndarray, name: str) -> NDArray[np.float32]:
         raise SceneError(f"{name} must have shape (m, 3, 2) or (n, 2), got {rows.shape}")
     with np.errstate(over="ignore"):
         rows = rows.astype(np.float32)
+    if np.isfinite(rows).all():
+        return rows
     bad = np.flatnonzero(~np.isfinite(rows).reshape(len(rows), -1).all(axis=1))
-    if len(bad):
-        raise SceneError(f"{name} must be finite: {len(bad)} are not, the first at {bad[0]}")
-    return rows
+    raise SceneError(f"{name} must be finite: {len(bad)} are not, the first at {bad[0]}")
 
 
 def _check_colors(rows: np.ndarray, name: str) -> NDArray[np.uint8 | np.float32]:
