@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What files say of colour: glTF, OBJ with MTL, PLY, COLLADA and MuJoCo's models."""
 
+import gc
 import io
 import warnings
 import zipfile
@@ -14,6 +15,7 @@ from gltf_files import GltfWriter
 from PIL import Image
 
 import warpvis as wv
+from warpvis.io._gltf_data import GltfData
 from warpvis.io._obj_materials import read_mtl
 
 IMAGE = np.arange(12, dtype=np.uint8).reshape(2, 2, 3)
@@ -146,12 +148,32 @@ def test_gltf_with_damaged_colours_keeps_its_triangles(tmp_path, spoil):
     writer = triangle({"index": 0})
     spoil(writer.content)
     (tmp_path / "a.glb").write_bytes(writer.bytes())
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
-        (item,) = wv.Scene.load(tmp_path / "a.glb", strict=True)
-        assert len(item.faces) == 1
-    found = item.appearance
-    assert found is not None or ["left out the colours of mesh 0" in str(one.message) for one in said] == [True]
+    (item,) = load(tmp_path / "a.glb", strict=True)
+    assert len(item.faces) == 1
+    with pytest.warns(UserWarning, match=r"a\.glb: left out the colours of mesh 0 \("):
+        assert item.appearance is None
+
+
+def test_gltf_colours_are_read_when_they_are_asked_for(tmp_path, monkeypatch):
+    from warpvis.io import _gltf_materials
+
+    read = []
+    monkeypatch.setattr(_gltf_materials, "_coordinates", lambda *arguments: read.append(arguments))
+    (tmp_path / "a.glb").write_bytes(triangle({"index": 0}).bytes())
+    (item,) = load(tmp_path / "a.glb")
+    assert not read
+    assert item.appearance.materials[0].texture is not None
+    assert len(read) == 1
+
+
+def test_gltf_without_textures_leaves_no_bytes_of_the_file_in_memory(tmp_path):
+    writer = triangle()
+    writer.content["materials"].append(dict(writer.content["materials"][0]))
+    (tmp_path / "a.glb").write_bytes(writer.bytes())
+    (item,) = load(tmp_path / "a.glb")
+    gc.collect()
+    assert not [one for one in gc.get_objects() if isinstance(one, GltfData)]
+    assert item.appearance.materials[0].base_color == (1, 0.5, 0.25, 0.5)
 
 
 OBJ = "\n".join(

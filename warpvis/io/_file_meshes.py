@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.scene.looks import Look
-from warpvis.scene.materials import Appearance
 
 
 class FileMesh(NamedTuple):
@@ -29,7 +28,7 @@ class FileMesh(NamedTuple):
     """Mesh to file, ``x y z qx qy qz qw``; None if its vertices are in the file's frame."""
     shares_movable: bool = True
     """Whether one that may move shares its vertices, too, and begins there; else one that stays does."""
-    appearance: Appearance | Look | None = None
+    look: Look | None = None
     """What it looks like, if the file says it."""
 
 
@@ -42,7 +41,5 @@ class FileMeshes:
     """Names of what has no triangles."""
     notes: list[str] = field(default_factory=list)
     """What else is left out, as parts of a sentence."""
-    colorless: list[str] = field(default_factory=list)
-    """Whose colours do not read, and why, as parts of a sentence: no error, whatever is wanted of the rest."""
     up: str | None = None
     """The file's vertical axis, if its format or the file says it."""

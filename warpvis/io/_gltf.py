@@ -17,14 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import said_by, shortened
 from warpvis.core.types import Json
 from warpvis.io._file_meshes import FileMeshes
 from warpvis.io._gltf_data import DRACO, MESHOPT, Find, GltfData, decode_draco
-from warpvis.io._gltf_materials import GltfMaterials, Locate, nowhere
+from warpvis.io._gltf_materials import GltfMaterials, Locate
 from warpvis.io._gltf_placements import INSTANCES, Shape, Split, instance_matrices, node_matrix, nodes_in_order, split
 from warpvis.io._gltf_rest import joint_matrices, morphed, skinned
-from warpvis.scene.materials import Appearance
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _READ = {DRACO, *MESHOPT, "KHR_mesh_quantization", "KHR_node_visibility", INSTANCES}
@@ -40,10 +38,11 @@ _HARMLESS = re.compile(
 )
 
 
-def read_gltf(file: bytes, find: Find, locate: Locate = nowhere) -> FileMeshes:
+def read_gltf(name: str, file: bytes, find: Find, locate: Locate) -> FileMeshes:
     """Read the meshes of a file's default scene, in the order of its nodes: parents first, each with its children.
 
     Args:
+        name: The file's, for warnings.
         file: Its bytes, ``.gltf`` or ``.glb``.
         find: Finds the buffers that it names.
         locate: Finds the images that it names.
@@ -56,23 +55,20 @@ def read_gltf(file: bytes, find: Find, locate: Locate = nowhere) -> FileMeshes:
     unread = [name for name in data.names("extensionsRequired") if name not in _READ and not _HARMLESS.match(name)]
     if unread:
         raise ValueError(f"it requires the extension {unread[0]}, which is not read")
-    found, shapes = FileMeshes(up="y"), _Shapes(data, locate)
+    found, shapes = FileMeshes(up="y"), _Shapes(data, GltfMaterials(name, data, locate))
     places = [(index, node, placement) for index, node, placement in nodes_in_order(data) if "mesh" in node]
     shared = np.array([placement for _, node, placement in places if shapes.is_shared(node)]).reshape(-1, 4, 4)
     parts = iter(split(shared).one_by_one())
     for index, node, placement in places:
         _add_mesh(shapes, index, node, placement, next(parts) if shapes.is_shared(node) else None, found)
-    found.colorless = shapes.colorless
     return found
 
 
 class _Shapes:
     """The meshes of a file, of which those that several nodes have are read once."""
 
-    def __init__(self, data: GltfData, locate: Locate) -> None:
-        self.data = data
-        self.colorless: list[str] = []
-        self._materials = GltfMaterials(data, locate)
+    def __init__(self, data: GltfData, materials: GltfMaterials) -> None:
+        self.data, self._materials = data, materials
         nodes = [node for node in data.all("nodes") if isinstance(node, dict) and isinstance(node.get("mesh"), int)]
         self._uses = Counter(node["mesh"] for node in nodes)
         self._known: dict[tuple[int, int], Shape | None] = {}
@@ -98,23 +94,12 @@ class _Shapes:
         if not len(faces):
             return None
         vertices = morphed(data, vertices, primitive.get("targets"), node.get("weights", mesh.get("weights")))
-        look = self._appearance(primitive, f"mesh {node['mesh']}", len(vertices))
+        rows = partial(_attribute, data, primitive)
+        look = self._materials.look(primitive, rows, len(vertices), f"mesh {node['mesh']}")
         if not _is_skinned(node, primitive):
             return Shape(vertices, faces, look)
-        rows = partial(_attribute, data, primitive)
         joints = joint_matrices(data, node["skin"], node_matrix)
         return Shape(skinned(vertices, primitive["attributes"], rows, joints), faces, look)
-
-    def _appearance(self, primitive: dict[str, Any], name: str, vertices: int) -> Appearance | None:
-        """Read what a primitive looks like; None, and a note, where that does not read: its triangles do."""
-        try:
-            found = self._materials.appearance(primitive, partial(_attribute, self.data, primitive))
-            if found is not None:
-                found.check_fits(vertices, 0, name)
-        except Exception as error:  # what is no glTF leads to any
-            self.colorless.append(f"{name} ({shortened(said_by(error))})")
-            return None
-        return found
 
 
 def _is_skinned(node: dict[str, Any], primitive: dict[str, Any]) -> bool:

@@ -2,20 +2,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a glTF file says of colour: materials, base colour textures, and colours of vertices.
 
-trimesh's reader keeps neither wrap modes and filters nor transforms of textures, nor second texture coordinates.
-Sections are those of the glTF 2.0 specification.
+It is read when it is asked for. trimesh's reader keeps neither wrap modes and filters nor transforms of textures, nor
+second texture coordinates. Sections are those of the glTF 2.0 specification.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.core.checks import said_by, shortened
+from warpvis.core.user_warnings import warn_user
 from warpvis.io._gltf_data import GltfData, uri_bytes, uri_name
+from warpvis.scene.looks import Look
 from warpvis.scene.materials import Appearance, Filter, Material, Texture, Wrap
 
 Locate = Callable[[str], Path | bytes | None]
@@ -31,27 +35,52 @@ Attribute = Callable[[str], NDArray[np.generic]]
 """Reads an attribute of a primitive's vertices."""
 
 
-def nowhere(_: str) -> None:
-    """Find no image."""
-
-
 class GltfMaterials:
     """The materials of a file, of which each is read once."""
 
-    def __init__(self, data: GltfData, locate: Locate) -> None:
-        self._data, self._locate = data, locate
+    def __init__(self, file: str, data: GltfData, locate: Locate) -> None:
+        self._file, self._data, self._locate = file, data, locate
         self._known: dict[int, Material] = {}
 
-    def appearance(self, primitive: dict[str, Any], attribute: Attribute) -> Appearance | None:
-        """Read what a primitive looks like; None if it says nothing.
+    def look(self, primitive: dict[str, Any], attribute: Attribute, vertices: int, name: str) -> Look | None:
+        """Remember what a primitive of so many vertices looks like; None if it says nothing."""
+        if primitive.get("material") is None and "COLOR_0" not in primitive["attributes"]:
+            return None
+        try:
+            if not self._has_rows(primitive):  # it is little, and would keep the file's bytes in memory
+                return Look(None, self._appearance(primitive, attribute))
+        except Exception:  # what is no glTF leads to any; it is said when it is asked for
+            pass
+        return Look(partial(self._appearance_or_none, primitive, attribute, vertices, name))
+
+    def _has_rows(self, primitive: dict[str, Any]) -> bool:
+        """Tell whether there is more to read than a material's numbers."""
+        if "COLOR_0" in primitive["attributes"]:
+            return True
+        return _base(self._data.one("materials", primitive["material"]))[1] is not None
+
+    def _appearance_or_none(
+        self, primitive: dict[str, Any], attribute: Attribute, vertices: int, name: str
+    ) -> Appearance | None:
+        """Read what a primitive looks like; None, and a warning, where that does not read: its triangles do."""
+        try:
+            found = self._appearance(primitive, attribute)
+            found.check_fits(vertices, 0, name)
+        except Exception as error:  # what is no glTF leads to any
+            warn_user(f"{self._file}: left out the colours of {name} ({shortened(said_by(error))})", UserWarning)
+            return None
+        return found
+
+    def _appearance(self, primitive: dict[str, Any], attribute: Attribute) -> Appearance:
+        """Read what a primitive looks like.
 
         Raises:
             ValueError: It is malformed; any other exception that what is no glTF leads to.
         """
-        attributes, index = primitive.get("attributes", {}), primitive.get("material")
+        attributes, index = primitive["attributes"], primitive.get("material")
         colors = _vertex_colors(attribute("COLOR_0")) if "COLOR_0" in attributes else None
         if index is None:
-            return None if colors is None else Appearance((Material(color_space="linear"),), vertex_colors=colors)
+            return Appearance((Material(color_space="linear"),), vertex_colors=colors)
         said = self._data.one("materials", index)
         if index not in self._known:
             self._known[index] = self._material(said)

@@ -65,7 +65,7 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
             mesh.extras.get("label", Label.OBSTACLE),
             mesh.row,
             has_frame=mesh.shares_movable,
-            appearance=mesh.appearance,
+            appearance=mesh.look,
         )
         for name, mesh in zip(names, loaded.meshes, strict=True)
     ]
@@ -76,11 +76,6 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
         messages.insert(0, f"{path}: left out {some}, which hold lines or points and no triangles")
     if strict and messages:
         raise FileFormatError(messages[0])
-    if loaded.colorless:
-        some = ", ".join(dict.fromkeys(loaded.colorless[:_MOST_NAMED])) + (
-            ", ..." if len(loaded.colorless) > _MOST_NAMED else ""
-        )
-        messages.append(f"{path}: left out the colours of {some}")
     up: Axis | None = "y" if loaded.up == "y" else "z" if loaded.up else None
     return FileParts(path, parts, up=up, warnings=tuple(messages), classes=_classes(path, loaded.meshes))
 
@@ -162,7 +157,6 @@ def _load_archive(path: Path) -> FileMeshes:
         whole.meshes += [mesh._replace(name=mesh.name or stem) for mesh in loaded.meshes]
         whole.empty += loaded.empty
         whole.notes += loaded.notes
-        whole.colorless += loaded.colorless
         axes[loaded.up] = member
     if len(axes) > 1:
         some = " and ".join(map(repr, list(axes.values())[:2]))
@@ -229,7 +223,7 @@ def _load(name: str, kind: str, file: bytes, find: Find, locate: Locate) -> File
     """
     try:
         if kind in _GLTF:
-            return read_gltf(file, find, locate)
+            return read_gltf(name, file, find, locate)
         if kind == "dae":
             return _load_collada(file)
         if kind == "3mf":
@@ -268,10 +262,7 @@ def _load_obj(name: str, file: bytes, locate: Locate) -> FileMeshes:
     text = straighten_obj(file)
     materials = ObjMaterials(name, text, locate)
     found = _load_by_trimesh(text, "obj", group_material=False, skip_materials=True, **obj_splits(text))
-    found.meshes = [
-        mesh._replace(appearance=materials.look(mesh.name, mesh.appearance, (len(mesh.vertices), len(mesh.faces))))
-        for mesh in found.meshes
-    ]
+    found.meshes = [mesh._replace(look=materials.look(mesh.name, mesh.look, len(mesh.faces))) for mesh in found.meshes]
     order = obj_order(text)
     found.meshes.sort(key=lambda mesh: order.get(mesh.name, -1))
     return found
@@ -297,7 +288,7 @@ def _load_by_trimesh(file: bytes, kind: str, **options: bool) -> FileMeshes:
         with np.errstate(invalid="ignore", over="ignore"):  # the scene says what is not finite
             corners = vertices @ placement[:3, :3].T + placement[:3, 3]
         look = look_of(None, mesh, name or kind.upper(), (len(vertices), len(mesh.faces)), color_space="srgb")
-        found.meshes.append(FileMesh(name, corners, keep_winding(mesh.faces, placement[:3, :3]), {}, appearance=look))
+        found.meshes.append(FileMesh(name, corners, keep_winding(mesh.faces, placement[:3, :3]), {}, look=look))
     return found
 
 

@@ -56,26 +56,26 @@ class ObjMaterials:
             self._read_library(_decoded(match[1]), locate)
         self._collect_runs(text)
 
-    def look(self, mesh: str, given: Appearance | Look | None, counts: tuple[int, int]) -> Appearance | Look | None:
+    def look(self, mesh: str, given: Look | None, faces: int) -> Look | None:
         """Return what an object looks like.
 
         Args:
             mesh: Its name, as in the file; empty for that of faces before any name.
             given: Texture coordinates and colours of vertices, as trimesh reads them.
-            counts: Vertices and faces.
+            faces: How many it has.
         """
         runs = self._runs.get(mesh)
         if not runs:
             return given
         names = list(dict.fromkeys(run[0] for run in runs))
         materials = tuple(self._known.get(name, Material(name)) for name in names)
-        rows = self._rows(runs, names, counts[1]) if len(names) > 1 else None
+        rows = self._rows(runs, names, faces) if len(names) > 1 else None
         unknown = [name for name in names if name and name not in self._known]
         missed = f" ({', '.join(self._missing)}: no such file)" if self._missing else ""
         where = self._name
 
         def make() -> Appearance:
-            base = given.get() if isinstance(given, Look) else given
+            base = None if given is None else given.get()
             if unknown:
                 some = ", ".join(map(repr, map(shortened, unknown[:5])))
                 warn_user(f"{where}: no MTL file has the material {some}{missed}: white stands in", UserWarning)
