@@ -29,9 +29,8 @@ from warpvis.core.poses import (
 from warpvis.core.types import ArrayInput, DeviceLike, MeshLike
 from warpvis.errors import FileFormatError, SceneError, WarpvisError
 from warpvis.scene._bounds import bounds_of
-from warpvis.scene._changes import SceneChanges
-from warpvis.scene._classes import SceneClasses
 from warpvis.scene._drawn import instance_indices
+from warpvis.scene._exports import SceneExports
 from warpvis.scene._meshes import SharedMeshes, instance_names
 from warpvis.scene._object import SceneObject, as_it_is, by_itself, check_scale
 from warpvis.scene._object_list import Instances, ObjectList
@@ -43,12 +42,10 @@ from warpvis.scene.solids import Solid
 _IDENTITY = np.array([0.0, 0, 0, 0, 0, 0, 1])
 
 if TYPE_CHECKING:
-    import trimesh
-
     from warpvis.scene._parts import FileParts
 
 
-class Scene(SceneClasses, SceneChanges):
+class Scene(SceneExports):
     """Triangle meshes in the world frame, right-handed, in metres.
 
     Example:
@@ -78,9 +75,7 @@ class Scene(SceneClasses, SceneChanges):
             SceneError: A number, a name or a class is none, or two numbers have one name.
         """
         check_up(up)
-        SceneClasses.__init__(self, label_names, ground_labels)
-        SceneChanges.__init__(self, get_device(device))
-        self.up: Literal["z", "y"] = up
+        super().__init__(get_device(device), up, label_names, ground_labels)
         self._meshes = SharedMeshes()
         self._apart: Scene | None = None
 
@@ -348,34 +343,6 @@ class Scene(SceneClasses, SceneChanges):
         self.__init__(**given)  # type: ignore[misc]
         self._objects, self._movable = ObjectList(state["objects"]), state["movable"]
         self._index = {item.name: index for index, item in enumerate(self._objects)}
-
-    def to_trimesh(self) -> trimesh.Scene:
-        """Make a `trimesh.Scene` of the objects in the same frame, with names, and labels in the meshes' metadata.
-
-        Appearances are left out.
-        """
-        import trimesh
-
-        scene = trimesh.Scene()
-        for item in self._objects:
-            mesh = trimesh.Trimesh(item.vertices, item.faces, process=False, metadata=self._metadata(item.label))
-            scene.add_geometry(mesh, node_name=item.name, geom_name=item.name)
-        return scene
-
-    def export(self, path: str | os.PathLike[str]) -> None:
-        """Write the scene as glTF (``.glb``), y up as its specification says; `load` reads it back with its labels.
-
-        Every object is a node. Objects that share a mesh share it in the file, and their nodes say where they are, as
-        do those of movable objects; of others, the vertices do. Appearances are left out.
-
-        Raises:
-            FileFormatError: The path does not end in ``.glb``, or cannot be written; or vertices that are on a GPU are
-                not finite, or the file would be larger than 4 GB, which the format cannot be.
-        """
-        from warpvis.io import export_scene
-
-        objects = self.require_objects()
-        export_scene(path, objects, (self._metadata(item.label) for item in objects), self.up)
 
     def _forget(self) -> None:
         super()._forget()
