@@ -16,7 +16,7 @@ from PIL import Image
 
 import warpvis as wv
 from warpvis.io._gltf_data import GltfData
-from warpvis.io._obj_materials import read_mtl
+from warpvis.io._obj_materials import mtl_material, read_mtl
 
 IMAGE = np.arange(12, dtype=np.uint8).reshape(2, 2, 3)
 ROWS, FACES = [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]
@@ -183,7 +183,8 @@ OBJ = "\n".join(
     + ["o triangles\nusemtl red\nf 1/1 2/2 3/3\nf 2/1 3/2 4/3\nusemtl blue\nf 3/1 4/1 5/2"]
     + ["o quads\nf 1 2 3 4\nusemtl red\nf 5 6 7 8"]
     + ["o mixed\nf 1 2 3 4 5\nusemtl green\nf 5 6 7"]
-    + ["o polygons\nusemtl red\nf 1 2 3 4 5\nusemtl blue\nf 5 6 7 8 9\n"]
+    + ["o polygons\nusemtl red\nf 1 2 3 4 5\nusemtl blue\nf 5 6 7 8 9"]
+    + ["o unlike\nusemtl red\nf 1/1 2/1 3/1 4/1\nusemtl blue\nf 5 6 7 8\n"]
 )
 MTL = """
 newmtl red
@@ -206,7 +207,7 @@ def test_obj_faces_have_the_materials_of_their_lines(tmp_path):
     (tmp_path / "m.mtl").write_text(MTL)
     Image.fromarray(IMAGE).save(tmp_path / "my tex.png")
     scene = load(tmp_path / "a.obj")
-    for item, bound, low, high in zip(scene, (3, 5, 5, 5), "rbrr", "brgb", strict=True):
+    for item, bound, low, high in zip(scene, (3, 5, 5, 5, 5), "rbrrr", "brgbb", strict=True):
         found = item.appearance
         names = [found.materials[number].name[0] for number in found.face_materials]
         first = item.vertices[item.faces].min(axis=1)[:, 0] < bound
@@ -242,9 +243,10 @@ def test_obj_faces_have_the_materials_of_their_lines(tmp_path):
 
 
 def test_mtl_that_says_no_numbers_has_what_is_there_by_default():
-    green = read_mtl(MTL.encode(), lambda name: None)[2]
+    green = mtl_material(read_mtl(MTL.encode())[2], lambda name: None)
     assert (green.base_color, green.shininess) == ((1, 1, 1, 0.75), 0)
-    assert read_mtl(b"\xff\0 Kd\nKd 1 1 1\nnewmtl\nKd 9 nan -3\nd inf\nmap_Kd -s 1", lambda name: None)[0].name == ""
+    (said,) = read_mtl(b"\xff\0 Kd\nKd 1 1 1\nnewmtl\nKd 9 nan -3\nd inf\nmap_Kd -s 1")
+    assert mtl_material(said, lambda name: None).base_color == (1, 1, 1, 1)
 
 
 def test_obj_without_its_mtl_warns_when_colours_are_asked_for(tmp_path):

@@ -36,40 +36,35 @@ Attribute = Callable[[str], NDArray[np.generic]]
 
 
 class GltfMaterials:
-    """The materials of a file, of which each is read once."""
+    """The materials and textures of a file, of which each is read once."""
 
     def __init__(self, file: str, data: GltfData, locate: Locate) -> None:
         self._file, self._data, self._locate = file, data, locate
         self._known: dict[int, Material] = {}
+        self._textures: dict[int, Texture] = {}
+        self._plain: dict[int, Look] = {}
 
     def look(self, primitive: dict[str, Any], attribute: Attribute, vertices: int, name: str) -> Look | None:
         """Remember what a primitive of so many vertices looks like; None if it says nothing."""
         if primitive.get("material") is None and "COLOR_0" not in primitive["attributes"]:
             return None
-        try:
-            if not self._has_rows(primitive):  # it is little, and would keep the file's bytes in memory
-                return Look(None, self._appearance(primitive, attribute))
-        except Exception:  # what is no glTF leads to any; it is said when it is asked for
-            pass
-        return Look(partial(self._appearance_or_none, primitive, attribute, vertices, name))
+        said = self._numbers_alone(primitive)
+        if said is None:
+            return Look(partial(_read_or_warn, self._file, name, vertices, self._appearance, primitive, attribute))
+        index = primitive["material"]
+        if index not in self._plain:
+            self._plain[index] = Look(partial(_read_or_warn, self._file, name, vertices, _plain, said))
+        return self._plain[index]
 
-    def _has_rows(self, primitive: dict[str, Any]) -> bool:
-        """Tell whether there is more to read than a material's numbers."""
+    def _numbers_alone(self, primitive: dict[str, Any]) -> dict[str, Any] | None:
+        """Return the material of a primitive that has no more: it can wait without the file's bytes in memory."""
         if "COLOR_0" in primitive["attributes"]:
-            return True
-        return _base(self._data.one("materials", primitive["material"]))[1] is not None
-
-    def _appearance_or_none(
-        self, primitive: dict[str, Any], attribute: Attribute, vertices: int, name: str
-    ) -> Appearance | None:
-        """Read what a primitive looks like; None, and a warning, where that does not read: its triangles do."""
-        try:
-            found = self._appearance(primitive, attribute)
-            found.check_fits(vertices, 0, name)
-        except Exception as error:  # what is no glTF leads to any
-            warn_user(f"{self._file}: left out the colours of {name} ({shortened(said_by(error))})", UserWarning)
             return None
-        return found
+        try:
+            said = self._data.one("materials", primitive["material"])
+            return said if _base(said)[1] is None else None
+        except Exception:  # what is no glTF leads to any; it is said when it is asked for
+            return None
 
     def _appearance(self, primitive: dict[str, Any], attribute: Attribute) -> Appearance:
         """Read what a primitive looks like.
@@ -82,49 +77,33 @@ class GltfMaterials:
         if index is None:
             return Appearance((Material(color_space="linear"),), vertex_colors=colors)
         said = self._data.one("materials", index)
-        if index not in self._known:
-            self._known[index] = self._material(said)
         uv, info = None, _base(said)[1]
+        if index not in self._known:
+            self._known[index] = _material(said, None if info is None else self._texture(info["index"]))
         if info is not None:
             transform = (info.get("extensions") or {}).get(TRANSFORM) or {}
             name = f"TEXCOORD_{transform.get('texCoord', info.get('texCoord', 0))}"
             uv = _coordinates(attribute(name), transform) if name in attributes else None
         return Appearance((self._known[index],), uv=uv, vertex_colors=colors)
 
-    def _material(self, said: dict[str, Any]) -> Material:
-        """Read a material (3.9); its factors are linear."""
-        color, info = _base(said)
-        rough = said.get("pbrMetallicRoughness") or {}
-        extensions = said.get("extensions") or {}
-        strength = float((extensions.get("KHR_materials_emissive_strength") or {}).get("emissiveStrength", 1.0))
-        return Material(
-            name=str(said.get("name") or ""),
-            base_color=tuple(color),
-            color_space="linear",
-            texture=None if info is None else self._texture(info["index"]),
-            alpha_mode=str(said.get("alphaMode", "OPAQUE")).lower(),  # type: ignore[arg-type]  # it checks it
-            alpha_cutoff=said.get("alphaCutoff", 0.5),
-            metallic=rough.get("metallicFactor", 0.0 if _OLD in extensions else 1.0),
-            roughness=rough.get("roughnessFactor", 1.0),
-            emission=tuple(np.multiply(strength, said.get("emissiveFactor", (0, 0, 0))).tolist()),
-            double_sided=said.get("doubleSided", False),
-        )
-
     def _texture(self, index: Any) -> Texture:
         """Read a texture (3.8), whose image is decoded when it is asked for."""
         said = self._data.one("textures", index)
+        if index in self._textures:
+            return self._textures[index]
         sampler = self._data.one("samplers", said["sampler"]) if said.get("sampler") is not None else {}
         extensions = said.get("extensions") or {}
         others = [extensions[name]["source"] for name in _SOURCES if name in extensions]
         number = said.get("source", *others[:1]) if others else said.get("source")
         source, name = self._image(number)
-        return Texture(
+        self._textures[index] = Texture(
             source,
             name,
             wrap_u=_WRAPS.get(sampler.get("wrapS"), "repeat"),
             wrap_v=_WRAPS.get(sampler.get("wrapT"), "repeat"),
             filter=_FILTERS.get(sampler.get("magFilter"), "linear"),
         )
+        return self._textures[index]
 
     def _image(self, number: Any) -> tuple[Path | bytes, str]:
         if number is None:
@@ -138,6 +117,43 @@ class GltfMaterials:
             return uri_bytes(uri), name
         found = self._locate(uri_name(uri))
         return (b"" if found is None else found), uri_name(uri) if not isinstance(found, Path) else str(found)
+
+
+def _read_or_warn(
+    file: str, name: str, vertices: int, read: Callable[..., Appearance], *given: Any
+) -> Appearance | None:
+    """Read what a primitive looks like; None, and a warning, where that does not read: its triangles do."""
+    try:
+        found = read(*given)
+        found.check_fits(vertices, 0, name)
+    except Exception as error:  # what is no glTF leads to any
+        warn_user(f"{file}: left out the colours of {name} ({shortened(said_by(error))})", UserWarning)
+        return None
+    return found
+
+
+def _plain(said: dict[str, Any]) -> Appearance:
+    return Appearance((_material(said, None),))
+
+
+def _material(said: dict[str, Any], texture: Texture | None) -> Material:
+    """Read a material (3.9); its factors are linear."""
+    color, _ = _base(said)
+    rough = said.get("pbrMetallicRoughness") or {}
+    extensions = said.get("extensions") or {}
+    strength = float((extensions.get("KHR_materials_emissive_strength") or {}).get("emissiveStrength", 1.0))
+    return Material(
+        name=str(said.get("name") or ""),
+        base_color=tuple(color),
+        color_space="linear",
+        texture=texture,
+        alpha_mode=str(said.get("alphaMode", "OPAQUE")).lower(),  # type: ignore[arg-type]  # it checks it
+        alpha_cutoff=said.get("alphaCutoff", 0.5),
+        metallic=rough.get("metallicFactor", 0.0 if _OLD in extensions else 1.0),
+        roughness=rough.get("roughnessFactor", 1.0),
+        emission=tuple(np.multiply(strength, said.get("emissiveFactor", (0, 0, 0))).tolist()),
+        double_sided=said.get("doubleSided", False),
+    )
 
 
 def _base(said: dict[str, Any]) -> tuple[Any, dict[str, Any] | None]:

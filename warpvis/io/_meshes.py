@@ -145,13 +145,14 @@ def _load_archive(path: Path) -> FileMeshes:
         known = ", ".join(sorted(readable))
         raise FileFormatError(f"{path}: holds no mesh file; those are {known}")
     whole, axes = FileMeshes(), {}
+    others = {name: file for name, file in files.items() if name not in members}  # what looks keep until asked for
     for member in members:
         loaded = _load(
             f"{path}/{member}",
             _kind(member),
             files[member],
-            partial(_find_member, files, member),
-            partial(_locate_member, files, member),
+            partial(_find_member, others, member),
+            partial(_locate_member, others, member),
         )
         stem = posixpath.splitext(posixpath.basename(member))[0]
         whole.meshes += [mesh._replace(name=mesh.name or stem) for mesh in loaded.meshes]
@@ -197,9 +198,10 @@ def _finder(path: Path, search_path: Sequence[Path]) -> Find:
 
 def _locator(path: Path, search_path: Sequence[Path]) -> Locate:
     """Make what says where images are that a file names, beside it or below it, or in the folders."""
+    folders = [folder.absolute() for folder in (path.parent, *search_path)]  # the working directory may change
 
     def locate(name: str) -> Path | None:
-        for folder in (path.parent, *search_path):
+        for folder in folders:
             place = folder / name.replace("\\", "/")
             try:
                 if place.is_file() and place.resolve().is_relative_to(folder.resolve()):

@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +45,8 @@ class ObjMaterials:
             text: What `straighten_obj` returns.
             locate: Finds MTL files and images.
         """
-        self._name = name
+        self._name, self._locate = name, locate
+        self._said: dict[str, dict[str, str]] = {}
         self._known: dict[str, Material] = {}
         self._missing: list[str] = []
         self._runs: dict[str, list[tuple[str, int, bytes]]] = {}
@@ -64,13 +64,12 @@ class ObjMaterials:
             given: Texture coordinates and colours of vertices, as trimesh reads them.
             faces: How many it has.
         """
-        runs = self._runs.get(mesh)
+        runs = self._runs.pop(mesh, None)  # nobody asks twice, and it is text of the file
         if not runs:
             return given
         names = list(dict.fromkeys(run[0] for run in runs))
-        materials = tuple(self._known.get(name, Material(name)) for name in names)
         rows = self._rows(runs, names, faces) if len(names) > 1 else None
-        unknown = [name for name in names if name and name not in self._known]
+        unknown = [name for name in names if name and name not in self._said]
         missed = f" ({', '.join(self._missing)}: no such file)" if self._missing else ""
         where = self._name
 
@@ -82,7 +81,7 @@ class ObjMaterials:
             if len(names) > 1 and rows is None:
                 warn_user(f"{where}: {mesh!r} has one material, for its faces are not those of the file", UserWarning)
             uv, colors = (None, None) if base is None else (base.uv, base.vertex_colors)
-            return Appearance(materials, rows, uv, colors)
+            return Appearance(tuple(map(self._material, names)), rows, uv, colors)
 
         return Look(make)
 
@@ -99,8 +98,14 @@ class ObjMaterials:
             if file is None:
                 self._missing.append(name)
                 continue
-            for material in read_mtl(file, locate):
-                self._known.setdefault(material.name, material)
+            for said in read_mtl(file):
+                self._said.setdefault(said["name"], said)
+
+    def _material(self, name: str) -> Material:
+        """Make a material when it is first asked for."""
+        if name not in self._known:
+            self._known[name] = mtl_material(self._said.get(name, {"name": name}), self._locate)
+        return self._known[name]
 
     def _collect_runs(self, text: bytes) -> None:
         """Split the text where the object or the material changes."""
@@ -126,20 +131,21 @@ class ObjMaterials:
         counts = np.array([run[1] for run in runs])
         if counts.sum() == faces:
             return np.repeat(numbers, counts)
-        corners = [len(match[1].split()) for run in runs for match in _FACE.finditer(run[2])]
-        polygons = np.repeat(numbers, counts)
+        lines = [match[1] for run in runs for match in _FACE.finditer(run[2])]
+        polygons, corners = np.repeat(numbers, counts), [len(line.split()) for line in lines]
         if len(corners) != len(polygons):
             return None
-        if set(corners) == {4}:  # trimesh puts the second halves of quads behind all first ones
+        alike = len({len(line.replace(b"/", b" ").split()) for line in lines}) == 1
+        if alike and set(corners) == {4}:  # trimesh puts the second halves of such quads behind all first ones
             rows = np.concatenate([polygons, polygons])
         else:
             rows = np.repeat(polygons, np.array(corners) - 2)
         return rows if len(rows) == faces else None
 
 
-def read_mtl(file: bytes, locate: Locate) -> list[Material]:
-    """Read the materials of an MTL file; what is no number there is left as it is by default."""
-    found: list[dict[str, Any]] = []
+def read_mtl(file: bytes) -> list[dict[str, str]]:
+    """Read what an MTL file says of each of its materials, by keyword; their names are ``name``."""
+    found: list[dict[str, str]] = []
     for line in file.replace(b"\r", b"\n").replace(b"\\\n", b" ").split(b"\n"):
         words = _decoded(line.partition(b"#")[0]).split(None, 1)
         if not words:
@@ -149,10 +155,11 @@ def read_mtl(file: bytes, locate: Locate) -> list[Material]:
             found.append({"name": rest.strip()})
         elif found:
             found[-1].setdefault(keyword, rest.strip())
-    return [_material(said, locate) for said in found]
+    return found
 
 
-def _material(said: dict[str, str], locate: Locate) -> Material:
+def mtl_material(said: dict[str, str], locate: Locate) -> Material:
+    """Make a material of what an MTL file says of it; what is no number there is left as it is by default."""
     texture = _texture(said["map_kd"], locate) if said.get("map_kd") else None
     color = _numbers(said.get("kd", ""), 3)
     opacity = _numbers(said.get("d", "").replace("-halo", ""), 1)

@@ -15,7 +15,9 @@ from warpvis.mujoco._shapes import shape_data, shape_value
 from warpvis.scene.looks import Look
 from warpvis.scene.materials import Appearance, Material, Projection, Texture
 
-_DEFAULT_COLOR = [0.5, 0.5, 0.5, 1.0]
+Color = tuple[float, float, float, float]
+
+_DEFAULT_COLOR = (0.5, 0.5, 0.5, 1.0)
 """A geom that has a material and this colour has its material's (`setMaterial` in visualize.c)."""
 
 _SHININESS = 128.0
@@ -32,25 +34,25 @@ class GeomLooks:
     def __init__(self, model: mujoco.MjModel) -> None:
         """Remember the model."""
         self._model = model
-        self._known: dict[tuple[Any, ...], Look] = {}
+        self._known: dict[tuple[Color, int, int], Look] = {}
         self._texture = cache(partial(_texture, model))
 
     def of(self, geom: int) -> Look:
         """Return what a geom, or a site, looks like with the colour and the material that it has now."""
         model = self._model
-        rgba, material = shape_value(model, "rgba", geom).tolist(), int(shape_value(model, "matid", geom))
-        kind, data = int(shape_value(model, "type", geom)), shape_data(model, geom)
-        mesh = data if kind in _MESHES and material >= 0 else -1
-        key = (*rgba, material, mesh)
+        rgba, material = tuple(shape_value(model, "rgba", geom).tolist()), int(shape_value(model, "matid", geom))
+        mesh = -1
+        if material >= 0 and int(shape_value(model, "type", geom)) in _MESHES:
+            mesh = shape_data(model, geom)
+        key = rgba, material, mesh
         if key not in self._known:
-            self._known[key] = Look(partial(self._make, rgba, material, mesh))
+            # What is of one colour must not keep the model.
+            self._known[key] = Look(partial(_of_one_colour, rgba) if material < 0 else partial(self._make, *key))
         return self._known[key]
 
-    def _make(self, rgba: list[float], material: int, mesh: int) -> Appearance:
-        if material < 0:
-            return Appearance((Material(base_color=_unit(rgba), alpha_mode=_mode(rgba[3])),))
+    def _make(self, rgba: Color, material: int, mesh: int) -> Appearance:
         model = self._model
-        color = model.mat_rgba[material].tolist() if rgba == _DEFAULT_COLOR else rgba
+        color = tuple(model.mat_rgba[material].tolist()) if rgba == _DEFAULT_COLOR else rgba
         number = _texture_number(model, material)
         uv = _coordinates(model, mesh) if number >= 0 else None
         made = Material(
@@ -70,7 +72,11 @@ class GeomLooks:
         return Appearance((made,), uv=uv)
 
 
-def _unit(color: list[float]) -> tuple[float, float, float, float]:
+def _of_one_colour(rgba: Color) -> Appearance:
+    return Appearance((Material(base_color=_unit(rgba), alpha_mode=_mode(rgba[3])),))
+
+
+def _unit(color: Color) -> Color:
     """Return a colour within 0 and 1, as OpenGL takes it."""
     return tuple(np.clip(color, 0.0, 1.0).tolist())
 

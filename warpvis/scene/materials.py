@@ -242,10 +242,10 @@ def _color(
             raise SceneError(message)
     except (TypeError, ValueError, RuntimeError):  # arrays of other libraries raise what they like
         raise SceneError(message) from None
-    numbers = numbers.astype(np.float64)
-    if not (np.isfinite(numbers).all() and (numbers >= 0).all() and (numbers <= most).all()):
+    values = numbers.astype(np.float64).tolist()
+    if not all(0 <= value <= most and value != np.inf for value in values):
         raise SceneError(message)
-    return (*numbers.tolist(), *([1.0] if len(numbers) < lengths[-1] else []))
+    return (*values, *([1.0] if len(values) < lengths[-1] else []))
 
 
 def _array(given: ArrayLike, name: str) -> np.ndarray:

@@ -5,11 +5,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.errors import WarpvisError
+from warpvis.scene.looks import Look
 from warpvis.scene.materials import Appearance, Material
 from warpvis.webots._nodes import Node
 
@@ -20,17 +22,41 @@ _EXPONENT = 128.0
 """Of a highlight whose shininess is 1, as in OpenGL."""
 
 
-def shape_material(shape: Node) -> Material | None:
-    """Read the colours of a Shape; None where it says none, or what is no colour."""
+def shape_appearance(shape: Node) -> Node | None:
+    """Return the node that says what a Shape looks like; None without, or where there is none such."""
     try:
-        look = shape.node("appearance")
-        if look is None:
-            return None
+        return shape.node("appearance")
+    except WarpvisError:  # what is no appearance changes no depth
+        return None
+
+
+def joined_look(appearances: Sequence[Node | None], counts: Sequence[int]) -> Look | None:
+    """Remember the appearances of shapes that became one object, of so many faces each; None if none says anything."""
+    return Look(partial(_joined, appearances, counts)) if any(appearances) else None
+
+
+def _joined(appearances: Sequence[Node | None], counts: Sequence[int]) -> Appearance | None:
+    numbers: dict[int, int] = {}
+    kept: list[Material | None] = []
+    rows: list[NDArray[np.int32]] = []
+    for node, count in zip(appearances, counts, strict=True):
+        if id(node) not in numbers:
+            numbers[id(node)] = len(kept)
+            kept.append(None if node is None else _material(node))
+        rows.append(np.full(count, numbers[id(node)], dtype=np.int32))
+    if not any(kept):
+        return None
+    return Appearance(tuple(item or Material() for item in kept), np.concatenate(rows) if len(kept) > 1 else None)
+
+
+def _material(look: Node) -> Material | None:
+    """Read a material; None where the node says none, or what is no colour."""
+    try:
         if look.type == "PBRAppearance":
             return _pbr(look)
         said = look.node("material") if look.type == "Appearance" else None
         return None if said is None else _classic(said)
-    except WarpvisError:  # what is no colour changes no depth
+    except WarpvisError:  # it changes no depth
         return None
 
 
@@ -57,21 +83,6 @@ def _classic(said: Node) -> Material:
         shininess=_EXPONENT * _unit(said.number("shininess", _SHININESS)),
         emission=_color(said, "emissiveColor", (0.0, 0.0, 0.0)),
     )
-
-
-def joined_appearance(materials: Sequence[Material | None], counts: Sequence[int]) -> Appearance | None:
-    """Make the appearance of shapes that became one object, of so many faces each; None if none says anything."""
-    if not any(materials):
-        return None
-    numbers: dict[int, int] = {}
-    kept: list[Material] = []
-    rows: list[NDArray[np.int32]] = []
-    for material, count in zip(materials, counts, strict=True):
-        if id(material) not in numbers:
-            numbers[id(material)] = len(kept)
-            kept.append(material or Material())
-        rows.append(np.full(count, numbers[id(material)], dtype=np.int32))
-    return Appearance(tuple(kept), np.concatenate(rows) if len(kept) > 1 else None)
 
 
 def _color(node: Node, field: str, default: tuple[float, float, float]) -> tuple[float, float, float]:

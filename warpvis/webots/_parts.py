@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 from warpvis.core.checks import shortened as shortened_text
 from warpvis.core.labels import Label
 from warpvis.scene import Part
-from warpvis.scene.materials import Material
 from warpvis.webots._extents import Extent
 from warpvis.webots._grammar import World
-from warpvis.webots._materials import joined_appearance
+from warpvis.webots._materials import joined_look
 from warpvis.webots._nodes import Node, Version
 from warpvis.webots._transforms import Transform
 from warpvis.webots.shapes._polygons import Triangles, join
@@ -58,7 +57,7 @@ class Solid:
     recognised: bool = False
     arena: bool = False
     parts: list[Triangles] = field(default_factory=list)
-    materials: list[Material | None] = field(default_factory=list)  # of each part
+    appearances: list[Node | None] = field(default_factory=list)  # of each part
     level: list[bool] = field(default_factory=list)  # of each part, whether it is a level surface near the ground
 
     def label(self) -> Label:
@@ -168,9 +167,7 @@ def make_parts(solids: Iterable[Solid]) -> tuple[list[Part], dict[Solid, list[st
             continue
         for wanted, label, numbers in _objects_of(solid):
             parts = [solid.parts[number] for number in numbers]
-            look = joined_appearance(
-                [solid.materials[number] for number in numbers], [len(faces) for _, faces in parts]
-            )
+            look = joined_look([solid.appearances[number] for number in numbers], [len(faces) for _, faces in parts])
             made.append(Part(taken.take(wanted), join(parts), label, appearance=look))
             names.setdefault(solid, []).append(made[-1].name)
     return made, names

@@ -19,14 +19,13 @@ from warpvis.core.arrays import FARTHEST
 from warpvis.core.checks import counted
 from warpvis.errors import FileFormatError
 from warpvis.scene import keep_winding
-from warpvis.scene.materials import Material
 from warpvis.webots._depth_cameras import DEPTH_CAMERAS, expand_depth_camera
 from warpvis.webots._devices import Device, read_device
 from warpvis.webots._extents import Extent, ball_about, bounding_geometry
 from warpvis.webots._grammar import World
 from warpvis.webots._kinds import LINES, PARTS, SOLIDS, TRANSFORMS, UNSEEN, missing_parts, parts_of
 from warpvis.webots._lidars import Lidar, read_lidar
-from warpvis.webots._materials import shape_material
+from warpvis.webots._materials import shape_appearance
 from warpvis.webots._nodes import Node, Value
 from warpvis.webots._parts import (
     HUMANS,
@@ -83,7 +82,6 @@ class Reader:
         self._protos = Protos(world, search_path, cache)
         self._lines: list[tuple[int, str, Solid | None]] = []
         self._meshes: dict[int, tuple[Node, Triangles | None]] = {}  # by the node's id, and the node to keep it
-        self._materials: dict[int, tuple[Node, Material | None]] = {}  # likewise
         self._triangles = 0
         self._taken = {kind: Names() for kind in ("recognised", "devices", "lidars", "robots")}
         with self._leaving_out():
@@ -308,17 +306,10 @@ class Reader:
             raise FileFormatError(f"{node.file}:{node.line}: expected {node.type} within {FARTHEST:g} m of the origin")
         faces = keep_winding(faces, step.transform.linear)
         owner.parts.append((placed, faces))
-        owner.materials.append(self._material(node))
+        owner.appearances.append(shape_appearance(node))
         if step.recognised and step.extent is not None:
             step.extent.parts.append(ball_about(placed))
         owner.level.append(is_level(placed, faces, "xyz".index(self.up)))
-
-    def _material(self, shape: Node) -> Material | None:
-        """Read the material of a Shape once, which USE may show more than once."""
-        known = self._materials.get(id(shape))
-        if known is None:
-            known = self._materials[id(shape)] = (shape, shape_material(shape))
-        return known[1]
 
     def _tessellate(self, geometry: Node) -> Triangles | None:
         """Tessellate a geometry node once, which USE may show more than once; None where there is nothing to draw."""
