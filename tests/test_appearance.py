@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What objects look like, as data: what is given, and what trimesh's visuals say, through all that scenes do."""
 
+import copy
 import pickle
 import warnings
 
@@ -28,9 +29,9 @@ def painted():
     return mesh
 
 
-def added(mesh, **options):
+def added(mesh, name="box", **options):
     scene = wv.Scene()
-    scene.add(mesh, name="box", **options)
+    scene.add(mesh, name=name, **options)
     return scene
 
 
@@ -115,6 +116,14 @@ def test_a_simple_material_of_trimesh_is_srgb():
     assert (made.color_space, made.shininess) == ("srgb", 20)
 
 
+def test_a_texture_of_trimesh_is_not_darkened_by_a_colour_that_nobody_said():
+    mesh = box()
+    mesh.visual = trimesh.visual.TextureVisuals(uv=np.zeros((8, 2)), image=Image.fromarray(IMAGE))
+    (made,) = added(mesh)["box"].appearance.materials
+    assert (made.base_color, made.specular) == ((1, 1, 1, 1), (0, 0, 0))
+    np.testing.assert_array_equal(made.texture.image, IMAGE)
+
+
 def test_several_materials_of_trimesh():
     mesh = box()
     two = [trimesh.visual.material.SimpleMaterial(diffuse=color) for color in ([255, 0, 0], [0, 0, 255])]
@@ -147,8 +156,20 @@ def test_a_deformed_mesh_keeps_it_and_another_one_keeps_its_first_material():
     assert scene["box"].appearance is look
     scene = added(box(), appearance=look)
     scene.update_mesh("box", np.eye(3), np.array([[0, 1, 2]]))
+    for _ in range(2000):  # no chain of what was once said
+        scene.update_mesh("box", np.eye(3), np.array([[0, 1, 2]]))
+        scene.update_mesh("box", np.eye(3), np.array([[0, 2, 1]]))
     assert scene["box"].appearance.materials == (red,)
     assert scene["box"].appearance.face_materials is None
+
+
+def test_attached_objects_and_those_that_are_exchanged_keep_it():
+    scene = added(painted(), movable=True)
+    scene.add(painted(), name="hat", attach_to="box", appearance=(1, 0, 0))
+    scene.replace_objects([*scene, *added(painted(), name="new", movable=True)])
+    for same in (scene, pickle.loads(pickle.dumps(scene)), copy.deepcopy(scene), scene.to("cpu"), scene.apart()):
+        assert [item.appearance.materials[0].base_color[:3] for item in same] == [(1, 1, 1), (1, 0, 0), (1, 1, 1)]
+        np.testing.assert_array_equal(same["new"].appearance.face_colors, COLORS)
 
 
 def test_a_file_is_decoded_when_its_image_is_asked_for(tmp_path):

@@ -306,6 +306,7 @@ def test_mujoco_colours_materials_and_textures(tmp_path):
         assert (made["b"].base_color, made["b"].alpha_mode, made["b"].projection) == ((1, 0, 0, 0.5), "blend", "cube")
         assert made["b"].texture.image.shape == (48, 8, 3)
         assert (made["s"].base_color, made["s"].texture) == ((0, 0, 1, 1), None)
+        assert (made["s"].specular, made["s"].shininess) == ((0.5,) * 3, 64)  # what MuJoCo has without a material
         assert made["q"].projection == "uv"
         found = scene["q"].appearance.corner_uv(scene["q"].faces)
         coordinates = {(0, 0, 0): (0, 1), (1, 0, 0): (1, 1), (0, 1, 0): (0, 0.75), (0, 0, 1): (1, 0)}

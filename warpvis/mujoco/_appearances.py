@@ -18,10 +18,10 @@ from warpvis.scene.materials import Appearance, Material, Projection, Texture
 Color = tuple[float, float, float, float]
 
 _DEFAULT_COLOR = (0.5, 0.5, 0.5, 1.0)
-"""A geom that has a material and this colour has its material's (`setMaterial` in visualize.c)."""
+"""A geom that has a material and this colour has its material's (`setMaterial` in engine_vis_visualize.c)."""
 
 _SHININESS = 128.0
-"""The exponent of a material whose shininess is 1 (`render_gl3.c`)."""
+"""The exponent of a material whose shininess is 1 (`renderGeom` in render_gl3.c)."""
 
 _FIRST_ROLE = int(mujoco.mjtTextureRole.mjTEXROLE_RGB)
 _CUBE = int(mujoco.mjtTexture.mjTEXTURE_2D) + 1
@@ -73,7 +73,9 @@ class GeomLooks:
 
 
 def _of_one_colour(rgba: Color) -> Appearance:
-    return Appearance((Material(base_color=_unit(rgba), alpha_mode=_mode(rgba[3])),))
+    """Make what has no material: its highlight is MuJoCo's (`mjv_initGeom` in engine_vis_visualize.c)."""
+    shine = {"specular": (0.5, 0.5, 0.5), "shininess": 0.5 * _SHININESS}
+    return Appearance((Material(base_color=_unit(rgba), alpha_mode=_mode(rgba[3]), **shine),))  # type: ignore[arg-type]
 
 
 def _unit(color: Color) -> Color:
@@ -110,6 +112,8 @@ def _texture(model: mujoco.MjModel, number: int) -> Texture:
     image = np.asarray(model.tex_data[first : first + height * width * channels]).reshape(height, width, channels)
     if channels < 3:
         image = np.repeat(image[:, :, :1], 3, axis=2)
+    if int(model.tex_type[number]) >= _CUBE and height == width:  # it is all sides of the cube
+        image = np.concatenate([image] * 6)
     return Texture(image[:, :, :4], model.texture(number).name)
 
 

@@ -18,13 +18,22 @@ from warpvis.errors import WarpvisError
 from warpvis.scene._images import pixels
 from warpvis.scene.materials import Appearance, AppearanceLike, ColorSpace, Material, Texture, as_appearance
 
+_UNSAID = (102, 102, 102, 255)
+"""What trimesh says of a SimpleMaterial's colours that nobody has said."""
+
 
 class Look:
     """An appearance, or what makes it when it is first asked for."""
 
-    def __init__(self, make: Callable[[], Appearance | None] | None, found: Appearance | None = None) -> None:
-        """Remember what makes it, or what it is."""
-        self._make, self._found = make, found
+    def __init__(
+        self,
+        make: Callable[[], Appearance | None] | None,
+        found: Appearance | None = None,
+        *,
+        fits_any_mesh: bool = False,
+    ) -> None:
+        """Remember what makes it, or what it is; and whether that counts for any mesh."""
+        self._make, self._found, self._fits_any_mesh = make, found, fits_any_mesh
         self._lock = threading.Lock()
 
     def get(self) -> Appearance | None:
@@ -36,8 +45,11 @@ class Look:
 
     def of_another_mesh(self) -> Look:
         """Return what of it counts for any mesh."""
+        return self if self._fits_any_mesh else Look(self._first_material, fits_any_mesh=True)
+
+    def _first_material(self) -> Appearance | None:
         found = self.get()
-        return Look(None, None if found is None else found.of_another_mesh())
+        return None if found is None else found.of_another_mesh()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Be the appearance itself in another process."""
@@ -129,13 +141,14 @@ def _material(given: Any) -> Material:
             emission=_unit_color(given.emissiveFactor, (0.0, 0.0, 0.0))[:3],
             double_sided=bool(given.doubleSided),
         )
-    color = _unit_color(getattr(given, "diffuse", None), (1.0, 1.0, 1.0, 1.0))
+    image = getattr(given, "image", None)
+    color = _said_color(getattr(given, "diffuse", None), (1.0, 1.0, 1.0, 1.0), image is not None)
     return Material(
         name,
         color,
-        texture=_texture(getattr(given, "image", None), name),
+        texture=_texture(image, name),
         alpha_mode="blend" if color[3] < 1 else "opaque",
-        specular=_unit_color(getattr(given, "specular", None), (0.0, 0.0, 0.0))[:3],
+        specular=_said_color(getattr(given, "specular", None), (0.0, 0.0, 0.0), True)[:3],
         shininess=max(0.0, _or(getattr(given, "glossiness", None), 0.0)),
     )
 
@@ -151,6 +164,13 @@ def _unit_color(given: Any, otherwise: tuple[float, ...]) -> tuple[Any, ...]:
     numbers: NDArray[Any] = np.asarray(given)
     values = numbers.astype(np.float64) / (255.0 if numbers.dtype.kind in "iu" else 1.0)
     return tuple(values.tolist())
+
+
+def _said_color(given: Any, otherwise: tuple[float, ...], may_be_unsaid: bool) -> tuple[Any, ...]:
+    """Return a colour of a SimpleMaterial, which has a gray one where nothing was said: it would darken a texture."""
+    if may_be_unsaid and given is not None and np.array_equal(given, _UNSAID):
+        return otherwise
+    return _unit_color(given, otherwise)
 
 
 def _texture(image: Any, name: str) -> Texture | None:
