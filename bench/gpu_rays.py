@@ -36,14 +36,18 @@ def query_ranges(
     camera_to_world: wp.array[wp.transform],
     # In:
     directions: wp.array[wp.vec3],
+    origins: wp.array[wp.vec3],
     # Out:
     depth_out: wp.array2d[float],
 ):
-    """One thread a ray, one query a thread."""
+    """One thread a ray, one query a thread; `origins` is None where all begin at the camera."""
     view, ray = wp.tid()
     pose = camera_to_world[view]
     direction = wp.transform_vector(pose, directions[ray])
-    hit = wp.mesh_query_ray(mesh, wp.transform_get_translation(pose), direction, far)
+    start = wp.transform_get_translation(pose)
+    if origins:
+        start = wp.transform_point(pose, origins[ray])
+    hit = wp.mesh_query_ray(mesh, start, direction, far)
     depth = float(wp.inf)
     if hit.result:
         depth = hit.t
@@ -66,6 +70,12 @@ def _scattered(count: int) -> wv.sensors.Rays:
     return wv.sensors.Rays(np.stack([np.cos(up) * np.sin(azimuth), np.sin(up), np.cos(up) * np.cos(azimuth)], axis=-1))
 
 
+def _from_anywhere(count: int) -> wv.sensors.Rays:
+    """The same from an origin each."""
+    rays = _scattered(count)
+    return wv.sensors.Rays(rays.directions, origins=np.random.default_rng(1).uniform(-0.05, 0.05, (count, 3)))
+
+
 def _lens(model: str, *coefficients: float) -> wv.sensors.LensCamera:
     matrix = [[330.0, 0, 319.5], [0, 330.0, 239.5], [0, 0, 1]]
     return wv.Camera.from_opencv(matrix, coefficients, 640, 480, model=model)
@@ -75,6 +85,11 @@ def _lens(model: str, *coefficients: float) -> wv.sensors.LensCamera:
 CASES: dict[str, tuple[int, Callable[[], wv.sensors.Rays | wv.sensors.LensCamera], wv.Camera | None]] = {
     "1024x128 scan": (64, lambda: _scan(128, 1024), None),
     "20,000 in no order": (512, lambda: _scattered(20_000), None),
+    "VLP-16": (256, wv.sensors.lidars.vlp16, None),
+    "HDL-64E": (64, wv.sensors.lidars.hdl64e, None),
+    "OS1-128": (64, lambda: wv.sensors.lidars.ouster("OS1-128"), None),
+    "OS0-128": (64, lambda: wv.sensors.lidars.ouster("OS0-128"), None),
+    "20,000 from anywhere within 5 cm": (512, lambda: _from_anywhere(20_000), None),
     "VLP-16 from one point": (
         256,
         lambda: wv.sensors.Rays(wv.sensors.lidars.vlp16().directions, axes="ros_body"),
@@ -112,6 +127,9 @@ def measure(scene_name: str, case: str, device: wp.Device, views: int | None) ->
         runs[name] = lambda r=renderer, o=images[name], a=options: r.render(poses, out=o, **a)
     flat = camera.rays.reshape(-1, 3)
     directions = wp.array(np.nan_to_num(flat).astype(np.float32), dtype=wp.vec3, device=device)
+    starts = None
+    if camera.origins is not None:
+        starts = wp.array(camera.origins.reshape(-1, 3).astype(np.float32), dtype=wp.vec3, device=device)
     depth = wp.empty((count, len(flat)), dtype=float, device=device)
     first = np.cumsum([0] + [len(item.vertices) for item in scene])
     vertices = wp.array(np.concatenate([item.vertices for item in scene]), dtype=wp.vec3, device=device)
@@ -119,7 +137,7 @@ def measure(scene_name: str, case: str, device: wp.Device, views: int | None) ->
     indices = wp.array(faces.ravel(), dtype=int, device=device)
     for tree, block in _TREES[:1] if device.is_cpu else _TREES:
         mesh = wp.Mesh(vertices, indices, bvh_constructor=tree)
-        inputs = [mesh.id, 1e30, poses, directions, depth]
+        inputs = [mesh.id, 1e30, poses, directions, starts, depth]
         command = wp.launch(query_ranges, (count, len(flat)), inputs, device=device, block_dim=block, record_cmd=True)
         runs[f"bare {tree} {block}"] = lambda c=command, m=mesh: c.launch()
     for run in runs.values():

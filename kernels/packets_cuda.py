@@ -124,19 +124,29 @@ ObjectPass::find(Packets::camera_of(shape), all.movables, all.found, there ? obj
 
 
 def headers(
-    side: int, with_id: bool, movable: bool, clip: bool, resized: bool, *, ray_table: bool = False, points: int = 0
+    side: int,
+    with_id: bool,
+    movable: bool,
+    clip: bool,
+    resized: bool,
+    *,
+    ray_table: bool = False,
+    points: int = 0,
+    origins: bool = False,
 ) -> str:
     """Return the C++ of packets, as `make_packet_function` describes them.
 
-    Or of those whose rays are of a table, or of packets of so many points, of the image or of a table.
+    Or of those whose rays are of a table, and may begin apart from each other, or of packets of so many points, of the
+    image or of a table.
     """
     head = f"enum {{ PACKET_WIDTH = {packet_width(side)}, PACKET_HEIGHT = {side}, LEVELS = {LEVELS} }};\n"
     head += (
         f"enum {{ MOVABLE = {int(movable)}, RESIZED = {int(resized)}, RAY_TABLE = {int(ray_table or points > 0)} }};\n"
     )
-    head += f"enum {{ POINT_BLOCKS = {points // CUDA_LANES} }};\n"
+    head += f"enum {{ POINT_BLOCKS = {points // CUDA_LANES}, RAY_ORIGINS = {int(origins)} }};\n"
     head += f"enum {{ TILE_BITS = {TILE_BITS}, MOST_TILES = {MOST_TILES}, CACHED_NUMBERS = {CACHED_NUMBERS} }};\n"
-    kinds = ("cuda/depth_id.h" if with_id else "cuda/depth.h", "cuda/near_clips.h" if clip else "cuda/near_occludes.h")
+    near = "origins" if origins else "clips" if clip else "occludes"
+    kinds = ("cuda/depth_id.h" if with_id else "cuda/depth.h", f"cuda/near_{near}.h")
     kind = ("table" if ray_table else "grid", "table_point" if ray_table else "point")
     places = (f"cuda/{kind[points > 0]}_places.h",)
     if points:
@@ -144,6 +154,8 @@ def headers(
     setup = (
         f"cuda/{'point' if points else 'no'}_cells.h",
         "cuda/bvh.h",
+        f"cuda/{'ray' if origins else 'no'}_origins.h",
+        "cuda/camera.h",
         "cuda/scene.h",
         "cuda/setup.h",
         *places,

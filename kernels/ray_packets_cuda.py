@@ -16,6 +16,9 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 FRAME_WORDS = 25
 """Numbers of a `TableFrame`."""
 
+EYE_WORDS = 8
+"""Numbers of a `TableEye`."""
+
 
 @wp.struct
 class RayPackets:
@@ -30,6 +33,12 @@ class RayPackets:
     place: wp.array2d[wp.int32]
     bounds: wp.array2d[wp.vec4]
     """(packet, block): of points, where rays pass; None of pixels."""
+    eyes: wp.array2d[wp.float64]
+    """(packet, word): `TableEye`; None, as are the next ones, where all rays begin at the camera."""
+    asides: wp.array2d[wp.vec2]
+    """(packet, pixel): where rays pass the plane of the eye."""
+    begins: wp.array2d[float]
+    """(packet, pixel): how far ahead of it they begin."""
     pixels: int
     """Of a view's image."""
 
@@ -48,24 +57,31 @@ const TablePacket rays = {{(const TableFrame*)(packets.frame.data + (long long)p
                            (const ImagePoint*)packets.points.data + first,
                            (const ImagePoint*)packets.rests.data + first,
                            packets.scale.data + first, packets.place.data + first,
-                           (const ImageBox*)packets.bounds.data + (long long)packet * SLOT_BLOCKS, packets.pixels}};
+                           (const ImageBox*)packets.bounds.data + (long long)packet * SLOT_BLOCKS, packets.pixels,
+                           ORIGINS}};
 rays.cast(all, shape, out, memory);
 """
 
+_ORIGINS = """{packets.eyes.data + (long long)packet * TABLE_EYE_WORDS},
+                           {(const ImagePoint*)packets.asides.data + first, packets.begins.data + first}"""
+
 
 def make_ray_packet_function(
-    side: int, with_id: bool, movable: bool, resized: bool = False, points: int = 0
+    side: int, with_id: bool, movable: bool, resized: bool = False, points: int = 0, origins: bool = False
 ) -> wp.Function:
     """Make the native function of a kernel, as `kernels.packets_cuda.make_packet_function` does.
 
     Packets are images of a side, of which each pixel has a ray, or so many rays that pass anywhere in such an image.
+    Rays begin at the camera, or each somewhere near it.
     """
-    text = f"enum {{ TABLE_FRAME_WORDS = {FRAME_WORDS} }};\n"
-    text += headers(side, with_id, movable, False, resized, ray_table=True, points=points)
+    text = f"enum {{ TABLE_FRAME_WORDS = {FRAME_WORDS}, TABLE_EYE_WORDS = {EYE_WORDS} }};\n"
+    text += headers(side, with_id, movable, False, resized, ray_table=True, points=points, origins=origins)
     slots = ("cuda/point_blocks.h", "cuda/table_points.h") if points else ("cuda/table_pixels.h",)
     text += read_native(*slots, "cuda/table.h")
 
-    @wp.func_native(text + _CAST)
+    cast = _CAST.replace("ORIGINS", _ORIGINS if origins else "{}, {}")
+
+    @wp.func_native(text + cast)
     def cast_ray_packet(
         scene: BvhScene,
         range: RayRange,
@@ -83,10 +99,10 @@ def make_ray_packet_function(
 
 
 def make_ray_packet_kernel(
-    side: int, with_id: bool, movable: bool, resized: bool = False, points: int = 0
+    side: int, with_id: bool, movable: bool, resized: bool = False, points: int = 0, origins: bool = False
 ) -> wp.Kernel:
     """Make a kernel for packets of a table's rays; see `make_ray_packet_function`."""
-    cast_ray_packet = make_ray_packet_function(side, with_id, movable, resized, points)
+    cast_ray_packet = make_ray_packet_function(side, with_id, movable, resized, points, origins)
 
     @wp.kernel(module="unique", enable_backward=False, grid_stride=False, cuda_max_registers=96 if movable else 80)
     def cast_ray_packets_cuda(

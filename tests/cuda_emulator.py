@@ -58,11 +58,14 @@ class Variant:
     """Whether rays are of a table."""
     points: int = 0
     """Of a packet, where rays are of points of the image, or are in no order."""
+    origins: bool = False
+    """Whether rays of a table begin apart from each other."""
     arch: int = 900
 
     @property
     def name(self) -> str:
         kind = (self.with_id, self.movable, self.clip, self.resized, self.found, self.large, self.ray_table)
+        kind += (self.origins,)
         flags = "_".join(str(int(flag)) for flag in (*kind, self.points))
         return f"packet_{self.side}_{flags}_{self.arch}"
 
@@ -188,10 +191,12 @@ class EmulatedTableCaster(RayTableCaster):
             "images": images_struct(as_images(images)),
         }
         # A launch writes all of an image: packets are all of one kind.
+        shape = (self._camera.height, self._camera.width, 3)
         packets = prepare_all(
-            self._camera.rays.reshape(self._camera.height, self._camera.width, 3),
+            self._camera.rays.reshape(shape),
             0 if self._variant.points else self._variant.side,
             self._scene.device,
+            self._camera.origins.reshape(shape) if self._variant.origins else None,
         )
         self._emulator.launch(self._variant, (len(poses), packets.frame.shape[0], 1), arguments | {"packets": packets})
 
@@ -275,7 +280,12 @@ def _native_function(variant: Variant) -> Any:
     try:
         if variant.ray_table:
             return ray_packets_cuda.make_ray_packet_function(
-                variant.side, variant.with_id, variant.movable, variant.resized, variant.points
+                variant.side,
+                variant.with_id,
+                variant.movable,
+                variant.resized,
+                variant.points,
+                variant.origins,
             )
         if variant.points:
             return point_packets_cuda.make_point_packet_function(

@@ -7,6 +7,16 @@ import pickle
 import numpy as np
 import pytest
 import trimesh
+from apart_checks import (
+    check_box,
+    check_no_leaks,
+    check_plate,
+    check_soup,
+    check_worlds,
+    outlets,
+    same_ranges,
+    spread_out,
+)
 from test_ray_patterns import assert_matches_reference, few_origins, sphere_of_rays
 from test_solids import build as build_solids
 from test_worlds import ALL, assert_bits_equal, random_poses
@@ -14,8 +24,6 @@ from test_worlds import ALL, assert_bits_equal, random_poses
 import warpvis as wv
 from warpvis.rendering import casters
 from warpvis.sensors import Rays
-
-STRAIGHT = [0, 0, 0, 0, 0, 0, 1.0]
 
 
 @pytest.fixture
@@ -28,48 +36,9 @@ def packets_only(monkeypatch):
     monkeypatch.setattr(casters.RayTableCaster, "cast", refuse)
 
 
-def outlets(height, width, radius=0.03, tall=0.5):
-    """A lidar's rays, from origins as an Ouster's: through an outlet that turns, less that far along each ray."""
-    turned, up = np.meshgrid(np.linspace(-np.pi, np.pi, width, endpoint=False), np.linspace(tall, -tall, height))
-    looks = turned + np.radians(np.resize([3.2, 1.1, -1.1, -3.2], height))[:, None]
-    directions = np.stack([np.cos(up) * np.cos(looks), np.cos(up) * np.sin(looks), np.sin(up)], axis=-1)
-    outlet = radius * np.stack([np.cos(turned), np.sin(turned), np.ones_like(turned)], axis=-1)
-    return directions, outlet - radius * directions
-
-
-def spread_out(count, spread=0.03, seed=2):
-    """Rays all around, from an origin each."""
-    return sphere_of_rays(count), np.random.default_rng(seed).uniform(-spread, spread, (count, 3))
-
-
-def soup(count, near, far, seed):
-    """Triangles of all sizes around the origin, from so near on."""
-    rng = np.random.default_rng(seed)
-    middles = rng.normal(size=(count, 1, 3))
-    away = np.exp(rng.uniform(np.log(near), np.log(far), (count, 1, 1)))
-    middles *= away / np.linalg.norm(middles, axis=-1, keepdims=True)
-    corners = middles + away * rng.uniform(0.02, 1.0, (count, 1, 1)) * rng.normal(size=(count, 3, 3))
-    return trimesh.Trimesh(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3), process=False)
-
-
 @pytest.mark.parametrize("size", [0.05, 1.0, 40.0])
 def test_inside_a_box(size, packets_only):
-    """In closed form, from as near its walls as origins are from each other on, at a place far from the world's."""
-    scene, away, half = wv.Scene(device="cpu"), np.array([50.0, -30.0, 20.0]), size * np.array([1.0, 1.5, 2.0])
-    scene.add(trimesh.creation.box(2 * half), name="box", pose=(*away, 0, 0, 0, 1))
-    for directions, origins in (outlets(40, 200), spread_out(3000)):
-        views = wv.render(scene, Rays(directions, origins), [*away, 0, 0, 0, 1], outputs=ALL)
-        lengths = np.where(directions > 0, half - origins, -half - origins) / directions
-        # Corners of the box are single precision.
-        error = np.abs(views.depth.numpy()[0] - lengths.min(axis=-1))
-        assert error.max() <= 1e-5 * max(1, size) + 4e-6
-        points = origins + lengths.min(axis=-1)[..., None] * directions
-        np.testing.assert_allclose(views.points.numpy()[0] - away, points, atol=2e-5 * max(1, size))
-        wall = lengths.argmin(axis=-1)
-        normals = np.where(np.arange(3) == wall[..., None], -np.sign(directions), 0)
-        apart = np.sort(lengths, axis=-1)
-        sure = apart[..., 1] - apart[..., 0] > 1e-4
-        np.testing.assert_allclose(views.normals.numpy()[0][sure], normals[sure], atol=1e-6)
+    check_box(wv.render, size, (outlets(40, 200), spread_out(3000)))
 
 
 def test_a_sphere(packets_only):
@@ -96,28 +65,11 @@ def test_a_sphere(packets_only):
 @pytest.mark.parametrize("cull_backfaces", [False, True])
 @pytest.mark.parametrize("near", [0.004, 0.05, 1.0])
 def test_triangles_as_near_as_origins_match_the_reference(near, cull_backfaces, packets_only):
-    """Some lie between the origins, some are seen edge-on, and each side of some by other rays."""
-    scene = wv.Scene(device="cpu")
-    scene.add(soup(150, near, 20 * near, seed=3), name="soup")
-    scene.add(soup(60, near, 3.0, seed=4), name="more")
-    poses = random_poses(np.random.default_rng(5), 2, spread=0.01)
-    poses[:, 2] -= 0.6  # in the middle of the triangles
-    pattern = Rays(sphere_of_rays(1500), few_origins(1500, 0.04), near=near + 0.02, far=15 * near + 0.3)
-    views = wv.render(scene, pattern, poses, outputs=ALL, cull_backfaces=cull_backfaces)
-    assert np.isneginf(views.depth.numpy()).any() and np.isfinite(views.depth.numpy()).any()
-    assert_matches_reference(views, scene, poses, pattern, cull_backfaces=cull_backfaces)
+    check_soup(wv.render, near, cull_backfaces, 1500)
 
 
 def test_rays_begin_on_either_side_of_a_plate(packets_only):
-    scene = wv.Scene(device="cpu")
-    scene.add(trimesh.Trimesh([[0.01, -9, -9], [0.01, 9, -9], [0.01, 0, 9]], [[0, 1, 2]]), name="plate")
-    directions, origins = np.tile([1.0, 0, 0], (64, 1)), np.zeros((64, 3))
-    origins[:, 0] = np.linspace(-0.03, 0.031, 64)  # none in it
-    views = wv.render(scene, Rays(directions, origins), STRAIGHT, outputs=ALL)
-    expected = np.where(origins[:, 0] < 0.01, 0.01 - origins[:, 0], np.inf)
-    np.testing.assert_allclose(views.depth.numpy()[0], expected, rtol=0, atol=1e-7)
-    seen = np.isfinite(expected)
-    np.testing.assert_array_equal(views.normals.numpy()[0][seen], np.tile([-1, 0, 0], (seen.sum(), 1)))
+    check_plate(wv.render)
 
 
 def test_the_room_matches_the_reference(packets_only):
@@ -140,9 +92,8 @@ def test_a_turn_of_an_ouster_is_that_of_single_rays(name):
     for kind in ("OS0-128", "OS1-64"):
         lidar = wv.sensors.lidars.ouster(kind, near=0.5, far=6.0)
         one, other = (wv.render(scene, lidar, poses, outputs=ALL, caster=caster) for caster in ("auto", "rays"))
-        depth, expected = one.depth.numpy(), other.depth.numpy()
-        with np.errstate(invalid="ignore"):
-            same = (depth == expected) | (np.abs(depth - expected) <= 1e-5 * np.maximum(1, expected))
+        depth = one.depth.numpy()
+        same = same_ranges(depth, other.depth.numpy())
         assert same.mean() >= 0.9999
         for image in ("segmentation", "labels"):
             alike = getattr(one, image).numpy() == getattr(other, image).numpy()
@@ -155,38 +106,11 @@ def test_a_turn_of_an_ouster_is_that_of_single_rays(name):
 
 
 def test_nothing_leaks(packets_only):
-    """Between triangles of a closed mesh no ray finds a way, at corners and edges neither."""
-    ball = trimesh.creation.icosphere(subdivisions=3, radius=0.7)
-    scene = wv.Scene(device="cpu")
-    scene.add(ball, name="ball")
-    middles = ball.vertices[ball.edges_unique].mean(axis=1)
-    targets = np.concatenate([ball.vertices, middles, ball.triangles_center]).astype(np.float32).astype(np.float64)
-    for spread in (0.001, 0.04):
-        origins = np.random.default_rng(1).uniform(-spread, spread, targets.shape)
-        directions = targets - origins
-        lengths = np.linalg.norm(directions, axis=-1)
-        depth = wv.render(scene, Rays(directions / lengths[:, None], origins), STRAIGHT).depth.numpy()[0]
-        np.testing.assert_allclose(depth, lengths, atol=2e-6)
+    check_no_leaks(wv.render, 3)
 
 
 def test_worlds_and_exclude_are_those_of_single_rays():
-    meshes = [trimesh.creation.icosphere(subdivisions=2, radius=0.3), soup(40, 0.05, 0.4, seed=1)]
-    scene = wv.Scene(device="cpu")
-    places = random_poses(np.random.default_rng(2), 12)
-    for number in range(6):
-        scene.add(meshes[number % 2], name=f"item_{number}", movable=True)
-    for number in range(6, 12):
-        scene.add(meshes[number % 2], name=f"item_{number}", pose=places[number])
-    rows = np.stack([random_poses(np.random.default_rng(seed), 6, spread=1.2) for seed in (0, 1)])
-    pattern, poses = Rays(*outlets(48, 160)), random_poses(np.random.default_rng(3), 3, spread=0.4)
-    options = {"object_poses": rows, "world_index": [1, 0, 1], "exclude": ["item_1", "item_7"], "outputs": ALL}
-    one, other = (wv.render(scene, pattern, poses, caster=caster, **options) for caster in ("auto", "rays"))
-    assert len(np.unique(other.segmentation.numpy())) > 5
-    assert (one.segmentation.numpy() == other.segmentation.numpy()).mean() >= 0.9999
-    depth, expected = one.depth.numpy(), other.depth.numpy()
-    with np.errstate(invalid="ignore"):
-        same = (depth == expected) | (np.abs(depth - expected) <= 1e-5 * np.maximum(1, expected))
-    assert same.mean() >= 0.9999
+    check_worlds(wv.render, Rays(*outlets(48, 160)), 0.9999)
 
 
 def test_splits_and_threads_give_the_same_bits(packets_only):

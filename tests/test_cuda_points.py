@@ -9,6 +9,7 @@ import test_near_plane
 import test_sizes
 import test_solids
 import test_table_packets
+import trimesh
 import warp as wp
 from corner_walls import wall
 from cuda_emulator import Emulator, Variant, emulated_renderer
@@ -263,6 +264,19 @@ def test_rays_in_no_order_and_small_triangles(table_emulator):
     scene, camera = preset.build("cpu"), test_table_packets.PATTERNS["no order"]
     views = emulated_renderer(table_emulator, RAYS, scene, camera, outputs=ALL).render(preset.poses(1))
     test_table_packets.assert_views_match(views, scene, camera, preset.poses(1))
+
+
+@pytest.mark.cxx
+def test_rays_in_no_order_through_corners_of_a_mesh(table_emulator):
+    """Double precision says which triangle they meet, and all meet one."""
+    ball, scene = trimesh.creation.icosphere(subdivisions=2, radius=0.7), wv.Scene(device="cpu")
+    scene.add(ball, name="ball")
+    corners = np.concatenate([ball.vertices, ball.vertices[ball.edges_unique].mean(axis=1)]).astype(np.float32)
+    targets = np.random.default_rng(0).permutation(corners.astype(np.float64))
+    lengths = np.linalg.norm(targets, axis=1)
+    camera = test_table_packets.Table((targets / lengths[:, None])[None])
+    depth = emulated_renderer(table_emulator, RAYS, scene, camera, outputs=ALL).render([0, 0, 0, 0, 0, 0, 1.0]).depth
+    np.testing.assert_allclose(depth.numpy()[0, 0], lengths, atol=2e-6)
 
 
 @pytest.mark.cxx

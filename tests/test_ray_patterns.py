@@ -227,10 +227,6 @@ REFUSED = {
     "kind": (lambda: Rays(-ONE, kind="z"), 'kind="z" is for what is ahead, and 2 of 2 rays look 90 degrees or more'),
     "kind of axes": (lambda: Rays(ONE, kind="z", axes="ros_body"), "is for axes whose z is forward"),
     "axes": (lambda: Rays(ONE, axes="body"), "axes must be one of 'opencv', 'opengl', 'ros_body'"),
-    "packets": (
-        lambda: wv.Renderer(wv.scenes.PRESETS["room"].build("cpu"), Rays(ONE, ONE), caster="packets"),
-        "origins needs",
-    ),
     "points": (
         lambda: wv.Renderer(wv.scenes.PRESETS["room"].build("cpu"), Rays(ONE)).render_at(STRAIGHT, [[[0.5, 0.5]]]),
         "render_at is for points of an image, and Rays are rays without anything between them",

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rays that begin beside each other as packets walk them on CPU cores: where they pass the plane of an eye.
+"""Rays that begin beside each other: when packets take them, and on CPU cores where they pass the plane of an eye.
 
 All in double precision, once for a table. What is made of it is in ``kernels/native/cpu/apart_drawing.h``.
 """
@@ -18,7 +18,10 @@ from warpvis.kernels.constants import CPU_LANES, NOWHERE
 from warpvis.rendering._ray_bundles import PreparedRays, in_rows, prepare_rays, towards
 
 if TYPE_CHECKING:
+    from warpvis.core.ray_camera import RayCamera
     from warpvis.kernels.apart_packets import ApartRays
+    from warpvis.kernels.worlds import Worlds
+    from warpvis.scene import Scene
 
 MOST_APART = 0.1
 """Origins within so much of each other, along each axis, are close [m]."""
@@ -34,6 +37,19 @@ class PreparedApartRays:
     struct: ApartRays
     begin: NDArray[np.float64]
     """Of each bundle, the greatest z at which one of its rays begins."""
+
+
+def takes_packets(scene: Scene, camera: RayCamera, worlds: Worlds, clip_near: bool) -> bool:
+    """Whether packets see a scene as rays do that begin where a camera says.
+
+    They do not where these begin far from each other, solids have a surface of their own, worlds have sizes, or what is
+    near is cut away.
+    """
+    if clip_near or worlds.object_sizes or scene.bvh().has_solids:
+        return False
+    origins = camera.origins
+    assert origins is not None  # or it would be another caster's
+    return camera.prepared("close origins", lambda: are_close(camera.rays, origins))
 
 
 def are_close(rays: NDArray[np.float64], origins: NDArray[np.float64]) -> bool:

@@ -50,20 +50,17 @@ def check_asked(outputs: object, sensor: object) -> tuple[str, ...]:
     return names
 
 
-def choose_caster(caster: Caster, camera: RenderCamera, device: wp.Device) -> Literal["packets", "rays"]:
-    """Return the caster of a camera on a device that a name stands for.
+def choose_caster(caster: Caster, camera: RenderCamera) -> Literal["packets", "rays"]:
+    """Return the caster of a camera that a name stands for.
 
     Raises:
         CameraError: It casts no such rays.
     """
     check_choice(caster, "caster", ("auto", "packets", "rays"))
-    apart = isinstance(camera, RayCamera) and camera.origins is not None
-    if apart or isinstance(camera, OrthographicCamera):
+    if isinstance(camera, OrthographicCamera):
         if caster == "packets":
-            name = "an OrthographicCamera" if isinstance(camera, OrthographicCamera) else f"a {type(camera).__name__}"
-            name += " whose rays have origins" if apart else ""
-            raise CameraError(f'packets are cast through a pinhole; {name} needs caster="rays" or "auto"')
-        return "packets" if apart and caster == "auto" and device.is_cpu else "rays"
+            raise CameraError('packets are cast through a pinhole; an OrthographicCamera needs caster="rays" or "auto"')
+        return "rays"
     return "packets" if caster == "auto" else caster
 
 
@@ -76,9 +73,9 @@ def caster_class(
     if isinstance(camera, RayCamera):
         if caster == "rays":
             return RayTableCaster
-        if camera.origins is not None:
-            return CpuApartPacketsCaster
-        return CpuTablePacketsCaster if device.is_cpu else CudaTablePacketsCaster
+        if not device.is_cpu:
+            return CudaTablePacketsCaster
+        return CpuTablePacketsCaster if camera.origins is None else CpuApartPacketsCaster
     if caster == "rays":
         return RaysCaster
     return CpuRemapCaster if device.is_cpu else CudaPacketsCaster

@@ -11,8 +11,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.kernels.constants import SOLID_NONE
-from warpvis.rendering._apart_rays import PreparedApartRays, are_close, prepare_apart
+from warpvis.rendering._apart_rays import PreparedApartRays, prepare_apart, takes_packets
 from warpvis.rendering._cpu_packets import Workspace
 from warpvis.rendering._cpu_table import CpuTablePacketsCaster
 from warpvis.rendering._ray_bundles import PreparedRays
@@ -24,31 +23,18 @@ if TYPE_CHECKING:
 
 
 class CpuApartPacketsCaster(CpuTablePacketsCaster):
-    """Neighbouring rays walk a BVH together where they begin close to each other; others go one by one.
-
-    So do all where solids have a surface of their own, worlds have sizes, or what is near is cut away.
-    """
+    """Neighbouring rays walk a BVH together where `takes_packets` says that they can; others go one by one."""
 
     def __getstate__(self) -> dict[str, object]:
         """Return what it is, without the rays as kernels take them: copies find or prepare them."""
-        return {name: value for name, value in super().__getstate__().items() if name not in ("_apart", "_are_close")}
+        return {name: value for name, value in super().__getstate__().items() if name != "_apart"}
 
     def cast(self, poses: np.ndarray, worlds: Worlds, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
-        plain = not (self._clip_near or worlds.object_sizes) and self._are_close and not self._has_solids()
-        if plain:
+        if takes_packets(self._scene, self._camera, worlds, self._clip_near):
             super().cast(poses, worlds, images)
         else:
             self._single_rays.cast(poses, worlds, images)
-
-    def _has_solids(self) -> bool:
-        solids = self._scene.bvh().struct.movable_solid
-        return solids is not None and bool((solids.numpy() != SOLID_NONE).any())
-
-    @cached_property
-    def _are_close(self) -> bool:
-        camera, origins = self._camera, self._origins
-        return camera.prepared("close origins", lambda: are_close(camera.rays, origins))
 
     @property
     def _origins(self) -> NDArray[np.float64]:

@@ -11,6 +11,7 @@ import warp as wp
 
 from warpvis.core.kernel_cache import launch
 from warpvis.kernels.constants import CUDA_LANES
+from warpvis.rendering._apart_rays import takes_packets
 from warpvis.rendering._found_objects import nothing_found
 from warpvis.rendering._ray_images import POINTS_SIDE
 from warpvis.rendering._ray_packets import POINTS, PreparedPackets, prepare_packets
@@ -20,15 +21,22 @@ if TYPE_CHECKING:
     from warpvis.kernels.worlds import Worlds
 
 
+MOST_ASIDE = 2.0
+"""Where most packets' rays pass farther than that beside their eye, one by one they are faster [px m]."""
+
+
 class CudaTablePacketsCaster(RayTableCaster):
-    """A warp a packet of neighbouring rays; points of the image are cast as rays."""
+    """A warp a packet of neighbouring rays; points of the image are cast as rays.
+
+    Where rays begin apart from each other, they are cast one by one unless `takes_packets` says otherwise.
+    """
 
     def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
         if len(poses) == 0:
             return
         scene, prepared = self._scene.bvh().struct, self._prepared
-        if self._clip_near and self._camera.near > 0:
+        if self._goes_ray_by_ray(worlds):
             super().cast(poses, worlds, images)
             return
         _, _, normals, labels, segmentation = images
@@ -36,13 +44,13 @@ class CudaTablePacketsCaster(RayTableCaster):
         moving = scene.drawn_count > 0
         places, staging = self._place(poses)
         outputs, lens = images_struct(as_images(images)), self._camera.device_struct()
-        resized = moving and worlds.object_sizes is not None
+        resized, origins = moving and worlds.object_sizes is not None, self._camera.origins is not None
         kinds = [(side, 0, packets) for side, packets in prepared.packets]
         if prepared.points is not None:
             kinds.append((POINTS_SIDE, POINTS, prepared.points))
         for side, points, packets in kinds:
             launch(
-                _kernel(side, with_id, moving, resized, points),
+                _kernel(side, with_id, moving, resized, points, origins),
                 (packets.frame.shape[0], len(poses), CUDA_LANES),
                 [scene, lens, places, worlds, nothing_found(), packets, self._cull_backfaces, outputs],
                 self._scene.device,
@@ -50,17 +58,24 @@ class CudaTablePacketsCaster(RayTableCaster):
             )
         self._give_back(staging)
 
+    def _goes_ray_by_ray(self, worlds: Worlds) -> bool:
+        if self._camera.origins is not None:
+            taken = takes_packets(self._scene, self._camera, worlds, self._clip_near)
+            return not taken or self._prepared.aside > MOST_ASIDE
+        return self._clip_near and self._camera.near > 0
+
     @property
     def _prepared(self) -> PreparedPackets:
         camera, device = self._camera, self._scene.device
-        shape = (camera.height, camera.width, 3)
+        shape, origins = (camera.height, camera.width, 3), camera.origins
+        starts = None if origins is None else origins.reshape(shape)
         return camera.prepared(
-            ("ray packets", device.alias), lambda: prepare_packets(camera.rays.reshape(shape), device)
+            ("ray packets", device.alias), lambda: prepare_packets(camera.rays.reshape(shape), device, starts)
         )
 
 
 @cache
-def _kernel(side: int, with_id: bool, movable: bool, resized: bool, points: int) -> wp.Kernel:
+def _kernel(side: int, with_id: bool, movable: bool, resized: bool, points: int, origins: bool) -> wp.Kernel:
     from warpvis.kernels.ray_packets_cuda import make_ray_packet_kernel
 
-    return make_ray_packet_kernel(side, with_id, movable, resized, points)
+    return make_ray_packet_kernel(side, with_id, movable, resized, points, origins)

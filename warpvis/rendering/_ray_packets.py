@@ -7,7 +7,6 @@ What is made of it is in ``kernels/native/cuda/table.h``.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from warpvis.kernels.constants import CUDA_LANES
 from warpvis.rendering._ray_bundles import split_rays
+from warpvis.rendering._ray_eyes import find_eyes, group_rows
 from warpvis.rendering._ray_images import PacketImages, fit_grid, fit_points, middle_cosines
 
 if TYPE_CHECKING:
@@ -49,15 +49,26 @@ class PreparedPackets:
     """Sides of packets of neighbours, and the packets: up to two kinds."""
     points: RayPackets | None
     """Packets of `POINTS` other rays; None where there is no such ray."""
+    aside: float
+    """How far beside their packet's eye rays pass, in most packets [px m]; 0 where all begin at the camera."""
 
 
-def prepare_packets(rays: NDArray[np.float64], device: wp.Device) -> PreparedPackets:
+def prepare_packets(
+    rays: NDArray[np.float64], device: wp.Device, origins: NDArray[np.float64] | None = None
+) -> PreparedPackets:
     """Prepare rays of the camera frame, shape (H, W, 3), where depth is 1; NaN for pixels without one.
+
+    They begin at the camera, or, where `origins` are given, each close to it.
 
     What packets there are depends on nothing else: a view's last digits do not change with the number of views.
     """
-    flat, index = _flat(rays), _indices(rays)
+    flat, index, make = _flat(rays), _indices(rays), _Maker(rays, origins, device)
     places = []
+    if origins is not None:
+        side = _LARGE_SIDE if len(flat) >= _MANY_RAYS else _SMALL_SIDE
+        unrolled = _unrolled(index, flat)
+        grouped = group_rows(unrolled, flat, origins.reshape(-1, 3), side)
+        index = index if grouped is unrolled else grouped
     if len(flat) >= _MANY_RAYS:
         place = _near_blocks(index, flat, _LARGE_SIDE, _MOST_LARGE_SPREAD)
         full = (place >= 0).mean(axis=1) >= _LEAST_FILL
@@ -65,24 +76,27 @@ def prepare_packets(rays: NDArray[np.float64], device: wp.Device) -> PreparedPac
         index = np.where(np.isin(index, place[full]), -1, index)
     squares, others = _arrange(index, flat, _SMALL_SIDE)
     places.append((_SMALL_SIDE, squares))
-    packets = [(side, _grid_packets(fit_grid(place, flat, side), len(flat), device)) for side, place in places]
-    points = _point_packets(fit_points(others, flat), len(flat), device) if len(others) else None
+    packets = [(side, make.grid(place, side)) for side, place in places]
+    points = make.points(others) if len(others) else None
     return PreparedPackets(
         [(side, made) for side, made in packets if made.frame.shape[0]],
         points,
+        float(np.median(np.concatenate(make.asides))) if make.asides else 0.0,
     )
 
 
-def prepare_all(rays: NDArray[np.float64], side: int, device: wp.Device) -> RayPackets:
+def prepare_all(
+    rays: NDArray[np.float64], side: int, device: wp.Device, origins: NDArray[np.float64] | None = None
+) -> RayPackets:
     """Prepare rays likewise, all in packets of one kind: squares of a side, or, of 0, `POINTS` rays."""
-    flat, index = _flat(rays), _indices(rays)
+    flat, index, make = _flat(rays), _indices(rays), _Maker(rays, origins, device)
     if side == 0:
         full, rest, without = _sorted(index.ravel(), flat.reshape(rays.shape), POINTS)
         place = np.concatenate([_in_points(full, rest), _padded(without, POINTS)])
-        return _point_packets(fit_points(place, flat), len(flat), device)
+        return make.points(place)
     squares, others = _arrange(index, flat, side)
     place = np.concatenate([squares, np.pad(others, ((0, 0), (0, side * side - POINTS)), constant_values=-1)])
-    return _grid_packets(fit_grid(place, flat, side), len(flat), device)
+    return make.grid(place, side)
 
 
 def _flat(rays: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -95,30 +109,47 @@ def _indices(rays: NDArray[np.float64]) -> NDArray[np.int64]:
     return np.arange(rays.shape[0] * rays.shape[1]).reshape(rays.shape[:2])
 
 
-def _grid_packets(images: PacketImages, pixels: int, device: wp.Device) -> RayPackets:
-    return _to_device(images, _z_buffer_order(math.isqrt(images.place.shape[1])), pixels, device)
+class _Maker:
+    """Puts packets of a table on a device."""
 
+    def __init__(self, rays: NDArray[np.float64], origins: NDArray[np.float64] | None, device: wp.Device) -> None:
+        """Take rays as `prepare_packets` does."""
+        self.asides: list[NDArray[np.float64]] = []
+        self._rays = _flat(rays)
+        self._origins = None if origins is None else origins.reshape(-1, 3)
+        self._device = device
 
-def _point_packets(images: PacketImages, pixels: int, device: wp.Device) -> RayPackets:
-    packets = _to_device(images, np.arange(images.place.shape[1]), pixels, device)
-    packets.bounds = wp.array(images.block_bounds(), dtype=wp.vec4, device=device)
-    return packets
+    def grid(self, place: NDArray[np.int64], side: int) -> RayPackets:
+        """Make squares; `place` is the index of every slot's ray, -1 for none."""
+        return self._put(fit_grid(place, self._rays, side), _z_buffer_order(side))
 
+    def points(self, place: NDArray[np.int64]) -> RayPackets:
+        """Make packets of points likewise."""
+        images = fit_points(place, self._rays)
+        packets = self._put(images, np.arange(place.shape[1]))
+        packets.bounds = wp.array(images.block_bounds(), dtype=wp.vec4, device=self._device)
+        return packets
 
-def _to_device(images: PacketImages, order: NDArray[np.int64], pixels: int, device: wp.Device) -> RayPackets:
-    """Slots in the order of a z-buffer."""
-    from warpvis.kernels.ray_packets_cuda import RayPackets
+    def _put(self, images: PacketImages, order: NDArray[np.int64]) -> RayPackets:
+        """Slots in the order of a z-buffer."""
+        from warpvis.kernels.ray_packets_cuda import RayPackets
 
-    packets = RayPackets()
-    packets.frame = wp.array(images.frames(), dtype=wp.float64, device=device)
-    rounded = images.rounded
-    scale = np.where(images.there, 1 / images.ahead, 0.0).astype(np.float32)
-    packets.points = wp.array(rounded[:, order], dtype=wp.vec2, device=device)
-    packets.rests = wp.array((images.exact - rounded).astype(np.float32)[:, order], dtype=wp.vec2, device=device)
-    packets.scale = wp.array(scale[:, order], dtype=wp.float32, device=device)
-    packets.place = wp.array(images.place[:, order].astype(np.int32), dtype=wp.int32, device=device)
-    packets.pixels = pixels
-    return packets
+        packets, device = RayPackets(), self._device
+        packets.frame = wp.array(images.frames(), dtype=wp.float64, device=device)
+        rounded = images.rounded
+        scale = np.where(images.there, 1 / images.ahead, 0.0).astype(np.float32)
+        packets.points = wp.array(rounded[:, order], dtype=wp.vec2, device=device)
+        packets.rests = wp.array((images.exact - rounded).astype(np.float32)[:, order], dtype=wp.vec2, device=device)
+        packets.scale = wp.array(scale[:, order], dtype=wp.float32, device=device)
+        packets.place = wp.array(images.place[:, order].astype(np.int32), dtype=wp.int32, device=device)
+        packets.pixels = len(self._rays)
+        if self._origins is not None:
+            eyes = find_eyes(images, self._rays, self._origins)
+            self.asides.append(eyes.most_aside)
+            packets.eyes = wp.array(eyes.words, dtype=wp.float64, device=device)
+            packets.asides = wp.array(eyes.aside[:, order], dtype=wp.vec2, device=device)
+            packets.begins = wp.array(eyes.begin[:, order], dtype=wp.float32, device=device)
+        return packets
 
 
 def _near_blocks(index: NDArray[np.int64], rays: NDArray, side: int, most_spread: float) -> NDArray[np.int64]:
@@ -142,7 +173,7 @@ def _arrange(
     """
     place = _near_blocks(index, rays, side, _MOST_SPREAD)
     others = index[(index >= 0) & ~np.isin(index, place)]
-    full, rest, without = _sorted(others, rays.reshape(*index.shape, 3), side * side)
+    full, rest, without = _sorted(others, rays[None], side * side)
     squares = _as_squares(full)
     near = fit_grid(squares, rays, side).spread <= _MOST_SORTED_SPREAD
     points = _in_points(full[~near], rest)

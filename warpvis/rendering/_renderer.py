@@ -112,7 +112,7 @@ class Renderer:
         self.camera = camera
         self.outputs = check_asked(outputs, sensor)
         self.threads = check_threads(threads)
-        self.caster = choose_caster(caster, camera, scene.device)
+        self.caster = choose_caster(caster, camera)
         self.device_bytes = check_device_bytes(device_bytes, scene.device)
         self.fill = fill
         self._fill = fill_numbers(fill, camera)

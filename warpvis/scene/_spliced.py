@@ -72,6 +72,7 @@ def splice_bvh(built: SceneBvh, column: int, tree: Bvh, *, closed: bool, had: in
         depth=struct.levels,
         bytes_per_triangle=_bytes(struct) / (_bytes(old) / built.bytes_per_triangle + tree.triangle_count - removed),
         moves_solids_only=False,
+        has_solids=bool(struct.movable_solid.numpy().any()),
         refits={},
         idle=[],
     )

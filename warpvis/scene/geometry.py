@@ -59,6 +59,8 @@ class SceneBvh:
     """Memory of the trees."""
     moves_solids_only: bool = False
     """Whether all movable objects are solids."""
+    has_solids: bool = False
+    """Whether some object is, movable or an instance."""
     refits: dict[int, BvhRefit] = field(default_factory=dict)
     """What makes the tree of an object that deforms hold its points, by object."""
     idle: list[object] = field(default_factory=list)
@@ -176,6 +178,7 @@ def build_scene_bvh(
         depth=max(tree.depth for tree in trees),
         bytes_per_triangle=size / sum(tree.triangle_count for tree in trees),
         moves_solids_only=len(one_object) > 0 and bool(plan.solid_kinds.all()),
+        has_solids=bool(plan.solid_kinds.any()),
         refits=_make_refits(struct, trees, plan),
     )
 

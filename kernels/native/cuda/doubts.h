@@ -22,8 +22,8 @@ struct Doubts {
 };
 
 struct Exactly {
-    static inline ExactCorners corners(const Camera& camera, const float* from) {
-        const double origin[3] = {camera.exact_origin.x, camera.exact_origin.y, camera.exact_origin.z};
+    static inline ExactCorners corners(Vec3d start, const float* from) {
+        const double origin[3] = {start.x, start.y, start.z};
         ExactCorners seen;
         for (int k = 0; k < 3; ++k)
             for (int i = 0; i < 3; ++i) seen.corner[k][i] = __ldg(from + (3 * k + i) * LANES) - origin[i];
@@ -33,12 +33,12 @@ struct Exactly {
     // What the z-buffer keeps of a triangle where a ray passes, if the ray meets it, on its edges too, by a side that
     // is drawn; 0 if not.
     static __noinline__ Key key(const Camera& camera, const float* from, const int* owner, unsigned id,
-                                ExactImagePoint p) {
+                                ExactRayPlace p) {
         const Vec3d* rays = camera.exact_rays;
         const double ray[3] = {p.u * rays[0].x + (p.v * rays[1].x + rays[2].x),
                                p.u * rays[0].y + (p.v * rays[1].y + rays[2].y),
                                p.u * rays[0].z + (p.v * rays[1].z + rays[2].z)};
-        const ExactCorners seen = corners(camera, from);
+        const ExactCorners seen = corners(Origins::start(p, camera.exact_origin, rays), from);
         double normal[3];
         seen.normal(normal);
         const double volume = seen.volume(normal);
@@ -84,9 +84,11 @@ struct Exactly {
         for (int block = 0; block < SLOT_BLOCKS; ++block) {
             const int x = Packet::block_x(block) + Packet::pixel_x(Warp::lane()),
                       y = Packet::block_y(block) + Packet::pixel_y(Warp::lane());
-            const ImagePoint p = packet.point(camera, x, y, Packet::index(block, Warp::lane()));
+            const RayPlace p = packet.point(camera, x, y, Packet::index(block, Warp::lane()));
             const bool inside = POINTS ? t.x0 <= t.x1 : x >= t.x0 && x <= t.x1 && y >= t.y0 && y <= t.y1;
-            if (inside && fabsf(t.within(p.u, p.v)) <= t.doubt) touched |= draw_pixel(bvh, camera, packet, slot, x, y);
+            const float within = t.within(p);
+            if (inside && within >= -t.doubt && (within <= t.doubt || camera.origins.may_hide(t.max_inv_z)))
+                touched |= draw_pixel(bvh, camera, packet, slot, x, y);
         }
         return touched;
     }
@@ -98,7 +100,7 @@ struct Exactly {
         Key* at = packet.at(index);
         const Key found = key(camera, bvh.corners(slot), bvh.owners + slot, slot + bvh.first_id,
                               packet.exact_point(camera, x, y, index));
-        if (found <= *at) return 0;
+        if (found <= *at || packet.begins_behind(found, index)) return 0;
         atomicMax(at, found);
         return 1u << Packet::block_of(x, y);
     }

@@ -23,4 +23,5 @@ struct NoPoints {
     static inline void bounds_of(int, ImageBox&) {}
     static inline int first_in(int, int) { return -1; }
     static inline int after(int) { return -1; }
+    static inline bool is_behind(float, int) { return false; }
 };

@@ -218,7 +218,7 @@ struct ObjectPass {
         if (!wanted || p.zmin > world.far || !in.some()) return;
         // Else all that is behind the camera would be.
         if (p.crossing && !Walk::reaches_frustum(box.rows, world.first_u, world.first_v, world.last_x + 1.0f,
-                                                 world.last_y + 1.0f, box.low, box.high))
+                                                 world.last_y + 1.0f, box.low, box.high, world.origins.aside()))
             return;
         found.add({p.nearest_inv_z(), FoundObjects::Entry::pair(in.left, in.right),
                    FoundObjects::Entry::pair(in.top, in.bottom), m},

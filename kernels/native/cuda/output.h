@@ -138,8 +138,9 @@ struct Write {
         const int owner = !MOVABLE && objects && shown ? __ldg(scene.bvh.owners + id) : 0;
         if (out.depth) out.depth[spot.at] = found.depth;
         if (out.points) {
-            const Vec3 ray = frame.ray(packet.point(camera, spot.x, spot.y, spot.index));
-            vector(out.points, spot.at, shown ? place(camera.origin, ray, found.z) : none());
+            const RayPlace p = packet.point(camera, spot.x, spot.y, spot.index);
+            const Vec3 start = Origins::start(p, camera.origin, frame.right, frame.down);
+            vector(out.points, spot.at, shown ? place(start, frame.ray(p), found.z) : none());
         }
         if (DepthKey::HAS_ID && out.normals)
             vector(out.normals, spot.at,

@@ -43,11 +43,16 @@ struct Packet {
     inline unsigned inv_z_bits(int x, int y) const { return DepthKey::inv_z_bits(*at(index_at(x, y))); }
 
     // Where the ray of a pixel passes.
-    inline ImagePoint point(const Camera& camera, int x, int y, int index) const {
+    inline RayPlace point(const Camera& camera, int x, int y, int index) const {
         return memory->point(camera, first_x + x, first_y + y, index);
     }
-    inline ExactImagePoint exact_point(const Camera& camera, int x, int y, int index) const {
+    inline ExactRayPlace exact_point(const Camera& camera, int x, int y, int index) const {
         return memory->exact(camera, first_x + x, first_y + y, index);
+    }
+
+    // Whether the ray of a slot begins behind what a key is of.
+    inline bool begins_behind(Key key, int index) const {
+        return memory->is_behind(__uint_as_float(DepthKey::inv_z_bits(key)), index);
     }
 
     // Nothing seen yet. What lies outside the image counts as very near, so that it hides and never shows.

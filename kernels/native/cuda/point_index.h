@@ -15,6 +15,7 @@ struct PointIndex {
     inline void bounds_of(int block, ImageBox& box) const { box = bounds[min(block, SLOT_BLOCKS - 1)]; }
     inline int first_in(int x, int y) const { return first[y * CellGrid::SIDE + x]; }
     inline int after(int slot) const { return next[slot]; }
+    static inline bool is_behind(float, int) { return false; }
 
     // Before any point is added.
     inline void clear() {

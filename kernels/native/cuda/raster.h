@@ -82,16 +82,16 @@ struct Raster {
     static inline void draw_spot(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t, bool cut,
                                  Spot spot, Doubts& doubts, unsigned& touched) {
         const int x = spot.x, y = spot.y, index = spot.index;
-        const ImagePoint p = packet.point(camera, x, y, index);
-        const float within = t.within(p.u, p.v);
+        const RayPlace p = packet.point(camera, x, y, index);
+        const float within = t.within(p);
         if (within >= -t.doubt) {
             Key* at = packet.at(index);
             const float inv_z =
                 t.exact
                     ? t.clamp(ExactPlane::of(camera, bvh.corners(t.slot)).at(packet.exact_point(camera, x, y, index)))
-                    : t.inv_z_at(p.u, p.v);
+                    : t.inv_z_at(p);
             const Key key = DepthKey::of(inv_z, t.slot + bvh.first_id);
-            if (within <= t.doubt) {
+            if (within <= t.doubt || camera.origins.may_hide(inv_z)) {
                 if (t.may_show(*at))
                     doubts.add(t.slot, POINTS ? Packet::x_of(index) : x, POINTS ? Packet::y_of(index) : y);
             } else if (camera.near.shows(inv_z, cut) && key > *at) {
@@ -120,16 +120,22 @@ struct Raster {
             touched =
                 lane < SLOT_BLOCKS && cells.x1 >= t.x0 && cells.x0 <= t.x1 && cells.y1 >= t.y0 && cells.y0 <= t.y1;
         }
-        bool covered = true;
+        bool above = true, below = true, covered = true;
         for (int e = 0; e < 3; ++e) {
             // An edge's value is greatest, and least, at corners of a block. Rounding keeps the order, so that the test
             // of the corner pixel never contradicts that of another pixel.
             const bool right = t.edge[e].u >= 0.0f, down = t.edge[e].v >= 0.0f;
-            touched &= t.edge[e].at(right ? u1 : u0, down ? v1 : v0) >= -t.doubt;
-            covered &= t.edge[e].at(right ? u0 : u1, down ? v0 : v1) > t.doubt;
+            const float most = camera.origins.most(t.edge[e], right ? u1 : u0, down ? v1 : v0);
+            const float least = camera.origins.least(t.edge[e], right ? u0 : u1, down ? v0 : v1);
+            above &= most >= -t.doubt;
+            below &= least <= t.doubt;
+            covered &= least > t.doubt;
         }
+        touched &= above || (t.sees_both_sides() && below);
+        covered &= !t.sees_both_sides();
+        const float corner_inv_z = t.clamp(t.plane_at(t.slope_u >= 0.0f ? u1 : u0, t.slope_v >= 0.0f ? v1 : v0));
         const float nearest_inv_z =
-            t.exact ? t.max_inv_z : NEARER * t.inv_z_at(t.slope_u >= 0.0f ? u1 : u0, t.slope_v >= 0.0f ? v1 : v0);
+            t.exact ? t.max_inv_z : NEARER * camera.origins.nearest(corner_inv_z, t.slope_u, t.slope_v);
         touched &= __float_as_uint(nearest_inv_z) >= packet.block_min_inv_z;
         const unsigned whole = Warp::ballot(covered);
         const unsigned blocks = Warp::ballot(touched);
@@ -142,14 +148,13 @@ struct Raster {
             const int index = Packet::index(block, lane);
             const int x = Packet::block_x(block) + Packet::pixel_x(lane),
                       y = Packet::block_y(block) + Packet::pixel_y(lane);
-            const ImagePoint p = packet.point(camera, x, y, index);
-            const float within = whole >> block & 1 ? NOWHERE : t.within(p.u, p.v);
+            const RayPlace p = packet.point(camera, x, y, index);
+            const float within = whole >> block & 1 ? NOWHERE : t.within(p);
             if (within < -t.doubt) continue;
-            const float inv_z =
-                t.exact ? t.clamp(plane.at(packet.exact_point(camera, x, y, index))) : t.inv_z_at(p.u, p.v);
+            const float inv_z = t.exact ? t.clamp(plane.at(packet.exact_point(camera, x, y, index))) : t.inv_z_at(p);
             Key* at = packet.at(index);
             const Key key = DepthKey::of(inv_z, t.slot + bvh.first_id);
-            if (within <= t.doubt) {
+            if (within <= t.doubt || camera.origins.may_hide(inv_z)) {
                 if (t.may_show(*at)) doubts.add(t.slot, x, y);
             } else if (camera.near.shows(inv_z, camera.near.cuts(t.max_inv_z)) && key > *at) {
                 *at = key;

@@ -14,29 +14,35 @@ struct ExactPlane {
                           Vec3d::dot(normal, camera.exact_rays[1]) * scale,
                           Vec3d::dot(normal, camera.exact_rays[2]) * scale};
     }
-    inline float at(ExactImagePoint p) const { return (float)(u * p.u + (v * p.v + one)); }
+    inline float at(ExactRayPlace p) const { return (float)Origins::along(u * p.u + (v * p.v + one), u, v, p); }
 };
 
 // One triangle, set up for the image.
 struct alignas(16) Triangle {
-    Linear edge[3];  // positive inside
+    Edge edge[3];
     float doubt;  // an edge's value of no more than this, either way, may have the wrong sign
     float slope_u, slope_v;  // of 1 / z
     float u, v, inv_z;  // where it is known: at a corner
     float min_inv_z, max_inv_z;  // at the corners: no point of a triangle is nearer or farther
     int x0, x1, y0, y1;  // pixels of the packet whose centres may be inside, or cells whose points may
     bool exact;  // single precision is not enough for 1 / z
+    bool beside;  // some rays may see it from another side than the eye does
     unsigned slot;  // in the leaves
 
-    // How far within its edges a place is.
-    inline float within(float at_u, float at_v) const {
-        return Three::min(edge[0].at(at_u, at_v), edge[1].at(at_u, at_v), edge[2].at(at_u, at_v));
+    inline bool sees_both_sides() const { return RAY_ORIGINS && beside; }
+    // How far within its edges a ray passes; no more than is in doubt if it may do so on the other side.
+    inline float within(RayPlace p) const {
+        const float a = edge[0].of_ray(p), b = edge[1].of_ray(p), c = edge[2].of_ray(p);
+        const float least = Three::min(a, b, c);
+        return sees_both_sides() ? fminf(fmaxf(least, -Three::max(a, b, c)), doubt) : least;
     }
     // Whether it may be seen where the z-buffer keeps something.
     inline bool may_show(Key there) const { return __float_as_uint(max_inv_z) >= DepthKey::inv_z_bits(there); }
     inline float clamp(float value) const { return fmaxf(fminf(value, max_inv_z), min_inv_z); }
-    inline float inv_z_at(float at_u, float at_v) const {
-        return clamp(__fmaf_rn(slope_u, at_u - u, __fmaf_rn(slope_v, at_v - v, inv_z)));
+    inline float inv_z_at(RayPlace p) const { return clamp(Origins::along(plane_at(p.u, p.v), slope_u, slope_v, p)); }
+    // Of a ray from the eye.
+    inline float plane_at(float at_u, float at_v) const {
+        return __fmaf_rn(slope_u, at_u - u, __fmaf_rn(slope_v, at_v - v, inv_z));
     }
 };
 
@@ -56,6 +62,7 @@ constexpr float COARSE = 4.0f;
 struct ImageBox {
     float left, right, top, bottom;
 
+    inline void widen(ImagePoint by) { left -= by.u, right += by.u, top -= by.v, bottom += by.v; }
     inline bool holds(ImagePoint p, float slack) const {
         return p.u >= left - slack && p.u <= right + slack && p.v >= top - slack && p.v <= bottom + slack;
     }
@@ -70,9 +77,11 @@ struct Setup {
     enum { LARGE = 64 };  // pixels of the bounds, from which a triangle is worth a look at its edges
 
     // cross(a - b, a + b) is 2 a x b, and exactly its negative when a and b change places.
-    static inline Linear edge(Vec3 a, Vec3 b, float sign) {
-        const Vec3 product = Vec3::cross(Vec3::minus(a, b), Vec3::plus(a, b));
-        return Linear{product.x * sign, product.y * sign, product.z * sign};
+    static inline Edge edge(Vec3 a, Vec3 b, float sign) {
+        const Vec3 side = Vec3::minus(a, b), product = Vec3::cross(side, Vec3::plus(a, b));
+        const float twice = 2.0f * sign;
+        return Edge::of(Vec3{product.x * sign, product.y * sign, product.z * sign},
+                        Vec3{side.x * twice, side.y * twice, side.z * twice});
     }
 
     // Its corners in the image: where they are, in pixels from the principal point, and 1 / z.
@@ -86,12 +95,13 @@ struct Setup {
         inline float area() const {
             return 0.5f * fabsf((u[1] - u[0]) * (v[2] - v[0]) - (u[2] - u[0]) * (v[1] - v[0]));
         }
+        inline void widen(ImagePoint by) { u0 -= by.u, u1 += by.u, v0 -= by.v, v1 += by.v; }
         // About how many are inside of so many in its bounds.
         inline int cover(int bounds) const {
             return crossing || !(area() < (float)bounds) ? bounds : min(bounds, (int)area() + 1);
         }
 
-        static inline ProjectedTriangle of(Vec3 a, Vec3 b, Vec3 c) {
+        static inline ProjectedTriangle of(const Camera& camera, Vec3 a, Vec3 b, Vec3 c) {
             ProjectedTriangle p;
             const float zmin = Three::min(a.z, b.z, c.z);
             p.zmax = Three::max(a.z, b.z, c.z);
@@ -104,6 +114,7 @@ struct Setup {
             p.v[2] = __fmul_rn(c.y, p.inv_z[2]);
             p.u0 = Three::min(p.u[0], p.u[1], p.u[2]), p.u1 = Three::max(p.u[0], p.u[1], p.u[2]);
             p.v0 = Three::min(p.v[0], p.v[1], p.v[2]), p.v1 = Three::max(p.v[0], p.v[1], p.v[2]);
+            if (RAY_ORIGINS) p.widen(camera.origins.aside_at(Three::max(p.inv_z[0], p.inv_z[1], p.inv_z[2])));
             return p;
         }
     };
@@ -173,7 +184,7 @@ struct Setup {
         const float slopes = __fmul_rn(sides, __fmul_rn(du + dv, fabsf(scale)));
         const float corner = __fmul_rn(camera.blur, fabsf(t.slope_u) + fabsf(t.slope_v));
         const float error = __fmaf_rn(TERM_ERROR, change + t.inv_z, slopes + corner);
-        return p.crossing || !(error <= ALLOWED_ERROR * t.min_inv_z);
+        return p.crossing || !(Origins::error(error) <= ALLOWED_ERROR * t.min_inv_z);
     }
 
     // What rounding may change of an edge's value and of the volume of a triangle, if any of it is in the image: by how
@@ -186,7 +197,7 @@ struct Setup {
         }
         static inline Rounding of(const Camera& camera, Vec3 ab, Vec3 ac, float zmin, float zmax) {
             const float apart = Rounding::apart(camera, ab, ac, zmin, zmax), per_extent = camera.per_extent;
-            const float away = __fmaf_rn(2.0f * camera.extent, zmax, apart);
+            const float away = camera.origins.away(__fmaf_rn(2.0f * camera.extent, zmax, apart));
             const float rounded = __fmul_rn(EDGE_DOUBT, away);
             return Rounding{__fmul_rn(rounded, __fmaf_rn(EDGE_DOUBT_LEAST * per_extent, away, apart)),
                             __fmul_rn(__fmul_rn(VOLUME_DOUBT, away), __fmul_rn(apart, __fmul_rn(per_extent, away)))};
@@ -254,7 +265,7 @@ struct Setup {
     // Whether this lane's triangle of a leaf that is small in the image, and all in front of the camera, may cover a
     // pixel's centre of the packet.
     static inline bool may_cover(const Bvh& bvh, const Camera& camera, const PacketBounds& bounds,
-                                 const Corners& stored, unsigned slot, ImageBox& box) {
+                                 const Corners& stored, unsigned slot, ImageBox& box, float& inv_z) {
         const Vec3 a = camera.turn(camera.relative(stored.a)), b = camera.turn(camera.relative(stored.b)),
                    c = camera.turn(camera.relative(stored.c));
         const float a_inv_z = Reciprocal::about(a.z), b_inv_z = Reciprocal::about(b.z),
@@ -263,9 +274,17 @@ struct Setup {
         const float a_v = a.y * a_inv_z, b_v = b.y * b_inv_z, c_v = c.y * c_inv_z;
         box = ImageBox{Three::min(a_u, b_u, c_u), Three::max(a_u, b_u, c_u), Three::min(a_v, b_v, c_v),
                        Three::max(a_v, b_v, c_v)};
+        ImageBox wide = box;
+        inv_z = a_inv_z;
+        if (RAY_ORIGINS) {
+            const float least = Three::min(a_inv_z, b_inv_z, c_inv_z), most = Three::max(a_inv_z, b_inv_z, c_inv_z);
+            inv_z = 0.5f * (least + most);
+            box.widen(camera.origins.aside_at(0.50001f * (most - least)));
+            wide.widen(camera.origins.aside_at(most));
+        }
         const bool shown =
-            PacketBounds::has_center(box.left, box.right, bounds.left_less, bounds.left_more, PACKET_WIDTH) &&
-            PacketBounds::has_center(box.top, box.bottom, bounds.top_less, bounds.top_more, PACKET_HEIGHT);
+            PacketBounds::has_center(wide.left, wide.right, bounds.left_less, bounds.left_more, PACKET_WIDTH) &&
+            PacketBounds::has_center(wide.top, wide.bottom, bounds.top_less, bounds.top_more, PACKET_HEIGHT);
         const bool sorted_out = camera.cull_back_faces || camera.skip_back_faces || bvh.excluded;
         return shown && (!sorted_out || wanted(bvh, camera, CameraTriangle::of(camera, stored), slot));
     }
@@ -274,7 +293,8 @@ struct Setup {
     static inline bool wanted(const Bvh& bvh, const Camera& camera, const CameraTriangle& t, unsigned slot) {
         bool shown = true;
         if (camera.cull_back_faces || camera.skip_back_faces) {
-            const bool front = t.volume < t.rounding(camera).volume;  // or may be
+            const float doubt = camera.origins.volume(t.rounding(camera).volume, t.normal);
+            const bool front = t.volume < doubt;  // or may be
             shown = front || (!camera.cull_back_faces && __ldg(bvh.owners + slot) >= 0);
         }
         if (bvh.excluded) shown = shown && !bvh.excluded[Bvh::object_of(__ldg(bvh.owners + slot))];
@@ -289,7 +309,7 @@ struct Setup {
         // What has no area, or is seen edge-on, Setup::triangle looks at.
         bool shown = fabsf(c.volume) <= NOWHERE && wanted(bvh, camera, c, slot);
         if (!Warp::any(shown)) return 0;
-        const ProjectedTriangle p = ProjectedTriangle::of(c.a, c.b, c.c);
+        const ProjectedTriangle p = ProjectedTriangle::of(camera, c.a, c.b, c.c);
         if (!(p.zmax > 0.0f)) shown = false;
         if (!MOVABLE && p.crossing) return shown ? PACKET_WIDTH * PACKET_HEIGHT : 0;
         const float slack = slack_of(camera);
@@ -314,14 +334,17 @@ struct Setup {
                                  float v1) {
         const Rounding rounding = c.rounding(camera);
         const float sign = c.volume < 0.0f ? -1.0f : 1.0f;
-        return fabsf(c.volume) >= rounding.volume && (beyond(edge(c.b, c.c, sign), rounding.edge, u0, u1, v0, v1) ||
-                                                      beyond(edge(c.c, c.a, sign), rounding.edge, u0, u1, v0, v1) ||
-                                                      beyond(edge(c.a, c.b, sign), rounding.edge, u0, u1, v0, v1));
+        if (camera.origins.is_beside(c.volume, rounding.volume, c.normal)) return false;
+        return fabsf(c.volume) >= rounding.volume &&
+               (beyond(camera.origins, edge(c.b, c.c, sign), rounding.edge, u0, u1, v0, v1) ||
+                beyond(camera.origins, edge(c.c, c.a, sign), rounding.edge, u0, u1, v0, v1) ||
+                beyond(camera.origins, edge(c.a, c.b, sign), rounding.edge, u0, u1, v0, v1));
     }
     // An edge's value is greatest at a corner. Rounding keeps the order: no pixel of the rectangle contradicts the
     // corner.
-    static inline bool beyond(const Linear& edge, float doubt, float u0, float u1, float v0, float v1) {
-        return edge.at(edge.u >= 0.0f ? u1 : u0, edge.v >= 0.0f ? v1 : v0) < -doubt;
+    static inline bool beyond(const Origins& origins, const Edge& edge, float doubt, float u0, float u1, float v0,
+                              float v1) {
+        return origins.most(edge, edge.u >= 0.0f ? u1 : u0, edge.v >= 0.0f ? v1 : v0) < -doubt;
     }
 
     // A triangle of a leaf.
@@ -330,7 +353,7 @@ struct Setup {
         const Rounding rounding = c.rounding(camera);
         // Single precision cannot tell then whether its front or its back is seen.
         const bool edge_on = fabsf(c.volume) < rounding.volume;
-        const ProjectedTriangle p = ProjectedTriangle::of(c.a, c.b, c.c);
+        const ProjectedTriangle p = ProjectedTriangle::of(camera, c.a, c.b, c.c);
         const Bounds bounds = Bounds::of(camera, p);
         const float sign = c.volume < 0.0f ? -1.0f : 1.0f, scale = 1.0f / c.volume;
         Triangle t;
@@ -348,10 +371,12 @@ struct Setup {
         t.u = p.u[0], t.v = p.v[0], t.inv_z = p.inv_z[0];
         t.min_inv_z = p.crossing ? 1.0f / p.zmax : Three::min(p.inv_z[0], p.inv_z[1], p.inv_z[2]);
         t.max_inv_z = p.crossing ? MOST_INV_Z : Three::max(p.inv_z[0], p.inv_z[1], p.inv_z[2]);
-        t.exact = edge_on || loses_digits(camera, p, bounds, t, c.ab, c.ac, scale);
+        t.beside = camera.origins.is_beside(c.volume, rounding.volume, c.normal);
+        t.exact = edge_on || t.sees_both_sides() || loses_digits(camera, p, bounds, t, c.ab, c.ac, scale);
         // Within a triangle, no edge's value is more than the volume by the depth there.
         t.doubt = rounding.edge;
-        if (edge_on) t.doubt = p.crossing ? NOWHERE : __fmaf_rn(2.0f * rounding.volume, t.max_inv_z, rounding.edge);
+        if (edge_on && !t.sees_both_sides())
+            t.doubt = p.crossing ? NOWHERE : __fmaf_rn(2.0f * rounding.volume, t.max_inv_z, rounding.edge);
         return t;
     }
 };

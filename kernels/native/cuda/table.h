@@ -4,6 +4,8 @@
 // Packets of a table's rays, each an image of its own: turned, scaled and sheared so that neighbouring rays pass near
 // the centres of neighbouring pixels, one each, or turned and scaled so that rays in no order fill it
 // (warpvis/rendering/_ray_packets.py). All else is as in other packets.
+//
+// Rays may begin apart from each other (ray_origins.h). Then each packet has an eye of its own.
 
 // What turns the space of the table's camera into that of a packet.
 struct TableFrame {
@@ -25,6 +27,8 @@ struct TablePacket {
     const int* place;  // of the pixel in the table's image; -1 where there is none
     const ImageBox* bounds;  // of blocks of rays that are anywhere in the image
     int pixels;  // of that image
+    TableEye eye;
+    RayStarts starts;
 
     // Have the camera in shared memory. A lane takes a coordinate of a ray, or of a row.
     inline void set_camera(const Scene& scene, const View& view, Camera& camera) const {
@@ -41,20 +45,22 @@ struct TablePacket {
                 if (RAY_TABLE) camera.rows[3 * (row - 3) + k] = value;
             }
         }
-        if (lane == 0) set_numbers(view, camera);
+        if (lane == 0) set_numbers(view, axis, camera);
         Warp::sync();
         Packets::set_sides(scene, view, camera);
     }
-    inline void set_numbers(const View& view, Camera& camera) const {
-        camera.exact_origin = PoseRow::position(view.pose);
+    inline void set_numbers(const View& view, const Vec3d* axis, Camera& camera) const {
+        camera.exact_origin = eye.place(PoseRow::position(view.pose), axis);
         camera.origin = camera.exact_origin.rounded();
-        camera.rest = Vec3{0.0f, 0.0f, 0.0f};
+        const Vec3 o = camera.origin;
+        camera.rest = Vec3d::minus(camera.exact_origin, Vec3d{o.x, o.y, o.z}).rounded();
+        camera.origins = eye.origins();
         camera.first_u = (float)frame->first_u;
         camera.first_v = (float)frame->first_v;
         TableSlots::set_sides(camera);
         camera.spread = (float)frame->spread;
-        camera.far = fminf(view.far * (float)frame->longest * FARTHER, NOWHERE);
-        camera.near = NearPlane::of(view.most_inv_z, view.clip_reach);
+        camera.far = fminf(eye.farthest(view.far * (float)frame->longest) * FARTHER, NOWHERE);
+        camera.near = NearPlane::of(view.most_inv_z, eye.reach(view.clip_reach));
         const float width = (float)frame->focal[0], height = (float)frame->focal[1];
         camera.focal = fmaxf(width, height);
         const float first = TableSlots::farthest(camera);
@@ -69,7 +75,7 @@ struct TablePacket {
     // Nothing seen yet. A pixel without a ray counts as very near, so that it hides and never shows.
     inline void begin(const Camera& camera, Packet& packet) const {
         const int lane = Warp::lane();
-        if (lane == 0) packet.memory->points = points, packet.memory->rests = rests;
+        if (lane == 0) packet.memory->points = points, packet.memory->rests = rests, packet.memory->starts = starts;
         Warp::sync();
         TableSlots::index(camera, *packet.memory, bounds);
         unsigned some = 0;
@@ -96,7 +102,7 @@ struct TablePacket {
             if (at < 0) continue;
             const Key key = *packet.at(index);
             const float inv_z = to_depth > 0.0f ? Write::inv_z_of(key) : 0.0f, z = Reciprocal::of(inv_z);
-            const float depth = __fmul_rn(z, to_depth);
+            const float depth = __fmul_rn(starts.from_start(z, index), to_depth);
             const bool shown = Write::seen(view, inv_z, depth);
             const Write::Found found = {key, z, shown ? depth : Write::nothing(view, inv_z, depth), shown};
             if (more)

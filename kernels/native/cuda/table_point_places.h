@@ -7,10 +7,12 @@
 struct Places : PointIndex {
     const ImagePoint* points;  // in the order of the z-buffer; of slots without a ray, one of the image
     const ImagePoint* rests;  // what rounding took from them
+    RayStarts starts;
 
-    inline ImagePoint point(const Camera&, int, int, int index) const { return points[index]; }
-    inline ExactImagePoint exact(const Camera&, int, int, int index) const {
+    inline RayPlace point(const Camera&, int, int, int index) const { return starts.of(points[index], index); }
+    inline ExactRayPlace exact(const Camera&, int, int, int index) const {
         const ImagePoint p = points[index], rest = rests[index];
-        return ExactImagePoint{(double)p.u + rest.u, (double)p.v + rest.v};
+        return starts.of(ExactImagePoint{(double)p.u + rest.u, (double)p.v + rest.v}, index);
     }
+    inline bool is_behind(float inv_z, int index) const { return starts.is_behind(inv_z, index); }
 };

@@ -33,11 +33,11 @@ struct Walk {
 
     // All triangles of the child face away: the directions from the camera to anywhere in its box make less than a
     // right angle with every normal in the cone.
-    static inline bool faces_away(Vec3 axis, float cutoff, Vec3 low, Vec3 high) {
+    static inline bool faces_away(const Origins& origins, Vec3 axis, float cutoff, Vec3 low, Vec3 high) {
         const Vec3 sum = Vec3::plus(low, high), size = Vec3::minus(high, low);
         // Both sides twice what they are: of the centre, and of half the diagonal.
         return Vec3::dot(sum, axis) >=
-               cutoff * Root::about(Vec3::dot(sum, sum)) + WIDER * Root::about(Vec3::dot(size, size));
+               origins.past(cutoff * Root::about(Vec3::dot(sum, sum)) + WIDER * Root::about(Vec3::dot(size, size)));
     }
 
     // How far along a direction a box reaches.
@@ -46,15 +46,16 @@ struct Walk {
                fmaxf(direction.z * low.z, direction.z * high.z);
     }
 
-    // Whether a box reaches into the pyramid of some pixels from one at (u, v) on, by its five planes.
+    // Whether a box reaches into the pyramid of some pixels from one at (u, v) on, or so near it, by its five planes.
     static inline bool reaches_frustum(const Vec3* to_camera, float u, float v, float columns, float rows, Vec3 low,
-                                       Vec3 high) {
+                                       Vec3 high, ImagePoint aside) {
         const Vec3 x = to_camera[0], y = to_camera[1], z = to_camera[2];
         const float u0 = u - 0.5f, u1 = u0 + columns, v0 = v - 0.5f, v1 = v0 + rows;
-        return farthest_along(z, low, high) >= 0.0f && farthest_along(combined(x, z, -u0, 1.0f), low, high) >= 0.0f &&
-               farthest_along(combined(x, z, u1, -1.0f), low, high) >= 0.0f &&
-               farthest_along(combined(y, z, -v0, 1.0f), low, high) >= 0.0f &&
-               farthest_along(combined(y, z, v1, -1.0f), low, high) >= 0.0f;
+        return farthest_along(z, low, high) >= 0.0f &&
+               farthest_along(combined(x, z, -u0, 1.0f), low, high) >= -aside.u &&
+               farthest_along(combined(x, z, u1, -1.0f), low, high) >= -aside.u &&
+               farthest_along(combined(y, z, -v0, 1.0f), low, high) >= -aside.v &&
+               farthest_along(combined(y, z, v1, -1.0f), low, high) >= -aside.v;
     }
     static inline Vec3 combined(Vec3 x, Vec3 z, float of_z, float of_x) {
         return Vec3{of_z * z.x + of_x * x.x, of_z * z.y + of_x * x.y, of_z * z.z + of_x * x.z};
@@ -63,7 +64,7 @@ struct Walk {
     // A box in the image, in pixels from the principal point.
     struct ScreenBounds {
         float left, right, top, bottom;
-        float zmin;
+        float zmin, zmax;
         float slack;  // how much rounding may be wrong
         bool crossing;  // comes so near to the camera, or behind it, that it may be anywhere
 
@@ -72,7 +73,7 @@ struct Walk {
             const float x = Vec3::dot(m[0], middle), y = Vec3::dot(m[1], middle), z = Vec3::dot(m[2], middle);
             const float depth = across(m[2], half);
             ScreenBounds p;
-            p.zmin = z - depth;
+            p.zmin = z - depth, p.zmax = z + depth;
             p.slack = SMALL_BOX_SLACK + SMALL_BOX_SLACK_BLURS * blur;
             p.crossing = p.zmin <= BOX_CROSSING_SHARE * (across(m[2], magnitude(middle)) + depth);
             if (Warp::any(shown && !p.crossing && depth > DEEP_SHARE * z)) {
@@ -88,6 +89,7 @@ struct Walk {
             p.left = u - aside, p.right = u + aside, p.top = v - along, p.bottom = v + along;
             return p;
         }
+        inline void widen(ImagePoint by) { left -= by.u, right += by.u, top -= by.v, bottom += by.v; }
         inline float nearest_inv_z() const { return crossing ? NOWHERE : NEARER * Reciprocal::about(zmin); }
 
         // Whole numbers of pixels.
@@ -144,7 +146,8 @@ struct Walk {
         if (camera.skip_back_faces)
             axis = Place::load(node + CONE_AXIS_ROW * LANES), cutoff = __ldg(node + CONE_CUTOFF_ROW * LANES);
         const Vec3 low = camera.relative(least), high = camera.relative(most);
-        const bool shown = least.x <= most.x && !(camera.skip_back_faces && faces_away(axis, cutoff, low, high));
+        const bool shown =
+            least.x <= most.x && !(camera.skip_back_faces && faces_away(camera.origins, axis, cutoff, low, high));
         Child found = visit(camera, camera.to_camera, packet, low, high, shown);
         small = 0;
         if (found.visit && PixelRect::few(found.pixels) && drawn_over(packet, found)) found.visit = 0;
@@ -169,23 +172,32 @@ struct Walk {
                               bool shown) {
         if (!Warp::any(shown)) return Child{0, 0};
         ScreenBounds p = ScreenBounds::of(to_camera, low, high, camera.blur, shown);
+        ImageBox box = {p.left, p.right, p.top, p.bottom};
+        float inv_z = 0.0f;
+        if (RAY_ORIGINS) {
+            // Never wider than what is nearest is moved, and the box as much as the others differ from the middle.
+            const float most = p.nearest_inv_z(), least = Reciprocal::about(p.zmax) * (1.0f / NEARER);
+            inv_z = 0.5f * (least + most);
+            box.widen(camera.origins.aside_at(0.50001f * (most - least)));
+            p.widen(camera.origins.aside_at(most));
+        }
         const float slack = p.slack;
         p.slack = camera.wider(p.slack);
         const float u = camera.first_u + (float)packet.first_x, v = camera.first_v + (float)packet.first_y;
         const ScreenBounds::Pixels in = p.pixels(u, v, PACKET_WIDTH - 1.0f, PACKET_HEIGHT - 1.0f);
         shown = shown && p.zmin <= camera.far && in.some();
         if (shown && p.crossing)
-            shown = reaches_frustum(to_camera, camera.before(u), camera.before(v),
-                                    (float)PACKET_WIDTH + 2.0f * camera.wider(0.0f),
-                                    (float)PACKET_HEIGHT + 2.0f * camera.wider(0.0f), low, high);
+            shown = reaches_frustum(
+                to_camera, camera.before(u), camera.before(v), (float)PACKET_WIDTH + 2.0f * camera.wider(0.0f),
+                (float)PACKET_HEIGHT + 2.0f * camera.wider(0.0f), low, high, camera.origins.aside());
         if (!shown) return Child{0, 0};
-        const ImageBox box = {p.left, p.right, p.top, p.bottom};
-        if (POINTS && !p.crossing && !shows_points(camera, packet, box, slack, __float_as_uint(p.nearest_inv_z())))
+        if (POINTS && !p.crossing &&
+            !shows_points(camera, packet, box, inv_z, slack, __float_as_uint(p.nearest_inv_z())))
             return Child{0, 0};
         Child child = child_of(p.nearest_inv_z(), (int)in.left, (int)in.top, (int)in.right, (int)in.bottom);
         if (p.crossing) child.pixels |= PixelRect::ANYWHERE;
         if (RAY_TABLE && !p.crossing && PixelRect::few(child.pixels) &&
-            !meets_few(camera, packet, child.pixels, box, slack))
+            !meets_few(camera, packet, child.pixels, box, inv_z, slack))
             return Child{0, 0};
         return child;
     }
@@ -206,28 +218,35 @@ struct Walk {
     }
     static inline bool hidden(const Packet& packet, unsigned visit) { return !Warp::any(open_block(packet, visit)); }
     // Whether a ray passes through bounds of a few pixels; of more, one may.
-    static inline bool meets_rays(const Camera& camera, const Packet& packet, const ImageBox& box) {
+    static inline bool meets_rays(const Camera& camera, const Packet& packet, const ImageBox& box, float inv_z) {
         const float rounding = Setup::rounding_of(camera), slack = camera.wider(rounding);
-        const float x0 = fmaxf(ceilf(box.left - camera.first_u - slack), 0.0f),
-                    x1 = fminf(floorf(box.right - camera.first_u + slack), PACKET_WIDTH - 1.0f);
-        const float y0 = fmaxf(ceilf(box.top - camera.first_v - slack), 0.0f),
-                    y1 = fminf(floorf(box.bottom - camera.first_v + slack), PACKET_HEIGHT - 1.0f);
+        ImageBox wide = box;
+        wide.widen(camera.origins.aside_at(inv_z));
+        const float x0 = fmaxf(ceilf(wide.left - camera.first_u - slack), 0.0f),
+                    x1 = fminf(floorf(wide.right - camera.first_u + slack), PACKET_WIDTH - 1.0f);
+        const float y0 = fmaxf(ceilf(wide.top - camera.first_v - slack), 0.0f),
+                    y1 = fminf(floorf(wide.bottom - camera.first_v + slack), PACKET_HEIGHT - 1.0f);
         const unsigned pixels = PixelRect::of((int)x0, (int)y0, (int)x1, (int)y1);
-        return !PixelRect::few(pixels) || meets_few(camera, packet, pixels, box, rounding);
+        return !PixelRect::few(pixels) || meets_few(camera, packet, pixels, box, inv_z, rounding);
     }
+    // Whether their rays pass through bounds, which are as much wider as what is there is nearer or farther than 1 / z.
     static inline bool meets_few(const Camera& camera, const Packet& packet, unsigned pixels, const ImageBox& box,
-                                 float rounding) {
+                                 float inv_z, float rounding) {
         const FewPixels few = FewPixels::of(pixels);
         bool some = false;
-        for (int k = 0; k < 4; ++k)
-            some |= box.holds(packet.point(camera, few.x[k], few.y[k], Packet::index_at(few.x[k], few.y[k])), rounding);
+        for (int k = 0; k < 4; ++k) {
+            const RayPlace p = packet.point(camera, few.x[k], few.y[k], Packet::index_at(few.x[k], few.y[k]));
+            some |= box.holds(Origins::seen(p, inv_z), rounding);
+        }
         return some;
     }
 
     // Whether a box of few cells has points in it that are not drawn nearer than 1 / z of some bits; of more, it may.
-    static inline bool shows_points(const Camera& camera, const Packet& packet, const ImageBox& box, float rounding,
-                                    unsigned nearest_inv_z) {
-        const Cells cells = box.cells(camera, rounding);
+    static inline bool shows_points(const Camera& camera, const Packet& packet, const ImageBox& box, float inv_z,
+                                    float rounding, unsigned nearest_inv_z) {
+        ImageBox wide = box;
+        wide.widen(camera.origins.aside_at(inv_z));
+        const Cells cells = wide.cells(camera, rounding);
         const bool few = cells.some() && cells.count() <= FEW_CELLS;
         const int last_y = few ? cells.y1 : cells.y0 - 1;
         bool shown = cells.some() && !few;
@@ -235,7 +254,7 @@ struct Walk {
             for (int x = cells.x0; x <= cells.x1; ++x)
                 for (int slot = packet.memory->first_in(x, y); slot >= 0; slot = packet.memory->after(slot))
                     shown |= DepthKey::inv_z_bits(*packet.at(slot)) <= nearest_inv_z &&
-                             box.holds(packet.point(camera, 0, 0, slot), rounding);
+                             box.holds(Origins::seen(packet.point(camera, 0, 0, slot), inv_z), rounding);
         return shown;
     }
 
@@ -254,11 +273,12 @@ struct Walk {
                 corners = Setup::Corners::of(bvh.corners(slot));
             }
             ImageBox box;
-            bool wanted = Setup::may_cover(bvh, camera, bounds, here, at, box);
+            float inv_z;
+            bool wanted = Setup::may_cover(bvh, camera, bounds, here, at, box, inv_z);
             if (POINTS && wanted)
-                wanted = shows_points(camera, packet, box, Setup::rounding_of(camera), ~0u);
+                wanted = shows_points(camera, packet, box, inv_z, Setup::rounding_of(camera), ~0u);
             else if (RAY_TABLE && wanted)
-                wanted = meets_rays(camera, packet, box);
+                wanted = meets_rays(camera, packet, box, inv_z);
             queue.add(wanted, at);
             if (!lanes || queue.count >= LANES) return;
         }

@@ -1,0 +1,178 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Rays that begin close beside each other, in packets on CUDA: what an emulated warp sees, and where their eyes are."""
+
+import numpy as np
+import pytest
+import trimesh
+import warp as wp
+from apart_checks import (
+    check_box,
+    check_no_leaks,
+    check_plate,
+    check_soup,
+    check_worlds,
+    outlets,
+    same_ranges,
+    spread_out,
+)
+from cuda_emulator import Emulator, Variant, emulated_renderer
+from native_build import find_compiler
+from test_ray_patterns import assert_matches_reference, few_origins, sphere_of_rays
+from test_worlds import ALL
+
+import warpvis as wv
+from warpvis.rendering._cuda_table import MOST_ASIDE
+from warpvis.rendering._ray_eyes import group_rows
+from warpvis.rendering._ray_packets import prepare_packets
+from warpvis.sensors import Rays, lidars
+
+SQUARES = Variant(16, True, False, ray_table=True, origins=True)
+POINTS = Variant(32, True, False, ray_table=True, points=256, origins=True)
+SQUARES_MOVE = Variant(16, True, True, ray_table=True, origins=True)
+POINTS_MOVE = Variant(32, True, True, ray_table=True, points=256, origins=True)
+DEPTH = Variant(16, False, False, ray_table=True, origins=True)
+KINDS = {"squares": (SQUARES, SQUARES_MOVE), "points": (POINTS, POINTS_MOVE)}
+
+
+@pytest.fixture(scope="module")
+def emulator(tmp_path_factory):
+    variants = (SQUARES, POINTS, SQUARES_MOVE, POINTS_MOVE, DEPTH)
+    return Emulator(tmp_path_factory.mktemp("apart_emulator"), variants, find_compiler())
+
+
+@pytest.fixture(params=KINDS)
+def render(request, emulator):
+    """`warpvis.render` by packets of a kind."""
+
+    def call(scene, pattern, poses, *, variant=None, outputs=ALL, cull_backfaces=False, **options):
+        variant = variant or KINDS[request.param][bool(scene.bvh().struct.drawn_count)]
+        made = emulated_renderer(emulator, variant, scene, pattern, outputs=outputs, cull_backfaces=cull_backfaces)
+        return made.render(poses, **options)
+
+    return call
+
+
+@pytest.mark.cxx
+@pytest.mark.parametrize("size", [0.05, 1.0, 40.0])
+def test_inside_a_box(size, render):
+    check_box(render, size, (outlets(20, 100), spread_out(700)))
+
+
+@pytest.mark.cxx
+@pytest.mark.parametrize("cull_backfaces", [False, True])
+@pytest.mark.parametrize("near", [0.004, 0.05, 1.0])
+def test_triangles_as_near_as_origins_match_the_reference(near, cull_backfaces, render):
+    check_soup(render, near, cull_backfaces, 450)
+
+
+@pytest.mark.cxx
+def test_rays_begin_on_either_side_of_a_plate(render):
+    check_plate(render)
+
+
+@pytest.mark.cxx
+def test_the_room_matches_the_reference(render):
+    scene = wv.scenes.PRESETS["room"].build("cpu")
+    poses = np.array([wv.look_at(eye, (0.5, 0.4, 0.3)) for eye in ((0.1, 0.2, 0.9), (-0.8, 1.2, 1.5))])
+    pattern = Rays(*(part.reshape(16, 25, 3) for part in (sphere_of_rays(400), few_origins(400))), near=0.4, far=2.0)
+    views = render(scene, pattern, poses)
+    assert_matches_reference(views, scene, poses, pattern)
+    assert np.isposinf(views.depth.numpy()).any()
+
+
+@pytest.mark.cxx
+def test_nothing_leaks(render):
+    check_no_leaks(render, 2)
+
+
+@pytest.mark.cxx
+def test_a_closed_mesh_from_outside(render):
+    """Its back is never looked at: from beside every origin, it is hidden."""
+    ball, scene = trimesh.creation.icosphere(subdivisions=3, radius=0.7), wv.Scene(device="cpu")
+    scene.add(ball, name="ball")
+    for away in (0.704, 2.0):
+        pattern = Rays(*outlets(12, 40, radius=0.01))
+        views = render(scene, pattern, [away, 0, 0, 0, 0, 0, 1.0])
+        assert_matches_reference(views, scene, np.array([[away, 0, 0, 0, 0, 0, 1.0]]), pattern)
+        assert np.isfinite(views.depth.numpy()).mean() > 0.01
+
+
+@pytest.mark.cxx
+def test_worlds_and_exclude_are_those_of_single_rays(render):
+    check_worlds(render, Rays(*outlets(16, 40)), 0.999)
+
+
+@pytest.mark.cxx
+def test_depth_alone(emulator):
+    """By a kernel of its own."""
+    scene, pose = wv.scenes.PRESETS["room"].build("cpu"), wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))
+    pattern = Rays(*outlets(16, 32))
+    one = emulated_renderer(emulator, DEPTH, scene, pattern, outputs=("depth",)).render(pose).depth.numpy()
+    other = emulated_renderer(emulator, SQUARES, scene, pattern, outputs=ALL).render(pose).depth.numpy()
+    shown = np.isfinite(other)
+    assert shown.mean() > 0.2
+    np.testing.assert_allclose(one[shown], other[shown], rtol=2e-6)
+
+
+@pytest.mark.parametrize("name", ["vlp16", "hdl64e", "OS1-128", "OS0-128"])
+def test_eyes_of_lidars_are_amidst_their_rays(name):
+    """Rays pass an eye much nearer than they begin apart, and begin before it; a slot's ray is its ray of the table."""
+    lidar = getattr(lidars, name)() if hasattr(lidars, name) else lidars.ouster(name)
+    shape = (lidar.height, lidar.width, 3)
+    rays, origins = lidar.rays.reshape(-1, 3), lidar.origins.reshape(-1, 3)
+    prepared = prepare_packets(rays.reshape(shape), wp.get_device("cpu"), origins.reshape(shape))
+    assert prepared.aside <= MOST_ASIDE
+    found = []
+    for _, packets in prepared.packets:
+        place, words = packets.place.numpy(), packets.eyes.numpy()
+        there = place >= 0
+        assert (packets.begins.numpy()[there] >= -1e-9).all()
+        frame = packets.frame.numpy()[:, :9].reshape(-1, 3, 3)
+        exact = packets.points.numpy().astype(np.float64) + packets.rests.numpy()
+        aside, begin = packets.asides.numpy().astype(np.float64), packets.begins.numpy().astype(np.float64)
+        # What a slot says of where its ray begins, turned back into the table's camera.
+        at = np.concatenate([exact * begin[..., None] + aside, begin[..., None]], axis=-1)
+        starts = np.einsum("prk,pik->pir", np.linalg.inv(frame), at) + words[:, None, :3]
+        np.testing.assert_allclose(starts[there], origins[place[there]], atol=1e-8)
+        assert (np.abs(aside).max(axis=(1, 2)) <= words[:, 3:5].max(axis=1)).all()
+        found.append(place[there])
+    assert len(np.unique(np.concatenate(found))) == len(rays)
+
+
+def test_lasers_that_begin_alike_are_in_packets_of_their_own():
+    """Of an HDL-64E, half of the lasers are left of the axis and half right of it."""
+    lidar = lidars.hdl64e()
+    shape = (lidar.height, lidar.width, 3)
+    index = np.arange(lidar.height * lidar.width).reshape(shape[:2])
+    grouped = group_rows(index, lidar.rays.reshape(-1, 3), lidar.origins.reshape(-1, 3), 16)
+    rows = grouped[:, 0][grouped[:, 0] >= 0] // lidar.width
+    np.testing.assert_array_equal(np.sort(rows), np.arange(lidar.height))
+    assert len(grouped) % 16 == 0
+    directions, origins = lidar.rays.reshape(shape)[:, 0], lidar.origins.reshape(shape)[:, 0]
+    left = directions[:, 0] * origins[:, 1] - directions[:, 1] * origins[:, 0] > 0
+    for first in range(0, len(grouped), 16):
+        group = grouped[first : first + 16, 0]
+        assert len(set(left[group[group >= 0] // lidar.width])) == 1
+    ouster = lidars.ouster("OS1-128")
+    index = np.arange(ouster.height * ouster.width).reshape(ouster.height, ouster.width)
+    assert group_rows(index, ouster.rays.reshape(-1, 3), ouster.origins.reshape(-1, 3), 16) is index
+
+
+def test_rays_that_pass_far_from_each_other_go_one_by_one():
+    directions, origins = spread_out(2000, 0.05)
+    prepared = prepare_packets(directions[None], wp.get_device("cpu"), origins[None])
+    assert prepared.aside > MOST_ASIDE
+
+
+@pytest.mark.parametrize("name", ["vlp16", "OS0-128"])
+def test_lidars_on_a_gpu(name, cuda):
+    lidar = getattr(lidars, name)() if hasattr(lidars, name) else lidars.ouster(name)
+    for preset in ("room", "blobs_77k"):
+        scene, poses = wv.scenes.PRESETS[preset].build(cuda), wv.scenes.PRESETS[preset].poses(3)
+        one, other = (wv.render(scene, lidar, poses, outputs=ALL, caster=caster) for caster in ("auto", "rays"))
+        depth = one.depth.numpy()
+        assert same_ranges(depth, other.depth.numpy()).mean() >= 0.9999
+        assert (one.segmentation.numpy() == other.segmentation.numpy()).mean() >= 0.9999
+        alone = wv.render(scene, lidar, poses[1:2], outputs=ALL)
+        np.testing.assert_array_equal(alone.depth.numpy()[0], depth[1])
