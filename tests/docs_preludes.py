@@ -64,7 +64,8 @@ def prepare(page, folder):
 
 def _appearance(folder):
     box = trimesh.creation.box()
-    return {"mesh": box, "cup": box, "table": box, "crate": box, "rows": [0] * 12, "uv": np.zeros((12, 3, 2))}
+    arrays = {"rows": [0] * 12, "uv": np.zeros((12, 3, 2)), "points": np.zeros((4, 3))}
+    return {"mesh": box, "cup": box, "table": box, "crate": box, **arrays}
 
 
 def _room():

@@ -37,6 +37,7 @@ def see(scene: wv.Scene) -> None:
 
     describe(scene)
     _ask_for_colours(scene)
+    assert all(np.isfinite(light.strength(np.full((1, 3), 7.5))).all() for light in scene.lights)
     if len(scene):
         whole = wv.Camera.from_fov(12, 9, hfov=1.0)
         wv.render(scene, whole, framing(scene, whole))
@@ -46,6 +47,8 @@ def _ask_for_colours(scene: wv.Scene) -> None:
     """Read what objects look like: files that are damaged warn."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
+        sky = None if scene.background is None else scene.background.image
+        assert sky is None or sky.shape[0] == 6 * sky.shape[1]
         for item in scene:
             found = item.appearance
             for material in () if found is None else found.materials:
@@ -106,6 +109,7 @@ def meshes(root: Path) -> Iterator[Item]:
 def gltf(root: Path) -> Iterator[Item]:
     from test_appearance_files import triangle
     from test_gltf_rest import FIRST, WHOLE, skinned
+    from test_lights import lit_file
     from test_mesh_files import car, draco_file, meshopt_file
 
     scene = trimesh.Scene([_BOX, _BALL])
@@ -120,6 +124,7 @@ def gltf(root: Path) -> Iterator[Item]:
     coloured = triangle({"index": 0, "extensions": {"KHR_texture_transform": {"rotation": 1, "scale": [2, 1]}}}).bytes()
     for data in (
         coloured,
+        lit_file(),
         car(),
         scene.export(file_type="glb"),
         _varied().bytes(),
@@ -256,12 +261,13 @@ Robot { controller "<none>" children [ Camera { width 64 height 48 fieldOfView 0
 
 def worlds(root: Path) -> Iterator[Item]:
     from test_garbage import WORLD
+    from test_lights import WORLD as LIT
     from test_webots_grammar import SMALL
 
     old = _WORLD.replace("R2023b", "R2021b").replace('EXTERNPROTO "New.proto"\nEXTERNPROTO "Old.proto"\n', "")
     old = old.replace("New { steps 3 translation 0 0 1 }", "")
     shared = {"box.stl": _BOX.export(file_type="stl"), "box.dae": trimesh.exchange.dae.export_collada(_BOX)}
-    for text in (WORLD, SMALL):
+    for text in (WORLD, SMALL, LIT % ""):
         yield "Webots world", {"worlds/a.wbt": text}, (), _see_world("worlds/a.wbt")
     plain = _WORLD.replace("New { steps 3 translation 0 0 1 }\nOld { size 0.5 }\n", "")
     yield (
@@ -278,6 +284,7 @@ def worlds(root: Path) -> Iterator[Item]:
 
 def models(root: Path) -> Iterator[Item]:
     from mujoco_models import SHAPES
+    from test_lights import MODEL
     from test_model_files import ROBOT
 
     stl, obj = _BOX.export(file_type="stl"), trimesh.exchange.obj.export_obj(_BOX)
@@ -292,6 +299,7 @@ def models(root: Path) -> Iterator[Item]:
         "m/h.png": png(8, 6),
     }
     yield "MJCF", {"a.xml": SHAPES}, (), _see_file("a.xml", movable=True)
+    yield "MJCF", {"a.xml": MODEL}, (), _see_file("a.xml")
     yield "MJCF", files, (), _see_file("a.xml")
     robot = {"robots/urdf/a.urdf": ROBOT, "robots/meshes/hand.stl": stl}
     yield "URDF", robot, (), _see_file("robots/urdf/a.urdf", movable=True)

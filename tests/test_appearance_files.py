@@ -340,7 +340,9 @@ def test_webots_base_colours(tmp_path):
     scene = wv.Scene.load(tmp_path / "a.wbt")
     found = scene["two"].appearance
     orange, blue, white = found.materials
-    assert (orange.base_color, orange.alpha_mode) == ((1, 0.5, 0, 0.75), "blend")
+    assert orange.base_color == pytest.approx((1, 0.21404, 0, 0.75), abs=1e-5)
+    assert orange.alpha_mode == "blend"
+    assert orange.color_space == blue.color_space == "linear"  # as Webots multiplies it, which a world has as sRGB
     assert (orange.metallic, orange.roughness) == (0, 0.5)
     assert (blue.base_color, blue.specular, blue.shininess) == ((0, 0, 1, 1), (1, 0, 0), pytest.approx(25.6))
     assert white.base_color == (1, 1, 1, 1)

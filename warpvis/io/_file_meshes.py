@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.scene.lights import Light
 from warpvis.scene.looks import Look
 
 
@@ -41,5 +42,8 @@ class FileMeshes:
     """Names of what has no triangles."""
     notes: list[str] = field(default_factory=list)
     """What else is left out, as parts of a sentence."""
+    lights: list[Light] = field(default_factory=list)
+    unlit: list[str] = field(default_factory=list)
+    """Which lights do not read, and why, as parts of a sentence: no error, whatever is wanted of the rest."""
     up: str | None = None
     """The file's vertical axis, if its format or the file says it."""

@@ -17,9 +17,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.core.checks import said_by, shortened
 from warpvis.core.types import Json
 from warpvis.io._file_meshes import FileMeshes
 from warpvis.io._gltf_data import DRACO, MESHOPT, Find, GltfData, decode_draco
+from warpvis.io._gltf_lights import gltf_light
 from warpvis.io._gltf_materials import GltfMaterials, Locate
 from warpvis.io._gltf_placements import INSTANCES, Shape, Split, instance_matrices, node_matrix, nodes_in_order, split
 from warpvis.io._gltf_rest import joint_matrices, morphed, skinned
@@ -56,12 +58,27 @@ def read_gltf(name: str, file: bytes, find: Find, locate: Locate) -> FileMeshes:
     if unread:
         raise ValueError(f"it requires the extension {unread[0]}, which is not read")
     found, shapes = FileMeshes(up="y"), _Shapes(data, GltfMaterials(name, data, locate))
-    places = [(index, node, placement) for index, node, placement in nodes_in_order(data) if "mesh" in node]
+    places = []
+    for index, node, placement in nodes_in_order(data):
+        _add_light(data, index, node, placement, found)
+        places += [(index, node, placement)] if "mesh" in node else []
     shared = np.array([placement for _, node, placement in places if shapes.is_shared(node)]).reshape(-1, 4, 4)
     parts = iter(split(shared).one_by_one())
     for index, node, placement in places:
         _add_mesh(shapes, index, node, placement, next(parts) if shapes.is_shared(node) else None, found)
     return found
+
+
+def _add_light(
+    data: GltfData, index: int, node: dict[str, Any], placement: NDArray[np.float64], found: FileMeshes
+) -> None:
+    """Add a node's light; a note where it does not read."""
+    try:
+        light = gltf_light(data.get("extensions"), node, placement)
+    except Exception as error:  # what is no glTF leads to any
+        found.unlit.append(f"node {index} ({shortened(said_by(error))})")
+    else:
+        found.lights += [] if light is None else [light]
 
 
 class _Shapes:

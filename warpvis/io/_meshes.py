@@ -76,8 +76,11 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
         messages.insert(0, f"{path}: left out {some}, which hold lines or points and no triangles")
     if strict and messages:
         raise FileFormatError(messages[0])
+    if loaded.unlit:
+        messages.append(f"{path}: left out the lights of {', '.join(loaded.unlit[:_MOST_NAMED])}")
     up: Axis | None = "y" if loaded.up == "y" else "z" if loaded.up else None
-    return FileParts(path, parts, up=up, warnings=tuple(messages), classes=_classes(path, loaded.meshes))
+    classes, lights = _classes(path, loaded.meshes), tuple(loaded.lights)
+    return FileParts(path, parts, up=up, warnings=tuple(messages), classes=classes, lights=lights)
 
 
 def _classes(path: Path, meshes: Sequence[FileMesh]) -> LabelRules:
@@ -158,6 +161,8 @@ def _load_archive(path: Path) -> FileMeshes:
         whole.meshes += [mesh._replace(name=mesh.name or stem) for mesh in loaded.meshes]
         whole.empty += loaded.empty
         whole.notes += loaded.notes
+        whole.lights += loaded.lights
+        whole.unlit += loaded.unlit
         axes[loaded.up] = member
     if len(axes) > 1:
         some = " and ".join(map(repr, list(axes.values())[:2]))

@@ -17,6 +17,7 @@ from warpvis.core.checks import as_items, as_path, check_flag, said_by
 from warpvis.core.labels import Label
 from warpvis.errors import FileFormatError
 from warpvis.mujoco._geoms import DEFAULT_GROUPS, default_label, geom_parts, movable_bodies, shown_geoms
+from warpvis.mujoco._lights import model_background, model_lights
 from warpvis.mujoco._shapes import object_names
 from warpvis.mujoco._urdf import compile_urdf
 from warpvis.scene import FileParts, Part
@@ -68,7 +69,9 @@ def read_model(
     if strict and message:
         raise FileFormatError(message)
     parts = _parts(model, groups, robot=root.tag == "robot")
-    return FileParts(path, parts, up="z", settled=True, warnings=(message,) if message else ())
+    warned = (message,) if message else ()
+    lights, background = model_lights(model), model_background(model)
+    return FileParts(path, parts, up="z", settled=True, warnings=warned, lights=lights, background=background)
 
 
 def _parts(model: mujoco.MjModel, groups: Sequence[int], *, robot: bool) -> list[Part]:

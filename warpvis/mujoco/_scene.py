@@ -31,6 +31,7 @@ from warpvis.mujoco._geoms import (
     rigid_pieces,
     shown_geoms,
 )
+from warpvis.mujoco._lights import model_background, model_lights
 from warpvis.mujoco._shapes import object_names, shape_bodies
 from warpvis.mujoco._visuals import soft_names
 from warpvis.scene import Scene
@@ -156,6 +157,7 @@ def make_scene(
     pieces[single] = model.nbody + np.array(single, dtype=np.int32)
     scene = Scene(device=device)
     scene.use_labels(selection.rules)
+    scene.lights, scene.background = model_lights(model), model_background(model)
     kept = []
     parts = geom_parts(
         model, selection.shown(model), selection.names, selection.labels, tolerance=selection.tolerance, pieces=pieces

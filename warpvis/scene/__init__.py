@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from warpvis.scene import materials, solids
+from warpvis.scene import lights, materials, solids
 from warpvis.scene._object import SceneObject as SceneObject, as_it_is as as_it_is, keep_winding as keep_winding
 from warpvis.scene._parts import Y_UP_TO_Z_UP as Y_UP_TO_Z_UP, Axis as Axis, FileParts as FileParts, Part as Part
 from warpvis.scene._scene import Scene as Scene, require_scene as require_scene
@@ -14,6 +14,7 @@ from warpvis.scene._units import (
 )
 
 __all__ = [
+    "lights",
     "materials",
     "solids",
 ]

@@ -13,13 +13,14 @@ import warp as wp
 from warpvis.core.labels import Label
 from warpvis.scene._changes import SceneChanges
 from warpvis.scene._classes import SceneClasses
+from warpvis.scene._environment import SceneEnvironment
 
 if TYPE_CHECKING:
     import trimesh
 
 
-class SceneExports(SceneClasses, SceneChanges):
-    """Objects with classes, in a world with a vertical axis, that others can have."""
+class SceneExports(SceneClasses, SceneChanges, SceneEnvironment):
+    """Objects with classes, in a world with lights and a vertical axis, that others can have."""
 
     def __init__(
         self,
@@ -31,12 +32,13 @@ class SceneExports(SceneClasses, SceneChanges):
         """Begin without objects; see `Scene`."""
         SceneClasses.__init__(self, label_names, ground_labels)
         SceneChanges.__init__(self, device)
+        SceneEnvironment.__init__(self)
         self.up: Literal["z", "y"] = up
 
     def to_trimesh(self) -> trimesh.Scene:
         """Make a `trimesh.Scene` of the objects in the same frame, with names, and labels in the meshes' metadata.
 
-        Appearances are left out.
+        Appearances, lights and the background are left out.
         """
         import trimesh
 
@@ -50,7 +52,7 @@ class SceneExports(SceneClasses, SceneChanges):
         """Write the scene as glTF (``.glb``), y up as its specification says; `load` reads it back with its labels.
 
         Every object is a node. Objects that share a mesh share it in the file, and their nodes say where they are, as
-        do those of movable objects; of others, the vertices do. Appearances are left out.
+        do those of movable objects; of others, the vertices do. Appearances, lights and the background are left out.
 
         Raises:
             FileFormatError: The path does not end in ``.glb``, or cannot be written; or vertices that are on a GPU are

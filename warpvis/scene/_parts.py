@@ -22,6 +22,7 @@ from warpvis.core.types import MeshLike, PoseLike
 from warpvis.errors import SceneError
 from warpvis.scene._object import check_scale
 from warpvis.scene._shared_mesh import placed_at
+from warpvis.scene.lights import Background, Light
 from warpvis.scene.looks import Look
 from warpvis.scene.materials import Appearance
 from warpvis.scene.solids import Solid
@@ -87,6 +88,10 @@ class FileParts:
     """Sentences about what is left out, or was corrected."""
     classes: LabelRules = field(default_factory=LabelRules)
     """What the file says of classes of its own: their names, and which are ground."""
+    lights: tuple[Light, ...] = ()
+    """Its lights, in its own frame and unit."""
+    background: Background | None = None
+    """What it says is seen where nothing is, in its own frame."""
 
     def scene_up(self, up: Axis | None) -> Axis:
         """Return the vertical axis of a scene of these parts, of which the user asked for `up` or for none."""
@@ -121,9 +126,7 @@ class FileParts:
                 f"{self.path}: such a file is in metres and says which axis is up: leave out scale and file_up"
             )
         factors = check_scale(scale, str(self.path))
-        axis = file_up if file_up is not None else self.up or scene_up
-        check_up(axis)
-        upright = None if axis == scene_up else (Y_UP_TO_Z_UP if axis == "y" else Y_UP_TO_Z_UP.T)
+        upright = self._upright(scene_up, file_up)
         factor = factors.flat[0]
         uniform = bool((factors == factor).all())
         parts = [part if _is_apart(part, uniform) else _without_pose(part) for part in _moving(self, movable)]
@@ -135,6 +138,24 @@ class FileParts:
             objects.append({**part.arguments(), "mesh": mesh, "pose": pose, "label": label, "scale": scale})
         labels.require_used((part.name for part in self.parts), self.path)
         return objects
+
+    def environment(
+        self, scene_up: Axis, file_up: Axis | None = None, scale: float = 1.0
+    ) -> tuple[tuple[Light, ...], Background | None]:
+        """Return the lights and the background in the scene's frame; arguments as for `objects`."""
+        if not self.lights and self.background is None:
+            return (), None
+        upright = self._upright(scene_up, file_up)
+        turn = np.eye(3) if upright is None else upright[:3, :3]
+        factor = float(np.max(check_scale(scale, str(self.path))))
+        lights = tuple(light.moved(turn, factor) for light in self.lights)
+        return lights, None if self.background is None else self.background.turned(turn)
+
+    def _upright(self, scene_up: Axis, file_up: Axis | None) -> NDArray[np.float64] | None:
+        """Return what turns the file's geometry upright in a scene; None if it is so."""
+        axis = file_up if file_up is not None else self.up or scene_up
+        check_up(axis)
+        return None if axis == scene_up else (Y_UP_TO_Z_UP if axis == "y" else Y_UP_TO_Z_UP.T)
 
 
 def _moving(file: FileParts, movable: bool | Sequence[str]) -> list[Part]:

@@ -292,6 +292,8 @@ class Scene(SceneExports):
         """
         self.use_labels(found.classes.followed_by(rules))
         objects = found.objects(self.up, labels=LabelPatterns(rules.labels, self._label_names), **options)
+        lights, background = found.environment(self.up, options.get("file_up"), options.get("scale", 1.0))
+        self.lights, self.background = (*self.lights, *lights), background or self.background
         for arguments in joined(objects):
             try:
                 (self.add_instances if "poses" in arguments else self.add)(**arguments)
@@ -329,6 +331,7 @@ class Scene(SceneExports):
         scene = Scene(device=device, up=self.up, label_names=self._label_names, ground_labels=self._ground_labels)
         scene._objects = ObjectList(map(as_it_is, self._objects))
         scene._index, scene._movable = dict(self._index), list(self._movable)
+        scene._take_environment(self)
         return scene
 
     def __getstate__(self) -> dict[str, Any]:
@@ -336,13 +339,15 @@ class Scene(SceneExports):
         objects = [as_it_is(item) for item in self._objects]
         classes = {"label_names": dict(self._label_names), "ground_labels": sorted(self._ground_labels)}
         places = {"device": str(self.device), "up": self.up}
-        return {**places, **classes, "objects": objects, "movable": list(self._movable)}
+        around = {"lights": self.lights, "background": self.background}
+        return {**places, **classes, **around, "objects": objects, "movable": list(self._movable)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         given = {name: state[name] for name in ("device", "up", "label_names", "ground_labels") if name in state}
         self.__init__(**given)  # type: ignore[misc]
         self._objects, self._movable = ObjectList(state["objects"]), state["movable"]
         self._index = {item.name: index for index, item in enumerate(self._objects)}
+        self.lights, self.background = state.get("lights", ()), state.get("background")
 
     def _forget(self) -> None:
         super()._forget()
@@ -368,6 +373,7 @@ class Scene(SceneExports):
                     by_itself(item, items, is_instance=index in instances) for index, item in enumerate(items)
                 )
                 apart._index, apart._movable = dict(self._index), list(range(len(items)))
+                apart._take_environment(self)
                 if any(item.points is not None for item in self._objects):
                     return apart  # a replayed CUDA graph may deform them again, and nobody here would know
                 self._apart = apart

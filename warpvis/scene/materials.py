@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.core.checks import check_choice, check_flag, check_number
 from warpvis.errors import SceneError
 from warpvis.scene._images import decoded_or_white
+from warpvis.scene.colors import check_color, shown
 
 Wrap = Literal["repeat", "mirror", "clamp"]
 """What a texture shows outside of 0 to 1: itself again, itself mirrored every other time, or its edge."""
@@ -130,13 +131,13 @@ class Material:
         what = f"material {self.name!r}" if self.name else "a material"
         put = partial(object.__setattr__, self)
         put("name", str(self.name))
-        put("base_color", _color(self.base_color, f"base_color of {what}", (3, 4)))
-        put("specular", _color(self.specular, f"specular of {what}", (3,)))
-        put("emission", _color(self.emission, f"emission of {what}", (3,), most=np.inf))
+        put("base_color", check_color(self.base_color, f"base_color of {what}", (3, 4)))
+        put("specular", check_color(self.specular, f"specular of {what}", (3,)))
+        put("emission", check_color(self.emission, f"emission of {what}", (3,), most=np.inf))
         check_choice(self.color_space, "color_space", get_args(ColorSpace), SceneError)
         check_choice(self.alpha_mode, "alpha_mode", get_args(AlphaMode), SceneError)
         check_choice(self.projection, "projection", get_args(Projection), SceneError)
-        put("texture_repeat", _color(self.texture_repeat, f"texture_repeat of {what}", (2,), most=np.inf))
+        put("texture_repeat", check_color(self.texture_repeat, f"texture_repeat of {what}", (2,), most=np.inf))
         put("texture_uniform", check_flag(self.texture_uniform, "texture_uniform", SceneError))
         for name, most in (("metallic", 1.0), ("roughness", 1.0), ("shininess", np.inf), ("alpha_cutoff", np.inf)):
             value = check_number(getattr(self, name), f"{name} of {what}", error=SceneError)
@@ -167,7 +168,7 @@ class Appearance:
     def __post_init__(self) -> None:
         given = (self.materials,) if isinstance(self.materials, Material) else self.materials
         if not isinstance(given, tuple | list) or not given or not all(isinstance(item, Material) for item in given):
-            raise SceneError(f"materials must be at least one Material, got {_said(given)}")
+            raise SceneError(f"materials must be at least one Material, got {shown(given)}")
         object.__setattr__(self, "materials", tuple(given))
         for name, check in (
             ("face_materials", self._check_face_materials),
@@ -225,36 +226,17 @@ def as_appearance(given: AppearanceLike, name: str) -> Appearance:
         return Appearance((given,))
     if isinstance(given, Texture):
         return Appearance((Material(texture=given),))
-    color = _color(given, f"appearance of {name!r}", (3, 4), or_what="an Appearance, a Material or ")
+    color = check_color(given, f"appearance of {name!r}", (3, 4), or_what="an Appearance, a Material or ")
     return Appearance((Material(base_color=color, alpha_mode="blend" if color[3] < 1 else "opaque"),))
-
-
-def _color(
-    given: ArrayLike, what: str, lengths: tuple[int, ...], *, most: float = 1.0, or_what: str = ""
-) -> tuple[Any, ...]:
-    """Return a colour as numbers, of which the fourth is 1 where three are given and four could be."""
-    count = " or ".join({2: "two", 3: "three", 4: "four"}[length] for length in lengths)
-    limit = "from 0 to 1" if most == 1 else "of at least 0"
-    message = f"{what} must be {or_what}{count} numbers {limit}, got {_said(given)}"
-    try:
-        numbers = np.asarray(given)
-        if numbers.dtype.kind not in "iuf" or numbers.ndim != 1 or len(numbers) not in lengths:
-            raise SceneError(message)
-    except (TypeError, ValueError, RuntimeError):  # arrays of other libraries raise what they like
-        raise SceneError(message) from None
-    values = numbers.astype(np.float64).tolist()
-    if not all(0 <= value <= most and value != np.inf for value in values):
-        raise SceneError(message)
-    return (*values, *([1.0] if len(values) < lengths[-1] else []))
 
 
 def _array(given: ArrayLike, name: str) -> np.ndarray:
     try:
         rows = np.asarray(given)
     except (TypeError, ValueError, RuntimeError):
-        raise SceneError(f"{name} must be an array of numbers, got {_said(given)}") from None
+        raise SceneError(f"{name} must be an array of numbers, got {shown(given)}") from None
     if rows.dtype.kind not in "iuf":
-        raise SceneError(f"{name} must be an array of numbers, got {_said(given)}")
+        raise SceneError(f"{name} must be an array of numbers, got {shown(given)}")
     return rows
 
 
@@ -287,8 +269,3 @@ def _image(given: ArrayLike, name: str) -> NDArray[np.uint8]:
     if rows.dtype != np.uint8 or rows.ndim != 3 or rows.shape[2] not in (3, 4) or not rows.size:
         raise SceneError(f"{what} must be uint8 of shape (H, W, 3) or (H, W, 4), got {rows.dtype} {rows.shape}")
     return rows.copy()
-
-
-def _said(given: object) -> str:
-    text = repr(given)
-    return text if len(text) <= 80 else type(given).__name__

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.errors import WarpvisError
+from warpvis.scene.colors import linear_color
 from warpvis.scene.looks import Look
 from warpvis.scene.materials import Appearance, Material
 from warpvis.webots._nodes import Node
@@ -66,10 +67,11 @@ def _pbr(look: Node) -> Material:
     return Material(
         look.text("name", "") or look.name or "",
         (*_color(look, "baseColor", (1.0, 1.0, 1.0)), alpha),
+        "linear",
         alpha_mode="blend" if alpha < 1 else "opaque",
         metallic=_unit(look.number("metalness", 1.0)),
         roughness=_unit(look.number("roughness", 0.0)),
-        emission=tuple(strength * part for part in _color(look, "emissiveColor", (0.0, 0.0, 0.0))),  # type: ignore[arg-type]
+        emission=tuple((strength * np.clip(look.vector("emissiveColor", (0.0, 0.0, 0.0)), 0.0, 1.0)).tolist()),
     )
 
 
@@ -78,6 +80,7 @@ def _classic(said: Node) -> Material:
     return Material(
         said.name or "",
         (*_color(said, "diffuseColor", _DIFFUSE), alpha),
+        "linear",
         alpha_mode="blend" if alpha < 1 else "opaque",
         specular=_color(said, "specularColor", (0.0, 0.0, 0.0)),
         shininess=_EXPONENT * _unit(said.number("shininess", _SHININESS)),
@@ -86,7 +89,8 @@ def _classic(said: Node) -> Material:
 
 
 def _color(node: Node, field: str, default: tuple[float, float, float]) -> tuple[float, float, float]:
-    return tuple(np.clip(node.vector(field, default), 0.0, 1.0).tolist())
+    """Read a colour; Webots turns it into a linear one (src/wren/PhongMaterial.cpp, PbrMaterial.cpp)."""
+    return linear_color(np.clip(node.vector(field, default), 0.0, 1.0))  # type: ignore[return-value]
 
 
 def _unit(value: float) -> float:

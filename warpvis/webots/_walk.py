@@ -19,12 +19,14 @@ from warpvis.core.arrays import FARTHEST
 from warpvis.core.checks import counted
 from warpvis.errors import FileFormatError
 from warpvis.scene import keep_winding
+from warpvis.scene.lights import Background, Light
 from warpvis.webots._depth_cameras import DEPTH_CAMERAS, expand_depth_camera
 from warpvis.webots._devices import Device, read_device
 from warpvis.webots._extents import Extent, ball_about, bounding_geometry
 from warpvis.webots._grammar import World
 from warpvis.webots._kinds import LINES, PARTS, SOLIDS, TRANSFORMS, UNSEEN, missing_parts, parts_of
 from warpvis.webots._lidars import Lidar, read_lidar
+from warpvis.webots._lights import LIGHTS, read_background, read_lights
 from warpvis.webots._materials import shape_appearance
 from warpvis.webots._nodes import Node, Value
 from warpvis.webots._parts import (
@@ -72,6 +74,8 @@ class Reader:
         self.recognisable: dict[str, tuple[Node, list[Solid]]] = {}
         self.extents: list[Extent] = []  # of all Solids
         self.bounds: dict[str, Extent] = {}  # of those that are recognised
+        self.lights: list[Light] = []
+        self.background: Background | None = None
         self.skipped: dict[str, int] = {}
         self.stand_ins: dict[str, int] = {}
         self.reasons: dict[str, str] = {}
@@ -120,6 +124,10 @@ class Reader:
     def _visit(self, step: Step) -> Iterable[Step]:
         """Note what a node is, and go on to the nodes in it."""
         node = step.node
+        if node.type in LIGHTS:
+            self.lights += [] if step.origin else read_lights(node, step.transform)
+        if node.type == "Background" and self.background is None:
+            self.background = read_background(node, self.up, self.find_mesh)
         if node.type in UNSEEN:
             return ()
         if node.type in ("Shape", "CadShape"):

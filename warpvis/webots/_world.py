@@ -142,8 +142,8 @@ def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[Reader
     """Walk through a world; return what that found, the names of the objects that it becomes, and the objects."""
     reader = Reader(parse_world(path), [*search_path, *installed()], strict, webots_cache())
     reader.walk()
-    found = reader.skipped, reader.stand_ins, reader.reasons, reader.refused
-    message = skipped_message(path, *found, search_path, downloads=reader.version >= CACHED_SINCE)
+    missed = reader.skipped, reader.stand_ins, reader.reasons, reader.refused
+    message = skipped_message(path, *missed, search_path, downloads=reader.version >= CACHED_SINCE)
     notes = reader.corrections()
     listed = "; ".join(shortened(notes))
     if strict and message:
@@ -154,4 +154,6 @@ def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[Reader
         raise SceneError(f"{message}; nothing is left" if message else f"{path}: holds no triangles")
     parts, names = make_parts(reader.solids)
     sentences = tuple(filter(None, (message, f"{path}: {listed}" if notes else "")))
-    return reader, names, FileParts(path, parts, up=reader.up, settled=True, warnings=sentences)
+    lights, background = tuple(reader.lights), reader.background
+    found = FileParts(path, parts, up=reader.up, settled=True, warnings=sentences, lights=lights, background=background)
+    return reader, names, found

@@ -1,0 +1,307 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Lights and backgrounds as data: of MuJoCo, whose pictures they explain, of glTF and of Webots."""
+
+import copy
+import pickle
+import warnings
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+from gltf_files import GltfWriter
+from PIL import Image
+
+import warpvis as wv
+from warpvis.errors import SceneError
+from warpvis.scene.lights import Background, Light, cube_coordinates
+from warpvis.scene.materials import Texture
+
+FACES = tuple(Texture(np.full((4, 4, 3), 40 * number, np.uint8), f"face {number}") for number in range(6))
+
+
+def load(path, **options):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return wv.Scene.load(path, **options)
+
+
+def test_light_that_comes_from_everywhere_is_as_strong_everywhere():
+    points = np.random.default_rng(0).normal(size=(2, 5, 3))
+    for kind in ("ambient", "directional", "headlight"):
+        np.testing.assert_array_equal(Light(kind).strength(points), np.ones((2, 5)))
+
+
+def test_points_grow_weaker_with_distance():
+    points = [[1.0, 2, 3], [1, 2, 5], [1, 2, 13.5]]
+    light = Light("point", position=(1, 2, 3), attenuation=(1, 0.5, 0.25), reach=10)
+    np.testing.assert_allclose(light.strength(points), [1, 1 / 3, 0])
+    light = Light("point", position=(1, 2, 3), attenuation=(0, 0, 1), reach=4, falloff="gltf")
+    np.testing.assert_allclose(light.strength(points), [np.inf, (1 - 0.5**4) / 4, 0])
+
+
+@pytest.mark.parametrize(
+    ("falloff", "wanted"),
+    [
+        ("opengl", [1, np.cos(0.3) ** 2, np.cos(0.6) ** 2, 0]),
+        ("webots", [1, 1, 0.25, 0]),
+        ("gltf", [1, 1, ((np.cos(0.6) - np.cos(0.7)) / (np.cos(0.3) - np.cos(0.7))) ** 2, 0]),
+    ],
+)
+def test_spots_grow_weaker_beside_their_axis(falloff, wanted):
+    light = Light(
+        "spot", direction=(0, 2, 0), falloff=falloff, inner_angle=0.3, outer_angle=0.7, exponent=2, position=(0, 0, 1)
+    )
+    assert light.direction == (0, 1, 0)
+    points = [[3 * np.sin(angle), 3 * np.cos(angle), 1] for angle in (0, 0.3, 0.6, 0.8)]
+    np.testing.assert_allclose(light.strength(points), wanted, atol=1e-9)
+
+
+def test_a_scene_keeps_its_lights_and_its_background():
+    scene = wv.Scene()
+    scene.add(trimesh.creation.box())
+    assert scene.lights == ()
+    assert scene.background is None
+    scene.lights = [Light("point", "lamp"), Light()]
+    scene.background = Background((1, 0, 0), sky=FACES)
+    for same in (pickle.loads(pickle.dumps(scene)), copy.deepcopy(scene), scene.to("cpu"), scene.apart()):
+        assert [light.name for light in same.lights] == ["lamp", ""]
+        assert same.background.color == (1, 0, 0)
+        np.testing.assert_array_equal(same.background.image[::4, 0, 0], [0, 40, 80, 120, 160, 200])
+
+
+def test_skies_that_are_no_cube_are_left_out_with_a_warning(tmp_path):
+    odd = (*FACES[:5], Texture(np.zeros((3, 3, 3), np.uint8), "odd"))
+    with pytest.warns(UserWarning, match="the sky is left out: face 0 and its like are no squares of one size"):
+        assert Background(sky=odd).image is None
+    clear = (*FACES[:5], Texture(np.zeros((4, 4, 4), np.uint8)))
+    assert Background(sky=clear).image.shape == (24, 4, 3)
+
+
+def test_places_in_the_images_of_a_cube():
+    # The table of OpenGL 2.1, section 3.8.6.
+    ways = [[2, 1, 0.5], [-2, 1, 0.5], [0.5, 2, 1], [0.5, -2, 1], [1, 0.5, 2], [1, 0.5, -2], [0, 0, 0]]
+    images, places = cube_coordinates(ways)
+    assert images.tolist() == [0, 1, 2, 3, 4, 5, 0]
+    wanted = [[-0.5, -1], [0.5, -1], [0.5, 1], [0.5, -1], [1, -0.5], [-1, -0.5], [0, 0]]
+    np.testing.assert_allclose(places, np.array(wanted) / [2, 2] / 2 + 0.5)
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: Light("laser"), "kind of a light must be"),
+        (lambda: Light(name="sun", direction=(0, 0, 0)), "direction of light 'sun' must not be 0"),
+        (lambda: Light(direction=(0, 1)), "direction of a light must be three finite numbers"),
+        (lambda: Light(position=(0, np.nan, 0)), "position of a light must be three finite numbers"),
+        (lambda: Light(position=(0, 0, 1e30)), "position of a light must be at most"),
+        (lambda: Light(position="here"), "position of a light must be three finite numbers"),
+        (lambda: Light(color=(-1, 0, 0)), "color of a light must be three numbers of at least 0"),
+        (lambda: Light(specular=1), "specular of a light must be three numbers of at least 0"),
+        (lambda: Light(intensity=-1), "intensity of a light must be"),
+        (lambda: Light(attenuation=(0, 0, 0)), "attenuation of a light must not be 0"),
+        (lambda: Light(reach=-1), "reach of a light must be"),
+        (lambda: Light(reach="far"), "reach of a light must be"),
+        (lambda: Light(inner_angle=1, outer_angle=0.5), "inner_angle of a light must be at most its outer_angle 0.5"),
+        (lambda: Light(outer_angle=4), "outer_angle of a light must be"),
+        (lambda: Light(falloff="none"), "falloff of a light must be"),
+        (lambda: Light(color_space="hsv"), "color_space of a light must be"),
+        (lambda: Light(cast_shadow="maybe"), "cast_shadow of a light must be"),
+        (lambda: Background((2, np.inf, 0)), "color of a background must be three numbers of at least 0"),
+        (lambda: Background(sky=FACES[:5]), "sky of a background must be six Textures or none, got 5 items"),
+        (lambda: Background(sky=FACES[0]), "sky of a background must be six Textures or none"),
+        (lambda: Background(world_to_cube=((1, 0, 0),)), "world_to_cube of a background must be of three rows"),
+        (lambda: Background(world_to_cube=((1, 0),) * 3), "each row of world_to_cube of a background must be three"),
+        (lambda: setattr(wv.Scene(), "lights", ["sun"]), "lights must be Lights, got str"),
+        (lambda: setattr(wv.Scene(), "background", "blue"), "background must be a Background or None, got str"),
+    ],
+)
+def test_malformed_lights_get_one_sentence(make, said):
+    with pytest.raises(SceneError, match=said):
+        make()
+
+
+MODEL = """<mujoco><visual><headlight ambient=".1 .1 .1" diffuse=".2 .1 .1" specular=".3 .3 .3"/>
+<quality offsamples="0"/></visual><worldbody>
+<geom name="floor" type="plane" size="2 2 .01" rgba=".6 .7 .8 1"/>
+<body pos="1 0 0" euler="0 0 90"><geom size=".001" pos="0 0 -1"/>
+<light name="lamp" type="spot" pos="0 0.5 1" dir="0 1 -2" diffuse=".9 .5 .3" ambient=".1 .2 .1" specular=".4 .4 .4"
+attenuation="1 .2 .1" cutoff="40" exponent="5" castshadow="false"/></body>
+<light name="sun" type="directional" dir="1 0 -1" diffuse=".3 .3 .5" specular="0 0 0" castshadow="false"/>
+<light name="off" active="false"/></worldbody></mujoco>"""
+
+
+def test_mujoco_lights(tmp_path):
+    (tmp_path / "a.xml").write_text(MODEL)
+    model = mujoco.MjModel.from_xml_string(MODEL)
+    for scene in (load(tmp_path / "a.xml"), wv.mujoco.scene_from_mujoco(model).scene):
+        head, lamp, sun = scene.lights if scene.lights[1].name == "lamp" else (scene.lights[i] for i in (0, 2, 1))
+        assert (head.kind, lamp.kind, sun.kind) == ("headlight", "spot", "directional")
+        np.testing.assert_allclose(lamp.position, [0.5, 0, 1], atol=1e-6)
+        np.testing.assert_allclose(lamp.direction, np.array([-1, 0, -2]) / np.sqrt(5), atol=1e-6)
+        assert lamp.outer_angle == pytest.approx(np.radians(40))
+        assert (lamp.exponent, lamp.cast_shadow, lamp.color_space) == (5, False, "srgb")
+        np.testing.assert_allclose(lamp.attenuation, [1, 0.2, 0.1], atol=1e-6)
+        assert scene.background.sky == ()
+    dark = mujoco.MjModel.from_xml_string(
+        '<mujoco><visual><headlight active="0"/></visual><worldbody><geom size="1"/></worldbody></mujoco>'
+    )
+    (light,) = wv.mujoco.scene_from_mujoco(dark).scene.lights
+    assert (light.kind, light.ambient) == ("ambient", (0.3, 0.3, 0.3))
+
+
+SIZE = 64
+
+
+def picture(model, eye, forward, up=(0.0, 1, 0), tangent=0.5):
+    """A picture of MuJoCo's renderer, and the rays of its pixels."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    with mujoco.Renderer(model, SIZE, SIZE) as renderer:
+        renderer.update_scene(data)
+        forward = np.array(forward) / np.linalg.norm(forward)
+        right = np.cross(forward, up) / np.linalg.norm(np.cross(forward, up))
+        for camera in renderer.scene.camera:
+            camera.pos, camera.forward, camera.up = eye, forward, np.cross(right, forward)
+            camera.frustum_center, camera.frustum_top = 0, tangent * camera.frustum_near
+            camera.frustum_bottom = -camera.frustum_top
+        for light in renderer.scene.lights[: renderer.scene.nlight]:
+            if light.headlight:
+                light.pos, light.dir = eye, forward
+        image = renderer.render().astype(np.float64) / 255
+    steps = ((np.arange(SIZE) + 0.5) / SIZE * 2 - 1) * tangent
+    rays = forward + steps[None, :, None] * right - steps[:, None, None] * np.cross(right, forward)
+    return image, rays
+
+
+def shaded(scene, points, eye, forward):
+    """What the formula of `Light` makes of the floor."""
+    (material,) = scene["floor"].appearance.materials
+    base, shine = np.array(material.base_color[:3]), np.array(material.specular)
+    normal, total = np.array([0.0, 0, 1]), 0.0
+    views = eye - points
+    views /= np.linalg.norm(views, axis=-1, keepdims=True)
+    for light in scene.lights:
+        way = np.array(light.direction if light.kind == "directional" else forward)
+        ways = np.broadcast_to(-way / np.linalg.norm(way), points.shape)
+        if light.kind == "spot":
+            ways = light.position - points
+            ways = ways / np.linalg.norm(ways, axis=-1, keepdims=True)
+        facing = (ways @ normal)[..., None]
+        half = ways + views
+        half = half / np.linalg.norm(half, axis=-1, keepdims=True)
+        gloss = (facing > 0) * np.maximum(half @ normal, 0)[..., None] ** material.shininess
+        specular = light.color if light.specular is None else light.specular
+        share = light.ambient * base + np.maximum(facing, 0) * light.color * base + gloss * specular * shine
+        total = total + light.intensity * light.strength(points)[..., None] * share
+    return np.minimum(total, 1)
+
+
+@pytest.mark.gl
+def test_mujoco_draws_what_its_lights_say():
+    model = mujoco.MjModel.from_xml_string(MODEL)
+    scene = wv.mujoco.scene_from_mujoco(model).scene
+    eye, forward = np.array([0.3, -1.5, 1.8]), np.array([0.0, 1.5, -1.6])
+    image, rays = picture(model, eye, forward)
+    points = eye - rays * (eye[2] / rays[..., 2:])
+    inside = np.abs(points[..., :2]).max(axis=-1) < 1.9
+    wanted = shaded(scene, points, eye, forward)
+    error = np.abs(image - wanted).max(axis=-1)[inside]
+    assert wanted[inside].max() - wanted[inside].min() > 0.4
+    assert np.median(error) < 1 / 255
+    assert np.quantile(error, 0.95) < 1 / 255  # it mixes colours of corners, and the cone's edge is jagged
+
+
+@pytest.mark.gl
+def test_mujoco_draws_the_sky_that_its_background_says():
+    xml = """<mujoco><asset><texture name="sky" type="skybox" builtin="flat" width="16" height="16"/></asset>
+    <worldbody><geom size=".001" pos="0 0 -90"/></worldbody></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(xml)
+    sky = np.random.default_rng(1).integers(0, 255, (6, 2, 2, 3), dtype=np.uint8).repeat(8, 1).repeat(8, 2)
+    model.tex_data[:] = sky.reshape(-1)
+    background = wv.mujoco.scene_from_mujoco(model).scene.background
+    np.testing.assert_array_equal(background.image, sky.reshape(96, 16, 3))
+    for forward in np.random.default_rng(0).normal(size=(6, 3)):
+        image, rays = picture(model, np.zeros(3), forward)
+        number, place = cube_coordinates(rays @ np.array(background.world_to_cube).T)
+        row, column = np.minimum(place * 16, 15).astype(int)[..., ::-1].transpose(2, 0, 1)
+        inside = (np.abs(place * 2 % 1 - 0.5) < 0.4).all(axis=-1)  # between the edges, where colours are mixed
+        np.testing.assert_allclose(image[inside], sky[number[inside], row[inside], column[inside]] / 255, atol=2 / 255)
+
+
+def lit_file():
+    """A glTF file with lights, of which two are none."""
+    lights = [
+        {"type": "directional", "color": [1, 0.5, 0], "intensity": 3},
+        {"type": "spot", "name": "spot", "range": 2, "spot": {"innerConeAngle": 0.1, "outerConeAngle": 0.5}},
+        {"type": "point"},
+        {"type": "area"},
+    ]
+    writer = GltfWriter(extensions={"KHR_lights_punctual": {"lights": lights}})
+    writer.node(writer.primitive([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
+    turned = {"translation": [1, 2, 3], "rotation": [np.sqrt(0.5), 0, 0, np.sqrt(0.5)], "scale": [2, 2, 2]}
+    for number in (0, 1, 2, 3, 9):
+        writer.node(name=f"n{number}", extensions={"KHR_lights_punctual": {"light": number}}, **turned)
+    return writer.bytes()
+
+
+def test_gltf_lights(tmp_path):
+    (tmp_path / "a.glb").write_bytes(lit_file())
+    with pytest.warns(UserWarning, match=r"left out the lights of node 4 .*got 'area'.*node 5 \(it names light 9 of 4"):
+        scene = wv.Scene.load(tmp_path / "a.glb", scale=10, strict=True)
+    sun, spot, point = scene.lights
+    assert (sun.kind, sun.color, sun.intensity, sun.color_space) == ("directional", (1, 0.5, 0), 3, "linear")
+    # Turned about x, -z is y, which is up in glTF; 10 times as large, and z up.
+    np.testing.assert_allclose(sun.direction, [0, 0, 1], atol=1e-6)
+    np.testing.assert_allclose(spot.position, [10, -30, 20], atol=1e-5)
+    assert (spot.name, spot.reach, spot.inner_angle, spot.outer_angle) == ("spot", 20, 0.1, 0.5)
+    assert (spot.falloff, spot.attenuation) == ("gltf", (0, 0, 1))
+    assert (point.kind, point.name, point.reach) == ("point", "n2", np.inf)
+
+
+WORLD = """#VRML_SIM R2023b utf8
+WorldInfo {}
+Background { skyColor [ 0.5 0.25 0 ] luminosity 2 %s }
+Background { skyColor [ 1 1 1 ] }
+DirectionalLight { ambientIntensity 0.5 color 1 0.5 0 direction 0 1 -1 intensity 2 castShadows TRUE }
+PointLight { on FALSE }
+PointLight { color "red" }
+Solid { translation 0 0 1 rotation 0 0 1 1.5707963267948966 children [
+  DEF LAMP PointLight { location 1 0 0 attenuation 0 0 1 ambientIntensity 1 radius 5 }
+  SpotLight { direction 1 0 0 beamWidth 0.2 cutOffAngle 0.6 }
+  Shape { geometry Box {} } ] }
+"""
+
+
+def test_webots_lights(tmp_path):
+    (tmp_path / "a.wbt").write_text(WORLD % "")
+    scene = load(tmp_path / "a.wbt")
+    added, sun, lamp, spot = scene.lights
+    linear = (1, pytest.approx(0.21404, abs=1e-5), 0)
+    assert tuple(sun.color) == linear
+    assert (added.kind, added.ambient) == ("ambient", (0.5, pytest.approx(0.10702, abs=1e-5), 0))
+    assert (sun.kind, sun.intensity, sun.cast_shadow, sun.color_space) == ("directional", 2, True, "linear")
+    np.testing.assert_allclose(sun.direction, np.array([0, 1, -1]) / np.sqrt(2))
+    np.testing.assert_allclose(lamp.position, [0, 1, 1], atol=1e-9)
+    assert (lamp.name, lamp.reach, lamp.attenuation, lamp.falloff) == ("LAMP", 5, (0, 0, 1), "webots")
+    np.testing.assert_allclose(spot.direction, [0, 1, 0], atol=1e-9)
+    np.testing.assert_allclose(spot.position, [0, 0, 11], atol=1e-9)
+    assert (spot.inner_angle, spot.outer_angle, spot.cast_shadow) == (0.2, 0.6, False)
+    assert (scene.background.color, scene.background.luminosity, scene.background.sky) == ((0.5, 0.25, 0), 2, ())
+
+
+def test_webots_sky(tmp_path):
+    names = ("right", "left", "top", "bottom", "front", "back")
+    for number, name in enumerate(names):
+        Image.fromarray(np.full((4, 4, 3), number, np.uint8)).save(tmp_path / f"{name}.png")
+    urls = " ".join(f'{name}Url [ "{name}.png" ]' for name in names)
+    (tmp_path / "a.wbt").write_text(WORLD % urls)
+    background = load(tmp_path / "a.wbt").background
+    # As WbBackground.cpp changes them for worlds whose z is up: x is behind, y to the right.
+    ways = {"back": [1, 0, 0], "front": [-1, 0, 0], "right": [0, 1, 0], "left": [0, -1, 0], "top": [0, 0, 1]}
+    for name, way in {**ways, "bottom": [0, 0, -1]}.items():
+        number, _ = cube_coordinates(np.array(background.world_to_cube) @ way)
+        assert names[background.image[4 * int(number), 0, 0]] == name
+    (tmp_path / "top.png").unlink()
+    assert load(tmp_path / "a.wbt").background.sky == ()

@@ -1,0 +1,51 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What is around the objects of a scene: its lights and its background."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from warpvis.core.checks import as_items
+from warpvis.errors import SceneError
+from warpvis.scene.lights import Background, Light
+
+
+class SceneEnvironment:
+    """The lights and the background of a scene."""
+
+    def __init__(self) -> None:
+        """Begin without any."""
+        self._lights: tuple[Light, ...] = ()
+        self._background: Background | None = None
+
+    @property
+    def lights(self) -> tuple[Light, ...]:
+        """Its lights in the world's frame, as its file says or as they were set; none to begin with.
+
+        They are data: nothing is shaded yet. Of lights that a file has on bodies that move, they are where these are at
+        first.
+        """
+        return self._lights
+
+    @lights.setter
+    def lights(self, lights: Sequence[Light]) -> None:
+        items = [lights] if isinstance(lights, Light) else as_items(lights, "lights", SceneError)
+        others = [item for item in items if not isinstance(item, Light)]
+        if others:
+            raise SceneError(f"lights must be Lights, got {type(others[0]).__name__}")
+        self._lights = tuple(items)
+
+    @property
+    def background(self) -> Background | None:
+        """What is seen where nothing is, as its file says or as it was set; None if nothing says it."""
+        return self._background
+
+    @background.setter
+    def background(self, background: Background | None) -> None:
+        if background is not None and not isinstance(background, Background):
+            raise SceneError(f"background must be a Background or None, got {type(background).__name__}")
+        self._background = background
+
+    def _take_environment(self, other: SceneEnvironment) -> None:
+        self._lights, self._background = other._lights, other._background

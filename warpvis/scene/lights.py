@@ -1,0 +1,236 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Lights and the background of a scene, as data: nothing is shaded yet.
+
+Positions and directions are in the world's frame, right-handed, in metres. Three systems say how light falls off, and
+`Light.strength` has their formulas: OpenGL's fixed functions, as MuJoCo uses them (OpenGL 2.1 specification, 2.14.1);
+Webots' shaders (resources/wren/shaders/phong.frag and pbr.frag); and glTF's KHR_lights_punctual.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from warpvis.core.arrays import FARTHEST
+from warpvis.core.checks import check_choice, check_flag, check_number
+from warpvis.core.user_warnings import warn_user
+from warpvis.errors import SceneError
+from warpvis.scene.colors import check_color, check_vector
+from warpvis.scene.materials import ColorSpace, Texture
+
+LightKind = Literal["ambient", "directional", "point", "spot", "headlight"]
+"""What is lit: everything alike; from one direction; from a place; from a place within a cone; or from where the camera
+looks: a directional light that goes the camera's way."""
+
+Falloff = Literal["opengl", "webots", "gltf"]
+"""Whose formulas make light weaker with distance and beside a cone's axis."""
+
+Vector = tuple[float, float, float]
+
+_IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Light:
+    """A light.
+
+    What a surface with normal n shows of it, towards the camera's direction v, is for fixed functions and for Webots'
+    Appearance: ``strength * intensity * (ambient * base_color + max(n.l, 0) * color * base_color + (n.l > 0) *
+    max(n.h, 0) ** shininess * specular * material.specular)``, where l goes to the light and h lies halfway between l
+    and v. Materials with `metallic` and `roughness` take `color` alone (appendix B of glTF 2.0).
+    """
+
+    kind: LightKind = "directional"
+    name: str = ""
+    position: Vector = (0.0, 0.0, 0.0)
+    """Where a point or a spot is, in the world [m]."""
+    direction: Vector = (0.0, 0.0, -1.0)
+    """Where light goes of directional ones and spots, in the world; it is made of length 1. A headlight's is the
+    camera's z."""
+    color: Vector = (1.0, 1.0, 1.0)
+    """Of what surfaces scatter, in `color_space`; above 1 it may be."""
+    intensity: float = 1.0
+    """Factor of all colours; of glTF [lx], for points and spots [cd]."""
+    ambient: Vector = (0.0, 0.0, 0.0)
+    """Colour of the light that it gives to surfaces whatever way they face."""
+    specular: Vector | None = None
+    """Colour of highlights; `color` by default."""
+    color_space: ColorSpace = "srgb"
+    """Of the colours, and where light is added up: linear for glTF and Webots, sRGB where formats take numbers for what
+    the screen shows (MuJoCo)."""
+    falloff: Falloff = "opengl"
+    attenuation: Vector = (1.0, 0.0, 0.0)
+    """Factors a, b, c of the distance d [m]: light is divided by ``a + b d + c d**2``. glTF's is (0, 0, 1)."""
+    reach: float = np.inf
+    """Distance that it does not go beyond [m]."""
+    inner_angle: float = 0.0
+    """Of a spot, the angle from its axis up to which it is as bright as on it [rad]; unused with ``"opengl"``."""
+    outer_angle: float = np.pi / 4
+    """Of a spot, the angle from its axis beyond which it is dark [rad]."""
+    exponent: float = 0.0
+    """Of a spot with ``"opengl"``, of the cosine of the angle from its axis."""
+    cast_shadow: bool = True
+    """Whether surfaces keep its light from those behind; ambient light and headlights go everywhere."""
+
+    def __post_init__(self) -> None:
+        what = f"light {self.name!r}" if self.name else "a light"
+        put = partial(object.__setattr__, self)
+        check_choice(self.kind, f"kind of {what}", get_args(LightKind), SceneError)
+        check_choice(self.color_space, f"color_space of {what}", get_args(ColorSpace), SceneError)
+        check_choice(self.falloff, f"falloff of {what}", get_args(Falloff), SceneError)
+        put("name", str(self.name))
+        put("position", check_vector(self.position, f"position of {what}"))
+        if max(map(abs, self.position)) > FARTHEST:
+            raise SceneError(f"position of {what} must be at most {FARTHEST:g} m from the origin, got {self.position}")
+        direction = np.array(check_vector(self.direction, f"direction of {what}"))
+        if not direction.any():
+            raise SceneError(f"direction of {what} must not be 0")
+        direction /= np.abs(direction).max()  # its square may be too large, or 0
+        put("direction", tuple((direction / np.linalg.norm(direction)).tolist()))
+        for name in ("color", "ambient", "attenuation"):
+            put(name, check_color(getattr(self, name), f"{name} of {what}", (3,), most=np.inf))
+        if self.specular is not None:
+            put("specular", check_color(self.specular, f"specular of {what}", (3,), most=np.inf))
+        if not any(self.attenuation):
+            raise SceneError(f"attenuation of {what} must not be 0")
+        for name in ("intensity", "exponent"):
+            put(name, check_number(getattr(self, name), f"{name} of {what}", least=0.0, error=SceneError))
+        for name in ("inner_angle", "outer_angle"):
+            value = check_number(getattr(self, name), f"{name} of {what}", least=0.0, most=np.pi, error=SceneError)
+            put(name, value)
+        if self.inner_angle > self.outer_angle:
+            raise SceneError(f"inner_angle of {what} must be at most its outer_angle {self.outer_angle:g}")
+        if self.reach != np.inf:
+            put("reach", check_number(self.reach, f"reach of {what}", least=0.0, error=SceneError))
+        put("cast_shadow", check_flag(self.cast_shadow, f"cast_shadow of {what}", SceneError))
+
+    def strength(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Compute the share of its light that gets to points, without `intensity`, normals and shadows.
+
+        It is 1 of ambient, directional and headlights. Else, at the distance d and the angle t from a spot's axis, with
+        the inner and the outer angle i and o:
+
+        - It is divided by ``a + b d + c d**2``, and nothing beyond `reach`.
+        - ``"opengl"``: times ``cos(t) ** exponent``, nothing where ``t > o``; a spot with ``o = pi`` is a point.
+        - ``"webots"``: times ``(o - t) / (o - i)`` between i and o.
+        - ``"gltf"``: times ``clip((cos t - cos o) / max(cos i - cos o, 0.001), 0, 1) ** 2``; and towards `reach` times
+          ``clip(1 - (d / reach) ** 4, 0, 1)``.
+
+        Args:
+            points: In the world [m], shape ``(..., 3)``.
+
+        Returns:
+            Shape ``(...,)``; infinite where it is divided by zero.
+        """
+        points = np.clip(np.asarray(points, dtype=np.float64), -1e100, 1e100)
+        if self.kind not in ("point", "spot"):
+            return np.ones(points.shape[:-1])
+        ways = points - np.array(self.position)
+        distance = np.linalg.norm(ways, axis=-1)
+        a, b, c = self.attenuation
+        with np.errstate(divide="ignore", over="ignore"):
+            share = np.where(distance <= self.reach, 1 / (a + b * distance + c * distance**2), 0.0)
+        if self.falloff == "gltf" and self.reach < np.inf:
+            share = share * np.clip(1 - (distance / max(self.reach, 1e-300)) ** 4, 0, 1)
+        if self.kind == "point":
+            return share
+        along = (ways @ np.array(self.direction)) / np.where(distance > 0, distance, 1.0)
+        return share * self._beside_axis(np.where(distance > 0, np.clip(along, -1, 1), 1.0))
+
+    def _beside_axis(self, cosine: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Compute the share of light at angles from a spot's axis, given as their cosines."""
+        inner, outer = self.inner_angle, self.outer_angle
+        if self.falloff == "gltf":
+            limit = np.cos(outer)
+            return np.clip((cosine - limit) / max(np.cos(inner) - limit, 1e-3), 0, 1) ** 2
+        angle = np.arccos(cosine)
+        if self.falloff == "webots":
+            return np.where(angle <= inner, 1.0, np.clip((outer - angle) / max(outer - inner, 1e-300), 0, 1))
+        if outer >= np.pi:
+            return np.ones_like(cosine)
+        return np.where(angle <= outer, np.maximum(cosine, 0.0) ** self.exponent, 0.0)
+
+    def moved(self, turn: NDArray[np.float64], scale: float = 1.0) -> Light:
+        """Return the same light in a frame that is turned, and in another unit: ``p' = scale turn p``."""
+        return replace(
+            self,
+            position=tuple((scale * (turn @ np.array(self.position))).tolist()),
+            direction=tuple((turn @ np.array(self.direction)).tolist()),
+            reach=scale * self.reach,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Background:
+    """What is seen where nothing is: a colour, or a sky that is infinitely far."""
+
+    color: Vector = (0.0, 0.0, 0.0)
+    """In `color_space`, where there is no sky."""
+    color_space: ColorSpace = "srgb"
+    sky: tuple[Texture, ...] = field(default=(), repr=False)
+    """Six square images of a cube as OpenGL has them: +x, -x, +y, -y, +z, -z of the cube's frame; or none."""
+    world_to_cube: tuple[Vector, Vector, Vector] = _IDENTITY
+    """Rows of the matrix that turns a direction in the world to one in the cube's frame."""
+    luminosity: float = 1.0
+    """Factor of the light that it gives to surfaces (Webots' Background)."""
+
+    def __post_init__(self) -> None:
+        put = partial(object.__setattr__, self)
+        put("color", check_color(self.color, "color of a background", (3,), most=np.inf))
+        check_choice(self.color_space, "color_space of a background", get_args(ColorSpace), SceneError)
+        put("luminosity", check_number(self.luminosity, "luminosity of a background", least=0.0, error=SceneError))
+        sky = tuple(self.sky) if isinstance(self.sky, list | tuple) else (self.sky,)
+        if len(sky) not in (0, 6) or not all(isinstance(face, Texture) for face in sky):
+            raise SceneError(f"sky of a background must be six Textures or none, got {len(sky)} items")
+        put("sky", sky)
+        rows = self.world_to_cube
+        if not isinstance(rows, list | tuple | np.ndarray) or len(rows) != 3:
+            raise SceneError("world_to_cube of a background must be of three rows")
+        put("world_to_cube", tuple(check_vector(row, "each row of world_to_cube of a background") for row in rows))
+
+    @property
+    def image(self) -> NDArray[np.uint8] | None:
+        """The sky's six images, one below the other, shape ``(6 n, n, 3)`` or ``(6 n, n, 4)``; None without a sky.
+
+        Images that are not alike squares give none, and a warning.
+        """
+        if not self.sky:
+            return None
+        faces = [face.image for face in self.sky]
+        if len({face.shape[:2] for face in faces}) > 1 or faces[0].shape[0] != faces[0].shape[1]:
+            warn_user(f"the sky is left out: {self.sky[0].name} and its like are no squares of one size", UserWarning)
+            return None
+        if len({face.shape[2] for face in faces}) > 1:
+            faces = [face[..., :3] for face in faces]
+        return np.concatenate(faces)
+
+    def turned(self, turn: NDArray[np.float64]) -> Background:
+        """Return the same background of a world that is turned: ``p' = turn p``."""
+        first, second, third = (tuple(row) for row in (np.array(self.world_to_cube) @ turn.T).tolist())
+        return replace(self, world_to_cube=(first, second, third))
+
+
+def cube_coordinates(directions: ArrayLike) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """Find what a cube's images show in directions of its frame (OpenGL 2.1 specification, 3.8.6).
+
+    Args:
+        directions: Of any length, shape ``(..., 3)``.
+
+    Returns:
+        The image, 0 to 5, shape ``(...,)``; and the place in it, shape ``(..., 2)``: from its left to its right edge,
+        and from its upper to its lower one, 0 to 1.
+    """
+    ways = np.asarray(directions, dtype=np.float64)
+    axis = np.abs(ways).argmax(axis=-1)
+    longest = np.take_along_axis(ways, axis[..., None], axis=-1)[..., 0]
+    image = 2 * axis + (longest < 0)
+    x, y, z = np.moveaxis(ways, -1, 0)
+    right = np.choose(image, [-z, z, x, x, x, -x])
+    down = np.choose(image, [-y, -y, z, -z, -y, -y])
+    size = np.where(longest == 0, 1.0, np.abs(longest))
+    return image.astype(np.int32), (np.stack([right, down], axis=-1) / size[..., None] + 1) / 2
