@@ -290,7 +290,7 @@ MODEL = """<mujoco><asset>
 <mesh name="q" vertex="0 0 0 1 0 0 0 1 0 0 0 1" face="0 2 1 0 1 3 0 3 2 1 2 3" texcoord="0 0 1 0 0 .25 1 1"/></asset>
 <worldbody><geom name="p" type="plane" size="1 1 1" material="m"/>
 <geom name="b" type="box" size="1 1 1" material="k" rgba="1 0 0 .5"/><geom name="s" size=".1" rgba="0 0 1 1"/>
-<geom name="q" type="mesh" mesh="q" material="m"/></worldbody></mujoco>"""
+<geom name="c" size="1" material="k"/><geom name="q" type="mesh" mesh="q" material="m"/></worldbody></mujoco>"""
 
 
 def test_mujoco_colours_materials_and_textures(tmp_path):
@@ -299,19 +299,23 @@ def test_mujoco_colours_materials_and_textures(tmp_path):
     for scene in (load(tmp_path / "a.xml"), wv.mujoco.scene_from_mujoco(model).scene):
         made = {item.name: item.appearance.materials[0] for item in scene}
         assert made["p"].base_color == (0.25, 0.5, 0.75, 1)  # the material's, for the geom has none
-        assert (made["p"].projection, made["p"].texture_repeat, made["p"].texture_uniform) == ("plane", (3, 2), True)
         assert (made["p"].specular, made["p"].shininess) == ((0.25,) * 3, 64)
         assert made["p"].texture.image.shape == (4, 8, 3)
         assert made["p"].texture is made["q"].texture
-        assert (made["b"].base_color, made["b"].alpha_mode, made["b"].projection) == ((1, 0, 0, 0.5), "blend", "cube")
+        assert (made["b"].base_color, made["b"].alpha_mode, made["b"].projection) == ((1, 0, 0, 0.5), "blend", "uv")
+        assert (made["c"].projection, made["c"].texture_uniform) == ("cube", False)
         assert made["b"].texture.image.shape == (48, 8, 3)
         assert (made["s"].base_color, made["s"].texture) == ((0, 0, 1, 1), None)
         assert (made["s"].specular, made["s"].shininess) == ((0.5,) * 3, 64)  # what MuJoCo has without a material
         assert made["q"].projection == "uv"
         found = scene["q"].appearance.corner_uv(scene["q"].faces)
-        coordinates = {(0, 0, 0): (0, 1), (1, 0, 0): (1, 1), (0, 1, 0): (0, 0.75), (0, 0, 1): (1, 0)}
-        corners = np.rint(scene["q"].vertices[scene["q"].faces]).astype(int).tolist()
-        assert found.tolist() == [[list(coordinates[tuple(place)]) for place in face] for face in corners]
+        # 3 times and 2 times for two metres, v counted upwards; sizes are those of its box.
+        size = model.geom_size[model.geom("q").id][:2]
+        said = {(0, 0, 0): (0, 0), (1, 0, 0): (1, 0), (0, 1, 0): (0, 0.25), (0, 0, 1): (1, 1)}
+        corners = scene["q"].vertices[scene["q"].faces]
+        for place, uv in zip(np.rint(corners).astype(int).reshape(-1, 3), found.reshape(-1, 2), strict=True):
+            u, v = said[tuple(place.tolist())]
+            np.testing.assert_allclose(uv, [3 * size[0] * u, 1 - 2 * size[1] * v], atol=1e-6)
 
 
 def test_exported_scenes_have_no_colours(tmp_path):

@@ -4,16 +4,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.mujoco._shapes import shape_data, shape_value
+from warpvis.mujoco._tessellation import Mesh
+from warpvis.mujoco._texture_coordinates import box_cube_uv, plain_uv, stored_uv
 from warpvis.scene.looks import Look
-from warpvis.scene.materials import Appearance, Material, Projection, Texture
+from warpvis.scene.materials import Appearance, Material, Texture
+from warpvis.scene.solids import Solid
 
 Color = tuple[float, float, float, float]
 
@@ -25,6 +29,7 @@ _SHININESS = 128.0
 
 _FIRST_ROLE = int(mujoco.mjtTextureRole.mjTEXROLE_RGB)
 _CUBE = int(mujoco.mjtTexture.mjTEXTURE_2D) + 1
+_BOX = mujoco.mjtGeom.mjGEOM_BOX
 _MESHES = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF)
 
 
@@ -34,27 +39,36 @@ class GeomLooks:
     def __init__(self, model: mujoco.MjModel) -> None:
         """Remember the model."""
         self._model = model
-        self._known: dict[tuple[Color, int, int], Look] = {}
+        self._known: dict[tuple[Any, ...], Look] = {}
         self._texture = cache(partial(_texture, model))
 
-    def of(self, geom: int) -> Look:
-        """Return what a geom, or a site, looks like with the colour and the material that it has now."""
+    def of(self, geom: int, shape: Mesh | Solid) -> Look:
+        """Return what a geom, or a site, looks like with the colour, the material and the size that it has now.
+
+        Args:
+            geom: The geom or site.
+            shape: Its triangles, which textures are laid on.
+        """
         model = self._model
         rgba, material = tuple(shape_value(model, "rgba", geom).tolist()), int(shape_value(model, "matid", geom))
-        mesh = -1
-        if material >= 0 and int(shape_value(model, "type", geom)) in _MESHES:
-            mesh = shape_data(model, geom)
-        key = rgba, material, mesh
+        if material < 0:  # what is of one colour must not keep the model
+            return self._kept((rgba,), partial(_of_one_colour, rgba))
+        if _texture_number(model, material) < 0:
+            return self._kept((rgba, material), partial(self._make, rgba, material, None))
+        kind, size = int(shape_value(model, "type", geom)), shape_value(model, "size", geom).copy()
+        laid = _Laid(kind, shape_data(model, geom), size, shape)
+        return self._kept((rgba, material, laid.key()), partial(self._make, rgba, material, laid))
+
+    def _kept(self, key: tuple[Any, ...], make: Callable[[], Appearance]) -> Look:
         if key not in self._known:
-            # What is of one colour must not keep the model.
-            self._known[key] = Look(partial(_of_one_colour, rgba) if material < 0 else partial(self._make, *key))
+            self._known[key] = Look(make)
         return self._known[key]
 
-    def _make(self, rgba: Color, material: int, mesh: int) -> Appearance:
+    def _make(self, rgba: Color, material: int, laid: _Laid | None) -> Appearance:
         model = self._model
         color = tuple(model.mat_rgba[material].tolist()) if rgba == _DEFAULT_COLOR else rgba
         number = _texture_number(model, material)
-        uv = _coordinates(model, mesh) if number >= 0 else None
+        uv = None if laid is None else _coordinates(model, number, material, laid)
         made = Material(
             model.material(material).name,
             _unit(color),
@@ -65,11 +79,25 @@ class GeomLooks:
             specular=(float(np.clip(model.mat_specular[material], 0, 1)),) * 3,
             shininess=_SHININESS * max(0.0, float(model.mat_shininess[material])),
             emission=tuple(max(0.0, float(model.mat_emission[material])) * part for part in _unit(color)[:3]),  # type: ignore[arg-type]
-            projection=_projection(model, number, uv),
-            texture_repeat=tuple(np.abs(model.mat_texrepeat[material]).tolist()),
-            texture_uniform=bool(model.mat_texuniform[material]),
+            projection="cube" if laid is not None and uv is None else "uv",
+            texture_uniform=bool(uv is None and model.mat_texuniform[material]),
         )
         return Appearance((made,), uv=uv)
+
+
+class _Laid(NamedTuple):
+    """What a texture is laid on."""
+
+    kind: int
+    data: int
+    size: NDArray[np.float64]
+    shape: Mesh | Solid
+
+    def key(self) -> tuple[Any, ...]:
+        return self.kind, self.data, *self.size.tolist(), id(self.shape)
+
+    def triangles(self) -> Mesh:
+        return (self.shape.vertices, self.shape.faces) if isinstance(self.shape, Solid) else self.shape
 
 
 def _of_one_colour(rgba: Color) -> Appearance:
@@ -99,12 +127,6 @@ def _texture_number(model: mujoco.MjModel, material: int) -> int:
     return int(roles[_FIRST_ROLE if len(roles) > _FIRST_ROLE else 0])
 
 
-def _projection(model: mujoco.MjModel, number: int, uv: NDArray[np.float32] | None) -> Projection:
-    if number >= 0 and int(model.tex_type[number]) >= _CUBE:
-        return "cube"
-    return "plane" if uv is None and number >= 0 else "uv"
-
-
 def _texture(model: mujoco.MjModel, number: int) -> Texture:
     """Copy a texture's image; of a cube, six images one below the other."""
     height, width = int(model.tex_height[number]), int(model.tex_width[number])
@@ -117,13 +139,26 @@ def _texture(model: mujoco.MjModel, number: int) -> Texture:
     return Texture(image[:, :, :4], model.texture(number).name)
 
 
-def _coordinates(model: mujoco.MjModel, mesh: int) -> NDArray[np.float32] | None:
-    """Return texture coordinates of the corners of a mesh's faces; v is turned upwards. None if it has none."""
+def _coordinates(model: mujoco.MjModel, number: int, material: int, laid: _Laid) -> NDArray[np.float32] | None:
+    """Return texture coordinates of the corners of a shape's triangles; None where a cube is looked up by direction."""
+    vertices, faces = laid.triangles()
+    repeat, uniform = np.array(model.mat_texrepeat[material], dtype=np.float64), bool(model.mat_texuniform[material])
+    if int(model.tex_type[number]) >= _CUBE:
+        square = len(set(laid.size.tolist())) == 1
+        if laid.kind != _BOX or (uniform and not square):
+            return None
+        return box_cube_uv(vertices[faces], laid.size, int(model.tex_width[number]))
+    rows = _stored_coordinates(model, laid.data) if laid.kind in _MESHES else None
+    if rows is not None:
+        return stored_uv(rows, laid.size, repeat, uniform=uniform)
+    return plain_uv(laid.kind, laid.size, vertices, faces, repeat, uniform=uniform)
+
+
+def _stored_coordinates(model: mujoco.MjModel, mesh: int) -> NDArray[np.float32] | None:
+    """Return a mesh's own texture coordinates of the corners of its faces; None if it has none."""
     if mesh < 0 or int(model.mesh_texcoordadr[mesh]) < 0:
         return None
     first, count = int(model.mesh_texcoordadr[mesh]), int(model.mesh_texcoordnum[mesh])
     start = int(model.mesh_faceadr[mesh])
     corners = model.mesh_facetexcoord[start : start + int(model.mesh_facenum[mesh])]
-    uv = np.array(model.mesh_texcoord[first : first + count][corners], dtype=np.float32)
-    uv[..., 1] = 1 - uv[..., 1]
-    return uv
+    return model.mesh_texcoord[first : first + count][corners]

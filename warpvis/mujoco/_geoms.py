@@ -79,7 +79,7 @@ def geom_parts(
             movable=piece != FIXED or by_itself,
             attach_to=None if first == name else first,
             aliases=(model.body(bodies[geom]).name,),
-            appearance=looks.of(geom),
+            appearance=looks.of(geom, shape),
         )
         parts.append((geom, part))
     return parts

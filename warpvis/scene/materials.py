@@ -31,9 +31,9 @@ AlphaMode = Literal["opaque", "mask", "blend"]
 """Whether opacity counts for nothing, cuts out what is below a bound, or mixes with what is behind."""
 
 Projection = Literal["uv", "plane", "cube"]
-"""Where a texture's coordinates come from: those of the faces; x and y of the object's frame, as MuJoCo lays a 2D
-texture on what has none; or the direction from its origin, in six images of a cube, one below the other: right, left,
-up, down, front, back."""
+"""Where a texture's coordinates come from: those of the faces; x and y of the object's frame [m]; or the direction from
+its origin, in six images of a cube, one below the other, as OpenGL has them and `lights.cube_coordinates` finds them:
++x, -x, +y, -y, +z, -z (right, left, up, down, front, back)."""
 
 ColorSpace = Literal["srgb", "linear"]
 """Whether colours are as screens and image files have them, or proportional to light."""
@@ -123,9 +123,10 @@ class Material:
     projection: Projection = "uv"
     """Where the texture's coordinates come from."""
     texture_repeat: tuple[float, float] = (1.0, 1.0)
-    """How often the texture is repeated in u and v, on the object or, if uniform, on a metre."""
+    """How often the texture is repeated in u and v: coordinates are multiplied by it."""
     texture_uniform: bool = False
-    """Whether projected textures are repeated by the metre."""
+    """Whether directions in a cube are those to points of the shape as it is; else, in MuJoCo, of one that is as large
+    along all axes."""
 
     def __post_init__(self) -> None:
         what = f"material {self.name!r}" if self.name else "a material"

@@ -1,0 +1,91 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Textures lie on a scene's triangles as MuJoCo's renderer draws them."""
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+from test_lights import picture
+
+import warpvis as wv
+
+SHAPES = """<mujoco><visual><headlight ambient="1 1 1" diffuse="0 0 0" specular="0 0 0"/>
+<quality offsamples="0" numslices="64" numstacks="32" numquads="8"/></visual>
+<asset><texture name="t" type="{kind}" builtin="flat" width="64" height="64"/><material name="m" texture="t" {more}/>
+<mesh name="plain" vertex="-.6 -.4 -.3 .6 -.4 -.3 0 .5 -.3 0 0 .6"/>
+<mesh name="own" vertex="-.6 -.4 -.3 .6 -.4 -.3 0 .5 -.3 0 0 .6" face="0 2 1 0 1 3 1 2 3 2 0 3"
+texcoord="0 0 1 0 .5 1 .5 .3"/><hfield name="h" nrow="3" ncol="3" elevation="0 0 0 0 1 0 0 0 0" size=".7 .5 .4 .1"/>
+</asset><default><geom material="m"/></default><worldbody>{geoms}</worldbody></mujoco>"""
+
+GEOMS = {
+    "box": 'type="box" size=".6 .4 .5"',
+    "plane": 'type="plane" size=".8 .5 .1"',
+    "sphere": 'type="sphere" size=".6"',
+    "ellipsoid": 'type="ellipsoid" size=".7 .4 .5"',
+    "cylinder": 'type="cylinder" size=".4 .5"',
+    "capsule": 'type="capsule" size=".3 .4"',
+    "plain": 'type="mesh" mesh="plain"',
+    "own": 'type="mesh" mesh="own"',
+    "field": 'type="hfield" hfield="h"',
+}
+
+
+def model(kind, image, more, names):
+    """A model whose geoms stand in a row."""
+    rows = enumerate(names)
+    geoms = "".join(f'<geom name="{name}" pos="{2 * place} 0 0" {GEOMS[name]}/>' for place, name in rows)
+    made = mujoco.MjModel.from_xml_string(SHAPES.format(kind=kind, more=more, geoms=geoms))
+    made.tex_data[:] = image.reshape(-1)
+    return made
+
+
+def drawn(item, rays, eye):
+    """What a scene says of an object's colours on rays, and where that is: away from seams of the texture."""
+    mesh = trimesh.Trimesh(item.vertices, item.faces, process=False)
+    hits, which, faces = mesh.ray.intersects_location(np.tile(eye, (len(rays), 1)), rays, multiple_hits=False)
+    look = item.appearance
+    image = look.materials[0].texture.image
+    weights = trimesh.triangles.points_to_barycentric(mesh.triangles[faces], hits)
+    corners = look.corner_uv(item.faces)[faces]
+    uv = np.einsum("nk,nkc->nc", weights, corners)
+    u, down = uv[:, 0] % 1, (1 - uv[:, 1]) % 1
+    height, width = image.shape[:2]
+    colors = image[np.minimum(down * height, height - 1).astype(int), np.minimum(u * width, width - 1).astype(int)]
+    clear = (np.minimum(u, 1 - u) > 0.06) & (np.minimum(down, 1 - down) > 0.06)
+    return which, colors / 255, clear
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("more", ['texrepeat="1.5 2.5"', 'texrepeat="1.5 2.5" texuniform="true"'])
+@pytest.mark.parametrize("forward", [(0.4, 1, -0.7), (-0.5, -1, 0.6)])
+def test_2d_textures_lie_where_mujoco_draws_them(more, forward):
+    image = np.zeros((64, 64, 3), dtype=np.uint8)
+    image[..., 0], image[..., 1] = np.arange(64) * 4, np.arange(64)[:, None] * 4
+    image[..., 2] = 200  # what is drawn
+    made = model("2d", image, more, GEOMS)
+    scene = wv.mujoco.scene_from_mujoco(made).scene
+    for place, name in enumerate(GEOMS):
+        if name == "plane" and forward[2] > 0:  # from below it is nearly transparent
+            continue
+        eye = np.array([2.0 * place, 0, 0.05]) - 4 * np.array(forward) / np.linalg.norm(forward)
+        shown, rays = picture(made, eye, forward, (0, 0, 1), 0.2)
+        which, colors, clear = drawn(scene[name], rays.reshape(-1, 3), eye)
+        seen = shown.reshape(-1, 3)[which]
+        clear &= seen[:, 2] > 0.5  # at the outline, where MuJoCo's shapes end within
+        error = np.abs(colors - seen).max(axis=1)[clear]
+        assert len(error) > 200, name
+        assert np.median(error) < 8 / 255, name  # its shapes have fewer corners
+        assert np.quantile(error, 0.9) < 20 / 255, name
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("forward", [(0.4, 1, -0.7), (-0.5, -1, 0.6)])
+def test_cube_textures_lie_on_boxes_where_mujoco_draws_them(forward):
+    image = np.random.default_rng(2).integers(60, 255, (12, 2, 3), dtype=np.uint8).repeat(32, 0).repeat(32, 1)
+    made = model("cube", image, "", ["box"])
+    eye = -4 * np.array(forward) / np.linalg.norm(forward)
+    shown, rays = picture(made, eye, forward, (0, 0, 1), 0.2)
+    which, colors, _ = drawn(wv.mujoco.scene_from_mujoco(made).scene["box"], rays.reshape(-1, 3), eye)
+    error = np.abs(colors - shown.reshape(-1, 3)[which]).max(axis=1)
+    assert np.mean(error < 2 / 255) > 0.7  # its quarters are a dozen pixels wide, and mixed at their edges

@@ -1,0 +1,153 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where 2D and cube textures lie on MuJoCo's shapes, as coordinates of each corner of their triangles.
+
+The formulas are those of MuJoCo 4's renderer: `makeBuiltin`, `sphere`, `halfSphere`, `cylinder`, `disk` and `makePlane`
+in src/render/classic/render_context.c, and `settexture` in render_gl3.c. They count v downwards; here it goes upwards.
+Repetitions are multiplied in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import mujoco  # noqa: TID253 - the whole package is about it
+import numpy as np
+from numpy.typing import NDArray
+
+Corners = NDArray[np.float64]
+
+_GEOM = mujoco.mjtGeom
+
+
+def plain_uv(
+    kind: int, size: Corners, vertices: Corners, faces: NDArray[np.int32], repeat: Corners, *, uniform: bool
+) -> NDArray[np.float32]:
+    """Lay a 2D texture on a shape.
+
+    Args:
+        kind: A `mujoco.mjtGeom`.
+        size: The geom's, shape ``(3,)``.
+        vertices: Corners in the geom's frame [m], shape ``(n, 3)``.
+        faces: Corner indices, shape ``(m, 3)``.
+        repeat: How often it is repeated in u and v.
+        uniform: Whether that is for each two metres instead of for the shape.
+
+    Returns:
+        Shape ``(m, 3, 2)``.
+    """
+    corners = vertices[faces]
+    size = _size(kind, size)
+    along, shift = np.where(repeat > 0, repeat, 1.0), 0.0
+    if uniform:
+        along = along * np.where(size[:2] > 0, size[:2], 1.0)
+    if kind in _UNIT:
+        uv = _UNIT[kind](corners / size, size)
+    elif kind == _GEOM.mjGEOM_PLANE:
+        sides = np.where(size[:2] > 0, size[:2], 1.0)
+        uv = np.where(size[:2] > 0, corners[..., :2] / sides + 1, corners[..., :2]) / 2
+        uv[..., 1] += np.where(size[1] > 0, 0.0, 1.0)
+        shift = 0.0 if (size[:2] > 0).all() else 0.5
+    else:
+        whole = np.where(size[:2] > 0, size[:2], 1.0)
+        along = np.abs(repeat) * (1.0 if uniform else 1 / whole)
+        return np.stack(
+            [0.5 * along[0] * corners[..., 0] - 0.5, 1.5 + 0.5 * along[1] * corners[..., 1]], axis=-1
+        ).astype(np.float32)
+    return _repeated(uv, along, shift)
+
+
+def stored_uv(rows: NDArray[np.floating], size: Corners, repeat: Corners, *, uniform: bool) -> NDArray[np.float32]:
+    """Repeat a mesh's own coordinates, whose v counts downwards, shape ``(m, 3, 2)``."""
+    along = np.where(repeat > 0, repeat, 1.0) * (np.where(size[:2] > 0, size[:2], 1.0) if uniform else 1.0)
+    uv = np.array(rows, dtype=np.float64)
+    uv[..., 1] = 1 - uv[..., 1]
+    return _repeated(uv, along, 0.0)
+
+
+def box_cube_uv(corners: Corners, size: Corners, width: int) -> NDArray[np.float32]:
+    """Lay six images, one below the other and so wide, on the sides of a box, each whole on one.
+
+    OpenGL clamps them at their edges: coordinates end in the middle of the texels there.
+    """
+    unit = corners / size
+    axis, sign = _sides(corners)
+    x, y, z = np.moveaxis(unit, -1, 0)
+    ahead = sign[:, None]
+    right = np.choose(axis[:, None], [-ahead * z, x, ahead * x])
+    down = np.choose(axis[:, None], [-y, ahead * z, -y])
+    place = np.stack([right, down], axis=-1) / 2 * (1 - 1 / width) + 0.5
+    number = 2 * axis + (sign < 0)
+    return np.stack([place[..., 0], 1 - (number[:, None] + place[..., 1]) / 6], axis=-1).astype(np.float32)
+
+
+def _size(kind: int, size: Corners) -> Corners:
+    """Return what a shape of unit size is stretched by."""
+    if kind == _GEOM.mjGEOM_SPHERE:
+        return np.repeat(size[:1], 3)
+    if kind in (_GEOM.mjGEOM_CAPSULE, _GEOM.mjGEOM_CYLINDER):
+        return size[[0, 0, 1]]
+    return size
+
+
+def _repeated(uv: Corners, along: Corners, shift: float) -> NDArray[np.float32]:
+    u, down = uv[..., 0] * along[0] - shift, (1 - uv[..., 1]) * along[1] - shift
+    return np.stack([u, 1 - down], axis=-1).astype(np.float32)
+
+
+def _sides(corners: Corners) -> tuple[NDArray[np.intp], Corners]:
+    """Return the axis that each triangle looks along, and which way."""
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    axis = np.abs(normals).argmax(axis=1)
+    return axis, np.where(np.take_along_axis(normals, axis[:, None], axis=1)[:, 0] < 0, -1.0, 1.0)
+
+
+def _box(unit: Corners, size: Corners) -> Corners:
+    axis, _ = _sides(unit * size)
+    first, second = np.where(axis == 0, 1, 0), np.where(axis == 2, 1, 2)
+    rows = np.arange(len(unit))
+    return np.stack([unit[rows, :, first], unit[rows, :, second]], axis=-1) / 2 + 0.5
+
+
+def _azimuth(unit: Corners) -> Corners:
+    """Return the share of a turn about z, of triangles across the seam beyond 1, and of poles in between."""
+    share = np.arctan2(unit[..., 1], unit[..., 0]) / (2 * np.pi) % 1.0
+    pole = np.abs(unit[..., :2]).max(axis=-1) < 1e-6
+    low, high = np.where(pole, 1.0, share).min(axis=1), np.where(pole, 0.0, share).max(axis=1)
+    share = np.where((high - low > 0.5)[:, None] & (share < 0.5), share + 1, share)
+    others = np.where(pole, 0.0, share).sum(axis=1) / np.maximum((~pole).sum(axis=1), 1)
+    return np.where(pole, others[:, None], share)
+
+
+def _elevation(unit: Corners) -> Corners:
+    """Return angles above the equator as shares of a quarter of a turn, -1 to 1."""
+    return np.arctan2(unit[..., 2], np.hypot(unit[..., 0], unit[..., 1])) / (np.pi / 2)
+
+
+def _ball(unit: Corners, size: Corners) -> Corners:
+    return np.stack([_azimuth(unit), 0.5 + _elevation(unit) / 2], axis=-1)
+
+
+def _cylinder(unit: Corners, size: Corners) -> Corners:
+    is_cap = (np.ptp(unit[..., 2], axis=1) < 1e-6)[:, None, None]
+    side = np.stack([_azimuth(unit), unit[..., 2] / 2 + 0.5], axis=-1)
+    cap = np.stack([unit[..., 0], -unit[..., 1]], axis=-1) / 2 + 0.5
+    return np.where(is_cap, cap, side)
+
+
+def _capsule(unit: Corners, size: Corners) -> Corners:
+    """Lay it on the side, and once more on each end."""
+    middle = unit[..., 2].mean(axis=1)
+    end = np.where(middle > 1, 1.0, np.where(middle < -1, -1.0, 0.0))[:, None]
+    beyond = np.stack([unit[..., 0], unit[..., 1], (unit[..., 2] - end) * size[2] / size[0]], axis=-1)
+    height = np.where(end > 0, _elevation(beyond), np.where(end < 0, 1 + _elevation(beyond), unit[..., 2] / 2 + 0.5))
+    return np.stack([_azimuth(unit), height], axis=-1)
+
+
+_UNIT: dict[int, Callable[[Corners, Corners], Corners]] = {
+    int(_GEOM.mjGEOM_BOX): _box,
+    int(_GEOM.mjGEOM_SPHERE): _ball,
+    int(_GEOM.mjGEOM_ELLIPSOID): _ball,
+    int(_GEOM.mjGEOM_CYLINDER): _cylinder,
+    int(_GEOM.mjGEOM_CAPSULE): _capsule,
+}
