@@ -69,6 +69,20 @@ struct Blocks {
     static inline void transpose(const int* blocks, Ints* rows) { transpose((const float*)blocks, (Floats*)rows); }
 };
 
+// Normals of triangles that were looked up last: neighbouring pixels, and rows, mostly show the same ones.
+struct NormalCache {
+    enum { ENTRIES = 512 };
+    int id[ENTRIES];
+    float normal[ENTRIES][3];
+
+    inline void clear() { __builtin_memset(id, 0xff, sizeof id); }
+    inline const float* find(Lookup& lookup, int triangle) {
+        const unsigned entry = (unsigned)triangle % ENTRIES;
+        if (id[entry] != triangle) lookup.normal_of(id[entry] = triangle, normal[entry]);
+        return normal[entry];
+    }
+};
+
 // Writes images of a view, of what its z-buffer holds.
 struct Writer {
     Lookup lookup;
@@ -79,6 +93,7 @@ struct Writer {
     const Images& out;
     long long view;
     Mode mode;
+    NormalCache* known = nullptr;  // of this view, empty to begin with
 
     // Normals of what a row of pixels shows, from u and v of the first one on.
     inline Points normals(Ints ids, Ints seen, double u, double v) {
@@ -91,17 +106,25 @@ struct Writer {
         return Points{solid ? round.x : n.x, solid ? round.y : n.y, solid ? round.z : n.z};
     }
 
-    // Normals of the triangles that it shows; neighbours mostly share one.
+    // Normals of the triangles that it shows, each looked up once: neighbours mostly share one.
     inline Points triangle_normals(Ints ids, unsigned seen) {
-        int id[LANES], previous = -1;
-        float n[3][LANES], last[3] = {0, 0, 0};
+        const Floats none = Lanes::all(__builtin_nanf(""));
+        Points n = {none, none, none};
+        int id[LANES];
         Lanes::store(id, ids);
-        for (int k = 0; k < LANES; ++k) {
-            const bool here = (seen >> k) & 1;
-            if (here && id[k] != previous) lookup.normal_of(previous = id[k], last);
-            for (int c = 0; c < 3; ++c) n[c][k] = here ? last[c] : __builtin_nanf("");
+        const Ints wanted = ((Lanes::all_ints((int)seen) >> Lanes::index()) & 1) == 1;
+        while (seen) {
+            const int first = id[Lanes::first_lane(seen)];
+            float there[3];
+            const float* normal = known ? known->find(lookup, first) : there;
+            if (!known) lookup.normal_of(first, there);
+            const Ints same = ids == first, shown = same & wanted;
+            n.x = shown ? Lanes::all(normal[0]) : n.x;
+            n.y = shown ? Lanes::all(normal[1]) : n.y;
+            n.z = shown ? Lanes::all(normal[2]) : n.z;
+            seen &= ~Lanes::bits(same);
         }
-        return Points{Lanes::load(n[0]), Lanes::load(n[1]), Lanes::load(n[2])};
+        return n;
     }
 
     // Objects of a row's pixels, -1 where nothing is seen; `id` holds triangles or already objects.

@@ -92,10 +92,16 @@ struct Packets {
     static inline void write(const View& view, const Image& image, const Images& out, int index, Lookup lookup,
                              Mode mode) {
         Writer writer = {lookup, view.camera, Rays::of(view.camera), image, view.job, out, index, mode};
-        if (view.job.points)
+        if (view.job.points) {
             Sparse::write(writer);
-        else
-            writer.strip();
+            return;
+        }
+        NormalCache known;
+        if (mode == MODE_TRIANGLES) {
+            known.clear();
+            writer.known = &known;
+        }
+        writer.strip();
     }
 
     // What stays where it is, then what moves: where much is hidden, that is much faster than the other way round, and
