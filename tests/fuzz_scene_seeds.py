@@ -263,11 +263,12 @@ def worlds(root: Path) -> Iterator[Item]:
     from test_garbage import WORLD
     from test_lights import WORLD as LIT
     from test_webots_grammar import SMALL
+    from test_webots_textures import ROUND, SHAPES
 
     old = _WORLD.replace("R2023b", "R2021b").replace('EXTERNPROTO "New.proto"\nEXTERNPROTO "Old.proto"\n', "")
     old = old.replace("New { steps 3 translation 0 0 1 }", "")
     shared = {"box.stl": _BOX.export(file_type="stl"), "box.dae": trimesh.exchange.dae.export_collada(_BOX)}
-    for text in (WORLD, SMALL, LIT % ""):
+    for text in (WORLD, SMALL, LIT % "", SHAPES % ("R2023b", ""), ROUND % ""):
         yield "Webots world", {"worlds/a.wbt": text}, (), _see_world("worlds/a.wbt")
     plain = _WORLD.replace("New { steps 3 translation 0 0 1 }\nOld { size 0.5 }\n", "")
     yield (

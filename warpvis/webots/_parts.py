@@ -19,7 +19,7 @@ from warpvis.core.labels import Label
 from warpvis.scene import Part
 from warpvis.webots._extents import Extent
 from warpvis.webots._grammar import World
-from warpvis.webots._materials import joined_look
+from warpvis.webots._materials import Find, Surface, joined_look
 from warpvis.webots._nodes import Node, Version
 from warpvis.webots._transforms import Transform
 from warpvis.webots.shapes._polygons import Triangles, join
@@ -57,7 +57,7 @@ class Solid:
     recognised: bool = False
     arena: bool = False
     parts: list[Triangles] = field(default_factory=list)
-    appearances: list[Node | None] = field(default_factory=list)  # of each part
+    surfaces: list[Surface] = field(default_factory=list)  # of each part
     level: list[bool] = field(default_factory=list)  # of each part, whether it is a level surface near the ground
 
     def label(self) -> Label:
@@ -157,8 +157,8 @@ def names_of(names: Mapping[Solid, list[str]], solids: Iterable[Solid]) -> tuple
     return tuple(name for solid in solids for name in names.get(solid, ()))
 
 
-def make_parts(solids: Iterable[Solid]) -> tuple[list[Part], dict[Solid, list[str]]]:
-    """Make objects of all that has triangles, and list their names."""
+def make_parts(solids: Iterable[Solid], find: Find) -> tuple[list[Part], dict[Solid, list[str]]]:
+    """Make objects of all that has triangles, and list their names; images are found when somebody asks for them."""
     made: list[Part] = []
     names: dict[Solid, list[str]] = {}
     taken = Names()
@@ -167,7 +167,7 @@ def make_parts(solids: Iterable[Solid]) -> tuple[list[Part], dict[Solid, list[st
             continue
         for wanted, label, numbers in _objects_of(solid):
             parts = [solid.parts[number] for number in numbers]
-            look = joined_look([solid.appearances[number] for number in numbers], [len(faces) for _, faces in parts])
+            look = joined_look([solid.surfaces[number] for number in numbers], find)
             made.append(Part(taken.take(wanted), join(parts), label, appearance=look))
             names.setdefault(solid, []).append(made[-1].name)
     return made, names

@@ -27,7 +27,7 @@ from warpvis.webots._grammar import World
 from warpvis.webots._kinds import LINES, PARTS, SOLIDS, TRANSFORMS, UNSEEN, missing_parts, parts_of
 from warpvis.webots._lidars import Lidar, read_lidar
 from warpvis.webots._lights import LIGHTS, read_background, read_lights
-from warpvis.webots._materials import shape_appearance
+from warpvis.webots._materials import Surface, shape_appearance
 from warpvis.webots._nodes import Node, Value
 from warpvis.webots._parts import (
     HUMANS,
@@ -314,7 +314,8 @@ class Reader:
             raise FileFormatError(f"{node.file}:{node.line}: expected {node.type} within {FARTHEST:g} m of the origin")
         faces = keep_winding(faces, step.transform.linear)
         owner.parts.append((placed, faces))
-        owner.appearances.append(shape_appearance(node))
+        mirrors = bool(np.linalg.det(step.transform.linear) < 0)
+        owner.surfaces.append(Surface(shape_appearance(node), geometry, mesh, mirrors))
         if step.recognised and step.extent is not None:
             step.extent.parts.append(ball_about(placed))
         owner.level.append(is_level(placed, faces, "xyz".index(self.up)))

@@ -152,7 +152,7 @@ def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[Reader
         raise FileFormatError(f"{path}: expected values that Webots takes, got others: {listed}")
     if not any(solid.parts for solid in reader.solids):
         raise SceneError(f"{message}; nothing is left" if message else f"{path}: holds no triangles")
-    parts, names = make_parts(reader.solids)
+    parts, names = make_parts(reader.solids, reader.find_mesh)
     sentences = tuple(filter(None, (message, f"{path}: {listed}" if notes else "")))
     lights, background = tuple(reader.lights), reader.background
     found = FileParts(path, parts, up=reader.up, settled=True, warnings=sentences, lights=lights, background=background)

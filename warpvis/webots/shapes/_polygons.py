@@ -97,7 +97,7 @@ def indexed_face_set(node: Node) -> Triangles | None:
     if len(wrong):
         wanted = f"-1 or an index below {len(points)}, the number of points, at every place of coordIndex"
         refuse(node, wanted, f"{given[wrong[0]]:g} at place {wrong[0]}")
-    faces = triangulate(node, points, _polygons(given.astype(np.int64)))
+    faces = triangulate(node, points, split_polygons(given.astype(np.int64)))
     return compact(points, faces if node.flag("ccw", True) else faces[:, ::-1])
 
 
@@ -131,7 +131,7 @@ def elevation_grid(node: Node) -> Triangles | None:
     return vertices, faces.reshape(-1, 3).astype(np.int32)
 
 
-def triangulate(node: Node, points: Points, groups: list[Indices]) -> Indices:
+def triangulate(node: Node, points: Points, groups: list[Indices], names: Indices | None = None) -> Indices:
     """Cut polygons into triangles of the same winding, shape ``(m, 3)``.
 
     A polygon that crosses itself is cut as far as it goes; Webots' tessellator draws nothing of it. A triangle that has
@@ -141,6 +141,7 @@ def triangulate(node: Node, points: Points, groups: list[Indices]) -> Indices:
         node: Where they come from, for messages.
         points: Shape ``(n, 3)``.
         groups: Polygons of equal numbers of corners, shape ``(k, corners)`` each.
+        names: Which point each row is, where rows are corners; each another one by default.
     """
     parts = [np.empty((0, 3), dtype=np.int64)]
     for polygons in groups:
@@ -161,10 +162,11 @@ def triangulate(node: Node, points: Points, groups: list[Indices]) -> Indices:
             refuse(node, f"at most {MOST_CORNERS} corners of a polygon that is not convex", corners)
         parts += [polygon[_ears(points[polygon])] for polygon in polygons[concave]]
     faces = np.concatenate(parts)
-    return faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    named = faces if names is None else names[faces]
+    return faces[(named != np.roll(named, 1, axis=1)).all(axis=1)]
 
 
-def _polygons(index: Indices) -> list[Indices]:
+def split_polygons(index: Indices) -> list[Indices]:
     """Split a list that has -1 after each polygon, into groups of equal numbers of corners."""
     if len(index) and index[-1] != -1:
         index = np.append(index, -1)
