@@ -282,6 +282,32 @@ def test_collada_base_colour(tmp_path):
     assert made.base_color == pytest.approx((1, 0.2, 0, 1), abs=1 / 255)
 
 
+@pytest.mark.parametrize("torn", [False, True])
+def test_collada_texture(tmp_path, torn):
+    pytest.importorskip("collada")
+    mesh = trimesh.creation.box()
+    uv = np.linspace(0, 1, 16).reshape(8, 2)
+    material = trimesh.visual.material.PBRMaterial(baseColorFactor=[255, 51, 0, 255])
+    mesh.visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
+    text = trimesh.exchange.dae.export_collada(mesh).decode()
+    color = text[text.index("<diffuse>") : text.index("</diffuse>")]
+    surface = '<newparam sid="s"><surface type="2D"><init_from>i</init_from></surface></newparam>'
+    surface += '<newparam sid="p"><sampler2D><source>s</source></sampler2D></newparam>'
+    text = text.replace(color, '<diffuse><texture texture="p" texcoord="T"/>')
+    text = text.replace("<profile_COMMON>", f"<profile_COMMON>{surface}", 1)
+    images = '<library_images><image id="i"><init_from>my%20tex.png</init_from></image></library_images>'
+    (tmp_path / "a.dae").write_text(text.replace("<library_effects>", f"{images}<library_effects>", 1))
+    (tmp_path / "my tex.png").write_bytes(png()[: 45 if torn else None])
+    (item,) = load(tmp_path / "a.dae")
+    if torn:
+        with pytest.warns(UserWarning, match="cannot be read as an image"):
+            assert item.appearance.materials[0].texture.image.shape == (1, 1, 3)
+        return
+    found = item.appearance
+    np.testing.assert_array_equal(found.materials[0].texture.image, IMAGE)
+    assert found.corner_uv(item.faces).shape == (12, 3, 2)
+
+
 MODEL = """<mujoco><asset>
 <texture name="t" type="2d" builtin="checker" rgb1="1 0 0" rgb2="0 1 0" width="8" height="4"/>
 <texture name="c" type="cube" builtin="flat" rgb1="1 0 0" rgb2="0 1 0" width="8" height="8"/>

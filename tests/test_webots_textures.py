@@ -123,3 +123,13 @@ def test_webots_textures_of_round_shapes_and_face_sets(tmp_path):
         if z == 0 and uv.tolist() not in ([5, 6], [0, 0]):
             np.testing.assert_allclose(uv, [x, y])
     assert scene["torn"].appearance.uv is None
+
+
+def test_webots_textures_go_with_their_corners_in_a_mirror(tmp_path):
+    shape = (
+        'Shape { appearance PBRAppearance { baseColorMap ImageTexture { url "tex.png" } } geometry Plane { size 2 2 } }'
+    )
+    solid = f'Transform {{ scale -1 1 1 children [ Solid {{ name "mirrored" children [ {shape} ] }} ] }}'
+    (tmp_path / "a.wbt").write_text(ROUND % solid)
+    for (x, y, _), uv in by_place(load(tmp_path / "a.wbt"), "mirrored"):
+        np.testing.assert_allclose(uv, [0.5 - x / 2, 0.5 + y / 2], atol=1e-6)

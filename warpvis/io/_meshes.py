@@ -11,6 +11,7 @@ import posixpath
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from warpvis.errors import FileFormatError, SceneError
 from warpvis.io._archives import is_archive, unpack
 from warpvis.io._file_meshes import FileMesh, FileMeshes
 from warpvis.io._gltf import read_gltf
-from warpvis.io._gltf_data import Find
+from warpvis.io._gltf_data import Find, uri_name
 from warpvis.io._gltf_materials import Locate
 from warpvis.io._obj import obj_order, obj_splits, straighten_obj
 from warpvis.io._obj_materials import ObjMaterials
@@ -232,7 +233,7 @@ def _load(name: str, kind: str, file: bytes, find: Find, locate: Locate) -> File
         if kind in _GLTF:
             return read_gltf(name, file, find, locate)
         if kind == "dae":
-            return _load_collada(file)
+            return _load_collada(file, locate)
         if kind == "3mf":
             return _load_3mf(Path(name), file)
         if kind == "ply":
@@ -244,10 +245,24 @@ def _load(name: str, kind: str, file: bytes, find: Find, locate: Locate) -> File
         raise FileFormatError(f"{name}: does not read as {kind.upper()}: {said_by(error)}") from None
 
 
-def _load_collada(file: bytes) -> FileMeshes:
+class _Textures:
+    """Finds the images that a COLLADA file names, for trimesh."""
+
+    def __init__(self, locate: Locate) -> None:
+        self._locate = locate
+
+    def get(self, name: str) -> bytes:
+        """Return an image file."""
+        found = self._locate(uri_name(name.removeprefix("file://")).removeprefix("./"))
+        if found is None:
+            raise FileNotFoundError(name)
+        return found.read_bytes() if isinstance(found, Path) else found
+
+
+def _load_collada(file: bytes, locate: Locate) -> FileMeshes:
     """Read COLLADA in metres, and with the axis up that the file names; one of x up is turned to y up."""
     metres, axis = unit_and_axis(file)
-    found = _load_by_trimesh(without_skins(file), "dae")
+    found = _load_by_trimesh(without_skins(file), "dae", resolver=_Textures(locate))
     turn = np.eye(3) if axis != "X_UP" else np.array([(0.0, -1, 0), (1, 0, 0), (0, 0, 1)])
     found.meshes = [mesh._replace(vertices=metres * mesh.vertices @ turn.T) for mesh in found.meshes]
     found.up = "z" if axis == "Z_UP" else "y"
@@ -275,7 +290,7 @@ def _load_obj(name: str, file: bytes, locate: Locate) -> FileMeshes:
     return found
 
 
-def _load_by_trimesh(file: bytes, kind: str, **options: bool) -> FileMeshes:
+def _load_by_trimesh(file: bytes, kind: str, **options: Any) -> FileMeshes:
     import trimesh
 
     # It logs tracebacks of what it then raises, or reads all the same; a user's own handlers still see them.

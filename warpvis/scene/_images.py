@@ -34,12 +34,25 @@ def decoded_or_white(source: Path | bytes, name: str) -> NDArray[np.uint8]:
             with Image.open(io.BytesIO(source) if isinstance(source, bytes) else source) as image:
                 return pixels(image)
     except Exception as error:  # decoders raise what they like
-        why = "no such file" if isinstance(error, FileNotFoundError | IsADirectoryError) else _reason(error)
-        warn_user(
-            f"{name}: cannot be read as an image ({why}): white stands in, so the material's own colour shows",
-            UserWarning,
-        )
-        return WHITE.copy()
+        return _white(error, name)
+
+
+def pixels_or_white(image: Image, name: str) -> NDArray[np.uint8]:
+    """Return the pixels of an image of Pillow, which may decode only now; `WHITE`, and a warning, if it does not."""
+    try:
+        return pixels(image)
+    except Exception as error:  # decoders raise what they like
+        return _white(error, name)
+
+
+def _white(error: Exception, name: str) -> NDArray[np.uint8]:
+    """Warn of an image that does not read."""
+    why = "no such file" if isinstance(error, FileNotFoundError | IsADirectoryError) else _reason(error)
+    warn_user(
+        f"{name}: cannot be read as an image ({why}): white stands in, so the material's own colour shows",
+        UserWarning,
+    )
+    return WHITE.copy()
 
 
 def pixels(image: Image) -> NDArray[np.uint8]:

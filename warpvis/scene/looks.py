@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from warpvis.core.checks import said_by
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import WarpvisError
-from warpvis.scene._images import pixels
+from warpvis.scene._images import pixels_or_white
 from warpvis.scene.materials import Appearance, AppearanceLike, ColorSpace, Material, Texture, as_appearance
 
 _UNSAID = (102, 102, 102, 255)
@@ -175,4 +175,4 @@ def _said_color(given: Any, otherwise: tuple[float, ...], may_be_unsaid: bool) -
 
 def _texture(image: Any, name: str) -> Texture | None:
     """Keep an image of Pillow. trimesh turns v upwards, and keeps neither wrap modes nor filters."""
-    return None if image is None else Texture(pixels(image), name)
+    return None if image is None else Texture(pixels_or_white(image, name or "a texture"), name)

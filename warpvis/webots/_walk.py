@@ -314,8 +314,7 @@ class Reader:
             raise FileFormatError(f"{node.file}:{node.line}: expected {node.type} within {FARTHEST:g} m of the origin")
         faces = keep_winding(faces, step.transform.linear)
         owner.parts.append((placed, faces))
-        mirrors = bool(np.linalg.det(step.transform.linear) < 0)
-        owner.surfaces.append(Surface(shape_appearance(node), geometry, mesh, mirrors))
+        owner.surfaces.append(Surface(shape_appearance(node), geometry, mesh, turned_round=faces is not mesh[1]))
         if step.recognised and step.extent is not None:
             step.extent.parts.append(ball_about(placed))
         owner.level.append(is_level(placed, faces, "xyz".index(self.up)))
