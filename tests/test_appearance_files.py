@@ -194,7 +194,7 @@ Ns 10
 Ks .1 .2 .3
 newmtl blue
 Kd 0 0 1
-map_Kd -clamp on -s 2 2 1 my tex.png
+map_Kd -clamp on -s 2 3 1 -o 1 my tex.png
 newmtl green
 Kd 0 1
 Tr 0.25
@@ -238,7 +238,7 @@ def test_obj_faces_have_the_materials_of_their_lines(tmp_path):
         10,
         (0.1, 0.2, 0.3),
     )
-    assert (blue.texture.wrap_u, blue.color_space) == ("clamp", "srgb")
+    assert (blue.texture.wrap_u, blue.texture_repeat, blue.color_space) == ("clamp", (2, 3), "srgb")
     np.testing.assert_array_equal(blue.texture.image, IMAGE)
 
 

@@ -19,7 +19,7 @@ from warpvis.core.user_warnings import warn_user
 from warpvis.io._gltf_materials import Locate
 from warpvis.io._obj import obj_splits
 from warpvis.scene.looks import Look
-from warpvis.scene.materials import Appearance, Material, Texture
+from warpvis.scene.materials import Appearance, Material, Texture, Wrap
 
 _DIRECTIVE = {
     "object": re.compile(rb"\n(usemtl|o) ++([^\n]*)"),
@@ -32,6 +32,7 @@ _FACE = re.compile(rb"\nf ([^\n]*)")
 _OPTIONS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
 _WORD = ("-clamp", "-blendu", "-blendv", "-cc", "-bm", "-boost", "-texres", "-imfchan", "-type")
 _WHITE = np.array([1.0, 1.0, 1.0])
+_ONCE = (1.0, 1.0)
 
 
 class ObjMaterials:
@@ -160,7 +161,7 @@ def read_mtl(file: bytes) -> list[dict[str, str]]:
 
 def mtl_material(said: dict[str, str], locate: Locate) -> Material:
     """Make a material of what an MTL file says of it; what is no number there is left as it is by default."""
-    texture = _texture(said["map_kd"], locate) if said.get("map_kd") else None
+    texture, repeat = _texture(said["map_kd"], locate) if said.get("map_kd") else (None, _ONCE)
     color = _numbers(said.get("kd", ""), 3)
     opacity = _numbers(said.get("d", "").replace("-halo", ""), 1)
     if opacity is None and "tr" in said:
@@ -175,6 +176,7 @@ def mtl_material(said: dict[str, str], locate: Locate) -> Material:
         said["name"],
         (*np.clip(_WHITE if color is None else color, 0, 1).tolist(), min(max(alpha, 0.0), 1.0)),
         texture=texture,
+        texture_repeat=repeat,
         alpha_mode="blend" if blends else "opaque",
         metallic=0.0 if metallic is None else float(np.clip(metallic[0], 0, 1)),
         roughness=1.0 if roughness is None else float(np.clip(roughness[0], 0, 1)),
@@ -184,22 +186,25 @@ def mtl_material(said: dict[str, str], locate: Locate) -> Material:
     )
 
 
-def _texture(words: str, locate: Locate) -> Texture:
-    """Read a map: options, and a file's name, which may have spaces."""
-    rest, clamp = words.split(), False
+def _texture(words: str, locate: Locate) -> tuple[Texture, tuple[float, float]]:
+    """Read a map, and how often it is repeated: options, and a file's name, which may have spaces."""
+    rest, clamp, repeat = words.split(), False, _ONCE
     while len(rest) > 1 and rest[0].startswith("-"):
         option = rest.pop(0).lower()
         if option in _OPTIONS:
-            for _ in range(_OPTIONS[option]):
-                if len(rest) > 1 and _numbers(rest[0], 1) is not None:
-                    rest.pop(0)
+            given: list[float] = []
+            while len(given) < _OPTIONS[option] and len(rest) > 1 and _numbers(rest[0], 1) is not None:
+                given.append(float(rest.pop(0)))
+            if option == "-s" and given and min(given[:2]) >= 0:  # what is not given is 1
+                repeat = (given[0], given[1] if len(given) > 1 else 1.0)
         elif option in _WORD and len(rest) > 1:
             clamp |= option == "-clamp" and rest[0].lower() == "on"
             rest.pop(0)
     name = " ".join(rest)
     found = locate(name)
-    wrap = "clamp" if clamp else "repeat"
-    return Texture(b"" if found is None else found, str(found) if isinstance(found, Path) else name, wrap, wrap)  # type: ignore[arg-type]
+    wrap: Wrap = "clamp" if clamp else "repeat"
+    called = str(found) if isinstance(found, Path) else name
+    return Texture(b"" if found is None else found, called, wrap, wrap), repeat
 
 
 def _numbers(text: str, count: int) -> NDArray[np.float64] | None:
