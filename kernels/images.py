@@ -18,13 +18,14 @@ class Images:
     normals: wp.array3d[wp.vec3]
     labels: wp.array3d[wp.uint8]
     segmentation: wp.array3d[wp.int32]
+    faces: wp.array3d[wp.int32]
 
 
-NAMES = ("depth", "points", "normals", "labels", "segmentation")
+NAMES = ("depth", "points", "normals", "labels", "segmentation", "faces")
 
 NATIVE_IMAGES = """
 const Images out = {images.depth.data, (float*)images.points.data, (float*)images.normals.data, images.labels.data,
-                    images.segmentation.data, scene.object_label.data};
+                    images.segmentation.data, images.faces.data, scene.object_label.data, scene.slot_face.data};
 """
 """The struct of ``native/shared/images.h`` of `Images` named ``images`` and of a scene named ``scene``."""
 

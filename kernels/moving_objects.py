@@ -15,6 +15,7 @@ from warpvis.kernels.solids import normal_of_solid, to_shape
 from warpvis.kernels.triangle_scene import (
     CameraFrame,
     TriangleScene,
+    face_of,
     factors_of,
     normal_of,
     object_of,
@@ -156,3 +157,5 @@ def cast_at_moving_objects(
         images_out.labels[view, y, x] = label
     if images_out.segmentation:
         images_out.segmentation[view, y, x] = index
+    if images_out.faces:
+        images_out.faces[view, y, x] = face_of(scene, seen.movable, seen.face)

@@ -28,6 +28,7 @@ class BvhScene:
     owners: wp.array[wp.int32]
     nodes: wp.array[float]
     children: wp.array[wp.int32]
+    slot_face: wp.array[wp.int32]  # (place in leaves): in its object's own mesh, -1 for none; None until asked for
     object_label: wp.array[wp.uint8]
     object_count: int
     levels: int  # of nodes, of the deepest tree

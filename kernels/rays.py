@@ -25,6 +25,7 @@ from warpvis.kernels.triangle_scene import (
     CameraFrame,
     TriangleScene,
     camera_frame,
+    face_of,
     factors_of,
     first_hit,
     mesh_of,
@@ -330,6 +331,8 @@ def write(
             images_out.labels[view, y, x] = label
         if images_out.segmentation:
             images_out.segmentation[view, y, x] = index
+    if images_out.faces:
+        images_out.faces[view, y, x] = face_of(scene, seen.movable, seen.face)
 
 
 @wp.kernel(cuda_max_registers=CUDA_REGISTERS)

@@ -31,6 +31,7 @@ class TriangleScene:
 
     mesh: wp.uint64  # 0 if nothing stays
     triangle_object: wp.array[wp.int32]  # of what stays, then of each mesh that is of several objects
+    triangle_face: wp.array[wp.int32]  # beside the former: in its object's own mesh; None until asked for
     movable_mesh: wp.array[wp.uint64]
     movable_object: wp.array[wp.int32]  # -1 where it is of several
     movable_first_face: wp.array[wp.int32]  # where its triangles' objects begin, if it is of several
@@ -98,6 +99,23 @@ def object_of(scene: TriangleScene, movable: int, face: int) -> int:
     if scene.movable_object[movable] >= 0:
         return scene.movable_object[movable]
     return scene.triangle_object[scene.movable_first_face[movable] + face]
+
+
+@wp.func
+def face_of(scene: TriangleScene, movable: int, face: int) -> int:
+    """A triangle's index in its object's own mesh, of a movable object's mesh or of what stays (-1).
+
+    It is -1 of a solid, and of no triangle (-1).
+    """
+    if face < 0:
+        return -1
+    if movable < 0:
+        return scene.triangle_face[face]
+    if scene.movable_solid[movable] != 0:
+        return -1
+    if scene.movable_object[movable] >= 0:
+        return face
+    return scene.triangle_face[scene.movable_first_face[movable] + face]
 
 
 @wp.func

@@ -26,6 +26,7 @@ from warpvis.rendering import Renderer
 from warpvis.rendering._cuda_points import list_points, packet_count
 from warpvis.rendering._found_objects import nothing_found
 from warpvis.rendering._ray_packets import prepare_all
+from warpvis.rendering._views import wants_faces
 from warpvis.rendering.casters import RaysCaster, RayTableCaster, as_images, images_struct
 from warpvis.scene.geometry import build_scene_bvh
 
@@ -136,6 +137,11 @@ class Emulator:
         return ran
 
 
+def _trees(scene: Scene, images: list[wp.array | None]) -> Any:
+    """What a GPU's casters read of a scene."""
+    return build_scene_bvh(scene.objects, scene.device, lanes=32, faces=wants_faces(images)).struct
+
+
 class EmulatedCaster(RaysCaster):
     """What `Renderer` calls instead of the caster of its device; images of the scene's trees of 32 lanes."""
 
@@ -146,13 +152,13 @@ class EmulatedCaster(RaysCaster):
 
     def cast(self, poses: wp.array, worlds: Any, images: list[wp.array | None]) -> None:
         scene, camera, side = self._scene, self._camera, self._variant.side
-        clusters = build_scene_bvh(scene.objects, scene.device, lanes=32)
+        struct = _trees(scene, images)
         arguments = {
-            "scene": clusters.struct,
+            "scene": struct,
             "camera": camera.device_struct(clip_near=self._clip_near),
             "poses": poses,
             "worlds": worlds,
-            "found": self._room(len(poses), clusters.struct.drawn_count),
+            "found": self._room(len(poses), struct.drawn_count),
             "cull_backfaces": self._cull_backfaces,
             "images": images_struct(images),
         }
@@ -182,7 +188,7 @@ class EmulatedTableCaster(RayTableCaster):
 
     def cast(self, poses: wp.array, worlds: Any, images: list[wp.array | None]) -> None:
         arguments = {
-            "scene": build_scene_bvh(self._scene.objects, self._scene.device, lanes=32).struct,
+            "scene": _trees(self._scene, images),
             "range": self._camera.device_struct(),
             "poses": poses,
             "worlds": worlds,
@@ -212,7 +218,7 @@ class EmulatedPointCaster(RaysCaster):
     def cast_at(self, poses: wp.array, worlds: Any, pixels: wp.array, images: list[wp.array | None]) -> None:
         lists = list_points(pixels, self._camera)
         arguments = {
-            "scene": build_scene_bvh(self._scene.objects, self._scene.device, lanes=32).struct,
+            "scene": _trees(self._scene, images),
             "camera": self._camera.device_struct(clip_near=self._clip_near),
             "poses": poses,
             "worlds": worlds,

@@ -154,6 +154,7 @@ class Images:
     labels: NDArray[np.uint8]
     objects: NDArray[np.int64]
     gap: NDArray[np.float64]
+    faces: NDArray[np.int64] | None = None
 
 
 def triangles_in_camera(scene: Scene, pose: NDArray) -> tuple[NDArray, NDArray]:
@@ -237,7 +238,14 @@ def _cast(
         labels.reshape(shape).astype(np.uint8),
         objects.reshape(shape),
         gap.reshape(shape),
+        _own_faces(owner, triangle, hit).reshape(shape),
     )
+
+
+def _own_faces(owner: NDArray, triangle: NDArray, hit: NDArray) -> NDArray[np.int64]:
+    """Triangles as their objects number them, -1 where none is seen."""
+    first = np.searchsorted(owner, owner[triangle])
+    return np.where(hit & (triangle >= 0), triangle - first, -1)
 
 
 def _meet_solid(item: SceneObject, pose: NDArray, rays: NDArray) -> tuple[NDArray, NDArray] | None:

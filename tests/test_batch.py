@@ -22,7 +22,7 @@ from warpvis.batch.formats._base import FORMATS
 from warpvis.core.frames import Frames
 
 TESTS = Path(__file__).parent
-OUTPUTS = ("depth", "points", "normals", "labels", "segmentation")
+OUTPUTS = ("depth", "points", "normals", "labels", "segmentation", "faces")
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ behaviour is undefined, and must write the same bytes in all orders.
 import numpy as np
 import pytest
 import test_attached
+import test_faces as test_faces_of
 import test_instances
 import test_near_plane
 import test_sizes
@@ -20,9 +21,11 @@ from corner_walls import wall
 from cuda_emulator import Emulator, Variant, emulated_renderer
 from native_build import find_compiler
 from test_exact_pixels import FAMILIES, wrong_pixels
+from test_ray_patterns import sphere_of_rays
 from test_worlds import ALL, MESHES, STILL, assert_bits_equal, build, eyes, far_away, random_poses, view_of
 
 import warpvis as wv
+from warpvis import sensors
 from warpvis.scene import solids
 from warpvis.scene.worlds import parse_worlds
 
@@ -493,6 +496,24 @@ def test_rays_of_a_table_and_what_moves(table_emulator):
 
 # The lines that no scene reaches, and why.
 UNREACHED: dict[str, str] = {}
+
+
+def test_faces(emulator, table_emulator, few_share):
+    """The triangles of the objects' own meshes: of what stays, of instances, of what moves, and none of solids."""
+    for moving in (False, True):
+        scene, given = test_faces_of.build(moving=moving)
+        worlds = test_faces_of.worlds_of(scene)
+        options = {"object_poses": worlds} if moving else {}
+        poses = eyes(2)
+        views = render(emulator, scene, poses, outputs=test_faces_of.FACES, **options)
+        assert len(test_faces_of.assert_faces_hold(views, scene, given, worlds)) > 10
+        assert_bits_equal(views, render(emulator, scene, poses, outputs=ALL, **options))
+        alone = render(emulator, scene, poses, outputs=("faces",), **options)
+        np.testing.assert_array_equal(alone.faces.numpy(), views.faces.numpy())
+    camera = sensors.Rays(sphere_of_rays(400))
+    options["object_scales"] = np.ones((len(scene.movable), 3), dtype=np.float32)
+    renderer = emulated_renderer(table_emulator, TABLES[2], scene, camera, outputs=test_faces_of.FACES)
+    test_faces_of.assert_faces_hold(renderer.render(poses, **options), scene, given, worlds)
 
 
 def test_every_line_runs(emulator, table_emulator, request):

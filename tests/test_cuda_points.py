@@ -4,6 +4,7 @@
 
 import numpy as np
 import pytest
+import test_faces as test_faces_of
 import test_instances
 import test_near_plane
 import test_sizes
@@ -294,6 +295,13 @@ def test_rays_in_no_order_and_what_moves(table_emulator):
 
 
 @pytest.mark.cxx
+def test_faces(emulator):
+    scene, given = test_faces_of.build()
+    worlds, pixels = test_faces_of.worlds_of(scene, 1), scattered(700)
+    views = renderer_of(emulator, scene, outputs=test_faces_of.FACES).render_at(eyes(1), pixels, object_poses=worlds)
+    assert len(test_faces_of.assert_faces_hold(views, scene, given, worlds)) > 5
+
+
 def test_every_line_of_points_runs(emulator, table_emulator, request):
     chosen = {item.function for item in request.session.items if item.path == request.path}
     if not all(value in chosen for name, value in globals().items() if name.startswith("test_") and callable(value)):

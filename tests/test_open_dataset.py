@@ -21,7 +21,7 @@ CAMERA = wv.Camera(24, 18, fx=25.0, fy=23.0, cx=11.3, cy=9.1, near=0.5, far=6.0)
 FRAMES, SHARD_FRAMES = 7, 3
 READ = [name for name in FORMATS if name != "ply"]
 BESIDE = {"camera_to_world", "K", "distortion", "timestamp", "frame", "object_poses", "world"}
-IMAGES = ("depth", "points", "normals", "labels", "segmentation")
+IMAGES = ("depth", "points", "normals", "labels", "segmentation", "faces")
 MILLIMETRE = 1e-3
 
 

@@ -238,8 +238,8 @@ Pictures cast(const SceneBvh& c, const Worlds& worlds, const Lens& lens, const S
     if (outputs & NORMALS) made.normals = Exact<float>(pixels * 3, -7.0f, shares.shift);
     if (outputs & LABELS) made.labels = Exact<unsigned char>(pixels, 77, shares.shift);
     if (outputs & OBJECTS) made.objects = Exact<int>(pixels, -7, shares.shift);
-    const casting::Images out = {made.depth.data,  made.points.data,  made.normals.data,
-                                 made.labels.data, made.objects.data, c.labels.data};
+    const casting::Images out = {made.depth.data,   made.points.data, made.normals.data, made.labels.data,
+                                 made.objects.data, nullptr,          c.labels.data,     nullptr};
     const casting::Scene scene = scene_of(c, worlds);
     const auto carve = [&](casting::Arena& arena) {
         return casting::StripMemory::carve(arena, job, scene.movables.count, c.levels);

@@ -45,8 +45,8 @@ class ImageOptions(FrameOptions):
     """Which images are made, and where."""
 
     outputs: Names = ()
-    """What to make: depth, points, normals, labels, segmentation, visibility, with --sensor reasons and true_depth; the
-    format's usual ones by default."""
+    """What to make: depth, points, normals, labels, segmentation, faces, visibility, with --sensor reasons and
+    true_depth; the format's usual ones by default."""
     objects: Names = ()
     """Objects that visibility is of; all by default."""
     exclude: Names = ()

@@ -132,7 +132,8 @@ class BatchRenderer:
             nworld: How many worlds the poses of every call are of; any number by default.
             height: Image height [px].
             width: Image width [px].
-            outputs: The images to make, as for `warpvis.Renderer`; ids need ``"segmentation"``.
+            outputs: The images to make, as for `warpvis.Renderer`, without ``"faces"``; ids need
+                ``"segmentation"``.
             geom_groups: Groups of geoms to show, by default those of `scene_option`; see `scene_from_mujoco`.
             scene_option: A `mujoco.MjvOption`: its groups of geoms and sites, and whether fixed ones show. Without it
                 no sites show: they are marks, which no sensor sees. What else it shows and a batch does not is named in
@@ -178,6 +179,11 @@ class BatchRenderer:
         self.nworld, self.height, self.width = nworld, height, width
         self.kinematics = Kinematics(model, threads=threads)
         self._outputs, self._sensor = check_asked(outputs, sensor), sensor
+        if "faces" in self._outputs:
+            raise ArrayError(
+                "outputs of a BatchRenderer must be without faces: where geoms coincide it shows a later one than the "
+                "ray meets; warpvis.Renderer renders its scene with them"
+            )
         self.frame = 0
         """The frame that a sensor's random numbers are of in the next call of `render` that says none."""
         self._render_options: dict[str, Any] = {"outputs": self._outputs, "cull_backfaces": cull_backfaces}

@@ -202,7 +202,7 @@ class _LaterWins:
         return self._caster.parse_poses(poses, convention)
 
     def cast(self, poses: Any, worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
+        """Write depth, points, normals, labels, segmentation and faces of all poses; None is not made."""
         wanted = images[_LABELS] is not None or images[_SEGMENTATION] is not None
         coinciding = self._coinciding.find() if wanted else None
         if coinciding is None:

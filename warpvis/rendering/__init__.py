@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Turn poses into images: depth, points, normals, labels and segmentation, by two casters on CPU and CUDA.
+"""Turn poses into images: depth, points, normals, labels, segmentation and faces, by two casters on CPU and CUDA.
 
 `packets` is the fast caster, `rays` the reference. A `WideCamera` makes cylindrical and spherical images, and
 an `OrthographicCamera` images without perspective.

@@ -15,6 +15,7 @@ from warpvis.rendering._apart_rays import PreparedApartRays, prepare_apart, take
 from warpvis.rendering._cpu_packets import Workspace
 from warpvis.rendering._cpu_table import CpuTablePacketsCaster
 from warpvis.rendering._ray_bundles import PreparedRays
+from warpvis.rendering._views import wants_faces
 
 if TYPE_CHECKING:
     from warpvis.kernels.packets import BvhScene
@@ -30,7 +31,8 @@ class CpuApartPacketsCaster(CpuTablePacketsCaster):
         return {name: value for name, value in super().__getstate__().items() if name != "_apart"}
 
     def cast(self, poses: np.ndarray, worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
+        """Write depth, points, normals, labels, segmentation and faces of all poses; None is not made."""
+        self._scene.bvh(faces=wants_faces(images))  # before others ask for trees without them
         if takes_packets(self._scene, self._camera, worlds, self._clip_near):
             super().cast(poses, worlds, images)
         else:

@@ -20,6 +20,7 @@ from warpvis.core.threads import pack_launch, run_together
 from warpvis.core.types import PoseLike
 from warpvis.kernels.constants import COUNTER_FINISHED, JOB_COUNTERS, POSE_WORDS, TILE_SIDE
 from warpvis.rendering._prepared import Idle, ImageSlots, memory_of
+from warpvis.rendering._views import wants_faces
 from warpvis.scene import Scene
 
 if TYPE_CHECKING:
@@ -160,7 +161,7 @@ class CpuPacketsCaster:
         return host_poses(poses, convention=convention)
 
     def cast(self, poses: np.ndarray, worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
+        """Write depth, points, normals, labels, segmentation and faces of all poses; None is not made."""
         self._run(poses, worlds, None, images)
 
     def cast_at(self, poses: np.ndarray, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
@@ -177,7 +178,7 @@ class CpuPacketsCaster:
         views = len(poses)
         if views == 0:
             return
-        clusters = self._scene.bvh()
+        clusters = self._scene.bvh(faces=wants_faces(images))
         points = 0 if pixels is None else pixels.shape[2]
         rays = views * (points or self._camera.width * self._camera.height)
         costs = None if rays <= FEW_RAYS else self._costs[points > 0]

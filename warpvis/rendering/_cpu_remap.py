@@ -15,6 +15,7 @@ from warpvis.core.camera import Camera
 from warpvis.kernels.constants import BLOCK_SIDE, TILE_SIDE
 from warpvis.rendering._cpu_packets import MOST_KINDS, CpuPacketsCaster, RayCosts, Workspace
 from warpvis.rendering._prepared import Idle
+from warpvis.rendering._views import wants_faces
 from warpvis.scene import Scene
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ class CpuRemapCaster(CpuPacketsCaster):
     def _cast_map(self, poses: np.ndarray, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
         views, rows, columns = pixels.shape
         rays = views * rows * columns
-        scene = self._scene.bvh().struct
+        scene = self._scene.bvh(faces=wants_faces(images)).struct
         workers = min(self._map_costs.threads_for(rays), views * -(-rows // TILE_SIDE))
         kind = (scene.levels, scene.drawn_count, pixels.shape, workers)
         space = self._idle_maps.take(kind) or self._make_map_space(scene, pixels.shape, workers)

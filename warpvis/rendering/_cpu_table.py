@@ -19,6 +19,7 @@ from warpvis.core.types import PoseLike
 from warpvis.rendering._cpu_packets import FEW_RAYS, MOST_KINDS, RayCosts, Workspace
 from warpvis.rendering._prepared import Idle
 from warpvis.rendering._ray_bundles import PreparedRays, prepare_rays
+from warpvis.rendering._views import wants_faces
 from warpvis.rendering.casters import RayTableCaster
 from warpvis.scene import Scene
 
@@ -53,7 +54,7 @@ class CpuTablePacketsCaster:
         return host_poses(poses, convention=convention, axes=self._camera.axes)
 
     def cast(self, poses: np.ndarray, worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
+        """Write depth, points, normals, labels, segmentation and faces of all poses; None is not made."""
         views = len(poses)
         if views == 0:
             return
@@ -61,7 +62,8 @@ class CpuTablePacketsCaster:
         if units == 0:  # no pixel has a ray
             self._single_rays.cast(poses, worlds, images)
             return
-        scene, rays = self._scene.bvh().struct, views * self._camera.width * self._camera.height
+        scene = self._scene.bvh(faces=wants_faces(images)).struct
+        rays = views * self._camera.width * self._camera.height
         costs = None if rays <= FEW_RAYS else self._costs
         workers = min(units, 1 if costs is None else costs.threads_for(rays))
         kind = (scene.levels, scene.drawn_count, views, workers)

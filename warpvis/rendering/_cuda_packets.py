@@ -16,6 +16,7 @@ from warpvis.kernels.constants import CUDA_LANES
 from warpvis.rendering._cuda_points import cast_point_packets, takes_packets
 from warpvis.rendering._found_objects import MANY_OBJECTS, find_objects, nothing_found
 from warpvis.rendering._prepared import Idle, ImageSlots, memory_of
+from warpvis.rendering._views import wants_faces, wants_ids
 from warpvis.rendering.casters import CastPoses, RaysCaster
 
 if TYPE_CHECKING:
@@ -94,19 +95,17 @@ class CudaPacketsCaster(RaysCaster):
         self._idle = Idle[_PackedLaunch](_MOST_KINDS)
 
     def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
+        """Write depth, points, normals, labels, segmentation and faces of all poses; None is not made."""
         views, device = len(poses), self._scene.device
         if views == 0:
             return
-        clusters, camera = self._scene.bvh(), self._camera
+        clusters, camera = self._scene.bvh(faces=wants_faces(images)), self._camera
         drawn = clusters.struct.drawn_count
         moving, large_packets = drawn > 0, 64
         if 0 < drawn < MANY_OBJECTS:
             large_packets = 12 if clusters.moves_solids_only else 32
         side = packet_side(views, camera.width, camera.height, device.sm_count, large_packets, moving=moving)
-        _, _, normals, labels, segmentation = images
-        with_id = not (normals is None and labels is None and segmentation is None)
-        kind = (side, with_id, moving, self._clip_near, moving and worlds.object_sizes is not None, views)
+        kind = (side, wants_ids(images), moving, self._clip_near, moving and worlds.object_sizes is not None, views)
         packed = self._idle.take(kind) or self._pack(kind)
         places, staging = self._place(poses)
         self._draw(packed, clusters.struct, places, worlds, images)
@@ -120,7 +119,7 @@ class CudaPacketsCaster(RaysCaster):
             return
         places, staging = self._place(poses)
         options = self._cull_backfaces, self._clip_near
-        scene, points = self._scene.bvh().struct, pixels.contiguous()
+        scene, points = self._scene.bvh(faces=wants_faces(images)).struct, pixels.contiguous()
         cast_point_packets(scene, self._camera, options, places, worlds, points, images)
         self._give_back(staging)
 

@@ -14,6 +14,7 @@ from warpvis.core.camera import Camera
 from warpvis.core.kernel_cache import launch
 from warpvis.kernels.constants import CUDA_LANES
 from warpvis.rendering._found_objects import nothing_found
+from warpvis.rendering._views import wants_ids
 from warpvis.rendering.casters import images_struct
 from warpvis.scene.worlds import part_of
 
@@ -61,7 +62,7 @@ def cast_point_packets(
         poses: Camera to world, shape ``(V,)``, transforms on the device.
         worlds: Where objects are, and how large.
         pixels: Points [px], shape ``(V, Y, X)`` vec2, contiguous, on the device; of lists, Y is 1.
-        images: Depth, points, normals, labels and segmentation of this shape; None is not made.
+        images: Depth, points, normals, labels, segmentation and faces of this shape; None is not made.
     """
     views = len(pixels)
     step = max(1, _MOST_POINTS // (pixels.shape[1] * pixels.shape[2]))
@@ -82,13 +83,11 @@ def _cast(
     images: list[wp.array | None],
 ) -> None:
     cull, clip = options
-    _, _, normals, labels, segmentation = images
-    with_id = not (normals is None and labels is None and segmentation is None)
     moving = scene.drawn_count > 0
     lists = list_points(pixels, camera)
     size = points_of_packet(pixels.size, pixels.device.sm_count)
     launch(
-        _kernel(size, with_id, moving, clip, moving and worlds.object_sizes is not None),
+        _kernel(size, wants_ids(images), moving, clip, moving and worlds.object_sizes is not None),
         (packet_count(lists, size), len(poses), CUDA_LANES),
         [
             scene,

@@ -15,6 +15,7 @@ from warpvis.rendering._apart_rays import takes_packets
 from warpvis.rendering._found_objects import nothing_found
 from warpvis.rendering._ray_images import POINTS_SIDE
 from warpvis.rendering._ray_packets import POINTS, PreparedPackets, prepare_packets
+from warpvis.rendering._views import wants_faces, wants_ids
 from warpvis.rendering.casters import CastPoses, RayTableCaster, as_images, images_struct
 
 if TYPE_CHECKING:
@@ -32,15 +33,14 @@ class CudaTablePacketsCaster(RayTableCaster):
     """
 
     def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
+        """Write depth, points, normals, labels, segmentation and faces of all poses; None is not made."""
         if len(poses) == 0:
             return
-        scene, prepared = self._scene.bvh().struct, self._prepared
+        scene, prepared = self._scene.bvh(faces=wants_faces(images)).struct, self._prepared
         if self._goes_ray_by_ray(worlds):
             super().cast(poses, worlds, images)
             return
-        _, _, normals, labels, segmentation = images
-        with_id = not (normals is None and labels is None and segmentation is None)
+        with_id = wants_ids(images)
         moving = scene.drawn_count > 0
         places, staging = self._place(poses)
         outputs, lens = images_struct(as_images(images)), self._camera.device_struct()

@@ -21,6 +21,7 @@ from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, ObjectScales, PoseLike
 from warpvis.errors import ArrayError, CameraError, PoseError
 from warpvis.rendering._orthographic import OrthographicCamera, RenderCamera
+from warpvis.rendering._views import wants_faces
 from warpvis.rendering.casters import as_images, images_struct, vectors_on_device
 from warpvis.scene import Scene
 from warpvis.scene.worlds import parse_moving_poses, parse_worlds
@@ -101,12 +102,12 @@ class MovingCaster:
         return MovingPoses(sensor, objects, views, world_index is None and objects.legs.shape[1] > 1), worlds
 
     def cast(self, poses: MovingPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels and segmentation of all views; None is not made."""
+        """Write depth, points, normals, labels, segmentation and faces of all views; None is not made."""
         from warpvis.kernels.moving_objects import cast_at_moving_objects
         from warpvis.kernels.moving_rays import cast_moving_rays
 
         outputs = images_struct(as_images(images))
-        triangles, camera = self._scene.triangles().struct, self._range()
+        triangles, camera = self._scene.triangles(faces=wants_faces(images)).struct, self._range()
         objects = [] if poses.objects is None else [poses.objects]
         rays = [self._rays, self._origins, self._times, self._cull_backfaces, outputs]
         launch_images(

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rendering: depth, world points, normals, labels and segmentation of many views."""
+"""Rendering: depth, world points, normals, labels, segmentation and faces of many views."""
 
 from __future__ import annotations
 
@@ -83,8 +83,8 @@ class Renderer:
             camera: Intrinsics, image size and depth range of all views; or a `warpvis.sensors.LensCamera` or
                 `warpvis.sensors.Rays`, which are cast by rays where these have origins of their own, or a
                 `warpvis.rendering.OrthographicCamera`, which always is.
-            outputs: The images to make, of ``"depth"``, ``"points"``, ``"normals"``, ``"labels"``, ``"segmentation"``;
-                with a sensor, also of ``"reasons"`` and ``"true_depth"``.
+            outputs: The images to make, of ``"depth"``, ``"points"``, ``"normals"``, ``"labels"``, ``"segmentation"``,
+                ``"faces"``; with a sensor, also of ``"reasons"`` and ``"true_depth"``.
             caster: ``"packets"``, for speed; ``"rays"``, the reference; ``"auto"`` takes packets, which have been the
                 faster ones but in small images of 50 million triangles on a GPU. Both give the same images.
             cull_backfaces: See through triangles from behind (where ``(b - a) x (c - a)`` points away from the

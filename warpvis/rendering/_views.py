@@ -21,8 +21,11 @@ OUTPUTS: dict[str, type] = {
     "normals": wp.vec3,
     "labels": wp.uint8,
     "segmentation": wp.int32,
+    "faces": wp.int32,
 }
 """The images that can be rendered and the dtypes of their pixels."""
+
+_FACES = list(OUTPUTS).index("faces")
 
 SENSOR_OUTPUTS: dict[str, type] = {"reasons": wp.uint8, "true_depth": wp.float32}
 """Those that a sensor's model makes, too."""
@@ -36,8 +39,9 @@ class Views:
     """Images of V views, `wp.array`s indexed ``[view, y, x]``; those not asked for are None.
 
     Every image says the same of a pixel: where depth is not finite, point and normal are NaN, the label is
-    `Label.EMPTY` and the object is -1. Of a renderer with a sensor, `depth` and `points` are what the sensor says, and
-    the others what the exact ray meets, however near or far that is: where depth is not finite, they may be.
+    `Label.EMPTY`, and the object and the face are -1. Of a renderer with a sensor, `depth` and `points` are what the
+    sensor says, and the others what the exact ray meets, however near or far that is: where depth is not finite, they
+    may be.
     """
 
     # Typed as what was asked for: who reads an image has asked for it.
@@ -53,6 +57,9 @@ class Views:
     """`Label` values, ``(V, H, W)`` uint8."""
     segmentation: wp.array = None
     """Indices into the scene's objects, ``(V, H, W)`` int32."""
+    faces: wp.array = None
+    """Indices of the seen triangles in the object's own mesh, as it was added: rows of `SceneObject.faces`,
+    ``(V, H, W)`` int32. They are -1 of movable solids, too, whose surface is no triangle's."""
     reasons: wp.array = None
     """Of a sensor: why a pixel has no depth, `warpvis.sensors.Reason` values, ``(V, H, W)`` uint8."""
     true_depth: wp.array = None
@@ -73,6 +80,16 @@ class Views:
             for name, value in vars(self).items()
         }
         return type(self)(**copied)
+
+
+def wants_ids(images: Sequence[wp.array | None]) -> bool:
+    """Tell whether any of the casters' images needs to know what is seen: all but depth and points do."""
+    return any(image is not None for image in images[2:])
+
+
+def wants_faces(images: Sequence[wp.array | None]) -> bool:
+    """Tell whether faces are among the casters' images: a scene's trees know of them only where they are asked."""
+    return images[_FACES] is not None
 
 
 def check_outputs(outputs: object, known: Collection[str] = OUTPUTS.keys()) -> tuple[str, ...]:

@@ -19,6 +19,7 @@ from warpvis.core.types import KernelArguments, PoseLike
 from warpvis.kernels.constants import POSE_WORDS
 from warpvis.rendering._orthographic import RenderCamera
 from warpvis.rendering._prepared import Idle
+from warpvis.rendering._views import wants_faces
 from warpvis.scene import Scene
 
 if TYPE_CHECKING:
@@ -84,7 +85,7 @@ class RaysCaster:
         return host_poses(poses, convention=convention, axes=axes)
 
     def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
+        """Write depth, points, normals, labels, segmentation and faces of all poses; None is not made."""
         from warpvis.kernels.rays import cast_rays
 
         self._launch(cast_rays, (len(poses), self._camera.height, self._camera.width), poses, [worlds], images)
@@ -103,7 +104,7 @@ class RaysCaster:
         others: KernelArguments,
         images: list[wp.array | None],
     ) -> None:
-        triangles, outputs = self._scene.triangles(), images_struct(images)
+        triangles, outputs = self._scene.triangles(faces=wants_faces(images)), images_struct(images)
         camera = self._camera.device_struct(clip_near=self._clip_near)
         places, staging = self._place(poses)
         launch_images(
@@ -136,7 +137,7 @@ class OrthographicCaster(RaysCaster):
     """The same with rays that are parallel, of an `OrthographicCamera`."""
 
     def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
+        """Write depth, points, normals, labels, segmentation and faces of all poses; None is not made."""
         from warpvis.kernels.orthographic import cast_parallel_rays
 
         shape = (len(poses), self._camera.height, self._camera.width)
@@ -163,7 +164,7 @@ class RayTableCaster(RaysCaster):
         return self._parse_poses(poses, convention, self._camera.axes)
 
     def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels and segmentation of all poses; None is not made."""
+        """Write depth, points, normals, labels, segmentation and faces of all poses; None is not made."""
         self._cast(poses, worlds, self._table, self._origins, as_images(images))
 
     def cast_at(self, poses: CastPoses, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
@@ -220,7 +221,7 @@ def as_images(images: Sequence[wp.array | None]) -> list[wp.array | None]:
 
 
 def images_struct(images: Sequence[wp.array | None]) -> Images:
-    """Make `warpvis.kernels.images.Images` of depth, points, normals, labels and segmentation; None is not made."""
+    """Make `warpvis.kernels.images.Images` of images in the order of its names; None is not made."""
     from warpvis.kernels.images import NAMES, Images
 
     struct = Images()

@@ -57,6 +57,8 @@ def splice_bvh(built: SceneBvh, column: int, tree: Bvh, *, closed: bool, had: in
         ("children", lanes, gone.node, gone.nodes_end),
     ):
         setattr(struct, name, _exchanged(getattr(old, name), begin * words, end * words, getattr(tree, name)))
+    if built.has_faces:  # the tree's triangles are those of the object's own mesh
+        struct.slot_face = _exchanged(old.slot_face, gone.leaf * lanes, gone.leaves_end * lanes, tree.triangles)
     _renumber(struct, gone, node, leaf, lanes)
     struct.owners[leaf * lanes :].fill_(-1 if closed else 0)  # the only object of the tree, or its complement
     roots, leaves = (

@@ -38,6 +38,7 @@ class SceneTrees:
         self._columns: tuple[int, ...] | None = None
         self._triangles: Triangles | None = None
         self._bvh: SceneBvh | None = None
+        self._wants_faces = False
         self._sizes: wp.array | None = None
         self._poses: wp.array | None = None
 
@@ -55,8 +56,11 @@ class SceneTrees:
             self._columns = tuple(self._movable)
         return self._columns
 
-    def triangles(self) -> Triangles:
+    def triangles(self, *, faces: bool = False) -> Triangles:
         """Return the triangles and Warp's tree of them, built when first asked for after a change.
+
+        Args:
+            faces: Whether they have to know which ones of their objects' own meshes they are.
 
         Raises:
             SceneError: The scene is empty.
@@ -64,17 +68,26 @@ class SceneTrees:
         with self._lock:
             if self._triangles is None:
                 self._triangles = build_triangles(self.require_objects(), self.device)
+            if faces:
+                self._triangles.tell_faces()
             return self._triangles
 
-    def bvh(self) -> SceneBvh:
+    def bvh(self, *, faces: bool = False) -> SceneBvh:
         """Return the BVH, built when first asked for after a change.
+
+        Args:
+            faces: Whether triangles have to know which ones of their objects' own meshes they are. That takes 4 bytes a
+                place in leaves, and trees that were built without it are built again; from then on all are built so.
 
         Raises:
             SceneError: The scene is empty.
         """
         with self._lock:
-            if self._bvh is None:
-                self._bvh = build_scene_bvh(self.require_objects(), self.device, kept=self._kept_trees)
+            self._wants_faces |= faces
+            if self._bvh is None or (faces and not self._bvh.has_faces):
+                self._bvh = build_scene_bvh(
+                    self.require_objects(), self.device, kept=self._kept_trees, faces=self._wants_faces
+                )
             return self._bvh
 
     def object_labels(self) -> wp.array:

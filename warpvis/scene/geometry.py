@@ -20,6 +20,7 @@ from warpvis.kernels.constants import BOX_WORDS, CPU_LANES, CUDA_LANES, LEAF_ROW
 from warpvis.scene._drawn import Drawn, DrawnMesh, draw_plan, flatten, frame_vertices
 from warpvis.scene._instance_tree import instance_steps
 from warpvis.scene._joined_trees import first_leaves, first_nodes, join_trees
+from warpvis.scene._own_faces import own_faces, slot_faces
 
 if TYPE_CHECKING:
     from warpvis.kernels.packets import BvhScene
@@ -42,6 +43,12 @@ class Triangles:
     instances: wp.array | None = None
     """Owns what `struct` has the address of."""
 
+    def tell_faces(self) -> None:
+        """Have the triangles know which ones of their objects' own meshes they are."""
+        if self.struct.triangle_face is None:
+            owner = self.struct.triangle_object
+            self.struct.triangle_face = wp.array(own_faces(owner.numpy()), dtype=wp.int32, device=owner.device)
+
     @property
     def mesh(self) -> wp.Mesh:
         """The first of them."""
@@ -57,6 +64,8 @@ class SceneBvh:
     """Levels of nodes of the deepest tree."""
     bytes_per_triangle: float
     """Memory of the trees."""
+    has_faces: bool = False
+    """Whether triangles know which ones of their objects' own meshes they are."""
     moves_solids_only: bool = False
     """Whether all movable objects are solids."""
     has_solids: bool = False
@@ -109,7 +118,12 @@ def build_triangles(objects: Sequence[SceneObject], device: wp.Device) -> Triang
 
 
 def build_scene_bvh(
-    objects: Sequence[SceneObject], device: wp.Device, *, lanes: int | None = None, kept: KeptTrees | None = None
+    objects: Sequence[SceneObject],
+    device: wp.Device,
+    *,
+    lanes: int | None = None,
+    kept: KeptTrees | None = None,
+    faces: bool = False,
 ) -> SceneBvh:
     """Build the BVHs, all in the same arrays.
 
@@ -118,6 +132,7 @@ def build_scene_bvh(
         device: Where the arrays are to be.
         lanes: Triangles of a leaf; as many as the device's caster takes by default.
         kept: Trees of an earlier build, of which those that are still right are taken; they are this one's afterwards.
+        faces: Whether triangles are to know which ones of their objects' own meshes they are.
     """
     from warpvis.kernels.packets import BvhScene
     from warpvis.scene._kept_trees import KeptTrees
@@ -126,7 +141,7 @@ def build_scene_bvh(
     lanes = lanes or (CPU_LANES if device.is_cpu else CUDA_LANES)
     plan = draw_plan(objects, device)
     static = plan.static
-    trees, closed_of = [], []
+    trees, closed_of, owners = [], [], []
     closed = np.zeros(len(objects), dtype=bool)
     still = [objects[index] for index in static]
     if static:
@@ -134,6 +149,7 @@ def build_scene_bvh(
         flat = flatten([item.vertices for item in still], [item.faces for item in still], static)
         trees.append(kept.tree(*flat, closed, lanes, device))
         closed_of.append(closed)
+        owners.append(flat[2])
     boxes = [item.bounds for index, item in zip(static, still, strict=True) if closed[index]]
     struct = BvhScene()
     struct.closed_boxes = _floats(boxes, device)
@@ -149,8 +165,11 @@ def build_scene_bvh(
         tree_of[places], mesh_closed[places] = len(trees), part_closed[owner].all()
         trees.append(kept.tree(mesh.vertices, mesh.faces, owner, part_closed, lanes, device))
         closed_of.append(part_closed)
+        owners.append(owner)
     kept.finish()
     join_trees(struct, trees, closed_of, device, share=not kept.keep)
+    if faces:
+        struct.slot_face = slot_faces(trees, owners, device)
 
     slots = np.array([tree.leaf_count * tree.lanes for tree in trees])
     static_slots = int(slots[0]) if static else 0
@@ -177,6 +196,7 @@ def build_scene_bvh(
         struct,
         depth=max(tree.depth for tree in trees),
         bytes_per_triangle=size / sum(tree.triangle_count for tree in trees),
+        has_faces=faces,
         moves_solids_only=len(one_object) > 0 and bool(plan.solid_kinds.all()),
         has_solids=bool(plan.solid_kinds.any()),
         refits=_make_refits(struct, trees, plan),

@@ -21,7 +21,7 @@ static_assert(BLOCK_PIXELS == LANES && TILE_BLOCKS == LANES,
 enum Mode {
     MODE_DEPTH,  // nothing: that is faster
     MODE_OBJECTS,  // the object that is seen
-    MODE_TRIANGLES,  // the triangle, which tells the object and the normal
+    MODE_TRIANGLES,  // the triangle, which tells the object, the normal and the face
 };
 
 // Where the pixels and blocks of an image are.

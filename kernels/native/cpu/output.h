@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// From inv_z and id of every pixel to depth, points, normals, labels and segmentation, each written once.
+// From inv_z and id of every pixel to depth, points, normals, labels, segmentation and faces, each written once.
 
 // Rows of as many pixels as there are lanes on their way out; only `count` of them where the image ends.
 struct Write {
@@ -48,6 +48,35 @@ struct Write {
         stream(to + LANES, __builtin_shufflevector(b, p.z, 0, 21, 2, 3, 22, 5, 6, 23, 8, 9, 24, 11, 12, 25, 14, 15));
         stream(to + 2 * LANES,
                __builtin_shufflevector(c, p.z, 26, 1, 2, 27, 4, 5, 28, 7, 8, 29, 10, 11, 30, 13, 14, 31));
+    }
+
+    // Values of four bytes each, side by side as far as their pixels are.
+    static inline void put(float* to, const int* place, int run, Floats value) {
+        float lanes[LANES];
+        Lanes::store(lanes, value);
+        if (run == LANES) {
+            __builtin_memcpy(to + place[0], lanes, sizeof lanes);
+        } else if (run == LANES / 2) {
+            for (int k = 0; k < LANES; k += LANES / 2) __builtin_memcpy(to + place[k], lanes + k, sizeof lanes / 2);
+        } else if (run == LANES / 4) {
+            for (int k = 0; k < LANES; k += LANES / 4) __builtin_memcpy(to + place[k], lanes + k, sizeof lanes / 4);
+        } else {
+            for (int k = 0; k < LANES; ++k)
+                if (place[k] >= 0) to[place[k]] = lanes[k];
+        }
+    }
+    static inline void put(float* to, const int* place, const Points& value) {
+        float x[LANES], y[LANES], z[LANES];
+        Lanes::store(x, value.x);
+        Lanes::store(y, value.y);
+        Lanes::store(z, value.z);
+        for (int k = 0; k < LANES; ++k) {
+            if (place[k] < 0) continue;
+            float* at = to + 3LL * place[k];
+            at[0] = x[k];
+            at[1] = y[k];
+            at[2] = z[k];
+        }
     }
 };
 
@@ -127,6 +156,21 @@ struct Writer {
         return n;
     }
 
+    // Triangles in their objects' own meshes, -1 where nothing is seen, and of solids.
+    inline Ints faces(Ints ids, Ints seen) {
+        int of[LANES];
+        Lanes::store(of, ids);
+        for (unsigned left = Lanes::bits(seen); left; left &= left - 1) {
+            const int k = Lanes::first_lane(left);
+            of[k] = face_of(of[k]);
+        }
+        return seen ? Lanes::load(of) : Lanes::all_ints(-1);
+    }
+    inline int face_of(int id) {
+        const int slot = lookup.slot_of(id);
+        return slot < 0 ? -1 : out.slot_face[slot];
+    }
+
     // Objects of a row's pixels, -1 where nothing is seen; `id` holds triangles or already objects.
     inline Ints objects(Ints id, Ints seen) {
         if (mode != MODE_TRIANGLES) return seen ? id : Lanes::all_ints(-1);
@@ -170,7 +214,7 @@ struct Writer {
     };
 
     // Write as many pixels of a row as there are lanes, once, to each image that was asked for: some need an id, and
-    // the mode says whether normals are among them.
+    // the mode says whether some need a triangle's.
     inline void row(int x, int y, Floats inv_z, Ints id) {
         const int count = count_from(x, image.width);
         const long long at = (view * job.height + image.first_row + y) * job.width + x;
@@ -182,10 +226,11 @@ struct Writer {
                                        (float)(y + image.first_row) + camera.first_v);
             Write::row(out.points + at * 3, range.along(ray, camera.origin), count);
         }
-        if (mode == MODE_TRIANGLES) {
+        if (mode == MODE_TRIANGLES && out.normals) {
             const double u = x + 0.5 - job.center[0], v = y + image.first_row + 0.5 - job.center[1];
             Write::row(out.normals + at * 3, normals(id, seen, u, v), count);
         }
+        if (mode == MODE_TRIANGLES && out.faces) Write::row(out.faces + at, faces(id, seen), count);
         if (mode == MODE_TRIANGLES && !(out.segmentation || out.labels)) return;
         const Ints object = objects(id, seen);
         if (out.segmentation) Write::row(out.segmentation + at, object, count);

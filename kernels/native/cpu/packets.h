@@ -187,7 +187,7 @@ struct Packets {
     static inline void run(const Scene& scene, const Job& job, const Images& out, const StripMemory& memory,
                            int* counter) {
         // Copies of the code for each mode: those that know that nobody asks for triangles, or for objects, are faster.
-        if (out.normals)
+        if (out.of_triangles())
             work(scene, job, out, memory, counter, MODE_TRIANGLES);
         else if (out.segmentation || out.labels || job.points)
             work(scene, job, out, memory, counter, MODE_OBJECTS);

@@ -92,7 +92,7 @@ struct RemapPackets {
     // Take units of work, parts of views, until none are left, as `Packets::run` does.
     static inline void run(const Scene& scene, const RemapJob& remap, const Images& out, const RemapMemory& memory,
                            int* counter) {
-        if (out.normals)
+        if (out.of_triangles())
             work(scene, remap, out, memory, counter, MODE_TRIANGLES);
         else if (out.segmentation || out.labels)
             work(scene, remap, out, memory, counter, MODE_OBJECTS);

@@ -263,6 +263,7 @@ struct Sparse {
             if (seen) normal_of(writer.lookup, ray, normal);
             for (int c = 0; c < 3; ++c) out.normals[place * 3 + c] = normal[c];
         }
+        if (out.faces) out.faces[place] = seen ? writer.face_of(ray.id) : -1;
         const int object = !seen ? -1 : writer.mode == MODE_TRIANGLES ? writer.lookup.object_of(ray.id) : ray.id;
         if (out.segmentation) out.segmentation[place] = object;
         if (out.labels) out.labels[place] = object < 0 ? LABEL_EMPTY : out.object_label[object];

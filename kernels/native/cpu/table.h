@@ -159,18 +159,21 @@ struct TableWriter {
         Points point, normal;
         Ints object;
     };
+    inline InRange range_of(int packet, Floats inv_z, Floats z) const {
+        const Floats along = RAY_ORIGINS ? z - Lanes::load(tree.apart.begin + packet * LANES) : z;
+        const Floats depth = tree.scale ? along * Lanes::load(tree.scale + packet * LANES) : along;
+        return in_range(inv_z, depth, table.near, table.far);
+    }
     inline void look(int packet, Row& row) {
         const Images& out = writer.out;
         const Floats inv_z = Lanes::load(writer.image.inv_z + packet * LANES), z = 1.0f / inv_z;
-        const Floats along = RAY_ORIGINS ? z - Lanes::load(tree.apart.begin + packet * LANES) : z;
-        const Floats depth = tree.scale ? along * Lanes::load(tree.scale + packet * LANES) : along;
-        const InRange range = in_range(inv_z, depth, table.near, table.far);
+        const InRange range = range_of(packet, inv_z, z);
         const Ints seen = range.seen;
         row.depth = range.depth;
         if (out.points) row.point = points(packet, seen ? z : Lanes::all(__builtin_nanf("")));
         if (writer.mode == MODE_DEPTH) return;
         const Ints id = Lanes::load(writer.image.id + packet * LANES);
-        if (writer.mode == MODE_TRIANGLES) row.normal = normals(packet, id, seen);
+        if (writer.mode == MODE_TRIANGLES && out.normals) row.normal = normals(packet, id, seen);
         if (out.segmentation || out.labels) row.object = writer.objects(id, seen);
     }
     inline Points points(int packet, Floats reach) const {
@@ -241,7 +244,7 @@ struct TableWriter {
             }
             if (out.points) rows_of(out.points + at * 3, &row[0].point, rows);
             if (writer.mode == MODE_DEPTH) continue;
-            if (writer.mode == MODE_TRIANGLES) rows_of(out.normals + at * 3, &row[0].normal, rows);
+            if (writer.mode == MODE_TRIANGLES && out.normals) rows_of(out.normals + at * 3, &row[0].normal, rows);
             if (!(out.segmentation || out.labels)) continue;
             turn((const Floats*)&row[0].object, rows[0]);
             for (int r = 0; r < BLOCK_SIDE; ++r) {
@@ -250,7 +253,36 @@ struct TableWriter {
                 if (out.labels) Writer::labels(out.labels + at + r * table.width, out.object_label, object, LANES);
             }
         }
+        if (writer.mode == MODE_TRIANGLES && out.faces) face_blocks(tile);
     }
+
+    // The faces of both kinds of tiles, apart from what is asked for more often.
+    inline void face_blocks(int tile) {
+        int* to = writer.out.faces + (first + tree.corner[tile]);
+        for (int y = 0; y < BLOCKS_ACROSS; ++y) {
+            int side_by_side[BLOCKS_ACROSS * BLOCK_PIXELS];
+            for (int x = 0; x < BLOCKS_ACROSS; ++x)
+                Lanes::store(side_by_side + x * BLOCK_PIXELS, faces(tile * TILE_BLOCKS + y * BLOCKS_ACROSS + x));
+            Ints rows[BLOCK_SIDE];
+            Blocks::transpose(side_by_side, rows);
+            for (int r = 0; r < BLOCK_SIDE; ++r, to += table.width) Write::stream(to, rows[r]);
+        }
+    }
+    inline void face_packets(int tile) {
+        const float* bounds = tree.bounds_of_packets(tile);
+        for (int child = 0; child < LANES; ++child) {
+            const int packet = tile * LANES + child;
+            if (bounds[child] <= bounds[2 * LANES + child])
+                Write::put((float*)writer.out.faces + first, tree.place + packet * LANES, tree.run[packet],
+                           (Floats)faces(packet));
+        }
+    }
+    inline Ints faces(int packet) {
+        const Floats inv_z = Lanes::load(writer.image.inv_z + packet * LANES);
+        const Ints seen = range_of(packet, inv_z, 1.0f / inv_z).seen;
+        return writer.faces(Lanes::load(writer.image.id + packet * LANES), seen);
+    }
+
     // Blocks side by side, of which one lies a `Row` after the other, to rows.
     static inline void turn(const Floats* block, Floats* rows) {
         float side_by_side[BLOCKS_ACROSS * BLOCK_PIXELS];
@@ -278,46 +310,18 @@ struct TableWriter {
             const int* place = tree.place + packet * LANES;
             Row row;
             look(packet, row);
-            if (out.depth) put(out.depth + first, place, run, row.depth);
-            if (out.points) put(out.points + first * 3, place, row.point);
+            if (out.depth) Write::put(out.depth + first, place, run, row.depth);
+            if (out.points) Write::put(out.points + first * 3, place, row.point);
             if (writer.mode == MODE_DEPTH) continue;
-            if (writer.mode == MODE_TRIANGLES) put(out.normals + first * 3, place, row.normal);
-            if (out.segmentation) put((float*)out.segmentation + first, place, run, (Floats)row.object);
+            if (writer.mode == MODE_TRIANGLES && out.normals) Write::put(out.normals + first * 3, place, row.normal);
+            if (out.segmentation) Write::put((float*)out.segmentation + first, place, run, (Floats)row.object);
             if (!out.labels) continue;
             unsigned char label[LANES];
             Writer::labels(label, out.object_label, row.object, LANES);
             for (int lane = 0; lane < LANES; ++lane)
                 if (place[lane] >= 0) out.labels[first + place[lane]] = label[lane];
         }
-    }
-
-    // Values of four bytes each, side by side as far as their pixels are.
-    static inline void put(float* to, const int* place, int run, Floats value) {
-        float lanes[LANES];
-        Lanes::store(lanes, value);
-        if (run == LANES) {
-            __builtin_memcpy(to + place[0], lanes, sizeof lanes);
-        } else if (run == LANES / 2) {
-            for (int k = 0; k < LANES; k += LANES / 2) __builtin_memcpy(to + place[k], lanes + k, sizeof lanes / 2);
-        } else if (run == LANES / 4) {
-            for (int k = 0; k < LANES; k += LANES / 4) __builtin_memcpy(to + place[k], lanes + k, sizeof lanes / 4);
-        } else {
-            for (int k = 0; k < LANES; ++k)
-                if (place[k] >= 0) to[place[k]] = lanes[k];
-        }
-    }
-    static inline void put(float* to, const int* place, const Points& value) {
-        float x[LANES], y[LANES], z[LANES];
-        Lanes::store(x, value.x);
-        Lanes::store(y, value.y);
-        Lanes::store(z, value.z);
-        for (int k = 0; k < LANES; ++k) {
-            if (place[k] < 0) continue;
-            float* at = to + 3LL * place[k];
-            at[0] = x[k];
-            at[1] = y[k];
-            at[2] = z[k];
-        }
+        if (writer.mode == MODE_TRIANGLES && out.faces) face_packets(tile);
     }
 
     // Pixels without a ray see nothing.
@@ -331,6 +335,7 @@ struct TableWriter {
                 if (out.normals) out.normals[at * 3 + k] = nothing;
             }
             if (out.segmentation) out.segmentation[at] = -1;
+            if (out.faces) out.faces[at] = -1;
             if (out.labels) out.labels[at] = LABEL_EMPTY;
         }
     }
@@ -377,7 +382,7 @@ struct TablePackets {
     // Take units of work, bundles of views, until none are left, as `Packets::run` does.
     static inline void run(const Scene& scene, const TableJob& table, const Images& out, const TableMemory& memory,
                            int* counter) {
-        if (out.normals)
+        if (out.of_triangles())
             work(scene, table, out, memory, counter, MODE_TRIANGLES);
         else if (out.segmentation || out.labels)
             work(scene, table, out, memory, counter, MODE_OBJECTS);

@@ -163,6 +163,14 @@ struct Lookup {
         return alone >= 0 ? alone : Bvh::object_of(bvh.owners[id - first + movables.first_leaf[movable] * LANES]);
     }
 
+    // A triangle's place in the leaves; -1 of a solid, which has triangles only where it is seen from inside.
+    inline int slot_of(int id) {
+        if (!moving || id < first_movable) return id;
+        find(id);
+        if (movables.solid[movable] != SOLID_NONE) return -1;
+        return id - first + movables.first_leaf[movable] * LANES;
+    }
+
     // Unit normal of a triangle in the world, towards the camera.
     inline void normal_of(int id, float* n) {
         if (!moving || id < first_movable)

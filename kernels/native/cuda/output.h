@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// From a packet's pixels to depth, points, normals, labels and segmentation, a row at a time, each written once.
+// From a packet's pixels to depth, points, normals, labels, segmentation and faces, a row at a time, each written once.
 
 // A lane's pixels of a packet, one after the other: they are in one column.
 struct Column {
@@ -82,7 +82,7 @@ struct Write {
     }
 
     static inline bool more_than_depth(const Images& out) {
-        return out.points || (DepthKey::HAS_ID && (out.normals || out.segmentation || out.labels));
+        return out.points || (DepthKey::HAS_ID && (out.of_triangles() || out.segmentation || out.labels));
     }
     static inline void images(const Scene& scene, const View& view, const Camera& camera, const Packet& packet,
                               const Images& out) {
@@ -145,12 +145,18 @@ struct Write {
         if (DepthKey::HAS_ID && out.normals)
             vector(out.normals, spot.at,
                    shown ? normal(scene, camera, id, packet.exact_point(camera, spot.x, spot.y, spot.index)) : none());
+        if (DepthKey::HAS_ID && out.faces) out.faces[spot.at] = shown ? face(scene, out, id) : -1;
         if (!objects) return;
         int object = -1;
         if (shown) object = MOVABLE ? scene.object_of(id) : Bvh::object_of(owner);
         if (out.segmentation) out.segmentation[spot.at] = object;
         if (out.labels)
             out.labels[spot.at] = object < 0 ? (unsigned char)LABEL_EMPTY : __ldg(out.object_label + object);
+    }
+    // A triangle in its object's own mesh, -1 of a solid.
+    static inline int face(const Scene& scene, const Images& out, unsigned id) {
+        const int slot = scene.slot_of(id);
+        return slot < 0 ? -1 : __ldg(out.slot_face + slot);
     }
     static inline Vec3 place(Vec3 origin, Vec3 ray, float z) {
         return Vec3{__fmaf_rn(z, ray.x, origin.x), __fmaf_rn(z, ray.y, origin.y), __fmaf_rn(z, ray.z, origin.z)};

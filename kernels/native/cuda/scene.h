@@ -131,6 +131,12 @@ struct Scene {
         if (alone >= 0) return alone;
         return Bvh::object_of(__ldg(bvh.owners + (m < 0 ? id : id - movables.id_offset(m))));
     }
+    // A triangle's place in the leaves; -1 of a solid, which has triangles only where it is seen from inside.
+    inline int slot_of(unsigned id) const {
+        const int m = MOVABLE ? movables.owner_of(id) : -1;
+        if (m < 0) return (int)id;
+        return __ldg(movables.solid + m) ? -1 : (int)id - movables.id_offset(m);
+    }
 };
 
 // One image that is asked for.

@@ -46,6 +46,7 @@ IMAGE_DTYPES = {
     "normals": "float32",
     "labels": "uint8",
     "segmentation": "int32",
+    "faces": "int32",
     "reasons": "uint8",
     "true_depth": "float32",
 }

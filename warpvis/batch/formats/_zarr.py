@@ -44,6 +44,7 @@ _FILL = {
     "normals": np.nan,
     "labels": 0,
     "segmentation": -1,
+    "faces": -1,
     "reasons": int(Reason.EMPTY),
     "true_depth": np.inf,
 }

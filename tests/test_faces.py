@@ -1,0 +1,282 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The output ``faces``: the triangle of the object's own mesh, as it was added, in which the seen point lies."""
+
+import pickle
+
+import mujoco
+import numpy as np
+import pytest
+import test_instances
+import trimesh
+from test_ray_patterns import sphere_of_rays
+from test_worlds import ALL, SMALL, assert_bits_equal, eyes, random_poses
+
+import warpvis as wv
+from warpvis.core.poses import poses_to_matrices
+from warpvis.errors import ArrayError
+from warpvis.rendering import OrthographicCamera, WideCamera
+from warpvis.scene import solids
+from warpvis.sensors import Corruptions, Motion, Rays, RollingShutter
+
+import reference
+from compare import wrong_depth
+
+FACES = (*ALL, "faces")
+STILL = (0, 0, 0, 0, 0, 0, 1)
+COUNT = 20
+# Beside others each mesh has triangles of no area, which nobody sees, before them, and some that come twice.
+BOX = trimesh.creation.box((0.5, 0.3, 0.7))
+TORUS = trimesh.creation.torus(0.5, 0.15, major_sections=12, minor_sections=8)
+BALL = trimesh.creation.icosphere(subdivisions=1, radius=0.25)
+
+
+def odd(mesh):
+    """A mesh with triangles of no area, some that come twice, some twice and turned round, in no order."""
+    faces = np.concatenate([[[0, 0, 0], [1, 2, 1]], mesh.faces, mesh.faces[:5], mesh.faces[5:9, ::-1]])
+    return np.array(mesh.vertices), np.random.default_rng(3).permutation(faces)
+
+
+few_share = test_instances.shared  # a fixture
+
+
+def build(device="cpu", *, moving=True, rounded=True):
+    """What stays, instances that stay, and what moves: two of one mesh, one that has another attached, and solids.
+
+    Returns:
+        The scene, and of each object the mesh that it was given; None for a solid.
+    """
+    scene, given = wv.Scene(device=device), []
+
+    def add(mesh, **options):
+        scene.add(mesh, **options)
+        given.append(None if isinstance(mesh, solids.Solid) else mesh)
+
+    add(odd(trimesh.creation.box((5, 5, 0.02))), label="ground")
+    ball, places = odd(BALL), random_poses(np.random.default_rng(0), COUNT, spread=2.0)
+    scene.add_instances(ball, places, names="ball", movable=False)
+    given += [ball] * COUNT
+    add(odd(TORUS), name="torus", pose=(0.2, 0.1, 0.9, 0.6, 0, 0, 0.8))
+    if moving:
+        add(odd(BOX), name="table", movable=True)
+        add(odd(BALL), name="lamp", pose=(0.4, 0.1, 0.3, 0, 0, 0, 1), attach_to="table")
+        add(odd(BOX), name="twin", movable=True)
+        add(odd(TORUS), name="ring", movable=True)
+    if moving and rounded:
+        add(solids.sphere(0.4), name="sphere", movable=True)
+        add(solids.cylinder(0.3, 0.8), name="post", movable=True)
+    return scene, given
+
+
+def worlds_of(scene, count=2):
+    return random_poses(np.random.default_rng(0), count, len(scene.movable), spread=1.0)
+
+
+def corners_in(scene, given, poses):
+    """Corners of each object's own triangles in one world, None for a solid."""
+    places = {index: np.asarray(scene.objects[index].place) for index in range(len(scene))}
+    column = {index: number for number, index in enumerate(scene.movable)}
+    result = []
+    for index, mesh in enumerate(given):
+        item = scene.objects[index]
+        if mesh is None:
+            result.append(None)
+            continue
+        if item.carrier is not None:  # attached to an object that was at the origin
+            place = poses_to_matrices(np.asarray(poses[column[item.carrier]], dtype=float))
+            vertices = item.mesh_vertices
+        else:
+            row = poses[column[index]] if index in column else places[index]
+            place, vertices = poses_to_matrices(np.asarray(row, dtype=float)), mesh[0]
+            if index not in column and item.shared_mesh is None:
+                place, vertices = np.eye(4), item.vertices
+        corners = np.asarray(vertices, dtype=float) @ place[:3, :3].T + place[:3, 3]
+        result.append(corners[mesh[1]])
+    return result
+
+
+def assert_faces_hold(views, scene, given, worlds):
+    """Seen points lie in the triangles that are said to be seen; solids have none, and nothing has none."""
+    seen = []
+    for view in range(len(views.faces.numpy())):
+        corners = corners_in(scene, given, worlds[min(view, len(worlds) - 1)])
+        faces, objects = views.faces.numpy()[view], views.segmentation.numpy()[view]
+        points = views.points.numpy()[view].astype(np.float64)
+        np.testing.assert_array_equal(faces[objects < 0], -1)
+        for index in np.unique(objects[objects >= 0]):
+            of, at = faces[objects == index], points[objects == index]
+            seen.append(index)
+            if corners[index] is None:
+                np.testing.assert_array_equal(of, -1)
+                continue
+            assert of.min() >= 0
+            a, b, c = corners[index][of].swapaxes(0, 1)
+            normal = np.cross(b - a, c - a)
+            area = np.linalg.norm(normal, axis=-1)
+            assert (np.abs(((at - a) * normal).sum(axis=-1)) <= 1e-5 * area).all()
+            for p, q in ((a, b), (b, c), (c, a)):
+                assert ((np.cross(q - p, at - p) * normal).sum(axis=-1) >= -1e-4 * area**2).all()
+    return set(seen)
+
+
+def test_in_worlds(device, caster, few_share):
+    """With instances, pieces, solids, and what is excluded: of what stays, what is a piece, and what moves alone."""
+    scene, given = build(device)
+    worlds, names = worlds_of(scene), {item.name: number for number, item in enumerate(scene)}
+    assert test_instances.instances_of(scene) == COUNT
+    renderer = wv.Renderer(scene, SMALL, outputs=FACES, caster=caster)
+    views = renderer.render(eyes(4), object_poses=worlds, world_index=[0, 1, 1, 0])
+    seen = assert_faces_hold(views, scene, given, worlds[[0, 1, 1, 0]])
+    assert seen >= {names[name] for name in ("object_0", "torus", "table", "lamp", "twin", "ring", "sphere", "post")}
+    assert len(seen) >= 15
+    gone = ("torus", "lamp", "twin", "ball_3")
+    fewer = assert_faces_hold(renderer.render(eyes(2), object_poses=worlds, exclude=gone), scene, given, worlds)
+    assert not fewer & {names[name] for name in gone} and names["table"] in fewer
+    larger = renderer.render(eyes(2), object_poses=worlds, object_scales=np.full((len(scene.movable), 3), 1.25))
+    np.testing.assert_array_equal(larger.faces.numpy() < 0, np.isin(larger.segmentation.numpy(), [-1, *_round(given)]))
+
+
+def _round(given):
+    return [index for index, mesh in enumerate(given) if mesh is None]
+
+
+def test_against_the_reference(device, caster):
+    """The triangle that is nearest in double precision, but where a ray passes an edge."""
+    scene, given = build(device, moving=False)
+    views, pose = wv.render(scene, SMALL, eyes(1), outputs=FACES, caster=caster), eyes(1)[0]
+    expected = reference.cast_rays(scene, SMALL, pose)
+    same = ~wrong_depth(views.depth.numpy()[0], expected.depth) & (expected.gap > 1e-5) & (expected.faces >= 0)
+    assert same.mean() > 0.5
+    faces = np.array([views.faces.numpy()[0][same], expected.faces[same]])
+    of = expected.objects[same]
+    # Triangles that come twice are alike.
+    corners = [np.sort(np.array([given[index][1][face] for index, face in zip(of, row, strict=True)])) for row in faces]
+    assert (corners[0] != corners[1]).any(axis=1).mean() <= 1e-3
+
+
+def test_they_cost_others_nothing(device, caster):
+    """Nobody else's images change by a bit, and a scene knows of faces only once they are asked for."""
+    scene, _ = build(device)
+    worlds = worlds_of(scene)
+    before = wv.render(scene, SMALL, eyes(2), outputs=ALL, object_poses=worlds, caster=caster)
+    assert scene.bvh().struct.slot_face is None and scene.triangles().struct.triangle_face is None
+    assert before.faces is None
+    views = wv.render(scene, SMALL, eyes(2), outputs=FACES, object_poses=worlds, caster=caster)
+    assert_bits_equal(views, before)
+    built = scene.bvh()
+    alone = wv.render(scene, SMALL, eyes(2), outputs=("faces",), object_poses=worlds, caster=caster)
+    np.testing.assert_array_equal(alone.faces.numpy(), views.faces.numpy())
+    assert scene.bvh() is built
+    assert "faces" not in wv.Renderer(scene, SMALL).outputs
+
+
+def test_points_of_the_image(device, caster):
+    """In a list, in and outside of the image; in a map; at pixels' centres as in an image."""
+    scene, given = build(device)
+    worlds = worlds_of(scene)
+    renderer = wv.Renderer(scene, SMALL, outputs=FACES, caster=caster)
+    pixels = np.random.default_rng(0).uniform((-3, -3), (99, 75), (2, 500, 2)).astype(np.float32)
+    assert_faces_hold(renderer.render_at(eyes(2), pixels, object_poses=worlds), scene, given, worlds)
+    y, x = np.mgrid[:72, :96] + 0.5
+    centers = np.tile(np.stack([x, y], axis=-1)[None], (2, 1, 1, 1)).astype(np.float32)
+    views = renderer.render_at(eyes(2), centers, object_poses=worlds)
+    assert_faces_hold(views, scene, given, worlds)
+
+
+@pytest.mark.parametrize("kind", ["wide", "list", "parallel"])
+def test_rays_of_other_cameras(kind, device, few_share):
+    scene, given = build(device)
+    worlds = worlds_of(scene)
+    if kind == "parallel":
+        camera, casters = OrthographicCamera(60, 50, 15, 15, 30, 25), ("rays",)
+    else:
+        casters = ("packets", "rays")
+        camera = WideCamera(90, 70, 3.0, "spherical") if kind == "wide" else Rays(sphere_of_rays(999))
+    for caster in casters:
+        views = wv.render(
+            scene, camera, eyes(2), outputs=FACES, object_poses=worlds, caster=caster, convention="opencv"
+        )
+        assert views.faces.shape == views.depth.shape
+        assert len(assert_faces_hold(views, scene, given, worlds)) > 5
+
+
+@pytest.mark.parametrize("rounded", [False, True])
+def test_rays_that_begin_beside_each_other(rounded, device):
+    """In packets on CPU cores, but where there are solids: then ray by ray."""
+    scene, given = build(device, rounded=rounded)
+    worlds = worlds_of(scene)
+    directions = sphere_of_rays(2000)
+    lidar = Rays(directions, origins=np.random.default_rng(2).uniform(-0.02, 0.02, (2000, 3)))
+    views = wv.render(scene, lidar, eyes(2, radius=1.9), outputs=FACES, object_poses=worlds)
+    assert len(assert_faces_hold(views, scene, given, worlds)) > 5
+
+
+def test_what_moves_within_a_frame(device):
+    """A shutter that rolls; and objects that a motion leaves where they are, by the kernel of those that move."""
+    scene, given = build(device)
+    worlds = worlds_of(scene, 1)
+    shutter = RollingShutter(SMALL, 0.04)
+    renderer = wv.Renderer(scene, shutter, outputs=FACES)
+    eye = eyes(1)[0]
+    sensor = Motion([eye, eye + np.array([0.1, 0, 0, 0, 0, 0, 0], dtype=np.float32)], [0, 0.04])
+    views = renderer.render(sensor, object_poses=worlds)
+    assert len(assert_faces_hold(views, scene, given, worlds)) > 5
+    standing = Motion(np.stack([worlds[0], worlds[0]]), [0, 0.04])
+    again = renderer.render(sensor, object_poses=standing)
+    assert_faces_hold(again, scene, given, worlds)
+    assert (again.faces.numpy() != views.faces.numpy()).mean() <= 1e-3
+
+
+def test_of_the_exact_ray_beside_a_sensor(device):
+    scene, _ = build(device)
+    outputs = ("depth", "faces", "reasons")
+    sensed = wv.render(scene, SMALL, eyes(1), outputs=outputs, sensor=Corruptions())
+    exact = wv.render(scene, SMALL, eyes(1), outputs=("faces",))
+    np.testing.assert_array_equal(sensed.faces.numpy(), exact.faces.numpy())
+
+
+def test_of_meshes_that_change(device, caster):
+    """Vertices that deform, a mesh that is exchanged, an object that is added, a copy in another process."""
+    scene, given = build(device)
+    worlds = worlds_of(scene)
+    renderer = wv.Renderer(scene, SMALL, outputs=FACES, caster=caster)
+
+    def check():
+        assert_faces_hold(renderer.render(eyes(2), object_poses=worlds), scene, given, worlds)
+
+    check()
+    for name, mesh in (("twin", odd(TORUS)), ("torus", odd(BALL)), ("sphere", odd(BOX))):
+        index = scene.index(name)
+        scene.update_mesh(name, *mesh)
+        given[index] = mesh
+        check()
+    ring = scene.index("ring")
+    given[ring] = given[ring][0] * [1, 1.5, 0.7], given[ring][1]
+    scene.update_vertices("ring", given[ring][0])
+    check()
+    given.append(odd(TORUS))
+    scene.add(given[-1], name="last")
+    check()
+    scene, renderer = pickle.loads(pickle.dumps((scene, renderer)))
+    renderer.scene = scene
+    check()
+
+
+def test_a_solid_has_none_from_inside_either(device, caster):
+    """There its triangles are seen, which are none of the user's."""
+    scene = wv.Scene(device=device)
+    scene.add(solids.sphere(3.0), name="dome", movable=True)
+    scene.add(BOX, name="box", pose=(0, 0, 2, 0, 0, 0, 1))
+    views = wv.render(
+        scene, SMALL, np.array([STILL], dtype=np.float32), outputs=("segmentation", "faces"), caster=caster
+    )
+    objects, faces = views.segmentation.numpy(), views.faces.numpy()
+    assert (faces[objects == 0] == -1).all() and (faces[objects == 1] >= 0).all()
+    assert set(np.unique(objects)) == {0, 1}
+
+
+def test_a_batch_of_mujoco_has_none():
+    """Where geoms coincide, it shows another one than the ray meets."""
+    model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
+    with pytest.raises(ArrayError, match="without faces"):
+        wv.mujoco.BatchRenderer(model, outputs=("depth", "faces"))
