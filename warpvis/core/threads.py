@@ -8,7 +8,7 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from queue import SimpleQueue
-from threading import Lock, Thread
+from threading import Lock, Thread, get_ident
 from typing import TypeVar
 
 import warp as wp
@@ -81,13 +81,33 @@ def launch_images(
         return
 
     load_module(kernel)
+    packed: dict[int, _PackedPieces] = {}
 
     def launch_piece(piece: tuple[int, int, int, int]) -> None:
         view, view_count, row, row_count = piece
-        dim = (view_count, row_count, spans)
-        wp.launch(kernel, dim=dim, inputs=arguments(_window(view, row)), device=device)
+        dim, window = (view_count, row_count, spans), _window(view, row)
+        known = packed.get(get_ident())
+        if known is None:
+            known = packed[get_ident()] = _PackedPieces(kernel, dim, arguments(window), window)
+        else:
+            known.set(dim, window)
+        known.launch.launch()
 
     run_each(launch_piece, _split(views, height, width, threads, split_views), threads)
+
+
+class _PackedPieces:
+    """A thread's launches of a kernel over pieces: to pack all arguments again takes longer than many a piece."""
+
+    def __init__(self, kernel: wp.Kernel, dim: tuple[int, int, int], inputs: KernelArguments, window: Window) -> None:
+        """Pack the first one."""
+        self.launch = wp.launch(kernel, dim=dim, inputs=inputs, device="cpu", record_cmd=True)
+        self._place = next(place for place, value in enumerate(inputs) if value is window)
+
+    def set(self, dim: tuple[int, int, int], window: Window) -> None:
+        """Have it be of another piece."""
+        self.launch.set_dim(dim)
+        self.launch.set_param_at_index(self._place, window)
 
 
 def launch_points(

@@ -132,6 +132,11 @@ struct RemapTree {
             run[packet] = 1;
             const Ints inside = from.inside(job);
             outside[packet] = (int)(~Lanes::bits(inside) & 0xffff);
+            if (!Lanes::any(inside)) {
+                Lanes::store(image.inv_z + packet * LANES, start[block] = Lanes::all(NOWHERE));
+                low_u[block] = low_v[block] = high_u[block] = high_v[block] = Lanes::all(NOWHERE);
+                continue;
+            }
             const TreePlaces at_u = horizontal.of(inside ? from.x : none), at_v = vertical.of(inside ? from.y : none);
             Lanes::store(u + packet * LANES, at_u.rounded);
             Lanes::store(v + packet * LANES, at_v.rounded);
@@ -159,8 +164,11 @@ struct RemapTree {
         float* bounds = bounds_of_packets(tile);
         for (int child = 0; child < LANES; ++child) {
             const int packet = tile * LANES + child;
-            for (unsigned left = (unsigned)outside[packet]; left; left &= left - 1)
-                image.inv_z[packet * LANES + Lanes::first_lane(left)] = 0.0f;
+            if (outside[packet]) {
+                const Ints sees = ((Lanes::all_ints(outside[packet]) >> Lanes::index()) & 1) == 0;
+                const Floats inv_z = Lanes::load(image.inv_z + packet * LANES);
+                Lanes::store(image.inv_z + packet * LANES, sees ? inv_z : Lanes::all(0.0f));
+            }
             if (bounds[child] > bounds[2 * LANES + child]) bounds[child] = bounds[2 * LANES + child] = 0.0f;
         }
     }

@@ -36,32 +36,38 @@ struct StereoWindow {
     const Stereo& stereo;
     const StereoImages& images;
     Real depth;
-    Real in_row, of_row, in_column, of_column;
+    Real in_row, in_column;
 
     inline void look_across(const float* row, int x, int lag) {
         const int from = x + lag;
-        const Real column = Numbers::columns(from);
-        const Real inside = select((column >= 0.0f) & (column < (float)images.width));
         if (from >= 0 && from + Numbers::PIXELS <= images.width) {
-            in_row += same(Numbers::load(row + from, Numbers::PIXELS));
+            count(Numbers::load(row + from, Numbers::PIXELS), in_row);
         } else {
             // Where the row ends, the pixels beside the end are of no surface.
             float some[Numbers::PIXELS];
             for (int k = 0; k < Numbers::PIXELS; ++k)
                 some[k] = from + k >= 0 && from + k < images.width ? row[from + k] : Numbers::endless();
-            in_row += same(Numbers::load(some, Numbers::PIXELS));
+            count(Numbers::load(some, Numbers::PIXELS), in_row);
         }
-        of_row += inside;
     }
     inline void look_down(const float* row, int y, int x, int lag) {
         if (y + lag < 0 || y + lag >= images.height) return;
-        in_column += same(Numbers::load(row + (long long)lag * images.width + x, images.width - x));
-        of_column += 1.0f;
+        count(Numbers::load(row + (long long)lag * images.width + x, images.width - x), in_column);
     }
-    inline Real same(Real other) const {
-        return select(stereo.disparity_scale * Numbers::abs(depth - other) < stereo.edge_step * depth * other);
+    inline void count(Real other, Real& number) const {
+        const Whole same = stereo.disparity_scale * Numbers::abs(depth - other) < stereo.edge_step * depth * other;
+        number = same ? number + 1.0f : number;
     }
-    static inline Real select(Whole which) { return which ? Numbers::real(1.0f) : Numbers::real(0.0f); }
+    // How many pixels of the image are in the windows, across and down.
+    inline Real of_row(int x) const {
+        const Real first = Numbers::columns(x) - (float)stereo.window, last = first + (float)(2 * stereo.window);
+        const Real least = Numbers::real(0.0f), most = Numbers::real((float)(images.width - 1));
+        return (last < most ? last : most) - (first > least ? first : least) + 1.0f;
+    }
+    inline float of_column(int y) const {
+        const int first = y - stereo.window, last = y + stereo.window, most = images.height - 1;
+        return (float)((last < most ? last : most) - (first > 0 ? first : 0) + 1);
+    }
 
     // Whether all that these windows hold is of one surface, by the least and the greatest depth: that is most of an
     // image, and sooner known than counted. What rounding leaves in doubt is counted.
@@ -84,12 +90,12 @@ struct StereoWindow {
     static inline Real support(const Stereo& stereo, const StereoImages& images, const float* row, int y, int x) {
         const Real none = Numbers::real(0.0f);
         if (even(stereo, images, row, y, x)) return Numbers::real(1.0f);
-        StereoWindow window = {stereo, images, Numbers::load(row + x, images.width - x), none, none, none, none};
+        StereoWindow window = {stereo, images, Numbers::load(row + x, images.width - x), none, none};
         for (int lag = -stereo.window; lag <= stereo.window; ++lag) {
             window.look_across(row, x, lag);
             window.look_down(row, y, x, lag);
         }
-        return (window.in_row / window.of_row) * (window.in_column / window.of_column);
+        return (window.in_row / window.of_row(x)) * (window.in_column / window.of_column(y));
     }
 };
 
@@ -169,6 +175,7 @@ struct StereoRows {
         const int first = x;
         for (int k = 0; k < PixelWords::PIXELS / Numbers::PIXELS; ++k, x += Numbers::PIXELS) {
             if (x >= images.width) return;
+            if (empty(images, view, y, x)) continue;
             StereoPixel pixel = look(stereo, images, view, y, x);
             if (white) pixel.noise = Random::normal(noise.block[k]);
             const long long place = (view.index * images.height + y) * images.width + x;
@@ -179,6 +186,16 @@ struct StereoRows {
             }
             say(stereo, images, pixel, place, images.width - x);
         }
+    }
+    // Whether nothing is there in all of the pixels of a register, and if so, say that: often it is so in many.
+    static inline bool empty(const StereoImages& images, const StereoView& view, int y, int x) {
+        const long long place = (view.index * images.height + y) * images.width + x;
+        const Real depth = Numbers::load(images.depth + place, images.width - x);
+        if (Numbers::PIXELS == 1 || !Numbers::all(depth == Numbers::endless())) return false;
+        Numbers::store(images.depth_out + place, depth, Numbers::PIXELS);
+        if (images.reasons_out)
+            Numbers::store(images.reasons_out + place, Numbers::whole(REASON_EMPTY), Numbers::PIXELS);
+        return true;
     }
     // Find how much light comes back; whether it is by chance that pixels are found.
     static inline bool by_chance(const Stereo& stereo, const StereoImages& images, const StereoView& view,
