@@ -22,7 +22,7 @@ demo: $(VIEW)
 test: $(STAMP)
 	-@./scripts/ensure_egl.sh
 	-@./scripts/ensure_clang.sh $(BIN)/python
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 # The documentation's site, in docs/_build/html: every warning is an error. Notebooks run, and nothing is read from a network.
 docs: $(DOCS)
