@@ -65,7 +65,8 @@ def prepare(page, folder):
 def _appearance(folder):
     box = trimesh.creation.box()
     arrays = {"rows": [0] * 12, "uv": np.zeros((12, 3, 2)), "points": np.zeros((4, 3))}
-    return {"mesh": box, "cup": box, "table": box, "crate": box, **arrays}
+    seen = {"camera": wv.Camera.from_fov(16, 12, hfov=1.0), "camera_to_world": wv.look_at((3, 3, 3), (0, 0, 0))}
+    return {"mesh": box, "cup": box, "table": box, "crate": box, **arrays, **seen}
 
 
 def _room():

@@ -87,6 +87,7 @@ from reference_random import draw_normal_rows, draw_normals, draw_uniforms  # no
 from reference_rangefinders import read_rangefinders  # noqa: F401
 from reference_ray_table import cast_ray_table
 from reference_redwood import measure_redwood  # noqa: F401
+from reference_shading import shade_base_colors, shade_lit_colors  # noqa: F401
 from reference_silhouettes import (  # noqa: F401
     judge_silhouettes,
     measure_silhouettes,

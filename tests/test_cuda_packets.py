@@ -59,7 +59,7 @@ def test_what_is_launched(monkeypatch):
     worlds, poses = parse_worlds(scene, 3, None, None, None), wp.zeros(3, dtype=wp.transform)
     for clip_near in (False, True):
         caster = CudaPacketsCaster(scene, camera, cull_backfaces=False, clip_near=clip_near, threads=1)
-        caster.cast(poses, worlds, [depth, None, None, None, None])
+        caster.cast(poses, worlds, [depth, *[None] * 5])
         caster.cast(poses, worlds, [depth, None, None, None, ids])
         caster.cast(wp.zeros(0, dtype=wp.transform), worlds, [None] * 5)
     size = (2, 3, 4, 32)  # rows of packets of all views, one after the other
@@ -76,7 +76,7 @@ def test_what_is_launched_for_sizes_of_their_own(monkeypatch):
     caster = CudaPacketsCaster(scene, camera, cull_backfaces=False, clip_near=False, threads=1)
     for scales in (None, np.ones((1, 1, 3))):
         worlds = parse_worlds(scene, 1, None, None, None, scales)
-        caster.cast(wp.zeros(1, dtype=wp.transform), worlds, [wp.zeros((1, 40, 100)), None, None, None, None])
+        caster.cast(wp.zeros(1, dtype=wp.transform), worlds, [wp.zeros((1, 40, 100)), *[None] * 5])
     assert launched == [(True, False, False), (True, False, True)]
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import warp as wp
 
 from warpvis.core.ray_camera import RayCamera
-from warpvis.rendering._views import OUTPUTS, Views, views_for
+from warpvis.rendering._views import CAST_OUTPUTS, Views, views_for
 from warpvis.rendering.casters import RayTableCaster, as_rows
 from warpvis.scene import Scene
 
@@ -43,7 +43,7 @@ def render_along(
         The outputs, of shape ``(V, N)``, on the scene's device.
     """
     views = views_for(outputs, rays.shape, scene.device)
-    rows = [as_rows(getattr(views, name)) if name in outputs else None for name in OUTPUTS]
+    rows = [as_rows(getattr(views, name)) if name in outputs else None for name in CAST_OUTPUTS]
     caster = RayTableCaster(scene, camera, cull_backfaces=False, clip_near=False, threads=threads)
     caster.cast_along(caster.parse_poses(poses, "opencv"), worlds, as_rows(rays), rows)
     return views

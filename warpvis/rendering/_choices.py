@@ -22,7 +22,9 @@ from warpvis.rendering._orthographic import OrthographicCamera, RenderCamera
 from warpvis.rendering._views import ALL_OUTPUTS, SENSOR_OUTPUTS, check_outputs
 from warpvis.rendering.casters import OrthographicCaster, RaysCaster, RayTableCaster
 
-Output = Literal["depth", "points", "normals", "labels", "segmentation", "faces", "reasons", "true_depth"]
+Output = Literal[
+    "depth", "points", "normals", "labels", "segmentation", "faces", "color", "albedo", "reasons", "true_depth"
+]
 """Names of images that a renderer makes; `OUTPUTS` says what they hold."""
 Caster = Literal["auto", "packets", "rays"]
 """How rays are cast: in packets, one by one, or by whichever of the two is faster."""

@@ -11,7 +11,7 @@ from typing import Any, Generic, TypeVar
 
 import warp as wp
 
-from warpvis.rendering._views import ALL_OUTPUTS, OUTPUTS, Views
+from warpvis.rendering._views import ALL_OUTPUTS, CAST_OUTPUTS, Views
 
 _Thing = TypeVar("_Thing")
 
@@ -63,12 +63,12 @@ class ImageSlots:
         from warpvis.kernels.images import Images
 
         self.struct = Images()
-        self._slots = [getattr(memory_of(self.struct), name) for name in OUTPUTS]
-        self._filled = [False] * len(OUTPUTS)
+        self._slots = [getattr(memory_of(self.struct), name) for name in CAST_OUTPUTS]
+        self._filled = [False] * len(CAST_OUTPUTS)
 
     def fill(self, images: list[wp.array | None]) -> None:
         """Write where the images of a call are; None is not made."""
-        for index, image in enumerate(images):
+        for index, image in enumerate(images[: len(CAST_OUTPUTS)]):
             if image is not None:
                 self._slots[index].data = image.ptr
                 self._filled[index] = True

@@ -38,7 +38,8 @@ from warpvis.rendering._moving import MovingCaster, MovingPoses
 from warpvis.rendering._orthographic import OrthographicCamera, RenderCamera
 from warpvis.rendering._prepared import CheckedImages
 from warpvis.rendering._sensing import Sensing, check_word, view_numbers
-from warpvis.rendering._views import ALL_OUTPUTS, OUTPUTS, Views, views_for
+from warpvis.rendering._shading import ShadingCaster, bytes_beside
+from warpvis.rendering._views import ALL_OUTPUTS, COLOR_OUTPUTS, OUTPUTS, Views, views_for
 from warpvis.rendering.casters import as_images, as_rows
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds, part_of
@@ -84,7 +85,7 @@ class Renderer:
                 `warpvis.sensors.Rays`, which are cast by rays where these have origins of their own, or a
                 `warpvis.rendering.OrthographicCamera`, which always is.
             outputs: The images to make, of ``"depth"``, ``"points"``, ``"normals"``, ``"labels"``, ``"segmentation"``,
-                ``"faces"``; with a sensor, also of ``"reasons"`` and ``"true_depth"``.
+                ``"faces"``, ``"color"``, ``"albedo"``; with a sensor, also of ``"reasons"`` and ``"true_depth"``.
             caster: ``"packets"``, for speed; ``"rays"``, the reference; ``"auto"`` takes packets, which have been the
                 faster ones but in small images of 50 million triangles on a GPU. Both give the same images.
             cull_backfaces: See through triangles from behind (where ``(b - a) x (c - a)`` points away from the
@@ -137,8 +138,13 @@ class Renderer:
             sensor, self.scene, self.camera, self._make_caster, seed=self.seed, clip_near=clip_near, threads=threads
         )
 
+    @property
+    def _has_colors(self) -> bool:
+        return not COLOR_OUTPUTS.keys().isdisjoint(self.outputs)
+
     def _make_caster(self, camera: RenderCamera) -> Any:
-        return caster_class(self.caster, camera, self.scene.device)(self.scene, camera, **self._options)
+        caster = caster_class(self.caster, camera, self.scene.device)(self.scene, camera, **self._options)
+        return ShadingCaster(caster, self.scene, camera, threads=self.threads) if self._has_colors else caster
 
     def render(
         self,
@@ -254,6 +260,8 @@ class Renderer:
         """Return who casts where something moves, made when that first comes."""
         if self._sensing is not None:
             raise CameraError("a sensor's model is of poses that stay within a frame, and not yet of a Motion")
+        if self._has_colors:
+            raise CameraError("colours are of poses that stay within a frame, and not yet of a Motion")
         if self._only_packets:
             raise CameraError('packets are cast from one place: what moves needs caster="rays" or "auto"')
         if self._moving is None:
@@ -351,6 +359,8 @@ class Renderer:
 
     def _bytes_per_pixel(self) -> int:
         beside = 0 if self._sensing is None else self._sensing.bytes_per_pixel(self.outputs)
+        if self._has_colors:
+            beside += bytes_beside(self.outputs)
         return beside + sum(wp.types.type_size_in_bytes(ALL_OUTPUTS[name]) for name in self.outputs)
 
     def _cast_in_parts(self, poses: wp.array, worlds: Worlds, numbers: _Numbers, images: list[wp.array | None]) -> None:

@@ -15,7 +15,7 @@ from warpvis.core.arrays import check_out, empty
 from warpvis.core.checks import as_items
 from warpvis.errors import ArrayError
 
-OUTPUTS: dict[str, type] = {
+CAST_OUTPUTS: dict[str, type] = {
     "depth": wp.float32,
     "points": wp.vec3,
     "normals": wp.vec3,
@@ -23,6 +23,12 @@ OUTPUTS: dict[str, type] = {
     "segmentation": wp.int32,
     "faces": wp.int32,
 }
+"""The images that casters make and the dtypes of their pixels."""
+
+COLOR_OUTPUTS: dict[str, type] = {"color": wp.vec3ub, "albedo": wp.vec3ub}
+"""Those that are made of what casters say."""
+
+OUTPUTS = CAST_OUTPUTS | COLOR_OUTPUTS
 """The images that can be rendered and the dtypes of their pixels."""
 
 _FACES = list(OUTPUTS).index("faces")
@@ -60,6 +66,11 @@ class Views:
     faces: wp.array = None
     """Indices of the seen triangles in the object's own mesh, as it was added: rows of `SceneObject.faces`,
     ``(V, H, W)`` int32. They are -1 of movable solids, too, whose surface is no triangle's."""
+    color: wp.array = None
+    """Colours under the scene's lights, or base colours if it has none, as screens show them (sRGB), ``(V, H, W)`` of
+    three uint8: in NumPy ``(V, H, W, 3)``. Where nothing is seen, the scene's background."""
+    albedo: wp.array = None
+    """Base colours of surfaces without any light, likewise."""
     reasons: wp.array = None
     """Of a sensor: why a pixel has no depth, `warpvis.sensors.Reason` values, ``(V, H, W)`` uint8."""
     true_depth: wp.array = None
@@ -84,7 +95,7 @@ class Views:
 
 def wants_ids(images: Sequence[wp.array | None]) -> bool:
     """Tell whether any of the casters' images needs to know what is seen: all but depth and points do."""
-    return any(image is not None for image in images[2:])
+    return any(image is not None for image in images[2 : len(CAST_OUTPUTS)])
 
 
 def wants_faces(images: Sequence[wp.array | None]) -> bool:

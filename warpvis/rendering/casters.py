@@ -225,7 +225,7 @@ def images_struct(images: Sequence[wp.array | None]) -> Images:
     from warpvis.kernels.images import NAMES, Images
 
     struct = Images()
-    for name, image in zip(NAMES, images, strict=True):
+    for name, image in zip(NAMES, images, strict=False):  # of a colour, which is none of theirs, there is none
         if image is not None:
             setattr(struct, name, image)
     return struct

@@ -42,6 +42,9 @@ class SceneObject:
     """Index of the movable object that it was attached to; None for most."""
     solid: Solid | None = None
     """What rays meet of a movable object in place of its triangles, if it was added as a `solids.Solid`."""
+    origin: NDArray[np.float64] | None = field(default=None, repr=False, compare=False)
+    """Where an object that stays was added, object to world, ``x y z qx qy qz qw``: the frame that textures are laid
+    from where they have no coordinates; None for the world's."""
     look: Look | None = field(default=None, repr=False, compare=False)
     """What makes its `appearance`."""
 
@@ -97,7 +100,7 @@ class SceneObject:
     def appearance(self) -> Appearance | None:
         """What it looks like: as it was added, or as its file or trimesh's `visual` says; None if nothing says it.
 
-        Textures decode when they are first asked for. Nothing draws it yet.
+        Textures decode when they are first asked for.
         """
         return None if self.look is None else self.look.get()
 

@@ -170,7 +170,7 @@ class Scene(SceneExports):
                 has no pose of its own in a world, and both render faster than if it had. Meshes only, not solids.
             appearance: What it looks like: a `scene.materials.Appearance`, a `Material`, or a colour (red, green, blue,
                 and opacity if you like, from 0 to 1, sRGB). By default what trimesh's `visual` says, which is read when
-                `SceneObject.appearance` is first asked for. Nothing draws it yet.
+                `SceneObject.appearance` is first asked for, or colours are rendered.
 
         Returns:
             The object's index, the value of its pixels in the object image.
@@ -198,7 +198,8 @@ class Scene(SceneExports):
         elif attach_to is not None or not movable:
             placed = shared.placed(row, name)
             frame = {} if attach_to is None else self._attach(attach_to, mesh, name, placed)
-            item = SceneObject(name, number, placed.astype(np.float32), shared.faces, look=look, **frame)
+            origin = row if attach_to is None else None
+            item = SceneObject(name, number, placed.astype(np.float32), shared.faces, origin=origin, look=look, **frame)
         else:
             pose = (_IDENTITY if row is None else row).astype(np.float32)
             shared.check_reach(pose[None], name)

@@ -19,7 +19,10 @@ from warpvis.scene._object_list import ObjectList
 from warpvis.scene.geometry import SceneBvh, Triangles, build_scene_bvh, build_triangles
 
 if TYPE_CHECKING:
+    from warpvis.kernels.lighting import Lights
+    from warpvis.kernels.shading import Looks
     from warpvis.scene._kept_trees import KeptTrees
+    from warpvis.scene.lights import Background, Light
 
 
 class SceneTrees:
@@ -39,6 +42,8 @@ class SceneTrees:
         self._triangles: Triangles | None = None
         self._bvh: SceneBvh | None = None
         self._wants_faces = False
+        self._looks: tuple[Looks, bool] | None = None
+        self._light_looks: tuple[tuple[Light, ...], Lights] | None = None
         self._sizes: wp.array | None = None
         self._poses: wp.array | None = None
 
@@ -89,6 +94,26 @@ class SceneTrees:
                     self.require_objects(), self.device, kept=self._kept_trees, faces=self._wants_faces
                 )
             return self._bvh
+
+    def looks(self, background: Background | None) -> Looks:
+        """Return what objects look like, as shading takes it, made when first asked for after a change."""
+        from warpvis.scene._looks import pack_looks, set_background
+
+        objects, movable = self.objects, self.movable
+        with self._lock:
+            if self._looks is None or self._looks[1]:
+                self._looks = pack_looks(objects, movable, self.device)
+            set_background(self._looks[0], background)
+            return self._looks[0]
+
+    def light_looks(self, lights: tuple[Light, ...]) -> Lights:
+        """Return lights as shading takes them, made when first asked for after they were exchanged."""
+        from warpvis.scene._looks import pack_lights
+
+        with self._lock:
+            if self._light_looks is None or self._light_looks[0] != lights:
+                self._light_looks = lights, pack_lights(lights, self.device)
+            return self._light_looks[1]
 
     def object_labels(self) -> wp.array:
         """Return labels of the objects on the scene's device, shape ``(objects,)`` uint8."""
@@ -158,7 +183,7 @@ class SceneTrees:
 
     def _forget(self) -> None:
         """Let go of all that was made of the objects: they have changed."""
-        self._tuple = self._columns = self._triangles = self._bvh = self._sizes = self._poses = None
+        self._tuple = self._columns = self._triangles = self._bvh = self._sizes = self._poses = self._looks = None
 
     def require_objects(self) -> ObjectList:
         """Return the objects; a `SceneError` if there are none."""

@@ -66,6 +66,12 @@ def linear_color(color: ArrayLike) -> tuple[float, ...]:
     return tuple(np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4).tolist())
 
 
+def screen_color(color: ArrayLike) -> tuple[float, ...]:
+    """Turn a colour that is proportional to light into one of sRGB."""
+    parts = np.asarray(color, dtype=np.float64)
+    return tuple(np.where(parts <= 0.0031308, parts * 12.92, 1.055 * parts ** (1 / 2.4) - 0.055).tolist())
+
+
 def shown(given: object) -> str:
     """Write what was given as messages show it: its type, if it is long."""
     text = repr(given)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What objects look like, as data: textures, materials, and which material and colour each face has.
 
-Nothing is shaded yet. `Scene.add` takes an `Appearance`, a `Material` or a colour, and readers of files fill it in.
+`Scene.add` takes an `Appearance`, a `Material` or a colour, and readers of files fill it in.
 """
 
 from __future__ import annotations

@@ -1,0 +1,157 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Colours of what images show under the lights of a scene: ambient light, Lambert's law, and highlights.
+
+Formulas are those of `warpvis.scene.lights.Light`, light by light; nothing is in shadow.
+"""
+
+import warp as wp
+
+from warpvis.kernels.pinhole import Window
+from warpvis.kernels.shading import Footprint, Looks, base_color, material_of, to_bytes
+from warpvis.kernels.textures import to_linear, to_screen
+from warpvis.kernels.worlds import Worlds
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid_stride": False})
+
+LIGHT_AMBIENT, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, LIGHT_HEADLIGHT = (wp.constant(kind) for kind in range(5))
+FALLOFF_OPENGL, FALLOFF_WEBOTS, FALLOFF_GLTF = (wp.constant(kind) for kind in range(3))
+PI = wp.constant(3.14159265358979)
+
+
+@wp.struct
+class LightLook:
+    """A light in the world, with colours times its intensity, in the space where light is added up."""
+
+    kind: int
+    position: wp.vec3
+    direction: wp.vec3
+    color: wp.vec3
+    ambient: wp.vec3
+    specular: wp.vec3
+    falloff: int
+    attenuation: wp.vec3
+    reach: float
+    inner_angle: float
+    outer_angle: float
+    exponent: float
+
+
+@wp.struct
+class Lights:
+    """All lights of a scene."""
+
+    all: wp.array[LightLook]
+    is_linear: bool  # whether light is added up in proportion to it; else as screens show it
+
+
+@wp.func
+def cone_share(light: LightLook, cosine: float) -> float:
+    """How much of a spot's light goes in a direction, given the cosine of the angle from its axis."""
+    if light.falloff == FALLOFF_GLTF:
+        limit = wp.cos(light.outer_angle)
+        share = wp.clamp((cosine - limit) / wp.max(wp.cos(light.inner_angle) - limit, 1.0e-3), 0.0, 1.0)
+        return share * share
+    angle = wp.acos(wp.clamp(cosine, -1.0, 1.0))
+    if light.falloff == FALLOFF_WEBOTS:
+        if angle <= light.inner_angle:
+            return 1.0
+        return wp.clamp((light.outer_angle - angle) / wp.max(light.outer_angle - light.inner_angle, 1.0e-30), 0.0, 1.0)
+    if light.outer_angle >= PI:
+        return 1.0
+    if angle > light.outer_angle:
+        return 0.0
+    return wp.pow(wp.max(cosine, 0.0), light.exponent)
+
+
+@wp.func
+def strength(light: LightLook, away: float, cosine: float) -> float:
+    """How much of a point's or a spot's light gets to a place so far away, as `Light.strength` has it."""
+    if away > light.reach:
+        return 0.0
+    by = light.attenuation[0] + light.attenuation[1] * away + light.attenuation[2] * away * away
+    share = 1.0 / by
+    if light.falloff == FALLOFF_GLTF and light.reach < 1.0e30:
+        part = away / light.reach
+        share *= wp.clamp(1.0 - part * part * part * part, 0.0, 1.0)
+    if light.kind == LIGHT_SPOT:
+        share *= cone_share(light, cosine)
+    return share
+
+
+@wp.func
+def lit(
+    light: LightLook, point: wp.vec3, normal: wp.vec3, to_eye: wp.vec3, forward: wp.vec3, base: wp.vec3, gloss: wp.vec4
+) -> wp.vec3:
+    """What a surface shows of a light: `base` is its colour, and `gloss` that of highlights, and their exponent."""
+    if light.kind == LIGHT_AMBIENT:
+        return wp.cw_mul(light.ambient, base)
+    to_light, share = -light.direction, float(1.0)
+    if light.kind == LIGHT_HEADLIGHT:
+        to_light = -forward
+    elif light.kind != LIGHT_DIRECTIONAL:
+        way = light.position - point
+        away = wp.length(way)
+        to_light = way / wp.max(away, 1.0e-12)
+        share = strength(light, away, -wp.dot(to_light, light.direction))
+    facing = wp.dot(normal, to_light)
+    shown = wp.cw_mul(light.ambient, base)
+    if facing > 0.0:
+        scattered = wp.cw_mul(light.color, base) * facing
+        if light.falloff == FALLOFF_GLTF:  # of what falls on it in all, [lx], a surface shows that part one way
+            scattered = scattered / PI
+        half = wp.normalize(to_light + to_eye)
+        glossy = wp.pow(wp.max(wp.dot(half, normal), 0.0), gloss[3])
+        shown += scattered + wp.cw_mul(light.specular, wp.vec3(gloss[0], gloss[1], gloss[2])) * glossy
+    return shown * share
+
+
+@wp.func
+def in_space(color: wp.vec3, is_linear: bool, wants_linear: bool) -> wp.vec3:
+    """A colour in another colour space."""
+    if wants_linear and not is_linear:
+        return wp.vec3(to_linear(color[0]), to_linear(color[1]), to_linear(color[2]))
+    if is_linear and not wants_linear:
+        return wp.vec3(to_screen(color[0]), to_screen(color[1]), to_screen(color[2]))
+    return color
+
+
+@wp.kernel
+def shade_lit_colors(
+    # Scene:
+    looks: Looks,
+    lights: Lights,
+    # Cameras:
+    footprint: Footprint,
+    camera_to_world: wp.array[wp.transform],
+    window: Window,
+    # In:
+    worlds: Worlds,
+    points_in: wp.array3d[wp.vec3],
+    segmentation_in: wp.array3d[wp.int32],
+    faces_in: wp.array3d[wp.int32],
+    normals_in: wp.array3d[wp.vec3],
+    # Out:
+    color_out: wp.array3d[wp.vec3ub],
+):
+    """Write colours under all lights of what other images say is seen; the background elsewhere."""
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+    index = segmentation_in[view, y, x]
+    color = 1.0 * looks.background
+    if index >= 0:
+        camera, face = camera_to_world[view], faces_in[view, y, x]
+        point, normal = points_in[view, y, x], normals_in[view, y, x]
+        shown = base_color(looks, footprint, camera, worlds, view, point, index, face)
+        material = looks.materials[material_of(looks, index, face)]
+        base = in_space(shown, False, lights.is_linear)
+        specular = in_space(material.specular, material.is_linear, lights.is_linear)
+        gloss = wp.vec4(specular[0], specular[1], specular[2], material.shininess)
+        to_eye = wp.normalize(wp.transform_get_translation(camera) - point)
+        forward = wp.quat_rotate(wp.transform_get_rotation(camera), wp.vec3(0.0, 0.0, 1.0))
+        total = in_space(material.emission, material.is_linear, lights.is_linear)
+        for number in range(lights.all.shape[0]):
+            total += lit(lights.all[number], point, normal, to_eye, forward, base, gloss)
+        color = in_space(total, lights.is_linear, False)
+    color_out[view, y, x] = to_bytes(color)

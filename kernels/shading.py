@@ -1,0 +1,306 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Colours of what images show: base colours of surfaces, with textures, from objects, triangles and seen points."""
+
+import warp as wp
+
+from warpvis.kernels.pinhole import Window
+from warpvis.kernels.textures import TextureLook, sample, to_screen_color
+from warpvis.kernels.worlds import Worlds, world_of
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid_stride": False})
+
+PROJECTION_UV, PROJECTION_PLANE, PROJECTION_CUBE = wp.constant(0), wp.constant(1), wp.constant(2)
+FOOTPRINT_NONE, FOOTPRINT_PINHOLE, FOOTPRINT_CONE, FOOTPRINT_PARALLEL = (wp.constant(kind) for kind in range(4))
+
+
+@wp.struct
+class MaterialLook:
+    """What a material says of its base colour; see `warpvis.scene.materials.Material`."""
+
+    color: wp.vec4
+    is_linear: bool  # whether colours of it are proportional to light, and multiplied so
+    texture: int  # -1 for none
+    projection: int
+    repeat: wp.vec2  # how often the texture is repeated
+    specular: wp.vec3
+    shininess: float
+    emission: wp.vec3
+    scale: wp.vec3  # of a cube: what coordinates of the object's frame are multiplied by before
+
+
+@wp.struct
+class Looks:
+    """What all objects of a scene look like: see `warpvis.scene._looks`."""
+
+    object_material: wp.array[wp.int32]
+    """(object): its first material."""
+    object_column: wp.array[wp.int32]
+    """(object): which movable object's pose it has; -1 of what stays."""
+    object_pose: wp.array[wp.transform]
+    """(object): from the frame of its corners to the world, of what stays."""
+    object_rows: wp.array2d[wp.int32]
+    """(object, 4): its first row of corners, texture coordinates, colours and materials; -1 where it has none."""
+    corners: wp.array2d[wp.vec3]
+    """(row, corner), in the object's frame [m]."""
+    uv: wp.array2d[wp.vec2]
+    colors: wp.array2d[wp.vec4]
+    face_material: wp.array[wp.int32]
+    materials: wp.array[MaterialLook]
+    textures: wp.array[TextureLook]
+    texels: wp.array[wp.uint32]
+    """Red in the lowest byte, and opacity in the highest one."""
+    background: wp.vec3
+    """Where nothing is seen, as screens show it, from 0 to 1."""
+
+
+@wp.struct
+class Footprint:
+    """How large a pixel is where it is seen."""
+
+    kind: int
+    size: wp.vec2
+    """Of a pinhole at a depth of 1, of a cone at a distance of 1, and of parallel rays anywhere [m]."""
+
+
+@wp.struct
+class SeenTriangle:
+    """The triangle that a pixel shows, in its object's frame."""
+
+    a: wp.vec3
+    ab: wp.vec3
+    ac: wp.vec3
+    normal: wp.vec3
+
+
+@wp.func
+def weights(triangle: SeenTriangle, point: wp.vec3) -> wp.vec3:
+    """How much of each corner is in a point of a triangle's plane."""
+    to = point - triangle.a
+    size = wp.dot(triangle.normal, triangle.normal)
+    if size == 0.0:
+        return wp.vec3(1.0, 0.0, 0.0)
+    of_b = wp.dot(wp.cross(to, triangle.ac), triangle.normal) / size
+    of_c = wp.dot(wp.cross(triangle.ab, to), triangle.normal) / size
+    return wp.vec3(1.0 - of_b - of_c, of_b, of_c)
+
+
+@wp.func
+def seen_triangle(looks: Looks, row: int, factors: wp.vec3) -> SeenTriangle:
+    """The triangle of a row, as large as it is in its world; of row -1, there is none."""
+    seen = SeenTriangle()
+    if row < 0:
+        return seen
+    seen.a = wp.cw_mul(looks.corners[row, 0], factors)
+    seen.ab = wp.cw_mul(looks.corners[row, 1], factors) - seen.a
+    seen.ac = wp.cw_mul(looks.corners[row, 2], factors) - seen.a
+    seen.normal = wp.cross(seen.ab, seen.ac)
+    return seen
+
+
+@wp.func
+def cube_place(direction: wp.vec3, side: int) -> wp.vec2:
+    """Where a direction passes a side of a cube: right, left, up, down, front, back (OpenGL 4.6, table 8.19)."""
+    x, y, z = direction[0], direction[1], direction[2]
+    s, t, along = float(0.0), float(0.0), float(1.0)
+    if side == 0:
+        s, t, along = -z, -y, x
+    elif side == 1:
+        s, t, along = z, -y, -x
+    elif side == 2:
+        s, t, along = x, z, y
+    elif side == 3:
+        s, t, along = x, -z, -y
+    elif side == 4:
+        s, t, along = x, -y, z
+    else:
+        s, t, along = -x, -y, -z
+    along = wp.max(along, 1.0e-12)
+    return wp.vec2(0.5 * (s / along + 1.0), 1.0 - 0.5 * (t / along + 1.0))
+
+
+@wp.func
+def cube_side(direction: wp.vec3) -> int:
+    """The side of a cube that a direction passes."""
+    x, y, z = wp.abs(direction[0]), wp.abs(direction[1]), wp.abs(direction[2])
+    if x >= y and x >= z:
+        return wp.where(direction[0] >= 0.0, 0, 1)
+    if y >= z:
+        return wp.where(direction[1] >= 0.0, 2, 3)
+    return wp.where(direction[2] >= 0.0, 4, 5)
+
+
+@wp.func
+def texture_place(
+    looks: Looks, material: MaterialLook, uv_row: int, triangle: SeenTriangle, point: wp.vec3, side: int
+) -> wp.vec3:
+    """Texture coordinates of a point of an object's frame, and the side of a cube, -1 of others."""
+    if material.projection == PROJECTION_CUBE:
+        at = cube_place(wp.cw_mul(point, material.scale), side)
+        return wp.vec3(at[0], at[1], float(side))
+    uv = wp.vec2(point[0], point[1])
+    if material.projection == PROJECTION_UV:
+        uv = wp.vec2(0.0, 0.0)
+        if uv_row >= 0:
+            w = weights(triangle, point)
+            uv = w[0] * looks.uv[uv_row, 0] + w[1] * looks.uv[uv_row, 1] + w[2] * looks.uv[uv_row, 2]
+    return wp.vec3(uv[0] * material.repeat[0], uv[1] * material.repeat[1], -1.0)
+
+
+@wp.func
+def beside(ray: wp.vec3, step: wp.vec3, depth: float, normal: wp.vec3) -> wp.vec3:
+    """From a point to where the ray of a neighbouring pixel meets its plane."""
+    steepness = wp.dot(normal, ray)
+    if wp.abs(steepness) <= 1.0e-4 * wp.length(normal) * wp.length(ray):  # edge-on: as if it were seen so steeply
+        steepness = wp.where(steepness < 0.0, -1.0, 1.0) * 1.0e-4 * wp.length(normal) * wp.length(ray)
+    return (step - ray * (wp.dot(normal, step) / steepness)) * depth
+
+
+@wp.func
+def to_bytes(color: wp.vec3) -> wp.vec3ub:
+    return wp.vec3ub(
+        wp.uint8(wp.clamp(color[0], 0.0, 1.0) * 255.0 + 0.5),
+        wp.uint8(wp.clamp(color[1], 0.0, 1.0) * 255.0 + 0.5),
+        wp.uint8(wp.clamp(color[2], 0.0, 1.0) * 255.0 + 0.5),
+    )
+
+
+@wp.func
+def textured(
+    looks: Looks,
+    material: MaterialLook,
+    footprint: Footprint,
+    camera: wp.transform,
+    frame: wp.transform,
+    uv_row: int,
+    triangle: SeenTriangle,
+    has_plane: bool,
+    seen: wp.vec3,
+) -> wp.vec4:
+    """The texture's colour at a seen point of the world, averaged over its pixel."""
+    texture = looks.textures[material.texture]
+    point = wp.transform_point(wp.transform_inverse(frame), seen)
+    eye = wp.transform_point(wp.transform_inverse(frame), wp.transform_get_translation(camera))
+    turn = wp.quat_inverse(wp.transform_get_rotation(frame)) * wp.transform_get_rotation(camera)
+    forward = wp.quat_rotate(turn, wp.vec3(0.0, 0.0, 1.0))
+    ray, depth = point - eye, float(1.0)
+    if footprint.kind == FOOTPRINT_PINHOLE:
+        depth = wp.max(wp.dot(ray, forward), 1.0e-12)
+        ray = ray / depth
+    elif footprint.kind == FOOTPRINT_PARALLEL:
+        ray = forward
+    else:
+        depth = wp.max(wp.length(ray), 1.0e-12)
+        ray = ray / depth
+    right, down = wp.quat_rotate(turn, wp.vec3(1.0, 0.0, 0.0)), wp.quat_rotate(turn, wp.vec3(0.0, 1.0, 0.0))
+    if footprint.kind == FOOTPRINT_CONE:  # across the ray, whichever way
+        right = wp.normalize(wp.cross(ray, wp.where(wp.abs(wp.dot(ray, down)) < 0.9, down, right)))
+        down = wp.cross(ray, right)
+    normal = wp.where(has_plane, triangle.normal, ray)
+    side = int(-1)
+    if material.projection == PROJECTION_CUBE:
+        side = cube_side(wp.cw_mul(point, material.scale))
+    across = point + beside(ray, right * footprint.size[0], depth, normal)
+    below = point + beside(ray, down * footprint.size[1], depth, normal)
+    return sample(
+        looks.texels,
+        texture,
+        texture_place(looks, material, uv_row, triangle, point, side),
+        texture_place(looks, material, uv_row, triangle, across, side),
+        texture_place(looks, material, uv_row, triangle, below, side),
+        material.is_linear,
+    )
+
+
+@wp.func
+def material_of(looks: Looks, index: int, face: int) -> int:
+    """The material of a triangle, -1 for none, of an object."""
+    rows = looks.object_rows[index, 3]
+    if face < 0 or rows < 0:
+        return looks.object_material[index]
+    return looks.face_material[rows + face]
+
+
+@wp.func
+def frame_of(looks: Looks, worlds: Worlds, view: int, index: int) -> wp.transform:
+    """From an object's frame to the world of a view."""
+    column = looks.object_column[index]
+    if column < 0:
+        return looks.object_pose[index]
+    return worlds.object_poses[world_of(worlds, view), column]
+
+
+@wp.func
+def factors_of(looks: Looks, worlds: Worlds, view: int, index: int) -> wp.vec3:
+    """By which an object's mesh is stretched along the axes of its frame."""
+    column = looks.object_column[index]
+    if column < 0 or not worlds.object_sizes:
+        return wp.vec3(1.0, 1.0, 1.0)
+    size = worlds.object_sizes[world_of(worlds, view), column]
+    return wp.vec3(size[0], size[1], size[2])
+
+
+@wp.func
+def base_color(
+    looks: Looks,
+    footprint: Footprint,
+    camera: wp.transform,
+    worlds: Worlds,
+    view: int,
+    seen: wp.vec3,
+    index: int,
+    face: int,
+) -> wp.vec3:
+    """What an object's surface looks like in a point of the world, as screens show it."""
+    frame, factors = frame_of(looks, worlds, view, index), factors_of(looks, worlds, view, index)
+    corner_row, uv_row, color_row = int(-1), int(-1), int(-1)
+    if face >= 0:
+        if looks.object_rows[index, 0] >= 0:
+            corner_row = looks.object_rows[index, 0] + face
+        if looks.object_rows[index, 1] >= 0:
+            uv_row = looks.object_rows[index, 1] + face
+        if looks.object_rows[index, 2] >= 0:
+            color_row = looks.object_rows[index, 2] + face
+    material = looks.materials[material_of(looks, index, face)]
+    triangle = seen_triangle(looks, corner_row, factors)
+    color = 1.0 * material.color
+    if color_row >= 0:
+        w = weights(triangle, wp.transform_point(wp.transform_inverse(frame), seen))
+        color = wp.cw_mul(
+            color,
+            w[0] * looks.colors[color_row, 0] + w[1] * looks.colors[color_row, 1] + w[2] * looks.colors[color_row, 2],
+        )
+    if material.texture >= 0 and (uv_row >= 0 or material.projection != PROJECTION_UV):
+        texel = textured(looks, material, footprint, camera, frame, uv_row, triangle, corner_row >= 0, seen)
+        color = wp.cw_mul(color, texel)
+    if material.is_linear:
+        color = to_screen_color(color)
+    return wp.vec3(color[0], color[1], color[2])
+
+
+@wp.kernel
+def shade_base_colors(
+    # Scene:
+    looks: Looks,
+    # Cameras:
+    footprint: Footprint,
+    camera_to_world: wp.array[wp.transform],
+    window: Window,
+    # In:
+    worlds: Worlds,
+    points_in: wp.array3d[wp.vec3],
+    segmentation_in: wp.array3d[wp.int32],
+    faces_in: wp.array3d[wp.int32],
+    # Out:
+    albedo_out: wp.array3d[wp.vec3ub],
+):
+    """Write base colours without light of what other images say is seen; the background elsewhere."""
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+    index = segmentation_in[view, y, x]
+    color = 1.0 * looks.background
+    if index >= 0:
+        face, seen = faces_in[view, y, x], points_in[view, y, x]
+        color = base_color(looks, footprint, camera_to_world[view], worlds, view, seen, index, face)
+    albedo_out[view, y, x] = to_bytes(color)

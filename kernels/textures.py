@@ -1,0 +1,156 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Textures: colours between texels and levels of mip maps, and colour spaces.
+
+A texture's level goes by a pixel's footprint on it, by the longer of its two sides in texels, as OpenGL has it (OpenGL
+4.6 core specification, 8.14.1). Colours between texels and levels are linear.
+"""
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid_stride": False})
+
+CUBE_SIDES = wp.constant(6)
+WRAP_MIRROR, WRAP_CLAMP = wp.constant(1), wp.constant(2)
+TEXTURE_LINEAR_FILTER = wp.constant(1)
+
+
+@wp.struct
+class TextureLook:
+    """Where a texture's levels are among all texels, the finest one first, each of rows from above."""
+
+    first: int
+    width: int
+    height: int  # of a cube, of its six sides together
+    levels: int
+    wrap_u: int
+    wrap_v: int
+    filter: int
+    is_linear: bool  # of what it stores
+
+
+@wp.func
+def to_linear(value: float) -> float:
+    """Light of a value as screens show it (IEC 61966-2-1)."""
+    if value <= 0.04045:
+        return value / 12.92
+    return wp.pow((value + 0.055) / 1.055, 2.4)
+
+
+@wp.func
+def to_screen(value: float) -> float:
+    """What is inverse to `to_linear`."""
+    if value <= 0.0031308:
+        return value * 12.92
+    return 1.055 * wp.pow(value, 1.0 / 2.4) - 0.055
+
+
+@wp.func
+def to_linear_color(color: wp.vec4) -> wp.vec4:
+    return wp.vec4(to_linear(color[0]), to_linear(color[1]), to_linear(color[2]), color[3])
+
+
+@wp.func
+def to_screen_color(color: wp.vec4) -> wp.vec4:
+    return wp.vec4(to_screen(color[0]), to_screen(color[1]), to_screen(color[2]), color[3])
+
+
+@wp.func
+def texel_color(texel: wp.uint32) -> wp.vec4:
+    byte = wp.uint32(255)
+    return (
+        wp.vec4(
+            float(texel & byte),
+            float((texel >> wp.uint32(8)) & byte),
+            float((texel >> wp.uint32(16)) & byte),
+            float(texel >> wp.uint32(24)),
+        )
+        / 255.0
+    )
+
+
+@wp.func
+def wrapped(index: int, size: int, mode: int) -> int:
+    """The texel that is shown for one of any number."""
+    if mode == WRAP_CLAMP:
+        return wp.clamp(index, 0, size - 1)
+    turn = index // size
+    if index < turn * size:  # division rounds towards 0
+        turn -= 1
+    at = index - turn * size
+    if mode == WRAP_MIRROR and (turn & 1) != 0:
+        return size - 1 - at
+    return at
+
+
+@wp.func
+def fetch(
+    texels: wp.array[wp.uint32], texture: TextureLook, first: int, size: wp.vec2i, at: wp.vec2i, linear: bool
+) -> wp.vec4:
+    """A texel of a level, in the colour space of the material that it is mixed for."""
+    column, row = wrapped(at[0], size[0], texture.wrap_u), wrapped(at[1], size[1], texture.wrap_v)
+    color = texel_color(texels[first + row * size[0] + column])
+    if linear and not texture.is_linear:
+        return to_linear_color(color)
+    if texture.is_linear and not linear:
+        return to_screen_color(color)
+    return color
+
+
+@wp.func
+def sample_level(
+    texels: wp.array[wp.uint32], texture: TextureLook, level: int, uv: wp.vec2, side: int, linear: bool
+) -> wp.vec4:
+    """The colour of a level at a place, of one of the sides of a cube or of the only one."""
+    first, width, height = int(texture.first), int(texture.width), int(texture.height)
+    sides = int(1)
+    if side >= 0:
+        sides = CUBE_SIDES
+    for _ in range(level):
+        first += width * height
+        width, height = wp.max(width // 2, 1), wp.max(height // sides // 2, 1) * sides
+    size = wp.vec2i(width, height // sides)
+    if side > 0:
+        first += side * width * size[1]
+    x, y = uv[0] * float(size[0]), (1.0 - uv[1]) * float(size[1])
+    if texture.filter != TEXTURE_LINEAR_FILTER:
+        return fetch(texels, texture, first, size, wp.vec2i(int(wp.floor(x)), int(wp.floor(y))), linear)
+    x -= 0.5
+    y -= 0.5
+    column, row = int(wp.floor(x)), int(wp.floor(y))
+    right, below = x - float(column), y - float(row)
+    upper = wp.lerp(
+        fetch(texels, texture, first, size, wp.vec2i(column, row), linear),
+        fetch(texels, texture, first, size, wp.vec2i(column + 1, row), linear),
+        right,
+    )
+    lower = wp.lerp(
+        fetch(texels, texture, first, size, wp.vec2i(column, row + 1), linear),
+        fetch(texels, texture, first, size, wp.vec2i(column + 1, row + 1), linear),
+        right,
+    )
+    return wp.lerp(upper, lower, below)
+
+
+@wp.func
+def sample(
+    texels: wp.array[wp.uint32], texture: TextureLook, uv: wp.vec3, across: wp.vec3, down: wp.vec3, linear: bool
+) -> wp.vec4:
+    """The colour at a place, the third number of which is a cube's side, or -1; beside it and below it are others."""
+    side, height = int(uv[2]), int(texture.height)
+    if side >= 0:
+        height = height // CUBE_SIDES
+    size = wp.vec2(float(texture.width), float(height))
+    one = wp.length(wp.cw_mul(wp.vec2(across[0] - uv[0], across[1] - uv[1]), size))
+    other = wp.length(wp.cw_mul(wp.vec2(down[0] - uv[0], down[1] - uv[1]), size))
+    longest = wp.max(one, other)
+    level = float(0.0)
+    if longest > 1.0 and texture.filter == TEXTURE_LINEAR_FILTER:
+        level = wp.min(wp.log2(longest), float(texture.levels - 1))
+    finer = int(level)
+    at = wp.vec2(uv[0], uv[1])
+    color = sample_level(texels, texture, finer, at, side, linear)
+    if level > float(finer):
+        coarser = sample_level(texels, texture, finer + 1, at, side, linear)
+        color = wp.lerp(color, coarser, level - float(finer))
+    return color

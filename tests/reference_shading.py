@@ -1,0 +1,192 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Base colours in double precision, the slow way: `warpvis.kernels.shading` without its tables."""
+
+import numpy as np
+
+from warpvis.core.poses import poses_to_matrices
+from warpvis.scene.materials import Appearance
+
+SIDES = ((0, 1), (0, -1), (1, 1), (1, -1), (2, 1), (2, -1))
+"""Axis and sign of a cube's sides: right, left, up, down, front, back."""
+
+
+def to_linear(values):
+    """Light of values as screens show them (IEC 61966-2-1)."""
+    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+
+
+def to_screen(values):
+    """The inverse."""
+    return np.where(values <= 0.0031308, values * 12.92, 1.055 * np.maximum(values, 0) ** (1 / 2.4) - 0.055)
+
+
+def converted(colors, of, to):
+    """Colours (..., 4) of one colour space in another; opacity stays."""
+    if of == to:
+        return colors
+    change = to_linear if to == "linear" else to_screen
+    return np.concatenate([change(colors[..., :3]), colors[..., 3:]], axis=-1)
+
+
+def levels_of(image):
+    """An image, and means of 2x2 texels of the level before, rounded up from halves, down to one texel."""
+    image = np.concatenate([image, np.full((*image.shape[:2], 4 - image.shape[2]), 255)], axis=2).astype(np.int64)
+    levels = [image]
+    while max(levels[-1].shape[:2]) > 1:
+        last = levels[-1]
+        height, width = (max(1, size // 2) for size in last.shape[:2])
+        sums = np.zeros((height, width, 4), dtype=np.int64)
+        for dy in (0, 1):
+            for dx in (0, 1):
+                rows = np.minimum(2 * np.arange(height) + dy, last.shape[0] - 1)
+                columns = np.minimum(2 * np.arange(width) + dx, last.shape[1] - 1)
+                sums += last[rows][:, columns]
+        levels.append((sums + 2) // 4)
+    return levels
+
+
+def wrapped(index, size, mode):
+    if mode == "clamp":
+        return min(max(index, 0), size - 1)
+    if mode == "mirror":
+        index %= 2 * size
+        return index if index < size else 2 * size - 1 - index
+    return index % size
+
+
+def texel(level, column, row, texture, space):
+    at = level[wrapped(row, len(level), texture.wrap_v), wrapped(column, level.shape[1], texture.wrap_u)]
+    return converted(at / 255, texture.color_space, space)
+
+
+def sample_level(level, uv, texture, space):
+    """The colour of one level at a place, v upwards."""
+    x, y = uv[0] * level.shape[1], (1 - uv[1]) * len(level)
+    if texture.filter == "nearest":
+        return texel(level, int(np.floor(x)), int(np.floor(y)), texture, space)
+    column, row = int(np.floor(x - 0.5)), int(np.floor(y - 0.5))
+    right, below = x - 0.5 - column, y - 0.5 - row
+    mixed = 0.0
+    for dy, of_row in ((0, 1 - below), (1, below)):
+        for dx, of_column in ((0, 1 - right), (1, right)):
+            mixed = mixed + of_row * of_column * texel(level, column + dx, row + dy, texture, space)
+    return mixed
+
+
+def sample(texture, uv, across, below, space):
+    """The colour at a place of which neighbouring pixels' places are so far away."""
+    levels = levels_of(texture.image)
+    size = np.array(levels[0].shape[1::-1])
+    longest = max(np.linalg.norm(across * size), np.linalg.norm(below * size))
+    level = 0.0
+    if texture.filter == "linear" and longest > 1:
+        level = min(np.log2(longest), len(levels) - 1)
+    finer = int(level)
+    color = sample_level(levels[finer], uv, texture, space)
+    if level > finer:
+        color = color + (level - finer) * (sample_level(levels[finer + 1], uv, texture, space) - color)
+    return color
+
+
+def weights(corners, point):
+    """How much of each corner is in a point of the triangle's plane."""
+    a, ab, ac = corners[0], corners[1] - corners[0], corners[2] - corners[0]
+    normal = np.cross(ab, ac)
+    b = np.cross(point - a, ac) @ normal / (normal @ normal)
+    c = np.cross(ab, point - a) @ normal / (normal @ normal)
+    return np.array([1 - b - c, b, c])
+
+
+def base_color(appearance, faces, face, corners, ray, steps):
+    """The base colour of a mesh where a ray meets one of its triangles, uint8.
+
+    Args:
+        appearance: A `warpvis.scene.materials.Appearance`.
+        faces: The mesh's faces.
+        face: Index of the one that is met.
+        corners: Its corners, seen from where the ray begins, (3, 3).
+        ray: The ray, of any length.
+        steps: What has to be added to it for the rays of the next pixels across and below, (2, 3).
+    """
+    number = 0 if appearance.face_materials is None else appearance.face_materials[face]
+    material = appearance.materials[number]
+    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    depth = normal @ corners[0] / (normal @ ray)
+    point = ray * depth
+    color = np.array(material.base_color)
+    share = weights(corners, point)
+    if appearance.vertex_colors is not None:
+        rows = appearance.vertex_colors[faces[face]]
+        color = color * (share @ (rows / 255 if rows.dtype == np.uint8 else rows))
+    elif appearance.face_colors is not None:
+        row = appearance.face_colors[face]
+        color = color * (row / 255 if row.dtype == np.uint8 else row)
+    if material.texture is not None:
+        uv = appearance.corner_uv(faces)[face].astype(np.float64)
+        repeat = np.array(material.texture_repeat)
+        moves = [(step - ray * (normal @ step) / (normal @ ray)) * depth for step in steps]
+        across, below = (((weights(corners, point + move) - share) @ uv) * repeat for move in moves)
+        color = color * sample(material.texture, share @ uv * repeat, across, below, material.color_space)
+    shown = converted(color, material.color_space, "srgb")[:3]
+    return np.floor(np.clip(shown, 0, 1) * 255 + 0.5)
+
+
+def lit_color(lights, material, point, normal, eye, forward):
+    """The colour of a point of a surface of one material, without textures, under all lights, from 0 to 1, sRGB."""
+    space = "linear" if any(light.color_space == "linear" for light in lights) else "srgb"
+
+    def of(color, stored):
+        return converted(np.array([*color[:3], 1.0]), stored, space)[:3]
+
+    base, shine = of(material.base_color, material.color_space), of(material.specular, material.color_space)
+    total = of(material.emission, material.color_space)
+    to_eye = (eye - point) / np.linalg.norm(eye - point)
+    for light in lights:
+        ambient, color = of(light.ambient, light.color_space), of(light.color, light.color_space)
+        specular = color if light.specular is None else of(light.specular, light.color_space)
+        share = light.intensity * light.strength(point)
+        if light.kind in ("point", "spot"):
+            way = np.array(light.position) - point
+        else:
+            way = -np.array(forward if light.kind == "headlight" else light.direction)
+        way = way / np.linalg.norm(way)
+        facing = way @ normal
+        shown = ambient * base
+        if light.kind != "ambient" and facing > 0:
+            half = (way + to_eye) / np.linalg.norm(way + to_eye)
+            scattered = facing * color * base / (np.pi if light.falloff == "gltf" else 1.0)
+            shown = shown + scattered + max(half @ normal, 0) ** material.shininess * specular * shine
+        total = total + share * shown
+    return np.clip(converted(np.array([*total, 1.0]), space, "srgb")[:3], 0, 1)
+
+
+def shade_base_colors(scene, camera, poses, views, *, object_poses=None):
+    """What every pixel has to show, by where its ray meets the triangle that it says it shows."""
+    seg, faces = views.segmentation.numpy(), views.faces.numpy()
+    expected = np.zeros((*seg.shape, 3))
+    steps = np.diag([1 / camera.fx, 1 / camera.fy, 1])[:2]
+    for view, pose in enumerate(poses_to_matrices(np.atleast_2d(poses)).astype(np.float64)):
+        for y, x in np.argwhere(seg[view] >= 0):
+            item, face = scene.objects[seg[view, y, x]], faces[view, y, x]
+            vertices = item.vertices
+            if object_poses is not None and item.movable:
+                place = poses_to_matrices(object_poses[view])
+                vertices = item.mesh_vertices.astype(np.float64) @ place[:3, :3].T + place[:3, 3]
+            corners = (vertices[item.faces[face]].astype(np.float64) - pose[:3, 3]) @ pose[:3, :3]
+            ray = np.array([(x + 0.5 - camera.cx) / camera.fx, (y + 0.5 - camera.cy) / camera.fy, 1.0])
+            look = item.appearance or Appearance()
+            expected[view, y, x] = base_color(look, item.faces, face, corners, ray, steps)
+    return expected
+
+
+def shade_lit_colors(lights, materials, poses, views):
+    """What pixels show of objects of one material each, by the points and normals that they say, (V, H, W, 3)."""
+    seg, points, normals = (getattr(views, key).numpy() for key in ("segmentation", "points", "normals"))
+    expected = np.zeros((*seg.shape, 3))
+    for view, matrix in enumerate(poses_to_matrices(np.atleast_2d(poses))):
+        for y, x in np.argwhere(seg[view] >= 0):
+            point, normal = (image[view, y, x].astype(np.float64) for image in (points, normals))
+            shown = lit_color(lights, materials[seg[view, y, x]], point, normal, matrix[:3, 3], matrix[:3, 2])
+            expected[view, y, x] = shown * 255
+    return expected

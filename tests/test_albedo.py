@@ -1,0 +1,236 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The output "albedo": base colours of materials, vertices, faces and textures, by a twin in double precision."""
+
+import numpy as np
+import pytest
+import reference_shading
+import trimesh
+from test_worlds import random_poses
+
+import warpvis as wv
+from warpvis.core.poses import poses_to_matrices
+from warpvis.errors import CameraError
+from warpvis.rendering import OrthographicCamera
+from warpvis.scene import solids
+from warpvis.scene._looks import mip_levels
+from warpvis.scene.materials import Appearance, Material, Texture
+from warpvis.sensors import Motion, Rays
+
+CAMERA = wv.Camera.from_fov(36, 28, hfov=0.9)
+POSE = wv.look_at((2.2, -2.6, 1.8), (0.0, 0.2, 0.1))
+NOISE = np.random.default_rng(0).integers(0, 256, (24, 40, 3), dtype=np.uint8)
+BOX = trimesh.creation.box((1.5, 1.2, 0.9))
+PLATE = (np.array([[-4, -4, -0.5], [4, -4, -0.5], [4, 4, -0.5], [-4, 4, -0.5]]), np.array([[0, 1, 2], [0, 2, 3]]))
+
+
+def uv_of(faces, seed, scale=2.0):
+    return np.random.default_rng(seed).uniform(-scale, scale, (len(faces), 3, 2)).astype(np.float32)
+
+
+def appearances():
+    rng = np.random.default_rng(1)
+    faces, vertices = BOX.faces, BOX.vertices
+    wraps = [(u, v) for u in ("repeat", "mirror", "clamp") for v in ("repeat", "mirror", "clamp")]
+    made = {}
+    for u, v in wraps:
+        texture = Texture(NOISE, wrap_u=u, wrap_v=v)
+        made[f"{u} {v}"] = Appearance((Material(texture=texture),), uv=uv_of(faces, 2))
+    for space in ("srgb", "linear"):
+        for stored in ("srgb", "linear"):
+            texture = Texture(NOISE, color_space=stored)
+            material = Material(base_color=(0.9, 0.5, 0.7), color_space=space, texture=texture)
+            made[f"{space} of {stored}"] = Appearance((material,), uv=uv_of(faces, 3, 0.3))
+    made["nearest"] = Appearance((Material(texture=Texture(NOISE, filter="nearest")),), uv=uv_of(faces, 4, 0.1))
+    fine = rng.integers(0, 256, (256, 256, 4), dtype=np.uint8)
+    made["fine"] = Appearance((Material(texture=Texture(fine)),), uv=uv_of(faces, 5))
+    material = Material(texture=Texture(NOISE), texture_repeat=(3.0, 0.5))
+    made["repeated, of vertices"] = Appearance((material,), uv=rng.uniform(0, 1, (len(vertices), 2)))
+    colors = rng.integers(0, 256, (len(vertices), 4), dtype=np.uint8)
+    made["vertices"] = Appearance((Material(base_color=(1, 0.5, 0.25)),), vertex_colors=colors)
+    made["linear vertices"] = Appearance(
+        (Material(color_space="linear"),), vertex_colors=rng.random((len(vertices), 3)).astype(np.float32)
+    )
+    made["faces"] = Appearance(face_colors=rng.integers(0, 256, (len(faces), 4), dtype=np.uint8))
+    materials = (Material(base_color=(0.2, 0.4, 0.9)), Material(texture=Texture(NOISE)), Material(color_space="linear"))
+    rows = rng.integers(0, 3, len(faces))
+    made["several materials"] = Appearance(materials, face_materials=rows, uv=uv_of(faces, 6))
+    return made
+
+
+APPEARANCES = appearances()
+
+
+@pytest.mark.parametrize("name", APPEARANCES)
+def test_colours_are_those_of_double_precision(name, device):
+    scene = wv.Scene(device=device)
+    scene.add(BOX, name="box", pose=(0, 0, 0, 0, 0, 0.3826834, 0.9238795), appearance=APPEARANCES[name])
+    views = wv.render(scene, CAMERA, POSE, outputs=("albedo", "segmentation", "faces"))
+    expected = reference_shading.shade_base_colors(scene, CAMERA, POSE, views)
+    assert len(np.unique(views.faces.numpy())) > 4
+    apart = np.abs(views.albedo.numpy() - expected).max(axis=-1)
+    if name == "nearest":  # a place beside a texel's edge may be in either
+        assert (apart > 1).mean() < 0.01
+    else:
+        assert apart.max() <= 1
+
+
+def test_far_textures_do_not_shimmer(device):
+    """A fine pattern becomes its mean, and not what its texels happen to be."""
+    fine = np.kron(np.indices((128, 128)).sum(axis=0) % 2, np.ones((2, 2)))[..., None] * np.array([250, 200, 100])
+    look = Appearance((Material(texture=Texture(fine.astype(np.uint8))),), uv=[[0, 0], [8, 0], [8, 8], [0, 8]])
+    scene = wv.Scene(device=device)
+    scene.add(PLATE, name="plate", appearance=look)
+    views = wv.render(scene, CAMERA, wv.look_at((0, -20, 12), (0, 0, 0)), outputs=("albedo", "segmentation", "faces"))
+    seen = views.albedo.numpy()[views.segmentation.numpy() == 0]
+    assert len(seen) > 20
+    assert np.abs(seen - np.array([125, 100, 50])).max() <= 2
+
+
+def test_movable_objects_carry_their_colours(device):
+    scene = wv.Scene(device=device)
+    scene.add(BOX, name="box", movable=True, appearance=APPEARANCES["repeat mirror"])
+    scene.add(PLATE, name="plate")
+    rows = random_poses(np.random.default_rng(0), 3, spread=0.4)
+    views = wv.render(
+        scene, CAMERA, np.tile(POSE, (3, 1)), outputs=("albedo", "segmentation", "faces"), object_poses=rows[:, None]
+    )
+    expected = reference_shading.shade_base_colors(scene, CAMERA, np.tile(POSE, (3, 1)), views, object_poses=rows)
+    assert np.abs(views.albedo.numpy() - expected).max() <= 1
+    assert (views.segmentation.numpy() == 0).any(axis=(1, 2)).all()
+
+
+def test_stretched_objects_stretch_their_textures(device):
+    """What is twice as large, and twice as far away, has the same colours."""
+    scene = wv.Scene(device=device)
+    scene.add(BOX, name="box", movable=True, appearance=APPEARANCES["clamp repeat"])
+    eyes = np.stack([wv.look_at(np.array([2.2, -2.6, 1.8]) * by, (0, 0, 0)) for by in (1, 2)])
+    at_origin = np.tile([0, 0, 0, 0, 0, 0, 1.0], (2, 1, 1))
+    scales = np.array([[[1, 1, 1]], [[2, 2, 2]]], dtype=np.float64)
+    albedo = wv.render(
+        scene, CAMERA, eyes, outputs="albedo", object_poses=at_origin, object_scales=scales
+    ).albedo.numpy()
+    assert (np.abs(albedo[0].astype(int) - albedo[1]) > 1).mean() < 0.01
+
+
+def test_solids_and_objects_without_a_look(device):
+    scene = wv.Scene(device=device)
+    scene.add(solids.sphere(0.5), name="ball", movable=True, appearance=(0.2, 0.4, 0.6))
+    scene.add(BOX, name="box", pose=(0, 3, 0, 0, 0, 0, 1))
+    views = wv.render(scene, CAMERA, wv.look_at((4, 1.5, 0.5), (0, 1.5, 0)), outputs=("albedo", "segmentation"))
+    albedo, seg = views.albedo.numpy(), views.segmentation.numpy()
+    assert (albedo[seg == 0] == [51, 102, 153]).all() and (seg == 0).any()
+    assert (albedo[seg == 1] == 255).all() and (seg == 1).any()
+    assert (albedo[seg < 0] == 0).all() and (seg < 0).any()
+
+
+def test_other_images_stay_as_they_are(device):
+    scene = wv.scenes.PRESETS["room"].build(device)
+    pose = wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))
+    names = ("depth", "points", "normals", "labels", "segmentation", "faces")
+    with_colours = wv.render(scene, CAMERA, pose, outputs=(*names, "albedo"))
+    without = wv.render(scene, CAMERA, pose, outputs=names)
+    for name in names:
+        np.testing.assert_array_equal(getattr(with_colours, name).numpy(), getattr(without, name).numpy())
+
+
+def test_splits_threads_and_points_of_the_image_give_the_same(device):
+    scene = wv.Scene(device=device)
+    scene.add(BOX, name="box", appearance=APPEARANCES["fine"])
+    poses = np.stack([POSE, wv.look_at((3, 1, 1), (0, 0, 0))])
+    one = wv.render(scene, CAMERA, poses, outputs="albedo", threads=1)
+    other = wv.render(scene, CAMERA, poses, outputs="albedo", threads=2)
+    np.testing.assert_array_equal(one.albedo.numpy(), other.albedo.numpy())
+    alone = wv.render(scene, CAMERA, poses[1], outputs="albedo")
+    np.testing.assert_array_equal(alone.albedo.numpy()[0], one.albedo.numpy()[1])
+    renderer = wv.Renderer(scene, CAMERA, outputs=("albedo",))
+    np.testing.assert_array_equal(renderer.render(poses).albedo.numpy(), one.albedo.numpy())
+    y, x = np.mgrid[: CAMERA.height, : CAMERA.width] + 0.5
+    points = np.tile(np.stack([x, y], axis=-1).reshape(1, -1, 2), (2, 1, 1))
+    at = renderer.render_at(poses, points).albedo.numpy().reshape(one.albedo.numpy().shape)
+    assert (np.abs(at.astype(int) - one.albedo.numpy()) > 1).mean() < 0.01
+
+
+def test_lenses_and_lidars_have_colours(device):
+    scene = wv.Scene(device=device)
+    scene.add(BOX, name="box", appearance=APPEARANCES["repeat repeat"])
+    lens = wv.Camera.from_opencv([[40.0, 0, 17.5], [0, 40.0, 13.5], [0, 0, 1]], [1e-9, 0, 0, 0], 36, 28)
+    pinhole = wv.Camera(36, 28, 40, 40, 18, 14)
+    one, other = (wv.render(scene, camera, POSE, outputs="albedo").albedo.numpy() for camera in (lens, pinhole))
+    # A pixel of a lens is as large in all directions, and one of a pinhole smaller at its sides.
+    assert np.abs(one.astype(int) - other).mean() < 6
+    rays = lens.rays.reshape(-1, 3)
+    scan = Rays(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
+    assert wv.render(scene, scan, POSE, outputs="albedo").albedo.shape == (1, 36 * 28)
+
+
+def test_parallel_rays_have_colours(device):
+    """A pixel is a texel: of a plate that is seen from above, the image is the texture."""
+    image = np.random.default_rng(0).integers(0, 256, (8, 8, 3), dtype=np.uint8)
+    for kind in ("nearest", "linear"):
+        look = Appearance((Material(texture=Texture(image, filter=kind)),), uv=[[0, 0], [1, 0], [1, 1], [0, 1]])
+        scene = wv.Scene(device=device)
+        scene.add(PLATE, name="plate", appearance=look)
+        camera = OrthographicCamera.from_extent(8, 8, across=8.0)
+        albedo = wv.render(scene, camera, [0, 0, 2, 1, 0, 0, 0], outputs="albedo").albedo.numpy()[0]
+        np.testing.assert_array_equal(albedo, image)
+
+
+def test_what_is_added_later_has_its_colour(device):
+    scene = wv.Scene(device=device)
+    scene.add(BOX, name="box", appearance=(1.0, 0.0, 0.0))
+    renderer = wv.Renderer(scene, CAMERA, outputs=("albedo",))
+    assert (renderer.render(POSE).albedo.numpy() == [255, 0, 0]).all(axis=-1).any()
+    scene.add(PLATE, name="plate", appearance=(0.0, 1.0, 0.0))
+    assert (renderer.render(POSE).albedo.numpy() == [0, 255, 0]).all(axis=-1).any()
+
+
+def test_colours_go_with_vertices_that_move(device):
+    scene, twin = wv.Scene(device=device), wv.Scene(device=device)
+    scene.add(BOX, name="box", movable=True, appearance=APPEARANCES["clamp mirror"])
+    renderer = wv.Renderer(scene, CAMERA, outputs=("albedo",))
+    for factor in (1.5, 0.7):
+        moved = BOX.vertices * factor + [0.1, 0.0, 0.2]
+        scene.update_vertices("box", moved)
+        twin = wv.Scene(device=device)
+        twin.add((moved, BOX.faces), name="box", movable=True, appearance=APPEARANCES["clamp mirror"])
+        expected = wv.render(twin, CAMERA, POSE, outputs="albedo").albedo.numpy().astype(int)
+        assert (np.abs(renderer.render(POSE).albedo.numpy() - expected) > 1).mean() < 0.01
+
+
+def test_levels_are_means():
+    image = np.random.default_rng(0).integers(0, 256, (10, 7, 3), dtype=np.uint8)
+    levels = mip_levels(image)
+    for level, twin in zip(levels, reference_shading.levels_of(image), strict=True):
+        np.testing.assert_array_equal(level, twin)
+    cube = np.random.default_rng(0).integers(0, 256, (6 * 8, 8, 3), dtype=np.uint8)
+    for side in range(6):
+        alone = mip_levels(cube[8 * side : 8 * side + 8])
+        for number, level in enumerate(mip_levels(cube, 6)):
+            size = 8 >> number
+            np.testing.assert_array_equal(level[size * side : size * side + size], alone[number])
+
+
+def test_a_cube_has_its_sides(device):
+    """A sphere with a cube of six colours, from each side."""
+    colors = np.array([[200, 0, 0], [0, 200, 0], [0, 0, 200], [200, 200, 0], [0, 200, 200], [200, 0, 200]])
+    cube = np.repeat(colors, 4, axis=0)[:, None].repeat(4, axis=1).astype(np.uint8)
+    place = np.array([1.0, -2.0, 0.5, 0, 0, np.sqrt(0.5), np.sqrt(0.5)])  # a quarter turn
+    turn = poses_to_matrices(place)[:3, :3]
+    for movable in (False, True):
+        scene, look = wv.Scene(device=device), Material(texture=Texture(cube), projection="cube")
+        scene.add(trimesh.creation.icosphere(2, 0.5), name="ball", pose=place, movable=movable, appearance=look)
+        for (axis, sign), color in zip(reference_shading.SIDES, colors, strict=True):
+            away = turn[:, axis] * 3 * sign
+            up = (0, 0, 1) if axis < 2 else (0, 1, 0)
+            pose = wv.look_at(place[:3] + away, place[:3], up=up)
+            albedo = wv.render(scene, CAMERA, pose, outputs="albedo").albedo.numpy()
+            np.testing.assert_array_equal(albedo[0, 14, 18], color)
+
+
+def test_motion_has_no_colours_yet():
+    scene = wv.Scene(device="cpu")
+    scene.add(BOX, name="box")
+    motion = Motion([POSE, POSE], [0.0, 1.0])
+    with pytest.raises(CameraError, match="colours are of poses that stay within a frame"):
+        wv.render(scene, CAMERA, motion, outputs="albedo")

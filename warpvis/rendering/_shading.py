@@ -1,0 +1,130 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""A caster whose images have colours: it has objects, triangles and points cast first, and shades what they say."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import warp as wp
+
+from warpvis.core.arrays import empty
+from warpvis.core.camera import Camera
+from warpvis.core.poses import Convention
+from warpvis.core.ray_camera import RayCamera
+from warpvis.core.threads import launch_images
+from warpvis.core.types import PoseLike
+from warpvis.rendering._orthographic import OrthographicCamera, RenderCamera
+from warpvis.rendering._prepared import Idle
+from warpvis.rendering._views import CAST_OUTPUTS, COLOR_OUTPUTS, OUTPUTS
+from warpvis.rendering.casters import CastPoses, as_images
+
+if TYPE_CHECKING:
+    from warpvis.kernels.shading import Footprint
+    from warpvis.kernels.worlds import Worlds
+    from warpvis.scene import Scene
+
+_NEEDED = ("points", "segmentation", "faces")
+# So many numbers of views, on so many streams, have memory for images that nobody asked for.
+_MOST_KINDS = 3
+
+
+class ShadingCaster:
+    """Another caster, and colours of what it sees."""
+
+    def __init__(self, caster: Any, scene: Scene, camera: RenderCamera, *, threads: int) -> None:
+        """Shade what `caster` sees through a camera."""
+        self._caster = caster
+        self._scene = scene
+        self._camera = camera
+        self._threads = threads
+        self._idle = Idle[dict[str, wp.array]](_MOST_KINDS)
+
+    def parse_poses(self, poses: PoseLike, convention: Convention) -> CastPoses:
+        """Check poses, and return them as `cast` takes them."""
+        return self._caster.parse_poses(poses, convention)
+
+    def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
+        """Write images of all poses, in the order of `OUTPUTS`; None is not made."""
+        self._shade(poses, worlds, images, lambda needed: self._caster.cast(poses, worlds, needed))
+
+    def cast_at(self, poses: CastPoses, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
+        """Write them through image points, shape ``(V, Y, X)`` vec2, as are the images'."""
+        self._shade(poses, worlds, images, lambda needed: self._caster.cast_at(poses, worlds, pixels, needed))
+
+    def _shade(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None], cast: Any) -> None:
+        made = dict(zip(OUTPUTS, images, strict=False))
+        wanted = {name: image for name, image in made.items() if name in COLOR_OUTPUTS and image is not None}
+        lit = "color" in wanted and bool(self._scene.lights)
+        if not wanted:
+            cast(images[: len(CAST_OUTPUTS)])
+            return
+        device, shape = self._scene.device, next(iter(wanted.values())).shape
+        keeps = device.is_cpu or not device.is_capturing  # a graph has to have memory of its own
+        kind = (shape, device.is_cuda and device.stream)
+        room = (self._idle.take(kind) if keeps else None) or {}
+        for name in (*_NEEDED, "normals") if lit else _NEEDED:
+            if made[name] is None:
+                if name not in room:
+                    room[name] = empty(shape, CAST_OUTPUTS[name], name=name, device=device)
+                made[name] = room[name]
+        cast([made[name] for name in CAST_OUTPUTS])
+        places = poses if isinstance(poses, wp.array) else wp.array(poses, dtype=wp.transform, device=device)
+        for name, image in wanted.items():
+            self._launch(places, worlds, made, image, lit=lit and name == "color")
+        if keeps:
+            self._idle.give_back(kind, room)
+
+    def _launch(
+        self, poses: wp.array, worlds: Worlds, made: dict[str, wp.array | None], image: wp.array, *, lit: bool
+    ) -> None:
+        from warpvis.kernels import lighting, shading
+
+        scene = self._scene
+        names = (*_NEEDED, "normals") if lit else _NEEDED
+        *seen, colors = as_images([*(made[name] for name in names), image])
+        assert colors is not None  # it was asked for
+        of_scene = [scene.looks(scene.background), *([scene.light_looks(scene.lights)] if lit else [])]
+        footprint = self._footprint()
+        launch_images(
+            lighting.shade_lit_colors if lit else shading.shade_base_colors,
+            colors.shape,
+            lambda window: [*of_scene, footprint, poses, window, worlds, *seen, colors],
+            device=scene.device,
+            threads=self._threads,
+        )
+
+    def _footprint(self) -> Footprint:
+        """Say how large a pixel is."""
+        from warpvis.kernels import shading
+
+        footprint, camera = shading.Footprint(), self._camera
+        if isinstance(camera, Camera):
+            footprint.kind, size = shading.FOOTPRINT_PINHOLE, (1 / camera.fx, 1 / camera.fy)
+        elif isinstance(camera, OrthographicCamera):
+            footprint.kind, size = shading.FOOTPRINT_PARALLEL, (1 / camera.fx, 1 / camera.fy)
+        else:
+            angle = camera.prepared("pixel angle", lambda: pixel_angle(camera))
+            footprint.kind, size = shading.FOOTPRINT_CONE, (angle, angle)
+        footprint.size = wp.vec2(*size)
+        return footprint
+
+
+def bytes_beside(outputs: tuple[str, ...]) -> int:
+    """Count what a pixel takes beside outputs that have colours."""
+    lacking = [name for name in (*_NEEDED, "normals") if name not in outputs]
+    return sum(wp.types.type_size_in_bytes(CAST_OUTPUTS[name]) for name in lacking)
+
+
+def pixel_angle(camera: RayCamera) -> float:
+    """Return the angle between neighbouring rays, in the middle of all [rad]; 0 of a list of rays."""
+    if len(camera.shape) < 2:
+        return 0.0
+    rays = camera.rays.reshape(*camera.shape, 3)
+    with np.errstate(invalid="ignore"):
+        rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+        apart = [np.linalg.norm(np.diff(rays, axis=axis), axis=-1).ravel() for axis in (0, 1)]
+    both = np.concatenate(apart)
+    both = both[np.isfinite(both)]
+    return float(np.median(both)) if len(both) else 0.0

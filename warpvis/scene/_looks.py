@@ -1,0 +1,269 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""A scene's appearances on its device: tables that `kernels.shading` reads."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, get_args
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.poses import poses_to_matrices
+from warpvis.scene._drawn import frame_vertices
+from warpvis.scene._object import SceneObject
+from warpvis.scene.colors import linear_color, screen_color
+from warpvis.scene.lights import Background, Falloff, Light
+from warpvis.scene.materials import Appearance, Filter, Material, Projection, Texture, Wrap
+
+if TYPE_CHECKING:
+    from warpvis.kernels.lighting import Lights
+    from warpvis.kernels.shading import Looks
+
+_PLAIN = Appearance()
+_IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+_SIDES = 6  # of a cube
+_ENDLESS = 3e38  # what single precision holds [m]
+_LIGHT_KINDS = ("ambient", "directional", "point", "spot", "headlight")
+"""In the order of `kernels.lighting`."""
+
+
+def pack_looks(objects: Sequence[SceneObject], movable: Sequence[int], device: wp.Device) -> tuple[Looks, bool]:
+    """Put the appearances of all objects on a device; images of textures are decoded.
+
+    Returns them, and whether they change with objects that deform.
+
+    Args:
+        objects: Of a scene.
+        movable: Indices of those that have poses of their own.
+        device: Where the tables are to be.
+    """
+    packing = _Packing(objects, movable, device)
+    return packing.struct(), packing.deforms
+
+
+class _Packing:
+    """Tables that grow object by object; what objects share is in them once."""
+
+    def __init__(self, objects: Sequence[SceneObject], movable: Sequence[int], device: wp.Device) -> None:
+        self._device = device
+        self.deforms = False
+        self._columns = {index: column for column, index in enumerate(movable)}
+        self._materials: list[Any] = []
+        self._textures: list[Any] = []
+        self._texels: list[NDArray[np.uint32]] = []
+        self._texel_count = 0
+        self._known: dict[Any, Any] = {}
+        self._alive: list[Any] = []  # what `_known` has the ids of
+        self._rows: dict[str, list[np.ndarray]] = {name: [] for name in ("corners", "uv", "colors", "face_material")}
+        self._row_counts = dict.fromkeys(self._rows, 0)
+        count = len(objects)
+        self._first = np.zeros(count, dtype=np.int32)
+        self._column = np.full(count, -1, dtype=np.int32)
+        self._pose = np.tile(np.array(_IDENTITY, dtype=np.float32), (count, 1))
+        self._object_rows = np.full((count, 4), -1, dtype=np.int32)
+        for index, item in enumerate(objects):
+            self._add(index, item)
+
+    def struct(self) -> Looks:
+        """Return the tables on the device."""
+        from warpvis.kernels.shading import Looks, MaterialLook
+        from warpvis.kernels.textures import TextureLook
+
+        looks, device = Looks(), self._device
+        looks.object_material = wp.array(self._first, dtype=wp.int32, device=device)
+        looks.object_column = wp.array(self._column, dtype=wp.int32, device=device)
+        looks.object_pose = wp.array(self._pose, dtype=wp.transform, device=device)
+        looks.object_rows = wp.array(self._object_rows, dtype=wp.int32, device=device)
+        looks.corners = wp.array(self._joined("corners", (3, 3)), dtype=wp.vec3, device=device)
+        looks.uv = wp.array(self._joined("uv", (3, 2)), dtype=wp.vec2, device=device)
+        looks.colors = wp.array(self._joined("colors", (3, 4)), dtype=wp.vec4, device=device)
+        rows = self._joined("face_material", (), np.int32)
+        looks.face_material = wp.array(rows, dtype=wp.int32, device=device)
+        looks.materials = wp.array(self._materials, dtype=MaterialLook, device=device)
+        looks.textures = wp.array(self._textures, dtype=TextureLook, device=device)
+        texels = np.concatenate([np.zeros(0, dtype=np.uint32), *self._texels])
+        looks.texels = wp.array(texels, dtype=wp.uint32, device=device)
+        return looks
+
+    def _joined(self, name: str, shape: tuple[int, ...], dtype: Any = np.float32) -> np.ndarray:
+        return np.concatenate([np.zeros((0, *shape), dtype=dtype), *self._rows[name]])
+
+    def _add(self, index: int, item: SceneObject) -> None:
+        look = item.appearance or _PLAIN
+        carrier = index if item.carrier is None else item.carrier
+        self._column[index] = self._columns.get(carrier, -1)
+        numbers = [self._material(material, item) for material in look.materials]
+        self._first[index] = numbers[0]
+        if item.shared_mesh is not None:
+            self._pose[index] = item.place
+        elif _is_projected_from(item, look):
+            self._pose[index] = item.origin
+        if look.face_materials is not None and len(set(numbers)) > 1:
+            rows = np.array(numbers, dtype=np.int32)[look.face_materials]
+            self._object_rows[index, 3] = self._share("face_material", rows, (look.face_materials, tuple(numbers)))
+        elif look.face_materials is not None and len(look.face_materials):
+            self._first[index] = numbers[int(look.face_materials[0])]
+        is_colored = look.vertex_colors is not None or look.face_colors is not None
+        if item.solid is not None or not (is_colored or any(material.texture for material in look.materials)):
+            return
+        self.deforms |= item.points is not None
+        vertices, faces = _frame_mesh(item)
+        if _is_projected_from(item, look):
+            vertices = _in_frame(vertices, item.origin)
+        self._object_rows[index, 0] = self._share("corners", vertices[faces], (item.shared_mesh or vertices, faces))
+        uv = look.corner_uv(faces)
+        if uv is not None:
+            self._object_rows[index, 1] = self._share("uv", uv, (look.uv, faces))
+        if is_colored:
+            self._object_rows[index, 2] = self._share("colors", _corner_colors(look, faces), (look, faces))
+
+    def _share(self, name: str, rows: np.ndarray, made_of: tuple[Any, ...]) -> int:
+        """Append rows unless the same ones are there; return where they begin."""
+        key = (name, *(part if isinstance(part, tuple) else id(part) for part in made_of))
+        if key not in self._known:
+            self._known[key] = self._row_counts[name]
+            self._alive.append(made_of)
+            self._rows[name].append(rows)
+            self._row_counts[name] += len(rows)
+        return self._known[key]
+
+    def _material(self, material: Material, item: SceneObject) -> int:
+        from warpvis.kernels.shading import MaterialLook
+
+        scale = _cube_scale(material, item)
+        key = (id(material), scale)
+        if key not in self._known:
+            look = MaterialLook()
+            look.color = wp.vec4(*material.base_color)
+            look.is_linear = material.color_space == "linear"
+            look.projection = get_args(Projection).index(material.projection)
+            look.texture = -1 if material.texture is None else self._texture(material.texture, look.projection == 2)
+            look.specular, look.shininess = wp.vec3(*material.specular), material.shininess
+            look.emission = wp.vec3(*material.emission)
+            look.repeat, look.scale = wp.vec2(*material.texture_repeat), wp.vec3(*scale)
+            self._known[key] = len(self._materials)
+            self._alive.append(material)
+            self._materials.append(look)
+        return self._known[key]
+
+    def _texture(self, texture: Texture, is_cube: bool) -> int:
+        from warpvis.kernels.textures import TextureLook
+
+        key = ("texture", id(texture), is_cube)
+        if key not in self._known:
+            levels = mip_levels(texture.image, _SIDES if is_cube else 1)
+            look = TextureLook()
+            look.first, look.levels = self._texel_count, len(levels)
+            look.height, look.width = levels[0].shape[:2]
+            look.wrap_u, look.wrap_v = (get_args(Wrap).index(mode) for mode in (texture.wrap_u, texture.wrap_v))
+            look.filter = get_args(Filter).index(texture.filter)
+            look.is_linear = texture.color_space == "linear"
+            self._known[key] = len(self._textures)
+            self._alive.append(texture)
+            self._textures.append(look)
+            self._texels += [level.reshape(-1, 4).copy().view("<u4").ravel() for level in levels]
+            self._texel_count += sum(level.shape[0] * level.shape[1] for level in levels)
+        return self._known[key]
+
+
+def mip_levels(image: NDArray[np.uint8], sides: int = 1) -> list[NDArray[np.uint8]]:
+    """Halve an image until it is one texel, or each of its sides below each other is; the finest level comes first.
+
+    A texel is the mean of the four that it lies on, rounded, and of a side of odd length the last one is left out, as
+    OpenGL's drivers do.
+
+    Returns:
+        Arrays of shape ``(h, w, 4)``.
+    """
+    if image.shape[2] == 3:
+        image = np.concatenate([image, np.full((*image.shape[:2], 1), 255, dtype=np.uint8)], axis=2)
+    height = image.shape[0] // sides
+    levels = [image[: height * sides]]
+    while height > 1 or levels[-1].shape[1] > 1:
+        parts = levels[-1].reshape(sides, height, -1, 4).astype(np.uint16)
+        for axis in (1, 2):
+            half = parts.shape[axis] // 2
+            if half:
+                parts = parts.take(range(0, 2 * half, 2), axis) + parts.take(range(1, 2 * half, 2), axis)
+            else:
+                parts = parts * 2
+        height = parts.shape[1]
+        levels.append(((parts + 2) >> 2).astype(np.uint8).reshape(sides * height, -1, 4))
+    return levels
+
+
+def _frame_mesh(item: SceneObject) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    shared = item.shared_mesh
+    if shared is not None:
+        return np.asarray(shared.rounded, dtype=np.float32), shared.faces
+    vertices = frame_vertices(item) if item.movable else item.vertices
+    return vertices, item.faces
+
+
+def _is_projected_from(item: SceneObject, look: Appearance) -> bool:
+    """Whether textures are projected in the frame that an object that stays was added in."""
+    has_frame = item.origin is not None and not item.movable
+    return has_frame and any(material.projection != "uv" for material in look.materials)
+
+
+def _in_frame(vertices: NDArray[np.float32], origin: NDArray[np.float64] | None) -> NDArray[np.float32]:
+    """Return vertices of the world in the frame of a pose."""
+    if origin is None:
+        return vertices
+    matrix = poses_to_matrices(origin)
+    return ((vertices - matrix[:3, 3]) @ matrix[:3, :3]).astype(np.float32)
+
+
+def _corner_colors(look: Appearance, faces: NDArray[np.int32]) -> NDArray[np.float32]:
+    """Return colours of each corner of each face, from 0 to 1, shape ``(m, 3, 4)``."""
+    if look.vertex_colors is not None:
+        rows = look.vertex_colors[faces]
+    else:
+        assert look.face_colors is not None  # or nobody would ask
+        rows = np.repeat(look.face_colors[:, None], 3, axis=1)
+    return (rows.astype(np.float32) / np.float32(255 if rows.dtype == np.uint8 else 1)).astype(np.float32)
+
+
+def _cube_scale(material: Material, item: SceneObject) -> tuple[float, ...]:
+    """Return what coordinates are multiplied by before they are directions in a cube.
+
+    Unless they are uniform, directions are of an object that is as large along each axis, as MuJoCo has them.
+    """
+    if material.texture is None or material.projection != "cube" or material.texture_uniform:
+        return 1.0, 1.0, 1.0
+    half = np.abs(_in_frame(_frame_mesh(item)[0], item.origin)).max(axis=0).astype(np.float64)
+    return tuple((1 / np.where(half > 0, half, 1.0)).tolist())
+
+
+def pack_lights(lights: Sequence[Light], device: wp.Device) -> Lights:
+    """Put lights on a device. If one of them is of linear colours, all are added up so."""
+    from warpvis.kernels.lighting import LightLook, Lights
+
+    packed, is_linear = Lights(), any(light.color_space == "linear" for light in lights)
+    rows = []
+    for light in lights:
+        look = LightLook()
+        look.kind, look.falloff = _LIGHT_KINDS.index(light.kind), get_args(Falloff).index(light.falloff)
+        for name in ("position", "direction", "attenuation"):
+            setattr(look, name, wp.vec3(*getattr(light, name)))
+        specular = light.color if light.specular is None else light.specular
+        for name, color in (("color", light.color), ("ambient", light.ambient), ("specular", specular)):
+            values = linear_color(color) if is_linear and light.color_space == "srgb" else color
+            setattr(look, name, wp.vec3(*(light.intensity * value for value in values)))
+        look.reach = min(light.reach, _ENDLESS)
+        look.inner_angle, look.outer_angle, look.exponent = light.inner_angle, light.outer_angle, light.exponent
+        rows.append(look)
+    packed.all = wp.array(rows, dtype=LightLook, device=device)
+    packed.is_linear = is_linear
+    return packed
+
+
+def set_background(looks: Looks, background: Background | None) -> None:
+    """Say what colour there is where nothing is seen; a sky is black."""
+    color: tuple[float, ...] = (0.0, 0.0, 0.0)
+    if background is not None and not background.sky:
+        color = background.color if background.color_space == "srgb" else screen_color(background.color)
+    looks.background = wp.vec3(*color)
