@@ -60,8 +60,8 @@ def test_what_is_launched(monkeypatch):
     for clip_near in (False, True):
         caster = CudaPacketsCaster(scene, camera, cull_backfaces=False, clip_near=clip_near, threads=1)
         caster.cast(poses, worlds, [depth, *[None] * 5])
-        caster.cast(poses, worlds, [depth, None, None, None, ids])
-        caster.cast(wp.zeros(0, dtype=wp.transform), worlds, [None] * 5)
+        caster.cast(poses, worlds, [depth, None, None, None, ids, None])
+        caster.cast(wp.zeros(0, dtype=wp.transform), worlds, [None] * 6)
     size = (2, 3, 4, 32)  # rows of packets of all views, one after the other
     assert launched == [((32, ids, False, clip, False), size) for clip in (False, True) for ids in (False, True)]
 
