@@ -8,7 +8,17 @@ Formulas are those of `warpvis.scene.lights.Light`, light by light; nothing is i
 import warp as wp
 
 from warpvis.kernels.pinhole import Window
-from warpvis.kernels.shading import Footprint, Looks, base_color, material_of, to_bytes
+from warpvis.kernels.shading import (
+    Footprint,
+    Looks,
+    factors_of,
+    frame_of,
+    material_of,
+    seen_triangle,
+    surface_color,
+    to_bytes,
+    weights,
+)
 from warpvis.kernels.textures import to_linear, to_screen
 from warpvis.kernels.worlds import Worlds
 
@@ -107,6 +117,11 @@ def lit(
 
 
 @wp.func
+def rgb(color: wp.vec4) -> wp.vec3:
+    return wp.vec3(color[0], color[1], color[2])
+
+
+@wp.func
 def in_space(color: wp.vec3, is_linear: bool, wants_linear: bool) -> wp.vec3:
     """A colour in another colour space."""
     if wants_linear and not is_linear:
@@ -114,6 +129,29 @@ def in_space(color: wp.vec3, is_linear: bool, wants_linear: bool) -> wp.vec3:
     if is_linear and not wants_linear:
         return wp.vec3(to_screen(color[0]), to_screen(color[1]), to_screen(color[2]))
     return color
+
+
+@wp.func
+def smooth_normal(
+    looks: Looks, worlds: Worlds, view: int, index: int, face: int, point: wp.vec3, flat: wp.vec3
+) -> wp.vec3:
+    """The normal that an object says of a point, on the side that is seen; that of its surface if it says none."""
+    rows = looks.object_rows[index, 4]
+    if face < 0 or rows < 0:
+        return flat
+    frame, factors = frame_of(looks, worlds, view, index), factors_of(looks, worlds, view, index)
+    triangle = seen_triangle(looks, looks.object_rows[index, 0] + face, factors)
+    w = weights(triangle, wp.transform_point(wp.transform_inverse(frame), point))
+    row = rows + face
+    mixed = w[0] * looks.normals[row, 0] + w[1] * looks.normals[row, 1] + w[2] * looks.normals[row, 2]
+    normal = wp.transform_vector(frame, wp.cw_div(mixed, factors))
+    length = wp.length(normal)
+    if length <= 1.0e-6:
+        return flat
+    normal = normal / length
+    if wp.dot(wp.transform_vector(frame, wp.cw_div(triangle.normal, factors)), flat) < 0.0:  # its back is seen
+        normal = -normal
+    return normal
 
 
 @wp.kernel
@@ -142,10 +180,15 @@ def shade_lit_colors(
     color = 1.0 * looks.background
     if index >= 0:
         camera, face = camera_to_world[view], faces_in[view, y, x]
-        point, normal = points_in[view, y, x], normals_in[view, y, x]
-        shown = base_color(looks, footprint, camera, worlds, view, point, index, face)
+        point, flat = points_in[view, y, x], normals_in[view, y, x]
+        normal = smooth_normal(looks, worlds, view, index, face, point, flat)
+        surface = surface_color(looks, footprint, camera, worlds, view, point, index, face)
         material = looks.materials[material_of(looks, index, face)]
-        base = in_space(shown, False, lights.is_linear)
+        base, texel = rgb(surface.color), rgb(surface.texel)
+        # Fixed functions light what has no texture, as bright as can be shown, and multiply the texture then.
+        if lights.is_linear or surface.is_linear:
+            base = in_space(wp.cw_mul(base, texel), surface.is_linear, lights.is_linear)
+            texel = wp.vec3(1.0, 1.0, 1.0)
         specular = in_space(material.specular, material.is_linear, lights.is_linear)
         gloss = wp.vec4(specular[0], specular[1], specular[2], material.shininess)
         to_eye = wp.normalize(wp.transform_get_translation(camera) - point)
@@ -153,5 +196,7 @@ def shade_lit_colors(
         total = in_space(material.emission, material.is_linear, lights.is_linear)
         for number in range(lights.all.shape[0]):
             total += lit(lights.all[number], point, normal, to_eye, forward, base, gloss)
+        if not lights.is_linear:
+            total = wp.cw_mul(wp.min(total, wp.vec3(1.0, 1.0, 1.0)), texel)
         color = in_space(total, lights.is_linear, False)
     color_out[view, y, x] = to_bytes(color)

@@ -38,13 +38,14 @@ class Looks:
     object_column: wp.array[wp.int32]
     """(object): which movable object's pose it has; -1 of what stays."""
     object_pose: wp.array[wp.transform]
-    """(object): from the frame of its corners to the world, of what stays."""
+    """(object): from the frame of its corners to that of the movable object whose pose it has, or to the world."""
     object_rows: wp.array2d[wp.int32]
-    """(object, 4): its first row of corners, texture coordinates, colours and materials; -1 where it has none."""
+    """(object, 5): its first row of corners, texture coordinates, colours, materials and normals; -1 without."""
     corners: wp.array2d[wp.vec3]
     """(row, corner), in the object's frame [m]."""
     uv: wp.array2d[wp.vec2]
     colors: wp.array2d[wp.vec4]
+    normals: wp.array2d[wp.vec3]
     face_material: wp.array[wp.int32]
     materials: wp.array[MaterialLook]
     textures: wp.array[TextureLook]
@@ -227,7 +228,7 @@ def frame_of(looks: Looks, worlds: Worlds, view: int, index: int) -> wp.transfor
     column = looks.object_column[index]
     if column < 0:
         return looks.object_pose[index]
-    return worlds.object_poses[world_of(worlds, view), column]
+    return worlds.object_poses[world_of(worlds, view), column] * looks.object_pose[index]
 
 
 @wp.func
@@ -240,8 +241,17 @@ def factors_of(looks: Looks, worlds: Worlds, view: int, index: int) -> wp.vec3:
     return wp.vec3(size[0], size[1], size[2])
 
 
+@wp.struct
+class SurfaceColor:
+    """A surface's own colour, and its texture's, in the colour space of its material."""
+
+    color: wp.vec4
+    texel: wp.vec4
+    is_linear: bool
+
+
 @wp.func
-def base_color(
+def surface_color(
     looks: Looks,
     footprint: Footprint,
     camera: wp.transform,
@@ -250,8 +260,8 @@ def base_color(
     seen: wp.vec3,
     index: int,
     face: int,
-) -> wp.vec3:
-    """What an object's surface looks like in a point of the world, as screens show it."""
+) -> SurfaceColor:
+    """What an object's surface looks like in a point of the world."""
     frame, factors = frame_of(looks, worlds, view, index), factors_of(looks, worlds, view, index)
     corner_row, uv_row, color_row = int(-1), int(-1), int(-1)
     if face >= 0:
@@ -263,17 +273,26 @@ def base_color(
             color_row = looks.object_rows[index, 2] + face
     material = looks.materials[material_of(looks, index, face)]
     triangle = seen_triangle(looks, corner_row, factors)
-    color = 1.0 * material.color
+    found = SurfaceColor()
+    found.color = 1.0 * material.color
+    found.texel = wp.vec4(1.0, 1.0, 1.0, 1.0)
+    found.is_linear = material.is_linear
     if color_row >= 0:
         w = weights(triangle, wp.transform_point(wp.transform_inverse(frame), seen))
-        color = wp.cw_mul(
-            color,
+        found.color = wp.cw_mul(
+            material.color,
             w[0] * looks.colors[color_row, 0] + w[1] * looks.colors[color_row, 1] + w[2] * looks.colors[color_row, 2],
         )
     if material.texture >= 0 and (uv_row >= 0 or material.projection != PROJECTION_UV):
-        texel = textured(looks, material, footprint, camera, frame, uv_row, triangle, corner_row >= 0, seen)
-        color = wp.cw_mul(color, texel)
-    if material.is_linear:
+        found.texel = textured(looks, material, footprint, camera, frame, uv_row, triangle, corner_row >= 0, seen)
+    return found
+
+
+@wp.func
+def screen_color(surface: SurfaceColor) -> wp.vec3:
+    """A surface's colour with its texture, as screens show it."""
+    color = wp.cw_mul(surface.color, surface.texel)
+    if surface.is_linear:
         color = to_screen_color(color)
     return wp.vec3(color[0], color[1], color[2])
 
@@ -302,5 +321,5 @@ def shade_base_colors(
     color = 1.0 * looks.background
     if index >= 0:
         face, seen = faces_in[view, y, x], points_in[view, y, x]
-        color = base_color(looks, footprint, camera_to_world[view], worlds, view, seen, index, face)
+        color = screen_color(surface_color(looks, footprint, camera_to_world[view], worlds, view, seen, index, face))
     albedo_out[view, y, x] = to_bytes(color)

@@ -9,8 +9,9 @@ import reference_shading
 import trimesh
 
 import warpvis as wv
+from warpvis.core.poses import poses_to_matrices
 from warpvis.scene.lights import Background, Light
-from warpvis.scene.materials import Material
+from warpvis.scene.materials import Appearance, Material, Texture
 
 CAMERA = wv.Camera.from_fov(32, 24, hfov=0.9)
 POSE = wv.look_at((2.2, -2.6, 1.8), (0.0, 0.2, 0.1))
@@ -62,6 +63,23 @@ def test_colours_are_those_of_double_precision(name, device):
     assert len(np.unique(color.reshape(-1, 3), axis=0)) > (2 if name == "ambient" else 3)
 
 
+@pytest.mark.parametrize("space", ["srgb", "linear"])
+def test_what_has_a_texture_is_lit(space, device):
+    """As fixed functions do, by no more light than can be shown, times the texture; or in proportion."""
+    scene, bright = wv.Scene(device=device), Light("ambient", ambient=(2.0, 0.5, 1.0), color_space=space)
+    gray = Texture(np.full((2, 2, 3), 102, dtype=np.uint8))
+    look = Appearance((Material(base_color=(0.9, 0.8, 0.5), texture=gray),), uv=np.zeros((8, 2)))
+    scene.add(trimesh.creation.box((1.5, 1.2, 0.9)), name="box", appearance=look)
+    scene.lights = (bright,)
+    views = wv.render(scene, CAMERA, POSE, outputs=("color", "segmentation"))
+    expected = np.minimum([1.8, 0.4, 0.5], 1) * 0.4
+    if space == "linear":
+        light = reference_shading.to_linear(np.array([0.9, 0.8, 0.5]) * 0.4) * [2.0, 0.5, 1.0]
+        expected = reference_shading.to_screen(light)
+    seen = views.color.numpy()[views.segmentation.numpy() == 0]
+    assert len(seen) and np.abs(seen - expected * 255).max() <= 1
+
+
 def test_without_lights_colours_are_base_colours(device):
     scene = two_boxes(device)
     views = wv.render(scene, CAMERA, POSE, outputs=("color", "albedo"))
@@ -81,6 +99,35 @@ def test_a_background_is_seen_where_nothing_is(device):
             views = renderer.render(wv.look_at((2.2, -2.6, 1.8), (0, 0, 2.0)))
             empty = views.segmentation.numpy() < 0
             assert empty.any() and (views.color.numpy()[empty] == expected).all()
+
+
+@pytest.mark.parametrize("kind", ["stays", "movable", "attached"])
+def test_normals_of_vertices_make_surfaces_smooth(kind, device):
+    """A coarse ball that has a ball's normals is lit as one, wherever it is and whatever it goes with."""
+    ball, place = trimesh.creation.icosphere(2, 0.5), np.array([0.3, 0.2, 0.1, 0.0, 0.6, 0.0, 0.8])
+    hub, pose = np.array([0, 0, 0, 0, 0, 0.6, 0.8]), np.array([[0.5, -0.4, 0.2, 0, 0.28, 0, 0.96]])
+    for normals in (ball.vertices, ball.vertices[ball.faces]):
+        scene, look = wv.Scene(device=device), Appearance((GLOSSY,), normals=normals)
+        scene.lights, options, middle = (LIGHTS["directional"],), {}, place[:3]
+        if kind == "attached":
+            scene.add(trimesh.creation.box((0.1, 0.1, 0.1)), name="hub", pose=hub, movable=True)
+            scene.add(ball, name="ball", pose=place, attach_to="hub", appearance=look)
+            middle = (poses_to_matrices(pose[0]) @ np.linalg.inv(poses_to_matrices(hub)) @ [*place[:3], 1])[:3]
+        else:
+            scene.add(ball, name="ball", pose=place, movable=kind == "movable", appearance=look)
+            middle = pose[0, :3] if kind == "movable" else middle
+        if kind != "stays":
+            options["object_poses"] = pose[None]
+        views = wv.render(scene, CAMERA, POSE, outputs=("color", "points", "segmentation"), **options)
+        seen = views.segmentation.numpy()[0] == (1 if kind == "attached" else 0)
+        assert seen.sum() > 20
+        points, matrix = views.points.numpy()[0].astype(np.float64), poses_to_matrices(POSE)
+        for y, x in np.argwhere(seen):
+            out = points[y, x] - middle
+            normal = out / np.linalg.norm(out)
+            view = points[y, x], normal, matrix[:3, 3], matrix[:3, 2]
+            wanted = reference_shading.lit_color(scene.lights, GLOSSY, *view) * 255
+            assert np.abs(views.color.numpy()[0, y, x] - wanted).max() <= 5  # mixed normals are not quite a ball's
 
 
 def test_worlds_of_mujoco_have_colours(device):
@@ -103,15 +150,21 @@ def test_worlds_of_mujoco_have_colours(device):
 @pytest.mark.gl
 def test_pictures_are_those_of_mujoco():
     """Away from silhouettes. MuJoCo mixes the light of corners, and highlights are smaller than its triangles."""
-    model = mujoco.MjModel.from_xml_string("""<mujoco>
+    points = " ".join(map(str, trimesh.creation.icosphere(2, 0.3).vertices.ravel().round(5)))
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco>
     <visual><headlight ambient=".2 .2 .2" diffuse=".4 .4 .4" specular=".3 .3 .3"/><quality offsamples="0"/></visual>
     <asset><texture name="t" type="2d" builtin="checker" rgb1=".2 .3 .4" rgb2=".9 .8 .3" width="64" height="64"/>
     <material name="m" texture="t" texrepeat="3 2" specular=".6" shininess=".4"/><material name="n" rgba=".5 .6 .7 1"/>
-    </asset><worldbody>
+    <mesh name="ball" vertex="{points}"/></asset><worldbody>
     <light pos="0 0 3" dir="0.3 -0.2 -1" type="directional" diffuse=".2 .2 .3" castshadow="false"/>
     <geom name="floor" type="plane" size="3 2 .1" material="m"/>
     <geom name="crate" type="box" size=".3 .2 .4" pos="-.6 0 .4" material="m" euler="0 0 20"/>
-    <geom name="case" type="box" size=".3 .4 .2" pos=".6 0 .2" material="n" euler="0 0 40"/></worldbody></mujoco>""")
+    <geom name="case" type="box" size=".3 .4 .2" pos=".6 0 .2" material="n" euler="0 0 40"/>
+    <body pos="0 .8 .5"><freejoint/><geom name="mesh" type="mesh" mesh="ball" material="n"/>
+    <geom name="arm" type="capsule" size=".1 .3" pos=".4 0 .2" euler="40 30 0" rgba=".8 .4 .2 1"/></body>
+    <geom name="can" type="cylinder" size=".2 .3" pos=".2 -.7 .3" rgba=".3 .7 .4 1"/></worldbody></mujoco>"""
+    )
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     camera = mujoco.MjvCamera()
@@ -139,7 +192,8 @@ def test_pictures_are_those_of_mujoco():
         for dx in (-1, 0, 1):
             inside &= (np.roll(seg, (dy, dx), (0, 1)) == seg) & (seg >= 0)
     error = np.abs(views.color.numpy()[0].astype(int) - picture).mean(axis=-1)
-    for index in range(3):
+    for index in np.unique(seg[seg >= 0]):
         of_object = error[inside & (seg == index)]
-        assert len(of_object) > 300
-        assert of_object.mean() <= (3 if index == 0 else 1)
+        assert len(of_object) > 200
+        assert of_object.mean() <= 2
+    assert error[inside].mean() <= 0.5

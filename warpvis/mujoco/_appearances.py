@@ -12,6 +12,7 @@ import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.mujoco._normals import corner_normals, has_normals, round_normals, stored_normals
 from warpvis.mujoco._shapes import shape_data, shape_value
 from warpvis.mujoco._tessellation import Mesh
 from warpvis.mujoco._texture_coordinates import box_cube_uv, plain_uv, stored_uv
@@ -20,6 +21,8 @@ from warpvis.scene.materials import Appearance, Material, Texture
 from warpvis.scene.solids import Solid
 
 Color = tuple[float, float, float, float]
+Stored = tuple[NDArray[np.float32], NDArray[np.int32]]
+Normals = Callable[[], NDArray[np.float32]]
 
 _DEFAULT_COLOR = (0.5, 0.5, 0.5, 1.0)
 """A geom that has a material and this colour has its material's (`setMaterial` in engine_vis_visualize.c)."""
@@ -41,6 +44,7 @@ class GeomLooks:
         self._model = model
         self._known: dict[tuple[Any, ...], Look] = {}
         self._texture = cache(partial(_texture, model))
+        self._stored = cache(partial(stored_normals, model))
 
     def of(self, geom: int, shape: Mesh | Solid) -> Look:
         """Return what a geom, or a site, looks like with the colour, the material and the size that it has now.
@@ -51,13 +55,21 @@ class GeomLooks:
         """
         model = self._model
         rgba, material = tuple(shape_value(model, "rgba", geom).tolist()), int(shape_value(model, "matid", geom))
-        if material < 0:  # what is of one colour must not keep the model
-            return self._kept((rgba,), partial(_of_one_colour, rgba))
-        if _texture_number(model, material) < 0:
-            return self._kept((rgba, material), partial(self._make, rgba, material, None))
         kind, size = int(shape_value(model, "type", geom)), shape_value(model, "size", geom).copy()
         laid = _Laid(kind, shape_data(model, geom), size, shape)
+        if material < 0 and not has_normals(kind):  # what is of one colour must not keep the model
+            return self._kept((rgba,), partial(_of_one_colour, rgba, None))
+        if material < 0:
+            return self._kept((rgba, laid.key()), partial(_of_one_colour, rgba, self._normals(laid)))
+        if _texture_number(model, material) < 0 and not has_normals(kind):
+            return self._kept((rgba, material), partial(self._make, rgba, material, None))
         return self._kept((rgba, material, laid.key()), partial(self._make, rgba, material, laid))
+
+    def _normals(self, laid: _Laid) -> Normals:
+        """Return what makes normals of a shape, without the model."""
+        if laid.kind in _MESHES:
+            return partial(_normals_of, laid, self._stored(laid.data))
+        return partial(_normals_of, laid, None)
 
     def _kept(self, key: tuple[Any, ...], make: Callable[[], Appearance]) -> Look:
         if key not in self._known:
@@ -68,7 +80,8 @@ class GeomLooks:
         model = self._model
         color = tuple(model.mat_rgba[material].tolist()) if rgba == _DEFAULT_COLOR else rgba
         number = _texture_number(model, material)
-        uv = None if laid is None else _coordinates(model, number, material, laid)
+        uv = None if laid is None or number < 0 else _coordinates(model, number, material, laid)
+        normals = self._normals(laid)() if laid is not None and has_normals(laid.kind) else None
         made = Material(
             model.material(material).name,
             _unit(color),
@@ -79,10 +92,10 @@ class GeomLooks:
             specular=(float(np.clip(model.mat_specular[material], 0, 1)),) * 3,
             shininess=_SHININESS * max(0.0, float(model.mat_shininess[material])),
             emission=tuple(max(0.0, float(model.mat_emission[material])) * part for part in _unit(color)[:3]),  # type: ignore[arg-type]
-            projection="cube" if laid is not None and uv is None else "uv",
+            projection="cube" if number >= 0 and uv is None else "uv",
             texture_uniform=bool(uv is None and model.mat_texuniform[material]),
         )
-        return Appearance((made,), uv=uv)
+        return Appearance((made,), uv=uv, normals=normals)
 
 
 class _Laid(NamedTuple):
@@ -100,10 +113,17 @@ class _Laid(NamedTuple):
         return (self.shape.vertices, self.shape.faces) if isinstance(self.shape, Solid) else self.shape
 
 
-def _of_one_colour(rgba: Color) -> Appearance:
+def _normals_of(laid: _Laid, stored: Stored | None) -> NDArray[np.float32]:
+    if stored is None:
+        return round_normals(laid.kind, laid.size, *laid.triangles())
+    return corner_normals(stored, *laid.triangles())
+
+
+def _of_one_colour(rgba: Color, normals: Normals | None) -> Appearance:
     """Make what has no material: its highlight is MuJoCo's (`mjv_initGeom` in engine_vis_visualize.c)."""
     shine = {"specular": (0.5, 0.5, 0.5), "shininess": 0.5 * _SHININESS}
-    return Appearance((Material(base_color=_unit(rgba), alpha_mode=_mode(rgba[3]), **shine),))  # type: ignore[arg-type]
+    material = Material(base_color=_unit(rgba), alpha_mode=_mode(rgba[3]), **shine)  # type: ignore[arg-type]
+    return Appearance((material,), normals=None if normals is None else normals())
 
 
 def _unit(color: Color) -> Color:

@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.core.poses import poses_to_matrices
+from warpvis.core.poses import poses_to_matrices, poses_to_opencv
 from warpvis.scene._drawn import frame_vertices
 from warpvis.scene._object import SceneObject
 from warpvis.scene.colors import linear_color, screen_color
@@ -57,15 +57,17 @@ class _Packing:
         self._texel_count = 0
         self._known: dict[Any, Any] = {}
         self._alive: list[Any] = []  # what `_known` has the ids of
-        self._rows: dict[str, list[np.ndarray]] = {name: [] for name in ("corners", "uv", "colors", "face_material")}
+        self._rows: dict[str, list[np.ndarray]] = {
+            name: [] for name in ("corners", "uv", "colors", "normals", "face_material")
+        }
         self._row_counts = dict.fromkeys(self._rows, 0)
         count = len(objects)
         self._first = np.zeros(count, dtype=np.int32)
         self._column = np.full(count, -1, dtype=np.int32)
         self._pose = np.tile(np.array(_IDENTITY, dtype=np.float32), (count, 1))
-        self._object_rows = np.full((count, 4), -1, dtype=np.int32)
+        self._object_rows = np.full((count, 5), -1, dtype=np.int32)
         for index, item in enumerate(objects):
-            self._add(index, item)
+            self._add(index, item, objects)
 
     def struct(self) -> Looks:
         """Return the tables on the device."""
@@ -80,6 +82,7 @@ class _Packing:
         looks.corners = wp.array(self._joined("corners", (3, 3)), dtype=wp.vec3, device=device)
         looks.uv = wp.array(self._joined("uv", (3, 2)), dtype=wp.vec2, device=device)
         looks.colors = wp.array(self._joined("colors", (3, 4)), dtype=wp.vec4, device=device)
+        looks.normals = wp.array(self._joined("normals", (3, 3)), dtype=wp.vec3, device=device)
         rows = self._joined("face_material", (), np.int32)
         looks.face_material = wp.array(rows, dtype=wp.int32, device=device)
         looks.materials = wp.array(self._materials, dtype=MaterialLook, device=device)
@@ -91,32 +94,36 @@ class _Packing:
     def _joined(self, name: str, shape: tuple[int, ...], dtype: Any = np.float32) -> np.ndarray:
         return np.concatenate([np.zeros((0, *shape), dtype=dtype), *self._rows[name]])
 
-    def _add(self, index: int, item: SceneObject) -> None:
+    def _add(self, index: int, item: SceneObject, objects: Sequence[SceneObject]) -> None:
         look = item.appearance or _PLAIN
         carrier = index if item.carrier is None else item.carrier
         self._column[index] = self._columns.get(carrier, -1)
-        numbers = [self._material(material, item) for material in look.materials]
+        numbers = [self._material(material, item, objects) for material in look.materials]
         self._first[index] = numbers[0]
         if item.shared_mesh is not None:
             self._pose[index] = item.place
-        elif _is_projected_from(item, look):
-            self._pose[index] = item.origin
+        elif _has_own_frame(item, look):
+            self._pose[index] = _pose_in_carrier(item, objects)
         if look.face_materials is not None and len(set(numbers)) > 1:
             rows = np.array(numbers, dtype=np.int32)[look.face_materials]
             self._object_rows[index, 3] = self._share("face_material", rows, (look.face_materials, tuple(numbers)))
         elif look.face_materials is not None and len(look.face_materials):
             self._first[index] = numbers[int(look.face_materials[0])]
         is_colored = look.vertex_colors is not None or look.face_colors is not None
-        if item.solid is not None or not (is_colored or any(material.texture for material in look.materials)):
+        is_textured = any(material.texture for material in look.materials)
+        if item.solid is not None or not (is_colored or is_textured or look.normals is not None):
             return
         self.deforms |= item.points is not None
         vertices, faces = _frame_mesh(item)
-        if _is_projected_from(item, look):
-            vertices = _in_frame(vertices, item.origin)
+        if _has_own_frame(item, look):
+            vertices = _in_frame(vertices, _pose_in_carrier(item, objects))
         self._object_rows[index, 0] = self._share("corners", vertices[faces], (item.shared_mesh or vertices, faces))
         uv = look.corner_uv(faces)
         if uv is not None:
             self._object_rows[index, 1] = self._share("uv", uv, (look.uv, faces))
+        normals = look.corner_normals(faces)
+        if normals is not None:
+            self._object_rows[index, 4] = self._share("normals", normals, (look.normals, faces))
         if is_colored:
             self._object_rows[index, 2] = self._share("colors", _corner_colors(look, faces), (look, faces))
 
@@ -130,10 +137,10 @@ class _Packing:
             self._row_counts[name] += len(rows)
         return self._known[key]
 
-    def _material(self, material: Material, item: SceneObject) -> int:
+    def _material(self, material: Material, item: SceneObject, objects: Sequence[SceneObject]) -> int:
         from warpvis.kernels.shading import MaterialLook
 
-        scale = _cube_scale(material, item)
+        scale = _cube_scale(material, item, objects)
         key = (id(material), scale)
         if key not in self._known:
             look = MaterialLook()
@@ -203,10 +210,20 @@ def _frame_mesh(item: SceneObject) -> tuple[NDArray[np.float32], NDArray[np.int3
     return vertices, item.faces
 
 
-def _is_projected_from(item: SceneObject, look: Appearance) -> bool:
-    """Whether textures are projected in the frame that an object that stays was added in."""
-    has_frame = item.origin is not None and not item.movable
-    return has_frame and any(material.projection != "uv" for material in look.materials)
+def _has_own_frame(item: SceneObject, look: Appearance) -> bool:
+    """Whether a look goes by the frame that an object was added in, and its vertices are in another one."""
+    by_frame = look.normals is not None or any(material.projection != "uv" for material in look.materials)
+    return item.origin is not None and by_frame
+
+
+def _pose_in_carrier(item: SceneObject, objects: Sequence[SceneObject]) -> NDArray[np.float64] | None:
+    """Return where an object was added, in the world or in the frame of what it is attached to; None at its origin."""
+    if item.origin is None or item.carrier is None:
+        return item.origin
+    carrier = objects[item.carrier].pose
+    assert carrier is not None  # it is movable
+    inner = np.linalg.inv(poses_to_matrices(carrier.astype(np.float64))) @ poses_to_matrices(item.origin)
+    return poses_to_opencv(inner[None])[0]
 
 
 def _in_frame(vertices: NDArray[np.float32], origin: NDArray[np.float64] | None) -> NDArray[np.float32]:
@@ -227,14 +244,15 @@ def _corner_colors(look: Appearance, faces: NDArray[np.int32]) -> NDArray[np.flo
     return (rows.astype(np.float32) / np.float32(255 if rows.dtype == np.uint8 else 1)).astype(np.float32)
 
 
-def _cube_scale(material: Material, item: SceneObject) -> tuple[float, ...]:
+def _cube_scale(material: Material, item: SceneObject, objects: Sequence[SceneObject]) -> tuple[float, ...]:
     """Return what coordinates are multiplied by before they are directions in a cube.
 
     Unless they are uniform, directions are of an object that is as large along each axis, as MuJoCo has them.
     """
     if material.texture is None or material.projection != "cube" or material.texture_uniform:
         return 1.0, 1.0, 1.0
-    half = np.abs(_in_frame(_frame_mesh(item)[0], item.origin)).max(axis=0).astype(np.float64)
+    origin = _pose_in_carrier(item, objects)
+    half = np.abs(_in_frame(_frame_mesh(item)[0], origin)).max(axis=0).astype(np.float64)
     return tuple((1 / np.where(half > 0, half, 1.0)).tolist())
 
 

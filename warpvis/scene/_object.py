@@ -43,8 +43,8 @@ class SceneObject:
     solid: Solid | None = None
     """What rays meet of a movable object in place of its triangles, if it was added as a `solids.Solid`."""
     origin: NDArray[np.float64] | None = field(default=None, repr=False, compare=False)
-    """Where an object that stays was added, object to world, ``x y z qx qy qz qw``: the frame that textures are laid
-    from where they have no coordinates; None for the world's."""
+    """Where an object that stays or is attached was added, object to world, ``x y z qx qy qz qw``: the frame of its
+    normals, and of textures without coordinates; None for the world's."""
     look: Look | None = field(default=None, repr=False, compare=False)
     """What makes its `appearance`."""
 

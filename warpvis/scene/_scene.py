@@ -198,8 +198,7 @@ class Scene(SceneExports):
         elif attach_to is not None or not movable:
             placed = shared.placed(row, name)
             frame = {} if attach_to is None else self._attach(attach_to, mesh, name, placed)
-            origin = row if attach_to is None else None
-            item = SceneObject(name, number, placed.astype(np.float32), shared.faces, origin=origin, look=look, **frame)
+            item = SceneObject(name, number, placed.astype(np.float32), shared.faces, origin=row, look=look, **frame)
         else:
             pose = (_IDENTITY if row is None else row).astype(np.float32)
             shared.check_reach(pose[None], name)

@@ -165,6 +165,9 @@ class Appearance:
     """Shape ``(n, 4)``; uint8, or float32 where 1 is the most; in the colour space of the face's material."""
     face_colors: NDArray[np.uint8 | np.float32] | None = field(default=None, repr=False)
     """The same of each face, shape ``(m, 4)``."""
+    normals: NDArray[np.float32] | None = field(default=None, repr=False)
+    """Normals that light goes by, of each corner of each face, shape ``(m, 3, 3)``, or of each vertex, ``(n, 3)``, in
+    the mesh's own frame, of any length but 0; None for those of the faces themselves."""
 
     def __post_init__(self) -> None:
         given = (self.materials,) if isinstance(self.materials, Material) else self.materials
@@ -176,6 +179,7 @@ class Appearance:
             ("uv", _check_uv),
             ("vertex_colors", _check_colors),
             ("face_colors", _check_colors),
+            ("normals", _check_normals),
         ):
             value = getattr(self, name)
             if value is not None:
@@ -193,8 +197,10 @@ class Appearance:
     def check_fits(self, vertices: int, faces: int, name: str) -> None:
         """Raise a `SceneError` unless it is of a mesh of so many vertices and faces."""
         wanted = {"face_materials": faces, "vertex_colors": vertices, "face_colors": faces}
-        if self.uv is not None:
-            wanted["uv"] = vertices if self.uv.ndim == 2 else faces
+        for key in ("uv", "normals"):
+            rows = getattr(self, key)
+            if rows is not None:
+                wanted[key] = vertices if rows.ndim == 2 else faces
         for key, count in wanted.items():
             rows = getattr(self, key)
             if rows is not None and len(rows) != count:
@@ -205,6 +211,10 @@ class Appearance:
     def corner_uv(self, faces: NDArray[np.integer]) -> NDArray[np.float32] | None:
         """Return texture coordinates of each corner of the mesh's faces, shape ``(m, 3, 2)``; None if it has none."""
         return self.uv if self.uv is None or self.uv.ndim == 3 else self.uv[faces]
+
+    def corner_normals(self, faces: NDArray[np.integer]) -> NDArray[np.float32] | None:
+        """Return normals of each corner of the mesh's faces, shape ``(m, 3, 3)``; None if it has none."""
+        return self.normals if self.normals is None or self.normals.ndim == 3 else self.normals[faces]
 
     def of_another_mesh(self) -> Appearance:
         """Return what of it counts for any mesh: its first material."""
@@ -250,6 +260,19 @@ def _check_uv(rows: np.ndarray, name: str) -> NDArray[np.float32]:
         return rows
     bad = np.flatnonzero(~np.isfinite(rows).reshape(len(rows), -1).all(axis=1))
     raise SceneError(f"{name} must be finite: {len(bad)} are not, the first at {bad[0]}")
+
+
+def _check_normals(rows: np.ndarray, name: str) -> NDArray[np.float32]:
+    if rows.ndim not in (2, 3) or rows.shape[-1] != 3 or (rows.ndim == 3 and rows.shape[1] != 3):
+        raise SceneError(f"{name} must have shape (m, 3, 3) or (n, 3), got {rows.shape}")
+    rows = rows.astype(np.float64)
+    length = np.linalg.norm(rows, axis=-1, keepdims=True)
+    wrong = ~(np.isfinite(length) & (length > 0)).reshape(len(rows), -1).all(axis=1)
+    if wrong.any():
+        raise SceneError(
+            f"{name} must be finite and not 0: {int(wrong.sum())} are not, the first at {int(np.flatnonzero(wrong)[0])}"
+        )
+    return (rows / length).astype(np.float32)
 
 
 def _check_colors(rows: np.ndarray, name: str) -> NDArray[np.uint8 | np.float32]:
