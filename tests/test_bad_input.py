@@ -246,7 +246,7 @@ CASES = {
         "world_index must be from 0 to 0",
     ),
     # Classification
-    "depth of millimetres": (lambda: wv.classify(DEPTH.astype(np.uint16), KINECT, POSE), "in metres.*divide"),
+    "depth of millimetres": (lambda: wv.classify(DEPTH.astype(np.uint16), KINECT, POSE), "in meters.*divide"),
     "depth of another size": (lambda: wv.classify(DEPTH[:, :9], KINECT, POSE), r"\(V, 240, 320\), got \(1, 9, 320\)"),
     "depth of no image": (lambda: wv.classify(None, KINECT, POSE), "depth must be an array of numbers"),
     "more poses than depth": (lambda: wv.classify(DEPTH, KINECT, [POSE] * 3), "depth has 1 view and camera.* has 3"),
@@ -416,8 +416,8 @@ def test_depth_files(tmp_path):
 
 
 def test_nothing_is_clamped_into_millimetres():
-    depth = [0.0004, 0.001, 65.535, 65.536, np.inf, -np.inf, np.nan, -1.0]
-    assert depth_to_units(depth, 1000).tolist() == [0, 1, 65535, 0, 0, 0, 0, 0]
+    depth = [0.0004, 0.001, 65.534, 65.535, 65.536, np.inf, -np.inf, np.nan, -1.0]
+    assert depth_to_units(depth, 1000).tolist() == [0, 1, 65534, 0, 0, 0, 0, 0, 0]
 
 
 @pytest.fixture

@@ -158,8 +158,8 @@ def test_what_is_no_png_image_is_refused(image):
 
 
 def test_depth_in_units():
-    depth = [0.00009, 0.00011, 1.23456, 13.10709, 13.1072, 13.2, np.inf, -np.inf, np.nan]
-    assert depth_to_units(depth, 5000).tolist() == [0, 1, 6173, 65535, 0, 0, 0, 0, 0]
+    depth = [0.00009, 0.00011, 1.23456, 13.10689, 13.10691, 13.1072, 13.2, np.inf, -np.inf, np.nan]
+    assert depth_to_units(depth, 5000).tolist() == [0, 1, 6173, 65534, 0, 0, 0, 0, 0, 0]
     assert depth_to_units(1.5, 1000) == 1500
     single = np.array([61.31549835205078, 58.50450134277344], dtype=np.float32)  # times 1000, float32 rounds to halves
     assert depth_to_units(single, 1000).tolist() == [61315, 58505]
@@ -198,9 +198,9 @@ def test_a_camera_without_end_is_json(tmp_path, rendered):
 def test_depth_that_16_bits_cannot_hold_is_told(tmp_path, rendered, scale):
     warnings = write(tmp_path, rendered, "png", outputs=("depth",), options={"scale": scale})
     depth = rendered["z"][2]["depth"]
-    lost = np.isfinite(depth) & (depth > 65535.5 / 2e4)
+    lost = np.isfinite(depth) & (depth > 65534.5 / 2e4)
     assert list(warnings.values()) == [np.count_nonzero(lost)]
-    assert next(iter(warnings)).startswith("pixels have a depth that 16 bits of 20000 units a metre cannot hold")
+    assert next(iter(warnings)).startswith("pixels have a depth that 16 bits of 20000 units a meter cannot hold")
     for frame in range(FRAMES):
         units = read_image(tmp_path / "depth" / frame_file(frame, ".png"))[1]
         np.testing.assert_array_equal(units == 0, lost[frame] | ~np.isfinite(depth[frame]))

@@ -82,7 +82,7 @@ def test_render_writes_metres_and_millimetres(tmp_path):
         "render", "box.stl", "--poses", "poses.txt", "--camera", "camera.json", "--out", "out", cwd=tmp_path
     )
     assert "frames: 4, shards: 1, " in result.stdout
-    assert "warning: " in result.stderr and "pixels have a depth that 16 bits of 1000 units a metre" in result.stderr
+    assert "warning: " in result.stderr and "pixels have a depth that 16 bits of 1000 units a meter" in result.stderr
 
     stored = np.load(tmp_path / "out" / "npz" / "shard-000000.npz")
     camera = wv.Camera.from_fov(64, 48, hfov=0.5)

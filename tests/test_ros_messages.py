@@ -200,9 +200,9 @@ def test_metres_keep_every_value():
 
 def test_millimetres_are_rounded_to_even():
     """Ties exactly: 62.5, 187.5 and 312.5 mm are 62, 188 and 312; one more bit rounds up."""
-    depth = np.array([[0.0625, 0.1875, 0.3125, np.nextafter(np.float32(0.0625), np.float32(1)), 1.9996, 65.535]])
+    depth = np.array([[0.0625, 0.1875, 0.3125, np.nextafter(np.float32(0.0625), np.float32(1)), 1.9996, 65.534]])
     units = np.frombuffer(to_image_msg(depth, encoding="16UC1", **FRAME).data, dtype="<u2")
-    assert units.tolist() == [62, 188, 312, 63, 2000, 65535]
+    assert units.tolist() == [62, 188, 312, 63, 2000, 65534]
 
 
 def test_what_millimetres_cannot_hold_is_counted():
@@ -217,12 +217,13 @@ def test_what_millimetres_cannot_hold_is_counted():
 
 
 def test_millimetres_come_back_as_metres():
-    """All 65536 values; 0 is not measured. Metres are the nearest floats, so that they lead to the same millimetres."""
+    """All 65536 values; 0 and 65535 are no depth. Metres are the nearest floats, and lead to the same millimetres."""
     units = np.arange(65536, dtype=np.uint16).reshape(256, 256)
     depth = from_image_msg(image("16UC1", units.astype("<u2").tobytes(), width=256, height=256, step=512))
-    assert np.isnan(depth[0, 0]) and np.isfinite(depth.ravel()[1:]).all() and depth.dtype == np.float32
-    assert (depth.ravel()[1:] == np.array([k / 1000 for k in range(1, 65536)], dtype=np.float32)).all()
+    assert np.isnan(depth.ravel()[[0, -1]]).all() and depth.dtype == np.float32
+    assert (depth.ravel()[1:-1] == np.array([k / 1000 for k in range(1, 65535)], dtype=np.float32)).all()
     again = to_image_msg(depth, encoding="16UC1", **FRAME)
+    units[-1, -1] = 0
     assert bytes(again.data) == units.tobytes()
 
 
@@ -288,7 +289,7 @@ def test_arrays_of_all_kinds_go_in(device):
 @pytest.mark.parametrize(
     ("depth", "options", "message"),
     [
-        (np.ones((2, 3), dtype=np.uint16), {}, "depth must be in metres, a float array, got uint16"),
+        (np.ones((2, 3), dtype=np.uint16), {}, "depth must be in meters, a float array, got uint16"),
         (np.ones((2, 2, 3)), {}, r"depth must be one image of shape \(H, W\), got \(2, 2, 3\)"),
         (np.ones((0, 3)), {}, r"one image of shape \(H, W\), got \(0, 3\)"),
         (ODD, {"encoding": "rgb8"}, 'encoding must be "32FC1" or "16UC1", got \'rgb8\''),

@@ -167,7 +167,7 @@ NOISY = np.full((200, 320), 2.0, dtype=np.float32)
         (
             [NOISY.astype(np.uint16)],
             {},
-            r"depth_images\[0\] must be in metres, got uint16: divide by its units a metre",
+            r"depth_images\[0\] must be in meters, a float array, got uint16; divide millimeters by 1000",
         ),
         ([np.full((200, 320), np.nan)], {}, r"depth_images\[0\] has depth at 0 pixels, too few for a wall"),
         ([NOISY], {}, "nothing tells f b: no picture has an invalid band at a side; give baseline or subpixel"),

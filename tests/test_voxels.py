@@ -355,7 +355,7 @@ UNIT = ((0, 0, 0), (1, 1, 1))
             "a grid of 10000 x 10000 x 10000 voxels is too large, 2147483647 are the most; give a larger",
         ),
         ({"depth": DEPTH[:, 1:]}, "depth must have shape (V, 120, 160), got (1, 119, 160)"),
-        ({"depth": (DEPTH * 1000).astype(np.uint16)}, "depth must be in metres, a float array, got uint16"),
+        ({"depth": (DEPTH * 1000).astype(np.uint16)}, "depth must be in meters, a float array, got uint16"),
         ({"camera_to_world": np.tile(POSES[0], (2, 1))}, "depth has 1 view and camera_to_world has 2; give one pose"),
         ({"camera": 3}, "camera must be a warpvis.Camera or a warpvis.sensors.LensCamera, got int"),
         ({"labels": np.ones((1, 12, 16), dtype=np.uint8)}, "labels must have shape (1, 120, 160), got (1, 12, 16)"),

@@ -12,8 +12,10 @@ from warpvis.io._clouds import save_cloud, save_clouds
 from warpvis.io._depth import (
     count_lost as count_lost,
     depth_to_units as depth_to_units,
+    describe_lost as describe_lost,
     encode_png as encode_png,
     encode_pngs as encode_pngs,
+    missing_units as missing_units,
     save_depth_png,
 )
 from warpvis.io._depth_reading import find_depth_images as find_depth_images, read_depth

@@ -14,9 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import as_path
+from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError, FileFormatError
 
-_MOST = 65_535
+NO_DEPTH_UINT16 = 65_535
+"""What 16-bit depth images of others hold where nothing was measured, besides 0 (7-Scenes), or saturate to."""
 
 # On a 16-bit depth image, filter Up and zlib's level 1 take a third to half of the time of Pillow's level 1, which
 # tries every filter on every row, and no more bytes: 0.5 to 1.7 ms and 0.05 to 0.24 of the pixels' bytes for 320x240
@@ -28,8 +30,8 @@ _LEVEL = 1
 def depth_to_units(depth: ArrayLike, scale: float) -> NDArray[np.uint16]:
     """Turn depth into what 16-bit depth images hold: whole units, 0 where there is none.
 
-    Depth that 16 bits cannot hold becomes 0 as well, not the greatest value: to a reader, 0 is no depth, and any other
-    number is a distance.
+    Depth that 16 bits cannot hold becomes 0 as well, not the greatest value: to readers 0 is no depth, and 65535, which
+    is no depth to some and a limit to others, is never written.
 
     Args:
         depth: Depth [m], any shape.
@@ -42,16 +44,49 @@ def depth_to_units(depth: ArrayLike, scale: float) -> NDArray[np.uint16]:
     units = np.multiply(depth, scale, out=np.empty(depth.shape), dtype=np.float64)
     np.rint(units, out=units)
     np.fmax(units, 0, out=units)  # which is 0 of NaN, too
-    np.copyto(units, 0, where=units > _MOST)
+    np.copyto(units, 0, where=units >= NO_DEPTH_UINT16)
     return units.astype(np.uint16)
 
 
-def count_lost(depth: NDArray[np.float32], units: NDArray[np.uint16]) -> int:
+def count_lost(depth: NDArray[np.floating], units: NDArray[np.uint16]) -> int:
     """Count the depths [m] that are 0, no depth, in units: too far for 16 bits, or less than half a unit.
 
     What is no depth is not lost: infinities, NaN, 0 and what is negative.
     """
     return int(np.count_nonzero((depth > 0) & (depth < np.inf)) - np.count_nonzero(units))
+
+
+def describe_lost(scale: float) -> str:
+    """Describe the pixels that `count_lost` counts, of `scale` units in a meter, for a warning."""
+    return (
+        f"pixels have a depth that 16 bits of {scale:g} units a meter cannot hold (they hold {0.5 / scale:g} to "
+        f"{(NO_DEPTH_UINT16 - 0.5) / scale:g} m), and are 0, no depth"
+    )
+
+
+def warn_of_lost(depth: NDArray[np.floating], units: NDArray[np.uint16], scale: float) -> None:
+    """Warn of depths [m] that are not in `units` of `scale` in a meter, if there are any."""
+    lost = count_lost(depth, units)
+    if lost:
+        warn_user(f"{describe_lost(scale)}: {lost} in all", UserWarning)
+
+
+def units_to_depth(units: NDArray[np.integer], unit: float) -> NDArray[np.float32]:
+    """Return depth [m] of whole units; NaN where they are 0, or 65535 in an array of 16 bits.
+
+    Args:
+        units: Depth in units, any shape.
+        unit: Length of a unit [m].
+    """
+    depth = (units * float(unit)).astype(np.float32)
+    depth[missing_units(units)] = np.nan
+    return depth
+
+
+def missing_units(units: NDArray[np.integer]) -> NDArray[np.bool_]:
+    """Return which whole units are no depth: 0, and 65535 in an array of 16 bits."""
+    missing = units == 0
+    return missing | (units == NO_DEPTH_UINT16) if units.dtype.itemsize == 2 else missing
 
 
 def encode_png(image: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
@@ -97,10 +132,25 @@ _END = b"".join(_chunk_parts(b"IEND", b""))
 
 
 def save_depth_png(depth: ArrayLike, path: str | os.PathLike[str]) -> None:
-    """Write one depth image [m], shape ``(H, W)``, as 16-bit PNG in millimetres; see `depth_to_units`."""
-    millimetres = depth_to_units(depth, 1000)
-    if millimetres.ndim != 2:
-        raise ArrayError(f"depth must have shape (H, W), got {millimetres.shape}")
+    """Write one depth image as 16-bit PNG in millimeters, 0 where there is no depth.
+
+    A warning counts the pixels whose depth 16 bits cannot hold, which are 0 as well; see `depth_to_units`.
+
+    Args:
+        depth: Depth [m], float, shape ``(H, W)``.
+        path: File to write.
+
+    Raises:
+        ArrayError: If `depth` has another shape or dtype.
+        FileFormatError: If the file cannot be written.
+    """
+    image = as_numpy(depth, name="depth")
+    if image.dtype.kind != "f":
+        raise ArrayError(f"depth must be in meters, a float array, got {image.dtype}; divide millimeters by 1000")
+    if image.ndim != 2:
+        raise ArrayError(f"depth must have shape (H, W), got {image.shape}")
+    millimetres = depth_to_units(image, 1000)
+    warn_of_lost(image, millimetres, 1000)
     try:
         as_path(path).write_bytes(encode_png(millimetres))
     except OSError as error:

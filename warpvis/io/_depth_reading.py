@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.checks import as_path, check_number, said_by
 from warpvis.errors import ArrayError, FileFormatError
+from warpvis.io._depth import units_to_depth
 
 DEPTH_SUFFIXES = (".png", ".npy")
 """What `read_depth` reads."""
@@ -25,7 +26,8 @@ def read_depth(path: str | os.PathLike[str], *, unit: float = 0.001) -> NDArray[
         unit: What one unit is [m].
 
     Returns:
-        Depth [m], ``(H, W)`` float32; NaN where the file says 0.
+        Depth [m], ``(H, W)`` float32; NaN where the file has 0, or 65535 in 16 bits, which is no depth in 7-Scenes and
+        a limit elsewhere.
 
     Raises:
         ArrayError: `unit` is no length.
@@ -37,7 +39,9 @@ def read_depth(path: str | os.PathLike[str], *, unit: float = 0.001) -> NDArray[
     image = _read(path)
     if image.ndim != 2 or image.dtype.kind not in "fiu":
         raise FileFormatError(f"{path}: expected a depth image of shape (H, W), got {image.dtype} of {image.shape}")
-    depth = image.astype(np.float32) if image.dtype.kind == "f" else (image * float(unit)).astype(np.float32)
+    if image.dtype.kind != "f":
+        return units_to_depth(image, unit)
+    depth = image.astype(np.float32)
     return np.where(depth == 0, np.float32(np.nan), depth)
 
 
@@ -60,7 +64,7 @@ def _read(path: Path) -> NDArray:
         raise FileFormatError(
             f"{path}: expected a grey PNG of 16 bits, as depth cameras' programs write, got mode {mode}"
         )
-    return image
+    return image.astype(np.uint16)  # Pillow has 32 bits for some of these files
 
 
 def find_depth_images(folder: str | os.PathLike[str]) -> list[Path]:

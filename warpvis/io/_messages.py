@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from warpvis.core.arrays import as_numpy, on_gpu
 from warpvis.core.camera import Camera
 from warpvis.core.checks import check_choice
+from warpvis.core.depth_images import check_meters
 from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.messages import Message, MessageMaker, MessageTypes, Stamp, field, whole_field
 from warpvis.core.types import ArrayInput
-from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError, MessageError
 from warpvis.io._cloud_messages import DATATYPES, CloudLayout, as_layout, check_cloud
-from warpvis.io._depth import count_lost, depth_to_units
+from warpvis.io._depth import depth_to_units, units_to_depth, warn_of_lost
 
 DepthEncoding = Literal["32FC1", "16UC1"]
 """How an Image holds depth, as REP 118 says."""
@@ -59,13 +59,7 @@ def to_image_msg(
     pixels: NDArray[Any]
     if encoding == "16UC1":
         units = depth_to_units(image, _MILLIMETRES)
-        lost = count_lost(image, units)
-        if lost:
-            warn_user(
-                "pixels have a depth that 16 bits of millimetres cannot hold (they hold 0.0005 to 65.5355 m), "
-                f"and are 0, no depth: {lost} in all",
-                UserWarning,
-            )
+        warn_of_lost(image, units, _MILLIMETRES)
         pixels = np.ascontiguousarray(units, dtype="<u2")
     else:
         pixels = np.array(image, dtype="<f4", order="C")  # a copy: renderers write into the same arrays again
@@ -86,7 +80,8 @@ def from_image_msg(message: Message) -> NDArray[np.float32]:
     """Return the depth image of a ``sensor_msgs/Image`` [m], shape ``(H, W)`` float32.
 
     Of 32FC1 it is what the message holds: +inf, -inf and NaN mean what REP 117 says. Of 16UC1, which holds millimetres,
-    0 becomes NaN, not measured. Either order of bytes is read, and rows that are padded.
+    0 becomes NaN, not measured, and so does 65535, which some write for the same or for a limit. Either order of bytes
+    is read, and rows that are padded.
 
     Args:
         message: Of ROS 2, rosbags or ROS 1, or any object with its fields.
@@ -111,9 +106,7 @@ def from_image_msg(message: Message) -> NDArray[np.float32]:
     pixels = rows.view(kind)
     if kind.kind == "f":
         return pixels.astype(np.float32)
-    metres = (pixels / _MILLIMETRES).astype(np.float32)
-    metres[pixels == 0] = np.nan
-    return metres
+    return units_to_depth(pixels, 1 / _MILLIMETRES)
 
 
 def to_pointcloud2(
@@ -196,7 +189,7 @@ def _read_image(depth: ArrayInput) -> NDArray[Any]:
     """Return one depth image on the host, shape ``(H, W)``."""
     image = _on_host(depth, "depth")
     if image.dtype.kind != "f":
-        raise ArrayError(f"depth must be in metres, a float array, got {image.dtype}; divide millimetres by 1000")
+        raise ArrayError(f"depth must be in meters, a float array, got {image.dtype}; divide millimeters by 1000")
     if image.ndim == 3 and len(image) == 1:
         image = image[0]
     if image.ndim != 2 or not image.size:
@@ -221,6 +214,7 @@ def _back_project(depth: NDArray[Any], camera: ImageCamera) -> NDArray[np.float3
     """Return the points of a depth image in the camera's frame, shape ``(H, W, 3)``, NaN where no depth is."""
     if depth.shape != (camera.height, camera.width):
         raise ArrayError(f"depth must have the camera's shape ({camera.height}, {camera.width}), got {depth.shape}")
+    check_meters(depth, "depth", camera.near, camera.far)
     depth = depth.astype(np.float32, copy=False)
     near, far = np.float32(camera.near), np.float32(camera.far)
     measured = np.isfinite(depth) & (depth > 0) & (depth >= near) & (depth <= far)

@@ -17,7 +17,7 @@ from warpvis.core.arrays import as_numpy, as_warp, check_metres, check_out, empt
 from warpvis.core.camera import Camera
 from warpvis.core.checks import counted
 from warpvis.core.depth_images import read_depth
-from warpvis.core.image_cameras import ImageCamera
+from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.labels import Label, LabelNames
 from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, to_xyzw
 from warpvis.core.threads import launch_images
@@ -65,7 +65,7 @@ def back_project(
 
     Args:
         depth: Depth of the camera's kind [m], planar of a pinhole, shape ``(V, H, W)`` float32, or ``(H, W)`` for one
-            view.
+            view. Millimeters are refused where arrays on the host plainly hold them; arrays on a GPU are not examined.
         camera: The camera that took the images: a pinhole, or a `warpvis.sensors.LensCamera`.
         camera_to_world: Its poses, shape ``(V, 7)`` or ``(V, 4, 4)``.
         convention: Axes of the camera frame of the poses.
@@ -124,7 +124,7 @@ def classify(
 
     Args:
         depth: Depth of the camera's kind [m], planar of a pinhole, shape ``(V, H, W)`` float32, or ``(H, W)`` for one
-            view.
+            view. Millimeters are refused where arrays on the host plainly hold them; arrays on a GPU are not examined.
         camera: The camera that took the images: a pinhole, or a `warpvis.sensors.LensCamera`.
         camera_to_world: Its poses, shape ``(V, 7)`` or ``(V, 4, 4)``.
         spheres: The objects: `Sphere`s, or rows ``x y z diameter`` [m] of shape ``(S, 4)``, labelled `Label.OBJECT`.
@@ -148,7 +148,7 @@ def classify(
     from warpvis.kernels import classify as kernels, ray_points
 
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
-    depth, poses = _read_images(depth, camera, camera_to_world, convention, device)
+    depth, poses = _read_images(depth, camera, camera_to_world, convention, device, max_range)
     ground = kernels.Ground()
     ground.up = check_up(up)
     ground.sigma = check_metres(ground_tolerance, "ground_tolerance", infinite=True)
@@ -236,10 +236,16 @@ def _read_objects(objects: ArrayInput, depth: wp.array, scene: Scene) -> wp.arra
 
 
 def _read_images(
-    depth: ArrayInput, camera: ImageCamera, camera_to_world: PoseLike, convention: Convention, device: DeviceLike
+    depth: ArrayInput,
+    camera: ImageCamera,
+    camera_to_world: PoseLike,
+    convention: Convention,
+    device: DeviceLike,
+    max_range: float | None = None,
 ) -> tuple[wp.array, wp.array]:
     """Read depth images and as many poses, on one device."""
-    depth = read_depth(depth, camera, device)
+    require_image_camera(camera)
+    depth = read_depth(depth, camera, device, max_range=_check_range(max_range, camera))
     poses = parse_poses(camera_to_world, convention=convention, device=depth.device)
     if len(poses) != len(depth):
         raise ArrayError(

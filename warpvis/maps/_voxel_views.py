@@ -77,7 +77,8 @@ def voxel_map(
         depth: Depth of the camera's kind [m], planar of a pinhole, measured or rendered, shape ``(V, H, W)`` float32,
             or ``(H, W)`` for one view. +inf is nothing up to `far`, and so is a finite depth beyond it; -inf is
             something nearer than `near`, which hides all behind it, and so is a depth between 0 and `near` (REP 117).
-            0, negative and NaN is not measured, and says nothing.
+            0, negative and NaN is not measured, and says nothing. Millimeters are refused where arrays on the host
+            plainly hold them; arrays on a GPU are not examined.
         camera: The camera that took the images: a pinhole, or a `warpvis.sensors.LensCamera`, through which voxels are
             projected on the host; a pixel without a ray says nothing.
         camera_to_world: Its poses, shape ``(V, 7)`` or ``(V, 4, 4)``.

@@ -119,9 +119,10 @@ def point_visibility_from_depth(
 
     Args:
         depth: Depth of the camera's kind [m], planar of a pinhole, shape ``(V, H, W)`` float32, or ``(H, W)`` for one
-            view. +inf is nothing up to the
-            camera's `far`, and so is a finite depth beyond it; -inf is something nearer than `near`, which hides all
-            behind it, and so is a depth between 0 and `near` (REP 117). 0, negative and NaN is not measured.
+            view. +inf is nothing up to the camera's `far`, and so is a finite depth beyond it; -inf is something nearer
+            than `near`, which hides all behind it, and so is a depth between 0 and `near` (REP 117). 0, negative and
+            NaN is not measured. Millimeters are refused where arrays on the host plainly hold them; arrays on a GPU are
+            not examined.
         camera: The camera that took the images: a pinhole, or a `warpvis.sensors.LensCamera`.
         camera_to_world: Where it was, as for `Renderer.render`.
         points: Points in the world frame [m], shape ``(N, 3)``.

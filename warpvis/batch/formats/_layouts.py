@@ -15,7 +15,7 @@ from warpvis.batch._job import shard_name
 from warpvis.batch.formats._base import Format, check_options
 from warpvis.batch.storage._direct_io import FilePart
 from warpvis.errors import FileFormatError
-from warpvis.io import count_lost, depth_to_units, encode_pngs
+from warpvis.io import count_lost, depth_to_units, describe_lost, encode_pngs
 
 if TYPE_CHECKING:
     from warpvis.batch._job import Plan
@@ -95,11 +95,7 @@ class Layout(Format):
             return zip(encode_pngs(units))
 
         unit = self.write_frames(shard, folder, ".png", len(depth), make, files)
-        files.warn(
-            f"pixels have a depth that 16 bits of {scale:g} units a metre cannot hold (they hold {0.5 / scale:g} to "
-            f"{65535.5 / scale:g} m), and are 0, no depth",
-            sum(lost),
-        )
+        files.warn(describe_lost(scale), sum(lost))
         return unit
 
     def write_byte_pngs(self, shard: int, folder: str, images: NDArray[np.uint8], files: ShardFiles) -> str:

@@ -38,7 +38,8 @@ class Png(Layout):
     values mean.
 
     Options:
-        scale: Units of a metre, 1000 (millimetres) by default: depth to 65.535 m.
+        scale: Units of a metre, 1000 (millimetres) by default: depth to 65.534 m, because 65535 is no depth to some
+            readers.
     """
 
     name: ClassVar[str] = "png"

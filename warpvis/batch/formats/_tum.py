@@ -25,7 +25,7 @@ _SCALE = 5000.0
 class Tum(Layout):
     """Writes ``depth/000012/000000.png``, ``depth.txt``, ``groundtruth.txt`` and ``calibration.txt``.
 
-    Depth is 16-bit PNG of 5000 units a metre, to 13.107 m, 0 where there is none. ``depth.txt`` has lines
+    Depth is 16-bit PNG of 5000 units a metre, to 13.1068 m, 0 where there is none. ``depth.txt`` has lines
     ``timestamp filename``, ``groundtruth.txt`` lines ``timestamp tx ty tz qx qy qz qw``, camera to world with OpenCV
     axes, at the same timestamps.
 

@@ -19,6 +19,7 @@ from warpvis.batch.reading._shards import number
 from warpvis.core.checks import said_by
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
+from warpvis.io import missing_units
 
 Column: TypeAlias = dict[str, NDArray]
 
@@ -34,7 +35,7 @@ _BOP_COUNTS = {
 class PngReader:
     """Reads ``depth/000012/000000.png`` and the like: formats ``png``, ``tum`` and ``nerfstudio``.
 
-    0 says that there is no depth, and becomes +inf: whether something was too near is not told.
+    0 and 65535 are no depth, and become +inf: whether something was too near is not told.
     """
 
     scale: float = _MILLIMETRES
@@ -83,8 +84,9 @@ class PngReader:
 
 
 def _to_metres(units: NDArray, scale: float, out: NDArray) -> None:
+    units = units.astype(np.uint16, copy=False)  # some versions of Pillow have 32 bits
     np.divide(units, scale, out=out, casting="unsafe")
-    out[units == 0] = np.inf
+    out[missing_units(units)] = np.inf
 
 
 class TumReader(PngReader):

@@ -14,11 +14,15 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.core.arrays import as_numpy
 from warpvis.core.camera import Camera, require_camera
 from warpvis.core.checks import as_items, check_number, check_whole, counted
+from warpvis.core.depth_images import check_meters
 from warpvis.errors import ArrayError
 from warpvis.sensors.depth._noise_spacing import correlation, expected_correlation, find_spacing
 from warpvis.sensors.depth._quantisation import find_quantum, fit_spread
-from warpvis.sensors.depth._stereo import StereoDepth
+from warpvis.sensors.depth._stereo import StereoDepth, check_baseline
 from warpvis.sensors.depth._walls import Wall, measure_wall
+
+# Cameras that triangulate measure no wall beyond it; a camera with a `far` has its own limit [m].
+_FARTHEST_WALL = 20.0
 
 # Below this, a step of disparity and a whole part of a pixel differ by rounding of what both were found from.
 _WHOLE = 0.05
@@ -144,11 +148,11 @@ def fit(
         region: Which part of the image's width and height to look at, about its middle, as Intel does.
 
     Raises:
-        ArrayError: A picture is of another size or shows no wall, or nothing tells f b.
+        ArrayError: A picture is of another size, is in millimeters or shows no wall, or nothing tells f b.
     """
     require_camera(camera)
-    if baseline is not None and check_number(baseline, "baseline", least=0.0) == 0.0:
-        raise ArrayError("baseline must be above 0 m")
+    if baseline is not None:
+        check_baseline(baseline)
     if subpixel is not None:
         check_whole(subpixel, "subpixel")
     check_number(resolution, "resolution", least=0.0)
@@ -189,8 +193,8 @@ def _images(depth_images: ArrayLike | Sequence[ArrayLike], camera: Camera) -> li
         size = (camera.height, camera.width)
         if image.shape != size:
             raise ArrayError(f"depth_images[{index}] must have shape {size} as the camera has, got {image.shape}")
-        if image.dtype.kind in "iu":
-            raise ArrayError(f"depth_images[{index}] must be in metres, got {image.dtype}: divide by its units a metre")
+        far = _FARTHEST_WALL if math.isinf(camera.far) else camera.far
+        check_meters(image, f"depth_images[{index}]", camera.near, far)
     return images
 
 

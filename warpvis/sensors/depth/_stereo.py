@@ -42,6 +42,22 @@ _LONG_BASELINE = 5.0
 _MOST_SPACING, _MOST_WINDOW, _MOST_BESIDE = 64, 63, 8192
 
 
+def check_baseline(baseline: object) -> None:
+    """Check a distance between the eyes of a depth camera [m], and warn of one that is longer than any device's.
+
+    Raises:
+        ArrayError: If it is not a number above 0.
+    """
+    length = check_number(baseline, "baseline", least=0.0)
+    if length == 0.0:
+        raise ArrayError("baseline must be above 0 m, the distance between a sensor's two eyes")
+    if length >= _LONG_BASELINE:
+        warn_user(
+            f"a baseline of {length:g} m is that of no depth camera: is it in millimetres, {length / 1000:g} m?",
+            UserWarning,
+        )
+
+
 @dataclass(frozen=True)
 class StereoDepth(Device):
     """A depth camera that measures disparities between its imager and another eye: an imager or a projector.
@@ -96,14 +112,7 @@ class StereoDepth(Device):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if check_number(self.baseline, "baseline", least=0.0) == 0.0:
-            raise ArrayError("baseline must be above 0 m, the distance between a sensor's two eyes")
-        if self.baseline >= _LONG_BASELINE:
-            warn_user(
-                f"a baseline of {self.baseline:g} m is that of no depth camera: is it in millimetres, "
-                f"{self.baseline / 1000:g} m?",
-                UserWarning,
-            )
+        check_baseline(self.baseline)
         check_choice(self.other_eye, "other_eye", ("right", "left"))
         if self.focal_length is not None and check_number(self.focal_length, "focal_length", least=0.0) == 0.0:
             raise ArrayError("focal_length must be above 0 px")
