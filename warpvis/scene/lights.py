@@ -32,6 +32,9 @@ Falloff = Literal["opengl", "webots", "gltf"]
 
 Vector = tuple[float, float, float]
 
+_HALF_TURN = float(np.float32(np.pi))
+"""Largest angle [rad]: pi in single precision, in which formats and programs store it, is greater than pi."""
+
 _IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -101,10 +104,13 @@ class Light:
         for name in ("intensity", "exponent"):
             put(name, check_number(getattr(self, name), f"{name} of {what}", least=0.0, error=SceneError))
         for name in ("inner_angle", "outer_angle"):
-            value = check_number(getattr(self, name), f"{name} of {what}", least=0.0, most=np.pi, error=SceneError)
-            put(name, value)
-        if self.inner_angle > self.outer_angle:
-            raise SceneError(f"inner_angle of {what} must be at most its outer_angle {self.outer_angle:g}")
+            value = check_number(getattr(self, name), f"{name} of {what}", least=0.0, most=_HALF_TURN, error=SceneError)
+            put(name, min(value, np.pi))
+        if np.float32(self.inner_angle) > np.float32(self.outer_angle):
+            raise SceneError(
+                f"inner_angle of {what} must be at most its outer_angle {self.outer_angle:g}, got {self.inner_angle:g}"
+            )
+        put("inner_angle", min(self.inner_angle, self.outer_angle))
         if self.reach != np.inf:
             put("reach", check_number(self.reach, f"reach of {what}", least=0.0, error=SceneError))
         put("cast_shadow", check_flag(self.cast_shadow, f"cast_shadow of {what}", SceneError))
