@@ -275,7 +275,7 @@ def test_what_was_added_stays(device):
 def test_data_that_was_never_computed_is_named():
     model, data = task()
     renderer = Renderer(model, 90, 120)
-    with pytest.raises(wv.WarpvisError, match=r"data has no poses yet; call mujoco.mj_forward\(model, data\)"):
+    with pytest.raises(wv.WarpvisError, match=r"poses must be computed, .*; call mujoco.mj_forward\(model, data\)"):
         renderer.update_scene(data, "front")
     assert_as_new(renderer, model, data)
 

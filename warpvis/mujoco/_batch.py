@@ -40,6 +40,7 @@ from warpvis.mujoco._poses import (
     PoseSource,
     WorldPoses,
     camera_transforms,
+    check_computed,
     movable_ids,
     object_places,
     object_transforms,
@@ -251,10 +252,12 @@ class BatchRenderer:
 
         Raises:
             CameraError: There is no such camera.
-            ArrayError: Poses, worlds, `model` or `out` do not fit.
+            ArrayError: Poses, worlds, `model` or `out` do not fit, or poses of a world were never computed.
         """
         chosen = choose_cameras(self.model, cameras, self.width, self.height)
-        poses, indices, models, rows = self._read_worlds(poses, worlds, model)
+        kinds = ["geom"] + ["site"] * bool(len(self.mujoco_scene.movable_sites))
+        kinds += ["cam"] * any(camera.camera_id >= 0 for camera in chosen)
+        poses, indices, models, rows = self._read_worlds(poses, worlds, model, kinds)
         for fixed in self._fixed:
             fixed.check(poses, indices)
         device, count = self.scene.device, len(indices)
@@ -455,6 +458,7 @@ class BatchRenderer:
         poses: PoseSource | Sequence[mujoco.MjData] | ArrayInput,
         worlds: ArrayLike | None,
         model: object | None,
+        kinds: Iterable[str],
     ) -> tuple[PoseSource, NDArray[np.int32], WorldModels | None, NDArray[np.int32]]:
         """Read a source of poses, which of its worlds to render, what differs between models, and whose rows count."""
         if isinstance(poses, list | tuple) and len(poses) and all(isinstance(data, mujoco.MjData) for data in poses):
@@ -463,6 +467,7 @@ class BatchRenderer:
             source = cast(PoseSource, poses)
             count = world_count(source)
             chosen = self._chosen_worlds(worlds, count)
+            check_computed(source, kinds, chosen)
             return source, chosen, None if model is None else WorldModels(self.model, model, count), chosen
         joints = as_numpy(cast("ArrayInput", poses), name="poses")
         joints = np.atleast_2d(joints)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera, check_size
 from warpvis.errors import CameraError
+from warpvis.mujoco._numbers import check_camera_numbers
 from warpvis.rendering import AnyCamera, OrthographicCamera
 
 _FREE = int(mujoco.mjtCamera.mjCAMERA_FREE)
@@ -66,7 +67,13 @@ def camera_from_mujoco(
 
 
 def viewer_frustum(model: mujoco.MjModel, viewer: mujoco.MjvCamera) -> Frustum:
-    """Compute the frustum of one of MuJoCo's cameras, in MuJoCo's single precision."""
+    """Compute the frustum of one of MuJoCo's cameras, in MuJoCo's single precision.
+
+    Raises:
+        CameraError: A number of the camera is not finite.
+    """
+    if viewer.type == _FIXED:
+        check_camera_numbers(model, viewer.fixedcamid, CameraError)
     vertical_horizontal_clip = np.zeros((3, 2), dtype=np.float32)
     mujoco.mjv_cameraFrustum(*vertical_horizontal_clip, model, viewer)
     up, down, left, right, near, far = vertical_horizontal_clip.ravel().tolist()
@@ -98,7 +105,7 @@ def camera_of_frustum(frustum: Frustum, width: int, height: int) -> AnyCamera:
     up, down, left, right, near, far, orthographic = frustum
     if left + right == 0:  # the viewport's aspect ratio counts
         left = right = (up + down) / 2 * width / height
-    if min(near, up + down, left + right) <= 0:
+    if not all(length > 0 for length in (near, up + down, left + right)):
         raise CameraError("the camera must have a near plane, a field of view and a sensor size above 0")
     reach = 1.0 if orthographic else near
     kind = OrthographicCamera if orthographic else Camera

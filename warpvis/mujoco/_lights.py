@@ -4,11 +4,14 @@
 
 from __future__ import annotations
 
+import math
+
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import FARTHEST
+from warpvis.mujoco._numbers import check_light_numbers
 from warpvis.scene.lights import Background, Light, LightKind
 from warpvis.scene.materials import Texture
 
@@ -32,9 +35,13 @@ def model_lights(model: mujoco.MjModel) -> tuple[Light, ...]:
     """Return a model's lights that are on, where they are as it is at first; and first its headlight.
 
     Image lights are left out. MuJoCo's own renderer draws no point lights, either.
+
+    Raises:
+        SceneError: A number of a light is not finite.
     """
-    found = [_headlight(model)] if model.vis.headlight.active else []
     wanted = [number for number in range(model.nlight) if model.light_active[number]]
+    check_light_numbers(model, wanted)
+    found = [_headlight(model)] if model.vis.headlight.active else []
     if wanted:
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
@@ -90,11 +97,11 @@ def _light(model: mujoco.MjModel, data: mujoco.MjData, number: int, kind: LightK
         ambient=_color(model.light_ambient[number]),
         specular=_color(model.light_specular[number]),
         attenuation=tuple(attenuation.tolist()) if spot and attenuation.any() else (1.0, 0.0, 0.0),
-        outer_angle=float(np.clip(np.radians(model.light_cutoff[number]), 0, np.pi)) if spot else np.pi,
+        outer_angle=min(max(math.radians(float(model.light_cutoff[number])), 0.0), math.pi) if spot else math.pi,
         exponent=max(0.0, float(model.light_exponent[number])) if spot else 0.0,
         cast_shadow=bool(model.light_castshadow[number]),
     )
 
 
 def _color(values: NDArray[np.floating]) -> tuple[float, float, float]:
-    return tuple(np.maximum(np.nan_to_num(values), 0).tolist())
+    return tuple(np.maximum(values, 0).tolist())

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Protocol
@@ -15,7 +15,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.arrays import as_numpy, as_warp
+from warpvis.core.arrays import as_numpy, as_warp, on_gpu
 from warpvis.core.checks import as_items, counted, is_whole
 from warpvis.core.kernel_cache import launch
 from warpvis.core.threads import check_threads, run_each
@@ -74,7 +74,7 @@ class WorldPoses:
         """Copy the poses that several `mujoco.MjData` have now.
 
         Raises:
-            ArrayError: There are none, or they are no `mujoco.MjData` of one model.
+            ArrayError: There are none, they are no `mujoco.MjData` of one model, or poses of one were never computed.
         """
         worlds = as_items(worlds, "worlds")
         if not worlds or not all(isinstance(data, mujoco.MjData) for data in worlds):
@@ -83,7 +83,9 @@ class WorldPoses:
             raise ArrayError(
                 "worlds must be mujoco.MjData of one model, got several numbers of geoms, cameras, bodies or sites"
             )
-        return cls(*(np.stack([getattr(data, name) for data in worlds]) for name in _FIELDS))
+        found = cls(*(np.stack([getattr(data, name) for data in worlds]) for name in _FIELDS))
+        check_computed(found, ("geom",))
+        return found
 
 
 def geom_poses(source: PoseSource, scene: MujocoScene) -> NDArray[np.float32]:
@@ -101,11 +103,13 @@ def geom_poses(source: PoseSource, scene: MujocoScene) -> NDArray[np.float32]:
         Rows ``x y z qx qy qz qw``, geom to world, shape ``(M, 7)`` for a `mujoco.MjData`, else ``(W, M, 7)``.
 
     Raises:
-        ArrayError: The arrays are not those of the scene's model.
+        ArrayError: The arrays are not those of the scene's model, or poses of a world were never computed (arrays on a
+            GPU are not checked for that).
     """
     if not hasattr(scene, "movable_geoms"):
         raise ArrayError(f"scene must be what scene_from_mujoco made, got {type(scene).__name__}")
     rows = object_transforms(source, scene).numpy()
+    check_computed(source, ("geom", "site") if len(scene.movable_sites) else ("geom",))
     return rows[0] if isinstance(source, mujoco.MjData) else rows
 
 
@@ -113,7 +117,8 @@ def camera_poses(source: PoseSource, model: mujoco.MjModel, cameras: Sequence[in
     """Give the poses of some of a model's cameras, as `Renderer.render` takes them.
 
     Args:
-        source: As for `geom_poses`, with `cam_xpos` and `cam_xmat`.
+        source: As for `geom_poses`, with `cam_xpos` and `cam_xmat`: a `mujoco.MjData` after `mj_forward` or
+            `mj_camlight`.
         model: The `mujoco.MjModel`.
         cameras: Ids of the cameras.
 
@@ -122,7 +127,8 @@ def camera_poses(source: PoseSource, model: mujoco.MjModel, cameras: Sequence[in
         else ``(cameras, W, 7)``.
 
     Raises:
-        ArrayError: The arrays are not those of the model.
+        ArrayError: The arrays are not those of the model, or poses of a world were never computed (arrays on a GPU are
+            not checked for that).
     """
     if not isinstance(model, mujoco.MjModel):
         raise ArrayError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
@@ -130,6 +136,7 @@ def camera_poses(source: PoseSource, model: mujoco.MjModel, cameras: Sequence[in
     if not all(is_whole(number) and 0 <= number < model.ncam for number in ids):
         raise ArrayError(f"cameras must be ids from 0 to {model.ncam - 1}, got {cameras!r}")
     rows = camera_transforms(source, model, ids, device=wp.get_device("cpu")).numpy()
+    check_computed(source, ("cam",))
     return rows[:, 0] if isinstance(source, mujoco.MjData) else rows
 
 
@@ -380,6 +387,35 @@ def viewer_transforms(
     device = out.device
     com = _read(source, "subtree_com", model.nbody, device) if tracking else None
     launch(kernels.viewer_transforms, out.shape, [com, *cameras, worlds, out], device)
+
+
+def check_computed(source: PoseSource, kinds: Iterable[str], worlds: NDArray[np.int32] | None = None) -> None:
+    """Check that poses were computed: MuJoCo's data begins, and begins again when it is reset, with zeros.
+
+    Args:
+        source: As for `geom_poses`; arrays on a GPU are not read.
+        kinds: Of "geom", "site" and "cam".
+        worlds: Indices of the worlds to check; all by default.
+
+    Raises:
+        ArrayError: Rotations of a world are zeros.
+    """
+    for kind in kinds:
+        value = getattr(source, f"{kind}_xmat", None)
+        if value is None or on_gpu(value):
+            continue
+        rows = value.numpy() if isinstance(value, wp.array) else as_numpy(value, name=f"{kind}_xmat")
+        rows = rows[None] if isinstance(source, mujoco.MjData) else rows
+        if rows.ndim < 3 or not rows.size or (worlds is not None and worlds.max() >= len(rows)):
+            continue  # checked where they are read
+        first = rows[:, 0] if worlds is None else rows[worlds, 0]
+        bad = np.flatnonzero(~first.reshape(len(first), -1).any(axis=1))
+        if len(bad):
+            world = int(bad[0] if worlds is None else worlds[bad[0]])
+            where = "" if isinstance(source, mujoco.MjData) else f" in world {world}"
+            raise ArrayError(
+                f"poses must be computed, got {kind}_xmat of zeros{where}; call mujoco.mj_forward(model, data) first"
+            )
 
 
 def read_frames(source: PoseSource, kind: str, count: int, device: wp.Device) -> tuple[wp.array, wp.array]:

@@ -25,6 +25,7 @@ from warpvis.mujoco._geom_renderer import GeomRenderer
 from warpvis.mujoco._geoms import DEFAULT_GROUPS, DEFAULT_TOLERANCE, check_groups
 from warpvis.mujoco._lines import Eye
 from warpvis.mujoco._options import shown_by
+from warpvis.mujoco._poses import check_computed
 from warpvis.mujoco._scene import check_patterns, select_geoms
 from warpvis.mujoco._stage import Stage
 from warpvis.mujoco._viewer_scene import RendererScene, ViewerScene
@@ -223,13 +224,15 @@ class Renderer:
                 names it, once.
 
         Raises:
-            WarpvisError: There is no such camera, or the options ask for convex hulls.
+            WarpvisError: There is no such camera, poses of the data were never computed, numbers of the model are not
+                finite, or the options ask for convex hulls.
         """
         if self._closed:
             raise WarpvisError("update_scene cannot be called after close")
         if not isinstance(data, mujoco.MjData) or data.geom_xpos.shape != (self._model.ngeom, 3):
             raise ArrayError(f"data must be a mujoco.MjData of the renderer's model, got {type(data).__name__}")
         viewer = viewer_camera(self._model, camera)
+        check_computed(data, ("geom", "cam") if viewer.type == mujoco.mjtCamera.mjCAMERA_FIXED else ("geom",))
         frustum, pose = viewer_frustum(self._model, viewer), viewer_pose(data, viewer)
         stage = self._chosen_stage(scene_option)
         stage.update(data)

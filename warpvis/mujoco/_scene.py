@@ -32,6 +32,7 @@ from warpvis.mujoco._geoms import (
     shown_geoms,
 )
 from warpvis.mujoco._lights import model_background, model_lights
+from warpvis.mujoco._numbers import check_shape_numbers
 from warpvis.mujoco._shapes import object_names, shape_bodies
 from warpvis.mujoco._visuals import soft_names
 from warpvis.scene import Scene
@@ -132,7 +133,7 @@ def scene_from_mujoco(
         UserWarning: The model has skins, flexes or tendons that MuJoCo draws, and `exclude` does not name them.
 
     Raises:
-        SceneError: An argument is not what it has to be, or a pattern fits nothing.
+        SceneError: An argument is invalid, a pattern fits nothing, or numbers of the model are not finite.
     """
     selection = select_geoms(
         model,
@@ -217,7 +218,7 @@ def select_geoms(
     """Check and read the arguments of `scene_from_mujoco` that say what a scene shows, and as what.
 
     Raises:
-        SceneError: An argument is not what it has to be, or a pattern fits nothing.
+        SceneError: An argument is invalid, a pattern fits nothing, or numbers of the model are not finite.
     """
     if not isinstance(model, mujoco.MjModel):
         raise SceneError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
@@ -228,6 +229,7 @@ def select_geoms(
         check_groups(site_groups, "site_groups"),
         check_patterns(exclude),
     )
+    check_shape_numbers(model)
     names = object_names(model)
     rules = LabelRules.of(labels, label_names)
     wanted, left_out = _assign_labels(model, names, rules, exclude)

@@ -14,9 +14,10 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.kernel_cache import launch
-from warpvis.errors import ArrayError, SceneError
+from warpvis.errors import SceneError
 from warpvis.mujoco._geom_renderer import CoincidingGeoms, GeomRenderer
 from warpvis.mujoco._geoms import FIXED, geom_parts, initial_poses, rigid_pieces, shape_key
+from warpvis.mujoco._numbers import check_shape_numbers
 from warpvis.mujoco._scene import Selection
 from warpvis.mujoco._shapes import UNKNOWN, shape_bodies, shape_count, shape_meaning, shape_places
 from warpvis.mujoco._viewer_scene import RendererScene
@@ -102,10 +103,13 @@ class Stage:
         return pairs
 
     def update(self, data: mujoco.MjData) -> None:
-        """Take over where the geoms are, and what the model says of them.
+        """Update the poses of the geoms, and what follows from the model.
+
+        Args:
+            data: Computed data of the model.
 
         Raises:
-            ArrayError: The data was never computed.
+            SceneError: Numbers of the model are not finite.
         """
         if self._watch.changed():
             self._follow_model()
@@ -191,6 +195,7 @@ class Stage:
 
     def _follow_model(self) -> None:
         """Make the scene what the model says now."""
+        check_shape_numbers(self._model)
         poses = initial_poses(self._model, self._spare)
         self._release(poses)
         if self._watch.only_poses_changed():
@@ -213,8 +218,6 @@ class Stage:
         pairs = zip(self._fixed_before, self._fixed_now, strict=True)
         if all(before == now.data.cast("B") for before, now in pairs):
             return
-        if not data.geom_xmat.any():
-            raise ArrayError("data has no poses yet; call mujoco.mj_forward(model, data) before update_scene(data)")
         position, rotation = self._fixed_now
         made = self._poses[self._fixed]
         moved = (np.abs(position - made[:, :3, 3]) > _STILL).any(axis=1)

@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.core.arrays import as_numpy, as_warp
+from warpvis.core.arrays import as_numpy, as_warp, on_gpu
 from warpvis.errors import ArrayError
 
 POSE_FIELDS = ("body_pos", "body_quat", "geom_pos", "geom_quat", "cam_pos", "cam_quat")
@@ -72,6 +72,14 @@ class WorldModels:
             value = own[None] if value is None else value
             self._check_worlds(name, value)
             arrays.append(as_warp(value, dtype, ("W", len(own)), name=name, device=device))
+            if name != "geom_matid" and not on_gpu(value):
+                rows = value.numpy() if isinstance(value, wp.array) else as_numpy(value, name=name)
+                bad = np.argwhere(~np.isfinite(rows))
+                if len(bad):
+                    world, index = bad[0, :2].tolist()
+                    raise ArrayError(
+                        f"{name} must be finite, got {rows[world, index].tolist()} at index {index} in world {world}"
+                    )
         return arrays
 
     def _check_shared(self, name: str) -> None:

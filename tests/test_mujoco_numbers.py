@@ -1,0 +1,187 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers of MuJoCo's models and data that are invalid, or at the limit of what is valid."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+import warp as wp
+
+import warpvis as wv
+from warpvis.mujoco import (
+    BatchRenderer,
+    Rangefinders,
+    Renderer,
+    WorldPoses,
+    camera_from_mujoco,
+    camera_poses,
+    geom_poses,
+    scene_from_mujoco,
+)
+
+TEXT = """<mujoco><asset><material name="paint" rgba="1 0 0 1"/></asset><worldbody>
+  <light name="lamp" pos="0 0 3" cutoff="{cutoff}"/>
+  <geom name="table" type="box" size="1 1 .1" material="paint"/>
+  <body name="ball" pos="0 0 1"><freejoint/><geom name="ball" type="sphere" size=".1"/><site name="eye"/></body>
+  <body pos="0 0 2"><site name="down" zaxis="0 0 -1"/></body>
+  <camera name="side" pos="0 -3 1" xyaxes="1 0 0 0 0 1"/></worldbody>
+  <sensor><rangefinder site="down"/></sensor></mujoco>"""
+
+
+def model_of(cutoff=45):
+    return mujoco.MjModel.from_xml_string(TEXT.format(cutoff=cutoff))
+
+
+def computed(model):
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return data
+
+
+@pytest.mark.parametrize("cutoff", [180, 90, 45, 0])
+def test_spots_of_any_cutoff_are_read(cutoff):
+    """180 degrees in MuJoCo's single precision is more than pi in radians."""
+    light = scene_from_mujoco(model_of(cutoff)).scene.lights[1]
+    assert light.outer_angle == pytest.approx(math.radians(cutoff), abs=1e-9) and light.outer_angle <= math.pi
+    assert BatchRenderer(model_of(cutoff), outputs=("color",), height=8, width=8).render(computed(model_of())).color
+
+
+def test_angles_of_lights_may_be_of_single_precision():
+    assert wv.scene.lights.Light("spot", outer_angle=np.float32(np.pi)).outer_angle == math.pi
+    light = wv.scene.lights.Light("spot", inner_angle=np.float32(np.pi / 4), outer_angle=np.pi / 4)
+    assert light.inner_angle == light.outer_angle == np.pi / 4
+
+
+FRESH = {
+    "geom_poses": lambda model, data: geom_poses(data, scene_from_mujoco(model)),
+    "geom_poses of sites": lambda model, data: geom_poses(data, scene_from_mujoco(model, site_groups=(0,))),
+    "camera_poses": lambda model, data: camera_poses(data, model, [0]),
+    "WorldPoses": lambda model, data: WorldPoses.of([computed(model), data]),
+    "Renderer": lambda model, data: Renderer(model, 8, 8).update_scene(data),
+    "Renderer, camera": lambda model, data: Renderer(model, 8, 8).update_scene(data, "side"),
+    "BatchRenderer": lambda model, data: BatchRenderer(model, height=8, width=8).render(data),
+    "BatchRenderer, several": lambda model, data: BatchRenderer(model, height=8, width=8).render([data, data]),
+    "Rangefinders": lambda model, data: Rangefinders(model).read(data),
+    "arrays": lambda model, data: geom_poses(
+        WorldPoses(np.zeros((3, 2, 3)), np.zeros((3, 2, 3, 3))), scene_from_mujoco(model)
+    ),
+    "Warp's arrays": lambda model, data: geom_poses(
+        WorldPoses(wp.zeros((3, 2), dtype=wp.vec3, device="cpu"), wp.zeros((3, 2), dtype=wp.mat33, device="cpu")),
+        scene_from_mujoco(model),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FRESH)
+@pytest.mark.parametrize("reset", [False, True])
+def test_data_that_was_never_computed_is_refused(name, reset):
+    model = model_of()
+    data = mujoco.MjData(model)
+    if reset:
+        mujoco.mj_forward(model, data)
+        mujoco.mj_resetData(model, data)
+    said = r"poses must be computed, got geom_xmat of zeros.*; call mujoco.mj_forward\(model, data\) first"
+    with pytest.raises(wv.WarpvisError, match=said.replace("geom_", r"(geom|cam)_")):
+        FRESH[name](model, data)
+
+
+def test_models_whose_geoms_all_move_need_computed_data_too():
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body><freejoint/><geom size=".1"/></body></worldbody></mujoco>'
+    )
+    with pytest.raises(wv.WarpvisError, match="poses must be computed, got geom_xmat of zeros; call"):
+        Renderer(model, 8, 8).update_scene(mujoco.MjData(model))
+
+
+def test_cameras_need_more_than_kinematics():
+    """`mj_kinematics` computes geoms and sites alone."""
+    model = model_of()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    geom_poses(data, scene_from_mujoco(model))
+    Rangefinders(model).read(data)
+    for use in (FRESH["camera_poses"], FRESH["Renderer, camera"], FRESH["BatchRenderer"]):
+        with pytest.raises(wv.WarpvisError, match="poses must be computed, got cam_xmat of zeros"):
+            use(model, data)
+    BatchRenderer(model, height=8, width=8).render(data, cameras=-1)
+
+
+def test_only_the_worlds_that_are_rendered_must_be_computed():
+    model = model_of()
+    data, batch = computed(model), BatchRenderer(model, height=8, width=8)
+    names = ("geom_xpos", "geom_xmat", "cam_xpos", "cam_xmat")
+    poses = WorldPoses(**{name: np.stack([getattr(data, name)] * 3) for name in names})
+    poses.geom_xmat[1] = 0
+    assert batch.render(poses, worlds=[0, 2]).worlds == 2
+    with pytest.raises(wv.WarpvisError, match="got geom_xmat of zeros in world 1;"):
+        batch.render(poses)
+
+
+SHAPES = {
+    "geom_size": "geom_size of geom 'table' must be finite, got",
+    "geom_rgba": "geom_rgba of geom 'table' must be finite, got",
+    "mat_rgba": "mat_rgba of material 'paint' must be finite, got",
+    "mat_texrepeat": "mat_texrepeat of material 'paint' must be finite, got",
+    "mat_shininess": "mat_shininess of material 'paint' must be finite, got",
+    "site_rgba": "site_rgba of site 'eye' must be finite, got",
+}
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+@pytest.mark.parametrize("field", SHAPES)
+def test_shapes_that_are_not_finite_are_refused(field, value):
+    model = model_of()
+    data = computed(model)
+    renderer, finders = Renderer(model, 8, 8), Rangefinders(model)
+    getattr(model, field)[0] = value
+    makers = [scene_from_mujoco, BatchRenderer, Rangefinders, lambda model: Renderer(model, 8, 8)]
+    for make in makers:
+        with pytest.raises(wv.WarpvisError, match=SHAPES[field]):
+            make(model)
+    if field in ("geom_size", "geom_rgba", "mat_rgba", "site_rgba"):  # those that show in depth
+        with pytest.raises(wv.WarpvisError, match=SHAPES[field]):
+            renderer.update_scene(data)
+    if field in ("geom_size", "geom_rgba", "mat_rgba"):
+        with pytest.raises(wv.WarpvisError, match=SHAPES[field]):
+            finders.read(data)
+
+
+@pytest.mark.parametrize("field", ["pos", "dir", "cutoff", "exponent", "attenuation", "ambient", "diffuse", "specular"])
+def test_lights_that_are_not_finite_are_refused(field):
+    model = model_of()
+    getattr(model, f"light_{field}")[0] = math.nan
+    with pytest.raises(wv.WarpvisError, match=f"light_{field} of light 'lamp' must be finite, got"):
+        scene_from_mujoco(model)
+    model.light_active[0] = 0
+    scene_from_mujoco(model)
+    model.vis.headlight.diffuse[0] = math.nan
+    with pytest.raises(wv.WarpvisError, match=r"vis.headlight.diffuse must be finite numbers, got \[nan"):
+        scene_from_mujoco(model)
+
+
+def test_fields_of_view_that_are_not_finite_are_refused():
+    model = model_of()
+    data, renderer = computed(model), Renderer(model, 8, 8)
+    model.cam_fovy[0] = math.nan
+    for use in (
+        lambda: camera_from_mujoco(model, "side", 8, 8),
+        lambda: renderer.update_scene(data, "side"),
+        lambda: BatchRenderer(model, height=8, width=8).render(data),
+    ):
+        with pytest.raises(wv.WarpvisError, match="cam_fovy of camera 'side' must be finite, got nan"):
+            use()
+    model.vis.global_.fovy = math.nan
+    with pytest.raises(wv.WarpvisError, match="must have a near plane, a field of view and a sensor size above 0"):
+        renderer.update_scene(data)
+
+
+@pytest.mark.parametrize("field", ["geom_rgba", "mat_rgba"])
+def test_colors_of_worlds_that_are_not_finite_are_refused(field):
+    model = model_of()
+    batch, colors = BatchRenderer(model, height=8, width=8), getattr(model, field)[None].repeat(2, axis=0)
+    colors[1, 0, 3] = math.nan
+    for given in (colors, wp.array(colors, dtype=wp.vec4, device="cpu")):
+        with pytest.raises(wv.WarpvisError, match=f"{field} must be finite, got .*nan.* at index 0 in world 1"):
+            batch.render([computed(model)] * 2, model={field: given})
