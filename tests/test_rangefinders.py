@@ -187,6 +187,48 @@ def test_meshes_and_hills_are_met_from_within(device):
     assert found[::4].min() > 0.05
 
 
+EDITS = {
+    "sizes": lambda model: model.geom_size.__imul__(1.6),
+    "smaller sizes": lambda model: model.geom_size.__imul__(0.7),
+    "opacity": lambda model: model.geom_rgba[::2, 3].fill(0),
+    "opacity of materials": lambda model: model.mat_rgba[:, 3].fill(1),
+    "materials": lambda model: model.geom_matid[:5].fill(0),
+    "types": lambda model: np.putmask(
+        model.geom_type, model.geom_type == mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_CYLINDER
+    ),
+    "vertices": lambda model: model.mesh_vert.__imul__(0.8),
+    "heights": lambda model: np.copyto(model.hfield_data, 1 - model.hfield_data),
+    "sizes of fields": lambda model: model.hfield_size.__imul__(0.8),
+    "cutoffs": lambda model: model.sensor_cutoff.fill(0.5),
+    "where bodies are": lambda model: model.body_pos.__iadd__(0.05),
+}
+
+
+@pytest.mark.parametrize("name", EDITS)
+def test_edits_of_the_model_are_followed(name, device):
+    model = probed("".join(f'<rangefinder site="s{index}" data="dist normal"/>' for index in range(48)))
+    finders = Rangefinders(model, device=device)
+    before = finders.read(moved(model, 10)).numpy()
+    EDITS[name](model)
+    worlds = moved(model, 10)
+    found = finders.read(worlds).numpy()
+    assert_equal(found, worlds, finders)
+    assert (np.abs(found - before) > 0.01).any()
+    again = pickle.loads(pickle.dumps(finders))
+    assert np.array_equal(again.read(worlds).numpy(), found)
+
+
+def test_edits_of_fields_of_view_are_followed(device):
+    model = probed('<rangefinder camera="side"/>')
+    finders = Rangefinders(model, device=device)
+    (data,) = moved(model, 1)
+    before = finders.read(data).numpy()
+    model.cam_fovy[model.camera("side").id] /= 2
+    found = finders.read(data).numpy()
+    assert not np.array_equal(found, before)
+    assert np.array_equal(found, Rangefinders(model, device=device).read(data).numpy())
+
+
 def test_what_cannot_be_read_is_said():
     with pytest.raises(wv.WarpvisError, match=r"model must be a mujoco.MjModel, got str"):
         Rangefinders("robot.xml")
@@ -201,4 +243,4 @@ def test_what_cannot_be_read_is_said():
     with pytest.raises(wv.WarpvisError, match=r"qpos must have shape \(W, 30\)"):
         finders.read(np.zeros((2, 3)))
     with pytest.raises(wv.WarpvisError, match=r"what else has site_xpos"):
-        finders.read(WorldPoses(np.zeros((1, finders.model.ngeom, 3)), np.zeros((1, finders.model.ngeom, 9))))
+        finders.read(WorldPoses(np.zeros((1, finders.model.ngeom, 3)), np.ones((1, finders.model.ngeom, 9))))

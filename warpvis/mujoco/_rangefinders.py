@@ -4,8 +4,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, cast
+import math
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, NamedTuple, TypeAlias, cast
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
@@ -17,12 +19,16 @@ from warpvis.core.threads import check_threads, launch_images
 from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError, SceneError
 from warpvis.mujoco._geoms import stored_mesh
-from warpvis.mujoco._poses import Kinematics, PoseSource, WorldPoses, read_frames
+from warpvis.mujoco._numbers import check_shape_numbers
+from warpvis.mujoco._poses import Kinematics, PoseSource, WorldPoses, check_computed, read_frames
+from warpvis.mujoco._watch import ModelWatch, Watched
 from warpvis.scene.geometry import make_mesh
 
 _GEOM = mujoco.mjtGeom
 _ROUND = (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_CAPSULE, _GEOM.mjGEOM_ELLIPSOID, _GEOM.mjGEOM_CYLINDER)
 _MESHES = (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_HFIELD)
+# Type and data of geoms that share a mesh.
+_MeshKey: TypeAlias = tuple[int, int]
 _RANGEFINDER = int(mujoco.mjtSensor.mjSENS_RANGEFINDER)
 _OF_SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 _REAL, _POSITIVE = (int(getattr(mujoco.mjtDataType, f"mjDATATYPE_{name}")) for name in ("REAL", "POSITIVE"))
@@ -31,8 +37,18 @@ _REAL, _POSITIVE = (int(getattr(mujoco.mjtDataType, f"mjDATATYPE_{name}")) for n
 _FIELD_SIZES = (1, 3, 3, 3, 3, 1)
 # Corners of two triangles that face up.
 _SQUARE = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float64)
-# A ball about a geom that it is in is so much larger than MuJoCo's, whose own rounding does not matter then.
+# Bounding balls are larger than geoms by this factor, which covers the rounding of their radii.
 _SLACK = 1.001
+# Fields of the model that rays follow from, besides the model's structure.
+_RAY_FIELDS = ("sensor_cutoff", "cam_fovy", "cam_intrinsic", "cam_sensorsize")
+
+
+class _Mesh(NamedTuple):
+    """A mesh or a height field."""
+
+    tree: wp.Mesh
+    bound: float
+    """Radius of a ball about the origin that it is in [m]."""
 
 
 class Rangefinders:
@@ -45,7 +61,10 @@ class Rangefinders:
     """
 
     def __init__(self, model: mujoco.MjModel, *, threads: int | None = None, device: DeviceLike = "cpu") -> None:
-        """Read sensors and shapes from the model, once: make another one after changing them.
+        """Read sensors and shapes from the model.
+
+        `read` follows later changes of the model: sizes, opacity, materials, vertices of meshes, heights of fields,
+        cutoffs and fields of view.
 
         Args:
             model: A `mujoco.MjModel` with rangefinder sensors.
@@ -53,7 +72,8 @@ class Rangefinders:
             device: Where rays are cast.
 
         Raises:
-            SceneError: It has none, or a signed distance field that a ray may meet: MuJoCo marches through those.
+            SceneError: It has none, a signed distance field that a ray may meet (MuJoCo marches through those), or
+                numbers that are not finite.
         """
         if not isinstance(model, mujoco.MjModel):
             raise SceneError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
@@ -69,18 +89,38 @@ class Rangefinders:
         self.device = get_device(device)
         self._threads = check_threads(threads)
         self._kinematics = Kinematics(model, threads=threads)
-        self._rays = _sensor_rays(model, found)
-        _refuse_distance_fields(model, self._rays["body"])
-        self._prepare()
+        self._read_rays()
+        self._read_geoms()
 
-    def _prepare(self) -> None:
-        """Copy rays and shapes to the device."""
+    def _read_rays(self) -> None:
+        """Copy the model's rays to the device."""
         from warpvis.kernels.rangefinders import SensorRays
 
-        self._structs = SensorRays(), *_ray_geoms(self.model, self.device)
+        self._ray_watch = [Watched(getattr(self.model, name)) for name in _RAY_FIELDS]
+        self._rays = _sensor_rays(self.model, np.unique(self.sensors))
+        self._ray_struct = SensorRays()
         for name, values in self._rays.items():
             dtype = {"i": wp.int32, "f": wp.vec3d if values.ndim == 2 else wp.float64}[values.dtype.kind]
-            setattr(self._structs[0], name, wp.array(values, dtype=dtype, device=self.device))
+            setattr(self._ray_struct, name, wp.array(values, dtype=dtype, device=self.device))
+
+    def _read_geoms(self, meshes: Mapping[_MeshKey, _Mesh | None] = MappingProxyType({})) -> None:
+        """Copy the model's shapes to the device; meshes that are given are not built again."""
+        check_shape_numbers(self.model)
+        _refuse_distance_fields(self.model, self._rays["body"])
+        self._geom_watch = ModelWatch(self.model, range(self.model.ngeom))
+        self._meshes = dict(meshes)
+        self._geom_struct = _ray_geoms(self.model, self.device, self._meshes)
+
+    def _follow_model(self) -> None:
+        """Read again what has changed in the model."""
+        if any(watched.changed() for watched in self._ray_watch):
+            self._read_rays()
+        if self._geom_watch.changed():
+            if self._geom_watch.only_poses_changed():
+                self._geom_watch.accept()
+                return
+            changed = self._geom_watch.changed_assets()
+            self._read_geoms({key: mesh for key, mesh in self._meshes.items() if key not in changed})
 
     def read(
         self, poses: PoseSource | Sequence[mujoco.MjData] | ArrayInput, *, out: wp.array | None = None
@@ -99,13 +139,15 @@ class Rangefinders:
             ``(W, N)``; one number a sensor, unless `sensors` says otherwise.
 
         Raises:
-            ArrayError: The poses are not of the model, or `out` does not fit.
+            ArrayError: The poses are not of the model or were never computed, or `out` does not fit.
+            SceneError: The model now has numbers that are not finite, or a signed distance field that a ray may meet.
         """
         from warpvis.kernels.rangefinders import read_rangefinders
 
+        self._follow_model()
         source, single = self._read_poses(poses)
         model, device = self.model, self.device
-        rays, geoms, _meshes = self._structs
+        rays, geoms = self._ray_struct, self._geom_struct
         places = read_frames(source, "geom", model.ngeom, device)
         worlds, frames = len(places[0]), list[wp.array | None]()
         for kind, count, ids in (("site", model.nsite, self._rays["site"]), ("cam", model.ncam, self._rays["camera"])):
@@ -132,18 +174,23 @@ class Rangefinders:
         if isinstance(poses, list | tuple) and len(poses) and all(isinstance(data, mujoco.MjData) for data in poses):
             return WorldPoses.of(poses), False
         if hasattr(poses, "geom_xpos"):
-            return cast("PoseSource", poses), isinstance(poses, mujoco.MjData)
+            source = cast("PoseSource", poses)
+            ids = {"site": self._rays["site"], "cam": self._rays["camera"]}
+            check_computed(source, ("geom", *(kind for kind, some in ids.items() if (some >= 0).any())))
+            return source, isinstance(poses, mujoco.MjData)
         joints = as_numpy(cast("ArrayInput", poses), name="poses")
         return self._kinematics.from_qpos(joints), joints.ndim == 1
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what another process makes the same of."""
-        return self.__dict__ | {"_structs": None, "device": str(self.device)}
+        made = {"_ray_struct", "_ray_watch", "_rays", "_geom_struct", "_geom_watch", "_meshes"}
+        return {name: value for name, value in self.__dict__.items() if name not in made} | {"device": str(self.device)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Copy rays and shapes to the device again."""
         self.__dict__ |= state | {"device": get_device(state["device"])}
-        self._prepare()
+        self._read_rays()
+        self._read_geoms()
 
 
 def _sensor_rays(model: mujoco.MjModel, sensors: NDArray[np.integer]) -> dict[str, NDArray]:
@@ -213,40 +260,41 @@ def _refuse_distance_fields(model: mujoco.MjModel, bodies: NDArray[np.int32]) ->
             )
 
 
-def _ray_geoms(model: mujoco.MjModel, device: wp.Device) -> tuple[Any, list[wp.Mesh]]:
-    """Return the geoms that rays meet as `warpvis.kernels.rangefinders.RayGeoms`, and the meshes that it names."""
+def _ray_geoms(model: mujoco.MjModel, device: wp.Device, meshes: dict[_MeshKey, _Mesh | None]) -> Any:
+    """Return the geoms that rays meet as `warpvis.kernels.rangefinders.RayGeoms`, and add the meshes that it names."""
     from warpvis.kernels.rangefinders import RayGeoms
 
-    chosen, sizes, trees = list[int](), list[list[float]](), list[int]()
-    meshes: dict[tuple[int, int], wp.Mesh | None] = {}
+    chosen, sizes, trees, bounds = list[int](), list[list[float]](), list[int](), list[float]()
     # Trees last: rays go no farther in them than to what they have met.
     for geom in sorted(range(model.ngeom), key=lambda geom: int(model.geom_type[geom]) in _MESHES):
         kind, data = int(model.geom_type[geom]), int(model.geom_dataid[geom])
         if not _is_met(model, geom) or kind == _GEOM.mjGEOM_SDF:
             continue
-        tree = 0
+        tree, size = 0, model.geom_size[geom].tolist()
+        bound = _bound_of(kind, *size)
         if kind in _MESHES:
             if (kind, data) not in meshes:
                 meshes[kind, data] = _make_mesh(model, kind, data, device)
             mesh = meshes[kind, data]
             if mesh is None:
                 continue
-            tree = int(mesh.id)
+            tree, bound = int(mesh.tree.id), mesh.bound
         chosen.append(geom)
-        sizes.append(_size_of(kind, *model.geom_size[geom].tolist()))
+        sizes.append(_size_of(kind, *size))
         trees.append(tree)
+        bounds.append(bound * _SLACK)
     arrays = {
         "geom": (chosen, wp.int32),
         "body": (model.geom_bodyid[chosen], wp.int32),
         "kind": (model.geom_type[chosen], wp.int32),
         "size": (np.reshape(sizes, (-1, 4)), wp.vec4),
         "mesh": (np.array(trees, dtype=np.uint64), wp.uint64),
-        "bound": (model.geom_rbound[chosen] * _SLACK, wp.float64),
+        "bound": (bounds, wp.float64),
     }
     geoms = RayGeoms()
     for name, (values, dtype) in arrays.items():
         setattr(geoms, name, wp.array(values, dtype=dtype, device=device))
-    return geoms, [mesh for mesh in meshes.values() if mesh is not None]
+    return geoms
 
 
 def _size_of(kind: int, a: float, b: float, c: float) -> list[float]:
@@ -257,8 +305,20 @@ def _size_of(kind: int, a: float, b: float, c: float) -> list[float]:
     return [a, b, c, 0.0]
 
 
-def _make_mesh(model: mujoco.MjModel, kind: int, data: int, device: wp.Device) -> wp.Mesh | None:
-    """Build the tree of a mesh or a height field, each triangle with corners of its own; None where it has none."""
+def _bound_of(kind: int, a: float, b: float, c: float) -> float:
+    """Return the radius of a ball about the center that a geom of this size is in [m]; 0 for planes and meshes.
+
+    `geom_rbound` is not read: MuJoCo does not update it when `geom_size` changes, and `mj_ray` does not use it.
+    """
+    if kind == _GEOM.mjGEOM_BOX:
+        return math.hypot(a, b, c)
+    if kind == _GEOM.mjGEOM_CYLINDER:
+        return math.hypot(a, b)
+    return {_GEOM.mjGEOM_SPHERE: a, _GEOM.mjGEOM_CAPSULE: a + b, _GEOM.mjGEOM_ELLIPSOID: max(a, b, c)}.get(kind, 0.0)
+
+
+def _make_mesh(model: mujoco.MjModel, kind: int, data: int, device: wp.Device) -> _Mesh | None:
+    """Build the tree of a mesh or a height field, each triangle with corners of its own; None without triangles."""
     shape = stored_mesh(model, kind, data)
     if shape is None:
         return None
@@ -266,4 +326,5 @@ def _make_mesh(model: mujoco.MjModel, kind: int, data: int, device: wp.Device) -
     if kind == _GEOM.mjGEOM_HFIELD:
         # Its base is a box: from within the hills above it, a ray meets the top of that.
         corners = np.concatenate([corners, _SQUARE * np.r_[model.hfield_size[data][:2], 0.0]])
-    return make_mesh(corners.astype(np.float32), np.arange(len(corners), dtype=np.int32), device)
+    tree = make_mesh(corners.astype(np.float32), np.arange(len(corners), dtype=np.int32), device)
+    return _Mesh(tree, float(np.linalg.norm(corners, axis=1).max()))
