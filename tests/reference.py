@@ -40,11 +40,16 @@ from reference_building import (  # noqa: F401
 )
 from reference_classify import (  # noqa: F401
     back_project,
+    back_project_ray_rows,
     back_project_rays,
+    back_project_rows,
     classify_depth,
+    classify_depth_rows,
+    classify_ray_rows,
     classify_rays,
     fill_depth,
     label_objects,
+    label_objects_rows,
     pixel_rays,
 )
 from reference_clearance import find_room, nearest_surface  # noqa: F401

@@ -89,3 +89,8 @@ def classify_rays(camera: LensCamera, pose: NDArray, depth: NDArray, *spheres, *
 def label_objects(object_label: NDArray, depth: NDArray, objects: NDArray, max_range: float) -> NDArray[np.uint8]:
     known = (objects >= 0) & (objects < len(object_label)) & _has_depth(depth, max_range)
     return np.where(known, object_label[np.where(known, objects, 0)], Label.EMPTY).astype(np.uint8)
+
+
+back_project_rows, back_project_ray_rows = back_project, back_project_rays
+classify_depth_rows, classify_ray_rows = classify_depth, classify_rays
+label_objects_rows = label_objects

@@ -142,3 +142,70 @@ def test_out_arrays_are_used(device):
     assert wv.classify(views.depth, CAMERA, EXPERIMENT.poses(), out=labels) is labels
     assert wv.back_project(views.depth, CAMERA, EXPERIMENT.poses(), out=points) is points
     assert wv.maps.classify_rendered(views.depth, views.segmentation, EXPERIMENT.build(device), out=labels) is labels
+
+
+@pytest.mark.parametrize("width", [1, 15, 16, 37])
+@pytest.mark.parametrize("up", ["z", "y"])
+def test_rows_of_any_width_match_the_twin(width, up, device):
+    """On the CPU, sixteen pixels of a row are computed at a time, and the rest of the row with others unused."""
+    rng = np.random.default_rng(width)
+    camera = wv.Camera(width, 9, 30.0, 34.0, width / 3, 5.0, near=0.4, far=3.5)
+    poses = np.stack([wv.look_at((0, 0.2, 1), (1, 0.3, 0.4)), wv.look_at((0.5, 0, 0.8), (-1, 0.4, 0.2))])
+    depth = rng.uniform(0.3, 3.7, (2, 9, width)).astype(np.float32)
+    depth[rng.random(depth.shape) < 0.1] = np.nan
+    depth[rng.random(depth.shape) < 0.1] = -np.inf
+    spheres = (Sphere((1.0, 0.3, 0.4), 0.9), Sphere((1.1, 0.3, 0.5), 1.1, Label.ROBOT), Sphere((-1, 0.4, 0.2), 0.7))
+    owner = wp.empty(depth.shape, dtype=wp.int32, device=device)
+    for balls in ((), spheres):
+        labels = wv.classify(
+            depth, camera, poses, spheres=balls, ground_height=0.1, up=up, device=device, spheres_out=owner
+        ).numpy()
+        points = wv.back_project(depth, camera, poses, device=device).numpy()
+        for view, pose in enumerate(poses):
+            expected, sphere, margin = reference.classify_depth(
+                camera, pose, depth[view], balls, ground_height=0.1, up={"z": 2, "y": 1}[up]
+            )
+            clear = margin > 1e-5
+            np.testing.assert_array_equal(labels[view][clear], expected[clear])
+            np.testing.assert_array_equal(owner.numpy()[view][clear], sphere[clear])
+            np.testing.assert_allclose(
+                points[view], reference.back_project(camera, pose, depth[view]), rtol=2e-7, atol=2e-7
+            )
+
+
+def test_rows_on_the_cpu_do_what_single_pixels_do_on_a_gpu(depth):
+    """The kernels of CUDA, run on the CPU, give the same labels, and the same points but for the last digit."""
+    from warpvis.kernels import classify as kernels
+    from warpvis.kernels.pinhole import Window
+    from warpvis.maps._classification import _device_spheres
+
+    ground = kernels.Ground()
+    ground.up, ground.height, ground.sigma = 2, 0.0, 0.01
+    poses = wp.array(EXPERIMENT.poses().astype(np.float32), dtype=wp.transform, device="cpu")
+    image = wp.array(depth, dtype=float, device="cpu")
+    labels, owner = (wp.empty(depth.shape, dtype=dtype, device="cpu") for dtype in (wp.uint8, wp.int32))
+    points = wp.empty(depth.shape, dtype=wp.vec3, device="cpu")
+    balls, _ = _device_spheres(EXPERIMENT.spheres, wp.get_device("cpu"))
+    camera, images = CAMERA.device_struct(), [image, CAMERA.far, ground, balls, labels, owner]
+    wp.launch(kernels.classify_depth, depth.shape, [camera, poses, Window(), *images], device="cpu")
+    wp.launch(kernels.back_project, depth.shape, [camera, poses, Window(), image, points], device="cpu")
+
+    found = wp.empty(depth.shape, dtype=wp.int32, device="cpu")
+    rows = wv.classify(depth, CAMERA, EXPERIMENT.poses(), spheres=EXPERIMENT.spheres, device="cpu", spheres_out=found)
+    np.testing.assert_array_equal(rows.numpy(), labels.numpy())
+    np.testing.assert_array_equal(found.numpy(), owner.numpy())
+    found = wv.back_project(depth, CAMERA, EXPERIMENT.poses(), device="cpu").numpy()
+    np.testing.assert_allclose(found, points.numpy(), rtol=2e-7, atol=1e-12)
+
+
+def test_labels_of_rendered_images_skip_unknown_objects(device):
+    scene = EXPERIMENT.build(device)
+    rng = np.random.default_rng(1)
+    depth = rng.choice([0.5, 1.0, 3.0, np.nan, np.inf, -np.inf, 0.0, -1.0], (2, 5, 37)).astype(np.float32)
+    objects = rng.integers(-1, len(scene), depth.shape).astype(np.int32)
+    labels = wv.maps.classify_rendered(depth, objects, scene, max_range=2.0).numpy()
+    label_of = np.array([item.label for item in scene])
+    for view in range(2):
+        expected = reference.label_objects(label_of, depth[view], objects[view], 2.0)
+        np.testing.assert_array_equal(labels[view], expected)
+    assert len(np.unique(labels)) > 2

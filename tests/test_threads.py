@@ -23,14 +23,14 @@ from warpvis.core.threads import Crew, _forget_pool as forget_pool, _split, core
 def test_pieces_cover_every_row_once(shape, threads, split_views):
     views, height, width = shape
     covered = np.zeros((views, height), dtype=int)
-    for view, view_count, row, row_count in _split(views, height, width, threads, split_views):
+    for view, view_count, row, row_count in _split((views, height, width), threads, split_views):
         assert split_views or row_count == height
         covered[view : view + view_count, row : row + row_count] += 1
     assert (covered == 1).all()
 
 
 def test_a_large_single_view_is_shared():
-    assert len(_split(1, 480, 640, 2, True)) >= 4
+    assert len(_split((1, 480, 640), 2, True)) >= 4
 
 
 def test_the_pool_is_as_large_as_the_affinity():

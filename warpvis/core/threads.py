@@ -55,6 +55,7 @@ def launch_images(
     threads: int | None = None,
     split_views: bool = True,
     span: int = 1,
+    least_pixels: int = _LEAST_PIXELS,
 ) -> None:
     """Launch a kernel over all pixels: at once on CUDA, in pieces over the pool's threads on the CPU.
 
@@ -66,6 +67,7 @@ def launch_images(
         threads: CPU threads, all cores by default.
         split_views: Whether several threads may share one view.
         span: How many pixels of a row one thread of the kernel takes; its x counts these spans.
+        least_pixels: Pixels that are worth a CPU thread.
 
     Raises:
         ArrayError: `threads` is not a whole number from 1 up.
@@ -93,7 +95,7 @@ def launch_images(
             known.set(dim, window)
         known.launch.launch()
 
-    run_each(launch_piece, _split(views, height, width, threads, split_views), threads)
+    run_each(launch_piece, _split(shape, threads, split_views, least_pixels), threads)
 
 
 class _PackedPieces:
@@ -263,11 +265,14 @@ def check_threads(threads: int | None) -> int:
     return int(threads)
 
 
-def _split(views: int, height: int, width: int, threads: int, split_views: bool) -> list[tuple[int, int, int, int]]:
+def _split(
+    shape: tuple[int, int, int], threads: int, split_views: bool, least_pixels: int = _LEAST_PIXELS
+) -> list[tuple[int, int, int, int]]:
     """Make pieces ``(view, view_count, row, row_count)`` of about equal size that cover all rows of all views."""
+    views, height, width = shape
     if threads == 1:
         return [(0, views, 0, height)]
-    pixels = max(views * height * width // (threads * _PIECES_PER_THREAD), _LEAST_PIXELS)
+    pixels = max(views * height * width // (threads * _PIECES_PER_THREAD), least_pixels)
     if not split_views or pixels >= height * width:
         step = max(1, pixels // (height * width))
         return [(view, min(step, views - view), 0, height) for view in range(0, views, step)]

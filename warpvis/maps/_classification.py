@@ -7,23 +7,21 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike
 
 from warpvis.core.arrays import as_numpy, as_warp, check_metres, check_out, empty, on_gpu
-from warpvis.core.camera import Camera
 from warpvis.core.checks import counted
 from warpvis.core.depth_images import read_depth
 from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.labels import Label, LabelNames
 from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, to_xyzw
-from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput, DeviceLike, PoseLike
 from warpvis.errors import ArrayError, SceneError
-from warpvis.rendering import ray_table
+from warpvis.rendering import launch_back_project, launch_classify, launch_label_objects
 from warpvis.scene import Scene, require_scene
 
 if TYPE_CHECKING:
@@ -81,19 +79,10 @@ def back_project(
     Raises:
         WarpvisError: A shape, dtype, device or value is not what it has to be.
     """
-    from warpvis.kernels import classify, ray_points
-
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     depth, poses = _read_images(depth, camera, camera_to_world, convention, device)
     points = _allocate(out, wp.vec3, depth, "out")
-    kernel, struct, rays = _choose(camera, depth.device, classify.back_project, ray_points.back_project_rays)
-    launch_images(
-        kernel,
-        depth.shape,
-        lambda window: [struct, poses, window, *rays, depth, points],
-        device=depth.device,
-        threads=threads,
-    )
+    launch_back_project(camera, poses, depth, points, threads)
     return points
 
 
@@ -145,7 +134,7 @@ def classify(
     Raises:
         WarpvisError: A shape, dtype, device or value is not what it has to be.
     """
-    from warpvis.kernels import classify as kernels, ray_points
+    from warpvis.kernels import classify as kernels
 
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     depth, poses = _read_images(depth, camera, camera_to_world, convention, device, max_range)
@@ -154,18 +143,11 @@ def classify(
     ground.sigma = check_metres(ground_tolerance, "ground_tolerance", infinite=True)
     ground.height = _check_finite(ground_height, "ground_height")
     reach = _check_range(max_range, camera)
-    balls = _device_spheres(spheres, depth.device)
+    balls, sphere_count = _device_spheres(spheres, depth.device)
     labels = _allocate(out, wp.uint8, depth, "out")
     if spheres_out is not None:
         check_out(spheres_out, wp.int32, depth.shape, name="spheres_out", device=depth.device)
-    kernel, struct, rays = _choose(camera, depth.device, kernels.classify_depth, ray_points.classify_rays)
-    launch_images(
-        kernel,
-        depth.shape,
-        lambda window: [struct, poses, window, *rays, depth, reach, ground, balls, labels, spheres_out],
-        device=depth.device,
-        threads=threads,
-    )
+    launch_classify(camera, poses, depth, [reach, ground, balls, labels, spheres_out], threads, sphere_count)
     return labels
 
 
@@ -194,31 +176,13 @@ def classify_rendered(
     Raises:
         WarpvisError: A shape, dtype or device is not what it has to be.
     """
-    from warpvis.kernels import classify as kernels
-
     require_scene(scene)
     depth = as_warp(depth, wp.float32, ("V", "H", "W"), name="depth", device=scene.device)
     objects = _read_objects(objects, depth, scene)
     reach = check_metres(max_range, "max_range", infinite=True)
     labels = _allocate(out, wp.uint8, depth, "out")
-    object_label = scene.object_labels()
-    launch_images(
-        kernels.label_objects,
-        depth.shape,
-        lambda window: [object_label, window, depth, objects, reach, labels],
-        device=depth.device,
-        threads=threads,
-    )
+    launch_label_objects(scene.object_labels(), depth, objects, reach, labels, threads)
     return labels
-
-
-def _choose(
-    camera: ImageCamera, device: wp.Device, of_pinholes: wp.Kernel, of_rays: wp.Kernel
-) -> tuple[wp.Kernel, Any, list[wp.array]]:
-    """Choose a kernel for a camera, and return it, the camera as it takes it, and the rays if it takes them."""
-    if isinstance(camera, Camera):
-        return of_pinholes, camera.device_struct(), []
-    return of_rays, camera.device_struct(), [ray_table(camera, device)]
 
 
 def _read_objects(objects: ArrayInput, depth: wp.array, scene: Scene) -> wp.array:
@@ -254,7 +218,8 @@ def _read_images(
     return depth, poses
 
 
-def _device_spheres(spheres: Sequence[Sphere] | ArrayLike, device: wp.Device) -> Spheres:
+def _device_spheres(spheres: Sequence[Sphere] | ArrayLike, device: wp.Device) -> tuple[Spheres, int]:
+    """Return spheres as a kernel takes them, and their number."""
     from warpvis.kernels.classify import Spheres
 
     if isinstance(spheres, Sequence) and all(isinstance(item, Sphere) for item in spheres):
@@ -267,10 +232,12 @@ def _device_spheres(spheres: Sequence[Sphere] | ArrayLike, device: wp.Device) ->
             )
         balls = [Sphere(tuple(row[:3]), float(row[3])) for row in rows]
     struct = Spheres()
-    struct.center = wp.array([ball.center for ball in balls], dtype=wp.vec3, device=device, shape=(len(balls),))
+    if not balls:
+        return struct, 0
+    struct.center = wp.array([ball.center for ball in balls], dtype=wp.vec3, device=device)
     struct.size = wp.array([ball.diameter for ball in balls], dtype=wp.float32, device=device)
     struct.label = wp.array([int(ball.label) for ball in balls], dtype=wp.uint8, device=device)
-    return struct
+    return struct, len(balls)
 
 
 def _allocate(out: wp.array | None, dtype: type, like: wp.array, name: str) -> wp.array:

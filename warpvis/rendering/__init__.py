@@ -17,6 +17,11 @@ from warpvis.rendering._choices import (
     check_asked as check_asked,
     check_fill as check_fill,
 )
+from warpvis.rendering._depth_kernels import (
+    launch_back_project as launch_back_project,
+    launch_classify as launch_classify,
+    launch_label_objects as launch_label_objects,
+)
 from warpvis.rendering._depth_sensor import (
     DepthSensor,
     Exposure,

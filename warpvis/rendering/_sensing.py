@@ -17,14 +17,12 @@ from numpy.typing import NDArray
 from warpvis.core.arrays import as_numpy, empty
 from warpvis.core.camera import Camera
 from warpvis.core.checks import check_whole, is_number
-from warpvis.core.ray_camera import RayCamera
-from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
+from warpvis.rendering._depth_kernels import launch_back_project
 from warpvis.rendering._depth_sensor import DepthSensor, Exposure, require_sensor
 from warpvis.rendering._prepared import Idle
 from warpvis.rendering._views import ALL_OUTPUTS, OUTPUTS
-from warpvis.rendering.casters import ray_table
 
 if TYPE_CHECKING:
     from warpvis.kernels.worlds import Worlds
@@ -113,7 +111,7 @@ class Sensing:
         )
         self.sensor.measure(exposure)
         if made["points"] is not None:
-            self._back_project(places, depth, made["points"])
+            launch_back_project(self.camera, places, depth, made["points"], self._threads)
         if keeps:
             self._idle.give_back(kind, room)
 
@@ -148,20 +146,6 @@ class Sensing:
         seen = {name: self._room(room, f"seen {name}", points.shape, ALL_OUTPUTS[name]) for name in names}
         caster.cast_at(caster.parse_poses(poses, "opencv"), worlds, points, [seen.get(name) for name in OUTPUTS])
         return seen
-
-    def _back_project(self, poses: wp.array, depth: wp.array, points: wp.array) -> None:
-        from warpvis.kernels import classify, ray_points
-
-        camera, device = self.camera.device_struct(), self._scene.device
-        rays: list[wp.array] = [ray_table(self.camera, device)] if isinstance(self.camera, RayCamera) else []
-        kernel = ray_points.back_project_rays if rays else classify.back_project
-        launch_images(
-            kernel,
-            depth.shape,
-            lambda window: [camera, poses, window, *rays, depth, points],
-            device=device,
-            threads=self._threads,
-        )
 
 
 def view_numbers(views: int, frame: int | ArrayInput, view_index: ArrayInput | None) -> NDArray[np.int64]:

@@ -31,7 +31,6 @@ struct Write {
         else
             for (int i = 0; i < count; ++i) to[i] = value[i];
     }
-    // x0 y0 z0 x1 y1 z1 ...: first x and y are put in place, then z between them.
     static inline void row(float* to, Points p, int count) {
         if (count < LANES) {
             for (int i = 0; i < count; ++i) {
@@ -41,13 +40,9 @@ struct Write {
             }
             return;
         }
-        const Floats a = __builtin_shufflevector(p.x, p.y, 0, 16, 0, 1, 17, 0, 2, 18, 0, 3, 19, 0, 4, 20, 0, 5);
-        const Floats b = __builtin_shufflevector(p.x, p.y, 21, 0, 6, 22, 0, 7, 23, 0, 8, 24, 0, 9, 25, 0, 10, 26);
-        const Floats c = __builtin_shufflevector(p.x, p.y, 0, 11, 27, 0, 12, 28, 0, 13, 29, 0, 14, 30, 0, 15, 31, 0);
-        stream(to, __builtin_shufflevector(a, p.z, 0, 1, 16, 3, 4, 17, 6, 7, 18, 9, 10, 19, 12, 13, 20, 15));
-        stream(to + LANES, __builtin_shufflevector(b, p.z, 0, 21, 2, 3, 22, 5, 6, 23, 8, 9, 24, 11, 12, 25, 14, 15));
-        stream(to + 2 * LANES,
-               __builtin_shufflevector(c, p.z, 26, 1, 2, 27, 4, 5, 28, 7, 8, 29, 10, 11, 30, 13, 14, 31));
+        Floats rows[3];
+        Points::interleave(p, rows);
+        for (int k = 0; k < 3; ++k) stream(to + k * LANES, rows[k]);
     }
 
     // Values of four bytes each, side by side as far as their pixels are.
