@@ -18,7 +18,7 @@ from gltf_files import GltfWriter
 
 import warpvis as wv
 from warpvis import Scene
-from warpvis.errors import FileFormatError
+from warpvis.errors import FileFormatError, SceneError
 
 BALL = trimesh.creation.icosphere(subdivisions=2, radius=0.5)
 TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
@@ -148,12 +148,26 @@ def test_obj_files_as_people_write_them(tmp_path):
         ("v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n", r"line 1: a vertex needs three numbers, got 'v 0 0'"),
         ("v 0 0 0\n v 1 0 # short\nv 0 1 0\nf 1 2 3\n", r"line 2: a vertex needs three numbers, got 'v 1 0 # short'"),
         ("v 0 0 0\nv 1 \\\n0 0\nv 0 1\nf 1 2 3\n", r"line 4: a vertex needs three numbers, got 'v 0 1'"),
-        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\n", r"line 4: a face needs three corners, got 'f 1 2'"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf -4 2 3\n", r"a face names vertex -4 after 3 of them"),
     ],
 )
 def test_short_lines_of_obj_files_are_named(tmp_path, text, message):
     assert message in refusal(write(tmp_path, text.encode(), "x.obj"))
+
+
+def test_obj_faces_of_two_corners_are_left_out(tmp_path):
+    """As exporters write loose edges."""
+    text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\nf 1/1 3/1 # edge\nf 1 2 3\nf \\\n2 3\nf 3 2 1\n"
+    path = write(tmp_path, text, "edges.obj")
+    message = r"edges.obj: left out 3 faces of fewer than three corners, the first 'f 1 2' in line 4"
+    with pytest.warns(UserWarning, match=message):
+        scene = Scene.load(path)
+    np.testing.assert_array_equal(scene["edges"].vertices[scene["edges"].faces][:, 0], [[0, 0, 0], [0, 1, 0]])
+    with pytest.raises(FileFormatError, match=message):
+        load(path, strict=True)
+    path.write_bytes(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\n")
+    with pytest.raises(SceneError, match=r"left out 1 face .*'f 1 2' in line 4; nothing is left"):
+        load(path)
 
 
 def test_no_traceback_is_printed(tmp_path):

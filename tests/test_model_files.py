@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`Scene.load` of MJCF and URDF: what MuJoCo compiles, where it is, what it is called, and what is refused."""
 
+import re
 import warnings
 from pathlib import Path
 
@@ -118,7 +119,9 @@ def test_a_robot_without_looks_shows_what_collides(package):
     assert [item.name for item in load(path)] == ["base", "base_1", "v", "hand"]
 
 
-@pytest.mark.parametrize("url", ["package://far/hand.stl", "model://far/hand.stl", "hand.stl", "sub/hand.stl"])
+@pytest.mark.parametrize(
+    "url", ["package://far/hand.stl", "package:///far/hand.stl", "model://far/hand.stl", "hand.stl", "sub/hand.stl"]
+)
 def test_meshes_are_found_on_the_search_path(package, tmp_path, url):
     folder = tmp_path / "else" / "far"
     for place in (folder, folder / "sub"):
@@ -143,6 +146,125 @@ def test_meshes_that_mujoco_does_not_read_itself(package, name):
     path.write_text(ROBOT.replace("hand.stl", name))
     assert bounds(load(path), "hand") == [[4.5, -0.5, -0.5], [5.5, 0.5, 0.5]]
     assert len(load(path)["hand"].faces) == 12
+
+
+def robot_of(tmp_path, mesh, *, scale="1 1 1", rest=""):
+    """Write a robot of one link, at (0, 0, 5), which looks like a mesh file."""
+    visual = f'<origin xyz="0 0 5"/><geometry><mesh filename="{mesh}" scale="{scale}"/></geometry>'
+    path = tmp_path / "robot.urdf"
+    path.write_text(f'<robot name="r"><link name="a"><visual>{visual}</visual>{rest}</link></robot>')
+    return path
+
+
+def boxes(tmp_path, keyword):
+    """Write an OBJ file of three boxes in a row along x, each an object, or a group, and return their mesh."""
+    lines, whole = [], []
+    for number in range(3):
+        box = trimesh.creation.box((1, 2, 3))
+        box.apply_translation((2 * number, 0, 0))
+        lines += [f"{keyword} box_{number}", *(f"v {x} {y} {z}" for x, y, z in box.vertices)]
+        lines += [f"f {a} {b} {c}" for a, b, c in box.faces + 1 + 8 * number]
+        whole.append(box)
+    (tmp_path / "boxes.obj").write_text("\n".join(lines) + "\n")
+    return trimesh.util.concatenate(whole)
+
+
+@pytest.mark.parametrize("keyword", ["o", "g"])
+def test_all_objects_of_a_robots_obj_file_are_drawn(tmp_path, keyword):
+    whole = boxes(tmp_path, keyword)
+    scene = load(robot_of(tmp_path, "boxes.obj"))
+    assert [item.name for item in scene] == ["a"] and scene.triangle_count == len(whole.faces) == 36
+    np.testing.assert_allclose(scene.bounds, whole.bounds + [0, 0, 5], atol=1e-6)
+    np.testing.assert_allclose(trimesh.Trimesh(scene["a"].vertices, scene["a"].faces).area, whole.area, rtol=1e-6)
+    camera, pose = wv.Camera.from_fov(32, 24, hfov=1.2), wv.look_at((4, 0, 15), (4, 0, 5), up=(0, 1, 0))
+    assert wv.render(scene, camera, pose).depth.numpy()[0, 12, 16] == pytest.approx(8.5)  # the last box
+
+
+def test_an_obj_file_in_mjcf_is_what_mujoco_makes_of_it(tmp_path):
+    """Its decoder keeps the first object."""
+    boxes(tmp_path, "o")
+    text = '<mujoco><asset><mesh name="m" file="boxes.obj"/></asset><worldbody><geom type="mesh" mesh="m"/></worldbody>'
+    (tmp_path / "boxes.xml").write_text(text + "</mujoco>")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "boxes.xml"))
+    assert load(tmp_path / "boxes.xml").triangle_count == model.nmeshface
+
+
+@pytest.mark.parametrize("scale", ["1 1 1", "-1 1 1", "-2 -1 -.5"])
+def test_scaled_meshes_of_robots_face_outwards(tmp_path, scale):
+    whole = boxes(tmp_path, "o")
+    scene = load(robot_of(tmp_path, "boxes.obj", scale=scale))
+    factors = np.array([float(value) for value in scale.split()])
+    ends = np.sort(whole.bounds * factors, axis=0) + [0, 0, 5]
+    np.testing.assert_allclose(scene.bounds, ends, atol=1e-6)
+    found = trimesh.Trimesh(scene["a"].vertices, scene["a"].faces, process=False)
+    assert found.volume == pytest.approx(abs(factors.prod()) * whole.volume, rel=1e-5)
+
+
+def test_collada_of_robots_is_in_metres(tmp_path):
+    pytest.importorskip("collada")
+    pair = trimesh.Scene()
+    for number in range(2):
+        place = trimesh.transformations.translation_matrix((300 * number, 0, 0))
+        pair.add_geometry(trimesh.creation.box((100, 200, 300)), node_name=f"box_{number}", transform=place)
+    file = trimesh.exchange.dae.export_collada(list(pair.dump()))
+    assert b'<unit name="meter" meter="1' in file or b"<unit" not in file
+    unit, text = '<unit name="centimeter" meter="0.01"/>', file.decode()
+    text = re.sub("<unit[^>]*/>", unit, text) if "<unit" in text else text.replace("<asset>", f"<asset>{unit}")
+    (tmp_path / "pair.dae").write_text(text)
+    scene = load(robot_of(tmp_path, "pair.dae"))
+    assert scene.triangle_count == 24
+    np.testing.assert_allclose(scene.bounds, [[-0.5, -1, 3.5], [3.5, 1, 6.5]], atol=1e-6)
+
+
+def test_stl_files_of_robots_may_be_large(tmp_path):
+    """MuJoCo's decoder reads at most 200,000 triangles."""
+    ball = trimesh.creation.icosphere(7)
+    ball.export(tmp_path / "ball.stl")
+    assert load(robot_of(tmp_path, "ball.stl")).triangle_count == len(ball.faces) == 327_680
+
+
+@pytest.mark.parametrize(
+    "text", ["v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 4 3\n"]
+)
+def test_meshes_of_robots_may_be_flat(tmp_path, text):
+    (tmp_path / "flat.obj").write_text(text)
+    np.testing.assert_allclose(load(robot_of(tmp_path, "flat.obj")).bounds, [[0, 0, 5], [1, 1, 5]], atol=1e-6)
+
+
+def test_meshes_of_robots_without_triangles_are_named(tmp_path):
+    (tmp_path / "points.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nl 1 2\n")
+    path = robot_of(tmp_path, "points.obj", rest=f"<visual>{BOX}</visual>")
+    message = r"robot.urdf: left out .*points.obj, without triangles"
+    with pytest.warns(UserWarning, match=message):
+        assert Scene.load(path).triangle_count == 12
+    with pytest.raises(FileFormatError, match=r"points.obj: left out"):
+        load(path, strict=True)
+
+
+def test_what_a_robot_weighs_and_collides_with_is_not_read(tmp_path):
+    """Nothing of it is drawn, and MuJoCo would refuse all of the robot for it."""
+    boxes(tmp_path, "o")
+    inertia = '<inertia ixx="0" ixy="1" ixz="0" iyy="0" iyz="0" izz="0"/>'
+    rest = f"""<inertial><mass value="1"/>{inertia}</inertial>
+    <collision><geometry><plane normal="0 0 1"/></geometry></collision>
+    <collision><geometry><mesh filename="missing.stl"/></geometry></collision>
+    <visual><geometry><sphere radius="0.0"/></geometry></visual>"""
+    assert load(robot_of(tmp_path, "boxes.obj", rest=rest), strict=True).triangle_count == 36
+
+
+def test_a_visual_without_a_material_is_gray(tmp_path):
+    """MuJoCo alone gives it the color of the visual before."""
+    boxes(tmp_path, "o")
+    red = '<material name="red"><color rgba="1 0 0 1"/></material>'
+    rest = f'<visual>{BOX}{red}</visual><visual>{BOX}</visual><visual>{BOX}<material name="red"/></visual>'
+    scene = load(robot_of(tmp_path, "boxes.obj", rest=rest))
+    colors = [item.appearance.materials[0].base_color for item in scene]
+    assert colors == [(0.5, 0.5, 0.5, 1), (1, 0, 0, 1), (0.5, 0.5, 0.5, 1), (1, 0, 0, 1)]
+
+
+def test_a_robot_is_no_mesh_of_a_robot(tmp_path):
+    with pytest.raises(FileFormatError, match=r"robot.urdf: must be a mesh file, got .urdf"):
+        load(robot_of(tmp_path, "robot.urdf"))
 
 
 def test_parts_of_a_model_are_found_on_the_search_path(tmp_path):

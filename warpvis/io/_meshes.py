@@ -74,7 +74,7 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
     if loaded.empty:
         more = ", ..." if len(loaded.empty) > _MOST_NAMED else ""
         some = ", ".join(repr(shortened(name)) for name in loaded.empty[:_MOST_NAMED]) + more
-        messages.insert(0, f"{path}: left out {some}, which hold lines or points and no triangles")
+        messages.append(f"{path}: left out {some}, which hold lines or points and no triangles")
     if strict and messages:
         raise FileFormatError(messages[0])
     if loaded.unlit:
@@ -281,10 +281,11 @@ def _load_3mf(path: Path, file: bytes) -> FileMeshes:
 
 
 def _load_obj(name: str, file: bytes, locate: Locate) -> FileMeshes:
-    text = straighten_obj(file)
+    text, notes = straighten_obj(file)
     materials = ObjMaterials(name, text, locate)
     found = _load_by_trimesh(text, "obj", group_material=False, skip_materials=True, **obj_splits(text))
     found.meshes = [mesh._replace(look=materials.look(mesh.name, mesh.look, len(mesh.faces))) for mesh in found.meshes]
+    found.notes += notes
     order = obj_order(text)
     found.meshes.sort(key=lambda mesh: order.get(mesh.name, -1))
     return found

@@ -10,32 +10,41 @@ from __future__ import annotations
 
 import re
 
+from warpvis.core.checks import counted
+
 # All begin with the end of the line before, which is found fast, and none goes back once it has read on: a file has
 # millions of lines.
 _INDENTED = re.compile(rb"\n *+(v|vn|vt|f|o|g|s|usemtl|mtllib) ++")
 _RELATIVE = re.compile(rb"\nf [^\n-]*+-")
-_SHORT = re.compile(rb"\n([vf]) ++[^\s#]*+(?: ++[^\s#]++)?+ *+[\n#]")
+_SHORT_VERTEX, _SHORT_FACE = (
+    re.compile(rb"\n%s ++[^\s#]*+(?: ++[^\s#]++)?+ *+(?=[\n#])" % key) for key in (b"v", b"f")
+)
 _PART = {"object": re.compile(rb"\no ++([^\n]*)"), "group": re.compile(rb"\ng ++([^\n]*)")}
 
 
-def straighten_obj(file: bytes) -> bytes:
+def straighten_obj(file: bytes) -> tuple[bytes, list[str]]:
     """Return an OBJ file's text with keywords at the beginning of lines, one space after, and no relative indices.
 
-    An empty line is before it, and another one after it.
+    An empty line is before it, and another one after it. Faces of fewer than three corners are removed; the second
+    value describes them, as a part of a sentence.
 
     Raises:
-        ValueError: A vertex has fewer than three numbers, or a face fewer than three corners; the line is named.
+        ValueError: A vertex has fewer than three numbers; the line is named.
     """
     text = b"\n" + file.replace(b"\r\n", b"\n").replace(b"\r", b"\n").replace(b"\t", b" ") + b"\n"
     if b"\n " in text:
         text = _INDENTED.sub(rb"\n\1 ", text)
     joined = text.replace(b"\\\n", b" ")
-    short = _SHORT.search(joined)
+    short = _SHORT_VERTEX.search(joined)
     if short:
-        wanted = "a vertex needs three numbers" if short[1] == b"v" else "a face needs three corners"
-        said = joined[short.start() + 1 : joined.index(b"\n", short.start() + 1)].decode(errors="replace").strip()
-        raise ValueError(f"line {_line(text, joined, short.start())}: {wanted}, got {said!r}")
-    return _absolute(joined) if _RELATIVE.search(joined) else joined
+        raise ValueError("line {}: a vertex needs three numbers, got {!r}".format(*_line(text, joined, short)))
+    notes = []
+    short = _SHORT_FACE.search(joined)
+    if short:
+        line, content = _line(text, joined, short)
+        joined, count = _SHORT_FACE.subn(b"\n", joined)
+        notes.append(f"{counted(count, 'face')} of fewer than three corners, the first {content!r} in line {line}")
+    return (_absolute(joined) if _RELATIVE.search(joined) else joined), notes
 
 
 def obj_splits(text: bytes) -> dict[str, bool]:
@@ -51,15 +60,17 @@ def obj_order(text: bytes) -> dict[str, int]:
     return {name: number for number, name in enumerate(names)}
 
 
-def _line(text: bytes, joined: bytes, place: int) -> int:
-    """Return the number of the line after a place in the text, of which lines that go on have been joined."""
+def _line(text: bytes, joined: bytes, match: re.Match[bytes]) -> tuple[int, str]:
+    """Return number and content of the line that a match begins with, in the text whose continued lines are joined."""
+    place = match.start()
     joins, passed = 0, 0
     for piece in text.split(b"\\\n")[:-1]:
         passed += len(piece) + 1
         if passed > place:
             break
         joins += 1
-    return joined.count(b"\n", 0, place) + joins + 1
+    content = joined[place + 1 : joined.index(b"\n", place + 1)].decode(errors="replace").strip()
+    return joined.count(b"\n", 0, place) + joins + 1, content
 
 
 def _absolute(text: bytes) -> bytes:

@@ -33,7 +33,8 @@ def read_model(
     """Read the geoms of a model's file, MJCF or URDF, where they are at the model's initial state.
 
     Of MJCF, geoms of the groups 0 to 2 show, as in MuJoCo's viewer. Of URDF, the visual elements do; the collision
-    elements only if the file has no other. Names and labels are those of `scene_from_mujoco`, but that what a URDF
+    elements only if the file has no other; their meshes are read as `Scene.load` reads mesh files, in the file's own
+    frame and in the unit that it says. Names and labels are those of `scene_from_mujoco`, but that what a URDF
     file holds is `Label.ROBOT` where it is not ground. Patterns may mean a geom by its body's name, too. Parts of
     bodies that are not welded to the world are movable, those of one body together.
 
@@ -51,27 +52,23 @@ def read_model(
     path, strict = as_path(path), check_flag(strict, "strict", FileFormatError)
     folders = [as_path(folder, "search_path") for folder in as_items(search_path, "search_path", FileFormatError)]
     root = _parse(path)
-    left_out: list[str] = []
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # MuJoCo's are of how things would move
-            model, groups, missing = _compile(path, root, folders)
+            model, groups, left_out, warned = _compile(path, root, folders, strict=strict)
     except ValueError as error:
         if isinstance(error, FileFormatError):
             raise
         raise FileFormatError(f"{path}: MuJoCo does not compile it: {said_by(error)}") from None
-    if missing:
-        some = ", ".join(dict.fromkeys(missing))
-        left_out.append(f"{some}, of which no file was found beside it, in packages above it, or on the search path")
     soft = [f"{count} {what}" for count, what in ((model.nflex, "flexes"), (model.nskin, "skins")) if count]
     left_out += [f"{' and '.join(soft)}, which have no fixed shape"] if soft else []
     message = f"{path}: left out {'; '.join(left_out)}" if left_out else ""
     if strict and message:
         raise FileFormatError(message)
     parts = _parts(model, groups, robot=root.tag == "robot")
-    warned = (message,) if message else ()
+    sentences = (message, *warned) if message else tuple(warned)
     lights, background = model_lights(model), model_background(model)
-    return FileParts(path, parts, up="z", settled=True, warnings=warned, lights=lights, background=background)
+    return FileParts(path, parts, up="z", settled=True, warnings=sentences, lights=lights, background=background)
 
 
 def _parts(model: mujoco.MjModel, groups: Sequence[int], *, robot: bool) -> list[Part]:
@@ -109,12 +106,12 @@ def _parse(path: Path) -> ElementTree.Element:
 
 
 def _compile(
-    path: Path, root: ElementTree.Element, search_path: Sequence[Path]
-) -> tuple[mujoco.MjModel, tuple[int, ...], list[str]]:
-    """Compile the model; return it, the groups of its geoms that show, and the meshes of which no file was found."""
+    path: Path, root: ElementTree.Element, search_path: Sequence[Path], *, strict: bool
+) -> tuple[mujoco.MjModel, tuple[int, ...], list[str], list[str]]:
+    """Compile the model; return it, the groups of its geoms that show, what is left out, and warnings."""
     if root.tag == "robot":
-        return compile_urdf(path, root, search_path)
-    return _compile_mjcf(path, root, search_path), DEFAULT_GROUPS, []
+        return compile_urdf(path, root, search_path, strict=strict)
+    return _compile_mjcf(path, root, search_path), DEFAULT_GROUPS, [], []
 
 
 def _compile_mjcf(path: Path, root: ElementTree.Element, search_path: Sequence[Path]) -> mujoco.MjModel:

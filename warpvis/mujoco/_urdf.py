@@ -1,92 +1,160 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""URDF robots as MuJoCo compiles them: what they look like, with meshes found where ROS packages have them."""
+"""URDF robots as MuJoCo compiles them, with meshes found where ROS packages have them and read by `Scene.load`.
+
+MuJoCo's own decoder keeps only the first object of an OBJ file, does not read most other formats, and takes at most
+200,000 triangles of STL.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+import warnings
+from collections.abc import Container, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import mujoco  # noqa: TID253 - the whole package is about it
+import numpy as np
+from numpy.typing import NDArray
 
-from warpvis.core.checks import said_by
-from warpvis.errors import FileFormatError
+from warpvis.errors import FileFormatError, SceneError
+from warpvis.scene import Scene
 
 VISUAL_GROUP = 1
 """The group of geoms that MuJoCo makes of visual elements; those of collision elements are in group 0."""
 
-_READ_BY_MUJOCO = (".obj", ".msh")
-_STL_HEADER, _STL_TRIANGLE = 84, 50  # bytes of a binary STL file
+_READ_BY_MUJOCO = ".msh"  # its own format
+_NO_MESHES = (".wbt", ".xml", ".urdf")  # `Scene.load` reads these, too
+_MIN_VERTICES = 4  # MuJoCo compiles no mesh with fewer
 _SCHEME = re.compile(r"(package|model|file)://(.*)")
 
-# What a link weighs that has no inertia and no volume: nothing moves here, but MuJoCo refuses to compile it.
+# MuJoCo compiles no body that moves without mass.
 _LEAST_MASS, _LEAST_INERTIA = 1e-6, 1e-9
+
+_DEFAULT_COLOR = "0.5 0.5 0.5 1"
+"""Of geoms in MuJoCo."""
+
+_Mesh = tuple[NDArray[np.float32], NDArray[np.int32]]
 
 
 def compile_urdf(
-    path: Path, robot: ElementTree.Element, search_path: Sequence[Path]
-) -> tuple[mujoco.MjModel, tuple[int, ...], list[str]]:
-    """Compile a robot.
+    path: Path, robot: ElementTree.Element, search_path: Sequence[Path], *, strict: bool
+) -> tuple[mujoco.MjModel, tuple[int, ...], list[str], list[str]]:
+    """Compile a robot as it looks, without masses: its visual elements, or else its collision elements.
 
     Args:
         path: Its file.
         robot: The file's root, which is changed.
         search_path: Folders to look for packages and meshes in.
+        strict: Whether a part of a mesh file without triangles is an error.
 
     Returns:
-        The model; the groups of geoms that show what it looks like; and the meshes of which no file was found.
+        The model; the groups of its geoms; meshes that are left out, as parts of a sentence; and warnings of the
+        meshes' readers.
 
     Raises:
         ValueError: MuJoCo does not compile it.
-        FileFormatError: A mesh does not parse.
+        FileFormatError: A mesh does not parse, or `strict` is set and a part of it has no triangles.
     """
-    missing: list[str] = []
-    assets: dict[str, bytes] = {}
-    kinds = []
-    named = {""}
+    found = _Meshes(path, search_path, strict)
+    shown, hidden, groups = "visual", "collision", (VISUAL_GROUP,)
+    if not _prepare(robot, shown, found):
+        shown, hidden, groups = "collision", "visual", (0,)
+        _prepare(robot, shown, found)
+    colored = {item.get("name") for item in robot.iter("material") if item.find("color") is not None}
+    names = {""}
     for link in robot.iter("link"):
-        for element in [item for item in link if item.tag in ("visual", "collision")]:
+        for element in [item for item in link if item.tag in (hidden, "inertial")]:
+            link.remove(element)
+        for element in link.iter(shown):
             name = element.attrib.pop("name", "")
-            if name not in named:  # of one that is taken MuJoCo tells standard error; the link's name is as good
+            if name not in names:  # MuJoCo prints a warning about one that is taken; the link's name identifies it, too
                 element.set("name", name)
-            named.add(name)
-            mesh = element.find("geometry/mesh")
-            if mesh is not None and not _point_to_file(mesh, path, search_path, assets):
-                missing.append(mesh.get("filename", ""))
-                link.remove(element)
-                continue
-            kinds.append(element.tag)
+            names.add(name)
+            _set_color(element, colored)
     # Links keep their names, whether or not they move; what is drawn stays; paths are as they are written.
     options = robot.find("mujoco/compiler")
     if options is None:
         options = ElementTree.SubElement(ElementTree.SubElement(robot, "mujoco"), "compiler")
     options.attrib.update(strippath="false", discardvisual="false", fusestatic="false")
-    spec = mujoco.MjSpec.from_string(ElementTree.tostring(robot, encoding="unicode"), assets=assets or None)
+    spec = mujoco.MjSpec.from_string(ElementTree.tostring(robot, encoding="unicode"))
     spec.compiler.balanceinertia = True
     spec.compiler.boundmass, spec.compiler.boundinertia = _LEAST_MASS, _LEAST_INERTIA
     for asset in spec.meshes:
         asset.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # what is open has no volume
-    groups = (VISUAL_GROUP,) if "visual" in kinds else (0,)
-    return spec.compile(), groups, missing
+        mesh = found.read.get(asset.file)
+        if mesh is not None:
+            asset.file = ""
+            asset.uservert, asset.userface = (rows.ravel() for rows in mesh)
+    return spec.compile(), groups, found.left_out(), found.warnings
 
 
-def _point_to_file(
-    mesh: ElementTree.Element, path: Path, search_path: Sequence[Path], assets: dict[str, bytes]
-) -> bool:
-    """Write into a mesh element which file MuJoCo shall read; False if there is none."""
-    found = _find_mesh(mesh.get("filename", ""), path, search_path)
-    if found is None:
+@dataclass
+class _Meshes:
+    """The mesh files of a robot."""
+
+    path: Path
+    search_path: Sequence[Path]
+    strict: bool
+    read: dict[str, _Mesh | None] = field(default_factory=dict)
+    """Meshes by path; None for files without triangles."""
+    missing: list[str] = field(default_factory=list)
+    """URLs of which there is no file."""
+    warnings: list[str] = field(default_factory=list)
+
+    def find(self, url: str) -> str | None:
+        """Return the path of a mesh and read it; None if there is no such file, or no triangle in it."""
+        found = _find_mesh(url, self.path, self.search_path)
+        if found is None:
+            self.missing.append(url)
+            return None
+        name = str(found)
+        if name not in self.read and found.suffix.lower() != _READ_BY_MUJOCO:
+            self.read[name] = _read_mesh(found, self.warnings, strict=self.strict)
+        return None if self.read.get(name, ()) is None else name
+
+    def left_out(self) -> list[str]:
+        """Describe what was not found and what has no triangles, as parts of a sentence."""
+        parts = []
+        if self.missing:
+            names = ", ".join(dict.fromkeys(self.missing))
+            parts.append(f"{names}, of which no file was found beside it, in packages above it, or on the search path")
+        empty = ", ".join(name for name, mesh in self.read.items() if mesh is None)
+        return [*parts, f"{empty}, without triangles"] if empty else parts
+
+
+def _prepare(robot: ElementTree.Element, tag: str, meshes: _Meshes) -> bool:
+    """Write paths of meshes into links' elements, and remove elements without a surface; return whether one is left."""
+    count = 0
+    for link in robot.iter("link"):
+        for element in link.findall(tag):
+            mesh = element.find("geometry/mesh")
+            name = "" if mesh is None else meshes.find(mesh.get("filename", ""))
+            if name is None or any(_is_zero(shape.get("radius", "")) for shape in element.iterfind("geometry/*")):
+                link.remove(element)
+                continue
+            count += 1
+            if mesh is not None:
+                mesh.set("filename", name)
+    return count > 0
+
+
+def _is_zero(number: str) -> bool:
+    try:
+        return float(number) == 0
+    except ValueError:  # MuJoCo's error names the line
         return False
-    name = str(found)
-    if not _is_read_by_mujoco(found):
-        name = f"{name}.obj"
-        if name not in assets:
-            assets[name] = _as_obj(found)
-    mesh.set("filename", name)
-    return True
+
+
+def _set_color(element: ElementTree.Element, colored: Container[str | None]) -> None:
+    """Give MuJoCo's default color to an element without one: MuJoCo gives it that of the element before."""
+    material = element.find("material")
+    if material is None:
+        material = ElementTree.SubElement(element, "material", name="")
+    if material.find("color") is None and material.get("name") not in colored:
+        ElementTree.SubElement(material, "color", rgba=_DEFAULT_COLOR)
 
 
 def _find_mesh(url: str, path: Path, search_path: Sequence[Path]) -> Path | None:
@@ -94,6 +162,8 @@ def _find_mesh(url: str, path: Path, search_path: Sequence[Path]) -> Path | None
     folder = path.resolve().parent
     scheme = _SCHEME.fullmatch(url)
     kind, rest = (scheme[1], scheme[2]) if scheme else ("", url)
+    if kind in ("package", "model"):
+        rest = rest.lstrip("/")
     places = [folder / rest] if kind in ("", "file") else []
     for root in search_path:
         places.append(root / rest)
@@ -105,24 +175,28 @@ def _find_mesh(url: str, path: Path, search_path: Sequence[Path]) -> Path | None
     return next((place.resolve() for place in places if url and place.is_file()), None)
 
 
-def _is_read_by_mujoco(path: Path) -> bool:
-    """Tell whether MuJoCo reads a mesh file itself: OBJ, MSH, and binary STL."""
-    suffix = path.suffix.lower()
-    if suffix != ".stl":
-        return suffix in _READ_BY_MUJOCO
-    with path.open("rb") as stream:
-        header = stream.read(_STL_HEADER)
-    count = int.from_bytes(header[80:], "little")
-    return path.stat().st_size == _STL_HEADER + count * _STL_TRIANGLE
+def _read_mesh(path: Path, warned: list[str], *, strict: bool) -> _Mesh | None:
+    """Read all triangles of a mesh file, in the file's own frame; None if it has none.
 
+    Vertices at the same place become one, so that MuJoCo's normals are smooth across faces.
 
-def _as_obj(path: Path) -> bytes:
-    """Convert a mesh file of a kind that MuJoCo does not read to OBJ, by trimesh."""
-    import trimesh
-
-    try:
-        loaded: Any = trimesh.load_scene(path, process=False)
-        whole = loaded.to_mesh()
-        return trimesh.exchange.obj.export_obj(whole, include_normals=False, include_texture=False).encode()
-    except Exception as error:  # trimesh's readers raise what they like
-        raise FileFormatError(f"{path}: does not read as {path.suffix.lstrip('.').upper()}: {said_by(error)}") from None
+    Raises:
+        FileFormatError: The file does not parse, or `strict` is set and a part of it has no triangles.
+    """
+    if path.suffix.lower() in _NO_MESHES:
+        raise FileFormatError(f"{path}: must be a mesh file, got {path.suffix}")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            scene = Scene.load(path, device="cpu", up="z", file_up="z", strict=strict)
+        except FileFormatError:
+            raise
+        except SceneError:
+            return None
+        finally:
+            warned += [str(item.message) for item in caught]
+    sizes = np.cumsum([0, *(len(item.vertices) for item in scene)])
+    faces = np.concatenate([item.faces + first for item, first in zip(scene, sizes, strict=False)])
+    vertices, places = np.unique(np.concatenate([item.vertices for item in scene]), axis=0, return_inverse=True)
+    few = max(0, _MIN_VERTICES - len(vertices))
+    return np.concatenate([vertices, vertices[:1].repeat(few, axis=0)]), places.astype(np.int32).reshape(-1)[faces]
