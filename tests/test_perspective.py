@@ -4,13 +4,14 @@
 
 import json
 import math
+import sys
 
 import numpy as np
 import pytest
 import trimesh
 
 import warpvis as wv
-from warpvis import Label, Visibility
+from warpvis import Label, Visibility, cli
 from warpvis.scenes.shapes import ball, floor, person, robot, standing_box
 from warpvis.visibility import Agent, FieldOfView, State, object_visibility, perspective
 
@@ -362,3 +363,73 @@ def test_bad_questions(low_wall, call, said):
     with pytest.raises(wv.WarpvisError) as error:
         call(low_wall)
     assert str(error.value).startswith(said)
+
+
+# Boards that a camera at the origin sees: name, size and center [m].
+SLIVERS = {
+    "hidden": ((0.01, 2, 2), (4, 2, 0)),  # but for a few pixels beside two walls
+    "wall": ((0.01, 1.0, 1.2), (2, 1.02, 0)),
+    "low wall": ((0.01, 0.2, 1.1), (2, 0.5, -0.1)),
+    "shown": ((0.01, 2, 2), (4, -2, 0)),  # but for a few pixels behind a post
+    "post": ((0.01, 0.02, 0.02), (2, -1, 0)),
+}
+
+
+def slivers():
+    scene = wv.Scene()
+    for name, (size, center) in SLIVERS.items():
+        scene.add(trimesh.creation.box(size), name=name, pose=(*center, 0, 0, 0, 1))
+    camera = wv.Camera.from_fov(320, 240, hfov=1.8)
+    return scene, camera, wv.look_at((0, 0, 0), (1, 0, 0))
+
+
+def test_a_few_pixels_are_never_written_as_none_or_all(tmp_path, monkeypatch, capsys):
+    from warpvis.viewer._rows import rows_of
+
+    scene, camera, pose = slivers()
+    seen = perspective(scene, [camera_agent(camera, pose)], objects=["hidden", "shown"])
+    few, most = seen.fraction[0, 0]
+    assert 0 < few < 0.005 and 0.995 < most < 1
+    pixels = int(seen.visible_pixels[0, 0, 0])
+    lines = seen.table().splitlines()
+    assert lines[2].endswith(f"  <0.01 ({pixels} px)") and lines[3].endswith("  >0.99")
+    assert [row.cells[0] for row in rows_of(seen)] == [f"<1 % ({pixels} px)", ">99 %"]
+
+    file = trimesh.Scene()
+    for name, (size, center) in SLIVERS.items():
+        place = trimesh.transformations.translation_matrix(center)
+        file.add_geometry(trimesh.creation.box(size), node_name=name, geom_name=name, transform=place)
+    file.export(tmp_path / "boards.glb")
+    np.save(tmp_path / "poses.npy", np.asarray(pose).reshape(1, -1))
+    camera_file = {"width": 320, "height": 240, "hfov": 1.8}
+    (tmp_path / "camera.json").write_text(json.dumps(camera_file))
+    given = [
+        "--file-up",
+        "z",
+        "--objects",
+        "hidden,shown",
+        "--poses",
+        str(tmp_path / "poses.npy"),
+        "--camera",
+        str(tmp_path / "camera.json"),
+    ]
+    monkeypatch.setattr(sys, "argv", ["warpvis", "check", str(tmp_path / "boards.glb"), *given])
+    cli.main()
+    printed = capsys.readouterr().out
+    assert "<0.01" in printed and ">0.99" in printed and "0.00" not in printed and "1.00" not in printed
+
+
+@pytest.mark.parametrize(
+    ("fraction", "text", "percent"),
+    [
+        (0.0, "0.00", "0 %"), (1e-9, "<0.01", "<1 %"), (0.004, "<0.01", "<1 %"), (0.006, "0.01", "1 %"),
+        (0.25, "0.25", "25 %"), (0.994, "0.99", "99 %"), (0.996, ">0.99", ">99 %"), (1.0, "1.00", "100 %"),
+    ],
+)  # fmt: skip
+def test_fractions_round_to_nothing_only_if_they_are(fraction, text, percent):
+    from warpvis.core.checks import format_fraction, format_percent
+
+    assert format_fraction(fraction) == text
+    if fraction != 0.006:
+        assert format_percent(fraction) == percent
+    assert format_percent(0.00004, digits=2) == "<0.01 %" and format_percent(0.9999, digits=1) == ">99.9 %"

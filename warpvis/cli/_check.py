@@ -12,6 +12,7 @@ import tyro
 
 from warpvis.cli._inputs import FrameOptions, MaybePoses, Names, SceneFile, refuse_options, split_names
 from warpvis.cli._output import format_rows, require_place, write_json
+from warpvis.core.checks import format_fraction
 from warpvis.errors import ArrayError, FileFormatError
 
 if TYPE_CHECKING:
@@ -133,7 +134,7 @@ class Check(FrameOptions):
         rows = []
         for view in views:
             for item in view["objects"]:
-                share, status = f"{item['fraction']:.2f}", item["status"].lower().replace("_", " ")
+                share, status = format_fraction(item["fraction"]), item["status"].lower().replace("_", " ")
                 pixels, hides = str(item["visible_pixels"]), item["occluder"] or ""
                 rows.append([str(view["view"]), item["name"], share, pixels, status, hides])
         print(format_rows(["view", "object", "visible", "pixels", "status", "hidden by"], rows[:_LINES_PRINTED]))

@@ -22,6 +22,7 @@ from warpvis.cli._inputs import (
     viewpoint_options,
 )
 from warpvis.cli._output import format_rows, make_folder, write_json
+from warpvis.core.checks import format_fraction
 from warpvis.errors import PoseError
 
 if TYPE_CHECKING:
@@ -169,8 +170,8 @@ def _in_words(found: list[Candidate], missed: list[str], proposal: Proposal | No
     for item in found:
         assert item.robot_fraction is not None  # a robot was asked about
         angle = f"{math.degrees(item.gaze_angle):.0f} degrees"
-        robot = "no" if item.object in missed else f"{item.robot_fraction:.2f}"
-        rows.append([item.object, f"{item.score:.2f}", angle, "yes" if item.attended else "no", robot])
+        robot = "no" if item.object in missed else format_fraction(item.robot_fraction)
+        rows.append([item.object, format_fraction(item.score), angle, "yes" if item.attended else "no", robot])
     lines = [format_rows(["the human may mean", "score", "from the gaze", "attended", "robot sees"], rows), ""]
     if not missed:
         return "\n".join([*lines, "The robot sees all of them."])
@@ -179,6 +180,6 @@ def _in_words(found: list[Candidate], missed: list[str], proposal: Proposal | No
         lines.append(f"No place within {max_distance:g} m that has room for it shows any of that.")
     else:
         place = " ".join(f"{number:.3f}" for number in proposal.pose)
-        shares = ", ".join(f"{name} {share:.2f}" for name, share in proposal.fractions.items())
+        shares = ", ".join(f"{name} {format_fraction(share)}" for name, share in proposal.fractions.items())
         lines.append(f"{proposal.distance:.2f} m away, at {place}, it would see {shares}.")
     return "\n".join(lines)

@@ -124,7 +124,7 @@ def _shared_sighting(number: int, seen: Perspective) -> SharedSighting:
         robot=bool(seen.visible[robot, 0, ball]),
         human=bool(seen.visible[human, 0, ball]),
         human_pixels=int(seen.visible_pixels[human, 0, ball]),
-        human_fraction=round(float(seen.fraction[human, 0, ball]), 3),
+        human_fraction=float(seen.fraction[human, 0, ball]),
         state=words[State(seen.states("robot", "human")[0, ball])],
     )
 

@@ -44,6 +44,26 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
+def format_fraction(fraction: float, *, digits: int = 2) -> str:
+    """Return a fraction with decimals: ``0.25``, or ``<0.01`` and ``>0.99`` where it would round to 0 or 1."""
+    return _round_between(fraction, 1, digits)
+
+
+def format_percent(fraction: float, *, digits: int = 0) -> str:
+    """Return a fraction in percent: ``25 %``, or ``<1 %`` and ``>99 %`` where it would round to 0 or 100."""
+    return f"{_round_between(100 * fraction, 100, digits)} %"
+
+
+def _round_between(value: float, whole: int, digits: int) -> str:
+    """Return a number with decimals, and a bound of it where it would round to 0 or to `whole` but is neither."""
+    text, step = f"{value:.{digits}f}", 10.0**-digits
+    if value > 0 and float(text) == 0:
+        return f"<{step:.{digits}f}"
+    if value < whole and float(text) == whole:
+        return f">{whole - step:.{digits}f}"
+    return text
+
+
 def check_whole(value: object, name: str, *, least: int = 1, error: type[WarpvisError] = ArrayError) -> int:
     """Return `value` as a whole number from `least` up.
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
+from warpvis.core.checks import format_percent
 from warpvis.core.labels import Label
 from warpvis.core.poses import check_up
 from warpvis.maps import floor_map
@@ -58,7 +59,7 @@ def propose(state: ViewerState, look: Look, *, max_distance: float, radius: floa
 
 def in_words(proposal: Proposal) -> str:
     """Say what a proposal is."""
-    shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in proposal.fractions.items())
+    shares = ", ".join(f"{name} {format_percent(share)}" for name, share in proposal.fractions.items())
     return f"{proposal.distance:.2f} m away it would see: {shares}."
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from warpvis.core.checks import format_percent
 from warpvis.core.labels import Visibility
 from warpvis.visibility import Perspective, State
 
@@ -45,7 +46,8 @@ def _cell(seen: Perspective, agent: int, k: int) -> str:
         return "own body"
     status = Visibility(seen.status[at])
     if status == Visibility.VISIBLE:
-        return f"{100 * seen.fraction[at]:.0f} %"
+        share = format_percent(float(seen.fraction[at]))
+        return f"{share} ({int(seen.visible_pixels[at])} px)" if share.startswith("<") else share
     if status == Visibility.OCCLUDED and seen.occluder[at] >= 0:
         return f"hidden by {seen.scene_objects[seen.occluder[at]]}"
     return status.name.lower().replace("_", " ")

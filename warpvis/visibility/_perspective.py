@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import as_items, is_number
+from warpvis.core.checks import as_items, format_fraction, is_number
 from warpvis.core.image_cameras import ImageCamera
 from warpvis.core.labels import Label, LabelNames, Visibility
 from warpvis.core.poses import QuaternionOrder, to_xyzw
@@ -237,7 +237,8 @@ class Perspective:
             return "own body"
         status = Visibility(self.status[at])
         if status == Visibility.VISIBLE:
-            return f"{self.fraction[at]:.2f}"
+            share = format_fraction(float(self.fraction[at]))
+            return f"{share} ({int(self.visible_pixels[at])} px)" if share.startswith("<") else share
         if status == Visibility.OCCLUDED and self.occluder[at] >= 0:
             return f"hidden by {self.scene_objects[self.occluder[at]]}"
         return status.name.lower().replace("_", " ")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warpvis.core.checks import format_percent
 from warpvis.errors import ArrayError
 from warpvis.sensors import StereoFit
 from warpvis.viz._figures import new_figure, save_figure
@@ -42,7 +43,7 @@ def save_sensor_fit(fit: StereoFit, path: str | os.PathLike[str]) -> None:
     _draw_depths(panels[1, 1], fit)
     figure.suptitle(
         f"f b {fit.focal_baseline:.4g} px m, sigma {fit.sigma:.3g} px, step {fit.step:.3g} px, "
-        f"noise spacing {fit.noise_spacing} px, dropout {fit.dropout:.1%}"
+        f"noise spacing {fit.noise_spacing} px, dropout {format_percent(fit.dropout, digits=1)}"
     )
     save_figure(figure, path)
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_numpy
-from warpvis.core.checks import check_text
+from warpvis.core.checks import check_text, format_fraction
 from warpvis.core.image_cameras import ImageCamera
 from warpvis.core.labels import Visibility
 from warpvis.core.poses import Convention, QuaternionOrder, to_xyzw
@@ -123,7 +123,7 @@ def save_sightings(
     handles = []
     for k in largest[:_MOST_NAMED]:
         status = Visibility(statuses[k])
-        share = f" {fractions[k]:.2f}" if status == Visibility.VISIBLE else ""
+        share = f" {format_fraction(float(fractions[k]))}" if status == Visibility.VISIBLE else ""
         label = f"{_cut(found.names[k])}: {_WORDS[status]}{share}"
         handles.append(Patch(facecolor=color_of[k], edgecolor="black", linewidth=0.5, label=label))
     figure.legend(handles=handles, loc="outside lower left", ncols=_LEGEND_COLUMNS, frameon=False, fontsize="small")

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy
 from warpvis.core.camera import Camera, require_camera
-from warpvis.core.checks import as_items, check_number, check_whole, counted
+from warpvis.core.checks import as_items, check_number, check_whole, counted, format_percent
 from warpvis.core.depth_images import check_meters
 from warpvis.errors import ArrayError
 from warpvis.sensors.depth._noise_spacing import correlation, expected_correlation, find_spacing
@@ -107,13 +107,13 @@ class StereoFit:
             f"sigma of disparity  {self.sigma:.4g} px",
             f"step of disparity   {rounded}",
             f"noise spacing       {self.noise_spacing} px",
-            f"dropout             {self.dropout:.2%}",
+            f"dropout             {format_percent(self.dropout, digits=2)}",
             "",
             "distance  angle  plane-fit RMS  subpixel RMS  fill rate",
         ]
         lines += [
             f"{wall.distance:6.3f} m  {math.degrees(wall.angle):4.1f}   {1e3 * wall.plane_rms:8.2f} mm  "
-            f"{wall.subpixel_rms:9.4f} px  {wall.fill_rate:8.1%}"
+            f"{wall.subpixel_rms:9.4f} px  {format_percent(wall.fill_rate, digits=1):>8}"
             for wall in self.walls
         ]
         return "\n".join(lines)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
+from warpvis.core.checks import format_percent
 from warpvis.errors import ArrayError
 
 # Pixels farther from the plane than so many deviations of the others are not the wall's.
@@ -162,8 +163,8 @@ def _fit_plane(
     spread = float(np.median(np.abs(values - rows @ found))) / _MEDIAN_SHARE
     if near.mean() < 0.5 or found[2] <= 0 or spread > _MOST_SPREAD * found[2]:
         raise ArrayError(
-            f"{name} shows no flat wall: {near.mean():.0%} of its pixels are of one plane, and 1 / z is "
-            f"{spread / abs(found[2]):.0%} from it"
+            f"{name} shows no flat wall: {format_percent(near.mean())} of its pixels are of one plane, and 1 / z is "
+            f"{format_percent(spread / abs(found[2]))} from it"
         )
     known = np.zeros_like(there)
     known[there] = near
