@@ -15,12 +15,11 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-import trimesh
 import warp as wp
+from gpu_trees import Mesh, ball, builders_of_a_gpu
 
 import warpvis as wv
 from warpvis.scene._bvh import build_bvh
-from warpvis.scene._bvh_cuda import DeviceMesh, build_device_bvh
 from warpvis.scenes import terrain
 
 NAMES = ["experiment_3", "room", "blobs_77k", "blobs_1m"]
@@ -56,9 +55,6 @@ def test_lanes(benchmark, scene_of, name, lanes):
     arguments = (vertices, faces, owner, np.ones(len(scene), dtype=bool))
     benchmark.pedantic(build_bvh, arguments, {"lanes": lanes}, rounds=rounds(scene), warmup_rounds=1)
     benchmark.extra_info["triangles"] = scene.triangle_count
-
-
-Mesh = tuple[np.ndarray, np.ndarray]
 
 
 def builders_of_the_host(mesh: Mesh) -> dict[str, Callable[[], object]]:
@@ -97,23 +93,6 @@ def builders_of_the_host(mesh: Mesh) -> dict[str, Callable[[], object]]:
     }
 
 
-def builders_of_a_gpu(mesh: Mesh, device: wp.Device) -> dict[str, Callable[[], object]]:
-    """What builds a tree of a mesh that is on a GPU already, by name."""
-    there = DeviceMesh.of(*mesh, np.zeros(len(mesh[1]), dtype=np.int32), np.array([True]), device)
-    indices = there.faces.flatten()
-
-    def build() -> None:
-        build_device_bvh(there, most_levels=8)
-        wp.synchronize_device(device)
-
-    def build_warp(constructor: str) -> None:
-        wp.Mesh(there.vertices, indices, bvh_constructor=constructor)
-        wp.synchronize_device(device)
-
-    names = ("cubql", "lbvh")
-    return {"warpvis": build, **{f"`wp.Mesh`, {name}": lambda name=name: build_warp(name) for name in names}}
-
-
 def main() -> None:
     """Print the least and the median time of each."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -122,10 +101,9 @@ def main() -> None:
     parser.add_argument("--side", type=int, default=2237, help="corners along a side of the ground: 10 M triangles")
     arguments = parser.parse_args()
     device = wp.get_device(arguments.device)
-    ball = trimesh.creation.icosphere(subdivisions=8)
     meshes = {"ground": terrain.ground(arguments.side)}
     if not device.is_cpu:
-        meshes["ball"] = (np.float32(ball.vertices), np.int32(ball.faces))
+        meshes["ball"] = ball()
     for title, mesh in meshes.items():
         builders = builders_of_the_host(mesh) if device.is_cpu else builders_of_a_gpu(mesh, device)
         times: dict[str, list[tuple[float, float]]] = {name: [] for name in builders}

@@ -9,37 +9,18 @@ replayed, by its own events.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
-from functools import cache
-from typing import Any
 
 import pytest
-import trimesh
 import warp as wp
+from gpu_timing import enough_calls
+from gpu_trees import begin, build, refit_of
+from gpu_work import timer_of
 
 import warpvis as wv
 
 DEVICES = ["cpu", *map(str, wp.get_cuda_devices()[:1])]
-SUBDIVISIONS = 8
 MOST_TIMES = 2.0
 """The BVH's refit takes at most this many times as long as that of `wp.Mesh`."""
-
-
-def begin(device: str) -> wv.Scene:
-    """A ball that has begun to deform, and no trees yet."""
-    scene = wv.Scene(device=device)
-    mesh = trimesh.creation.icosphere(subdivisions=SUBDIVISIONS)
-    scene.add(mesh, name="ball", movable=True)
-    scene.update_vertices("ball", mesh.vertices)
-    return scene
-
-
-build = cache(begin)
-
-
-def refit_of(built: Callable[[wv.Scene], Any], scene: wv.Scene) -> Callable[[], None]:
-    """The refit of what one caster reads."""
-    return built(scene).refits[0].refit
 
 
 @pytest.mark.benchmark(group="refit")
@@ -74,10 +55,8 @@ def test_update(benchmark, device):
 
 def compare(device: str, rounds: int) -> list[float]:
     """Seconds of the refit of `Scene.bvh()`, and of `wp.Mesh`: the best of rounds in which they take turns."""
-    from gpu_timing import HostTimer, WarpTimer, enough_calls
-
     scene = build(device)
-    timer = HostTimer() if scene.device.is_cpu else WarpTimer(scene.device)
+    timer = timer_of(scene.device)
     runs = [refit_of(built, scene) for built in (wv.Scene.bvh, wv.Scene.triangles)]
     runs = [timer.record(run) or run for run in runs]
     calls = [enough_calls(timer.device_seconds(run, 2)) for run in runs]

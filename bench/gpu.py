@@ -27,53 +27,14 @@ from pathlib import Path
 import gpu_other_peers
 import gpu_peers
 import warp as wp
+from gpu_cases import ALL_CASES, CASES
 from gpu_table import best, of_row, tables, write_json
 from gpu_timing import Run, enough_calls, wall_seconds
 from gpu_work import Case, Method, Prepared, Result, Subject, agreement
 from marked import split_marked, write_marked
+from ratios import describe_exception
 
 _MARK = "gpu"  # of the tables in docs/figures.md
-
-# name: title, preset, width, height, views
-CASES = {
-    "room-320": ("room 320x240", "room", 320, 240, 512),
-    "room-64": ("room 64x64", "room", 64, 64, 8192),
-    "77k-320": ("77 k 320x240", "blobs_77k", 320, 240, 512),
-    "77k-64": ("77 k 64x64", "blobs_77k", 64, 64, 8192),
-    "1m-320": ("1.2 M 320x240", "blobs_1m", 320, 240, 512),
-    "1m-64": ("1.2 M 64x64", "blobs_1m", 64, 64, 8192),
-}
-
-# Of triangles that are smaller than pixels; only if asked for.
-FINE_CASES = {
-    "terrain-200k-320": ("terrain 0.2 M 320x240", "terrain_200k", 320, 240, 64),
-    "terrain-200k-64": ("terrain 0.2 M 64x64", "terrain_200k", 64, 64, 1024),
-    "terrain-2m-320": ("terrain 2 M 320x240", "terrain_2m", 320, 240, 64),
-    "terrain-2m-64": ("terrain 2 M 64x64", "terrain_2m", 64, 64, 1024),
-    "terrain-10m-320": ("terrain 10 M 320x240", "terrain_10m", 320, 240, 64),
-    "terrain-10m-64": ("terrain 10 M 64x64", "terrain_10m", 64, 64, 1024),
-    "terrain-50m-320": ("terrain 50 M 320x240", "terrain_50m", 320, 240, 64),
-    "terrain-50m-64": ("terrain 50 M 64x64", "terrain_50m", 64, 64, 1024),
-}
-# Of thousands of objects, that may move or stay; only if asked for.
-CROWD_CASES = {
-    "crowd-1k-320": ("1 k balls 320x240", "crowd_1k", 320, 240, 64),
-    "crowd-1k-static-320": ("1 k that stay 320x240", "crowd_1k_static", 320, 240, 64),
-    "crowd-10k-320": ("10 k balls 320x240", "crowd_10k", 320, 240, 64),
-    "crowd-10k-static-320": ("10 k that stay 320x240", "crowd_10k_static", 320, 240, 64),
-    "crowd-100k-320": ("100 k balls 320x240", "crowd_100k", 320, 240, 64),
-    "crowd-100k-static-320": ("100 k that stay 320x240", "crowd_100k_static", 320, 240, 64),
-}
-# Of little work, where what counts is the time of who waits; only if asked for.
-SMALL_CASES = {
-    "small-room-1": ("room, 1 of 64x64", "room", 64, 64, 1),
-    "small-room-16": ("room, 16 of 84x84", "room", 84, 84, 16),
-    "small-room-128": ("room, 128 of 64x64", "room", 64, 64, 128),
-    "small-1m-1": ("1.2 M, 1 of 64x64", "blobs_1m", 64, 64, 1),
-    "small-1m-16": ("1.2 M, 16 of 84x84", "blobs_1m", 84, 84, 16),
-    "small-1m-128": ("1.2 M, 128 of 64x64", "blobs_1m", 64, 64, 128),
-}
-ALL_CASES = CASES | FINE_CASES | CROWD_CASES | SMALL_CASES
 
 # Of several ways to use a library, those that are slower than the fastest by more than this at first look are not
 # looked at again.
@@ -140,7 +101,7 @@ def measure(case: Case, name: str, methods: Sequence[Method], options: argparse.
         try:
             contestants.append(_enter(case, method, result))
         except Exception as error:  # a peer that fails, however it does, is a line
-            result.missing = reason(error)
+            result.missing = describe_exception(error)
         log.say(f"{name}: {_first_look(result)}")
     log.save(f"{name}: first look")
     of_case = log.results[first_of_case:]
@@ -180,7 +141,7 @@ def _record(prepared: Prepared, result: Result) -> Run | None:
             prepared.timer.synchronize()
         return graph
     except Exception as error:  # what cannot be recorded is measured without
-        result.graph_missing = reason(error)
+        result.graph_missing = describe_exception(error)
         return None
 
 
@@ -203,16 +164,7 @@ def _round(contestants: Sequence[Contestant]) -> None:
                 result.graph_seconds.append(timer.device_seconds(entry.graph, entry.calls))
             result.wall_seconds.append(wall_seconds(timer, run))
         except Exception as error:  # it worked once, and the others still do
-            result.missing = reason(error)
-
-
-def reason(error: Exception) -> str:
-    """One short clause."""
-    if isinstance(error, ModuleNotFoundError):
-        return f"{str(error.name).partition('.')[0]} is not installed"
-    line = (str(error).strip() or type(error).__name__).splitlines()[0]
-    text = line.rstrip(".").replace("|", "/")
-    return text if len(text) <= 160 else text[:157] + "..."
+            result.missing = describe_exception(error)
 
 
 def _first_look(result: Result) -> str:

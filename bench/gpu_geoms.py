@@ -12,15 +12,16 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import mujoco
 import numpy as np
 import warp as wp
-from gpu_worlds import measure
+from gpu_worlds import Pair, Placed, measure
 from numpy.typing import NDArray
-
-from warpvis.mujoco import BatchRenderer
+from ratios import Contest, Workload
 
 _CASES = (
     "10,4096,64",
@@ -67,44 +68,30 @@ def scattered(model: mujoco.MjModel, worlds: int) -> NDArray[np.float32]:
     return rows.reshape(worlds, -1)
 
 
+def pair(geoms: int, worlds: int, size: int, device: str) -> Pair:
+    """Set up both renderers of a model of that many bodies."""
+    model = free_bodies(geoms)
+    return Pair(Placed.of(model, scattered(model, worlds), wp.get_device(device)), _CAMERA, size)
+
+
 def compare(geoms: int, worlds: int, size: int, device: str) -> dict[str, Any]:
     """Seconds a call of each, and how far their depth agrees."""
-    import mujoco_warp as mjw
-
-    model = free_bodies(geoms)
-    host = mujoco.MjData(model)
-    mujoco.mj_forward(model, host)
-    with wp.ScopedDevice(device):
-        m, data = mjw.put_model(model), mjw.put_data(model, host, nworld=worlds)
-        data.qpos.assign(scattered(model, worlds))
-        mjw.kinematics(m, data)
-        mjw.com_pos(m, data)
-        mjw.camlight(m, data)
-        context = mjw.create_render_context(
-            model,
-            nworld=worlds,
-            cam_res=(size, size),
-            render_rgb=False,
-            render_depth=True,
-            render_seg=False,
-            use_textures=False,
-            cam_active=[_CAMERA],
-        )
-
-    def theirs() -> None:
-        mjw.refit_bvh(m, data, context)
-        mjw.render(m, data, context)
-
-    batch = BatchRenderer(model, worlds, height=size, width=size, device=device)
-    views = batch.render(data, cameras=_CAMERA)
-    seconds = measure(
-        {"warpvis": lambda: batch.render(data, cameras=_CAMERA, out=views), "MuJoCo Warp": theirs}, device
-    )
-    ours, other = views.depth.numpy(), context.depth_data.numpy().reshape(worlds, size, size)
-    both = np.isfinite(ours) & (other > 0)
-    seconds["hit by both or neither"] = float(np.mean((ours < np.inf) == (other > 0)))
-    seconds["median difference"] = float(np.median(np.abs(ours - other)[both]))
+    both = pair(geoms, worlds, size, device)
+    seconds = measure({"warpvis": both.ours, "MuJoCo Warp": both.theirs}, device)
+    seconds["hit by both or neither"], seconds["median difference"] = both.agreement()
     return seconds
+
+
+def workloads(device: wp.Device, worlds: int | None = None) -> Iterator[Workload]:
+    """Yield some of the cases."""
+
+    def prepare(case: str) -> Contest:
+        geoms, count, size = (int(number) for number in case.split(","))
+        return pair(geoms, worlds or count, size, str(device)).contest()
+
+    for case in ("10,4096,64", "100,2048,64", "100,128,512", "1000,64,64"):
+        geoms, count, size = case.split(",")
+        yield Workload(f"geoms {geoms} in {count} worlds {size}x{size}", partial(prepare, case))
 
 
 def main() -> int:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Device code of gpu.py: the plainest depth caster there is, and the rays that OptiX is given."""
+"""Device code of gpu.py: the plainest casters of depth and of occlusion, and the rays that OptiX is given."""
 
 import warp as wp
 
@@ -35,6 +35,23 @@ def query_depth(
     if hit.result:
         depth = hit.t
     depth_out[view, y, x] = depth
+
+
+@wp.kernel
+def query_occlusion(
+    # Scene:
+    mesh: wp.uint64,
+    # Cameras:
+    camera_to_world: wp.array[wp.transform],
+    # In:
+    points: wp.array[wp.vec3],
+    # Out:
+    hidden_out: wp.array2d[bool],
+):
+    """One thread a point of a view: whether anything is between the camera and the point."""
+    view, i = wp.tid()
+    eye = wp.transform_get_translation(camera_to_world[view])
+    hidden_out[view, i] = wp.mesh_query_ray_anyhit(mesh, eye, points[i] - eye, 1.0)
 
 
 @wp.kernel

@@ -14,7 +14,7 @@ from typing import Any
 import gpu_kernels
 import numpy as np
 import warp as wp
-from gpu_work import Case, Method, Prepared, Subject
+from gpu_work import Case, Method, Prepared, Subject, recorded
 from numpy.typing import NDArray
 
 import warpvis as wv
@@ -24,6 +24,9 @@ BASELINE = "**warpvis**, depth"
 """The row that others are compared with."""
 EVERYTHING = "**warpvis**, depth, points, labels and objects"
 BARE = "`wp.mesh_query_ray`, a thread a pixel, depth"
+
+TREES = (("sah", 64), ("sah", 128), ("cubql", 64))
+"""Warp's trees and sizes of blocks that the bare kernel is measured with."""
 
 _OWN = ("warpvis", "warp-lang")
 
@@ -53,17 +56,11 @@ def warpvis(case: Case, *outputs: Any, host: bool = False, **options: Any) -> Pr
 
 def bare(case: Case, constructor: str, block: int) -> Prepared:
     """A kernel that asks Warp's mesh for the first hit of every pixel's ray, in single precision."""
-    mesh = case.subject.keep(("bare", constructor), lambda: _warp_mesh(case.subject, constructor))
+    mesh = warp_mesh(case.subject, constructor)
     image = wp.empty(case.shape, dtype=wp.float32, device=case.device)
-    launch = wp.launch(
-        gpu_kernels.query_depth,
-        dim=case.shape,
-        inputs=[mesh.id, case.intrinsics, case.camera.far, case.device_poses, image],
-        device=case.device,
-        block_dim=block,
-        record_cmd=True,
-    )
-    return Prepared(launch.launch, lambda count: image[:count].numpy(), case.views, case.timer, image)
+    inputs = [mesh.id, case.intrinsics, case.camera.far, case.device_poses, image]
+    run = recorded(gpu_kernels.query_depth, case.shape, inputs, case.device, block)
+    return Prepared(run, lambda count: image[:count].numpy(), case.views, case.timer, image)
 
 
 def mujoco_warp(case: Case, refit: bool, cull: bool) -> Prepared:
@@ -123,7 +120,7 @@ def methods() -> Iterator[Method]:
     )
     culled = f"{BASELINE}, back faces culled"
     yield Method("warpvis", culled, "", lambda case: warpvis(case, cull_backfaces=True), _OWN, culls=True)
-    for constructor, block in (("sah", 64), ("sah", 128), ("cubql", 64)):
+    for constructor, block in TREES:
         variant = f"{constructor} tree, blocks of {block}"
         yield Method("bare", BARE, variant, _with(bare, constructor, block), ("warp-lang",))
     for refit in (False, True):
@@ -144,10 +141,15 @@ def _with(prepare: Callable[..., Prepared], *arguments: Any) -> Callable[[Case],
     return lambda case: prepare(case, *arguments)
 
 
-def _warp_mesh(subject: Subject, constructor: str) -> wp.Mesh:
-    points = wp.array(subject.vertices, dtype=wp.vec3, device=subject.device)
-    indices = wp.array(subject.faces.ravel(), dtype=wp.int32, device=subject.device)
-    return wp.Mesh(points, indices, bvh_constructor=constructor)
+def warp_mesh(subject: Subject, constructor: str) -> wp.Mesh:
+    """Return Warp's tree of all triangles of a scene, which is built once."""
+
+    def build() -> wp.Mesh:
+        points = wp.array(subject.vertices, dtype=wp.vec3, device=subject.device)
+        indices = wp.array(subject.faces.ravel(), dtype=wp.int32, device=subject.device)
+        return wp.Mesh(points, indices, bvh_constructor=constructor)
+
+    return subject.keep(("bare", constructor), build)
 
 
 def _opengl_poses(case: Case) -> NDArray[np.float32]:

@@ -14,11 +14,17 @@ docs/internals/gpu.md says why they are off elsewhere. All take turns, and what 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
 
+import gpu_kernels
 import numpy as np
 import warp as wp
-from gpu_timing import HostTimer, WarpTimer, enough_calls
+from gpu_peers import warp_mesh
+from gpu_timing import Run, enough_calls
+from gpu_work import recorded, subject_of, timer_of
+from ratios import Contest, Workload
 
 import warpvis as wv
 from warpvis.rendering import _cuda_points
@@ -60,7 +66,7 @@ WORLD_POINTS = (1000, 10_000, 100_000, 1_000_000)
 
 def _compare(runs: dict[str, Callable[[], object]], device: wp.Device) -> dict[str, float]:
     """Time what is compared [s], in turns."""
-    timer = HostTimer() if device.is_cpu else WarpTimer(device)
+    timer = timer_of(device)
     calls = {name: enough_calls(timer.device_seconds(run, 2)) for name, run in runs.items()}
     rounds = [{name: timer.device_seconds(run, calls[name]) for name, run in runs.items()} for _ in range(5)]
     return {name: float(np.median([row[name] for row in rounds])) for name in runs}
@@ -72,41 +78,83 @@ def _same(one: wp.array, other: wp.array) -> float:
         return float(np.mean((np.abs(a - b) <= _TOLERANCE * np.maximum(1, b)) | (a == b)))
 
 
+CAMERA = wv.Camera.from_fov(320, 240, hfov=0.994837, near=0.05, far=100.0)
+
+
+class Setup:
+    """Views of a scene as images, and points of these images."""
+
+    def __init__(self, scene_name: str, case: str, device: wp.Device, views: int | None) -> None:
+        """Render the images, and choose the points."""
+        count, make = CASES[case]
+        self.subject, self.count = subject_of(scene_name, str(device)), views or count
+        self.poses = self.subject.poses(self.count)
+        image = wv.Renderer(self.subject.scene, CAMERA, outputs=("depth",))
+        self.whole = image.render(self.poses)
+        self.image = lambda: image.render(self.poses, out=self.whole)
+        self.at = make(CAMERA, self.whole.depth.numpy(), np.random.default_rng(0)).astype(np.float32)
+        self.pixels = wp.array(self.at, dtype=wp.vec2, device=device)
+
+    def points(self, caster: Any) -> tuple[wv.Views, Run]:
+        """Return the images at the points, and the call that makes them."""
+        renderer = wv.Renderer(self.subject.scene, CAMERA, outputs=("depth",), caster=caster)
+        seen = renderer.render_at(self.poses, self.pixels)
+        return seen, lambda: renderer.render_at(self.poses, self.pixels, out=seen)
+
+
+def world_points(scene_name: str, count: int, device: wp.Device) -> dict[str, Run]:
+    """Return `point_visibility` of four views by both casters and by default, and the bare kernel's rays."""
+    subject = subject_of(scene_name, str(device))
+    poses = subject.poses(4)
+    low, high = subject.vertices.min(axis=0), subject.vertices.max(axis=0)
+    at = np.random.default_rng(0).uniform(low, high, (count, 3)).astype(np.float32)
+    points = wp.array(at, dtype=wp.vec3, device=device)
+    hidden = wp.empty((4, count), dtype=bool, device=device)
+    inputs = [warp_mesh(subject, "sah").id, poses, points, hidden]
+    runs: dict[str, Run] = {
+        kind: partial(wv.point_visibility, subject.scene, CAMERA, poses, points, caster=kind)
+        for kind in ("auto", "packets", "rays")
+    }
+    return runs | {"bare": recorded(gpu_kernels.query_occlusion, (4, count), inputs, device, 64)}
+
+
+def workloads(device: wp.Device, views: int | None = None) -> Iterator[Workload]:
+    """Yield points of images beside the image, and points of the world beside the bare kernel."""
+
+    def in_images(scene: str, case: str) -> Contest:
+        setup = Setup(scene, case, device, views)
+        return Contest(setup.points("auto")[1], {"image": [setup.image]}, timer_of(device))
+
+    def in_the_world(scene: str, count: int) -> Contest:
+        runs = world_points(scene, count, device)
+        return Contest(runs["auto"], {"bare": [runs["bare"]]}, timer_of(device))
+
+    for scene in ("room", "blobs_77k"):
+        for case in ("pixels' centres", "the other eye", "76,800 in no order"):
+            yield Workload(f"points {scene} {case}", partial(in_images, scene, case))
+        for count in (1000, 1_000_000):
+            yield Workload(f"point_visibility {scene} {count:,}", partial(in_the_world, scene, count))
+
+
 def measure(scene_name: str, case: str, device: wp.Device, views: int | None) -> str:
     """Time one case of a scene: a row of the table."""
-    preset, camera = wv.scenes.PRESETS[scene_name], wv.Camera.from_fov(320, 240, hfov=0.994837, near=0.05, far=100.0)
-    scene, (count, make) = preset.build(device), CASES[case]
-    count = views or count
-    poses = wp.array(preset.pose_rows(count).astype(np.float32), dtype=wp.transform, device=device)
-    image = wv.Renderer(scene, camera, outputs=("depth",))
-    whole = image.render(poses)
-    at = make(camera, whole.depth.numpy(), np.random.default_rng(0)).astype(np.float32)
-    pixels = wp.array(at, dtype=wp.vec2, device=device)
-    runs: dict[str, Callable[[], object]] = {"image": lambda: image.render(poses, out=whole)}
-    seen = {}
-    for kind in ("packets", "rays"):
-        renderer = wv.Renderer(scene, camera, outputs=("depth",), caster=kind)
-        seen[kind] = renderer.render_at(poses, pixels)
-        runs[kind] = lambda r=renderer, o=seen[kind]: r.render_at(poses, pixels, out=o)
+    setup = Setup(scene_name, case, device, views)
+    made = {kind: setup.points(kind) for kind in ("packets", "rays")}
+    seen = {kind: views for kind, (views, _) in made.items()}
+    runs = {"image": setup.image, **{kind: run for kind, (_, run) in made.items()}}
     same, best = _same(seen["packets"].depth, seen["rays"].depth), _compare(runs, device)
-    points, pixel = (best[name] / size for name, size in (("packets", at.size / 2), ("image", whole.depth.size)))
+    points, pixel = (
+        best[name] / size for name, size in (("packets", setup.at.size / 2), ("image", setup.whole.depth.size))
+    )
     return (
-        f"| {scene_name}, {case} | {count / best['packets']:,.0f} | {1e-9 / points:.2f} "
+        f"| {scene_name}, {case} | {setup.count / best['packets']:,.0f} | {1e-9 / points:.2f} "
         f"| {best['rays'] / best['packets']:.2f} | {points / pixel:.2f} | {same:.3%} |"
     )
 
 
 def measure_world_points(scene_name: str, count: int, device: wp.Device) -> str:
     """Time `point_visibility` of so many points from four views."""
-    preset, camera = wv.scenes.PRESETS[scene_name], wv.Camera.from_fov(320, 240, hfov=0.994837, near=0.05, far=100.0)
-    scene = preset.build(device)
-    poses = wp.array(preset.pose_rows(4).astype(np.float32), dtype=wp.transform, device=device)
-    vertices = np.concatenate([item.vertices for item in scene])
-    at = np.random.default_rng(0).uniform(vertices.min(axis=0), vertices.max(axis=0), (count, 3)).astype(np.float32)
-    points = wp.array(at, dtype=wp.vec3, device=device)
-    runs = {
-        kind: lambda k=kind: wv.point_visibility(scene, camera, poses, points, caster=k) for kind in ("packets", "rays")
-    }
+    runs = {kind: run for kind, run in world_points(scene_name, count, device).items() if kind in ("packets", "rays")}
     status = [runs[kind]().numpy() for kind in runs]
     best = _compare(runs, device)
     return (

@@ -12,18 +12,20 @@ directions that are prepared, on Warp's best tree for it.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import warp as wp
-from gpu_timing import HostTimer, WarpTimer, enough_calls
+from gpu_peers import TREES, warp_mesh
+from gpu_timing import Run, enough_calls
+from gpu_work import recorded, subject_of, timer_of
+from ratios import Contest, Workload
 
 import warpvis as wv
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 SCENES = ("room", "blobs_77k", "blobs_1m")
-_TREES = (("sah", 64), ("sah", 128), ("cubql", 64))
 _TOLERANCE = 1e-3
 
 
@@ -63,7 +65,7 @@ def _scan(rows: int, columns: int) -> wv.sensors.Rays:
     return wv.sensors.Rays(rays)
 
 
-def _scattered(count: int) -> wv.sensors.Rays:
+def scattered(count: int) -> wv.sensors.Rays:
     """Rays in no order, all around and 59 degrees high, as those of a Mid-360."""
     rng = np.random.default_rng(0)
     azimuth, up = rng.uniform(-np.pi, np.pi, count), np.arcsin(rng.uniform(np.sin(-0.9), np.sin(0.13), count))
@@ -72,7 +74,7 @@ def _scattered(count: int) -> wv.sensors.Rays:
 
 def _from_anywhere(count: int) -> wv.sensors.Rays:
     """The same from an origin each."""
-    rays = _scattered(count)
+    rays = scattered(count)
     return wv.sensors.Rays(rays.directions, origins=np.random.default_rng(1).uniform(-0.05, 0.05, (count, 3)))
 
 
@@ -84,7 +86,7 @@ def _lens(model: str, *coefficients: float) -> wv.sensors.LensCamera:
 # name: views, the pattern, the pinhole of the same size
 CASES: dict[str, tuple[int, Callable[[], wv.sensors.Rays | wv.sensors.LensCamera], wv.Camera | None]] = {
     "1024x128 scan": (64, lambda: _scan(128, 1024), None),
-    "20,000 in no order": (512, lambda: _scattered(20_000), None),
+    "20,000 in no order": (512, lambda: scattered(20_000), None),
     "VLP-16": (256, wv.sensors.lidars.vlp16, None),
     "HDL-64E": (64, wv.sensors.lidars.hdl64e, None),
     "OS1-128": (64, lambda: wv.sensors.lidars.ouster("OS1-128"), None),
@@ -108,52 +110,85 @@ CASES: dict[str, tuple[int, Callable[[], wv.sensors.Rays | wv.sensors.LensCamera
     "fisheye 640x480": (64, lambda: _lens("fisheye", 0.01, 0.0, 0.0, 0.0), wv.Camera(640, 480, 330, 330, 320, 240)),
 }
 
+# Of gpu_all.py: what is measured in all scenes; the rest in one.
+_EVERYWHERE = ("1024x128 scan", "20,000 in no order", "VLP-16", "OS1-128", "barrel lens 640x480", "fisheye 640x480")
+
+
+class Setup:
+    """A case of a scene: warpvis and the bare kernel with their buffers."""
+
+    def __init__(self, scene_name: str, case: str, device: wp.Device, views: int | None) -> None:
+        """Prepare all calls, and make them once."""
+        subject = subject_of(scene_name, str(device))
+        count, make, pinhole = CASES[case]
+        self.count, self.camera, self.device = views or count, make(), device
+        axes = {} if isinstance(self.camera, wv.sensors.LensCamera) else {"convention": self.camera.axes}
+        poses = subject.poses(self.count)
+        self.runs: dict[str, Run] = {}
+        self.images: dict[str, wv.Views] = {}
+        kinds = [("packets", "packets", self.camera), ("rays", "rays", self.camera), ("pinhole", "packets", pinhole)]
+        for name, kind, lens in kinds:
+            if lens is None:
+                continue
+            renderer = wv.Renderer(subject.scene, lens, outputs=("depth",), caster=kind)
+            options = axes if lens is self.camera else {}
+            self.images[name] = renderer.render(poses, **options)
+            self.runs[name] = lambda r=renderer, o=self.images[name], a=options: r.render(poses, out=o, **a)
+        flat = self.camera.rays.reshape(-1, 3)
+        directions = wp.array(np.nan_to_num(flat).astype(np.float32), dtype=wp.vec3, device=device)
+        starts = None
+        if self.camera.origins is not None:
+            starts = wp.array(self.camera.origins.reshape(-1, 3).astype(np.float32), dtype=wp.vec3, device=device)
+        self.depth = wp.empty((self.count, len(flat)), dtype=float, device=device)
+        self.bare: dict[str, Run] = {}
+        for tree, block in TREES[:1] if device.is_cpu else TREES:
+            inputs = [warp_mesh(subject, tree).id, 1e30, poses, directions, starts, self.depth]
+            dim = (self.count, len(flat))
+            self.bare[f"bare {tree} {block}"] = recorded(query_ranges, dim, inputs, device, block)
+        for run in (*self.runs.values(), *self.bare.values()):
+            run()
+
+    def same(self, depth: wp.array, truth: wp.array) -> float:
+        """Return the share of ranges that are the same."""
+        found, expected = depth.numpy().reshape(-1), truth.numpy().reshape(-1)
+        with np.errstate(invalid="ignore"):
+            return float(np.mean((np.abs(found - expected) <= _TOLERANCE) | (found == expected)))
+
+    def contest(self) -> Contest:
+        """Let packets, the bare kernel, and a pinhole take turns."""
+        peers = {"bare": list(self.bare.values())} | {
+            name: [run] for name, run in self.runs.items() if name in ("rays", "pinhole")
+        }
+        same = self.same(self.depth, self.images["packets"].depth)
+        return Contest(self.runs["packets"], peers, timer_of(self.device), same)
+
+
+def workloads(device: wp.Device, views: int | None = None) -> Iterator[Workload]:
+    """Yield patterns and lenses of a coarse and a fine scene, and all patterns of the scene between them."""
+    for scene in SCENES:
+        for case in CASES if scene == "blobs_77k" else _EVERYWHERE:
+
+            def prepare(scene: str = scene, case: str = case) -> Contest:
+                return Setup(scene, case, device, views).contest()
+
+            yield Workload(f"rays {scene} {case}", prepare)
+
 
 def measure(scene_name: str, case: str, device: wp.Device, views: int | None) -> str:
     """Time one case of a scene: a row of the table."""
-    preset = wv.scenes.PRESETS[scene_name]
-    scene = preset.build(device)
-    count, make, pinhole = CASES[case]
-    count, camera = views or count, make()
-    poses = wp.array(preset.pose_rows(count).astype(np.float32), dtype=wp.transform, device=device)
-    axes = {} if isinstance(camera, wv.sensors.LensCamera) else {"convention": camera.axes}
-    runs, images = {}, {}
-    for name, kind, lens in (("packets", "packets", camera), ("rays", "rays", camera), ("pinhole", "packets", pinhole)):
-        if lens is None:
-            continue
-        renderer = wv.Renderer(scene, lens, outputs=("depth",), caster=kind)
-        options = axes if lens is camera else {}
-        images[name] = renderer.render(poses, **options)
-        runs[name] = lambda r=renderer, o=images[name], a=options: r.render(poses, out=o, **a)
-    flat = camera.rays.reshape(-1, 3)
-    directions = wp.array(np.nan_to_num(flat).astype(np.float32), dtype=wp.vec3, device=device)
-    starts = None
-    if camera.origins is not None:
-        starts = wp.array(camera.origins.reshape(-1, 3).astype(np.float32), dtype=wp.vec3, device=device)
-    depth = wp.empty((count, len(flat)), dtype=float, device=device)
-    first = np.cumsum([0] + [len(item.vertices) for item in scene])
-    vertices = wp.array(np.concatenate([item.vertices for item in scene]), dtype=wp.vec3, device=device)
-    faces = np.concatenate([item.faces + start for item, start in zip(scene, first, strict=False)]).astype(np.int32)
-    indices = wp.array(faces.ravel(), dtype=int, device=device)
-    for tree, block in _TREES[:1] if device.is_cpu else _TREES:
-        mesh = wp.Mesh(vertices, indices, bvh_constructor=tree)
-        inputs = [mesh.id, 1e30, poses, directions, starts, depth]
-        command = wp.launch(query_ranges, (count, len(flat)), inputs, device=device, block_dim=block, record_cmd=True)
-        runs[f"bare {tree} {block}"] = lambda c=command, m=mesh: c.launch()
-    for run in runs.values():
-        run()
-    truth, seen = (images[name].depth.numpy().reshape(-1) for name in ("rays", "packets"))
-    plain = depth.numpy().reshape(-1)
-    with np.errstate(invalid="ignore"):
-        both = [np.mean((np.abs(a - truth) <= _TOLERANCE) | (a == truth)) for a in (seen, plain)]
-    timer = HostTimer() if device.is_cpu else WarpTimer(device)
+    setup = Setup(scene_name, case, device, views)
+    truth = setup.images["rays"].depth
+    both = [setup.same(depth, truth) for depth in (setup.images["packets"].depth, setup.depth)]
+    timer, runs = timer_of(device), setup.runs | setup.bare
     calls = {name: enough_calls(timer.device_seconds(run, 2)) for name, run in runs.items()}
     rounds = [{name: timer.device_seconds(run, calls[name]) for name, run in runs.items()} for _ in range(5)]
     best = {name: float(np.median([row[name] for row in rounds])) for name in runs}
-    bare = min(value for name, value in best.items() if name.startswith("bare"))
-    rate, per_pinhole = count / best["packets"], best["packets"] / best["pinhole"] if pinhole else float("nan")
+    bare = min(best[name] for name in setup.bare)
+    rate = setup.count / best["packets"]
+    per_pinhole = best["packets"] / best["pinhole"] if "pinhole" in best else float("nan")
     return (
-        f"| {scene_name}, {case} | {rate:,.0f} | {rate * len(flat) / 1e9:.1f} | {best['rays'] / best['packets']:.2f} "
+        f"| {scene_name}, {case} | {rate:,.0f} | {rate * setup.depth.shape[1] / 1e9:.1f} "
+        f"| {best['rays'] / best['packets']:.2f} "
         f"| {bare / best['packets']:.2f} | {per_pinhole:.2f} | {both[0]:.3%}, {both[1]:.3%} |"
     )
 

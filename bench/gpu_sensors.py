@@ -10,11 +10,14 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Iterable, Iterator
 from functools import partial
 
 import numpy as np
 import warp as wp
-from gpu_timing import HostTimer, WarpTimer, enough_calls
+from gpu_timing import Run, enough_calls
+from gpu_work import subject_of, timer_of
+from ratios import Contest, Workload
 
 import warpvis as wv
 from warpvis.rendering import DepthSensor
@@ -32,22 +35,37 @@ MODELS: dict[str, DepthSensor] = {
     "corruptions": wv.sensors.Corruptions(0.01, 0.01, dropout=0.02, rectangles=(0, 4)),
 }
 _ROUNDS = 5
+_VIEWS = 1024
+
+
+def renderings(scene_name: str, views: int, device: wp.Device, models: Iterable[str] = MODELS) -> dict[str, Run]:
+    """Return calls that render clean depth, and the depth of each model; each was made once."""
+    subject = subject_of(scene_name, str(device))
+    poses = subject.poses(views)
+    runs = {}
+    for name, model in {"clean": None, **{name: MODELS[name] for name in models}}.items():
+        renderer = wv.Renderer(subject.scene, CAMERA, outputs="depth", sensor=model)
+        runs[name] = partial(renderer.render, poses, out=renderer.render(poses))
+    return runs
+
+
+def workloads(device: wp.Device, views: int | None = None) -> Iterator[Workload]:
+    """Yield each model beside clean depth."""
+
+    def prepare(scene: str, name: str) -> Contest:
+        runs = renderings(scene, views or _VIEWS, device, [name])
+        return Contest(runs[name], {"clean": [runs["clean"]]}, timer_of(device))
+
+    for name in MODELS:
+        yield Workload(f"sensor room {name}", partial(prepare, "room", name))
+    yield Workload("sensor blobs_77k RealSense D435", partial(prepare, "blobs_77k", "RealSense D435"))
 
 
 def measure(scene_name: str, views: int, device: wp.Device) -> None:
     """Print a scene's rows."""
-    preset = wv.scenes.PRESETS[scene_name]
-    scene = preset.build(device)
-    poses = wp.array(preset.pose_rows(views).astype(np.float32), dtype=wp.transform, device=device)
-    timer = HostTimer() if device.is_cpu else WarpTimer(device)
-    clean = wv.Renderer(scene, CAMERA, outputs="depth")
-    renderers = {"clean": clean} | {
-        name: wv.Renderer(scene, CAMERA, outputs="depth", sensor=model) for name, model in MODELS.items()
-    }
+    timer = timer_of(device)
     times, peak = {}, {}
-    for name, renderer in renderers.items():
-        made = renderer.render(poses)
-        run = partial(renderer.render, poses, out=made)
+    for name, run in renderings(scene_name, views, device).items():
         calls = enough_calls(timer.device_seconds(run, 1))
         rounds = []
         for _ in range(_ROUNDS):
@@ -66,7 +84,7 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--device", default="cuda:0")
-    parser.add_argument("--views", type=int, default=1024)
+    parser.add_argument("--views", type=int, default=_VIEWS)
     parser.add_argument("--scenes", nargs="+", choices=wv.scenes.PRESETS, default=SCENES)
     arguments = parser.parse_args()
     device = wp.get_device(arguments.device)

@@ -147,6 +147,19 @@ def wall_seconds(timer: Timer, run: Run) -> float:
     return time.perf_counter() - start
 
 
+class LatencyTimer:
+    """Calls that are waited for one by one, by the clock."""
+
+    def __init__(self, timer: Timer) -> None:
+        """Wait as `timer` does."""
+        self._timer = timer
+        self.synchronize, self.record = timer.synchronize, timer.record
+
+    def device_seconds(self, run: Run, calls: int) -> float:
+        """Return the mean seconds from a call to the end of its work."""
+        return sum(wall_seconds(self._timer, run) for _ in range(calls)) / calls
+
+
 def enough_calls(seconds: float) -> int:
     """How many calls of that time make a round that can be measured."""
     return max(1, min(_MOST_CALLS, round(_LEAST_SECONDS / max(seconds, 1e-6))))

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import warp as wp
-from gpu_timing import HostTimer, Timer, WarpTimer
+from gpu_timing import HostTimer, Run, Timer, WarpTimer
 from numpy.typing import NDArray
 
 import warpvis as wv
@@ -53,11 +53,39 @@ class Subject:
         still.add((self.vertices, self.faces))
         return still
 
+    def poses(self, count: int) -> wp.array:
+        """Return camera poses on the device, as casters take them without a copy."""
+        return self.keep(
+            ("poses", count),
+            lambda: wp.array(_poses(self.preset.pose_rows, count), dtype=wp.transform, device=self.device),
+        )
+
     def keep(self, key: Any, make: Callable[[], Any]) -> Any:
         """What `make` makes, which is made once."""
         if key not in self._kept:
             self._kept[key] = make()
         return self._kept[key]
+
+
+@cache
+def subject_of(name: str, device: str) -> Subject:
+    """Return a preset's scene on a device, which is built once."""
+    return Subject(name, wp.get_device(device))
+
+
+def timer_of(device: wp.Device) -> Timer:
+    """Return what times Warp's work on a device."""
+    return HostTimer() if device.is_cpu else WarpTimer(device)
+
+
+def recorded(kernel: wp.Kernel, dim: tuple[int, ...], inputs: list[Any], device: wp.Device, block_dim: int) -> Run:
+    """Return a launch that is packed once, and keeps its arrays alive."""
+    command = wp.launch(kernel, dim, inputs, device=device, block_dim=block_dim, record_cmd=True)
+
+    def run(held: list[Any] = inputs) -> None:
+        command.launch()
+
+    return run
 
 
 @dataclass(frozen=True)
@@ -94,10 +122,10 @@ class Case:
         """Camera to world, rows ``x y z qx qy qz qw``, shape ``(V, 7)``."""
         return _poses(self.subject.preset.pose_rows, self.views)
 
-    @cached_property
+    @property
     def device_poses(self) -> wp.array:
-        """The same on the device, as the casters take them without a copy."""
-        return wp.array(self.poses, dtype=wp.transform, device=self.device)
+        """The same on the device."""
+        return self.subject.poses(self.views)
 
     @cached_property
     def matrices(self) -> NDArray[np.float64]:
@@ -112,7 +140,7 @@ class Case:
     @property
     def timer(self) -> Timer:
         """How Warp's work is timed."""
-        return HostTimer() if self.device.is_cpu else WarpTimer(self.device)
+        return timer_of(self.device)
 
     @cached_property
     def truths(self) -> dict[bool, NDArray[np.float32]]:

@@ -14,20 +14,30 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 import warp as wp
-from gpu_timing import WarpTimer
+from gpu_work import timer_of
 from numpy.typing import NDArray
+from ratios import Contest, Workload
 
 from warpvis.mujoco import BatchRenderer
 from warpvis.mujoco._scene import DEFAULT_TOLERANCE
 
 _ROUNDS = 9
 _GROUPS = (0, 1, 2)
+
+# Of gpu_all.py: worlds, roll of the camera [rad], image side.
+_WORKLOADS = (
+    *((4096, 0.0, 64), (4096, 0.0, 128), (2048, 0.0, 64), (1024, 0.0, 64)),
+    *((4096, 0.01, 64), (4096, 0.2, 64)),
+)
 
 
 def random_joints(model: mujoco.MjModel, worlds: int) -> NDArray[np.float32]:
@@ -43,73 +53,146 @@ def random_joints(model: mujoco.MjModel, worlds: int) -> NDArray[np.float32]:
     return qpos.astype(np.float32)
 
 
-def place(model: mujoco.MjModel, worlds: int, device: str) -> tuple[Any, Any]:
-    """MuJoCo Warp's model and data with all geoms and cameras where random joints put them."""
-    import mujoco_warp as mjw
+@dataclass(frozen=True)
+class Placed:
+    """A model, and MuJoCo Warp's model and data of many worlds, with the poses of geoms and cameras computed."""
 
-    host = mujoco.MjData(model)
-    mujoco.mj_forward(model, host)
-    with wp.ScopedDevice(device):
-        m, data = mjw.put_model(model), mjw.put_data(model, host, nworld=worlds)
-        data.qpos.assign(random_joints(model, worlds))
-        mjw.kinematics(m, data)
-        mjw.com_pos(m, data)
-        mjw.camlight(m, data)
-    return m, data
+    model: mujoco.MjModel
+    warp_model: Any
+    data: Any
+    device: wp.Device
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel, qpos: NDArray[np.float32], device: wp.Device) -> Placed:
+        """Place the bodies of all worlds by joint positions, shape ``(worlds, nq)``."""
+        import mujoco_warp as mjw
+
+        host = mujoco.MjData(model)
+        mujoco.mj_forward(model, host)
+        with wp.ScopedDevice(device):
+            m, data = mjw.put_model(model), mjw.put_data(model, host, nworld=len(qpos))
+            data.qpos.assign(qpos)
+            mjw.kinematics(m, data)
+            mjw.com_pos(m, data)
+            mjw.camlight(m, data)
+        return cls(model, m, data, device)
+
+
+class Pair:
+    """Both renderers, for depth of one camera in all worlds."""
+
+    def __init__(self, placed: Placed, camera: str, size: int, *, tolerance: float = DEFAULT_TOLERANCE) -> None:
+        """Prepare to render square images of `size` pixels a side."""
+        import mujoco_warp as mjw
+
+        self.placed, self.camera, self.worlds = placed, camera, placed.data.nworld
+        self.batch = BatchRenderer(
+            placed.model,
+            self.worlds,
+            height=size,
+            width=size,
+            geom_groups=_GROUPS,
+            tolerance=tolerance,
+            device=placed.device,
+        )
+        self.views = self.batch.render(placed.data, cameras=camera)
+        with wp.ScopedDevice(placed.device):
+            self.context = mjw.create_render_context(
+                placed.model,
+                nworld=self.worlds,
+                cam_res=(size, size),
+                render_rgb=False,
+                render_depth=True,
+                render_seg=False,
+                use_textures=False,
+                enabled_geom_groups=list(_GROUPS),
+                cam_active=[camera],
+            )
+
+    def ours(self) -> None:
+        """Move all objects and render, by warpvis."""
+        self.batch.render(self.placed.data, cameras=self.camera, out=self.views)
+
+    def theirs(self) -> None:
+        """Move all objects and render, by MuJoCo Warp."""
+        import mujoco_warp as mjw
+
+        mjw.refit_bvh(self.placed.warp_model, self.placed.data, self.context)
+        self.their_rendering()
+
+    def their_rendering(self) -> None:
+        """Render by MuJoCo Warp, which does not move the objects of its tree."""
+        import mujoco_warp as mjw
+
+        mjw.render(self.placed.warp_model, self.placed.data, self.context)
+
+    def agreement(self) -> tuple[float, float]:
+        """Return the share of pixels that both hit or both miss, and the median difference of depth [m]."""
+        ours = self.views.depth.numpy()
+        other = self.context.depth_data.numpy().reshape(ours.shape)
+        both = np.isfinite(ours) & (other > 0)
+        hits = float(np.mean((ours < np.inf) == (other > 0)))  # -inf: hit, but too near
+        return hits, float(np.median(np.abs(ours - other)[both]))
+
+    def contest(self) -> Contest:
+        """Let both take turns, each as a CUDA graph."""
+        with wp.ScopedDevice(self.placed.device):
+            self.ours()
+            self.theirs()
+        same = self.agreement()[0]
+        return Contest(self.ours, {"MuJoCo Warp": [self.theirs]}, timer_of(self.placed.device), same, with_graphs=True)
+
+
+@lru_cache(maxsize=2)
+def load(path: Path, worlds: int, device: str, roll: float = 0.0) -> Placed:
+    """Place the worlds of a model file, with all cameras rolled about their optical axes [rad]."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    turn = np.array([np.cos(roll / 2), 0.0, 0.0, np.sin(roll / 2)])
+    for quaternion in model.cam_quat:
+        mujoco.mju_mulQuat(quaternion, quaternion.copy(), turn)
+    return Placed.of(model, random_joints(model, worlds), wp.get_device(device))
+
+
+def workloads(device: wp.Device, worlds: int | None = None) -> Iterator[Workload]:
+    """Yield aloha_pot's worlds: two cameras, as they are and rolled, so that a view that is slow by chance shows."""
+
+    def prepare(camera: str, size: int, count: int, roll: float) -> Contest:
+        return Pair(load(default_model(), worlds or count, str(device), roll), camera, size).contest()
+
+    for count, roll, size in _WORKLOADS:
+        for camera in ("overhead_cam", "teleoperator_pov"):
+            rolled = f" rolled {roll:g}" if roll else ""
+            name = f"worlds {camera} {size}x{size} of {count}{rolled}"
+            yield Workload(name, partial(prepare, camera, size, count, roll))
 
 
 def compare(path: Path, camera: str, worlds: int, size: int, tolerance: float, device: str) -> dict[str, Any]:
     """Seconds a call of each, and how far their depth agrees."""
-    import mujoco_warp as mjw
-
-    model = mujoco.MjModel.from_xml_path(str(path))
-    m, data = place(model, worlds, device)
-    options: dict[str, Any] = {"geom_groups": _GROUPS, "tolerance": tolerance, "device": device}
-    batch = BatchRenderer(model, worlds, height=size, width=size, **options)
-    views = batch.render(data, cameras=camera)
+    pair = Pair(load(path, worlds, device), camera, size, tolerance=tolerance)
     eighth = np.arange(0, worlds, 8)
+    data, batch = pair.placed.data, pair.batch
     some = batch.render(data, cameras=camera, worlds=eighth)
-    with wp.ScopedDevice(device):
-        context = mjw.create_render_context(
-            model,
-            nworld=worlds,
-            cam_res=(size, size),
-            render_rgb=False,
-            render_depth=True,
-            render_seg=False,
-            use_textures=False,
-            enabled_geom_groups=list(_GROUPS),
-            cam_active=[camera],
-        )
-
-    def theirs() -> None:
-        mjw.refit_bvh(m, data, context)
-        mjw.render(m, data, context)
-
     calls = {
-        "warpvis": lambda: batch.render(data, cameras=camera, out=views),
+        "warpvis": pair.ours,
         "warpvis, one world in eight": lambda: batch.render(data, cameras=camera, worlds=eighth, out=some),
-        "MuJoCo Warp": theirs,
-        "MuJoCo Warp, render alone": lambda: mjw.render(m, data, context),
+        "MuJoCo Warp": pair.theirs,
+        "MuJoCo Warp, render alone": pair.their_rendering,
     }
     seconds = measure(calls, device)
-    ours, other = views.depth.numpy(), context.depth_data.numpy().reshape(worlds, size, size)
-    both = np.isfinite(ours) & (other > 0)
     seconds["triangles"] = batch.scene.triangle_count
-    seconds["hit by both or neither"] = float(np.mean((ours < np.inf) == (other > 0)))  # -inf: hit, but too near
-    seconds["median difference"] = float(np.median(np.abs(ours - other)[both]))
+    seconds["hit by both or neither"], seconds["median difference"] = pair.agreement()
     return seconds
 
 
 def measure(calls: dict[str, Any], device: str) -> dict[str, Any]:
     """Median seconds of each call as a graph, in turns."""
-    timer = WarpTimer(wp.get_device(device))
+    timer = timer_of(wp.get_device(device))
     graphs: dict[str, Any] = {}
     for name, call in calls.items():
         with wp.ScopedDevice(device):
             call()
             call()
-        graphs[name] = timer.record(call)
+        graphs[name] = timer.record(call) or call
     times: dict[str, list[float]] = {name: [] for name in calls}
     for _ in range(_ROUNDS):
         for name, graph in graphs.items():
@@ -121,7 +204,7 @@ def default_model() -> Path:
     """MuJoCo Warp's aloha_pot: 204 geoms, 134 meshes, 6 cameras."""
     spec = importlib.util.find_spec("mujoco_warp")
     if spec is None or spec.origin is None:
-        raise SystemExit("gpu_worlds.py: mujoco_warp is not installed")
+        raise ModuleNotFoundError("mujoco_warp is not installed", name="mujoco_warp")
     return Path(spec.origin).parent / "test_data" / "aloha_pot" / "scene.xml"
 
 

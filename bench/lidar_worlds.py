@@ -17,14 +17,17 @@ from __future__ import annotations
 import argparse
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
 import mujoco
 import numpy as np
 import warp as wp
+from gpu_rays import scattered
+from gpu_work import timer_of
 from numpy.typing import NDArray
+from ratios import Contest, Workload
 
 import warpvis as wv
 from warpvis.mujoco import Kinematics, WorldPoses, geom_poses, scene_from_mujoco
@@ -45,12 +48,17 @@ def site_poses(poses: WorldPoses) -> NDArray[np.float32]:
 
 
 def ours(
-    model: mujoco.MjModel, poses: WorldPoses, rays: wv.sensors.Rays, device: str, outputs: tuple[str, ...]
+    model: mujoco.MjModel,
+    poses: WorldPoses,
+    rays: wv.sensors.Rays,
+    device: str,
+    outputs: tuple[str, ...],
+    **options: Any,
 ) -> tuple[Callable[[], Any], Callable[[], NDArray]]:
     """The call to measure, and what reads its ranges."""
     made = scene_from_mujoco(model, device=device)
     worlds = len(poses.site_xpos)
-    renderer = wv.Renderer(made.scene, rays, outputs=outputs, device_bytes=2**36)
+    renderer = wv.Renderer(made.scene, rays, outputs=outputs, device_bytes=2**36, **options)
     places = wp.array(site_poses(poses), dtype=wp.transform, device=device)
     moved = wp.array(geom_poses(poses, made), dtype=wp.transform, device=device)
     index = wp.array(np.arange(worlds, dtype=np.int32), dtype=wp.int32, device=device)
@@ -129,6 +137,24 @@ def seconds_of(call: Callable[[], Any], device: str) -> float:
         wp.synchronize_device(device)
         taken.append(time.perf_counter() - start)
     return statistics.median(taken)
+
+
+def workloads(device: wp.Device, worlds: int | None = None) -> Iterator[Workload]:
+    """Yield scattered rays in moving worlds beside single rays, and beside mujoco-lidar."""
+    rays = wv.sensors.Rays(scattered(20_000).directions, axes="ros_body")
+
+    def prepare(count: int, beside_rays: bool) -> Contest:
+        model = mujoco.MjModel.from_xml_string(moving_robots_xml())
+        poses = Kinematics(model).from_qpos(robot_joints(worlds or count))
+        mine, read = ours(model, poses, rays, str(device), ("depth",))
+        if beside_rays:
+            call, other = ours(model, poses, rays, str(device), ("depth",), caster="rays")
+            same = float(np.mean(np.isclose(read(), other(), atol=TOLERANCE)))
+            return Contest(mine, {"rays": [call]}, timer_of(device), same)
+        return Contest(mine, {"mujoco-lidar": [theirs(model, poses, rays, str(device))[0]]}, timer_of(device))
+
+    yield Workload("lidar in 1024 worlds", partial(prepare, 1024, True))
+    yield Workload("lidar in 4096 worlds mujoco-lidar", partial(prepare, 4096, False))
 
 
 def main() -> None:

@@ -17,27 +17,10 @@ from pathlib import Path
 from typing import Any
 
 from machine import OtherWork, machine_id
-
-ROOT = Path(__file__).resolve().parent.parent
+from ratios import ROOT, commit_name
 
 # A benchmark counts as slower from here on. Medians of two runs of the same code differ by some per cent.
 TOLERATED = 0.15
-
-
-def commit_name() -> str:
-    """The commit that is measured, and whether there is more than it; "unversioned" without git."""
-    commit = _git("rev-parse", "--short", "HEAD")
-    if commit is None:
-        return "unversioned"
-    return f"{commit}-dirty" if _git("status", "--porcelain") else commit
-
-
-def _git(*arguments: str) -> str | None:
-    try:
-        done = subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError):
-        return None
-    return done.stdout.strip()
 
 
 def last_run(storage: Path) -> Path | None:

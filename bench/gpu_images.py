@@ -1,0 +1,94 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""What is made of images on a GPU, and images of other kinds, beside plain depth of the same views."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import warp as wp
+from bench_visibility import things
+from gpu_timing import Run
+from gpu_work import subject_of, timer_of
+from ratios import Contest, Workload
+
+import warpvis as wv
+
+_VIEWS = 256
+
+
+class Images:
+    """Depth of a preset's views, and what the functions to measure take."""
+
+    def __init__(self, name: str, views: int, device: wp.Device) -> None:
+        """Render depth."""
+        subject = subject_of(name, str(device))
+        self.scene, self.camera, self.poses = subject.scene, subject.preset.camera, subject.poses(views)
+        self.renderer = wv.Renderer(self.scene, self.camera, outputs="depth")
+        self.views = self.renderer.render(self.poses)
+
+    def render(self) -> None:
+        """Render depth: what others are compared with."""
+        self.renderer.render(self.poses, out=self.views)
+
+    def other(self, *outputs: str) -> Run:
+        """Return the call that renders other outputs."""
+        renderer = wv.Renderer(self.scene, self.camera, outputs=outputs)
+        return partial(renderer.render, self.poses, out=renderer.render(self.poses))
+
+    def back_project(self) -> Run:
+        """Return the call that makes points of depth."""
+        points = wv.back_project(self.views.depth, self.camera, self.poses)
+        return lambda: wv.back_project(self.views.depth, self.camera, self.poses, out=points)
+
+    def classify(self) -> Run:
+        """Return the call that labels pixels by their depth."""
+        spheres = wv.scenes.PRESETS["experiment_3"].spheres
+        labels = wv.classify(self.views.depth, self.camera, self.poses, spheres=spheres)
+        return lambda: wv.classify(self.views.depth, self.camera, self.poses, spheres=spheres, out=labels)
+
+    def floor_map(self) -> Run:
+        """Return the call that makes a map of points and labels."""
+        made = wv.render(self.scene, self.camera, self.poses, outputs=("points", "labels"))
+        return lambda: wv.floor_map(made.points, made.labels, bounds=self.scene.bounds)
+
+    def voxel_map(self) -> Run:
+        """Return the call that makes voxels of depth."""
+        bounds = self.scene.bounds
+        voxels = wv.voxel_map(self.views.depth, self.camera, self.poses, bounds=bounds)
+        return lambda: wv.voxel_map(self.views.depth, self.camera, self.poses, bounds=bounds, out=voxels)
+
+    def object_visibility(self) -> Run:
+        """Return the call that counts the pixels of objects."""
+        return partial(wv.object_visibility, self.scene, self.camera, self.poses, objects=things(self.scene))
+
+    def best_views(self) -> Run:
+        """Return the call that orders the views by what they show of an object."""
+        name = self.scene.objects[things(self.scene)[0]].name
+        return lambda: wv.planning.best_views(self.scene, self.camera, self.poses, objects=[name])
+
+
+MADE: dict[str, Callable[[Images], Run]] = {
+    "color": lambda images: images.other("color"),
+    "albedo": lambda images: images.other("albedo"),
+    "back_project": Images.back_project,
+    "classify": Images.classify,
+    "floor_map": Images.floor_map,
+    "voxel_map": Images.voxel_map,
+    "object_visibility": Images.object_visibility,
+    "best_views": Images.best_views,
+}
+
+
+def workloads(device: wp.Device, views: int | None = None) -> Iterator[Workload]:
+    """Yield all of them in the room, and those that trace rays among more triangles too."""
+
+    def prepare(scene: str, name: str) -> Contest:
+        images = Images(scene, views or _VIEWS, device)
+        return Contest(MADE[name](images), {"depth": [images.render]}, timer_of(device))
+
+    for name in MADE:
+        yield Workload(f"images room {name}", partial(prepare, "room", name))
+    for name in ("color", "object_visibility"):
+        yield Workload(f"images blobs_77k {name}", partial(prepare, "blobs_77k", name))

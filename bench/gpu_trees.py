@@ -1,0 +1,84 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Trees of meshes on a GPU beside those of `wp.Mesh`: built, and refitted to a mesh that deforms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+import trimesh
+import warp as wp
+from gpu_timing import LatencyTimer
+from gpu_work import timer_of
+from ratios import Contest, Workload
+
+import warpvis as wv
+from warpvis.scene._bvh_cuda import DeviceMesh, build_device_bvh
+from warpvis.scenes import terrain
+
+Mesh = tuple[np.ndarray, np.ndarray]
+
+SUBDIVISIONS = 8
+_SIDE = 2237  # corners along a side of the ground: 10 M triangles
+
+
+@cache
+def ball() -> Mesh:
+    """Return vertices and faces of 1.3 million triangles."""
+    mesh = trimesh.creation.icosphere(subdivisions=SUBDIVISIONS)
+    return np.float32(mesh.vertices), np.int32(mesh.faces)
+
+
+def begin(device: str) -> wv.Scene:
+    """A ball that has begun to deform, and no trees yet."""
+    scene = wv.Scene(device=device)
+    scene.add(ball(), name="ball", movable=True)
+    scene.update_vertices("ball", ball()[0])
+    return scene
+
+
+build = cache(begin)
+
+
+def refit_of(built: Callable[[wv.Scene], Any], scene: wv.Scene) -> Callable[[], None]:
+    """The refit of what one caster reads."""
+    return built(scene).refits[0].refit
+
+
+def builders_of_a_gpu(mesh: Mesh, device: wp.Device) -> dict[str, Callable[[], object]]:
+    """What builds a tree of a mesh that is on a GPU already, by name."""
+    there = DeviceMesh.of(*mesh, np.zeros(len(mesh[1]), dtype=np.int32), np.array([True]), device)
+    indices = there.faces.flatten()
+
+    def build() -> None:
+        build_device_bvh(there, most_levels=8)
+        wp.synchronize_device(device)
+
+    def build_warp(constructor: str) -> None:
+        wp.Mesh(there.vertices, indices, bvh_constructor=constructor)
+        wp.synchronize_device(device)
+
+    names = ("cubql", "lbvh")
+    return {"warpvis": build, **{f"`wp.Mesh`, {name}": lambda name=name: build_warp(name) for name in names}}
+
+
+def workloads(device: wp.Device) -> Iterator[Workload]:
+    """Yield builds and a refit beside `wp.Mesh`."""
+
+    def prepare_build(mesh: Callable[[], Mesh]) -> Contest:
+        builders = builders_of_a_gpu(mesh(), device)
+        for build in builders.values():
+            build()
+        ours, *peers = builders.values()
+        return Contest(ours, {"wp.Mesh": peers}, LatencyTimer(timer_of(device)))
+
+    def prepare_refit() -> Contest:
+        bvh, mesh = (refit_of(built, build(str(device))) for built in (wv.Scene.bvh, wv.Scene.triangles))
+        return Contest(bvh, {"wp.Mesh": [mesh]}, timer_of(device), with_graphs=True)
+
+    yield Workload("tree of a ball refitted", prepare_refit)
+    yield Workload("tree of a ball built", partial(prepare_build, ball))
+    yield Workload("tree of the ground built", partial(prepare_build, partial(terrain.ground, _SIDE)))
