@@ -339,6 +339,14 @@ def lacking(folder, kind, children, fields=""):
     (folder / f"{kind}.proto").write_text(LACKING % (kind, fields, f"children [ {children} ]"))
 
 
+def test_joints_with_backlash_are_not_missing_in_a_file(tmp_path):
+    """So that a robot whose box is known, and whose file is at hand, is what its file says."""
+    ball = "Shape { geometry Sphere { radius 9 } }"
+    lacking(tmp_path, "Sofa", f"HingeJointWithBacklash {{ endPoint Solid {{ children {ball} }} }}")
+    world = load(tmp_path, "Sofa { }")
+    assert not world.stand_ins and world.scene.bounds[1, 2] == pytest.approx(9)
+
+
 def test_furniture_whose_meshes_are_missing_has_a_stand_in(tmp_path):
     """Not the half of it that is there."""
     lacking(tmp_path, "Sofa", f"Shape {{ geometry Sphere {{ radius 9 }} }} {LOST}")

@@ -235,6 +235,70 @@ def test_a_proto_file_comes_before_the_own_expander(tmp_path):
     assert len(load_text(other, text).scene["wooden box"].faces) == 12
 
 
+HINGE = "jointParameters HingeJointParameters { position 0.3 axis 0 0 1 anchor 1 0 0 }"
+LIMB = """endPoint Solid {
+  translation 2 0 1 rotation 0 0 1 0.3 name "%s" children [ Shape { geometry Box { size 1 2 3 } } RangeFinder { } %s ]
+}"""
+ROTOR = "DEF ROTOR Pose { translation 0 0 7 children Shape { geometry Box { size 1 1 1 } } }"
+
+
+def humanoid(kind, fields=""):
+    """A robot of a torso and, below two joints, two limbs."""
+    limb = LIMB % ("arm", f"{kind} {{ {HINGE} {fields} {LIMB % ('hand', '')} }}")
+    return f"Robot {{ children [ Shape {{ geometry Sphere {{ }} }} {kind} {{ {HINGE} {fields} {limb} }} ] }}"
+
+
+@pytest.mark.parametrize("kind", ["HingeJoint", "Hinge2Joint"])
+def test_joints_with_backlash_are_the_joints_that_they_wrap(tmp_path, kind):
+    expected = load_text(tmp_path, humanoid(kind), strict=True)
+    fields = "backlash 0.02 gearMass 0.1 outputSensor PositionSensor { }"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = load_text(tmp_path, humanoid(f"{kind}WithBacklash", fields), strict=True)
+    assert [item.name for item in found.scene] == [item.name for item in expected.scene] == ["robot", "arm", "hand"]
+    for one, other in zip(found.scene, expected.scene, strict=True):
+        np.testing.assert_array_equal(one.vertices, other.vertices)
+    assert found.robots == expected.robots and list(found.devices) == list(expected.devices)
+    poses = [[device.pose for device in world.devices.values()] for world in (found, expected)]
+    np.testing.assert_array_equal(*poses)
+
+
+@pytest.mark.parametrize(
+    ("fields", "highest"),
+    [
+        ("startPoint", 7.5),
+        ("backlash 0.5 startPoint", 7.5),
+        ("backlash -1 startPoint", 7.5),  # Webots takes the default
+        ("backlash 0 startPoint", 1),
+        ("startPoint2", 7.5),
+        ("backlash 0 startPoint2", 7.5),
+        ("backlash2 0 startPoint2", 1),
+    ],
+)
+def test_start_points_of_joints_are_drawn_where_there_is_play(tmp_path, fields, highest):
+    joint = f"Hinge2JointWithBacklash {{ {fields} {ROTOR} }}"
+    scene = load_text(tmp_path, f"Solid {{ children [ {joint} Shape {{ geometry Sphere {{ }} }} ] }}").scene
+    assert scene.bounds[1, 2] == pytest.approx(highest)
+
+
+def test_a_proto_file_of_a_joint_comes_first(tmp_path):
+    (tmp_path / "HingeJointWithBacklash.proto").write_text(
+        "#VRML_SIM R2023b utf8\nPROTO HingeJointWithBacklash [ field SFNode endPoint NULL ] { Pose { translation 0 0 9 "
+        "children [ HingeJoint { endPoint IS endPoint } ] } }"
+    )
+    text = "Solid { children HingeJointWithBacklash { endPoint " + solid("") + " } }"
+    assert load_text(tmp_path, text, search_path=[tmp_path]).scene.bounds[1, 2] == pytest.approx(9.5)
+
+
+def test_nodes_in_what_is_skipped_are_counted(tmp_path):
+    """They are in no image: where the fields of a PROTO put them only its file says."""
+    limb = solid("translation 1 0 0")
+    text = f"{solid('')} OwnJoint {{ endPoint {limb} }} OwnJoint {{ endPoint {limb} other NULL }} Ghost {{ }}"
+    with pytest.warns(UserWarning, match=r"left out OwnJoint \(2 with 6 nodes in it\), Ghost \(1\), of which"):
+        world = load_text(tmp_path, text)
+    assert world.skipped == {"OwnJoint": 2, "Ghost": 1} and len(world.scene) == 1
+
+
 def test_a_proto_file_of_no_use_is_named(tmp_path):
     (tmp_path / "files").mkdir()
     (tmp_path / "files" / "WoodenBox.proto").write_text(

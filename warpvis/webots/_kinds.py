@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from warpvis.webots._nodes import Node
+from warpvis.webots._nodes import Node, Value, new_node
 from warpvis.webots._parts import ROBOTS
 from warpvis.webots.shapes._geometry import GEOMETRIES
 
@@ -25,6 +25,13 @@ PARTS = {
     "Propeller": ("slowHelix",),  # what is shown of it at rest
     **dict.fromkeys(("HingeJoint", "SliderJoint", "Hinge2Joint", "BallJoint", "Slot"), ("endPoint",)),
 }
+# PROTOs of Webots (projects/joints/protos): a joint's end point behind start points, each with the field that gives the
+# play before it. Without play there is no start point; Webots takes the default for a play below zero.
+JOINTS = {
+    "HingeJointWithBacklash": (("startPoint", "backlash"),),
+    "Hinge2JointWithBacklash": (("startPoint", "backlash"), ("startPoint2", "backlash2")),
+}
+_DEFAULT_BACKLASH = 0.01  # [rad]
 # Not in any image of a range finder; the list's last ones are PROTOs.
 UNSEEN = {
     *("WorldInfo", "Viewpoint", "Background", "Fog", "DirectionalLight", "PointLight", "SpotLight", "Billboard"),
@@ -38,6 +45,20 @@ MOST_LOOKED_AT = 10_000
 def parts_of(node: Node) -> list[Node]:
     """List the nodes in a node that are drawn with it."""
     return [part for name in PARTS.get(node.type, ("children",)) for part in node.nodes(name)]
+
+
+def expand_joint(node: Node) -> Node | None:
+    """Make a Group of what an instance of `JOINTS` draws: all at rest, as Webots saves end points; None for others.
+
+    Raises:
+        FileFormatError: A field is not what it has to be.
+    """
+    if node.type not in JOINTS:
+        return None
+    pairs = [(node.nodes(points), node.number(play, _DEFAULT_BACKLASH)) for points, play in JOINTS[node.type]]
+    parts: list[float | str | bool | Node] = [part for points, play in pairs if play != 0 for part in points]
+    fields: dict[str, Value] = {"children": [*parts, *node.nodes("endPoint")]}
+    return new_node(node, "Group", fields, node.name)
 
 
 def missing_parts(

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import shortened as shortened_text
+from warpvis.core.checks import counted, shortened as shortened_text
 from warpvis.core.labels import Label
 from warpvis.scene import Part
 from warpvis.webots._extents import Extent
@@ -185,6 +185,7 @@ def _objects_of(solid: Solid) -> list[tuple[str, Label, list[int]]]:
 def skipped_message(
     path: Path,
     skipped: Mapping[str, int],
+    below: Mapping[str, int],
     stand_ins: Mapping[str, int],
     reasons: Mapping[str, str],
     refused: Iterable[str],
@@ -194,7 +195,7 @@ def skipped_message(
     """Say what was left out or stands for something else, and why; nothing if all was read."""
     parts = []
     if skipped:
-        listed = _counted(skipped)
+        listed = _counted(skipped, below)
         searched = ", ".join(os.fspath(folder) for folder in search_path) or "none"
         parts.append(
             f"left out {listed}, of which no file was found or read beside the world or on the search path "
@@ -212,9 +213,10 @@ def skipped_message(
     return f"{path}: {'; '.join(parts)}" if parts else ""
 
 
-def _counted(counts: Mapping[str, int]) -> str:
-    """List what there is and how often, but for all after the first of very many."""
-    listed = [f"{shortened_text(name)} ({count})" for name, count in counts.items()]
+def _counted(counts: Mapping[str, int], below: Mapping[str, int] | None = None) -> str:
+    """List what there is, how often, and how many nodes are in it, but for all after the first of very many."""
+    inside = {name: f" with {counted(count, 'node')} in it" for name, count in (below or {}).items() if count}
+    listed = [f"{shortened_text(name)} ({count}{inside.get(name, '')})" for name, count in counts.items()]
     more = len(listed) - _MOST_NAMES
     return ", ".join(listed if more <= 1 else [*listed[:_MOST_NAMES], f"and {more} others"])
 

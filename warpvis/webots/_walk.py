@@ -24,7 +24,17 @@ from warpvis.webots._depth_cameras import DEPTH_CAMERAS, expand_depth_camera
 from warpvis.webots._devices import Device, read_device
 from warpvis.webots._extents import Extent, ball_about, bounding_geometry
 from warpvis.webots._grammar import World
-from warpvis.webots._kinds import LINES, PARTS, SOLIDS, TRANSFORMS, UNSEEN, missing_parts, parts_of
+from warpvis.webots._kinds import (
+    JOINTS,
+    LINES,
+    PARTS,
+    SOLIDS,
+    TRANSFORMS,
+    UNSEEN,
+    expand_joint,
+    missing_parts,
+    parts_of,
+)
 from warpvis.webots._lidars import Lidar, read_lidar
 from warpvis.webots._lights import LIGHTS, read_background, read_lights
 from warpvis.webots._materials import Surface, shape_appearance
@@ -77,6 +87,7 @@ class Reader:
         self.lights: list[Light] = []
         self.background: Background | None = None
         self.skipped: dict[str, int] = {}
+        self.below: dict[str, int] = {}  # nodes in the fields of what is skipped
         self.stand_ins: dict[str, int] = {}
         self.reasons: dict[str, str] = {}
         self.refused: list[str] = []
@@ -150,14 +161,14 @@ class Reader:
         body = self._expand_file(node)
         if body is not None and self._is_better_known(node, body):
             body = None
-        body = body or expand(node) or expand_depth_camera(node)
+        body = body or expand_joint(node) or expand(node) or expand_depth_camera(node)
         if body is not None:
             human = step.human or node.type == "Pedestrian"
             within, instances = (*step.within, node.type), (*step.instances, node)
             return [dataclasses.replace(step, node=body, human=human, within=within, instances=instances)]
         substitute = None if self._strict else stand_in(node)
         if substitute is None:
-            self._skip(node.type)
+            self._skip(node.type, node.size - 1)
             self._lines.append((step.depth, f"{node.type}: skipped", None))
         else:
             self._stand_in(node.type)
@@ -175,7 +186,7 @@ class Reader:
             step, transform=step.transform.within(node, np.ones(3)), robots=robots, origin=node.type, owner=None
         )
         parts = [item for value in node.fields.values() for item in _nodes_in(value)]
-        known = {*DEPTH_CAMERAS, *TRANSFORMS, *PARTS}
+        known = {*DEPTH_CAMERAS, *TRANSFORMS, *PARTS, *JOINTS}
         return bodies + [
             dataclasses.replace(step, node=part, instances=(), depth=step.depth + 1)
             for part in parts
@@ -192,6 +203,9 @@ class Reader:
             self.reasons.setdefault(node.type, str(error))
             return None
 
+    def _expand_or_know(self, node: Node) -> Node | None:
+        return self._expand_file(node) or expand_joint(node)
+
     def _is_better_known(self, node: Node, body: Node) -> bool:
         """Tell whether more is known of an instance without its file, whose meshes or PROTOs are not at hand.
 
@@ -201,7 +215,7 @@ class Reader:
         try:
             if self._strict or not (known or stand_in(node)):
                 return False
-            missing, shapes, eyes = missing_parts(body, self._expand_file, self.find_mesh)
+            missing, shapes, eyes = missing_parts(body, self._expand_or_know, self.find_mesh)
         except FileFormatError:  # it is met again where it is drawn
             return False
         if not missing or (shapes and not known) or (eyes and node.type not in DEPTH_CAMERAS):
@@ -364,8 +378,9 @@ class Reader:
         found: list[Device | Lidar] = [*self.devices.values(), *self.lidars.values()]
         return tuple(dict.fromkeys([note for item in found for note in item.notes] + self.notes))
 
-    def _skip(self, what: str) -> None:
+    def _skip(self, what: str, below: int = 0) -> None:
         self.skipped[what] = self.skipped.get(what, 0) + 1
+        self.below[what] = self.below.get(what, 0) + below
 
     def _stand_in(self, what: str) -> None:
         self.stand_ins[what] = self.stand_ins.get(what, 0) + 1

@@ -142,7 +142,7 @@ def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[Reader
     """Walk through a world; return what that found, the names of the objects that it becomes, and the objects."""
     reader = Reader(parse_world(path), [*search_path, *installed()], strict, webots_cache())
     reader.walk()
-    missed = reader.skipped, reader.stand_ins, reader.reasons, reader.refused
+    missed = reader.skipped, reader.below, reader.stand_ins, reader.reasons, reader.refused
     message = skipped_message(path, *missed, search_path, downloads=reader.version >= CACHED_SINCE)
     notes = reader.corrections()
     listed = "; ".join(shortened(notes))
