@@ -54,7 +54,7 @@ def measure(views: int) -> tuple[NDArray, dict[str, NDArray]]:
     scene, poses, rng = preset.build(), preset.pose_rows(views).astype(np.float32), np.random.default_rng(1)
     errors: dict[str, NDArray] = {}
     for name, model in MODELS.items():
-        seen = wv.render(scene, CAMERA, poses, outputs=("depth", "true_depth"), sensor=model, seed=1)
+        seen = wv.render(scene, CAMERA, poses, outputs=("depth", "true_depth"), sensor=model, seed=1, frame=0)
         exact = seen.true_depth.numpy()
         said = {name: seen.depth.numpy()} if errors else {FORMULA: say_icl_nuim(exact, rng), name: seen.depth.numpy()}
         errors |= {key: np.where(np.isfinite(depth + exact), depth, np.nan) - exact for key, depth in said.items()}

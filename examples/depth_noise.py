@@ -28,7 +28,7 @@ models = [
 ]
 errors = {}
 for model in models:
-    views = wv.render(scene, camera, pose, outputs=("depth", "true_depth"), sensor=model, seed=1)
+    views = wv.render(scene, camera, pose, outputs=("depth", "true_depth"), sensor=model, seed=1, frame=0)
     exact = views.true_depth.numpy()[0]
     error = np.where(np.isfinite(views.depth.numpy()[0]), views.depth.numpy()[0] - exact, np.nan)
     name = type(model).__name__

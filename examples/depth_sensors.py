@@ -21,7 +21,9 @@ axes = figure.subplots(len(PROFILES), 3)
 
 for row, name in zip(axes, PROFILES, strict=True):
     sensor = getattr(wv.sensors, name)(320, 240)
-    views = wv.render(scene, sensor.camera(), pose, outputs=("depth", "true_depth", "reasons"), sensor=sensor, seed=1)
+    views = wv.render(
+        scene, sensor.camera(), pose, outputs=("depth", "true_depth", "reasons"), sensor=sensor, seed=1, frame=0
+    )
     depth, true, reasons = (image.numpy()[0] for image in (views.depth, views.true_depth, views.reasons))
     error = np.abs(depth - true)[reasons == Reason.VALID]
     shares = {reason.name: float((reasons == reason).mean()) for reason in Reason}

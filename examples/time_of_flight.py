@@ -17,7 +17,7 @@ sensor = dataclasses.replace(wv.sensors.azure_kinect("nfov_binned"), reflectivit
 images = []
 for coherence in (0.9, 0.0):
     model = dataclasses.replace(sensor, least_coherence=coherence)
-    views = wv.render(room, sensor.camera(), pose, outputs=("depth", "true_depth"), sensor=model, seed=1)
+    views = wv.render(room, sensor.camera(), pose, outputs=("depth", "true_depth"), sensor=model, seed=1, frame=0)
     images.append(views.depth.numpy()[0][40:240, 110:310])
     print(f"least coherence {coherence}: {np.isnan(images[-1]).mean():.1%} of the pixels say nothing")
 images.insert(0, views.true_depth.numpy()[0][40:240, 110:310])

@@ -37,22 +37,24 @@ def test_the_twin_agrees(device, inner):
 def test_without_any_the_image_is_clean(device):
     scene = make_scene(device)
     clean = wv.render(scene, CAMERA, POSES, outputs=("depth",)).depth.numpy()
-    views = wv.render(scene, CAMERA, POSES, outputs=("depth", "reasons"), sensor=Corruptions())
+    views = wv.render(scene, CAMERA, POSES, outputs=("depth", "reasons"), frame=0, sensor=Corruptions())
     np.testing.assert_array_equal(views.depth.numpy(), clean)
     reasons = np.where(np.isfinite(clean), Reason.VALID, Reason.RANGE)
     far = wv.Camera.from_fov(96, 72, hfov=1.0)
     empty = ~np.isfinite(wv.render(scene, far, POSES, outputs=("depth",)).depth.numpy())
     np.testing.assert_array_equal(views.reasons.numpy(), np.where(empty, Reason.EMPTY, reasons))
     inner = StereoDepth(0.06, sigma=0.1)
-    over = wv.render(scene, CAMERA, POSES, outputs=("depth",), sensor=Corruptions(of=inner)).depth.numpy()
-    np.testing.assert_array_equal(over, wv.render(scene, CAMERA, POSES, outputs=("depth",), sensor=inner).depth.numpy())
+    over = wv.render(scene, CAMERA, POSES, outputs=("depth",), frame=0, sensor=Corruptions(of=inner)).depth.numpy()
+    np.testing.assert_array_equal(
+        over, wv.render(scene, CAMERA, POSES, outputs=("depth",), frame=0, sensor=inner).depth.numpy()
+    )
 
 
 def test_splits_threads_and_order(device):
     scene, options = make_scene(device), {"outputs": OUTPUTS, "sensor": FULL, "seed": 4}
-    whole = images(wv.render(scene, CAMERA, POSES, threads=1, **options), OUTPUTS)
-    again = images(wv.render(scene, CAMERA, POSES, threads=3, **options), OUTPUTS)
-    alone = images(wv.render(scene, CAMERA, POSES[2], view_index=[2], **options), OUTPUTS)
+    whole = images(wv.render(scene, CAMERA, POSES, threads=1, frame=0, **options), OUTPUTS)
+    again = images(wv.render(scene, CAMERA, POSES, threads=3, frame=0, **options), OUTPUTS)
+    alone = images(wv.render(scene, CAMERA, POSES[2], view_index=[2], frame=0, **options), OUTPUTS)
     for name in OUTPUTS:
         np.testing.assert_array_equal(again[name], whole[name])
         np.testing.assert_array_equal(alone[name][0], whole[name][2])
@@ -62,7 +64,7 @@ def test_splits_threads_and_order(device):
 def test_noise_at_a_wall(device, added, multiplied):
     camera = wv.Camera.from_fov(160, 120, hfov=1.0)
     views = wv.render(
-        wall(2.0, 0.0, device), camera, AHEAD, outputs=OUTPUTS, sensor=Corruptions(added, multiplied), seed=8
+        wall(2.0, 0.0, device), camera, AHEAD, outputs=OUTPUTS, frame=0, sensor=Corruptions(added, multiplied), seed=8
     )
     error = (views.depth.numpy() - 2.0)[0] / math.hypot(added, 2.0 * multiplied)
     assert abs(error.mean()) < 4 / math.sqrt(error.size)
@@ -75,11 +77,15 @@ def test_what_is_lost_at_a_wall(device):
     """The share of pixels, and of rectangles their number, sides, and that they differ between views."""
     camera = wv.Camera.from_fov(160, 120, hfov=1.0)
     scene, poses = wall(2.0, 0.0, device), np.stack([AHEAD] * 40)
-    pixels = wv.render(scene, camera, poses, outputs=("reasons",), sensor=Corruptions(dropout=0.1)).reasons.numpy()
+    pixels = wv.render(
+        scene, camera, poses, outputs=("reasons",), frame=0, sensor=Corruptions(dropout=0.1)
+    ).reasons.numpy()
     lost = pixels == Reason.DROPOUT
     assert abs(lost.mean() - 0.1) < 4 * math.sqrt(0.09 / lost.size)
     model = Corruptions(rectangles=(1, 1), sides=(5, 9))
-    found = wv.render(scene, camera, poses, outputs=("reasons",), sensor=model).reasons.numpy() == Reason.DROPOUT
+    found = (
+        wv.render(scene, camera, poses, outputs=("reasons",), frame=0, sensor=model).reasons.numpy() == Reason.DROPOUT
+    )
     sides = []
     for image in found:
         rows, columns = np.flatnonzero(image.any(axis=1)), np.flatnonzero(image.any(axis=0))

@@ -4,6 +4,8 @@
 
 import copy
 import pickle
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -120,7 +122,7 @@ def assert_same(first, second, names=ALL):
 
 def test_what_is_measured_and_what_is_exact(device):
     scene = make_scene(device)
-    seen = images(wv.render(scene, CAMERA, POSES, outputs=ALL, sensor=Noisy(), seed=5))
+    seen = images(wv.render(scene, CAMERA, POSES, outputs=ALL, frame=0, sensor=Noisy(), seed=5))
     endless = wv.Camera.from_fov(45, 30, hfov=1.2)
     exact = images(wv.render(scene, endless, POSES, outputs=EXACT), EXACT)
     assert_same(seen | {"depth": seen["true_depth"]}, exact, ("depth", "normals", "labels", "segmentation"))
@@ -154,8 +156,8 @@ def test_splits_and_numbers_of_views(device, caster):
 def test_images_made_in_parts(cuda):
     scene = make_scene(cuda)
     options = {"outputs": ALL, "sensor": Noisy(), "seed": 9}
-    whole = images(wv.render(scene, CAMERA, POSES, **options))
-    parts = wv.render(scene, CAMERA, POSES, device_bytes=200_000, **options)
+    whole = images(wv.render(scene, CAMERA, POSES, frame=0, **options))
+    parts = wv.render(scene, CAMERA, POSES, device_bytes=200_000, frame=0, **options)
     assert parts.depth.device.is_cpu
     assert_same(images(parts), whole)
 
@@ -175,14 +177,14 @@ def test_frames_follow_each_other(device):
     mixed = renderer.render(POSES, frame=[0, 1, 2, 0]).depth.numpy()
     for view, frame in enumerate([0, 1, 2, 0]):
         np.testing.assert_array_equal(mixed[view], found[frame][view])
-    assert not np.array_equal(found[0], wv.render(scene, CAMERA, POSES, sensor=Noisy(), seed=2).depth.numpy())
+    assert not np.array_equal(found[0], wv.render(scene, CAMERA, POSES, frame=0, sensor=Noisy(), seed=2).depth.numpy())
 
 
 @pytest.mark.parametrize("outputs", [("reasons",), ("points",), ("labels", "true_depth"), ("depth", "normals")])
 def test_any_outputs_and_given_memory(device, outputs):
     """What nobody asks for is made all the same where the model needs it, and is the renderer's own."""
     scene = make_scene(device)
-    whole = images(wv.render(scene, CAMERA, POSES, outputs=ALL, sensor=Noisy()))
+    whole = images(wv.render(scene, CAMERA, POSES, outputs=ALL, frame=0, sensor=Noisy()))
     renderer = wv.Renderer(scene, CAMERA, outputs=outputs, sensor=Noisy())
     views = renderer.render(POSES)
     assert {name for name in ALL if getattr(views, name) is not None} == set(outputs)
@@ -195,7 +197,7 @@ def test_any_outputs_and_given_memory(device, outputs):
 
 
 def test_images_are_copied(device):
-    views = wv.render(make_scene(device), CAMERA, POSES, outputs=ALL, sensor=Noisy())
+    views = wv.render(make_scene(device), CAMERA, POSES, outputs=ALL, frame=0, sensor=Noisy())
     for copied in (copy.deepcopy(views), pickle.loads(pickle.dumps(views))):
         assert_same(images(copied), images(views))
 
@@ -210,10 +212,10 @@ def test_a_renderer_is_copied():
 
 def test_fill_says_what_lost_pixels_are(device):
     scene = make_scene(device)
-    plain = wv.render(scene, CAMERA, POSES, outputs=("depth",), sensor=Noisy()).depth.numpy()
+    plain = wv.render(scene, CAMERA, POSES, outputs=("depth",), frame=0, sensor=Noisy()).depth.numpy()
     assert np.isnan(plain).any()
     for fill, empty, near in ((0.0, 0.0, 0.0), ("far", CAMERA.far, CAMERA.near)):
-        filled = wv.render(scene, CAMERA, POSES, outputs=("depth",), sensor=Noisy(), fill=fill).depth.numpy()
+        filled = wv.render(scene, CAMERA, POSES, outputs=("depth",), frame=0, sensor=Noisy(), fill=fill).depth.numpy()
         expected = np.where(np.isfinite(plain), plain, np.where(plain == -np.inf, near, empty))
         np.testing.assert_array_equal(filled, expected.astype(np.float32))
 
@@ -222,7 +224,7 @@ def test_near_surfaces_may_be_cut_away(device):
     """With `near_plane="clip"` the model is given what is behind them, as the images of a camera without a sensor."""
     scene = make_scene(device)
     camera = wv.Camera.from_fov(45, 30, hfov=1.2, near=1.4, far=3.0)
-    seen = wv.render(scene, camera, POSES, outputs=ALL, sensor=Noisy(), near_plane="clip")
+    seen = wv.render(scene, camera, POSES, outputs=ALL, frame=0, sensor=Noisy(), near_plane="clip")
     clean = wv.render(scene, camera, POSES, outputs=EXACT, near_plane="clip").depth.numpy()
     there = np.isfinite(clean)
     assert there.any()
@@ -234,7 +236,7 @@ def test_a_second_eye_sees_the_same_worlds(device, caster):
     scene = make_scene(device)
     moved = {"object_poses": [[[0.3, 0.7, 0.25, 0, 0, 0, 1]], [[0.1, 0.4, 0.9, 0, 0, 0, 1]]], "exclude": ["box"]}
     moved["world_index"] = np.int32([0, 1, 1, 0])
-    seen = wv.render(scene, CAMERA, POSES, outputs=("depth",), sensor=SecondEye(), caster=caster, **moved)
+    seen = wv.render(scene, CAMERA, POSES, outputs=("depth",), frame=0, sensor=SecondEye(), caster=caster, **moved)
     eyes = POSES.copy()
     eyes[:, :3] += 0.1 * wv.core.poses.poses_to_matrices(POSES)[:, :3, 0]
     expected = wv.render(scene, CAMERA, eyes, outputs=("depth",), caster=caster, **moved).depth.numpy()
@@ -294,7 +296,7 @@ LENS = wv.Camera.from_opencv(CAMERA.to_K(), [0.1, 0, 0, 0], 45, 30)
         ),
         (
             lambda scene: wv.render(
-                scene, CAMERA, wv.sensors.Motion.from_twist(POSES, (0, 0, 1), (0, 0, 0)), sensor=Noisy()
+                scene, CAMERA, wv.sensors.Motion.from_twist(POSES, (0, 0, 1), (0, 0, 0)), frame=0, sensor=Noisy()
             ),
             "CameraError",
             "not yet of a Motion",
@@ -308,3 +310,44 @@ def test_what_is_refused(make, error, message):
 
 def noisy(scene, **arguments):
     return wv.render(scene, CAMERA, POSES, sensor=Noisy(), **arguments)
+
+
+_THREE_CALLS = """
+import numpy as np, warpvis as wv
+scene, camera = wv.scenes.PRESETS["room"].build(), wv.Camera.from_fov(64, 48, hfov=1.0)
+for seed in (0, 1, 0):
+    sensor = wv.sensors.NguyenNoise()
+    views = wv.render(scene, camera, wv.look_at((0, 0, 1), (1, 0, 1)), outputs=("depth",), sensor=sensor, seed=seed)
+    print("depth", views.depth.numpy().view(np.uint32).sum(dtype=np.uint64))
+"""
+
+
+def test_every_call_has_noise_of_its_own():
+    """The noise of two calls is uncorrelated, whichever scene and sensor they have."""
+    exact = wv.render(make_scene(), CAMERA, POSES, outputs=("depth",)).depth.numpy()
+    first, second = (
+        wv.render(make_scene(), CAMERA, POSES, outputs=("depth",), sensor=Noisy(), seed=11).depth.numpy() - exact
+        for _ in range(2)
+    )
+    noisy = np.isfinite(first) & np.isfinite(second)
+    assert noisy.sum() > 1000
+    assert abs(np.corrcoef(first[noisy], second[noisy])[0, 1]) < 5 / np.sqrt(noisy.sum())
+
+
+def test_every_run_of_a_program_has_the_same_noise():
+    runs = []
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", _THREE_CALLS], capture_output=True, text=True, check=True)
+        runs.append([line for line in done.stdout.splitlines() if line.startswith("depth")])
+    assert runs[0] == runs[1] and len(set(runs[0])) == 3
+
+
+def test_frames_of_a_seed_are_those_of_a_renderer(device):
+    """`wv.render` counts the calls of each seed from 0; calls that give a frame do not count."""
+    scene, seed = make_scene(device), {"cpu": 4_000_000_001}.get(str(device), 4_000_000_003)
+    renderer = wv.Renderer(scene, CAMERA, outputs=("depth",), sensor=Noisy(), seed=seed)
+    for _ in range(3):
+        wv.render(scene, CAMERA, POSES, sensor=Noisy(), seed=seed, frame=9)
+        wv.render(scene, CAMERA, POSES, sensor=Noisy(), seed=seed - 1)
+        found = wv.render(scene, CAMERA, POSES, outputs=("depth",), sensor=Noisy(), seed=seed)
+        np.testing.assert_array_equal(found.depth.numpy(), renderer.render(POSES).depth.numpy())

@@ -24,7 +24,7 @@ ENDLESS = dataclasses.replace(CAMERA, near=0.0, far=np.inf)
 def test_the_twin_agrees(device, reach, step):
     """Without noise depth is the exact one of the pixel that the twin names, bit for bit."""
     model = dataclasses.replace(PLAIN, fattening=reach, edge_step=step)
-    views = wv.render(make_scene(device), ENDLESS, POSES, outputs=("depth", "true_depth"), sensor=model)
+    views = wv.render(make_scene(device), ENDLESS, POSES, outputs=("depth", "true_depth"), frame=0, sensor=model)
     exact = views.true_depth.numpy()
     shown, margin = reference_fattening.fatten_surfaces(exact, SCALE, step, reach)
     expected = np.take_along_axis(exact.reshape(3, -1), shown.reshape(3, -1), axis=1).reshape(exact.shape)
@@ -45,7 +45,9 @@ def test_a_plate_is_wider_and_its_shadow_narrower(device, side, reach):
     camera = wv.Camera.from_fov(320, 24, hfov=1.2)
     sensor = StereoDepth(baseline, other_eye=side)
     plain, fat = (
-        images(wv.render(scene, camera, AHEAD, outputs=("depth", "reasons"), sensor=model), ("depth", "reasons"))
+        images(
+            wv.render(scene, camera, AHEAD, outputs=("depth", "reasons"), frame=0, sensor=model), ("depth", "reasons")
+        )
         for model in (sensor, dataclasses.replace(sensor, fattening=reach))
     )
     plate, wider = (seen["depth"][0] == np.float32(near) for seen in (plain, fat))
@@ -62,7 +64,7 @@ def test_a_plate_is_wider_and_its_shadow_narrower(device, side, reach):
 def test_the_sky_is_behind_all(device):
     scene = wall_scene((1.0, -0.2, 0.2), device=device)
     model = dataclasses.replace(PLAIN, fattening=3)
-    seen = images(wv.render(scene, CAMERA, AHEAD, outputs=OUTPUTS, sensor=model))
+    seen = images(wv.render(scene, CAMERA, AHEAD, outputs=OUTPUTS, frame=0, sensor=model))
     exact = np.isfinite(seen["true_depth"][0])
     np.testing.assert_array_equal(seen["reasons"][0] == Reason.VALID, ndimage.binary_dilation(exact, np.ones((7, 7))))
     assert set(np.unique(seen["reasons"])) == {Reason.VALID, Reason.EMPTY}
@@ -83,8 +85,8 @@ def test_a_surface_that_spreads_has_its_own_light(device):
             full_signal=0.2,
             reflectivity={dark: 0.0},
         )
-        seen = images(wv.render(scene, CAMERA, AHEAD, outputs=("depth", "reasons", "true_depth"), sensor=model),
-                      ("depth", "reasons", "true_depth"))  # fmt: skip
+        outputs = ("depth", "reasons", "true_depth")
+        seen = images(wv.render(scene, CAMERA, AHEAD, outputs=outputs, frame=0, sensor=model), outputs)
         plate = ndimage.binary_dilation(seen["true_depth"][0] < 2.0, np.ones((9, 9)))
         np.testing.assert_array_equal(seen["reasons"][0] == Reason.DROPOUT, plate == lost)
 
@@ -92,10 +94,10 @@ def test_a_surface_that_spreads_has_its_own_light(device):
 def test_splits_threads_and_order(device):
     model = dataclasses.replace(FULL, fattening=3)
     scene, options = make_scene(device), {"outputs": OUTPUTS, "sensor": model, "seed": 4}
-    whole = images(wv.render(scene, CAMERA, POSES, threads=1, **options))
-    again = images(wv.render(scene, CAMERA, POSES, threads=5, **options))
-    alone = images(wv.render(scene, CAMERA, POSES[1], view_index=[1], **options))
-    without = images(wv.render(scene, CAMERA, POSES, **(options | {"sensor": FULL})))
+    whole = images(wv.render(scene, CAMERA, POSES, threads=1, frame=0, **options))
+    again = images(wv.render(scene, CAMERA, POSES, threads=5, frame=0, **options))
+    alone = images(wv.render(scene, CAMERA, POSES[1], view_index=[1], frame=0, **options))
+    without = images(wv.render(scene, CAMERA, POSES, frame=0, **(options | {"sensor": FULL})))
     for name in OUTPUTS:
         np.testing.assert_array_equal(again[name], whole[name])
         np.testing.assert_array_equal(alone[name][0], whole[name][1])

@@ -90,10 +90,10 @@ def test_the_twin_agrees(device, model):
 @pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 def test_splits_threads_and_frames(device, model):
     scene, options = make_scene(device), {"outputs": OUTPUTS, "sensor": model, "seed": 4}
-    whole = images(wv.render(scene, CAMERA, POSES, threads=1, **options))
-    again = images(wv.render(scene, CAMERA, POSES, threads=3, **options))
+    whole = images(wv.render(scene, CAMERA, POSES, threads=1, frame=0, **options))
+    again = images(wv.render(scene, CAMERA, POSES, threads=3, frame=0, **options))
     for view in (2, 0):
-        alone = images(wv.render(scene, CAMERA, POSES[view], view_index=[view], **options))
+        alone = images(wv.render(scene, CAMERA, POSES[view], view_index=[view], frame=0, **options))
         for name in OUTPUTS:
             np.testing.assert_array_equal(again[name], whole[name])
             np.testing.assert_array_equal(alone[name][0], whole[name][view])
@@ -108,7 +108,7 @@ def test_splits_threads_and_frames(device, model):
 )
 def test_without_noise_the_image_is_clean(device, model):
     scene = make_scene(device)
-    views = wv.render(scene, CAMERA, POSES, outputs=("depth", "reasons"), sensor=model)
+    views = wv.render(scene, CAMERA, POSES, outputs=("depth", "reasons"), frame=0, sensor=model)
     clean = wv.render(scene, CAMERA, POSES, outputs=("depth",)).depth.numpy()
     kept = views.reasons.numpy() <= Reason.RANGE
     assert kept.mean() > 0.9
@@ -120,7 +120,9 @@ def test_without_noise_the_image_is_clean(device, model):
 def test_nguyen_at_walls(device, distance, angle):
     """The error is normal with the paper's deviation of its depth and angle, and white; a plane stays one."""
     camera = wv.Camera.from_fov(96, 72, hfov=0.1)
-    views = wv.render(wall(distance, angle, device), camera, AHEAD, outputs=OUTPUTS, sensor=NguyenNoise(), seed=2)
+    views = wv.render(
+        wall(distance, angle, device), camera, AHEAD, outputs=OUTPUTS, frame=0, sensor=NguyenNoise(), seed=2
+    )
     seen = images(views)
     assert (seen["reasons"] == Reason.VALID).all()
     clean = seen["true_depth"].astype(np.float64)
@@ -152,7 +154,7 @@ def test_nguyen_at_an_edge(device, angle):
     scene.add(trimesh.Trimesh([[-9, 0, -9], [0, 0, -9], [0, 0, 9], [-9, 0, 9]], [[0, 1, 2], [0, 2, 3]]),
               name="plate", pose=(0, 2.0, 0, 0, 0, math.sin(half), math.cos(half)))  # fmt: skip
     camera = wv.Camera.from_fov(24, 20, hfov=0.05)
-    views = wv.render(scene, camera, np.stack([AHEAD] * 100), outputs=("depth",), sensor=NguyenNoise(), seed=5)
+    views = wv.render(scene, camera, np.stack([AHEAD] * 100), outputs=("depth",), frame=0, sensor=NguyenNoise(), seed=5)
     depth = views.depth.numpy()
     share = (depth < 3.0).mean(axis=(0, 1))
     away = (12 - (np.arange(24) + 0.5)) / twins.nguyen_lateral(NguyenNoise(), math.radians(angle))
@@ -170,7 +172,9 @@ def test_khoshelhams_published_figures(device, distance, sigma, step):
     scenes = [wall(distance + shift * step / 4000, 0.0, device) for shift in (-2, -1, 0, 1)]
     errors, found = [], []
     for scene in scenes:
-        views = wv.render(scene, camera, AHEAD, outputs=("depth", "true_depth"), sensor=KhoshelhamNoise(), seed=1)
+        views = wv.render(
+            scene, camera, AHEAD, outputs=("depth", "true_depth"), frame=0, sensor=KhoshelhamNoise(), seed=1
+        )
         depth = views.depth.numpy().astype(np.float64)
         errors.append(depth - views.true_depth.numpy())
         found.append(np.unique(depth))
@@ -187,7 +191,7 @@ def test_khoshelham_without_steps(device):
     """In disparity the error is normal, and white."""
     camera = wv.Camera.from_fov(160, 120, hfov=1.0)
     model = KhoshelhamNoise(rounds=False, sigma=0.5)
-    views = wv.render(wall(3.0, 40.0, device), camera, AHEAD, outputs=("depth", "true_depth"), sensor=model)
+    views = wv.render(wall(3.0, 40.0, device), camera, AHEAD, outputs=("depth", "true_depth"), frame=0, sensor=model)
     error = (1 / views.depth.numpy().astype(np.float64) - 1 / views.true_depth.numpy()) / 2.85e-3 / 0.5
     error = error[np.isfinite(error)]
     assert stats.kstest(error, "norm").pvalue > 1e-4

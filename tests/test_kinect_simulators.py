@@ -58,10 +58,10 @@ def test_the_twin_agrees(device, model):
 @pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 def test_splits_threads_and_frames(device, model):
     scene, options = make_scene(device), {"outputs": OUTPUTS, "sensor": model, "seed": 4}
-    whole = images(wv.render(scene, CAMERA, POSES, threads=1, **options), OUTPUTS)
-    again = images(wv.render(scene, CAMERA, POSES, threads=3, **options), OUTPUTS)
+    whole = images(wv.render(scene, CAMERA, POSES, threads=1, frame=0, **options), OUTPUTS)
+    again = images(wv.render(scene, CAMERA, POSES, threads=3, frame=0, **options), OUTPUTS)
     for view in (2, 0):
-        alone = images(wv.render(scene, CAMERA, POSES[view], view_index=[view], **options), OUTPUTS)
+        alone = images(wv.render(scene, CAMERA, POSES[view], view_index=[view], frame=0, **options), OUTPUTS)
         for name in OUTPUTS:
             np.testing.assert_array_equal(again[name], whole[name])
             np.testing.assert_array_equal(alone[name][0], whole[name][view])
@@ -83,7 +83,9 @@ def test_simkinect_without_noise_at_a_wall(device):
     scale = camera.fx * 0.075
     for distance, units in ((0.7, 100), (1.5, 100), (2.0, 200), (3.2, 100)):
         model = SimKinect(shift=0.0, sigma=0.0, units=units)
-        views = wv.render(wall(distance, 0.0, device), camera, AHEAD, outputs=("depth", "reasons"), sensor=model)
+        views = wv.render(
+            wall(distance, 0.0, device), camera, AHEAD, outputs=("depth", "reasons"), frame=0, sensor=model
+        )
         depth, reasons = views.depth.numpy()[0].astype(np.float64), views.reasons.numpy()[0]
         level = np.rint(8 * scale / distance)
         whole = np.rint(8 * scale / level * units)
@@ -101,12 +103,12 @@ def test_simkinect_looks_up_depth_beside_the_pixel(device):
     scene = wall(3.0, 0.0, device)
     model = SimKinect(shift=0.5, sigma=0.0, focal_length=580.0)
     camera = wv.Camera.from_fov(60, 48, hfov=0.2)
-    flat = wv.render(scene, camera, AHEAD, outputs=("depth",), sensor=model).depth.numpy()
+    flat = wv.render(scene, camera, AHEAD, outputs=("depth",), frame=0, sensor=model).depth.numpy()
     inside = flat[np.isfinite(flat)]
     assert len(np.unique(inside)) == 1  # a wall that is met straight is the same beside the pixel
-    tilted = wv.render(wall(3.0, 60.0, device), camera, AHEAD, outputs=OUTPUTS, sensor=model, seed=1)
+    tilted = wv.render(wall(3.0, 60.0, device), camera, AHEAD, outputs=OUTPUTS, frame=0, sensor=model, seed=1)
     still = dataclasses.replace(model, shift=0.0)
-    clean = wv.render(wall(3.0, 60.0, device), camera, AHEAD, outputs=OUTPUTS, sensor=still)
+    clean = wv.render(wall(3.0, 60.0, device), camera, AHEAD, outputs=OUTPUTS, frame=0, sensor=still)
     there = (tilted.reasons.numpy() == Reason.VALID) & (clean.reasons.numpy() == Reason.VALID)
     moved = (580 * 0.075 / tilted.depth.numpy() - 580 * 0.075 / clean.depth.numpy())[there]
     # A pixel across is 1 / fx of the wall's slope tan(60) in 1 / z: 0.5 px of shift, with its steps.
@@ -119,7 +121,9 @@ def test_simkinects_dots_near_a_step_are_lost(device):
     scene = wall(3.0, 0.0, device)
     scene.add(trimesh.creation.box((4, 0.01, 8)), name="plate", pose=(-2, 1.5, 0, 0, 0, 0, 1))
     camera = wv.Camera.from_fov(90, 240, hfov=0.3)
-    views = wv.render(scene, camera, AHEAD, outputs=OUTPUTS, sensor=SimKinect(shift=0.0, sigma=0.0, focal_length=580.0))
+    views = wv.render(
+        scene, camera, AHEAD, outputs=OUTPUTS, frame=0, sensor=SimKinect(shift=0.0, sigma=0.0, focal_length=580.0)
+    )
     lost = (views.reasons.numpy()[0] == Reason.EDGE)[10:-12]
     share = lost.mean(axis=0)
     assert share[20:35].max() == 0 and share[55:70].max() == 0
@@ -136,7 +140,9 @@ def test_redwood_without_noise_at_a_wall(device, tmp_path):
     row, column = np.floor(np.arange(120) / 119 * 479 + 0.5) // 6, np.floor(np.arange(160) / 159 * 639 + 0.5) // 8
     cells = TABLE.astype(np.float64)[row.astype(int)[:, None], column.astype(int)]
     for distance, places in ((0.6, (1, 0, 0)), (3.0, (0, 1, 0)), (4.5, (0, 0.25, 0.75)), (9.5, None)):
-        views = wv.render(wall(distance, 0.0, device), camera, AHEAD, outputs=("depth", "reasons"), sensor=model)
+        views = wv.render(
+            wall(distance, 0.0, device), camera, AHEAD, outputs=("depth", "reasons"), frame=0, sensor=model
+        )
         depth, reasons = views.depth.numpy()[0], views.reasons.numpy()[0]
         factor = cells[..., 4] if places is None else cells[..., :3] @ places
         levels = 8 * 35.130 * factor / distance
@@ -145,13 +151,13 @@ def test_redwood_without_noise_at_a_wall(device, tmp_path):
         np.testing.assert_array_equal(reasons, np.where(blind, Reason.DROPOUT, Reason.VALID))
         sure = ~blind & (np.abs(levels % 1 - 0.5) > 1e-3)
         np.testing.assert_allclose(depth[sure], 8 * 35.130 / np.rint(levels[sure]), rtol=1e-6)
-    views = wv.render(wall(10.1, 0.0, device), camera, AHEAD, outputs=("depth", "reasons"), sensor=model)
+    views = wv.render(wall(10.1, 0.0, device), camera, AHEAD, outputs=("depth", "reasons"), frame=0, sensor=model)
     assert (views.depth.numpy() == np.inf).all() and (views.reasons.numpy() == Reason.RANGE).all()
 
 
 def test_redwood_sees_every_second_pixel(device):
     model = RedwoodNoise(np.ones((80, 80, 5)), multiplier=0.0)
-    views = wv.render(make_scene(device), CAMERA, POSES, outputs=OUTPUTS, sensor=model)
+    views = wv.render(make_scene(device), CAMERA, POSES, outputs=OUTPUTS, frame=0, sensor=model)
     every = np.repeat(np.repeat(views.true_depth.numpy()[:, ::2, ::2], 2, axis=1), 2, axis=2)
     seen = views.reasons.numpy() == Reason.VALID
     levels = 8 * 35.130 / every[seen]
@@ -258,6 +264,9 @@ def test_dots_fill_as_far_as_three_pixels(device):
     dots[20, 20] = dots[20, 24] = 255
     camera = wv.Camera.from_fov(60, 48, hfov=0.2)
     model = SimKinect(0.0, focal_length=580.0, sigma=0.0, pattern=dots)
-    seen = wv.render(wall(2.0, 0.0, device), camera, AHEAD, outputs=("reasons",), sensor=model).reasons.numpy()[0] == 0
+    seen = (
+        wv.render(wall(2.0, 0.0, device), camera, AHEAD, outputs=("reasons",), frame=0, sensor=model).reasons.numpy()[0]
+        == 0
+    )
     distance = ndimage.distance_transform_edt(dots == 0)
     np.testing.assert_array_equal(seen, distance <= 3)

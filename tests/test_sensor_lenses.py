@@ -28,7 +28,8 @@ def make_scene(device="cpu"):
 
 
 def render(camera, sensor, device="cpu", **options):
-    views = wv.render(make_scene(device), camera, POSES, outputs=OUTPUTS, sensor=sensor, seed=3, **options)
+    numbers = {"seed": 3, "frame": 0}
+    views = wv.render(make_scene(device), camera, POSES, outputs=OUTPUTS, sensor=sensor, **numbers, **options)
     return {name: getattr(views, name).numpy() for name in OUTPUTS}
 
 

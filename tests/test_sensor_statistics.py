@@ -142,7 +142,7 @@ def test_shadows_and_bands_of_profiles(device, name):
     near, far = 0.9, 2.8
     scene = wall(far, 0.0, device)
     scene.add(trimesh.creation.box((0.3, 0.02, 8.0)), name="plate", pose=(0, near + 0.01, 0, 0, 0, 0, 1))
-    rows = wv.render(scene, camera, AHEAD, outputs=("reasons",), sensor=sensor).reasons.numpy()[0]
+    rows = wv.render(scene, camera, AHEAD, outputs=("reasons",), frame=0, sensor=sensor).reasons.numpy()[0]
     for row in rows:
         band, shadow = (np.flatnonzero(row == reason) for reason in (Reason.BAND, Reason.SHADOW))
         assert abs(len(band) - sensor.band * camera.fx * sensor.baseline / far) <= 1
@@ -159,7 +159,9 @@ def test_redwood_at_an_edge(device, multiplier):
     scene.add(trimesh.creation.box((18, 1e-4, 18)), name="plate", pose=(-9, 2.0, 0, 0, 0, 0, 1))
     camera = wv.Camera.from_fov(24, 20, hfov=0.05)
     model = RedwoodNoise(np.ones((80, 80, 5)), multiplier)
-    depth = wv.render(scene, camera, np.tile(AHEAD, (100, 1)), outputs=("depth",), sensor=model, seed=5).depth.numpy()
+    depth = wv.render(
+        scene, camera, np.tile(AHEAD, (100, 1)), outputs=("depth",), frame=0, sensor=model, seed=5
+    ).depth.numpy()
     share = (depth < 3.0).mean(axis=(0, 1))
     expected = stats.norm.cdf((11.5 - np.arange(24)) / (0.25 * multiplier))
     deviation = np.sqrt(expected * (1 - expected) / (depth.size / 24))

@@ -154,7 +154,7 @@ def test_shadows_far_from_the_origin(device):
     poses = np.stack([wv.look_at((5000.3 + x, -4000.1, 0), (5000.3 + 2 * x, -3999.1, 0.3)) for x in (0.0, 0.11, 0.37)])
     scene = wv.Scene(device=device)
     box(scene, "wall", (30, 0.5, 30), (5000, -3997, 0))
-    seen = images(wv.render(scene, CAMERA, poses, outputs=OUTPUTS, sensor=StereoDepth(0.01)))
+    seen = images(wv.render(scene, CAMERA, poses, outputs=OUTPUTS, frame=0, sensor=StereoDepth(0.01)))
     assert (seen["reasons"] != Reason.SHADOW).all()
     assert (seen["reasons"] == Reason.VALID).mean() > 0.9
 
@@ -166,7 +166,7 @@ def test_widths_of_shadow_and_band(device, side, near_depth, far_depth, baseline
     scene = wall_scene((near_depth, -0.2, 0.2), (far_depth, -10, 10), device=device)
     sensor = StereoDepth(baseline, other_eye=side)
     camera = wv.Camera.from_fov(320, 24, hfov=1.2)
-    reasons = wv.render(scene, camera, AHEAD, outputs=("reasons",), sensor=sensor).reasons.numpy()[0]
+    reasons = wv.render(scene, camera, AHEAD, outputs=("reasons",), frame=0, sensor=sensor).reasons.numpy()[0]
     reasons = reasons if side == "right" else reasons[:, ::-1]
     plate = camera.fx * 0.2 / near_depth  # from the middle to its edge
     for row in reasons:
@@ -181,14 +181,16 @@ def test_widths_of_shadow_and_band(device, side, near_depth, far_depth, baseline
 
 def test_eyes_that_are_one_have_neither(device):
     scene = make_scene(device)
-    reasons = wv.render(scene, CAMERA, POSES, outputs=("reasons",), sensor=StereoDepth(1e-6)).reasons.numpy()
+    reasons = wv.render(scene, CAMERA, POSES, outputs=("reasons",), frame=0, sensor=StereoDepth(1e-6)).reasons.numpy()
     assert set(np.unique(reasons)) == {Reason.VALID, Reason.EMPTY, Reason.RANGE}
 
 
 def test_a_projector_larger_than_the_image_has_no_band(device):
     scene = wall_scene((2.0, -10, 10), (1.0, -2.0, -0.6), device=device)
     with_band, without = (
-        wv.render(scene, CAMERA, AHEAD, outputs=("reasons",), sensor=StereoDepth(0.1, band=band)).reasons.numpy()
+        wv.render(
+            scene, CAMERA, AHEAD, outputs=("reasons",), frame=0, sensor=StereoDepth(0.1, band=band)
+        ).reasons.numpy()
         for band in (True, False)
     )
     assert (with_band == Reason.BAND).any()
@@ -197,7 +199,7 @@ def test_a_projector_larger_than_the_image_has_no_band(device):
     np.testing.assert_array_equal(without[~beside], with_band[~beside])
     # The near plate's shadow falls on what is beside the image.
     wide = wv.Camera(480, CAMERA.height, CAMERA.fx, CAMERA.fy, 240, CAMERA.cy, CAMERA.near, CAMERA.far)
-    whole = wv.render(scene, wide, AHEAD, outputs=("reasons",), sensor=StereoDepth(0.1)).reasons.numpy()
+    whole = wv.render(scene, wide, AHEAD, outputs=("reasons",), frame=0, sensor=StereoDepth(0.1)).reasons.numpy()
     np.testing.assert_array_equal(without, whole[:, :, 160:320])
 
 
@@ -205,22 +207,24 @@ def test_a_projector_larger_than_the_image_has_no_band(device):
 def test_without_noise_the_image_is_clean(device, caster):
     """Bit for bit where both eyes see, as the casters make it, with the camera's range."""
     scene = make_scene(device)
-    views = wv.render(scene, CAMERA, POSES, outputs=("depth", "reasons"), sensor=StereoDepth(0.06), caster=caster)
+    views = wv.render(
+        scene, CAMERA, POSES, outputs=("depth", "reasons"), frame=0, sensor=StereoDepth(0.06), caster=caster
+    )
     clean = wv.render(scene, CAMERA, POSES, outputs=("depth",), caster=caster).depth.numpy()
     seen = np.isin(views.reasons.numpy(), (Reason.VALID, Reason.EMPTY, Reason.RANGE))
     assert 0.8 < seen.mean() < 1.0
     np.testing.assert_array_equal(views.depth.numpy()[seen], clean[seen])
     plain = StereoDepth(0.06, shadow=False, band=False)
-    all_of_it = wv.render(scene, CAMERA, POSES, outputs=("depth",), sensor=plain, caster=caster)
+    all_of_it = wv.render(scene, CAMERA, POSES, outputs=("depth",), frame=0, sensor=plain, caster=caster)
     np.testing.assert_array_equal(all_of_it.depth.numpy(), clean)
 
 
 def test_splits_threads_and_order(device):
     scene = make_scene(device)
     options = {"outputs": OUTPUTS, "sensor": FULL, "seed": 4}
-    whole = images(wv.render(scene, CAMERA, POSES, threads=1, **options))
+    whole = images(wv.render(scene, CAMERA, POSES, threads=1, frame=0, **options))
     for threads in (2, 5):
-        again = images(wv.render(scene, CAMERA, POSES, threads=threads, **options))
+        again = images(wv.render(scene, CAMERA, POSES, threads=threads, frame=0, **options))
         for name in OUTPUTS:
             np.testing.assert_array_equal(again[name], whole[name])
     renderer = wv.Renderer(scene, CAMERA, **options)
@@ -234,7 +238,7 @@ def test_splits_threads_and_order(device):
 def test_lanes_and_single_pixels_say_the_same(monkeypatch, width):
     """Bit for bit, of rows of any length: what a GPU runs, run on the CPU, and sixteen pixels at a time."""
     camera = dataclasses.replace(CAMERA, width=width, cx=width / 2)
-    options = {"outputs": OUTPUTS, "seed": 4}
+    options = {"outputs": OUTPUTS, "seed": 4, "frame": 0}
     for sensor in (FULL, dataclasses.replace(FULL, noise_spacing=1, other_eye="left", edge_window=9, subpixel=0)):
         rows = images(wv.render(make_scene(), camera, POSES, sensor=sensor, **options))
         with monkeypatch.context() as patch:
@@ -254,19 +258,21 @@ def test_shadows_of_what_moves(device):
     worlds = {"object_poses": [[[x, 1.01, 0, 0, 0, 0, 1]] for x in (-0.3, 0.3)]}
     sensor = StereoDepth(0.05)
     poses = np.stack([AHEAD, AHEAD])
-    reasons = wv.render(scene, CAMERA, poses, outputs=("reasons",), sensor=sensor, **worlds).reasons.numpy()
+    reasons = wv.render(scene, CAMERA, poses, outputs=("reasons",), frame=0, sensor=sensor, **worlds).reasons.numpy()
     places = [np.flatnonzero(image[60] == Reason.SHADOW).mean() for image in reasons]
     assert abs(places[1] - places[0] - 0.6 * CAMERA.fx) < 1
-    hidden = wv.render(scene, CAMERA, poses, outputs=("reasons",), sensor=sensor, exclude=["plate"], **worlds)
+    hidden = wv.render(scene, CAMERA, poses, outputs=("reasons",), frame=0, sensor=sensor, exclude=["plate"], **worlds)
     assert not (hidden.reasons.numpy() == Reason.SHADOW).any()
 
 
 def test_near_surfaces_that_are_cut_away_throw_no_shadow(device):
     scene = wall_scene((0.3, -0.05, 0.05), (2.0, -10, 10), device=device)
     sensor = StereoDepth(0.05)
-    clipped = wv.render(scene, CAMERA, AHEAD, outputs=("reasons",), sensor=sensor, near_plane="clip").reasons.numpy()
+    clipped = wv.render(
+        scene, CAMERA, AHEAD, outputs=("reasons",), frame=0, sensor=sensor, near_plane="clip"
+    ).reasons.numpy()
     assert set(np.unique(clipped)) == {Reason.VALID, Reason.BAND}
-    kept = wv.render(scene, CAMERA, AHEAD, outputs=("reasons",), sensor=sensor).reasons.numpy()
+    kept = wv.render(scene, CAMERA, AHEAD, outputs=("reasons",), frame=0, sensor=sensor).reasons.numpy()
     assert set(np.unique(kept)) == {Reason.VALID, Reason.BAND, Reason.SHADOW, Reason.RANGE}
 
 

@@ -196,7 +196,7 @@ def test_profiles_have_their_least_depth_and_their_range(profile):
     )
     for distance, sign in ((0.9 * camera.near, -1), (1.2 * camera.far, 1)):
         plain = dataclasses.replace(sensor, shadow=False, band=False, full_signal=0.0, least_signal=0.0)
-        views = wv.render(wall(distance), camera, AHEAD, outputs=("depth", "reasons"), sensor=plain)
+        views = wv.render(wall(distance), camera, AHEAD, outputs=("depth", "reasons"), frame=0, sensor=plain)
         assert (views.reasons.numpy() == Reason.RANGE).mean() > 0.99
         assert (views.depth.numpy() == sign * np.inf).mean() > 0.99
     smaller = profile(width=320, height=240).camera()

@@ -155,7 +155,7 @@ def test_walls_have_the_noise_of_the_formula(device, distance, angle):
     scene.add(trimesh.creation.box((60, 1e-4, 60)), name="wall", pose=pose)
     camera = wv.Camera.from_fov(120, 100, hfov=0.15)
     sensor = TimeOfFlight(5e6, signal=1e6, background=5e3, contrast=0.5, reflectivity=0.6)
-    seen = images(wv.render(scene, camera, AHEAD, outputs=OUTPUTS, sensor=sensor, seed=5))
+    seen = images(wv.render(scene, camera, AHEAD, outputs=OUTPUTS, frame=0, sensor=sensor, seed=5))
     assert (seen["reasons"] == Reason.VALID).all()
     rays = twin.pixel_rays(camera)
     length = np.linalg.norm(rays, axis=-1)
@@ -188,9 +188,9 @@ def test_without_noise_and_edges_the_image_is_clean(device):
     clean = wv.render(scene, CAMERA, POSES, outputs=("depth",)).depth.numpy()
     plain = TimeOfFlight(20e6, mixing=False)
     np.testing.assert_array_equal(
-        wv.render(scene, CAMERA, POSES, outputs=("depth",), sensor=plain).depth.numpy(), clean
+        wv.render(scene, CAMERA, POSES, outputs=("depth",), frame=0, sensor=plain).depth.numpy(), clean
     )
-    views = wv.render(scene, CAMERA, POSES, outputs=OUTPUTS, sensor=TimeOfFlight(20e6))
+    views = wv.render(scene, CAMERA, POSES, outputs=OUTPUTS, frame=0, sensor=TimeOfFlight(20e6))
     edges, margin = twin.find_edges(CAMERA, POSES, views.true_depth.numpy(), views.normals.numpy(), 0.01)
     away = ~edges & (margin > 1e-4)
     assert away.mean() > 0.8
@@ -200,9 +200,9 @@ def test_without_noise_and_edges_the_image_is_clean(device):
 def test_splits_threads_and_order(device):
     scene = make_scene(device)
     options = {"outputs": OUTPUTS, "sensor": FULL, "seed": 4}
-    whole = images(wv.render(scene, CAMERA, POSES, threads=1, **options))
+    whole = images(wv.render(scene, CAMERA, POSES, threads=1, frame=0, **options))
     for threads in (2, 5):
-        again = images(wv.render(scene, CAMERA, POSES, threads=threads, **options))
+        again = images(wv.render(scene, CAMERA, POSES, threads=threads, frame=0, **options))
         for name in OUTPUTS:
             np.testing.assert_array_equal(again[name], whole[name])
     renderer = wv.Renderer(scene, CAMERA, **options)
@@ -217,9 +217,9 @@ def test_sub_rays_in_parts_are_the_same(device, monkeypatch):
     from warpvis.sensors.depth import _time_of_flight
 
     scene = make_scene(device)
-    whole = images(wv.render(scene, CAMERA, POSES, outputs=OUTPUTS, sensor=FULL, seed=4))
+    whole = images(wv.render(scene, CAMERA, POSES, outputs=OUTPUTS, frame=0, sensor=FULL, seed=4))
     monkeypatch.setattr(_time_of_flight, "_PART_BYTES", 1)
-    parts = images(wv.render(scene, CAMERA, POSES, outputs=OUTPUTS, sensor=FULL, seed=4))
+    parts = images(wv.render(scene, CAMERA, POSES, outputs=OUTPUTS, frame=0, sensor=FULL, seed=4))
     for name in OUTPUTS:
         np.testing.assert_array_equal(parts[name], whole[name])
 
@@ -230,18 +230,18 @@ def test_sub_rays_of_all_pixels_are_the_same(device, monkeypatch):
 
     scene, in_parts = make_scene(device), _time_of_flight._pixels_in_parts
     options = {"outputs": OUTPUTS, "sensor": FULL, "seed": 4, "caster": "rays"}
-    whole = images(wv.render(scene, CAMERA, POSES, **options))
+    whole = images(wv.render(scene, CAMERA, POSES, frame=0, **options))
     monkeypatch.setattr(_time_of_flight, "_pixels_in_parts", lambda slots, counted: in_parts(slots, False))
     for size in (2**28, 1):
         monkeypatch.setattr(_time_of_flight, "_PART_BYTES", size)
-        again = images(wv.render(scene, CAMERA, POSES, **options))
+        again = images(wv.render(scene, CAMERA, POSES, frame=0, **options))
         for name in OUTPUTS:
             np.testing.assert_array_equal(again[name], whole[name])
 
 
 def test_noise_beyond_all_numbers_leaves_nothing(device):
     sensor = TimeOfFlight(50e6, signal=1e-300)
-    seen = images(wv.render(make_scene(device), CAMERA, POSES, outputs=OUTPUTS, sensor=sensor))
+    seen = images(wv.render(make_scene(device), CAMERA, POSES, outputs=OUTPUTS, frame=0, sensor=sensor))
     assert set(np.unique(seen["reasons"])) == {Reason.EMPTY, Reason.DROPOUT}
     np.testing.assert_array_equal(np.isnan(seen["depth"]), seen["reasons"] == Reason.DROPOUT)
 
@@ -265,7 +265,7 @@ def test_flying_pixels_of_a_step(device, part):
     edge = (part / 16 - 16 + 10) * near / 200  # the plate ends within the eleventh column
     scene = plates((near, -5, edge), (far, -10, 10), device=device)
     sensor = TimeOfFlight(60e6)
-    seen = images(wv.render(scene, camera, AHEAD, outputs=OUTPUTS, sensor=sensor))
+    seen = images(wv.render(scene, camera, AHEAD, outputs=OUTPUTS, frame=0, sensor=sensor))
     column = seen["depth"][0, 12, :]
     np.testing.assert_allclose(np.delete(column, 10)[[0, 8, 10, 20]], [near, near, far, far], atol=5e-6)
     places = twin.place_sub_rays(np.array(12 * 32 + 10), 32)
@@ -287,7 +287,7 @@ def test_a_half_covered_pixel_of_equal_light_is_in_the_middle(device):
     camera = wv.Camera(32, 24, 2000.0, 2000.0, 16.0, 12.0)
     scene = plates((near, -5, -5.5 * near / 2000), (far, -10, 10), device=device)
     sensor = TimeOfFlight(60e6, reflectivity=[(near / far) ** 2, 1.0])
-    depth = wv.render(scene, camera, AHEAD, outputs=("depth",), sensor=sensor).depth.numpy()[0]
+    depth = wv.render(scene, camera, AHEAD, outputs=("depth",), frame=0, sensor=sensor).depth.numpy()[0]
     np.testing.assert_allclose(depth[:, 10], (near + far) / 2, atol=1e-4)
 
 
@@ -299,7 +299,7 @@ def test_mixed_pixels_are_lost_by_coherence(device):
     coherence = np.cos(2 * np.pi * frequency * (far - near) / LIGHT)
     for threshold, reason in ((coherence - 1e-3, Reason.VALID), (coherence + 1e-3, Reason.EDGE)):
         sensor = TimeOfFlight(frequency, reflectivity=[(near / far) ** 2, 1.0], least_coherence=threshold)
-        views = wv.render(scene, camera, AHEAD, outputs=("depth", "reasons"), sensor=sensor)
+        views = wv.render(scene, camera, AHEAD, outputs=("depth", "reasons"), frame=0, sensor=sensor)
         reasons = views.reasons.numpy()[0]
         assert (reasons[:, 10] == reason).all()
         assert (np.delete(reasons, 10, axis=1) == Reason.VALID).all()
@@ -311,7 +311,7 @@ def test_what_is_thinner_than_a_pixel_is_mixed_where_a_centre_meets_it(device):
     for middle, found in ((10.5, True), (10.95, False)):
         at = (middle - 16) / 200
         scene = plates((1.0, at - 0.001, at + 0.001), (1.3, -10, 10), device=device)
-        views = wv.render(scene, camera, AHEAD, outputs=("depth", "true_depth"), sensor=TimeOfFlight(60e6))
+        views = wv.render(scene, camera, AHEAD, outputs=("depth", "true_depth"), frame=0, sensor=TimeOfFlight(60e6))
         column = views.depth.numpy()[0, 12, 10]
         assert (column < 1.29) == found
         assert column > 1.05
@@ -326,7 +326,7 @@ def test_wiggling(device, start):
     scene = plates((0.0, -1, 1), device=device)
     distance = np.linspace(0.5, 2.5, 200)
     poses = np.stack([wv.look_at((0, -at, 0), (0, 1, 0)) for at in distance])
-    views = wv.render(scene, camera, poses, outputs=("depth", "true_depth"), sensor=sensor)
+    views = wv.render(scene, camera, poses, outputs=("depth", "true_depth"), frame=0, sensor=sensor)
     true_depth = views.true_depth.numpy()[:, 2, 2].astype(np.float64)
     error = views.depth.numpy()[:, 2, 2] - true_depth
     period = LIGHT / (8 * frequency)
@@ -341,7 +341,7 @@ def test_depth_wraps_where_phases_repeat(device, frequencies, wrap):
     assert sensor.unambiguous_range == pytest.approx(wrap, abs=1e-3)
     camera = wv.Camera(4, 4, 1e5, 1e5, 2.0, 2.0)
     for distance in (1.2, 2.0, 5.0):
-        depth = wv.render(plates((distance, -1, 1), device=device), camera, AHEAD, sensor=sensor).depth.numpy()
+        depth = wv.render(plates((distance, -1, 1), device=device), camera, AHEAD, frame=0, sensor=sensor).depth.numpy()
         np.testing.assert_allclose(depth, distance % sensor.unambiguous_range, atol=1e-5)
 
 
@@ -349,7 +349,7 @@ def test_edges_far_behind_each_other_are_unwrapped(device):
     """One frequency's flying pixels wrap; by two, a pixel that is nearly all of one surface is of that surface."""
     camera = wv.Camera(32, 24, 200.0, 200.0, 16.0, 12.0)
     scene = plates((1.0, -5, (-5.03125) / 200), (3.4, -10, 10), device=device)
-    seen = wv.render(scene, camera, AHEAD, outputs=("depth",), sensor=TimeOfFlight((100e6, 80e6, 20e6)))
+    seen = wv.render(scene, camera, AHEAD, outputs=("depth",), frame=0, sensor=TimeOfFlight((100e6, 80e6, 20e6)))
     depth = seen.depth.numpy()[0, :, 10]
     assert (np.abs(depth - 1.0) < 0.05).all()
 
@@ -366,7 +366,7 @@ def test_light_and_reasons(device):
         20e6, reflectivity={"bright": 40.0, "black": 0.05}, least_signal=0.03, most_signal=1.0, mixing=False
     )
     camera = wv.Camera.from_fov(320, 24, hfov=2.0)
-    seen = images(wv.render(scene, camera, AHEAD, outputs=OUTPUTS, sensor=sensor))
+    seen = images(wv.render(scene, camera, AHEAD, outputs=OUTPUTS, frame=0, sensor=sensor))
     reasons = (Reason.SATURATED, Reason.VALID, Reason.DROPOUT, Reason.GRAZING)
     for number, reason in enumerate(reasons):
         of_it = seen["segmentation"] == number
@@ -382,11 +382,11 @@ def test_objects_that_move_and_that_are_left_out(device):
     scene.add(trimesh.creation.box((0.4, 0.02, 8.0)), name="plate", pose=(0, 2.81, 0, 0, 0, 0, 1), movable=True)
     worlds = {"object_poses": [[[x, 2.81, 0, 0, 0, 0, 1]] for x in (-0.3137, 0.3137)]}
     poses, options = np.stack([AHEAD, AHEAD]), {"outputs": ("depth",), "sensor": TimeOfFlight(20e6)}
-    depth = wv.render(scene, CAMERA, poses, **options, **worlds).depth.numpy()
+    depth = wv.render(scene, CAMERA, poses, frame=0, **options, **worlds).depth.numpy()
     flying = (depth > 2.81) & (depth < 2.99)
     assert flying.any(axis=(1, 2)).all()
     np.testing.assert_allclose(depth[0], depth[1][:, ::-1], atol=0.02)
-    hidden = wv.render(scene, CAMERA, poses, exclude=["plate"], **options, **worlds).depth.numpy()
+    hidden = wv.render(scene, CAMERA, poses, exclude=["plate"], frame=0, **options, **worlds).depth.numpy()
     np.testing.assert_allclose(hidden, 3.0, atol=1e-6)
 
 
@@ -399,7 +399,7 @@ def test_azure_kinect_has_the_specified_noise(device, mode):
     camera = wv.Camera(60, 60, whole.fx * 10, whole.fy * 10, 30, 30)
     for distance in np.linspace(whole.near, whole.far, 5):
         scene = plates((distance, -10, 10), device=device)
-        error = wv.render(scene, camera, AHEAD, outputs=("depth",), sensor=sensor).depth.numpy() - distance
+        error = wv.render(scene, camera, AHEAD, outputs=("depth",), frame=0, sensor=sensor).depth.numpy() - distance
         sigma = 0.017 * distance / whole.far
         assert error.std() == pytest.approx(sigma, rel=0.05)
         assert abs(error.mean()) < 0.011 + 0.001 * distance + 4 * sigma / 60
@@ -413,7 +413,7 @@ def test_profiles_see_a_room(profile):
     whole = wv.Camera(
         camera.width // 4, camera.height // 4, camera.fx / 4, camera.fy / 4, camera.cx / 4, camera.cy / 4, 0.1, 7.0
     )
-    seen = images(wv.render(make_scene(), whole, POSES, outputs=OUTPUTS, sensor=sensor))
+    seen = images(wv.render(make_scene(), whole, POSES, outputs=OUTPUTS, frame=0, sensor=sensor))
     valid = seen["reasons"] == Reason.VALID
     assert valid.mean() > 0.5
     error = np.abs(seen["depth"][valid] - seen["true_depth"][valid])

@@ -241,7 +241,8 @@ class BatchRenderer:
                 differ.
             frame: The frame that a sensor's random numbers are of, from 0 up, one or one for each view, in the order of
                 the images. By default `BatchRenderer.frame`, which is 0 to begin with and goes up by 1 with each such
-                call. What a camera sees in a world does not depend on which other worlds are rendered.
+                call. What a camera sees in a world does not depend on which other worlds are rendered. A CUDA graph has
+                the frame that it was recorded with whenever it is replayed.
             view_index: The views' numbers as random numbers go by, in the order of the images; by default the world's
                 index times C plus the camera's.
             out: Images of an earlier call to write into, of the same number of views.

@@ -37,7 +37,7 @@ from warpvis.rendering._depth_sensor import DepthSensor
 from warpvis.rendering._moving import MovingCaster, MovingPoses
 from warpvis.rendering._orthographic import OrthographicCamera, RenderCamera
 from warpvis.rendering._prepared import CheckedImages
-from warpvis.rendering._sensing import Sensing, check_word, view_numbers
+from warpvis.rendering._sensing import Sensing, check_word, next_frame, view_numbers
 from warpvis.rendering._shading import ShadingCaster, bytes_beside
 from warpvis.rendering._views import ALL_OUTPUTS, COLOR_OUTPUTS, OUTPUTS, Views, views_for
 from warpvis.rendering.casters import as_images, as_rows
@@ -99,7 +99,8 @@ class Renderer:
             sensor: A model of `warpvis.sensors`: depth and points are what such a device would say, and the other
                 images stay those of the exact rays. By default they are exact, too.
             seed: What the sensor's random numbers follow from, together with each view's number and frame; from 0 up
-                and below 2^32.
+                and below 2^32. Renderers of several devices need a seed each: with the same one, their noise is the
+                same.
             threads: CPU threads to use; all cores of this process by default.
             device_bytes: Most bytes of images that one call of `render` holds on a GPU; half of its memory by default.
 
@@ -186,7 +187,8 @@ class Renderer:
             quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``; a motion's has been
                 said.
             frame: The frame that a sensor's random numbers are of, from 0 up, one or one for each view, shape ``(V,)``.
-                By default `Renderer.frame`, which is 0 to begin with and goes up by 1 with each such call.
+                By default `Renderer.frame`, which is 0 to begin with and goes up by 1 with each such call. A CUDA graph
+                has the frame that it was recorded with whenever it is replayed.
             view_index: The views' numbers as random numbers go by, shape ``(V,)``, by default 0 to V - 1: a view that
                 is rendered alone, or in another batch, has the same image if its number and frame are the same.
             out: Images of an earlier call to write into, of the same number of views.
@@ -409,7 +411,12 @@ def render(
     device_bytes: int | None = None,
     out: Views | None = None,
 ) -> Views:
-    """Render views of a scene once; see `Renderer` and its `render` for the arguments, and for rendering again."""
+    """Render views of a scene once; see `Renderer` and its `render` for the arguments, and for rendering again.
+
+    With a sensor and without `frame`, each call takes the next frame of its seed in this process: 0, 1, 2, ... So calls
+    in a loop differ in their noise, and a program that is run twice makes the same images. Pass `frame` for an image
+    that does not depend on earlier calls, and to workers that share a seed.
+    """
     renderer = Renderer(
         scene,
         camera,
@@ -423,6 +430,8 @@ def render(
         threads=threads,
         device_bytes=device_bytes,
     )
+    if sensor is not None and frame is None:
+        frame = next_frame(renderer.seed)
     return renderer.render(
         camera_to_world,
         object_poses=object_poses,

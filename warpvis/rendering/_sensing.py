@@ -5,9 +5,10 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Iterator
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -146,6 +147,16 @@ class Sensing:
         seen = {name: self._room(room, f"seen {name}", points.shape, ALL_OUTPUTS[name]) for name in names}
         caster.cast_at(caster.parse_poses(poses, "opencv"), worlds, points, [seen.get(name) for name in OUTPUTS])
         return seen
+
+
+def next_frame(seed: int) -> int:
+    """Return the number of the next frame of this process that has this seed and no number of its own, from 0 up."""
+    return next(_frames_of(seed))
+
+
+@lru_cache(maxsize=2**16)
+def _frames_of(seed: int) -> Iterator[int]:
+    return itertools.count()
 
 
 def view_numbers(views: int, frame: int | ArrayInput, view_index: ArrayInput | None) -> NDArray[np.int64]:
