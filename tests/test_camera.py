@@ -8,7 +8,7 @@ import warnings
 
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import assume, given, strategies as st
 
 import warpvis as wv
 from warpvis import Camera, FieldOfView
@@ -53,6 +53,7 @@ def test_fields_of_view_come_back(width, height, fov):
     st.sampled_from([0.0, 0.5]), st.floats(1, 5000), st.floats(1, 5000), st.floats(-100, 4000), st.floats(-100, 4000)
 )
 def test_intrinsic_matrices_come_back(pixel_center, fx, fy, cx, cy):
+    assume(max(abs(cx), abs(cy)) > 1.5 or fx > 32)  # else they are normalized ones
     matrix = [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]
     camera = Camera.from_K(matrix, 640, 480, pixel_center=pixel_center)
     np.testing.assert_allclose(camera.to_K(pixel_center=pixel_center), matrix, rtol=0, atol=1e-9)
@@ -81,7 +82,7 @@ def test_points_behind_the_camera_have_no_image():
 @pytest.mark.parametrize(
     ("intrinsics", "said"),
     [
-        ((0.9, 1.2, 0.5, 0.5), "fx=0.9, fy=1.2, less than a pixel"),
+        ((0.9, 1.2, 320, 240), "fx=0.9, fy=1.2, less than a pixel"),
         ((525, 525, 640.5, 240), r"the principal point \(640.5, 240\) is outside of the image of 640 x 480 pixels"),
         ((525, 525, 320, -0.25), r"the principal point \(320, -0.25\)"),
     ],
@@ -95,9 +96,31 @@ def test_intrinsics_that_are_rarely_meant_warn_once(intrinsics, said):
         dataclasses.replace(camera, near=0.1)
 
 
-def test_a_normalised_matrix_warns():
-    with pytest.warns(wv.errors.IntrinsicsWarning, match="intrinsics are in pixels"):
-        Camera.from_K([[0.8, 0, 0.5], [0, 1.1, 0.5], [0, 0, 1]], 320, 240)
+NORMALIZED = ("normalized", [[0.8, 0, 0.5], [0, 1.1, 0.5], [0, 0, 1]]), ("identity", np.eye(3))
+
+
+@pytest.mark.parametrize("k", [k for _, k in NORMALIZED], ids=[name for name, _ in NORMALIZED])
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda k: Camera.from_K(k, 640, 480),
+        lambda k: Camera.from_K(k, 640, 480, pixel_center=0.0),
+        lambda k: Camera.from_opencv(k, None, 640, 480),
+        lambda k: Camera.from_opencv(k, [0.1, 0, 0, 0], 640, 480),
+        lambda k: Camera.from_opencv(k, [0.1, 0, 0, 0], 640, 480, model="fisheye"),
+    ],
+)
+def test_normalized_intrinsics_are_refused(make, k):
+    with pytest.raises(wv.errors.CameraError, match="multiply fx and cx by 640, fy and cy by 480"):
+        make(k)
+
+
+def test_intrinsics_of_small_and_of_cropped_images_are_not_normalized():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Camera(2, 2, 1.0, 1.0, 1.0, 1.0)  # 90 degrees
+        Camera.from_K([[600, 0, 0], [0, 600, 0], [0, 0, 1]], 640, 480)  # a quarter of a larger image
+        Camera.from_K([[40, 0, 0.5], [0, 40, 0.5], [0, 0, 1]], 640, 480)
 
 
 def test_usual_intrinsics_do_not_warn():

@@ -147,7 +147,7 @@ def test_bop_says_its_camera(tmp_path):
     images = {key: entry | {"cam_K": INTEGER.ravel().tolist()} for key, entry in bop().items()}
     path = put(tmp_path / "lm" / "test" / "000001" / "scene_camera.json", images)
     assert read_frames(path).camera is None
-    whole = {"fx": 1.0, "fy": 1.0, "cx": 1.0, "cy": 1.0, "width": 64, "height": 48}
+    whole = {"fx": 9.0, "fy": 9.0, "cx": 9.0, "cy": 9.0, "width": 64, "height": 48}
     put(tmp_path / "lm" / "camera.json", whole)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -325,3 +325,18 @@ def test_folders_of_models_are_read(tmp_path, inside, make):
     (tmp_path / "transforms.json").write_text("{}")
     with pytest.raises(wv.errors.FileFormatError, match=r"holds .*images\.(txt|bin) and transforms\.json; give one of"):
         wv.read_frames(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["camera.json", "intrinsics.yaml", "cameras.txt"])
+def test_normalized_intrinsics_of_a_file_are_refused(name, tmp_path):
+    k = [0.8, 0, 0.5, 0, 1.1, 0.5, 0, 0, 1]
+    text = {
+        "camera.json": json.dumps({"width": 640, "height": 480, "K": np.reshape(k, (3, 3)).tolist()}),
+        "intrinsics.yaml": "image_width: 640\nimage_height: 480\ncamera_name: eye\n"
+        f"camera_matrix: {{rows: 3, cols: 3, data: {k}}}\ndistortion_model: plumb_bob\n"
+        "distortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}\n",
+        "cameras.txt": "1 PINHOLE 640 480 0.8 1.1 0.5 0.5\n",
+    }[name]
+    (tmp_path / name).write_text(text)
+    with pytest.raises(wv.errors.WarpvisError, match=rf"{name}.*multiply fx and cx by 640, fy and cy by 480"):
+        load_camera(tmp_path / name)

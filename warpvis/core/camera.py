@@ -25,6 +25,12 @@ if TYPE_CHECKING:
     from warpvis.kernels.pinhole import PinholeCamera
 
 
+_FIRST_PIXELS = 1.5
+"""A normalized principal point, and half a pixel where another convention of pixels' centres was read [px]."""
+
+_MOST_TANGENT = 20
+"""Tangent of the angle that an image sees to one side of its axis: 87 degrees."""
+
 _SAME_PIXELS = 0.01
 """Intrinsics of one camera differ by less where they were rounded on their way [px]."""
 
@@ -56,6 +62,7 @@ class Camera(CameraMakers):
 
     def __post_init__(self) -> None:
         check_numbers(self, "focal lengths must be positive")
+        check_pixel_units(self.width, self.height, self)
         _warn_of(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
 
     @classmethod
@@ -148,7 +155,7 @@ class Camera(CameraMakers):
             far: Greatest depth [m].
 
         Raises:
-            CameraError: `K` has another shape, skew, or a last row other than 0 0 1.
+            CameraError: `K` has another shape, skew, a last row other than 0 0 1, or is divided by the image's size.
         """
         return cls(width, height, *check_matrix(K, pixel_center), near, far)
 
@@ -308,6 +315,24 @@ def check_numbers(camera: Any, positive: str) -> None:
     if camera.fx <= 0 or camera.fy <= 0:
         raise CameraError(f"{positive}, got fx={camera.fx}, fy={camera.fy}")
     check_range(camera)
+
+
+def check_pixel_units(width: int, height: int, intrinsics: Any) -> None:
+    """Check that intrinsics are in pixels, and not divided by the image's size.
+
+    A normalized principal point is in the first pixel, and normalized focal lengths are about 1. In pixels, focal
+    lengths of less than a 20th of the image's size would see 87 degrees to one side of such a point.
+
+    Raises:
+        CameraError: `fx`, `fy`, `cx` and `cy` of `intrinsics` are normalized, or those of an identity matrix.
+    """
+    fx, fy, cx, cy = (getattr(intrinsics, name) for name in ("fx", "fy", "cx", "cy"))
+    in_corner = max(abs(cx), abs(cy)) <= _FIRST_PIXELS
+    if in_corner and fx * _MOST_TANGENT < width and fy * _MOST_TANGENT < height:
+        raise CameraError(
+            f"intrinsics must be in pixels of an image of {width} x {height}, got fx={fx:g}, fy={fy:g} and a principal "
+            f"point in the first pixel: if they are normalized, multiply fx and cx by {width}, fy and cy by {height}"
+        )
 
 
 def check_range(camera: Any) -> None:

@@ -13,7 +13,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.camera import Camera, check_range, check_size
+from warpvis.core.camera import Camera, check_pixel_units, check_range, check_size
 from warpvis.core.checks import as_items, check_choice, check_whole
 from warpvis.core.ray_camera import MOST_RAYS, DepthKind, Kept, LensedCamera, RayCamera
 from warpvis.core.user_warnings import warn_user
@@ -53,6 +53,8 @@ class LensCamera(LensedCamera):
             object.__setattr__(self, name, check_size(getattr(self, name), name))
         _check_pixels(self.width, self.height)
         check_range(self)
+        if all(hasattr(self.lens, name) for name in ("fx", "fy", "cx", "cy")):
+            check_pixel_units(self.width, self.height, self.lens)
         shown = ~self.mask
         if not shown.any():
             raise CameraError("no pixel of the image has a ray: intrinsics are in pixels, of an image of this size")
