@@ -18,7 +18,6 @@ CLOSENESS = 4e-6
 
 def show_later(
     scene: Scene,
-    pieces: NDArray,
     camera: Camera,
     pose: NDArray,
     segmentation: NDArray,
@@ -28,11 +27,10 @@ def show_later(
     excluded: Collection[int] = (),
     cull_backfaces: bool = True,
 ) -> NDArray:
-    """The object that a view shows in every pixel: the last one of a piece whose surface the seen point is on.
+    """The object that a view shows in every pixel: the last one whose surface the seen point is on.
 
     Args:
         scene: The world.
-        pieces: What each object belongs to.
         camera: The camera.
         pose: Camera to world, row of 7.
         segmentation: What a caster saw, shape (H, W).
@@ -47,7 +45,6 @@ def show_later(
     origins = np.broadcast_to(np.asarray(pose, dtype=np.float64)[:3], rays.shape)
     return show_later_along(
         scene,
-        pieces,
         origins,
         rays,
         segmentation,
@@ -60,7 +57,6 @@ def show_later(
 
 def show_later_along(
     scene: Scene,
-    pieces: NDArray,
     origins: NDArray,
     rays: NDArray,
     segmentation: NDArray,
@@ -78,7 +74,6 @@ def show_later_along(
     for later, item in enumerate(scene.objects):
         place = _place(scene, later, object_poses)
         mask = (segmentation >= 0) & (segmentation < later)
-        mask[mask] = pieces[segmentation[mask]] == pieces[later]
         if later in excluded or not mask.any():
             continue
         local = (points[mask] - place[:3, 3]) @ place[:3, :3]

@@ -55,7 +55,6 @@ def cast_parallel_rays(
 
 def show_later_from_plane(
     scene: Scene,
-    pieces: NDArray,
     camera: OrthographicCamera,
     pose: NDArray,
     segmentation: NDArray,
@@ -65,4 +64,4 @@ def show_later_from_plane(
     """As `reference_coinciding.show_later`, along parallel rays."""
     origins = eyes(camera, pose, centres(camera))
     rays = np.broadcast_to(poses_to_matrices(pose)[:3, 2], origins.shape)
-    return show_later_along(scene, pieces, origins, rays, segmentation, depth, **options)
+    return show_later_along(scene, origins, rays, segmentation, depth, **options)

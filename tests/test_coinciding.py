@@ -100,7 +100,6 @@ def test_flush_surfaces_are_as_the_reference_has_them(cull_backfaces, device, ca
         model, device, outputs=("segmentation", "depth"), caster=caster, cull_backfaces=cull_backfaces
     )
     plain = wv.Renderer(geoms.scene, renderer.camera, caster=caster, cull_backfaces=cull_backfaces)
-    pieces = model.body_weldid[model.geom_bodyid[geoms.geom_ids]]
     changed, shown = 0, set()
     for turn in range(3):
         data.qpos[3:7] = np.array([1, 0.2 + turn, 0.3, 0.1 - turn]) / np.linalg.norm([1, 0.2 + turn, 0.3, 0.1 - turn])
@@ -113,7 +112,6 @@ def test_flush_surfaces_are_as_the_reference_has_them(cull_backfaces, device, ca
             indices = {geoms.scene.index(name) for name in excluded}
             expected = reference.show_later(
                 geoms.scene,
-                pieces,
                 renderer.camera,
                 eye[0],
                 was,
@@ -265,7 +263,50 @@ def test_pairs_are_what_shares_a_plane_where_it_is():
     corners = flush.vertices[flush.faces[pairs.faces[scene.index("flush")]]]
     assert len(corners) == 2
     assert np.allclose(corners[..., 2], 0.05)
-    assert not len(find_pairs(scene.objects, np.arange(7)).later)
+    others = find_pairs(scene.objects, np.arange(7))
+    assert names_of(others, scene) == names_of(pairs, scene)
+    assert np.isfinite(pairs.boxes).all() and np.isinf(others.boxes).all()  # of what may move
+
+
+LINK = """<body pos="0 0 .2"><joint name="{0}" axis="0 1 0"/>
+  <geom name="{0}" type="capsule" size=".05 .15"/></body>"""
+ACROSS = {
+    "links": LINK.format("left") + LINK.format("right"),
+    "drawer": """<geom name="floor" type="box" size=".3 .2 .02"/><body><joint type="slide" axis="1 0 0"/>
+      <geom name="tray" type="box" size=".2 .1 .01" pos="0 0 .01"/></body>""",
+    "meshes": """<geom name="still" type="mesh" mesh="wedge"/><body><joint type="slide" axis="1 0 0"/>
+      <geom name="moves" type="mesh" mesh="wedge"/></body>""",
+}
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("name", ACROSS)
+def test_geoms_of_bodies_that_move_coincide_as_in_mujocos_picture(name, device):
+    model, data = model_of(f"{HEAD}{ACROSS[name]}</worldbody></mujoco>")
+    batch = BatchRenderer(model, height=120, width=160, outputs=("segmentation",), device=device)
+    with mujoco.Renderer(model, 120, 160) as theirs, Renderer(model, 120, 160, device=device) as renderer:
+        expected, seen = (images(which, data, "eye")[1] for which in (theirs, renderer))
+    assert (seen == expected).all(axis=-1).mean() > 0.99 and (seen[..., 0] == 1).sum() > 200
+    assert np.array_equal(batch.geom_ids(batch.render(data)).numpy()[0], seen[..., 0])
+
+
+@pytest.mark.parametrize("name", ACROSS)
+def test_geoms_of_bodies_that_have_moved_are_as_the_reference_has_them(name, device):
+    """The drawer stays flush with the floor, and the moved mesh with the other one."""
+    model, data = model_of(f"{HEAD}{ACROSS[name]}</worldbody></mujoco>")
+    geoms, renderer = renderer_of(model, device, outputs=("segmentation", "depth"), cull_backfaces=True)
+    plain, changed = wv.Renderer(geoms.scene, renderer.camera, cull_backfaces=True), 0
+    for place in (0.0, 0.05, 0.17, -0.13):
+        data.qpos[0] = place
+        mujoco.mj_forward(model, data)
+        rows, eye = geom_poses(data, geoms), eye_of(model, data)
+        seen, before = (one.render(eye, object_poses=rows[None]) for one in (renderer, plain))
+        was, depth = before.segmentation.numpy()[0], before.depth.numpy()[0]
+        expected = reference.show_later(geoms.scene, renderer.camera, eye[0], was, depth, object_poses=rows)
+        now = seen.segmentation.numpy()[0]
+        assert (now != expected).sum() <= 2
+        changed += int((now != was).sum())
+    assert changed > 200
 
 
 def test_equal_meshes_need_no_triangles_of_their_own():

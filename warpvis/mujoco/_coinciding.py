@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which objects' surfaces coincide: pairs of objects of one rigid piece that share planes of triangles, or solids."""
+"""Which objects' surfaces coincide: pairs of objects that share planes of triangles, or solids, where they begin."""
 
 from __future__ import annotations
 
@@ -42,6 +42,7 @@ _Ints = NDArray[np.int64]
 _Floats = NDArray[np.float64]
 
 _NOBODY: _Ints = np.zeros(0, dtype=np.int64)
+_EVERYWHERE: _Floats = np.array([[-np.inf] * 3, [np.inf] * 3])
 
 
 @dataclass(frozen=True)
@@ -65,25 +66,35 @@ def find_pairs(
 
     Args:
         objects: The objects, where they are at first.
-        pieces: What each belongs to: only objects of one piece are compared.
-        resizable: Objects that may be of another size in some worlds: they may coincide with all that they touch.
+        pieces: What each belongs to: objects of different pieces may coincide elsewhere later, so that of their
+            triangles those are found whose planes coincide now, and their boxes have no limits.
+        resizable: Objects that may be of another size in some worlds: they may coincide with all that they touch in
+            their piece.
     """
     boxes = np.array([item.bounds for item in objects], dtype=np.float64).reshape(-1, 2, 3)
     margin = _CLOSENESS * np.abs(boxes).max(axis=(1, 2), initial=0.0)[:, None]
     low, high = boxes[:, 0] - margin, boxes[:, 1] + margin
-    i, j = _overlapping(low, high, pieces)
+    together = np.zeros(len(objects), dtype=np.int64)
+    i, j = _overlapping(low, high, together)
     i, j = np.minimum(i, j), np.maximum(i, j)
     is_solid = np.array([item.solid is not None for item in objects], dtype=bool)
-    resized = np.isin(i, resizable) | np.isin(j, resizable)
-    both = is_solid[i] & is_solid[j] & ~resized
-    same = _find_same(objects, i[~both & ~resized], j[~both & ~resized])
+    is_across, may_differ = pieces[i] != pieces[j], np.isin(i, resizable) | np.isin(j, resizable)
+    resized = may_differ & ~is_across
+    both, stays = is_solid[i] & is_solid[j] & ~resized, ~may_differ & ~is_across
+    same = _find_same(objects, i[~both & stays], j[~both & stays])
     compared = np.array([pair not in same for pair in zip(i.tolist(), j.tolist(), strict=True)], dtype=bool) & ~resized
-    found, faces = _find_planes(objects, pieces, (i[compared], j[compared]), (low, high))
+    found, faces = dict[tuple[int, int], _Floats](), dict[int, _Ints]()
+    for kinds, pairs_of_kind in ((pieces, ~is_across), (together, is_across)):
+        chosen = compared & pairs_of_kind
+        some, of_later = _find_planes(objects, kinds, (i[chosen], j[chosen]), (low, high))
+        found |= some
+        faces |= {index: np.union1d(numbers, faces.get(index, _NOBODY)) for index, numbers in of_later.items()}
     solids = [pair for pair in zip(i[both].tolist(), j[both].tolist(), strict=True) if _share_surface(objects, pair)]
     for a, b in [*same, *solids]:
         found[a, b] = np.stack([np.maximum(low[a], low[b]), np.minimum(high[a], high[b])])
+    found |= {(a, b): _EVERYWHERE for a, b in found if pieces[a] != pieces[b]}
     for a, b in zip(i[resized].tolist(), j[resized].tolist(), strict=True):
-        found[a, b] = np.array([[-np.inf] * 3, [np.inf] * 3])
+        found[a, b] = _EVERYWHERE
         if not is_solid[b]:
             faces[b] = np.arange(len(objects[b].faces))
     pairs = sorted(found)
@@ -186,7 +197,8 @@ class _Triangles:
         start[dense[owners]] = a
         middle = start[dense[owners]]
         offset = np.einsum("nk,nk->n", normal, a - middle)
-        kept = np.flatnonzero(_may_match(normal, offset, pieces[owners], owners) & (length > 0))
+        matches = _may_match(normal, offset, np.linalg.norm(a - middle, axis=1), pieces[owners], owners)
+        kept = np.flatnonzero(matches & (length > 0))
         a, b, c = a[kept], b[kept], c[kept]
         low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
         owners = owners[kept]
@@ -257,22 +269,25 @@ def _read_triangles(
     return corners, numbers if item.solid is None else 0 * numbers, np.full(len(numbers), index)
 
 
-def _bins(normal: _Floats, offset: _Floats, piece: NDArray[np.int_]) -> Iterator[NDArray[np.uint64]]:
+def _bins(normal: _Floats, offset: _Floats, distance: _Floats, piece: NDArray[np.int_]) -> Iterator[NDArray[np.uint64]]:
     """Put planes into bins by a coordinate of their normals and by their offsets.
 
-    This is done four times, half a bin apart, so that what is nearer than that is in one bin at least once.
+    This is done four times, half a bin apart, so that what is nearer than that is in one bin at least once. Errors of
+    normals count for offsets times the distance from where these are measured.
     """
-    reach = max(float(np.median(np.abs(offset))), _FINE) if len(offset) else 1.0
+    reach = max(float(np.median(distance)), _FINE) if len(distance) else 1.0
     turn, away = normal @ _SKEW / (2 * _TURN), offset / (2 * _TURN * reach)
     for shift, other_shift in product((0.0, 0.5), repeat=2):
         yield _mixed(np.floor(turn + shift).astype(np.int64), np.floor(away + other_shift).astype(np.int64), piece)
 
 
-def _may_match(normal: _Floats, offset: _Floats, piece: NDArray[np.int_], owner: NDArray[np.int_]) -> NDArray[np.bool_]:
+def _may_match(
+    normal: _Floats, offset: _Floats, distance: _Floats, piece: NDArray[np.int_], owner: NDArray[np.int_]
+) -> NDArray[np.bool_]:
     """Tell which triangles may be of one plane with another object's, by a table of bins: quickly, most are not."""
     matches = np.zeros(len(owner), dtype=bool)
     table, short = np.zeros(_TABLE, dtype=np.int32), owner.astype(np.int32)
-    for bins in _bins(normal, offset, piece):
+    for bins in _bins(normal, offset, distance, piece):
         places = (bins & np.uint64(_TABLE - 1)).astype(np.int64)
         table[places] = short
         shared = np.zeros(_TABLE, dtype=bool)
@@ -296,7 +311,9 @@ def _matching(planes: _Triangles) -> tuple[_Ints, _Ints]:
     """Find pairs of planes, the earlier object's first, that coincide where their boxes overlap."""
     margin = _CLOSENESS * np.maximum(np.abs(planes.low), np.abs(planes.high)).max(axis=1, initial=0.0)[:, None]
     low, high = planes.low - margin, planes.high + margin
-    found = [np.stack(_overlapping(low, high, bins)) for bins in _bins(planes.normal, planes.offset, planes.piece)]
+    distance = np.linalg.norm((planes.low + planes.high) / 2 - planes.middle, axis=1)
+    every = _bins(planes.normal, planes.offset, distance, planes.piece)
+    found = [np.stack(_overlapping(low, high, bins)) for bins in every]
     p, q = np.concatenate(found, axis=1)
     p, q = np.where(planes.owner[p] < planes.owner[q], (p, q), (q, p))
     different = planes.owner[p] != planes.owner[q]
