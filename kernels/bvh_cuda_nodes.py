@@ -15,6 +15,7 @@ from warpvis.kernels.constants import (
     NODE_LOW_ROW,
     NOWHERE,
 )
+from warpvis.kernels.corners import first_corner
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -191,13 +192,14 @@ def fill_leaves(
     triangles_out: wp.array2d[wp.int32],
     owners_out: wp.array2d[wp.int32],
 ):
-    """Write a triangle's corners, and whose it is; lane 0's first corner, and owner, where there is none."""
+    """Write the corners and the owner of each triangle; a corner and the owner of lane 0's in unused lanes."""
     leaf, lane = wp.tid()
     begin = leaf_ranges[leaf, 0]
     is_used = lane < leaf_ranges[leaf, 1] - begin
     triangle = order[begin + wp.where(is_used, lane, 0)]
+    first = first_corner(vertices[faces[triangle, 0]], vertices[faces[triangle, 1]], vertices[faces[triangle, 2]])
     for corner in range(3):
-        place = vertices[faces[triangle, wp.where(is_used, corner, 0)]]
+        place = vertices[faces[triangle, wp.where(is_used, (first + corner) % 3, 0)]]
         for axis in range(3):
             leaves_out[leaf, 3 * corner + axis, lane] = place[axis]
     triangles_out[leaf, lane] = wp.where(is_used, triangle, -1)

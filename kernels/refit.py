@@ -9,6 +9,7 @@ how many threads share one. Slots are places among a tree's children, ``node * l
 import warp as wp
 
 from warpvis.kernels.constants import CUDA_LANES, NODE_HIGH_ROW, NODE_LOW_ROW, NOWHERE
+from warpvis.kernels.corners import first_corner
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -86,8 +87,13 @@ def refit_leaves(
 
     box = no_box()
     for lane in range(part, leaf_vertices.shape[2], parts):
+        first = first_corner(
+            vertices[leaf_vertices[leaf, 0, lane]],
+            vertices[leaf_vertices[leaf, 1, lane]],
+            vertices[leaf_vertices[leaf, 2, lane]],
+        )
         for corner in range(3):
-            place = vertices[leaf_vertices[leaf, corner, lane]]
+            place = vertices[leaf_vertices[leaf, (first + corner) % 3, lane]]
             for axis in range(3):
                 leaves_out[leaf, 3 * corner + axis, lane] = place[axis]
             box.low = wp.min(box.low, place)

@@ -120,9 +120,9 @@ class Emulator:
             at += image.nbytes
         assert at == len(result.stdout)
 
-    def lines_that_ran(self) -> dict[tuple[str, int, str], bool]:
-        """Whether a launch came to lines of the CUDA headers, in any variant: by file, number and text."""
-        ran: dict[tuple[str, int, str], bool] = {}
+    def line_counts(self) -> dict[tuple[str, int, str], int]:
+        """Return how often all launches so far ran each line of the CUDA headers: by file, line number and text."""
+        counts: dict[tuple[str, int, str], int] = {}
         for variant in self.variants:
             file = ""
             for line in _run([*_gcov(self._compiler), "-t", f"{variant.name}.gcda"], self._folder).splitlines():
@@ -132,9 +132,11 @@ class Emulator:
                     file = text.removeprefix("Source:")
                 elif count != "-" and Path(file).is_relative_to(HEADERS):
                     key = (Path(file).name, int(number), text)
-                    ran[key] = ran.get(key, False) or count not in ("#####", "=====")
-        assert len(ran) > 400
-        return ran
+                    # gcov marks a block of the line that never ran by "*".
+                    ran = 0 if count in ("#####", "=====") else int(count.rstrip("*"))
+                    counts[key] = counts.get(key, 0) + ran
+        assert len(counts) > 400
+        return counts
 
 
 def _trees(scene: Scene, images: list[wp.array | None]) -> Any:

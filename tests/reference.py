@@ -127,6 +127,7 @@ from reference_trees import (  # noqa: F401
     load_items,
     refit_leaves,
     refit_nodes,
+    rotate_corners,
     split_cost,
     split_range,
 )

@@ -59,7 +59,14 @@ def fill_leaves(vertices: NDArray, faces: NDArray, triangles: NDArray) -> NDArra
     used = np.where(triangles >= 0, triangles, triangles[:, :1])
     corners = vertices[faces[used]]
     corners[triangles < 0] = corners[triangles < 0][:, :1]
-    return corners.reshape(*triangles.shape, 9).swapaxes(1, 2)
+    return rotate_corners(corners).reshape(*triangles.shape, 9).swapaxes(1, 2)
+
+
+def rotate_corners(corners: NDArray) -> NDArray:
+    """Rotate the corners of triangles, shape (..., 3, 3), so that the first one is opposite to the longest side."""
+    sides = np.abs(np.roll(corners, -1, axis=-2) - np.roll(corners, -2, axis=-2))
+    first = np.argmax((sides[..., 0] + sides[..., 1]) + sides[..., 2], axis=-1)
+    return np.take_along_axis(corners, (first[..., None, None] + np.arange(3)[:, None]) % 3, axis=-2)
 
 
 def fit_nodes(vertices: NDArray, faces: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -72,9 +79,9 @@ def fit_nodes(vertices: NDArray, faces: NDArray) -> tuple[NDArray[np.float64], N
 
 def refit_leaves(vertices: NDArray, leaf_vertices: NDArray) -> tuple[NDArray, NDArray]:
     """Rows of the leaves, shape (L, 9, lanes), and their boxes, shape (L, 6); `leaf_vertices` is (L, 3, lanes)."""
-    corners = vertices[leaf_vertices]
+    corners = vertices[leaf_vertices].swapaxes(1, 2)
     boxes = np.concatenate([corners.min(axis=(1, 2)), corners.max(axis=(1, 2))], axis=1)
-    return corners.swapaxes(2, 3).reshape(len(leaf_vertices), 9, -1), boxes
+    return np.moveaxis(rotate_corners(corners), 1, 3).reshape(len(leaf_vertices), 9, -1), boxes
 
 
 def refit_nodes(boxes: NDArray, children: NDArray) -> tuple[NDArray, NDArray]:

@@ -114,15 +114,34 @@ struct Leaves {
         for (int k = 0; k < LANES; ++k) {
             const int triangle = Items::triangle(items[begin + (k < count ? k : 0)]);
             const int* corners = mesh.faces + 3 * (long long)triangle;
+            const int first = first_corner(mesh.vertices, corners);
             triangles[leaf * LANES + k] = k < count ? triangle : -1;
             owners[leaf * LANES + k] = mesh.owner[triangle];
             all_closed &= mesh.closed[mesh.owner[triangle]] != 0;
             for (int corner = 0; corner < 3; ++corner) {
-                const float* p = mesh.vertices + 3 * (long long)corners[k < count ? corner : 0];
+                const float* p = mesh.vertices + 3 * (long long)corners[k < count ? (first + corner) % 3 : 0];
                 for (int axis = 0; axis < 3; ++axis) to[(3 * corner + axis) * LANES + k] = p[axis];
             }
         }
         Bounds::of_leaf(to, all_closed, bounds + leaf * NODE_ROWS);
+    }
+
+    // The corner opposite to the longest side, which is stored first. Casters compute a triangle's normal from the two
+    // sides that meet there, and its rounding error is proportional to the product of their lengths: the two long sides
+    // of a sliver would give it an error larger than its area. kernels/corners.py chooses the same corner: L1 distances
+    // have no products, which a compiler may round in different ways.
+    static inline int first_corner(const float* vertices, const int* corners) {
+        float opposite[3];
+        for (int k = 0; k < 3; ++k)
+            opposite[k] = l1_distance(vertices + 3 * (long long)corners[(k + 1) % 3],
+                                      vertices + 3 * (long long)corners[(k + 2) % 3]);
+        const int first = opposite[1] > opposite[0] ? 1 : 0;
+        return opposite[2] > opposite[first] ? 2 : first;
+    }
+    static inline float l1_distance(const float* a, const float* b) {
+        float sum = 0.0f;
+        for (int axis = 0; axis < 3; ++axis) sum += a[axis] > b[axis] ? a[axis] - b[axis] : b[axis] - a[axis];
+        return sum;
     }
 };
 

@@ -35,7 +35,9 @@ struct Packets {
                                    fabsf(camera.first_u), fabsf(camera.first_v));
         camera.per_extent = 1.0f / camera.extent;
         camera.focal = fmaxf((float)view.focal[0], (float)view.focal[1]);
-        camera.slope_error = SLOPE_ERROR / fminf((float)view.focal[0], (float)view.focal[1]);
+        // Where pixels are not squares, lengths in pixels are the least exact along the shorter focal length.
+        const float shorter = fminf((float)view.focal[0], (float)view.focal[1]);
+        camera.slope_error = SLOPE_ERROR * camera.focal / (shorter * shorter);
         camera.blur = BLUR * ((float)(view.focal[0] + view.focal[1]) + camera.last_x + camera.last_y);
         return camera;
     }

@@ -52,9 +52,10 @@ constexpr float TRIANGLE_SLACK = 0.002f, TRIANGLE_SLACK_BLURS = 4.0f;
 constexpr float CROSSING_SHARE = 1e-6f, CROSSING_LEAST = 1e-30f;
 // Of 1 / z: the relative error of a rounded term, and the one that is allowed.
 constexpr float TERM_ERROR = 2e-7f, ALLOWED_ERROR = 6e-6f;
-// The volume of a triangle may be wrong by this part of the product of how far its corners are apart, and of how far
-// away, twice.
-constexpr float VOLUME_DOUBT = 4e-8f;
+// Error bound of a triangle's volume, as a multiple of Camera::slope_error (4 roundings) times the lengths of the two
+// sides at a corner and the distance of that corner: 4 sqrt(3) roundings of each side, 5 sqrt(3) of the corner and 5 of
+// the products and their sum are 28 roundings. Underflow adds at most the last number.
+constexpr float VOLUME_ERROR = 8.0f, MIN_VOLUME_ERROR = 1e-30f;
 // So many times as far apart as the nearest corner is away, corners are turned to the camera one by one.
 constexpr float COARSE = 4.0f;
 
@@ -187,23 +188,6 @@ struct Setup {
         return p.crossing || !(Origins::error(error) <= ALLOWED_ERROR * t.min_inv_z);
     }
 
-    // What rounding may change of an edge's value and of the volume of a triangle, if any of it is in the image: by how
-    // far its corners are apart, in pixels times depth, and away.
-    struct Rounding {
-        float edge, volume;
-
-        static inline float apart(const Camera& camera, Vec3 ab, Vec3 ac, float zmin, float zmax) {
-            return __fmaf_rn(camera.extent, zmax - zmin, (fabsf(ab.x) + fabsf(ac.x)) + (fabsf(ab.y) + fabsf(ac.y)));
-        }
-        static inline Rounding of(const Camera& camera, Vec3 ab, Vec3 ac, float zmin, float zmax) {
-            const float apart = Rounding::apart(camera, ab, ac, zmin, zmax), per_extent = camera.per_extent;
-            const float away = camera.origins.away(__fmaf_rn(2.0f * camera.extent, zmax, apart));
-            const float rounded = __fmul_rn(EDGE_DOUBT, away);
-            return Rounding{__fmul_rn(rounded, __fmaf_rn(EDGE_DOUBT_LEAST * per_extent, away, apart)),
-                            __fmul_rn(__fmul_rn(VOLUME_DOUBT, away), __fmul_rn(apart, __fmul_rn(per_extent, away)))};
-        }
-    };
-
     // The corners of a triangle as they are stored.
     struct Corners {
         Vec3 a, b, c;
@@ -236,12 +220,27 @@ struct Setup {
         }
         // Whether a corner may be so much nearer than others that it must not get the rounding of how far these are.
         inline bool is_coarse(const Camera& camera) const {
-            const float zmin = Three::min(a.z, b.z, c.z), zmax = Three::max(a.z, b.z, c.z);
-            return zmax > 0.0f && Rounding::apart(camera, ab, ac, zmin, zmax) > COARSE * camera.extent * zmin;
+            return zmax() > 0.0f && spread(camera) > COARSE * camera.extent * zmin();
         }
         inline bool has_area() const { return volume != 0.0f && fabsf(volume) <= NOWHERE; }
-        inline Rounding rounding(const Camera& camera) const {
-            return Rounding::of(camera, ab, ac, Three::min(a.z, b.z, c.z), Three::max(a.z, b.z, c.z));
+        inline float zmin() const { return Three::min(a.z, b.z, c.z); }
+        inline float zmax() const { return Three::max(a.z, b.z, c.z); }
+        // How far apart the corners are [px m].
+        inline float spread(const Camera& camera) const {
+            return __fmaf_rn(camera.extent, zmax() - zmin(), (fabsf(ab.x) + fabsf(ac.x)) + (fabsf(ab.y) + fabsf(ac.y)));
+        }
+        // Error bound of an edge's value where the triangle is in the image; see EDGE_DOUBT.
+        inline float edge_error(const Camera& camera) const {
+            const float apart = spread(camera);
+            const float away = camera.origins.away(__fmaf_rn(2.0f * camera.extent, zmax(), apart));
+            return __fmul_rn(__fmul_rn(EDGE_DOUBT, away), __fmaf_rn(EDGE_DOUBT_LEAST * camera.per_extent, away, apart));
+        }
+        // Error bound of the volume: a multiple of the product of the three vectors' lengths. Of a sliver that is far
+        // less than what its longest side alone bounds.
+        inline float volume_error(const Camera& camera) const {
+            const float sides = __fmul_rn(camera.length(ab), camera.length(ac));
+            const float away = camera.origins.away(camera.length(a));
+            return __fmaf_rn(__fmul_rn(VOLUME_ERROR * camera.slope_error, away), sides, MIN_VOLUME_ERROR);
         }
     };
 
@@ -293,7 +292,7 @@ struct Setup {
     static inline bool wanted(const Bvh& bvh, const Camera& camera, const CameraTriangle& t, unsigned slot) {
         bool shown = true;
         if (camera.cull_back_faces || camera.skip_back_faces) {
-            const float doubt = camera.origins.volume(t.rounding(camera).volume, t.normal);
+            const float doubt = camera.origins.volume(t.volume_error(camera), t.normal);
             const bool front = t.volume < doubt;  // or may be
             shown = front || (!camera.cull_back_faces && __ldg(bvh.owners + slot) >= 0);
         }
@@ -332,13 +331,13 @@ struct Setup {
     // Whether a triangle is outside of a rectangle of the image, judged by its edges.
     static inline bool passes_by(const Camera& camera, const CameraTriangle& c, float u0, float u1, float v0,
                                  float v1) {
-        const Rounding rounding = c.rounding(camera);
+        const float volume_error = c.volume_error(camera), edge_error = c.edge_error(camera);
         const float sign = c.volume < 0.0f ? -1.0f : 1.0f;
-        if (camera.origins.is_beside(c.volume, rounding.volume, c.normal)) return false;
-        return fabsf(c.volume) >= rounding.volume &&
-               (beyond(camera.origins, edge(c.b, c.c, sign), rounding.edge, u0, u1, v0, v1) ||
-                beyond(camera.origins, edge(c.c, c.a, sign), rounding.edge, u0, u1, v0, v1) ||
-                beyond(camera.origins, edge(c.a, c.b, sign), rounding.edge, u0, u1, v0, v1));
+        if (camera.origins.is_beside(c.volume, volume_error, c.normal)) return false;
+        return fabsf(c.volume) >= volume_error &&
+               (beyond(camera.origins, edge(c.b, c.c, sign), edge_error, u0, u1, v0, v1) ||
+                beyond(camera.origins, edge(c.c, c.a, sign), edge_error, u0, u1, v0, v1) ||
+                beyond(camera.origins, edge(c.a, c.b, sign), edge_error, u0, u1, v0, v1));
     }
     // An edge's value is greatest at a corner. Rounding keeps the order: no pixel of the rectangle contradicts the
     // corner.
@@ -350,9 +349,9 @@ struct Setup {
     // A triangle of a leaf.
     static inline Triangle triangle(const Bvh& bvh, const Camera& camera, int first_x, int first_y, unsigned slot) {
         const CameraTriangle c = CameraTriangle::of(camera, Corners::of(bvh.corners(slot)));
-        const Rounding rounding = c.rounding(camera);
+        const float volume_error = c.volume_error(camera), edge_error = c.edge_error(camera);
         // Single precision cannot tell then whether its front or its back is seen.
-        const bool edge_on = fabsf(c.volume) < rounding.volume;
+        const bool edge_on = fabsf(c.volume) < volume_error;
         const ProjectedTriangle p = ProjectedTriangle::of(camera, c.a, c.b, c.c);
         const Bounds bounds = Bounds::of(camera, p);
         const float sign = c.volume < 0.0f ? -1.0f : 1.0f, scale = 1.0f / c.volume;
@@ -371,12 +370,12 @@ struct Setup {
         t.u = p.u[0], t.v = p.v[0], t.inv_z = p.inv_z[0];
         t.min_inv_z = p.crossing ? 1.0f / p.zmax : Three::min(p.inv_z[0], p.inv_z[1], p.inv_z[2]);
         t.max_inv_z = p.crossing ? MOST_INV_Z : Three::max(p.inv_z[0], p.inv_z[1], p.inv_z[2]);
-        t.beside = camera.origins.is_beside(c.volume, rounding.volume, c.normal);
+        t.beside = camera.origins.is_beside(c.volume, volume_error, c.normal);
         t.exact = edge_on || t.sees_both_sides() || loses_digits(camera, p, bounds, t, c.ab, c.ac, scale);
         // Within a triangle, no edge's value is more than the volume by the depth there.
-        t.doubt = rounding.edge;
+        t.doubt = edge_error;
         if (edge_on && !t.sees_both_sides())
-            t.doubt = p.crossing ? NOWHERE : __fmaf_rn(2.0f * rounding.volume, t.max_inv_z, rounding.edge);
+            t.doubt = p.crossing ? NOWHERE : __fmaf_rn(2.0f * volume_error, t.max_inv_z, edge_error);
         return t;
     }
 };
