@@ -4,7 +4,10 @@
 
 import io
 import json
+import shutil
 import struct
+import tarfile
+import tracemalloc
 import warnings
 import zipfile
 import zlib
@@ -19,7 +22,7 @@ from pose_samples import bop
 
 import warpvis as wv
 from warpvis.errors import FileFormatError
-from warpvis.io import load_camera, read_frames, read_points
+from warpvis.io import load_camera, read_depth, read_frames, read_points
 
 LONG = "a" * 5000
 
@@ -162,6 +165,20 @@ def test_a_chunk_of_mcap_that_is_longer_than_the_file(tmp_path):
     assert refusal(read_frames, path).endswith(f"bag.mcap has a chunk of {2**40} bytes, and {size} in all")
 
 
+def test_chunks_of_mcap_have_a_bound(tmp_path):
+    """By the length unpacked that a chunk gives, and that its index gives."""
+    pytest.importorskip("rosbags")
+    from test_ros_bags import KINDS, write_bag
+
+    path = write_bag(tmp_path / "bag", {"/camera": KINDS["PoseStamped"][0]})
+    data = path.read_bytes()
+    start = 8 + 9 + int.from_bytes(data[9:17], "little")
+    unpacked = struct.pack("<Q", 2**31)
+    for kind, record in ((6, bytes(16) + unpacked + bytes(16)), (8, bytes(64) + unpacked)):
+        path.write_bytes(data[:start] + bytes([kind]) + struct.pack("<Q", len(record)) + record + data[start:])
+        assert "bag.mcap: unpacks to more than 1 GiB, the most that is read" in refusal(read_frames, path)
+
+
 def test_long_names_in_bags_are_not_repeated(tmp_path):
     pytest.importorskip("rosbags")
     from test_ros_bags import ROWS, pose_stamped, write_bag
@@ -266,6 +283,74 @@ def test_the_file_is_named_of_a_world_with_what_is_no_mesh(tmp_path):
     )
     said = refusal(wv.webots.load_webots, path)
     assert said.startswith(f"{path}") and "within" in said
+
+
+@pytest.fixture
+def small_bound(monkeypatch):
+    """The bound of what files unpack to, as if it were 10,000 bytes."""
+    monkeypatch.setattr("warpvis.io._archives._MOST_BYTES", 10_000)
+
+
+def poses_at_origin(count):
+    return np.tile([0.0, 0, 0, 0, 0, 0, 1], (count, 1))
+
+
+def test_compressed_arrays_of_poses_have_a_bound(tmp_path, small_bound):
+    np.savez_compressed(tmp_path / "poses.npz", camera_to_world=poses_at_origin(1000), others=np.zeros(10**6))
+    assert refusal(read_frames, tmp_path / "poses.npz") == (
+        f"{tmp_path / 'poses.npz'}: unpacks to more than 1 GiB, the most that is read: write it with numpy.savez, "
+        "without compression"
+    )
+    np.savez_compressed(tmp_path / "poses.npz", camera_to_world=poses_at_origin(100), others=np.zeros(10**6))
+    assert len(read_frames(tmp_path / "poses.npz")) == 100  # other arrays are not read
+    np.savez(tmp_path / "poses.npz", camera_to_world=poses_at_origin(1000))
+    assert len(read_frames(tmp_path / "poses.npz")) == 1000
+
+
+def test_compressed_poses_of_a_dataset_are_refused(datasets, tmp_path):
+    shutil.copytree(datasets / "png", tmp_path / "png")
+    path = tmp_path / "png" / "poses.npz"
+    with np.load(path) as arrays:
+        kept = dict(arrays)
+    np.savez_compressed(path, **{**kept, "others": np.zeros(10**6)})
+    assert refusal(wv.open_dataset, tmp_path / "png").endswith(
+        "poses.npz is missing or damaged: its arrays are compressed"
+    )
+
+
+def test_poses_in_parquet_have_a_bound(tmp_path, small_bound):
+    arrow = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    columns = dict(zip(("x", "y", "z", "qx", "qy", "qz", "qw"), poses_at_origin(1000).T, strict=True))
+    parquet.write_table(arrow.table(columns), tmp_path / "poses.parquet")
+    assert (tmp_path / "poses.parquet").stat().st_size < 10_000
+    assert "poses.parquet: unpacks to more than 1 GiB" in refusal(read_frames, tmp_path / "poses.parquet")
+
+
+@pytest.mark.parametrize("ending", [".zip", ".tar.gz"])
+def test_archives_that_unpack_to_too_much_take_no_memory(tmp_path, monkeypatch, ending):
+    monkeypatch.setattr("warpvis.io._archives._MOST_BYTES", 30_000_000)
+    path, size = tmp_path / f"a{ending}", 50_000_000
+    if ending == ".zip":
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr("a.stl", bytes(size))
+    else:
+        with tarfile.open(path, "w:gz") as archive:
+            member = tarfile.TarInfo("a.stl")
+            member.size = size
+            archive.addfile(member, io.BytesIO(bytes(size)))
+    tracemalloc.start()
+    try:
+        assert "unpacks to more than 1 GiB" in refusal(wv.Scene.load, path)
+        assert tracemalloc.get_traced_memory()[1] < 5_000_000
+    finally:
+        tracemalloc.stop()
+
+
+def test_an_archive_is_no_depth_image(tmp_path):
+    np.savez(tmp_path / "a.npz", depth=np.ones((2, 2)))
+    path = (tmp_path / "a.npz").rename(tmp_path / "a.npy")
+    assert refusal(read_depth, path) == f"{path}: does not read as NPY: it is an archive"
 
 
 def test_long_labels_are_not_repeated(tmp_path):

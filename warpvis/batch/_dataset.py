@@ -4,12 +4,17 @@
 
 from __future__ import annotations
 
+import io
 import os
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from warpvis.batch._job import frame_arrays
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.batch._job import FRAME_ARRAYS, frame_arrays
 from warpvis.batch._manifest import MANIFEST, Manifest, manifest_text, parse_manifest, require_same
 from warpvis.batch._records import BEGIN_RECORD, INDEX_RECORD, Record, commit, read_whole, shard_record
 from warpvis.batch.formats._npz import npz_parts
@@ -24,6 +29,20 @@ if TYPE_CHECKING:
     from warpvis.scene import Scene
 
 POSES = "poses.npz"
+
+
+def read_frame_arrays(store: Store) -> dict[str, NDArray[Any]]:
+    """Read the arrays of a dataset's frames, which are stored uncompressed: others could unpack to any size.
+
+    Raises:
+        Exception: NumPy and zipfile raise any for what is no such file.
+    """
+    data = store.read(POSES) or b""
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        if sum(info.file_size for info in archive.infolist()) > len(data):
+            raise ValueError("its arrays are compressed")
+    with np.load(io.BytesIO(data)) as arrays:
+        return {name: arrays[name] for name in FRAME_ARRAYS if name in arrays}
 
 
 class Dataset:

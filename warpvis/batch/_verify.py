@@ -4,17 +4,15 @@
 
 from __future__ import annotations
 
-import io
 import itertools
 import os
-import zipfile
 import zlib
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from warpvis.batch._dataset import POSES
+from warpvis.batch._dataset import POSES, read_frame_arrays
 from warpvis.batch._identity import frames_hash
 from warpvis.batch._job import FRAME_ARRAYS, shard_name
 from warpvis.batch._manifest import MANIFEST, Contents, no_dataset, parse_manifest, read_contents, read_label_names
@@ -131,16 +129,11 @@ def _recorded_shards(store: Store, shards: int) -> list[int]:
 
 
 def _check_poses(store: Store, sha256: str, frames: int) -> Iterator[str]:
-    import numpy as np
-
     from warpvis.core.frames import Frames
 
-    data = store.read(POSES) or b""
     try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:  # stored as they are; others could unpack to any size
-            stored = sum(info.file_size for info in archive.infolist()) <= len(data)
-        with np.load(io.BytesIO(data if stored else b"")) as arrays:
-            found = Frames(**{name: arrays.get(name) for name in FRAME_ARRAYS})
+        arrays = read_frame_arrays(store)
+        found = Frames(**{name: arrays.get(name) for name in FRAME_ARRAYS})
         if frames_hash(found) != sha256:
             yield f"{POSES}: holds other poses than the manifest says"
         elif len(found) != frames:

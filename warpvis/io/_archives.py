@@ -28,11 +28,22 @@ _Stream = IO[bytes] | gzip.GzipFile | bz2.BZ2File | lzma.LZMAFile
 
 # A few thousand bytes can unpack to any number.
 _MOST_BYTES = 1 << 30
+_PIECE = 1 << 20
 
 
 def is_archive(name: str) -> bool:
     """Tell from a name whether it is of an archive."""
     return name.lower().endswith(ARCHIVES)
+
+
+def check_unpacked(path: Path, size: int, fix: str = "unpack it first") -> None:
+    """Refuse a file that unpacks to more than a GiB.
+
+    Raises:
+        FileFormatError: If `size`, in bytes, is more than that; `fix` says what to do then.
+    """
+    if size > _MOST_BYTES:
+        raise FileFormatError(f"{path}: unpacks to more than 1 GiB, the most that is read: {fix}")
 
 
 def unpack(path: Path, zipped: bytes | None = None) -> dict[str, bytes]:
@@ -46,14 +57,14 @@ def unpack(path: Path, zipped: bytes | None = None) -> dict[str, bytes]:
         FileFormatError: It does not read, or would unpack to more than a GiB.
     """
     found: dict[str, bytes] = {}
-    left = _MOST_BYTES
+    size = 0
     try:
-        for name, stream in _members(path, zipped):
+        for name, stream, said in _members(path, zipped):
+            check_unpacked(path, size + said)  # before it takes memory
             with stream:
-                found[name] = stream.read(left + 1)
-            left -= len(found[name])
-            if left < 0:
-                raise FileFormatError(f"{path}: unpacks to more than 1 GiB, the most that is read: unpack it first")
+                found[name] = _read(stream, _MOST_BYTES - size + 1)
+            size += len(found[name])
+            check_unpacked(path, size)
     except FileFormatError:
         raise
     except Exception as error:  # each library has exceptions of its own for what is no archive
@@ -61,19 +72,29 @@ def unpack(path: Path, zipped: bytes | None = None) -> dict[str, bytes]:
     return found
 
 
-def _members(path: Path, zipped: bytes | None) -> Iterator[tuple[str, _Stream]]:
+def _read(stream: _Stream, most: int) -> bytes:
+    """Read up to `most` bytes; in pieces, since libraries hold what they read at once twice."""
+    buffer = io.BytesIO()
+    while piece := stream.read(min(_PIECE, most - buffer.tell())):
+        buffer.write(piece)
+    return buffer.getvalue()
+
+
+def _members(path: Path, zipped: bytes | None) -> Iterator[tuple[str, _Stream, int]]:
+    """Yield the files of an archive, and the size that the archive gives for each, 0 if it gives none."""
     name = path.name.lower()
     if zipped is not None or name.endswith(_ZIPS):
         with zipfile.ZipFile(path if zipped is None else io.BytesIO(zipped)) as archive:
+            check_unpacked(path, sum(info.file_size for info in archive.infolist()))
             for info in archive.infolist():
                 if not info.is_dir():
-                    yield info.filename, archive.open(info)
+                    yield info.filename, archive.open(info), info.file_size
     elif name.endswith(_TARS):
         with tarfile.open(path, "r:*") as archive:
             for member in archive:
                 stream = archive.extractfile(member) if member.isfile() else None
                 if stream is not None:
-                    yield member.name, stream
+                    yield member.name, stream, member.size
     else:
         kind = path.suffix.lower()
-        yield path.stem, gzip.open(path) if kind == ".gz" else bz2.open(path) if kind == ".bz2" else lzma.open(path)
+        yield path.stem, gzip.open(path) if kind == ".gz" else bz2.open(path) if kind == ".bz2" else lzma.open(path), 0

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from warpvis.core.checks import as_path, check_number, said_by
 from warpvis.errors import ArrayError, FileFormatError
 from warpvis.io._depth import units_to_depth
+from warpvis.io._files import read_array
 
 DEPTH_SUFFIXES = (".png", ".npy")
 """What `read_depth` reads."""
@@ -49,10 +50,7 @@ def _read(path: Path) -> NDArray:
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file")
     if path.suffix.lower() == ".npy":
-        try:
-            return np.load(path, allow_pickle=False)
-        except Exception as error:  # NumPy has many
-            raise FileFormatError(f"{path}: not an array of NumPy's: {said_by(error)}") from None
+        return read_array(path)
     from PIL import Image
 
     try:

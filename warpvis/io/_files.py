@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from warpvis.core.checks import said_by, shortened
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
+from warpvis.io._archives import check_unpacked
 
 _LONGEST_SHOWN = 60
 
@@ -41,13 +43,17 @@ def read_archive(path: Path, wanted: Sequence[str], needed: str) -> dict[str, ND
         needed: The one that has to be there.
 
     Raises:
-        FileFormatError: It cannot be read, is something else, has no such array, or something else in its place.
+        FileFormatError: It cannot be read, is something else, has no such array, or something else in its place; or
+            compressed arrays unpack to more than a GiB.
     """
     loaded = _load_numpy(path, "NPZ")
     if not isinstance(loaded, NpzFile):
         raise FileFormatError(f"{path}: does not read as NPZ: it is one array")
     with loaded:
         names = list(loaded)
+        packed = [info for info in loaded.zip.infolist() if info.compress_type != zipfile.ZIP_STORED]
+        size = sum(info.file_size for info in packed if info.filename.removesuffix(".npy") in wanted)
+        check_unpacked(path, size, "write it with numpy.savez, without compression")
         try:
             arrays = {name: loaded[name] for name in wanted if name in names}
         except Exception as error:  # so do damaged archives

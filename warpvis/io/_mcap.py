@@ -10,22 +10,28 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from warpvis.io._archives import check_unpacked
+
 _MAGIC = b"\x89MCAP0\r\n"
 _HEAD = 9
 """Bytes before what a record holds: its kind, and its length."""
-_FOOTER, _CHUNK_INDEX = 2, 8
+_FOOTER, _CHUNK, _CHUNK_INDEX = 2, 6, 8
+_UNPACKED = slice(16, 24)
+"""Bytes of a chunk that give its length unpacked."""
+_FIX = "write it in smaller chunks"
 _SIZES = 16
 """Bytes at the end of a chunk's index: its length as it is stored, and unpacked."""
 
 
 def check_mcap(bag: Path) -> None:
-    """Refuse MCAP files of a bag in which a record is longer than the file.
+    """Refuse MCAP files of a bag in which a record is longer than the file, or a chunk unpacks to more than a GiB.
 
     Args:
         bag: A file, or a folder of some; others are not looked at.
 
     Raises:
-        ValueError: There is one.
+        ValueError: There is such a record.
+        FileFormatError: There is such a chunk.
         OSError: A file cannot be read.
     """
     for path in sorted(bag.glob("*.mcap")) if bag.is_dir() else [bag]:
@@ -44,7 +50,12 @@ def _check_file(path: Path) -> None:
                 raise ValueError(f"{path.name} has a record of {length} bytes at byte {start}, and {size} in all")
             if head[0] == _CHUNK_INDEX and length >= _SIZES:
                 file.seek(start + length - _SIZES)
-                stored = int.from_bytes(file.read(_SIZES)[:8], "little")
+                sizes = file.read(_SIZES)
+                stored = int.from_bytes(sizes[:8], "little")
                 if stored > size:
                     raise ValueError(f"{path.name} has a chunk of {stored} bytes, and {size} in all")
+                check_unpacked(path, int.from_bytes(sizes[8:], "little"), _FIX)
+            if head[0] == _CHUNK and length >= _UNPACKED.stop:
+                file.seek(start)
+                check_unpacked(path, int.from_bytes(file.read(_UNPACKED.stop)[_UNPACKED], "little"), _FIX)
             file.seek(start + length)

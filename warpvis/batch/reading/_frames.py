@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
@@ -12,8 +11,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.batch._dataset import POSES
-from warpvis.batch._job import FRAME_ARRAYS, shard_name
+from warpvis.batch._dataset import POSES, read_frame_arrays
+from warpvis.batch._job import shard_name
 from warpvis.batch._manifest import MANIFEST
 from warpvis.batch._records import INDEX_RECORD, RECORDS_FOLDER
 from warpvis.batch.reading._bags import BagReader
@@ -339,8 +338,7 @@ def _choose(specs: Mapping[str, FrameSpec], outputs: Sequence[str] | None, job: 
 
 def _read_poses(store: Store, job: Job) -> Frames:
     try:
-        with np.load(io.BytesIO(store.read(POSES) or b"")) as arrays:
-            found = {name: arrays[name] for name in FRAME_ARRAYS if name in arrays}
+        found = read_frame_arrays(store)
         times, world_index = found.pop("timestamps"), found.pop("world_index", None)
         poses, objects = found["camera_to_world"], found.get("object_poses")
         worlds = {"object_poses": objects, "world_index": world_index}

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.checks import counted, said_by
 from warpvis.errors import FileFormatError
+from warpvis.io._archives import check_unpacked
 from warpvis.io._files import read_lines, shorten
 from warpvis.io.poses._file_poses import FilePoses
 
@@ -84,6 +85,8 @@ def read_parquet(path: Path) -> FilePoses:
         with parquet.ParquetFile(path) as file:
             names = file.schema_arrow.names
             columns = _find_columns(names, str(path))
+            size = file.metadata.num_rows * len(columns) * np.dtype(np.float64).itemsize
+            check_unpacked(path, size, "split it into several files")
             table = file.read(columns=[names[index] for index in columns.values()])
         values = {name: table.column(table.column_names.index(names[index])) for name, index in columns.items()}
         arrays = [_as_floats(value, f"{path}: column {name}") for name, value in values.items()]
