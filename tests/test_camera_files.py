@@ -340,3 +340,103 @@ def test_normalized_intrinsics_of_a_file_are_refused(name, tmp_path):
     (tmp_path / name).write_text(text)
     with pytest.raises(wv.errors.WarpvisError, match=rf"{name}.*multiply fx and cx by 640, fy and cy by 480"):
         load_camera(tmp_path / name)
+
+
+# As instant-ngp's colmap2nerf.py writes a COLMAP camera of the model OPENCV_FISHEYE.
+NGP_FISHEYE = {
+    "camera_angle_x": 2 * math.atan(32 / 52), "camera_angle_y": 2 * math.atan(24 / 50), "fl_x": 52.0, "fl_y": 50.0,
+    "k1": 0.05, "k2": -0.01, "k3": 0.004, "k4": -0.001, "p1": 0.0, "p2": 0.0, "is_fisheye": True,
+    "cx": 31.0, "cy": 25.0, "w": 64.0, "h": 48.0, "aabb_scale": 16,
+}  # fmt: skip
+
+
+def fisheye_pixel(point, of):
+    """The fisheye of OpenCV and instant-ngp, ``opencv_fisheye_lens_distortion_delta`` there."""
+    x, y, z = point
+    radius = math.hypot(x, y) / z
+    angle = math.atan(radius)
+    bent = angle * (1 + sum(of[f"k{power}"] * angle ** (2 * power) for power in range(1, 5)))
+    return of["fl_x"] * x / z * bent / radius + of["cx"], of["fl_y"] * y / z * bent / radius + of["cy"]
+
+
+@pytest.mark.parametrize("place", ["file", "frames"])
+def test_instant_ngps_fisheye(tmp_path, place):
+    data = {"frames": nerfstudio()["frames"]} | NGP_FISHEYE
+    if place == "frames":
+        lens = {name: data.pop(name) for name in ("k1", "k2", "k3", "k4", "is_fisheye")}
+        data["frames"] = [frame | lens for frame in data["frames"]]
+    path = put(tmp_path / "transforms.json", data)
+    camera = load_camera(path, distortion=True)
+    for point in ((0.3, -0.2, 1.0), (-0.9, 0.4, 1.0), (1.5, 1.0, 1.0)):
+        np.testing.assert_allclose(camera.project([point])[0], fisheye_pixel(point, NGP_FISHEYE), atol=1e-9)
+    assert read_frames(path, distortion=True).camera == camera
+    with pytest.raises(FileFormatError, match=r'camera_model "OPENCV_FISHEYE" is no pinhole'):
+        load_camera(path)
+    with pytest.warns(IntrinsicsWarning, match="the poses come without a camera"):
+        assert read_frames(path).camera is None
+
+
+def test_instant_ngps_other_lenses(tmp_path):
+    """``latlong_to_dir`` and ``f_theta_undistortion`` of instant-ngp: the ray of a pixel."""
+    panorama = load_camera(put(tmp_path / "transforms.json", NERF | {"latlong": True}), distortion=True)
+    theta, phi = (10.5 / 48 - 0.5) * math.pi, (40.5 / 64 - 0.5) * 2 * math.pi
+    ray = (math.sin(phi) * math.cos(theta), math.sin(theta), math.cos(phi) * math.cos(theta))
+    np.testing.assert_allclose(panorama.project([ray])[0], (40.5, 10.5), atol=1e-9)
+    numbers = {"ftheta_p0": 0.0, "ftheta_p1": 0.02, "ftheta_p2": 1e-5, "ftheta_p3": 1e-7, "ftheta_p4": 1e-9}
+    bent = load_camera(put(tmp_path / "transforms.json", NERF | numbers), distortion=True)
+    x, y = 40.5 - NERF["cx"], 10.5 - NERF["cy"]
+    norm = math.hypot(x, y)
+    alpha = sum(numbers[f"ftheta_p{power}"] * norm**power for power in range(5))
+    ray = (math.sin(alpha) * x / norm, math.sin(alpha) * y / norm, math.cos(alpha))
+    np.testing.assert_allclose(bent.project([ray])[0], (40.5, 10.5), atol=1e-6)
+
+
+def test_nerfstudios_distortion_params(tmp_path):
+    """k1 k2 k3 k4 p1 p2 in one list, which counts before the single keys."""
+    given = {"distortion_params": [0.05, -0.01, 0.004, 0.0, 0.001, -0.002], "k1": 9.0}
+    path = put(tmp_path / "transforms.json", NERF | given)
+    each = dict(zip(("k1", "k2", "k3", "k4", "p1", "p2"), given["distortion_params"], strict=True))
+    assert load_camera(path, distortion=True) == wv.Camera.from_nerfstudio(NERF | each)
+    with pytest.warns(IntrinsicsWarning, match="the lens has distortion"):
+        same(load_camera(path))
+
+
+def test_fields_of_view_of_instant_ngp(tmp_path):
+    """``read_focal_length``: x_fov in degrees, then fl_x, then camera_angle_x in radians, and y alike."""
+    sides = {"w": 64, "h": 48, "frames": nerfstudio()["frames"]}
+    for angles, focal in (
+        ({"x_fov": 90.0, "fl_x": 7.0}, (32, 32)),
+        ({"camera_angle_x": math.pi / 2, "camera_angle_y": 2 * math.atan(0.5)}, (32, 48)),
+        ({"y_fov": 90.0}, (24, 24)),
+        ({"camera_angle_x": math.pi / 2, "fl_y": 40.0}, (32, 40)),
+    ):
+        same(load_camera(put(tmp_path / "transforms.json", sides | angles)), wv.Camera(64, 48, *focal, 32, 24))
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        (
+            {"is_fisheye": True, "camera_model": "PINHOLE"},
+            "camera_model must be OPENCV_FISHEYE or left out with is_fis",
+        ),
+        ({"is_fisheye": True, "latlong": True}, "must have one model, got keys of OPENCV_FISHEYE and EQUIRECTANGULAR"),
+        ({"is_fisheye": "yes"}, "is_fisheye must be True or False, got 'yes'"),
+        ({"is_fisheye": True, "p1": 0.1}, "has no tangential distortion, got p1=0.1"),
+        ({"equirectangular": True}, r"camera_model 'equirectangular \(of equal area\)' of nerfstudio is not known"),
+        ({"ftheta_p0": 0.1, "ftheta_p1": 0.01}, "ftheta_p0 must be 0, the angle at the principal point, got 0.1"),
+        ({"distortion_params": [0.1, 0.2]}, "distortion_params of nerfstudio must be 6 numbers, got 2"),
+        ({"fl_x": None, "camera_angle_x": 60.0}, "camera_angle_x must be between 0 and pi radians, got 60.0"),
+        ({"x_fov": 180.0}, "x_fov must be between 0 and 180 degrees, got 180.0"),
+    ],
+)
+def test_what_no_lens_of_transforms_is(tmp_path, fields, message):
+    path = put(tmp_path / "transforms.json", NERF | fields)
+    with pytest.raises(FileFormatError, match=message):
+        load_camera(path, distortion=True)
+
+
+def test_rolling_shutters_of_instant_ngp_are_told(tmp_path):
+    path = put(tmp_path / "transforms.json", nerfstudio() | NERF | {"rolling_shutter": [0.0, 0.0, 1.0]})
+    with pytest.warns(UserWarning, match="rolling_shutter is not read"):
+        read_frames(path)

@@ -186,8 +186,9 @@ class CameraMakers:
         """Make a camera of nerfstudio's ``transforms.json``, whose pixels have their centres at +0.5.
 
         Args:
-            fields: ``fl_x fl_y cx cy w h``, ``camera_model`` and ``k1 k2 k3 k4 p1 p2``; of a frame that has its own,
-                ``{**transforms, **frame}``.
+            fields: ``fl_x fl_y cx cy w h``, ``camera_model``, and ``k1 k2 k3 k4 p1 p2`` or ``distortion_params``; or,
+                instead of ``camera_model``, instant-ngp's ``is_fisheye``, ``latlong`` or ``ftheta_p0`` to
+                ``ftheta_p4``. Of a frame that has its own, ``{**transforms, **frame}``.
             near: Least depth [m].
             far: Greatest depth [m].
             kind: What depth of a lens is.

@@ -46,7 +46,7 @@ def load_camera(name_or_path: str, *, distortion: bool = False) -> CalibratedCam
     - JSON of our own: ``width``, ``height`` [px], optionally ``near``, ``far`` [m], and either ``hfov`` or ``vfov``
       [rad] (optionally ``vertical``), or ``K`` (3x3, optionally ``pixel_center``); see `Camera.from_fov` and
       `Camera.from_K`. With `distortion` it may have a ``lens``, as ``render_batch`` writes it.
-    - nerfstudio's ``transforms.json``; BOP's ``camera.json`` and ``scene_camera.json``.
+    - ``transforms.json`` of nerfstudio and instant-ngp; BOP's ``camera.json`` and ``scene_camera.json``.
     - COLMAP's ``cameras.txt`` and ``cameras.bin``, of a single camera.
     - ``calibration.txt`` beside the images of TUM's layout: ``fx fy cx cy``, and ``k1 k2 p1 p2 k3`` of a lens.
     - YAML of ROS's camera_calibration, of which `P` counts, and Kalibr's camchain (``camchain.yaml:cam1``).

@@ -1,8 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras of JSON files: nerfstudio's ``transforms.json``, BOP's ``camera.json`` and ``scene_camera.json``.
+"""Cameras of JSON files: nerfstudio's and instant-ngp's ``transforms.json``, and BOP's two files.
 
 Formats: https://docs.nerf.studio/quickstart/data_conventions.html,
+https://github.com/NVlabs/instant-ngp/blob/master/src/nerf_loader.cu,
 https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_format.md
 """
 
@@ -14,24 +15,27 @@ from functools import partial
 from pathlib import Path
 
 from warpvis.core.camera import Camera
+from warpvis.core.checks import said_by
 from warpvis.core.json_files import read_json
 from warpvis.core.types import Json
 from warpvis.core.user_warnings import warn_user
-from warpvis.errors import IntrinsicsWarning
+from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning
 from warpvis.io._files import as_numbers, shorten
 from warpvis.io.cameras._pinhole import NoPinholeError, image_size, make_calibrated, make_pinhole, one_camera
 from warpvis.sensors import CalibratedCamera
+from warpvis.sensors.lenses import NERF_PINHOLES, nerfstudio_distortion, nerfstudio_model
 
 _NERF_NUMBERS = ("fl_x", "fl_y", "cx", "cy", "w", "h")
-_LENS = ("k1", "k2", "k3", "k4", "p1", "p2")
-_PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
+_NERF_ANGLES = ("camera_angle_x", "camera_angle_y", "x_fov", "y_fov")
+_NERF_LENS = ("camera_model", "distortion_params", "k1", "k2", "k3", "k4", "p1", "p2")
+_NGP_LENS = ("is_fisheye", "latlong", "equirectangular", *(f"ftheta_p{power}" for power in range(5)))
 _BOP_CAMERA = {"fx", "fy", "cx", "cy", "width", "height"}
 _BOP_IMAGES = ("depth", "rgb", "gray")
 
 
 def is_nerfstudio(fields: Mapping[str, Json]) -> bool:
     """Tell whether a JSON object is a ``transforms.json``."""
-    return "frames" in fields or "fl_x" in fields or "camera_angle_x" in fields
+    return "frames" in fields or any(name in fields for name in ("fl_x", *_NERF_ANGLES))
 
 
 def is_bop(fields: Mapping[str, Json]) -> bool:
@@ -49,7 +53,7 @@ def nerfstudio_lens_camera(path: Path, fields: Mapping[str, Json]) -> Calibrated
     for entry, frames in _nerfstudio_entries(fields):
         numbers = _nerfstudio_numbers(path, entry, frames)
         if numbers is not None:
-            said = {name: entry[name] for name in ("camera_model", *_LENS) if name in entry}
+            said = {name: entry[name] for name in (*_NERF_LENS, *_NGP_LENS) if name in entry}
             said |= dict(zip(_NERF_NUMBERS, (*numbers[1], *numbers[0]), strict=True))
             kinds.setdefault(repr(said), said)
     some = list(kinds.values())[:2]  # two of them are several
@@ -61,7 +65,8 @@ def _nerfstudio_entries(fields: Mapping[str, Json]) -> list[tuple[dict[str, Json
     """List what may describe a camera: frames that have their own, or else the file."""
     frames = fields.get("frames")
     listed = [frame for frame in frames if isinstance(frame, dict)] if isinstance(frames, list) else []
-    own = [{**fields, **frame} for frame in listed if any(name in frame for name in _NERF_NUMBERS)]
+    names = (*_NERF_NUMBERS, *_NERF_ANGLES, *_NERF_LENS, *_NGP_LENS)
+    own = [{**fields, **frame} for frame in listed if any(name in frame for name in names)]
     return [(entry, listed) for entry in own or [dict(fields)]]
 
 
@@ -77,14 +82,16 @@ def nerfstudio_camera(path: Path, fields: Mapping[str, Json]) -> Camera | None:
 
 
 def _nerfstudio_camera(path: Path, fields: Mapping[str, Json], frames: Sequence[Mapping[str, Json]]) -> Camera | None:
-    model = fields.get("camera_model", "OPENCV")
-    if model not in _PINHOLES:
+    try:
+        model, lens = nerfstudio_model(fields), nerfstudio_distortion(fields)
+    except CameraError as error:
+        raise FileFormatError(f"{path}: {said_by(error)}") from None
+    if model not in NERF_PINHOLES:
         raise NoPinholeError(f"{path}: camera_model {shorten(model)} is no pinhole")
     numbers = _nerfstudio_numbers(path, fields, frames)
     if numbers is None:
         return None
     size, intrinsics = numbers
-    lens = [_number(path, fields, name) or 0.0 for name in _LENS]
     return make_pinhole(str(path), size, intrinsics, pixel_center=0.5, distortion=lens)
 
 
@@ -93,27 +100,34 @@ def _nerfstudio_numbers(
 ) -> tuple[tuple[float, float], tuple[float, ...]] | None:
     """Read width and height, and ``fx fy cx cy`` [px]; None if they are not said."""
     size = _nerfstudio_size(path, fields, frames)
-    focal = [_number(path, fields, name) for name in ("fl_x", "fl_y")]
-    across = _number(path, fields, "camera_angle_x")
     if size is None:
-        if focal[0] is not None or across is not None:
+        if any(fields.get(name) is not None for name in ("fl_x", "fl_y", *_NERF_ANGLES)):
             warn_user(
                 f"{path}: says a field of view, but not the images' size, and there is no picture beside it: the poses "
                 "come without a camera",
                 IntrinsicsWarning,
             )
         return None
-    if focal[0] is None and across is not None and 0 < across < math.pi:
-        focal[0] = size[0] / 2 / math.tan(across / 2)
-    if focal[0] is None:
+    focal = [_nerfstudio_focal(path, fields, axis, side) for axis, side in zip("xy", size, strict=True)]
+    fx, fy = (one if one is not None else other for one, other in (focal, focal[::-1]))
+    if fx is None or fy is None:
         return None
     centre = [_number(path, fields, name) for name in ("cx", "cy")]
-    intrinsics = (
-        focal[0],
-        focal[0] if focal[1] is None else focal[1],
-        *(side / 2 if at is None else at for at, side in zip(centre, size, strict=True)),
-    )
-    return size, intrinsics
+    return size, (fx, fy, *(side / 2 if at is None else at for at, side in zip(centre, size, strict=True)))
+
+
+def _nerfstudio_focal(path: Path, fields: Mapping[str, Json], axis: str, side: float) -> float | None:
+    """Return a focal length [px]; instant-ngp's field of view in degrees comes first, as there."""
+    degrees, focal = (_number(path, fields, name) for name in (f"{axis}_fov", f"fl_{axis}"))
+    angle = _number(path, fields, f"camera_angle_{axis}")
+    if degrees is None and (focal is not None or angle is None):
+        return focal
+    fov, name, most = (angle, f"camera_angle_{axis}", "pi radians") if degrees is None else (
+        math.radians(degrees), f"{axis}_fov", "180 degrees"
+    )  # fmt: skip
+    if fov is None or not 0 < fov < math.pi:
+        raise NoPinholeError(f"{path}: {name} must be between 0 and {most}, got {fields[name]!r}")
+    return side / 2 / math.tan(fov / 2)
 
 
 def _nerfstudio_size(

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from warpvis.core.types import Json
+from warpvis.core.user_warnings import warn_user
 from warpvis.errors import FileFormatError
 from warpvis.io._files import as_numbers, shorten
 from warpvis.io.cameras._json import nerfstudio_camera, nerfstudio_lens_camera
@@ -33,6 +34,11 @@ def parse_nerfstudio(path: Path, data: Json, *, distortion: bool = False) -> Fil
         if not isinstance(frame, dict) or "transform_matrix" not in frame:
             raise FileFormatError(f'{path}: frame {index} must be an object with a "transform_matrix"')
         poses[index] = as_numbers(frame["transform_matrix"], (4, 4), f"{path}: transform_matrix of frame {index}")
+    shutters = [entry.get("rolling_shutter") for entry in (data, *frames)]
+    if any(isinstance(shutter, list) and any(shutter) for shutter in shutters):
+        warn_user(
+            f"{path}: rolling_shutter is not read: each frame has the one pose of its transform_matrix", UserWarning
+        )
     read = nerfstudio_lens_camera if distortion else nerfstudio_camera
     camera = camera_of_poses(lambda: read(path, data))
     return FilePoses(poses, lambda index: f"{path}: frame {index}", "opengl", camera=camera)

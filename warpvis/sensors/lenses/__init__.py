@@ -16,10 +16,13 @@ from warpvis.sensors.lenses._colmap import (
 )
 from warpvis.sensors.lenses._fisheyes import KannalaBrandt, RadTanThinPrismFisheye, ThinPrismFisheye
 from warpvis.sensors.lenses._formats import (
+    NERF_PINHOLES as NERF_PINHOLES,
     lens_from_kalibr as lens_from_kalibr,
     lens_from_nerfstudio as lens_from_nerfstudio,
     lens_from_opencv as lens_from_opencv,
     lens_from_ros as lens_from_ros,
+    nerfstudio_distortion as nerfstudio_distortion,
+    nerfstudio_model as nerfstudio_model,
 )
 from warpvis.sensors.lenses._ftheta import FTheta
 from warpvis.sensors.lenses._lens import Lens, check_coefficients as check_coefficients

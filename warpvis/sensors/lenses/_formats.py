@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Lenses of other systems' numbers: OpenCV's, ROS's, Kalibr's and nerfstudio's, each with its own pixel centres."""
+"""Lenses of the numbers of OpenCV, ROS, Kalibr, nerfstudio and instant-ngp, each with its own pixel centers."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from warpvis.core.checks import as_items, is_number, shortened
+from warpvis.core.checks import as_items, check_flag, is_number, shortened
 from warpvis.errors import CameraError
 from warpvis.sensors.lenses._closed import EUCM, FOV, DoubleSphere
 from warpvis.sensors.lenses._fisheyes import KannalaBrandt
+from warpvis.sensors.lenses._ftheta import FTheta
 from warpvis.sensors.lenses._lens import Lens, listed
 from warpvis.sensors.lenses._panoramas import Equirectangular
 from warpvis.sensors.lenses._pinhole import COUNTS, OpenCVPinhole
@@ -26,6 +27,17 @@ _ROS_COUNTS: dict[str, tuple[int, ...]] = {
     "fisheye": (4,),
 }
 _KALIBR_COUNTS = {"none": (0,), "radtan": (4,), "equidistant": (4,), "equi": (4,), "fov": (1,)}
+NERF_PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
+"""Models of nerfstudio that are a pinhole with or without distortion."""
+
+_NERF_FISHEYES = ("OPENCV_FISHEYE", "FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE")
+# instant-ngp's "equirectangular" has rows at equal steps of height and not of angle, which no lens here has.
+_NGP_MODELS = {
+    "is_fisheye": "OPENCV_FISHEYE",
+    "latlong": "EQUIRECTANGULAR",
+    "equirectangular": "equirectangular (of equal area)",
+    "ftheta_p0": "FTHETA",
+}
 _FISHEYES = ("equidistant", "equi", "fisheye")
 
 
@@ -99,25 +111,65 @@ def lens_from_kalibr(entry: Mapping[str, Any]) -> Lens:
     return EUCM(fx / (1 + xi), fy / (1 + xi), cx + 0.5, cy + 0.5, xi / (1 + xi))
 
 
+def nerfstudio_model(fields: Mapping[str, Any]) -> str:
+    """Return the model of a camera of ``transforms.json``: its ``camera_model``, or that of instant-ngp's keys.
+
+    instant-ngp has the keys ``is_fisheye``, ``latlong``, ``equirectangular`` and ``ftheta_p0`` to ``ftheta_p4`` instead
+    (``read_lens`` in its ``src/nerf_loader.cu``).
+
+    Raises:
+        CameraError: If a key is malformed, or the keys contradict each other.
+    """
+    given = fields.get("camera_model")
+    models = [] if given is None else [str(given)]
+    for key, model in _NGP_MODELS.items():
+        if key in fields and (key.startswith("ftheta") or check_flag(fields[key], key, CameraError)):
+            if given is None:
+                models.append(model)
+            elif given != model and not (model == "OPENCV_FISHEYE" and given in _NERF_FISHEYES):
+                raise CameraError(f"camera_model must be {model} or left out with {key}, got {shortened(repr(given))}")
+    if len(models) > 1:
+        raise CameraError(f"a camera must have one model, got keys of {' and '.join(models)}")
+    return models[0] if models else "OPENCV"
+
+
+def nerfstudio_distortion(fields: Mapping[str, Any]) -> tuple[float, ...]:
+    """Return ``k1 k2 k3 k4 p1 p2`` of a camera of ``transforms.json``, which may be a list ``distortion_params``.
+
+    Raises:
+        CameraError: If they are not numbers.
+    """
+    if fields.get("distortion_params") is None:
+        return tuple(_number(fields, name) for name in ("k1", "k2", "k3", "k4", "p1", "p2"))
+    coefficients = _numbers(fields["distortion_params"], "distortion_params")
+    _check_count(coefficients, (6,), "distortion_params", "nerfstudio")
+    return coefficients
+
+
 def lens_from_nerfstudio(fields: Mapping[str, Any], size: Sequence[float], intrinsics: Sequence[float]) -> Lens:
-    """Make a lens of ``camera_model`` and ``k1`` ... ``p2`` of nerfstudio, whose pixel centres are at + 0.5.
+    """Make a lens of a camera of nerfstudio or instant-ngp, whose pixel centers are at + 0.5.
 
     Raises:
         CameraError: The model is not known, or has coefficients that it cannot have.
     """
-    model = str(fields.get("camera_model", "OPENCV"))
-    k1, k2, k3, k4, p1, p2 = (_number(fields, name) for name in ("k1", "k2", "k3", "k4", "p1", "p2"))
+    model = nerfstudio_model(fields)
+    k1, k2, k3, k4, p1, p2 = nerfstudio_distortion(fields)
     fx, fy, cx, cy = (float(number) for number in intrinsics)
-    if model in ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE"):
+    if model in NERF_PINHOLES:
         if k4:
             raise CameraError(
                 f"k4 of camera_model {model} scales the eighth power of the radius, which no lens here has"
             )
         return OpenCVPinhole(fx, fy, cx, cy, (k1, k2, p1, p2, k3) if k3 else (k1, k2, p1, p2))
-    if model in ("OPENCV_FISHEYE", "FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE"):
+    if model in _NERF_FISHEYES:
         if p1 or p2:
             raise CameraError(f"camera_model {model} has no tangential distortion, got p1={p1:g}, p2={p2:g}")
         return KannalaBrandt(fx, fy, cx, cy, (k1, k2, k3, k4))
+    if model == "FTHETA":
+        constant, *rest = (_number(fields, f"ftheta_p{power}") for power in range(5))
+        if constant:
+            raise CameraError(f"ftheta_p0 must be 0, the angle at the principal point, got {constant:g}")
+        return FTheta(cx, cy, tuple(rest))
     if model == "EQUIRECTANGULAR":
         return Equirectangular(float(size[0]), float(size[1]))
     raise CameraError(f"camera_model {shortened(repr(model))} of nerfstudio is not known")
