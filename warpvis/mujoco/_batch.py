@@ -14,7 +14,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, check_out, empty
-from warpvis.core.camera import Camera
+from warpvis.core.camera import check_size
 from warpvis.core.checks import check_choice, check_whole
 from warpvis.core.kernel_cache import launch
 from warpvis.core.label_rules import LabelInput
@@ -161,7 +161,8 @@ class BatchRenderer:
             WarpvisError: An argument is not what it has to be.
         """
         nworld = None if nworld is None else check_whole(nworld, "nworld")
-        Camera(width, height, 1, 1, 0, 0)  # checks the size
+        check_size(width, "width")
+        check_size(height, "height")
         groups, static, sites = shown_by(scene_option)
         sites = () if scene_option is None else sites
         if geom_groups is not None:

@@ -13,7 +13,7 @@ import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.camera import Camera
+from warpvis.core.camera import check_size
 from warpvis.core.checks import check_choice, check_flag, said_by, shortened
 from warpvis.core.label_rules import LabelInput, LabelRules
 from warpvis.core.threads import check_threads
@@ -110,7 +110,8 @@ class Renderer:
         """
         if not isinstance(model, mujoco.MjModel):
             raise SceneError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
-        Camera(width, height, 1, 1, 0, 0)  # checks the size
+        check_size(width, "width")
+        check_size(height, "height")
         self._model, self._size = model, (int(height), int(width))
         rules = LabelRules.of(labels, label_names)
         self._options: dict[str, Any] = {"tolerance": tolerance, "labels": rules, "exclude": check_patterns(exclude)}
