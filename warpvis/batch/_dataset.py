@@ -12,7 +12,6 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warpvis.batch._job import FRAME_ARRAYS, frame_arrays
 from warpvis.batch._manifest import MANIFEST, Manifest, manifest_text, parse_manifest, require_same
@@ -31,7 +30,7 @@ if TYPE_CHECKING:
 POSES = "poses.npz"
 
 
-def read_frame_arrays(store: Store) -> dict[str, NDArray[Any]]:
+def read_frame_arrays(store: Store) -> dict[str, Any]:
     """Read the arrays of a dataset's frames, which are stored uncompressed: others could unpack to any size.
 
     Raises:

@@ -51,7 +51,8 @@ def read_archive(path: Path, wanted: Sequence[str], needed: str) -> dict[str, ND
         raise FileFormatError(f"{path}: does not read as NPZ: it is one array")
     with loaded:
         names = list(loaded)
-        packed = [info for info in loaded.zip.infolist() if info.compress_type != zipfile.ZIP_STORED]
+        members = loaded.zip.infolist() if loaded.zip is not None else []
+        packed = [info for info in members if info.compress_type != zipfile.ZIP_STORED]
         size = sum(info.file_size for info in packed if info.filename.removesuffix(".npy") in wanted)
         check_unpacked(path, size, "write it with numpy.savez, without compression")
         try:
