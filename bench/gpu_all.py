@@ -54,6 +54,7 @@ def workloads(device: wp.Device, views: int | None = None) -> Iterator[Workload]
     yield from lidar_worlds.workloads(device, views)
     yield from gpu_trees.workloads(device)
     yield from gpu_cases.fine_workloads(device, views)
+    yield from gpu_worlds.color_workloads(device, views)
     yield from gpu_cases.peer_workloads(device, views)
 
 

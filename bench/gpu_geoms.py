@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator
-from functools import partial
 from typing import Any
 
 import mujoco
@@ -84,14 +83,12 @@ def compare(geoms: int, worlds: int, size: int, device: str) -> dict[str, Any]:
 
 def workloads(device: wp.Device, worlds: int | None = None) -> Iterator[Workload]:
     """Yield some of the cases."""
+    for geoms, count, size in ((10, 4096, 64), (100, 2048, 64), (100, 128, 512), (1000, 64, 64)):
 
-    def prepare(case: str) -> Contest:
-        geoms, count, size = (int(number) for number in case.split(","))
-        return pair(geoms, worlds or count, size, str(device)).contest()
+        def prepare(geoms: int = geoms, count: int = worlds or count, size: int = size) -> Contest:
+            return pair(geoms, count, size, str(device)).contest()
 
-    for case in ("10,4096,64", "100,2048,64", "100,128,512", "1000,64,64"):
-        geoms, count, size = case.split(",")
-        yield Workload(f"geoms {geoms} in {count} worlds {size}x{size}", partial(prepare, case))
+        yield Workload(f"geoms {geoms} in {worlds or count} worlds {size}x{size}", prepare)
 
 
 def main() -> int:

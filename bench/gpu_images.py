@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from functools import partial
 
+import numpy as np
 import warp as wp
 from bench_visibility import things
 from gpu_timing import Run
@@ -16,6 +17,7 @@ from ratios import Contest, Workload
 import warpvis as wv
 
 _VIEWS = 256
+_READOUT = 0.03  # of a rolling shutter [s]
 
 
 class Images:
@@ -36,6 +38,14 @@ class Images:
         """Return the call that renders other outputs."""
         renderer = wv.Renderer(self.scene, self.camera, outputs=outputs)
         return partial(renderer.render, self.poses, out=renderer.render(self.poses))
+
+    def moving(self) -> Run:
+        """Return the call that renders depth of a rolling shutter that moves."""
+        camera = wv.sensors.RollingShutter(self.camera, _READOUT)
+        rows = self.poses.numpy()
+        motion = wv.sensors.Motion([rows, rows + np.float32([0.05, 0, 0.02, 0, 0, 0, 0])], [0, _READOUT])
+        renderer = wv.Renderer(self.scene, camera, outputs="depth")
+        return partial(renderer.render, motion, out=renderer.render(motion))
 
     def back_project(self) -> Run:
         """Return the call that makes points of depth."""
@@ -72,6 +82,7 @@ class Images:
 MADE: dict[str, Callable[[Images], Run]] = {
     "color": lambda images: images.other("color"),
     "albedo": lambda images: images.other("albedo"),
+    "moving": Images.moving,
     "back_project": Images.back_project,
     "classify": Images.classify,
     "floor_map": Images.floor_map,

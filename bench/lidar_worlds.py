@@ -153,7 +153,7 @@ def workloads(device: wp.Device, worlds: int | None = None) -> Iterator[Workload
             return Contest(mine, {"rays": [call]}, timer_of(device), same)
         return Contest(mine, {"mujoco-lidar": [theirs(model, poses, rays, str(device))[0]]}, timer_of(device))
 
-    yield Workload("lidar in 1024 worlds", partial(prepare, 1024, True))
+    yield Workload("lidar in 256 worlds", partial(prepare, 256, True))
     yield Workload("lidar in 4096 worlds mujoco-lidar", partial(prepare, 4096, False))
 
 

@@ -18,17 +18,16 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
-from gpu_timing import HostTimer, Run, Timer, enough_calls
-from timing import take_turns
+from gpu_timing import Run, Timer, enough_calls
 
 ROOT = Path(__file__).resolve().parent.parent
 
-# A ratio counts as fallen from here on; it is then measured a second time.
+# A ratio counts as fallen from here on, unless told otherwise; it is then measured a second time.
 TOLERATED = 0.05
 
 ROUNDS = 9
 
-# No further round of a workload on a GPU begins after that many seconds, once there were that many rounds.
+# No further round of a workload begins after that many seconds, once there were that many rounds.
 _MOST_SECONDS, _LEAST_ROUNDS = 3.0, 3
 
 # Both sides must make the same values, up to corners that round otherwise.
@@ -71,14 +70,11 @@ class Figure:
     commit: str = ""
     date: str = ""
 
-    def fallen(self, before: Figure | None) -> dict[str, float]:
-        """Ratios that are lower than `before` by more than `TOLERATED`, as shares of what they were."""
-        shares = (
-            {peer: ratio / before.ratios[peer] for peer, ratio in self.ratios.items() if peer in before.ratios}
-            if before
-            else {}
-        )
-        return {peer: share for peer, share in shares.items() if share < 1 - TOLERATED}
+    def fallen(self, before: Figure | None, tolerated: float = TOLERATED) -> dict[str, float]:
+        """Return ratios that are lower than `before` by more than a share, as shares of what they were."""
+        earlier = before.ratios if before else {}
+        shares = {peer: ratio / earlier[peer] for peer, ratio in self.ratios.items() if peer in earlier}
+        return {peer: share for peer, share in shares.items() if share < 1 - tolerated}
 
 
 def read_table(path: Path) -> dict[str, Figure]:
@@ -127,17 +123,19 @@ def measure(contest: Contest, rounds: int) -> Figure:
 
 def _rounds(timer: Timer, runs: Sequence[Run], first: Sequence[float], rounds: int) -> list[list[float]]:
     """Return the seconds of each call, one a round."""
-    if isinstance(timer, HostTimer):
-        return take_turns(runs, rounds)
     calls = [enough_calls(seconds) for seconds in first]
     times: list[list[float]] = [[] for _ in runs]
     gc.collect()
-    start = time.monotonic()
-    for number in range(rounds):
-        if number >= _LEAST_ROUNDS and time.monotonic() - start > _MOST_SECONDS:
-            break
-        for i in range(len(runs))[:: -1 if number % 2 else 1]:
-            times[i].append(timer.device_seconds(runs[i], calls[i]))
+    gc.disable()
+    try:
+        start = time.monotonic()
+        for number in range(rounds):
+            if number >= _LEAST_ROUNDS and time.monotonic() - start > _MOST_SECONDS:
+                break
+            for i in range(len(runs))[:: -1 if number % 2 else 1]:
+                times[i].append(timer.device_seconds(runs[i], calls[i]))
+    finally:
+        gc.enable()
     return times
 
 
@@ -176,6 +174,7 @@ class Guard:
     update: bool = False
     commit: str = ""
     rounds: int = ROUNDS
+    tolerated: float = TOLERATED
     limit: float = np.inf
     """Seconds after which no further workload begins."""
     fallen: list[str] = field(default_factory=list)
@@ -206,7 +205,7 @@ class Guard:
         for peer, ratio in figure.ratios.items():
             was = f" ({before.ratios[peer]:.3g})" if before and peer in before.ratios else " (new)"
             shown.append(f"{peer} {ratio:.3g}{was}")
-        fallen = figure.fallen(before)
+        fallen = figure.fallen(before, self.tolerated)
         for peer, share in fallen.items():
             self.fallen.append(
                 f"{name}: {peer} {figure.ratios[peer]:.3g}, {1 - share:.0%} below {before.ratios[peer]:.3g} of "
@@ -226,9 +225,9 @@ class Guard:
         if self.missing:
             print("\nNot measured:", *self.missing, sep="\n  ")
         if self.fallen:
-            print(f"\nFELL by more than {TOLERATED:.0%}:", *self.fallen, sep="\n  ")
+            print(f"\nFELL by more than {self.tolerated:.0%}:", *self.fallen, sep="\n  ")
         else:
-            print(f"\nOf {len(self.found)} workloads, none fell by more than {TOLERATED:.0%}.")
+            print(f"\nOf {len(self.found)} workloads, none fell by more than {self.tolerated:.0%}.")
         print(f"{time.monotonic() - self._start:.0f} s", flush=True)
         return 1 if self.fallen else 0
 
@@ -238,7 +237,7 @@ class Guard:
             contest = workload.prepare()
             prepared = time.monotonic()
             figure = measure(contest, self.rounds * (2 if self.update else 1))
-            if figure.fallen(self.table.get(workload.name)):
+            if figure.fallen(self.table.get(workload.name), self.tolerated):
                 self._print(f"{workload.name}: lower than in the table, measured again")
                 figure = measure(contest, 2 * self.rounds)
         except Exception as error:  # whatever a workload raises, the others are measured
@@ -255,7 +254,9 @@ class Guard:
         print(f"[{time.monotonic() - self._start:5.0f} s] {line}", flush=True)
 
 
-def add_options(parser: argparse.ArgumentParser, limit: float) -> None:
+def add_options(
+    parser: argparse.ArgumentParser, limit: float, tolerated: float = TOLERATED, rounds: int = ROUNDS
+) -> None:
     """Add the options that all guards have."""
     parser.add_argument("--only", nargs="+", metavar="NAME", help="workloads that have one of these in their names")
     parser.add_argument("--list", action="store_true", help="print the workloads' names")
@@ -268,7 +269,8 @@ def add_options(parser: argparse.ArgumentParser, limit: float) -> None:
     )
     parser.add_argument("--table", type=Path, metavar="FILE", help="a table other than this machine's")
     parser.add_argument("--commit", default="", metavar="NAME", help="where there is no git")
-    parser.add_argument("--rounds", type=int, default=ROUNDS)
+    parser.add_argument("--rounds", type=int, default=rounds)
+    parser.add_argument("--tolerated", type=float, default=tolerated, metavar="SHARE", help="what a ratio may fall by")
     parser.add_argument("--limit", type=float, default=limit, help="no further workload after that many seconds")
 
 
@@ -285,6 +287,7 @@ def run_guard(options: argparse.Namespace, machine: str, table: Path, workloads:
         options.update,
         options.commit or commit_name(),
         options.rounds,
+        options.tolerated,
         options.limit,
     )
     if options.figures is None:

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """All benchmarks: measured, kept, compared with this machine's last run, and then side by side with the peers.
 
-Results are kept in `.benchmarks/<machine>/`, one file a commit. What became slower is listed at the end of its part.
+Results are kept in `.benchmarks/<machine>/`, one file a commit. What became slower is listed at the end of its part;
+the ratios of cpu_all.py are one of them.
 Arguments that are not named here are compare.py's (``--scenes room --views 8``).
 """
 
@@ -69,6 +70,11 @@ def _seconds(bench: dict[str, Any]) -> float:
     return bench["stats"]["median"] / bench["extra_info"].get("views", 1)
 
 
+def run_ratios() -> int:
+    """Run cpu_all.py and return its exit code: 1 if a ratio fell."""
+    return subprocess.call([sys.executable, str(ROOT / "bench" / "cpu_all.py"), "--update"], cwd=ROOT)
+
+
 def run_comparison(arguments: Sequence[str], figures: bool) -> int:
     """Run compare.py and return its exit code."""
     command = [sys.executable, str(ROOT / "bench" / "compare.py"), *arguments]
@@ -78,7 +84,7 @@ def run_comparison(arguments: Sequence[str], figures: bool) -> int:
 def main() -> int:
     """Run everything; the exit code is 0 unless something fails."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--fail", action="store_true", help="exit with 1 if a benchmark became slower")
+    parser.add_argument("--fail", action="store_true", help="exit with 1 if a benchmark became slower, or a ratio fell")
     parser.add_argument("--figures", action="store_true", help="put the tables of the peers into docs/figures.md")
     options, for_compare = parser.parse_known_args()
 
@@ -94,8 +100,9 @@ def main() -> int:
     print(others.warning(), flush=True)
     for older in set(storage.glob(f"*/*_{name}.json")) - {new}:
         older.unlink()
+    fallen = run_ratios() != 0
     code = run_comparison(for_compare, options.figures)
-    return 1 if options.fail and slower else code
+    return 1 if options.fail and (slower or fallen) else code
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import pytest
 
 sys.path.append(str(Path(__file__).resolve().parent.parent / "bench"))
 
+import cpu_all
 import gpu_all
 from ratios import Contest, Figure, Guard, Workload, measure, read_table, write_table
 
@@ -159,3 +161,15 @@ def test_workloads_have_names_of_their_own_and_one_runs_on_a_cpu(tmp_path, capsy
     assert gpu_all.main([*options, *chosen, "--out", str(out)]) == 0
     figure = read_table(out)["small-room-1 waited for"]
     assert figure.ms > 0 and np.isfinite(figure.ratios["bare"])
+
+
+def test_workloads_of_a_cpu_core_run(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(os, "sched_setaffinity", lambda process, cores: None, raising=False)
+    out = tmp_path / "out.json"
+    options = ["--table", str(tmp_path / "none.json"), "--rounds", "3", "--out", str(out)]
+    assert cpu_all.main([*options, "--only", "classify NumPy", "lidar mj_multiRay"]) == 0
+    assert "not measured" not in capsys.readouterr().out
+    assert {name: list(row.ratios) for name, row in read_table(out).items()} == {
+        "classify NumPy": ["NumPy"],
+        "lidar mj_multiRay": ["mj_multiRay"],
+    }
