@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.checks import counted
 from warpvis.core.labels import Label
-from warpvis.scene import fits_millimetres
+from warpvis.scene import too_large_for
 from warpvis.sensors import Reason
 
 if TYPE_CHECKING:
@@ -37,9 +37,6 @@ _SHOWS: dict[str, Callable[[np.ndarray], NDArray[np.bool_]]] = {
     "true_depth": np.isfinite,
 }
 """Which pixels of an image show something; the first image that there is tells."""
-
-# A scene that is so many times as large as the camera sees far is rarely meant.
-_TOO_LARGE = 10.0
 
 _POSES_AT_ONCE = 1 << 20
 
@@ -86,7 +83,7 @@ def _reason(plan: Plan, scene: Scene) -> str:
     spans = " x ".join(map(_metres, size))
     reaches = f"near is {_metres(near)} m" + ("" if math.isinf(far) else f", far is {_metres(far)} m")
     away = _nearest(plan.frames.camera_to_world, least, most)
-    if size.max() > _TOO_LARGE * far and fits_millimetres(size):
+    if too_large_for(size, far):
         hint = "are its units millimetres (a scale of 0.001)?"
     elif away > far:
         hint = f"the nearest camera is {_metres(away)} m away from it"

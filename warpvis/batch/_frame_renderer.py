@@ -33,7 +33,7 @@ from warpvis.rendering import (
 )
 from warpvis.scene import Scene, require_scene
 from warpvis.sensors import CalibratedCamera, require_calibrated
-from warpvis.visibility import choose_objects, object_visibility
+from warpvis.visibility import choose_objects, see_objects
 
 if TYPE_CHECKING:
     from warpvis.core.frames import Frames
@@ -113,7 +113,7 @@ class FrameRenderer:
             eye = replace(camera, near=0.0, far=math.inf)
         self._exclude = choose_excluded(self.scene, exclude) or None
         self._object_visibility = partial(
-            object_visibility,
+            see_objects,
             self.scene,
             eye,
             objects=choose_objects(self.scene, objects) if VISIBILITY in self.outputs else None,

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from warpvis.core.arrays import FARTHEST, as_numpy
 from warpvis.core.checks import counted
 from warpvis.core.image_cameras import ImageCamera, describe_pixels, require_image_camera, same_pixels
+from warpvis.core.pose_order import warn_of_order
 from warpvis.core.poses import (
     Convention,
     QuaternionOrder,
@@ -144,6 +145,8 @@ class Frames:
         poses = to_xyzw(poses, quaternion, "poses")
         object_poses = to_xyzw(object_poses, quaternion, "object_poses")
         rows = _camera_rows(poses, convention)
+        if quaternion == "xyzw":
+            warn_of_order(poses, convention)
         count = len(rows)
         objects = None if object_poses is None else _object_rows(object_poses)
         worlds = None

@@ -21,7 +21,7 @@ from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds
-from warpvis.visibility import choose_objects, object_visibility
+from warpvis.visibility import choose_objects, see_objects
 
 Measure = Literal["fraction", "pixels"]
 
@@ -221,7 +221,7 @@ def _look(
     step = max(1, _AT_A_TIME // len(objects))
     for first in range(0, len(rows), step):
         part = slice(first, min(first + step, len(rows)))
-        seen = getattr(object_visibility(scene, camera, poses[part], **options), field)
+        seen = getattr(see_objects(scene, camera, poses[part], **options), field)
         if values is None:
             values = empty((len(rows), len(objects)), seen.dtype, name="values", device=scene.device)
         wp.copy(values[part], seen)

@@ -17,7 +17,7 @@ from warpvis.core.threads import launch_points
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import PoseError
 from warpvis.scene import Scene, require_scene
-from warpvis.scene.closed import has_no_boundary
+from warpvis.scene.closed import may_hold
 from warpvis.scene.worlds import parse_worlds
 from warpvis.visibility import choose_objects
 
@@ -189,12 +189,3 @@ def build_mesh(scene: Scene, vertices: Sequence[NDArray[np.float32]], chosen: Se
         indices=wp.array(np.arange(len(corners), dtype=np.int32), dtype=wp.int32, device=device),
         bvh_constructor="sah" if device.is_cpu else "cubql",
     )
-
-
-def may_hold(vertices: NDArray[np.float32], faces: NDArray[np.int32], points: NDArray[np.float32]) -> bool:
-    """Tell whether points can be inside of an object: some are in its box, and it is closed and faces outwards."""
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
-    if not ((points >= low) & (points <= high)).all(axis=1).any() or not has_no_boundary(vertices, faces):
-        return False
-    a, b, c = (vertices.astype(np.float64) - vertices[0])[faces].swapaxes(0, 1)
-    return bool((a * np.cross(b, c)).sum() > 0)

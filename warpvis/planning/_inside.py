@@ -12,8 +12,9 @@ from warpvis.core.arrays import as_points, empty
 from warpvis.core.poses import check_up
 from warpvis.core.threads import launch_points
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses
-from warpvis.planning._free_space import build_mesh, may_hold, one_world
+from warpvis.planning._free_space import build_mesh, one_world
 from warpvis.scene import Scene
+from warpvis.scene.closed import may_hold
 
 
 def inside_solids(

@@ -9,6 +9,11 @@ an `OrthographicCamera` images without perspective.
 from __future__ import annotations
 
 from warpvis.rendering._along import render_along as render_along
+from warpvis.rendering._blindness import (
+    seen_objects as seen_objects,
+    warn_of_eyes_inside as warn_of_eyes_inside,
+    warn_of_units as warn_of_units,
+)
 from warpvis.rendering._choices import (
     Caster,
     Fill,

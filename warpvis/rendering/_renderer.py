@@ -16,11 +16,13 @@ from warpvis.core.arrays import as_warp, count_axes
 from warpvis.core.camera import require_camera
 from warpvis.core.checks import check_choice, check_flag
 from warpvis.core.motion import Motion
-from warpvis.core.poses import Convention, QuaternionOrder, to_xyzw
+from warpvis.core.pose_order import warn_of_order
+from warpvis.core.poses import Convention, QuaternionOrder, host_poses, to_xyzw
 from warpvis.core.ray_camera import RayCamera
 from warpvis.core.threads import check_threads, launch_images
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, ObjectScales, PoseLike
 from warpvis.errors import ArrayError, CameraError
+from warpvis.rendering._blindness import warn_of_images
 from warpvis.rendering._choices import (
     DEFAULT_OUTPUTS,
     Caster,
@@ -432,7 +434,7 @@ def render(
     )
     if sensor is not None and frame is None:
         frame = next_frame(renderer.seed)
-    return renderer.render(
+    views = renderer.render(
         camera_to_world,
         object_poses=object_poses,
         object_scales=object_scales,
@@ -444,3 +446,10 @@ def render(
         view_index=view_index,
         out=out,
     )
+    if not isinstance(camera_to_world, Motion) and scene.device.is_cpu:
+        if quaternion == "xyzw":
+            warn_of_order(camera_to_world, "opencv" if convention is None else convention)
+        if fill == "inf" and object_poses is None and object_scales is None:
+            poses = host_poses(to_xyzw(camera_to_world, quaternion, "camera_to_world"))
+            warn_of_images(scene, camera.near, camera.far, poses, views, exclude)
+    return views

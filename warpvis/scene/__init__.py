@@ -11,6 +11,7 @@ from warpvis.scene._scene import Scene as Scene, require_scene as require_scene
 from warpvis.scene._units import (
     fits_millimetres as fits_millimetres,
     looks_like_millimetres as looks_like_millimetres,
+    too_large_for as too_large_for,
 )
 
 __all__ = [

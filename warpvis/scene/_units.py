@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 _LEAST_MODEL, _LARGEST_MODEL = 0.01, 100.0
 _MANY_METRES = 60.0
 
+# A scene that is so many times as large as the camera sees far is rarely meant.
+_TOO_LARGE = 10.0
+
 
 def fits_millimetres(size: NDArray[np.floating]) -> bool:
     """Tell whether a scene's sides, taken for millimetres, are those of what people model."""
@@ -20,3 +23,8 @@ def fits_millimetres(size: NDArray[np.floating]) -> bool:
 def looks_like_millimetres(size: NDArray[np.floating]) -> bool:
     """Tell whether a scene's sides [m] are more likely millimetres: every one of them is large, but for flat ones."""
     return fits_millimetres(size) and bool(np.max(size) > _MANY_METRES) and bool(np.median(size) > _MANY_METRES / 4)
+
+
+def too_large_for(size: NDArray[np.floating], far: float) -> bool:
+    """Tell whether a scene's sides [m] are millimetres, if a camera that sees so far sees nothing of it."""
+    return bool(np.max(size) > _TOO_LARGE * far) and fits_millimetres(size)

@@ -62,6 +62,22 @@ def has_no_boundary(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> 
     return sum(totals) % 2**64 == 0
 
 
+def may_hold(vertices: NDArray[np.float32], faces: NDArray[np.int32], points: NDArray[np.float32]) -> bool:
+    """Tell whether points can be inside of an object: some are in its box, and it is closed and faces outwards."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    if not ((points >= low) & (points <= high)).all(axis=1).any() or not has_no_boundary(vertices, faces):
+        return False
+    a, b, c = (vertices.astype(np.float64) - vertices[0])[faces].swapaxes(0, 1)
+    return bool((a * np.cross(b, c)).sum() > 0)
+
+
+def holds(vertices: NDArray[np.float32], faces: NDArray[np.int32], points: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Tell which points are inside of a closed mesh that faces outwards: its solid angle is 4 pi as seen from them."""
+    if not may_hold(vertices, faces, points):
+        return np.zeros(len(points), dtype=bool)
+    return np.array([_solid_angle(vertices.astype(np.float64) - point, faces) > 2 * np.pi for point in points])
+
+
 def _hash_places(vertices: NDArray[np.float32]) -> NDArray[np.uint64]:
     words = (np.asarray(vertices, dtype=np.float32) + np.float32(0.0)).view(np.uint32)  # -0.0 + 0.0 is 0.0
     result = np.full(len(words), _SEED)
@@ -103,6 +119,15 @@ def _is_star_shaped(vertices: NDArray[np.float32], faces: NDArray[np.int32], cen
     divisor += (cx * ax + cy * ay + cz * az) * b
     total = 2 * np.arctan2(np.maximum(volume, 0.0), divisor)[outward].sum()
     return bool(abs(total - 4 * np.pi) < _SOLID_ANGLE_TOLERANCE)
+
+
+def _solid_angle(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> float:
+    """Return the solid angle of a surface as seen from the origin (Van Oosterom and Strackee 1983)."""
+    a, b, c = vertices[faces.T]
+    la, lb, lc = (np.linalg.norm(corner, axis=1) for corner in (a, b, c))
+    volume = (a * np.cross(b, c)).sum(axis=1)
+    divisor = la * lb * lc + (a * b).sum(axis=1) * lc + (b * c).sum(axis=1) * la + (c * a).sum(axis=1) * lb
+    return float(2 * np.arctan2(volume, divisor).sum())
 
 
 def _have_area(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.bool_]:

@@ -10,6 +10,7 @@ from warpvis.visibility._objects import (
     ObjectVisibility as ObjectVisibility,
     choose_objects as choose_objects,
     object_visibility as object_visibility,
+    see_objects as see_objects,
 )
 from warpvis.visibility._perspective import Candidate, Perspective as Perspective, State, perspective as perspective
 from warpvis.visibility._points import (

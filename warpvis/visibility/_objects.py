@@ -11,15 +11,18 @@ from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from warpvis.core.arrays import check_metres, empty
 from warpvis.core.checks import as_items, check_flag
 from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.kernel_cache import launch
-from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
+from warpvis.core.labels import Visibility
+from warpvis.core.pose_order import warn_of_order
+from warpvis.core.poses import Convention, QuaternionOrder, host_poses, parse_poses, to_xyzw
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, SceneError
-from warpvis.rendering import Caster, Output, Renderer, Views
+from warpvis.rendering import Caster, Output, Renderer, Views, seen_objects, warn_of_eyes_inside, warn_of_units
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds, part_of
 from warpvis.visibility._silhouettes import SilhouetteCounter
@@ -127,6 +130,53 @@ def object_visibility(
     Raises:
         WarpvisError: An argument is not what it has to be.
     """
+    found = see_objects(
+        scene,
+        camera,
+        camera_to_world,
+        objects=objects,
+        delta=delta,
+        canvas=canvas,
+        min_pixels=min_pixels,
+        skip_unseen=skip_unseen,
+        masks=masks,
+        object_poses=object_poses,
+        world_index=world_index,
+        exclude=exclude,
+        convention=convention,
+        quaternion=quaternion,
+        caster=caster,
+        threads=threads,
+    )
+    if scene.device.is_cpu and len(found.status):
+        if quaternion == "xyzw":
+            warn_of_order(camera_to_world, convention)
+        poses = host_poses(to_xyzw(camera_to_world, quaternion, "camera_to_world"))
+        excluded = parse_worlds(scene, len(poses), object_poses, world_index, exclude).excluded
+        _warn_of_blindness(scene, camera, poses, found, seen_objects(scene, excluded), object_poses is not None)
+    return found
+
+
+def see_objects(
+    scene: Scene,
+    camera: ImageCamera,
+    camera_to_world: PoseLike,
+    *,
+    objects: Sequence[str | int] | None = None,
+    delta: float = 0.0,
+    canvas: tuple[int, int, int, int] | None = None,
+    min_pixels: int = 1,
+    skip_unseen: bool = False,
+    masks: bool = False,
+    object_poses: ObjectPoses = None,
+    world_index: ArrayInput | None = None,
+    exclude: Excluded = None,
+    convention: Convention = "opencv",
+    quaternion: QuaternionOrder = "xyzw",
+    caster: Caster = "auto",
+    threads: int | None = None,
+) -> ObjectVisibility:
+    """Do what `object_visibility` does, without warnings of arguments that are rarely meant."""
     from warpvis.kernels.constants import SILHOUETTE_COUNTERS
     from warpvis.kernels.silhouettes import judge_silhouettes
 
@@ -173,6 +223,25 @@ def object_visibility(
         launch(judge_silhouettes, (size, count), [counts, hidden_by, min_pixels, *outs], device)
         wp.copy(counted[:, part], counts[: len(_COUNTED)])
     return result
+
+
+def _warn_of_blindness(
+    scene: Scene,
+    camera: ImageCamera,
+    poses: NDArray[np.float32],
+    found: ObjectVisibility,
+    seen: NDArray[np.bool_],
+    moved: bool,
+) -> None:
+    """Warn of scenes in millimetres of which nothing is seen, and of cameras inside of closed objects."""
+    status = found.status.numpy()
+    unseen = ~(status == Visibility.VISIBLE).any(axis=1)
+    if unseen.all() and not (status == Visibility.OCCLUDED).any():
+        warn_of_units(scene, camera.far, seen)
+    blind = unseen & (status == Visibility.TOO_NEAR).any(axis=1)
+    if moved:
+        seen &= ~np.array([item.movable for item in scene.objects])
+    warn_of_eyes_inside(scene, camera.near, poses, np.flatnonzero(blind), seen)
 
 
 def choose_objects(scene: Scene, objects: Sequence[str | int] | None) -> list[int]:

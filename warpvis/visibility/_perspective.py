@@ -22,7 +22,7 @@ from warpvis.core.types import ArrayInput, ObjectPoses
 from warpvis.errors import ArrayError, SceneError
 from warpvis.scene import Scene, require_scene
 from warpvis.visibility._agents import Agent
-from warpvis.visibility._objects import ObjectVisibility, choose_objects, object_visibility
+from warpvis.visibility._objects import ObjectVisibility, choose_objects, see_objects
 from warpvis.visibility._situations import Situations
 
 _COUNTS = ("visible_pixels", "image_pixels", "silhouette_pixels", "too_near_pixels", "too_far_pixels")
@@ -363,7 +363,7 @@ class _Look:
         world_index = self.situations.world_index
         # Who stands still in a world that stands still looks once.
         views = len(poses) if world_index is None else self.situations.count
-        return object_visibility(
+        return see_objects(
             self.scene,
             camera,
             np.broadcast_to(poses, (views, 7)),

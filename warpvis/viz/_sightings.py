@@ -20,7 +20,7 @@ from warpvis.core.poses import Convention, QuaternionOrder, to_xyzw
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.rendering import render
 from warpvis.scene import Scene
-from warpvis.visibility import object_visibility, point_visibility
+from warpvis.visibility import point_visibility, see_objects
 from warpvis.viz._drawing import light_on, one_pose, to_picture
 from warpvis.viz._figures import new_figure, save_figure
 
@@ -105,7 +105,7 @@ def save_sightings(
     worlds = {"object_poses": object_poses, "exclude": exclude}
     views = render(scene, camera, pose, outputs=("depth", "normals"), **worlds)
     depth, normals = views.depth.numpy()[0], views.normals.numpy()[0]
-    found = object_visibility(scene, camera, pose, objects=objects, masks=True, **worlds)
+    found = see_objects(scene, camera, pose, objects=objects, masks=True, **worlds)
     assert found.masks is not None  # asked for
     masks, statuses, fractions = (array.numpy()[0] for array in (found.masks, found.status, found.fraction))
     there = np.flatnonzero(statuses != Visibility.OUT_OF_VIEW)

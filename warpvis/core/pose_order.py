@@ -1,0 +1,53 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Find poses whose quaternions have w first, though they are read with w last."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.arrays import on_gpu
+from warpvis.core.checks import format_percent
+from warpvis.core.poses import Convention, host_poses, poses_to_matrices, to_xyzw
+from warpvis.core.types import PoseLike
+from warpvis.core.user_warnings import warn_user
+
+# Fewer poses may be upright by chance in either order; of more, some are enough.
+_LEAST_POSES, _MOST_POSES = 3, 256
+# Heights of the cameras' axes: of a level one, and of one that surely points up or down.
+_LEVEL, _STEEP = 1e-3, 0.1
+
+
+def warn_of_order(poses: PoseLike, convention: Convention) -> None:
+    """Warn if some cameras are upside down, and with w first all would be level and upright.
+
+    The cameras of robots and of `look_at` are level and upright in a world whose vertical axis is z; few sets of poses
+    mix upright and inverted ones. Poses on a GPU are not looked at.
+
+    Args:
+        poses: Valid poses, as they were given.
+        convention: The axes of their frame.
+    """
+    if on_gpu(poses) or np.shape(poses)[1:] != (7,) or len(poses) < _LEAST_POSES:
+        return
+    rows = np.asarray(poses, dtype=np.float64)
+    rows = rows[:: -(-len(rows) // _MOST_POSES)]
+    _, down = _heights(rows, convention)
+    inverted = down > _STEEP
+    if inverted.all() or not inverted.any():
+        return
+    right, down = _heights(np.asarray(to_xyzw(rows, "wxyz", "poses")), convention)
+    if (np.abs(right) < _LEVEL).all() and (down < 0).all():
+        share = format_percent(float(inverted.mean()))
+        warn_user(
+            f"{share} of the cameras are upside down, and with w first in the quaternions all would be upright: if it "
+            'is, pass quaternion="wxyz"',
+            UserWarning,
+        )
+
+
+def _heights(rows: NDArray[np.float64], convention: Convention) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the z components of cameras' right and down axes in the world."""
+    matrices = poses_to_matrices(host_poses(rows, convention=convention))
+    return matrices[:, 2, 0], matrices[:, 2, 1]

@@ -1,0 +1,118 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Warn of the likely reason why cameras see nothing; only of results in the host's memory, so nothing is waited for."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.types import Excluded
+from warpvis.core.user_warnings import warn_user
+from warpvis.rendering._views import Views
+from warpvis.scene import Scene, too_large_for
+from warpvis.scene.closed import holds
+from warpvis.scene.worlds import parse_worlds
+
+# Of images, about so many pixels are looked at first.
+_PIXELS = 256
+
+# So many times as far as the camera's `near` is across an object inside of which it is blind.
+_MOST_NEARS = 4.0
+
+# Of cameras that see nothing, so many are looked for inside of objects.
+_MOST_EYES = 8
+
+
+def warn_of_images(
+    scene: Scene, near: float, far: float, poses: NDArray[np.float32], views: Views, exclude: Excluded
+) -> None:
+    """Warn of scenes in millimetres of which no pixel shows anything, and of cameras inside of closed objects.
+
+    Args:
+        scene: The scene.
+        near: The camera's least depth [m].
+        far: Its greatest depth [m].
+        poses: The cameras' poses, shape ``(V, 7)``.
+        views: What they see.
+        exclude: What is not seen, as for `Renderer.render`; what moves does not count either.
+    """
+    nothing, blind = _find_blind(views)
+    if nothing or len(blind):
+        seen = seen_objects(scene, parse_worlds(scene, len(poses), None, None, exclude).excluded)
+        if nothing and not len(blind):
+            warn_of_units(scene, far, seen)
+        warn_of_eyes_inside(scene, near, poses, blind, seen)
+
+
+def _find_blind(views: Views) -> tuple[bool, NDArray[np.intp]]:
+    """Find whether no pixel of any view has a depth, and the views that are mostly nearer than the camera's `near`."""
+    none = np.empty(0, dtype=np.intp)
+    if views.depth is None or not views.depth.device.is_cpu or not views.depth.size:
+        return False, none
+    depth = views.depth.numpy().reshape(len(views.depth), -1)
+    few = depth[:, :: max(1, depth.shape[1] // _PIXELS)]
+    near = np.flatnonzero(np.isneginf(few).mean(axis=1) > 0.5)
+    return not np.isfinite(few).any() and not np.isfinite(depth).any(), near
+
+
+def warn_of_units(scene: Scene, far: float, seen: NDArray[np.bool_]) -> None:
+    """Warn if a scene of which nothing is seen is in millimetres.
+
+    Args:
+        scene: The scene.
+        far: The camera's greatest depth [m].
+        seen: Which objects are not excluded, shape ``(objects,)``.
+    """
+    if not seen.any() or math.isinf(far):
+        return
+    boxes = np.array([item.bounds for item, counts in zip(scene.objects, seen, strict=True) if counts])
+    size = boxes[:, 1].max(axis=0) - boxes[:, 0].min(axis=0)
+    if too_large_for(size, far):
+        spans = " x ".join(f"{side:.4g}" for side in size)
+        warn_user(
+            f"no view sees anything: the scene spans {spans} m, and the camera sees {far:.4g} m far; if the scene is "
+            "in millimeters, load it with scale=0.001",
+            UserWarning,
+        )
+
+
+def warn_of_eyes_inside(
+    scene: Scene, near: float, poses: NDArray[np.float32], views: NDArray[np.intp], seen: NDArray[np.bool_]
+) -> None:
+    """Warn if cameras are inside of closed objects whose surface is nearer than `near` to them on two sides.
+
+    Rooms are larger: a camera before a wall of one may be in a closed mesh as it should.
+
+    Args:
+        scene: The scene.
+        near: The cameras' least depth [m].
+        poses: The cameras' poses, shape ``(V, 7)``.
+        views: Which of them see too little.
+        seen: Which objects are where they were added, and not excluded, shape ``(objects,)``.
+    """
+    eyes = poses[views[:_MOST_EYES], :3]
+    if not len(eyes):
+        return
+    around = []
+    for item, counts in zip(scene.objects, seen, strict=True):
+        is_small = counts and np.ptp(item.bounds, axis=0).min() <= _MOST_NEARS * near
+        if is_small and holds(item.vertices, item.faces, eyes).any():
+            around.append(item.name)
+    if around:
+        names = ", ".join(map(repr, around[:3]))
+        warn_user(
+            f"{len(views)} of {len(poses)} views see next to nothing: the camera is inside of {names}; move it, or "
+            "exclude what carries it",
+            UserWarning,
+        )
+
+
+def seen_objects(scene: Scene, excluded: wp.array | None) -> NDArray[np.bool_]:
+    """Return which objects are excluded from no view, shape ``(objects,)``."""
+    if excluded is None or not excluded.size:
+        return np.ones(len(scene), dtype=bool)
+    return ~excluded.numpy().astype(bool).any(axis=0)
