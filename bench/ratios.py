@@ -107,6 +107,7 @@ def measure(contest: Contest, rounds: int) -> Figure:
         for _ in range(2):  # what calls allocate and load, they do before they are recorded
             for _, run in rows:
                 run()
+        gc.collect()  # no memory is freed while calls are recorded
         rows = [(peer, timer.record(run) or run) for peer, run in rows]
     first = [min(timer.device_seconds(run, 1) for _ in range(2)) for _, run in rows]
     fastest = {
