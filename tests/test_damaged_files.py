@@ -262,12 +262,25 @@ BAD_INDEX = "o box\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n"
             "faces of 'part' must index its 2",
         ),
         ("a.stl", trimesh.Trimesh(np.eye(3) * 1e30, [[0, 1, 2]]).export(file_type="stl"), "vertices of 'a' must lie"),
-        ("a.obj", BAD_INDEX, "does not read as OBJ: it is damaged, or something else (IndexError: index 8 is out of"),
+        ("a.obj", BAD_INDEX, "does not read as OBJ: line 5: a face must index the file's 3 vertices, got 'f 1 2 9'"),
+        ("a.obj", BAD_INDEX.replace("9", "0"), "does not read as OBJ: line 5: vertices of a face are counted from 1"),
+        ("a.obj", BAD_INDEX.replace("9", "0/1"), "does not read as OBJ: line 5: vertices of a face are counted from 1"),
+        (
+            "a.obj",
+            BAD_INDEX.replace("9", "c"),
+            "does not read as OBJ: line 5: a face needs numbers of vertices, got 'f",
+        ),
+        (
+            "a.obj",
+            BAD_INDEX.replace("0 0 0", "0 \\\n0 x"),
+            "does not read as OBJ: line 2: a vertex needs three numbers",
+        ),
+        ("a.glb", b"", "is empty"),
         ("a.stl", b"solid a\nfacet\nvertex 0 0 0\nvertex 1 0\nendsolid\n", "does not read as STL: "),
         ("a.ply", b"ply\nformat ascii 1.0\nend\n", "does not read as PLY: "),
         ("a.tar", b"no archive", "does not unpack: "),
     ],
-    ids=["glb", "far stl", "obj", "short stl", "ply", "tar"],
+    ids=["glb", "far stl", "obj", "obj 0", "obj 0/1", "obj c", "obj x", "empty", "short stl", "ply", "tar"],
 )
 def test_the_file_is_named_of_what_is_no_mesh(tmp_path, name, file, wanted):
     path = write(tmp_path / name, file)
@@ -283,6 +296,77 @@ def test_the_file_is_named_of_a_world_with_what_is_no_mesh(tmp_path):
     )
     said = refusal(wv.webots.load_webots, path)
     assert said.startswith(f"{path}") and "within" in said
+
+
+GIT_LFS = b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a214614ab2935c943f9e0\nsize 12345\n"
+PAGE = b"<!DOCTYPE html>\n<html lang='en'><head><title>Sign in</title></head><body></body></html>\n"
+XHTML = b'<?xml version="1.0"?>\n<html xmlns="http://www.w3.org/1999/xhtml"><head/><body/></html>\n'
+JPEG = b"\xff\xd8\xff\xe0" + bytes(100)
+POINTER, WEB = "is a git-lfs pointer, not %s. Run `git lfs pull`.", "is an HTML page, not %s. Download the file that"
+READERS = {
+    **{f"a.{ending}": (wv.Scene.load, "a mesh") for ending in ("glb", "gltf", "obj", "stl", "ply", "off", "zip")},
+    **{f"b.{ending}": (wv.Scene.load, "a model") for ending in ("xml", "urdf")},
+    "c.wbt": (wv.webots.load_webots, "a file of Webots"),
+    **{f"d.{ending}": (read_frames, "a file of poses") for ending in ("npy", "npz", "csv", "txt", "json", "mcap")},
+    **{f"e.{ending}": (load_camera, "a camera file") for ending in ("yaml", "json")},
+    **{f"f.{ending}": (read_depth, "a depth image") for ending in ("png", "npy")},
+    **{f"g.{ending}": (read_points, "a file of points") for ending in ("ply", "npy", "txt")},
+}
+
+
+@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize(
+    ("file", "said"), [(GIT_LFS, POINTER), (PAGE, WEB), (XHTML, WEB)], ids=["lfs", "page", "xhtml"]
+)
+def test_what_was_downloaded_in_place_of_a_file_is_named(tmp_path, name, file, said):
+    read, wanted = READERS[name]
+    path = write(tmp_path / name, file)
+    assert refusal(read, path).startswith(f"{path}: {said % wanted}")
+
+
+@pytest.mark.parametrize("name", [name for name, (_, wanted) in READERS.items() if wanted in ("a mesh", "a model")])
+def test_an_image_is_no_mesh(tmp_path, name):
+    path = write(tmp_path / name, png(4, 4))
+    assert refusal(wv.Scene.load, path) == f"{path}: is a PNG image, not {READERS[name][1]}"
+    write(path, JPEG)
+    assert refusal(wv.Scene.load, path) == f"{path}: is a JPEG image, not {READERS[name][1]}"
+
+
+def test_pointers_that_files_name_are_found_out(tmp_path):
+    """Meshes of archives, of robots and of Webots, and buffers of glTF."""
+    write(tmp_path / "part.stl", GIT_LFS)
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.write(tmp_path / "part.stl", "part.stl")
+    visual = '<visual><geometry><mesh filename="part.stl"/></geometry></visual>'
+    write(tmp_path / "a.urdf", f'<robot name="r"><link name="l">{visual}</link></robot>')
+    write(tmp_path / "a.wbt", '#VRML_SIM R2023b utf8\nShape { geometry Mesh { url "part.stl" } }\n')
+    content = {
+        "asset": {"version": "2.0"},
+        "buffers": [{"uri": "part.bin", "byteLength": 36}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "nodes": [{"mesh": 0}],
+        "scenes": [{"nodes": [0]}],
+    }
+    write(tmp_path / "a.gltf", json.dumps(content))
+    write(tmp_path / "part.bin", GIT_LFS)
+    for name, place in (("a.zip", "a.zip/part.stl"), ("a.urdf", "part.stl"), ("a.wbt", "part.stl")):
+        assert f"{place}: is a git-lfs pointer, not a mesh. Run" in refusal(wv.Scene.load, tmp_path / name, strict=True)
+    assert "a.gltf: part.bin: is a git-lfs pointer, not a buffer of glTF." in refusal(
+        wv.Scene.load, tmp_path / "a.gltf"
+    )
+
+
+@pytest.mark.parametrize("content", [{}, {"camera_angle_x": 0.7}, {"fl_x": 500, "w": 640, "h": 480}])
+def test_transforms_without_frames_are_named(tmp_path, content):
+    path = write(tmp_path / "transforms.json", json.dumps(content))
+    assert refusal(read_frames, path) == f'{path}: has no list "frames", which holds the poses of nerfstudio\'s files'
+
+
+def test_what_is_no_array_of_numpy_is_not_to_be_unpickled(tmp_path):
+    path = write(tmp_path / "a.npy", png(4, 4))
+    assert refusal(read_frames, path) == f"{path}: does not read as NPY: it holds no arrays of NumPy"
 
 
 @pytest.fixture

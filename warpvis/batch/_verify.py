@@ -10,7 +10,7 @@ import zlib
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from warpvis.batch._dataset import POSES, read_frame_arrays
 from warpvis.batch._identity import frames_hash
@@ -133,7 +133,8 @@ def _check_poses(store: Store, sha256: str, frames: int) -> Iterator[str]:
 
     try:
         arrays = read_frame_arrays(store)
-        found = Frames(**{name: arrays.get(name) for name in FRAME_ARRAYS})
+        values: dict[str, Any] = {name: arrays.get(name) for name in FRAME_ARRAYS}
+        found = Frames(**values)
         if frames_hash(found) != sha256:
             yield f"{POSES}: holds other poses than the manifest says"
         elif len(found) != frames:

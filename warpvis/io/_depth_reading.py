@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.checks import as_path, check_number, said_by
+from warpvis.core.file_content import require_content
 from warpvis.errors import ArrayError, FileFormatError
 from warpvis.io._depth import units_to_depth
 from warpvis.io._files import read_array
@@ -49,6 +50,7 @@ def read_depth(path: str | os.PathLike[str], *, unit: float = 0.001) -> NDArray[
 def _read(path: Path) -> NDArray:
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file")
+    require_content(path, "a depth image", images=False)
     if path.suffix.lower() == ".npy":
         return read_array(path)
     from PIL import Image

@@ -73,7 +73,9 @@ def _load_numpy(path: Path, kind: str) -> NDArray[np.generic] | NpzFile:
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror or said_by(error)}") from None
     except Exception as error:  # a file that looks like an archive has errors of its own
-        raise FileFormatError(f"{path}: does not read as {kind}: {said_by(error)}") from None
+        pickled = str(error).startswith("This file contains pickled")  # so NumPy calls any file without its first bytes
+        reason = "it holds no arrays of NumPy" if pickled else said_by(error)
+        raise FileFormatError(f"{path}: does not read as {kind}: {reason}") from None
 
 
 def as_numbers(value: Json, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from warpvis.core.checks import is_whole, said_by, shortened
+from warpvis.core.file_content import require_content
 from warpvis.core.label_rules import LabelRules
 from warpvis.core.labels import Label
 from warpvis.errors import FileFormatError, SceneError
@@ -24,7 +25,7 @@ from warpvis.io._file_meshes import FileMesh, FileMeshes
 from warpvis.io._gltf import read_gltf
 from warpvis.io._gltf_data import Find, uri_name
 from warpvis.io._gltf_materials import Locate
-from warpvis.io._obj import obj_order, obj_splits, straighten_obj
+from warpvis.io._obj import obj_order, obj_splits, require_obj_elements, straighten_obj
 from warpvis.io._obj_materials import ObjMaterials
 from warpvis.io._ply import straighten_ply
 from warpvis.io._threemf import unit_and_names
@@ -193,9 +194,11 @@ def _finder(path: Path, search_path: Sequence[Path]) -> Find:
     def find(name: str) -> bytes:
         for place in places:
             try:
-                return place.get(name)
+                found = place.get(name)
             except (FileNotFoundError, ValueError):  # the second for what lies outside of the folder
                 continue
+            require_content(found, "a buffer of glTF", name=f"{path}: {name}", images=False)
+            return found
         where = "neither beside it nor on the search path" if search_path else "not beside it"
         raise FileNotFoundError(f"{name} is {where}")
 
@@ -229,6 +232,9 @@ def _load(name: str, kind: str, file: bytes, find: Find, locate: Locate) -> File
     Raises:
         FileFormatError: It does not parse.
     """
+    require_content(file, "a mesh", name=name)
+    if not file:
+        raise FileFormatError(f"{name}: is empty")
     try:
         if kind in _GLTF:
             return read_gltf(name, file, find, locate)
@@ -283,7 +289,11 @@ def _load_3mf(path: Path, file: bytes) -> FileMeshes:
 def _load_obj(name: str, file: bytes, locate: Locate) -> FileMeshes:
     text, notes = straighten_obj(file)
     materials = ObjMaterials(name, text, locate)
-    found = _load_by_trimesh(text, "obj", group_material=False, skip_materials=True, **obj_splits(text))
+    try:
+        found = _load_by_trimesh(text, "obj", group_material=False, skip_materials=True, **obj_splits(text))
+    except Exception:  # trimesh's say nothing of the line
+        require_obj_elements(file)
+        raise
     found.meshes = [mesh._replace(look=materials.look(mesh.name, mesh.look, len(mesh.faces))) for mesh in found.meshes]
     found.notes += notes
     order = obj_order(text)

@@ -19,6 +19,8 @@ _RELATIVE = re.compile(rb"\nf [^\n-]*+-")
 _SHORT_VERTEX, _SHORT_FACE = (
     re.compile(rb"\n%s ++[^\s#]*+(?: ++[^\s#]++)?+ *+(?=[\n#])" % key) for key in (b"v", b"f")
 )
+_ZERO = re.compile(rb"\nf (?:[^\n#]* )?0++(?=[ /\n#])")
+_ELEMENT = re.compile(rb"\n([vf]) ++([^\n#]*)")
 _PART = {"object": re.compile(rb"\no ++([^\n]*)"), "group": re.compile(rb"\ng ++([^\n]*)")}
 
 
@@ -29,12 +31,13 @@ def straighten_obj(file: bytes) -> tuple[bytes, list[str]]:
     value describes them, as a part of a sentence.
 
     Raises:
-        ValueError: A vertex has fewer than three numbers; the line is named.
+        ValueError: A vertex has fewer than three numbers, or a face has the index 0; the line is named.
     """
-    text = b"\n" + file.replace(b"\r\n", b"\n").replace(b"\r", b"\n").replace(b"\t", b" ") + b"\n"
-    if b"\n " in text:
-        text = _INDENTED.sub(rb"\n\1 ", text)
-    joined = text.replace(b"\\\n", b" ")
+    text, joined = _lines(file)
+    zero = _ZERO.search(joined)
+    if zero:
+        line, content = _line(text, joined, zero)
+        raise ValueError(f"line {line}: vertices of a face are counted from 1, got {content!r}")
     short = _SHORT_VERTEX.search(joined)
     if short:
         raise ValueError("line {}: a vertex needs three numbers, got {!r}".format(*_line(text, joined, short)))
@@ -45,6 +48,38 @@ def straighten_obj(file: bytes) -> tuple[bytes, list[str]]:
         joined, count = _SHORT_FACE.subn(b"\n", joined)
         notes.append(f"{counted(count, 'face')} of fewer than three corners, the first {content!r} in line {line}")
     return (_absolute(joined) if _RELATIVE.search(joined) else joined), notes
+
+
+def require_obj_elements(file: bytes) -> None:
+    """Refuse vertices that are no numbers, and faces that index no vertex: a slow pass that names the line.
+
+    Raises:
+        ValueError: There is one.
+    """
+    text, joined = _lines(file)
+    count = len(re.findall(rb"\nv ", joined))
+    for element in _ELEMENT.finditer(joined):
+        words = element[2].split()
+        try:
+            if element[1] == b"v":
+                list(map(float, words))
+                continue
+            corners = [int(word.partition(b"/")[0]) for word in words]
+        except ValueError:
+            line, content = _line(text, joined, element)
+            wanted = "a vertex needs three numbers" if element[1] == b"v" else "a face needs numbers of vertices"
+            raise ValueError(f"line {line}: {wanted}, got {content!r}") from None
+        if any(corner > count for corner in corners):
+            line, content = _line(text, joined, element)
+            raise ValueError(f"line {line}: a face must index the file's {count} vertices, got {content!r}")
+
+
+def _lines(file: bytes) -> tuple[bytes, bytes]:
+    """Return the text with keywords at the beginning of lines, and the same with continued lines joined."""
+    text = b"\n" + file.replace(b"\r\n", b"\n").replace(b"\r", b"\n").replace(b"\t", b" ") + b"\n"
+    if b"\n " in text:
+        text = _INDENTED.sub(rb"\n\1 ", text)
+    return text, text.replace(b"\\\n", b" ")
 
 
 def obj_splits(text: bytes) -> dict[str, bool]:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.checks import as_path, said_by, shortened
+from warpvis.core.file_content import require_content
 from warpvis.errors import FileFormatError
 from warpvis.io._files import read_array, read_lines
 from warpvis.io._ply import straighten_ply
@@ -39,6 +40,7 @@ def read_points(path: str | os.PathLike[str]) -> NDArray[np.float64]:
     path = as_path(path)
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file")
+    require_content(path, "a file of points", images=False)
     readers = {".npy": _read_npy, ".ply": _read_ply}
     points = readers.get(path.suffix.lower(), _read_text)(path)
     if not len(points):

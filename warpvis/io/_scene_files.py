@@ -8,6 +8,7 @@ import os
 from collections.abc import Iterable, Sequence
 
 from warpvis.core.checks import as_items, as_path, check_flag
+from warpvis.core.file_content import require_content
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.io._gltf_writer import gltf_chunks
@@ -41,6 +42,7 @@ def read_parts(
     if missing is not None:
         raise FileFormatError(f"{missing}: is no folder, and the search path is of folders")
     kind = path.suffix.lower()
+    require_content(path, "a Webots world" if kind in _WEBOTS else "a model" if kind in _MUJOCO else "a mesh")
     if kind in _WEBOTS:
         from warpvis.webots import read_world
 

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from warpvis.core.checks import shortened
+from warpvis.core.file_content import require_content
 from warpvis.errors import FileFormatError
 from warpvis.webots._nodes import Node, Value, Version, shown
 
@@ -107,6 +108,7 @@ def read_text(path: Path) -> str:
     Raises:
         FileFormatError: The file cannot be read.
     """
+    require_content(path, "a file of Webots")
     try:
         return path.read_text(encoding="utf-8-sig", errors="replace")
     except OSError as error:

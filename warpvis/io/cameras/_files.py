@@ -10,6 +10,7 @@ from typing import Any, Literal, overload
 
 from warpvis.core.camera import Camera, require_camera
 from warpvis.core.checks import as_path, check_flag, said_by
+from warpvis.core.file_content import require_content
 from warpvis.core.json_files import read_json
 from warpvis.core.types import Json
 from warpvis.errors import CameraError, FileFormatError
@@ -70,6 +71,7 @@ def load_camera(name_or_path: str, *, distortion: bool = False) -> CalibratedCam
     with_lens = check_flag(distortion, "distortion", CameraError)
     if not path.is_file():
         raise FileFormatError(f'{path}: no such file; a camera is "kinect" or a file')
+    require_content(path, "a camera file", images=False)
     camera = _read_lens(path, name) if with_lens else _read(path, name)
     if camera is None:
         raise FileFormatError(f"{path}: holds no camera of all images")

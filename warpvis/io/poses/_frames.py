@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.checks import as_path, check_flag
+from warpvis.core.file_content import require_content
 from warpvis.core.frames import Frames
 from warpvis.core.json_files import read_json
 from warpvis.core.poses import Convention, QuaternionOrder, check_convention, check_quaternion
@@ -113,6 +114,7 @@ def read_frames(
         raise FileFormatError(f"{path}: quaternion= is for .npy and .npz: other formats say what their order is")
     if path.is_dir() and file_format != "ros" and not (path / "metadata.yaml").is_file():
         path = _file_in(path)
+    require_content(path, "a file of poses", images=False)
     kind, poses = _read(path, file_format, topic, check_flag(distortion, "distortion", FileFormatError))
     return poses.to_frames(path, kind, convention, quaternion)
 
@@ -158,7 +160,8 @@ def _read(path: Path, file_format: PoseFormat | None, topic: str | None, distort
         return kind, read_bag(path, topic=topic, distortion=distortion)
     if kind in ("nerfstudio", "bop") or (kind is None and path.suffix.lower() == ".json"):
         data = read_json(path)
-        kind = kind or ("nerfstudio" if isinstance(data, dict) and "frames" in data else "bop")
+        is_nerfstudio = path.name.startswith("transforms") or (isinstance(data, dict) and "frames" in data)
+        kind = kind or ("nerfstudio" if is_nerfstudio else "bop")
         return kind, parse_bop(path, data) if kind == "bop" else parse_nerfstudio(path, data, distortion=distortion)
     if kind == "colmap":
         return kind, read_colmap(path, distortion=distortion)

@@ -26,6 +26,8 @@ def parse_nerfstudio(path: Path, data: Json, *, distortion: bool = False) -> Fil
     Raises:
         FileFormatError: The file is something else, or a frame is malformed; it is named by its index.
     """
+    if isinstance(data, dict) and "frames" not in data:
+        raise FileFormatError(f'{path}: has no list "frames", which holds the poses of nerfstudio\'s files')
     frames = data.get("frames") if isinstance(data, dict) else data
     if not isinstance(data, dict) or not isinstance(frames, list):
         raise FileFormatError(f'{path}: must be an object with a list "frames", got {shorten(frames)}')

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.checks import said_by
+from warpvis.core.file_content import require_content
 from warpvis.errors import FileFormatError
 from warpvis.scene import keep_winding
 from warpvis.scene.collada import frame_of, without_skins
@@ -241,6 +242,7 @@ def _read(path: Path, suffix: str, changed: int) -> list[tuple[str, tuple[NDArra
     if kind not in trimesh.available_formats():
         needs = ": reading it needs pycollada" if kind == "dae" else ""
         raise MissingMeshError(f"{path}: no reader of {suffix or 'files without a suffix'} is installed{needs}")
+    require_content(path, "a mesh")
     options: dict[str, Any] = {"process": False}
     if kind == "obj":
         options |= {"skip_materials": True, "split_objects": True, "group_material": False}

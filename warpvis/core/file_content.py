@@ -1,0 +1,54 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Contents that stand in files of any name: pointers of git-lfs, pages of a web server, images."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from warpvis.errors import FileFormatError
+
+_GIT_LFS = b"version https://git-lfs.github.com/spec/"
+_PAGES = (b"<!doctype html", b"<html")
+_IMAGES = {
+    b"\x89PNG\r\n\x1a\n": "a PNG image",
+    b"\xff\xd8\xff": "a JPEG image",
+    b"GIF8": "a GIF image",
+    b"II*\x00": "a TIFF image",
+    b"MM\x00*": "a TIFF image",
+}
+_HEAD = 512
+"""Bytes that tell what a file holds."""
+
+
+def require_content(source: Path | bytes, wanted: str, *, name: object = None, images: bool = True) -> None:
+    """Refuse a file that holds a pointer of git-lfs, an HTML page or an image in place of what its name promises.
+
+    Args:
+        source: A file, or its bytes. One that cannot be read is left to its reader.
+        wanted: What should be in it, such as "a mesh".
+        name: What messages call it; its path by default.
+        images: Whether images are refused, too.
+
+    Raises:
+        FileFormatError: It holds something else.
+    """
+    head, name = _head(source), source if name is None else name
+    if head.startswith(_GIT_LFS):
+        raise FileFormatError(f"{name}: is a git-lfs pointer, not {wanted}. Run `git lfs pull`.")
+    text = head.removeprefix(b"\xef\xbb\xbf").lstrip().lower()
+    if text.startswith(_PAGES) or (text.startswith(b"<?xml") and any(page in text for page in _PAGES)):
+        raise FileFormatError(f"{name}: is an HTML page, not {wanted}. Download the file that the page shows.")
+    image = next((kind for magic, kind in _IMAGES.items() if images and head.startswith(magic)), None)
+    if image is not None:
+        raise FileFormatError(f"{name}: is {image}, not {wanted}")
+
+
+def _head(source: Path | bytes) -> bytes:
+    if isinstance(source, bytes):
+        return source[:_HEAD]
+    try:
+        with source.open("rb") as file:
+            return file.read(_HEAD)
+    except (OSError, ValueError):  # the second for names of no file
+        return b""
