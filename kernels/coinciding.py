@@ -46,6 +46,10 @@ class Coinciding:
     high: wp.array[wp.vec3]
     surface: wp.array[wp.uint64]
     """(object): a mesh of what coincides with any earlier object, in its frame; 0 for none."""
+    first_face: wp.array[wp.int32]
+    """(object): where numbers of the triangles of `surface` begin in `face`."""
+    face: wp.array[wp.int32]
+    """Numbers of triangles among all of their object."""
     column: wp.array[wp.int32]
     """(object): its place among the movable objects, or that of the one it moves with; -1 if it stays."""
     solid: wp.array[wp.int32]
@@ -134,10 +138,10 @@ def is_on_triangle(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, direction: wp.vec3d, r
 
 
 @wp.func
-def is_on_mesh(
+def face_of_mesh(
     mesh: wp.uint64, factors: wp.vec3d, p: wp.vec3d, direction: wp.vec3d, reach: wp.float64, cull: bool
-) -> bool:
-    """The same of a mesh, which is stretched along its axes."""
+) -> int:
+    """The triangle that a place is on of a mesh, which is stretched along its axes; -1 for none."""
     side = reach + CLOSENESS * wp.length(p)  # the box is rounded to single precision
     sides = wp.vec3d(side, side, side)
     low, high = wp.cw_div(p - sides, factors), wp.cw_div(p + sides, factors)
@@ -148,8 +152,8 @@ def is_on_mesh(
         b = stretched_corner(mesh, face, 1, factors) - p
         c = stretched_corner(mesh, face, 2, factors) - p
         if is_on_triangle(a, b, c, direction, reach, cull):
-            return True
-    return False
+            return face
+    return -1
 
 
 @wp.func
@@ -165,31 +169,34 @@ def last_there(
     coinciding: Coinciding,
     worlds: Worlds,
     view: int,
-    seen: int,
+    seen: wp.vec2i,
     origin: wp.vec3d,
     ray: wp.vec3d,
     depth: wp.float64,
     cull: bool,
-) -> int:
-    """The last object whose surface is where an object is seen along a ray of the world."""
+) -> wp.vec2i:
+    """The last object whose surface is where an object is seen along a ray of the world, and its triangle.
+
+    An object is given with its triangle, too, which is -1 of a solid or if it is not known.
+    """
     world = int(0)
     if worlds.object_poses:
         world = world_of(worlds, view)
     path = depth * ray
     point = origin + path
     reach = CLOSENESS * (wp.length(path) + wp.length(point))
-    last, first = coinciding.first_pair[seen + 1], coinciding.first_pair[seen]
+    last, first = coinciding.first_pair[seen[0] + 1], coinciding.first_pair[seen[0]]
     for back in range(last - first):
         pair = last - 1 - back
         later, way = coinciding.later[pair], coinciding.way[pair]
         if is_excluded(worlds, view, later):
             continue
         if way == ALWAYS:
-            return later
+            return wp.vec2i(later, seen[1])
         place = place_of(coinciding, worlds, world, later)
         if way == WHERE_TOGETHER:
-            if are_together(place_of(coinciding, worlds, world, seen), place, reach):
-                return later
+            if are_together(place_of(coinciding, worlds, world, seen[0]), place, reach):
+                return wp.vec2i(later, seen[1])
             continue
         p = wp.quat_rotate_inv(pose_rotation(place), point - pose_origin(place))
         if not is_in_box(p, coinciding.low[pair], coinciding.high[pair], reach):
@@ -198,12 +205,22 @@ def last_there(
         size = size_in(coinciding, worlds, world, later)
         if way == ON_SOLID:
             if is_on_solid(coinciding.solid[later], size, p, direction, reach, cull):
-                return later
+                return wp.vec2i(later, -1)
         else:
             factors = wp.vec3d(wp.float64(size[0]), wp.float64(size[1]), wp.float64(size[2]))
-            if is_on_mesh(coinciding.surface[later], factors, p, direction, reach, cull):
-                return later
+            face = face_of_mesh(coinciding.surface[later], factors, p, direction, reach, cull)
+            if face >= 0:
+                return wp.vec2i(later, coinciding.face[coinciding.first_face[later] + face])
     return seen
+
+
+@wp.func
+def seen_in(segmentation: wp.array3d[wp.int32], faces: wp.array3d[wp.int32], view: int, y: int, x: int) -> wp.vec2i:
+    """The object of a pixel and its triangle, -1 if faces are not made."""
+    face = int(-1)
+    if faces:
+        face = faces[view, y, x]
+    return wp.vec2i(segmentation[view, y, x], face)
 
 
 @wp.kernel
@@ -222,6 +239,7 @@ def show_later(
     # Out:
     segmentation_out: wp.array3d[wp.int32],
     labels_out: wp.array3d[wp.uint8],
+    faces_out: wp.array3d[wp.int32],
 ):
     """Where an object is seen, show the last of the objects whose surface is there too, if a view may see that one.
 
@@ -233,14 +251,16 @@ def show_later(
 
     origin, rotation = pose_origin(camera_to_world[view]), pose_rotation(camera_to_world[view])
     for x in range(part * span, wp.min((part + 1) * span, segmentation_out.shape[2])):
-        seen = segmentation_out[view, y, x]
-        if seen >= 0 and coinciding.first_pair[seen + 1] > coinciding.first_pair[seen]:
-            last = coinciding.first_pair[seen + 1] - 1
-            shown = coinciding.later[last]
-            if coinciding.way[last] != ALWAYS or is_excluded(worlds, view, shown):
+        seen = seen_in(segmentation_out, faces_out, view, y, x)
+        if seen[0] >= 0 and coinciding.first_pair[seen[0] + 1] > coinciding.first_pair[seen[0]]:
+            last = coinciding.first_pair[seen[0] + 1] - 1
+            shown = wp.vec2i(coinciding.later[last], seen[1])
+            if coinciding.way[last] != ALWAYS or is_excluded(worlds, view, shown[0]):
                 ray, away = wp.quat_rotate(rotation, pixel_ray(camera, y, x)), wp.float64(depth[view, y, x])
                 shown = last_there(coinciding, worlds, view, seen, origin, ray, away, cull_backfaces)
-            if shown != seen:
-                segmentation_out[view, y, x] = shown
+            if shown[0] != seen[0]:
+                segmentation_out[view, y, x] = shown[0]
                 if labels_out:
-                    labels_out[view, y, x] = coinciding.label[shown]
+                    labels_out[view, y, x] = coinciding.label[shown[0]]
+                if faces_out:
+                    faces_out[view, y, x] = shown[1]

@@ -128,7 +128,8 @@ def hidden_objects(
     if geom >= 0:
         rgba = geom_rgba[world % geom_rgba.shape[0], geom]
         material = geom_matid[world % geom_matid.shape[0], geom]
-        if material >= 0 and rgba == wp.vec4(0.5, 0.5, 0.5, 1.0):
+        is_known = material >= 0 and material < mat_rgba.shape[1]
+        if is_known and rgba == wp.vec4(0.5, 0.5, 0.5, 1.0):
             rgba = mat_rgba[world % mat_rgba.shape[0], material]
         if rgba[3] == 0.0:
             hidden = wp.uint8(1)

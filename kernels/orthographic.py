@@ -8,7 +8,7 @@ the orthographic camera begin.
 
 import warp as wp
 
-from warpvis.kernels.coinciding import Coinciding, last_there
+from warpvis.kernels.coinciding import Coinciding, last_there, seen_in
 from warpvis.kernels.images import Images
 from warpvis.kernels.pinhole import (
     PinholeCamera,
@@ -91,6 +91,7 @@ def show_later_from_plane(
     # Out:
     segmentation_out: wp.array3d[wp.int32],
     labels_out: wp.array3d[wp.uint8],
+    faces_out: wp.array3d[wp.int32],
 ):
     """`warpvis.kernels.coinciding.show_later` for orthographic images."""
     view, y, part = wp.tid()
@@ -99,12 +100,14 @@ def show_later_from_plane(
 
     ahead = forward_axis(pose_rotation(camera_to_world[view]))
     for x in range(part * span, wp.min((part + 1) * span, segmentation_out.shape[2])):
-        seen = segmentation_out[view, y, x]
-        if seen >= 0:
+        seen = seen_in(segmentation_out, faces_out, view, y, x)
+        if seen[0] >= 0:
             origin = pose_origin(eye_at(camera, camera_to_world[view], pixel_place(y, x)))
             away = wp.float64(depth[view, y, x])
             shown = last_there(coinciding, worlds, view, seen, origin, ahead, away, cull_backfaces)
-            if shown != seen:
-                segmentation_out[view, y, x] = shown
+            if shown[0] != seen[0]:
+                segmentation_out[view, y, x] = shown[0]
                 if labels_out:
-                    labels_out[view, y, x] = coinciding.label[shown]
+                    labels_out[view, y, x] = coinciding.label[shown[0]]
+                if faces_out:
+                    faces_out[view, y, x] = shown[1]

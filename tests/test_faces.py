@@ -14,7 +14,6 @@ from test_worlds import ALL, SMALL, assert_bits_equal, eyes, random_poses
 
 import warpvis as wv
 from warpvis.core.poses import poses_to_matrices
-from warpvis.errors import ArrayError
 from warpvis.rendering import OrthographicCamera, WideCamera
 from warpvis.scene import solids
 from warpvis.sensors import Corruptions, Motion, Rays, RollingShutter
@@ -275,8 +274,18 @@ def test_a_solid_has_none_from_inside_either(device, caster):
     assert set(np.unique(objects)) == {0, 1}
 
 
-def test_a_batch_of_mujoco_has_none():
-    """Where geoms coincide, it shows another one than the ray meets."""
-    model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
-    with pytest.raises(ArrayError, match="without faces"):
-        wv.mujoco.BatchRenderer(model, outputs=("depth", "faces"))
+def test_a_batch_of_mujoco_has_those_of_the_later_of_coinciding_geoms():
+    """The later mesh has the same triangles in the opposite order."""
+    vertex, faces = "0 0 0 1 0 0 0 1 0 0 0 1", ("0 2 1 0 1 3 0 3 2 1 2 3", "1 2 3 0 3 2 0 1 3 0 2 1")
+    meshes = "".join(f'<mesh name="m{k}" vertex="{vertex}" face="{some}"/>' for k, some in enumerate(faces))
+    text = """<mujoco><asset>{}</asset><worldbody><camera pos="2 2 2" xyaxes="-1 1 0 -1 -1 2"/>
+      <body><freejoint/>{}</body></worldbody></mujoco>"""
+    found = []
+    for names in (("m0", "m1"), ("m1",)):
+        geoms = "".join(f'<geom type="mesh" mesh="{name}"/>' for name in names)
+        model = mujoco.MjModel.from_xml_string(text.format(meshes, geoms))
+        batch = wv.mujoco.BatchRenderer(model, height=30, width=40, outputs=("segmentation", "faces"))
+        views = batch.render(model.qpos0)
+        assert set(np.unique(views.segmentation.numpy())) == {-1, len(names) - 1}
+        found.append(views.faces.numpy())
+    assert np.array_equal(*found) and (found[0] >= 0).sum() > 50

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache, partial
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import mujoco  # noqa: TID253 - the whole package is about it
@@ -30,6 +31,11 @@ _DEFAULT_COLOR = (0.5, 0.5, 0.5, 1.0)
 _SHININESS = 128.0
 """The exponent of a material whose shininess is 1 (`renderGeom` in render_gl3.c)."""
 
+_MATERIAL_FIELDS = (
+    *("mat_rgba", "mat_texid", "mat_texrepeat", "mat_texuniform"),
+    *("mat_emission", "mat_specular", "mat_shininess", "mat_metallic", "mat_roughness"),
+)
+
 _FIRST_ROLE = int(mujoco.mjtTextureRole.mjTEXROLE_RGB)
 _CUBE = int(mujoco.mjtTexture.mjTEXTURE_2D) + 1
 _BOX = mujoco.mjtGeom.mjGEOM_BOX
@@ -40,8 +46,9 @@ class GeomLooks:
     """What geoms of a model look like, made when it is asked for; those that look the same share it."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        """Remember the model."""
+        """Copy the model's materials: appearances made later are as they are now. Images of textures are read later."""
         self._model = model
+        self._materials = SimpleNamespace(**{name: np.array(getattr(model, name)) for name in _MATERIAL_FIELDS})
         self._known: dict[tuple[Any, ...], Look] = {}
         self._texture = cache(partial(_texture, model))
         self._stored = cache(partial(stored_normals, model))
@@ -61,7 +68,7 @@ class GeomLooks:
             return self._kept((rgba,), partial(_of_one_colour, rgba, None))
         if material < 0:
             return self._kept((rgba, laid.key()), partial(_of_one_colour, rgba, self._normals(laid)))
-        if _texture_number(model, material) < 0 and not has_normals(kind):
+        if _texture_number(self._materials, material) < 0 and not has_normals(kind):
             return self._kept((rgba, material), partial(self._make, rgba, material, None))
         return self._kept((rgba, material, laid.key()), partial(self._make, rgba, material, laid))
 
@@ -77,23 +84,24 @@ class GeomLooks:
         return self._known[key]
 
     def _make(self, rgba: Color, material: int, laid: _Laid | None) -> Appearance:
-        model = self._model
-        color = tuple(model.mat_rgba[material].tolist()) if rgba == _DEFAULT_COLOR else rgba
-        number = _texture_number(model, material)
-        uv = None if laid is None or number < 0 else _coordinates(model, number, material, laid)
+        model, values = self._model, self._materials
+        color = tuple(values.mat_rgba[material].tolist()) if rgba == _DEFAULT_COLOR else rgba
+        number = _texture_number(values, material)
+        repeat, uniform = values.mat_texrepeat[material].astype(np.float64), bool(values.mat_texuniform[material])
+        uv = None if laid is None or number < 0 else _coordinates(model, number, repeat, laid, uniform=uniform)
         normals = self._normals(laid)() if laid is not None and has_normals(laid.kind) else None
         made = Material(
             model.material(material).name,
             _unit(color),
             texture=self._texture(number) if number >= 0 else None,
             alpha_mode=_mode(color[3]),
-            metallic=_known_or(model, "mat_metallic", material, 0.0),
-            roughness=_known_or(model, "mat_roughness", material, 1.0),
-            specular=(float(np.clip(model.mat_specular[material], 0, 1)),) * 3,
-            shininess=_SHININESS * max(0.0, float(model.mat_shininess[material])),
-            emission=tuple(max(0.0, float(model.mat_emission[material])) * part for part in _unit(color)[:3]),  # type: ignore[arg-type]
+            metallic=_known_or(values, "mat_metallic", material, 0.0),
+            roughness=_known_or(values, "mat_roughness", material, 1.0),
+            specular=(float(np.clip(values.mat_specular[material], 0, 1)),) * 3,
+            shininess=_SHININESS * max(0.0, float(values.mat_shininess[material])),
+            emission=tuple(max(0.0, float(values.mat_emission[material])) * part for part in _unit(color)[:3]),  # type: ignore[arg-type]
             projection="cube" if number >= 0 and uv is None else "uv",
-            texture_uniform=bool(uv is None and model.mat_texuniform[material]),
+            texture_uniform=uv is None and uniform,
         )
         return Appearance((made,), uv=uv, normals=normals)
 
@@ -135,15 +143,15 @@ def _mode(alpha: float) -> Any:
     return "blend" if alpha < 1 else "opaque"
 
 
-def _known_or(model: mujoco.MjModel, name: str, material: int, otherwise: float) -> float:
+def _known_or(values: SimpleNamespace, name: str, material: int, otherwise: float) -> float:
     """Return a factor of a material; where it is negative, the file says none."""
-    value = float(getattr(model, name)[material])
+    value = float(getattr(values, name)[material])
     return min(value, 1.0) if value >= 0 else otherwise
 
 
-def _texture_number(model: mujoco.MjModel, material: int) -> int:
+def _texture_number(values: SimpleNamespace, material: int) -> int:
     """Return the texture that colours a material; -1 without."""
-    roles = np.atleast_1d(model.mat_texid[material])
+    roles = np.atleast_1d(values.mat_texid[material])
     return int(roles[_FIRST_ROLE if len(roles) > _FIRST_ROLE else 0])
 
 
@@ -159,10 +167,11 @@ def _texture(model: mujoco.MjModel, number: int) -> Texture:
     return Texture(image[:, :, :4], model.texture(number).name)
 
 
-def _coordinates(model: mujoco.MjModel, number: int, material: int, laid: _Laid) -> NDArray[np.float32] | None:
+def _coordinates(
+    model: mujoco.MjModel, number: int, repeat: NDArray[np.float64], laid: _Laid, *, uniform: bool
+) -> NDArray[np.float32] | None:
     """Return texture coordinates of the corners of a shape's triangles; None where a cube is looked up by direction."""
     vertices, faces = laid.triangles()
-    repeat, uniform = np.array(model.mat_texrepeat[material], dtype=np.float64), bool(model.mat_texuniform[material])
     if int(model.tex_type[number]) >= _CUBE:
         square = len(set(laid.size.tolist())) == 1
         if laid.kind != _BOX or (uniform and not square):

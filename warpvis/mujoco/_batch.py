@@ -50,6 +50,7 @@ from warpvis.mujoco._poses import (
 from warpvis.mujoco._resizable import Resizable, ResizableGeoms, resizable_geoms
 from warpvis.mujoco._scene import Movable, class_of_geoms, make_scene, select_geoms, warn_of_soft
 from warpvis.mujoco._shapes import shape_bodies
+from warpvis.mujoco._watch import AppearanceWatch
 from warpvis.mujoco._world_models import WorldModels
 from warpvis.rendering import (
     AnyCamera,
@@ -70,6 +71,9 @@ _Key = tuple[tuple[BatchCamera, ...], bytes, int, int | None]
 # So many choices of cameras and worlds are remembered, and so many intrinsics.
 _MOST_PLACES = 16
 _MOST_RENDERERS = 64
+
+# Outputs that show colors.
+COLORS = frozenset(("color", "albedo"))
 
 
 @dataclass
@@ -133,8 +137,8 @@ class BatchRenderer:
             nworld: How many worlds the poses of every call are of; any number by default.
             height: Image height [px].
             width: Image width [px].
-            outputs: The images to make, as for `warpvis.Renderer`, without ``"faces"``; ids need
-                ``"segmentation"``.
+            outputs: The images to make, as for `warpvis.Renderer`; ids need ``"segmentation"``. Colors are the model's
+                as it is now.
             geom_groups: Groups of geoms to show, by default those of `scene_option`; see `scene_from_mujoco`.
             scene_option: A `mujoco.MjvOption`: its groups of geoms and sites, and whether fixed ones show. Without it
                 no sites show: they are marks, which no sensor sees. What else it shows and a batch does not is named in
@@ -181,17 +185,13 @@ class BatchRenderer:
         self.nworld, self.height, self.width = nworld, height, width
         self.kinematics = Kinematics(model, threads=threads)
         self._outputs, self._sensor = check_asked(outputs, sensor), sensor
-        if "faces" in self._outputs:
-            raise ArrayError(
-                "outputs of a BatchRenderer must be without faces: where geoms coincide it shows a later one than the "
-                "ray meets; warpvis.Renderer renders its scene with them"
-            )
         self.frame = 0
         """The frame that a sensor's random numbers are of in the next call of `render` that says none."""
         self._render_options: dict[str, Any] = {"outputs": self._outputs, "cull_backfaces": cull_backfaces}
         self._render_options |= {"sensor": sensor, "seed": seed}
         check_choice(near_plane, "near_plane", get_args(NearPlane))
         self._render_options |= {"near_plane": near_plane, "fill": fill, "threads": threads}
+        self._appearance = None if COLORS.isdisjoint(self._outputs) else AppearanceWatch(model)
         self._fixed = [FixedGeoms(model, self.mujoco_scene, sites=sites) for sites in (False, True)]
         self._resizable = ResizableGeoms(model, self.mujoco_scene, resized)
         shapes = self.mujoco_scene.shapes()
@@ -234,8 +234,10 @@ class BatchRenderer:
                 nothing.
             model: What of the model differs between worlds: MuJoCo Warp's model, or a mapping of some of its arrays, of
                 shape ``(W, ...)`` or ``(1, ...)``. `geom_rgba`, `geom_matid` and `mat_rgba` say what shows: geoms that
-                the model itself hides are not in the scene. `cam_fovy` costs a call of the caster for each field of
-                view: 256 different ones of 64x64 pixels take 2.6 to 4 times as long on 2 cores as a single one.
+                the model itself hides are not in the scene. The outputs `color` and `albedo` show the model's own
+                colors, so that with them geoms that show must have these in every world. `cam_fovy` costs a call of the
+                caster for each field of view: 256 different ones of 64x64 pixels take 2.6 to 4 times as long on 2 cores
+                as a single one.
                 `body_pos`, `body_quat`, `geom_pos`, `geom_quat`, `cam_pos` and `cam_quat` are taken account of where
                 joint positions are given; other poses have them in. `geom_size` is that of geoms that are `resizable`:
                 of the host's arrays it is checked that the others have the model's. Meshes and height fields cannot
@@ -255,7 +257,9 @@ class BatchRenderer:
         Raises:
             CameraError: There is no such camera.
             ArrayError: Poses, worlds, `model` or `out` do not fit, or poses of a world were never computed.
+            SceneError: Colors are among the outputs, and colors, materials or lights of the model have changed.
         """
+        self._check_appearance()
         chosen = choose_cameras(self.model, cameras, self.width, self.height)
         kinds = ["geom"] + ["site"] * bool(len(self.mujoco_scene.movable_sites))
         kinds += ["cam"] * any(camera.camera_id >= 0 for camera in chosen)
@@ -276,6 +280,15 @@ class BatchRenderer:
             self._cast(camera, place, members, drawn, views)
         self._give_back(key, place)
         return views
+
+    def _check_appearance(self) -> None:
+        """Raise a `SceneError` if colors would be other than the model's are now."""
+        changed = [] if self._appearance is None else self._appearance.changed()
+        if changed:
+            raise SceneError(
+                f"{changed[0]} of the model must be as it was when the BatchRenderer was made, whose colors do not "
+                "follow it; make another BatchRenderer after the change"
+            )
 
     def _number(
         self,
@@ -318,6 +331,8 @@ class BatchRenderer:
             return None
         place.sizes = self._resizable.sizes(models, rows)
         colours = models.colours(device)
+        if self._appearance is not None:
+            models.check_own_colors(self.mujoco_scene.geom_ids)
         if colours is not None:
             place.hidden = self._hide(colours, rows, place.eyes.size)
         fovy = models.fovy()

@@ -15,6 +15,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.poses import Convention, poses_to_matrices
+from warpvis.core.ray_camera import RayCamera
 from warpvis.core.threads import launch_images
 from warpvis.core.types import PoseLike
 from warpvis.kernels.constants import SOLID_WORDS
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from warpvis.kernels.coinciding import Coinciding
     from warpvis.kernels.worlds import Worlds
 
-_DEPTH, _LABELS, _SEGMENTATION = 0, 3, 4  # in the order of the casters' images
+_DEPTH, _LABELS, _SEGMENTATION, _FACES = 0, 3, 4, 5  # in the order of the casters' images
 _BOX_MARGIN = 2e-5  # of numbers: boxes are of poses and corners in single precision
 _MOST_SCRATCH = 4  # so many sizes of images have memory of their own
 
@@ -101,6 +102,10 @@ class _OnDevice:
         self.struct.low = wp.array(boxes[:, 0].copy(), dtype=wp.vec3, device=device)
         self.struct.high = wp.array(boxes[:, 1].copy(), dtype=wp.vec3, device=device)
         self.struct.surface = wp.array(surfaces, dtype=wp.uint64, device=device)
+        counts = np.array([len(pairs.faces.get(index, ())) for index in range(len(objects))], dtype=np.int64)
+        numbers = np.concatenate([np.zeros(0, dtype=np.int64), *(pairs.faces[index] for index in sorted(pairs.faces))])
+        self.struct.first_face = wp.array((np.cumsum(counts) - counts).astype(np.int32), dtype=wp.int32, device=device)
+        self.struct.face = wp.array(numbers.astype(np.int32), dtype=wp.int32, device=device)
         self.struct.column = wp.array(columns, dtype=wp.int32, device=device)
         self.struct.solid = wp.array(kinds, dtype=wp.int32, device=device)
         self.struct.size = wp.array(sizes, dtype=wp.vec4, device=device)
@@ -145,12 +150,10 @@ def _mesh(item: SceneObject, faces: NDArray[np.int64], device: wp.Device) -> wp.
 
 
 class GeomRenderer(Renderer):
-    """A `warpvis.Renderer` of a model's scene, of which later geoms win where surfaces coincide.
+    """A `warpvis.Renderer` of a model's scene in which later geoms show where surfaces coincide.
 
-    Segmentation and labels say so; depth, points and normals are what they are anyway.
+    Segmentation, labels, faces and colors are those of the later geom; depth, points and normals do not change.
     """
-
-    _caster: Any
 
     def render_sizes(
         self,
@@ -180,10 +183,13 @@ class GeomRenderer(Renderer):
             coinciding: Which geoms of the scene coincide.
             options: As for `warpvis.Renderer`.
         """
+        self._coinciding = coinciding
         super().__init__(scene, camera, **options)
-        cull_backfaces = bool(options.get("cull_backfaces", False))
-        cast = camera if self._sensing is None else self._sensing.clean_camera
-        self._caster = _LaterWins(self._caster, scene, cast, coinciding, cull_backfaces, self.threads)
+
+    def _make_plain_caster(self, camera: AnyCamera | RayCamera) -> Any:
+        caster, cull = super()._make_plain_caster(camera), bool(self._options["cull_backfaces"])
+        assert not isinstance(camera, RayCamera)  # MuJoCo's cameras are neither lenses nor lidars
+        return _LaterWins(caster, self.scene, camera, self._coinciding, cull, self.threads)
 
 
 class _LaterWins:
@@ -203,7 +209,7 @@ class _LaterWins:
 
     def cast(self, poses: Any, worlds: Worlds, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels, segmentation and faces of all poses; None is not made."""
-        wanted = images[_LABELS] is not None or images[_SEGMENTATION] is not None
+        wanted = any(images[place] is not None for place in (_LABELS, _SEGMENTATION, _FACES))
         coinciding = self._coinciding.find() if wanted else None
         if coinciding is None:
             self._caster.cast(poses, worlds, images)
@@ -218,17 +224,21 @@ class _LaterWins:
         for place, image in borrowed.items():
             self._give_back(place, image)
 
+    def cast_at(self, poses: Any, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
+        """Write images through image points, as sensors do; coinciding objects are as the caster sees them."""
+        self._caster.cast_at(poses, worlds, pixels, images)
+
     def _correct(self, coinciding: Coinciding, poses: Any, worlds: Worlds, images: list[wp.array | None]) -> None:
         if isinstance(poses, np.ndarray):
             rows = np.ascontiguousarray(poses, dtype=np.float32)
             device = self._scene.device
             poses = wp.array(rows, dtype=wp.transform, shape=(len(rows),), device=device, copy=not device.is_cpu)
-        depth, labels, segmentation = (images[place] for place in (_DEPTH, _LABELS, _SEGMENTATION))
+        depth, labels, segmentation, faces = (images[place] for place in (_DEPTH, _LABELS, _SEGMENTATION, _FACES))
         assert segmentation is not None
         camera = self._camera.device_struct()
         # A thread takes a row on the CPU, where to begin one takes longer than most pixels.
         span = segmentation.shape[2] if self._scene.device.is_cpu else 1
-        given = [worlds, depth, self._cull_backfaces, span, segmentation, labels]
+        given = [worlds, depth, self._cull_backfaces, span, segmentation, labels, faces]
         launch_images(
             self._kernel(),
             segmentation.shape,

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import groupby
+from typing import Any
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
@@ -57,6 +58,10 @@ class Watched:
     def accept(self) -> None:
         """Take how it is now for how it was."""
         self._before = bytearray(self._memory)
+
+    def restore(self, before: np.ndarray) -> None:
+        """Take these values for how it was."""
+        self._before = bytearray(np.ascontiguousarray(before).tobytes())
 
 
 class ModelWatch:
@@ -111,6 +116,43 @@ class ModelWatch:
     def _far(self) -> float:
         """Return what the size of infinite planes follows from."""
         return float(self._model.vis.map.zfar * self._model.stat.extent)
+
+
+# What colors follow from. MuJoCo reads images of textures once, too.
+_APPEARANCE_FIELDS = (
+    *("geom_rgba", "geom_matid", "site_rgba", "site_matid"),
+    *("mat_rgba", "mat_texid", "mat_texrepeat", "mat_texuniform"),
+    *("mat_emission", "mat_specular", "mat_shininess", "mat_metallic", "mat_roughness"),
+    *("light_active", "light_type", "light_bodyid", "light_pos", "light_dir", "light_cutoff", "light_exponent"),
+    *("light_attenuation", "light_ambient", "light_diffuse", "light_specular"),
+)
+_HEADLIGHT_FIELDS = ("ambient", "diffuse", "specular")
+
+
+class AppearanceWatch:
+    """Everything of a model that colors follow from, apart from its shapes."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        """Begin with how the model is now."""
+        self._model = model
+        self._fields = {name: Watched(getattr(model, name)) for name in _APPEARANCE_FIELDS}
+        headlight = model.vis.headlight
+        self._fields |= {f"vis.headlight.{name}": Watched(getattr(headlight, name)) for name in _HEADLIGHT_FIELDS}
+
+    def changed(self) -> list[str]:
+        """List the fields that differ from how they were."""
+        return [name for name, watched in self._fields.items() if watched.changed()]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the model and how it was."""
+        before = {name: watched.before().copy() for name, watched in self._fields.items()}
+        return {"model": self._model, "before": before}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Watch the same fields of a copy of the model."""
+        self.__init__(state["model"])  # type: ignore[misc]
+        for name, before in state["before"].items():
+            self._fields[name].restore(before)
 
 
 class _AssetRun:

@@ -20,6 +20,7 @@ POSE_FIELDS = ("body_pos", "body_quat", "geom_pos", "geom_quat", "cam_pos", "cam
 _COLOUR_FIELDS = {"geom_rgba": wp.vec4, "geom_matid": wp.int32, "mat_rgba": wp.vec4}
 # Worlds share their meshes and lenses, and so what these say.
 _SHARED_FIELDS = ("geom_dataid", "cam_intrinsic")
+_DEFAULT_COLOR = (0.5, 0.5, 0.5, 1.0)
 _KNOWN = (*POSE_FIELDS, "cam_fovy", *_COLOUR_FIELDS, "geom_size")
 
 
@@ -72,15 +73,61 @@ class WorldModels:
             value = own[None] if value is None else value
             self._check_worlds(name, value)
             arrays.append(as_warp(value, dtype, ("W", len(own)), name=name, device=device))
-            if name != "geom_matid" and not on_gpu(value):
+            if not on_gpu(value):
                 rows = value.numpy() if isinstance(value, wp.array) else as_numpy(value, name=name)
-                bad = np.argwhere(~np.isfinite(rows))
-                if len(bad):
-                    world, index = bad[0, :2].tolist()
-                    raise ArrayError(
-                        f"{name} must be finite, got {rows[world, index].tolist()} at index {index} in world {world}"
-                    )
+                self._check_values(name, rows)
         return arrays
+
+    def _check_values(self, name: str, rows: NDArray[Any]) -> None:
+        """Raise an `ArrayError` if a color is not finite, or a material is none of the model's."""
+        count = int(self._model.nmat)
+        is_material = name == "geom_matid"
+        bad = np.argwhere((rows < -1) | (rows >= count) if is_material else ~np.isfinite(rows))
+        if len(bad):
+            world, index = bad[0, :2].tolist()
+            wanted = f"from -1 to {count - 1}" if is_material else "finite"
+            raise ArrayError(
+                f"{name} must be {wanted}, got {rows[world, index].tolist()} at index {index} in world {world}"
+            )
+
+    def check_own_colors(self, geoms: NDArray[np.int32]) -> None:
+        """Check that geoms that show have the model's own colors and materials in every world.
+
+        Args:
+            geoms: The geoms to check.
+
+        Raises:
+            ArrayError: One has others, or arrays that say so are on a GPU, where they are not read.
+        """
+        names = [name for name in _COLOUR_FIELDS if name in self._given]
+        if not names:
+            return
+        far = [name for name in names if on_gpu(self._given[name])]
+        if far:
+            raise ArrayError(
+                f"{far[0]} must be in the host's memory, or left out, if the outputs color or albedo are made: these "
+                "show the model's own colors, and arrays on a GPU are not compared with them"
+            )
+        own = _effective(self._model.geom_rgba[None], self._model.geom_matid[None], self._model.mat_rgba[None], geoms)
+        rows = [self._rows(name) for name in _COLOUR_FIELDS]
+        colors, materials = _effective(rows[0], rows[1], rows[2], geoms)
+        other = (colors[..., :3] != own[0][..., :3]).any(axis=-1) | (materials != own[1])
+        bad = np.argwhere(other & (colors[..., 3] != 0))
+        if len(bad):
+            world, place = bad[0].tolist()
+            geom = int(geoms[place])
+            raise ArrayError(
+                "worlds must have the model's own colors and materials if the outputs color or albedo are made, got "
+                f"others for geom {self._model.geom(geom).name or geom!r} in world {world}; leave out "
+                f"{', '.join(names)}, or make a BatchRenderer for each model"
+            )
+
+    def _rows(self, name: str) -> NDArray[Any]:
+        """Return colors or materials of worlds on the host, shape ``(1 or W, ...)``, in MuJoCo's own precision."""
+        own = getattr(self._model, name)
+        value = self._given.get(name)
+        value = own[None] if value is None else value
+        return np.asarray(value.numpy() if isinstance(value, wp.array) else as_numpy(value, name=name), dtype=own.dtype)
 
     def _check_shared(self, name: str) -> None:
         """Raise an `ArrayError` if an array says of a shape what the scene's does not; a GPU's is not read for that."""
@@ -120,6 +167,23 @@ class WorldModels:
         count = len(value) if getattr(value, "shape", None) is None else value.shape[0]
         if count not in (1, self._worlds):
             raise ArrayError(f"{name} must be of 1 world or of {self._worlds}, as the poses are, got {count}")
+
+
+def _effective(
+    geom_rgba: NDArray[np.float32],
+    geom_matid: NDArray[np.int32],
+    mat_rgba: NDArray[np.float32],
+    geoms: NDArray[np.int32],
+) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    """Return colors and materials that geoms show in every world: a geom of the default color has its material's."""
+    count = max(len(geom_rgba), len(geom_matid), len(mat_rgba))
+    rgba = np.broadcast_to(geom_rgba[:, geoms], (count, len(geoms), 4))
+    matid = np.broadcast_to(geom_matid[:, geoms], (count, len(geoms)))
+    of_material = (matid >= 0) & (rgba == _DEFAULT_COLOR).all(axis=-1)
+    if not of_material.any():
+        return rgba, matid
+    worlds = np.arange(count)[:, None] % len(mat_rgba)
+    return np.where(of_material[..., None], mat_rgba[worlds, np.maximum(matid, 0)], rgba), matid
 
 
 def _read(given: object) -> dict[str, Any]:

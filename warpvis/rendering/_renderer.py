@@ -146,8 +146,12 @@ class Renderer:
         return not COLOR_OUTPUTS.keys().isdisjoint(self.outputs)
 
     def _make_caster(self, camera: RenderCamera) -> Any:
-        caster = caster_class(self.caster, camera, self.scene.device)(self.scene, camera, **self._options)
+        caster = self._make_plain_caster(camera)
         return ShadingCaster(caster, self.scene, camera, threads=self.threads) if self._has_colors else caster
+
+    def _make_plain_caster(self, camera: RenderCamera) -> Any:
+        """Make a caster without colors, of which colors are made."""
+        return caster_class(self.caster, camera, self.scene.device)(self.scene, camera, **self._options)
 
     def render(
         self,

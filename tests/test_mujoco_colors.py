@@ -1,0 +1,210 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Colors of MuJoCo's worlds: those of the geom that segmentation names, and the model's own, or none."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+import warp as wp
+from test_coinciding import FLUSH, HEAD, TWICE, eye_of, model_of, renderer_of
+
+import warpvis as wv
+from warpvis.core.poses import poses_to_matrices
+from warpvis.mujoco import BatchRenderer, geom_poses, scene_from_mujoco
+
+SIZE = {"height": 60, "width": 80}
+OUTPUTS = ("albedo", "color", "segmentation")
+
+
+@pytest.mark.parametrize("moving", [False, True])
+@pytest.mark.parametrize("kind", TWICE)
+def test_colors_are_of_the_geom_that_segmentation_names(kind, moving, device):
+    if kind == "plane" and moving:
+        pytest.skip("MuJoCo's planes do not move")
+    joint = "<freejoint/>" if moving else ""
+    pair = "".join(f'<geom {TWICE[kind]} rgba="{rgba}"/>' for rgba in ("1 0 0 1", "0 0 1 1"))
+    model, data = model_of(f'{HEAD}<body pos="0 0 .1" euler="20 0 30">{joint}{pair}</body></worldbody></mujoco>')
+    batch = BatchRenderer(model, **SIZE, outputs=OUTPUTS, device=device)
+    views = batch.render(data)
+    ids, albedo, color = batch.geom_ids(views).numpy()[0], views.albedo.numpy()[0], views.color.numpy()[0]
+    assert (ids == 1).sum() > 80 and not (ids == 0).any()
+    assert (albedo[ids == 1] == (0, 0, 255)).all()
+    assert (color[ids == 1][:, 0] <= color[ids == 1][:, 2]).all() and color[ids == 1][:, 2].max() > 100
+
+
+def test_textures_lie_on_the_triangles_of_the_geom_that_segmentation_names(device):
+    """The meshes have one shape, and other triangles in another order."""
+    corners = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+    faces = "0 1 3 0 3 2 4 6 7 4 7 5 0 4 5 0 5 1 2 3 7 2 7 6 0 2 6 0 6 4 1 5 7 1 7 3"
+    turned = "1 5 7 1 7 3 0 2 6 0 6 4 2 3 7 2 7 6 0 4 5 0 5 1 4 6 7 4 7 5 0 1 3 0 3 2"
+    vertex = " ".join(f"{x * 0.3} {y * 0.3} {z * 0.3}" for x, y, z in corners)
+    text = f"""<mujoco><asset><texture name="noise" type="2d" builtin="checker" rgb1="1 0 0" rgb2="0 1 0" width="64"
+        height="64" random="0.3" markrgb="1 1 1" mark="random"/><material name="noise" texture="noise"/>
+      <mesh name="plain" vertex="{vertex}" face="{faces}"/>
+      <mesh name="laid" vertex="{vertex}" face="{turned}" texcoord="0 0 1 0 0 1 1 1 .2 .1 .9 .3 .4 .7 .6 .5"/></asset>
+      <worldbody><camera name="eye" pos="-.4 -.9 .8" xyaxes="1 -.4 0 .25 .6 .8" fovy="60"/><body euler="20 0 30">
+      {{}}<geom type="mesh" mesh="laid" material="noise"/></body></worldbody></mujoco>"""
+    images = []
+    for first in ('<geom type="mesh" mesh="plain" rgba="0 0 1 1"/>', ""):
+        model, data = model_of(text.format(first))
+        images.append(BatchRenderer(model, **SIZE, outputs=("albedo",), device=device).render(data).albedo.numpy()[0])
+    alone = images[1].astype(int)
+    assert len(np.unique(alone.reshape(-1, 3), axis=0)) > 20
+    assert (np.abs(images[0] - alone).max(axis=-1) <= 1).mean() > 0.999
+
+
+def test_faces_are_those_that_the_seen_points_are_on(device, caster):
+    model, data = model_of(FLUSH)
+    outputs = ("segmentation", "faces", "points")
+    geoms, renderer = renderer_of(model, device, outputs=outputs, caster=caster, cull_backfaces=True)
+    rows = geom_poses(data, geoms)
+    views = renderer.render(eye_of(model, data), object_poses=rows[None])
+    plain = wv.Renderer(geoms.scene, renderer.camera, outputs=outputs, caster=caster, cull_backfaces=True)
+    was = plain.render(eye_of(model, data), object_poses=rows[None]).segmentation.numpy()[0]
+    objects, faces, points = (getattr(views, name).numpy()[0] for name in outputs)
+    changed = 0
+    for index, item in enumerate(geoms.scene.objects):
+        mask = objects == index
+        if item.solid is not None:
+            assert (faces[mask] == -1).all()
+            continue
+        carrier = index if item.carrier is None else item.carrier
+        place = np.eye(4)
+        if carrier in geoms.scene.movable:
+            place = poses_to_matrices(rows[geoms.scene.movable.index(carrier)])
+        local = (points[mask].astype(np.float64) - place[:3, 3]) @ place[:3, :3]
+        vertices = item.vertices if item.mesh_vertices is None else item.mesh_vertices
+        a, b, c = np.moveaxis(vertices[item.faces[faces[mask]]].astype(np.float64), 1, 0)
+        normal = np.cross(b - a, c - a)
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        assert (np.abs(np.einsum("nk,nk->n", local - a, normal)) < 2e-5).all()
+        for p, q in ((a, b), (b, c), (c, a)):
+            inwards = np.cross(normal, q - p)
+            assert (np.einsum("nk,nk->n", local - p, inwards) > -2e-5).all()
+        changed += int((was[mask] != index).sum())
+    assert changed > 50
+
+
+WORLDS = """<mujoco><asset><material name="red" rgba="1 0 0 1"/><material name="blue" rgba="0 0 1 1"/></asset>
+  <worldbody><camera pos="0 -2 .5" xyaxes="1 0 0 0 0 1"/><light name="lamp" pos="0 0 3"/>
+  <geom name="own" type="box" size=".2 .2 .2" rgba="0 1 0 1"/>
+  <geom name="red" type="box" size=".2 .2 .2" pos=".5 0 0" material="red"/>
+  <geom name="unseen" type="box" size=".2 .2 .2" pos="0 0 .5" group="3"/></worldbody></mujoco>"""
+
+
+def changed(name, geom, value):
+    model, _ = model_of(WORLDS)
+    rows = getattr(model, name)[None].repeat(2, axis=0)
+    rows[1, geom] = value
+    return {name: rows}
+
+
+@pytest.mark.parametrize("outputs", [("color",), ("albedo", "depth")])
+@pytest.mark.parametrize(
+    ("given", "geom"),
+    [
+        (changed("geom_rgba", 0, (1, 0, 1, 1)), "own"),
+        (changed("geom_rgba", 1, (1, 0, 1, 1)), "red"),
+        (changed("geom_rgba", 1, (0.5, 0.5, 0.5, 0.9)), "red"),  # its own color now, and not its material's
+        (changed("geom_matid", 1, 1), "red"),
+        (changed("geom_matid", 0, 0), "own"),
+        (changed("mat_rgba", 0, (1, 0, 1, 1)), "red"),
+    ],
+)
+def test_colors_of_worlds_that_are_not_the_models_are_refused(given, geom, outputs, device):
+    model, data = model_of(WORLDS)
+    batch = BatchRenderer(model, **SIZE, outputs=outputs, device=device)
+    for rows in (given, {name: wp.array(rows, device="cpu") for name, rows in given.items()}):
+        if any(isinstance(array, wp.array) for array in rows.values()):
+            dtype = {"geom_matid": wp.int32}.get(next(iter(rows)), wp.vec4)
+            rows = {name: wp.array(array, dtype=dtype, device="cpu") for name, array in given.items()}
+        said = (
+            f"own colors and materials if the outputs color or albedo are made, got others for geom '{geom}' in world 1"
+        )
+        with pytest.raises(wv.WarpvisError, match=said):
+            batch.render([data] * 2, model=rows)
+    assert BatchRenderer(model, **SIZE, device=device).render([data] * 2, model=given).worlds == 2
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        changed("geom_rgba", 0, (0, 1, 0, 1)),
+        changed("geom_rgba", 0, (0, 1, 0, 0)),  # hidden
+        changed("geom_rgba", 0, (1, 0, 1, 0)),  # hidden, whatever its color
+        changed("geom_rgba", 2, (1, 0, 1, 1)),  # of a group that does not show
+        changed("mat_rgba", 1, (1, 1, 0, 1)),  # of no geom
+    ],
+)
+def test_colors_of_worlds_that_are_the_models_are_rendered(given, device):
+    model, data = model_of(WORLDS)
+    batch = BatchRenderer(model, **SIZE, outputs=("color", "segmentation"), device=device)
+    views, plain = batch.render([data] * 2, model=given), batch.render([data] * 2)
+    assert np.array_equal(views.color.numpy()[0], plain.color.numpy()[0])
+    shown = views.segmentation.numpy()[1]
+    assert np.array_equal(views.color.numpy()[1][shown >= 0], plain.color.numpy()[1][shown >= 0])
+    hides = "geom_rgba" in given and given["geom_rgba"][1, 0, 3] == 0
+    assert (shown == 0).any() != hides
+
+
+def test_colors_on_a_gpu_are_refused():
+    if not wp.is_cuda_available():
+        pytest.skip("there is no GPU")
+    model, data = model_of(WORLDS)
+    batch = BatchRenderer(model, **SIZE, outputs=("color",), device="cuda:0")
+    given = {"geom_rgba": wp.array(model.geom_rgba[None], dtype=wp.vec4, device="cuda:0")}
+    with pytest.raises(wv.WarpvisError, match="geom_rgba must be in the host's memory, or left out, if the outputs"):
+        batch.render(data, model=given)
+
+
+def test_materials_of_worlds_are_the_models(device):
+    model, data = model_of(WORLDS)
+    batch = BatchRenderer(model, **SIZE, device=device)
+    for number in (-2, 2):
+        with pytest.raises(
+            wv.WarpvisError, match=f"geom_matid must be from -1 to 1, got {number} at index 1 in world 1"
+        ):
+            batch.render([data] * 2, model=changed("geom_matid", 1, number))
+
+
+EDITS = {
+    "geom_rgba": lambda model: model.geom_rgba[0].fill(1),
+    "geom_matid": lambda model: model.geom_matid.fill(1),
+    "mat_rgba": lambda model: model.mat_rgba[0].fill(0.5),
+    "mat_texrepeat": lambda model: model.mat_texrepeat.fill(3),
+    "light_diffuse": lambda model: model.light_diffuse.fill(1),
+    "light_pos": lambda model: model.light_pos.fill(1),
+    "vis.headlight.ambient": lambda model: model.vis.headlight.ambient.fill(1),
+}
+
+
+@pytest.mark.parametrize("name", EDITS)
+def test_colors_after_edits_of_the_model_are_refused(name, device):
+    model, data = model_of(WORLDS)
+    batch = BatchRenderer(model, **SIZE, outputs=("color",), device=device)
+    depth = BatchRenderer(model, **SIZE, device=device)
+    before = batch.render(data).color.numpy()
+    copies = [copy.deepcopy(batch), pickle.loads(pickle.dumps(batch))]
+    EDITS[name](model)
+    said = f"{name} of the model must be as it was when the BatchRenderer was made"
+    for edited in (batch, copy.deepcopy(batch), pickle.loads(pickle.dumps(batch))):
+        with pytest.raises(wv.WarpvisError, match=said):
+            edited.render(data)
+    for again in copies:  # of the model as it was
+        assert np.array_equal(again.render(data).color.numpy(), before)
+        EDITS[name](again.model)
+        with pytest.raises(wv.WarpvisError, match=said):
+            again.render(data)
+    depth.render(data)
+    anew = BatchRenderer(model, **SIZE, outputs=("color",), device=device).render(data).color.numpy()
+    assert np.array_equal(anew, before) == (name == "mat_texrepeat")  # there is no texture
+
+
+def test_scenes_keep_the_materials_that_they_were_made_with():
+    model, _ = model_of(WORLDS)
+    scene = scene_from_mujoco(model).scene
+    model.mat_rgba[0] = (0, 1, 1, 1)
+    assert scene["red"].appearance.materials[0].base_color == (1, 0, 0, 1)
+    assert scene_from_mujoco(model).scene["red"].appearance.materials[0].base_color == (0, 1, 1, 1)
