@@ -8,9 +8,10 @@ import socket
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import pytest
-from batch_jobs import run
+from batch_jobs import CAMERA, run
 
 import warpvis as wv
 from warpvis.batch import verify
@@ -68,6 +69,25 @@ def test_one_at_a_time(url):
                 with job() or pytest.fail("was not refused"):
                     pass
     assert not is_locked(url) and run(url, resume=True).rendered_frames == 0 and not is_locked(url)
+
+
+@pytest.mark.parametrize("kind", ["folder", "memory", "local", "oldstore"])
+def test_a_second_writer_is_told_of_the_first(tmp_path, kind):
+    """Not of what the folder holds by then, or to resume."""
+    out = str(tmp_path / "out") if kind == "folder" else f"{kind}://{tmp_path}/out"
+    run(tmp_path / "whole")
+    store = open_store(out)
+    store.create()
+    with store.locked():
+        with store.new_files() as files:  # as far as the first has come
+            for name in ("manifest.json", "poses.npz"):
+                files.write(name, (tmp_path / "whole" / name).read_bytes())
+            store.put(files, ["manifest.json", "poses.npz"])
+        for options in ({}, {"resume": True}, {"camera": replace(CAMERA, far=3.0)}):
+            with pytest.raises(wv.errors.FileFormatError, match="another process is writing it"):
+                run(out, **options)
+    with pytest.raises(wv.errors.FileFormatError, match="holds an unfinished dataset; --resume goes on with it"):
+        run(out)
 
 
 def test_another_machines_lock_holds_until_its_lease_ends(url):

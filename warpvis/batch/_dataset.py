@@ -62,10 +62,15 @@ class Dataset:
         """Refuse, before anything is begun, what `opened` would refuse; tell whether the dataset was begun already.
 
         Raises:
-            FileFormatError: The folder holds something else, or another job's dataset, or cannot be read.
+            FileFormatError: The folder holds something else, or another job's dataset; another process writes it; or
+                it cannot be read.
         """
         try:
-            return self._require_ours(resume=resume)
+            try:
+                return self._require_ours(resume=resume)
+            except FileFormatError:  # what it holds now is no reason while it is written
+                self._store.require_unlocked()
+                raise
         except OSError as error:
             raise FileFormatError(f"{self.name}: cannot be read: {error.strerror or error}") from None
 

@@ -52,12 +52,7 @@ def leased(system: AbstractFileSystem, path: str, name: str) -> Iterator[None]:
     """
     owner = uuid.uuid4().hex
     if not _create(system, path, owner):
-        holder = _read(system, path)
-        if holder is not None and holder.holds():
-            raise FileFormatError(
-                f"{name}: another process is writing it ({holder.process} on {holder.host}); wait for it, or end it "
-                f"and wait for {LEASE:.0f} s"
-            )
+        require_unlocked(system, path, name)
         system.pipe_file(path, _text(owner))
     found = _read(system, path)
     if found is None or found.owner != owner:
@@ -73,6 +68,16 @@ def leased(system: AbstractFileSystem, path: str, name: str) -> Iterator[None]:
         with suppress(OSError):  # what is left ends with its lease
             if _is_ours(system, path, owner):
                 system.rm_file(path)
+
+
+def require_unlocked(system: AbstractFileSystem, path: str, name: str) -> None:
+    """Raise a `FileFormatError` if another process holds the lock in the file `path`; nothing is written."""
+    holder = _read(system, path)
+    if holder is not None and holder.holds():
+        raise FileFormatError(
+            f"{name}: another process is writing it ({holder.process} on {holder.host}); wait for it, or end it "
+            f"and wait for {LEASE:.0f} s"
+        )
 
 
 def _create(system: AbstractFileSystem, path: str, owner: str) -> bool:

@@ -14,7 +14,7 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import IO, Protocol
 
-from warpvis.batch.storage._lease import leased
+from warpvis.batch.storage._lease import leased, require_unlocked
 from warpvis.batch.storage._output import ShardFiles, files_below
 from warpvis.batch.storage._sync import sync_folders, sync_tree
 from warpvis.core.checks import as_path
@@ -70,6 +70,10 @@ class Store(Protocol):
 
     def locked(self) -> AbstractContextManager[None]:
         """Keep other processes from writing the dataset, within a context; of a folder, those of this machine."""
+        ...
+
+    def require_unlocked(self) -> None:
+        """Raise a `FileFormatError` if another process is writing the dataset; nothing is written."""
         ...
 
     def new_files(self) -> AbstractContextManager[ShardFiles]:
@@ -154,6 +158,10 @@ class LocalStore:
             yield
         finally:
             os.close(descriptor)
+
+    def require_unlocked(self) -> None:
+        with self.locked():
+            pass
 
     @contextmanager
     def new_files(self) -> Iterator[ShardFiles]:
@@ -253,6 +261,9 @@ class RemoteStore:
     def locked(self) -> AbstractContextManager[None]:
         """Keep other processes, of any machine, from writing the dataset, within a context; see `leased`."""
         return leased(self._system, self._path(_LOCK), self.name)
+
+    def require_unlocked(self) -> None:
+        require_unlocked(self._system, self._path(_LOCK), self.name)
 
     @contextmanager
     def new_files(self) -> Iterator[ShardFiles]:
