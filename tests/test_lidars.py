@@ -121,7 +121,64 @@ def test_a_velodynes_own_calibration_is_read(tmp_path):
     assert rays.directions[0, 0, 2] == pytest.approx(math.sin(0.15))
     heading = 0.1 - 2 * math.pi * 10 * rays.times[0, 0]
     assert math.atan2(*rays.directions[0, 0, 1::-1]) == pytest.approx(heading)
-    np.testing.assert_allclose(rays.origins[0, 0], [0, 0, 0.2], atol=1e-15)
+    ahead = -0.2 * math.sin(0.15)  # perpendicular to the beam
+    expected = [ahead * math.cos(heading), ahead * math.sin(heading), 0.2 * math.cos(0.15)]
+    np.testing.assert_allclose(rays.origins[0, 0], expected, atol=1e-15)
+
+
+def velodyne_points(row, distance, azimuth):
+    """velodyne_pointcloud's ``RawData::unpack`` without corrections of the distance: a point in ROS's axes.
+
+    ros-drivers/velodyne, velodyne_pointcloud/src/lib/rawdata.cpp; `azimuth` is clockwise.
+    """
+    turned = azimuth - row["rot_correction"]
+    cos_vert, sin_vert = math.cos(row["vert_correction"]), math.sin(row["vert_correction"])
+    vert_offset, horiz_offset = row.get("vert_offset_correction", 0.0), row.get("horiz_offset_correction", 0.0)
+    xy_distance = distance * cos_vert - vert_offset * sin_vert
+    x = xy_distance * math.sin(turned) - horiz_offset * math.cos(turned)
+    y = xy_distance * math.cos(turned) + horiz_offset * math.sin(turned)
+    return y, -x, distance * sin_vert + vert_offset * cos_vert
+
+
+def corrections(count, seed=3):
+    """Lasers as an HDL-64E's calibration has them."""
+    rng = np.random.default_rng(seed)
+    elevation = np.sort(rng.uniform(-0.42, 0.05, count))[::-1]
+    return [
+        {
+            "laser_id": n,
+            "vert_correction": float(elevation[n]),
+            "rot_correction": float(rng.uniform(-0.17, 0.17)),
+            "vert_offset_correction": float(rng.uniform(0.14, 0.22)),
+            "horiz_offset_correction": float(rng.choice([-0.026, 0.026])),
+        }
+        for n in range(count)
+    ]
+
+
+@pytest.mark.parametrize(("make", "count"), [(lidars.vlp16, 16), (lidars.vlp32c, 32), (lidars.hdl64e, 64)])
+def test_points_of_a_calibrated_velodyne_are_its_drivers(tmp_path, make, count):
+    rows = corrections(count)
+    put(tmp_path / "calibration.yaml", {"lasers": rows, "num_lasers": count})
+    rays = make(calibration=tmp_path / "calibration.yaml")
+    for place, row in enumerate(rows):  # both have the highest laser first
+        for column, distance in ((0, 1.0), (311, 7.5), (900, 60.0)):
+            point = rays.origins[place, column] + distance * rays.directions[place, column]
+            azimuth = 2 * math.pi * 10 * rays.times[place, column]
+            np.testing.assert_allclose(point, velodyne_points(row, distance, azimuth), atol=1e-12)
+
+
+def test_points_of_the_hdl64e_are_its_drivers():
+    """The table is of the same corrections; by height alone, the lowest laser's points were 66 mm off."""
+    rays, table = lidars.hdl64e(), lidars._velodyne_tables.HDL64E_S3
+    number = min(range(64), key=lambda laser: table[laser][0])
+    elevation, left, vertical = table[number]
+    row = {"vert_correction": math.radians(elevation), "rot_correction": math.radians(left)}
+    row |= {"vert_offset_correction": vertical / 1000, "horiz_offset_correction": 0.026 if number % 2 == 0 else -0.026}
+    point = rays.origins[-1, 40] + 5.0 * rays.directions[-1, 40]
+    expected = velodyne_points(row, 5.0, 2 * math.pi * 10 * rays.times[-1, 40])
+    np.testing.assert_allclose(point, expected, atol=1e-12)
+    assert abs(np.linalg.norm(rays.origins[-1, 40]) - math.hypot(vertical / 1000, 0.026)) < 1e-12
 
 
 def ouster_metadata(**changes):

@@ -38,10 +38,29 @@ class _Lasers:
     """Angles above the horizontal plane [rad]."""
     left: NDArray[np.float64]
     """Angles that are added to the left of where the sensor looks [rad]."""
-    height: NDArray[np.float64]
-    """Heights of what ranges are counted from [m]."""
+    ahead: NDArray[np.float64]
+    """Distance of the ray's origin from the axis along the laser's heading [m]."""
     side: NDArray[np.float64]
-    """How far to the left of the axis that is [m]."""
+    """Distance of the ray's origin from the axis to the left of that [m]."""
+    height: NDArray[np.float64]
+    """Height of the ray's origin [m]."""
+
+    @classmethod
+    def calibrated(
+        cls,
+        elevation: NDArray[np.float64],
+        left: NDArray[np.float64],
+        vertical: NDArray[np.float64],
+        side: NDArray[np.float64],
+    ) -> _Lasers:
+        """Return lasers by the numbers of a calibration: angles [rad], and offsets of the beams [m].
+
+        `vertical` is perpendicular to the beam and not along z, as in velodyne_pointcloud: ``xy_distance = distance *
+        cos_vert_angle - vert_offset * sin_vert_angle`` and ``z = distance * sin_vert_angle + vert_offset *
+        cos_vert_angle`` (``RawData::unpack`` in ros-drivers/velodyne, ``velodyne_pointcloud/src/lib/rawdata.cpp`` at
+        06c274d).
+        """
+        return cls(elevation, left, -vertical * np.sin(elevation), side, vertical * np.cos(elevation))
 
 
 def vlp16(
@@ -105,16 +124,17 @@ def hdl64e(
 ) -> Rays:
     """Make the rays of a turn of an HDL-64E S3: two blocks of 32 lasers, at the same times, 57.6 us a firing.
 
-    Lasers are those of one calibrated sensor (-23.95 to 2.81 degrees, closer to each other in the upper block), with
-    their places: 26 mm left or right of the axis, and 143 to 216 mm above the base, which is the origin. Each of these
-    sensors has others: give its file. Times are the manual's (velodyne_decoder, ``packet_decoder.cpp``). See `vlp16`
-    for the rest, and for arguments, result and errors.
+    Lasers are those of one calibrated sensor (-23.95 to 2.81 degrees, closer to each other in the upper block): beams
+    pass the axis 26 mm to the left or right, and the origin, at the base, 143 to 216 mm above, perpendicular to the
+    beam. Each of these sensors has others: give its file. Its ``vert_offset_correction`` is perpendicular to the beam,
+    too, and its ``horiz_offset_correction`` to the left, as velodyne_pointcloud applies them. Times are the manual's
+    (velodyne_decoder, ``packet_decoder.cpp``). See `vlp16` for the rest, and for arguments, result and errors.
     """
     lasers = _read_lasers(calibration, 64)
     if lasers is None:
-        elevation, left, height = np.array(HDL64E_S3, dtype=np.float64).T
+        elevation, left, vertical = np.array(HDL64E_S3, dtype=np.float64).T
         side = np.where(np.arange(64) % 2 == 0, HDL64E_SIDE, -HDL64E_SIDE)
-        lasers = _Lasers(np.radians(elevation), np.radians(left), height / 1000, side)
+        lasers = _Lasers.calibrated(np.radians(elevation), np.radians(left), vertical / 1000, side)
     number = np.arange(64) % 32
     fired = (number // 4) * 7.2e-6 + np.array([0.0, 1.3e-6, 2.5e-6, 3.7e-6])[number % 4]
     return _spin(lasers, rate, 57.6e-6, fired, near, far)
@@ -123,7 +143,8 @@ def hdl64e(
 def _lasers(elevation: object, left: object, *, focal: float) -> _Lasers:
     """Return lasers by their angles [deg] whose beams all meet so far from the axis [m]."""
     up = np.radians(np.asarray(elevation, dtype=np.float64))
-    return _Lasers(up, np.radians(np.asarray(left, dtype=np.float64)), -focal * np.tan(up), np.zeros(len(up)))
+    on_axis = np.zeros(len(up))
+    return _Lasers(up, np.radians(np.asarray(left, dtype=np.float64)), on_axis, on_axis, -focal * np.tan(up))
 
 
 def _spin(lasers: _Lasers, rate: float, cycle: float, fired: NDArray[np.floating], near: float, far: float) -> Rays:
@@ -143,9 +164,10 @@ def _spin(lasers: _Lasers, rate: float, cycle: float, fired: NDArray[np.floating
     times = (np.arange(columns) * cycle + fired[:, None])[rows]
     heading = lasers.left[rows, None] - 2.0 * math.pi * rate * times
     directions = directions_at(heading, lasers.elevation[rows, None])
-    side = lasers.side[rows, None]
+    ahead, side = lasers.ahead[rows, None], lasers.side[rows, None]
     height = np.broadcast_to(lasers.height[rows, None], heading.shape)
-    origins = np.stack([-side * np.sin(heading), side * np.cos(heading), height], axis=-1)
+    x, y = ahead * np.cos(heading) - side * np.sin(heading), ahead * np.sin(heading) + side * np.cos(heading)
+    origins = np.stack([x, y, height], axis=-1)
     rings = np.broadcast_to(np.arange(len(rows))[::-1, None], heading.shape)
     return Rays(directions, origins=origins, times=times, rings=rings, near=near, far=far, axes="ros_body")
 
@@ -168,8 +190,8 @@ def _read_lasers(calibration: str | os.PathLike[str] | None, count: int) -> _Las
     numbers = np.array([[_number(row, name, path) for name in (*_ANGLES, *_OFFSETS, "laser_id")] for row in rows])
     if sorted(numbers[:, 4]) != list(range(count)):
         raise FileFormatError(f"{path}: laser_id of its lasers must be 0 to {count - 1}, each once")
-    elevation, left, height, side, _ = numbers[np.argsort(numbers[:, 4])].T
-    return _Lasers(elevation, left, height, side)
+    elevation, left, vertical, side, _ = numbers[np.argsort(numbers[:, 4])].T
+    return _Lasers.calibrated(elevation, left, vertical, side)
 
 
 def _number(row: dict[str, object], name: str, path: object) -> float:

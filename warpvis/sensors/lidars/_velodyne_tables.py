@@ -41,8 +41,8 @@ HDL64E_S3 = (
     (-9.37, -7, 144), (-9.15, -3.76, 144), (-12.37, -8.3, 148), (-12.05, -4.98, 147),
     (-8.65, -0.45, 144), (-8.11, 2.65, 143), (-11.59, -1.71, 147), (-11.12, 1.54, 146),
 )  # fmt: skip
-"""Elevation and correction of the azimuth, to the left [deg], and height above the base [mm], of each laser. The first
-32 are the upper block."""
+"""Elevation and correction of the azimuth, to the left [deg], and vertical offset, perpendicular to the beam [mm]. The
+first 32 lasers are the upper block."""
 
 HDL64E_SIDE = 0.026
 """How far a beam passes the axis [m]: to the left of it for lasers of even numbers, to the right for the others."""
