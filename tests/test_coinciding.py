@@ -93,6 +93,24 @@ def test_the_later_of_two_equal_geoms_shows(kind, moving, device, caster):
     assert np.array_equal(alone == single.scene.index("collision"), seen == geoms.scene.index("visual"))
 
 
+@pytest.mark.parametrize("moving", [False, True])
+@pytest.mark.parametrize("kind", ["sphere", "ellipsoid", "capsule", "cylinder"])
+def test_solids_coincide_beyond_their_triangles(kind, moving, device):
+    """Seen along the axes, where the triangles of a coarse tolerance end before the true surface."""
+    joint = "<freejoint/>" if moving else ""
+    pair = f"<geom {TWICE[kind]}/>" * 2
+    model, data = model_of(f"{HEAD}<body>{joint}{pair}</body></worldbody></mujoco>")
+    geoms = scene_from_mujoco(model, tolerance=5e-3, device=device)
+    eyes = np.array([[0, 0, -1, 0, 0, 0, 1], [-1, 0, 0, 0.5, 0.5, 0.5, 0.5], [1, 0, 0, 0.5, -0.5, -0.5, 0.5]])
+    sides = [[0, -1, 0, -np.sqrt(0.5), 0, 0, np.sqrt(0.5)], [0, 1, 0, np.sqrt(0.5), 0, 0, np.sqrt(0.5)]]
+    coinciding = CoincidingGeoms(model, geoms.scene, geoms.geom_ids)
+    camera = wv.Camera.from_fov(120, 90, hfov=0.6)
+    renderer = GeomRenderer(geoms.scene, camera, coinciding, outputs=("segmentation",), cull_backfaces=True)
+    views = renderer.render(np.concatenate([eyes, sides]), object_poses=geom_poses(data, geoms)[None])
+    seen = views.segmentation.numpy()
+    assert ((seen == 1).sum(axis=(1, 2)) > 500).all() and not (seen == 0).any()
+
+
 @pytest.mark.parametrize("cull_backfaces", [True, False])
 def test_flush_surfaces_are_as_the_reference_has_them(cull_backfaces, device, caster):
     model, data = model_of(FLUSH)

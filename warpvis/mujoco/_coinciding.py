@@ -71,7 +71,7 @@ def find_pairs(
         resizable: Objects that may be of another size in some worlds: they may coincide with all that they touch in
             their piece.
     """
-    boxes = np.array([item.bounds for item in objects], dtype=np.float64).reshape(-1, 2, 3)
+    boxes = np.array([_bounds(item) for item in objects], dtype=np.float64).reshape(-1, 2, 3)
     margin = _CLOSENESS * np.abs(boxes).max(axis=(1, 2), initial=0.0)[:, None]
     low, high = boxes[:, 0] - margin, boxes[:, 1] + margin
     together = np.zeros(len(objects), dtype=np.int64)
@@ -90,7 +90,9 @@ def find_pairs(
         found |= some
         faces |= {index: np.union1d(numbers, faces.get(index, _NOBODY)) for index, numbers in of_later.items()}
     solids = [pair for pair in zip(i[both].tolist(), j[both].tolist(), strict=True) if _share_surface(objects, pair)]
-    for a, b in [*same, *solids]:
+    # Triangles at the ends of cylinders are not their rims.
+    flat = [(a, b) for a, b in found if is_solid[a] or is_solid[b]]
+    for a, b in [*same, *solids, *flat]:
         found[a, b] = np.stack([np.maximum(low[a], low[b]), np.minimum(high[a], high[b])])
     found |= {(a, b): _EVERYWHERE for a, b in found if pieces[a] != pieces[b]}
     for a, b in zip(i[resized].tolist(), j[resized].tolist(), strict=True):
@@ -101,6 +103,18 @@ def find_pairs(
     rows = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     shared = np.array([found[pair] for pair in pairs], dtype=np.float64).reshape(-1, 2, 3)
     return Pairs(rows[:, 0], rows[:, 1], np.array([pair in same for pair in pairs], dtype=bool), shared, faces)
+
+
+def _bounds(item: SceneObject) -> _Floats:
+    """Return least and greatest corner of an object and, of a solid, of its true surface, shape ``(2, 3)`` [m]."""
+    bounds = np.array(item.bounds, dtype=np.float64)
+    if item.solid is None or item.pose is None:
+        return bounds
+    place = poses_to_matrices(item.pose)
+    axes = place[:3, :3] * item.solid.radii
+    curved = axes[:, : 2 if item.solid.kind == SolidKind.CYLINDER else 3]
+    reach = np.linalg.norm(curved, axis=1) + np.abs(axes[:, 2]) * item.solid.half
+    return np.stack([np.minimum(bounds[0], place[:3, 3] - reach), np.maximum(bounds[1], place[:3, 3] + reach)])
 
 
 def frame_vertices(item: SceneObject) -> NDArray[np.float32]:
