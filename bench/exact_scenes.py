@@ -227,6 +227,22 @@ def far_corners(rng: Generator, width: int, height: int, views: int) -> Case:
     return Case(camera_of(rng, width, height), poses, [(corners, np.array([[0, 1, 2]], np.int32))])
 
 
+def posts(rng: Generator, width: int, height: int, views: int) -> Case:
+    """Cylinders of many sides, from between their ends: slivers that reach behind the camera."""
+    scale = 10.0 ** rng.uniform(-1, 1)
+    meshes = []
+    for _ in range(3):
+        sides = int(rng.choice([12, 100, 400]))
+        post = trimesh.creation.cylinder(rng.uniform(0.01, 0.1), rng.uniform(1, 4), sections=sides)
+        post.apply_transform(trimesh.transformations.random_rotation_matrix(rng.random(3)))
+        meshes.append(as_mesh(post, scale, rng.normal(size=3) * 0.5 * scale))
+    poses = around(rng, np.zeros(3), 0.5 * scale, views)
+    if rng.random() < 0.5:
+        return Case(camera_of(rng, width, height), poses, meshes)
+    places = np.concatenate([rng.normal(size=(3, 3)) * 0.3 * scale, turned(rng, 3)], -1).astype(np.float32)
+    return Case(camera_of(rng, width, height), poses, [], meshes, places)
+
+
 FAMILIES: dict[str, Callable[[Generator, int, int, int], Case]] = {
     "random": random,
     "closed": closed,
@@ -237,4 +253,5 @@ FAMILIES: dict[str, Callable[[Generator, int, int, int], Case]] = {
     "moved": moved,
     "edge_on": edge_on,
     "far_corners": far_corners,
+    "posts": posts,
 }
