@@ -5,8 +5,9 @@
 import json
 import sys
 import warnings
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -101,6 +102,76 @@ def test_reading_back_gives_the_same_camera(kind, room, tmp_path):
             back.append(wv.read_frames(out / file, distortion=True).camera)
         for found in back:
             assert replace(found, near=camera.near, far=camera.far) == camera, name
+
+
+@dataclass(frozen=True)
+class Stereographic(lenses.Lens):
+    """A lens of a user's own."""
+
+    scale: float
+    center: tuple[float, float] = (32.0, 24.0)
+    max_angle: ClassVar[float] = 3.0
+    turns_back: ClassVar[bool] = False
+
+    def _project(self, points):
+        radius = np.linalg.norm(points, axis=1) + points[:, 2]
+        return self.scale * points[:, :2] / radius[:, None] + self.center
+
+    def _unproject(self, pixels):
+        x, y = ((pixels - self.center) / self.scale).T
+        return np.stack([2 * x, 2 * y, 1 - x * x - y * y], axis=1) / (1 + x * x + y * y)[:, None]
+
+
+@pytest.mark.parametrize("kind", ["npz", "zarr", "png"])
+def test_lenses_of_a_users_own_class_are_read_back(kind, room, tmp_path):
+    if kind == "zarr":
+        pytest.importorskip("zarr")
+    camera = LensCamera(Stereographic(np.float32(60)), 64, 48, near=0.1)
+    wv.render_batch(room, camera, POSES, tmp_path / "out", format=kind)
+    assert wv.batch.verify(tmp_path / "out").ok
+    dataset = wv.open_dataset(tmp_path / "out")
+    assert dataset.camera == camera and isinstance(dataset.camera.lens.center, tuple)
+    np.testing.assert_allclose(dataset[0]["depth"], wv.render(room, camera, POSES).depth.numpy()[0], atol=1e-3)
+    if kind == "png":
+        assert load_camera(tmp_path / "out" / "camera.json", distortion=True) == camera
+    manifest = tmp_path / "out" / "manifest.json"
+    assert f'"{__name__}:Stereographic"' in manifest.read_text()
+    manifest.write_text(manifest.read_text().replace(f"{__name__}:", "optics.bent:"))
+    with pytest.raises(
+        FileFormatError, match=r"the lens is of the class Stereographic outside of warpvis. Import optics"
+    ):
+        wv.open_dataset(tmp_path / "out")
+    assert "optics" not in sys.modules
+
+
+def test_a_lens_with_the_name_of_another_is_no_other(room, tmp_path):
+    own = type("OpenCVPinhole", (Stereographic,), {"__module__": __name__})
+    wv.render_batch(room, LensCamera(own(60.0), 64, 48), POSES, tmp_path)
+    assert type(wv.open_dataset(tmp_path).camera.lens) is own
+
+
+class Unkept(lenses.Lens):
+    """A lens that is no dataclass."""
+
+    max_angle, turns_back = 3.0, False
+    _project, _unproject = Stereographic._project, Stereographic._unproject
+    scale, center = 60.0, (32.0, 24.0)
+
+
+@pytest.mark.parametrize(
+    ("lens", "message"),
+    [
+        (Unkept(), r"lens .*:Unkept must be a dataclass to be written to a file"),
+        (
+            Stereographic(60.0, np.array([32.0, 24])),
+            r"center of lens .*:Stereographic must be a number, a text or a tu",
+        ),
+    ],
+)
+def test_lenses_that_no_file_can_hold_are_refused_first(room, tmp_path, lens, message):
+    with pytest.raises(CameraError, match=message):
+        wv.render_batch(room, LensCamera(lens, 64, 48), POSES, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("kind", ["npz", "png", "colmap"])

@@ -6,18 +6,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
-from warpvis.core.checks import check_mapping, shortened
+from warpvis.core.checks import check_mapping, is_number, is_whole, shortened
 from warpvis.core.types import Json
 from warpvis.errors import CameraError
 from warpvis.sensors import lenses
 from warpvis.sensors._lens_camera import CalibratedCamera, LensCamera
+from warpvis.sensors.lenses import Lens
 
 _LENSES = {name: getattr(lenses, name) for name in lenses.__all__ if name != "Lens"}
 _KNOWN = tuple(field.name for field in fields(LensCamera))
@@ -26,12 +27,25 @@ _KNOWN = tuple(field.name for field in fields(LensCamera))
 def lens_camera_to_fields(camera: LensCamera) -> dict[str, Json]:
     """List what a camera is, as JSON holds it; `far` is None where it is infinite.
 
-    Its lens has its model, which is the name of its class, and that class's fields: pixel centres are at + 0.5.
+    Its lens has its model, which is the name of its class, and that class's fields: pixel centres are at + 0.5. The
+    model of a class outside of warpvis is ``module:Class``.
+
+    Raises:
+        CameraError: The lens is no dataclass of numbers, texts and tuples of them, so that no file can hold it.
     """
-    kept = {field.name: getattr(camera.lens, field.name) for field in fields(camera.lens)}  # type: ignore[arg-type]
-    numbers = {name: list(value) if isinstance(value, tuple) else value for name, value in kept.items()}
+    lens: Any = camera.lens
+    model = _model_name(type(lens))
+    if not is_dataclass(lens):
+        raise CameraError(f"lens {model} must be a dataclass to be written to a file: its fields are")
+    numbers = {field.name: _to_json(getattr(lens, field.name)) for field in fields(lens) if field.init}
+    wrong = next((name for name, value in numbers.items() if value is None), None)
+    if wrong is not None:
+        raise CameraError(
+            f"{wrong} of lens {model} must be a number, a text or a tuple of these to be written to a file, got "
+            f"{shortened(repr(getattr(lens, wrong)))}"
+        )
     return {
-        "lens": {"model": type(camera.lens).__name__, **numbers},
+        "lens": {"model": model, **numbers},
         "width": camera.width,
         "height": camera.height,
         "near": camera.near,
@@ -44,7 +58,7 @@ def lens_camera_from_fields(given: Mapping[str, Any]) -> LensCamera:
     """Make the camera of what `lens_camera_to_fields` lists; `near`, `far` and `kind` may be missing.
 
     Raises:
-        CameraError: The fields make none.
+        CameraError: The fields make none, or the lens's class is of a module that is not imported.
     """
     unknown = sorted(given.keys() - set(_KNOWN))
     missing = [name for name in ("lens", "width", "height") if name not in given]
@@ -53,18 +67,49 @@ def lens_camera_from_fields(given: Mapping[str, Any]) -> LensCamera:
         raise CameraError(f"{problem}; a camera with a lens may hold {', '.join(_KNOWN)}")
     numbers = dict(check_mapping(given["lens"], "lens", CameraError))
     model = numbers.pop("model", None)
-    if not isinstance(model, str) or model not in _LENSES:
+    if not isinstance(model, str) or (model not in _LENSES and ":" not in model):
         raise CameraError(f"model of a lens must be one of {', '.join(_LENSES)}, got {shortened(repr(model))}")
-    names = [field.name for field in fields(_LENSES[model])]
+    kind = _find_model(model)
+    if kind is None:
+        module, _, name = map(shortened, model.partition(":"))
+        raise CameraError(
+            f"the lens is of the class {name} outside of warpvis. Import {module}, which defines it, first."
+        )
+    names = [field.name for field in fields(kind) if field.init]
     wrong = sorted(numbers.keys() - set(names))
     if wrong:
         raise CameraError(f"unknown {shortened(wrong[0])} of a lens; {model} has {', '.join(names)}")
     try:
-        lens = _LENSES[model](**numbers)
+        lens = kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in numbers.items()})
     except TypeError:
         raise CameraError(f"{model} needs the numbers {', '.join(names)}, got {', '.join(numbers)}") from None
     rest = {name: value for name, value in given.items() if name != "lens" and not (name == "far" and value is None)}
     return LensCamera(lens, **rest)
+
+
+def _model_name(kind: type[Lens]) -> str:
+    return kind.__name__ if _LENSES.get(kind.__name__) is kind else f"{kind.__module__}:{kind.__qualname__}"
+
+
+def _find_model(name: str) -> Any:
+    """Return the class of a model's name; None if it is of a module that is not imported: a file imports nothing."""
+    pending: list[Any] = [Lens]
+    found = _LENSES.get(name)
+    while pending and found is None:
+        kind = pending.pop()
+        pending += kind.__subclasses__()
+        found = kind if _model_name(kind) == name and is_dataclass(kind) else None
+    return found
+
+
+def _to_json(value: object) -> Json:
+    """Return a field's value as JSON holds it; None if it is no number, no text and no tuple of these."""
+    if isinstance(value, tuple):
+        parts = [_to_json(part) for part in value]
+        return None if None in parts else parts
+    if isinstance(value, str | bool):
+        return value
+    return int(value) if is_whole(value) else float(value) if is_number(value) else None
 
 
 def opencv_intrinsics(camera: CalibratedCamera) -> dict[str, NDArray[np.float64]]:
