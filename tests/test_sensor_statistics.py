@@ -36,16 +36,17 @@ OUTPUTS = ("depth", "reasons", "true_depth")
 # Dots so far apart that each is alone in its window.
 DOTS = np.zeros((48, 64), dtype=np.uint8)
 DOTS[5:43:10, 5:59:10] = 255  # without the edges, where none is found
+# Devices without their cameras: their laws hold through any camera and at any depth.
 PROFILES = ("realsense_d415", "realsense_d435", "realsense_d455", "oak_d", "kinect_v1", "structure")
-STEREO = {name: getattr(wv.sensors, name)() for name in PROFILES}
+STEREO = {name: dataclasses.replace(getattr(wv.sensors, name)(), native_camera=None) for name in PROFILES}
 MODELS = {
     "stereo": StereoDepth(0.06, sigma=0.08, noise_spacing=3, locking=0.05, shadow=False, band=False),
     **STEREO,
     "time of flight": TimeOfFlight(10e6, signal=1e6, background=5e3, contrast=0.5),
-    "azure_kinect": wv.sensors.azure_kinect(),
-    "azure_kinect, wide": wv.sensors.azure_kinect("wfov_binned"),
-    "kinect_v2": wv.sensors.kinect_v2(),
-    "pmd_flexx2": wv.sensors.pmd_flexx2(),
+    "azure_kinect": dataclasses.replace(wv.sensors.azure_kinect(), native_camera=None),
+    "azure_kinect, wide": dataclasses.replace(wv.sensors.azure_kinect("wfov_binned"), native_camera=None),
+    "kinect_v2": dataclasses.replace(wv.sensors.kinect_v2(), native_camera=None),
+    "pmd_flexx2": dataclasses.replace(wv.sensors.pmd_flexx2(), native_camera=None),
     "nguyen": NguyenNoise(),
     "khoshelham": KhoshelhamNoise(),
     "simkinect": SimKinect(focal_length=480.0, pattern=DOTS),

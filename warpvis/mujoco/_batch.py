@@ -156,7 +156,7 @@ class BatchRenderer:
             near_plane: As for `warpvis.Renderer`; MuJoCo clips.
             fill: Depth of empty pixels, as for `warpvis.Renderer`.
             sensor: A model of a depth camera, as for `warpvis.Renderer`, through which all cameras look. Their near
-                planes are the model's, `vis.map.znear`, and not the device's least depth.
+                planes are the model's, `vis.map.znear`; nearer than the device's least depth, surfaces are too near.
             seed: What its random numbers follow from, together with world, camera and frame.
             device: Where to render; poses that are on a GPU must be on this one.
             threads: CPU threads to use; all cores of this process by default.

@@ -34,8 +34,8 @@ class Exposure:
     scene: Scene
     """What is seen."""
     camera: Camera
-    """The camera, with the depth range that was asked for. Of models with `takes_lens` it may be a `LensCamera`, of
-    which only `image_range` is to be asked for."""
+    """The camera, with the depth range that it and the device have in common. Of models with `takes_lens` it may be a
+    `LensCamera`, of which only `image_range` is to be asked for."""
     clip_near: float
     """What is nearer is not there [m]: the camera's near with ``near_plane="clip"``, else 0."""
     poses: wp.array
@@ -133,7 +133,7 @@ class DepthSensor(ABC):
     """
 
     native_camera: Camera | None = None
-    """The camera that the device has: what `camera` returns."""
+    """The camera that the device has: what `camera` returns. Depth keeps to its range through any other camera."""
 
     def camera(self) -> Camera:
         """Return the camera of the device: its image size, focal length and range.
@@ -160,18 +160,30 @@ class DepthSensor(ABC):
         return 0
 
     def check(self, scene: Scene, camera: object) -> Camera:
-        """Return the camera, if the model is one of it in a scene.
+        """Return the camera with the range of depth that it and the device have in common.
 
         Raises:
-            WarpvisError: It is not.
+            WarpvisError: If the sensor is not a model of such a camera, or there is no such range.
         """
         if isinstance(camera, Camera):
-            return camera
+            return self._in_range(camera)
         if isinstance(camera, LensedCamera) and self.takes_lens in ("any", camera.kind):
-            return cast(Camera, camera)
+            return self._in_range(cast(Camera, camera))
         lens = {"no": "", "z": " or a lens's depth along the axis", "any": " or a lens"}[self.takes_lens]
         given = type(camera).__name__ + (f' of kind "{camera.kind}"' if isinstance(camera, LensedCamera) else "")
         raise CameraError(f"{type(self).__name__} is a model of a pinhole, warpvis.Camera,{lens} and not of a {given}")
+
+    def _in_range(self, camera: Camera) -> Camera:
+        device = self.native_camera
+        if device is None or (camera.near >= device.near and camera.far <= device.far):
+            return camera
+        near, far = max(camera.near, device.near), min(camera.far, device.far)
+        if near >= far:
+            raise CameraError(
+                f"camera must have depths within the device's range, {device.near:g} to {device.far:g} m, got near="
+                f"{camera.near:g}, far={camera.far:g}; dataclasses.replace(sensor, native_camera=None) has no range"
+            )
+        return replace(camera, near=near, far=far)
 
     @abstractmethod
     def measure(self, exposure: Exposure) -> None:

@@ -41,7 +41,7 @@ class Sensing:
         self,
         sensor: DepthSensor,
         scene: Scene,
-        camera: object,
+        camera: Any,
         make_caster: Callable[[Camera], Any],
         *,
         seed: int,
@@ -56,7 +56,7 @@ class Sensing:
         self.sensor = require_sensor(sensor)
         self.camera = sensor.check(scene, camera)
         # The range is judged by what is measured, and a surface counts that is nearer or farther.
-        near = self.camera.near if clip_near else 0.0
+        near = camera.near if clip_near else 0.0
         self.clean_camera = dataclasses.replace(self.camera, near=near, far=math.inf)
         self._scene = scene
         self._seed = seed

@@ -24,7 +24,7 @@ class Device(DepthSensor):
     reflectivity: Reflectivity = field(default=1.0, kw_only=True)
     """Of all objects; by their names, 1 for others; or of each, in the scene's order: from 0 (black) to 1."""
     native_camera: Camera | None = field(default=None, kw_only=True)
-    """The camera that the device has: what `camera` returns."""
+    """The camera that the device has: what `camera` returns. Depth keeps to its range through any other camera."""
 
     def __post_init__(self) -> None:
         if self.native_camera is not None and not isinstance(self.native_camera, Camera):
@@ -37,10 +37,10 @@ class Device(DepthSensor):
         return ("normals",) if plain else ("normals", "segmentation")
 
     def check(self, scene: Scene, camera: object) -> Camera:
-        """Return the camera, if the model is one of it in a scene.
+        """Return the camera with the range of depth that it and the device have in common.
 
         Raises:
-            WarpvisError: It is not.
+            WarpvisError: If the sensor is not a model of such a camera, or there is no such range.
         """
         reflectivities(scene, self.reflectivity)
         return super().check(scene, camera)

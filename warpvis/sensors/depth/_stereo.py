@@ -7,6 +7,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -39,7 +40,21 @@ to the next. A shadow is as wide as disparities differ, so that none is missed t
 """
 # Longer than any device's [m], and shorter than one's in millimetres.
 _LONG_BASELINE = 5.0
+# Share by which focal lengths of devices of one kind differ.
+_SAME_FOCAL_LENGTH = 0.05
 _MOST_SPACING, _MOST_WINDOW, _MOST_BESIDE = 64, 63, 8192
+
+
+@lru_cache(maxsize=1024)  # once for each
+def _warn_of_focal_length(fx: float, native_fx: float) -> None:
+    """Warn of a camera whose disparities differ from the device's."""
+    if abs(fx / native_fx - 1.0) > _SAME_FOCAL_LENGTH:
+        warn_user(
+            f"the device's camera has fx={native_fx:g} px, and this one fx={fx:g} px: noise, edges and the invalid "
+            "band are in pixels, so they are not the device's; render with sensor.camera(), or make the profile for "
+            "images of this size",
+            UserWarning,
+        )
 
 
 def check_baseline(baseline: object) -> None:
@@ -158,6 +173,8 @@ class StereoDepth(Device):
             WarpvisError: It is not.
         """
         pinhole = super().check(scene, camera)
+        if self.native_camera is not None:
+            _warn_of_focal_length(pinhole.fx, self.native_camera.fx)
         if self.shadow:
             self._other_camera(pinhole, 0.0)
         return pinhole
