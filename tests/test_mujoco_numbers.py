@@ -119,6 +119,52 @@ def test_only_the_worlds_that_are_rendered_must_be_computed():
         batch.render(poses)
 
 
+@pytest.mark.parametrize("kind", ["geom", "cam", "site"])
+@pytest.mark.parametrize("part", ["xpos", "xmat"])
+@pytest.mark.parametrize("value", [math.nan, -math.inf])
+def test_poses_that_are_not_finite_are_refused(kind, part, value):
+    model = model_of()
+    data, name = computed(model), f"{kind}_{part}"
+    renderer = Renderer(model, 8, 8)
+    getattr(data, name)[-1, -1] = value
+    uses = {
+        "geom": ("geom_poses", "Renderer", "BatchRenderer", "BatchRenderer, several", "Rangefinders"),
+        "cam": ("camera_poses", "Renderer, camera", "BatchRenderer"),
+        "site": ("geom_poses of sites", "Rangefinders"),
+    }
+    for use in uses[kind]:
+        with pytest.raises(wv.WarpvisError, match=f"{name} must be finite, got .*{value}.* at index"):
+            FRESH[use](model, data)
+    if kind != "site":
+        with pytest.raises(wv.WarpvisError, match=f"{name} must be finite, got"):
+            renderer.update_scene(data, "side")
+    batch, good = BatchRenderer(model, height=8, width=8), computed(model)
+    poses = WorldPoses(
+        **{field: np.stack([getattr(some, field) for some in (good, data)]) for field in vars(WorldPoses.of([good]))}
+    )
+    assert batch.render(poses, worlds=[0]).worlds == 1
+
+
+FIELD = """<mujoco><asset><hfield name="hills" nrow="3" ncol="3" size="1 1 1 .1"/>
+  <mesh name="rock" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset><worldbody><geom type="hfield" hfield="hills"/>
+  <geom type="mesh" mesh="rock"/><body pos=".3 0 2"><site name="down" zaxis="0 0 -1"/></body></worldbody>
+  <sensor><rangefinder site="down"/></sensor></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("field", "said"),
+    [("hfield_data", "heights of hfield 0 must be finite"), ("mesh_vert", "vertices of mesh 0 must be finite")],
+)
+def test_rangefinders_refuse_shapes_that_are_not_finite(field, said):
+    model = mujoco.MjModel.from_xml_string(FIELD)
+    finders, data = Rangefinders(model), computed(model)
+    finders.read(data)
+    getattr(model, field)[0] = math.nan
+    for use in (lambda: finders.read(data), lambda: Rangefinders(model)):
+        with pytest.raises(wv.WarpvisError, match=said):
+            use()
+
+
 SHAPES = {
     "geom_size": "geom_size of geom 'table' must be finite, got",
     "geom_rgba": "geom_rgba of geom 'table' must be finite, got",

@@ -15,7 +15,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.arrays import as_numpy, as_warp, on_gpu
+from warpvis.core.arrays import as_numpy, as_warp, on_gpu, surely_finite
 from warpvis.core.checks import as_items, counted, is_whole
 from warpvis.core.kernel_cache import launch
 from warpvis.core.threads import check_threads, run_each
@@ -390,7 +390,7 @@ def viewer_transforms(
 
 
 def check_computed(source: PoseSource, kinds: Iterable[str], worlds: NDArray[np.int32] | None = None) -> None:
-    """Check that poses were computed: MuJoCo's data begins, and begins again when it is reset, with zeros.
+    """Check that poses were computed and are finite: MuJoCo's data begins, and begins again when reset, with zeros.
 
     Args:
         source: As for `geom_poses`; arrays on a GPU are not read.
@@ -398,24 +398,34 @@ def check_computed(source: PoseSource, kinds: Iterable[str], worlds: NDArray[np.
         worlds: Indices of the worlds to check; all by default.
 
     Raises:
-        ArrayError: Rotations of a world are zeros.
+        ArrayError: Rotations of a world are zeros, or a number is not finite.
     """
-    for kind in kinds:
-        value = getattr(source, f"{kind}_xmat", None)
+    for name in (f"{kind}_{part}" for kind in kinds for part in ("xmat", "xpos")):
+        value = getattr(source, name, None)
         if value is None or on_gpu(value):
             continue
-        rows = value.numpy() if isinstance(value, wp.array) else as_numpy(value, name=f"{kind}_xmat")
+        rows = value.numpy() if isinstance(value, wp.array) else as_numpy(value, name=name)
         rows = rows[None] if isinstance(source, mujoco.MjData) else rows
-        if rows.ndim < 3 or not rows.size or (worlds is not None and worlds.max() >= len(rows)):
+        if rows.ndim < 3 or not rows.size or rows.dtype.kind not in "fiu":
             continue  # checked where they are read
-        first = rows[:, 0] if worlds is None else rows[worlds, 0]
-        bad = np.flatnonzero(~first.reshape(len(first), -1).any(axis=1))
+        chosen = np.arange(len(rows)) if worlds is None else worlds[worlds < len(rows)]
+        if name.endswith("xmat"):
+            zeros = chosen[~rows[chosen, 0].reshape(len(chosen), -1).any(axis=1)]
+            if len(zeros):
+                where = _in_world(source, int(zeros[0]))
+                raise ArrayError(
+                    f"poses must be computed, got {name} of zeros{where}; call mujoco.mj_forward(model, data) first"
+                )
+        # The common answer first: this is called for every image.
+        bad = np.zeros((0, 2)) if surely_finite(rows) else np.argwhere(~np.isfinite(rows[chosen]))
         if len(bad):
-            world = int(bad[0] if worlds is None else worlds[bad[0]])
-            where = "" if isinstance(source, mujoco.MjData) else f" in world {world}"
-            raise ArrayError(
-                f"poses must be computed, got {kind}_xmat of zeros{where}; call mujoco.mj_forward(model, data) first"
-            )
+            world, index = int(chosen[bad[0][0]]), int(bad[0][1])
+            got = rows[world, index].ravel().tolist()
+            raise ArrayError(f"{name} must be finite, got {got} at index {index}{_in_world(source, world)}")
+
+
+def _in_world(source: PoseSource, world: int) -> str:
+    return "" if isinstance(source, mujoco.MjData) else f" in world {world}"
 
 
 def read_frames(source: PoseSource, kind: str, count: int, device: wp.Device) -> tuple[wp.array, wp.array]:

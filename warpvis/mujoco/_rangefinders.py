@@ -326,5 +326,8 @@ def _make_mesh(model: mujoco.MjModel, kind: int, data: int, device: wp.Device) -
     if kind == _GEOM.mjGEOM_HFIELD:
         # Its base is a box: from within the hills above it, a ray meets the top of that.
         corners = np.concatenate([corners, _SQUARE * np.r_[model.hfield_size[data][:2], 0.0]])
+    if not np.isfinite(corners).all():
+        names = {int(_GEOM.mjGEOM_HFIELD): "heights of hfield"}
+        raise SceneError(f"{names.get(kind, 'vertices of mesh')} {data} must be finite")
     tree = make_mesh(corners.astype(np.float32), np.arange(len(corners), dtype=np.int32), device)
     return _Mesh(tree, float(np.linalg.norm(corners, axis=1).max()))
