@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import trimesh
 from mujoco_models import SHAPES
+from PIL import Image
 
 import warpvis as wv
 from warpvis import Label, Scene
@@ -260,6 +261,56 @@ def test_a_visual_without_a_material_is_gray(tmp_path):
     scene = load(robot_of(tmp_path, "boxes.obj", rest=rest))
     colors = [item.appearance.materials[0].base_color for item in scene]
     assert colors == [(0.5, 0.5, 0.5, 1), (1, 0, 0, 1), (0.5, 0.5, 0.5, 1), (1, 0, 0, 1)]
+
+
+TEXTURED = """mtllib flags.mtl
+v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nv 3 0 0\nv 3 1 0\nv 2 1 0
+vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1
+o flag\nusemtl flag\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4
+o blue\nusemtl blue\nf 5 6 7\nf 5 7 8
+"""
+
+
+def flags(tmp_path):
+    """Write two squares from x = 0 and 2: one red where x < 0.5 and green beyond, by its texture, and a blue one."""
+    (tmp_path / "flags.obj").write_text(TEXTURED)
+    (tmp_path / "flags.mtl").write_text("newmtl flag\nmap_Kd flag.png\nnewmtl blue\nKd 0 0 1\n")
+    image = np.zeros((8, 8, 3), dtype=np.uint8)
+    image[:, :4, 0], image[:, 4:, 1] = 255, 255
+    Image.fromarray(image).save(tmp_path / "flag.png")
+
+
+def colors_at(scene, *places):
+    """Look down at places of x and y, and return their base colors."""
+    camera = wv.Camera.from_fov(3, 3, hfov=0.1)
+    poses = np.stack([wv.look_at((x, y, 9), (x, y, 0), up=(0, 1, 0)) for x, y in places])
+    return wv.render(scene, camera, poses, outputs=("albedo",)).albedo.numpy()[:, 1, 1, :3].tolist()
+
+
+RED, GREEN, BLUE = [255, 0, 0], [0, 255, 0], [0, 0, 255]
+
+
+@pytest.mark.parametrize("scale", ["1 1 1", "-1 1 1", "1 -1 1", "-1 -1 1"])
+def test_meshes_of_robots_have_their_own_colors(tmp_path, scale):
+    flags(tmp_path)
+    scene = load(robot_of(tmp_path, "flags.obj", scale=scale))
+    x, y, _ = map(float, scale.split())
+    found = colors_at(scene, *[(place * x, 0.7 * y) for place in (0.2, 0.8, 2.5)])
+    assert found == [RED, GREEN, BLUE]
+    assert scene["a"].appearance.normals.shape == (4, 3, 3)
+
+
+def test_a_robots_own_color_comes_before_that_of_its_mesh(tmp_path):
+    flags(tmp_path)
+    path = robot_of(tmp_path, "flags.obj", rest='<material name="red"><color rgba="0 1 0 1"/></material>')
+    text = path.read_text()
+    inside = text.replace(
+        "</geometry></visual>", '</geometry><material name="m"><color rgba="1 0 0 1"/></material></visual>'
+    )
+    path.write_text(inside)
+    assert colors_at(load(path), (0.2, 0.7), (2.5, 0.7)) == [RED, RED]
+    path.write_text(text.replace("</geometry></visual>", '</geometry><material name="nowhere"/></visual>'))
+    assert colors_at(load(path), (0.2, 0.7), (2.5, 0.7)) == [RED, BLUE]
 
 
 def test_a_robot_is_no_mesh_of_a_robot(tmp_path):

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -19,8 +19,10 @@ from warpvis.errors import FileFormatError
 from warpvis.mujoco._geoms import DEFAULT_GROUPS, default_label, geom_parts, movable_bodies, shown_geoms
 from warpvis.mujoco._lights import model_background, model_lights
 from warpvis.mujoco._shapes import object_names
-from warpvis.mujoco._urdf import compile_urdf
+from warpvis.mujoco._urdf import CompiledRobot, compile_urdf
 from warpvis.scene import FileParts, Part
+from warpvis.scene.looks import Look
+from warpvis.scene.materials import Appearance
 
 _INCLUDES = ("include", "model")
 _FOLDERS = ("assetdir", "meshdir", "texturedir")
@@ -55,7 +57,7 @@ def read_model(
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # MuJoCo's are of how things would move
-            model, groups, left_out, warned = _compile(path, root, folders, strict=strict)
+            model, groups, looks, left_out, warned = _compile(path, root, folders, strict=strict)
     except ValueError as error:
         if isinstance(error, FileFormatError):
             raise
@@ -65,13 +67,13 @@ def read_model(
     message = f"{path}: left out {'; '.join(left_out)}" if left_out else ""
     if strict and message:
         raise FileFormatError(message)
-    parts = _parts(model, groups, robot=root.tag == "robot")
+    parts = _parts(model, groups, looks, robot=root.tag == "robot")
     sentences = (message, *warned) if message else tuple(warned)
     lights, background = model_lights(model), model_background(model)
     return FileParts(path, parts, up="z", settled=True, warnings=sentences, lights=lights, background=background)
 
 
-def _parts(model: mujoco.MjModel, groups: Sequence[int], *, robot: bool) -> list[Part]:
+def _parts(model: mujoco.MjModel, groups: Sequence[int], looks: Mapping[int, Look], *, robot: bool) -> list[Part]:
     names = object_names(model)
     labels = [default_label(model, geom, name) for geom, name in enumerate(names)]
     if robot:
@@ -79,7 +81,19 @@ def _parts(model: mujoco.MjModel, groups: Sequence[int], *, robot: bool) -> list
     moves = movable_bodies(model)[model.geom_bodyid]
     parts = geom_parts(model, shown_geoms(model, groups), names, labels)
     # Round shapes that stay are triangles here; the scene of a MujocoScene has them move so that they are exact.
-    return [replace(part, movable=bool(moves[geom])) for geom, part in parts]
+    parts = [(geom, replace(part, movable=bool(moves[geom]))) for geom, part in parts]
+    return [replace(part, appearance=_lit_look(looks[geom], part)) if geom in looks else part for geom, part in parts]
+
+
+def _lit_look(look: Look, part: Part) -> Look:
+    """Return a look of a part's mesh with the normals that the part has."""
+
+    def make() -> Appearance | None:
+        found, lit = look.get(), part.appearance
+        lit = lit.get() if isinstance(lit, Look) else lit
+        return None if found is None or lit is None else replace(found, normals=lit.normals)
+
+    return Look(make)
 
 
 def _parse(path: Path) -> ElementTree.Element:
@@ -105,13 +119,11 @@ def _parse(path: Path) -> ElementTree.Element:
     return root
 
 
-def _compile(
-    path: Path, root: ElementTree.Element, search_path: Sequence[Path], *, strict: bool
-) -> tuple[mujoco.MjModel, tuple[int, ...], list[str], list[str]]:
-    """Compile the model; return it, the groups of its geoms that show, what is left out, and warnings."""
+def _compile(path: Path, root: ElementTree.Element, search_path: Sequence[Path], *, strict: bool) -> CompiledRobot:
+    """Compile the model."""
     if root.tag == "robot":
         return compile_urdf(path, root, search_path, strict=strict)
-    return _compile_mjcf(path, root, search_path), DEFAULT_GROUPS, [], []
+    return CompiledRobot(_compile_mjcf(path, root, search_path), DEFAULT_GROUPS, {}, [], [])
 
 
 def _compile_mjcf(path: Path, root: ElementTree.Element, search_path: Sequence[Path]) -> mujoco.MjModel:

@@ -11,8 +11,9 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Container, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 import mujoco  # noqa: TID253 - the whole package is about it
@@ -20,7 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.errors import FileFormatError, SceneError
+from warpvis.mujoco._robot_looks import joined_look
 from warpvis.scene import Scene
+from warpvis.scene.looks import Look
+from warpvis.scene.materials import Appearance
 
 VISUAL_GROUP = 1
 """The group of geoms that MuJoCo makes of visual elements; those of collision elements are in group 0."""
@@ -35,13 +39,33 @@ _LEAST_MASS, _LEAST_INERTIA = 1e-6, 1e-9
 
 _DEFAULT_COLOR = "0.5 0.5 0.5 1"
 """Of geoms in MuJoCo."""
+_UNCOLORED = "warpvis-without-color-"
+"""Begins the names, while MuJoCo reads the file, of elements without a color of their own."""
 
-_Mesh = tuple[NDArray[np.float32], NDArray[np.int32]]
+
+class _Mesh(NamedTuple):
+    """The triangles of a mesh file, and what they look like, if the file says it."""
+
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.int32]
+    look: Look | None
 
 
-def compile_urdf(
-    path: Path, robot: ElementTree.Element, search_path: Sequence[Path], *, strict: bool
-) -> tuple[mujoco.MjModel, tuple[int, ...], list[str], list[str]]:
+class CompiledRobot(NamedTuple):
+    """A robot as MuJoCo compiles it."""
+
+    model: mujoco.MjModel
+    groups: tuple[int, ...]
+    """The groups of its geoms."""
+    looks: dict[int, Look]
+    """Appearances that mesh files give geoms without a color of their own; coordinates are of corners of faces."""
+    left_out: list[str]
+    """Meshes that are left out, as parts of a sentence."""
+    warnings: list[str]
+    """Of the meshes' readers."""
+
+
+def compile_urdf(path: Path, robot: ElementTree.Element, search_path: Sequence[Path], *, strict: bool) -> CompiledRobot:
     """Compile a robot as it looks, without masses: its visual elements, or else its collision elements.
 
     Args:
@@ -49,10 +73,6 @@ def compile_urdf(
         robot: The file's root, which is changed.
         search_path: Folders to look for packages and meshes in.
         strict: Whether a part of a mesh file without triangles is an error.
-
-    Returns:
-        The model; the groups of its geoms; meshes that are left out, as parts of a sentence; and warnings of the
-        meshes' readers.
 
     Raises:
         ValueError: MuJoCo does not compile it.
@@ -64,16 +84,20 @@ def compile_urdf(
         shown, hidden, groups = "collision", "visual", (0,)
         _prepare(robot, shown, found)
     colored = {item.get("name") for item in robot.iter("material") if item.find("color") is not None}
-    names = {""}
+    names, uncolored = {""}, dict[str, str]()
     for link in robot.iter("link"):
         for element in [item for item in link if item.tag in (hidden, "inertial")]:
             link.remove(element)
         for element in link.iter(shown):
             name = element.attrib.pop("name", "")
-            if name not in names:  # MuJoCo prints a warning about one that is taken; the link's name identifies it, too
-                element.set("name", name)
+            if name in names:  # MuJoCo prints a warning about one that is taken; the link's name identifies it, too
+                name = ""
             names.add(name)
-            _set_color(element, colored)
+            if not _set_color(element, colored):
+                uncolored[f"{_UNCOLORED}{len(uncolored)}"] = name
+                name = f"{_UNCOLORED}{len(uncolored) - 1}"
+            if name:
+                element.set("name", name)
     # Links keep their names, whether or not they move; what is drawn stays; paths are as they are written.
     options = robot.find("mujoco/compiler")
     if options is None:
@@ -82,13 +106,22 @@ def compile_urdf(
     spec = mujoco.MjSpec.from_string(ElementTree.tostring(robot, encoding="unicode"))
     spec.compiler.balanceinertia = True
     spec.compiler.boundmass, spec.compiler.boundinertia = _LEAST_MASS, _LEAST_INERTIA
+    meshes = {asset.name: found.read.get(asset.file) for asset in spec.meshes}
     for asset in spec.meshes:
         asset.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # what is open has no volume
-        mesh = found.read.get(asset.file)
+        mesh = meshes[asset.name]
         if mesh is not None:
             asset.file = ""
-            asset.uservert, asset.userface = (rows.ravel() for rows in mesh)
-    return spec.compile(), groups, found.left_out(), found.warnings
+            asset.uservert, asset.userface = mesh.vertices.ravel(), mesh.faces.ravel()
+    own = []
+    for geom in spec.geoms:
+        if geom.name in uncolored:
+            geom.name = uncolored[geom.name]
+            mesh = meshes.get(geom.meshname)
+            own += [(geom, mesh)] if mesh is not None and mesh.look is not None else []
+    model = spec.compile()
+    looks = {geom.id: _compiled_look(model, geom.id, mesh) for geom, mesh in own}
+    return CompiledRobot(model, groups, looks, found.left_out(), found.warnings)
 
 
 @dataclass
@@ -148,13 +181,38 @@ def _is_zero(number: str) -> bool:
         return False
 
 
-def _set_color(element: ElementTree.Element, colored: Container[str | None]) -> None:
-    """Give MuJoCo's default color to an element without one: MuJoCo gives it that of the element before."""
+def _set_color(element: ElementTree.Element, colored: Container[str | None]) -> bool:
+    """Give MuJoCo's default color to an element without one, to which MuJoCo gives that of the element before.
+
+    Returns:
+        Whether it has a color of its own.
+    """
     material = element.find("material")
     if material is None:
         material = ElementTree.SubElement(element, "material", name="")
     if material.find("color") is None and material.get("name") not in colored:
         ElementTree.SubElement(material, "color", rgba=_DEFAULT_COLOR)
+        return False
+    return True
+
+
+def _compiled_look(model: mujoco.MjModel, geom: int, mesh: _Mesh) -> Look:
+    """Return a mesh's look for the faces that MuJoCo compiled, whose corners it orders anew where they are mirrored."""
+    number = int(model.geom_dataid[geom])
+    first = int(model.mesh_faceadr[number])
+    compiled = model.mesh_face[first : first + len(mesh.faces)].copy()
+
+    def make() -> Appearance | None:
+        assert mesh.look is not None
+        found = mesh.look.get()
+        if found is None or found.uv is None:
+            return found
+        order = (compiled[:, :, None] == mesh.faces[:, None, :]).argmax(axis=2)
+        uv = found.corner_uv(mesh.faces)
+        assert uv is not None
+        return replace(found, uv=np.take_along_axis(uv, order[:, :, None], axis=1))
+
+    return Look(make)
 
 
 def _find_mesh(url: str, path: Path, search_path: Sequence[Path]) -> Path | None:
@@ -178,7 +236,7 @@ def _find_mesh(url: str, path: Path, search_path: Sequence[Path]) -> Path | None
 def _read_mesh(path: Path, warned: list[str], *, strict: bool) -> _Mesh | None:
     """Read all triangles of a mesh file, in the file's own frame; None if it has none.
 
-    Vertices at the same place become one, so that MuJoCo's normals are smooth across faces.
+    Where the file has no colors, vertices at the same place become one, so that MuJoCo's normals are smooth.
 
     Raises:
         FileFormatError: The file does not parse, or `strict` is set and a part of it has no triangles.
@@ -197,6 +255,9 @@ def _read_mesh(path: Path, warned: list[str], *, strict: bool) -> _Mesh | None:
             warned += [str(item.message) for item in caught]
     sizes = np.cumsum([0, *(len(item.vertices) for item in scene)])
     faces = np.concatenate([item.faces + first for item, first in zip(scene, sizes, strict=False)])
-    vertices, places = np.unique(np.concatenate([item.vertices for item in scene]), axis=0, return_inverse=True)
+    vertices, look = np.concatenate([item.vertices for item in scene]), joined_look(list(scene))
+    if look is None:
+        vertices, places = np.unique(vertices, axis=0, return_inverse=True)
+        faces = places.reshape(-1)[faces]
     few = max(0, _MIN_VERTICES - len(vertices))
-    return np.concatenate([vertices, vertices[:1].repeat(few, axis=0)]), places.astype(np.int32).reshape(-1)[faces]
+    return _Mesh(np.concatenate([vertices, vertices[:1].repeat(few, axis=0)]), faces.astype(np.int32), look)
