@@ -407,7 +407,10 @@ def test_many_frames_in_few_worlds(tmp_path):
     ("changes", "message"),
     [
         ({"outputs": ("depth",)}, "format 'bop' needs the outputs depth and visibility, got only depth"),
-        ({"chosen": ()}, "none of the scene's has the label object; name some with objects="),
+        (
+            {"chosen": ()},
+            "give some that label with labels=, or name some with objects=",
+        ),
         ({"exclude": (2,)}, "format 'bop' cannot annotate 'ball', which is excluded from all frames"),
         ({"options": {"scale": 1}}, "format 'bop' has no option 'scale'; its options: delta=0.015 metres, "),
         ({"options": {"delta": -1}}, "option delta must be a positive number, got -1"),

@@ -88,7 +88,7 @@ def test_what_another_process_writes_is_not_repaired(wholes, tmp_path):
     os.close(holder)
     with pytest.raises(wv.errors.FileFormatError, match="cannot be continued, because it was begun with other input"):
         run(tmp_path / "out", resume=True, repair=True, shard_frames=4)
-    with pytest.raises(wv.errors.ArrayError, match="it needs resume"):
+    with pytest.raises(wv.errors.ArrayError, match="it needs resume=True"):
         run(tmp_path / "out", repair=True)
     with pytest.raises(wv.errors.FileFormatError, match="no such folder, or an empty one, so no dataset"):
         verify(tmp_path / "nowhere", repair=True)

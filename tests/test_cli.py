@@ -339,7 +339,7 @@ POSES = ("--poses", "poses.txt")
         ),
         (
             ("perspective", "lab.glb", *LOOK, "--labels", "ball", "--out", "x"),
-            "labels must be given as NAME=LABEL, such",
+            "--labels must be given as NAME=LABEL, such",
         ),
         (("perspective", "lab.glb", *LOOK, "--labels", "ball=cup"), "label must be one of empty (0), "),
         (("perspective", "lab.glb", *LOOK, "--labels", "cup=object"), "labels for 'cup' fit no object of lab.glb"),
@@ -365,7 +365,7 @@ POSES = ("--poses", "poses.txt")
         (("check", "lab.glb", *POSES, "--points", "p.csv"), "p.csv: no such file"),
         (
             ("check", "lab.glb", *POSES, "--points", "points.csv", "--tolerance", "-1"),
-            "tolerance must be a number of metres",
+            "--tolerance must be a number of metres",
         ),
         (
             ("check", "lab.glb", *POSES, "--points", "points.csv", "--objects", "ball"),

@@ -198,7 +198,7 @@ NO_EFFECT = {
     "convention": (("check", "room.stl", "--poses", ORBIT, "--convention", "opengl"), "are made need no --convention"),
     "topic": (
         ("render", "room.stl", "--poses", "poses.npy", "--topic", "/tf", "--out", "x"),
-        "topic= is for ROS 2 bags",
+        "--topic is for ROS 2 bags",
     ),
     "movable": (("check", "room.stl", "--poses", ORBIT, "--movable", "room"), "--movable has no effect without poses"),
     "worlds": (("check", "room.stl", "--poses", "poses.npy", "--worlds", "worlds.npz"), "has 0 that are movable"),

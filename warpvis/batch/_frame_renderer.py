@@ -18,6 +18,7 @@ import warp as wp
 from warpvis.batch.formats._base import VISIBILITY_ARRAYS
 from warpvis.core.arrays import as_numpy, check_metres, get_device
 from warpvis.core.checks import as_items, check_flag, check_mapping
+from warpvis.core.outputs import VISIBILITY
 from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, SceneError
 from warpvis.rendering import (
@@ -37,9 +38,6 @@ from warpvis.visibility import choose_objects, see_objects
 
 if TYPE_CHECKING:
     from warpvis.core.frames import Frames
-
-VISIBILITY = "visibility"
-"""The output that is no image: what `warpvis.object_visibility` says."""
 
 IMAGES = OUTPUTS | SENSOR_OUTPUTS
 """The outputs that are images, and the dtypes of their pixels."""

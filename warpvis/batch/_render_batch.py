@@ -156,7 +156,7 @@ def render_batch(
     """
     kind = find_format(format)
     if check_flag(repair, "repair") and not resume:
-        raise ArrayError("repair makes again what is damaged of a dataset that is there: it needs resume")
+        raise ArrayError("repair=True makes again what is damaged of a dataset that is there, so it needs resume=True")
     _check_engine(engine, threads, workers, address)
     check_choice(caster, "caster", get_args(Caster))
     if source is not None and not isinstance(source, str):
@@ -207,7 +207,7 @@ def _check_engine(engine: str, threads: int | None, workers: int | None, address
     check_choice(engine, "engine", ("local", "ray"))
     check_threads(threads)
     if engine == "local" and (workers is not None or address is not None):
-        raise ArrayError("workers and address are of the engine ray, and the engine is local")
+        raise ArrayError('workers= and address= are for engine="ray", got engine="local"')
     if workers is not None:
         check_whole(workers, "workers")
     if engine == "ray" and threads is not None:

@@ -11,25 +11,31 @@ import sys
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Annotated
 
 import tyro
 
+import warpvis
 from warpvis.cli import _interrupts
 from warpvis.cli._check import Check
 from warpvis.cli._datasets import Batch, Render, Verify, Warmup
+from warpvis.cli._help import with_help
 from warpvis.cli._info import Info
+from warpvis.cli._output import name_options
 from warpvis.cli._perspective import Perspective
 from warpvis.cli._sensor_fit import SensorFit
 from warpvis.cli._view import View
 from warpvis.errors import WarpvisError
 
 
+@with_help
 @dataclass(frozen=True)
 class Demo:
     """Run the paper's four experiments: two pictures each, with viser a page each, two tables, and summary.json."""
 
-    out: Path = Path("demo")
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("demo")
     """Folder for the pictures and summary.json."""
     device: str = "cpu"
     """Where to compute: cpu, cuda:0, ..."""
@@ -43,6 +49,9 @@ class Demo:
 
 def main() -> None:
     """Run the command of the command line: bad input ends with one sentence and exit code 2, Ctrl-C with 130."""
+    if sys.argv[1:] == ["--version"]:
+        print(f"warpvis {warpvis.__version__}")
+        return
     with _interrupts.ending_the_process():
         commands = Demo | Render | Batch | Verify | Warmup | Check | Perspective | View | Info | SensorFit
         run_command(tyro.cli(commands, prog="warpvis", description=_DESCRIPTION).run)
@@ -50,26 +59,30 @@ def main() -> None:
 
 def run_command(run: Callable[[], None]) -> None:
     """Run what a command does: bad input ends with one sentence and exit code 2, Ctrl-C with 130."""
+    command = getattr(run, "__self__", None)
     with _interrupts.ending_the_process():
         try:
             _quiet_warp()
             with warnings.catch_warnings():
                 warnings.simplefilter("default", UserWarning)
-                warnings.showwarning = _show_warning
+                warnings.showwarning = partial(_show_warning, command)
                 run()
         except WarpvisError as error:
-            print(f"warpvis: {error}", file=sys.stderr)
+            print(f"warpvis: {name_options(str(error), command)}", file=sys.stderr)
             sys.exit(2)
         except BrokenPipeError:
             sys.exit(1)
 
 
-_DESCRIPTION = "What a camera at a pose sees: depth images and 3D visibility, on CPU or CUDA."
+_DESCRIPTION = """What a camera at a pose sees: depth images and 3D visibility, on CPU or CUDA.
+
+warpvis COMMAND --help explains a command. Lists take commas or spaces between their items. warpvis --version prints the
+version."""
 
 
-def _show_warning(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
+def _show_warning(command: object, message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
     """Print a warning as one sentence, as errors are."""
-    print(f"warning: {message}", file=sys.stderr)
+    print(f"warning: {name_options(str(message), command)}", file=sys.stderr)
 
 
 def _quiet_warp() -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, TypedDict
 
 import tyro
 
+from warpvis.cli._help import with_help
 from warpvis.cli._inputs import FrameOptions, MaybePoses, Names, SceneFile, refuse_options, split_names
 from warpvis.cli._output import format_rows, require_place, write_json
 from warpvis.core.checks import format_fraction
@@ -63,6 +64,7 @@ class _FirstView(TypedDict):
     exclude: list[str] | None
 
 
+@with_help
 @dataclass(frozen=True, kw_only=True)
 class Check(FrameOptions):
     """Say of every pose how much of each object is seen, or which points are, and why the others are not."""

@@ -12,8 +12,19 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypedDict
 
 import tyro
 
-from warpvis.cli._inputs import FrameOptions, MaybePoses, Names, SceneFile, given_options, refuse_options, split_names
+from warpvis.cli._help import with_help
+from warpvis.cli._inputs import (
+    FrameOptions,
+    MaybePoses,
+    Names,
+    SceneFile,
+    given_options,
+    refuse_options,
+    split_names,
+    split_pairs,
+)
 from warpvis.core.checks import counted
+from warpvis.core.outputs import IMAGE_NAMES, SENSOR_NAMES, VISIBILITY
 from warpvis.errors import ArrayError, FileFormatError, PoseError
 
 if TYPE_CHECKING:
@@ -24,6 +35,11 @@ if TYPE_CHECKING:
     from warpvis.scene import Scene
     from warpvis.sensors import CalibratedCamera
 
+
+_OUTPUTS = (
+    f"What to make: {', '.join((*IMAGE_NAMES, VISIBILITY))}, with --sensor {' and '.join(SENSOR_NAMES)}; the format's "
+    "usual ones by default."
+)
 
 _NOTHING_SEEN = 3
 """The exit code where no image sees anything."""
@@ -40,13 +56,12 @@ class _Chosen(TypedDict):
     exclude: list[str] | None
 
 
+@with_help
 @dataclass(frozen=True, kw_only=True)
 class ImageOptions(FrameOptions):
     """Which images are made, and where."""
 
-    outputs: Names = ()
-    """What to make: depth, points, normals, labels, segmentation, faces, visibility, with --sensor reasons and
-    true_depth; the format's usual ones by default."""
+    outputs: Annotated[Names, tyro.conf.arg(help=_OUTPUTS)] = ()
     objects: Names = ()
     """Objects that visibility is of; all by default."""
     exclude: Names = ()
@@ -57,9 +72,9 @@ class ImageOptions(FrameOptions):
     device's camera, where neither --camera nor the pose file says one."""
     sensor_seed: int = 0
     """What the sensor's random numbers follow from, with each frame's number."""
-    sensor_vary: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=LEAST:GREATEST ...")] = ()
-    """Parameters of which each frame's sensor has others, between limits: sigma=0.05:0.15 dropout=0:0.05."""
-    option: Annotated[tuple[str, ...], tyro.conf.arg(metavar="KEY=VALUE ...")] = ()
+    sensor_vary: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=LEAST:GREATEST,...")] = ()
+    """Parameters of which each frame's sensor has others, between limits: sigma=0.05:0.15,dropout=0:0.05."""
+    option: Annotated[tuple[str, ...], tyro.conf.arg(metavar="KEY=VALUE,...")] = ()
     """The format's own options."""
     threads: int | None = None
     """CPU threads that render, and as many that encode; all cores by default."""
@@ -107,6 +122,7 @@ class ImageOptions(FrameOptions):
         }
 
 
+@with_help
 @dataclass(frozen=True, kw_only=True)
 class Render(ImageOptions):
     """Render depth images to look at: OUT/npz in metres, OUT/png in millimetres (16 bit, 0: none), or other formats.
@@ -116,12 +132,12 @@ class Render(ImageOptions):
     """
 
     file: SceneFile
-    out: Path
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """Folder to write to; each format has a folder of its own in it, new or empty."""
     poses: MaybePoses = None
     format: Names = ("npz", "png")
     """npz, zarr, png, tum, bop, nerfstudio, colmap, ply or ros2; with --lidar bin, pcd, las or npy, pcd by default."""
-    lidar: str | None = None
+    lidar: Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE")] = None
     """Point clouds of a lidar in place of images: vlp16, vlp32c, hdl64e, bpearl, os0-128, os1-128, os2-128, an Ouster's
     metadata file (.json), or mid360:FILE and other Livox models. Poses are of its frame: x forward, y left, z up."""
     moving: bool = False
@@ -165,7 +181,7 @@ class Render(ImageOptions):
                 quiet=self.quiet,
                 threads=self.threads,
                 device=self.device,
-                search_path=self.search_path,
+                search_path=self.folders(),
                 strict=self.strict,
             )
             self.end(empty=not seen)
@@ -253,13 +269,14 @@ _FRAMES = (
 _IMAGES = ("outputs", "option", "sensor", "sensor_seed", "sensor_vary")
 
 
+@with_help
 @dataclass(frozen=True, kw_only=True)
 class Batch(ImageOptions):
     """Render frames to a dataset in a folder, in shards. --resume goes on after an interruption, to the same bytes."""
 
     file: SceneFile
     poses: MaybePoses = None
-    out: str
+    out: Annotated[str, tyro.conf.arg(metavar="DIR|URL")]
     """Folder to write to, new or empty, or an fsspec URL."""
     format: str = "npz"
     """npz, zarr, png, tum, bop, nerfstudio, colmap, ply or ros2."""
@@ -326,6 +343,7 @@ class Batch(ImageOptions):
         self.end(empty=summary.empty_frames == summary.frames)
 
 
+@with_help
 @dataclass(frozen=True)
 class Verify:
     """Read every file of a dataset and compare it with its record; exit 0 only if it is complete and sound."""
@@ -357,6 +375,7 @@ class Verify:
             sys.exit(1)
 
 
+@with_help
 @dataclass(frozen=True)
 class Warmup:
     """Compile ahead what rendering needs, into the cache that all processes share (WARP_CACHE_PATH)."""
@@ -378,7 +397,7 @@ class Warmup:
 def _parse_ranges(words: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Read limits of a sensor's parameters; whole numbers stay whole."""
     ranges: dict[str, tuple[float, float]] = {}
-    for word in words:
+    for word in split_pairs(words):
         name, _, limits = word.partition("=")
         try:
             numbers = [int(part) if part.strip("+-").isdecimal() else float(part) for part in limits.split(":")]
@@ -392,7 +411,7 @@ def _parse_ranges(words: Sequence[str]) -> dict[str, tuple[float, float]]:
 
 def _parse_options(words: Sequence[str]) -> dict[str, str]:
     options = {}
-    for word in words:
+    for word in split_pairs(words):
         key, equals, value = word.partition("=")
         if not (key and equals):
             raise FileFormatError(f"--option must be given as KEY=VALUE, such as compression=zstd, got {word!r}")

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from warpvis.cli._help import with_help
 from warpvis.cli._inputs import MaybeSceneFile, SceneOptions, refuse_options, scene_options
 from warpvis.cli._output import format_rows
 from warpvis.core.checks import counted
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 _CORNER_BYTES, _FACE_BYTES, _TREE_BYTES = 12, 12, 51
 
 
+@with_help
 @dataclass(frozen=True, kw_only=True)
 class Info(SceneOptions):
     """Print versions, devices and cores; or what a scene's file holds."""
@@ -40,7 +42,7 @@ class Info(SceneOptions):
         elif is_world(self.file):
             own = [name for name in scene_options if name not in ("search_path", "strict", "labels", "label_names")]
             refuse_options(self, own, "info of a Webots world takes")
-            scene = print_world(self.file, search_path=self.search_path, strict=self.strict, labels=self.label_rules())
+            scene = print_world(self.file, search_path=self.folders(), strict=self.strict, labels=self.label_rules())
             print(f"\n{describe(scene)}")
         else:
             self._print_objects(self.file)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from warpvis.cli._help import with_help
 from warpvis.core.checks import counted
 from warpvis.errors import CameraError, FileFormatError, PoseError, SceneError, WarpvisError
 
@@ -53,22 +55,23 @@ Names = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME,...")]
 """Names, with commas or spaces between; a name with spaces in it is one word of the shell."""
 
 
+@with_help
 @dataclass(frozen=True, kw_only=True)
 class SceneOptions:
     """How a scene's file is read."""
 
-    labels: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=LABEL|FILE ...")] = ()
-    """What objects are: "ball=object" "wall_*=obstacle" "road_*=40" ...; or a file that says it: JSON, TOML or YAML of
-    names or patterns and their labels; or of labels, label_names and ground_labels."""
-    label_names: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NUMBER=NAME ...")] = ()
-    """Names of classes of your own, from 0 to 255: "40=road" "252=moving car" ..."""
+    labels: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=LABEL,...|FILE")] = ()
+    """What objects are: "ball=object,wall_*=obstacle,road_*=40"; or a file of it: JSON, TOML or YAML of names or
+    patterns and their labels; or of labels, label_names and ground_labels."""
+    label_names: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NUMBER=NAME,...")] = ()
+    """Names of classes of your own, from 0 to 255: "40=road,252=moving car"."""
     scale: float = 1.0
     """Metres in a unit of a mesh file (0.001 for millimetres)."""
     up: Literal["z", "y"] | None = None
     """The scene's vertical axis; a Webots world's own by default, else z."""
     file_up: Literal["z", "y"] | None = None
     """A mesh file's vertical axis; y for glTF and the scene's for other formats by default."""
-    search_path: tuple[Path, ...] = ()
+    search_path: Annotated[tuple[str, ...], tyro.conf.arg(metavar="DIR,...")] = ()
     """Folders to look for what the file names: PROTO files, meshes, packages, includes."""
     strict: bool = False
     """What cannot be shown is an error; by default a warning names it."""
@@ -82,10 +85,16 @@ class SceneOptions:
         from warpvis.core.label_rules import LABEL_FILES, LabelRules
 
         rules = LabelRules()
-        for word in self.labels:
+        for word in split_pairs(self.labels):
             is_file = "=" not in word and word.lower().endswith(LABEL_FILES)
             rules = rules.followed_by(LabelRules.of(word if is_file else _parse_label(word)))
-        return LabelRules.of(rules, _parse_label_names(self.label_names))
+        return LabelRules.of(rules, _parse_label_names(split_pairs(self.label_names)))
+
+    def folders(self) -> list[Path]:
+        """Return the folders of --search-path: a word that names one, whatever is in its name, or several by commas."""
+        return [
+            Path(part) for word in self.search_path for part in ([word] if Path(word).is_dir() else split_names([word]))
+        ]
 
     def load_scene(self, file: Path, *, device: str = "cpu", movable: bool | Sequence[str] = False) -> Scene:
         """Load the scene: a file, or an experiment of the demo.
@@ -109,16 +118,17 @@ class SceneOptions:
             scale=self.scale,
             labels=self.label_rules(),
             movable=movable,
-            search_path=self.search_path,
+            search_path=self.folders(),
             strict=self.strict,
         )
 
 
+@with_help
 @dataclass(frozen=True, kw_only=True)
 class ViewpointOptions(SceneOptions):
     """How a scene, a camera and poses are read."""
 
-    camera: str | None = None
+    camera: Annotated[str | None, tyro.conf.arg(metavar="kinect|FILE")] = None
     """kinect, or a file: JSON with width, height, hfov (radians) or K, near and far (metres); transforms.json, BOP's
     camera.json, COLMAP's cameras.txt or .bin, YAML of ROS, Kalibr or OpenCV, with the lens if it has one. By default
     the pose file's own, else kinect."""
@@ -213,6 +223,7 @@ class ViewpointOptions(SceneOptions):
         )
 
 
+@with_help
 @dataclass(frozen=True, kw_only=True)
 class FrameOptions(ViewpointOptions):
     """How a scene, a camera and the frames to see of it are read."""
@@ -287,6 +298,8 @@ viewpoint_options = tuple(field.name for field in fields(ViewpointOptions))
 """Those, and how a camera and poses are."""
 
 
+_NEXT_PAIR = re.compile(",(?=[^,=]+=|$)")
+
 _BY_MODEL = "model"
 """In place of the names of what is movable: what the model says."""
 
@@ -345,7 +358,12 @@ def _numbers(text: str) -> list[float]:
 
 def split_names(words: Sequence[str]) -> list[str]:
     """Split names at commas."""
-    return [name for word in words for name in word.split(",") if name]
+    return [name.strip() for word in words for name in word.split(",") if name.strip()]
+
+
+def split_pairs(words: Sequence[str]) -> list[str]:
+    """Split words ``name=value`` at those commas after which another name comes."""
+    return [part.strip() for word in words for part in _NEXT_PAIR.split(word) if part.strip()]
 
 
 def _parse_label(word: str) -> dict[str, str]:

@@ -5,10 +5,18 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 from warpvis.errors import FileFormatError
+
+# Messages of files begin with their names.
+_OF_FILE = re.compile(r"\S+\.\w+:")
+
+# Arguments whose options have other names.
+_OTHER_NAMES = {"options": "option", "seed": "sensor_seed", "frames": "poses"}
 
 
 def make_folder(path: Path) -> None:
@@ -57,3 +65,30 @@ def format_rows(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
     lines = [header, ["-" * width for width in widths], *rows]
     return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in lines)
+
+
+def name_options(message: str, command: object) -> str:
+    """Return a message of the library with a command's options in place of the arguments of Python's functions.
+
+    ``objects=`` becomes ``--objects``, ``quaternion="wxyz"`` ``--quaternion wxyz``, ``resume=True`` ``--resume``, and
+    the first word of ``threads must be ...`` ``--threads``. Names with underscores are arguments wherever they are, but
+    for messages of files, which may have them as keys.
+    """
+    if not is_dataclass(command):
+        return message
+    options = {item.name: item.name for item in fields(command)} | _OTHER_NAMES
+    options = {name: f"--{option.replace('_', '-')}" for name, option in options.items() if hasattr(command, option)}
+    options.pop("file", None)
+    names = "|".join(sorted(options, key=len, reverse=True))
+    message = re.sub(
+        rf"(?<![\w.-])({names})=(\"[^\"]*\"|[\w.]*)", lambda found: _as_option(options[found[1]], found[2]), message
+    )
+    with_lines = "|".join(name for name in options if "_" in name)
+    if with_lines and not _OF_FILE.match(message):
+        message = re.sub(rf"(?<![\w./-])({with_lines})(?![\w.])", lambda found: options[found[1]], message)
+    return re.sub(rf"^({names})(?= (of \S+ )?must )", lambda found: options[found[1]], message)
+
+
+def _as_option(option: str, value: str) -> str:
+    value = value.strip('"')
+    return option if value in ("", "True") else f"{option} {value}"

@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from warpvis.cli._help import with_help
 from warpvis.cli._inputs import (
+    Names,
     SceneFile,
     ViewpointOptions,
     check_viewpoints,
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
     from warpvis.visibility import Agent, Candidate
 
 
+@with_help
 @dataclass(frozen=True, kw_only=True)
 class Perspective(ViewpointOptions):
     """Say what a robot and a person see, what the person may mean, and where the robot could go to see it.
@@ -44,9 +47,9 @@ class Perspective(ViewpointOptions):
     file of one pose."""
     human: Annotated[str | None, tyro.conf.arg(metavar="POSE")] = None
     """The person's eyes, likewise."""
-    robot_body: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")] = ()
+    robot_body: Names = ()
     """Names of the objects that are the robot itself, which it does not see."""
-    human_body: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")] = ()
+    human_body: Names = ()
     """Names of the objects that are the person, likewise."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
     """Folder to write perspective.json and perspective.png to."""

@@ -10,9 +10,11 @@ from typing import Annotated
 
 import tyro
 
+from warpvis.cli._help import with_help
 from warpvis.errors import CameraError
 
 
+@with_help
 @dataclass(frozen=True, kw_only=True)
 class SensorFit:
     """Fit noise, steps and dropout of a stereo or structured-light camera to its pictures of flat walls.
@@ -22,7 +24,7 @@ class SensorFit:
 
     folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DIR")]
     """Folder of depth images."""
-    camera: str
+    camera: Annotated[str, tyro.conf.arg(metavar="FILE")]
     """Their camera's file: JSON with width, height, hfov (radians) or K; transforms.json, BOP's camera.json, COLMAP's
     cameras.txt or .bin, YAML of ROS, Kalibr or OpenCV."""
     baseline: float | None = None
@@ -33,7 +35,7 @@ class SensorFit:
     """What one unit of whole numbers is (metres)."""
     region: float = 0.8
     """Which part of the image's width and height to look at, about its middle."""
-    out: Path | None = None
+    out: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """Picture to write: errors, their histogram and autocorrelation, and errors by depth."""
 
     def run(self) -> None:

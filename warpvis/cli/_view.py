@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from warpvis.cli._help import with_help
 from warpvis.cli._inputs import (
     MaybePoses,
     Names,
@@ -36,6 +37,7 @@ _NOT_OF_MODELS = ("up", "file_up", "scale", "search_path", "strict", "label_name
 """Options by which a MuJoCo model is read as a scene without joints."""
 
 
+@with_help
 @dataclass(frozen=True, kw_only=True)
 class View(ViewpointOptions):
     """Open a live page of a scene: move the robot, the person and things, and watch what each sees.
@@ -49,9 +51,9 @@ class View(ViewpointOptions):
     file of one pose; or the name of a camera of a MuJoCo model. By default from where all of the scene is seen."""
     human: Annotated[str | None, tyro.conf.arg(metavar="POSE")] = None
     """A person's eyes, likewise; nobody by default."""
-    robot_body: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")] = ()
+    robot_body: Names = ()
     """Names of the objects that are the robot itself: they move with it, and it does not see them."""
-    human_body: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")] = ()
+    human_body: Names = ()
     """Names of the objects that are the person, likewise."""
     movable: Names = ()
     """Names or patterns of the objects that may be dragged; by default those labelled as an object, a person or a

@@ -11,6 +11,7 @@ from typing import Literal
 import warp as wp
 
 from warpvis.core.checks import check_choice, check_number, check_whole
+from warpvis.core.outputs import Output
 from warpvis.core.ray_camera import RayCamera
 from warpvis.errors import ArrayError, CameraError
 from warpvis.rendering._cpu_apart import CpuApartPacketsCaster
@@ -22,10 +23,6 @@ from warpvis.rendering._orthographic import OrthographicCamera, RenderCamera
 from warpvis.rendering._views import ALL_OUTPUTS, SENSOR_OUTPUTS, check_outputs
 from warpvis.rendering.casters import OrthographicCaster, RaysCaster, RayTableCaster
 
-Output = Literal[
-    "depth", "points", "normals", "labels", "segmentation", "faces", "color", "albedo", "reasons", "true_depth"
-]
-"""Names of images that a renderer makes; `OUTPUTS` says what they hold."""
 Caster = Literal["auto", "packets", "rays"]
 """How rays are cast: in packets, one by one, or by whichever of the two is faster."""
 Fill = Literal["inf", "far"] | float

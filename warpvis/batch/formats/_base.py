@@ -47,10 +47,15 @@ IMAGE_DTYPES = {
     "labels": "uint8",
     "segmentation": "int32",
     "faces": "int32",
+    "color": "uint8",
+    "albedo": "uint8",
     "reasons": "uint8",
     "true_depth": "float32",
 }
 """Dtypes of the images' numbers in a shard."""
+
+VECTOR_IMAGES = ("points", "normals", "color", "albedo")
+"""Images of three numbers a pixel."""
 
 VISIBILITY_ARRAYS = {
     "visible_fraction": ("float32", ()),

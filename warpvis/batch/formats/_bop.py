@@ -115,7 +115,8 @@ class Bop(Layout):
             raise FileFormatError(f"format 'bop' needs the outputs depth and visibility, got only {plan.outputs[0]}")
         if not plan.chosen:
             raise FileFormatError(
-                "format 'bop' annotates objects, and none of the scene's has the label object; name some with objects="
+                "format 'bop' annotates objects, and none of the scene's has the label object: give some that label "
+                "with labels=, or name some with objects="
             )
         hidden = [plan.object_names[index] for index in plan.chosen if index in plan.exclude]
         if hidden:

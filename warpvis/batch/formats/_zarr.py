@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from warpvis.batch._job import Options, Plan, frame_arrays
-from warpvis.batch.formats._base import IMAGE_DTYPES, VISIBILITY_ARRAYS, Format, Images, check_options
+from warpvis.batch.formats._base import IMAGE_DTYPES, VECTOR_IMAGES, VISIBILITY_ARRAYS, Format, Images, check_options
 from warpvis.batch.storage._direct_io import FilePart
 from warpvis.batch.storage._output import files_below
 from warpvis.core.types import Json
@@ -45,9 +45,13 @@ _FILL = {
     "labels": 0,
     "segmentation": -1,
     "faces": -1,
+    "color": 0,
+    "albedo": 0,
     "reasons": int(Reason.EMPTY),
     "true_depth": np.inf,
 }
+# What the last axis of images of vectors counts.
+_COMPONENTS = {"points": "xyz", "normals": "xyz", "color": "rgb", "albedo": "rgb"}
 _GROUP = "data.zarr"
 # "depth/c.12.0.0": a folder for every shard would take time to make.
 _KEYS: ChunkKeyEncodingParams = {"name": "default", "separator": "."}
@@ -143,7 +147,7 @@ class Zarr(Format):
         from zarr.codecs import ZstdCodec
 
         plan = self._plan
-        vector = (3,) if name in ("points", "normals") else ()
+        vector = (3,) if name in VECTOR_IMAGES else ()
         image = (plan.camera.height, plan.camera.width, *vector)
         group.create_array(
             name,
@@ -154,7 +158,7 @@ class Zarr(Format):
             fill_value=_FILL[name],
             chunk_key_encoding=_KEYS,
             compressors=None if self._level is None else ZstdCodec(level=self._level),
-            dimension_names=("view", "y", "x", *(["xyz"] if vector else [])),
+            dimension_names=("view", "y", "x", *([_COMPONENTS[name]] if vector else [])),
         )
 
     def _create_visibility(self, group: zarr.Group) -> None:

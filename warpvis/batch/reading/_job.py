@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from warpvis.batch._manifest import MANIFEST, no_dataset, parse_manifest, read_contents, read_label_names
-from warpvis.batch.formats._base import IMAGE_DTYPES, VISIBILITY_ARRAYS
+from warpvis.batch.formats._base import IMAGE_DTYPES, VECTOR_IMAGES, VISIBILITY_ARRAYS
 from warpvis.batch.storage._stores import Store
 from warpvis.core.camera import Camera
 from warpvis.core.checks import said_by, shortened
@@ -64,7 +64,7 @@ class Job:
         for name in self.outputs:
             if name in IMAGE_DTYPES:
                 scalar = np.dtype(IMAGE_DTYPES[name])
-                specs[name] = FrameSpec(scalar, (*size, 3) if name in ("points", "normals") else size)
+                specs[name] = FrameSpec(scalar, (*size, 3) if name in VECTOR_IMAGES else size)
         if "visibility" in self.outputs:
             count = len(self.visibility_objects)
             for name, (dtype, last) in VISIBILITY_ARRAYS.items():

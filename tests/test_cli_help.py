@@ -1,0 +1,171 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The help of commands, lists of options in one syntax, and messages that name options."""
+
+import json
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+import trimesh
+from command_line import run_inside
+
+import warpvis as wv
+from warpvis.cli._output import name_options
+from warpvis.core.outputs import IMAGE_NAMES, SENSOR_NAMES, Output
+from warpvis.rendering import OUTPUTS, SENSOR_OUTPUTS
+
+COMMANDS = ["demo", "render", "batch", "verify", "warmup", "check", "perspective", "view", "info", "sensor-fit"]
+ORBIT = "orbit target=0.5,0,0.5 radius=3 height=1 count=2"
+
+
+def help_of(command, tmp_path):
+    """A command's help as running text, without the frame around it and the lines' ends."""
+    result = run_inside(*command.split(), "--help", cwd=tmp_path)
+    assert result.returncode == 0
+    return " ".join(line.strip("│╭╮╰╯─ ") for line in result.stdout.splitlines()), result.stdout
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    place = tmp_path_factory.mktemp("two")
+    file = trimesh.Scene()
+    for name, x in (("ball", 0), ("block", 1)):
+        there = trimesh.transformations.translation_matrix((x, 0, 0.5))
+        file.add_geometry(trimesh.creation.box((0.3,) * 3), node_name=name, geom_name=name, transform=there)
+    file.export(place / "two.glb")
+    (place / "camera.json").write_text(json.dumps({"width": 32, "height": 24, "hfov": 0.8}))
+    return place
+
+
+def render(folder, out, *arguments, command="render"):
+    given = ("--poses", ORBIT, "--camera", "camera.json", "--file-up", "z", "--out", out)
+    return run_inside(command, "two.glb", *given, *arguments, cwd=folder)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_has_no_default_where_there_is_none(command, tmp_path):
+    words, printed = help_of(command, tmp_path)
+    assert "None" not in words and "(default: )" not in words and "STR|" not in words
+    for line, following in zip(printed.splitlines(), printed.splitlines()[1:], strict=False):
+        if line.startswith("│ ") and following.startswith("│   "):  # no line ends where the next one's first word fits
+            text, first = line[2:-2].rstrip(), following.strip("│ ").split(" ")[0]
+            starts_option = text.lstrip().startswith("-") or not first or not text
+            assert starts_option or len(text) + 1 + len(first) > len(line) - 4 or text.endswith((".", ":")), line
+
+
+def test_help_keeps_true_defaults_and_choices(tmp_path):
+    words, _ = help_of("render", tmp_path)
+    for part in ("(default: 1.0)", "(default: npz png)", "--up {z,y}", "--camera kinect|FILE", "--threads INT"):
+        assert part in words
+    assert "YAML of names or patterns and their labels" in words
+    assert "What to play, on a slider" in help_of("view", tmp_path)[0]
+
+
+def test_help_lists_all_outputs(tmp_path):
+    assert get_args(Output) == (*OUTPUTS, *SENSOR_OUTPUTS) == (*IMAGE_NAMES, *SENSOR_NAMES)
+    for command in ("render", "batch"):
+        words, _ = help_of(command, tmp_path)
+        assert f"What to make: {', '.join(OUTPUTS)}, visibility, with --sensor reasons and true_depth" in words
+        assert "color, albedo" in words
+
+
+def test_version(tmp_path):
+    result = run_inside("--version", cwd=tmp_path)
+    assert (result.returncode, result.stdout) == (0, f"warpvis {wv.__version__}\n")
+    assert "warpvis --version prints the version" in help_of("", tmp_path)[0]
+
+
+@pytest.mark.parametrize(
+    ("option", "forms"),
+    [
+        ("--labels", [["ball=object,block=40"], ["ball=object", "block=40"], ["ball=object,", "block=40,"]]),
+        ("--label-names", [["40=road,41=moving car, van"], ["40=road", "41=moving car, van"]]),
+        ("--exclude", [["ball,block"], ["ball", "block"]]),
+        ("--search-path", [["a,b"], ["a", "b"]]),
+        ("--option", [["level=3,compression=zstd"], ["level=3", "compression=zstd"]]),
+        ("--sensor-vary", [["sigma=0.05:0.15,dropout=0:0.05"], ["sigma=0.05:0.15", "dropout=0:0.05"]]),
+    ],
+)
+def test_lists_take_commas_or_spaces(option, forms, tmp_path, monkeypatch):
+    """Every list of every command: the same whether commas, spaces or both are between its items."""
+    import tyro
+
+    from warpvis.cli._datasets import Batch, _parse_options, _parse_ranges
+    from warpvis.cli._inputs import split_names
+
+    monkeypatch.chdir(tmp_path)
+    read = {
+        "--labels": lambda command: command.label_rules(),
+        "--label-names": lambda command: command.label_rules(),
+        "--exclude": lambda command: split_names(command.exclude),
+        "--search-path": lambda command: command.folders(),
+        "--option": lambda command: _parse_options(command.option),
+        "--sensor-vary": lambda command: _parse_ranges(command.sensor_vary),
+    }[option]
+    results = [read(tyro.cli(Batch, args=["a.obj", "--out", "o", option, *words])) for words in forms]
+    assert all(result == results[0] for result in results)
+    assert results[0] != read(Batch(file=Path("a.obj"), out="o"))
+
+
+def test_a_folder_with_a_comma_is_one(tmp_path, monkeypatch):
+    from warpvis.cli._info import Info
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a,b").mkdir()
+    assert [path.name for path in Info(search_path=("a,b", "c,d")).folders()] == ["a,b", "c", "d"]
+
+
+MESSAGES = {
+    "bop": ("render", ["--format", "bop"], "give some that label with --labels, or name some with --objects"),
+    "outputs": ("render", ["--outputs", "foo"], "warpvis: --outputs must be some of depth, points"),
+    "no sensor": ("render", ["--outputs", "reasons"], "warpvis: --outputs must be without reasons"),
+    "scale": ("render", ["--scale", "-1"], "warpvis: --scale of 'two.glb' must be one or three positive numbers"),
+    "threads": ("batch", ["--threads", "0"], "warpvis: --threads must be a whole number"),
+    "label": ("render", ["--labels", "ball=foo"], "got 'foo'; --label-names names others"),
+    "label names": ("render", ["--label-names", "300=road"], "warpvis: --label-names must have numbers"),
+    "shards": ("batch", ["--shard-frames", "0"], "warpvis: --shard-frames must be a whole number"),
+    "workers": ("batch", ["--workers", "2"], "--workers and --address are for --engine ray, got --engine local"),
+    "repair": ("batch", ["--repair"], "warpvis: --repair makes again what is damaged of a dataset that is there, so it"
+               " needs --resume"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", MESSAGES)
+def test_messages_name_options(case, folder, tmp_path):
+    command, arguments, message = MESSAGES[case]
+    result = render(folder, tmp_path / "out", *arguments, command=command)
+    assert result.returncode == 2 and message in result.stderr
+
+
+def test_warnings_name_options(folder, tmp_path):
+    np.save(tmp_path / "poses.npy", np.array([wv.look_at((2 * np.cos(a), 2 * np.sin(a), 1), (0, 0, 0.5))
+                                              for a in range(6)])[:, [0, 1, 2, 6, 3, 4, 5]])  # fmt: skip
+    given = ("--poses", tmp_path / "poses.npy", "--file-up", "z", "--out", tmp_path / "out")
+    for more, warned in ((), True), (("--quaternion", "wxyz"), False):
+        result = run_inside("check", "two.glb", *given[:-2], *more, cwd=folder)
+        assert ("if it is, pass --quaternion wxyz" in result.stderr) == warned
+
+
+def test_messages_of_files_keep_their_keys():
+    from warpvis.cli._info import Info
+
+    message = "rules.json: label_names must be a mapping"
+    assert name_options(message, Info()) == name_options(message, None) == message
+    assert name_options("give file_up=, or label_names", Info()) == "give --file-up, or --label-names"
+
+
+@pytest.mark.parametrize("layout", ["npz", "zarr"])
+def test_datasets_hold_colors(layout, folder, tmp_path):
+    result = render(folder, tmp_path / "out", "--outputs", "color,albedo,depth", "--format", layout, "--no-pictures")
+    assert (result.returncode, result.stderr) == (0, "")
+    dataset = wv.open_dataset(tmp_path / "out" / layout)
+    scene = wv.Scene.load(folder / "two.glb", file_up="z")
+    frame = dataset[1]
+    views = wv.render(scene, dataset.camera, frame["camera_to_world"], outputs=("color", "albedo"))
+    for name in ("color", "albedo"):
+        image = getattr(views, name).numpy()[0]
+        assert frame[name].dtype == np.uint8 and len(np.unique(image)) > 1
+        np.testing.assert_array_equal(frame[name], image)
+    assert run_inside("verify", tmp_path / "out" / layout, cwd=tmp_path).returncode == 0
