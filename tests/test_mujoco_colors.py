@@ -5,6 +5,7 @@
 import copy
 import pickle
 
+import mujoco
 import numpy as np
 import pytest
 import warp as wp
@@ -208,3 +209,35 @@ def test_scenes_keep_the_materials_that_they_were_made_with():
     model.mat_rgba[0] = (0, 1, 1, 1)
     assert scene["red"].appearance.materials[0].base_color == (1, 0, 0, 1)
     assert scene_from_mujoco(model).scene["red"].appearance.materials[0].base_color == (0, 1, 1, 1)
+
+
+TEXTURED = """<mujoco><visual><headlight ambient=".9 .9 .9" diffuse="0 0 0" specular="0 0 0"/><quality offsamples="0"/>
+  </visual><asset><texture name="image" type="{type}" builtin="flat" width="16" height="{height}" rgb1=".7 .4 .1"
+  rgb2=".7 .4 .1" colorspace="{space}"/><material name="image" texture="image"/></asset><worldbody>
+  <camera pos="0 -1 0" xyaxes="1 0 0 0 0 1"/><geom type="box" size=".2 .2 .2" material="image"/></worldbody></mujoco>"""
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("kind", ["2d", "cube"])
+@pytest.mark.parametrize("space", ["auto", "linear", "sRGB"])
+def test_textures_of_every_color_space_are_as_in_mujocos_picture(kind, space, device):
+    model, data = model_of(TEXTURED.format(type=kind, height=16 if kind == "2d" else 96, space=space))
+    color = BatchRenderer(model, **SIZE, outputs=("color",), device=device).render(data).color.numpy()[0]
+    with mujoco.Renderer(model, **SIZE) as renderer:
+        renderer.update_scene(data, 0)
+        expected = renderer.render()
+    middle = (slice(25, 35), slice(35, 45))
+    assert np.abs(color[middle].astype(int) - expected[middle]).max() <= 2
+    assert (expected[middle].mean() < 60) == (space == "sRGB" and kind == "2d")
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("space", ["auto", "sRGB"])
+def test_skies_of_every_color_space_are_as_in_mujocos_picture(space):
+    text = TEXTURED.format(type="skybox", height=96, space=space).replace(' material="image"', ' pos="0 9 9"')
+    model, data = model_of(text)
+    sky = scene_from_mujoco(model).scene.background.sky
+    with mujoco.Renderer(model, **SIZE) as renderer:
+        renderer.update_scene(data, 0)
+        expected = renderer.render()
+    assert np.abs(sky[0].image[0, 0, :3].astype(int) - expected[30, 40]).max() <= 2

@@ -17,6 +17,7 @@ from warpvis.mujoco._normals import corner_normals, has_normals, round_normals, 
 from warpvis.mujoco._shapes import shape_data, shape_value
 from warpvis.mujoco._tessellation import Mesh
 from warpvis.mujoco._texture_coordinates import box_cube_uv, plain_uv, stored_uv
+from warpvis.scene.colors import linear_color
 from warpvis.scene.looks import Look
 from warpvis.scene.materials import Appearance, Material, Texture
 from warpvis.scene.solids import Solid
@@ -39,6 +40,7 @@ _MATERIAL_FIELDS = (
 _FIRST_ROLE = int(mujoco.mjtTextureRole.mjTEXROLE_RGB)
 _CUBE = int(mujoco.mjtTexture.mjTEXTURE_2D) + 1
 _BOX = mujoco.mjtGeom.mjGEOM_BOX
+_SRGB = int(mujoco.mjtColorSpace.mjCOLORSPACE_SRGB)
 _MESHES = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF)
 
 
@@ -156,12 +158,19 @@ def _texture_number(values: SimpleNamespace, material: int) -> int:
 
 
 def _texture(model: mujoco.MjModel, number: int) -> Texture:
-    """Copy a texture's image; of a cube, six images one below the other."""
+    """Copy a texture's image as MuJoCo's renderer shows it; of a cube, six images one below the other.
+
+    Images of the color space sRGB are decoded unless they are of cubes, and the picture is not encoded again
+    (`makeTexture` in render_context.c: GL_SRGB8_EXT, without GL_FRAMEBUFFER_SRGB).
+    """
     height, width = int(model.tex_height[number]), int(model.tex_width[number])
     channels, first = int(model.tex_nchannel[number]), int(model.tex_adr[number])
     image = np.asarray(model.tex_data[first : first + height * width * channels]).reshape(height, width, channels)
     if channels < 3:
         image = np.repeat(image[:, :, :1], 3, axis=2)
+    if int(model.tex_colorspace[number]) == _SRGB and int(model.tex_type[number]) < _CUBE:
+        decoded = np.rint(255 * np.array(linear_color(np.arange(256) / 255))).astype(np.uint8)
+        image = np.concatenate([decoded[image[:, :, :3]], image[:, :, 3:]], axis=2)
     if int(model.tex_type[number]) >= _CUBE and height == width:  # it is all sides of the cube
         image = np.concatenate([image] * 6)
     return Texture(image[:, :, :4], model.texture(number).name)
