@@ -21,7 +21,7 @@ CAMERA = wv.Camera(24, 18, fx=25.0, fy=23.0, cx=11.3, cy=9.1, near=0.5, far=6.0)
 FRAMES, SHARD_FRAMES = 7, 3
 READ = [name for name in FORMATS if name != "ply"]
 BESIDE = {"camera_to_world", "K", "distortion", "timestamp", "frame", "object_poses", "world"}
-IMAGES = ("depth", "points", "normals", "labels", "segmentation", "faces")
+IMAGES = ("depth", "points", "normals", "labels", "segmentation", "faces", "color", "albedo")
 MILLIMETRE = 1e-3
 
 
@@ -321,7 +321,7 @@ def test_manifests_are_not_believed(name, written, tmp_path):
 
 def test_what_is_wrong_is_said(written, tmp_path):
     dataset = wv.open_dataset(written("npz"))
-    with pytest.raises(wv.WarpvisError, match="there is no array 'rgb'; there are depth"):
+    with pytest.raises(wv.WarpvisError, match="there is no array 'rgb'; there are albedo, color, depth"):
         dataset["rgb"]
     with pytest.raises(wv.WarpvisError, match=r"frames must be a list, got 1\.5"):
         dataset[1.5]
@@ -331,7 +331,7 @@ def test_what_is_wrong_is_said(written, tmp_path):
         dataset["depth"][0, 99]
     with pytest.raises(wv.WarpvisError, match="a frame is a whole number, got 'a'"):
         dataset[["a", "b"]]
-    with pytest.raises(wv.WarpvisError, match="there is no output 'rgb'; its files hold depth"):
+    with pytest.raises(wv.WarpvisError, match="there is no output 'rgb'; its files hold albedo, color, depth"):
         wv.open_dataset(written("npz"), outputs=["rgb"])
     (tmp_path / "looked").mkdir()
     for path in (tmp_path / "nowhere", tmp_path / "looked"):
