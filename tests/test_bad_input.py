@@ -71,7 +71,10 @@ CASES = {
     "half a pixel": (lambda: Camera(1.5, 2, 1, 1, 1, 1), "width must be a whole number of pixels from 1 up, got 1.5"),
     "no field of view": (lambda: Camera.from_fov(320, 240), "give either hfov or vfov"),
     "two fields of view": (lambda: Camera.from_fov(320, 240, hfov=1, vfov=1), "give either hfov or vfov"),
-    "degrees": (lambda: Camera.from_fov(320, 240, hfov=57), "radians, got 57; fields of view are in radians"),
+    "degrees": (
+        lambda: Camera.from_fov(320, 240, hfov=57),
+        "radians, got 57; angles are in radians: pass math.radians.57.",
+    ),
     "NaN field of view": (lambda: Camera.from_fov(320, 240, hfov=math.nan), "hfov must be between 0 and pi"),
     "unknown vertical": (lambda: Camera.from_fov(3, 2, hfov=1, vertical="x"), "vertical must be"),
     "linear from vfov": (lambda: Camera.from_fov(3, 2, vfov=1, vertical="linear"), "so give hfov"),

@@ -152,7 +152,7 @@ def test_incidence_takes_poses_of_any_axes(device):
 
 BAD = {
     "no rays": (lambda scan: sensors.spread_beams(wv.Camera.kinect(), 0.1), "rays must be warpvis.sensors.Rays"),
-    "a cone too wide": (lambda scan: sensors.spread_beams(scan[1], 7.0), "divergence must be a number from 0 to 3.14"),
+    "a cone too wide": (lambda scan: sensors.spread_beams(scan[1], 7.0), "divergence must be from 0 to 3.14"),
     "no images": (
         lambda scan: sensors.measure_incidence(wv.Views(), scan[1], AT_ORIGIN),
         "views must have normals: ask for it in outputs",

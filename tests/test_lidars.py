@@ -449,7 +449,10 @@ BAD = {
         lambda p: lidars.even(3, (0.5, 0.1)),
         "elevation must be two angles, the lower one first, got 0.5 and 0.1",
     ),
-    "more than a turn": (lambda p: lidars.even(3, azimuth=(0, 7)), "azimuth must be within one turn, got 7 radians"),
+    "more than a turn": (
+        lambda p: lidars.even(3, azimuth=(0, 6.5)),
+        "azimuth must be within one turn, got 6.5 radians",
+    ),
     "no resolution": (lambda p: lidars.grid((1, 1), 0), "resolution must be more than 0 m, got 0"),
     "no direction": (lambda p: lidars.grid((1, 1), 1, (0, 0, 0)), "direction must have a length, got 0"),
     "a grid without end": (lambda p: lidars.grid((1e9, 1e9), 0.1), "a grid may have 67108864 rays"),

@@ -263,7 +263,7 @@ CASES = {
     "projection": ({"projection": "planar"}, 'projection must be "cylindrical" or "spherical", got \'planar\''),
     "width": ({"width": 0}, "width must be a whole number of pixels from 1 up, got 0"),
     "height": ({"height": 2.5}, "height must be a whole number of pixels from 1 up, got 2.5"),
-    "degrees": ({"hfov": 180}, "at most 2 pi radians, got 180; fields of view are in radians"),
+    "degrees": ({"hfov": 180}, "at most 2 pi radians, got 180; angles are in radians: pass math.radians(180)"),
     "no field of view": ({"hfov": 0.0}, "hfov must be more than 0 and at most 2 pi radians, got 0.0"),
     "NaN": ({"hfov": np.nan}, "hfov must be more than 0 and at most 2 pi radians, got nan"),
     "text": ({"hfov": "wide"}, "hfov must be a number, got 'wide'"),

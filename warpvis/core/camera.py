@@ -11,7 +11,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
 from warpvis.core.camera_makers import CameraMakers
-from warpvis.core.checks import check_choice, is_number
+from warpvis.core.checks import check_choice, degrees_hint, is_number
 from warpvis.core.ray_camera import RayCamera
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError, CameraError, IntrinsicsWarning
@@ -433,8 +433,7 @@ def check_size(value: object, name: str) -> int:
 
 def _focal_length(size: int, fov: float, name: str) -> float:
     if not is_number(fov) or not 0 < fov < math.pi:
-        hint = "; fields of view are in radians" if is_number(fov) and fov >= math.pi else ""
-        raise CameraError(f"{name} must be between 0 and pi radians, got {fov!r}{hint}")
+        raise CameraError(f"{name} must be between 0 and pi radians, got {fov!r}{degrees_hint(fov)}")
     return size / 2 / math.tan(fov / 2)
 
 

@@ -95,6 +95,36 @@ def check_number(
     return float(value)
 
 
+def check_angle(
+    value: object,
+    name: str,
+    *,
+    least: float = -math.inf,
+    most: float = math.inf,
+    error: type[WarpvisError] = ArrayError,
+) -> float:
+    """Return `value` as a finite angle within limits [rad].
+
+    Whole numbers beyond a turn are refused, because they are degrees: angles in radians are not whole there.
+
+    Raises:
+        WarpvisError: If it is none; of the class `error`.
+    """
+    if not is_number(value) or not math.isfinite(value) or not least <= value <= most:
+        limits = "a finite number of radians" if most == math.inf else f"from {least:.6g} to {most:.6g} radians"
+        raise error(f"{name} must be {limits}, got {value!r}{degrees_hint(value)}")
+    if abs(value) > 2.0 * math.pi and float(value).is_integer():
+        raise error(f"{name} must be in radians, got {value!r}{degrees_hint(value)}")
+    return float(value)
+
+
+def degrees_hint(value: object) -> str:
+    """Return the end of a message that refuses an angle [rad]: the remedy, if it looks like one in degrees."""
+    if not is_number(value) or not math.pi < abs(value) < math.inf:
+        return ""
+    return f"; angles are in radians: pass math.radians({value!r}) for degrees"
+
+
 def check_choice(value: object, name: str, choices: Collection[str], error: type[WarpvisError] = ArrayError) -> str:
     """Return `value` if it is one of the words to choose from.
 

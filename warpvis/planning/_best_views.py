@@ -14,7 +14,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, as_point, check_metres, empty
-from warpvis.core.checks import as_items, check_choice, check_number, check_whole, is_number
+from warpvis.core.checks import as_items, check_choice, check_number, check_whole, degrees_hint, is_number
 from warpvis.core.image_cameras import ImageCamera
 from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, poses_to_opencv, to_xyzw
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
@@ -115,7 +115,7 @@ def pose_grid(
         aside = np.hypot(forward[:, first], forward[:, second]) > 1e-9 * np.abs(forward[:, vertical])
         return look_along(places[aside], forward[aside], vertical)
     if not is_number(pitch) or not -math.pi / 2 < pitch < math.pi / 2:
-        raise ArrayError(f"pitch must be between -pi/2 and pi/2 radians, got {pitch!r}")
+        raise ArrayError(f"pitch must be between -pi/2 and pi/2 radians, got {pitch!r}{degrees_hint(pitch)}")
     angles = np.arange(headings) * (2 * math.pi / headings)
     forward = np.empty((headings, 3))
     forward[:, first], forward[:, second] = np.cos(angles) * math.cos(pitch), np.sin(angles) * math.cos(pitch)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
-from warpvis.core.checks import check_number
+from warpvis.core.checks import check_angle
 from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.poses import check_up, poses_to_matrices
 from warpvis.core.ray_camera import LensedCamera
@@ -49,8 +49,8 @@ def framing(
     require_scene(scene)
     require_image_camera(camera)
     pinhole = camera if isinstance(camera, Camera) else _pinhole_inside(camera)
-    azimuth = check_number(azimuth, "azimuth", least=-1e6, most=1e6)
-    elevation = check_number(elevation, "elevation", least=-math.pi / 2, most=math.pi / 2)
+    azimuth = check_angle(azimuth, "azimuth", least=-1e6, most=1e6)
+    elevation = check_angle(elevation, "elevation", least=-math.pi / 2, most=math.pi / 2)
     scene.require_objects()
     vertical = check_up(scene.up)
     level = math.cos(elevation)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import FARTHEST, as_numpy, as_point, check_metres
-from warpvis.core.checks import check_whole, counted, is_number
+from warpvis.core.checks import check_angle, check_whole, counted, degrees_hint
 from warpvis.core.poses import check_up
 from warpvis.core.types import Excluded
 from warpvis.errors import ArrayError, PoseError
@@ -69,7 +69,7 @@ def orbit(
     vertical, middle = check_up(up), as_point(target, "target")
     radius, height = check_metres(radius, "radius", zero=False), check_metres(height, "height", signed=True)
     angles: NDArray[np.float64] = np.arange(_check_count(count), dtype=np.float64) * (2 * math.pi / count)
-    angles += _check_angle(start, "start")
+    angles += check_angle(start, "start")
     places = middle + radius * _directions(angles, np.zeros(len(angles)), vertical)
     places[:, vertical] = height
     return _look_at(places, middle, vertical)
@@ -106,11 +106,11 @@ def sphere(
     """
     vertical, middle = check_up(up), as_point(target, "target")
     radius = check_metres(radius, "radius", zero=False)
-    low, high = _check_angle(min_elevation, "min_elevation"), _check_angle(max_elevation, "max_elevation")
+    low, high = check_angle(min_elevation, "min_elevation"), check_angle(max_elevation, "max_elevation")
     if not -math.pi / 2 <= low <= high <= math.pi / 2:
         raise ArrayError(
             f"elevations need -pi/2 <= min_elevation <= max_elevation <= pi/2 radians, got {min_elevation} and "
-            f"{max_elevation}"
+            f"{max_elevation}{degrees_hint(max(low, high, key=abs))}"
         )
     index = np.arange(_check_count(count), dtype=np.float64)
     sines = math.sin(low) + (math.sin(high) - math.sin(low)) * (index + 0.5) / count
@@ -367,9 +367,3 @@ def _check_count(count: int) -> int:
 
 def _check_whole(value: object, name: str, least: int) -> int:
     return check_whole(value, name, least=least)
-
-
-def _check_angle(value: object, name: str) -> float:
-    if not is_number(value) or not math.isfinite(value):
-        raise ArrayError(f"{name} must be a finite number of radians, got {value!r}")
-    return float(value)

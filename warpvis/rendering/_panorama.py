@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy
 from warpvis.core.camera import check_range, check_size
-from warpvis.core.checks import check_choice, is_number
+from warpvis.core.checks import check_choice, degrees_hint, is_number
 from warpvis.core.poses import Convention, QuaternionOrder
 from warpvis.core.ray_camera import MOST_RAYS, Kept, RayCamera
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
@@ -77,7 +77,7 @@ class WideCamera(RayCamera):
         if not is_number(self.hfov):
             raise CameraError(f"hfov must be a number, got {self.hfov!r}")
         if not 0 < self.hfov <= _WIDEST:
-            hint = "; fields of view are in radians" if self.hfov > _WIDEST else ""
+            hint = degrees_hint(self.hfov)
             raise CameraError(f"hfov must be more than 0 and at most 2 pi radians, got {self.hfov}{hint}")
         object.__setattr__(self, "hfov", float(self.hfov))
         check_range(self)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import FARTHEST
-from warpvis.core.checks import check_choice, check_flag, check_number
+from warpvis.core.checks import check_angle, check_choice, check_flag, check_number
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import SceneError
 from warpvis.scene.colors import check_color, check_vector
@@ -104,7 +104,7 @@ class Light:
         for name in ("intensity", "exponent"):
             put(name, check_number(getattr(self, name), f"{name} of {what}", least=0.0, error=SceneError))
         for name in ("inner_angle", "outer_angle"):
-            value = check_number(getattr(self, name), f"{name} of {what}", least=0.0, most=_HALF_TURN, error=SceneError)
+            value = check_angle(getattr(self, name), f"{name} of {what}", least=0.0, most=_HALF_TURN, error=SceneError)
             put(name, min(value, np.pi))
         if np.float32(self.inner_angle) > np.float32(self.outer_angle):
             raise SceneError(

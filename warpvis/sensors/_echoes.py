@@ -14,7 +14,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, check_out, check_shape, empty
-from warpvis.core.checks import check_choice, check_flag, check_number, check_whole, is_number
+from warpvis.core.checks import check_angle, check_choice, check_flag, check_number, check_whole, is_number
 from warpvis.core.motion import Motion
 from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
 from warpvis.core.threads import launch_images
@@ -61,7 +61,7 @@ def spread_beams(rays: Rays, divergence: float, count: int = 7) -> Rays:
         ArrayError: An argument is not what it has to be.
     """
     _require_rays(rays)
-    divergence = check_number(divergence, "divergence", least=0.0, most=math.pi)
+    divergence = check_angle(divergence, "divergence", least=0.0, most=math.pi)
     count = check_whole(count, "count")
     if count > _MOST_SUBRAYS:
         raise ArrayError(f"count must be at most {_MOST_SUBRAYS} rays in a beam, got {count}")

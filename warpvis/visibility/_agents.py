@@ -14,7 +14,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
-from warpvis.core.checks import as_items, is_number
+from warpvis.core.checks import as_items, degrees_hint, is_number
 from warpvis.core.image_cameras import ImageCamera
 from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, poses_to_matrices, quaternion_product, to_xyzw
 from warpvis.core.ray_camera import LensedCamera
@@ -71,12 +71,14 @@ class FieldOfView:
 
     def __post_init__(self) -> None:
         if not is_number(self.hfov) or not 0 < self.hfov <= 2 * math.pi:
-            raise CameraError(f"hfov of a field must be above 0 and up to 2 pi radians, got {self.hfov!r}")
+            raise CameraError(
+                f"hfov of a field must be above 0 and up to 2 pi radians, got {self.hfov!r}{degrees_hint(self.hfov)}"
+            )
         for name in ("up", "down"):
             if not is_number(getattr(self, name)) or not 0 <= getattr(self, name) < _HIGHEST:
                 raise CameraError(
                     f"{name} of a field must be from 0 to below {_HIGHEST:.3f} radians (85 degrees), "
-                    f"got {getattr(self, name)}"
+                    f"got {getattr(self, name)}{degrees_hint(getattr(self, name))}"
                 )
         if self.up + self.down <= 0:
             raise CameraError("up and down of a field must not both be 0")

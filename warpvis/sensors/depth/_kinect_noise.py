@@ -10,7 +10,7 @@ from typing import ClassVar, Literal
 
 import warp as wp
 
-from warpvis.core.checks import check_flag, check_number
+from warpvis.core.checks import check_angle, check_flag, check_number
 from warpvis.core.threads import WHOLE_ROW, launch_images
 from warpvis.errors import ArrayError
 from warpvis.rendering import DepthSensor, Exposure, TakesLens
@@ -53,8 +53,8 @@ class NguyenNoise(DepthSensor):
     def __post_init__(self) -> None:
         for name in ("least_axial", "axial_growth", "best_depth", "grazing_axial", "lateral", "lateral_growth"):
             check_number(getattr(self, name), name, least=0.0)
-        check_number(self.grazing_angle, "grazing_angle", least=0.0, most=math.pi / 2)
-        check_number(self.most_angle, "most_angle", least=0.0, most=_STEEPEST)
+        check_angle(self.grazing_angle, "grazing_angle", least=0.0, most=math.pi / 2)
+        check_angle(self.most_angle, "most_angle", least=0.0, most=_STEEPEST)
 
     @property
     def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:

@@ -15,7 +15,7 @@ import numpy as np
 import warp as wp
 
 from warpvis.core.arrays import empty
-from warpvis.core.checks import check_flag, check_number, is_number
+from warpvis.core.checks import check_angle, check_flag, check_number, is_number
 from warpvis.core.kernel_cache import launch
 from warpvis.core.threads import WHOLE_ROW, launch_images
 from warpvis.errors import ArrayError
@@ -108,7 +108,8 @@ class TimeOfFlight(Device):
         check_number(self.background, "background", least=0.0)
         if check_number(self.contrast, "contrast", least=0.0, most=1.0) == 0.0:
             raise ArrayError("contrast must be above 0")
-        for name in ("offset", "wiggle", "wiggle_phase"):
+        check_angle(self.wiggle_phase, "wiggle_phase")
+        for name in ("offset", "wiggle"):
             check_number(getattr(self, name), name)
         check_flag(self.mixing, "mixing")
         if check_number(self.edge_step, "edge_step", least=0.0) == 0.0:

@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.checks import as_items, check_number
+from warpvis.core.checks import as_items, check_angle, check_number
 from warpvis.errors import CameraError
 
 
@@ -36,6 +36,15 @@ def check_rate(rate: object, least: float, most: float) -> float:
     return check_number(rate, "rate", least=least, most=most, error=CameraError)
 
 
+def check_increment(increment: object, name: str) -> float:
+    """Return the angle between neighboring rays [rad], which is less than a turn.
+
+    Raises:
+        CameraError: If it is none.
+    """
+    return check_angle(increment, name, least=-2.0 * math.pi, most=2.0 * math.pi, error=CameraError)
+
+
 def check_span(span: object, name: str, most: float = math.inf) -> tuple[float, float]:
     """Return two angles [rad], the lower one first.
 
@@ -46,7 +55,7 @@ def check_span(span: object, name: str, most: float = math.inf) -> tuple[float, 
     if len(ends) != 2:
         raise CameraError(f"{name} must be two angles in radians, got {span!r}")
     low, high = (
-        check_number(end, f"{name}[{place}]", least=-most, most=most, error=CameraError)
+        check_angle(end, f"{name}[{place}]", least=-most, most=most, error=CameraError)
         for place, end in enumerate(ends)
     )
     if low > high:

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_point
-from warpvis.core.checks import as_items, check_number, check_whole
+from warpvis.core.checks import as_items, check_angle, check_number, check_whole, degrees_hint
 from warpvis.errors import CameraError
 from warpvis.sensors._rays import Rays
-from warpvis.sensors.lidars._angles import check_span, directions_at
+from warpvis.sensors.lidars._angles import check_increment, check_span, directions_at
 
 _MOST_RAYS = 2**26
 _TURN = 2.0 * math.pi
@@ -45,9 +45,11 @@ def laser_scan(
     Raises:
         CameraError: A number is not what it has to be.
     """
-    first = check_number(angle_min, "angle_min", error=CameraError)
-    last = check_number(angle_max, "angle_max", error=CameraError)
-    step = check_number(angle_increment, "angle_increment", error=CameraError)
+    first, last = (
+        check_angle(angle, name, least=-_TURN - 1e-6, most=_TURN + 1e-6, error=CameraError)
+        for angle, name in ((angle_min, "angle_min"), (angle_max, "angle_max"))
+    )
+    step = check_increment(angle_increment, "angle_increment")
     wait = check_number(time_increment, "time_increment", least=0.0, error=CameraError)
     azimuth = _steps(first, last, step, "angle_increment")
     directions = directions_at(azimuth, 0.0)
@@ -85,7 +87,7 @@ def even(
     channels = check_whole(channels, "channels", error=CameraError)
     lowest, highest = check_span(elevation, "elevation", math.pi / 2)
     first, last = check_span(azimuth, "azimuth")
-    step = check_number(increment, "increment", error=CameraError)
+    step = check_increment(increment, "increment")
     if step <= 0:
         raise CameraError(f"increment must be more than 0 radians, got {step:g}")
     if channels == 1 and lowest != highest:
@@ -118,7 +120,7 @@ def bpearl(
     Raises:
         CameraError: A number is not what it has to be.
     """
-    step = check_number(increment, "increment", error=CameraError)
+    step = check_increment(increment, "increment")
     if step <= 0:
         raise CameraError(f"increment must be more than 0 radians, got {step:g}")
     up = np.radians(89.5 - 2.8125 * np.arange(32))
@@ -190,7 +192,7 @@ def _turning(
 def _around(first: float, last: float, step: float, channels: int) -> NDArray[np.float64]:
     """Return azimuths of columns [rad]; of a whole turn the last is left out."""
     if last - first > _TURN + 1e-9:
-        raise CameraError(f"azimuth must be within one turn, got {last - first:g} radians")
+        raise CameraError(f"azimuth must be within one turn, got {last - first:g} radians{degrees_hint(last)}")
     if channels > _MOST_RAYS or (last - first) / step * channels > _MOST_RAYS:
         raise CameraError(
             f"a lidar may have {_MOST_RAYS} rays, and {channels} channels {step:g} radians apart have more"

@@ -191,6 +191,13 @@ def _read_lasers(calibration: str | os.PathLike[str] | None, count: int) -> _Las
     if sorted(numbers[:, 4]) != list(range(count)):
         raise FileFormatError(f"{path}: laser_id of its lasers must be 0 to {count - 1}, each once")
     elevation, left, vertical, side, _ = numbers[np.argsort(numbers[:, 4])].T
+    for name, angles, most in (("vert", elevation, math.pi / 2), ("rot", left, 2.0 * math.pi)):
+        widest = float(angles[np.argmax(np.abs(angles))])
+        if abs(widest) > most:
+            raise FileFormatError(
+                f"{path}: {name}_correction of a laser must be in radians, up to {most:.6g}, got {widest:g}; "
+                "velodyne_pointcloud's gen_calibration.py converts Velodyne's db.xml, which is in degrees"
+            )
     return _Lasers.calibrated(elevation, left, vertical, side)
 
 
