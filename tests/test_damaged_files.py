@@ -302,6 +302,7 @@ GIT_LFS = b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a214614ab2
 PAGE = b"<!DOCTYPE html>\n<html lang='en'><head><title>Sign in</title></head><body></body></html>\n"
 XHTML = b'<?xml version="1.0"?>\n<html xmlns="http://www.w3.org/1999/xhtml"><head/><body/></html>\n'
 JPEG = b"\xff\xd8\xff\xe0" + bytes(100)
+VISUAL = '<visual><geometry><mesh filename="%s"/></geometry></visual>'
 POINTER, WEB = "is a git-lfs pointer, not %s. Run `git lfs pull`.", "is an HTML page, not %s. Download the file that"
 READERS = {
     **{f"a.{ending}": (wv.Scene.load, "a mesh") for ending in ("glb", "gltf", "obj", "stl", "ply", "off", "zip")},
@@ -337,8 +338,7 @@ def test_pointers_that_files_name_are_found_out(tmp_path):
     write(tmp_path / "part.stl", GIT_LFS)
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
         archive.write(tmp_path / "part.stl", "part.stl")
-    visual = '<visual><geometry><mesh filename="part.stl"/></geometry></visual>'
-    write(tmp_path / "a.urdf", f'<robot name="r"><link name="l">{visual}</link></robot>')
+    write(tmp_path / "a.urdf", f'<robot name="r"><link name="l">{VISUAL % "part.stl"}</link></robot>')
     write(tmp_path / "a.wbt", '#VRML_SIM R2023b utf8\nShape { geometry Mesh { url "part.stl" } }\n')
     content = {
         "asset": {"version": "2.0"},
@@ -356,6 +356,33 @@ def test_pointers_that_files_name_are_found_out(tmp_path):
     assert "a.gltf: part.bin: is a git-lfs pointer, not a buffer of glTF." in refusal(
         wv.Scene.load, tmp_path / "a.gltf"
     )
+
+
+@pytest.mark.parametrize("ending", ["obj", "stl", "msh", "png"])
+def test_pointers_that_mjcf_names_are_found_out(tmp_path, ending):
+    """Where the model says, and on the search path."""
+    assets = {ending: f'<mesh name="m" file="a.{ending}"/>', "png": '<texture name="m" type="2d" file="a.png"/>'}
+    geom = '<geom type="mesh" mesh="m"/>' if ending != "png" else '<geom size="1"/>'
+    compiler, asset = '<compiler meshdir="m" texturedir="m"/>', f"<asset>{assets[ending]}</asset>"
+    write(tmp_path / "a.xml", f"<mujoco>{compiler}{asset}<worldbody>{geom}</worldbody></mujoco>")
+    wanted = f"a.{ending}: is a git-lfs pointer, not {'an image' if ending == 'png' else 'a mesh'}. Run `git lfs pull`."
+    write(tmp_path / "lib" / f"a.{ending}", GIT_LFS)
+    assert refusal(wv.Scene.load, tmp_path / "a.xml", search_path=tmp_path / "lib").endswith(wanted)
+    write(tmp_path / "m" / f"a.{ending}", GIT_LFS)
+    assert refusal(wv.Scene.load, tmp_path / "a.xml").endswith(wanted)
+
+
+MESH_OF_LINK = (
+    '<robot name="r"><link name="l"><visual><geometry><mesh filename="%s.obj"/></geometry></visual></link></robot>'
+)
+MESH_OF_MODEL = '<mujoco><asset><mesh name="m" file="%s.obj"/></asset></mujoco>'
+
+
+@pytest.mark.parametrize("text", [MESH_OF_LINK, MESH_OF_MODEL, '<mujoco><include file="%s.xml"/></mujoco>'])
+def test_models_may_name_what_no_file_is_called(tmp_path, text):
+    path = write(tmp_path / "a.xml", text % LONG)
+    refusal(wv.Scene.load, path)
+    refusal(wv.Scene.load, path, search_path=tmp_path)
 
 
 @pytest.mark.parametrize("content", [{}, {"camera_angle_x": 0.7}, {"fl_x": 500, "w": 640, "h": 480}])

@@ -44,6 +44,14 @@ def require_content(source: Path | bytes, wanted: str, *, name: object = None, i
         raise FileFormatError(f"{name}: is {image}, not {wanted}")
 
 
+def is_file(path: Path) -> bool:
+    """Return whether there is a file of this name, which may be too long, or hold a zero byte."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
 def _head(source: Path | bytes) -> bytes:
     if isinstance(source, bytes):
         return source[:_HEAD]

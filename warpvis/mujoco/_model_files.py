@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 import mujoco  # noqa: TID253 - the whole package is about it
 
 from warpvis.core.checks import as_items, as_path, check_flag, said_by
+from warpvis.core.file_content import is_file, require_content
 from warpvis.core.labels import Label
 from warpvis.errors import FileFormatError
 from warpvis.mujoco._geoms import DEFAULT_GROUPS, default_label, geom_parts, movable_bodies, shown_geoms
@@ -61,6 +62,7 @@ def read_model(
     except ValueError as error:
         if isinstance(error, FileFormatError):
             raise
+        _require_assets(path, root, folders)
         raise FileFormatError(f"{path}: MuJoCo does not compile it: {said_by(error)}") from None
     soft = [f"{count} {what}" for count, what in ((model.nflex, "flexes"), (model.nskin, "skins")) if count]
     left_out += [f"{' and '.join(soft)}, which have no fixed shape"] if soft else []
@@ -155,8 +157,21 @@ def _all_elements(
                 if found is not None:
                     include[name] = found.read_bytes()
                 beside = path.parent / name
-                if found is not None or beside.is_file():
+                if found is not None or is_file(beside):
                     pending.append(_parse_part(found or beside))
+
+
+def _require_assets(path: Path, root: ElementTree.Element, search_path: Sequence[Path]) -> None:
+    """Raise a `FileFormatError` if a file of a model holds something else than a mesh, a height field or an image."""
+    folders = _folders(root)
+    for element in _all_elements(path, root, search_path, {}):
+        for key, name in element.items():
+            if element.tag not in _INCLUDES and key.startswith("file"):
+                places = [path.parent / folder / name for folder in folders]
+                found = _find(path, name, search_path, folders)
+                is_image = element.tag in ("texture", "hfield")
+                for place in [found] if found is not None else filter(is_file, places):
+                    require_content(place, "an image" if is_image else "a mesh", images=not is_image)
 
 
 def _parse_part(path: Path) -> ElementTree.Element:
@@ -173,8 +188,8 @@ def _folders(root: ElementTree.Element) -> list[str]:
 
 def _find(path: Path, name: str, search_path: Sequence[Path], folders: Sequence[str] = ("",)) -> Path | None:
     """Find a file on the search path; None if it is where the model says, or nowhere."""
-    if any((path.parent / folder / name).is_file() for folder in folders):
+    if any(is_file(path.parent / folder / name) for folder in folders):
         return None
     tails = [*(Path(folder) / name for folder in folders), Path(Path(name).name)]
     places = [root / tail for root in search_path for tail in tails]
-    return next((place for place in places if place.is_file()), None)
+    return next(filter(is_file, places), None)

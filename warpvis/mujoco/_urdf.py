@@ -20,6 +20,8 @@ import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.core.checks import shortened
+from warpvis.core.file_content import is_file
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.mujoco._robot_looks import joined_look
 from warpvis.scene import Scene
@@ -152,7 +154,7 @@ class _Meshes:
         """Describe what was not found and what has no triangles, as parts of a sentence."""
         parts = []
         if self.missing:
-            names = ", ".join(dict.fromkeys(self.missing))
+            names = ", ".join(map(shortened, dict.fromkeys(self.missing)))
             parts.append(f"{names}, of which no file was found beside it, in packages above it, or on the search path")
         empty = ", ".join(name for name, mesh in self.read.items() if mesh is None)
         return [*parts, f"{empty}, without triangles"] if empty else parts
@@ -230,7 +232,7 @@ def _find_mesh(url: str, path: Path, search_path: Sequence[Path]) -> Path | None
             places.append(root / tail)
     if kind in ("package", "model"):
         places += [parent / rest for parent in folder.parents] + [folder / rest]
-    return next((place.resolve() for place in places if url and place.is_file()), None)
+    return next((place.resolve() for place in places if url and is_file(place)), None)
 
 
 def _read_mesh(path: Path, warned: list[str], *, strict: bool) -> _Mesh | None:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import urljoin
 
+from warpvis.core.file_content import is_file
 from warpvis.webots._nodes import Version
 
 _ON_GITHUB = re.compile(r"(https?://raw\.githubusercontent\.com/[^/]+/[^/]+/[^/]+/)(.+)")
@@ -139,14 +140,6 @@ def with_slashes(url: str) -> str:
 def is_web(url: str) -> bool:
     """Tell whether a url names its place by itself: ``webots://``, or of the web."""
     return "://" in url
-
-
-def is_file(path: Path) -> bool:
-    """Tell whether there is a file of this name."""
-    try:
-        return path.is_file()
-    except (OSError, ValueError):  # a name that is too long, or holds a zero byte
-        return False
 
 
 def _absolute(url: str, file: str) -> str:
