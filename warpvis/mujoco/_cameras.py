@@ -72,11 +72,11 @@ def viewer_frustum(model: mujoco.MjModel, viewer: mujoco.MjvCamera) -> Frustum:
     Raises:
         CameraError: A number of the camera is not finite.
     """
-    if viewer.type == _FIXED:
-        check_camera_numbers(model, viewer.fixedcamid, CameraError)
     vertical_horizontal_clip = np.zeros((3, 2), dtype=np.float32)
     mujoco.mjv_cameraFrustum(*vertical_horizontal_clip, model, viewer)
-    up, down, left, right, near, far = vertical_horizontal_clip.ravel().tolist()
+    up, down, left, right, near, far = numbers = vertical_horizontal_clip.ravel().tolist()
+    if viewer.type == _FIXED and not math.isfinite(sum(numbers)):
+        check_camera_numbers(model, viewer.fixedcamid, CameraError)
     return Frustum(up, down, left, right, near, far, _is_orthographic(model, viewer))
 
 

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -401,27 +402,35 @@ def check_computed(source: PoseSource, kinds: Iterable[str], worlds: NDArray[np.
         ArrayError: Rotations of a world are zeros, or a number is not finite.
     """
     for name in (f"{kind}_{part}" for kind in kinds for part in ("xmat", "xpos")):
-        value = getattr(source, name, None)
-        if value is None or on_gpu(value):
-            continue
-        rows = value.numpy() if isinstance(value, wp.array) else as_numpy(value, name=name)
-        rows = rows[None] if isinstance(source, mujoco.MjData) else rows
-        if rows.ndim < 3 or not rows.size or rows.dtype.kind not in "fiu":
-            continue  # checked where they are read
-        chosen = np.arange(len(rows)) if worlds is None else worlds[worlds < len(rows)]
-        if name.endswith("xmat"):
-            zeros = chosen[~rows[chosen, 0].reshape(len(chosen), -1).any(axis=1)]
-            if len(zeros):
-                where = _in_world(source, int(zeros[0]))
-                raise ArrayError(
-                    f"poses must be computed, got {name} of zeros{where}; call mujoco.mj_forward(model, data) first"
+        value: Any = getattr(source, name, None)
+        if isinstance(source, mujoco.MjData):
+            # The common answer first: this is called for every image. Squares are rarely too large.
+            flat = value.ravel()
+            if not len(flat) or (math.isfinite(flat @ flat) and (flat[0] or flat.any())):
+                continue
+            _check_rows_of(source, name, value[None], np.zeros(1, dtype=np.int64))
+        elif value is not None and not on_gpu(value):
+            rows = value.numpy() if isinstance(value, wp.array) else as_numpy(value, name=name)
+            if rows.ndim > 2 and rows.size and rows.dtype.kind in "fiu":  # others are refused where they are read
+                _check_rows_of(
+                    source, name, rows, np.arange(len(rows)) if worlds is None else worlds[worlds < len(rows)]
                 )
-        # The common answer first: this is called for every image.
-        bad = np.zeros((0, 2)) if surely_finite(rows) else np.argwhere(~np.isfinite(rows[chosen]))
-        if len(bad):
-            world, index = int(chosen[bad[0][0]]), int(bad[0][1])
-            got = rows[world, index].ravel().tolist()
-            raise ArrayError(f"{name} must be finite, got {got} at index {index}{_in_world(source, world)}")
+
+
+def _check_rows_of(source: PoseSource, name: str, rows: NDArray[Any], worlds: NDArray[np.integer]) -> None:
+    """Raise an `ArrayError` if rotations of some worlds are zeros, or numbers of theirs are not finite."""
+    if name.endswith("xmat"):
+        zeros = worlds[~rows[worlds, 0].reshape(len(worlds), -1).any(axis=1)]
+        if len(zeros):
+            raise ArrayError(
+                f"poses must be computed, got {name} of zeros{_in_world(source, zeros[0])}; call "
+                "mujoco.mj_forward(model, data) first"
+            )
+    bad = np.zeros((0, 2)) if surely_finite(rows) else np.argwhere(~np.isfinite(rows[worlds]))
+    if len(bad):
+        world, index = worlds[bad[0][0]], int(bad[0][1])
+        got = rows[world, index].ravel().tolist()
+        raise ArrayError(f"{name} must be finite, got {got} at index {index}{_in_world(source, world)}")
 
 
 def _in_world(source: PoseSource, world: int) -> str:
