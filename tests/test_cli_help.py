@@ -139,6 +139,11 @@ def test_messages_name_options(case, folder, tmp_path):
     assert result.returncode == 2 and message in result.stderr
 
 
+def test_poses_of_a_lidar_are_a_file(folder, tmp_path):
+    result = run_inside("render", "two.glb", "--poses", ORBIT, "--lidar", "vlp16", "--out", tmp_path / "o", cwd=folder)
+    assert "--poses with --lidar must be a file of the lidar's poses" in result.stderr and ORBIT in result.stderr
+
+
 def test_warnings_name_options(folder, tmp_path):
     np.save(tmp_path / "poses.npy", np.array([wv.look_at((2 * np.cos(a), 2 * np.sin(a), 1), (0, 0, 0.5))
                                               for a in range(6)])[:, [0, 1, 2, 6, 3, 4, 5]])  # fmt: skip

@@ -103,8 +103,13 @@ def render_clouds(command: FrameOptions, job: CloudJob) -> bool:
     from warpvis.pose_generators import looks_like_spec
 
     refuse_options(command, _CAMERAS, "with --lidar no camera is rendered: give")
-    if job.poses is None or looks_like_spec(job.poses):
+    if job.poses is None:
         raise PoseError("give --poses with --lidar, a file of the lidar's poses: x forward, y left, z up")
+    if looks_like_spec(job.poses):
+        raise PoseError(
+            f"--poses with --lidar must be a file of the lidar's poses, x forward, y left, z up, got {job.poses!r}, "
+            "which makes poses of cameras"
+        )
     lidar = find_lidar(job.lidar)
     for name in job.formats:
         check_choice(name, "--format with --lidar", FORMATS, FileFormatError)

@@ -4,12 +4,14 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import on_gpu
 from warpvis.core.checks import format_percent
-from warpvis.core.poses import Convention, host_poses, poses_to_matrices, to_xyzw
+from warpvis.core.poses import Convention, vectors_in_axes
 from warpvis.core.types import PoseLike
 from warpvis.core.user_warnings import warn_user
 
@@ -33,12 +35,12 @@ def warn_of_order(poses: PoseLike, convention: Convention) -> None:
         return
     rows = np.asarray(poses, dtype=np.float64)
     rows = rows[:: -(-len(rows) // _MOST_POSES)]
-    _, down = _heights(rows, convention)
-    inverted = down > _STEEP
+    right, down = _axes(convention)
+    inverted = _heights(rows[:, 3:], down) > _STEEP
     if inverted.all() or not inverted.any():
         return
-    right, down = _heights(np.asarray(to_xyzw(rows, "wxyz", "poses")), convention)
-    if (np.abs(right) < _LEVEL).all() and (down < 0).all():
+    swapped = rows[:, [4, 5, 6, 3]]
+    if (np.abs(_heights(swapped, right)) < _LEVEL).all() and (_heights(swapped, down) < 0).all():
         share = format_percent(float(inverted.mean()))
         warn_user(
             f"{share} of the cameras are upside down, and with w first in the quaternions all would be upright: if it "
@@ -47,7 +49,13 @@ def warn_of_order(poses: PoseLike, convention: Convention) -> None:
         )
 
 
-def _heights(rows: NDArray[np.float64], convention: Convention) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the z components of cameras' right and down axes in the world."""
-    matrices = poses_to_matrices(host_poses(rows, convention=convention))
-    return matrices[:, 2, 0], matrices[:, 2, 1]
+@cache
+def _axes(convention: Convention) -> NDArray[np.float64]:
+    """Return a camera's right and down axes in a frame of its own."""
+    return vectors_in_axes(np.eye(3)[:2], "opencv", convention)
+
+
+def _heights(quaternions: NDArray[np.float64], axis: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the z components of an axis as rotations ``x y z w`` turn it."""
+    x, y, z, w = quaternions.T
+    return 2 * (x * z - y * w) * axis[0] + 2 * (y * z + x * w) * axis[1] + (1 - 2 * (x * x + y * y)) * axis[2]

@@ -10,12 +10,10 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.core.types import Excluded
 from warpvis.core.user_warnings import warn_user
 from warpvis.rendering._views import Views
 from warpvis.scene import Scene, too_large_for
 from warpvis.scene.closed import holds
-from warpvis.scene.worlds import parse_worlds
 
 # Of images, about so many pixels are looked at first.
 _PIXELS = 256
@@ -27,28 +25,7 @@ _MOST_NEARS = 4.0
 _MOST_EYES = 8
 
 
-def warn_of_images(
-    scene: Scene, near: float, far: float, poses: NDArray[np.float32], views: Views, exclude: Excluded
-) -> None:
-    """Warn of scenes in millimetres of which no pixel shows anything, and of cameras inside of closed objects.
-
-    Args:
-        scene: The scene.
-        near: The camera's least depth [m].
-        far: Its greatest depth [m].
-        poses: The cameras' poses, shape ``(V, 7)``.
-        views: What they see.
-        exclude: What is not seen, as for `Renderer.render`; what moves does not count either.
-    """
-    nothing, blind = _find_blind(views)
-    if nothing or len(blind):
-        seen = seen_objects(scene, parse_worlds(scene, len(poses), None, None, exclude).excluded)
-        if nothing and not len(blind):
-            warn_of_units(scene, far, seen)
-        warn_of_eyes_inside(scene, near, poses, blind, seen)
-
-
-def _find_blind(views: Views) -> tuple[bool, NDArray[np.intp]]:
+def find_blind(views: Views) -> tuple[bool, NDArray[np.intp]]:
     """Find whether no pixel of any view has a depth, and the views that are mostly nearer than the camera's `near`."""
     none = np.empty(0, dtype=np.intp)
     if views.depth is None or not views.depth.device.is_cpu or not views.depth.size:

@@ -22,7 +22,7 @@ from warpvis.core.ray_camera import RayCamera
 from warpvis.core.threads import check_threads, launch_images
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, ObjectScales, PoseLike
 from warpvis.errors import ArrayError, CameraError
-from warpvis.rendering._blindness import warn_of_images
+from warpvis.rendering._blindness import find_blind, seen_objects, warn_of_eyes_inside, warn_of_units
 from warpvis.rendering._choices import (
     DEFAULT_OUTPUTS,
     Caster,
@@ -454,6 +454,11 @@ def render(
         if quaternion == "xyzw":
             warn_of_order(camera_to_world, "opencv" if convention is None else convention)
         if fill == "inf" and object_poses is None and object_scales is None:
-            poses = host_poses(to_xyzw(camera_to_world, quaternion, "camera_to_world"))
-            warn_of_images(scene, camera.near, camera.far, poses, views, exclude)
+            nothing, blind = find_blind(views)
+            if nothing or len(blind):
+                poses = host_poses(to_xyzw(camera_to_world, quaternion, "camera_to_world"))
+                seen = seen_objects(scene, parse_worlds(scene, len(poses), None, None, exclude).excluded)
+                if not len(blind):
+                    warn_of_units(scene, camera.far, seen)
+                warn_of_eyes_inside(scene, camera.near, poses, blind, seen)
     return views
