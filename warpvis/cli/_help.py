@@ -6,7 +6,9 @@ from __future__ import annotations
 
 import ast
 import inspect
-import textwrap
+import sys
+from functools import cache
+from itertools import pairwise
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -55,15 +57,21 @@ def _metavar(kind: Any) -> str | None:
 
 def _docstrings(command: type) -> dict[str, str]:
     """Return the docstrings of a class's fields, each as one line; none if the source is not there."""
-    try:
-        (tree,) = ast.parse(textwrap.dedent(inspect.getsource(command))).body
-    except (OSError, TypeError):
-        return {}
-    assert isinstance(tree, ast.ClassDef)
+    body = _classes(command.__module__).get(command.__name__, [])
     texts = {}
-    for field, after in zip(tree.body, tree.body[1:], strict=False):
+    for field, after in pairwise(body):
         if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
             match after:
                 case ast.Expr(value=ast.Constant(value=str(text))):
                     texts[field.target.id] = " ".join(text.split())
     return texts
+
+
+@cache
+def _classes(module: str) -> dict[str, list[ast.stmt]]:
+    """Parse a module once, and return the bodies of its classes."""
+    try:
+        tree = ast.parse(inspect.getsource(sys.modules[module]))
+    except (OSError, TypeError):
+        return {}
+    return {item.name: item.body for item in tree.body if isinstance(item, ast.ClassDef)}
