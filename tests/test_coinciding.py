@@ -283,7 +283,10 @@ def test_pairs_are_what_shares_a_plane_where_it_is():
     assert np.allclose(corners[..., 2], 0.05)
     others = find_pairs(scene.objects, np.arange(7))
     assert names_of(others, scene) == names_of(pairs, scene)
-    assert np.isfinite(pairs.boxes).all() and np.isinf(others.boxes).all()  # of what may move
+    top = np.array([[0.2, 0.1, 0.05], [0.4, 0.3, 0.05]])  # of the whole mesh, which may move
+    assert np.abs(others.boxes[others.later == scene.index("flush")] - top).max() < 1e-6
+    resized = find_pairs(scene.objects, np.arange(7), resizable=[scene.index("flush")])
+    assert np.isinf(resized.boxes[resized.later == scene.index("flush")]).all()
 
 
 LINK = """<body pos="0 0 .2"><joint name="{0}" axis="0 1 0"/>

@@ -67,7 +67,7 @@ def find_pairs(
     Args:
         objects: The objects, where they are at first.
         pieces: What each belongs to: objects of different pieces may coincide elsewhere later, so that of their
-            triangles those are found whose planes coincide now, and their boxes have no limits.
+            triangles those are found whose planes coincide now, and their boxes are those of all such triangles.
         resizable: Objects that may be of another size in some worlds: they may coincide with all that they touch in
             their piece.
     """
@@ -94,7 +94,7 @@ def find_pairs(
     flat = [(a, b) for a, b in found if is_solid[a] or is_solid[b]]
     for a, b in [*same, *solids, *flat]:
         found[a, b] = np.stack([np.maximum(low[a], low[b]), np.minimum(high[a], high[b])])
-    found |= {(a, b): _EVERYWHERE for a, b in found if pieces[a] != pieces[b]}
+    found |= {(a, b): _anywhere_on(objects[b], b, faces, resizable) for a, b in found if pieces[a] != pieces[b]}
     for a, b in zip(i[resized].tolist(), j[resized].tolist(), strict=True):
         found[a, b] = _EVERYWHERE
         if not is_solid[b]:
@@ -103,6 +103,14 @@ def find_pairs(
     rows = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     shared = np.array([found[pair] for pair in pairs], dtype=np.float64).reshape(-1, 2, 3)
     return Pairs(rows[:, 0], rows[:, 1], np.array([pair in same for pair in pairs], dtype=bool), shared, faces)
+
+
+def _anywhere_on(item: SceneObject, index: int, faces: dict[int, _Ints], resizable: NDArray[np.int64]) -> _Floats:
+    """Return the box of all triangles of an object that coincide with others; endless of solids and resizable ones."""
+    if item.solid is not None or index in resizable:
+        return _EVERYWHERE
+    corners = item.vertices[item.faces[faces[index]]].reshape(-1, 3).astype(np.float64)
+    return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
 
 def _bounds(item: SceneObject) -> _Floats:
